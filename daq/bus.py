@@ -1,0 +1,144 @@
+"""Access to I2C and serial devices: the interfaces drivers are written against, and the real ones.
+
+The only importer of smbus2 and pyserial. Every transfer takes a bounded time. A transfer that fails raises OSError with
+the kernel's number: 121 (EREMOTEIO) or 6 (ENXIO) when nothing acknowledged, 110 (ETIMEDOUT) when the bus hung,
+5 (EIO) when less came than was asked for.
+"""
+
+import errno
+import fcntl
+import socket
+from typing import Protocol
+
+I2C_RETRIES = 0x0701  # linux/i2c-dev.h
+I2C_TIMEOUT = 0x0702  # in units of 10 ms
+
+
+class I2CBus(Protocol):
+    """One I2C bus. A driver is given a bus and an address; it does not own either."""
+
+    def write(self, address: int, data: bytes) -> None:
+        """One message to the device."""
+
+    def read(self, address: int, count: int) -> bytes:
+        """One bare read message of `count` bytes: no register is written before it."""
+
+    def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        """A write and a read joined by a repeated start: how registers are read."""
+
+
+class BytePort(Protocol):
+    """A stream of bytes in both directions: serial line, pseudo-terminal, UDP."""
+
+    def read_available(self) -> bytes:
+        """What has arrived since the last call, perhaps nothing; never waits."""
+
+    def write(self, data: bytes) -> None:
+        """Hand over `data`; never waits longer than the port's write timeout."""
+
+
+class Buses(Protocol):
+    """Where a tray's devices hang: opens the buses and ports that the configuration names."""
+
+    def i2c(self, device: str) -> I2CBus: ...
+
+    def port(self, device: str, baud: int) -> BytePort: ...
+
+
+class LinuxI2C:
+    """/dev/i2c-N through smbus2, each transfer bounded by `timeout_ms` (rounded up to 10 ms)."""
+
+    def __init__(self, device: str, timeout_ms: int = 20):
+        from smbus2 import SMBus
+
+        self._bus = SMBus(device)
+        fcntl.ioctl(self._bus.fd, I2C_TIMEOUT, -(-timeout_ms // 10))
+        fcntl.ioctl(self._bus.fd, I2C_RETRIES, 0)
+
+    def write(self, address: int, data: bytes) -> None:
+        from smbus2 import i2c_msg
+
+        self._bus.i2c_rdwr(i2c_msg.write(address, data))
+
+    def read(self, address: int, count: int) -> bytes:
+        from smbus2 import i2c_msg
+
+        message = i2c_msg.read(address, count)
+        self._bus.i2c_rdwr(message)
+        return bytes(message)
+
+    def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        from smbus2 import i2c_msg
+
+        message = i2c_msg.read(address, count)
+        self._bus.i2c_rdwr(i2c_msg.write(address, data), message)
+        return bytes(message)
+
+
+class LinuxSerial:
+    """A serial line through pyserial, raw, opened without waiting."""
+
+    def __init__(self, device: str, baud: int):
+        import serial
+
+        try:
+            self._port = serial.Serial(device, baud, timeout=0, write_timeout=0.02, exclusive=True)
+        except serial.SerialException as error:
+            raise OSError(error.errno or errno.EIO, f"{device}: {error.strerror or error}") from None
+
+    def read_available(self) -> bytes:
+        return self._guard(lambda: self._port.read(self._port.in_waiting or 1))
+
+    def write(self, data: bytes) -> None:
+        self._guard(lambda: self._port.write(data))
+
+    def _guard(self, transfer):
+        import serial
+
+        try:
+            return transfer()
+        except serial.SerialTimeoutException:
+            raise OSError(errno.ETIMEDOUT, f"{self._port.port}: write timed out") from None
+        except serial.SerialException as error:  # pyserial's own kind for a line that was unplugged
+            raise OSError(errno.EIO, f"{self._port.port}: {error}") from None
+
+
+class UdpPort:
+    """Datagrams as a stream: `udp:HOST:PORT` is listened on, and answered to whoever spoke last."""
+
+    def __init__(self, host: str, port: int):
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.bind((host, port))
+        self._peer: tuple[str, int] | None = None
+
+    def read_available(self) -> bytes:
+        received = b""
+        while True:
+            try:
+                data, self._peer = self._socket.recvfrom(65535)
+            except BlockingIOError:
+                return received
+            received += data
+
+    def write(self, data: bytes) -> None:
+        if self._peer is not None:
+            self._socket.sendto(data, self._peer)
+
+
+class LinuxBuses:
+    """The real thing: device files of this machine, each opened once."""
+
+    def __init__(self) -> None:
+        self._open: dict[str, LinuxI2C] = {}
+
+    def i2c(self, device: str) -> I2CBus:
+        if device not in self._open:
+            self._open[device] = LinuxI2C(device)
+        return self._open[device]
+
+    def port(self, device: str, baud: int) -> BytePort:
+        if device.startswith("udp:"):
+            _, host, port = device.split(":")
+            return UdpPort(host, int(port))
+        return LinuxSerial(device, baud)

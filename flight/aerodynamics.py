@@ -1,0 +1,123 @@
+"""The aerodynamic model: coefficients from the state of flight (3.35, 3.36 and the lateral counterparts).
+
+Written with NumPy functions: floats, arrays and CasADi symbols pass through, so that simulator, trim and estimator
+mean the same by a coefficient. Angles in radians; derivatives per radian; rates made dimensionless with b/2V and
+cbar/2V.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flight.aircraft import Aircraft
+from flight.errors import InputError
+from flight.units import read_table
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aerodynamics:
+    """Coefficients and derivatives, all dimensionless or per radian; [aerodynamics] of an aircraft file."""
+
+    CL0: float
+    CLa: float
+    CLde: float
+    CLq: float = 0.0
+    CD0: float
+    K: float
+    CL_minD: float
+    stall_angle_rad: float
+    stall_width_rad: float
+    CYb: float
+    CYp: float = 0.0
+    CYr: float = 0.0
+    CYdr: float = 0.0
+    Clb: float
+    Clp: float
+    Clr: float
+    Clda: float
+    Cldr: float = 0.0
+    Cm0: float
+    Cma: float
+    Cmq: float
+    Cmde: float
+    Cnb: float
+    Cnp: float
+    Cnr: float
+    Cnda: float = 0.0
+    Cndr: float
+
+
+class Coefficients(NamedTuple):
+    """CL, CD in stability axes (rotated by alpha alone), CY along body y; moments about body axes."""
+
+    CL: Any
+    CD: Any
+    CY: Any
+    Cl: Any
+    Cm: Any
+    Cn: Any
+
+
+def drag_coefficient(CL, *, CD0, K, CL_minD):
+    """Parabolic drag polar (3.36)."""
+    return CD0 + K * (CL - CL_minD) ** 2
+
+
+def stalled_fraction(alpha, aero: Aerodynamics):
+    """0 in attached flow, 1 when fully separated: a smooth step at the stall angle, either side."""
+    above = np.tanh((alpha - aero.stall_angle_rad) / aero.stall_width_rad)
+    below = np.tanh((alpha + aero.stall_angle_rad) / aero.stall_width_rad)
+    return 1 + (above - below) / 2
+
+
+def lift_and_drag(aero: Aerodynamics, alpha, elevator, q_hat=0.0):
+    """CL (3.35, with CLq) and CD (3.36); beyond the stall they go over to those of a flat plate.
+
+    alpha, elevator [rad]; q_hat = q cbar/2V [-].
+    """
+    attached_CL = aero.CL0 + aero.CLa * alpha + aero.CLde * elevator + aero.CLq * q_hat
+    attached_CD = drag_coefficient(attached_CL, CD0=aero.CD0, K=aero.K, CL_minD=aero.CL_minD)
+    plate_CN = 2 * np.sin(alpha)
+    s = stalled_fraction(alpha, aero)
+    CL = (1 - s) * attached_CL + s * plate_CN * np.cos(alpha)
+    CD = (1 - s) * attached_CD + s * (aero.CD0 + plate_CN * np.sin(alpha))
+    return CL, CD
+
+
+def coefficients(aero: Aerodynamics, *, alpha, beta, p_hat, q_hat, r_hat, elevator, aileron, rudder) -> Coefficients:
+    """All six coefficients at a state of flight.
+
+    alpha, beta, elevator, aileron, rudder [rad]; p_hat = p b/2V, q_hat = q cbar/2V, r_hat = r b/2V [-].
+    Signs: elevator trailing edge down positive (more lift, nose down), aileron positive rolls right,
+    rudder trailing edge left positive (nose left).
+    """
+    CL, CD = lift_and_drag(aero, alpha, elevator, q_hat)
+    return Coefficients(
+        CL=CL,
+        CD=CD,
+        CY=aero.CYb * beta + aero.CYp * p_hat + aero.CYr * r_hat + aero.CYdr * rudder,
+        Cl=aero.Clb * beta + aero.Clp * p_hat + aero.Clr * r_hat + aero.Clda * aileron + aero.Cldr * rudder,
+        Cm=aero.Cm0 + aero.Cma * alpha + aero.Cmq * q_hat + aero.Cmde * elevator,
+        Cn=aero.Cnb * beta + aero.Cnp * p_hat + aero.Cnr * r_hat + aero.Cnda * aileron + aero.Cndr * rudder,
+    )
+
+
+def body_axes(CL, CD, alpha):
+    """(CX, CZ) from (CL, CD), (3.41) and (3.42)."""
+    return CL * np.sin(alpha) - CD * np.cos(alpha), -CL * np.cos(alpha) - CD * np.sin(alpha)
+
+
+def stability_axes(CX, CZ, alpha):
+    """(CL, CD) from (CX, CZ), (2.16): the inverse of `body_axes`."""
+    return CX * np.sin(alpha) - CZ * np.cos(alpha), -CX * np.cos(alpha) - CZ * np.sin(alpha)
+
+
+def aerodynamics_of(aircraft: Aircraft) -> Aerodynamics:
+    """The model in the aircraft file's [aerodynamics], for the simulator.
+
+    Raises InputError when the section is missing or malformed.
+    """
+    if not aircraft.aerodynamics:
+        raise InputError(f"{aircraft.name}: the aircraft file has no [aerodynamics], which flying a simulation needs")
+    return read_table(Aerodynamics, aircraft.aerodynamics, f"{aircraft.name}: aerodynamics")

@@ -1,0 +1,169 @@
+"""The aircraft file: what is known of an aircraft before it flies, in TOML with units.
+
+`load_aircraft("nexstar")` or a path. Keys are the fields' names without their unit: `span = "5.73 ft"` is `span_m`.
+The section [aerodynamics] is what the simulator flies; a real aircraft's file need not have it, and the analysis never
+reads it.
+"""
+
+import tomllib
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+
+from flight import units
+from flight.atmosphere import GRAVITY_MPS2
+from flight.errors import InputError
+
+Position = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Geometry:
+    span_m: float
+    chord_m: float  # mean aerodynamic chord
+    wing_area_m2: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mass:
+    weight_N: float
+    standard_weight_N: float  # W_s of PIW and VIW (2.3)
+    Ix_kgm2: float
+    Iy_kgm2: float
+    Iz_kgm2: float
+    Ixz_kgm2: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Propulsion:
+    """Propeller on a brushless motor with speed controller and battery."""
+
+    propeller: str  # name of a shipped table, or a file
+    propeller_inertia_kgm2: float
+    max_rpm: float
+    pole_pairs: int
+    motor_kv_rpm_per_volt: float
+    motor_resistance_ohm: float
+    motor_no_load_current_A: float
+    battery_voltage_V: float
+    battery_resistance_ohm: float
+    battery_energy_Wh: float
+    throttle_channel: int = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """A control surface: its servo channel and the measured table from pulse width to angle."""
+
+    channel: int
+    pulse_us: tuple[float, ...]  # ascending
+    angle_rad: tuple[float, ...]
+    rate_radps: float = 5.0
+    lag_s: float = 0.02
+
+    def angle_of_pulse_rad(self, pulse_us: float) -> float:
+        """Surface angle [rad] for a pulse width [us], linear between the table's points, held at its ends."""
+        return _interpolate(pulse_us, self.pulse_us, self.angle_rad)
+
+    def pulse_of_angle_us(self, angle_rad: float) -> float:
+        """The inverse of `angle_of_pulse_rad`."""
+        if self.angle_rad[0] > self.angle_rad[-1]:
+            return _interpolate(angle_rad, self.angle_rad[::-1], self.pulse_us[::-1])
+        return _interpolate(angle_rad, self.angle_rad, self.pulse_us)
+
+
+def _interpolate(x: float, xs: tuple[float, ...], ys: tuple[float, ...]) -> float:
+    if x <= xs[0]:
+        return ys[0]
+    if x >= xs[-1]:
+        return ys[-1]
+    i = bisect_right(xs, x)
+    return ys[i - 1] + (x - xs[i - 1]) * (ys[i] - ys[i - 1]) / (xs[i] - xs[i - 1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """One pneumatic line of the probe: tube and the transducer's cavity."""
+
+    length_m: float
+    diameter_m: float
+    cavity_m3: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Probe:
+    """The five-port probe: where its tip is, and what the aircraft does to the air there."""
+
+    position_m: Position  # from the centre of gravity, body axes
+    upwash_per_CL_rad: float = 0.0  # alpha at the probe minus alpha = this times CL
+    lines: dict[str, Line] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aircraft:
+    name: str
+    title: str
+    geometry: Geometry
+    mass: Mass
+    propulsion: Propulsion
+    elevator: Surface
+    aileron: Surface
+    rudder: Surface
+    probe: Probe
+    imu_position_m: Position = (0.0, 0.0, 0.0)
+    source: str = ""
+    aerodynamics: dict[str, object] | None = None
+    text: str = field(default="", repr=False)  # the file itself, to travel in the log
+
+    @property
+    def mass_kg(self) -> float:
+        return self.mass.weight_N / GRAVITY_MPS2
+
+    @property
+    def aspect_ratio(self) -> float:
+        return self.geometry.span_m**2 / self.geometry.wing_area_m2
+
+
+def load_aircraft(name_or_path: str | Path) -> Aircraft:
+    """An aircraft shipped with the package, by name, or one from a file.
+
+    Raises InputError naming the file and the key when it is missing, malformed, or has a wrong unit.
+    """
+    shipped = resources.files("flight") / "data" / "aircraft"
+    path = Path(name_or_path)
+    if path.suffix == "" and (shipped / f"{name_or_path}.toml").is_file():
+        return parse_aircraft((shipped / f"{name_or_path}.toml").read_text("utf-8"), f"{name_or_path}.toml")
+    if not path.is_file():
+        names = sorted(f.name.removesuffix(".toml") for f in shipped.iterdir() if f.name.endswith(".toml"))
+        raise InputError(f"aircraft {name_or_path}: neither a file nor one of {', '.join(names)}")
+    try:
+        text = path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error})") from None
+    return parse_aircraft(text, str(path))
+
+
+def parse_aircraft(text: str, where: str) -> Aircraft:
+    """The aircraft of a file's text; `where` names it in errors."""
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{where}: not valid TOML ({error})") from None
+    aerodynamics = table.pop("aerodynamics", None)
+    aircraft = units.read_table(Aircraft, {**table, "aerodynamics": aerodynamics or {}, "text": text}, where)
+    for name in ("elevator", "aileron", "rudder"):
+        surface: Surface = getattr(aircraft, name)
+        rising = all(a < b for a, b in zip(surface.pulse_us, surface.pulse_us[1:], strict=False))
+        if len(surface.pulse_us) != len(surface.angle_rad) or len(surface.pulse_us) < 2 or not rising:
+            raise InputError(f"{where}: {name}: pulse_us must rise, and have as many entries as angle (two or more)")
+    for key, value in (
+        ("mass.weight", aircraft.mass.weight_N),
+        ("mass.standard_weight", aircraft.mass.standard_weight_N),
+        ("geometry.span", aircraft.geometry.span_m),
+        ("geometry.chord", aircraft.geometry.chord_m),
+        ("geometry.wing_area", aircraft.geometry.wing_area_m2),
+    ):
+        if value <= 0:
+            raise InputError(f"{where}: {key}: must be greater than zero")
+    return aircraft

@@ -1,0 +1,42 @@
+"""The standard atmosphere of the troposphere, and the gas law (ICAO Doc 7488/3; U.S. Standard Atmosphere 1976).
+
+Written with NumPy functions: floats, arrays and CasADi symbols pass through.
+"""
+
+import numpy as np
+
+GRAVITY_MPS2 = 9.80665
+GAS_CONSTANT_AIR = 287.05287  # specific, J/(kg K)
+SEA_LEVEL_PRESSURE_PA = 101325.0
+SEA_LEVEL_TEMPERATURE_K = 288.15
+SEA_LEVEL_DENSITY = SEA_LEVEL_PRESSURE_PA / (GAS_CONSTANT_AIR * SEA_LEVEL_TEMPERATURE_K)  # 1.225 kg/m^3
+LAPSE_RATE = 0.0065  # K/m
+_EXPONENT = GRAVITY_MPS2 / (GAS_CONSTANT_AIR * LAPSE_RATE)
+FOOT_POUND_PER_SECOND_W = 1.3558179483314
+
+
+def density(pressure_Pa, temperature_K):
+    """Density of dry air [kg/m^3] from static pressure and temperature, elementwise (2.12)."""
+    return pressure_Pa / (GAS_CONSTANT_AIR * temperature_K)
+
+
+def pressure_at(height_m, *, ground_pressure_Pa=SEA_LEVEL_PRESSURE_PA, ground_temperature_K=SEA_LEVEL_TEMPERATURE_K):
+    """Static pressure [Pa] `height_m` above the level at which pressure and temperature are given."""
+    return ground_pressure_Pa * np.power(
+        temperature_at(height_m, ground_temperature_K) / ground_temperature_K, _EXPONENT
+    )
+
+
+def temperature_at(height_m, ground_temperature_K=SEA_LEVEL_TEMPERATURE_K):
+    """Temperature [K] `height_m` above the level at which it is given."""
+    return ground_temperature_K - LAPSE_RATE * height_m
+
+
+def height_at(pressure_Pa, *, ground_pressure_Pa=SEA_LEVEL_PRESSURE_PA, ground_temperature_K=SEA_LEVEL_TEMPERATURE_K):
+    """Height [m] above the level of `ground_pressure_Pa`; the inverse of `pressure_at`."""
+    return ground_temperature_K / LAPSE_RATE * (1 - np.power(pressure_Pa / ground_pressure_Pa, 1 / _EXPONENT))
+
+
+def viscosity(temperature_K):
+    """Dynamic viscosity of air [Pa s] by Sutherland's law (U.S. Standard Atmosphere 1976, eq. 51)."""
+    return 1.458e-6 * np.power(temperature_K, 1.5) / (temperature_K + 110.4)

@@ -1,0 +1,95 @@
+"""Reads a log back into messages, also one that a power cut left unfinished."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.records import Attachment, Channel, Header, Metadata
+from mcap.records import Message as Record
+from mcap.stream_reader import StreamReader
+
+from flight.errors import InputError
+from flight.log_writer import PROFILE
+from flight.messages import TYPE_OF_TOPIC, Message
+
+MAGIC = b"\x89MCAP0\r\n"
+
+
+class Entry(NamedTuple):
+    """One message of a topic, with when it was taken (Unix time) and in which tick."""
+
+    time_ns: int
+    tick: int
+    message: Message
+
+
+@dataclass
+class Log:
+    """A whole log in memory."""
+
+    path: Path
+    entries: dict[str, list[Entry]] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    undecodable: int = 0
+    torn: str = ""  # why reading stopped before the end, if it did
+
+
+def read_log(path: str | Path) -> Log:
+    """Every message, attachment and metadata record of an MCAP file, up to its end or to where it is torn.
+
+    Topics we do not know are passed over; a message that cannot be decoded is counted in `undecodable`.
+    Raises InputError when the file is missing, empty, not MCAP, not written by us, or holds no message.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(len(MAGIC))
+            if not start:
+                raise InputError(f"{path}: the file is empty")
+            if start != MAGIC[: len(start)] or len(start) < len(MAGIC):
+                raise InputError(f"{path}: not an MCAP file (it does not start like one)")
+            stream.seek(0)
+            log = _read(path, StreamReader(stream, record_size_limit=256 * 2**20))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if not any(log.entries.values()):
+        cause = f"it is torn: {log.torn}" if log.torn else "it is finished, but nothing was recorded"
+        raise InputError(f"{path}: holds no message ({cause})")
+    return log
+
+
+def _read(path: Path, reader: StreamReader) -> Log:
+    log = Log(path)
+    decoders: dict[int, tuple[list[Entry], msgspec.json.Decoder]] = {}
+    kinds = {kind: msgspec.json.Decoder(kind) for kind in set(TYPE_OF_TOPIC.values())}
+    try:
+        for record in reader.records:
+            if isinstance(record, Record):
+                if record.channel_id in decoders:
+                    entries, decoder = decoders[record.channel_id]
+                    try:
+                        entries.append(Entry(record.log_time, record.sequence, decoder.decode(record.data)))
+                    except msgspec.MsgspecError:
+                        log.undecodable += 1
+            elif isinstance(record, Channel):
+                if record.topic in TYPE_OF_TOPIC:
+                    entries = log.entries.setdefault(record.topic, [])
+                    decoders[record.id] = (entries, kinds[TYPE_OF_TOPIC[record.topic]])
+            elif isinstance(record, Attachment):
+                log.attachments[record.name] = record.data
+            elif isinstance(record, Metadata):
+                log.metadata[record.name] = record.metadata
+            elif isinstance(record, Header) and record.profile != PROFILE:
+                raise InputError(
+                    f"{path}: an MCAP file, but not a log of this program (its profile is {record.profile!r})"
+                )
+    except InputError:
+        raise
+    except (McapError, EOFError, ValueError, KeyError, ArithmeticError) as error:
+        log.torn = f"{type(error).__name__}: {error}".rstrip(": ")
+    except Exception as error:  # zstandard's and struct's errors: whatever a torn chunk makes a decoder say
+        log.torn = f"{type(error).__name__}: {error}"
+    return log

@@ -1,0 +1,136 @@
+"""Equations of motion of a rigid aircraft over a flat, still earth (3.6-3.23, in the corrected form).
+
+One definition for simulator, trim and estimator: plain functions written with NumPy functions, so that floats, arrays
+and CasADi symbols pass through. Body axes: x forward, y right, z down, origin at the centre of gravity.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flight.atmosphere import GRAVITY_MPS2 as g
+
+
+class Inertia(NamedTuple):
+    """Moments and product of inertia about body axes [kg m^2], and the propeller's about its own axis."""
+
+    Ix: float
+    Iy: float
+    Iz: float
+    Ixz: float = 0.0
+    Ip: float = 0.0
+
+
+class Flow(NamedTuple):
+    """Airspeed [m/s] and flow angles [rad]."""
+
+    V: Any
+    alpha: Any
+    beta: Any
+
+
+def flow_of(u, v, w) -> Flow:
+    """Airspeed and flow angles from the velocity relative to the air in body axes (3.18-3.20)."""
+    V = np.sqrt(u**2 + v**2 + w**2)
+    return Flow(V, np.arctan2(w, u), np.arcsin(v / V))
+
+
+def velocity_of(V, alpha, beta):
+    """Body-axis velocity (u, v, w) [m/s] relative to the air (3.15-3.17)."""
+    return V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha) * np.cos(beta)
+
+
+def velocity_derivative(u, v, w, p, q, r, phi, theta, ax, ay, az):
+    """(udot, vdot, wdot) [m/s^2] from the specific force (ax, ay, az) and gravity (3.6-3.8).
+
+    (ax, ay, az) = aerodynamic force and thrust over mass: what an accelerometer at the centre of gravity measures.
+    """
+    return (
+        r * v - q * w + ax - g * np.sin(theta),
+        p * w - r * u + ay + g * np.cos(theta) * np.sin(phi),
+        q * u - p * v + az + g * np.cos(theta) * np.cos(phi),
+    )
+
+
+def rate_derivative(p, q, r, L, M, N, inertia: Inertia, propeller_radps=0.0):
+    """(pdot, qdot, rdot) [rad/s^2] from the moments L, M, N [N m] about body axes (3.9-3.11).
+
+    `propeller_radps`: angular speed of the propeller about +x (clockwise seen from behind). Its angular momentum adds
+    omega x h = (0, rH, -qH) to the rate of change of momentum; (3.10) and (3.11) print these terms with the signs of
+    a propeller that turns about -x.
+    """
+    Ix, Iy, Iz, Ixz, Ip = inertia
+    H = Ip * propeller_radps
+    roll = L - (Iz - Iy) * q * r + Ixz * q * p
+    pitch = M - (Ix - Iz) * p * r - Ixz * (p**2 - r**2) - H * r
+    yaw = N - (Iy - Ix) * p * q - Ixz * q * r + H * q
+    # (3.9) and (3.11) are coupled by Ixz: solve the two by two.
+    determinant = Ix * Iz - Ixz**2
+    return (Iz * roll + Ixz * yaw) / determinant, pitch / Iy, (Ix * yaw + Ixz * roll) / determinant
+
+
+def attitude_derivative(phi, theta, p, q, r):
+    """(phidot, thetadot, psidot) [rad/s] (3.12-3.14)."""
+    psidot = (q * np.sin(phi) + r * np.cos(phi)) / np.cos(theta)
+    return p + psidot * np.sin(theta), q * np.cos(phi) - r * np.sin(phi), psidot
+
+
+def earth_from_body(x, y, z, phi, theta, psi):
+    """North, east, down components of a vector given in body axes (3-2-1 Euler angles)."""
+    cf, sf, ct, st, cp, sp = np.cos(phi), np.sin(phi), np.cos(theta), np.sin(theta), np.cos(psi), np.sin(psi)
+    return (
+        ct * cp * x + (sf * st * cp - cf * sp) * y + (cf * st * cp + sf * sp) * z,
+        ct * sp * x + (sf * st * sp + cf * cp) * y + (cf * st * sp - sf * cp) * z,
+        -st * x + sf * ct * y + cf * ct * z,
+    )
+
+
+def body_from_earth(n, e, d, phi, theta, psi):
+    """Body-axis components of a vector given north, east, down."""
+    cf, sf, ct, st, cp, sp = np.cos(phi), np.sin(phi), np.cos(theta), np.sin(theta), np.cos(psi), np.sin(psi)
+    return (
+        ct * cp * n + ct * sp * e - st * d,
+        (sf * st * cp - cf * sp) * n + (sf * st * sp + cf * cp) * e + sf * ct * d,
+        (cf * st * cp + sf * sp) * n + (cf * st * sp - sf * cp) * e + cf * ct * d,
+    )
+
+
+def wind_axis_derivative(V, alpha, beta, phi, theta, p, q, r, *, CL, CD, CY, T, m, qS):
+    """(Vdot, alphadot, betadot) [m/s^2, rad/s, rad/s] (3.21-3.23).
+
+    CL, CD, CY as in `aerodynamics.Coefficients`; T thrust along body x [N]; m mass [kg]; qS dynamic pressure times
+    reference area [N].
+    """
+    ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
+    ct, st, cf, sf = np.cos(theta), np.sin(theta), np.cos(phi), np.sin(phi)
+    CD_W = CD * cb - CY * sb
+    CY_W = CY * cb + CD * sb
+    Vdot = -qS / m * CD_W + T / m * ca * cb + g * (cf * ct * sa * cb + sf * ct * sb - st * ca * cb)
+    alphadot = (
+        -qS * CL / (m * V * cb)
+        + q
+        - sb / cb * (p * ca + r * sa)
+        - T * sa / (m * V * cb)
+        + g / (V * cb) * (cf * ct * ca + st * sa)
+    )
+    betadot = (
+        qS / (m * V) * CY_W
+        + p * sa
+        - r * ca
+        + g / V * cb * sf * ct
+        + sb / V * (g * ca * st - g * sa * cf * ct - T * ca / m)
+    )
+    return Vdot, alphadot, betadot
+
+
+def felt_off_center(ax, ay, az, p, q, r, pdot, qdot, rdot, position_m):
+    """Specific force at `position_m` (x, y, z from the centre of gravity), given that at the centre.
+
+    a + omegadot x r + omega x (omega x r); body axes throughout.
+    """
+    x, y, z = position_m
+    return (
+        ax + qdot * z - rdot * y + p * (q * y + r * z) - x * (q**2 + r**2),
+        ay + rdot * x - pdot * z + q * (p * x + r * z) - y * (p**2 + r**2),
+        az + pdot * y - qdot * x + r * (p * x + q * y) - z * (p**2 + q**2),
+    )

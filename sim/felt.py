@@ -1,0 +1,62 @@
+"""What each sensor of the tray would feel: the interface between the simulator and whatever turns it into counts."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class GpsSolution(NamedTuple):
+    """What a receiver would report at each asked instant; arrays of shape (n,)."""
+
+    valid_at_s: Array  # the instant the solution describes (asked time minus latency)
+    fix: NDArray[np.bool_]
+    latitude_deg: Array
+    longitude_deg: Array
+    height_msl_m: Array
+    velocity_ned_mps: Array  # (n, 3)
+    horizontal_accuracy_m: Array
+    vertical_accuracy_m: Array
+    speed_accuracy_mps: Array
+
+
+class Felt(Protocol):
+    """Physical input of every sensor as a pure function of time since power-on `t_s` (n,), errors and noise included.
+
+    Asked twice for the same instants it gives the same values: noise is a function of seed, channel and sample time.
+    Outside [0, duration_s] the aircraft stands still where it was.
+    """
+
+    duration_s: float
+
+    def imu(self, t_s: Array) -> tuple[Array, Array]:
+        """Specific force [m/s^2] (n, 3) and angular rate [rad/s] (n, 3) in the sensor's axes."""
+
+    def imu_temperature_K(self, t_s: Array) -> Array: ...
+
+    def magnetic_field_T(self, t_s: Array) -> Array:
+        """Flux density in body axes (n, 3)."""
+
+    def absolute_pressure_Pa(self, which: str, t_s: Array) -> Array:
+        """`which`: "baro" (inside the fuselage) or "static" (the probe's static line)."""
+
+    def differential_pressure_Pa(self, which: str, t_s: Array) -> Array:
+        """`which`: "alpha" (lower minus upper), "beta" (right minus left), "airspeed" (centre minus static)."""
+
+    def transducer_temperature_K(self, which: str, t_s: Array) -> Array:
+        """Temperature of "baro", "static", "alpha", "beta" or "airspeed"."""
+
+    def gps(self, t_s: Array) -> GpsSolution: ...
+
+    def motor_speed_revps(self, t_s: Array) -> Array: ...
+
+    def servo_pulses_us(self, t_s: Array) -> Array:
+        """Pulse widths (n, 8) of servo outputs 1 to 8, as the autopilot reports them."""
+
+    def autopilot_attitude_rad(self, t_s: Array) -> Array:
+        """Roll, pitch, yaw (n, 3) as the autopilot estimates them (with the accelerometer for the vertical)."""
+
+    def battery(self, t_s: Array) -> tuple[Array, Array]:
+        """Voltage [V] and current [A], each (n,)."""
