@@ -52,6 +52,7 @@ class LinuxI2C:
         from smbus2 import SMBus
 
         self._bus = SMBus(device)
+        assert self._bus.fd is not None  # it was just opened
         fcntl.ioctl(self._bus.fd, I2C_TIMEOUT, -(-timeout_ms // 10))
         fcntl.ioctl(self._bus.fd, I2C_RETRIES, 0)
 

@@ -9,6 +9,7 @@ import io
 import re
 from dataclasses import dataclass
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +68,7 @@ class Propeller:
         """True where (J, rpm) lies inside the table, so that nothing was held or continued; elementwise."""
         J_max = np.interp(rpm, self._rpm, [row.J[-1] for row in self.rows])
         J_min = np.interp(rpm, self._rpm, [row.J[0] for row in self.rows])
-        return (J >= J_min) & (J <= J_max) & (rpm >= self._rpm[0]) & (rpm <= self._rpm[-1])
+        return (J_min <= J) & (J <= J_max) & (self._rpm[0] <= rpm) & (rpm <= self._rpm[-1])
 
     def to_csv(self) -> str:
         """The table in our own format; `parse_csv` gives back the same propeller."""
@@ -86,7 +87,7 @@ def _hats(x, knots):
     if len(knots) == 1:
         return [1.0]
     position = 0.0  # of x on a scale where knot i stands at i
-    for low, high in zip(knots[:-1], knots[1:], strict=True):
+    for low, high in pairwise(knots):
         position = position + np.clip((x - low) / (high - low), 0, 1)
     return [np.maximum(1 - np.abs(position - i), 0) for i in range(len(knots))]
 

@@ -75,10 +75,10 @@ def read_table(kind: type[T], table: object, where: str) -> T:
         raise InputError(f"{where}: should be a table, is {table!r}")
     hints = typing.get_type_hints(kind)
     values: dict[str, Any] = {}
-    known = {}
+    known: list[str] = []
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         key, unit = split_unit(field.name)
-        known[key] = None
+        known.append(key)
         at = f"{where}: {key}" if ":" not in where else f"{where}.{key}"
         if key in table:
             values[field.name] = _read_value(hints[field.name], table[key], unit, at)
