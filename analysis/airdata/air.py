@@ -1,0 +1,138 @@
+"""From the probe's pressures to speed, flow angles and density at the centre of gravity, and thrust from them."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.airdata.probe import ProbeCalibration, flow_at_probe
+from analysis.stillness import Zeros
+from flight.aircraft import Aircraft
+from flight.atmosphere import GRAVITY_MPS2, density, height_at
+from flight.motion import felt_off_center
+from flight.propeller import Propeller
+
+FLYING_PA = 30.0  # dynamic pressure above which there is flow enough to speak of angles: 7 m/s at sea level
+COEFFICIENT_SMOOTHING_S = 0.2
+
+
+class AirData(NamedTuple):
+    """Columns added to the synchronised table, and what was assumed on the way."""
+
+    table: pd.DataFrame
+    notes: list[str]
+
+
+def air_data(
+    table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration, propeller: Propeller, zeros: Zeros | None
+) -> AirData:
+    """Adds V_mps, alpha_rad, beta_rad, qbar_Pa, rho, height_m, J, thrust_N, flying and the zeroed, moved IMU.
+
+    Angles and forces are those at the centre of gravity: upwash and the rotation of the boom are taken out of the
+    angles (method section 7), the lever arm out of the accelerations (method section 3).
+    """
+    notes: list[str] = []
+    out = table.copy()
+    if zeros is None:
+        notes.append("The aircraft never stood still in this log: transducer and gyro zeros are taken as they come.")
+    else:
+        for name, zero in zeros.value.items():
+            out[name] -= zero
+    if out["dp_beta_Pa"].isna().all():
+        notes.append("No sideslip pressure in this log: sideslip is taken as zero.")
+        out["dp_beta_Pa"] = 0.0
+
+    flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), out["dp_beta_Pa"].to_numpy(), out["q_c_Pa"].to_numpy())
+    flying = (flow.qbar_Pa > FLYING_PA) & flow.inside
+    blank = np.where(flying, 1.0, np.nan)
+    temperature_K = out["static_temperature_K"].interpolate().bfill()
+    rho = density(out["static_Pa"], temperature_K)
+    V = np.sqrt(2 * flow.qbar_Pa * blank / rho)
+
+    _move_imu(out, aircraft)
+    CL = -aircraft.mass_kg * out["az_mps2"] / (flow.qbar_Pa * blank * aircraft.geometry.wing_area_m2)
+    CL = CL.rolling(max(1, round(COEFFICIENT_SMOOTHING_S / (table.index[1] - table.index[0]))), center=True).mean()
+    x_probe = aircraft.probe.position_m[0]
+    out["flying"] = flying
+    out["qbar_Pa"] = flow.qbar_Pa * blank
+    out["rho"] = rho
+    out["V_mps"] = V
+    out["alpha_rad"] = flow.alpha_rad * blank - aircraft.probe.upwash_per_CL_rad * CL + out["q_radps"] * x_probe / V
+    out["beta_rad"] = flow.beta_rad * blank - out["r_radps"] * x_probe / V
+    ground = (zeros.ground_static_Pa, zeros.ground_temperature_K) if zeros else _first(out)
+    out["height_m"] = height_at(out["static_Pa"], ground_pressure_Pa=ground[0], ground_temperature_K=ground[1])
+    _add_thrust(out, propeller)
+    outside = int(np.sum((flow.qbar_Pa > FLYING_PA) & ~flow.inside))
+    if outside:
+        notes.append(f"{outside} samples lie outside the probe's calibrated range of angles and are left out.")
+    return AirData(out, notes)
+
+
+def _first(table: pd.DataFrame) -> tuple[float, float]:
+    return float(table["static_Pa"].dropna().iloc[0]), float(table["static_temperature_K"].dropna().iloc[0])
+
+
+def _move_imu(table: pd.DataFrame, aircraft: Aircraft) -> None:
+    """Specific force at the centre of gravity from that at the IMU, in place."""
+    x, y, z = aircraft.imu_position_m
+    p, q, r = (table[f"{axis}_radps"].to_numpy() for axis in "pqr")
+    step_s = float(table.index[1] - table.index[0])
+    pdot, qdot, rdot = (_slope(rate, step_s) for rate in (p, q, r))
+    zero = np.zeros_like(p)
+    for axis, extra in zip("xyz", felt_off_center(zero, zero, zero, p, q, r, pdot, qdot, rdot, (x, y, z)), strict=True):
+        table[f"a{axis}_mps2"] -= extra
+
+
+def _slope(rate: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
+    """Derivative of a noisy rate: central difference of its half-second mean."""
+    window = max(1, round(0.5 / step_s))
+    smooth = pd.Series(rate).rolling(window, center=True, min_periods=1).mean().to_numpy()
+    return np.gradient(smooth, step_s)
+
+
+def _add_thrust(table: pd.DataFrame, propeller: Propeller) -> None:
+    """Thrust [N], advance ratio and whether the propeller's table covers it, in place (3.48)."""
+    n = table["n_revps"].to_numpy()
+    turning = n > 1.0
+    n_safe = np.where(turning, n, 1.0)
+    V_axial = (table["V_mps"] * np.cos(table["alpha_rad"]) * np.cos(table["beta_rad"])).to_numpy()
+    thrust, shaft = propeller.thrust_and_power(V_axial, n_safe, table["rho"].to_numpy())
+    J = V_axial / (n_safe * propeller.diameter_m)
+    table["J"] = np.where(turning, J, np.nan)
+    table["thrust_N"] = np.where(turning, thrust, np.nan)
+    table["shaft_power_W"] = np.where(turning, shaft, np.nan)
+    table["propeller_covered"] = turning & propeller.covers(J, 60 * n_safe)
+
+
+def bank_rad(table: pd.DataFrame, time_constant_s: float = 3.0) -> NDArray[np.float64]:
+    """Bank angle in near-straight flight from the lateral balance, quick parts from the roll rate.
+
+    (3.7) solved for phi with v = V beta: g cos(theta) sin(phi) = vdot - p w + r u - ay. It never takes the
+    accelerometer for the vertical. Blended with the integral of p at `time_constant_s`; NaN is carried over.
+    """
+    step_s = float(table.index[1] - table.index[0])
+    V, alpha, beta = (table[c].to_numpy() for c in ("V_mps", "alpha_rad", "beta_rad"))
+    p, r, ay = (table[c].to_numpy() for c in ("p_radps", "r_radps", "ay_mps2"))
+    v = V * np.sin(beta)
+    balance = (_slope(v, step_s) - p * V * np.sin(alpha) + r * V * np.cos(alpha) - ay) / GRAVITY_MPS2
+    slow = np.arcsin(np.clip(np.nan_to_num(balance), -1, 1))
+    rate = np.nan_to_num(p)
+    return _complementary(slow, rate, step_s, time_constant_s)
+
+
+def _complementary(
+    slow: NDArray[np.float64], rate: NDArray[np.float64], step_s: float, time_constant_s: float
+) -> NDArray[np.float64]:
+    """Low-passed `slow` plus high-passed integral of `rate`, run forward and backward and averaged: no lag."""
+    keep = np.exp(-step_s / time_constant_s)
+
+    def one_way(angle: NDArray[np.float64], rate: NDArray[np.float64]) -> NDArray[np.float64]:
+        out = np.empty_like(angle)
+        state = float(np.mean(angle[: max(1, round(time_constant_s / step_s))]))
+        for i, (a, w) in enumerate(zip(angle, rate, strict=True)):
+            state = keep * (state + w * step_s) + (1 - keep) * a
+            out[i] = state
+        return out
+
+    return (one_way(slow, rate) + one_way(slow[::-1], -rate[::-1])[::-1]) / 2

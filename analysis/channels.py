@@ -1,0 +1,114 @@
+"""Log to synchronised data: every channel on one grid of the tick rate, each with its own delay taken out.
+
+A sample that failed, was stale or saturated is left out; across a gap longer than `GAP_TICKS` the channel is NaN, so
+that nothing is invented where nothing was measured.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from flight.errors import InputError
+from flight.log_reader import Entry, Log
+from flight.messages import Status
+
+Array = NDArray[np.float64]
+GAP_TICKS = 3.5
+
+# Column of the table: (topic, field). The field's symbols are words of the analysis from here on.
+COLUMNS = {
+    "ax_mps2": ("/imu", "specific_force_x_mps2"),
+    "ay_mps2": ("/imu", "specific_force_y_mps2"),
+    "az_mps2": ("/imu", "specific_force_z_mps2"),
+    "p_radps": ("/imu", "angular_rate_x_radps"),
+    "q_radps": ("/imu", "angular_rate_y_radps"),
+    "r_radps": ("/imu", "angular_rate_z_radps"),
+    "dp_alpha_Pa": ("/probe/alpha", "differential_pressure_Pa"),
+    "dp_beta_Pa": ("/probe/beta", "differential_pressure_Pa"),
+    "q_c_Pa": ("/probe/airspeed", "differential_pressure_Pa"),
+    "static_Pa": ("/static", "pressure_Pa"),
+    "static_temperature_K": ("/static", "temperature_K"),
+    "n_revps": ("/rpm", "motor_speed_revps"),
+    "elevator_rad": ("/controls", "elevator_rad"),
+    "throttle": ("/controls", "throttle"),
+    "gps_north_mps": ("/gps", "velocity_north_mps"),
+    "gps_east_mps": ("/gps", "velocity_east_mps"),
+    "gps_down_mps": ("/gps", "velocity_down_mps"),
+    "battery_V": ("/battery", "voltage_V"),
+    "battery_A": ("/battery", "current_A"),
+}
+NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")
+
+
+class Channels(NamedTuple):
+    """Synchronised data and where it came from."""
+
+    table: pd.DataFrame  # index: t_s since the first tick; columns: COLUMNS, NaN where nothing was measured
+    rate_Hz: float
+    start_ns: int  # Unix time of t_s = 0
+    usable: dict[str, float]  # share of a topic's messages that carried a value
+
+
+def synchronise(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
+    """Every channel of a log on one uniform grid.
+
+    lag_s: known delay of a topic's quantity behind its log_time [s], on top of what the messages say of themselves.
+    Raises InputError when a topic that nothing can replace is missing or never carried a value.
+    """
+    for topic in NEEDED:
+        if topic not in log.entries or not log.entries[topic]:
+            raise InputError(f"{log.path}: no topic {topic}, which the power curve needs")
+    ticks = np.array([(entry.tick, entry.time_ns) for entry in log.entries["/imu"]], dtype=np.int64)
+    period_s = _period_s(ticks, log)
+    start_ns = int(ticks[0, 1])
+    t_s: Array = np.arange(int((ticks[-1, 1] - start_ns) / 1e9 / period_s) + 1, dtype=float) * period_s
+
+    table: dict[str, Array] = {}
+    usable: dict[str, float] = {}
+    for name, (topic, field) in COLUMNS.items():
+        entries = log.entries.get(topic, [])
+        taken_s, value = _samples(entries, field, start_ns)
+        if entries:
+            usable[topic] = len(value) / len(entries)
+        if topic in NEEDED and not len(value):
+            statuses = sorted({str(entry.message.status) for entry in entries})
+            raise InputError(f"{log.path}: {topic} never carried a value (its status: {', '.join(statuses)})")
+        table[name] = on_grid(t_s, taken_s - (lag_s or {}).get(topic, 0.0), value)
+    return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns, usable)
+
+
+def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
+    """`value` taken at `taken_s`, interpolated by a cubic spline onto the grid; NaN across gaps and beyond the ends."""
+    if len(value) < 4:
+        return np.full_like(t_s, np.nan)
+    interval = max(float(np.median(np.diff(taken_s))), t_s[1] - t_s[0])
+    after = np.clip(np.searchsorted(taken_s, t_s), 1, len(taken_s) - 1)
+    bridged = taken_s[after] - taken_s[after - 1] <= GAP_TICKS * interval
+    near = (t_s >= taken_s[0] - 0.5 * interval) & (t_s <= taken_s[-1] + 0.5 * interval)
+    return np.where(bridged & near, CubicSpline(taken_s, value)(t_s), np.nan)
+
+
+def _samples(entries: list[Entry], field: str, start_ns: int) -> tuple[Array, Array]:
+    """Times [s] and values of the good messages, in order, one for each instant."""
+    good = [
+        ((time_ns - start_ns) / 1e9 - (getattr(message, "group_delay_s", None) or 0.0), value)
+        for time_ns, _, message in entries
+        if message.status is Status.OK and (value := getattr(message, field)) is not None
+    ]
+    if not good:
+        return np.empty(0), np.empty(0)
+    taken_s, value = np.array(good).T
+    taken_s, first = np.unique(taken_s, return_index=True)
+    return taken_s, value[first]
+
+
+def _period_s(ticks: NDArray[np.int64], log: Log) -> float:
+    """The loop's period, from tick numbers and times: exact however many ticks were missed."""
+    count = int(ticks[-1, 0] - ticks[0, 0])
+    if count < 1 or ticks[-1, 1] <= ticks[0, 1]:
+        raise InputError(f"{log.path}: {len(ticks)} ticks are too few to analyse")
+    nominal = log.metadata.get("flightpower", {}).get("tick_rate_Hz")
+    return 1 / float(nominal) if nominal else float(ticks[-1, 1] - ticks[0, 1]) / count / 1e9

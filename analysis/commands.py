@@ -1,0 +1,35 @@
+"""What the laptop's commands share: how an error is said, and how a file of ours is written."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import typer
+
+from flight.errors import InputError
+
+
+def run(app: typer.Typer) -> None:
+    """Run a command; say an InputError in one line on stderr and leave with exit code 2."""
+    try:
+        app(standalone_mode=True)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except BrokenPipeError:
+        sys.exit(1)
+
+
+def write_file(path: Path, data: str | bytes) -> None:
+    """Write a file of ours in one step: a half-written one never stands under its name."""
+    _said(path, lambda: path.parent.mkdir(parents=True, exist_ok=True))
+    draft = path.with_name(path.name + ".part")
+    _said(path, lambda: draft.write_bytes(data.encode() if isinstance(data, str) else data))
+    _said(path, lambda: draft.replace(path))
+
+
+def _said(path: Path, step: Callable[[], object]) -> None:
+    try:
+        step()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None

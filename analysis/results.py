@@ -1,0 +1,123 @@
+"""What `results.json` and `power_required.csv` hold: a documented, versioned form (docs/results.md)."""
+
+import csv
+import io
+
+import msgspec
+
+FORMAT = "flightpower-results-1"
+
+
+class PowerPoint(msgspec.Struct, frozen=True, kw_only=True):
+    """One point of the curve with its 95 % interval."""
+
+    speed_mps: float
+    power_W: float
+    power_lo_W: float
+    power_hi_W: float
+
+
+class SpeedInterval(msgspec.Struct, frozen=True, kw_only=True):
+    """A speed with its 95 % interval; `inside_flown_range` is false where it is an extrapolation."""
+
+    speed_mps: float | None
+    lo_mps: float | None
+    hi_mps: float | None
+    inside_flown_range: bool
+
+
+class ParameterResult(msgspec.Struct, frozen=True, kw_only=True):
+    """An estimate and its standard error (corrected for coloured residuals)."""
+
+    name: str
+    value: float
+    standard_error: float
+    unit: str
+
+
+class RunResult(msgspec.Struct, frozen=True, kw_only=True):
+    kind: str
+    start_s: float
+    end_s: float
+    lowest_speed_mps: float
+    highest_speed_mps: float
+    altitude_change_m: float
+    notes: list[str]
+
+
+class RejectedResult(msgspec.Struct, frozen=True, kw_only=True):
+    kind: str
+    start_s: float
+    end_s: float
+    reason: str
+
+
+class AircraftResult(msgspec.Struct, frozen=True, kw_only=True):
+    name: str
+    title: str
+    wing_area_m2: float
+    span_m: float
+    propeller: str
+
+
+class ConditionResult(msgspec.Struct, frozen=True, kw_only=True):
+    """Weight and air that a curve holds for."""
+
+    weight_N: float
+    air_density_kgpm3: float
+
+
+class DragPolar(msgspec.Struct, frozen=True, kw_only=True):
+    """C_D = A0 + A1 C_L + A2 C_L^2, and the same as C_D0 + K (C_L - C_L_minD)^2."""
+
+    A0: float
+    A1: float
+    A2: float
+    CD0: float
+    K: float
+    CL_minD: float
+    oswald_efficiency: float
+    maximum_lift_to_drag: float
+
+
+class Results(msgspec.Struct, frozen=True, kw_only=True):
+    """The whole of `results.json`."""
+
+    format: str = FORMAT
+    software_version: str
+    log: str
+    aircraft: AircraftResult
+    test: ConditionResult
+    standard: ConditionResult
+    air_temperature_K: float
+    air_pressure_Pa: float
+    runs: list[RunResult]
+    rejected: list[RejectedResult]
+    parameters: list[ParameterResult]
+    drag_polar: DragPolar
+    power_required: list[PowerPoint]  # at the test's weight and density, over the flown range
+    power_required_standard: list[PowerPoint]  # at the standard weight and sea-level density
+    minimum_power_speed: SpeedInterval  # longest endurance, at the test's weight and density
+    best_range_speed: SpeedInterval
+    verdict: str  # of the estimation: "converged", or what was wrong
+    warnings: list[str]
+
+
+def to_json(results: Results) -> bytes:
+    return msgspec.json.format(msgspec.json.encode(results), indent=1)
+
+
+def to_csv(results: Results) -> str:
+    """Both curves side by side, one row a speed, units in the header."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
+    writer.writerow(["condition", "weight_N", "air_density_kgpm3", *fields])
+    for name, at, curve in (
+        ("test", results.test, results.power_required),
+        ("standard", results.standard, results.power_required_standard),
+    ):
+        for point in curve:
+            numbers = (at.weight_N, at.air_density_kgpm3, *(getattr(point, field) for field in fields))
+            writer.writerow([name, *(f"{number:.6g}" for number in numbers)])
+    return out.getvalue()
