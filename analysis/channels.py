@@ -86,9 +86,12 @@ def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
         return np.full_like(t_s, np.nan)
     interval = max(float(np.median(np.diff(taken_s))), t_s[1] - t_s[0])
     after = np.clip(np.searchsorted(taken_s, t_s), 1, len(taken_s) - 1)
-    bridged = taken_s[after] - taken_s[after - 1] <= GAP_TICKS * interval
-    near = (t_s >= taken_s[0] - 0.5 * interval) & (t_s <= taken_s[-1] + 0.5 * interval)
-    return np.where(bridged & near, CubicSpline(taken_s, value)(t_s), np.nan)
+    before = after - 1
+    bridged = taken_s[after] - taken_s[before] <= GAP_TICKS * interval
+    distance = np.minimum(np.abs(t_s - taken_s[before]), np.abs(taken_s[after] - t_s))
+    within = (t_s >= taken_s[0]) & (t_s <= taken_s[-1])
+    known = (bridged & within) | (distance <= 0.01 * interval)
+    return np.where(known, CubicSpline(taken_s, value)(t_s), np.nan)
 
 
 def _samples(entries: list[Entry], field: str, start_ns: int) -> tuple[Array, Array]:

@@ -121,3 +121,12 @@ def to_csv(results: Results) -> str:
             numbers = (at.weight_N, at.air_density_kgpm3, *(getattr(point, field) for field in fields))
             writer.writerow([name, *(f"{number:.6g}" for number in numbers)])
     return out.getvalue()
+
+
+def schema() -> bytes:
+    """The JSON Schema of `results.json`; `docs/results.schema.json` is this."""
+    return msgspec.json.format(msgspec.json.encode(msgspec.json.schema(Results)), indent=1) + b"\n"
+
+
+if __name__ == "__main__":
+    print(schema().decode(), end="")

@@ -113,8 +113,12 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
     if not path.is_file():
         names = sorted(f.name.removesuffix(".csv") for f in shipped.iterdir() if f.name.endswith(".csv"))
         raise InputError(f"propeller {name_or_path}: neither a file nor one of {', '.join(names)}")
-    text = path.read_text("utf-8", errors="replace")
-    return parse_apc(text, path.stem) if "PROP RPM" in text else parse_csv(text, path.stem)
+    return parse_propeller(path.read_text("utf-8", errors="replace"), path.stem)
+
+
+def parse_propeller(text: str, name: str) -> Propeller:
+    """A propeller from the text of a file in our own format or in APC's."""
+    return parse_apc(text, name) if "PROP RPM" in text else parse_csv(text, name)
 
 
 def parse_csv(text: str, name: str) -> Propeller:

@@ -1,1 +1,39 @@
-"""The report: one HTML file that opens anywhere, without a network."""
+"""The report: one HTML file that opens anywhere without a network, and the same results as JSON and CSV."""
+
+from pathlib import Path
+
+import numpy as np
+
+from analysis import commands
+from analysis.chain import Analysis
+from analysis.power.curve import NORMAL_95
+from analysis.report import figures, page
+from analysis.results import to_csv, to_json
+
+POLAR_POINTS = 60
+
+
+def write_report(analysis: Analysis, folder: Path) -> None:
+    """Write report.html, results.json and power_required.csv into `folder`.
+
+    Raises InputError when the folder cannot be written.
+    """
+    results = analysis.results
+    drawings = {
+        "power": figures.power_required(results),
+        "timeline": figures.timeline(analysis.table, analysis.runs),
+        "polar": _polar(analysis),
+    }
+    fits = [figures.fit(*fit) for fit in analysis.estimate.fits]
+    html = page.render(results, drawings, fits)
+    commands.write_file(folder / "results.json", to_json(results))
+    commands.write_file(folder / "power_required.csv", to_csv(results))
+    commands.write_file(folder / "report.html", html)
+
+
+def _polar(analysis: Analysis):
+    CL = np.linspace(*analysis.flown_CL, POLAR_POINTS)
+    powers = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+    CD = powers @ analysis.polar.A
+    half = NORMAL_95 * np.sqrt(np.einsum("ni,ij,nj->n", powers, analysis.polar.covariance, powers))
+    return figures.polar(analysis.results, CL, CD, CD - half, CD + half)

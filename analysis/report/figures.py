@@ -40,23 +40,46 @@ def power_required(results: Results) -> go.Figure:
     """The product: power against speed, with its interval and the two speeds people ask for."""
     V, P, lo, hi = _curve(results.power_required)
     figure = go.Figure()
-    figure.add_scatter(x=np.r_[V, V[::-1]], y=np.r_[hi, lo[::-1]], fill="toself", fillcolor=BAND, line={"width": 0},
-                       name="95 % interval", hoverinfo="skip")  # fmt: skip
-    figure.add_scatter(x=V, y=P, line={"color": BLUE, "width": 3}, name="power required, as flown",
-                       hovertemplate="%{y:.1f} W")  # fmt: skip
+    figure.add_scatter(
+        x=np.r_[V, V[::-1]],
+        y=np.r_[hi, lo[::-1]],
+        fill="toself",
+        fillcolor=BAND,
+        line={"width": 0},
+        name="95 % interval",
+        hoverinfo="skip",
+    )
+    figure.add_scatter(
+        x=V, y=P, line={"color": BLUE, "width": 3}, name="power required, as flown", hovertemplate="%{y:.1f} W"
+    )
     Vs, Ps, _, _ = _curve(results.power_required_standard)
-    figure.add_scatter(x=Vs, y=Ps, line={"color": INK, "width": 1.5, "dash": "dash"}, name="standard weight, sea level",
-                       hovertemplate="%{y:.1f} W")  # fmt: skip
+    figure.add_scatter(
+        x=Vs,
+        y=Ps,
+        line={"color": INK, "width": 1.5, "dash": "dash"},
+        name="standard weight, sea level",
+        hovertemplate="%{y:.1f} W",
+    )
     for special, name, colour in (
         (results.minimum_power_speed, "longest endurance", GREEN),
         (results.best_range_speed, "longest range", ORANGE),
     ):
         if special.speed_mps is not None and special.inside_flown_range:
             power = float(np.interp(special.speed_mps, V, P))
-            errors = {"symmetric": False, "array": [(special.hi_mps or special.speed_mps) - special.speed_mps],
-                      "arrayminus": [special.speed_mps - (special.lo_mps or special.speed_mps)]}  # fmt: skip
-            figure.add_scatter(x=[special.speed_mps], y=[power], error_x=errors, mode="markers", name=name,
-                               marker={"color": colour, "size": 11}, hovertemplate="%{x:.1f} m/s")  # fmt: skip
+            errors = {
+                "symmetric": False,
+                "array": [(special.hi_mps or special.speed_mps) - special.speed_mps],
+                "arrayminus": [special.speed_mps - (special.lo_mps or special.speed_mps)],
+            }
+            figure.add_scatter(
+                x=[special.speed_mps],
+                y=[power],
+                error_x=errors,
+                mode="markers",
+                name=name,
+                marker={"color": colour, "size": 11},
+                hovertemplate="%{x:.1f} m/s",
+            )
     figure.update_xaxes(title="true airspeed, m/s")
     figure.update_yaxes(title="power required, W", rangemode="tozero")
     return _styled(figure, 460)
@@ -68,8 +91,15 @@ def timeline(table: pd.DataFrame, runs: list[Run]) -> go.Figure:
     figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.04)
     thin = table.iloc[:: max(1, len(table) // 3000)]
     for i, (name, title, scale) in enumerate(rows, start=1):
-        figure.add_scatter(x=_rounded(thin.index.to_numpy()), y=_rounded(thin[name].to_numpy() * scale), row=i, col=1,
-                           line={"color": INK, "width": 1.3}, showlegend=False, name=title)  # fmt: skip
+        figure.add_scatter(
+            x=_rounded(thin.index.to_numpy()),
+            y=_rounded(thin[name].to_numpy() * scale),
+            row=i,
+            col=1,
+            line={"color": INK, "width": 1.3},
+            showlegend=False,
+            name=title,
+        )
         figure.update_yaxes(title=title, row=i, col=1)
     for run in runs:
         figure.add_vrect(x0=run.start_s, x1=run.end_s, fillcolor=KIND_COLOUR[run.kind], opacity=0.15, line_width=0)
@@ -83,10 +113,26 @@ def fit(name: str, t_s: Array, measured: dict[str, Array], modelled: dict[str, A
     figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.03)
     for i, quantity in enumerate(names, start=1):
         first = i == 1
-        figure.add_scatter(x=_rounded(t_s), y=_rounded(measured[quantity]), mode="markers", row=i, col=1,
-                           marker={"size": 3, "color": "#8fa3b3"}, name="measured", showlegend=first)  # fmt: skip
-        figure.add_scatter(x=_rounded(t_s), y=_rounded(modelled[quantity]), mode="lines", row=i, col=1,
-                           line={"color": ORANGE, "width": 2}, name="model", showlegend=first)  # fmt: skip
+        figure.add_scatter(
+            x=_rounded(t_s),
+            y=_rounded(measured[quantity]),
+            mode="markers",
+            row=i,
+            col=1,
+            marker={"size": 3, "color": "#8fa3b3"},
+            name="measured",
+            showlegend=first,
+        )
+        figure.add_scatter(
+            x=_rounded(t_s),
+            y=_rounded(modelled[quantity]),
+            mode="lines",
+            row=i,
+            col=1,
+            line={"color": ORANGE, "width": 2},
+            name="model",
+            showlegend=first,
+        )
         figure.update_yaxes(title=quantity, row=i, col=1)
     figure.update_xaxes(title=f"time, s ({name})", row=len(names), col=1)
     return _styled(figure, 150 * len(names) + 60)
@@ -95,8 +141,15 @@ def fit(name: str, t_s: Array, measured: dict[str, Array], modelled: dict[str, A
 def polar(results: Results, CL: Array, CD: Array, lo: Array, hi: Array) -> go.Figure:
     """The drag polar over the flown lift coefficients, with its interval."""
     figure = go.Figure()
-    figure.add_scatter(x=np.r_[lo, hi[::-1]], y=np.r_[CL, CL[::-1]], fill="toself", fillcolor=BAND, line={"width": 0},
-                       name="95 % interval", hoverinfo="skip")  # fmt: skip
+    figure.add_scatter(
+        x=np.r_[lo, hi[::-1]],
+        y=np.r_[CL, CL[::-1]],
+        fill="toself",
+        fillcolor=BAND,
+        line={"width": 0},
+        name="95 % interval",
+        hoverinfo="skip",
+    )
     figure.add_scatter(x=CD, y=CL, line={"color": BLUE, "width": 3}, name="drag polar")
     figure.update_xaxes(title="drag coefficient", rangemode="tozero")
     figure.update_yaxes(title="lift coefficient", rangemode="tozero")

@@ -1,6 +1,7 @@
 """Puts words, tables and drawings together into one HTML file."""
 
 import html
+from collections.abc import Sequence
 from importlib import resources
 from string import Template
 
@@ -79,17 +80,17 @@ def _summary(results: Results) -> str:
             "Drag polar",
             f"C<sub>D0</sub> {polar.CD0:.4f}, Oswald e {polar.oswald_efficiency:.2f}, "
             f"(L/D)<sub>max</sub> {polar.maximum_lift_to_drag:.1f}",
-        ),  # fmt: skip
+        ),
         (
             "Test",
             f"{results.test.weight_N:.1f} N, air {results.test.air_density_kgpm3:.3f} kg/m³, "
             f"{results.air_temperature_K - 273.15:.0f} °C",
-        ),  # fmt: skip
+        ),
         (
             "From",
             f"{kinds.count('acceleration')} acceleration(s), {kinds.count('deceleration')} deceleration(s); "
             f"estimation {html.escape(results.verdict)}",
-        ),  # fmt: skip
+        ),
     )
     return "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in rows)
 
@@ -103,7 +104,7 @@ def _rejected(results: Results) -> str:
     )
 
 
-def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     head = "".join(f"<th>{html.escape(cell)}</th>" for cell in header)
     body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     return f'<div class="table"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'

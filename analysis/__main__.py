@@ -1,0 +1,76 @@
+"""`analyze log.mcap`: the command on the laptop."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from analysis import commands
+from flight.errors import InputError
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def analyze(
+    log: Annotated[Path, typer.Argument(help="A log that the daemon recorded.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder for the results; default: LOG without .mcap, plus .report"),
+    ] = None,
+    aircraft: Annotated[
+        Path | None, typer.Option("--aircraft", help="Aircraft file to use instead of the one the log carries.")
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")] = False,
+) -> None:
+    """From a log to power required: report.html, results.json and power_required.csv.
+
+    A log carries all it needs: the aircraft file, the propeller table and the probe's calibration. The curve is drawn
+    over the speeds flown in accelerations and decelerations, with a 95 % interval.
+
+    Exit code 0: done. 2: the input cannot be used; one line on stderr says why, and nothing was written.
+    """
+    errors = Console(stderr=True, quiet=quiet)
+    folder = output or log.with_suffix(".report")
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file; give the folder for the results with -o")
+    # A thread pool helps none of these small matrices and costs the start of every call.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    with errors.status("starting") as status:
+        from analysis.chain import analyze as run_chain
+        from analysis.report import write_report
+
+        analysis = run_chain(log, aircraft, lambda text: status.update(text + " …"))
+        status.update("drawing the report …")
+        write_report(analysis, folder)
+    if not quiet:
+        _print_summary(analysis.results, folder)
+
+
+def _print_summary(results, folder: Path) -> None:
+    from analysis.report.page import special_in_words
+
+    console = Console()
+    curve = Table(title=f"{results.aircraft.title}: power required", title_justify="left")
+    for heading in ("speed, m/s", "power, W", "95 % interval, W"):
+        curve.add_column(heading, justify="right")
+    for point in results.power_required[:: len(results.power_required) // 8 or 1]:
+        interval = f"{point.power_lo_W:.1f} to {point.power_hi_W:.1f}"
+        curve.add_row(f"{point.speed_mps:.1f}", f"{point.power_W:.1f}", interval)
+    console.print(curve)
+    console.print(f"longest endurance at {special_in_words(results.minimum_power_speed)}")
+    console.print(f"longest range at     {special_in_words(results.best_range_speed)}")
+    for warning in results.warnings:
+        console.print(f"[yellow]note:[/yellow] {warning}")
+    console.print(f"report: {folder / 'report.html'}")
+
+
+def main() -> None:
+    commands.run(app)
+
+
+if __name__ == "__main__":
+    main()

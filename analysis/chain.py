@@ -1,0 +1,208 @@
+"""The whole way from a log to results: the order of the steps, and nothing else."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from analysis.airdata.air import air_data
+from analysis.airdata.probe import parse_probe
+from analysis.airdata.tubing import low_frequency_lag_s
+from analysis.channels import synchronise
+from analysis.power import curve
+from analysis.power.dynamic import DynamicEstimate, estimate_polar
+from analysis.results import (
+    AircraftResult,
+    ConditionResult,
+    DragPolar,
+    ParameterResult,
+    PowerPoint,
+    RejectedResult,
+    Results,
+    RunResult,
+    SpeedInterval,
+)
+from analysis.runs import Rejected, Run, find_runs
+from analysis.stillness import still_segments, zeros
+from flight.aircraft import Aircraft, load_aircraft, parse_aircraft
+from flight.atmosphere import SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
+from flight.errors import InputError
+from flight.log_reader import Log, read_log
+from flight.propeller import Propeller, parse_propeller
+
+CURVE_POINTS = 61
+ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients between which the curve is drawn
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """Everything the report draws."""
+
+    results: Results
+    table: pd.DataFrame
+    runs: list[Run]
+    estimate: DynamicEstimate
+    polar: curve.Polar
+    flown_CL: tuple[float, float]
+
+
+def analyze(log_path: Path, aircraft_path: Path | None = None, progress: Progress = lambda _: None) -> Analysis:
+    """A log to power required.
+
+    aircraft_path: an aircraft file to use instead of the one the log carries.
+    Raises InputError when the log or the aircraft file cannot be used, or holds no run.
+    """
+    progress("reading the log")
+    log = read_log(log_path)
+    aircraft = load_aircraft(aircraft_path) if aircraft_path else _aircraft_of(log)
+    propeller = _propeller_of(log, aircraft)
+    probe = parse_probe(
+        _attachment(log, "probe.json", "calibrate the probe and name the file in the tray"), "probe.json"
+    )
+    warnings = [f"The log is torn ({log.torn}); what came before is used."] if log.torn else []
+    if log.undecodable:
+        warnings.append(f"{log.undecodable} messages could not be decoded and are left out.")
+
+    progress("synchronising")
+    channels = synchronise(log, _line_lags_s(aircraft))
+    for topic, share in channels.usable.items():
+        if share < 0.9:
+            warnings.append(f"Only {100 * share:.0f} % of the messages on {topic} carried a value.")
+    at_rest = zeros(channels.table, still_segments(channels.table, channels.rate_Hz))
+    air = air_data(channels.table, aircraft, probe, propeller, at_rest)
+    warnings += air.notes
+
+    progress("finding runs")
+    runs, rejected = find_runs(air.table)
+    if not runs:
+        raise InputError(f"{log_path}: no acceleration or deceleration to analyse{_nearest_miss(rejected)}")
+
+    progress(f"estimating lift and drag from {len(runs)} runs")
+    estimate = estimate_polar(air.table, runs, aircraft, at_rest)
+    warnings += estimate.warnings
+
+    progress("computing the curve")
+    flown = pd.concat([air.table.iloc[run.rows] for run in runs])
+    flown_CL = _flown_lift(flown, aircraft)
+    test = curve.Condition(aircraft.mass.weight_N, float(flown["rho"].mean()), aircraft.geometry.wing_area_m2)
+    standard = curve.Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
+    results = Results(
+        software_version=version("flightpower"),
+        log=str(log_path),
+        aircraft=AircraftResult(
+            name=aircraft.name,
+            title=aircraft.title,
+            wing_area_m2=aircraft.geometry.wing_area_m2,
+            span_m=aircraft.geometry.span_m,
+            propeller=propeller.name,
+        ),
+        test=ConditionResult(weight_N=test.weight_N, air_density_kgpm3=test.rho),
+        standard=ConditionResult(weight_N=standard.weight_N, air_density_kgpm3=standard.rho),
+        air_temperature_K=float(flown["static_temperature_K"].mean()),
+        air_pressure_Pa=float(flown["static_Pa"].mean()),
+        runs=[
+            RunResult(
+                kind=run.kind,
+                start_s=run.start_s,
+                end_s=run.end_s,
+                lowest_speed_mps=run.lowest_speed_mps,
+                highest_speed_mps=run.highest_speed_mps,
+                altitude_change_m=run.altitude_change_m,
+                notes=list(run.notes),
+            )
+            for run in runs
+        ],
+        rejected=[RejectedResult(kind=r.kind, start_s=r.start_s, end_s=r.end_s, reason=r.reason) for r in rejected],
+        parameters=[
+            ParameterResult(name=name, value=value, standard_error=error, unit=unit)
+            for name, value, error, unit in estimate.parameters
+        ],
+        drag_polar=_drag_polar(estimate.polar, aircraft),
+        power_required=_points(estimate.polar, test, flown_CL),
+        power_required_standard=_points(estimate.polar, standard, flown_CL),
+        minimum_power_speed=_special(curve.minimum_power_lift, estimate.polar, test, flown_CL),
+        best_range_speed=_special(curve.best_range_lift, estimate.polar, test, flown_CL),
+        verdict=estimate.verdict,
+        warnings=warnings,
+    )
+    return Analysis(results, air.table, runs, estimate, estimate.polar, flown_CL)
+
+
+def _attachment(log: Log, name: str, remedy: str) -> bytes:
+    if name not in log.attachments:
+        raise InputError(f"{log.path}: carries no {name}; {remedy}")
+    return log.attachments[name]
+
+
+def _aircraft_of(log: Log) -> Aircraft:
+    text = _attachment(log, "aircraft.toml", "give one with --aircraft FILE")
+    return parse_aircraft(text.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
+
+
+def _propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
+    table = _attachment(log, "propeller.csv", "the tray's aircraft file names the propeller that goes into logs")
+    return parse_propeller(table.decode("utf-8", errors="replace"), aircraft.propulsion.propeller)
+
+
+def _line_lags_s(aircraft: Aircraft) -> dict[str, float]:
+    """Lag of each pressure topic behind the air, at sea level (higher up it is longer by the ratio of pressures)."""
+    topics = {"alpha": "/probe/alpha", "beta": "/probe/beta", "airspeed": "/probe/airspeed", "static": "/static"}
+    return {
+        topics[name]: low_frequency_lag_s(line, static_Pa=SEA_LEVEL_PRESSURE_PA, temperature_K=SEA_LEVEL_TEMPERATURE_K)
+        for name, line in aircraft.probe.lines.items()
+        if name in topics
+    }
+
+
+def _nearest_miss(rejected: list[Rejected]) -> str:
+    if not rejected:
+        return " (speed never changed steadily in level flight)"
+    longest = max(rejected, key=lambda r: r.end_s - r.start_s)
+    return f"; the longest stretch, {longest.start_s:.0f} to {longest.end_s:.0f} s: {longest.reason}"
+
+
+def _flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
+    """Range of lift coefficients at which lift would equal weight at the speeds flown: what the curve is drawn over."""
+    CL = 2 * aircraft.mass.weight_N / (flown["rho"] * flown["V_mps"] ** 2 * aircraft.geometry.wing_area_m2)
+    low, high = np.percentile(CL.dropna(), ROBUST_RANGE)
+    return float(low), float(high)
+
+
+def _points(polar: curve.Polar, at: curve.Condition, flown_CL: tuple[float, float]) -> list[PowerPoint]:
+    V = np.linspace(curve.speed_at(flown_CL[1], at), curve.speed_at(flown_CL[0], at), CURVE_POINTS)
+    power, error = curve.power_required(V, polar, at)
+    half = curve.NORMAL_95 * error
+    return [
+        PowerPoint(speed_mps=float(v), power_W=float(p), power_lo_W=float(p - h), power_hi_W=float(p + h))
+        for v, p, h in zip(V, power, half, strict=True)
+    ]
+
+
+def _special(lift_of, polar: curve.Polar, at: curve.Condition, flown_CL: tuple[float, float]) -> SpeedInterval:
+    CL = lift_of(polar.A)
+    if not np.isfinite(CL):
+        return SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
+    speed, lo, hi = curve.special_speed(lift_of, polar, at)
+    return SpeedInterval(
+        speed_mps=speed, lo_mps=lo, hi_mps=hi, inside_flown_range=bool(flown_CL[0] <= CL <= flown_CL[1])
+    )
+
+
+def _drag_polar(polar: curve.Polar, aircraft: Aircraft) -> DragPolar:
+    A0, A1, A2 = (float(a) for a in polar.A)
+    classic = curve.classic_form(polar.A, aircraft.aspect_ratio)
+    return DragPolar(
+        A0=A0,
+        A1=A1,
+        A2=A2,
+        CD0=classic.CD0,
+        K=classic.K,
+        CL_minD=classic.CL_minD,
+        oswald_efficiency=classic.oswald,
+        maximum_lift_to_drag=curve.maximum_lift_to_drag(polar.A),
+    )
