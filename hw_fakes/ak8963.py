@@ -1,0 +1,166 @@
+"""Asahi Kasei AK8963, the magnetometer inside the MPU-9250, on its own small register map.
+
+Sections are those of the AK8963 datasheet (MS1356-E-02). Its axes differ from those of the accelerometer and gyroscope
+beside it: x and y change places and z points the other way (PS-MPU-9250A-01 sec. 9.1).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hw_fakes.blocks import Blocks
+from sim.felt import Array, Felt
+
+# Registers (sec. 8.1).
+WIA, INFO, ST1, HXL, HZH, ST2, CNTL1, CNTL2, ASTC, ASAX, ASAZ = (
+    0x00,
+    0x01,
+    0x02,
+    0x03,
+    0x08,
+    0x09,
+    0x0A,
+    0x0B,
+    0x0C,
+    0x10,
+    0x12,
+)
+RESET_VALUES = {WIA: 0x48, INFO: 0x9A}
+WRITABLE = frozenset([CNTL1, CNTL2, ASTC])
+
+DRDY, DOR = 0x01, 0x02  # ST1
+HOFL, BITM = 0x08, 0x10  # ST2
+OUTPUT_16_BIT, SOFT_RESET = 0x10, 0x01  # CNTL1, CNTL2
+POWER_DOWN, SINGLE, CONTINUOUS_8_HZ, CONTINUOUS_100_HZ, FUSE_ROM = 0x0, 0x1, 0x2, 0x6, 0xF
+PERIOD_NS = {CONTINUOUS_8_HZ: 125_000_000, CONTINUOUS_100_HZ: 10_000_000}
+MEASUREMENT_NS = 7_200_000  # typical time for one measurement (sec. 5.3.2)
+MODE_WAIT_NS = 100_000  # in power-down before the next mode (sec. 6.3)
+
+FULL_SCALE_T, FULL_SCALE_COUNTS = 4912e-6, 32760  # at 16 bits (sec. 8.3.4)
+COUNTS_14_BIT = 8190
+BODY_TO_CHIP = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+
+
+class AK8963:
+    """The part at 0x0C. now_ns: time since the tray's power-on [ns]. seed: draws the fuse ROM's sensitivities.
+
+    A mode written without passing through power-down and its 100 us is ignored; the datasheet forbids it and does not
+    say what happens.
+    """
+
+    def __init__(self, felt: Felt, now_ns: Callable[[], int], seed: int):
+        self._felt = felt
+        self._now_ns = now_ns
+        self._adjustment = np.random.default_rng(seed).integers(160, 192, 3)  # typical of real parts
+        self.power_cycle()
+
+    def power_cycle(self) -> None:
+        """Registers at their defaults, in power-down mode."""
+        self._registers = bytearray(0x13)
+        for address, value in RESET_VALUES.items():
+            self._registers[address] = value
+        self._pointer = 0
+        self._mode_since_ns = self._now_ns() - MODE_WAIT_NS
+        self._done = 0
+        self._locked = False
+
+    def write(self, data: bytes) -> None:
+        if not data:
+            return
+        self._catch_up(self._now_ns())
+        self._pointer = data[0]
+        for value in data[1:]:
+            self._write_register(self._pointer, value)
+            self._advance_pointer()
+
+    def read(self, count: int) -> bytes:
+        self._catch_up(self._now_ns())
+        reply = bytearray()
+        for _ in range(count):
+            reply.append(self._read_register(self._pointer))
+            self._advance_pointer()
+        return bytes(reply)
+
+    def write_read(self, data: bytes, count: int) -> bytes:
+        self.write(data)
+        return self.read(count)
+
+    def _advance_pointer(self) -> None:
+        """Two rings: 00h to 0Ch and 10h to 12h (sec. 7.2.2)."""
+        if self._pointer == ASTC:
+            self._pointer = WIA
+        elif self._pointer == ASAZ:
+            self._pointer = ASAX
+        else:
+            self._pointer += 1
+
+    @property
+    def _mode(self) -> int:
+        return self._registers[CNTL1] & 0x0F
+
+    def _write_register(self, address: int, value: int) -> None:
+        if address not in WRITABLE:
+            return
+        now_ns = self._now_ns()
+        if address == CNTL2 and value & SOFT_RESET:
+            self.power_cycle()
+        elif address == CNTL1:
+            mode = value & 0x0F
+            waited = self._mode == POWER_DOWN and now_ns - self._mode_since_ns >= MODE_WAIT_NS
+            if mode == POWER_DOWN or mode == self._mode or waited:
+                self._enter(value, now_ns)
+        else:
+            self._registers[address] = value
+
+    def _enter(self, control: int, now_ns: int) -> None:
+        self._registers[CNTL1] = control & 0x1F
+        self._mode_since_ns = now_ns
+        self._done = 0
+        self._locked = False
+        if self._mode in PERIOD_NS or self._mode == SINGLE:
+            period_s = PERIOD_NS.get(self._mode, MEASUREMENT_NS) * 1e-9
+            self._blocks = Blocks(self._measure, period_s, now_ns * 1e-9 + MEASUREMENT_NS * 0.5e-9, length=64)
+
+    def _read_register(self, address: int) -> int:
+        if ASAX <= address <= ASAZ:
+            return int(self._adjustment[address - ASAX]) if self._mode == FUSE_ROM else 0
+        if address >= len(self._registers):
+            return 0
+        value = self._registers[address]
+        if HXL <= address <= ST2:  # reading clears both; data stay protected until ST2 is read (sec. 6.4.3)
+            self._registers[ST1] &= ~(DRDY | DOR)
+            self._locked = address != ST2
+        return value
+
+    def _catch_up(self, now_ns: int) -> None:
+        """Finish the measurements that ended since the part was last touched."""
+        since_ns = now_ns - self._mode_since_ns - MEASUREMENT_NS
+        if since_ns < 0:
+            return
+        if self._mode == SINGLE:
+            self._store(0)
+            self._registers[CNTL1] &= ~0x0F
+            self._mode_since_ns = now_ns
+        elif self._mode in PERIOD_NS:
+            done = since_ns // PERIOD_NS[self._mode] + 1
+            if done > self._done:
+                skipped = done > self._done + 1 or bool(self._registers[ST1] & DRDY)
+                self._done = done
+                if self._locked:
+                    return
+                self._registers[ST1] |= DOR if skipped else 0
+                self._store(done - 1)
+
+    def _store(self, index: int) -> None:
+        counts, overflow = np.split(self._blocks.row(index), [3])
+        self._registers[HXL : HZH + 1] = counts.astype("<i2").tobytes()
+        self._registers[ST2] = (HOFL if overflow[0] else 0) | (BITM if self._registers[CNTL1] & OUTPUT_16_BIT else 0)
+        self._registers[ST1] |= DRDY
+
+    def _measure(self, t_s: Array) -> np.ndarray:
+        """Counts x y z and the overflow flag (n, 4); sec. 8.3.4, 8.3.5 and the adjustment of sec. 8.3.11."""
+        limit = FULL_SCALE_COUNTS if self._registers[CNTL1] & OUTPUT_16_BIT else COUNTS_14_BIT
+        field = self._felt.magnetic_field_T(t_s) @ BODY_TO_CHIP.T
+        counts = np.rint(field / (FULL_SCALE_T / limit) / ((self._adjustment - 128) * 0.5 / 128 + 1))
+        overflow = np.abs(field).sum(axis=1) >= FULL_SCALE_T
+        return np.column_stack([np.clip(counts, -limit, limit), overflow]).astype(int)

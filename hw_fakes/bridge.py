@@ -1,0 +1,108 @@
+"""Piezo bridges with a signal conditioner: TE MS4515DO / MS4525DO and Honeywell SSC, the same four bytes.
+
+Status in the first two bits, 14 bits of pressure, 11 bits of temperature (TE "Interfacing to MEAS digital pressure
+modules" sec. 2; Honeywell 008201-3-EN). An update every half millisecond; one that was read already is marked stale.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw_fakes.blocks import Blocks
+from hw_fakes.i2c import no_acknowledge
+from sim.felt import Array, Felt
+
+FULL_COUNT = 2**14 - 1
+UPDATE_NS = 500_000
+TEMPERATURE_COUNTS = 2047  # over 200 K from -50 degC
+TEMPERATURE_SPAN_K, TEMPERATURE_LOW_K = 200.0, 273.15 - 50.0
+NORMAL, STALE, FAULT = 0, 2, 3  # status bits
+INCH_OF_WATER_4C_PA = 249.089  # the datasheets' inH2O is at 4 degC
+BLOCK_LENGTH = 2000  # one second
+
+
+@dataclass(frozen=True)
+class Part:
+    """A pressure range and how it lies in the counts.
+
+    low_counts, high_counts: at the ends of the range. first_data_ns: from power-on to the first data.
+    repeated_start_hurts: the MS4515DO does not acknowledge the transfer after one.
+    """
+
+    range_Pa: float
+    low_counts: float
+    high_counts: float
+    first_data_ns: int
+    repeated_start_hurts: bool
+
+
+# Type A of TE is 10 to 90 % of 2^14 - 1; transfer function A of Honeywell is given in counts.
+MS4515DO_DS5A002DP = Part(2 * INCH_OF_WATER_4C_PA, 0.1 * FULL_COUNT, 0.9 * FULL_COUNT, 8_400_000, True)
+SSCDRRN005ND2A5 = Part(5 * INCH_OF_WATER_4C_PA, 1638, 14746, 5_000_000, False)
+
+
+def frames(part: Part, pressure_Pa: Array, temperature_K: Array) -> np.ndarray:
+    """Frames (n,) as 32-bit words with status 0, for the port 1 minus port 2 pressure and the bridge's temperature.
+
+    Pressure beyond the counts is pinned at 0 or 16383.
+    """
+    fraction = (pressure_Pa + part.range_Pa) / (2 * part.range_Pa)
+    pressure = np.rint(part.low_counts + (part.high_counts - part.low_counts) * fraction)
+    temperature = np.rint((temperature_K - TEMPERATURE_LOW_K) * TEMPERATURE_COUNTS / TEMPERATURE_SPAN_K)
+    pressure = np.clip(pressure, 0, FULL_COUNT)
+    return pressure.astype(int) << 16 | np.clip(temperature, 0, TEMPERATURE_COUNTS).astype(int) << 5
+
+
+class Bridge:
+    """A transducer at its address.
+
+    which: what it measures, in `sim.felt.Felt`'s words ("alpha", "beta", "airspeed"). now_ns: time since the tray's
+    power-on [ns]. `fault`, once set, stays until `power_cycle`, as in the part.
+    """
+
+    def __init__(self, part: Part, which: str, felt: Felt, now_ns: Callable[[], int]):
+        def fetch(t_s: Array) -> np.ndarray:
+            temperature_K = np.interp(t_s, t_s[[0, -1]], felt.transducer_temperature_K(which, t_s[[0, -1]]))
+            return frames(part, felt.differential_pressure_Pa(which, t_s), temperature_K)
+
+        self._part = part
+        self._now_ns = now_ns
+        self._blocks = Blocks(fetch, UPDATE_NS * 1e-9, length=BLOCK_LENGTH)
+        self.power_cycle()
+
+    def power_cycle(self) -> None:
+        """Supply gone and back; clears a latched fault."""
+        self._first_data_ns = self._now_ns() + self._part.first_data_ns
+        self._last_read = -1
+        self._deaf = False
+        self.fault = False
+
+    def write(self, data: bytes) -> None:
+        """In its normal mode the part measures by itself: a write does nothing, an empty one upsets it."""
+        self._listen()
+        self._deaf = self._part.repeated_start_hurts and not data
+
+    def read(self, count: int) -> bytes:
+        self._listen()
+        now_ns = self._now_ns()
+        if now_ns < self._first_data_ns:
+            word, status = 0, STALE
+        else:
+            index = now_ns // UPDATE_NS
+            word = int(self._blocks.row(index))
+            status = STALE if index == self._last_read else NORMAL
+            self._last_read = index
+        frame = (word | (FAULT if self.fault else status) << 30).to_bytes(4, "big")
+        return (frame + b"\xff" * count)[:count]  # clocked on, nobody pulls the line down
+
+    def write_read(self, data: bytes, count: int) -> bytes:
+        self.write(data)
+        reply = self.read(count)
+        self._deaf = self._part.repeated_start_hurts
+        return reply
+
+    def _listen(self) -> None:
+        if self._deaf:
+            self._deaf = False
+            raise no_acknowledge()

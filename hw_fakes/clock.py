@@ -1,0 +1,32 @@
+"""A clock that waits in no time, for a flight that is recorded in seconds."""
+
+
+class SimulatedClock:
+    """Time that moves only when somebody sleeps on it or spends it (a transfer on a bus spends some).
+
+    Satisfies `daq.clock.Clock`.
+
+    start_ns: monotonic time at which it begins [ns].
+    unix_at_start_ns: what the system believes the Unix time is at that instant [ns].
+    """
+
+    def __init__(self, start_ns: int = 0, unix_at_start_ns: int = 0):
+        self._now_ns = start_ns
+        self._unix_offset_ns = unix_at_start_ns - start_ns
+
+    def now_ns(self) -> int:
+        return self._now_ns
+
+    def sleep_until_ns(self, due_ns: int) -> None:
+        self._now_ns = max(self._now_ns, due_ns)
+
+    def advance_ns(self, duration_ns: int) -> None:
+        """Let `duration_ns` [ns] pass."""
+        self._now_ns += duration_ns
+
+    def unix_ns(self) -> int:
+        return self._now_ns + self._unix_offset_ns
+
+    def set_unix_ns(self, unix_ns: int) -> None:
+        """Make the system's Unix time jump, as on a Pi without a real-time clock when time arrives."""
+        self._unix_offset_ns = unix_ns - self._now_ns

@@ -1,0 +1,119 @@
+"""The microcontroller that counts a speed controller's commutation pulses, behind a decade counter.
+
+It measures the time between every tenth pulse of one motor phase, so ten electrical periods, in microseconds, and sends
+the newest at most every 10 ms, at 115200 baud 8N1.
+
+Legacy frame, 4 bytes: 'x' (0x78), then the period, 24 bits, big-endian. Nothing is sent while no pulses come, so
+silence means a stopped motor or a broken wire.
+
+Framed variant, 8 bytes, for whoever programs such a counter anew:
+
+    0   0xA5             start of frame
+    1   sequence         counts frames modulo 256
+    2   flags            bit 0: no pulse for 0.5 s, the motor stands; the period is then 0
+    3-6 period           32 bits, big-endian, microseconds for ten electrical periods
+    7   CRC-8            of bytes 1 to 6: polynomial 0x07, initial value 0, not reflected, no final XOR
+                         (CRC-8/SMBUS; of "123456789" it is 0xF4)
+
+It is sent with every new period, at most every 10 ms, and every 0.5 s while the motor stands: silence means broken.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from sim.felt import Felt
+
+BAUD = 115200
+DECADE = 10
+INTERVAL_NS = 10_000_000
+STANDING_NS = 500_000_000
+LEGACY_MAX_US, FRAMED_MAX_US = 2**24 - 1, 2**32 - 1
+START, FLAG_STANDING = 0xA5, 0x01
+STEP_S = 2e-3  # of the speed's integration
+BLOCK_STEPS = 500
+
+
+def legacy_frame(period_us: int) -> bytes:
+    """'x' and the period [us] in 24 bits."""
+    return b"x" + period_us.to_bytes(3, "big")
+
+
+def framed(sequence: int, period_us: int, standing: bool = False) -> bytes:
+    """The framed variant, see the module's description."""
+    body = bytes([sequence & 0xFF, FLAG_STANDING if standing else 0]) + period_us.to_bytes(4, "big")
+    return bytes([START]) + body + bytes([crc8(body)])
+
+
+def crc8(data: bytes) -> int:
+    """CRC-8/SMBUS."""
+    crc = 0
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x07 if crc & 0x80 else crc << 1) & 0xFF
+    return crc
+
+
+class EscCounter:
+    """The counter on its serial line. pole_pairs: of the motor. with_crc: the framed variant."""
+
+    baud = BAUD
+
+    def __init__(self, felt: Felt, pole_pairs: int, with_crc: bool = False):
+        self._felt = felt
+        self._pulses_per_rev = pole_pairs / DECADE
+        self._with_crc = with_crc
+        self._ready: list[tuple[int, bytes]] = []
+        self._block = 0
+        self._phase = 0.0  # tenth pulses since power-on
+        self._last_pulse_s: float | None = None
+        self._last_sent_ns = -INTERVAL_NS
+        self._sequence = 0
+
+    def output(self, until_ns: int) -> Iterable[tuple[int, bytes]]:
+        while self._block * BLOCK_STEPS * STEP_S * 1e9 <= until_ns:
+            self._count_block()
+        due = next((i for i, (at_ns, _) in enumerate(self._ready) if at_ns > until_ns), len(self._ready))
+        sent, self._ready = self._ready[:due], self._ready[due:]
+        return sent
+
+    def receive(self, data: bytes, at_ns: int) -> None:
+        """It listens to nobody."""
+
+    def _count_block(self) -> None:
+        """Pulses of the next second: the motor's angle passes multiples of ten electrical turns."""
+        t_s = (self._block * BLOCK_STEPS + np.arange(BLOCK_STEPS + 1)).astype(np.float64) * STEP_S
+        self._block += 1
+        rate_Hz = np.maximum(self._felt.motor_speed_revps(t_s), 0.0) * self._pulses_per_rev
+        phase = self._phase + np.concatenate([[0.0], np.cumsum((rate_Hz[:-1] + rate_Hz[1:]) * STEP_S / 2)])
+        whole = np.arange(np.floor(self._phase) + 1, np.floor(phase[-1]) + 1)
+        self._phase = float(phase[-1])
+        for pulse_s in np.interp(whole, phase, t_s).tolist():
+            self._stand_until(pulse_s)
+            if self._last_pulse_s is not None:
+                self._report(pulse_s, round((pulse_s - self._last_pulse_s) * 1e6))
+            self._last_pulse_s = pulse_s
+        self._stand_until(float(t_s[-1]))
+
+    def _report(self, at_s: float, period_us: int) -> None:
+        at_ns = round(at_s * 1e9)
+        if at_ns - self._last_sent_ns < INTERVAL_NS or period_us > (FRAMED_MAX_US if self._with_crc else LEGACY_MAX_US):
+            return
+        self._send(at_ns, period_us)
+
+    def _stand_until(self, at_s: float) -> None:
+        """Say that the motor stands, in the framed variant, for as long as no pulse came before `at_s`."""
+        if not self._with_crc:
+            return
+        at_ns = round(at_s * 1e9)
+        silent_since_ns = max(self._last_sent_ns, round((self._last_pulse_s or 0.0) * 1e9))
+        for due_ns in range(silent_since_ns + STANDING_NS, at_ns, STANDING_NS):
+            self._last_pulse_s = None
+            self._send(due_ns, 0, standing=True)
+
+    def _send(self, at_ns: int, period_us: int, standing: bool = False) -> None:
+        self._last_sent_ns = at_ns
+        frame = framed(self._sequence, period_us, standing) if self._with_crc else legacy_frame(period_us)
+        self._ready.append((at_ns, frame))
+        self._sequence += 1

@@ -1,0 +1,241 @@
+"""InvenSense MPU-9250: accelerometer, gyroscope, thermometer and FIFO behind a register map.
+
+Sections are those of the register map RM-MPU-9250A-00 (rev. 1.4) and of the product specification PS-MPU-9250A-01.
+Bias, noise and misalignment are in what the simulator says the part feels; range, quantisation, saturation and the
+delay of the digital low-pass filter are made here. The filter is a pure delay: the aircraft's motion lies far below its
+corner, and what lies above it is not simulated.
+
+The chip's axes are the body's (x forward, y right, z down: mounted with its top to the ground).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flight.atmosphere import GRAVITY_MPS2
+from hw_fakes.blocks import Blocks
+from hw_fakes.i2c import no_acknowledge
+from sim.felt import Array, Felt
+
+# Register addresses (RM sec. 3).
+SELF_TEST_X_GYRO, SELF_TEST_X_ACCEL = 0x00, 0x0D
+SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2 = 0x19, 0x1A, 0x1B, 0x1C, 0x1D
+FIFO_EN, INT_PIN_CFG, INT_STATUS = 0x23, 0x37, 0x3A
+ACCEL_XOUT_H, GYRO_ZOUT_L, EXT_SENS_DATA_23 = 0x3B, 0x48, 0x60
+USER_CTRL, PWR_MGMT_1, PWR_MGMT_2 = 0x6A, 0x6B, 0x6C
+FIFO_COUNTH, FIFO_COUNTL, FIFO_R_W, WHO_AM_I = 0x72, 0x73, 0x74, 0x75
+REGISTER_COUNT = 128
+
+# "The reset value is 0x00 for all registers other than: register 107 (0x01), register 117 (0x71)" (RM sec. 3).
+RESET_VALUES = {PWR_MGMT_1: 0x01, WHO_AM_I: 0x71}
+
+READ_ONLY = frozenset([INT_STATUS, *range(ACCEL_XOUT_H, EXT_SENS_DATA_23 + 1), FIFO_COUNTH, FIFO_COUNTL, WHO_AM_I])
+
+# Bits.
+FIFO_MODE_STOP = 0x40  # CONFIG: when full, new samples are dropped rather than the oldest
+BYPASS_EN = 0x02  # INT_PIN_CFG
+INT_FIFO_OVERFLOW, INT_RAW_DATA_READY = 0x10, 0x01  # INT_STATUS
+USER_FIFO_EN, USER_I2C_MST_EN, USER_FIFO_RST, USER_SELF_CLEARING = 0x40, 0x20, 0x04, 0x07
+H_RESET, SLEEP = 0x80, 0x40  # PWR_MGMT_1
+
+FIFO_SIZE = 512  # bytes
+# FIFO_EN bits (RM sec. 4.13) to columns of a sample [ax ay az, temperature, gx gy gz], in the order they are stored.
+FIFO_COLUMNS = ((0x08, (0, 1, 2)), (0x80, (3,)), (0x40, (4,)), (0x20, (5,)), (0x10, (6,)))
+
+ACCEL_COUNTS_PER_G = (16384, 8192, 4096, 2048)  # PS sec. 3.2, by ACCEL_FS_SEL
+GYRO_COUNTS_PER_DPS = (131, 65.5, 32.8, 16.4)  # PS sec. 3.1, by GYRO_FS_SEL
+TEMPERATURE_COUNTS_PER_K, TEMPERATURE_ZERO_K = 333.87, 273.15 + 21  # PS sec. 3.4.2
+GYRO_DELAY_S = (0.97e-3, 2.9e-3, 3.9e-3, 5.9e-3, 9.9e-3, 17.85e-3, 33.48e-3, 0.17e-3)  # RM sec. 4.5, by DLPF_CFG
+GYRO_DELAY_WITHOUT_FILTER_S = 0.064e-3
+ACCEL_DELAY_S = (1.94e-3, 5.80e-3, 7.80e-3, 11.80e-3, 19.80e-3, 35.70e-3, 66.96e-3, 1.88e-3)  # RM sec. 4.7
+ACCEL_DELAY_WITHOUT_FILTER_S = 0.75e-3
+
+START_UP_NS = 11_000_000  # registers can be read and written (PS sec. 3.3.2, typical)
+GYRO_START_UP_S = 35e-3  # from sleep (PS sec. 3.1); the outputs read zero until then
+CLOCK_TOLERANCE = 0.01  # sample rate with the gyroscope's oscillator (PS sec. 3.4.2)
+
+
+class MPU9250:
+    """The part at its address; `bypass` tells whether the magnetometer inside is on the outer bus.
+
+    now_ns: time since the tray's power-on [ns]. seed: draws factory trim and clock error.
+    """
+
+    def __init__(self, felt: Felt, now_ns: Callable[[], int], seed: int):
+        self._felt = felt
+        self._now_ns = now_ns
+        draw = np.random.default_rng(seed)
+        self._factory_trim = draw.integers(0x40, 0xC0, 6, dtype=np.uint8)
+        self._clock_error = draw.uniform(-CLOCK_TOLERANCE, CLOCK_TOLERANCE)
+        self.power_cycle()
+
+    def power_cycle(self) -> None:
+        """Supply gone and back: registers at their defaults, deaf for the start-up time."""
+        self._registers = bytearray(REGISTER_COUNT)
+        self._ready_ns = self._now_ns() + START_UP_NS
+        self._reset(self._ready_ns)
+
+    @property
+    def bypass(self) -> bool:
+        """Whether the auxiliary bus is joined to the main one (RM sec. 4.20, 4.33)."""
+        return bool(self._registers[INT_PIN_CFG] & BYPASS_EN) and not self._registers[USER_CTRL] & USER_I2C_MST_EN
+
+    def write(self, data: bytes) -> None:
+        now_ns = self._awake_ns()
+        if not data:
+            return
+        self._pointer = data[0] % REGISTER_COUNT
+        for value in data[1:]:
+            self._write_register(self._pointer, value, now_ns)
+            self._advance_pointer()
+
+    def read(self, count: int) -> bytes:
+        self._catch_up(self._awake_ns())
+        reply = bytearray()
+        while len(reply) < count:
+            if self._pointer == FIFO_R_W:  # the pointer stays: a burst empties the FIFO (RM sec. 4.35)
+                reply += self._read_fifo(count - len(reply))
+            else:
+                reply.append(self._read_register(self._pointer))
+                self._advance_pointer()
+        return bytes(reply)
+
+    def write_read(self, data: bytes, count: int) -> bytes:
+        self.write(data)
+        return self.read(count)
+
+    # --- registers ---
+
+    def _awake_ns(self) -> int:
+        now_ns = self._now_ns()
+        if now_ns < self._ready_ns:
+            raise no_acknowledge()
+        return now_ns
+
+    def _advance_pointer(self) -> None:
+        if self._pointer != FIFO_R_W:
+            self._pointer = (self._pointer + 1) % REGISTER_COUNT
+
+    def _reset(self, now_ns: int) -> None:
+        self._registers[:] = bytes(REGISTER_COUNT)
+        for address, value in RESET_VALUES.items():
+            self._registers[address] = value
+        self._registers[SELF_TEST_X_GYRO : SELF_TEST_X_GYRO + 3] = self._factory_trim[:3].tobytes()
+        self._registers[SELF_TEST_X_ACCEL : SELF_TEST_X_ACCEL + 3] = self._factory_trim[3:].tobytes()
+        self._pointer = 0
+        self._fifo = bytearray()
+        self._last_fifo_byte = 0
+        self._gyro_ready_s = now_ns * 1e-9 + GYRO_START_UP_S
+        self._restart_sampling(now_ns)
+
+    def _write_register(self, address: int, value: int, now_ns: int) -> None:
+        self._catch_up(now_ns)  # what was sampled so far, was sampled with the old settings
+        if address in READ_ONLY:
+            return
+        before = self._registers[address]
+        if address == PWR_MGMT_1 and value & H_RESET:
+            self._reset(now_ns)
+            self._ready_ns = now_ns + START_UP_NS
+            return
+        if address == USER_CTRL:
+            if value & USER_FIFO_RST:
+                self._fifo.clear()
+            value &= ~USER_SELF_CLEARING
+        if address == FIFO_R_W:
+            self._fifo.append(value)
+            return
+        self._registers[address] = value
+        if address == PWR_MGMT_1 and before & SLEEP and not value & SLEEP:
+            self._gyro_ready_s = now_ns * 1e-9 + GYRO_START_UP_S
+        if address in (SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2, PWR_MGMT_1, PWR_MGMT_2):
+            self._restart_sampling(now_ns)
+
+    def _read_register(self, address: int) -> int:
+        if address == FIFO_COUNTH:  # reading the high byte latches both (RM sec. 4.34)
+            self._latched_count = len(self._fifo)
+            return self._latched_count >> 8
+        if address == FIFO_COUNTL:
+            return self._latched_count & 0xFF
+        value = self._registers[address]
+        if address == INT_STATUS:  # cleared by reading (RM sec. 4.23)
+            self._registers[INT_STATUS] = 0
+        return value
+
+    def _read_fifo(self, count: int) -> bytes:
+        taken = bytes(self._fifo[:count])
+        del self._fifo[:count]
+        if taken:
+            self._last_fifo_byte = taken[-1]
+        return taken + bytes([self._last_fifo_byte]) * (count - len(taken))  # empty: the last byte again
+
+    # --- sampling ---
+
+    def _restart_sampling(self, now_ns: int) -> None:
+        self._origin_ns = now_ns
+        self._period_ns = 1e9 / self._sample_rate_Hz() / (1 + self._clock_error)
+        self._done = 0  # samples since the origin
+        self._latched_count = len(self._fifo)
+        period_s = self._period_ns * 1e-9
+        self._blocks = Blocks(self._sample, period_s, now_ns * 1e-9 + period_s)
+
+    def _sample_rate_Hz(self) -> float:
+        """RM sec. 4.4 and 4.5: the divider works only on the 1 kHz that the filters 1 to 6 put out."""
+        filter_off = self._registers[GYRO_CONFIG] & 0x03
+        dlpf = self._registers[CONFIG] & 0x07
+        if filter_off:
+            return 32e3
+        if dlpf in (0, 7):
+            return 8e3
+        return 1e3 / (1 + self._registers[SMPLRT_DIV])
+
+    def _catch_up(self, now_ns: int) -> None:
+        """Do what the part did by itself since it was last touched."""
+        done = int((now_ns - self._origin_ns) / self._period_ns)
+        if done <= self._done or self._registers[PWR_MGMT_1] & SLEEP:
+            return
+        first, self._done = self._done, done
+        self._registers[INT_STATUS] |= INT_RAW_DATA_READY
+        columns = [c for bit, cs in FIFO_COLUMNS if self._registers[FIFO_EN] & bit for c in cs]
+        if columns and self._registers[USER_CTRL] & USER_FIFO_EN:
+            self._fill_fifo(first, done, columns)
+        row = self._blocks.row(done - 1)
+        self._registers[ACCEL_XOUT_H : GYRO_ZOUT_L + 1] = row.tobytes()
+
+    def _fill_fifo(self, first: int, stop: int, columns: list[int]) -> None:
+        sample_bytes = 2 * len(columns)
+        at_most = FIFO_SIZE // sample_bytes + 1
+        if (stop - first) * sample_bytes + len(self._fifo) > FIFO_SIZE:
+            self._registers[INT_STATUS] |= INT_FIFO_OVERFLOW
+        if self._registers[CONFIG] & FIFO_MODE_STOP:
+            stop = min(stop, first + at_most)
+            self._fifo += self._blocks.rows(first, stop)[:, columns].tobytes()
+            del self._fifo[FIFO_SIZE:]
+        else:
+            first = max(first, stop - at_most)
+            self._fifo += self._blocks.rows(first, stop)[:, columns].tobytes()
+            del self._fifo[:-FIFO_SIZE]  # byte by byte: what is left need not begin with a whole sample
+
+    def _sample(self, t_s: Array) -> np.ndarray:
+        """Counts (n, 7), big-endian: specific force x y z, temperature, angular rate x y z."""
+        accel_delay_s, gyro_delay_s = self._delays_s()
+        n = len(t_s)
+        force, rate = self._felt.imu(np.concatenate([t_s - accel_delay_s, t_s - gyro_delay_s]))
+        accel_scale = ACCEL_COUNTS_PER_G[self._registers[ACCEL_CONFIG] >> 3 & 3] / GRAVITY_MPS2
+        gyro_scale = GYRO_COUNTS_PER_DPS[self._registers[GYRO_CONFIG] >> 3 & 3] * 180 / np.pi
+        temperature_K = self._felt.imu_temperature_K(t_s)
+        values = np.empty((n, 7))
+        values[:, 0:3] = force[:n] * accel_scale
+        values[:, 3] = (temperature_K - TEMPERATURE_ZERO_K) * TEMPERATURE_COUNTS_PER_K
+        values[:, 4:7] = rate[n:] * gyro_scale
+        values[t_s < self._gyro_ready_s, 4:7] = 0.0
+        off = self._registers[PWR_MGMT_2]
+        for column, bit in zip((0, 1, 2, 4, 5, 6), (0x20, 0x10, 0x08, 0x04, 0x02, 0x01), strict=True):
+            if off & bit:
+                values[:, column] = 0.0
+        return np.clip(np.rint(values), -32768, 32767).astype(">i2")
+
+    def _delays_s(self) -> tuple[float, float]:
+        gyro_config, accel_config_2 = self._registers[GYRO_CONFIG], self._registers[ACCEL_CONFIG_2]
+        gyro_s = GYRO_DELAY_WITHOUT_FILTER_S if gyro_config & 3 else GYRO_DELAY_S[self._registers[CONFIG] & 7]
+        accel_s = ACCEL_DELAY_WITHOUT_FILTER_S if accel_config_2 & 0x08 else ACCEL_DELAY_S[accel_config_2 & 7]
+        return accel_s, gyro_s

@@ -1,0 +1,219 @@
+"""TE MS5611-01BA03 and MS5805-02BA01: PROM, conversions that take their time, and the compensation backwards.
+
+The two speak the same commands with other scale factors (MS5611 datasheet p. 7-11; MS5805 datasheet p. 6-9):
+
+- The MS5611 has eight PROM words, the CRC in the last four bits of word 7. The MS5805 has seven, the CRC in the first
+  four bits of word 0.
+- Second-order terms of the MS5805: below 20 degC T2 = 11 dT^2/2^35, OFF2 = 31 (TEMP-2000)^2/2^3,
+  SENS2 = 63 (TEMP-2000)^2/2^5, nothing more below -15 degC.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from hw_fakes.blocks import Blocks
+from hw_fakes.i2c import no_acknowledge
+from sim.felt import Felt
+
+RESET, READ_ADC, CONVERT_D1, CONVERT_D2, READ_PROM = 0x1E, 0x00, 0x40, 0x50, 0xA0
+RELOAD_NS = 2_800_000  # PROM into the registers after a reset (MS5611 datasheet fig. 2)
+# Conversion time, typical and at most [ns], by oversampling code 0, 2, 4 … (MS5611 datasheet p. 3).
+CONVERSION_NS = {
+    0x0: (540_000, 600_000),
+    0x2: (1_060_000, 1_170_000),
+    0x4: (2_080_000, 2_280_000),
+    0x6: (4_130_000, 4_540_000),
+    0x8: (8_220_000, 9_040_000),
+    0xA: (16_440_000, 18_080_000),
+}
+FULL_COUNT = 2**24 - 1
+PRESSURE_GRID_S = 1e-3
+TEMPERATURE_GRID_S = 0.1  # a thermometer in a housing is slow
+
+
+@dataclass(frozen=True)
+class SecondOrder:
+    """One branch of the compensation: T2 = t2 dT^2, OFF2 = off (TEMP - 2000)^2, SENS2 = sens (TEMP - 2000)^2."""
+
+    t2: float
+    off: float
+    sens: float
+
+
+@dataclass(frozen=True)
+class Part:
+    """What tells one member of the family from another."""
+
+    typical: tuple[int, ...]  # C1 … C6 of the datasheet's example
+    prom_words: int
+    crc_in_word: int
+    crc_shift: int
+    off_shift: int  # OFF = C2 2^off_shift + C4 dT / 2^(23 - off_shift)
+    sens_shift: int  # SENS = C1 2^sens_shift + C3 dT / 2^(23 - sens_shift)
+    cold: SecondOrder
+    colder_off: float  # times (TEMP + 1500)^2 below -15 degC
+    colder_sens: float
+    oversampling: tuple[int, ...]
+
+
+MS5611 = Part(
+    typical=(40127, 36924, 23317, 23282, 33464, 28312),
+    prom_words=8,
+    crc_in_word=7,
+    crc_shift=0,
+    off_shift=16,
+    sens_shift=15,
+    cold=SecondOrder(t2=2**-31, off=5 / 2, sens=5 / 4),
+    colder_off=7.0,
+    colder_sens=11 / 2,
+    oversampling=(0x0, 0x2, 0x4, 0x6, 0x8),
+)
+MS5805 = Part(
+    typical=(46546, 42845, 29751, 29457, 32745, 29059),
+    prom_words=7,
+    crc_in_word=0,
+    crc_shift=12,
+    off_shift=17,
+    sens_shift=16,
+    cold=SecondOrder(t2=11 * 2**-35, off=31 / 8, sens=63 / 32),
+    colder_off=0.0,
+    colder_sens=0.0,
+    oversampling=(0x0, 0x2, 0x4, 0x6, 0x8, 0xA),
+)
+
+
+def crc4(words: list[int]) -> int:
+    """CRC-4 over the words' bytes as they are given (AN520 p. 5): the CRC's own place must be zero."""
+    remainder = 0
+    for word in words:
+        for byte in (word >> 8, word & 0xFF):
+            remainder ^= byte
+            for _ in range(8):
+                remainder = (remainder << 1) ^ (0x3000 if remainder & 0x8000 else 0)
+                remainder &= 0xFFFF
+    return remainder >> 12
+
+
+def draw_prom(part: Part, seed: int) -> list[int]:
+    """PROM words with coefficients scattered 3 % (1 sigma) around the typical ones, and a CRC that fits."""
+    draw = np.random.default_rng(seed)
+    words = [0] * 8
+    words[0] = int(draw.integers(1, 0x1000))
+    words[1:7] = [int(c * (1 + 0.03 * np.clip(draw.standard_normal(), -3, 3))) for c in part.typical]
+    if part.prom_words == 8:
+        words[7] = int(draw.integers(0, 0x100)) << 8  # serial code; AN520 takes the low byte out of the sum
+    words[part.crc_in_word] |= crc4(words) << part.crc_shift
+    return words[: part.prom_words]
+
+
+def temperature_counts(part: Part, prom: list[int], temperature_K: float) -> int:
+    """D2 at which the compensation gives `temperature_K`, to the nearest count."""
+    c5, c6 = prom[5], prom[6]
+    centi_degC = 100 * (temperature_K - 273.15)
+    slope = c6 / 2**23
+    dT = (centi_degC - 2000) / slope
+    if centi_degC < 2000:  # 2000 + slope dT - t2 dT^2 = wanted, the root near the first-order one
+        t2 = part.cold.t2
+        dT = (slope - sqrt(slope**2 - 4 * t2 * (centi_degC - 2000))) / (2 * t2)
+    return _clip(round(dT + c5 * 2**8))
+
+
+def pressure_counts(part: Part, prom: list[int], pressure_Pa: float, d2: int) -> int:
+    """D1 at which the compensation with temperature counts `d2` gives `pressure_Pa`, to the nearest count."""
+    c1, c2, c3, c4, c5, c6 = prom[1:7]
+    dT = d2 - c5 * 2**8
+    centi_degC = 2000 + dT * c6 / 2**23
+    offset = c2 * 2**part.off_shift + c4 * dT / 2 ** (23 - part.off_shift)
+    sensitivity = c1 * 2**part.sens_shift + c3 * dT / 2 ** (23 - part.sens_shift)
+    if centi_degC < 2000:
+        offset -= part.cold.off * (centi_degC - 2000) ** 2
+        sensitivity -= part.cold.sens * (centi_degC - 2000) ** 2
+    if centi_degC < -1500:
+        offset -= part.colder_off * (centi_degC + 1500) ** 2
+        sensitivity -= part.colder_sens * (centi_degC + 1500) ** 2
+    return _clip(round((pressure_Pa * 2**15 + offset) * 2**21 / sensitivity))
+
+
+def _clip(counts: int) -> int:
+    return min(max(counts, 0), FULL_COUNT)
+
+
+class MS56xx:
+    """A barometer of the family.
+
+    which: what it measures, in `sim.felt.Felt`'s words ("baro", "static"). now_ns: time since the tray's power-on [ns].
+    seed: draws the coefficients and how fast this one converts between typical and worst case.
+
+    A conversion takes the mean of nothing: it holds the pressure of its middle.
+    """
+
+    def __init__(self, part: Part, which: str, felt: Felt, now_ns: Callable[[], int], seed: int):
+        self._part = part
+        self._now_ns = now_ns
+        self.prom = draw_prom(part, seed)
+        self._slowness = np.random.default_rng(seed + 1).uniform()
+        self._pressure = Blocks(lambda t_s: felt.absolute_pressure_Pa(which, t_s), PRESSURE_GRID_S, length=1000)
+        self._temperature = Blocks(lambda t_s: felt.transducer_temperature_K(which, t_s), TEMPERATURE_GRID_S, length=64)
+        self.power_cycle()
+
+    def power_cycle(self) -> None:
+        """Supply gone and back."""
+        self._ready_ns = self._now_ns() + RELOAD_NS
+        self._conversion: tuple[int, int, int] | None = None  # command, start, end
+        self._spoilt = False
+        self._reply = b""
+
+    def write(self, data: bytes) -> None:
+        now_ns = self._now_ns()
+        if now_ns < self._ready_ns:
+            raise no_acknowledge()
+        if not data:
+            return
+        command = data[0]
+        if command == RESET:
+            self.power_cycle()
+        elif command == READ_ADC:
+            self._reply = self._adc(now_ns).to_bytes(3, "big")
+        elif command & 0xF0 == READ_PROM:
+            index = (command & 0x0F) >> 1
+            self._reply = (self.prom[index] if index < len(self.prom) else 0).to_bytes(2, "big")
+        elif command & 0xF0 in (CONVERT_D1, CONVERT_D2) and command & 0x0F in self._part.oversampling:
+            self._start(command, now_ns)
+
+    def read(self, count: int) -> bytes:
+        if self._now_ns() < self._ready_ns:
+            raise no_acknowledge()
+        reply, self._reply = self._reply[:count], b""
+        return reply + bytes(count - len(reply))
+
+    def write_read(self, data: bytes, count: int) -> bytes:
+        self.write(data)
+        return self.read(count)
+
+    def _start(self, command: int, now_ns: int) -> None:
+        """A conversion started within another one gives a wrong result (MS5611 datasheet p. 11)."""
+        self._spoilt = self._conversion is not None and now_ns < self._conversion[2]
+        typical_ns, worst_ns = CONVERSION_NS[command & 0x0F]
+        duration_ns = round(typical_ns + self._slowness * (worst_ns - typical_ns))
+        self._conversion = (command, now_ns, now_ns + duration_ns)
+
+    def _adc(self, now_ns: int) -> int:
+        """The result, once. Zero when there is none; read too early also spoils it (MS5611 datasheet p. 11)."""
+        if self._conversion is None:
+            return 0
+        command, start_ns, end_ns = self._conversion
+        if now_ns < end_ns:
+            self._spoilt = True
+            return 0
+        self._conversion = None
+        counts = self._convert(command, (start_ns + end_ns) * 0.5e-9)
+        return counts >> 1 if self._spoilt else counts
+
+    def _convert(self, command: int, t_s: float) -> int:
+        d2 = temperature_counts(self._part, self.prom, float(self._temperature.row(round(t_s / TEMPERATURE_GRID_S))))
+        if command & 0xF0 == CONVERT_D2:
+            return d2
+        return pressure_counts(self._part, self.prom, float(self._pressure.row(round(t_s / PRESSURE_GRID_S))), d2)

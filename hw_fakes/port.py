@@ -1,0 +1,67 @@
+"""A serial line between a part and a computer: bytes arrive one after the other, at the line's pace."""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Protocol
+
+BITS_PER_BYTE = 10  # start, eight data, stop
+RECEIVE_BUFFER = 4095  # bytes the kernel keeps for a reader that does not come (N_TTY)
+
+
+class SerialDevice(Protocol):
+    """A part with a serial line. It works out what it has sent when it is asked; nothing runs by itself."""
+
+    @property
+    def baud(self) -> int:
+        """What the part itself is set to."""
+
+    def output(self, until_ns: int) -> Iterable[tuple[int, bytes]]:
+        """What it began to send since the last call and up to `until_ns`: (instant [ns], bytes), in order."""
+
+    def receive(self, data: bytes, at_ns: int) -> None:
+        """`data` has arrived at `at_ns`."""
+
+
+class FakePort:
+    """The computer's end; satisfies `daq.bus.BytePort`.
+
+    now_ns: time since the tray's power-on [ns]. Bytes sent before the port was opened are lost. With another baud than
+    the part's, both sides receive noise instead of bytes.
+    """
+
+    def __init__(self, device: SerialDevice, baud: int, now_ns: Callable[[], int]):
+        self._device = device
+        self.baud = baud
+        self._now_ns = now_ns
+        self._opened_ns = now_ns()
+        self._under_way: deque[tuple[int, bytes]] = deque()  # first bit [ns], bytes
+        self._line_free_ns = 0
+        self._received = bytearray()
+
+    def read_available(self) -> bytes:
+        now_ns = self._now_ns()
+        byte_ns = BITS_PER_BYTE * 1e9 / self._device.baud
+        for sent_ns, data in self._device.output(now_ns):
+            start_ns = max(sent_ns, self._line_free_ns)
+            self._line_free_ns = start_ns + round(len(data) * byte_ns)
+            self._under_way.append((start_ns, data))
+        while self._under_way and self._under_way[0][0] <= now_ns:
+            start_ns, data = self._under_way.popleft()
+            arrived = min(int((now_ns - start_ns) / byte_ns), len(data))
+            missed = min(max(0, int((self._opened_ns - start_ns) / byte_ns)), arrived)
+            self._received += data[missed:arrived]
+            if arrived < len(data):
+                self._under_way.appendleft((start_ns + round(arrived * byte_ns), data[arrived:]))
+                break
+        taken = bytes(self._received[:RECEIVE_BUFFER])
+        self._received.clear()
+        return taken if self.baud == self._device.baud else garbled(taken)
+
+    def write(self, data: bytes) -> None:
+        arrival_ns = self._now_ns() + round(len(data) * BITS_PER_BYTE * 1e9 / self.baud)
+        self._device.receive(data if self.baud == self._device.baud else garbled(data), arrival_ns)
+
+
+def garbled(data: bytes) -> bytes:
+    """What a receiver at the wrong speed makes of `data`: something else, the same each time."""
+    return bytes((byte * 167 + 89) & 0xFF for byte in data)

@@ -1,0 +1,312 @@
+"""u-blox M8 on a serial line: UBX navigation solutions, NMEA chatter until it is turned off, and configuration.
+
+Sections are those of the u-blox 8 / M8 receiver description including protocol specification (UBX-13003221).
+"""
+
+import struct
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from hw_fakes.blocks import Blocks
+from sim.felt import Array, Felt
+
+SYNC = b"\xb5\x62"
+NAV, ACK, CFG, MON, NMEA = 0x01, 0x05, 0x06, 0x0A, 0xF0  # message classes
+NAV_PVT, CFG_PRT, CFG_MSG, CFG_RST, CFG_RATE, CFG_CFG, CFG_NAV5, MON_VER = (
+    0x07,
+    0x00,
+    0x01,
+    0x04,
+    0x08,
+    0x09,
+    0x24,
+    0x04,
+)
+ACCEPTED_UNREAD = {(CFG, i) for i in (CFG_CFG, CFG_NAV5, 0x16, 0x23, 0x3B, 0x3E, 0x86)}  # no effect on what we send
+PORT_UART1 = 1
+PROTOCOL_UBX, PROTOCOL_NMEA = 0x01, 0x02  # CFG-PRT protocol masks
+SHORTEST_MEASUREMENT_MS = 50
+TRANSMIT_BUFFER = 4096  # bytes; a message that does not fit is dropped
+GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
+LEAP_SECONDS = 18  # GPS minus UTC since 2017
+WEEK_MS = 7 * 86400 * 1000
+UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+REPLY_NS = 2_000_000  # from a command to its acknowledgement
+SATELLITES_WITH_FIX, SATELLITES_WITHOUT = 12, 2
+DEFAULT_NMEA = {
+    0x00: "GGA",
+    0x01: "GLL",
+    0x02: "GSA",
+    0x03: "GSV",
+    0x04: "RMC",
+    0x05: "VTG",
+}  # sec. 31.2, once an epoch
+
+
+def ubx(message_class: int, message_id: int, payload: bytes) -> bytes:
+    """A UBX frame (sec. 32.2) with its 8-bit Fletcher checksum (sec. 32.4)."""
+    body = bytes([message_class, message_id]) + struct.pack("<H", len(payload)) + payload
+    return SYNC + body + fletcher(body)
+
+
+def fletcher(body: bytes) -> bytes:
+    a = b = 0
+    for byte in body:
+        a = (a + byte) & 0xFF
+        b = (b + a) & 0xFF
+    return bytes([a, b])
+
+
+def nmea(sentence: str) -> bytes:
+    """An NMEA sentence with its checksum."""
+    checksum = 0
+    for character in sentence.encode():
+        checksum ^= character
+    return f"${sentence}*{checksum:02X}\r\n".encode()
+
+
+class UbloxM8:
+    """The receiver on its UART1.
+
+    utc_at_power_on: true time at the tray's power-on. geoid_m: height of the geoid above the ellipsoid. baud: what a
+    kept configuration has set the receiver to (new ones come with 9600).
+    """
+
+    def __init__(self, felt: Felt, utc_at_power_on: datetime, geoid_m: float = 0.0, baud: int = 38400):
+        self._felt = felt
+        self._utc_at_power_on = utc_at_power_on
+        self._geoid_m = geoid_m
+        self._kept_baud = baud
+        self.power_cycle(0)
+
+    def power_cycle(self, now_ns: int) -> None:
+        """Supply gone and back: the settings fall back to what was kept."""
+        self.baud = self._kept_baud
+        self._protocols_out = PROTOCOL_UBX | PROTOCOL_NMEA
+        self._rates = {(NMEA, i): 1 for i in DEFAULT_NMEA}
+        self._received = bytearray()
+        self._replies: list[tuple[int, bytes]] = []
+        self._set_period(1000, now_ns)
+
+    def _set_period(self, period_ms: int, now_ns: int) -> None:
+        self._period_ms = period_ms
+        self._epoch = now_ns // (period_ms * 1_000_000) + 1
+        self._blocks = Blocks(self._solutions, period_ms * 1e-3, length=max(1, 2000 // period_ms))
+
+    # --- what it sends ---
+
+    def output(self, until_ns: int) -> Iterable[tuple[int, bytes]]:
+        sent, self._replies = self._replies, []
+        while self._epoch * self._period_ms * 1_000_000 <= until_ns:
+            at_ns = self._epoch * self._period_ms * 1_000_000
+            data = self._navigation_output()
+            if data:
+                sent.append((at_ns, data))
+            self._epoch += 1
+        return sorted(sent, key=lambda item: item[0])
+
+    def _navigation_output(self) -> bytes:
+        data = b""
+        if self._protocols_out & PROTOCOL_NMEA:
+            data += self._nmea_output()
+        if self._protocols_out & PROTOCOL_UBX and self._due(NAV, NAV_PVT):
+            data += ubx(NAV, NAV_PVT, self._nav_pvt())
+        return data[:TRANSMIT_BUFFER]
+
+    def _due(self, message_class: int, message_id: int) -> bool:
+        rate = self._rates.get((message_class, message_id), 0)
+        return rate > 0 and self._epoch % rate == 0
+
+    def _solutions(self, t_s: Array) -> np.ndarray:
+        """Rows: valid at, fix, latitude, longitude, height, velocity north east down, accuracies h v speed."""
+        g = self._felt.gps(t_s)
+        return np.column_stack(
+            [
+                g.valid_at_s,
+                g.fix,
+                g.latitude_deg,
+                g.longitude_deg,
+                g.height_msl_m,
+                g.velocity_ned_mps,
+                g.horizontal_accuracy_m,
+                g.vertical_accuracy_m,
+                g.speed_accuracy_mps,
+            ]
+        )
+
+    def _time(self, valid_at_s: float) -> tuple[datetime, int, int]:
+        """UTC to the nearest second, the nanoseconds to it, and the GPS time of week [ms]."""
+        utc = self._utc_at_power_on + timedelta(microseconds=round(valid_at_s * 1e6))
+        second = (utc + timedelta(milliseconds=500)).replace(microsecond=0)
+        gps = utc - GPS_EPOCH + timedelta(seconds=LEAP_SECONDS)
+        return (
+            second,
+            round((utc - second) / timedelta(microseconds=1)) * 1000,
+            round(gps / timedelta(milliseconds=1)) % WEEK_MS,
+        )
+
+    def _nav_pvt(self) -> bytes:
+        """UBX-NAV-PVT, sec. 32.17.15."""
+        valid_at_s, fix, latitude, longitude, height_m, north, east, down, h_acc, v_acc, s_acc = self._blocks.row(
+            self._epoch
+        ).tolist()
+        second, nano, itow_ms = self._time(valid_at_s)
+        ground_speed = float(np.hypot(north, east))
+        heading_1e5 = round(float(np.degrees(np.arctan2(east, north))) % 360 * 1e5)
+        if not fix:
+            latitude = longitude = height_m = north = east = down = ground_speed = 0.0
+            h_acc = v_acc = 4294967.0
+            s_acc = 1000.0
+        return struct.pack(
+            "<IHBBBBBBIiBBBBiiiiIIiiiiiIIHH4sihH",
+            itow_ms,
+            second.year,
+            second.month,
+            second.day,
+            second.hour,
+            second.minute,
+            second.second,
+            0x37 if fix else 0x00,  # date, time, fully resolved; confirmed
+            20 if fix else 0xFFFFFFFF,  # time accuracy, ns
+            nano,
+            3 if fix else 0,
+            0x01 if fix else 0x00,  # gnssFixOK
+            0xE0 if fix else 0x00,
+            SATELLITES_WITH_FIX if fix else SATELLITES_WITHOUT,
+            round(longitude * 1e7),
+            round(latitude * 1e7),
+            round((height_m + self._geoid_m) * 1e3),
+            round(height_m * 1e3),
+            round(h_acc * 1e3),
+            round(v_acc * 1e3),
+            round(north * 1e3),
+            round(east * 1e3),
+            round(down * 1e3),
+            round(ground_speed * 1e3),
+            heading_1e5,
+            round(s_acc * 1e3),
+            180 * 100000 if not fix else 100000,
+            150 if fix else 9999,
+            0,
+            b"",
+            0,
+            0,
+            0,
+        )
+
+    def _nmea_output(self) -> bytes:
+        due = [name for i, name in DEFAULT_NMEA.items() if self._due(NMEA, i)]
+        if not due:
+            return b""
+        valid_at_s, fix, latitude, longitude, height_m, north, east, *_ = self._blocks.row(self._epoch).tolist()
+        second, _, _ = self._time(valid_at_s)
+        clock, status = second.strftime("%H%M%S.00"), "A" if fix else "V"
+        place = f"{_degrees_minutes(latitude, 2, 'NS')},{_degrees_minutes(longitude, 3, 'EW')}" if fix else ",,,"
+        course = f"{np.degrees(np.arctan2(east, north)) % 360:.2f}" if fix else ""
+        speed_mps = float(np.hypot(north, east))
+        knots = f"{speed_mps * 3600 / 1852:.3f}" if fix else ""
+        height = f"{height_m:.1f},M,{self._geoid_m:.1f},M"
+        sentence = {
+            "GGA": f"GNGGA,{clock},{place},{int(fix)},{SATELLITES_WITH_FIX:02d},0.80,{height},,",
+            "GLL": f"GNGLL,{place},{clock},{status},A",
+            "GSA": f"GNGSA,A,{3 if fix else 1},,,,,,,,,,,,,1.50,0.80,1.27",
+            "GSV": "GPGSV,1,1,00",
+            "RMC": f"GNRMC,{clock},{status},{place},{knots},{course},{second:%d%m%y},,,A",
+            "VTG": f"GNVTG,{course},T,,M,{knots},N,{speed_mps * 3.6:.3f},K,A",
+        }
+        return b"".join(nmea(sentence[name]) for name in due)
+
+    # --- what it is told ---
+
+    def receive(self, data: bytes, at_ns: int) -> None:
+        self._received += data
+        while (start := self._received.find(SYNC)) >= 0:
+            del self._received[:start]
+            if len(self._received) < 8:
+                return
+            length = int.from_bytes(self._received[4:6], "little")
+            if length > 1024:  # no command is as long as that: these were not sync characters
+                del self._received[:2]
+                continue
+            if len(self._received) < 8 + length:
+                return
+            body = bytes(self._received[2 : 6 + length])
+            if fletcher(body) == self._received[6 + length : 8 + length]:
+                del self._received[: 8 + length]
+                self._command(body[0], body[1], body[4:], at_ns)
+            else:
+                del self._received[:2]
+        del self._received[:-1]
+
+    def _command(self, message_class: int, message_id: int, payload: bytes, at_ns: int) -> None:
+        handlers = {
+            (CFG, CFG_PRT): self._configure_port,
+            (CFG, CFG_MSG): self._configure_message,
+            (CFG, CFG_RATE): self._configure_rate,
+        }
+        reply_ns = at_ns + REPLY_NS
+        if message_class == MON and message_id == MON_VER:
+            version = b"ROM CORE 3.01 (107888)".ljust(30, b"\0") + b"00080000".ljust(10, b"\0")
+            self._replies.append((reply_ns, ubx(MON, MON_VER, version)))
+        elif message_class == NAV and message_id == NAV_PVT:
+            self._replies.append((reply_ns, ubx(NAV, NAV_PVT, self._nav_pvt())))
+        elif message_class == CFG:
+            handler = handlers.get((message_class, message_id))
+            known = (message_class, message_id) in ACCEPTED_UNREAD
+            accepted = handler(payload, at_ns) if handler else known
+            answer = ubx(ACK, 0x01 if accepted else 0x00, bytes([message_class, message_id]))
+            self._replies.append((reply_ns, answer))
+
+    def _configure_port(self, payload: bytes, at_ns: int) -> bool:
+        """UBX-CFG-PRT (sec. 32.10.25): 20 bytes set, 0 or 1 byte asks."""
+        if len(payload) in (0, 1):
+            mode_8n1 = 0x000008D0
+            settings = struct.pack(
+                "<BxHIIHHHxx", PORT_UART1, 0, mode_8n1, self.baud, PROTOCOL_UBX | PROTOCOL_NMEA, self._protocols_out, 0
+            )
+            self._replies.append((at_ns + REPLY_NS, ubx(CFG, CFG_PRT, settings)))
+            return True
+        if len(payload) != 20 or payload[0] != PORT_UART1:
+            return False
+        _, _, _, baud, _, protocols_out, _ = struct.unpack("<BxHIIHHHxx", payload)
+        self.baud, self._protocols_out = baud, protocols_out
+        return True
+
+    def _configure_message(self, payload: bytes, at_ns: int) -> bool:
+        """UBX-CFG-MSG (sec. 32.10.18): for this port (3 bytes), for all six (8 bytes), or asked for (2 bytes)."""
+        if len(payload) < 2:
+            return False
+        key = (payload[0], payload[1])
+        if key != (NAV, NAV_PVT) and payload[0] not in (NAV, NMEA, MON):
+            return False
+        if len(payload) == 3:
+            self._rates[key] = payload[2]
+        elif len(payload) == 8:
+            self._rates[key] = payload[2 + PORT_UART1]
+        elif len(payload) == 2:
+            rates = bytes(self._rates.get(key, 0) if port == PORT_UART1 else 0 for port in range(6))
+            self._replies.append((at_ns + REPLY_NS, ubx(CFG, CFG_MSG, payload + rates)))
+        else:
+            return False
+        return True
+
+    def _configure_rate(self, payload: bytes, at_ns: int) -> bool:
+        """UBX-CFG-RATE (sec. 32.10.27)."""
+        if not payload:
+            settings = struct.pack("<HHH", self._period_ms, 1, 1)
+            self._replies.append((at_ns + REPLY_NS, ubx(CFG, CFG_RATE, settings)))
+            return True
+        if len(payload) != 6:
+            return False
+        measurement_ms, navigation_ratio, _ = struct.unpack("<HHH", payload)
+        if measurement_ms < SHORTEST_MEASUREMENT_MS or not 1 <= navigation_ratio <= 127:
+            return False
+        self._set_period(measurement_ms * navigation_ratio, at_ns)
+        return True
+
+
+def _degrees_minutes(angle_deg: float, digits: int, letters: str) -> str:
+    degrees, minutes = divmod(abs(angle_deg) * 60, 60)
+    return f"{int(degrees):0{digits}d}{minutes:08.5f},{letters[angle_deg < 0]}"
