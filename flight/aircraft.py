@@ -12,8 +12,8 @@ from importlib import resources
 from pathlib import Path
 
 from flight import units
-from flight.atmosphere import GRAVITY_MPS2
 from flight.errors import InputError
+from flight.units import GRAVITY_MPS2
 
 Position = tuple[float, float, float]
 

@@ -5,7 +5,8 @@ Written with NumPy functions: floats, arrays and CasADi symbols pass through.
 
 import numpy as np
 
-GRAVITY_MPS2 = 9.80665
+from flight.units import GRAVITY_MPS2
+
 GAS_CONSTANT_AIR = 287.05287  # specific, J/(kg K)
 SEA_LEVEL_PRESSURE_PA = 101325.0
 SEA_LEVEL_TEMPERATURE_K = 288.15

@@ -12,6 +12,8 @@ from typing import Any, TypeVar
 
 from flight.errors import InputError
 
+GRAVITY_MPS2 = 9.80665  # standard gravity (ICAO Doc 7488/3): here because the daemon needs it without NumPy
+
 UNIT_OF_SUFFIX = {
     "m": "m",
     "m2": "m^2",
