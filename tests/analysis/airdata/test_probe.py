@@ -1,0 +1,101 @@
+"""Probe calibration against a physics it does not know: a hemisphere in potential flow, through a noisy tunnel."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.airdata.probe import Tunnel, calibrate, flow_at_probe, parse_probe, read_tunnel
+from flight.atmosphere import density
+from flight.errors import InputError
+
+STATIC_PA, TEMPERATURE_K = 100_800.0, 291.0
+NOISE_PA = 0.5  # of a good bench transducer; ports differ by several hundred pascals at 20 m/s
+
+
+def hemisphere(alpha, beta, qbar):
+    """(dp_alpha, dp_beta, q_c) [Pa]: Cp = 1 - 9/4 sin^2 of the angle from stagnation, side ports at 45 deg."""
+    wind = np.stack([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)], axis=-1)
+    h = np.sqrt(0.5)
+
+    def pressure(port):
+        cosine = wind @ np.array(port)
+        return qbar * (1 - 9 / 4 * (1 - cosine**2))
+
+    center = pressure((1, 0, 0))
+    return pressure((h, 0, h)) - pressure((h, 0, -h)), pressure((h, h, 0)) - pressure((h, -h, 0)), center
+
+
+def tunnel(seed=0) -> Tunnel:
+    angles = np.radians(np.arange(-20, 21, 4.0))
+    speed, alpha, beta = (grid.ravel() for grid in np.meshgrid([12.0, 18.0, 24.0], angles, angles, indexing="ij"))
+    qbar = density(STATIC_PA, TEMPERATURE_K) * speed**2 / 2
+    rng = np.random.default_rng(seed)
+    pressures = [p + rng.normal(0, NOISE_PA, p.shape) for p in hemisphere(alpha, beta, qbar)]
+    full = np.full_like(alpha, 1.0)
+    return Tunnel(speed, alpha, beta, *pressures, STATIC_PA * full, TEMPERATURE_K * full)
+
+
+def test_angles_within_a_tenth_of_a_degree_and_pressure_within_half_a_per_cent() -> None:
+    calibration = calibrate(tunnel())
+    rng = np.random.default_rng(5)
+    alpha, beta = np.radians(rng.uniform(-15, 15, (2, 2000)))
+    qbar = rng.uniform(80, 350, 2000)
+    flow = flow_at_probe(calibration, *hemisphere(alpha, beta, qbar))
+    assert flow.inside.all()
+    assert np.degrees(np.max(np.abs(flow.alpha_rad - alpha))) < 0.1
+    assert np.degrees(np.max(np.abs(flow.beta_rad - beta))) < 0.1
+    assert np.max(np.abs(flow.qbar_Pa / qbar - 1)) < 0.005
+
+
+def test_beyond_the_tunnel_s_angles_the_flow_is_flagged() -> None:
+    flow = flow_at_probe(calibrate(tunnel()), *hemisphere(np.radians([0.0, 24.0]), np.zeros(2), np.full(2, 200.0)))
+    assert flow.inside.tolist() == [True, False]
+
+
+def test_slope_error_of_alpha_is_what_it_says() -> None:
+    """Scatter of the slope over 40 tunnels against the stated sigma, to 4 standard errors of a scatter (45 %)."""
+    calibrations = [calibrate(tunnel(seed)) for seed in range(40)]
+    small = np.radians(np.array([-1.0, 1.0]))
+    pressures = hemisphere(small, np.zeros(2), np.full(2, 200.0))
+    slopes = [np.ptp(flow_at_probe(c, *pressures).alpha_rad) / np.ptp(small) for c in calibrations]
+    stated = np.mean([c.alpha_scale_sigma for c in calibrations])
+    assert np.std(slopes) == pytest.approx(stated, rel=0.45)
+
+
+def test_a_tunnel_file_is_read_with_its_units(tmp_path: Path) -> None:
+    path = tmp_path / "tunnel.csv"
+    header = (
+        "speed [ft/s],alpha [deg],beta [deg],dp_alpha [inH2O],dp_beta [Pa],q_c [Pa],static [hPa],temperature [degC]"
+    )
+    path.write_text(header + "\n" + "50,10,0,1,0,140,1000,20\n" * 3)
+    data = read_tunnel(path)
+    assert data.speed_mps[0] == pytest.approx(15.24)
+    assert data.alpha_rad[0] == pytest.approx(np.pi / 18)
+    assert data.dp_alpha_Pa[0] == pytest.approx(249.089, abs=1e-3)
+    assert data.static_Pa[0] == pytest.approx(100_000)
+    assert data.temperature_K[0] == pytest.approx(293.15)
+
+
+@pytest.mark.parametrize(
+    ("text", "cause"),
+    [
+        ("", "holds no measurements"),
+        ("speed [m/s],alpha\n1,2\n", "column 'alpha'"),
+        ("speed [kg]\n1\n", "speed [kg]"),
+        ("speed [m/s]\n1\n", "no column alpha"),
+        ("speed [m/s]\nfast\n", "not a number"),
+    ],
+)
+def test_a_bad_tunnel_file_says_what_is_wrong(tmp_path: Path, text: str, cause: str) -> None:
+    path = tmp_path / "tunnel.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"tunnel\.csv") as error:
+        read_tunnel(path)
+    assert cause in str(error.value)
+
+
+def test_something_else_than_a_calibration_is_refused() -> None:
+    for data in (b"", b"{}", b'{"format": 3}'):
+        with pytest.raises(InputError, match="not a probe calibration"):
+            parse_probe(data, "probe.json")
