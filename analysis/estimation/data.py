@@ -101,15 +101,14 @@ def split(segment: Segment, parts: int) -> tuple[Segment, ...]:
     """The segment cut into `parts` of about equal length, each of which gets its own initial state.
 
     What makes an unstable model usable: an error grows over one part only (multiple shooting without the knots tied).
-    Neighbours share the sample at the cut.
     """
-    cuts = np.linspace(0, len(segment) - 1, parts + 1).round().astype(int)
+    cuts = np.linspace(0, len(segment), parts + 1).round().astype(int)
     return tuple(
         Segment(
             name=f"{segment.name}/{i + 1}",
-            t_s=segment.t_s[a : b + 1],
-            u={name: values[a : b + 1] for name, values in segment.u.items()},
-            z={name: values[a : b + 1] for name, values in segment.z.items()},
+            t_s=segment.t_s[a:b],
+            u={name: values[a:b] for name, values in segment.u.items()},
+            z={name: values[a:b] for name, values in segment.z.items()},
             x0=segment.x0 if i == 0 else {},
         )
         for i, (a, b) in enumerate(zip(cuts[:-1], cuts[1:], strict=True))
