@@ -1,0 +1,230 @@
+"""The command line of the simulator: `sim fly`, `sim tunnel`, `sim trim`.
+
+The top floor, where simulator, fake hardware and daemon meet; nothing imports it.
+"""
+
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import resources
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from flight.aircraft import Aircraft, load_aircraft
+from flight.errors import InputError
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
+
+TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
+OURS = (TRUTH, CURVE, TRAY, LOG)
+
+AircraftOption = Annotated[str, typer.Option(help="Name of a shipped aircraft, or a file.")]
+ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
+SeedOption = Annotated[
+    int, typer.Option(min=0, help="Draws turbulence, noise and errors; the same seed, the same flight.")
+]
+
+
+@app.command()
+def fly(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Directory for the truth and the log.")],
+    aircraft: AircraftOption = "nexstar",
+    plan: Annotated[str, typer.Option(help="Name of a shipped plan, or a file.")] = "accel-decel",
+    errors: Annotated[str, typer.Option(help="Error budget: bench, none, harsh, or a file.")] = "bench",
+    seed: SeedOption = 0,
+    probe: Annotated[Path | None, typer.Option(help="Probe calibration to put into the log.")] = None,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="Record at the pace of the clock on the wall.")
+    ] = False,
+    replace: ReplaceOption = False,
+) -> None:
+    """Fly a plan, write the truth, and let the daemon record it through the fake tray."""
+    from sim import fly as flying
+    from sim.plan import load_plan
+    from sim.sensors import TrayFelt, draw, load_budget
+    from sim.truth import write_truth
+
+    craft, flight_plan, budget = load_aircraft(aircraft), load_plan(plan), load_budget(errors)
+    if probe is not None and not probe.is_file():
+        raise InputError(f"{probe}: no such probe calibration; make one with `calibrate probe`")
+    _claim(output, replace)
+    drawn = draw(budget, seed)
+    with _progress("flying") as told:
+        flight = flying.fly(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=told)
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        for name in OURS:
+            (output / name).unlink(missing_ok=True)
+        write_truth(output / TRUTH, flight.truth, flight.metadata, flight.power_required)
+        flight.power_required.to_csv(output / CURVE, index=False)
+        (output / TRAY).write_text(_tray_text(output, aircraft, craft, probe), "utf-8")
+    except OSError as error:
+        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+    with _progress("recording", flight.duration_s) as told:
+        _record(output, TrayFelt(flight, drawn), seed, craft, real_time, told)
+    print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
+
+
+def _claim(output: Path, replace: bool) -> None:
+    """Refuse to write over anything that is not a simulation made earlier and given up."""
+    if output.exists() and not output.is_dir():
+        raise InputError(f"{output}: is not a directory")
+    taken = [name for name in OURS if (output / name).exists()]
+    if not taken:
+        return
+    if not replace:
+        raise InputError(f"{output}: already holds {taken[0]}; give another directory, or --replace")
+    if not (output / TRUTH).exists():
+        raise InputError(f"{output}: holds a log without {TRUTH}: not a simulated flight, and not to be replaced")
+
+
+def _tray_text(output: Path, name: str, craft: Aircraft, probe: Path | None) -> str:
+    """The daemon's example tray for this flight; files it needs are copied beside it: the directory can move."""
+    text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
+    if Path(name).is_file():
+        (output / "aircraft.toml").write_text(craft.text, "utf-8")
+        name = "aircraft.toml"
+    lines = []
+    for line in text.splitlines():
+        key = line.lstrip("# ").split("=")[0].strip()
+        if key == "aircraft":
+            line = f'aircraft = "{name}"'
+        elif key == "directory":
+            line = 'directory = "."'
+        elif key == "probe_calibration" and probe is not None:
+            target = output / "probe.json"
+            if not (target.exists() and target.samefile(probe)):
+                shutil.copyfile(probe, target)
+            line = 'probe_calibration = "probe.json"'
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def _record(output: Path, felt, seed: int, craft: Aircraft, real_time: bool, told) -> None:
+    from daq.daemon import record
+
+    from daq.clock import SystemClock
+    from daq.config import load_tray
+    from hw_fakes.clock import SimulatedClock
+    from hw_fakes.tray import FIRST_FLIGHT, FakeTray
+
+    # A Pi without a real-time clock believes what it believed when it was switched off: a minute ago.
+    unix_ns = int((FIRST_FLIGHT.timestamp() - 60) * 1e9)
+    clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=unix_ns)
+    start_ns = clock.now_ns()
+    tray = FakeTray(felt, clock, seed, pole_pairs=craft.propulsion.pole_pairs)
+    record(
+        load_tray(output / TRAY),
+        buses=tray,
+        clock=clock,
+        log_path=output / LOG,
+        until_ns=start_ns + int(felt.duration_s * 1e9),
+        progress=told,
+    )
+
+
+@app.command()
+def tunnel(
+    output: Annotated[Path, typer.Option("--output", "-o", help="CSV file to write.")],
+    seed: SeedOption = 0,
+    replace: ReplaceOption = False,
+) -> None:
+    """A simulated wind-tunnel calibration of the five-port probe, as a CSV file."""
+    from sim.tunnel import calibrate, write_calibration
+
+    table = calibrate(seed=seed)
+    write_calibration(output, table, replace=replace)
+    print(f"{output}: {len(table)} points", file=sys.stderr)
+
+
+@app.command()
+def trim(
+    aircraft: AircraftOption = "nexstar",
+    height: Annotated[float, typer.Option(help="Above the ground [m].")] = 100.0,
+    climb: Annotated[float, typer.Option(help="Rate of climb [m/s].")] = 0.0,
+    bank: Annotated[float, typer.Option(help="Bank of a level turn [deg].")] = 0.0,
+    speed: Annotated[float | None, typer.Option(help="One airspeed [m/s] instead of the whole range.")] = None,
+) -> None:
+    """Trimmed flight over the range of airspeeds: angle of attack, controls, motor, power."""
+    import numpy as np
+
+    from sim.plant import plant_of
+    from sim.trim import Trimmer, power_required
+
+    plant = plant_of(load_aircraft(aircraft))
+    trimmer = Trimmer(plant, height)
+    speeds = [speed] if speed is not None else np.linspace(1.05 * trimmer.V_stall, 0.999 * trimmer.V_max, 10).tolist()
+    table = Table(title=f"{plant.aircraft.title}, {height:.0f} m, {climb:+.1f} m/s, {bank:.0f} deg of bank")
+    for heading in ("V [m/s]", "alpha [deg]", "elevator [deg]", "pitch [deg]", "rpm", "throttle", "J", "P_req [W]"):
+        table.add_column(heading, justify="right")
+    for V in speeds:
+        try:
+            trimmed = trimmer.solve(V=V, climb=climb, bank_rad=float(np.deg2rad(bank)))
+        except InputError:
+            if speed is not None:
+                raise
+            continue  # the table shows what can be flown
+        z = trimmed.unknowns
+        power, _, _ = power_required(plant, np.array([V]), density=trimmer.density)
+        J = V / (z.motor * plant.propeller.diameter_m)
+        table.add_row(
+            f"{V:.2f}",
+            f"{np.rad2deg(z.alpha):.2f}",
+            f"{np.rad2deg(z.elevator):.2f}",
+            f"{np.rad2deg(z.theta):.2f}",
+            f"{60 * z.motor:.0f}",
+            f"{trimmed.throttle:.3f}",
+            f"{J:.3f}",
+            f"{power[0]:.1f}",
+        )
+    console = Console()
+    console.print(table)
+    console.print(f"stall {trimmer.V_stall:.2f} m/s, highest level speed {trimmer.V_max:.2f} m/s")
+
+
+@contextmanager
+def _progress(what: str, total_s: float | None = None) -> Iterator:
+    """A function to be told how many seconds are done; the bar shows after two seconds, on stderr."""
+    bar = Progress(
+        TextColumn(what),
+        BarColumn(),
+        TextColumn("{task.completed:.0f} s"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    task = bar.add_task(what, total=total_s)
+    begun, shown = time.monotonic(), False
+
+    def told(seconds: float) -> None:
+        nonlocal shown
+        if not shown and time.monotonic() - begun > 2:
+            bar.start()
+            shown = True
+        bar.update(task, completed=seconds)
+
+    try:
+        yield told
+    finally:
+        if shown:
+            bar.stop()
+
+
+def main() -> None:
+    """Entry point: a wrong input is one line on stderr and exit code 2."""
+    try:
+        app()
+    except InputError as error:
+        print(f"sim: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

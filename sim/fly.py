@@ -1,0 +1,308 @@
+"""Flies a plan: the time loop of pilot and aircraft, and the truth it leaves behind."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from flight.aircraft import Aircraft
+from flight.errors import InputError
+from flight.motion import earth_from_body, velocity_derivative
+from sim.air import mean_wind
+from sim.ground import Pose, move, stand
+from sim.pilot import Pilot
+from sim.plan import DT_S, Plan
+from sim.plant import NO_DEVIATIONS, Commands, Deviations, Plant, Seen, State, Stepper, plant_of
+from sim.segments import GROUND, Craft
+from sim.trim import Trim, Trimmer
+from sim.truth import airborne_rows, kinematic_rows, power_required_table
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+# Beyond these the flight has come apart, or the step is too long for it.
+MAX_RATE_RADPS = 20.0
+MIN_AIRSPEED_MPS = 3.0
+RECORD_BLOCK = 4096
+
+
+@dataclass
+class Flight:
+    """A flight flown: the truth at every step, and what it was flown with."""
+
+    aircraft: Aircraft
+    plan: Plan
+    plant: Plant
+    seed: int
+    truth: pd.DataFrame
+    power_required: pd.DataFrame
+    metadata: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def duration_s(self) -> float:
+        return float(self.truth["time_s"].iloc[-1])
+
+
+def fly(
+    aircraft: Aircraft,
+    plan: Plan,
+    *,
+    seed: int = 0,
+    deviations: Deviations = NO_DEVIATIONS,
+    dt: float = DT_S,
+    progress: Progress | None = None,
+) -> Flight:
+    """Fly `plan` with `aircraft`; `seed` draws the turbulence. `progress` is told the time flown [s].
+
+    Raises InputError when the plan asks for what the aircraft cannot do, or when the flight diverges.
+    """
+    plant = plant_of(aircraft, plan.air, deviations)
+    return _Flying(aircraft, plan, plant, seed, dt, progress or (lambda _: None)).fly()
+
+
+class _Flying:
+    """The state of a flight being flown."""
+
+    def __init__(self, aircraft: Aircraft, plan: Plan, plant: Plant, seed: int, dt: float, progress: Progress):
+        self.aircraft, self.plan, self.plant, self.seed, self.dt = aircraft, plan, plant, seed, dt
+        self.progress = progress
+        highest = max([plan.height_m, *(s.height_m for s in plan.segments if s.kind == "climb")])
+        self.trimmer = Trimmer(plant, highest)
+        self.stepper = Stepper(plant, dt, plan.integrator)
+        self.pilot = Pilot(plant, self.trimmer, plan.pilot, dt)
+        self.white = _white_noise(seed, dt) if plan.air.turbulence_mps > 0 else None
+        self.craft = Craft(
+            V_stall=self.trimmer.V_stall,
+            V_max=self.trimmer.V_max,
+            dt=dt,
+            height_m=plan.height_m,
+            heading_rad=plan.heading_rad,
+            speed_mps=plan.speed_over_stall * self.trimmer.V_stall,
+        )
+        self.t = 0.0
+        self.airborne = False
+        self.pose = Pose.at_rest(np.zeros(3), np.array([0.0, 0.0, plan.heading_rad]))
+        self.rows: list[pd.DataFrame] = []
+        self.energy_J = 0.0
+
+    def fly(self) -> Flight:
+        if self.plan.segments[0].kind not in GROUND:
+            self._appear_in_the_air()
+        for i, segment in enumerate(self.plan.segments):
+            self._one(segment, i)
+        truth = pd.concat(self.rows, ignore_index=True)
+        truth.insert(0, "time_s", np.arange(len(truth)) * self.dt)
+        flown = truth.loc[truth["phase"] == "flight"]
+        source = flown if len(flown) else truth
+        density = float(source["density_kgpm3"].mean())
+        table = power_required_table(self.plant, self.trimmer, density)
+        metadata = {
+            "aircraft": self.aircraft.name,
+            "plan": self.plan.name,
+            "seed": str(self.seed),
+            "density_kgpm3": repr(density),
+            "weight_N": repr(self.plant.mass_kg * self.aircraft.mass.weight_N / self.aircraft.mass_kg),
+            "stall_speed_mps": repr(self.trimmer.V_stall),
+            "max_speed_mps": repr(self.trimmer.V_max),
+        }
+        return Flight(self.aircraft, self.plan, self.plant, self.seed, truth, table, metadata)
+
+    def _one(self, segment, index: int) -> None:
+        where = f"plan {self.plan.name}: segment {index + 1} ({segment.kind})"
+        if segment.kind in ("stand", "take-off") and self.airborne:
+            raise InputError(f"{where}: the aircraft is in the air; land first")
+        if segment.kind not in ("stand", "take-off") and not self.airborne:
+            raise InputError(f"{where}: the aircraft is on the ground; take off first")
+        if segment.kind == "stand":
+            self._stand(segment, index)
+        elif segment.kind == "take-off":
+            self._take_off(segment, index)
+        elif segment.kind == "land":
+            self._land(segment, index)
+        else:
+            self._check_speed(segment, where)
+            self._segment(segment, index, where)
+
+    def _check_speed(self, segment, where: str) -> None:
+        """A plan that asks for what cannot be trimmed says so before it is flown."""
+        low, high = self.trimmer.V_stall, self.trimmer.V_max
+        for value, unit in (
+            (getattr(segment, "speed_mps", None), 1.0),
+            (getattr(segment, "speed_over_stall", None), low),
+            (getattr(segment, "speed_of_max", None), high),
+        ):
+            if value is None:
+                continue
+            V = value * unit
+            if V <= low:
+                raise InputError(f"{where}: {V:.2f} m/s is too slow: {self.aircraft.name} stalls at {low:.2f} m/s")
+            if V > high:
+                raise InputError(f"{where}: {V:.2f} m/s is too fast: {self.aircraft.name} reaches {high:.2f} m/s level")
+        if segment.kind == "climb" and segment.height_m > self.craft.height_m:
+            speed = segment.speed_mps or self.craft.speed_mps
+            if segment.speed_over_stall is not None:
+                speed = segment.speed_over_stall * low
+            elif segment.speed_of_max is not None:
+                speed = segment.speed_of_max * high
+            try:
+                self.trimmer.solve(V=speed, climb=segment.climb_mps)
+            except InputError as error:
+                raise InputError(f"{where}: {error}") from None
+
+    def _appear_in_the_air(self) -> None:
+        trim = self._trim_at(self.craft.speed_mps, self.craft.height_m)
+        self._start_airborne(trim, np.array([0.0, 0.0, -self.craft.height_m]))
+
+    def _trim_at(self, V: float, height_m: float) -> Trim:
+        trimmer = self.trimmer if height_m == self.trimmer.height_m else Trimmer(self.plant, height_m)
+        return trimmer.solve(V=V, climb=0.0)
+
+    def _start_airborne(self, trim: Trim, position: Array) -> None:
+        x = self._airborne_state(trim, position)
+        self.stepper.x[:] = x
+        self.stepper.commands[:] = trim.commands
+        self.craft.throttle = trim.throttle
+        self.airborne = True
+
+    def _airborne_state(self, trim: Trim, position: Array) -> State:
+        wind = tuple(float(c) for c in mean_wind(self.plan.air, position[0], position[1], -position[2]))
+        state = trim.state(heading_rad=self.craft.heading_rad, wind_ned=wind)  # type: ignore[arg-type]
+        return state._replace(
+            north=float(position[0]), east=float(position[1]), down=float(position[2]), energy=self.energy_J
+        )
+
+    def _segment(self, segment, index: int, where: str) -> None:
+        stepper, pilot, craft, white = self.stepper, self.pilot, self.craft, self.white
+        states, commands, noises = _Record(len(State._fields)), _Record(4), _Record(4)
+        seen = stepper.look()
+        story = segment.fly(seen, craft)
+        targets = next(story, None)
+        step = 0
+        while targets is not None:
+            command = pilot.fly(seen, targets)
+            stepper.commands[:] = command
+            if white is not None:
+                stepper.white[:] = next(white)
+            states.add(stepper.x)
+            commands.add(stepper.commands)
+            noises.add(stepper.white)
+            stepper.step()
+            seen = stepper.seen()
+            craft.throttle = command.throttle
+            step += 1
+            if not (seen.V > MIN_AIRSPEED_MPS and abs(seen.q) < MAX_RATE_RADPS and seen.height > 0):
+                raise InputError(f"{where}: {_came_apart(seen, self.t + step * self.dt)}")
+            if step % 64 == 0:
+                self.progress(self.t + step * self.dt)
+            try:
+                targets = story.send(seen)
+            except StopIteration:
+                targets = None
+        self.rows.append(
+            airborne_rows(self.plant, states.array(), commands.array(), noises.array(), index, segment.kind)
+        )
+        self.t += step * self.dt
+
+    def _stand(self, segment, index: int) -> None:
+        n = round(segment.duration_s / self.dt)
+        motion = stand(self.pose.position, self.pose.attitude, n)
+        self._kinematic(motion, np.zeros(n), None, None, index, "stand")
+
+    def _take_off(self, segment, index: int) -> None:
+        craft, T = self.craft, segment.duration_s
+        V = segment.speed_over_stall * self.trimmer.V_stall
+        trim = self._trim_at(V, segment.height_m)
+        craft.height_m, craft.speed_mps, craft.heading_rad = segment.height_m, V, self.pose.attitude[2]
+        there = self._airborne_state(trim, np.array([0.0, 0.0, -segment.height_m]))
+        velocity = np.array(earth_from_body(there.u, there.v, there.w, there.phi, there.theta, there.psi))
+        # Half the final speed on average: the distance that keeps the quintic from swinging back.
+        position = self.pose.position + velocity * T / 2 * np.array([1.0, 1.0, 0.0])
+        position[2] = -segment.height_m
+        attitude = np.array([there.phi, there.theta, there.psi])
+        goal = Pose(position, velocity, np.zeros(3), attitude, np.zeros(3))
+        n = round(T / self.dt)
+        motion = move(self.pose, goal, n * self.dt, np.arange(n) * self.dt)
+        share = smooth_step(np.arange(n) / n)
+        self._kinematic(motion, share, None, trim, index, "take-off")
+        self._start_airborne(trim, position)
+
+    def _land(self, segment, index: int) -> None:
+        x = State(*self.stepper.x.tolist())
+        commands = Commands(*self.stepper.commands.tolist())
+        now, _ = self.plant.instant(x, commands)
+        rate = self.plant.derivative(x, commands)
+        velocity = np.array([float(c) for c in now.ground_velocity])
+        gravity_and_force = velocity_derivative(
+            0.0, 0.0, 0.0, 0.0, 0.0, 0.0, x.phi, x.theta, *(float(c) for c in now.specific_force)
+        )
+        acceleration = np.array(earth_from_body(*gravity_and_force, x.phi, x.theta, x.psi), dtype=float)
+        here = Pose(
+            np.array([x.north, x.east, x.down]),
+            velocity,
+            acceleration,
+            np.array([x.phi, x.theta, x.psi]),
+            np.array([rate.phi, rate.theta, rate.psi], dtype=float),
+        )
+        T = segment.duration_s
+        position = here.position + velocity * T / 2
+        position[2] = 0.0
+        goal = Pose.at_rest(position, np.array([0.0, 0.0, x.psi]))
+        n = round(T / self.dt)
+        motion = move(here, goal, n * self.dt, np.arange(n) * self.dt)
+        share = 1 - smooth_step(np.arange(n) / n)
+        self._kinematic(motion, share, (x, commands), None, index, "land")
+        self.pose, self.airborne = goal, False
+
+    def _kinematic(self, motion, share: Array, last, trim: Trim | None, index: int, kind: str) -> None:
+        """Rows of prescribed motion; controls and motor are `share` of those in the air at its end."""
+        if last is not None:
+            state, commands = last
+        elif trim is not None:
+            state, commands = trim.state(), trim.commands
+        else:
+            state, commands = None, None
+        rows = kinematic_rows(self.plant, motion, share, state, commands, self.energy_J, self.dt, index, kind)
+        self.rows.append(rows)
+        self.energy_J = float(rows["battery_energy_J"].iloc[-1])
+        self.t += len(rows) * self.dt
+        self.progress(self.t)
+
+
+def _came_apart(seen: Seen, t: float) -> str:
+    how = "the flight diverges" if seen.height > 0 else "the aircraft hits the ground"
+    return (
+        f"{how} at {t:.2f} s: V = {seen.V:.1f} m/s, alpha = {np.rad2deg(seen.alpha):.1f} deg, "
+        f"height = {seen.height:.1f} m, roll {np.rad2deg(seen.phi):.0f}, pitch {np.rad2deg(seen.theta):.0f} deg, "
+        f"q = {seen.q:.1f} rad/s"
+    )
+
+
+def smooth_step(x: Array) -> Array:
+    """0 to 1 with zero slope and curvature at both ends."""
+    return x**3 * (10 - 15 * x + 6 * x**2)
+
+
+class _Record:
+    """Rows of a growing table."""
+
+    def __init__(self, width: int):
+        self._data = np.empty((RECORD_BLOCK, width))
+        self._n = 0
+
+    def add(self, row: Array) -> None:
+        if self._n == len(self._data):
+            self._data = np.concatenate([self._data, np.empty_like(self._data)])
+        self._data[self._n] = row
+        self._n += 1
+
+    def array(self) -> Array:
+        return self._data[: self._n]
+
+
+def _white_noise(seed: int, dt: float) -> Iterator[Array]:
+    """White noise of unit intensity, held over a step: standard normal numbers over sqrt(dt)."""
+    rng = np.random.default_rng([seed, 0x6D])
+    while True:
+        yield from rng.standard_normal((RECORD_BLOCK, 4)) / np.sqrt(dt)

@@ -1,0 +1,98 @@
+"""Standing, take-off and landing: smooth prescribed motion, no wheels.
+
+Position and attitude follow quintics in time from one end to the other, with velocity and acceleration matched at both
+ends. Velocity, rates and specific force follow from them by differentiation, so that what the IMU, the barometer and
+the GPS see belongs together, as on a real flight.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from flight.atmosphere import GRAVITY_MPS2
+from flight.motion import body_from_earth
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where, how fast and which way: north, east, down [m] and roll, pitch, yaw [rad], with two derivatives."""
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+    attitude: Array
+    attitude_rate: Array
+
+    @classmethod
+    def at_rest(cls, position: Array, attitude: Array) -> "Pose":
+        return cls(position, np.zeros(3), np.zeros(3), attitude, np.zeros(3))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion at n instants, arrays (n, 3)."""
+
+    position: Array
+    velocity: Array
+    attitude: Array
+    rates: Array  # body rates [rad/s]
+    angular_acceleration: Array  # [rad/s^2]
+    specific_force: Array  # [m/s^2], body axes
+
+    @property
+    def body_velocity(self) -> Array:
+        return np.column_stack(body_from_earth(*self.velocity.T, *self.attitude.T))
+
+
+def quintic(duration_s: float, start: tuple[float, float, float], end: tuple[float, float, float]) -> Polynomial:
+    """The polynomial of degree five with (value, first, second derivative) given at both ends."""
+    T = duration_s
+    x0, v0, a0 = start
+    x1, v1, a1 = end
+    rest = np.array([x1 - x0 - v0 * T - a0 * T**2 / 2, v1 - v0 - a0 * T, a1 - a0])
+    matrix = np.array([[T**3, T**4, T**5], [3 * T**2, 4 * T**3, 5 * T**4], [6 * T, 12 * T**2, 20 * T**3]])
+    return Polynomial([x0, v0, a0 / 2, *np.linalg.solve(matrix, rest)])
+
+
+def move(start: Pose, end: Pose, duration_s: float, t: Array) -> Motion:
+    """The motion from `start` to `end` at times t (n,) since its start."""
+    position = [
+        quintic(
+            duration_s,
+            (start.position[i], start.velocity[i], start.acceleration[i]),
+            (end.position[i], end.velocity[i], end.acceleration[i]),
+        )
+        for i in range(3)
+    ]
+    angles = [
+        quintic(
+            duration_s, (start.attitude[i], start.attitude_rate[i], 0.0), (end.attitude[i], end.attitude_rate[i], 0.0)
+        )
+        for i in range(3)
+    ]
+    x, v, a = (np.column_stack([c.deriv(k)(t) if k else c(t) for c in position]) for k in range(3))
+    angle, rate, rate_dot = (np.column_stack([c.deriv(k)(t) if k else c(t) for c in angles]) for k in range(3))
+    phi, theta, _ = angle.T
+    # (3.12-3.14) inverted, and differentiated.
+    (f1, t1, s1), (f2, t2, s2) = rate.T, rate_dot.T
+    sf, cf, st, ct = np.sin(phi), np.cos(phi), np.sin(theta), np.cos(theta)
+    p = f1 - s1 * st
+    q = t1 * cf + s1 * sf * ct
+    r = -t1 * sf + s1 * cf * ct
+    pdot = f2 - s2 * st - s1 * ct * t1
+    qdot = t2 * cf - t1 * sf * f1 + s2 * sf * ct + s1 * (cf * f1 * ct - sf * st * t1)
+    rdot = -t2 * sf - t1 * cf * f1 + s2 * cf * ct + s1 * (-sf * f1 * ct - cf * st * t1)
+    north, east, down = a.T
+    force = body_from_earth(north, east, down - GRAVITY_MPS2, *angle.T)
+    return Motion(x, v, angle, np.column_stack([p, q, r]), np.column_stack([pdot, qdot, rdot]), np.column_stack(force))
+
+
+def stand(position: Array, attitude: Array, n: int) -> Motion:
+    """No motion at all, for n instants."""
+    zeros = np.zeros((n, 3))
+    force = np.array(body_from_earth(0.0, 0.0, -GRAVITY_MPS2, *attitude))
+    return Motion(np.tile(position, (n, 1)), zeros, np.tile(attitude, (n, 1)), zeros, zeros, np.tile(force, (n, 1)))

@@ -1,0 +1,192 @@
+"""The pilot: altitude to elevator, speed to throttle, bank and heading to aileron and rudder.
+
+A trim schedule is what a pilot knows of the aircraft; the loops correct what is left. `Gains.skill` detunes them into
+the pilots of the source: well tuned, low gain, high gain, gains scheduled with speed or not.
+"""
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from math import asin, atan2, copysign, cos, pi, sin, sqrt
+from typing import NamedTuple
+
+from flight.atmosphere import GRAVITY_MPS2 as g
+from flight.errors import InputError
+from sim.plant import Commands, Plant, Seen
+from sim.trim import Trimmer
+
+MAX_BANK_RAD = 0.8
+MAX_GAMMA_RAD = 0.35
+
+
+class Targets(NamedTuple):
+    """What a segment of the plan asks for. Throttle, when given, wins over speed; bank wins over heading."""
+
+    height_m: float | None = None
+    climb_mps: float = 0.0  # asked for beside the height loop, or alone when height is None
+    speed_mps: float | None = None
+    throttle: float | None = None
+    heading_rad: float | None = None
+    bank_rad: float | None = None
+    load_factor: float | None = None  # replaces the height loop: roller coaster, wind-up turn
+    elevator_rad: float = 0.0  # added to what the pilot does: 3-2-1-1 inputs
+    hold_elevator: bool = False  # stick frozen at its trim: free response
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gains:
+    """[pilot] of a plan."""
+
+    height_per_s: float = 0.45  # asked climb per height error
+    climb: float = 0.9  # flight-path angle asked again per flight-path error
+    climb_integral_per_s: float = 0.25
+    pitch: float = 0.8  # elevator per pitch error
+    pitch_rate_s: float = 0.12  # elevator per pitch rate
+    speed_per_m: float = 0.12  # throttle per speed error
+    speed_integral: float = 0.03
+    bank: float = 0.5
+    bank_rate_s: float = 0.08
+    heading: float = 1.2  # bank per heading error
+    yaw_rate_s: float = 0.15
+    skill: float = 1.0  # multiplies all feedback: below one sluggish, above one nervous
+    feedforward: float = 1.0  # how much of the trim schedule the pilot knows
+    scheduled: bool = True  # elevator and aileron gains fall with dynamic pressure
+
+
+PILOTS = {
+    "good": Gains(),
+    "low-gain": Gains(skill=0.4, feedforward=0.8),
+    "high-gain": Gains(skill=1.6),
+    "unscheduled": Gains(scheduled=False),
+    "schedule-free": Gains(feedforward=0.0),
+}
+
+
+class Schedule:
+    """Angle of attack, elevator, aileron, rudder and throttle of level trim against airspeed."""
+
+    def __init__(self, trimmer: Trimmer, points: int = 25):
+        low, high = 1.04 * trimmer.V_stall, 0.999 * trimmer.V_max
+        self._V = [low + (high - low) * i / (points - 1) for i in range(points)]
+        self._rows = []
+        for V in self._V:
+            trim = trimmer.solve(V=V, climb=0.0)
+            z = trim.unknowns
+            self._rows.append((z.alpha, z.elevator, z.aileron, z.rudder, trim.throttle))
+
+    def at(self, V: float) -> tuple[float, ...]:
+        """Linear between the points, held beyond them."""
+        V = min(max(V, self._V[0]), self._V[-1])
+        i = min(max(bisect_right(self._V, V), 1), len(self._V) - 1)
+        weight = (V - self._V[i - 1]) / (self._V[i] - self._V[i - 1])
+        return tuple(a + weight * (b - a) for a, b in zip(self._rows[i - 1], self._rows[i], strict=True))
+
+
+class Pilot:
+    """Flies the targets, `dt` apart. Has a memory: the integrals of its loops."""
+
+    def __init__(self, plant: Plant, trimmer: Trimmer, gains: Gains, dt: float):
+        self._schedule = Schedule(trimmer)
+        self._gains, self._dt = gains, dt
+        self._V_reference = 1.6 * trimmer.V_stall
+        self._travel = [(min(s.angle_rad), max(s.angle_rad)) for s in _surfaces(plant)]
+        self._cruise = self._schedule.at(self._V_reference)
+        self._gamma_integral = 0.0
+        self._throttle_integral = 0.0
+        self._bank_integral = 0.0
+        self._height_memory: float | None = None
+        self._throttle = 0.0
+
+    def fly(self, seen: Seen, want: Targets) -> Commands:
+        """Commands for the next step."""
+        gains, dt, k = self._gains, self._dt, self._gains.skill
+        V = max(seen.V, 5.0)
+        bank = min(max(seen.phi, -1.2), 1.2)
+        lift = max(want.load_factor or 1.0, 0.2) if want.load_factor is not None else 1 / cos(bank)
+        # At load factor n the aircraft needs the angle of attack of level flight at V / sqrt(n).
+        know = self._know(V / sqrt(lift))
+        alpha_ff, elevator_ff = know[0], know[1]
+        aileron_ff, rudder_ff, throttle_ff = self._know(V)[2:]
+        stiffness = min((self._V_reference / V) ** 2, 2.5) if gains.scheduled else 1.0
+
+        if want.hold_elevator:
+            elevator = elevator_ff
+        elif want.load_factor is not None:
+            q_wanted = g / V * (want.load_factor - cos(seen.theta) * cos(bank))
+            felt = -seen.az / g
+            self._gamma_integral += k * 0.6 * (want.load_factor - felt) * dt
+            slope = 0.05 * stiffness * k
+            elevator = elevator_ff - slope * (want.load_factor - felt) - 0.1 * self._gamma_integral
+            elevator += k * gains.pitch_rate_s * stiffness * (seen.q - q_wanted)
+        else:
+            climb = want.climb_mps
+            if want.height_m is not None:
+                climb += k * gains.height_per_s * (want.height_m - seen.height)
+            gamma_wanted = asin(min(max(climb / V, -MAX_GAMMA_RAD), MAX_GAMMA_RAD))
+            gamma = seen.climb / V
+            self._gamma_integral += k * gains.climb_integral_per_s * (gamma_wanted - gamma) * dt
+            self._gamma_integral = min(max(self._gamma_integral, -0.3), 0.3)
+            theta_wanted = alpha_ff * cos(bank) + gamma_wanted + k * gains.climb * (gamma_wanted - gamma)
+            theta_wanted += self._gamma_integral
+            turn = g / V * sin(bank)
+            q_steady = turn * sin(bank)
+            elevator = elevator_ff + k * stiffness * gains.pitch * (seen.theta - theta_wanted)
+            elevator += k * stiffness * gains.pitch_rate_s * (seen.q - q_steady)
+        elevator += want.elevator_rad
+
+        bank_wanted = self._bank_wanted(seen, want, V)
+        bank_error = bank_wanted - seen.phi
+        self._bank_integral = min(max(self._bank_integral + 0.15 * k * bank_error * dt, -0.1), 0.1)
+        aileron = aileron_ff + stiffness * k * (gains.bank * bank_error - gains.bank_rate_s * seen.p)
+        aileron += self._bank_integral
+        r_steady = g / V * sin(seen.phi) * cos(seen.theta)
+        rudder = rudder_ff + stiffness * k * gains.yaw_rate_s * (seen.r - r_steady)
+
+        throttle = self._throttle_for(seen, want, throttle_ff)
+        self._throttle = throttle
+        (e0, e1), (a0, a1), (r0, r1) = self._travel
+        return Commands(min(max(elevator, e0), e1), min(max(aileron, a0), a1), min(max(rudder, r0), r1), throttle)
+
+    def _know(self, V: float) -> tuple[float, ...]:
+        """The schedule as far as this pilot knows it: at worst the one trim of cruise."""
+        share = self._gains.feedforward
+        if share == 1.0:
+            return self._schedule.at(V)
+        return tuple(c + share * (s - c) for c, s in zip(self._cruise, self._schedule.at(V), strict=True))
+
+    def _bank_wanted(self, seen: Seen, want: Targets, V: float) -> float:
+        if want.bank_rad is not None:
+            return want.bank_rad
+        if want.heading_rad is None:
+            return 0.0
+        error = atan2(sin(want.heading_rad - seen.psi), cos(want.heading_rad - seen.psi))
+        bank = self._gains.heading * error * min(V / self._V_reference, 2.0)
+        return copysign(min(abs(bank), MAX_BANK_RAD), bank)
+
+    def _throttle_for(self, seen: Seen, want: Targets, throttle_ff: float) -> float:
+        if want.throttle is not None:
+            self._throttle_integral = 0.0
+            return min(max(want.throttle, 0.0), 1.0)
+        if want.speed_mps is None:
+            return self._throttle
+        error = want.speed_mps - seen.V
+        gains, k = self._gains, self._gains.skill
+        base = self._know(want.speed_mps)[4]
+        throttle = base + k * gains.speed_per_m * error + self._throttle_integral
+        if 0 < throttle < 1:
+            self._throttle_integral += k * gains.speed_integral * error * self._dt
+        return min(max(throttle, 0.0), 1.0)
+
+
+def _surfaces(plant: Plant):
+    return plant.aircraft.elevator, plant.aircraft.aileron, plant.aircraft.rudder
+
+
+def pilot_named(name: str) -> Gains:
+    if name not in PILOTS:
+        raise InputError(f"pilot {name!r}: not one of {', '.join(PILOTS)}")
+    return PILOTS[name]
+
+
+def wrapped(angle: float) -> float:
+    """An angle in (-pi, pi]."""
+    return pi - (pi - angle) % (2 * pi)

@@ -1,0 +1,121 @@
+"""Flight plans: small TOML files that compose segments. `load_plan("accel-decel")` or a path."""
+
+import tomllib
+from dataclasses import dataclass, field, fields
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from flight.errors import InputError
+from flight.units import read_table
+from sim.air import Air
+from sim.pilot import Gains, pilot_named
+from sim.segments import AIRBORNE, GROUND
+
+DT_S = 0.02
+KINDS = AIRBORNE | GROUND
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    name: str
+    title: str
+    segments: tuple[Any, ...]
+    air: Air = field(default_factory=Air)
+    pilot: Gains = field(default_factory=Gains)
+    heading_rad: float = 0.0
+    # Where a plan that starts in the air begins.
+    height_m: float = 100.0
+    speed_over_stall: float = 1.6
+    integrator: str = "rk4"
+
+
+def shipped_plans() -> list[str]:
+    folder = resources.files("sim") / "plans"
+    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+def load_plan(name_or_path: str | Path) -> Plan:
+    """A plan shipped with the package, by name, or one from a file.
+
+    Raises InputError naming the file, the segment and the key when something is missing, unknown or of a wrong unit.
+    """
+    shipped = resources.files("sim") / "plans" / f"{name_or_path}.toml"
+    path = Path(name_or_path)
+    if path.suffix == "" and shipped.is_file():
+        return parse_plan(shipped.read_text("utf-8"), str(name_or_path))
+    if not path.is_file():
+        raise InputError(f"plan {name_or_path}: neither a file nor one of {', '.join(shipped_plans())}")
+    try:
+        return parse_plan(path.read_text("utf-8"), path.stem)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error})") from None
+
+
+def parse_plan(text: str, name: str) -> Plan:
+    """The plan of a file's text; `name` names it in errors."""
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"plan {name}: not valid TOML ({error})") from None
+    where = f"plan {name}"
+    raw = table.pop("segment", None)
+    segments = tuple(_segments(raw, where))
+    if not segments:
+        raise InputError(f"{where}: has no [[segment]]")
+    air = read_table(Air, table.pop("air", {}), f"{where}: air")
+    pilot = table.pop("pilot", "good")
+    gains = pilot_named(pilot) if isinstance(pilot, str) else _gains(pilot, f"{where}: pilot")
+    head = read_table(_Head, table, where)
+    if head.integrator not in ("rk4", "euler"):
+        raise InputError(f"{where}: integrator: {head.integrator!r} is neither rk4 nor euler")
+    values = {f.name: getattr(head, f.name) for f in fields(_Head)}
+    return Plan(name=name, segments=segments, air=air, pilot=gains, **values)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Head:
+    title: str = ""
+    heading_rad: float = 0.0
+    height_m: float = 100.0
+    speed_over_stall: float = 1.6
+    integrator: str = "rk4"
+
+
+def _gains(table: Any, where: str) -> Gains:
+    known = {f.name: f.type for f in fields(Gains)}
+    if not isinstance(table, dict):
+        raise InputError(f"{where}: should be a name or a table, is {table!r}")
+    for key, value in table.items():
+        if key not in known:
+            raise InputError(f"{where}: unknown key {key!r}; known here: {', '.join(known)}")
+        if key == "scheduled" and not isinstance(value, bool):
+            raise InputError(f"{where}: {key}: should be true or false, is {value!r}")
+        if key != "scheduled" and (isinstance(value, bool) or not isinstance(value, int | float)):
+            raise InputError(f"{where}: {key}: should be a plain number, is {value!r}")
+    return Gains(**table)
+
+
+def _segments(raw: Any, where: str) -> list[Any]:
+    if not isinstance(raw, list):
+        raise InputError(f"{where}: has no [[segment]]")
+    segments: list[Any] = []
+    for i, entry in enumerate(raw, start=1):
+        at = f"{where}: segment {i}"
+        if not isinstance(entry, dict):
+            raise InputError(f"{at}: should be a table, is {entry!r}")
+        entry = dict(entry)
+        kind = entry.pop("kind", None)
+        if kind == "repeat":
+            times = entry.pop("times", None)
+            if not isinstance(times, int) or isinstance(times, bool) or times < 1:
+                raise InputError(f"{at}: repeat: times should be a whole number, one or more, is {times!r}")
+            inner = _segments(entry.pop("segment", None), at)
+            if entry:
+                raise InputError(f"{at}: repeat: unknown key {next(iter(entry))!r}; known here: times, segment")
+            segments += inner * times
+        elif kind in KINDS:
+            segments.append(read_table(KINDS[kind], entry, f"{at} ({kind})"))
+        else:
+            raise InputError(f"{at}: kind = {kind!r} is not one of {', '.join([*KINDS, 'repeat'])}")
+    return segments

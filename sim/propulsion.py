@@ -1,0 +1,72 @@
+"""Propeller, brushless motor, speed controller and battery.
+
+Written with NumPy functions: floats, arrays and CasADi symbols pass through.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flight.aircraft import Propulsion
+from flight.propeller import Propeller
+
+# Below this a propeller has no meaningful advance ratio; the motor's friction is faded out there so that it can stop.
+SLOWEST_REVPS = 5.0
+
+
+class PowerTrain(NamedTuple):
+    """What the power train does at one instant, SI."""
+
+    thrust: Any  # [N]
+    shaft_power: Any  # taken by the propeller [W]
+    motor_acceleration: Any  # [rev/s^2]
+    voltage: Any  # of the battery under load [V]
+    current: Any  # from the battery [A]
+
+
+def torque_constant(propulsion: Propulsion) -> float:
+    """Torque per current [N m/A], which is also voltage per angular speed [V s/rad]."""
+    return 60 / (2 * np.pi * propulsion.motor_kv_rpm_per_volt)
+
+
+def power_train(
+    propulsion: Propulsion, propeller: Propeller, *, V, n, throttle, rho, thrust_scale=1.0, thrust_slope_J=0.0
+):
+    """Thrust, torque balance and currents at airspeed V [m/s], n [rev/s], throttle 0 to 1.
+
+    The speed controller is an ideal step-down converter: motor voltage = throttle times battery voltage, and battery
+    current = throttle times motor current; it freewheels rather than brakes, so that current never flows back. The
+    motor is a resistance, a back-EMF and a friction worth its no-load current.
+
+    thrust_scale, thrust_slope_J : how the real propeller departs from its table: cT times
+    thrust_scale (1 + thrust_slope_J (J - 0.5)).
+    """
+    n_air = np.maximum(n, SLOWEST_REVPS)
+    thrust, shaft_power = propeller.thrust_and_power(V, n_air, rho)
+    J = V / (n_air * propeller.diameter_m)
+    thrust = thrust * thrust_scale * (1 + thrust_slope_J * (J - 0.5))
+    load = shaft_power / (2 * np.pi * n_air)
+
+    k = torque_constant(propulsion)
+    resistance = propulsion.motor_resistance_ohm + throttle**2 * propulsion.battery_resistance_ohm
+    motor_current = np.maximum((throttle * propulsion.battery_voltage_V - 2 * np.pi * n * k) / resistance, 0)
+    friction = k * propulsion.motor_no_load_current_A * np.clip(n / SLOWEST_REVPS, 0, 1)
+    acceleration = (k * motor_current - friction - load) / (2 * np.pi * propulsion.propeller_inertia_kgm2)
+    battery_current = throttle * motor_current
+    voltage = propulsion.battery_voltage_V - battery_current * propulsion.battery_resistance_ohm
+    return PowerTrain(thrust, shaft_power, acceleration, voltage, battery_current)
+
+
+def throttle_for(propulsion: Propulsion, propeller: Propeller, *, V: float, n: float, rho: float) -> float:
+    """The throttle that holds n [rev/s] at airspeed V [m/s]; more than 1 where the battery cannot."""
+    _, shaft_power = propeller.thrust_and_power(V, n, rho)
+    k = torque_constant(propulsion)
+    current = shaft_power / (2 * np.pi * n) / k + propulsion.motor_no_load_current_A
+    emf, R_m, R_b = 2 * np.pi * n * k, propulsion.motor_resistance_ohm, propulsion.battery_resistance_ohm
+    if current <= 0:
+        return 0.0  # windmilling faster than asked: no throttle slows it down
+    # throttle U - emf = i (R_m + throttle^2 R_b): the smaller root is the one that the battery can sustain.
+    discriminant = propulsion.battery_voltage_V**2 - 4 * current * R_b * (emf + current * R_m)
+    if discriminant < 0:
+        return float("inf")
+    return float(2 * (emf + current * R_m) / (propulsion.battery_voltage_V + np.sqrt(discriminant)))

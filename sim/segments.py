@@ -1,0 +1,312 @@
+"""The segments a plan is composed of. Each is a small story told to the pilot: what to hold, and until when.
+
+`fly` is a generator: it yields `Targets`, is sent what was `Seen` a step later, and returns when the segment is over.
+"""
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from math import cos, pi, radians, sin
+from typing import Protocol
+
+from flight.errors import InputError
+from sim.pilot import Targets, wrapped
+from sim.plant import Seen
+
+Story = Generator[Targets, Seen, None]
+
+
+@dataclass
+class Craft:
+    """What a segment may know: the limits of the aircraft, the step, and where the last segment left off."""
+
+    V_stall: float
+    V_max: float
+    dt: float
+    height_m: float
+    heading_rad: float
+    speed_mps: float
+    throttle: float = 0.0
+
+
+class Segment(Protocol):
+    kind: str
+
+    def fly(self, seen: Seen, craft: Craft) -> Story: ...
+
+
+def chosen_speed(craft: Craft, speed_mps: float | None, over_stall: float | None, of_max: float | None) -> float:
+    """The speed a segment asks for, in any of three ways; the present one when in none."""
+    if speed_mps is not None:
+        return speed_mps
+    if over_stall is not None:
+        return over_stall * craft.V_stall
+    if of_max is not None:
+        return of_max * craft.V_max
+    return craft.speed_mps
+
+
+def _steps(duration_s: float, craft: Craft) -> int:
+    return max(1, round(duration_s / craft.dt))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stand:
+    """Stand still on the ground."""
+
+    duration_s: float
+    kind = "stand"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakeOff:
+    """From standing to trimmed flight along a smooth path (a quintic in time); the wheels are not modelled."""
+
+    height_m: float = 20.0
+    duration_s: float = 12.0
+    speed_over_stall: float = 1.6
+    kind = "take-off"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Land:
+    """From flight to standing along a smooth path."""
+
+    duration_s: float = 14.0
+    kind = "land"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold:
+    """Hold height, heading and speed: settling, and steady points for PIW-VIW."""
+
+    duration_s: float
+    speed_mps: float | None = None
+    speed_over_stall: float | None = None
+    speed_of_max: float | None = None
+    wander_m: float = 0.0  # altitude following a sum of three sines of this amplitude
+    wander_period_s: float = 12.0
+    bank_rad: float | None = None  # an unintended gentle turn
+    kind = "hold"
+
+    def fly(self, seen: Seen, craft: Craft) -> Story:
+        speed = chosen_speed(craft, self.speed_mps, self.speed_over_stall, self.speed_of_max)
+        for i in range(_steps(self.duration_s, craft)):
+            offset, rate = _wander(i * craft.dt, self.wander_m, self.wander_period_s)
+            seen = yield Targets(
+                height_m=craft.height_m + offset,
+                climb_mps=rate,
+                speed_mps=speed,
+                heading_rad=None if self.bank_rad is not None else craft.heading_rad,
+                bank_rad=self.bank_rad,
+            )
+        craft.speed_mps = speed
+        if self.bank_rad is not None:
+            craft.heading_rad = seen.psi
+
+
+def _wander(t: float, amplitude: float, period: float) -> tuple[float, float]:
+    """A sum of three sines with incommensurable periods, and its rate."""
+    if amplitude == 0.0:
+        return 0.0, 0.0
+    offset = rate = 0.0
+    for share, ratio in ((0.5, 1.0), (0.3, 1.618), (0.2, 2.718)):
+        omega = 2 * pi * ratio / period
+        offset += share * amplitude * sin(omega * t)
+        rate += share * amplitude * omega * cos(omega * t)
+    return offset, rate
+
+
+@dataclass(frozen=True, kw_only=True)
+class Climb:
+    """Climb or descend to a height at a rate and a speed."""
+
+    height_m: float
+    climb_mps: float = 2.5
+    speed_mps: float | None = None
+    speed_over_stall: float | None = None
+    speed_of_max: float | None = None
+    kind = "climb"
+
+    def fly(self, seen: Seen, craft: Craft) -> Story:
+        speed = chosen_speed(craft, self.speed_mps, self.speed_over_stall, self.speed_of_max)
+        start, target = seen.height, craft.height_m
+        up = 1.0 if self.height_m >= start else -1.0
+        while (self.height_m - target) * up > 0:
+            target += up * self.climb_mps * craft.dt
+            seen = yield Targets(
+                height_m=target, climb_mps=up * self.climb_mps, speed_mps=speed, heading_rad=craft.heading_rad
+            )
+        craft.height_m, craft.speed_mps = self.height_m, speed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """An acceleration or deceleration: throttle from where it is along a ramp to `throttle`, height held.
+
+    It ends at the speed asked for, or after `longest`, whichever is first. `wander` and `end_higher` are the source's
+    case 2: height wanders and returns, or the run ends higher or lower.
+    """
+
+    throttle: float
+    speed_mps: float | None = None
+    speed_over_stall: float | None = None
+    speed_of_max: float | None = None
+    ramp_s: float = 1.0
+    longest_s: float = 20.0
+    wander_m: float = 0.0
+    end_higher_m: float = 0.0
+    bank_rad: float | None = None
+    kind = "run"
+
+    def fly(self, seen: Seen, craft: Craft) -> Story:
+        until = chosen_speed(craft, self.speed_mps, self.speed_over_stall, self.speed_of_max)
+        faster = until > seen.V
+        first = craft.throttle
+        steps = _steps(self.longest_s, craft)
+        offset = 0.0
+        for i in range(steps):
+            t = i * craft.dt
+            ramp = min(t / self.ramp_s, 1.0) if self.ramp_s > 0 else 1.0
+            # Half a sine wanders and returns; half a cosine ends at another height.
+            x = t / self.longest_s
+            offset = self.wander_m * sin(pi * x) + self.end_higher_m * (1 - cos(pi * x)) / 2
+            rate = pi / self.longest_s * (self.wander_m * cos(pi * x) + self.end_higher_m * sin(pi * x) / 2)
+            seen = yield Targets(
+                height_m=craft.height_m + offset,
+                climb_mps=rate,
+                throttle=first + (self.throttle - first) * ramp,
+                heading_rad=None if self.bank_rad is not None else craft.heading_rad,
+                bank_rad=self.bank_rad,
+            )
+            if t > self.ramp_s and (seen.V >= until if faster else seen.V <= until):
+                break
+        craft.height_m += offset if self.end_higher_m else 0.0
+        craft.speed_mps = seen.V
+        if self.bank_rad is not None:
+            craft.heading_rad = seen.psi
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turn:
+    """Turn by an angle (positive: right) at a bank and a speed, level; then wings level."""
+
+    angle_rad: float = pi
+    bank_rad: float = 0.6
+    speed_mps: float | None = None
+    speed_over_stall: float | None = None
+    speed_of_max: float | None = None
+    kind = "turn"
+
+    def fly(self, seen: Seen, craft: Craft) -> Story:
+        speed = chosen_speed(craft, self.speed_mps, self.speed_over_stall, self.speed_of_max)
+        side = 1.0 if self.angle_rad >= 0 else -1.0
+        turned, before = 0.0, seen.psi
+        # The last of the turn is left to the heading loop, which rolls out.
+        while abs(turned) < abs(self.angle_rad) - 0.35:
+            seen = yield Targets(height_m=craft.height_m, speed_mps=speed, bank_rad=side * self.bank_rad)
+            turned += wrapped(seen.psi - before)
+            before = seen.psi
+        craft.heading_rad = wrapped(craft.heading_rad + self.angle_rad)
+        for _ in range(_steps(5.0, craft)):
+            seen = yield Targets(height_m=craft.height_m, speed_mps=speed, heading_rad=craft.heading_rad)
+        craft.speed_mps = speed
+
+
+@dataclass(frozen=True, kw_only=True)
+class RollerCoaster:
+    """Load factor up and down between two values (pushover and pull-up), at `load_rate` per second."""
+
+    lowest: float = 0.2
+    highest: float = 1.8
+    load_rate: float = 0.4
+    cycles: int = 2
+    kind = "roller-coaster"
+
+    def fly(self, seen: Seen, craft: Craft) -> Story:
+        load, throttle = 1.0, craft.throttle
+        for goal in [self.highest, self.lowest] * self.cycles + [1.0]:
+            while abs(goal - load) > 1e-9:
+                step = self.load_rate * craft.dt
+                load += min(max(goal - load, -step), step)
+                seen = yield Targets(load_factor=load, throttle=throttle, bank_rad=0.0)
+        craft.speed_mps = seen.V
+        yield from _recover(seen, craft)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindUpTurn:
+    """Load factor rising by `load_rate` per second at constant speed, by ever more bank."""
+
+    highest: float = 1.8
+    load_rate: float = 0.1
+    kind = "wind-up-turn"
+
+    def fly(self, seen: Seen, craft: Craft) -> Story:
+        from math import acos
+
+        load, speed = 1.0, craft.speed_mps
+        while load < self.highest:
+            load += self.load_rate * craft.dt
+            seen = yield Targets(height_m=craft.height_m, speed_mps=speed, bank_rad=acos(1 / load))
+        craft.heading_rad = seen.psi
+        yield from _recover(seen, craft)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steps3211:
+    """Elevator steps of 3, 2, 1 and 1 units of time, alternating, about trim."""
+
+    amplitude_rad: float = radians(3)
+    unit_s: float = 0.4
+    rest_s: float = 4.0
+    kind = "3-2-1-1"
+
+    def fly(self, seen: Seen, craft: Craft) -> Story:
+        throttle = craft.throttle
+        sign = 1.0
+        for units in (3, 2, 1, 1):
+            for _ in range(_steps(units * self.unit_s, craft)):
+                seen = yield Targets(
+                    hold_elevator=True, elevator_rad=sign * self.amplitude_rad, throttle=throttle, bank_rad=0.0
+                )
+            sign = -sign
+        for _ in range(_steps(self.rest_s, craft)):
+            seen = yield Targets(hold_elevator=True, throttle=throttle, bank_rad=0.0)
+        yield from _recover(seen, craft)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Manual:
+    """A throttle history flown at held height: times and throttles, linear between."""
+
+    times: tuple[float, ...]  # [s]
+    throttles: tuple[float, ...]
+    kind = "manual"
+
+    def fly(self, seen: Seen, craft: Craft) -> Story:
+        if len(self.times) != len(self.throttles) or len(self.times) < 2 or sorted(set(self.times)) != list(self.times):
+            raise InputError("manual: times must rise, and have as many entries as throttles (two or more)")
+        for i in range(_steps(self.times[-1], craft)):
+            throttle = _linear(i * craft.dt, self.times, self.throttles)
+            seen = yield Targets(height_m=craft.height_m, throttle=throttle, heading_rad=craft.heading_rad)
+        craft.speed_mps = seen.V
+
+
+def _linear(t: float, times: Sequence[float], values: Sequence[float]) -> float:
+    for a, b, ya, yb in zip(times, times[1:], values, values[1:], strict=False):
+        if t <= b:
+            return ya + (yb - ya) * (t - a) / (b - a)
+    return values[-1]
+
+
+def _recover(seen: Seen, craft: Craft) -> Story:
+    """Back to level flight at the height where the manoeuvre left us."""
+    craft.height_m = seen.height
+    for _ in range(_steps(5.0, craft)):
+        seen = yield Targets(height_m=craft.height_m, speed_mps=craft.speed_mps, heading_rad=craft.heading_rad)
+
+
+AIRBORNE: dict[str, type] = {
+    kind.kind: kind for kind in (Hold, Climb, Run, Turn, RollerCoaster, WindUpTurn, Steps3211, Manual)
+}
+GROUND: dict[str, type] = {kind.kind: kind for kind in (Stand, TakeOff, Land)}

@@ -1,0 +1,197 @@
+"""Error budgets: how much each sensor errs. A budget gives standard deviations; `draw` makes one day's errors of it.
+
+Shipped: `none`, `bench` (noise of Table 4.1, small residual errors; the default) and `harsh` (the full budget of the
+method's study, systematic errors drawn at random by the seed).
+"""
+
+import tomllib
+from dataclasses import dataclass, fields
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.errors import InputError
+from flight.units import read_table
+from sim.plant import Deviations
+from sim.sensors.noise import rng_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise:
+    """Standard deviations of what changes from sample to sample, of 25 Hz data where not said otherwise."""
+
+    accel_mps2: float = 0.0
+    gyro_radps: float = 0.0
+    alpha_Pa: float = 0.0
+    beta_Pa: float = 0.0
+    airspeed_Pa: float = 0.0
+    static_Pa: float = 0.0
+    baro_Pa: float = 0.0
+    coloured_Pa: float = 0.0  # of the probe's differential transducers besides, correlated over `coloured_time`
+    coloured_time_s: float = 0.5
+    magnetic_T: float = 0.0
+    gps_position_m: float = 0.0  # correlated over `gps_correlation`
+    gps_velocity_mps: float = 0.0  # half correlated, half white
+    gps_correlation_s: float = 60.0
+    motor_speed_revps: float = 0.0
+    attitude_rad: float = 0.0
+    battery_voltage_V: float = 0.0
+    battery_current_A: float = 0.0
+    vibration_mps2: float = 0.0  # amplitude at motor speed and, half as much, at twice that; not random
+
+
+@dataclass(frozen=True, kw_only=True)
+class Systematic:
+    """Standard deviations of what stays over a flight; each component is drawn normal, `lag` and latency uniform."""
+
+    alpha_offset_rad: float = 0.0
+    beta_offset_rad: float = 0.0
+    alpha_scale: float = 0.0
+    beta_scale: float = 0.0
+    V_scale: float = 0.0  # of the airspeed that the centre port shows
+    static_position: float = 0.0  # error of the static line, as a fraction of dynamic pressure
+    lag_s: float = 0.0  # longest; added to every pneumatic line
+    zero_Pa: float = 0.0  # of the differential transducers, at power-on
+    zero_drift_Pa: float = 0.0  # and by the time they have warmed up by 10 K
+    hysteresis: float = 0.0  # of the differential transducers, as a fraction of the last swing
+    absolute_Pa: float = 0.0  # of the two absolute transducers
+    accel_bias_mps2: float = 0.0
+    accel_scale: float = 0.0
+    imu_misalignment_rad: float = 0.0  # about each axis
+    gyro_bias_radps: float = 0.0
+    gyro_scale: float = 0.0
+    hard_iron_T: float = 0.0
+    soft_iron: float = 0.0
+    gps_latency_s: float = 0.0  # longest
+    motor_speed_scale: float = 0.0
+    attitude_rad: float = 0.0
+    battery_scale: float = 0.0
+    # What departs from the files of the aircraft and the propeller.
+    thrust_scale: float = 0.0
+    thrust_slope_J: float = 0.0
+    weight_scale: float = 0.0
+    updraft_mps: float = 0.0
+    CD_quartic: float = 0.0
+    # GPS falls silent from `gps_lost` for `gps_lost_for`, when the latter is above zero.
+    gps_lost_s: float = 0.0
+    gps_lost_for_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    title: str = ""
+    noise: Noise = Noise()
+    systematic: Systematic = Systematic()
+
+
+@dataclass(frozen=True)
+class Errors:
+    """One day's errors. Vectors are per axis or per line; `values` holds the scalars of `Systematic`, drawn."""
+
+    seed: int
+    noise: Noise
+    values: Systematic
+    accel_bias: Array
+    accel_scale: Array
+    gyro_bias: Array
+    gyro_scale: Array
+    imu_rotation: Array  # (3, 3), sensor axes from body axes
+    hard_iron: Array
+    soft_iron: Array  # (3, 3)
+    zero: dict[str, float]
+    zero_drift: dict[str, float]
+    absolute: dict[str, float]
+    gps_bias: Array
+
+    @property
+    def deviations(self) -> Deviations:
+        v = self.values
+        return Deviations(
+            thrust_scale=v.thrust_scale,
+            thrust_slope_J=v.thrust_slope_J,
+            weight_scale=v.weight_scale,
+            updraft_mps=v.updraft_mps,
+            CD_quartic=abs(v.CD_quartic),
+        )
+
+
+UNIFORM = ("lag_s", "gps_latency_s")
+AS_GIVEN = ("hysteresis", "gps_lost_s", "gps_lost_for_s")
+DIFFERENTIAL = ("alpha", "beta", "airspeed")
+
+
+def draw(budget: Budget, seed: int) -> Errors:
+    """The errors of one day. A pure function of budget and seed; each error has a stream of its own."""
+    s = budget.systematic
+
+    def normal(name: str, n: int) -> Array:
+        return rng_of(seed, f"systematic {name}").standard_normal(n)
+
+    values = {}
+    for field in fields(Systematic):
+        size = getattr(s, field.name)
+        if field.name in AS_GIVEN:
+            values[field.name] = size
+        elif field.name in UNIFORM:
+            values[field.name] = size * float(rng_of(seed, f"systematic {field.name}").uniform())
+        else:
+            values[field.name] = size * float(normal(field.name, 1)[0])
+    skew = normal("soft iron matrix", 9).reshape(3, 3)
+    zeros, drifts = normal("zeros", 3) * s.zero_Pa, normal("zero drifts", 3) * s.zero_drift_Pa
+    absolute = normal("absolute", 2) * s.absolute_Pa
+    return Errors(
+        seed=seed,
+        noise=budget.noise,
+        values=Systematic(**values),
+        accel_bias=s.accel_bias_mps2 * normal("accel bias", 3),
+        accel_scale=s.accel_scale * normal("accel scale", 3),
+        gyro_bias=s.gyro_bias_radps * normal("gyro bias", 3),
+        gyro_scale=s.gyro_scale * normal("gyro scale", 3),
+        imu_rotation=_small_rotation(s.imu_misalignment_rad * normal("imu misalignment", 3)),
+        hard_iron=s.hard_iron_T * normal("hard iron", 3),
+        soft_iron=np.eye(3) + s.soft_iron * (skew + skew.T) / 2,
+        zero=dict(zip(DIFFERENTIAL, zeros.tolist(), strict=True)),
+        zero_drift=dict(zip(DIFFERENTIAL, drifts.tolist(), strict=True)),
+        absolute=dict(zip(("baro", "static"), absolute.tolist(), strict=True)),
+        gps_bias=np.zeros(3),
+    )
+
+
+def _small_rotation(vector: Array) -> Array:
+    """Rotation matrix of a rotation vector (Rodrigues)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(vector).as_matrix().T)
+
+
+def shipped_budgets() -> list[str]:
+    folder = resources.files("sim") / "data" / "errors"
+    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+def load_budget(name_or_path: str | Path) -> Budget:
+    """A budget shipped with the package, by name, or one from a file.
+
+    Raises InputError naming file and key when it is missing, malformed or has a wrong unit.
+    """
+    shipped = resources.files("sim") / "data" / "errors" / f"{name_or_path}.toml"
+    path = Path(name_or_path)
+    if path.suffix == "" and shipped.is_file():
+        text = shipped.read_text("utf-8")
+    elif path.is_file():
+        try:
+            text = path.read_text("utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"{path}: cannot be read ({error})") from None
+    else:
+        raise InputError(f"errors {name_or_path}: neither a file nor one of {', '.join(shipped_budgets())}")
+    try:
+        table: dict[str, Any] = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"errors {name_or_path}: not valid TOML ({error})") from None
+    return read_table(Budget, table, f"errors {name_or_path}")

@@ -1,0 +1,45 @@
+"""Noise as a pure function of seed, channel and sample time: asked twice, it answers the same."""
+
+from functools import lru_cache
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+Array = NDArray[np.float64]
+
+# White noise is drawn on this grid and held over it: independent from sample to sample up to 200 Hz.
+GRID_HZ = 200
+_BLOCK_S = 1
+
+
+@lru_cache(maxsize=4096)
+def _block(seed: int, channel: int, block: int) -> Array:
+    return np.random.default_rng([seed, channel, block]).standard_normal(GRID_HZ * _BLOCK_S)
+
+
+def white(seed: int, channel: str, t_s: Array) -> Array:
+    """Standard normal numbers (n,) at times t (n,), one for each cell of the grid."""
+    # Half a microsecond of grace: an instant computed as a multiple of the grid belongs to the cell it starts.
+    cell = np.floor(np.maximum(np.asarray(t_s), 0.0) * GRID_HZ + 1e-4).astype(np.int64)
+    code = crc32(channel.encode())
+    per_block = GRID_HZ * _BLOCK_S
+    values = np.empty(cell.shape)
+    for block in np.unique(cell // per_block):
+        here = cell // per_block == block
+        values[here] = _block(seed, code, int(block))[cell[here] % per_block]
+    return values
+
+
+def rng_of(seed: int, channel: str) -> np.random.Generator:
+    """A generator of its own for each seed and name."""
+    return np.random.default_rng([seed, crc32(channel.encode())])
+
+
+def gauss_markov(seed: int, channel: str, n: int, dt: float, correlation_s: float) -> Array:
+    """A first-order Gauss-Markov sequence (n,) of unit variance, stationary from its start."""
+    draws = rng_of(seed, channel).standard_normal(n)
+    a = np.exp(-dt / correlation_s)
+    draws[1:] *= np.sqrt(1 - a**2)
+    return np.asarray(lfilter([1.0], [1.0, -a], draws))

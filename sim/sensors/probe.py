@@ -1,0 +1,56 @@
+"""The five-port probe: pressures at its ports by potential flow over a hemisphere.
+
+One port faces the flow, two pairs stand at 45 deg above, below, right and left. Cp = 1 - (9/4) sin^2 of the angle from
+the stagnation point. The ring of static ports further back reads low in cross-flow.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+PORT_ANGLE_RAD = np.pi / 4
+# A ring of static holes in cross-flow at angle s from the axis reads about -0.2 sin^2 s of the dynamic pressure for
+# four to eight holes (Gracey, NASA RP-1046, ch. 5, shapes of his curves); the tunnel calibration takes it out.
+STATIC_CROSSFLOW = -0.2
+
+
+class PortPressures(NamedTuple):
+    """Above the static pressure of the free stream [Pa], each (n,)."""
+
+    centre: Array
+    lower_minus_upper: Array
+    right_minus_left: Array
+    static: Array
+
+
+def hemisphere_Cp(cosine):
+    """Pressure coefficient where the surface normal makes this cosine with the flow, windward side."""
+    return 1 - 9 / 4 * (1 - np.maximum(cosine, 0.0) ** 2)
+
+
+def port_pressures(dynamic_pressure_Pa, alpha_rad, beta_rad) -> PortPressures:
+    """Pressures at the ports of a probe that meets the flow at these angles; elementwise."""
+    q = np.asarray(dynamic_pressure_Pa)
+    x = np.cos(alpha_rad) * np.cos(beta_rad)
+    y = np.sin(beta_rad)
+    z = np.sin(alpha_rad) * np.cos(beta_rad)
+    c, s = np.cos(PORT_ANGLE_RAD), np.sin(PORT_ANGLE_RAD)
+    return PortPressures(
+        centre=q * hemisphere_Cp(x),
+        lower_minus_upper=q * (hemisphere_Cp(c * x + s * z) - hemisphere_Cp(c * x - s * z)),
+        right_minus_left=q * (hemisphere_Cp(c * x + s * y) - hemisphere_Cp(c * x - s * y)),
+        static=q * STATIC_CROSSFLOW * (y**2 + z**2),
+    )
+
+
+def flow_at_probe(V, alpha, beta, p, q, r, position_m, upwash_rad):
+    """(V, alpha, beta) at the probe's tip: those at the centre of gravity, with rotation of the aircraft and upwash."""
+    x, y, z = position_m
+    u = V * np.cos(alpha) * np.cos(beta) + q * z - r * y
+    v = V * np.sin(beta) + r * x - p * z
+    w = V * np.sin(alpha) * np.cos(beta) + p * y - q * x
+    V_probe = np.sqrt(u**2 + v**2 + w**2)
+    return V_probe, np.arctan2(w, u) + upwash_rad, np.arcsin(v / np.maximum(V_probe, 1e-12))

@@ -1,0 +1,289 @@
+"""The tray: every sensor of the aircraft on one simulated flight, behind the interface `sim.felt.Felt`."""
+
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from flight.aircraft import Aircraft, Line, Surface
+from flight.atmosphere import GRAVITY_MPS2
+from flight.motion import body_from_earth, felt_off_center
+from sim.felt import GpsSolution
+from sim.fly import Flight
+from sim.sensors.budget import DIFFERENTIAL, Errors
+from sim.sensors.noise import GRID_HZ, gauss_markov, white
+from sim.sensors.probe import flow_at_probe, port_pressures
+from sim.sensors.tubing import lagged, time_constant_s
+
+Array = NDArray[np.float64]
+
+# Where the flight happens. Any place will do; the magnetic field belongs to it (flux density [T], dip [rad]).
+HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG = 35.773, -78.674
+FIELD_T, DIP_RAD = 48.5e-6, np.deg2rad(63.0)
+EARTH_RADIUS_M = 6_371_000.0
+
+PNEUMATIC_DT_S = 1 / 200
+# Electronics warm the tray above the air, as an exponential.
+WARM_UP_K, WARM_UP_S = 10.0, 240.0
+# The autopilot's filter pulls its attitude towards the accelerometer's vertical this fast.
+ATTITUDE_FILTER_S = 2.0
+GYRO_AND_ACCEL_RATE = GRID_HZ / 25  # noise is given for 25 Hz means of 200 Hz samples
+SERVO_OUTPUTS = 8
+NEUTRAL_US, THROTTLE_LOW_US, THROTTLE_HIGH_US = 1500.0, 1000.0, 2000.0
+DEFAULT_LINE = Line(length_m=0.0, diameter_m=1e-3, cavity_m3=0.0)
+
+
+class TrayFelt:
+    """What each sensor feels on `flight`, with one day's `errors`."""
+
+    def __init__(self, flight: Flight, errors: Errors):
+        self._flight, self._errors = flight, errors
+        self._aircraft: Aircraft = flight.aircraft
+        self._truth: pd.DataFrame = flight.truth
+        self._t = flight.truth["time_s"].to_numpy()
+        self.duration_s = float(self._t[-1])
+
+    def imu(self, t_s: Array) -> tuple[Array, Array]:
+        t, e = self._clipped(t_s), self._errors
+        ax, ay, az, p, q, r, pdot, qdot, rdot, turns = self._imu_spline(t).T
+        position = self._aircraft.imu_position_m
+        force = np.column_stack(felt_off_center(ax, ay, az, p, q, r, pdot, qdot, rdot, position))
+        force += self._vibration(turns)[:, None]
+        rates = np.column_stack([p, q, r])
+        force = force @ e.imu_rotation.T * (1 + e.accel_scale) + e.accel_bias
+        rates = rates @ e.imu_rotation.T * (1 + e.gyro_scale) + e.gyro_bias
+        sigma = np.sqrt(GYRO_AND_ACCEL_RATE)
+        for i, axis in enumerate("xyz"):
+            force[:, i] += sigma * e.noise.accel_mps2 * white(e.seed, f"accel {axis}", t_s)
+            rates[:, i] += sigma * e.noise.gyro_radps * white(e.seed, f"gyro {axis}", t_s)
+        return force, rates
+
+    def imu_temperature_K(self, t_s: Array) -> Array:
+        return self._warmed(t_s) + 6.0  # the chip runs warmer than the board
+
+    def magnetic_field_T(self, t_s: Array) -> Array:
+        t, e = self._clipped(t_s), self._errors
+        phi, theta, psi = self._attitude_spline(t).T
+        earth = (FIELD_T * np.cos(DIP_RAD), 0.0, FIELD_T * np.sin(DIP_RAD))
+        body = np.column_stack(body_from_earth(*earth, phi, theta, psi))
+        field = body @ e.soft_iron.T + e.hard_iron
+        for i, axis in enumerate("xyz"):
+            field[:, i] += e.noise.magnetic_T * white(e.seed, f"mag {axis}", t_s)
+        return field
+
+    def absolute_pressure_Pa(self, which: str, t_s: Array) -> Array:
+        e = self._errors
+        noise = {"baro": e.noise.baro_Pa, "static": e.noise.static_Pa}[which]
+        value = self._pneumatic(which, t_s) + e.absolute[which]
+        return value + noise * white(e.seed, f"absolute {which}", t_s)
+
+    def differential_pressure_Pa(self, which: str, t_s: Array) -> Array:
+        e = self._errors
+        noise = {"alpha": e.noise.alpha_Pa, "beta": e.noise.beta_Pa, "airspeed": e.noise.airspeed_Pa}[which]
+        warm = WARM_UP_K * (1 - np.exp(-np.maximum(t_s, 0.0) / WARM_UP_S)) / 10.0
+        value = self._pneumatic(which, t_s) + e.zero[which] + e.zero_drift[which] * warm
+        return value + noise * white(e.seed, f"differential {which}", t_s)
+
+    def transducer_temperature_K(self, which: str, t_s: Array) -> Array:
+        return self._warmed(t_s)
+
+    def gps(self, t_s: Array) -> GpsSolution:
+        e = self._errors
+        valid_at = np.asarray(t_s) - e.values.gps_latency_s
+        north, east, height, v_n, v_e, v_d = self._gps_spline(self._clipped(valid_at)).T
+        wander, white_velocity = self._gps_wander(valid_at), []
+        for axis in "ned":
+            white_velocity.append(white(e.seed, f"gps velocity {axis}", t_s))
+        position = e.noise.gps_position_m * wander[:, :3] * np.array([1.0, 1.0, 1.8])
+        velocity = e.noise.gps_velocity_mps * (wander[:, 3:] + np.column_stack(white_velocity)) / np.sqrt(2)
+        lost = (t_s >= e.values.gps_lost_s) & (t_s < e.values.gps_lost_s + e.values.gps_lost_for_s)
+        latitude = HOME_LATITUDE_DEG + np.rad2deg((north + position[:, 0]) / EARTH_RADIUS_M)
+        metres_per_rad = EARTH_RADIUS_M * np.cos(np.deg2rad(HOME_LATITUDE_DEG))
+        longitude = HOME_LONGITUDE_DEG + np.rad2deg((east + position[:, 1]) / metres_per_rad)
+        ones = np.ones(len(valid_at))
+        return GpsSolution(
+            valid_at_s=valid_at,
+            fix=~lost,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            height_msl_m=height + self._flight.plan.air.ground_elevation_m + position[:, 2],
+            velocity_ned_mps=np.column_stack([v_n, v_e, v_d]) + velocity,
+            horizontal_accuracy_m=ones * max(1.4 * e.noise.gps_position_m, 0.3),
+            vertical_accuracy_m=ones * max(1.8 * e.noise.gps_position_m, 0.5),
+            speed_accuracy_mps=ones * max(1.7 * e.noise.gps_velocity_mps, 0.05),
+        )
+
+    def motor_speed_revps(self, t_s: Array) -> Array:
+        e = self._errors
+        n = self._linear("motor_speed_revps", t_s) * (1 + e.values.motor_speed_scale)
+        noise = e.noise.motor_speed_revps * white(e.seed, "motor speed", t_s)
+        return np.where(n > 1.0, np.maximum(n + noise, 0.0), 0.0)  # a motor that stands gives no pulses
+
+    def servo_pulses_us(self, t_s: Array) -> Array:
+        pulses = np.full((len(t_s), SERVO_OUTPUTS), NEUTRAL_US)
+        for surface, column in (
+            (self._aircraft.elevator, "elevator_command_rad"),
+            (self._aircraft.aileron, "aileron_command_rad"),
+            (self._aircraft.rudder, "rudder_command_rad"),
+        ):
+            pulses[:, surface.channel - 1] = _pulses(surface, self._linear(column, t_s))
+        throttle = self._linear("throttle", t_s)
+        channel = self._aircraft.propulsion.throttle_channel
+        pulses[:, channel - 1] = THROTTLE_LOW_US + (THROTTLE_HIGH_US - THROTTLE_LOW_US) * throttle
+        return pulses
+
+    def autopilot_attitude_rad(self, t_s: Array) -> Array:
+        e = self._errors
+        columns = self._autopilot_attitude
+        attitude = np.column_stack([np.interp(self._clipped(t_s), self._t, c) for c in columns.T])
+        for i, axis in enumerate(("roll", "pitch", "yaw")):
+            attitude[:, i] += e.noise.attitude_rad * white(e.seed, f"attitude {axis}", t_s)
+        attitude[:, 2] = np.arctan2(np.sin(attitude[:, 2]), np.cos(attitude[:, 2]))
+        return attitude
+
+    def battery(self, t_s: Array) -> tuple[Array, Array]:
+        e = self._errors
+        scale = 1 + e.values.battery_scale
+        voltage: Array = self._linear("battery_voltage_V", t_s)
+        voltage = voltage + e.noise.battery_voltage_V * white(e.seed, "battery voltage", t_s)
+        current = scale * self._linear("battery_current_A", t_s)
+        return voltage, current + e.noise.battery_current_A * white(e.seed, "battery current", t_s)
+
+    # How the truth becomes a function of time.
+
+    def _clipped(self, t_s: Array) -> Array:
+        return np.clip(np.asarray(t_s, dtype=float), 0.0, self.duration_s)
+
+    def _spline(self, columns: list[str]) -> CubicSpline:
+        return CubicSpline(self._t, self._truth[columns].to_numpy(dtype=float))
+
+    def _linear(self, column: str, t_s: Array) -> Array:
+        return np.interp(self._clipped(t_s), self._t, self._truth[column].to_numpy())
+
+    @cached_property
+    def _imu_spline(self) -> CubicSpline:
+        names = [f"specific_force_{axis}_mps2" for axis in "xyz"]
+        names += ["p_radps", "q_radps", "r_radps", "pdot_radps2", "qdot_radps2", "rdot_radps2"]
+        speed = self._truth["motor_speed_revps"].to_numpy()
+        dt = self._t[1] - self._t[0]
+        turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * dt)])
+        return CubicSpline(self._t, np.column_stack([self._truth[names].to_numpy(dtype=float), turns]))
+
+    @cached_property
+    def _attitude_spline(self) -> CubicSpline:
+        return self._spline(["roll_rad", "pitch_rad", "yaw_rad"])
+
+    @cached_property
+    def _gps_spline(self) -> CubicSpline:
+        velocity = [f"velocity_{axis}_mps" for axis in ("north", "east", "down")]
+        return self._spline(["north_m", "east_m", "height_m", *velocity])
+
+    def _vibration(self, turns: Array) -> Array:
+        """Imbalance of the propeller: once and twice a turn, nothing while it stands."""
+        amplitude = self._errors.noise.vibration_mps2
+        return amplitude * (np.sin(2 * np.pi * turns) + np.sin(4 * np.pi * turns) / 2)
+
+    def _warmed(self, t_s: Array) -> Array:
+        warm = WARM_UP_K * (1 - np.exp(-np.maximum(t_s, 0.0) / WARM_UP_S))
+        return self._linear("temperature_K", t_s) + warm
+
+    @cached_property
+    def _wander_grid(self) -> tuple[Array, Array]:
+        """Slow GPS errors on a 10 Hz grid: three of position, three of velocity, unit variance."""
+        dt, e = 0.1, self._errors
+        n = int(self.duration_s / dt) + 3
+        slow = [gauss_markov(e.seed, f"gps wander {i}", n, dt, e.noise.gps_correlation_s) for i in range(3)]
+        fast = [gauss_markov(e.seed, f"gps velocity wander {i}", n, dt, 2.0) for i in range(3)]
+        return np.arange(n) * dt, np.column_stack(slow + fast)
+
+    def _gps_wander(self, t_s: Array) -> Array:
+        grid, values = self._wander_grid
+        return np.column_stack([np.interp(t_s, grid, column) for column in values.T])
+
+    @cached_property
+    def _autopilot_attitude(self) -> Array:
+        """Gyro for the short run, the accelerometer as the vertical for the long: wrong whenever speed changes.
+
+        A complementary filter: true attitude plus the low-passed difference between the accelerometer's and it.
+        """
+        truth, e = self._truth, self._errors
+        dt = float(self._t[1] - self._t[0])
+        ax, ay, az = (truth[f"specific_force_{axis}_mps2"].to_numpy() for axis in "xyz")
+        phi, theta, psi = (truth[name].to_numpy() for name in ("roll_rad", "pitch_rad", "yaw_rad"))
+        pitch_felt = np.arcsin(np.clip(ax / GRAVITY_MPS2, -1.0, 1.0))
+        roll_felt = np.arctan2(-ay, np.maximum(-az, 0.1 * GRAVITY_MPS2))
+        roll = phi + lagged(roll_felt - phi, dt, ATTITUDE_FILTER_S)
+        pitch = theta + lagged(pitch_felt - theta, dt, ATTITUDE_FILTER_S)
+        return np.column_stack([roll, pitch, np.unwrap(psi)]) + e.values.attitude_rad
+
+    # Pneumatics: everything between the ports and the transducers, once for the flight.
+
+    def _pneumatic(self, which: str, t_s: Array) -> Array:
+        grid, pressures = self._pressures
+        return np.interp(self._clipped(t_s), grid, pressures[which])
+
+    @cached_property
+    def _pressures(self) -> tuple[Array, dict[str, Array]]:
+        """Pressures at the transducers on a 200 Hz grid, lines and systematic errors included."""
+        grid = np.arange(0.0, self.duration_s + PNEUMATIC_DT_S / 2, PNEUMATIC_DT_S)
+        names = ["u_air", "v_air", "w_air", "p_radps", "q_radps", "r_radps", "upwash_rad"]
+        names += ["static_pressure_Pa", "temperature_K", "density_kgpm3"]
+        V, alpha, beta = (self._truth[name].to_numpy() for name in ("V_mps", "alpha_rad", "beta_rad"))
+        columns = [V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha) * np.cos(beta)]
+        columns += [self._truth[name].to_numpy() for name in names[3:]]
+        spline = CubicSpline(self._t, np.column_stack(columns))
+        u, v, w, p, q, r, upwash, static, temperature, density = spline(np.minimum(grid, self.duration_s)).T
+        V = np.sqrt(u**2 + v**2 + w**2)
+        alpha, beta = np.arctan2(w, u), np.arcsin(v / np.maximum(V, 1e-9))
+        e = self._errors.values
+        position = self._aircraft.probe.position_m
+        V, alpha, beta = flow_at_probe(V, alpha, beta, p, q, r, position, upwash)
+        q_bar = density * V**2 / 2
+        ports = port_pressures(q_bar, alpha + e.alpha_offset_rad, beta + e.beta_offset_rad)
+        pressure, kelvin = float(static.mean()), float(temperature.mean())
+
+        def through(name: str, x: Array) -> Array:
+            line = self._aircraft.probe.lines.get(name, DEFAULT_LINE)
+            return lagged(x, PNEUMATIC_DT_S, time_constant_s(line, pressure, kelvin) + e.lag_s)
+
+        static_line = through("static", static + ports.static + e.static_position * q_bar)
+        centre_line = through("airspeed", static + ports.centre)
+        at = {
+            "alpha": through("alpha", ports.lower_minus_upper) * (1 + e.alpha_scale),
+            "beta": through("beta", ports.right_minus_left) * (1 + e.beta_scale),
+            "airspeed": (centre_line - static_line) * (1 + e.V_scale) ** 2,
+            "static": static_line,
+            "baro": static,
+        }
+        for name in DIFFERENTIAL:
+            at[name] = with_hysteresis(at[name], e.hysteresis) + self._coloured(name, len(grid))
+        return grid, at
+
+    def _coloured(self, name: str, n: int) -> Array:
+        noise = self._errors.noise
+        if noise.coloured_Pa == 0:
+            return np.zeros(n)
+        sequence = gauss_markov(self._errors.seed, f"coloured {name}", n, PNEUMATIC_DT_S, noise.coloured_time_s)
+        return noise.coloured_Pa * sequence
+
+
+def with_hysteresis(x: Array, fraction: float) -> Array:
+    """A transducer that lags behind its last turning point by a fraction of the swing since (play operator)."""
+    if fraction == 0:
+        return x
+    half = fraction * float(np.ptp(x)) / 2
+    y = np.empty_like(x)
+    held = x[0]
+    for i, value in enumerate(x.tolist()):
+        held = min(max(held, value - half), value + half)
+        y[i] = held
+    return y
+
+
+def _pulses(surface: Surface, angle: Array) -> Array:
+    """Pulse widths [us] for angles; `Surface.pulse_of_angle_us` for arrays."""
+    angles, pulses = np.array(surface.angle_rad), np.array(surface.pulse_us)
+    order = np.argsort(angles)
+    return np.interp(angle, angles[order], pulses[order])

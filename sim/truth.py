@@ -1,0 +1,265 @@
+"""The truth of a flight as a table: every state, force, coefficient and thrust, and the true power-required curve."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from flight.errors import InputError
+from flight.motion import body_from_earth, flow_of, velocity_derivative
+from sim.air import ambient, mean_wind
+from sim.ground import Motion
+from sim.plant import Commands, Plant, State
+from sim.propulsion import power_train, throttle_for
+from sim.trim import Trimmer, power_required
+
+Array = NDArray[np.float64]
+METADATA_KEY = b"flightpower"
+
+
+def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array, index: int, kind: str) -> pd.DataFrame:
+    """Rows of a segment flown: states (n, n_states), commands (n, 4) and white noises (n, 4) at every step."""
+    x, c = State(*states.T), Commands(*commands.T)
+    now, _ = plant.instant(x, c, tuple(white.T))
+    rate = plant.derivative(x, c, tuple(white.T))
+    m, S = plant.mass_kg, plant.aircraft.geometry.wing_area_m2
+    q_bar = now.density * now.V**2 / 2
+    ca, sa = np.cos(now.alpha), np.sin(now.alpha)
+    CX, CZ = now.CL * sa - now.CD * ca, -now.CL * ca - now.CD * sa
+    geometry = plant.aircraft.geometry
+    columns = {
+        "phase": "flight",
+        "segment": index,
+        "kind": kind,
+        "north_m": x.north,
+        "east_m": x.east,
+        "height_m": -x.down,
+        "velocity_north_mps": now.ground_velocity[0],
+        "velocity_east_mps": now.ground_velocity[1],
+        "velocity_down_mps": now.ground_velocity[2],
+        "u_mps": x.u,
+        "v_mps": x.v,
+        "w_mps": x.w,
+        "udot_mps2": rate.u,
+        "vdot_mps2": rate.v,
+        "wdot_mps2": rate.w,
+        "roll_rad": x.phi,
+        "pitch_rad": x.theta,
+        "yaw_rad": x.psi,
+        "p_radps": x.p,
+        "q_radps": x.q,
+        "r_radps": x.r,
+        "pdot_radps2": now.angular_acceleration[0],
+        "qdot_radps2": now.angular_acceleration[1],
+        "rdot_radps2": now.angular_acceleration[2],
+        "V_mps": now.V,
+        "alpha_rad": now.alpha,
+        "beta_rad": now.beta,
+        "dynamic_pressure_Pa": q_bar,
+        "static_pressure_Pa": now.pressure,
+        "temperature_K": now.temperature,
+        "density_kgpm3": now.density,
+        "wind_north_mps": now.wind[0],
+        "wind_east_mps": now.wind[1],
+        "wind_down_mps": now.wind[2],
+        "gust_u_mps": now.gust.u,
+        "gust_v_mps": now.gust.v,
+        "gust_w_mps": now.gust.w,
+        "gust_p_radps": now.gust.p,
+        "gust_q_radps": now.gust.q,
+        "gust_r_radps": now.gust.r,
+        "elevator_rad": x.elevator,
+        "aileron_rad": x.aileron,
+        "rudder_rad": x.rudder,
+        "elevator_command_rad": c.elevator,
+        "aileron_command_rad": c.aileron,
+        "rudder_command_rad": c.rudder,
+        "throttle": c.throttle,
+        "motor_speed_revps": x.motor,
+        "advance_ratio": now.V / (np.maximum(x.motor, 1e-3) * plant.propeller.diameter_m),
+        "thrust_N": now.train.thrust,
+        "shaft_power_W": now.train.shaft_power,
+        "battery_voltage_V": now.train.voltage,
+        "battery_current_A": now.train.current,
+        "battery_energy_J": x.energy,
+        "CL": now.CL,
+        "CD": now.CD,
+        "CY": now.CY,
+        "Cl": now.Cl,
+        "Cm": now.Cm,
+        "Cn": now.Cn,
+        "CX": CX,
+        "CZ": CZ,
+        "lift_N": now.CL * q_bar * S,
+        "drag_N": now.CD * q_bar * S,
+        "force_x_N": now.specific_force[0] * m,
+        "force_y_N": now.specific_force[1] * m,
+        "force_z_N": now.specific_force[2] * m,
+        "moment_x_Nm": now.Cl * q_bar * S * geometry.span_m,
+        "moment_y_Nm": now.Cm * q_bar * S * geometry.chord_m,
+        "moment_z_Nm": now.Cn * q_bar * S * geometry.span_m,
+        "specific_force_x_mps2": now.specific_force[0],
+        "specific_force_y_mps2": now.specific_force[1],
+        "specific_force_z_mps2": now.specific_force[2],
+        "upwash_rad": plant.aircraft.probe.upwash_per_CL_rad * now.CL,
+    }
+    return pd.DataFrame({name: np.broadcast_to(value, len(states)) for name, value in columns.items()})
+
+
+def kinematic_rows(
+    plant: Plant,
+    motion: Motion,
+    share: Array,
+    state: State | None,
+    commands: Commands | None,
+    energy_J: float,
+    dt: float,
+    index: int,
+    kind: str,
+) -> pd.DataFrame:
+    """Rows of prescribed motion on the ground, in take-off and landing.
+
+    Controls and motor speed are `share` (n,) of those of `state`, zero when there is none. Aerodynamic coefficients
+    and moments are not known here (the wheels carry part of the load): there are no such columns.
+    """
+    n = len(share)
+    north, east, down = motion.position.T
+    air = ambient(plant.air, -down)
+    wind = mean_wind(plant.air, north, east, -down, plant.deviations.updraft_mps)
+    phi, theta, psi = motion.attitude.T
+    u, v, w = motion.body_velocity.T
+    wind_body = body_from_earth(wind[0], wind[1], wind[2], phi, theta, psi)
+    # Standing in still air the flow has no direction: a speed too small to matter gives it one.
+    flow = flow_of(u - wind_body[0] + 1e-9, v - wind_body[1], w - wind_body[2])
+    p, q, r = motion.rates.T
+    force = motion.specific_force.T
+    udot, vdot, wdot = velocity_derivative(u, v, w, p, q, r, phi, theta, *force)
+    motor = share * (state.motor if state else 0.0)
+    train = _steady_train(plant, flow.V, motor, air.density)
+    rows = dict(
+        phase="ground" if kind == "stand" else kind,
+        segment=index,
+        kind=kind,
+        north_m=north,
+        east_m=east,
+        height_m=-down,
+        velocity_north_mps=motion.velocity[:, 0],
+        velocity_east_mps=motion.velocity[:, 1],
+        velocity_down_mps=motion.velocity[:, 2],
+        u_mps=u,
+        v_mps=v,
+        w_mps=w,
+        udot_mps2=udot,
+        vdot_mps2=vdot,
+        wdot_mps2=wdot,
+        roll_rad=phi,
+        pitch_rad=theta,
+        yaw_rad=psi,
+        p_radps=p,
+        q_radps=q,
+        r_radps=r,
+        pdot_radps2=motion.angular_acceleration[:, 0],
+        qdot_radps2=motion.angular_acceleration[:, 1],
+        rdot_radps2=motion.angular_acceleration[:, 2],
+        V_mps=flow.V,
+        alpha_rad=flow.alpha,
+        beta_rad=flow.beta,
+        dynamic_pressure_Pa=air.density * flow.V**2 / 2,
+        static_pressure_Pa=air.pressure,
+        temperature_K=air.temperature,
+        density_kgpm3=air.density,
+        wind_north_mps=wind[0],
+        wind_east_mps=wind[1],
+        wind_down_mps=wind[2],
+        elevator_rad=share * (state.elevator if state else 0.0),
+        aileron_rad=share * (state.aileron if state else 0.0),
+        rudder_rad=share * (state.rudder if state else 0.0),
+        elevator_command_rad=share * (commands.elevator if commands else 0.0),
+        aileron_command_rad=share * (commands.aileron if commands else 0.0),
+        rudder_command_rad=share * (commands.rudder if commands else 0.0),
+        motor_speed_revps=motor,
+        advance_ratio=flow.V / (np.maximum(motor, 1e-3) * plant.propeller.diameter_m),
+        battery_energy_J=energy_J + np.cumsum(train["battery_voltage_V"] * train["battery_current_A"]) * dt,
+        force_x_N=force[0] * plant.mass_kg,
+        force_y_N=force[1] * plant.mass_kg,
+        force_z_N=force[2] * plant.mass_kg,
+        specific_force_x_mps2=force[0],
+        specific_force_y_mps2=force[1],
+        specific_force_z_mps2=force[2],
+        upwash_rad=0.0 if state is None else share * _upwash(plant, state, commands),
+        **{name: 0.0 for name in GUSTS},
+        **train,
+    )
+    return pd.DataFrame({name: np.broadcast_to(value, n) for name, value in rows.items()})
+
+
+GUSTS = ("gust_u_mps", "gust_v_mps", "gust_w_mps", "gust_p_radps", "gust_q_radps", "gust_r_radps")
+
+
+def _upwash(plant: Plant, state: State, commands: Commands | None) -> float:
+    assert commands is not None
+    now, _ = plant.instant(state, commands)
+    return float(plant.aircraft.probe.upwash_per_CL_rad * now.CL)
+
+
+def _steady_train(plant: Plant, V: Array, n: Array, rho: Array) -> dict[str, Array]:
+    """Power train along prescribed motion: the throttle that holds the motor speed of each instant."""
+    propulsion, propeller = plant.aircraft.propulsion, plant.propeller
+    throttle = np.array(
+        [
+            min(throttle_for(propulsion, propeller, V=v, n=s, rho=d), 1.0) if s > 1.0 else 0.0
+            for v, s, d in zip(V.tolist(), n.tolist(), rho.tolist(), strict=True)
+        ]
+    )
+    turning = n > 0
+    train = power_train(propulsion, propeller, V=V, n=n, throttle=throttle, rho=rho)
+    return {
+        "throttle": throttle,
+        "thrust_N": np.where(turning, train.thrust, 0.0),
+        "shaft_power_W": np.where(turning, train.shaft_power, 0.0),
+        "battery_voltage_V": train.voltage,
+        "battery_current_A": train.current,
+    }
+
+
+def power_required_table(plant: Plant, trimmer: Trimmer, density: float, points: int = 60) -> pd.DataFrame:
+    """The true P_req(V) = D V at lift = weight, from the stall to the highest level speed, at one density."""
+    V = np.linspace(1.02 * trimmer.V_stall, trimmer.V_max, points)
+    power, CL, CD = power_required(plant, V, density=density)
+    return pd.DataFrame(
+        {
+            "speed_mps": V,
+            "power_W": power,
+            "drag_N": power / V,
+            "CL": CL,
+            "CD": CD,
+            "density_kgpm3": density,
+            "weight_N": plant.mass_kg * plant.aircraft.mass.weight_N / plant.aircraft.mass_kg,
+        }
+    )
+
+
+def write_truth(path: Path, truth: pd.DataFrame, metadata: dict[str, str], power_required_curve: pd.DataFrame) -> None:
+    """The truth as Parquet, with what it was flown with and the true curve in the file's metadata."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pa.Table.from_pandas(truth, preserve_index=False)
+    content = {**metadata, "power_required": power_required_curve.to_dict(orient="list")}
+    table = table.replace_schema_metadata({**(table.schema.metadata or {}), METADATA_KEY: json.dumps(content).encode()})
+    pq.write_table(table, path, compression="zstd")
+
+
+def read_truth(path: Path) -> tuple[pd.DataFrame, dict[str, object]]:
+    """The truth and its metadata. Raises InputError when the file is not one."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(path)
+        metadata = json.loads(table.schema.metadata[METADATA_KEY])
+    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not the truth of a simulated flight ({error})") from None
+    return table.to_pandas(), metadata

@@ -1,0 +1,81 @@
+"""A simulated wind-tunnel calibration of the probe: a file such as a user's own tunnel would give.
+
+The same probe as flies, on a sting instead of the aircraft: no upwash, no lag, less noise (long averages), and the
+small systematic errors of a tunnel: flow angularity and a reference that is good to a quarter of a percent.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from flight.atmosphere import density
+from flight.errors import InputError
+from sim.sensors.noise import rng_of
+from sim.sensors.probe import port_pressures
+
+HEADER = (
+    "speed [m/s]",
+    "alpha [deg]",
+    "beta [deg]",
+    "dp_alpha [Pa]",
+    "dp_beta [Pa]",
+    "q_c [Pa]",
+    "static [Pa]",
+    "temperature [K]",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tunnel:
+    """The grid that is measured, and how well the tunnel measures it (standard deviations)."""
+
+    speeds_mps: tuple[float, ...] = (12.0, 18.0, 25.0, 32.0)
+    largest_angle_deg: float = 20.0
+    step_deg: float = 4.0
+    pressure_noise_Pa: float = 0.6  # of a mean over some seconds
+    angle_setting_deg: float = 0.03
+    speed_setting: float = 0.0025
+    static_Pa: float = 100_300.0
+    temperature_K: float = 294.0
+
+
+def calibrate(tunnel: Tunnel = Tunnel(), seed: int = 0) -> pd.DataFrame:
+    """The calibration as a table with the columns of `HEADER`, a row a point."""
+    n = round(tunnel.largest_angle_deg / tunnel.step_deg)
+    angles = np.arange(-n, n + 1) * tunnel.step_deg
+    speed, alpha, beta = (a.ravel() for a in np.meshgrid(tunnel.speeds_mps, angles, angles, indexing="ij"))
+    rng = rng_of(seed, "tunnel")
+    size = len(speed)
+    # The aerodynamic truth differs from what the tunnel's own instruments say by its setting errors.
+    true_alpha = alpha + tunnel.angle_setting_deg * rng.standard_normal(size)
+    true_beta = beta + tunnel.angle_setting_deg * rng.standard_normal(size)
+    true_speed = speed * (1 + tunnel.speed_setting * rng.standard_normal(size))
+    static = tunnel.static_Pa + 15 * rng.standard_normal(size)
+    temperature = tunnel.temperature_K + np.linspace(0, 1.5, size)  # it warms as it runs
+    q = density(static, temperature) * true_speed**2 / 2
+    ports = port_pressures(q, np.deg2rad(true_alpha), np.deg2rad(true_beta))
+    noise = tunnel.pressure_noise_Pa * rng.standard_normal((3, size))
+    columns = (
+        speed,
+        alpha,
+        beta,
+        ports.lower_minus_upper + noise[0],
+        ports.right_minus_left + noise[1],
+        ports.centre - ports.static + noise[2],
+        static,
+        temperature,
+    )
+    return pd.DataFrame(dict(zip(HEADER, columns, strict=True)))
+
+
+def write_calibration(path: Path, table: pd.DataFrame, *, replace: bool = False) -> None:
+    """The table as CSV. Raises InputError when the file exists and is not to be replaced."""
+    if path.exists() and not replace:
+        raise InputError(f"{path}: exists already; give another name, or --replace")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        table.to_csv(path, index=False, float_format="%.4f")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
