@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -111,5 +112,5 @@ def split(segment: Segment, parts: int) -> tuple[Segment, ...]:
             z={name: values[a:b] for name, values in segment.z.items()},
             x0=segment.x0 if i == 0 else {},
         )
-        for i, (a, b) in enumerate(zip(cuts[:-1], cuts[1:], strict=True))
+        for i, (a, b) in enumerate(pairwise(cuts))
     )

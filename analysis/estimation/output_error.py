@@ -340,7 +340,7 @@ def _where_it_left(problem: _Problem) -> str:
 
 
 class _Spectrum(NamedTuple):
-    """Eigenvalues of the information matrix scaled to a unit diagonal: H = diag(scale) V diag(values) V' diag(scale)."""
+    """Eigenvalues and vectors of the information matrix, scaled to a unit diagonal: H = s V diag(values) V' s."""
 
     values: Array
     vectors: Array
@@ -383,7 +383,7 @@ def _climb(likelihood: _Likelihood, point: _Point, max_iterations: int) -> tuple
                 return point, iteration, ""
             return point, iteration, "no step, however short, improves the likelihood any more"
         step = new.theta - point.theta
-        length = np.sqrt(max(step @ H @ step, 0.0))
+        length = np.sqrt(max(float(step @ H @ step), 0.0))
         change = abs(np.linalg.slogdet(new.R)[1] - np.linalg.slogdet(point.R)[1])
         point = new
         if damping == 0 and length < STEP_TOLERANCE and change < LNDET_TOLERANCE:
@@ -463,7 +463,7 @@ def _judge(problem: _Problem, point: _Point, spectrum: _Spectrum, iterations: in
 
 def _combination(names: tuple[str, ...], direction: Array, shares: Array) -> str:
     """`direction` in words, its largest part 1; `shares` are its parts in comparable units, to leave out the zeros."""
-    matters = np.flatnonzero(np.abs(shares) > 0.01 * np.abs(shares).max())
+    matters: NDArray[np.intp] = np.flatnonzero(np.abs(shares) > 0.01 * np.abs(shares).max())
     largest = direction[matters][np.argmax(np.abs(direction[matters]))]
     parts = [f"{direction[i] / largest:+.3g} {names[i]}" for i in matters]
     return parts[0].removeprefix("+1 ") if len(parts) == 1 else "a change by " + " ".join(parts)

@@ -88,11 +88,12 @@ class Simulator:
         seen = np.zeros(self.step.size1_out(1))
         record = np.empty((n, len(seen)))
 
+        buffer: Any
         buffer, evaluate = self.step.buffer()
         for i, argument in enumerate((now, u, np.ascontiguousarray(p), np.array([step_s]))):
-            buffer.set_arg(i, memoryview(argument))
-        buffer.set_res(0, memoryview(then))
-        buffer.set_res(1, memoryview(seen))
+            buffer.set_arg(i, argument.data)
+        buffer.set_res(0, then.data)
+        buffer.set_res(1, seen.data)
         for k in range(n):
             u[:] = inputs[k]
             evaluate()
