@@ -45,6 +45,10 @@ class LogWriter:
         data = self._encoder.encode(message)
         self._writer.add_message(self._channel(topic), time_ns, data, time_ns, tick)
 
+    def flush(self) -> None:
+        """Close the chunk that is being filled, so that what was written so far is on its way to the disk."""
+        self._writer.flush()
+
     def finish(self) -> None:
         """Close the last chunk and write the index."""
         self._writer.finish()

@@ -1,0 +1,233 @@
+"""The tray's configuration: TOML to frozen structs, refused with file and key when something is wrong."""
+
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import msgspec
+from msgspec import Meta
+
+from daq.sensors import honeywell, ms45xxdo
+from daq.sensors.axes import Axes, parse_axes
+from daq.sensors.bridge import Transfer
+from flight.errors import InputError
+
+Address = Annotated[int, Meta(ge=0x03, le=0x77)]
+Baud = Annotated[int, Meta(ge=1200)]
+
+
+class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, tag_field="driver"):
+    """Base of all sensor tables; `topics` is what the sensor writes."""
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        raise NotImplementedError
+
+    @property
+    def name(self) -> str:
+        """How events and tables call the sensor: its first topic."""
+        return self.topics[0].strip("/").replace("/", "-")
+
+
+class Mpu9250(_Table, frozen=True, tag="mpu9250"):
+    bus: str
+    address: Address = 0x68
+    range_g: Literal[2, 4, 8, 16] = 8
+    range_dps: Literal[250, 500, 1000, 2000] = 500
+    sampling: Literal["fifo", "single"] = "fifo"
+    axes: tuple[str, str, str] = ("x", "y", "z")
+    topics: ClassVar[tuple[str, ...]] = ("/imu",)
+
+    def __post_init__(self) -> None:
+        parse_axes(self.axes)
+
+    @property
+    def parsed_axes(self) -> Axes:
+        return parse_axes(self.axes)
+
+
+class Ak8963(_Table, frozen=True, tag="ak8963"):
+    bus: str
+    axes: tuple[str, str, str] = ("x", "y", "z")  # of the MPU9250 around it
+    address: ClassVar[int] = 0x0C
+    topics: ClassVar[tuple[str, ...]] = ("/mag",)
+
+    def __post_init__(self) -> None:
+        parse_axes(self.axes)
+
+    @property
+    def parsed_axes(self) -> Axes:
+        return parse_axes(self.axes)
+
+
+class _Barometer(_Table, frozen=True):
+    bus: str
+    address: Literal[0x76, 0x77]
+    measures: Literal["baro", "static"]
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        return (f"/{self.measures}",)
+
+
+class Ms5611(_Barometer, frozen=True, tag="ms5611"):
+    address: Literal[0x76, 0x77] = 0x77
+    measures: Literal["baro", "static"] = "baro"
+
+
+class Ms5805(_Barometer, frozen=True, tag="ms5805"):
+    address: Literal[0x76] = 0x76
+    measures: Literal["baro", "static"] = "static"
+
+
+class _Transducer(_Table, frozen=True):
+    bus: str
+    part: str
+    measures: Literal["alpha", "beta", "airspeed"]
+    reversed_ports: bool = False
+
+    def __post_init__(self) -> None:
+        self._decoded()
+
+    def _decoded(self) -> tuple[int, Transfer]:
+        raise NotImplementedError
+
+    @property
+    def address(self) -> int:
+        return self._decoded()[0]
+
+    @property
+    def transfer(self) -> Transfer:
+        return self._decoded()[1]
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        return (f"/probe/{self.measures}",)
+
+
+class Ms45xxDo(_Transducer, frozen=True, tag="ms45xxdo"):
+    def _decoded(self) -> tuple[int, Transfer]:
+        return ms45xxdo.decode_part(self.part)
+
+
+class Honeywell(_Transducer, frozen=True, tag="honeywell"):
+    def _decoded(self) -> tuple[int, Transfer]:
+        return honeywell.decode_part(self.part)
+
+
+class UBlox(_Table, frozen=True, tag="ublox"):
+    port: str
+    baud: Baud = 38400
+    rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 10.0
+    topics: ClassVar[tuple[str, ...]] = ("/gps",)
+
+
+class EscCounter(_Table, frozen=True, tag="esc_counter"):
+    port: str
+    baud: Baud = 115200
+    framed: bool = False
+    pole_pairs: Annotated[int, Meta(ge=1, le=50)] | None = None
+    topics: ClassVar[tuple[str, ...]] = ("/rpm",)
+
+
+class Autopilot(_Table, frozen=True, tag="autopilot"):
+    port: str
+    baud: Baud = 57600
+    rpm: bool = False  # take motor speed from its RAW_RPM
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        return ("/controls", "/attitude", "/battery", "/rpm") if self.rpm else ("/controls", "/attitude", "/battery")
+
+    @property
+    def name(self) -> str:
+        return "autopilot"
+
+
+SensorTable = Mpu9250 | Ak8963 | Ms5611 | Ms5805 | Ms45xxDo | Honeywell | UBlox | EscCounter | Autopilot
+
+
+class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What may stand in a tray file."""
+
+    rate_Hz: Annotated[float, Meta(ge=1, le=200)] = 25.0
+    directory: str = "logs"
+    aircraft: str | None = None
+    probe_calibration: str | None = None
+    sensors: Annotated[tuple[SensorTable, ...], Meta(min_length=1)]
+
+
+class Tray(TrayFile, frozen=True, kw_only=True):
+    """What is recorded, how fast, and where it goes. Its paths no longer count from the tray file."""
+
+    text: str  # the file itself, to travel in the log
+
+
+def load_tray(path: str | Path) -> Tray:
+    """The tray of a file.
+
+    Raises InputError naming file and key when it cannot be read, is malformed, has an unknown key, or puts two sensors
+    on one address or one topic.
+    """
+    path = Path(path)
+    return parse_tray(read_text(path), str(path), path.parent)
+
+
+def read_text(path: Path) -> str:
+    """A text file; raises InputError when it cannot be read."""
+    try:
+        return path.read_text("utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file") from None
+
+
+def parse_tray(text: str, where: str, folder: Path) -> Tray:
+    """The tray of a file's text; `where` names it in errors, relative paths count from `folder`."""
+    try:
+        file = msgspec.toml.decode(text, type=TrayFile)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{where}: {_with_key(error)}") from None
+    except msgspec.DecodeError as error:
+        raise InputError(f"{where}: not valid TOML ({error})") from None
+    _refuse_collisions(file, where)
+    return Tray(
+        rate_Hz=file.rate_Hz,
+        directory=str(folder / file.directory),
+        aircraft=_resolve_name(file.aircraft, folder),
+        probe_calibration=str(folder / file.probe_calibration) if file.probe_calibration else None,
+        sensors=file.sensors,
+        text=text,
+    )
+
+
+def _with_key(error: msgspec.ValidationError) -> str:
+    """msgspec's "what - at `$.sensors[2].range_g`" as "sensors[2].range_g: what"."""
+    what, _, key = str(error).partition(" - at `$.")
+    return f"{key.rstrip('`')}: {what}" if key else what
+
+
+def _resolve_name(aircraft: str | None, folder: Path) -> str | None:
+    """A bare name is a shipped aircraft; anything else is a path."""
+    return str(folder / aircraft) if aircraft and Path(aircraft).suffix else aircraft
+
+
+def _refuse_collisions(tray: TrayFile, where: str) -> None:
+    places: dict[tuple[str, object], str] = {}
+    topics: dict[str, str] = {}
+    for i, sensor in enumerate(tray.sensors):
+        label = f"sensors[{i}] ({_driver(sensor)})"
+        bus, port = getattr(sensor, "bus", None), getattr(sensor, "port", None)
+        place = (bus, getattr(sensor, "address", None)) if bus else (str(port), None)
+        if place in places:
+            at = f"address 0x{place[1]:02x} of {bus}" if bus else f"port {port}"
+            raise InputError(f"{where}: {places[place]} and {label} are both on {at}; two parts cannot share it")
+        places[place] = label
+        for topic in sensor.topics:
+            if topic in topics:
+                raise InputError(f"{where}: {topics[topic]} and {label} would both write {topic}")
+            topics[topic] = label
+
+
+def _driver(sensor: SensorTable) -> str:
+    return str(type(sensor).__struct_config__.tag)

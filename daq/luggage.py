@@ -1,0 +1,79 @@
+"""What travels in a log beside the messages, so that `analyze log.mcap` needs nothing else."""
+
+import json
+from importlib import metadata, resources
+from pathlib import Path
+from typing import NamedTuple
+
+from daq.config import Tray, read_text
+from flight.aircraft import Aircraft, load_aircraft
+from flight.errors import InputError
+from flight.log_writer import LogWriter
+
+
+class Luggage(NamedTuple):
+    """The files that go along, as they are."""
+
+    tray: str
+    aircraft: Aircraft | None
+    propeller: str | None
+    probe: str | None
+
+
+def pack(tray: Tray) -> Luggage:
+    """Read what the tray names. Raises InputError naming the file that is missing or malformed."""
+    aircraft = load_aircraft(tray.aircraft) if tray.aircraft else None
+    propeller = None if aircraft is None else propeller_text(aircraft.propulsion.propeller)
+    return Luggage(tray.text, aircraft, propeller, probe_text(tray.probe_calibration))
+
+
+def stow(log: LogWriter, luggage: Luggage, *, rate_Hz: float, start_unix_ns: int, start_monotonic_ns: int) -> None:
+    """Put everything into a new log."""
+    for name, text, media_type in (
+        ("tray.toml", luggage.tray, "application/toml"),
+        ("aircraft.toml", luggage.aircraft.text if luggage.aircraft else None, "application/toml"),
+        ("propeller.csv", luggage.propeller, "text/csv"),
+        ("probe.json", luggage.probe, "application/json"),
+    ):
+        if text is not None:
+            log.attach(name, text.encode(), media_type, start_unix_ns)
+    facts = {
+        "version": version(),
+        "tick_rate_Hz": f"{rate_Hz:g}",
+        "start_unix_ns": str(start_unix_ns),
+        "start_monotonic_ns": str(start_monotonic_ns),
+        "aircraft": luggage.aircraft.name if luggage.aircraft else "",
+    }
+    log.describe("flightpower", facts)
+
+
+def version() -> str:
+    """Of this software."""
+    try:
+        return metadata.version("flightpower")
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def propeller_text(name_or_path: str) -> str:
+    """The file of a propeller: one that is shipped, or a path, as `flight.propeller` (which needs NumPy) finds it."""
+    shipped = resources.files("flight") / "data" / "propellers" / f"{name_or_path}.csv"
+    if Path(name_or_path).suffix == "" and shipped.is_file():
+        return shipped.read_text("utf-8")
+    if not Path(name_or_path).is_file():
+        raise InputError(f"propeller {name_or_path}: neither a shipped table nor a file")
+    return read_text(Path(name_or_path))
+
+
+def probe_text(path: str | None) -> str | None:
+    """The probe calibration; only that it is a JSON object is checked here."""
+    if path is None:
+        return None
+    text = read_text(Path(path))
+    try:
+        calibration = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"{path}: not a probe calibration ({error})") from None
+    if not isinstance(calibration, dict):
+        raise InputError(f"{path}: not a probe calibration (not a JSON object)")
+    return text

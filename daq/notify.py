@@ -1,0 +1,20 @@
+"""Telling systemd how we are (sd_notify(3)): one datagram to the socket it names; nothing happens without systemd."""
+
+import os
+import socket
+
+READY, ALIVE, STOPPING = "READY=1", "WATCHDOG=1", "STOPPING=1"
+
+
+def notify(*states: str) -> None:
+    """Send states such as READY or "STATUS=recording"; a socket that cannot be reached is no reason to stop."""
+    address = os.environ.get("NOTIFY_SOCKET", "")
+    if not address:
+        return
+    if address.startswith("@"):
+        address = "\0" + address[1:]
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as channel:
+            channel.sendto("\n".join(states).encode(), address)
+    except OSError:
+        return

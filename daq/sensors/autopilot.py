@@ -1,0 +1,144 @@
+"""An autopilot that speaks MAVLink: pulse widths to the servos, its own attitude, battery, if wanted motor speed.
+
+Parsing is pymavlink's (common dialect, protocol 2, which also understands 1). The streams that are needed are asked for
+(SET_MESSAGE_INTERVAL) when a heartbeat is first heard, and again when they stay away.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from daq.bus import BytePort
+from daq.sensors import Sample
+from flight.aircraft import Aircraft
+from flight.messages import Attitude, Battery, Controls, Message, Rpm, Status
+
+SILENCE_NS = 500_000_000
+BATTERY_SILENCE_NS = 3_000_000_000  # it is sent a few times a second at most
+ASK_AGAIN_NS = 2_000_000_000
+OUR_SYSTEM, OUR_COMPONENT = 255, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+BATTERY_RATE_HZ = 2.0
+UNKNOWN_MILLIVOLT = 0xFFFF
+PULSE_LOW_US, PULSE_SPAN_US = 1000.0, 1000.0
+
+
+class Autopilot:
+    """The autopilot on `port`.
+
+    aircraft: turns pulse widths into angles; without it only pulse widths are logged. rate_Hz: asked for of attitude
+    and pulse widths. rpm: also take motor speed from its RAW_RPM message.
+    """
+
+    def __init__(self, port: BytePort, *, aircraft: Aircraft | None, rate_Hz: float, rpm: bool = False):
+        self._port = port
+        self._aircraft = aircraft
+        self._rate_Hz = rate_Hz
+        self._link = mavlink.MAVLink(None, srcSystem=OUR_SYSTEM, srcComponent=OUR_COMPONENT)
+        self._link.robust_parsing = True  # damaged bytes become BAD_DATA messages, not exceptions
+        self._silence_ns = {"/controls": SILENCE_NS, "/attitude": SILENCE_NS, "/battery": BATTERY_SILENCE_NS}
+        if rpm:
+            self._silence_ns["/rpm"] = SILENCE_NS
+        self._last_ns: dict[str, int] = {}
+        self._asked_ns: int | None = None
+        self._has_battery_status = False
+
+    def start(self) -> Iterator[float]:
+        """Nothing to wait for."""
+        yield 0.0
+
+    def read(self, now_ns: int) -> list[Sample]:
+        """The latest of each kind that has arrived; `no_data` for a kind that stays away too long."""
+        newest: dict[str, Message] = {}
+        system = None
+        for received in self._link.parse_buffer(self._port.read_available()) or ():
+            system = received.get_srcSystem() if received.get_type() == "HEARTBEAT" else system
+            self._take(received, newest)
+        silent = False
+        for topic, limit_ns in self._silence_ns.items():
+            if topic in newest or topic not in self._last_ns:
+                self._last_ns[topic] = now_ns
+            elif now_ns - self._last_ns[topic] >= limit_ns:
+                newest[topic] = SILENT[topic](status=Status.NO_DATA)
+                silent = True
+        if system is not None and (self._asked_ns is None or (silent and now_ns - self._asked_ns >= ASK_AGAIN_NS)):
+            self._ask(system)
+            self._asked_ns = now_ns
+        return [Sample(topic, now_ns, message) for topic, message in newest.items()]
+
+    def _take(self, received: Any, newest: dict[str, Message]) -> None:
+        kind = received.get_type()
+        if kind == "SERVO_OUTPUT_RAW" and received.port == 0:
+            newest["/controls"] = controls(pulses_us(received), self._aircraft)
+        elif kind == "ATTITUDE":
+            newest["/attitude"] = Attitude(roll_rad=received.roll, pitch_rad=received.pitch, yaw_rad=received.yaw)
+        elif kind == "BATTERY_STATUS" and received.id == 0:
+            self._has_battery_status = True
+            newest["/battery"] = battery(received)
+        elif kind == "SYS_STATUS" and not self._has_battery_status:
+            newest["/battery"] = _battery(received.voltage_battery, received.current_battery)
+        elif kind == "RAW_RPM" and received.index == 0 and "/rpm" in self._silence_ns:
+            newest["/rpm"] = Rpm(motor_speed_revps=received.frequency / 60)
+
+    def _ask(self, system: int) -> None:
+        wanted = {
+            mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._rate_Hz,
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: self._rate_Hz,
+            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: BATTERY_RATE_HZ,
+        }
+        if "/rpm" in self._silence_ns:
+            wanted[mavlink.MAVLINK_MSG_ID_RAW_RPM] = self._rate_Hz
+        for message_id, rate_Hz in wanted.items():
+            command = self._link.command_long_encode(
+                system,
+                mavlink.MAV_COMP_ID_AUTOPILOT1,
+                mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+                0,
+                message_id,
+                1e6 / rate_Hz,
+                *[0.0] * 5,
+            )
+            self._port.write(command.pack(self._link))
+
+
+SILENT: dict[str, type[Message]] = {"/controls": Controls, "/attitude": Attitude, "/battery": Battery, "/rpm": Rpm}
+
+
+def pulses_us(received: Any) -> list[int]:
+    """Pulse widths of outputs 1 to 8, or to 16 when the autopilot uses them."""
+    pulses = [getattr(received, f"servo{i}_raw") for i in range(1, 17)]
+    return pulses if any(pulses[8:]) else pulses[:8]
+
+
+def controls(pulse_us: list[int], aircraft: Aircraft | None) -> Controls:
+    """Surface angles by the aircraft file's tables. A pulse of 0 is an output that is off: no angle."""
+    message = Controls(pulse_us=pulse_us)
+    if aircraft is None:
+        return message
+
+    def pulse(channel: int) -> int:
+        return pulse_us[channel - 1] if channel <= len(pulse_us) else 0
+
+    for name in ("elevator", "aileron", "rudder"):
+        surface = getattr(aircraft, name)
+        if pulse(surface.channel):
+            setattr(message, f"{name}_rad", surface.angle_of_pulse_rad(pulse(surface.channel)))
+    throttle_us = pulse(aircraft.propulsion.throttle_channel)
+    if throttle_us:
+        message.throttle = min(max((throttle_us - PULSE_LOW_US) / PULSE_SPAN_US, 0.0), 1.0)
+    return message
+
+
+def battery(received: Any) -> Battery:
+    """Voltage is the sum over cells (a pack measured as a whole stands in the first)."""
+    cells = [cell for cell in received.voltages if cell != UNKNOWN_MILLIVOLT]
+    return _battery(sum(cells) if cells else UNKNOWN_MILLIVOLT, received.current_battery)
+
+
+def _battery(millivolt: int, centiampere: int) -> Battery:
+    """-1 and 65535 are the protocol's "not measured"."""
+    voltage_V = None if millivolt == UNKNOWN_MILLIVOLT else millivolt / 1e3
+    current_A = None if centiampere < 0 else centiampere / 1e2
+    if voltage_V is None and current_A is None:
+        return Battery(status=Status.NO_DATA)
+    return Battery(voltage_V=voltage_V, current_A=current_A)

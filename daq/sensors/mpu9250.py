@@ -1,0 +1,190 @@
+"""InvenSense MPU-9250: accelerometer and gyroscope, through its FIFO or by single reads.
+
+Numbers in brackets are sections of the register map, RM-MPU-9250A-00 rev. 1.4; PS is the product specification
+PS-MPU-9250A-01.
+
+By default samples are taken at 200 Hz into the part's FIFO and averaged over a tick, so that motor vibration does not
+alias into 25 Hz samples. The magnetometer inside (AK8963) is reached through the bypass that is opened here, and has
+its own driver.
+"""
+
+import math
+import struct
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from daq.bus import I2CBus
+from daq.sensors import Sample, SensorFailure, brown_out, wrong_device
+from daq.sensors.axes import ALONG_THE_BODY, Axes, turned
+from flight.messages import Imu, Status
+from flight.units import GRAVITY_MPS2
+
+SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2 = 0x19, 0x1A, 0x1B, 0x1C, 0x1D  # [4.4 to 4.8]
+FIFO_EN, INT_PIN_CFG, ACCEL_XOUT_H = 0x23, 0x37, 0x3B  # [4.13, 4.20, 4.23]
+USER_CTRL, PWR_MGMT_1, FIFO_COUNTH, FIFO_R_W, WHO_AM_I = 0x6A, 0x6B, 0x72, 0x74, 0x75  # [4.33 to 4.38]
+
+IDENTITIES = (0x71, 0x73)  # MPU-9250 [4.38]; 0x73 is the MPU-9255, the same in all that is used here
+H_RESET, CLOCK_AUTO = 0x80, 0x01
+FIFO_ON, FIFO_RESET = 0x40, 0x04
+FIFO_ALL = 0x80 | 0x70 | 0x08  # temperature, gyroscope x y z, accelerometer
+STOP_WHEN_FULL = 0x40  # CONFIG: whole samples stay whole
+BYPASS = 0x02
+
+RESET_S = 0.1  # after H_RESET; the datasheet is silent, 100 ms is what drivers take
+GYRO_START_S = 0.05  # 35 ms typical from sleep (PS 3.1)
+FIFO_BYTES = 512
+SAMPLE = struct.Struct(">7h")  # accelerometer x y z, temperature, gyroscope x y z, in the registers' order
+SAMPLE_RATE_HZ = 200.0
+SAMPLE_RATE_DIVIDER = 4  # 1 kHz / (1 + 4) [4.4]
+
+# DLPF_CFG, A_DLPF_CFG and their delays [4.5, 4.8]. The pairs are chosen so that both delays agree within about 2 ms;
+# the mean is logged for both.
+FIFO_FILTERS = (4, 3)  # gyroscope 20 Hz, accelerometer 41 Hz
+FIFO_FILTER_DELAY_S = (9.90e-3 + 11.80e-3) / 2
+SINGLE_FILTERS = (6, 5)  # gyroscope 5 Hz, accelerometer 10 Hz: single samples need narrow filters
+SINGLE_FILTER_DELAY_S = (33.48e-3 + 35.70e-3) / 2
+
+RANGES_G = {2: 0, 4: 1, 8: 2, 16: 3}
+RANGES_DPS = {250: 0, 500: 1, 1000: 2, 2000: 3}
+GYRO_COUNTS_PER_DPS_AT_250 = 131.0  # PS 3.1
+TEMPERATURE_COUNTS_PER_K, TEMPERATURE_ZERO_K = 333.87, 294.15  # PS 3.4.2: 21 degC
+FULL_COUNT = 32767
+
+
+class Counts(NamedTuple):
+    """One sample, or the mean of several, in the chip's axes."""
+
+    samples: int
+    values: tuple[float, ...]  # (7,) as in SAMPLE
+    saturated: bool
+
+
+class MPU9250:
+    """The part on `bus` at `address`. axes: how the chip sits in the aircraft, see `daq.sensors.axes`."""
+
+    def __init__(
+        self,
+        bus: I2CBus,
+        address: int = 0x68,
+        *,
+        range_g: int = 8,
+        range_dps: int = 500,
+        fifo: bool = True,
+        axes: Axes = ALONG_THE_BODY,
+    ):
+        self._bus, self._address = bus, address
+        self._range_g, self._range_dps = range_g, range_dps
+        self._fifo = fifo
+        self._axes = axes
+        self._torn = False  # a burst that failed half way leaves part of a sample at the FIFO's head
+
+    def start(self) -> Iterator[float]:
+        """Reset, identify, configure. Raises SensorFailure when it is another part, or does not keep its settings."""
+        identity = self._bus.write_read(self._address, bytes([WHO_AM_I]), 1)[0]
+        if identity not in IDENTITIES:
+            raise wrong_device("MPU-9250", f"WHO_AM_I is 0x{identity:02x}")
+        self._write(PWR_MGMT_1, H_RESET)
+        yield RESET_S
+        self._write(PWR_MGMT_1, CLOCK_AUTO)
+        gyro_filter, accel_filter = FIFO_FILTERS if self._fifo else SINGLE_FILTERS
+        settings = bytes(
+            [
+                SAMPLE_RATE_DIVIDER if self._fifo else 0,
+                STOP_WHEN_FULL | gyro_filter,
+                RANGES_DPS[self._range_dps] << 3,
+                RANGES_G[self._range_g] << 3,
+                accel_filter,
+            ]
+        )
+        self._write(SMPLRT_DIV, *settings)
+        self._write(INT_PIN_CFG, BYPASS)
+        yield GYRO_START_S
+        if self._bus.write_read(self._address, bytes([SMPLRT_DIV]), len(settings)) != settings:
+            raise SensorFailure(Status.FAULT, "MPU-9250 does not keep its settings")
+        if self._fifo:
+            self._write(FIFO_EN, FIFO_ALL)
+            self._restart_fifo()
+
+    def read(self, now_ns: int) -> list[Sample]:
+        """Mean of the FIFO since the last tick, or one sample; averaging and filter delay stand in the message."""
+        message = self._read_fifo() if self._fifo else self._read_once()
+        return [Sample("/imu", now_ns, message)]
+
+    def _read_once(self) -> Imu:
+        if self._bus.write_read(self._address, bytes([CONFIG]), 1)[0] & 7 != SINGLE_FILTERS[0]:
+            raise brown_out("MPU-9250")
+        counts = mean(self._bus.write_read(self._address, bytes([ACCEL_XOUT_H]), SAMPLE.size))
+        return self._message(counts, SINGLE_FILTER_DELAY_S)
+
+    def _read_fifo(self) -> Imu:
+        # USER_CTRL to FIFO_COUNTL in one transfer: a part that lost its supply betrays itself beside the count.
+        block = self._bus.write_read(self._address, bytes([USER_CTRL]), FIFO_COUNTH + 2 - USER_CTRL)
+        if not block[0] & FIFO_ON:
+            raise brown_out("MPU-9250")
+        if self._torn:
+            self._restart_fifo()
+            return Imu(status=Status.STALE)
+        waiting = int.from_bytes(block[-2:], "big") & 0x1FFF
+        if waiting > FIFO_BYTES - SAMPLE.size:  # full: what was dropped is unknown, so is the time of the rest
+            self._restart_fifo()
+            return Imu(status=Status.CORRUPT)
+        if waiting < SAMPLE.size:
+            return Imu(status=Status.STALE)
+        size = waiting - waiting % SAMPLE.size
+        self._torn = True
+        counts = mean(self._bus.write_read(self._address, bytes([FIFO_R_W]), size))
+        self._torn = False
+        return self._message(counts, FIFO_FILTER_DELAY_S + counts.samples / 2 / SAMPLE_RATE_HZ)
+
+    def _message(self, counts: Counts, group_delay_s: float) -> Imu:
+        ax, ay, az, temperature, gx, gy, gz = counts.values
+        per_mps2 = accel_scale_mps2(self._range_g)
+        per_radps = gyro_scale_radps(self._range_dps)
+        fx, fy, fz = turned((ax * per_mps2, ay * per_mps2, az * per_mps2), self._axes)
+        p, q, r = turned((gx * per_radps, gy * per_radps, gz * per_radps), self._axes)
+        return Imu(
+            status=Status.SATURATED if counts.saturated else Status.OK,
+            samples=counts.samples,
+            group_delay_s=group_delay_s,
+            accel_x_counts=ax,
+            accel_y_counts=ay,
+            accel_z_counts=az,
+            gyro_x_counts=gx,
+            gyro_y_counts=gy,
+            gyro_z_counts=gz,
+            temperature_counts=temperature,
+            specific_force_x_mps2=fx,
+            specific_force_y_mps2=fy,
+            specific_force_z_mps2=fz,
+            angular_rate_x_radps=p,
+            angular_rate_y_radps=q,
+            angular_rate_z_radps=r,
+            temperature_K=temperature / TEMPERATURE_COUNTS_PER_K + TEMPERATURE_ZERO_K,
+        )
+
+    def _restart_fifo(self) -> None:
+        self._write(USER_CTRL, FIFO_RESET)
+        self._write(USER_CTRL, FIFO_ON)
+        self._torn = False
+
+    def _write(self, register: int, *values: int) -> None:
+        self._bus.write(self._address, bytes([register, *values]))
+
+
+def mean(data: bytes) -> Counts:
+    """Mean of whole samples (14 bytes each), and whether any of them touched the end of the range."""
+    rows = list(SAMPLE.iter_unpack(data))
+    motion = [abs(value) for row in rows for value in row[:3] + row[4:]]
+    return Counts(
+        len(rows), tuple(sum(column) / len(rows) for column in zip(*rows, strict=True)), max(motion) >= FULL_COUNT
+    )
+
+
+def accel_scale_mps2(range_g: int) -> float:
+    """Specific force of one count [m/s^2] in the +-`range_g` range (PS 3.2)."""
+    return range_g / 2 / 16384 * GRAVITY_MPS2
+
+
+def gyro_scale_radps(range_dps: int) -> float:
+    """Angular rate of one count [rad/s] in the +-`range_dps` range (PS 3.1)."""
+    return math.radians(range_dps / 250 / GYRO_COUNTS_PER_DPS_AT_250)

@@ -1,0 +1,147 @@
+"""TE barometers of one family: MS5611-01BA03 and MS5805-02BA01 (datasheets of these names).
+
+The commands are the same, scale factors and place of the checksum differ. A conversion takes up to 9 ms and is never
+waited for: one is started at the end of each tick's reading and read at the next tick. About once a second it is the
+temperature's turn; that tick has no pressure and says `busy`.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from daq.bus import I2CBus
+from daq.sensors import Sample, SensorFailure
+from flight.messages import AbsolutePressure, Status
+
+RESET, READ_ADC, START_PRESSURE, START_TEMPERATURE, READ_PROM = 0x1E, 0x00, 0x40, 0x50, 0xA0
+RESET_S = 0.004  # the PROM is reloaded in 2.8 ms
+PROM_WORDS = 8
+# Longest conversion [ns] for the codes added to the start commands: oversampling 256, 512, 1024, 2048, 4096.
+CONVERSION_NS = {0x0: 600_000, 0x2: 1_170_000, 0x4: 2_280_000, 0x6: 4_540_000, 0x8: 9_040_000}
+MARGIN_NS = 1_500_000  # for the transfers, and a tick that comes early after a late one
+TEMPERATURE_EVERY_NS = 1_000_000_000
+ZERO_DEGC_K = 273.15
+
+
+@dataclass(frozen=True)
+class Variant:
+    """What differs within the family.
+
+    OFF = C2 2^off_shift + C4 dT / 2^(23 - off_shift), SENS = C1 2^sens_shift + C3 dT / 2^(23 - sens_shift); below
+    20 degC T2 = t2 dT^2, OFF2 = off2 (TEMP - 2000)^2, SENS2 likewise; below -15 degC OFF2 += off3 (TEMP + 1500)^2.
+    """
+
+    name: str
+    prom_words: int
+    crc_word: int  # where the CRC stands, and how far up in that word
+    crc_shift: int
+    off_shift: int
+    sens_shift: int
+    t2: float
+    off2: float
+    sens2: float
+    off3: float
+    sens3: float
+
+
+# Datasheet MS5611-01BA03, figures 2 and 3; PROM table on p. 9.
+MS5611 = Variant("MS5611", 8, 7, 0, 16, 15, 2.0**-31, 5 / 2, 5 / 4, 7.0, 11 / 2)
+# Datasheet MS5805-02BA01, p. 8-9; seven words of PROM with the CRC in the first, as in the kernel's ms5637 driver.
+MS5805 = Variant("MS5805", 7, 0, 12, 17, 16, 11 * 2.0**-35, 31 / 8, 63 / 32, 0.0, 0.0)
+
+
+class MS56xx:
+    """A barometer of the family, writing to `topic`. period_s: of the ticks; as much oversampling as fits is taken."""
+
+    def __init__(self, bus: I2CBus, address: int, variant: Variant, *, topic: str, period_s: float):
+        self._bus, self._address = bus, address
+        self._variant = variant
+        self._topic = topic
+        self._code = oversampling_code(period_s)
+        self._prom: tuple[int, ...] = ()
+        self._running: int | None = None  # START_PRESSURE or START_TEMPERATURE
+        self._started_ns = 0
+        self._temperature_counts: int | None = None
+        self._temperature_due_ns = 0
+
+    def start(self) -> Iterator[float]:
+        """Reset and read the calibration. Raises SensorFailure when its checksum is wrong."""
+        self._bus.write(self._address, bytes([RESET]))
+        yield RESET_S
+        words = []
+        for i in range(self._variant.prom_words):
+            words.append(int.from_bytes(self._bus.write_read(self._address, bytes([READ_PROM + 2 * i]), 2), "big"))
+        self._prom = check_prom(tuple(words), self._variant)
+
+    def read(self, now_ns: int) -> list[Sample]:
+        if self._running is not None and now_ns - self._started_ns < CONVERSION_NS[self._code]:
+            return [Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))]  # a tick that came too soon
+        sample = Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
+        if self._running is not None:
+            sample = self._finish(now_ns)
+        temperature_next = self._temperature_counts is None or now_ns >= self._temperature_due_ns
+        command = START_TEMPERATURE if temperature_next else START_PRESSURE
+        self._bus.write(self._address, bytes([command | self._code]))
+        self._running, self._started_ns = command, now_ns
+        return [sample]
+
+    def _finish(self, now_ns: int) -> Sample:
+        counts = int.from_bytes(self._bus.write_read(self._address, bytes([READ_ADC]), 3), "big")
+        if counts == 0:  # no conversion was running: the part lost its supply, or was reset (MS5611 datasheet p. 11)
+            raise SensorFailure(Status.FAULT, f"{self._variant.name} forgot a conversion: was its supply interrupted?")
+        if self._running == START_TEMPERATURE:
+            self._temperature_counts = counts
+            self._temperature_due_ns = now_ns + TEMPERATURE_EVERY_NS
+            return Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
+        assert self._temperature_counts is not None  # the first conversion is the temperature's
+        centi_degC, pressure_Pa = compensate(self._variant, self._prom, counts, self._temperature_counts)
+        message = AbsolutePressure(
+            pressure_counts=counts,
+            temperature_counts=self._temperature_counts,
+            pressure_Pa=pressure_Pa,
+            temperature_K=centi_degC / 100 + ZERO_DEGC_K,
+        )
+        return Sample(self._topic, self._started_ns + CONVERSION_NS[self._code] // 2, message)
+
+
+def oversampling_code(period_s: float) -> int:
+    """The longest conversion that is over within a tick."""
+    fitting = [code for code, duration_ns in CONVERSION_NS.items() if duration_ns + MARGIN_NS < period_s * 1e9]
+    return max(fitting, default=0)
+
+
+def crc4(words: tuple[int, ...]) -> int:
+    """The family's checksum (AN520 p. 5); the place of the checksum itself has to be zero in `words`."""
+    remainder = 0
+    for word in (words + (0,) * PROM_WORDS)[:PROM_WORDS]:
+        for byte in (word >> 8, word & 0xFF):
+            remainder ^= byte
+            for _ in range(8):
+                remainder = (remainder << 1 ^ 0x3000 if remainder & 0x8000 else remainder << 1) & 0xFFFF
+    return remainder >> 12
+
+
+def check_prom(words: tuple[int, ...], variant: Variant) -> tuple[int, ...]:
+    """`words` when their checksum is right. An all-zero PROM would pass it, and is refused as well."""
+    found = words[variant.crc_word] >> variant.crc_shift & 0xF
+    bare = list(words)
+    # AN520 takes the whole low byte of the MS5611's last word out of the sum, not only the four bits.
+    bare[variant.crc_word] &= 0xFF00 if variant.crc_shift == 0 else ~(0xF << variant.crc_shift)
+    if not any(words[1:7]) or crc4(tuple(bare)) != found:
+        raise SensorFailure(Status.CORRUPT, f"{variant.name}: the checksum of its calibration memory is wrong")
+    return words
+
+
+def compensate(variant: Variant, prom: tuple[int, ...], d1: int, d2: int) -> tuple[float, float]:
+    """Temperature [0.01 degC] and pressure [Pa] from the counts D1, D2 and PROM words, second order included."""
+    c1, c2, c3, c4, c5, c6 = prom[1:7]
+    dT = d2 - c5 * 2**8
+    temperature = 2000 + dT * c6 / 2**23
+    offset = c2 * 2**variant.off_shift + c4 * dT / 2 ** (23 - variant.off_shift)
+    sensitivity = c1 * 2**variant.sens_shift + c3 * dT / 2 ** (23 - variant.sens_shift)
+    below_20 = min(temperature - 2000, 0.0)
+    below_minus_15 = min(temperature + 1500, 0.0)
+    if below_20:
+        temperature -= variant.t2 * dT**2
+    offset -= variant.off2 * below_20**2 + variant.off3 * below_minus_15**2
+    sensitivity -= variant.sens2 * below_20**2 + variant.sens3 * below_minus_15**2
+    return temperature, (d1 * sensitivity / 2**21 - offset) / 2**15

@@ -1,0 +1,180 @@
+"""u-blox M8 receiver: UBX NAV-PVT over a byte stream (protocol: u-blox 8 / M8 Receiver Description, UBX-13003221).
+
+Framing and resynchronisation are here, pyubx2 knows the fields. The receiver is configured while the loop goes on: one
+command at a time, the next when this one is acknowledged. When solutions stay away the configuration is sent again,
+which is what a receiver needs that lost its supply.
+"""
+
+import calendar
+from collections.abc import Iterator
+
+from pyubx2 import SET, UBXMessage, UBXReader
+from pyubx2.exceptions import UBXMessageError, UBXParseError, UBXTypeError
+
+from daq.bus import BytePort
+from daq.sensors import Sample
+from flight.messages import Gps, Status
+
+SYNC = b"\xb5\x62"
+OVERHEAD = 8  # sync, class, id, length, checksum
+LONGEST_PAYLOAD = 1024  # NAV-PVT has 92; what claims to be longer than anything we ask for is not a frame
+NAV_PVT, ACK_ACK, ACK_NAK = b"\x01\x07", b"\x05\x01", b"\x05\x00"
+ACK_TIMEOUT_NS = 1_000_000_000
+SILENCE_NS = 1_500_000_000  # no solution for this long is `no_data`; a receiver without fix still sends solutions
+WITH_POSITION = (2, 3, 4)  # fixType: 2D, 3D, GNSS with dead reckoning
+
+
+class UBlox:
+    """The receiver on `port`. rate_Hz: of the solutions, 1 to 10."""
+
+    def __init__(self, port: BytePort, *, rate_Hz: float = 10.0, baud: int | None = 38400):
+        self._port = port
+        self._commands = configuration(rate_Hz, baud)
+        self._buffer = bytearray()
+        self._to_send: list[bytes] = []
+        self._sent_ns: int | None = None
+        self._last_ns: int | None = None
+        self._corrupt = False
+        self.refused: list[str] = []  # commands the receiver said no to
+        self.utc_at: tuple[int, int] | None = None  # (monotonic ns, UTC ns) of the latest dated solution
+
+    def start(self) -> Iterator[float]:
+        """Nothing to wait for: commands go out, and acknowledgements come in, tick by tick."""
+        self._to_send = list(self._commands)
+        yield 0.0
+
+    def read(self, now_ns: int) -> list[Sample]:
+        """Every solution that has arrived since the last tick; `no_data` each 1.5 s of silence."""
+        if self._last_ns is None:
+            self._last_ns = now_ns
+        self._buffer += self._port.read_available()
+        frames, rejected = take_frames(self._buffer)
+        self._corrupt |= rejected > 0
+        samples = []
+        for frame in frames:
+            kind = frame[2:4]
+            if kind == NAV_PVT:
+                samples.append(Sample("/gps", now_ns, solution(frame)))
+            elif kind in (ACK_ACK, ACK_NAK) and self._to_send and frame[6:8] == self._to_send[0][2:4]:
+                if kind == ACK_NAK:
+                    self.refused.append(self._to_send[0][2:4].hex())
+                self._to_send.pop(0)
+                self._sent_ns = None
+        if samples:
+            self._last_ns, self._corrupt = now_ns, False
+        elif now_ns - self._last_ns >= SILENCE_NS:
+            self._last_ns = now_ns
+            self._to_send, self._sent_ns = list(self._commands), None
+            samples.append(Sample("/gps", now_ns, Gps(status=Status.CORRUPT if self._corrupt else Status.NO_DATA)))
+            self._corrupt = False
+        self._configure(now_ns)
+        return samples
+
+    def _configure(self, now_ns: int) -> None:
+        due = self._sent_ns is None or now_ns - self._sent_ns >= ACK_TIMEOUT_NS
+        if self._to_send and due:
+            self._port.write(self._to_send[0])
+            self._sent_ns = now_ns
+
+
+def configuration(rate_Hz: float, baud: int | None) -> list[bytes]:
+    """Commands that make the receiver send NAV-PVT and nothing else. baud: None on I2C, which needs no CFG-PRT."""
+    port_id = 0 if baud is None else 1
+    # mode: DDC address 0x42 (7 bits, shifted), or 8N1.
+    mode = {"mode": 0x42 << 1} if baud is None else {"mode": 0x08D0, "baudRate": baud}
+    port = {"portID": port_id, **mode, "inProtoMask": 0x0001, "outProtoMask": 0x0001}
+    rate = {"measRate": round(1000 / rate_Hz), "navRate": 1, "timeRef": 1}
+    rates = {"msgClass": NAV_PVT[0], "msgID": NAV_PVT[1]}
+    rates |= {name: int(name.endswith("DDC") if baud is None else name.endswith("UART1")) for name in MESSAGE_RATES}
+    return [
+        _port_command(port, baud),
+        UBXMessage("CFG", "CFG-RATE", SET, **rate).serialize(),
+        UBXMessage("CFG", "CFG-MSG", SET, **rates).serialize(),
+    ]
+
+
+MESSAGE_RATES = ("rateDDC", "rateUART1", "rateUART2", "rateUSB", "rateSPI", "reserved")
+
+
+def _port_command(port: dict[str, int], baud: int | None) -> bytes:
+    """CFG-PRT (32.10.25), packed by hand: its bit fields differ from port to port."""
+    payload = bytes([port["portID"], 0, 0, 0]) + port["mode"].to_bytes(4, "little")
+    payload += (baud or 0).to_bytes(4, "little") + port["inProtoMask"].to_bytes(2, "little")
+    payload += port["outProtoMask"].to_bytes(2, "little") + bytes(4)
+    return frame_of(b"\x06\x00", payload)
+
+
+def frame_of(kind: bytes, payload: bytes) -> bytes:
+    """A UBX frame around a payload."""
+    body = kind + len(payload).to_bytes(2, "little") + payload
+    return SYNC + body + checksum(body)
+
+
+def checksum(body: bytes) -> bytes:
+    """Fletcher-8 over class, id, length and payload (32.4)."""
+    a = b = 0
+    for byte in body:
+        a = a + byte & 0xFF
+        b = b + a & 0xFF
+    return bytes([a, b])
+
+
+def take_frames(buffer: bytearray) -> tuple[list[bytes], int]:
+    """Take whole, valid frames out of `buffer`; what may still become one stays in it.
+
+    Returns them, and how many times something looked like a frame and was not.
+    """
+    frames: list[bytes] = []
+    rejected = 0
+    while True:
+        start = buffer.find(SYNC)
+        if start < 0:
+            del buffer[: len(buffer) - buffer.endswith(SYNC[:1])]
+            return frames, rejected
+        del buffer[:start]
+        if len(buffer) < 6:
+            return frames, rejected
+        length = buffer[4] | buffer[5] << 8
+        if length > LONGEST_PAYLOAD:
+            del buffer[:1]
+            rejected += 1
+            continue
+        end = length + OVERHEAD
+        if len(buffer) < end:
+            return frames, rejected
+        if checksum(bytes(buffer[2 : end - 2])) == buffer[end - 2 : end]:
+            frames.append(bytes(buffer[:end]))
+            del buffer[:end]
+        else:
+            rejected += 1
+            del buffer[:1]
+
+
+def solution(frame: bytes) -> Gps:
+    """The message of a NAV-PVT frame. Without a fix only time, fix type and number of satellites stand in it."""
+    try:
+        pvt = UBXReader.parse(frame)
+    except (UBXMessageError, UBXParseError, UBXTypeError, ValueError):
+        return Gps(status=Status.CORRUPT)
+    utc_ns = None
+    if pvt.validDate and pvt.validTime:
+        date = (pvt.year, pvt.month, pvt.day, pvt.hour, pvt.min, pvt.second)
+        utc_ns = calendar.timegm(date) * 1_000_000_000 + pvt.nano
+    if not pvt.gnssFixOk or pvt.fixType not in WITH_POSITION:
+        return Gps(status=Status.NO_DATA, itow_ms=pvt.iTOW, fix_type=pvt.fixType, satellites=pvt.numSV, utc_ns=utc_ns)
+    return Gps(
+        itow_ms=pvt.iTOW,
+        fix_type=pvt.fixType,
+        satellites=pvt.numSV,
+        utc_ns=utc_ns,
+        latitude_deg=pvt.lat,
+        longitude_deg=pvt.lon,
+        height_m=pvt.height / 1e3,
+        height_msl_m=pvt.hMSL / 1e3,
+        velocity_north_mps=pvt.velN / 1e3,
+        velocity_east_mps=pvt.velE / 1e3,
+        velocity_down_mps=pvt.velD / 1e3,
+        horizontal_accuracy_m=pvt.hAcc / 1e3,
+        vertical_accuracy_m=pvt.vAcc / 1e3,
+        speed_accuracy_mps=pvt.sAcc / 1e3,
+    )

@@ -1,0 +1,61 @@
+"""What a log holds, in numbers: for `daq info`."""
+
+from collections import Counter
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from daq.health import FINE
+from flight.log_reader import Entry, Log, read_log
+
+
+class TopicSummary(NamedTuple):
+    topic: str
+    messages: int
+    rate_Hz: float
+    failures: str  # "no_reply 12, stale 3"; empty when there were none
+
+
+class Summary(NamedTuple):
+    lines: list[str]
+    topics: list[TopicSummary]
+
+
+def summarise(path: Path) -> Summary:
+    """Raises InputError when the log cannot be read."""
+    log = read_log(path)
+    times_ns = [time_ns for entries in log.entries.values() for time_ns in (e.time_ns for e in entries)]
+    begin_ns, end_ns = min(times_ns), max(times_ns)
+    duration_s = (end_ns - begin_ns) / 1e9
+    facts = log.metadata.get("flightpower", {})
+    begin = datetime.fromtimestamp(begin_ns / 1e9, UTC)
+    lines = [
+        f"{path}: {duration_s:.1f} s from {begin:%Y-%m-%d %H:%M:%S} (system clock, UTC)",
+        f"aircraft {facts.get('aircraft') or 'not given'}, {facts.get('tick_rate_Hz', '?')} Hz, "
+        f"software {facts.get('version', '?')}",
+        f"travelling along: {', '.join(log.attachments) or 'nothing'}",
+        _ticks(log),
+    ]
+    if log.torn:
+        lines.append(f"the file is unfinished, everything up to where it is torn was read ({log.torn})")
+    if log.undecodable:
+        lines.append(f"{log.undecodable} messages cannot be decoded")
+    return Summary(lines, [_topic(topic, entries, duration_s) for topic, entries in sorted(log.entries.items())])
+
+
+def _ticks(log: Log) -> str:
+    ticks = log.entries.get("/daq/tick", [])
+    late_ms = sorted(getattr(entry.message, "late_ns", 0) / 1e6 for entry in ticks)
+    missed = sum(getattr(entry.message, "missed", 0) for entry in ticks)
+    if not late_ms:
+        return "no ticks"
+    return (
+        f"{len(ticks)} ticks, {missed} missed; late by {late_ms[len(late_ms) // 2]:.2f} ms in the middle, "
+        f"{late_ms[-1]:.2f} ms at worst"
+    )
+
+
+def _topic(topic: str, entries: list[Entry], duration_s: float) -> TopicSummary:
+    statuses = Counter(entry.message.status for entry in entries)
+    failures = ", ".join(f"{status} {n}" for status, n in statuses.most_common() if status not in FINE)
+    return TopicSummary(topic, len(entries), len(entries) / duration_s if duration_s else 0.0, failures)
