@@ -178,7 +178,10 @@ class _Flying:
         states, commands, noises = _Record(len(State._fields)), _Record(4), _Record(4)
         seen = stepper.look()
         story = segment.fly(seen, craft)
-        targets = next(story, None)
+        try:
+            targets = next(story, None)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
         step = 0
         while targets is not None:
             command = pilot.fly(seen, targets)

@@ -16,6 +16,7 @@ from sim.trim import Trimmer
 
 MAX_BANK_RAD = 0.8
 MAX_GAMMA_RAD = 0.35
+MAX_GAMMA_RATE_RADPS = 0.12  # nobody rotates into a climb in one sample
 
 
 class Targets(NamedTuple):
@@ -93,7 +94,7 @@ class Pilot:
         self._gamma_integral = 0.0
         self._throttle_integral = 0.0
         self._bank_integral = 0.0
-        self._height_memory: float | None = None
+        self._gamma = 0.0  # the flight-path angle asked for last
         self._throttle = 0.0
 
     def fly(self, seen: Seen, want: Targets) -> Commands:
@@ -112,7 +113,7 @@ class Pilot:
             elevator = elevator_ff
         elif want.load_factor is not None:
             q_wanted = g / V * (want.load_factor - cos(seen.theta) * cos(bank))
-            felt = -seen.az / g
+            felt = seen.load_factor
             self._gamma_integral += k * 0.6 * (want.load_factor - felt) * dt
             slope = 0.05 * stiffness * k
             elevator = elevator_ff - slope * (want.load_factor - felt) - 0.1 * self._gamma_integral
@@ -121,8 +122,11 @@ class Pilot:
             climb = want.climb_mps
             if want.height_m is not None:
                 climb += k * gains.height_per_s * (want.height_m - seen.height)
-            gamma_wanted = asin(min(max(climb / V, -MAX_GAMMA_RAD), MAX_GAMMA_RAD))
+            asked = asin(min(max(climb / V, -MAX_GAMMA_RAD), MAX_GAMMA_RAD))
             gamma = seen.climb / V
+            most = MAX_GAMMA_RATE_RADPS * dt
+            gamma_wanted = self._gamma + min(max(asked - self._gamma, -most), most)
+            self._gamma = gamma_wanted
             self._gamma_integral += k * gains.climb_integral_per_s * (gamma_wanted - gamma) * dt
             self._gamma_integral = min(max(self._gamma_integral, -0.3), 0.3)
             theta_wanted = alpha_ff * cos(bank) + gamma_wanted + k * gains.climb * (gamma_wanted - gamma)

@@ -12,6 +12,7 @@ import numpy as np
 
 from flight.aerodynamics import Aerodynamics, aerodynamics_of, body_axes, coefficients
 from flight.aircraft import Aircraft, Surface
+from flight.atmosphere import GRAVITY_MPS2
 from flight.motion import (
     Inertia,
     attitude_derivative,
@@ -253,13 +254,7 @@ class Seen(NamedTuple):
     p: float
     q: float
     r: float
-    ax: float
-    ay: float
-    az: float
-    motor: float
-    north: float
-    east: float
-    elevator: float
+    load_factor: float
 
 
 def seen_of(x: State, now: Instant) -> Seen:
@@ -275,11 +270,7 @@ def seen_of(x: State, now: Instant) -> Seen:
         x.p,
         x.q,
         x.r,
-        *now.specific_force,
-        x.motor,
-        x.north,
-        x.east,
-        x.elevator,
+        -now.specific_force[2] / GRAVITY_MPS2,
     )
 
 
@@ -350,7 +341,8 @@ def compile_step(plant: Plant, dt: float, integrator: str = "rk4"):
     c, n = Commands(*ca.vertsplit(commands)), ca.vertsplit(white)
     after = INTEGRATORS[integrator](lambda s: plant.derivative(s, c, n), State(*ca.vertsplit(x)), dt)
     now, _ = plant.instant(after, c)
-    return ca.Function("step", [x, commands, white], [ca.vertcat(*after), ca.vertcat(*seen_of(after, now))])
+    results = ca.cse([ca.vertcat(*after), ca.vertcat(*seen_of(after, now))])
+    return ca.Function("step", [x, commands, white], results)
 
 
 def replace_air(plant: Plant, air: Air) -> Plant:

@@ -57,16 +57,17 @@ def power_train(
     return PowerTrain(thrust, shaft_power, acceleration, voltage, battery_current)
 
 
-def throttle_for(propulsion: Propulsion, propeller: Propeller, *, V: float, n: float, rho: float) -> float:
-    """The throttle that holds n [rev/s] at airspeed V [m/s]; more than 1 where the battery cannot."""
+def throttle_for(propulsion: Propulsion, propeller: Propeller, *, V, n, rho):
+    """The throttle that holds n [rev/s] at airspeed V [m/s], elementwise.
+
+    Zero where the propeller windmills faster than asked, infinite where the battery cannot sustain it.
+    """
     _, shaft_power = propeller.thrust_and_power(V, n, rho)
     k = torque_constant(propulsion)
-    current = shaft_power / (2 * np.pi * n) / k + propulsion.motor_no_load_current_A
-    emf, R_m, R_b = 2 * np.pi * n * k, propulsion.motor_resistance_ohm, propulsion.battery_resistance_ohm
-    if current <= 0:
-        return 0.0  # windmilling faster than asked: no throttle slows it down
+    current = np.maximum(shaft_power / (2 * np.pi * n) / k + propulsion.motor_no_load_current_A, 0.0)
+    resistance, sagging = propulsion.motor_resistance_ohm, propulsion.battery_resistance_ohm
+    motor_voltage = np.where(current > 0, 2 * np.pi * n * k + current * resistance, 0.0)
     # throttle U - emf = i (R_m + throttle^2 R_b): the smaller root is the one that the battery can sustain.
-    discriminant = propulsion.battery_voltage_V**2 - 4 * current * R_b * (emf + current * R_m)
-    if discriminant < 0:
-        return float("inf")
-    return float(2 * (emf + current * R_m) / (propulsion.battery_voltage_V + np.sqrt(discriminant)))
+    discriminant = propulsion.battery_voltage_V**2 - 4 * current * sagging * motor_voltage
+    root = np.sqrt(np.maximum(discriminant, 0.0))
+    return np.where(discriminant >= 0, 2 * motor_voltage / (propulsion.battery_voltage_V + root), np.inf)

@@ -5,7 +5,7 @@
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from math import cos, pi, radians, sin
+from math import acos, cos, pi, radians, sin
 from typing import Protocol
 
 from flight.errors import InputError
@@ -13,6 +13,8 @@ from sim.pilot import Targets, wrapped
 from sim.plant import Seen
 
 Story = Generator[Targets, Seen, None]
+
+LEVEL_OFF_S = 10.0  # at most, after a climb
 
 
 @dataclass
@@ -137,6 +139,10 @@ class Climb:
                 height_m=target, climb_mps=up * self.climb_mps, speed_mps=speed, heading_rad=craft.heading_rad
             )
         craft.height_m, craft.speed_mps = self.height_m, speed
+        for _ in range(_steps(LEVEL_OFF_S, craft)):
+            if abs(seen.height - self.height_m) < 0.5 and abs(seen.climb) < 0.2:
+                break
+            seen = yield Targets(height_m=self.height_m, speed_mps=speed, heading_rad=craft.heading_rad)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,13 +222,14 @@ class Turn:
 class RollerCoaster:
     """Load factor up and down between two values (pushover and pull-up), at `load_rate` per second."""
 
-    lowest: float = 0.2
-    highest: float = 1.8
+    lowest: float = 0.4
+    highest: float = 1.6
     load_rate: float = 0.4
     cycles: int = 2
     kind = "roller-coaster"
 
     def fly(self, seen: Seen, craft: Craft) -> Story:
+        _check_load(self.highest, seen, craft)
         load, throttle = 1.0, craft.throttle
         for goal in [self.highest, self.lowest] * self.cycles + [1.0]:
             while abs(goal - load) > 1e-9:
@@ -242,8 +249,7 @@ class WindUpTurn:
     kind = "wind-up-turn"
 
     def fly(self, seen: Seen, craft: Craft) -> Story:
-        from math import acos
-
+        _check_load(self.highest, seen, craft)
         load, speed = 1.0, craft.speed_mps
         while load < self.highest:
             load += self.load_rate * craft.dt
@@ -297,6 +303,12 @@ def _linear(t: float, times: Sequence[float], values: Sequence[float]) -> float:
         if t <= b:
             return ya + (yb - ya) * (t - a) / (b - a)
     return values[-1]
+
+
+def _check_load(highest: float, seen: Seen, craft: Craft) -> None:
+    limit = (seen.V / craft.V_stall) ** 2
+    if highest >= limit:
+        raise InputError(f"a load factor of {highest:.2f} stalls it at {seen.V:.1f} m/s; the limit is {limit:.2f}")
 
 
 def _recover(seen: Seen, craft: Craft) -> Story:

@@ -146,9 +146,8 @@ class Trimmer:
             raise InputError("a trim takes exactly two of airspeed, climb and motor speed")
         z, norm = self._newton({**given, "phi": bank_rad}, start)
         self._check(z, norm, given, bank_rad)
-        throttle = throttle_for(
-            self.plant.aircraft.propulsion, self.plant.propeller, V=z.V, n=z.motor, rho=self.density
-        )
+        propulsion = self.plant.aircraft.propulsion
+        throttle = float(throttle_for(propulsion, self.plant.propeller, V=z.V, n=z.motor, rho=self.density))
         if throttle > 1 + 1e-9:
             raise InputError(f"{self._needs(z)}, more than the battery can give{self._limit(given)}")
         return Trim(z, min(throttle, 1.0), self.height_m, norm)
@@ -243,7 +242,7 @@ class Trimmer:
         propulsion = self.plant.aircraft.propulsion
         if norm > 1e-6 or not 0 < z.motor <= propulsion.max_rpm / 60:
             return False
-        return throttle_for(propulsion, self.plant.propeller, V=V, n=z.motor, rho=self.density) <= 1
+        return bool(throttle_for(propulsion, self.plant.propeller, V=V, n=z.motor, rho=self.density) <= 1)
 
 
 def power_required(plant: Plant, V, *, density, weight_N: float | None = None):

@@ -132,13 +132,18 @@ def kinematic_rows(
     u, v, w = motion.body_velocity.T
     wind_body = body_from_earth(wind[0], wind[1], wind[2], phi, theta, psi)
     # Standing in still air the flow has no direction: a speed too small to matter gives it one.
-    flow = flow_of(u - wind_body[0] + 1e-9, v - wind_body[1], w - wind_body[2])
+    gusts = _gusts(plant, state, commands)
+    flow = flow_of(
+        u - wind_body[0] - share * gusts["gust_u_mps"] + 1e-9,
+        v - wind_body[1] - share * gusts["gust_v_mps"],
+        w - wind_body[2] - share * gusts["gust_w_mps"],
+    )
     p, q, r = motion.rates.T
     force = motion.specific_force.T
     udot, vdot, wdot = velocity_derivative(u, v, w, p, q, r, phi, theta, *force)
     motor = share * (state.motor if state else 0.0)
     train = _steady_train(plant, flow.V, motor, air.density)
-    rows = dict(
+    rows: dict[str, object] = dict(
         phase="ground" if kind == "stand" else kind,
         segment=index,
         kind=kind,
@@ -189,13 +194,19 @@ def kinematic_rows(
         specific_force_y_mps2=force[1],
         specific_force_z_mps2=force[2],
         upwash_rad=0.0 if state is None else share * _upwash(plant, state, commands),
-        **{name: 0.0 for name in GUSTS},
+        **{name: share * value for name, value in gusts.items()},
         **train,
     )
     return pd.DataFrame({name: np.broadcast_to(value, n) for name, value in rows.items()})
 
 
-GUSTS = ("gust_u_mps", "gust_v_mps", "gust_w_mps", "gust_p_radps", "gust_q_radps", "gust_r_radps")
+def _gusts(plant: Plant, state: State | None, commands: Commands | None) -> dict[str, float]:
+    """The gust at the end of the motion that is in the air; it dies away towards the ground."""
+    names = ("gust_u_mps", "gust_v_mps", "gust_w_mps", "gust_p_radps", "gust_q_radps", "gust_r_radps")
+    if state is None or commands is None:
+        return dict.fromkeys(names, 0.0)
+    now, _ = plant.instant(state, commands)
+    return {name: float(value) for name, value in zip(names, now.gust, strict=True)}
 
 
 def _upwash(plant: Plant, state: State, commands: Commands | None) -> float:
@@ -207,12 +218,8 @@ def _upwash(plant: Plant, state: State, commands: Commands | None) -> float:
 def _steady_train(plant: Plant, V: Array, n: Array, rho: Array) -> dict[str, Array]:
     """Power train along prescribed motion: the throttle that holds the motor speed of each instant."""
     propulsion, propeller = plant.aircraft.propulsion, plant.propeller
-    throttle = np.array(
-        [
-            min(throttle_for(propulsion, propeller, V=v, n=s, rho=d), 1.0) if s > 1.0 else 0.0
-            for v, s, d in zip(V.tolist(), n.tolist(), rho.tolist(), strict=True)
-        ]
-    )
+    held = throttle_for(propulsion, propeller, V=V, n=np.maximum(n, 1.0), rho=rho)
+    throttle = np.where(n > 1.0, np.minimum(held, 1.0), 0.0)
     turning = n > 0
     train = power_train(propulsion, propeller, V=V, n=n, throttle=throttle, rho=rho)
     return {
