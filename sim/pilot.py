@@ -16,6 +16,7 @@ from sim.trim import Trimmer
 
 MAX_BANK_RAD = 0.8
 MAX_GAMMA_RAD = 0.35
+STALL_MARGIN_RAD, STALL_PUSH = 0.035, 1.5
 MAX_GAMMA_RATE_RADPS = 0.12  # nobody rotates into a climb in one sample
 
 
@@ -90,12 +91,17 @@ class Pilot:
         self._gains, self._dt = gains, dt
         self._V_reference = 1.6 * trimmer.V_stall
         self._travel = [(min(s.angle_rad), max(s.angle_rad)) for s in _surfaces(plant)]
+        # Elevator against pitch damping in a pull-up: de = -Cmq/Cmde q cbar/2V.
+        self._damping = -plant.aero.Cmq / plant.aero.Cmde * plant.aircraft.geometry.chord_m / 2
+        self._slowest = self._schedule.at(0.0)
         self._cruise = self._schedule.at(self._V_reference)
         self._gamma_integral = 0.0
         self._throttle_integral = 0.0
         self._bank_integral = 0.0
+        self._load_integral = 0.0
         self._gamma = 0.0  # the flight-path angle asked for last
         self._throttle = 0.0
+        self._stick = 0.0  # elevator asked for last, without what a segment adds
 
     def fly(self, seen: Seen, want: Targets) -> Commands:
         """Commands for the next step."""
@@ -110,13 +116,11 @@ class Pilot:
         stiffness = min((self._V_reference / V) ** 2, 2.5) if gains.scheduled else 1.0
 
         if want.hold_elevator:
-            elevator = elevator_ff
+            elevator = self._stick
         elif want.load_factor is not None:
             q_wanted = g / V * (want.load_factor - cos(seen.theta) * cos(bank))
-            felt = seen.load_factor
-            self._gamma_integral += k * 0.6 * (want.load_factor - felt) * dt
-            slope = 0.05 * stiffness * k
-            elevator = elevator_ff - slope * (want.load_factor - felt) - 0.1 * self._gamma_integral
+            self._load_integral += k * 0.1 * stiffness * (want.load_factor - seen.load_factor) * dt
+            elevator = elevator_ff + self._damping / V * q_wanted - self._load_integral
             elevator += k * gains.pitch_rate_s * stiffness * (seen.q - q_wanted)
         else:
             climb = want.climb_mps
@@ -135,7 +139,10 @@ class Pilot:
             q_steady = turn * sin(bank)
             elevator = elevator_ff + k * stiffness * gains.pitch * (seen.theta - theta_wanted)
             elevator += k * stiffness * gains.pitch_rate_s * (seen.q - q_steady)
+        self._stick = elevator
         elevator += want.elevator_rad
+        # Nobody holds the stick back in a stall: beyond the slowest trim it is eased forward, the more the deeper.
+        elevator = max(elevator, self._slowest[1] + STALL_PUSH * (seen.alpha - self._slowest[0] - STALL_MARGIN_RAD))
 
         bank_wanted = self._bank_wanted(seen, want, V)
         bank_error = bank_wanted - seen.phi

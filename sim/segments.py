@@ -15,6 +15,8 @@ from sim.plant import Seen
 Story = Generator[Targets, Seen, None]
 
 LEVEL_OFF_S = 10.0  # at most, after a climb
+RECOVERY_S = 8.0  # after a manoeuvre
+ROLL_OUT_S = 5.0
 
 
 @dataclass
@@ -213,18 +215,21 @@ class Turn:
             turned += wrapped(seen.psi - before)
             before = seen.psi
         craft.heading_rad = wrapped(craft.heading_rad + self.angle_rad)
-        for _ in range(_steps(5.0, craft)):
+        for _ in range(_steps(ROLL_OUT_S, craft)):
             seen = yield Targets(height_m=craft.height_m, speed_mps=speed, heading_rad=craft.heading_rad)
         craft.speed_mps = speed
 
 
 @dataclass(frozen=True, kw_only=True)
 class RollerCoaster:
-    """Load factor up and down between two values (pushover and pull-up), at `load_rate` per second."""
+    """Load factor up and down between two values (pushover and pull-up), at `load_rate` per second.
+
+    The literature's 0.1 g/s would put so slow an aircraft on its tail: the path turns by g/V (dn)^2 / load_rate.
+    """
 
     lowest: float = 0.4
     highest: float = 1.6
-    load_rate: float = 0.4
+    load_rate: float = 1.0
     cycles: int = 2
     kind = "roller-coaster"
 
@@ -236,7 +241,6 @@ class RollerCoaster:
                 step = self.load_rate * craft.dt
                 load += min(max(goal - load, -step), step)
                 seen = yield Targets(load_factor=load, throttle=throttle, bank_rad=0.0)
-        craft.speed_mps = seen.V
         yield from _recover(seen, craft)
 
 
@@ -314,7 +318,7 @@ def _check_load(highest: float, seen: Seen, craft: Craft) -> None:
 def _recover(seen: Seen, craft: Craft) -> Story:
     """Back to level flight at the height where the manoeuvre left us."""
     craft.height_m = seen.height
-    for _ in range(_steps(5.0, craft)):
+    for _ in range(_steps(RECOVERY_S, craft)):
         seen = yield Targets(height_m=craft.height_m, speed_mps=craft.speed_mps, heading_rad=craft.heading_rad)
 
 
