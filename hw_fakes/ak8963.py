@@ -52,15 +52,15 @@ class AK8963:
         self._felt = felt
         self._now_ns = now_ns
         self._adjustment = np.random.default_rng(seed).integers(160, 192, 3)  # typical of real parts
-        self.power_cycle()
+        self.power_cycle(now_ns())
 
-    def power_cycle(self) -> None:
+    def power_cycle(self, at_ns: int) -> None:
         """Registers at their defaults, in power-down mode."""
         self._registers = bytearray(0x13)
         for address, value in RESET_VALUES.items():
             self._registers[address] = value
         self._pointer = 0
-        self._mode_since_ns = self._now_ns() - MODE_WAIT_NS
+        self._mode_since_ns = at_ns - MODE_WAIT_NS
         self._done = 0
         self._locked = False
 
@@ -103,7 +103,7 @@ class AK8963:
             return
         now_ns = self._now_ns()
         if address == CNTL2 and value & SOFT_RESET:
-            self.power_cycle()
+            self.power_cycle(now_ns)
         elif address == CNTL1:
             mode = value & 0x0F
             waited = self._mode == POWER_DOWN and now_ns - self._mode_since_ns >= MODE_WAIT_NS

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from hw_fakes.blocks import Blocks
 from sim.felt import Array, Felt
 
-BAUD = 115200
+BAUD = 57600  # the usual setting of a telemetry port
 PERIOD_MS = {
     "HEARTBEAT": 1000,
     "ATTITUDE": 40,

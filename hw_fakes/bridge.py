@@ -58,7 +58,8 @@ class Bridge:
     """A transducer at its address.
 
     which: what it measures, in `sim.felt.Felt`'s words ("alpha", "beta", "airspeed"). now_ns: time since the tray's
-    power-on [ns]. `fault`, once set, stays until `power_cycle`, as in the part.
+    power-on [ns]. `fault`, once set, stays until `power_cycle`, as in the part. `frozen_ns`, while set, is the instant
+    after which there are no updates.
     """
 
     def __init__(self, part: Part, which: str, felt: Felt, now_ns: Callable[[], int]):
@@ -69,14 +70,15 @@ class Bridge:
         self._part = part
         self._now_ns = now_ns
         self._blocks = Blocks(fetch, UPDATE_NS * 1e-9, length=BLOCK_LENGTH)
-        self.power_cycle()
+        self.power_cycle(now_ns())
 
-    def power_cycle(self) -> None:
+    def power_cycle(self, at_ns: int) -> None:
         """Supply gone and back; clears a latched fault."""
-        self._first_data_ns = self._now_ns() + self._part.first_data_ns
+        self._first_data_ns = at_ns + self._part.first_data_ns
         self._last_read = -1
         self._deaf = False
         self.fault = False
+        self.frozen_ns: int | None = None
 
     def write(self, data: bytes) -> None:
         """In its normal mode the part measures by itself: a write does nothing, an empty one upsets it."""
@@ -89,7 +91,7 @@ class Bridge:
         if now_ns < self._first_data_ns:
             word, status = 0, STALE
         else:
-            index = now_ns // UPDATE_NS
+            index = (now_ns if self.frozen_ns is None else self.frozen_ns) // UPDATE_NS
             word = int(self._blocks.row(index))
             status = STALE if index == self._last_read else NORMAL
             self._last_read = index

@@ -67,12 +67,12 @@ class MPU9250:
         draw = np.random.default_rng(seed)
         self._factory_trim = draw.integers(0x40, 0xC0, 6, dtype=np.uint8)
         self._clock_error = draw.uniform(-CLOCK_TOLERANCE, CLOCK_TOLERANCE)
-        self.power_cycle()
+        self.power_cycle(now_ns())
 
-    def power_cycle(self) -> None:
+    def power_cycle(self, at_ns: int) -> None:
         """Supply gone and back: registers at their defaults, deaf for the start-up time."""
         self._registers = bytearray(REGISTER_COUNT)
-        self._ready_ns = self._now_ns() + START_UP_NS
+        self._ready_ns = at_ns + START_UP_NS
         self._reset(self._ready_ns)
 
     @property

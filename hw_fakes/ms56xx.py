@@ -157,11 +157,11 @@ class MS56xx:
         self._slowness = np.random.default_rng(seed + 1).uniform()
         self._pressure = Blocks(lambda t_s: felt.absolute_pressure_Pa(which, t_s), PRESSURE_GRID_S, length=1000)
         self._temperature = Blocks(lambda t_s: felt.transducer_temperature_K(which, t_s), TEMPERATURE_GRID_S, length=64)
-        self.power_cycle()
+        self.power_cycle(now_ns())
 
-    def power_cycle(self) -> None:
+    def power_cycle(self, at_ns: int) -> None:
         """Supply gone and back."""
-        self._ready_ns = self._now_ns() + RELOAD_NS
+        self._ready_ns = at_ns + RELOAD_NS
         self._conversion: tuple[int, int, int] | None = None  # command, start, end
         self._spoilt = False
         self._reply = b""
@@ -174,7 +174,7 @@ class MS56xx:
             return
         command = data[0]
         if command == RESET:
-            self.power_cycle()
+            self.power_cycle(now_ns)
         elif command == READ_ADC:
             self._reply = self._adc(now_ns).to_bytes(3, "big")
         elif command & 0xF0 == READ_PROM:

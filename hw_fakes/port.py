@@ -6,6 +6,7 @@ from typing import Protocol
 
 BITS_PER_BYTE = 10  # start, eight data, stop
 RECEIVE_BUFFER = 4095  # bytes the kernel keeps for a reader that does not come (N_TTY)
+TRANSMIT_BUFFER = 4096  # bytes a part keeps for a line that is too slow; what does not fit is lost whole
 
 
 class SerialDevice(Protocol):
@@ -39,12 +40,10 @@ class FakePort:
         self._received = bytearray()
 
     def read_available(self) -> bytes:
+        """What has arrived since the last call, perhaps nothing; never waits."""
         now_ns = self._now_ns()
+        self.collect(now_ns)
         byte_ns = BITS_PER_BYTE * 1e9 / self._device.baud
-        for sent_ns, data in self._device.output(now_ns):
-            start_ns = max(sent_ns, self._line_free_ns)
-            self._line_free_ns = start_ns + round(len(data) * byte_ns)
-            self._under_way.append((start_ns, data))
         while self._under_way and self._under_way[0][0] <= now_ns:
             start_ns, data = self._under_way.popleft()
             arrived = min(int((now_ns - start_ns) / byte_ns), len(data))
@@ -57,7 +56,17 @@ class FakePort:
         self._received.clear()
         return taken if self.baud == self._device.baud else garbled(taken)
 
+    def collect(self, until_ns: int) -> None:
+        """Put on the line what the part sends up to `until_ns`."""
+        byte_ns = BITS_PER_BYTE * 1e9 / self._device.baud
+        for sent_ns, data in self._device.output(until_ns):
+            start_ns = max(sent_ns, self._line_free_ns)
+            if start_ns - sent_ns <= TRANSMIT_BUFFER * byte_ns:
+                self._line_free_ns = start_ns + round(len(data) * byte_ns)
+                self._under_way.append((start_ns, data))
+
     def write(self, data: bytes) -> None:
+        """Send `data` to the part."""
         arrival_ns = self._now_ns() + round(len(data) * BITS_PER_BYTE * 1e9 / self.baud)
         self._device.receive(data if self.baud == self._device.baud else garbled(data), arrival_ns)
 

@@ -28,7 +28,6 @@ ACCEPTED_UNREAD = {(CFG, i) for i in (CFG_CFG, CFG_NAV5, 0x16, 0x23, 0x3B, 0x3E,
 PORT_UART1 = 1
 PROTOCOL_UBX, PROTOCOL_NMEA = 0x01, 0x02  # CFG-PRT protocol masks
 SHORTEST_MEASUREMENT_MS = 50
-TRANSMIT_BUFFER = 4096  # bytes; a message that does not fit is dropped
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
 LEAP_SECONDS = 18  # GPS minus UTC since 2017
 WEEK_MS = 7 * 86400 * 1000
@@ -71,7 +70,7 @@ class UbloxM8:
     """The receiver on its UART1.
 
     utc_at_power_on: true time at the tray's power-on. geoid_m: height of the geoid above the ellipsoid. baud: what a
-    kept configuration has set the receiver to (new ones come with 9600).
+    kept configuration has set the receiver to (new ones come with 9600). While `fix_lost` is set it sees no satellites.
     """
 
     def __init__(self, felt: Felt, utc_at_power_on: datetime, geoid_m: float = 0.0, baud: int = 38400):
@@ -79,16 +78,17 @@ class UbloxM8:
         self._utc_at_power_on = utc_at_power_on
         self._geoid_m = geoid_m
         self._kept_baud = baud
+        self.fix_lost = False
         self.power_cycle(0)
 
-    def power_cycle(self, now_ns: int) -> None:
+    def power_cycle(self, at_ns: int) -> None:
         """Supply gone and back: the settings fall back to what was kept."""
         self.baud = self._kept_baud
         self._protocols_out = PROTOCOL_UBX | PROTOCOL_NMEA
         self._rates = {(NMEA, i): 1 for i in DEFAULT_NMEA}
         self._received = bytearray()
         self._replies: list[tuple[int, bytes]] = []
-        self._set_period(1000, now_ns)
+        self._set_period(1000, at_ns)
 
     def _set_period(self, period_ms: int, now_ns: int) -> None:
         self._period_ms = period_ms
@@ -113,7 +113,7 @@ class UbloxM8:
             data += self._nmea_output()
         if self._protocols_out & PROTOCOL_UBX and self._due(NAV, NAV_PVT):
             data += ubx(NAV, NAV_PVT, self._nav_pvt())
-        return data[:TRANSMIT_BUFFER]
+        return data
 
     def _due(self, message_class: int, message_id: int) -> bool:
         rate = self._rates.get((message_class, message_id), 0)
@@ -147,11 +147,14 @@ class UbloxM8:
             round(gps / timedelta(milliseconds=1)) % WEEK_MS,
         )
 
+    def _solution(self) -> list[float]:
+        solution = self._blocks.row(self._epoch).tolist()
+        solution[1] = solution[1] and not self.fix_lost
+        return solution
+
     def _nav_pvt(self) -> bytes:
         """UBX-NAV-PVT, sec. 32.17.15."""
-        valid_at_s, fix, latitude, longitude, height_m, north, east, down, h_acc, v_acc, s_acc = self._blocks.row(
-            self._epoch
-        ).tolist()
+        valid_at_s, fix, latitude, longitude, height_m, north, east, down, h_acc, v_acc, s_acc = self._solution()
         second, nano, itow_ms = self._time(valid_at_s)
         ground_speed = float(np.hypot(north, east))
         heading_1e5 = round(float(np.degrees(np.arctan2(east, north))) % 360 * 1e5)
@@ -200,7 +203,7 @@ class UbloxM8:
         due = [name for i, name in DEFAULT_NMEA.items() if self._due(NMEA, i)]
         if not due:
             return b""
-        valid_at_s, fix, latitude, longitude, height_m, north, east, *_ = self._blocks.row(self._epoch).tolist()
+        valid_at_s, fix, latitude, longitude, height_m, north, east, *_ = self._solution()
         second, _, _ = self._time(valid_at_s)
         clock, status = second.strftime("%H%M%S.00"), "A" if fix else "V"
         place = f"{_degrees_minutes(latitude, 2, 'NS')},{_degrees_minutes(longitude, 3, 'EW')}" if fix else ",,,"
