@@ -1,0 +1,223 @@
+"""How far an estimate may be off: bounds, corrections for coloured residuals, and what follows from them.
+
+The Cramer-Rao bound takes the residuals for white, which those of a flight are not; it is then several times too
+small. `morelli_klein` uses the residuals' own autocorrelation, `block_bootstrap` their own stretches. None of them
+sees an error that all data share and the model does not know.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, stats
+
+from analysis.estimation.model import Named
+from analysis.estimation.output_error import Fit
+from flight.errors import InputError
+
+Array = NDArray[np.float64]
+
+DIFFERENCE_STEP = 1e-3  # of a standard error: for derivatives of a user's function, which may be any Python
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Covariance (m, m) of `fit.values`, in the order of `fit.names`, and where it comes from.
+
+    prior_share : (m,) the part of each variance, 0 to 1, that the priors contribute
+    """
+
+    fit: Fit
+    method: str
+    covariance: Array
+    prior_share: Array
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        return dict(zip(self.fit.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def correlation(self) -> Array:
+        errors = np.sqrt(np.diag(self.covariance))
+        return self.covariance / np.outer(errors, errors)
+
+
+def cramer_rao(fit: Fit) -> Uncertainty:
+    """The Cramer-Rao bound (4.2) for white residuals, priors counted as measurements."""
+    return _sandwich(fit, "Cramer-Rao", fit.information)
+
+
+def morelli_klein(fit: Fit) -> Uncertainty:
+    """Covariance for coloured residuals (Morelli & Klein 1997, J. Aircraft 34(5), 671).
+
+    D [sum_i sum_j S_i' R^-1 Rnu(i-j) R^-1 S_j] D, with the biased autocorrelation of the residuals, all outputs with
+    all, pooled over the segments. Segments are independent of each other.
+    """
+    longest = max(len(piece.segment) for piece in fit.pieces)
+    C = _autocorrelation(fit, longest)
+    middle = np.zeros_like(fit.information)
+    size = fft.next_fast_len(2 * longest - 1)
+    # Lags 0 .. n-1, then -(n-1) .. -1 at the end of the circle: C(-k) = C(k)'.
+    circle = np.zeros((size, *C.shape[1:]))
+    circle[:longest] = C
+    circle[size - longest + 1 :] = C[:0:-1].transpose(0, 2, 1)
+    C_hat = fft.rfft(circle, axis=0)
+    for piece in fit.pieces:
+        S = piece.white.S
+        spread = fft.irfft(C_hat.conj() @ fft.rfft(S, size, axis=0), size, axis=0)[: len(S)]
+        middle[np.ix_(piece.columns, piece.columns)] += np.einsum("koi,koj->ij", S, spread)
+    return _sandwich(fit, "Morelli-Klein", (middle + middle.T) / 2)
+
+
+def block_bootstrap(fit: Fit, *, block_s: float, draws: int = 500, seed: int = 0) -> Uncertainty:
+    """Covariance by drawing the residuals anew in blocks of `block_s` seconds, linear about the estimate.
+
+    A block must be long against the time over which residuals are correlated. Priors' means are drawn too.
+    """
+    rng = np.random.default_rng(seed)
+    m = len(fit.names)
+    score = np.zeros((draws, m))
+    for piece in fit.pieces:
+        e = piece.white.weight * piece.white.e
+        n = len(e)
+        length = min(n, max(1, round(block_s / piece.segment.step_s)))
+        starts = rng.integers(0, n - length + 1, size=(draws, -(-n // length)))
+        index = (starts[:, :, None] + np.arange(length)).reshape(draws, -1)[:, :n]
+        drawn = (e - e.mean(axis=0))[index].reshape(draws, -1)
+        score[:, piece.columns] += drawn @ piece.white.S.reshape(-1, len(piece.columns))
+    return _sandwich(fit, "block bootstrap", np.cov(score, rowvar=False).reshape(m, m))
+
+
+def _sandwich(fit: Fit, method: str, middle: Array) -> Uncertainty:
+    D = fit.covariance
+    prior = D @ fit.prior_information @ D
+    covariance = D @ middle @ D + prior
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return Uncertainty(fit, method, covariance, np.diag(prior) / np.diag(covariance))
+
+
+def _autocorrelation(fit: Fit, lags: int) -> Array:
+    """(lags, outputs, outputs): E[e_k e_(k+lag)'] of the whitened residuals, biased estimate, over all segments.
+
+    Where samples are missing, the mean is over the pairs there are; the bias, 1 - lag/n, is that of a full record.
+    """
+    size = fft.next_fast_len(2 * lags)
+    products = np.zeros((lags, len(fit.model.outputs), len(fit.model.outputs)))
+    pairs, full_pairs = np.zeros_like(products), np.zeros(lags)
+    total = 0
+    for piece in fit.pieces:
+        products += _lagged_products(piece.white.weight * piece.white.e, size, lags)
+        pairs += _lagged_products(piece.white.present.astype(float), size, lags)
+        n = len(piece.segment)
+        full_pairs[:n] += n - np.arange(n)
+        total += n
+    pairs = np.round(pairs)
+    mean = np.divide(products, pairs, out=np.zeros_like(products), where=pairs > 0)
+    return mean * (full_pairs / total)[:, None, None]
+
+
+def _lagged_products(e: Array, size: int, lags: int) -> Array:
+    """sum_k e[k] e[k + lag]' for lags 0 .. lags-1; (lags, outputs, outputs)."""
+    e_hat = fft.rfft(e, size, axis=0)
+    return fft.irfft(e_hat.conj()[:, :, None] * e_hat[:, None, :], size, axis=0)[:lags]
+
+
+class Derived(NamedTuple):
+    """A quantity computed from the parameters, (k,), and its covariance (k, k)."""
+
+    value: Array
+    covariance: Array
+
+    @property
+    def standard_error(self) -> Array:
+        return np.sqrt(np.diag(self.covariance))
+
+
+def delta(uncertainty: Uncertainty, function: Callable[[Named], Any]) -> Derived:
+    """Anything computed from the shared parameters, with its covariance to first order (the delta method).
+
+    function : takes the parameters by name, p.CL0, gives a number or an array (a curve)
+    """
+    fit = uncertainty.fit
+
+    def at(values: Array) -> Array:
+        return np.atleast_1d(np.asarray(function(fit.shared(values)), dtype=float))
+
+    h = DIFFERENCE_STEP * np.sqrt(np.diag(uncertainty.covariance))
+    if not np.isfinite(h).all():
+        raise InputError(f"the covariance is not finite, nothing can be derived from it: {fit.verdict}")
+    gradient = np.stack([(at(fit.values + d) - at(fit.values - d)) for d in np.diag(h)], axis=1)
+    gradient = np.divide(gradient, 2 * h, out=np.zeros_like(gradient), where=h > 0)
+    return Derived(at(fit.values), gradient @ uncertainty.covariance @ gradient.T)
+
+
+class Significance(NamedTuple):
+    t: float
+    critical: float
+    significant: bool
+
+
+def t_tests(uncertainty: Uncertainty, level: float = 0.05) -> dict[str, Significance]:
+    """Whether each free number differs from zero: t against Student's t of N - n_p degrees of freedom (4.3-4.5)."""
+    fit = uncertainty.fit
+    critical = float(stats.t.ppf(1 - level / 2, max(1, fit.samples - len(fit.names))))
+    return {
+        name: Significance(value / error, critical, bool(abs(value) > critical * error))
+        for (name, error), value in zip(uncertainty.standard_errors.items(), fit.values.tolist(), strict=True)
+    }
+
+
+class Whiteness(NamedTuple):
+    """lag_one : correlation of neighbouring residuals     p_value : of the Ljung-Box test, small if not white."""
+
+    lag_one: float
+    p_value: float
+
+
+def whiteness(fit: Fit, lags: int = 20) -> dict[str, Whiteness]:
+    """Per output, whether residuals are white over the first `lags` samples (Ljung & Box 1978, Biometrika 65, 297)."""
+    result = {}
+    for i, name in enumerate(fit.model.outputs):
+        products, pairs, n = np.zeros(lags + 1), np.zeros(lags + 1), 0
+        for piece in fit.pieces:
+            e = np.nan_to_num(piece.residuals[:, i])
+            present = np.isfinite(piece.residuals[:, i]).astype(float)
+            for lag in range(min(lags, len(e) - 1) + 1):
+                products[lag] += e[: len(e) - lag] @ e[lag:]
+                pairs[lag] += present[: len(e) - lag] @ present[lag:]
+            n += int(present.sum())
+        r = products[1:] / products[0]
+        usable = pairs[1:] > 0
+        Q = float((n * (n + 2) * r[usable] ** 2 / pairs[1:][usable]).sum())
+        result[name] = Whiteness(float(r[0]), float(stats.chi2.sf(Q, usable.sum())))
+    return result
+
+
+def signal_to_noise(fit: Fit) -> dict[str, float]:
+    """Per output, variance of the model's response over that of the residuals (4.6, 4.7), over all segments."""
+    y = np.concatenate([piece.response.y for piece in fit.pieces])
+    residuals = np.concatenate([piece.residuals for piece in fit.pieces])
+    ratio = np.nanvar(np.where(np.isfinite(residuals), y, np.nan), axis=0) / np.nanvar(residuals, axis=0)
+    return dict(zip(fit.model.outputs, ratio.tolist(), strict=True))
+
+
+class BetweenRuns(NamedTuple):
+    """Mean of separate fits, the covariance of that mean from their scatter, and their names."""
+
+    names: tuple[str, ...]
+    mean: Array
+    covariance: Array
+
+
+def between_runs(fits: Sequence[Fit]) -> BetweenRuns:
+    """Shared parameters of one fit a run: their mean and what the scatter between runs says of it.
+
+    Blind to whatever all runs have in common. Raises InputError for fewer than two fits.
+    """
+    if len(fits) < 2:
+        raise InputError(f"scatter between runs needs at least two fits, there are {len(fits)}")
+    names = tuple(q.name for q in fits[0].model.parameters if q.free and q.shared)
+    values = np.array([[fit.parameters[name].value for name in names] for fit in fits])
+    return BetweenRuns(names, values.mean(axis=0), np.cov(values, rowvar=False).reshape(len(names), -1) / len(fits))
