@@ -103,7 +103,7 @@ def analyze(log_path: Path, aircraft_path: Path | None = None, progress: Progres
         ),
         test=ConditionResult(weight_N=test.weight_N, air_density_kgpm3=test.rho),
         standard=ConditionResult(weight_N=standard.weight_N, air_density_kgpm3=standard.rho),
-        air_temperature_K=float(flown["static_temperature_K"].mean()),
+        air_temperature_K=float(flown["temperature_K"].mean()),
         air_pressure_Pa=float(flown["static_Pa"].mean()),
         runs=[
             RunResult(

@@ -23,8 +23,6 @@ class Zeros(NamedTuple):
     standard_error: dict[str, float]
     drift: dict[str, float]
     seconds: float  # of standing still in all
-    ground_static_Pa: float
-    ground_temperature_K: float
 
 
 def still_segments(table: pd.DataFrame, rate_Hz: float) -> list[slice]:
@@ -53,14 +51,7 @@ def zeros(table: pd.DataFrame, still: list[slice]) -> Zeros | None:
         value[name] = float(samples.mean()) if len(samples) else 0.0
         error[name] = float(samples.std() / np.sqrt(len(samples))) if len(samples) > 1 else float("nan")
         drift[name] = float(last[name].mean() - first[name].mean())
-    return Zeros(
-        value,
-        error,
-        drift,
-        len(rest) * float(table.index[1] - table.index[0]),
-        float(first["static_Pa"].mean()),
-        float(first["static_temperature_K"].mean()),
-    )
+    return Zeros(value, error, drift, len(rest) * float(table.index[1] - table.index[0]))
 
 
 def stretches(flag: NDArray[np.bool_]) -> list[slice]:

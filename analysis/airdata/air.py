@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from analysis.airdata.probe import ProbeCalibration, flow_at_probe
 from analysis.stillness import Zeros
 from flight.aircraft import Aircraft
-from flight.atmosphere import GRAVITY_MPS2, density, height_at
+from flight.atmosphere import GRAVITY_MPS2, density, height_at, temperature_at
 from flight.motion import felt_off_center
 from flight.propeller import Propeller
 
 FLYING_PA = 30.0  # dynamic pressure above which there is flow enough to speak of angles: 7 m/s at sea level
 COEFFICIENT_SMOOTHING_S = 0.2
+COLD_S = 2.0  # after power-on
 
 
 class AirData(NamedTuple):
@@ -27,7 +28,7 @@ class AirData(NamedTuple):
 def air_data(
     table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration, propeller: Propeller, zeros: Zeros | None
 ) -> AirData:
-    """Adds V_mps, alpha_rad, beta_rad, qbar_Pa, rho, height_m, J, thrust_N, flying and the zeroed, moved IMU.
+    """Adds speed, angles, air, height, thrust and `flying` to the table; takes zeros and lever arms out.
 
     Angles and forces are those at the centre of gravity: upwash and the rotation of the boom are taken out of the
     angles (method section 7), the lever arm out of the accelerations (method section 3).
@@ -46,8 +47,10 @@ def air_data(
     flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), out["dp_beta_Pa"].to_numpy(), out["q_c_Pa"].to_numpy())
     flying = (flow.qbar_Pa > FLYING_PA) & flow.inside
     blank = np.where(flying, 1.0, np.nan)
-    temperature_K = out["static_temperature_K"].interpolate().bfill()
-    rho = density(out["static_Pa"], temperature_K)
+    ground_Pa, ground_K = _ground(out)
+    out["height_m"] = height_at(out["static_Pa"], ground_pressure_Pa=ground_Pa, ground_temperature_K=ground_K)
+    out["temperature_K"] = temperature_at(out["height_m"], ground_K)
+    rho = density(out["static_Pa"], out["temperature_K"])
     V = np.sqrt(2 * flow.qbar_Pa * blank / rho)
 
     _move_imu(out, aircraft)
@@ -60,8 +63,6 @@ def air_data(
     out["V_mps"] = V
     out["alpha_rad"] = flow.alpha_rad * blank - aircraft.probe.upwash_per_CL_rad * CL + out["q_radps"] * x_probe / V
     out["beta_rad"] = flow.beta_rad * blank - out["r_radps"] * x_probe / V
-    ground = (zeros.ground_static_Pa, zeros.ground_temperature_K) if zeros else _first(out)
-    out["height_m"] = height_at(out["static_Pa"], ground_pressure_Pa=ground[0], ground_temperature_K=ground[1])
     _add_thrust(out, propeller)
     outside = int(np.sum((flow.qbar_Pa > FLYING_PA) & ~flow.inside))
     if outside:
@@ -69,8 +70,16 @@ def air_data(
     return AirData(out, notes)
 
 
-def _first(table: pd.DataFrame) -> tuple[float, float]:
-    return float(table["static_Pa"].dropna().iloc[0]), float(table["static_temperature_K"].dropna().iloc[0])
+def _ground(table: pd.DataFrame) -> tuple[float, float]:
+    """Pressure [Pa] and air temperature [K] where the log began.
+
+    Electronics warm themselves and the tray by ten degrees within minutes, three per cent of density; at power-on they
+    are as warm as the air they waited in. So the transducer's first reading is the air's temperature, and the standard
+    lapse rate carries it to height.
+    """
+    start = table[["static_Pa", "static_temperature_K"]].dropna()
+    first = start.loc[: start.index[0] + COLD_S]
+    return float(first["static_Pa"].mean()), float(first["static_temperature_K"].mean())
 
 
 def _move_imu(table: pd.DataFrame, aircraft: Aircraft) -> None:

@@ -23,7 +23,6 @@ def log_table(seed: int = 0) -> pd.DataFrame:
     for name in ("ax_mps2", "ay_mps2", "az_mps2"):
         table[name] = rng.normal(0, 0.06, n) + np.where(flying, np.sin(5 * t), 0)
     table["n_revps"] = np.where(flying, 100.0, np.nan)
-    table["static_Pa"], table["static_temperature_K"] = np.full(n, 1e5), np.full(n, 290.0)
     return pd.DataFrame(table, index=pd.Index(t, name="t_s"))
 
 
