@@ -62,7 +62,8 @@ def fly(
         output.mkdir(parents=True, exist_ok=True)
         for name in OURS:
             (output / name).unlink(missing_ok=True)
-        write_truth(output / TRUTH, flight.truth, flight.metadata, flight.power_required)
+        metadata = {**flight.metadata, "errors": drawn.as_dict()}
+        write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
         flight.power_required.to_csv(output / CURVE, index=False)
         (output / TRAY).write_text(_tray_text(output, aircraft, craft, probe), "utf-8")
     except OSError as error:
@@ -108,10 +109,9 @@ def _tray_text(output: Path, name: str, craft: Aircraft, probe: Path | None) -> 
 
 
 def _record(output: Path, felt, seed: int, craft: Aircraft, real_time: bool, told) -> None:
-    from daq.daemon import record
-
     from daq.clock import SystemClock
     from daq.config import load_tray
+    from daq.daemon import record
     from hw_fakes.clock import SimulatedClock
     from hw_fakes.tray import FIRST_FLIGHT, FakeTray
 

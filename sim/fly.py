@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -38,7 +39,7 @@ class Flight:
     seed: int
     truth: pd.DataFrame
     power_required: pd.DataFrame
-    metadata: dict[str, str] = field(default_factory=dict)
+    metadata: dict[str, Any] = field(default_factory=dict)
 
     @property
     def duration_s(self) -> float:
@@ -237,16 +238,14 @@ class _Flying:
         now, _ = self.plant.instant(x, commands)
         rate = self.plant.derivative(x, commands)
         velocity = np.array([float(c) for c in now.ground_velocity])
-        gravity_and_force = velocity_derivative(
-            0.0, 0.0, 0.0, 0.0, 0.0, 0.0, x.phi, x.theta, *(float(c) for c in now.specific_force)
-        )
-        acceleration = np.array(earth_from_body(*gravity_and_force, x.phi, x.theta, x.psi), dtype=float)
+        ax, ay, az = velocity_derivative(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, x.phi, x.theta, *now.specific_force)
+        acceleration = np.array([float(c) for c in earth_from_body(ax, ay, az, x.phi, x.theta, x.psi)])
         here = Pose(
             np.array([x.north, x.east, x.down]),
             velocity,
             acceleration,
             np.array([x.phi, x.theta, x.psi]),
-            np.array([rate.phi, rate.theta, rate.psi], dtype=float),
+            np.array([float(c) for c in (rate.phi, rate.theta, rate.psi)]),
         )
         T = segment.duration_s
         position = here.position + velocity * T / 2

@@ -16,6 +16,7 @@ from sim.trim import Trimmer
 
 MAX_BANK_RAD = 0.8
 MAX_GAMMA_RAD = 0.35
+MAX_SPEED_CHANGE_MPS2 = 1.0
 STALL_MARGIN_RAD, STALL_PUSH = 0.035, 1.5
 MAX_GAMMA_RATE_RADPS = 0.12  # nobody rotates into a climb in one sample
 
@@ -101,6 +102,7 @@ class Pilot:
         self._load_integral = 0.0
         self._gamma = 0.0  # the flight-path angle asked for last
         self._throttle = 0.0
+        self._speed: float | None = None  # the speed asked for, on its way to the one wanted
         self._stick = 0.0  # elevator asked for last, without what a segment adds
 
     def fly(self, seen: Seen, want: Targets) -> Commands:
@@ -175,13 +177,16 @@ class Pilot:
 
     def _throttle_for(self, seen: Seen, want: Targets, throttle_ff: float) -> float:
         if want.throttle is not None:
-            self._throttle_integral = 0.0
+            self._throttle_integral, self._speed = 0.0, None
             return min(max(want.throttle, 0.0), 1.0)
         if want.speed_mps is None:
             return self._throttle
-        error = want.speed_mps - seen.V
+        most = MAX_SPEED_CHANGE_MPS2 * self._dt
+        before = seen.V if self._speed is None else self._speed
+        self._speed = before + min(max(want.speed_mps - before, -most), most)
+        error = self._speed - seen.V
         gains, k = self._gains, self._gains.skill
-        base = self._know(want.speed_mps)[4]
+        base = self._know(self._speed)[4]
         throttle = base + k * gains.speed_per_m * error + self._throttle_integral
         if 0 < throttle < 1:
             self._throttle_integral += k * gains.speed_integral * error * self._dt

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -143,7 +144,7 @@ def kinematic_rows(
     udot, vdot, wdot = velocity_derivative(u, v, w, p, q, r, phi, theta, *force)
     motor = share * (state.motor if state else 0.0)
     train = _steady_train(plant, flow.V, motor, air.density)
-    rows: dict[str, object] = dict(
+    rows: dict[str, Any] = dict(
         phase="ground" if kind == "stand" else kind,
         segment=index,
         kind=kind,
@@ -248,7 +249,7 @@ def power_required_table(plant: Plant, trimmer: Trimmer, density: float, points:
     )
 
 
-def write_truth(path: Path, truth: pd.DataFrame, metadata: dict[str, str], power_required_curve: pd.DataFrame) -> None:
+def write_truth(path: Path, truth: pd.DataFrame, metadata: dict[str, Any], power_required_curve: pd.DataFrame) -> None:
     """The truth as Parquet, with what it was flown with and the true curve in the file's metadata."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -259,7 +260,7 @@ def write_truth(path: Path, truth: pd.DataFrame, metadata: dict[str, str], power
     pq.write_table(table, path, compression="zstd")
 
 
-def read_truth(path: Path) -> tuple[pd.DataFrame, dict[str, object]]:
+def read_truth(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     """The truth and its metadata. Raises InputError when the file is not one."""
     import pyarrow as pa
     import pyarrow.parquet as pq

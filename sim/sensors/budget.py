@@ -5,7 +5,7 @@ method's study, systematic errors drawn at random by the seed).
 """
 
 import tomllib
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -106,7 +106,10 @@ class Errors:
     zero: dict[str, float]
     zero_drift: dict[str, float]
     absolute: dict[str, float]
-    gps_bias: Array
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers and lists, for the truth file."""
+        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
 
     @property
     def deviations(self) -> Deviations:
@@ -158,7 +161,6 @@ def draw(budget: Budget, seed: int) -> Errors:
         zero=dict(zip(DIFFERENTIAL, zeros.tolist(), strict=True)),
         zero_drift=dict(zip(DIFFERENTIAL, drifts.tolist(), strict=True)),
         absolute=dict(zip(("baro", "static"), absolute.tolist(), strict=True)),
-        gps_bias=np.zeros(3),
     )
 
 

@@ -146,10 +146,10 @@ class TrayFelt:
     def battery(self, t_s: Array) -> tuple[Array, Array]:
         e = self._errors
         scale = 1 + e.values.battery_scale
-        voltage: Array = self._linear("battery_voltage_V", t_s)
-        voltage = voltage + e.noise.battery_voltage_V * white(e.seed, "battery voltage", t_s)
-        current = scale * self._linear("battery_current_A", t_s)
-        return voltage, current + e.noise.battery_current_A * white(e.seed, "battery current", t_s)
+        voltage, current = self._linear("battery_voltage_V", t_s), scale * self._linear("battery_current_A", t_s)
+        voltage_noise = e.noise.battery_voltage_V * white(e.seed, "battery voltage", t_s)
+        current_noise = e.noise.battery_current_A * white(e.seed, "battery current", t_s)
+        return voltage + voltage_noise, current + current_noise
 
     # How the truth becomes a function of time.
 
@@ -160,7 +160,7 @@ class TrayFelt:
         return CubicSpline(self._t, self._truth[columns].to_numpy(dtype=float))
 
     def _linear(self, column: str, t_s: Array) -> Array:
-        return np.interp(self._clipped(t_s), self._t, self._truth[column].to_numpy())
+        return np.asarray(np.interp(self._clipped(t_s), self._t, self._truth[column].to_numpy()))
 
     @cached_property
     def _imu_spline(self) -> CubicSpline:
