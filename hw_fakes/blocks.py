@@ -35,7 +35,8 @@ class Blocks:
         if stop <= (block + 1) * self._length:
             return self._block(block)[offset : offset + stop - first]
         boundary = (block + 1) * self._length
-        return np.concatenate([self._block(block)[offset:], self.rows(boundary, stop)])
+        head = self._block(block)[offset:]
+        return np.concatenate([head, self.rows(boundary, stop)], dtype=head.dtype)  # or the byte order would be lost
 
     def _block(self, number: int) -> np.ndarray:
         if number not in self._blocks:
