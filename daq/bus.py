@@ -7,6 +7,7 @@ the kernel's number: 121 (EREMOTEIO) or 6 (ENXIO) when nothing acknowledged, 110
 
 import errno
 import fcntl
+import os
 import socket
 from typing import Protocol
 
@@ -85,13 +86,19 @@ class LinuxSerial:
         try:
             self._port = serial.Serial(device, baud, timeout=0, write_timeout=0.02, exclusive=True)
         except serial.SerialException as error:
-            raise OSError(error.errno or errno.EIO, f"{device}: {error.strerror or error}") from None
+            number = error.errno or errno.EIO
+            raise OSError(number, os.strerror(number), device) from None
+        except ValueError as error:  # a rate the line does not know
+            raise OSError(errno.EINVAL, str(error), device) from None
 
     def read_available(self) -> bytes:
         return self._guard(lambda: self._port.read(self._port.in_waiting or 1))
 
     def write(self, data: bytes) -> None:
         self._guard(lambda: self._port.write(data))
+
+    def close(self) -> None:
+        self._port.close()
 
     def _guard(self, transfer):
         import serial
@@ -126,20 +133,35 @@ class UdpPort:
         if self._peer is not None:
             self._socket.sendto(data, self._peer)
 
+    def close(self) -> None:
+        self._socket.close()
+
 
 class LinuxBuses:
-    """The real thing: device files of this machine, each opened once."""
+    """The real thing: device files of this machine.
+
+    A bus is opened once, for all its parts. A port is opened afresh each time it is asked for, the one before closed:
+    that is how a line comes back that was unplugged.
+    """
 
     def __init__(self) -> None:
-        self._open: dict[str, LinuxI2C] = {}
+        self._buses: dict[str, LinuxI2C] = {}
+        self._ports: dict[str, LinuxSerial | UdpPort] = {}
 
     def i2c(self, device: str) -> I2CBus:
-        if device not in self._open:
-            self._open[device] = LinuxI2C(device)
-        return self._open[device]
+        if device not in self._buses:
+            self._buses[device] = LinuxI2C(device)
+        return self._buses[device]
 
     def port(self, device: str, baud: int) -> BytePort:
-        if device.startswith("udp:"):
-            _, host, port = device.split(":")
-            return UdpPort(host, int(port))
+        if device in self._ports:
+            self._ports.pop(device).close()
+        self._ports[device] = _open_port(device, baud)
+        return self._ports[device]
+
+
+def _open_port(device: str, baud: int) -> LinuxSerial | UdpPort:
+    if not device.startswith("udp:"):
         return LinuxSerial(device, baud)
+    _, host, port = device.split(":")
+    return UdpPort(host, int(port))

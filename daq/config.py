@@ -1,5 +1,6 @@
 """The tray's configuration: TOML to frozen structs, refused with file and key when something is wrong."""
 
+import re
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -27,9 +28,34 @@ class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         """How events and tables call the sensor: its first topic."""
         return self.topics[0].strip("/").replace("/", "-")
 
+    @property
+    def lane(self) -> str:
+        """The bus or port it hangs on."""
+        raise NotImplementedError
 
-class Mpu9250(_Table, frozen=True, tag="mpu9250"):
+
+class _OnBus(_Table, frozen=True):
     bus: str
+
+    @property
+    def lane(self) -> str:
+        return self.bus
+
+
+class _OnPort(_Table, frozen=True):
+    port: str  # a serial device, or udp:HOST:PORT
+    baud: Baud
+
+    def __post_init__(self) -> None:
+        if self.port.startswith("udp:") and not re.fullmatch(r"udp:[\w.-]+:\d{1,5}", self.port):
+            raise ValueError(f"{self.port!r} is not of the form udp:HOST:PORT, such as udp:127.0.0.1:14550")
+
+    @property
+    def lane(self) -> str:
+        return self.port
+
+
+class Mpu9250(_OnBus, frozen=True, tag="mpu9250"):
     address: Address = 0x68
     range_g: Literal[2, 4, 8, 16] = 8
     range_dps: Literal[250, 500, 1000, 2000] = 500
@@ -45,8 +71,7 @@ class Mpu9250(_Table, frozen=True, tag="mpu9250"):
         return parse_axes(self.axes)
 
 
-class Ak8963(_Table, frozen=True, tag="ak8963"):
-    bus: str
+class Ak8963(_OnBus, frozen=True, tag="ak8963"):
     axes: tuple[str, str, str] = ("x", "y", "z")  # of the MPU9250 around it
     address: ClassVar[int] = 0x0C
     topics: ClassVar[tuple[str, ...]] = ("/mag",)
@@ -59,8 +84,7 @@ class Ak8963(_Table, frozen=True, tag="ak8963"):
         return parse_axes(self.axes)
 
 
-class _Barometer(_Table, frozen=True):
-    bus: str
+class _Barometer(_OnBus, frozen=True):
     address: Literal[0x76, 0x77]
     measures: Literal["baro", "static"]
 
@@ -79,8 +103,7 @@ class Ms5805(_Barometer, frozen=True, tag="ms5805"):
     measures: Literal["baro", "static"] = "static"
 
 
-class _Transducer(_Table, frozen=True):
-    bus: str
+class _Transducer(_OnBus, frozen=True):
     part: str
     measures: Literal["alpha", "beta", "airspeed"]
     reversed_ports: bool = False
@@ -114,23 +137,20 @@ class Honeywell(_Transducer, frozen=True, tag="honeywell"):
         return honeywell.decode_part(self.part)
 
 
-class UBlox(_Table, frozen=True, tag="ublox"):
-    port: str
+class UBlox(_OnPort, frozen=True, tag="ublox"):
     baud: Baud = 38400
     rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 10.0
     topics: ClassVar[tuple[str, ...]] = ("/gps",)
 
 
-class EscCounter(_Table, frozen=True, tag="esc_counter"):
-    port: str
+class EscCounter(_OnPort, frozen=True, tag="esc_counter"):
     baud: Baud = 115200
     framed: bool = False
     pole_pairs: Annotated[int, Meta(ge=1, le=50)] | None = None
     topics: ClassVar[tuple[str, ...]] = ("/rpm",)
 
 
-class Autopilot(_Table, frozen=True, tag="autopilot"):
-    port: str
+class Autopilot(_OnPort, frozen=True, tag="autopilot"):
     baud: Baud = 57600
     rpm: bool = False  # take motor speed from its RAW_RPM
 
@@ -213,14 +233,13 @@ def _resolve_name(aircraft: str | None, folder: Path) -> str | None:
 
 
 def _refuse_collisions(tray: TrayFile, where: str) -> None:
-    places: dict[tuple[str, object], str] = {}
+    places: dict[tuple[str, int], str] = {}
     topics: dict[str, str] = {}
     for i, sensor in enumerate(tray.sensors):
         label = f"sensors[{i}] ({_driver(sensor)})"
-        bus, port = getattr(sensor, "bus", None), getattr(sensor, "port", None)
-        place = (bus, getattr(sensor, "address", None)) if bus else (str(port), None)
+        place = (sensor.lane, sensor.address if isinstance(sensor, _OnBus) else 0)
         if place in places:
-            at = f"address 0x{place[1]:02x} of {bus}" if bus else f"port {port}"
+            at = f"address 0x{place[1]:02x} of {sensor.lane}" if isinstance(sensor, _OnBus) else f"port {sensor.lane}"
             raise InputError(f"{where}: {places[place]} and {label} are both on {at}; two parts cannot share it")
         places[place] = label
         for topic in sensor.topics:

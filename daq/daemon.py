@@ -38,7 +38,10 @@ def stations(tray: Tray, buses: Buses, aircraft: Aircraft | None) -> list[Statio
 
     Raises InputError when the configuration lacks something.
     """
-    return [Station(table.name, table.topics, wiring.maker(table, tray, buses, aircraft)) for table in tray.sensors]
+    return [
+        Station(table.name, table.lane, table.topics, wiring.maker(table, tray, buses, aircraft))
+        for table in tray.sensors
+    ]
 
 
 def record(

@@ -62,8 +62,14 @@ def turns(
         events: list[Event] = []
         durations: dict[str, int] = {}
         turn_ns = begin_ns
+        hung: set[str] = set()
         for station in stations:
+            if station.lane in hung:
+                samples += station.pass_over(turn_ns)
+                continue
             samples += station.turn(turn_ns)
+            if station.hung:
+                hung.add(station.lane)
             if station.events:
                 events += station.events
                 station.events.clear()

@@ -18,11 +18,14 @@ TIMEOUTS = frozenset({errno.ETIMEDOUT, errno.EAGAIN})
 class Station:
     """A sensor's place in the loop.
 
+    lane: the bus or port it hangs on; when a transfer on it hangs, the others on it are not tried in the same tick.
     make: opens the bus or port and makes a fresh driver; may raise OSError. topics: what the driver writes.
     """
 
-    def __init__(self, name: str, topics: tuple[str, ...], make: Callable[[], Sensor]):
+    def __init__(self, name: str, lane: str, topics: tuple[str, ...], make: Callable[[], Sensor]):
         self.name = name
+        self.lane = lane
+        self.hung = False  # whether the latest turn ended in a timeout
         self.topics = topics
         self.health = Health(name)
         self.events: list[Event] = []  # taken by the loop
@@ -44,13 +47,16 @@ class Station:
 
     def turn(self, now_ns: int) -> list[Sample]:
         """This tick's messages; a sensor that is not there gives messages that say so."""
+        self.hung = False
         try:
             if not self._up(now_ns):
                 return self._absent(now_ns, self._absence)
             assert self._sensor is not None
             samples = self._sensor.read(now_ns)
         except OSError as error:
-            return self._glitch(now_ns, status_of(error), cause_of(error))
+            status = status_of(error)
+            self.hung = status is Status.TIMEOUT
+            return self._glitch(now_ns, status, cause_of(error))
         except SensorFailure as failure:
             return self._fail(now_ns, failure.status, str(failure))
         except Exception as error:  # a driver's mistake must not cost the flight; the event says that it is one
@@ -60,6 +66,10 @@ class Station:
         self.health.statuses.update(statuses)
         self._tell(self.health.read(statuses, now_ns))
         return samples
+
+    def pass_over(self, now_ns: int) -> list[Sample]:
+        """Not tried in this tick, because its bus hangs: each try would take as long as the timeout."""
+        return self._absent(now_ns, Status.TIMEOUT)
 
     def _up(self, now_ns: int) -> bool:
         """Whether the part can be read now; goes on with bringing it up when it is time to."""

@@ -2,8 +2,8 @@
 
 A decade counter divides the pulses, so that a period sent is ten electrical periods.
 
-Legacy frame, 4 bytes: 'x', period in microseconds (3 bytes, most significant first). The letter also occurs in the data,
-so frames are believed only once three in a row agree in place and in size.
+Legacy frame, 4 bytes: 'x', period in microseconds (3 bytes, most significant first). The letter also occurs in the
+data, so frames are believed only once three in a row agree in place and in size.
 
 Framed variant, 8 bytes, for those who can program the microcontroller:
 

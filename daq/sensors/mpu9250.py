@@ -46,7 +46,7 @@ SINGLE_FILTER_DELAY_S = (33.48e-3 + 35.70e-3) / 2
 
 RANGES_G = {2: 0, 4: 1, 8: 2, 16: 3}
 RANGES_DPS = {250: 0, 500: 1, 1000: 2, 2000: 3}
-GYRO_COUNTS_PER_DPS_AT_250 = 131.0  # PS 3.1
+COUNTS_PER_DPS = {250: 131.0, 500: 65.5, 1000: 32.8, 2000: 16.4}  # PS 3.1
 TEMPERATURE_COUNTS_PER_K, TEMPERATURE_ZERO_K = 333.87, 294.15  # PS 3.4.2: 21 degC
 FULL_COUNT = 32767
 
@@ -187,4 +187,4 @@ def accel_scale_mps2(range_g: int) -> float:
 
 def gyro_scale_radps(range_dps: int) -> float:
     """Angular rate of one count [rad/s] in the +-`range_dps` range (PS 3.1)."""
-    return math.radians(range_dps / 250 / GYRO_COUNTS_PER_DPS_AT_250)
+    return math.radians(1 / COUNTS_PER_DPS[range_dps])

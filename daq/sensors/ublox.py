@@ -7,6 +7,7 @@ which is what a receiver needs that lost its supply.
 
 import calendar
 from collections.abc import Iterator
+from typing import Any
 
 from pyubx2 import SET, UBXMessage, UBXReader
 from pyubx2.exceptions import UBXMessageError, UBXParseError, UBXTypeError
@@ -17,7 +18,8 @@ from flight.messages import Gps, Status
 
 SYNC = b"\xb5\x62"
 OVERHEAD = 8  # sync, class, id, length, checksum
-LONGEST_PAYLOAD = 1024  # NAV-PVT has 92; what claims to be longer than anything we ask for is not a frame
+PVT_PAYLOAD = 92
+LONGEST_PAYLOAD = 1024  # what claims to be longer than anything we ask for is not a frame
 NAV_PVT, ACK_ACK, ACK_NAK = b"\x01\x07", b"\x05\x01", b"\x05\x00"
 ACK_TIMEOUT_NS = 1_000_000_000
 SILENCE_NS = 1_500_000_000  # no solution for this long is `no_data`; a receiver without fix still sends solutions
@@ -36,7 +38,6 @@ class UBlox:
         self._last_ns: int | None = None
         self._corrupt = False
         self.refused: list[str] = []  # commands the receiver said no to
-        self.utc_at: tuple[int, int] | None = None  # (monotonic ns, UTC ns) of the latest dated solution
 
     def start(self) -> Iterator[float]:
         """Nothing to wait for: commands go out, and acknowledgements come in, tick by tick."""
@@ -152,14 +153,13 @@ def take_frames(buffer: bytearray) -> tuple[list[bytes], int]:
 
 def solution(frame: bytes) -> Gps:
     """The message of a NAV-PVT frame. Without a fix only time, fix type and number of satellites stand in it."""
+    if len(frame) != PVT_PAYLOAD + OVERHEAD:
+        return Gps(status=Status.CORRUPT)
     try:
         pvt = UBXReader.parse(frame)
+        utc_ns = utc_of(pvt) if pvt.validDate and pvt.validTime else None
     except (UBXMessageError, UBXParseError, UBXTypeError, ValueError):
         return Gps(status=Status.CORRUPT)
-    utc_ns = None
-    if pvt.validDate and pvt.validTime:
-        date = (pvt.year, pvt.month, pvt.day, pvt.hour, pvt.min, pvt.second)
-        utc_ns = calendar.timegm(date) * 1_000_000_000 + pvt.nano
     if not pvt.gnssFixOk or pvt.fixType not in WITH_POSITION:
         return Gps(status=Status.NO_DATA, itow_ms=pvt.iTOW, fix_type=pvt.fixType, satellites=pvt.numSV, utc_ns=utc_ns)
     return Gps(
@@ -178,3 +178,9 @@ def solution(frame: bytes) -> Gps:
         vertical_accuracy_m=pvt.vAcc / 1e3,
         speed_accuracy_mps=pvt.sAcc / 1e3,
     )
+
+
+def utc_of(pvt: Any) -> int:
+    """Unix time [ns] of a solution; raises ValueError for a date there is not."""
+    date = (pvt.year, pvt.month, pvt.day, pvt.hour, pvt.min, pvt.second)
+    return calendar.timegm(date) * 1_000_000_000 + pvt.nano

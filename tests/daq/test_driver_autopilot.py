@@ -1,0 +1,122 @@
+"""The autopilot: MAVLink made by pymavlink, angles by the aircraft's tables, silence, and damaged bytes."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common as mavlink
+from scripted_parts import ScriptedPort, bring_up, pieces
+
+from daq.sensors.autopilot import Autopilot, battery, controls
+from flight.aircraft import load_aircraft
+from flight.messages import Status
+
+TICK_NS = 40_000_000
+NEXSTAR = load_aircraft("nexstar")
+SENDER = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+PULSES = [1500, 1750, 1400, 1500, 1000, 1000, 1000, 1000]
+
+
+def packed(message) -> bytes:
+    return bytes(message.pack(SENDER))
+
+
+def servo(pulses=PULSES) -> bytes:
+    return packed(mavlink.MAVLink_servo_output_raw_message(1000, 0, *pulses))
+
+
+def attitude() -> bytes:
+    return packed(mavlink.MAVLink_attitude_message(1000, 0.1, -0.2, 3.0, 0, 0, 0))
+
+
+def heartbeat() -> bytes:
+    return packed(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3))
+
+
+def autopilot(**options) -> tuple[ScriptedPort, Autopilot]:
+    port = ScriptedPort()
+    sensor = Autopilot(port, aircraft=NEXSTAR, rate_Hz=25, **options)
+    bring_up(sensor)
+    return port, sensor
+
+
+def test_pulse_widths_become_angles_by_the_aircrafts_tables():
+    message = controls(PULSES, NEXSTAR)
+    assert message.pulse_us == PULSES
+    assert message.elevator_rad == pytest.approx(math.radians(10.8))  # channel 2 at 1750 us, in the aircraft file
+    assert message.aileron_rad == pytest.approx(0) and message.rudder_rad == pytest.approx(0)
+    assert message.throttle == pytest.approx(0.4)
+
+
+def test_an_output_that_is_off_has_no_angle():
+    message = controls([1500, 0, 1400, 1500, 0, 0, 0, 0], NEXSTAR)
+    assert message.elevator_rad is None and message.aileron_rad == pytest.approx(0)
+
+
+def test_without_an_aircraft_only_pulse_widths_are_logged():
+    assert controls(PULSES, None).elevator_rad is None
+
+
+def test_messages_of_a_tick():
+    port, sensor = autopilot()
+    port.incoming = [servo() + attitude() + servo([1500] * 8)]
+    samples = {sample.topic: sample.message for sample in sensor.read(5)}
+    assert samples["/controls"].pulse_us == [1500] * 8  # the latest
+    assert samples["/attitude"].pitch_rad == pytest.approx(-0.2)
+    assert set(samples) == {"/controls", "/attitude"}
+
+
+def test_battery_from_either_message():
+    unknown = [0xFFFF] * 6
+    status = mavlink.MAVLink_battery_status_message(0, 0, 1, 0, [3700] * 4 + unknown, 2050, 0, 0, 50)
+    message = battery(status)
+    assert (message.voltage_V, message.current_A) == pytest.approx((14.8, 20.5))
+    assert (
+        battery(mavlink.MAVLink_battery_status_message(0, 0, 1, 0, [0xFFFF] * 10, -1, 0, 0, 50)).status
+        is Status.NO_DATA
+    )
+    port, sensor = autopilot()
+    port.incoming = [packed(mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 14800, 2050, 50, 0, 0, 0, 0, 0, 0))]
+    assert sensor.read(0)[0].message == message
+
+
+def test_each_kind_that_stays_away_is_said_to_and_the_others_are_not():
+    port, sensor = autopilot()
+    statuses: dict[str, list[Status]] = {}
+    for tick in range(26):
+        port.incoming.append(attitude())
+        for sample in sensor.read(tick * TICK_NS):
+            statuses.setdefault(sample.topic, []).append(sample.message.status)
+    assert statuses["/attitude"] == [Status.OK] * 26
+    assert set(statuses["/controls"]) == {Status.NO_DATA} and len(statuses["/controls"]) == 13
+    assert "/battery" not in statuses
+
+
+def test_streams_are_asked_for_when_a_heartbeat_is_heard():
+    port, sensor = autopilot()
+    sensor.read(0)
+    assert port.written == []
+    port.incoming = [heartbeat()]
+    sensor.read(TICK_NS)
+    asked = [mavlink.MAVLink(None).parse_buffer(data)[0] for data in port.written]
+    assert {message.get_type() for message in asked} == {"COMMAND_LONG"}
+    assert {message.target_system for message in asked} == {7}
+    intervals_us = {int(message.param1): message.param2 for message in asked}
+    assert intervals_us[mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW] == pytest.approx(40_000)
+
+
+def test_motor_speed_only_when_wanted():
+    raw_rpm = packed(mavlink.MAVLink_raw_rpm_message(0, 7200.0))
+    for wanted in (True, False):
+        port, sensor = autopilot(rpm=wanted)
+        port.incoming = [raw_rpm]
+        assert [s.message.motor_speed_revps for s in sensor.read(0)] == ([pytest.approx(120)] if wanted else [])
+
+
+@given(st.binary(max_size=400), st.lists(st.integers(0, 10_000), max_size=6))
+def test_any_bytes_in_any_pieces_never_raise_and_messages_after_them_are_found(noise, cuts):
+    port, sensor = autopilot()
+    port.incoming = pieces(noise + servo() * 20, cuts)
+    samples = [s for tick in range(len(port.incoming)) for s in sensor.read(tick)]
+    assert samples[-1].message.pulse_us == PULSES

@@ -1,0 +1,119 @@
+"""Differential pressure: part numbers, bit fields, transfer functions, and frames that hold no measurement."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daq.sensors import honeywell, ms45xxdo
+from daq.sensors.bridge import INCH_OF_WATER_PA, BridgeTransducer, FrameStatus, decode, pressure_Pa
+from flight.messages import DifferentialPressure, Status
+
+
+class BareBus:
+    """Answers bare reads with `reply`; anything else would spoil the part's next transfer."""
+
+    def __init__(self, reply: bytes):
+        self.reply = reply
+
+    def write(self, address, data):
+        raise AssertionError("these parts are never written to")
+
+    def read(self, address, count):
+        assert count == 4
+        return self.reply
+
+    def write_read(self, address, data, count):
+        raise AssertionError("no repeated starts")
+
+
+def frame(status: int, pressure: int, temperature: int) -> bytes:
+    return (status << 30 | pressure << 16 | temperature << 5).to_bytes(4, "big")
+
+
+def read(part: str, reply: bytes, decode_part=ms45xxdo.decode_part, **options) -> DifferentialPressure:
+    address, transfer = decode_part(part)
+    sensor = BridgeTransducer(BareBus(reply), address, transfer, topic="/probe/alpha", **options)
+    ((topic, _, message),) = sensor.read(0)
+    assert topic == "/probe/alpha"
+    return message
+
+
+ALPHA, BETA, AIRSPEED = "MS4515DO-DS5AJ002DP", "MS4515DO-DS5AK002DP", "SSCDRRN005ND2A5"
+
+
+def test_the_trays_parts():
+    assert ms45xxdo.decode_part(ALPHA)[0] == 0x36
+    assert ms45xxdo.decode_part(BETA)[0] == 0x46
+    assert honeywell.decode_part(AIRSPEED)[0] == 0x28
+
+
+@pytest.mark.parametrize(
+    ("part", "decode_part", "full", "fraction", "top_Pa"),
+    [
+        (ALPHA, ms45xxdo.decode_part, 16383, 0.9, 2 * INCH_OF_WATER_PA),
+        ("MS4525DO-DS3BI001DP", ms45xxdo.decode_part, 16383, 0.95, 6894.757),
+        (AIRSPEED, honeywell.decode_part, 16384, 0.9, 5 * INCH_OF_WATER_PA),
+        ("HSCDRRN1.6MD2B3", honeywell.decode_part, 16384, 0.95, 160.0),
+    ],
+)
+def test_ends_and_middle_of_the_range(part, decode_part, full, fraction, top_Pa):
+    # TE gives its limits in parts of 2^14 - 1, Honeywell in whole counts of 2^14.
+    _, transfer = decode_part(part)
+    count_Pa = 2 * top_Pa / ((2 * fraction - 1) * full)
+    assert pressure_Pa(fraction * full, transfer) == pytest.approx(top_Pa, abs=count_Pa)
+    assert pressure_Pa((1 - fraction) * full, transfer) == pytest.approx(-top_Pa, abs=count_Pa)
+    assert pressure_Pa(full / 2, transfer) == pytest.approx(0, abs=count_Pa)
+
+
+def test_a_gage_part_starts_at_zero():
+    _, transfer = ms45xxdo.decode_part("4525DO-DS5AI001GP")
+    assert pressure_Pa(0.1 * 16383, transfer) == pytest.approx(0, abs=1e-9)
+
+
+def test_port_1_above_port_2_is_positive_unless_the_tubes_are_exchanged():
+    reply = frame(0, 10000, 1000)
+    assert read(ALPHA, reply).differential_pressure_Pa > 0
+    assert (
+        read(ALPHA, reply, reversed_ports=True).differential_pressure_Pa == -read(ALPHA, reply).differential_pressure_Pa
+    )
+
+
+def test_a_count_of_the_airspeed_transducer_is_a_fifth_of_a_pascal():
+    _, transfer = honeywell.decode_part(AIRSPEED)
+    assert pressure_Pa(8001, transfer) - pressure_Pa(8000, transfer) == pytest.approx(0.19, abs=0.001)
+
+
+def test_ends_of_the_temperature():
+    assert read(ALPHA, frame(0, 8000, 0)).temperature_K == pytest.approx(223.15)
+    assert read(ALPHA, frame(0, 8000, 2047)).temperature_K == pytest.approx(423.15)
+
+
+@pytest.mark.parametrize(("bits", "status"), [(1, Status.FAULT), (2, Status.STALE), (3, Status.FAULT)])
+def test_a_frame_without_measurement_carries_no_values(bits, status):
+    assert read(ALPHA, frame(bits, 8000, 1000)) == DifferentialPressure(status=status)
+
+
+@pytest.mark.parametrize("counts", [0, 16383])
+def test_a_pinned_bridge_is_saturated(counts):
+    message = read(ALPHA, frame(0, counts, 1000))
+    assert message.status is Status.SATURATED and message.pressure_counts == counts
+
+
+@given(st.binary(min_size=4, max_size=4))
+def test_any_reply_has_a_meaning(reply):
+    assert decode(reply).status in FrameStatus
+    assert read(ALPHA, reply).status in Status
+
+
+@pytest.mark.parametrize(
+    "part", ["MS4515DO-DS5CJ002DP", "MS4515DO-DS5AX002DP", "MS4515DO-DS5AJ000DP", "SSCDRRN005ND2A5", ""]
+)
+def test_an_unknown_te_part_is_refused_with_what_is_understood(part):
+    with pytest.raises(ValueError, match="understood is MS4515DO"):
+        ms45xxdo.decode_part(part)
+
+
+@pytest.mark.parametrize("part", ["SSCDRRN005NDSA5", "SSCDRRN005NAAA5", "ABPDRRN005ND2A5", "SSCDRRN000ND2A5", ""])
+def test_an_unknown_honeywell_part_is_refused_with_what_is_understood(part):
+    with pytest.raises(ValueError, match="understood is SSC or HSC"):
+        honeywell.decode_part(part)

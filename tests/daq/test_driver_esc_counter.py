@@ -1,0 +1,117 @@
+"""Motor speed: frames out of torn bytes, in both variants, and silence."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scripted_parts import ScriptedPort, bring_up, pieces
+
+from daq.sensors.esc_counter import EscCounter, FramedParser, LegacyParser, crc8, motor_speed_revps
+from flight.messages import Status
+
+TICK_NS = 40_000_000
+
+
+def legacy(period_us: int) -> bytes:
+    return b"x" + period_us.to_bytes(3, "big")
+
+
+def framed(sequence: int, period_us: int, flags: int = 0) -> bytes:
+    body = bytes([sequence % 256, flags]) + period_us.to_bytes(4, "big")
+    return b"\xa5" + body + bytes([crc8(body)])
+
+
+def test_speed_of_a_seven_pole_pair_motor():
+    # 8000 rpm: 133.3 rev/s, 933.3 electrical periods a second, ten of them last 10714 us.
+    assert motor_speed_revps(10714, 7) * 60 == pytest.approx(8000, rel=1e-4)
+
+
+def test_check_value_of_the_crc():
+    assert crc8(b"123456789") == 0xF4
+
+
+@given(st.binary(max_size=200), st.lists(st.integers(0, 10_000), max_size=8), st.booleans())
+def test_any_bytes_in_any_pieces_never_raise(noise, cuts, with_crc):
+    parser = FramedParser() if with_crc else LegacyParser()
+    for piece in pieces(noise, cuts):
+        assert all(period >= 0 for period in parser.feed(piece))
+
+
+CUTS = st.lists(st.integers(0, 10_000), max_size=8)
+
+
+@given(st.binary(max_size=100), CUTS, st.integers(0x1000, 0x7FFF))
+def test_legacy_frames_after_garbage_are_found_however_they_are_torn(noise, cuts, period_us):
+    # A real motor's period wanders by more than a count; that is what tells frames from their shifted images.
+    periods = [period_us + 37 * (i * i % 11) for i in range(20)]
+    parser = LegacyParser()
+    found = [p for piece in pieces(noise + b"".join(map(legacy, periods)), cuts) for p in parser.feed(piece)]
+    assert found[-10:] == periods[-10:]
+
+
+@given(st.binary(max_size=100), CUTS, st.integers(300, 2**32 - 1))
+def test_framed_frames_after_garbage_are_found_however_they_are_torn(noise, cuts, period_us):
+    parser = FramedParser()
+    data = noise + b"".join(framed(i, period_us) for i in range(20))
+    found = [p for piece in pieces(data, cuts) for p in parser.feed(piece)]
+    assert found[-10:] == [period_us] * 10
+
+
+def test_the_letter_inside_the_data_does_not_mislead():
+    parser = LegacyParser()
+    periods = [0x007805 + i % 3 for i in range(30)]  # 'x' in the middle byte, a low last byte: plausible when shifted
+    data = b"".join(map(legacy, periods))[2:]  # the line is opened in the middle of a frame
+    assert parser.feed(data)[-20:] == periods[-20:]
+
+
+def test_lost_frames_of_the_variant_are_counted():
+    parser = FramedParser()
+    parser.feed(framed(254, 9000) + framed(255, 9000) + framed(2, 9000))
+    assert parser.lost == 2
+
+
+def test_a_damaged_frame_of_the_variant_is_dropped():
+    good = framed(1, 9000)
+    for i in range(len(good)):
+        damaged = good[:i] + bytes([good[i] ^ 0x10]) + good[i + 1 :]
+        assert FramedParser().feed(damaged + framed(2, 8000)) == [8000]
+
+
+def counter(**options) -> tuple[ScriptedPort, EscCounter]:
+    port = ScriptedPort()
+    sensor = EscCounter(port, pole_pairs=7, **options)
+    bring_up(sensor)
+    return port, sensor
+
+
+def statuses(sensor: EscCounter, ticks: int) -> list[Status]:
+    return [sample.message.status for tick in range(ticks) for sample in sensor.read(tick * TICK_NS)]
+
+
+def test_silence_is_no_data_and_not_zero():
+    _, sensor = counter()
+    assert statuses(sensor, 13) == [Status.NO_DATA] * 0
+    ((_, _, message),) = sensor.read(13 * TICK_NS)
+    assert message.status is Status.NO_DATA and message.motor_speed_revps is None
+
+
+def test_noise_is_corrupt_and_not_silence():
+    port, sensor = counter()
+    port.incoming = [b"noise"] * 20
+    assert statuses(sensor, 14)[-1] is Status.CORRUPT
+
+
+def test_a_standing_motor_is_zero_only_when_the_counter_says_so():
+    port, sensor = counter(framed=True)
+    port.incoming = [framed(0, 0, flags=1)]
+    ((_, _, message),) = sensor.read(0)
+    assert (message.status, message.motor_speed_revps) == (Status.OK, 0.0)
+    assert sensor.read(25 * TICK_NS) == []  # the next such frame is due every half second
+    assert sensor.read(40 * TICK_NS)[0].message.status is Status.NO_DATA
+
+
+def test_the_latest_of_several_frames_counts():
+    port, sensor = counter(framed=True)
+    port.incoming = [framed(0, 10714) + framed(1, 10000)]
+    ((topic, time_ns, message),) = sensor.read(77)
+    assert (topic, time_ns, message.period_us) == ("/rpm", 77, 10000)
+    assert message.motor_speed_revps == pytest.approx(142.857, abs=0.001)

@@ -1,0 +1,168 @@
+"""The IMU driver against registers: identity, configuration, FIFO arithmetic, and a part that misbehaves."""
+
+import math
+import struct
+
+import pytest
+from scripted_parts import RegisterBus, bring_up
+
+from daq.sensors import SensorFailure
+from daq.sensors.axes import parse_axes
+from daq.sensors.mpu9250 import MPU9250
+from flight.messages import Imu, Status
+
+ADDRESS = 0x68
+ONE_G_DOWN = (0, 0, -4096, 0, 0, 0, 0)  # at rest, +-8 g, z down: the part is pushed up, along -z
+
+
+class Chip(RegisterBus):
+    """Registers of an MPU-9250 and a FIFO that is filled by hand."""
+
+    def __init__(self, identity: int = 0x71):
+        super().__init__({ADDRESS: {0x75: identity, 0x6B: 0x01}})
+        self.fifo = b""
+        self.bursts_fail = False
+
+    def put(self, *samples: tuple[int, ...]) -> None:
+        self.fifo += b"".join(struct.pack(">7h", *sample) for sample in samples)
+
+    def write(self, address: int, data: bytes) -> None:
+        super().write(address, data)
+        if data[0] == 0x6A and data[1] & 0x04:
+            self.fifo = b""
+
+    def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        if data[0] == 0x74:
+            taken, self.fifo = self.fifo[:count], self.fifo[count:]
+            if self.bursts_fail:
+                self.fifo = self.fifo[5:]
+                raise OSError(121, "Remote I/O error")
+            return taken
+        self.registers[address][0x72], self.registers[address][0x73] = divmod(len(self.fifo), 256)
+        return super().write_read(address, data, count)
+
+
+def started(**options) -> tuple[Chip, MPU9250]:
+    chip = Chip()
+    sensor = MPU9250(chip, ADDRESS, **options)
+    bring_up(sensor)
+    return chip, sensor
+
+
+def read(sensor: MPU9250) -> Imu:
+    (sample,) = sensor.read(123)
+    assert sample.topic == "/imu" and sample.time_ns == 123
+    return sample.message
+
+
+def test_one_g_at_rest_in_any_range():
+    for range_g, counts in ((2, 16384), (4, 8192), (8, 4096), (16, 2048)):
+        chip, sensor = started(range_g=range_g)
+        chip.put((0, 0, -counts, 0, 0, 0, 0))
+        assert read(sensor).specific_force_z_mps2 == pytest.approx(-9.80665)
+
+
+def test_rate_scale_of_each_range():
+    for range_dps, counts in ((250, 1310), (500, 655), (1000, 328), (2000, 164)):
+        chip, sensor = started(range_dps=range_dps)
+        chip.put((0, 0, 0, 0, counts, 0, 0))
+        assert read(sensor).angular_rate_x_radps == pytest.approx(math.radians(10))
+
+
+def test_a_tick_is_the_mean_of_what_the_fifo_held():
+    chip, sensor = started()
+    chip.put(*[(100 * i, 0, -4096, 334, 0, i, 0) for i in range(8)])
+    message = read(sensor)
+    assert message.samples == 8
+    assert message.accel_x_counts == 350
+    assert message.gyro_y_counts == 3.5
+    assert message.temperature_K == pytest.approx(295.15, abs=0.01)
+    # Eight samples 5 ms apart are 20 ms old on average, to which the filters add about 11 ms.
+    assert message.group_delay_s == pytest.approx(0.031, abs=0.001)
+
+
+def test_half_a_sample_is_left_for_the_next_tick():
+    chip, sensor = started()
+    chip.put(ONE_G_DOWN, ONE_G_DOWN)
+    whole, chip.fifo = chip.fifo, chip.fifo[:20]
+    assert read(sensor).samples == 1
+    chip.fifo += whole[20:]
+    message = read(sensor)
+    assert (message.samples, message.accel_z_counts) == (1, -4096)
+
+
+def test_an_empty_fifo_is_stale_not_an_old_value():
+    _, sensor = started()
+    assert read(sensor) == Imu(status=Status.STALE)
+
+
+def test_overflow_is_reported_and_recovered_from():
+    chip, sensor = started()
+    chip.put(*[ONE_G_DOWN] * 36)
+    assert read(sensor) == Imu(status=Status.CORRUPT)
+    chip.put(ONE_G_DOWN)
+    assert read(sensor).status is Status.OK
+
+
+def test_a_burst_torn_by_the_bus_does_not_shift_the_following_samples():
+    chip, sensor = started()
+    chip.put(*[ONE_G_DOWN] * 4)
+    chip.bursts_fail = True
+    with pytest.raises(OSError):
+        sensor.read(0)
+    chip.bursts_fail = False
+    chip.put(ONE_G_DOWN)
+    assert read(sensor).status is Status.STALE
+    chip.put(ONE_G_DOWN)
+    assert read(sensor).accel_z_counts == -4096
+
+
+def test_counts_at_the_end_of_the_range_are_a_bound_not_a_measurement():
+    chip, sensor = started()
+    chip.put(ONE_G_DOWN, (32767, 0, 0, 0, 0, 0, 0))
+    assert read(sensor).status is Status.SATURATED
+
+
+@pytest.mark.parametrize("fifo", [True, False])
+def test_a_part_back_at_its_defaults_is_not_read_as_if_configured(fifo):
+    chip, sensor = started(fifo=fifo)
+    chip.registers[ADDRESS] = {0x75: 0x71, 0x6B: 0x01}
+    with pytest.raises(SensorFailure, match="supply"):
+        sensor.read(0)
+
+
+def test_another_part_at_the_address_is_refused():
+    with pytest.raises(SensorFailure) as refused:
+        bring_up(MPU9250(Chip(identity=0x68), ADDRESS))
+    assert refused.value.status is Status.WRONG_DEVICE
+    bring_up(MPU9250(Chip(identity=0x73), ADDRESS))
+
+
+def test_a_part_that_does_not_take_its_settings_is_refused():
+    chip = Chip()
+    chip.hook = lambda address, data: chip.registers[ADDRESS].update({0x1C: 0})
+    with pytest.raises(SensorFailure, match="settings"):
+        bring_up(MPU9250(chip, ADDRESS))
+
+
+def test_single_reads_take_the_narrow_filters_and_say_so():
+    chip, sensor = started(fifo=False)
+    for i, byte in enumerate(struct.pack(">7h", *ONE_G_DOWN)):
+        chip.registers[ADDRESS][0x3B + i] = byte
+    message = read(sensor)
+    assert (message.samples, message.accel_z_counts) == (1, -4096)
+    assert message.group_delay_s == pytest.approx(0.0346, abs=0.0005)
+
+
+def test_a_chip_mounted_turned_round_gives_body_axes():
+    chip, sensor = started(axes=parse_axes(("y", "-x", "z")))
+    chip.put((4096, 0, 0, 0, 0, 131, 0))
+    message = read(sensor)
+    assert message.specific_force_y_mps2 == pytest.approx(-9.80665)
+    assert message.angular_rate_x_radps == pytest.approx(math.radians(2))
+
+
+@pytest.mark.parametrize("names", [("x", "y", "-z"), ("y", "x", "z"), ("x", "x", "z"), ("x", "y", "w"), ("", "y", "z")])
+def test_axes_that_no_mounting_can_have_are_refused(names):
+    with pytest.raises(ValueError, match="axes"):
+        parse_axes(names)

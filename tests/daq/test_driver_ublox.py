@@ -1,0 +1,136 @@
+"""The receiver: UBX frames out of any stream of bytes, configuration with acknowledgement, fixes and their absence."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pyubx2 import GET, SET, UBXMessage, UBXReader
+from scripted_parts import ScriptedPort, bring_up, pieces
+
+from daq.sensors.ublox import ACK_ACK, ACK_NAK, UBlox, configuration, frame_of, solution, take_frames
+from flight.messages import Gps, Status
+
+TICK_NS = 40_000_000
+
+
+def nav_pvt(**changes) -> bytes:
+    """A NAV-PVT frame made by pyubx2."""
+    values = {
+        "iTOW": 123456000, "year": 2016, "month": 5, "day": 14, "hour": 9, "min": 30, "second": 1, "nano": -1000,
+        "validDate": 1, "validTime": 1, "fullyResolved": 1, "fixType": 3, "gnssFixOk": 1, "numSV": 11,
+        "lat": 48.1234567, "lon": -11.7654321, "height": 500123, "hMSL": 452321, "velN": 12345, "velE": -2345,
+        "velD": 345, "hAcc": 1500, "vAcc": 2500, "sAcc": 320,
+    }  # fmt: skip
+    return UBXMessage("NAV", "NAV-PVT", GET, **{**values, **changes}).serialize()
+
+
+PVT = nav_pvt()
+
+
+def test_a_solution_in_si():
+    message = solution(PVT)
+    assert message.status is Status.OK and message.itow_ms == 123456000
+    assert message.latitude_deg == pytest.approx(48.1234567, abs=1e-7)
+    assert message.longitude_deg == pytest.approx(-11.7654321, abs=1e-7)
+    assert message.height_m == pytest.approx(500.123)
+    assert (message.velocity_north_mps, message.velocity_east_mps) == pytest.approx((12.345, -2.345))
+    assert message.velocity_down_mps == pytest.approx(0.345)
+    assert message.speed_accuracy_mps == pytest.approx(0.32)
+    assert message.utc_ns == 1463218201 * 10**9 - 1000
+
+
+@pytest.mark.parametrize("changes", [{"validDate": 0}, {"validTime": 0}])
+def test_a_date_the_receiver_does_not_vouch_for_is_not_logged(changes):
+    assert solution(nav_pvt(**changes)).utc_ns is None
+
+
+@pytest.mark.parametrize("changes", [{"fixType": 0}, {"fixType": 5}, {"gnssFixOk": 0}])
+def test_without_a_fix_there_is_time_but_no_position(changes):
+    message = solution(nav_pvt(**changes))
+    assert message.status is Status.NO_DATA
+    assert message.latitude_deg is None and message.velocity_north_mps is None
+    assert message.utc_ns is not None and message.satellites == 11
+
+
+def test_commands_are_what_the_protocol_description_says():
+    port, rate, on_uart = configuration(10, 38400)
+    assert rate == bytes.fromhex("b56206080600640001000100 7a12")
+    assert configuration(10, None)[2] == bytes.fromhex("b562060108000107010000000000 18e2")
+    parsed = UBXReader.parse(port, msgmode=SET)
+    assert (parsed.identity, parsed.portID, parsed.baudRate) == ("CFG-PRT", 1, 38400)
+    assert (parsed.inUBX, parsed.outUBX, parsed.outNMEA) == (1, 1, 0)
+    assert UBXReader.parse(on_uart, msgmode=SET).rateUART1 == 1
+
+
+@given(st.binary(max_size=300), st.lists(st.integers(0, 10_000), max_size=8))
+def test_any_bytes_in_any_pieces_never_raise(noise, cuts):
+    port = ScriptedPort()
+    sensor = UBlox(port)
+    bring_up(sensor)
+    port.incoming = pieces(noise, cuts)
+    for tick in range(len(port.incoming) + 1):
+        sensor.read(tick * TICK_NS)
+
+
+@given(st.binary(max_size=200), st.lists(st.integers(0, 10_000), max_size=8))
+def test_frames_after_garbage_are_found(noise, cuts):
+    # Garbage may look like the head of a long frame; that frame has to be over before the next can be seen.
+    buffer, found = bytearray(), []
+    for piece in pieces(noise + PVT * 12, cuts):
+        buffer += piece
+        found += take_frames(buffer)[0]
+    assert found and found[-1] == PVT
+
+
+@given(st.binary(max_size=91) | st.binary(min_size=92, max_size=92))
+def test_a_frame_with_a_right_checksum_and_a_wrong_inside_is_corrupt_not_fatal(payload):
+    assert solution(frame_of(b"\x01\x07", payload)).status in (Status.CORRUPT, Status.NO_DATA, Status.OK)
+
+
+def test_configuration_goes_on_only_when_acknowledged():
+    port = ScriptedPort()
+    sensor = UBlox(port)
+    bring_up(sensor)
+    sent = []
+    for tick in range(10):
+        sensor.read(tick * TICK_NS)
+        if port.written:
+            sent += port.written
+            port.incoming.append(frame_of(ACK_ACK, port.written.pop()[2:4]))
+    assert sent == configuration(10, 38400)
+
+
+def test_an_unacknowledged_command_is_repeated_and_a_refused_one_is_remembered():
+    port = ScriptedPort()
+    sensor = UBlox(port)
+    bring_up(sensor)
+    for tick in range(60):  # PVT keeps coming: the receiver is there, it only does not acknowledge
+        port.incoming.append(PVT)
+        sensor.read(tick * TICK_NS)
+    assert port.written == [configuration(10, 38400)[0]] * 3
+    port.incoming.append(frame_of(ACK_NAK, b"\x06\x00"))
+    sensor.read(60 * TICK_NS)
+    assert sensor.refused == ["0600"]
+    assert port.written[-1] == configuration(10, 38400)[1]
+
+
+def test_silence_is_said_and_the_receiver_configured_again():
+    port = ScriptedPort()
+    sensor = UBlox(port)
+    bring_up(sensor)
+    for command in configuration(10, 38400):
+        port.incoming.append(frame_of(ACK_ACK, command[2:4]))
+    samples = [sample for tick in range(100) for sample in sensor.read(tick * TICK_NS)]
+    assert [sample.message for sample in samples] == [Gps(status=Status.NO_DATA)] * 2
+    assert port.written.count(configuration(10, 38400)[0]) > 1
+
+
+def test_damaged_solutions_are_corrupt_rather_than_silent():
+    port = ScriptedPort()
+    sensor = UBlox(port)
+    bring_up(sensor)
+    damaged = PVT[:20] + bytes([PVT[20] ^ 1]) + PVT[21:]
+    samples = []
+    for tick in range(50):
+        port.incoming.append(damaged)
+        samples += sensor.read(tick * TICK_NS)
+    assert [sample.message.status for sample in samples] == [Status.CORRUPT]

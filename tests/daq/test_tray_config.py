@@ -1,0 +1,110 @@
+"""The tray file: what is accepted, and that everything wrong is refused by file and key."""
+
+from pathlib import Path
+
+import pytest
+
+from daq.config import load_tray, parse_tray
+from flight.errors import InputError
+from flight.messages import TYPE_OF_TOPIC
+
+EXAMPLE = Path("daq/tray.example.toml")
+
+
+@pytest.fixture
+def example(request) -> Path:
+    return request.config.rootpath / EXAMPLE
+
+
+def refused(text: str) -> str:
+    with pytest.raises(InputError) as error:
+        parse_tray(text, "tray.toml", Path())
+    message = str(error.value)
+    assert message.startswith("tray.toml: ") and "\n" not in message
+    return message
+
+
+def test_the_example_is_the_default_tray(example):
+    tray = load_tray(example)
+    assert tray.rate_Hz == 25 and tray.aircraft == "nexstar"
+    addresses = {sensor.name: sensor.address for sensor in tray.sensors if hasattr(sensor, "address")}
+    assert addresses == {
+        "imu": 0x68, "mag": 0x0C, "baro": 0x77, "static": 0x76,
+        "probe-alpha": 0x36, "probe-beta": 0x46, "probe-airspeed": 0x28,
+    }  # fmt: skip
+    assert {t for s in tray.sensors for t in s.topics} == set(TYPE_OF_TOPIC) - {"/time", "/daq/tick", "/daq/event"}
+    assert tray.text == example.read_text()
+
+
+def test_paths_count_from_the_file(tmp_path):
+    names = 'directory="logs"\naircraft="mine.toml"\nprobe_calibration="/p.json"\n'
+    text = names + '[[sensors]]\ndriver="ublox"\nport="/dev/x"'
+    (tmp_path / "t.toml").write_text(text)
+    tray = load_tray(tmp_path / "t.toml")
+    assert tray.directory == str(tmp_path / "logs")
+    assert tray.aircraft == str(tmp_path / "mine.toml")
+    assert tray.probe_calibration == "/p.json"
+
+
+IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("rate = 25\n" + IMU, "`rate`"),
+        (IMU + "adress = 0x68", "sensors[0]: Object contains unknown field `adress`"),
+        ("rate_Hz = 0.5\n" + IMU, "rate_Hz"),
+        ("rate_Hz = 500\n" + IMU, "rate_Hz"),
+        (IMU + "range_g = 3", "sensors[0].range_g"),
+        (IMU + 'address = "0x68"', "sensors[0].address"),
+        (IMU + 'axes = ["x", "y", "-z"]', "right-handed"),
+        (IMU + '[[sensors]]\ndriver="bmp280"', "sensors[1].driver: Invalid value 'bmp280'"),
+        ('[[sensors]]\nbus="/dev/i2c-1"', "sensors[0]: Object missing required field `driver`"),
+        ("", "missing required field `sensors`"),
+        ("sensors = []", "sensors"),
+        ("rate_Hz = ", "not valid TOML"),
+        (
+            '[[sensors]]\ndriver="honeywell"\nbus="b"\npart="SSC"\nmeasures="alpha"',
+            "sensors[0]: 'SSC' is not understood",
+        ),
+        ('[[sensors]]\ndriver="autopilot"\nport="udp:14550"', "udp:HOST:PORT"),
+    ],
+)
+def test_mistakes_are_named(text, said):
+    assert said in refused(text)
+
+
+def test_two_sensors_on_one_address_are_refused_by_name():
+    message = refused(
+        IMU + '[[sensors]]\ndriver="ms5611"\nbus="b"\naddress=0x76\n[[sensors]]\ndriver="ms5805"\nbus="b"'
+    )
+    assert "sensors[1] (ms5611) and sensors[2] (ms5805) are both on address 0x76 of b" in message
+
+
+def test_a_part_number_can_collide_too():
+    airspeed = '[[sensors]]\ndriver="honeywell"\nbus="b"\npart="SSCDRRN005ND2A5"\nmeasures="airspeed"\n'
+    alpha = '[[sensors]]\ndriver="ms45xxdo"\nbus="b"\npart="MS4515DO-DS5AI002DP"\nmeasures="alpha"\n'
+    assert "address 0x28" in refused(airspeed + alpha)
+    assert len(parse_tray(airspeed + alpha.replace('"b"', '"c"'), "tray.toml", Path()).sensors) == 2
+
+
+def test_the_magnetometer_inside_the_imu_takes_an_address():
+    mag = '[[sensors]]\ndriver="ak8963"\nbus="b"\n'
+    imu = '[[sensors]]\ndriver="mpu9250"\nbus="b"\naddress=0x0C\n'
+    assert "address 0x0c" in refused(mag + imu)
+
+
+def test_two_sensors_on_one_port_or_one_topic_are_refused():
+    port = '[[sensors]]\ndriver="{}"\nport="/dev/ttyUSB0"\n'
+    assert "both on port /dev/ttyUSB0" in refused(port.format("ublox") + port.format("esc_counter"))
+    twice = IMU + '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\naddress=0x69\n'
+    assert "would both write /imu" in refused(twice)
+
+
+def test_a_file_that_cannot_be_read(tmp_path):
+    with pytest.raises(InputError, match=r"no\.toml: cannot be read"):
+        load_tray(tmp_path / "no.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="not a text file"):
+        load_tray(tmp_path / "binary.toml")
