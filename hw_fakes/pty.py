@@ -1,0 +1,68 @@
+"""A fake serial part on a real pseudo-terminal, in real time, for pyserial and for other processes."""
+
+import os
+import select
+import termios
+import threading
+import tty
+from typing import Protocol
+
+POLL_S = 0.002
+
+BAUD_OF_CODE = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
+
+
+class Port(Protocol):
+    """The computer's end of the line, such as `hw_fakes.port.FakePort`."""
+
+    baud: int
+
+    def read_available(self) -> bytes: ...
+
+    def write(self, data: bytes) -> None: ...
+
+
+class PtyServer:
+    """Serves `port` on a pseudo-terminal until closed; `path` is what to open.
+
+    Whoever opens the path sets the line's speed as on a real one. Bytes that nobody reads are lost, as when the
+    kernel's buffer of a real line is full. Use it as a context manager. The part's clock has to be a real one.
+    """
+
+    def __init__(self, port: Port):
+        self._port = port
+        self._ours, self._theirs = os.openpty()  # holding theirs open keeps the line alive between two openings
+        tty.setraw(self._theirs)
+        os.set_blocking(self._ours, False)
+        self.path = os.ttyname(self._theirs)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name=f"pty {self.path}", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "PtyServer":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop serving; an open line then reads as unplugged."""
+        if not self._stop.is_set():
+            self._stop.set()
+            self._thread.join()
+            os.close(self._ours)
+            os.close(self._theirs)
+
+    def _serve(self) -> None:
+        while not self._stop.is_set():
+            readable, _, _ = select.select([self._ours], [], [], POLL_S)
+            code = termios.tcgetattr(self._ours)[5]
+            self._port.baud = BAUD_OF_CODE.get(code, self._port.baud)
+            if readable:
+                self._port.write(os.read(self._ours, 4096))
+            data = self._port.read_available()
+            try:
+                while data:
+                    data = data[os.write(self._ours, data) :]
+            except BlockingIOError:  # nobody reads
+                pass

@@ -1,0 +1,29 @@
+import pytest
+from analytic_felt import AnalyticFelt
+
+from hw_fakes.clock import SimulatedClock
+from hw_fakes.tray import FakeTray
+
+
+@pytest.fixture
+def clock():
+    return SimulatedClock(start_ns=5_000_000_000)
+
+
+@pytest.fixture
+def powered(clock):
+    """A tray of those functions, half a second after power-on."""
+
+    def make(seed=1, after_s=0.5, **functions):
+        options = {k: functions.pop(k) for k in ("rpm_with_crc", "pole_pairs", "geoid_m") if k in functions}
+        tray = FakeTray(AnalyticFelt(**functions), clock, seed, **options)
+        clock.advance_ns(round(after_s * 1e9))
+        return tray
+
+    return make
+
+
+@pytest.fixture
+def bus_of(powered):
+    """The I2C bus of such a tray."""
+    return lambda **functions: powered(**functions).i2c("/dev/i2c-1")

@@ -1,0 +1,196 @@
+"""The u-blox M8 from its line's far end, with pyubx2 as the judge of every byte."""
+
+import io
+from datetime import UTC, datetime
+from itertools import pairwise
+
+import pytest
+from analytic_felt import constant, ramp
+from pyubx2 import NMEA_PROTOCOL, SET, UBX_PROTOCOL, UBXMessage, UBXReader
+from pyubx2.exceptions import UBXStreamError
+
+POWER_ON_NS = 5_000_000_000
+RATE_10_HZ = bytes.fromhex("b562060806006400010001007a12")
+
+
+def pvt_only(rate_ms=100):
+    """Commands that leave nothing but NAV-PVT."""
+    return [
+        UBXMessage("CFG", "CFG-RATE", SET, measRate=rate_ms, navRate=1, timeRef=1).serialize(),
+        UBXMessage("CFG", "CFG-MSG", SET, msgClass=1, msgID=7, rateUART1=1).serialize(),
+        *(UBXMessage("CFG", "CFG-MSG", SET, msgClass=0xF0, msgID=i, rateUART1=0).serialize() for i in range(6)),
+    ]
+
+
+def listen(port, clock, seconds, step_s=0.04):
+    data = b""
+    for _ in range(round(seconds / step_s)):
+        clock.advance_ns(round(step_s * 1e9))
+        data += port.read_available()
+    return data
+
+
+def parse(data):
+    """Whole messages in order; a frame that pyubx2 refuses is an error (quitonerror=2 raises).
+
+    Listening begins and ends anywhere, so half a message at either end is left out.
+    """
+    begins = [at for at in (data.find(b"\xb5\x62"), data.find(b"$G")) if at >= 0]
+    stream = io.BytesIO(data[min(begins, default=0) :])
+    reader = UBXReader(stream, protfilter=UBX_PROTOCOL | NMEA_PROTOCOL, quitonerror=2, validate=1)
+    messages = []
+    try:
+        messages.extend(message for _, message in reader)
+    except UBXStreamError:
+        assert not stream.read(1)  # the end, not something in between
+    return messages
+
+
+@pytest.fixture
+def gps_of(powered):
+    return lambda baud=38400, **functions: powered(**functions).port("/dev/ttyAMA0", baud)
+
+
+def configured(port, clock, rate_ms=100):
+    for command in pvt_only(rate_ms):
+        port.write(command)
+    listen(port, clock, 1.5)
+    return port
+
+
+def test_a_new_receiver_chats_nmea_once_a_second(gps_of, clock):
+    messages = parse(listen(gps_of(), clock, 5.0))
+    kinds = [m.msgID for m in messages]
+    assert set(kinds) == {"GGA", "GLL", "GSA", "GSV", "RMC", "VTG"}
+    assert 4 <= kinds.count("RMC") <= 5
+
+
+def test_every_command_is_acknowledged(gps_of, clock):
+    port = gps_of()
+    for command in pvt_only():
+        port.write(command)
+        replies = [m for m in parse(listen(port, clock, 0.2)) if m.identity.startswith("ACK")]
+        assert [(m.identity, m.clsID, m.msgID) for m in replies] == [("ACK-ACK", command[2], command[3])]
+
+
+def test_the_published_rate_command_is_understood(gps_of, clock):
+    port = gps_of()
+    port.write(RATE_10_HZ)
+    assert any(m.identity == "ACK-ACK" for m in parse(listen(port, clock, 0.2)))
+
+
+@pytest.mark.parametrize(
+    "refused",
+    [
+        UBXMessage("CFG", "CFG-RATE", SET, measRate=1, navRate=1, timeRef=1).serialize(),  # faster than any M8
+        UBXMessage("CFG", "CFG-MSG", SET, msgClass=0x7F, msgID=1, rateUART1=1).serialize(),  # no such message
+    ],
+    ids=["rate", "message"],
+)
+def test_nonsense_is_refused(gps_of, clock, refused):
+    port = gps_of()
+    port.write(refused)
+    assert [m.identity for m in parse(listen(port, clock, 0.2)) if m.identity.startswith("ACK")] == ["ACK-NAK"]
+
+
+def test_a_command_with_a_wrong_checksum_is_not_answered_and_the_next_one_is(gps_of, clock):
+    port = gps_of()
+    port.write(RATE_10_HZ[:-1] + b"\x00" + RATE_10_HZ)
+    assert [m.identity for m in parse(listen(port, clock, 0.2)) if m.identity.startswith("ACK")] == ["ACK-ACK"]
+
+
+@pytest.mark.parametrize("rate_ms", [100, 200])
+def test_only_solutions_at_the_rate_asked_for(gps_of, clock, rate_ms):
+    port = configured(gps_of(), clock, rate_ms)
+    messages = parse(listen(port, clock, 3.0))
+    assert {m.identity for m in messages} == {"NAV-PVT"}
+    assert len(messages) == pytest.approx(3000 / rate_ms, abs=1)
+    itow_ms = [m.iTOW for m in messages]
+    assert {b - a for a, b in pairwise(itow_ms)} == {rate_ms}
+
+
+def test_the_solution_is_what_the_antenna_felt(powered, clock):
+    port = powered(
+        geoid_m=-33.0,
+        latitude_deg=ramp(35.6, 1e-5),
+        longitude_deg=ramp(-78.9, -1e-5),
+        height_m=ramp(100.0, 2.0),
+        velocity_mps=constant([12.345, -6.789, -2.0]),
+    ).port("/dev/ttyAMA0", 38400)
+    messages = parse(listen(configured(port, clock), clock, 1.0))
+    for m in messages:
+        utc = datetime(m.year, m.month, m.day, m.hour, m.min, m.second, tzinfo=UTC).timestamp() + m.nano * 1e-9
+        t_s = utc - datetime(2016, 5, 14, 9, 30, tzinfo=UTC).timestamp()  # the tray's default
+        assert m.validDate and m.validTime and m.fullyResolved and m.gnssFixOk and m.fixType == 3
+        assert m.lat == pytest.approx(35.6 + 1e-5 * t_s, abs=1e-7)
+        assert m.lon == pytest.approx(-78.9 - 1e-5 * t_s, abs=1e-7)
+        assert m.hMSL == pytest.approx(100_000 + 2000 * t_s, abs=1.0)
+        assert m.height == pytest.approx(m.hMSL - 33_000, abs=1.0)
+        assert (m.velN, m.velE, m.velD) == (12345, -6789, -2000)
+        assert m.gSpeed == pytest.approx(1e3 * (12.345**2 + 6.789**2) ** 0.5, abs=0.6)
+        gps_week_s = 604_800
+        since_1980_s = (
+            utc - datetime(1980, 1, 6, tzinfo=UTC).timestamp() + 18
+        )  # leap seconds since 2017 as they are now
+        assert m.iTOW == pytest.approx(since_1980_s % gps_week_s * 1e3, abs=1.0)
+
+
+def test_without_fix_it_says_so_and_goes_on(gps_of, clock):
+    messages = parse(listen(configured(gps_of(fix=constant(0.0)), clock), clock, 1.0))
+    assert len(messages) >= 9
+    assert all(m.fixType == 0 and not m.gnssFixOk and not m.validTime for m in messages)
+
+
+def test_bytes_come_torn_at_the_lines_pace(gps_of, clock):
+    """100 bytes of NAV-PVT take 26 ms at 38400 baud: a reader every 5 ms gets at most 20 at once."""
+    port = configured(gps_of(), clock)
+    sizes = []
+    for _ in range(400):
+        clock.advance_ns(5_000_000)
+        sizes.append(len(port.read_available()))
+    assert max(sizes) <= 20
+    assert sum(sizes) == pytest.approx(2.0 * 10 * 100, abs=100)
+
+
+def test_at_the_wrong_speed_there_is_only_noise(gps_of, clock):
+    data = listen(gps_of(baud=9600), clock, 3.0)
+    assert data and b"$GN" not in data and b"\xb5\x62" not in data
+
+
+def test_it_changes_its_speed_when_told(powered, clock):
+    tray = powered()
+    port = tray.port("/dev/ttyAMA0", 38400)
+    port.write(
+        UBXMessage(
+            "CFG",
+            "CFG-PRT",
+            SET,
+            portID=1,
+            mode=0x08D0.to_bytes(4, "little"),
+            baudRate=115200,
+            inProtoMask=b"\x01\x00",
+            outProtoMask=b"\x01\x00",
+        ).serialize()
+    )
+    assert tray.gps.baud == 115200
+    fast = tray.port("/dev/ttyAMA0", 115200)
+    fast.write(RATE_10_HZ)
+    messages = parse(listen(fast, clock, 1.0))
+    assert messages and all(m.identity.startswith("ACK") for m in messages)  # and its NMEA protocol is off
+
+
+def test_a_line_too_slow_loses_whole_messages(powered, clock):
+    tray = powered()
+    tray.gps.baud = 4800
+    port = tray.port("/dev/ttyAMA0", 4800)
+    for command in pvt_only(50)[:2]:
+        port.write(command)
+    messages = parse(listen(port, clock, 30.0))
+    assert len(messages) < 30 * 20 and any(m.identity == "NAV-PVT" for m in messages)
+
+
+def test_same_seed_same_bytes(gps_of, clock):
+    assert clock.now_ns() == POWER_ON_NS
+    first = listen(gps_of(), clock, 3.0)
+    # The second tray is switched on later, by a whole number of microseconds: it lives the same life.
+    assert listen(gps_of(), clock, 3.0) == first
