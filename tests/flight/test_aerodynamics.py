@@ -1,0 +1,77 @@
+"""The aerodynamic model: what a polar, a stall and an axis change have to do."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flight.aerodynamics import (
+    aerodynamics_of,
+    body_axes,
+    coefficients,
+    drag_coefficient,
+    lift_and_drag,
+    stability_axes,
+)
+from flight.aircraft import load_aircraft
+from flight.errors import InputError
+
+AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs")
+
+
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_below_the_stall_lift_is_linear_and_drag_parabolic(name):
+    aero = aerodynamics_of(load_aircraft(name))
+    # Four widths before the stall tanh has fallen to 3e-4 of a step.
+    alpha = np.linspace(0, aero.stall_angle_rad - 4 * aero.stall_width_rad, 20)
+    CL, CD = lift_and_drag(aero, alpha, elevator=0.05)
+    assert np.allclose(CL, aero.CL0 + aero.CLa * alpha + aero.CLde * 0.05, atol=2e-3)
+    assert np.allclose(CD, drag_coefficient(CL, CD0=aero.CD0, K=aero.K, CL_minD=aero.CL_minD), atol=2e-3)
+
+
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_lift_breaks_away_beyond_the_stall_and_drag_rises(name):
+    aero = aerodynamics_of(load_aircraft(name))
+    alpha = np.linspace(0, np.deg2rad(40), 400)
+    CL, CD = lift_and_drag(aero, alpha, elevator=0.0)
+    top = int(np.argmax(CL))
+    assert abs(alpha[top] - aero.stall_angle_rad) < 2 * aero.stall_width_rad
+    assert CL[-1] > 0 and CL[np.searchsorted(alpha, alpha[top] + 4 * aero.stall_width_rad)] < 0.95 * CL[top]
+    assert np.all(np.diff(CD[top:]) > 0)
+    # Smooth: a tanh of this width falls no faster than its height over twice the width, while the rest goes on rising.
+    attached = aero.CL0 + aero.CLa * alpha[top]
+    fastest = (attached - np.sin(2 * alpha[top])) / (2 * aero.stall_width_rad) + aero.CLa
+    assert np.max(np.abs(np.diff(CL) / np.diff(alpha))) < fastest
+
+
+def test_axis_change_is_undone_by_its_inverse_and_keeps_the_length():
+    CX, CZ = body_axes(0.8, 0.07, 0.15)
+    assert np.allclose(stability_axes(CX, CZ, 0.15), (0.8, 0.07), atol=1e-15)
+    assert np.hypot(CX, CZ) == pytest.approx(np.hypot(0.8, 0.07))
+    assert body_axes(0.8, 0.07, 0.0) == (-0.07, -0.8)  # drag backwards, lift upwards
+
+
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_signs_of_the_controls_and_of_static_stability(name):
+    aero = aerodynamics_of(load_aircraft(name))
+    calm = dict(alpha=0.05, beta=0.0, p_hat=0.0, q_hat=0.0, r_hat=0.0, elevator=0.0, aileron=0.0, rudder=0.0)
+    base = coefficients(aero, **calm)
+
+    def change(**moved):
+        return np.subtract(coefficients(aero, **{**calm, **moved}), base)
+
+    CL, _, CY, Cl, Cm, Cn = range(6)
+    assert change(elevator=0.1)[Cm] < 0 < change(elevator=0.1)[CL]
+    assert change(aileron=0.1)[Cl] > 0
+    assert change(rudder=0.1)[Cn] < 0  # trailing edge left: nose left
+    assert change(alpha=0.06)[Cm] < 0
+    assert change(beta=0.1)[Cn] > 0 > change(beta=0.1)[Cl]
+    assert change(beta=0.1)[CY] < 0
+    for rate, moment in (("p_hat", Cl), ("q_hat", Cm), ("r_hat", Cn)):
+        assert change(**{rate: 0.05})[moment] < 0  # damping
+
+
+def test_an_aircraft_without_aerodynamics_cannot_be_simulated():
+    real = dataclasses.replace(load_aircraft("nexstar"), aerodynamics=None)
+    with pytest.raises(InputError, match=r"nexstar.*\[aerodynamics\]"):
+        aerodynamics_of(real)

@@ -1,0 +1,167 @@
+"""The log: what is written comes back, whole or torn, and a file that is no log says so."""
+
+import io
+import json
+import random
+
+import msgspec
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from flight.errors import InputError
+from flight.log_reader import read_log
+from flight.log_writer import LogWriter
+from flight.messages import MESSAGES, TYPE_OF_TOPIC, Imu, Message, Status, Tick, schema_of
+
+SECOND_NS = 1_000_000_000
+
+
+def filled(kind: type[Message], number: int) -> Message:
+    """A message with a value in every field, different for every number."""
+    values: dict[str, object] = {}
+    for field in msgspec.structs.fields(kind):
+        text = str(field.type)
+        if field.name == "status":
+            values[field.name] = list(Status)[number % len(Status)]
+        elif "dict" in text:
+            values[field.name] = {"imu": number}
+        elif "list" in text:
+            values[field.name] = [number, number + 1]
+        elif "str" in text:
+            values[field.name] = f"text {number}"
+        elif "float" in text:
+            values[field.name] = number + 0.123456789012345
+        else:
+            values[field.name] = number
+    return kind(**values)
+
+
+def write(stream, ticks: int, *, finish: bool = True, chunk_bytes: int = 2000) -> dict[str, list[Message]]:
+    log = LogWriter(stream, chunk_bytes=chunk_bytes)
+    log.attach("tray.toml", b"rate_Hz = 25\n", "text/plain", 5)
+    log.describe("software", {"version": "1.2.3"})
+    written: dict[str, list[Message]] = {topic: [] for topic in TYPE_OF_TOPIC}
+    for tick in range(ticks):
+        for topic, kind in TYPE_OF_TOPIC.items():
+            message = filled(kind, tick)
+            log.write(topic, message, time_ns=tick * SECOND_NS // 25, tick=tick)
+            written[topic].append(message)
+    if finish:
+        log.finish()
+    return written
+
+
+def test_every_message_comes_back_as_it_was(tmp_path):
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as stream:
+        written = write(stream, ticks=20)
+    log = read_log(path)
+    assert log.torn == "" and log.undecodable == 0
+    assert {topic: [e.message for e in entries] for topic, entries in log.entries.items()} == written
+    assert [(e.time_ns, e.tick) for e in log.entries["/imu"]] == [(t * SECOND_NS // 25, t) for t in range(20)]
+    assert log.attachments == {"tray.toml": b"rate_Hz = 25\n"}
+    assert log.metadata["software"] == {"version": "1.2.3"}
+
+
+def test_the_stock_reader_reads_it_and_finds_a_schema_for_every_topic(tmp_path):
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as stream:
+        write(stream, ticks=3)
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        seen = {}
+        for schema, channel, message in reader.iter_messages():
+            seen[channel.topic] = (json.loads(schema.data), json.loads(message.data))
+    assert set(seen) == set(TYPE_OF_TOPIC)
+    for schema, message in seen.values():
+        assert schema["type"] == "object"
+        assert set(message) <= set(schema["properties"])
+
+
+@pytest.mark.parametrize("kind", MESSAGES)
+def test_a_failed_reading_is_a_status_and_nulls(kind):
+    message = kind(status=Status.NO_REPLY)
+    decoded = msgspec.json.decode(msgspec.json.encode(message), type=kind)
+    assert decoded == message
+    assert schema_of(kind)["properties"]["status"]
+
+
+def test_a_file_torn_anywhere_gives_what_was_closed_before_the_tear(tmp_path):
+    """Cut at random bytes: no exception but InputError, no wrong message, and only the open chunk is lost."""
+    stream = io.BytesIO()
+    written = write(stream, ticks=40, finish=False)
+    whole = stream.getvalue()
+    rng = random.Random(1)
+    path = tmp_path / "torn.mcap"
+    counts = []
+    for cut in sorted(rng.sample(range(len(whole) + 1), 80)):
+        for tail in (b"", b"\0" * 4096):
+            path.write_bytes(whole[:cut] + tail)
+            try:
+                log = read_log(path)
+            except InputError as error:
+                assert str(path) in str(error)
+                counts.append(0)
+                continue
+            for topic, entries in log.entries.items():
+                assert [e.message for e in entries] == written[topic][: len(entries)]
+            counts.append(len(log.entries["/imu"]))
+    assert counts == sorted(counts)  # more file, more messages
+    # The last chunk is open when the power fails: 2,000 bytes hold less than one tick of all topics.
+    assert counts[-1] >= 38
+
+
+def test_a_topic_we_do_not_know_and_a_message_we_cannot_read_are_passed_over(tmp_path):
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as stream:
+        log = LogWriter(stream)
+        log.write("/imu", Imu(samples=8), time_ns=1, tick=0)
+        imu = log._channels["/imu"]
+        other = log._writer.register_channel("/other", "json", 0)
+        log._writer.add_message(other, 2, b"{}", 2, 0)
+        log._writer.add_message(imu, 3, b'{"samples": "eight"}', 3, 0)
+        log.write("/daq/tick", Tick(late_ns=7), time_ns=4, tick=1)
+        log.finish()
+    read = read_log(path)
+    assert read.undecodable == 1
+    assert len(read.entries["/imu"]) == 1 and len(read.entries["/daq/tick"]) == 1
+    assert "/other" not in read.entries
+
+
+def mcap_of_others() -> bytes:
+    stream = io.BytesIO()
+    writer = Writer(stream)
+    writer.start(profile="ros2")
+    writer.finish()
+    return stream.getvalue()
+
+
+def finished_but_empty() -> bytes:
+    stream = io.BytesIO()
+    LogWriter(stream).finish()
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "empty"),
+        (b"\x89MC", "not an MCAP|torn|no message"),
+        (b"hello world, this is not a log", "not an MCAP"),
+        (mcap_of_others(), "profile"),
+        (finished_but_empty(), "no message"),
+    ],
+)
+def test_what_is_no_log_is_refused(tmp_path, content, said):
+    path = tmp_path / "x.mcap"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=said) as caught:
+        read_log(path)
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_missing_file_and_a_directory(tmp_path):
+    for path in (tmp_path / "missing.mcap", tmp_path):
+        with pytest.raises(InputError, match="cannot be read"):
+            read_log(path)

@@ -1,0 +1,102 @@
+"""Quantities with units to SI, and what is said about those that are not."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from flight.errors import InputError
+from flight.units import read_table, split_unit, to_si
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("5.73 ft", "m", 1.746504),
+        ("4.99 ft^2", "m^2", 0.463586169),
+        ("8.47 lbf", "N", 37.67643715),
+        ("2.4 inH2O", "Pa", 597.8138),
+        ("15 knot", "m/s", 7.716666667),
+        ("0.19 ft/s^2", "m/s^2", 0.057912),
+        ("1 deg", "rad", 0.01745329252),
+        ("20 degC", "K", 293.15),
+        ("20 mm^3", "m^3", 2e-8),
+        ("6000 rpm", "turn/s", 100.0),
+        ("74 W h", "W h", 74.0),
+    ],
+)
+def test_conversions(text, unit, value):
+    assert to_si(text, unit, "key") == pytest.approx(value, rel=1e-6)
+
+
+@pytest.mark.parametrize("text", ["5.73 m^2", "5.73", "five ft", "5.73 fathomz", "", 5.73, True, None, ["1 m"]])
+def test_what_is_not_a_length_names_its_key(text):
+    with pytest.raises(InputError, match=r"file: span"):
+        to_si(text, "m", "file: span")
+
+
+def test_unit_stands_at_the_end_of_a_name():
+    assert split_unit("wing_area_m2") == ("wing_area", "m^2")
+    assert split_unit("Ixz_kgm2") == ("Ixz", "kg m^2")
+    assert split_unit("pole_pairs") == ("pole_pairs", None)
+    assert split_unit("CL_minD") == ("CL_minD", None)
+
+
+@dataclass(frozen=True)
+class Inner:
+    length_m: float
+
+
+@dataclass(frozen=True)
+class Outer:
+    name: str
+    count: int
+    ratio: float
+    inner: Inner
+    speeds_mps: tuple[float, ...]
+    place_m: tuple[float, float]
+    many: dict[str, Inner]
+    perhaps_s: float | None = None
+
+
+GOOD = {
+    "name": "x",
+    "count": 3,
+    "ratio": 2,
+    "inner": {"length": "1 ft"},
+    "speeds": ["10 m/s", "20 knot"],
+    "place": ["1 m", "2 ft"],
+    "many": {"a": {"length": "2 m"}},
+}
+
+
+def test_a_good_table():
+    outer = read_table(Outer, GOOD, "file")
+    assert outer.inner.length_m == pytest.approx(0.3048)
+    assert outer.speeds_mps == pytest.approx((10, 10.2888889))
+    assert outer.many["a"] == Inner(2.0)
+    assert outer.ratio == 2.0 and outer.perhaps_s is None
+    assert read_table(Outer, {**GOOD, "perhaps": "20 ms"}, "file").perhaps_s == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"count": None}, "count"),
+        ({"count": 2.5}, "count"),
+        ({"count": True}, "count"),
+        ({"ratio": "2"}, "ratio"),
+        ({"name": 7}, "name"),
+        ({"inner": {"length": "1 kg"}}, "inner.length"),
+        ({"inner": {}}, "length is missing"),
+        ({"inner": "1 m"}, "inner"),
+        ({"speeds": "10 m/s"}, "speeds"),
+        ({"place": ["1 m"]}, "place"),
+        ({"many": {"a": {"length": "1 s"}}}, "many.a.length"),
+        ({"spam": 1}, "spam"),
+    ],
+)
+def test_a_bad_table_names_the_key(change, named):
+    with pytest.raises(InputError) as caught:
+        read_table(Outer, {**GOOD, **change}, "file")
+    assert named in str(caught.value) and "file" in str(caught.value)
+    assert "\n" not in str(caught.value)
