@@ -6,15 +6,16 @@ the newest at most every 10 ms, at 115200 baud 8N1.
 Legacy frame, 4 bytes: 'x' (0x78), then the period, 24 bits, big-endian. Nothing is sent while no pulses come, so
 silence means a stopped motor or a broken wire.
 
-Framed variant, 6 bytes, for whoever programs such a counter anew:
+Framed variant, 8 bytes, for whoever programs such a counter anew (as `daq.sensors.esc_counter` describes it):
 
     0    0xA5        start of frame
     1    sequence    counts frames modulo 256
-    2-4  period      24 bits, big-endian, microseconds for ten electrical periods; 0: no pulses, the motor stands
-    5    CRC-8       of bytes 1 to 4: polynomial 0x07, initial value 0, not reflected, no final XOR
+    2    flags       bit 0: no pulse for 0.5 s, the motor stands; the period is then 0
+    3-6  period      32 bits, big-endian, microseconds for ten electrical periods
+    7    CRC-8       of bytes 1 to 6: polynomial 0x07, initial value 0, not reflected, no final XOR
                      (CRC-8/SMBUS; of "123456789" it is 0xF4)
 
-It is sent with every new period, at most every 10 ms, and every 100 ms while no pulses come: silence means broken.
+It is sent with every new period, at most every 10 ms, and every 0.5 s while the motor stands: silence means broken.
 """
 
 from collections.abc import Iterable
@@ -26,9 +27,9 @@ from sim.felt import Felt
 BAUD = 115200
 DECADE = 10
 INTERVAL_NS = 10_000_000
-STANDING_NS = 100_000_000
-LONGEST_US = 2**24 - 1
-START = 0xA5
+STANDING_NS = 500_000_000
+LEGACY_LONGEST_US = 2**24 - 1
+START, FLAG_STANDING = 0xA5, 0x01
 STEP_S = 2e-3  # of the speed's integration
 BLOCK_STEPS = 500
 
@@ -39,8 +40,8 @@ def legacy_frame(period_us: int) -> bytes:
 
 
 def framed(sequence: int, period_us: int) -> bytes:
-    """The framed variant; a period of 0 says that the motor stands."""
-    body = bytes([sequence % 256]) + period_us.to_bytes(3, "big")
+    """The framed variant; a period of 0 means that the motor stands."""
+    body = bytes([sequence % 256, 0 if period_us else FLAG_STANDING]) + period_us.to_bytes(4, "big")
     return bytes([START]) + body + bytes([crc8(body)])
 
 
@@ -97,7 +98,7 @@ class EscCounter:
 
     def _report(self, at_s: float, period_us: int) -> None:
         at_ns = round(at_s * 1e9)
-        if at_ns - self._last_sent_ns >= INTERVAL_NS and period_us <= LONGEST_US:
+        if at_ns - self._last_sent_ns >= INTERVAL_NS and (self._with_crc or period_us <= LEGACY_LONGEST_US):
             self._send(at_ns, period_us)
 
     def _stand_until(self, at_s: float) -> None:
