@@ -42,17 +42,17 @@ BODY_TO_CHIP = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
 class AK8963:
-    """The part at 0x0C. now_ns: time since the tray's power-on [ns]. seed: draws the fuse ROM's sensitivities.
+    """The part at 0x0C, see `hw_fakes.mpu9250.MPU9250`. seed: draws the fuse ROM's sensitivities.
 
     A mode written without passing through power-down and its 100 us is ignored; the datasheet forbids it and does not
     say what happens.
     """
 
-    def __init__(self, felt: Felt, now_ns: Callable[[], int], seed: int):
+    def __init__(self, felt: Felt, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
         self._felt = felt
         self._now_ns = now_ns
         self._adjustment = np.random.default_rng(seed).integers(160, 192, 3)  # typical of real parts
-        self.power_cycle(now_ns())
+        self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
         """Registers at their defaults, in power-down mode."""

@@ -57,12 +57,12 @@ def frames(part: Part, pressure_Pa: Array, temperature_K: Array) -> np.ndarray:
 class Bridge:
     """A transducer at its address.
 
-    which: what it measures, in `sim.felt.Felt`'s words ("alpha", "beta", "airspeed"). now_ns: time since the tray's
-    power-on [ns]. `fault`, once set, stays until `power_cycle`, as in the part. `frozen_ns`, while set, is the instant
-    after which there are no updates.
+    which: what it measures, in `sim.felt.Felt`'s words ("alpha", "beta", "airspeed"). now_ns: the time that is 0 where
+    `felt` begins [ns]. powered_ns: since when it has had power. `fault`, once set, stays until `power_cycle`, as in the
+    part. `frozen_ns`, while set, is the instant after which there are no updates.
     """
 
-    def __init__(self, part: Part, which: str, felt: Felt, now_ns: Callable[[], int]):
+    def __init__(self, part: Part, which: str, felt: Felt, now_ns: Callable[[], int], powered_ns: int = 0):
         def fetch(t_s: Array) -> np.ndarray:
             temperature_K = np.interp(t_s, t_s[[0, -1]], felt.transducer_temperature_K(which, t_s[[0, -1]]))
             return frames(part, felt.differential_pressure_Pa(which, t_s), temperature_K)
@@ -70,7 +70,7 @@ class Bridge:
         self._part = part
         self._now_ns = now_ns
         self._blocks = Blocks(fetch, UPDATE_NS * 1e-9, length=BLOCK_LENGTH)
-        self.power_cycle(now_ns())
+        self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
         """Supply gone and back; clears a latched fault."""

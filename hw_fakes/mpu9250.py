@@ -58,16 +58,17 @@ CLOCK_TOLERANCE = 0.01  # sample rate with the gyroscope's oscillator (PS sec. 3
 class MPU9250:
     """The part at its address; `bypass` tells whether the magnetometer inside is on the outer bus.
 
-    now_ns: time since the tray's power-on [ns]. seed: draws factory trim and clock error.
+    now_ns: the time that is 0 where `felt` begins [ns]. seed: draws factory trim and clock error. powered_ns: since
+    when it has had power.
     """
 
-    def __init__(self, felt: Felt, now_ns: Callable[[], int], seed: int):
+    def __init__(self, felt: Felt, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
         self._felt = felt
         self._now_ns = now_ns
         draw = np.random.default_rng(seed)
         self._factory_trim = draw.integers(0x40, 0xC0, 6, dtype=np.uint8)
         self._clock_error = draw.uniform(-CLOCK_TOLERANCE, CLOCK_TOLERANCE)
-        self.power_cycle(now_ns())
+        self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
         """Supply gone and back: registers at their defaults, deaf for the start-up time."""

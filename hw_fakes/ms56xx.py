@@ -144,20 +144,21 @@ def _clip(counts: int) -> int:
 class MS56xx:
     """A barometer of the family.
 
-    which: what it measures, in `sim.felt.Felt`'s words ("baro", "static"). now_ns: time since the tray's power-on [ns].
-    seed: draws the coefficients and how fast this one converts between typical and worst case.
+    which: what it measures, in `sim.felt.Felt`'s words ("baro", "static"). now_ns: the time that is 0 where
+    `felt` begins [ns]. seed: draws the coefficients and how fast this one converts between typical and worst case.
+    powered_ns: since when it has had power.
 
     A conversion takes the mean of nothing: it holds the pressure of its middle.
     """
 
-    def __init__(self, part: Part, which: str, felt: Felt, now_ns: Callable[[], int], seed: int):
+    def __init__(self, part: Part, which: str, felt: Felt, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
         self._part = part
         self._now_ns = now_ns
         self.prom = draw_prom(part, seed)
         self._slowness = np.random.default_rng(seed + 1).uniform()
         self._pressure = Blocks(lambda t_s: felt.absolute_pressure_Pa(which, t_s), PRESSURE_GRID_S, length=1000)
         self._temperature = Blocks(lambda t_s: felt.transducer_temperature_K(which, t_s), TEMPERATURE_GRID_S, length=64)
-        self.power_cycle(now_ns())
+        self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
         """Supply gone and back."""

@@ -26,8 +26,8 @@ class SerialDevice(Protocol):
 class FakePort:
     """The computer's end; satisfies `daq.bus.BytePort`.
 
-    now_ns: time since the tray's power-on [ns]. Bytes sent before the port was opened are lost. With another baud than
-    the part's, both sides receive noise instead of bytes.
+    now_ns: the time that is 0 where the simulation begins [ns]. Bytes sent before the port was opened are lost.
+    With another baud than the part's, both sides receive noise instead of bytes.
     """
 
     def __init__(self, device: SerialDevice, baud: int, now_ns: Callable[[], int]):

@@ -34,9 +34,10 @@ class Clock(Protocol):
 class FakeTray:
     """The sensors of the default tray; satisfies `daq.bus.Buses`.
 
-    felt: what the sensors feel, as a function of the time since power-on, which is now. clock: whose time it is.
+    felt: what the sensors feel; its time begins now. clock: whose time it is. powered_for_s: how long the parts have
+    had power; a Pi takes some 20 s to boot, so a daemon meets them long awake.
     seed: draws what differs between two parts of a kind (coefficients, trim, clock errors). pole_pairs: of the motor.
-    utc_at_power_on: true time now, as the satellites know it. geoid_m: height of the geoid above the ellipsoid.
+    utc_at_start: true time now, as the satellites know it. geoid_m: height of the geoid above the ellipsoid.
     rpm_with_crc: the pulse counter speaks the framed variant.
     """
 
@@ -46,28 +47,31 @@ class FakeTray:
         clock: Clock,
         seed: int = 0,
         *,
+        powered_for_s: float = 20.0,
         pole_pairs: int = 7,
-        utc_at_power_on: datetime = FIRST_FLIGHT,
+        utc_at_start: datetime = FIRST_FLIGHT,
         geoid_m: float = 0.0,
         rpm_with_crc: bool = False,
     ):
-        power_on_ns = clock.now_ns()
+        start_ns = clock.now_ns()
 
         def now_ns() -> int:
-            return clock.now_ns() - power_on_ns
+            return clock.now_ns() - start_ns
+
+        powered_ns = -round(powered_for_s * 1e9)
 
         def seed_of(name: str) -> int:
             return zlib.crc32(f"{seed} {name}".encode())
 
         self._now_ns: Callable[[], int] = now_ns
-        self.imu = MPU9250(felt, now_ns, seed_of("imu"))
-        self.magnetometer = AK8963(felt, now_ns, seed_of("magnetometer"))
-        self.baro = ms56xx.MS56xx(ms56xx.MS5611, "baro", felt, now_ns, seed_of("baro"))
-        self.static = ms56xx.MS56xx(ms56xx.MS5805, "static", felt, now_ns, seed_of("static"))
-        self.alpha = bridge.Bridge(bridge.MS4515DO_DS5A002DP, "alpha", felt, now_ns)
-        self.beta = bridge.Bridge(bridge.MS4515DO_DS5A002DP, "beta", felt, now_ns)
-        self.airspeed = bridge.Bridge(bridge.SSCDRRN005ND2A5, "airspeed", felt, now_ns)
-        self.gps = UbloxM8(felt, utc_at_power_on, geoid_m)
+        self.imu = MPU9250(felt, now_ns, seed_of("imu"), powered_ns)
+        self.magnetometer = AK8963(felt, now_ns, seed_of("magnetometer"), powered_ns)
+        self.baro = ms56xx.MS56xx(ms56xx.MS5611, "baro", felt, now_ns, seed_of("baro"), powered_ns)
+        self.static = ms56xx.MS56xx(ms56xx.MS5805, "static", felt, now_ns, seed_of("static"), powered_ns)
+        self.alpha = bridge.Bridge(bridge.MS4515DO_DS5A002DP, "alpha", felt, now_ns, powered_ns)
+        self.beta = bridge.Bridge(bridge.MS4515DO_DS5A002DP, "beta", felt, now_ns, powered_ns)
+        self.airspeed = bridge.Bridge(bridge.SSCDRRN005ND2A5, "airspeed", felt, now_ns, powered_ns)
+        self.gps = UbloxM8(felt, utc_at_start, geoid_m, powered_ns=powered_ns)
         self.esc_counter = EscCounter(felt, pole_pairs, rpm_with_crc)
         self.autopilot = Autopilot(felt)
 

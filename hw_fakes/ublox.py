@@ -69,17 +69,19 @@ def nmea(sentence: str) -> bytes:
 class UbloxM8:
     """The receiver on its UART1.
 
-    utc_at_power_on: true time at the tray's power-on. geoid_m: height of the geoid above the ellipsoid. baud: what a
+    utc_at_start: true time at instant 0. geoid_m: height of the geoid above the ellipsoid. baud: what a
     kept configuration has set the receiver to (new ones come with 9600). While `fix_lost` is set it sees no satellites.
     """
 
-    def __init__(self, felt: Felt, utc_at_power_on: datetime, geoid_m: float = 0.0, baud: int = 38400):
+    def __init__(
+        self, felt: Felt, utc_at_start: datetime, geoid_m: float = 0.0, baud: int = 38400, powered_ns: int = 0
+    ):
         self._felt = felt
-        self._utc_at_power_on = utc_at_power_on
+        self._utc_at_start = utc_at_start
         self._geoid_m = geoid_m
         self._kept_baud = baud
         self.fix_lost = False
-        self.power_cycle(0)
+        self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
         """Supply gone and back: the settings fall back to what was kept."""
@@ -138,7 +140,7 @@ class UbloxM8:
 
     def _time(self, valid_at_s: float) -> tuple[datetime, int, int]:
         """UTC to the nearest second, the nanoseconds to it, and the GPS time of week [ms]."""
-        utc = self._utc_at_power_on + timedelta(microseconds=round(valid_at_s * 1e6))
+        utc = self._utc_at_start + timedelta(microseconds=round(valid_at_s * 1e6))
         second = (utc + timedelta(milliseconds=500)).replace(microsecond=0)
         gps = utc - GPS_EPOCH + timedelta(seconds=LEAP_SECONDS)
         return (
