@@ -1,4 +1,4 @@
-"""The command `daq`: record the tray, look into a log, print an example configuration."""
+"""The command `daq`: record the tray, say whether it is fit to fly, look into a log, print an example tray."""
 
 import ctypes
 import gc
@@ -25,7 +25,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="""Records the sensors of the tray on a fixed grid of ticks into a log (MCAP) that `analyze` reads.
 
-    First time: `daq config --example > tray.toml`, edit it, then `daq run --config tray.toml`; stop with Ctrl-C.
+    First time: `daq config --example > tray.toml`, edit it, `daq check --config tray.toml`, then
+    `daq run --config tray.toml`; stop with Ctrl-C.
 
     Leaves with 0 when all is well, 1 when something failed while running, 2 when input or configuration is wrong.
     """,
@@ -101,6 +102,44 @@ def prepare_process() -> None:
     gc.collect()
     gc.freeze()
     ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE)  # refused without the right to (LimitMEMLOCK): then it is not
+
+
+@app.command()
+def check(
+    config: Annotated[Path, typer.Option("--config", "-c", help="The tray.")],
+    seconds: Annotated[float, typer.Option(min=1.0, help="How long to look.")] = 5.0,
+    as_json: Annotated[bool, typer.Option("--json", help="For machines.")] = False,
+) -> None:
+    """Is the tray fit to fly? Reads every sensor for a few seconds; leaves with 1 when something is wrong.
+
+    Stop the service first: two readers on one bus disturb each other.
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    from daq import check as checking
+    from daq.bus import LinuxBuses
+    from daq.clock import SystemClock
+    from daq.config import load_tray
+
+    report = checking.examine(load_tray(config), buses=LinuxBuses(), clock=SystemClock(), seconds=seconds)
+    if as_json:
+        typer.echo(checking.as_json(report))
+    else:
+        table = Table("", "topic", "Hz", "value ± scatter", "trouble, and what to do", box=None)
+        for line in report.lines:
+            mark = {True: "[green]ok", False: "[bold red]BAD", None: "[yellow]?"}[line.ok]
+            trouble = "\n".join(filter(None, (line.trouble, line.advice)))
+            table.add_row(mark, line.topic, f"{line.rate_Hz:.1f}", "\n".join(filter(None, line.values)), trouble)
+        console = Console()
+        console.print(table)
+        console.print(
+            f"{report.missed} ticks missed, {report.late_ms:.1f} ms late at worst; "
+            f"room for {report.free_s / 3600:.1f} h of log"
+        )
+        console.print("[bold green]fit to fly" if report.fit else "[bold red]not fit to fly")
+    if not report.fit:
+        raise typer.Exit(FAILURE)
 
 
 @app.command()
