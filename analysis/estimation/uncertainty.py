@@ -7,12 +7,13 @@ sees an error that all data share and the model does not know.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, stats
 
+from analysis.estimation import coloring
 from analysis.estimation.model import Named
 from analysis.estimation.output_error import Fit
 from flight.errors import InputError
@@ -49,26 +50,22 @@ def cramer_rao(fit: Fit) -> Uncertainty:
     return _sandwich(fit, "Cramer-Rao", fit.information)
 
 
-def morelli_klein(fit: Fit) -> Uncertainty:
+def morelli_klein(fit: Fit, autocorrelation: Literal["autoregressive", "raw"] = "autoregressive") -> Uncertainty:
     """Covariance for coloured residuals (Morelli & Klein 1997, J. Aircraft 34(5), 671).
 
-    D [sum_i sum_j S_i' R^-1 Rnu(i-j) R^-1 S_j] D, with the biased autocorrelation of the residuals, all outputs with
-    all, pooled over the segments. Segments are independent of each other.
+    D [sum_i sum_j S_i' R^-1 Rnu(i-j) R^-1 S_j] D, all outputs with all, autocorrelation pooled over the segments,
+    segments independent of each other. "raw" takes Rnu from the residuals as it is (biased estimate), which on 16 s of
+    a coloured record leaves intervals that cover 90 % instead of 95; "autoregressive" models it, and makes good what
+    the fit itself has taken out of the residuals (`coloring`): 93 to 94 %.
     """
     longest = max(len(piece.segment) for piece in fit.pieces)
-    C = _autocorrelation(fit, longest)
-    middle = np.zeros_like(fit.information)
-    size = fft.next_fast_len(2 * longest - 1)
-    # Lags 0 .. n-1, then -(n-1) .. -1 at the end of the circle: C(-k) = C(k)'.
-    circle = np.zeros((size, *C.shape[1:]))
-    circle[:longest] = C
-    circle[size - longest + 1 :] = C[:0:-1].transpose(0, 2, 1)
-    C_hat = fft.rfft(circle, axis=0)
-    for piece in fit.pieces:
-        S = piece.white.S
-        spread = fft.irfft(C_hat.conj() @ fft.rfft(S, size, axis=0), size, axis=0)[: len(S)]
-        middle[np.ix_(piece.columns, piece.columns)] += np.einsum("koi,koj->ij", S, spread)
-    return _sandwich(fit, "Morelli-Klein", (middle + middle.T) / 2)
+    # Four times the longest record: what the autoregression still remembers after going round the circle is nothing.
+    size = fft.next_fast_len(4 * longest)
+    if autocorrelation == "raw":
+        spectrum = coloring.spectrum_of(coloring.autocorrelation(fit, longest), size)
+    else:
+        spectrum = coloring.noise_spectrum(fit, size)
+    return _sandwich(fit, f"Morelli-Klein ({autocorrelation})", coloring.middle(fit, spectrum, size))
 
 
 def block_bootstrap(fit: Fit, *, block_s: float, draws: int = 500, seed: int = 0) -> Uncertainty:
@@ -96,32 +93,6 @@ def _sandwich(fit: Fit, method: str, middle: Array) -> Uncertainty:
     covariance = D @ middle @ D + prior
     with np.errstate(invalid="ignore", divide="ignore"):
         return Uncertainty(fit, method, covariance, np.diag(prior) / np.diag(covariance))
-
-
-def _autocorrelation(fit: Fit, lags: int) -> Array:
-    """(lags, outputs, outputs): E[e_k e_(k+lag)'] of the whitened residuals, biased estimate, over all segments.
-
-    Where samples are missing, the mean is over the pairs there are; the bias, 1 - lag/n, is that of a full record.
-    """
-    size = fft.next_fast_len(2 * lags)
-    products = np.zeros((lags, len(fit.model.outputs), len(fit.model.outputs)))
-    pairs, full_pairs = np.zeros_like(products), np.zeros(lags)
-    total = 0
-    for piece in fit.pieces:
-        products += _lagged_products(piece.white.weight * piece.white.e, size, lags)
-        pairs += _lagged_products(piece.white.present.astype(float), size, lags)
-        n = len(piece.segment)
-        full_pairs[:n] += n - np.arange(n)
-        total += n
-    pairs = np.round(pairs)
-    mean = np.divide(products, pairs, out=np.zeros_like(products), where=pairs > 0)
-    return mean * (full_pairs / total)[:, None, None]
-
-
-def _lagged_products(e: Array, size: int, lags: int) -> Array:
-    """sum_k e[k] e[k + lag]' for lags 0 .. lags-1; (lags, outputs, outputs)."""
-    e_hat = fft.rfft(e, size, axis=0)
-    return fft.irfft(e_hat.conj()[:, :, None] * e_hat[:, None, :], size, axis=0)[:lags]
 
 
 class Derived(NamedTuple):
