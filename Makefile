@@ -25,7 +25,7 @@ demo: $(READY) ## fly, record and analyse a simulated Nexstar; the report lands 
 	$(BIN)/analyze out/demo/log.mcap -o out/demo/report
 
 test: $(READY) ## the whole test suite
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest -n auto --dist loadgroup
 
 lint: $(READY) ## ruff
 	$(BIN)/ruff check .

@@ -9,7 +9,9 @@ from rich.console import Console
 from rich.table import Table
 
 from analysis import commands
+from flight.aircraft import load_aircraft
 from flight.errors import InputError
+from flight.log_reader import read_log
 
 app = typer.Typer(add_completion=False)
 
@@ -39,11 +41,13 @@ def analyze(
         raise InputError(f"{folder}: is a file; give the folder for the results with -o")
     # A thread pool helps none of these small matrices and costs the start of every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    with errors.status("starting") as status:
+    with errors.status("reading the log …") as status:
+        # What can be refused is refused before the second that the numerical libraries take to load.
+        recorded, override = read_log(log), load_aircraft(aircraft) if aircraft else None
         from analysis.chain import analyze as run_chain
         from analysis.report import write_report
 
-        analysis = run_chain(log, aircraft, lambda text: status.update(text + " …"))
+        analysis = run_chain(recorded, override, lambda text: status.update(text + " …"))
         status.update("drawing the report …")
         write_report(analysis, folder)
     if not quiet:

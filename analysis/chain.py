@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,7 +10,7 @@ import pandas as pd
 from analysis.airdata.air import air_data
 from analysis.airdata.probe import parse_probe
 from analysis.airdata.tubing import low_frequency_lag_s
-from analysis.channels import synchronise
+from analysis.channels import COLUMNS, synchronise
 from analysis.power import curve
 from analysis.power.dynamic import DynamicEstimate, estimate_polar
 from analysis.results import (
@@ -27,13 +26,14 @@ from analysis.results import (
 )
 from analysis.runs import Rejected, Run, find_runs
 from analysis.stillness import still_segments, zeros
-from flight.aircraft import Aircraft, load_aircraft, parse_aircraft
+from flight.aircraft import Aircraft, parse_aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
 from flight.errors import InputError
-from flight.log_reader import Log, read_log
+from flight.log_reader import Log
 from flight.propeller import Propeller, parse_propeller
 
 CURVE_POINTS = 61
+LARGEST_UNMENTIONED_LOSS = 0.02
 ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients between which the curve is drawn
 
 Progress = Callable[[str], None]
@@ -51,15 +51,13 @@ class Analysis:
     flown_CL: tuple[float, float]
 
 
-def analyze(log_path: Path, aircraft_path: Path | None = None, progress: Progress = lambda _: None) -> Analysis:
+def analyze(log: Log, aircraft: Aircraft | None = None, progress: Progress = lambda _: None) -> Analysis:
     """A log to power required.
 
-    aircraft_path: an aircraft file to use instead of the one the log carries.
-    Raises InputError when the log or the aircraft file cannot be used, or holds no run.
+    aircraft: to use instead of the one the log carries.
+    Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
-    progress("reading the log")
-    log = read_log(log_path)
-    aircraft = load_aircraft(aircraft_path) if aircraft_path else _aircraft_of(log)
+    aircraft = aircraft or _aircraft_of(log)
     propeller = _propeller_of(log, aircraft)
     probe = parse_probe(
         _attachment(log, "probe.json", "calibrate the probe and name the file in the tray"), "probe.json"
@@ -70,17 +68,14 @@ def analyze(log_path: Path, aircraft_path: Path | None = None, progress: Progres
 
     progress("synchronising")
     channels = synchronise(log, _line_lags_s(aircraft))
-    for topic, share in channels.usable.items():
-        if share < 0.9:
-            warnings.append(f"Only {100 * share:.0f} % of the messages on {topic} carried a value.")
     at_rest = zeros(channels.table, still_segments(channels.table, channels.rate_Hz))
     air = air_data(channels.table, aircraft, probe, propeller, at_rest)
-    warnings += air.notes
+    warnings += air.notes + _silent_topics(air.table)
 
     progress("finding runs")
     runs, rejected = find_runs(air.table)
     if not runs:
-        raise InputError(f"{log_path}: no acceleration or deceleration to analyse{_nearest_miss(rejected)}")
+        raise InputError(f"{log.path}: no acceleration or deceleration to analyse{_nearest_miss(rejected)}")
 
     progress(f"estimating lift and drag from {len(runs)} runs")
     estimate = estimate_polar(air.table, runs, aircraft, at_rest)
@@ -93,7 +88,7 @@ def analyze(log_path: Path, aircraft_path: Path | None = None, progress: Progres
     standard = curve.Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
     results = Results(
         software_version=version("flightpower"),
-        log=str(log_path),
+        log=str(log.path),
         aircraft=AircraftResult(
             name=aircraft.name,
             title=aircraft.title,
@@ -157,6 +152,17 @@ def _line_lags_s(aircraft: Aircraft) -> dict[str, float]:
         for name, line in aircraft.probe.lines.items()
         if name in topics
     }
+
+
+def _silent_topics(table: pd.DataFrame) -> list[str]:
+    """What was lost in flight, for each topic that lost something."""
+    lost = table.loc[table["flying"], list(COLUMNS)].isna().mean()
+    by_topic = {topic: float(lost[name]) for name, (topic, _) in COLUMNS.items()}
+    return [
+        f"{topic} carried no value for {100 * share:.0f} % of the flight."
+        for topic, share in by_topic.items()
+        if share > LARGEST_UNMENTIONED_LOSS
+    ]
 
 
 def _nearest_miss(rejected: list[Rejected]) -> str:

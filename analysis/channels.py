@@ -49,7 +49,6 @@ class Channels(NamedTuple):
     table: pd.DataFrame  # index: t_s since the first tick; columns: COLUMNS, NaN where nothing was measured
     rate_Hz: float
     start_ns: int  # Unix time of t_s = 0
-    usable: dict[str, float]  # share of a topic's messages that carried a value
 
 
 def synchronise(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
@@ -67,17 +66,14 @@ def synchronise(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
     t_s: Array = np.arange(int((ticks[-1, 1] - start_ns) / 1e9 / period_s) + 1, dtype=float) * period_s
 
     table: dict[str, Array] = {}
-    usable: dict[str, float] = {}
     for name, (topic, field) in COLUMNS.items():
         entries = log.entries.get(topic, [])
         taken_s, value = _samples(entries, field, start_ns)
-        if entries:
-            usable[topic] = len(value) / len(entries)
         if topic in NEEDED and not len(value):
             statuses = sorted({str(entry.message.status) for entry in entries})
             raise InputError(f"{log.path}: {topic} never carried a value (its status: {', '.join(statuses)})")
         table[name] = on_grid(t_s, taken_s - (lag_s or {}).get(topic, 0.0), value)
-    return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns, usable)
+    return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns)
 
 
 def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:

@@ -45,10 +45,8 @@ T = TypeVar("T")
 def _registry() -> Any:
     from pint import UnitRegistry  # a quarter of a second to import: only when a file with units is read
 
-    registry = UnitRegistry(autoconvert_offset_to_baseunit=True)
-    # Water at 4 degC (conventional), 249.089 Pa: the one TE and Honeywell mean by inH2O.
-    registry.define("inH2O = 249.08891 pascal")
-    return registry
+    # Its inH2O is that of water at 4 degC, 249.089 Pa: the one TE and Honeywell mean.
+    return UnitRegistry(autoconvert_offset_to_baseunit=True)
 
 
 def to_si(text: object, unit: str, where: str) -> float:

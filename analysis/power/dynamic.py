@@ -35,8 +35,8 @@ OUTPUTS = {"V": "V_mps", "alpha": "alpha_rad", "ax": "ax_mps2", "az": "az_mps2",
 DRAWN = {
     "V": ("V, m/s", 1.0),
     "alpha": ("α, deg", 180 / np.pi),
-    "ax": ("aₓ, m/s²", 1.0),
-    "az": ("a_z, m/s²", 1.0),
+    "ax": ("a<sub>x</sub>, m/s²", 1.0),
+    "az": ("a<sub>z</sub>, m/s²", 1.0),
     "h": ("height, m", 1.0),
 }
 

@@ -88,11 +88,16 @@ def _summary(results: Results) -> str:
         ),
         (
             "From",
-            f"{kinds.count('acceleration')} acceleration(s), {kinds.count('deceleration')} deceleration(s); "
+            f"{_count(kinds, 'acceleration')} and {_count(kinds, 'deceleration')}; "
             f"estimation {html.escape(results.verdict)}",
         ),
     )
     return "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in rows)
+
+
+def _count(kinds: list[str], kind: str) -> str:
+    n = kinds.count(kind)
+    return f"{n} {kind}{'' if n == 1 else 's'}"
 
 
 def _rejected(results: Results) -> str:
@@ -111,5 +116,5 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _embedded(figure: go.Figure, name: str) -> str:
-    config = {"displaylogo": False, "responsive": True}
+    config = {"displayModeBar": False, "responsive": True}
     return plotly.io.to_html(figure, include_plotlyjs=False, full_html=False, div_id=name, config=config)

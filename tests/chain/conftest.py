@@ -1,0 +1,17 @@
+"""One simulated flight, recorded by the real daemon through the fake tray and analysed: by the commands users type."""
+
+from pathlib import Path
+
+import pytest
+from running import done
+
+
+@pytest.fixture(scope="session")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the flight of the demonstration: truth, log and what was analysed."""
+    folder = tmp_path_factory.mktemp("flight")
+    done("sim", "tunnel", "-o", folder / "tunnel.csv")
+    done("calibrate", "probe", folder / "tunnel.csv", "-o", folder / "probe.json")
+    done("sim", "fly", "--aircraft", "nexstar", "--plan", "accel-decel", "--probe", folder / "probe.json", "-o", folder)
+    done("analyze", folder / "log.mcap", "--quiet")
+    return folder

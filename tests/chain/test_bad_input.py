@@ -1,0 +1,116 @@
+"""Whatever a user hands over by mistake: one clear line on stderr, exit code 2, nothing written."""
+
+import io
+from pathlib import Path
+
+import pytest
+from running import command
+
+from flight.aircraft import load_aircraft
+from flight.log_reader import read_log
+from flight.log_writer import LogWriter
+
+pytestmark = pytest.mark.xdist_group("chain")
+
+
+def refused(*arguments: object, naming: str, cause: str, folder: Path) -> None:
+    before = sorted(path for path in folder.rglob("*"))
+    outcome = command("analyze", *arguments)
+    assert outcome.returncode == 2, outcome.stderr
+    lines = outcome.stderr.strip().splitlines()
+    assert len(lines) == 1, outcome.stderr
+    assert lines[0].startswith("error: ")
+    assert naming in lines[0] and cause in lines[0], lines[0]
+    assert outcome.stdout == ""
+    assert sorted(path for path in folder.rglob("*")) == before, "something was written"
+
+
+@pytest.mark.parametrize(
+    ("content", "cause"),
+    [
+        (None, "cannot be read"),
+        (b"", "is empty"),
+        (b"\x89MC", "not an MCAP file"),
+        (b"time,speed\n0,12\n" * 100, "not an MCAP file"),
+        (b"\x89MCAP0\r\n", "holds no message"),
+        (b"\x89MCAP0\r\n" + bytes(1000), "holds no message"),
+    ],
+    ids=["missing", "empty", "three bytes", "a table", "only the magic", "zeros"],
+)
+def test_what_is_no_log(tmp_path: Path, content: bytes | None, cause: str) -> None:
+    path = tmp_path / "flight.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    refused(path, naming="flight.mcap", cause=cause, folder=tmp_path)
+
+
+def test_a_folder_is_no_log(tmp_path: Path) -> None:
+    refused(tmp_path, naming=tmp_path.name, cause="cannot be read", folder=tmp_path)
+
+
+def test_a_log_torn_before_its_first_message(flown: Path, tmp_path: Path) -> None:
+    path = tmp_path / "torn.mcap"
+    path.write_bytes((flown / "log.mcap").read_bytes()[:3000])
+    refused(path, naming="torn.mcap", cause="holds no message", folder=tmp_path)
+
+
+def rewritten(flown: Path, path: Path, *, without_topic: str = "", without_attachment: str = "") -> None:
+    """The same log with something left out."""
+    log, out = read_log(flown / "log.mcap"), io.BytesIO()
+    writer = LogWriter(out)
+    for name, data in log.attachments.items():
+        if name != without_attachment:
+            writer.attach(name, data, "text/plain", 0)
+    for name, values in log.metadata.items():
+        writer.describe(name, values)
+    for topic, entries in log.entries.items():
+        for entry in entries if topic != without_topic else ():
+            writer.write(topic, entry.message, time_ns=entry.time_ns, tick=entry.tick)
+    writer.finish()
+    path.write_bytes(out.getvalue())
+
+
+@pytest.mark.parametrize("topic", ["/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm"])
+def test_a_log_without_a_needed_topic(flown: Path, tmp_path: Path, topic: str) -> None:
+    rewritten(flown, tmp_path / "flight.mcap", without_topic=topic)
+    refused(tmp_path / "flight.mcap", naming="flight.mcap", cause=topic, folder=tmp_path)
+
+
+@pytest.mark.parametrize("name", ["aircraft.toml", "propeller.csv", "probe.json"])
+def test_a_log_without_a_needed_attachment(flown: Path, tmp_path: Path, name: str) -> None:
+    rewritten(flown, tmp_path / "flight.mcap", without_attachment=name)
+    refused(tmp_path / "flight.mcap", naming="flight.mcap", cause=name, folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "cause"),
+    [
+        ('span = "5.73 ft"', 'span = "5.73 lbf"', "geometry.span"),
+        ('span = "5.73 ft"', "span = 5.73", "geometry.span"),
+        ('span = "5.73 ft"', "", "geometry.span is missing"),
+        ('span = "5.73 ft"', 'span = "5.73 ft"\nspam = 1', "unknown key 'spam'"),
+        ('weight = "8.47 lbf"', 'weight = "0 lbf"', "mass.weight"),
+        ("[geometry]", "[geometry", "not valid TOML"),
+    ],
+)
+def test_a_wrong_aircraft_file(flown: Path, tmp_path: Path, old: str, new: str, cause: str) -> None:
+    text = load_aircraft("nexstar").text
+    assert old in text
+    (tmp_path / "mine.toml").write_text(text.replace(old, new, 1))
+    refused(
+        flown / "log.mcap", "--aircraft", tmp_path / "mine.toml", "-o", tmp_path / "report",
+        naming="mine.toml", cause=cause, folder=tmp_path,
+    )  # fmt: skip
+
+
+def test_a_missing_aircraft_file(flown: Path, tmp_path: Path) -> None:
+    refused(
+        flown / "log.mcap", "--aircraft", tmp_path / "none.toml", "-o", tmp_path / "report",
+        naming="none.toml", cause="neither a file nor one of", folder=tmp_path,
+    )  # fmt: skip
+
+
+def test_a_report_folder_that_is_a_file(flown: Path, tmp_path: Path) -> None:
+    (tmp_path / "report").write_text("mine")
+    refused(flown / "log.mcap", "-o", tmp_path / "report", naming="report", cause="is a file", folder=tmp_path)
+    assert (tmp_path / "report").read_text() == "mine"

@@ -1,0 +1,130 @@
+"""The project's main job, end to end: fly, record, analyse; the curve against the simulator's truth."""
+
+import json
+import re
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pandas as pd
+import pytest
+from running import command, done
+from mcap.reader import make_reader
+
+from analysis.results import Results
+from flight.messages import TYPE_OF_TOPIC
+
+pytestmark = pytest.mark.xdist_group("chain")
+
+# Everything but /daq/event comes at every tick of the demonstration, or as often as its source speaks.
+RAW_AND_SI = {
+    "/imu": ("accel_x_counts", "specific_force_x_mps2"),
+    "/mag": ("x_counts", "field_x_T"),
+    "/baro": ("pressure_counts", "pressure_Pa"),
+    "/static": ("pressure_counts", "pressure_Pa"),
+    "/probe/alpha": ("pressure_counts", "differential_pressure_Pa"),
+    "/probe/beta": ("pressure_counts", "differential_pressure_Pa"),
+    "/probe/airspeed": ("pressure_counts", "differential_pressure_Pa"),
+    "/gps": ("itow_ms", "velocity_north_mps"),
+    "/rpm": ("period_us", "motor_speed_revps"),
+    "/controls": ("pulse_us", "elevator_rad"),
+    "/attitude": (None, "pitch_rad"),
+    "/battery": (None, "voltage_V"),
+    "/time": ("monotonic_ns", "gps_utc_ns"),
+    "/daq/tick": (None, "late_ns"),
+    "/daq/event": (None, "text"),
+}
+
+
+@pytest.fixture(scope="module")
+def results(flown: Path) -> Results:
+    return msgspec.json.decode((flown / "log.report" / "results.json").read_bytes(), type=Results)
+
+
+def test_the_curve_lies_within_ten_per_cent_of_the_truth(flown: Path, results: Results) -> None:
+    truth = pd.read_csv(flown / "truth_power_required.csv")
+    V = np.array([point.speed_mps for point in results.power_required])
+    power = np.array([point.power_W for point in results.power_required])
+    assert V[0] < 12.0 and V[-1] > 22.0, "the flown range is that of the plan"
+    assert power == pytest.approx(np.interp(V, truth["speed_mps"], truth["power_W"]), rel=0.10)
+    assert results.verdict.startswith("converged")
+
+
+def test_the_interval_is_an_interval(results: Results) -> None:
+    for point in results.power_required + results.power_required_standard:
+        assert point.power_lo_W < point.power_W < point.power_hi_W
+    for special in (results.minimum_power_speed, results.best_range_speed):
+        assert special.lo_mps < special.speed_mps < special.hi_mps
+
+
+def test_the_runs_of_the_plan_are_found(flown: Path, results: Results) -> None:
+    """Each planned run is one that was found: same kind, and at least three quarters of it covered."""
+    truth = pd.read_parquet(flown / "truth.parquet", columns=["time_s", "segment", "kind", "V_mps"])
+    planned = truth[truth["kind"] == "run"].groupby("segment")
+    assert len(planned) == 2
+    for _, samples in planned:
+        start, end = samples["time_s"].iloc[0], samples["time_s"].iloc[-1]
+        kind = "acceleration" if samples["V_mps"].iloc[-1] > samples["V_mps"].iloc[0] else "deceleration"
+        overlap = [min(r.end_s, end) - max(r.start_s, start) for r in results.runs if r.kind == kind]
+        assert max(overlap) > 0.75 * (end - start)
+
+
+def test_the_log_opens_with_the_stock_reader_and_explains_itself(flown: Path) -> None:
+    seen = {}
+    with (flown / "log.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        names = {attachment.name for attachment in reader.iter_attachments()}
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None and schema.encoding == "jsonschema"
+            assert json.loads(schema.data)["type"] == "object"
+            content = json.loads(message.data)
+            if content["status"] == "ok":
+                seen[channel.topic] = content
+    assert names == {"tray.toml", "aircraft.toml", "propeller.csv", "probe.json"}
+    assert set(seen) == set(TYPE_OF_TOPIC)
+    for topic, (raw, value) in RAW_AND_SI.items():
+        assert raw is None or seen[topic][raw] is not None, topic
+        assert seen[topic][value] is not None, topic
+
+
+def test_the_analysis_does_not_look_at_what_the_simulator_flies(flown: Path, results: Results, tmp_path: Path) -> None:
+    """The aircraft file's [aerodynamics] doubled, or gone: the same curve to the last digit."""
+    from flight.aircraft import load_aircraft
+
+    text = load_aircraft("nexstar").text
+    head, _, aerodynamics = text.partition("\n[aerodynamics]\n")
+    doubled = re.sub(r"= (-?[\d.]+)", lambda m: f"= {2 * float(m[1])}", aerodynamics)
+    for i, variant in enumerate((head, head + "\n[aerodynamics]\n" + doubled)):
+        (tmp_path / f"{i}.toml").write_text(variant)
+        done("analyze", flown / "log.mcap", "--aircraft", tmp_path / f"{i}.toml", "-o", tmp_path / f"{i}", "-q")
+        again = msgspec.json.decode((tmp_path / f"{i}" / "results.json").read_bytes(), type=Results)
+        assert again.power_required == results.power_required
+
+
+def test_a_heavier_aircraft_file_overrides_the_log_s(flown: Path, results: Results, tmp_path: Path) -> None:
+    from flight.aircraft import load_aircraft
+
+    text = load_aircraft("nexstar").text.replace('weight = "8.47 lbf"', 'weight = "9.00 lbf"')
+    (tmp_path / "heavier.toml").write_text(text)
+    done("analyze", flown / "log.mcap", "--aircraft", tmp_path / "heavier.toml", "-o", tmp_path, "--quiet")
+    again = msgspec.json.decode((tmp_path / "results.json").read_bytes(), type=Results)
+    assert again.test.weight_N == pytest.approx(results.test.weight_N * 9.00 / 8.47)
+
+
+def test_a_torn_log_is_analysed_up_to_the_tear_and_says_so(flown: Path, tmp_path: Path) -> None:
+    """Cut in the descent, after the last run: the runs are all there."""
+    data = (flown / "log.mcap").read_bytes()
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(data[: int(0.8 * len(data))])
+    done("analyze", torn, "--quiet")
+    again = msgspec.json.decode((tmp_path / "torn.report" / "results.json").read_bytes(), type=Results)
+    assert {run.kind for run in again.runs} == {"acceleration", "deceleration"}
+    assert any("torn" in warning for warning in again.warnings)
+
+
+def test_a_simulation_is_not_replaced_unasked(flown: Path) -> None:
+    before = (flown / "log.mcap").read_bytes()
+    outcome = command("sim", "fly", "-o", flown)
+    assert outcome.returncode == 2
+    assert "--replace" in outcome.stderr
+    assert (flown / "log.mcap").read_bytes() == before
