@@ -9,6 +9,7 @@ import errno
 import fcntl
 import os
 import socket
+from pathlib import Path
 from typing import Protocol
 
 I2C_RETRIES = 0x0701  # linux/i2c-dev.h
@@ -137,6 +138,37 @@ class UdpPort:
         self._socket.close()
 
 
+class PulseFiles:
+    """`rcio:DIRECTORY`: text files ch0, ch1, … with a pulse width [us] each, read as one line; nothing is written."""
+
+    def __init__(self, directory: str):
+        self._files = [path.open("rb", buffering=0) for path in sorted(Path(directory).glob("ch*"), key=_number)]
+        if not self._files:
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), f"{directory}/ch0")
+
+    def read_available(self) -> bytes:
+        words = []
+        for file in self._files:
+            file.seek(0)
+            words.append((file.read(16) or b"").strip())
+        return b" ".join(words) + b"\n"
+
+    def write(self, data: bytes) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    def close(self) -> None:
+        for file in self._files:
+            file.close()
+
+
+def _number(path: Path) -> int:
+    digits = path.name.removeprefix("ch")
+    return int(digits) if digits.isdigit() else -1
+
+
+OpenPort = LinuxSerial | UdpPort | PulseFiles
+
+
 class LinuxBuses:
     """The real thing: device files of this machine.
 
@@ -146,7 +178,7 @@ class LinuxBuses:
 
     def __init__(self) -> None:
         self._buses: dict[str, LinuxI2C] = {}
-        self._ports: dict[str, LinuxSerial | UdpPort] = {}
+        self._ports: dict[str, OpenPort] = {}
 
     def i2c(self, device: str) -> I2CBus:
         if device not in self._buses:
@@ -160,7 +192,9 @@ class LinuxBuses:
         return self._ports[device]
 
 
-def _open_port(device: str, baud: int) -> LinuxSerial | UdpPort:
+def _open_port(device: str, baud: int) -> OpenPort:
+    if device.startswith("rcio:"):
+        return PulseFiles(device.removeprefix("rcio:"))
     if not device.startswith("udp:"):
         return LinuxSerial(device, baud)
     _, host, port = device.split(":")

@@ -143,6 +143,12 @@ class UBlox(_OnPort, frozen=True, tag="ublox"):
     topics: ClassVar[tuple[str, ...]] = ("/gps",)
 
 
+class UBloxDdc(_OnBus, frozen=True, tag="ublox_ddc"):
+    address: Address = 0x42
+    rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 5.0
+    topics: ClassVar[tuple[str, ...]] = ("/gps",)
+
+
 class EscCounter(_OnPort, frozen=True, tag="esc_counter"):
     baud: Baud = 115200
     framed: bool = False
@@ -163,7 +169,17 @@ class Autopilot(_OnPort, frozen=True, tag="autopilot"):
         return "autopilot"
 
 
-SensorTable = Mpu9250 | Ak8963 | Ms5611 | Ms5805 | Ms45xxDo | Honeywell | UBlox | EscCounter | Autopilot
+class Navio2(_Table, frozen=True, tag="navio2"):
+    port: str = "rcio:/sys/kernel/rcio/rcin"
+    topics: ClassVar[tuple[str, ...]] = ("/controls",)
+
+    @property
+    def lane(self) -> str:
+        return self.port
+
+
+_Pressure = Ms5611 | Ms5805 | Ms45xxDo | Honeywell
+SensorTable = Mpu9250 | Ak8963 | _Pressure | UBlox | UBloxDdc | EscCounter | Autopilot | Navio2
 
 
 class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -12,7 +12,9 @@ from daq.sensors.bridge import BridgeTransducer
 from daq.sensors.esc_counter import EscCounter
 from daq.sensors.mpu9250 import MPU9250
 from daq.sensors.ms56xx import MS5611, MS5805, MS56xx
+from daq.sensors.navio2 import Navio2Receiver
 from daq.sensors.ublox import UBlox
+from daq.sensors.ublox_ddc import DdcPort
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 
@@ -51,6 +53,10 @@ def maker(table: SensorTable, tray: Tray, buses: Buses, aircraft: Aircraft | Non
             )
         case config.UBlox():
             return lambda: UBlox(buses.port(table.port, table.baud), rate_Hz=table.rate_Hz, baud=table.baud)
+        case config.UBloxDdc():
+            return lambda: UBlox(DdcPort(buses.i2c(table.bus), table.address), rate_Hz=table.rate_Hz, baud=None)
+        case config.Navio2():
+            return lambda: Navio2Receiver(buses.port(table.port, 0), aircraft=aircraft)
         case config.EscCounter():
             pole_pairs = table.pole_pairs or (aircraft.propulsion.pole_pairs if aircraft else None)
             if pole_pairs is None:

@@ -1,0 +1,44 @@
+"""Receiver inputs of a Navio2 without autopilot: pulse widths that its kernel driver keeps in text files.
+
+What the sticks say, not the servos: right as long as nothing stands between them.
+"""
+
+from collections.abc import Iterator
+
+from daq.bus import BytePort
+from daq.sensors import Sample
+from daq.sensors.autopilot import controls
+from flight.aircraft import Aircraft
+from flight.messages import Controls, Status
+
+PLAUSIBLE_US = range(700, 2301)  # what a receiver can send; 0 stands for no signal
+
+
+class Navio2Receiver:
+    """The receiver on `port`, which gives a line of pulse widths [us], channels 1, 2, …, at each reading."""
+
+    def __init__(self, port: BytePort, *, aircraft: Aircraft | None):
+        self._port = port
+        self._aircraft = aircraft
+
+    def start(self) -> Iterator[float]:
+        """Nothing to set."""
+        yield 0.0
+
+    def read(self, now_ns: int) -> list[Sample]:
+        """The latest line; `no_data` without signal, `corrupt` when it is not a line of pulse widths."""
+        lines = self._port.read_available().splitlines()
+        return [Sample("/controls", now_ns, message(lines[-1] if lines else b"", self._aircraft))]
+
+
+def message(line: bytes, aircraft: Aircraft | None) -> Controls:
+    """What a line of pulse widths means. A channel without signal is 0 and has no angle."""
+    try:
+        pulses = [int(word) for word in line.split()]
+    except ValueError:
+        return Controls(status=Status.CORRUPT)
+    if not any(pulses):
+        return Controls(status=Status.NO_DATA)
+    if any(pulse and pulse not in PLAUSIBLE_US for pulse in pulses):
+        return Controls(status=Status.CORRUPT)
+    return controls(pulses, aircraft)
