@@ -1,0 +1,251 @@
+"""Each driver against its fake over the physical range: decoded value within a count of what the simulator said.
+
+Both sides were written from the datasheets, not from one another. What is felt goes up in steps of some seconds, and is
+compared where it has settled: that leaves nothing but quantisation between the two.
+"""
+
+import math
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq.sensors import honeywell, ms45xxdo, ms56xx
+from daq.sensors.ak8963 import AK8963
+from daq.sensors.autopilot import Autopilot
+from daq.sensors.bridge import BridgeTransducer
+from daq.sensors.esc_counter import EscCounter
+from daq.sensors.mpu9250 import MPU9250
+from daq.sensors.ublox import UBlox
+from flight.aircraft import load_aircraft
+from flight.messages import Status
+from hw_fakes.clock import SimulatedClock
+from hw_fakes.tray import FakeTray
+
+sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
+from analytic_felt import AnalyticFelt, constant
+
+START_NS = 7_000_000_000
+TICK_NS = 40_000_000
+G = 9.80665
+
+
+def staircase(levels, step_s=2.0):
+    """One of `levels` after the other, `step_s` each; the last one stays. Levels are numbers or rows."""
+    levels = np.asarray(levels, dtype=float)
+    return lambda t_s: levels[np.clip((t_s / step_s).astype(int), 0, len(levels) - 1)]
+
+
+def run(make, felt, seconds, seed=3, **options):
+    """Samples of the driver that `make(tray)` gives, read at 25 Hz, as (seconds since the felt time's zero, sample)."""
+    clock = SimulatedClock(start_ns=START_NS)
+    tray = FakeTray(felt, clock, seed, **options)
+    driver = make(tray)
+    for wait_s in driver.start():
+        clock.advance_ns(round(wait_s * 1e9))
+    samples = []
+    for _ in range(round(seconds * 1e9 / TICK_NS)):
+        clock.advance_ns(TICK_NS - clock.now_ns() % TICK_NS)
+        samples += driver.read(clock.now_ns())
+    return [((sample.time_ns - START_NS) * 1e-9, sample) for sample in samples]
+
+
+def settled(samples, levels, step_s=2.0, after_s=1.0):
+    """(level, message) of samples taken in the later part of each step; every level is there.
+
+    The last 0.1 s are left out: that is the grid on which a fake barometer's housing changes its temperature.
+    """
+    found = [
+        (levels[int(t_s / step_s)], sample.message)
+        for t_s, sample in samples
+        if t_s / step_s < len(levels) and after_s < t_s % step_s < step_s - 0.1 and sample.message.status is Status.OK
+    ]
+    assert {tuple(np.atleast_1d(level)) for level, _ in found} == {tuple(np.atleast_1d(level)) for level in levels}
+    return found
+
+
+I2C = "/dev/i2c-1"
+
+
+@pytest.mark.parametrize("range_g", [2, 4, 8, 16])
+def test_specific_force(range_g):
+    levels = [[f * range_g * G, -f * range_g * G, 0.1 * f] for f in (-0.99, -0.5, -0.1, 0.0, 0.3, 0.7, 0.99)]
+    felt = AnalyticFelt(force_mps2=staircase(levels))
+    samples = run(lambda tray: MPU9250(tray.i2c(I2C), range_g=range_g), felt, 14)
+    for level, m in settled(samples, levels):
+        seen = (m.specific_force_x_mps2, m.specific_force_y_mps2, m.specific_force_z_mps2)
+        assert seen == pytest.approx(level, abs=range_g / 32768 * G)
+
+
+@pytest.mark.parametrize("range_dps", [250, 500, 1000, 2000])
+def test_angular_rate(range_dps):
+    levels = [np.radians([f * range_dps, -f * range_dps, 3.0 * f]).tolist() for f in (-0.99, -0.5, 0.0, 0.3, 0.99)]
+    felt = AnalyticFelt(rate_radps=staircase(levels))
+    samples = run(lambda tray: MPU9250(tray.i2c(I2C), range_dps=range_dps), felt, 10)
+    for level, m in settled(samples, levels):
+        seen = (m.angular_rate_x_radps, m.angular_rate_y_radps, m.angular_rate_z_radps)
+        assert seen == pytest.approx(level, abs=math.radians(range_dps / 32750))
+
+
+@pytest.mark.parametrize("fifo", [True, False])
+def test_the_logged_delay_is_the_one_that_was_made(fifo):
+    """On a ramp a wrong delay is an offset. 200 Hz samples within 1 % of their rate, at an unknown phase: 5 ms; the
+    driver logs one delay for two filters that differ by 1.9 and 2.2 ms."""
+    felt = AnalyticFelt(
+        force_mps2=lambda t: np.outer(t, [1.0, 0.5, -1.0]), rate_radps=lambda t: np.outer(t, [0.1, -0.1, 0.2])
+    )
+    samples = run(lambda tray: MPU9250(tray.i2c(I2C), fifo=fifo), felt, 10)
+    late_s = [t_s - m.group_delay_s - m.specific_force_x_mps2 for t_s, (_, _, m) in samples[5:]]
+    assert np.mean(np.abs(late_s)) < 5e-3 + 2.2e-3
+    late_s = [t_s - m.group_delay_s - m.angular_rate_x_radps / 0.1 for t_s, (_, _, m) in samples[5:]]
+    assert np.mean(np.abs(late_s)) < 5e-3 + 2.2e-3
+
+
+def test_beyond_the_range_is_called_saturated():
+    samples = run(lambda tray: MPU9250(tray.i2c(I2C), range_g=2), AnalyticFelt(force_mps2=constant([30.0, 0, 0])), 1)
+    assert {sample.message.status for _, sample in samples[3:]} == {Status.SATURATED}
+
+
+def test_imu_temperature():
+    levels = [250.0, 294.15, 300.0, 358.0]
+    samples = run(lambda tray: MPU9250(tray.i2c(I2C)), AnalyticFelt(imu_K=staircase(levels)), 8)
+    for level, m in settled(samples, levels):
+        assert m.temperature_K == pytest.approx(level, abs=1 / 333.87)
+
+
+def test_magnetic_field():
+    levels = [[20e-6, -3e-6, 45e-6], [-65e-6, 65e-6, -65e-6], [0.0, 0.0, 0.0], [1000e-6, -500e-6, 300e-6]]
+
+    def make(tray):
+        imu = MPU9250(tray.i2c(I2C))
+        for _ in imu.start():
+            tray.i2c(I2C)._pass_time(20_000)  # 0.45 s: a driver does not own the clock either
+        return AK8963(tray.i2c(I2C))
+
+    samples = run(make, AnalyticFelt(field_T=staircase(levels)), 9)
+    for level, m in settled(samples, levels):
+        # The fuse makes a count of up to 1.5 times the nominal one.
+        assert (m.field_x_T, m.field_y_T, m.field_z_T) == pytest.approx(level, abs=1.5 * 4912e-6 / 32760)
+
+
+@pytest.mark.parametrize(("variant", "which"), [(ms56xx.MS5611, 0x77), (ms56xx.MS5805, 0x76)], ids=["5611", "5805"])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_barometers_over_pressure_and_temperature(variant, which, seed):
+    """A count is some 0.02 Pa; the temperature's rounding moves the pressure by less than another count or two."""
+    levels = [(p, T) for T in (233.15, 253.15, 273.15, 293.15, 310.0, 358.15) for p in (30e3, 70e3, 100e3, 110e3)]
+    felt = AnalyticFelt(
+        absolute_Pa=staircase([p for p, _ in levels], 3.0), transducer_K=staircase([T for _, T in levels], 3.0)
+    )
+    samples = run(
+        lambda tray: ms56xx.MS56xx(tray.i2c(I2C), which, variant, topic="/baro", period_s=0.04), felt, 72, seed
+    )
+    for (pascal, kelvin), m in settled(samples, levels, 3.0, after_s=2.0):
+        assert m.pressure_Pa == pytest.approx(pascal, abs=0.1)
+        assert m.temperature_K == pytest.approx(kelvin, abs=0.001)
+
+
+def test_a_barometers_sample_is_dated_at_the_middle_of_its_conversion():
+    felt = AnalyticFelt(absolute_Pa=lambda t: 90e3 + 1000.0 * t)
+    samples = run(lambda tray: ms56xx.MS56xx(tray.i2c(I2C), 0x77, ms56xx.MS5611, topic="/baro", period_s=0.04), felt, 9)
+    late_s = [t_s - (s.message.pressure_Pa - 90e3) / 1000 for t_s, s in samples if s.message.status is Status.OK]
+    # Half of what typical and longest conversion differ by, the 1 ms grid, and the transfer that starts it.
+    assert np.max(np.abs(late_s)) < 0.41e-3 + 0.5e-3 + 0.1e-3
+
+
+BRIDGES = [
+    ("MS4515DO-DS5AJ002DP", ms45xxdo, 2 * 249.089, "alpha"),
+    ("MS4515DO-DS5AK002DP", ms45xxdo, 2 * 249.089, "beta"),
+    ("SSCDRRN005ND2A5", honeywell, 5 * 249.089, "airspeed"),
+]
+
+
+@pytest.mark.parametrize(("number", "maker", "top_Pa", "which"), BRIDGES, ids=[b[3] for b in BRIDGES])
+def test_pressure_differences(number, maker, top_Pa, which):
+    address, transfer = maker.decode_part(number)
+    levels = (np.array([-1, -0.9, -0.5, -0.01, 0, 0.01, 0.3, 0.8, 1]) * top_Pa).tolist()
+    felt = AnalyticFelt(differential_Pa=staircase(levels), transducer_K=staircase(np.linspace(250, 350, 9)))
+    samples = run(lambda tray: BridgeTransducer(tray.i2c(I2C), address, transfer, topic=f"/probe/{which}"), felt, 18)
+    count_Pa = 2 * top_Pa / (0.8 * 16383)
+    for (level, kelvin), m in settled(samples, list(zip(levels, np.linspace(250, 350, 9), strict=True))):
+        assert m.differential_pressure_Pa == pytest.approx(level, abs=count_Pa)
+        assert m.temperature_K == pytest.approx(kelvin, abs=200 / 2047)
+
+
+@pytest.mark.parametrize(("number", "maker", "top_Pa", "which"), BRIDGES, ids=[b[3] for b in BRIDGES])
+def test_a_pinned_bridge_is_called_saturated(number, maker, top_Pa, which):
+    address, transfer = maker.decode_part(number)
+    for sign in (-1, 1):
+        felt = AnalyticFelt(differential_Pa=constant(sign * 2 * top_Pa))
+        samples = run(lambda tray: BridgeTransducer(tray.i2c(I2C), address, transfer, topic=f"/probe/{which}"), felt, 1)
+        assert {sample.message.status for _, sample in samples} == {Status.SATURATED}
+
+
+def test_navigation_solutions():
+    felt = AnalyticFelt(
+        latitude_deg=lambda t: 35.6 + 1e-4 * t,
+        longitude_deg=lambda t: -78.9 - 1e-4 * t,
+        height_m=lambda t: 120 + 3.0 * t,
+        velocity_mps=lambda t: np.column_stack([12 + 0.1 * t, -3 - 0.2 * t, 0 * t - 3]),
+    )
+    start = datetime(2016, 5, 14, 9, 30, tzinfo=UTC)
+    samples = run(lambda tray: UBlox(tray.port("/dev/ttyAMA0", 38400)), felt, 12, utc_at_start=start, geoid_m=-33.0)
+    fixes = [(t_s, s.message) for t_s, s in samples if s.message.status is Status.OK]
+    assert len(fixes) >= 90  # ten a second, once it is configured
+    for t_s, m in fixes:
+        valid_s = m.utc_ns * 1e-9 - start.timestamp()
+        # Valid 80 ms before it is sent; 26 ms on the line, up to a tick in the buffer.
+        assert 0.08 <= t_s - valid_s <= 0.08 + 0.03 + 0.04 + 1e-6
+        assert m.latitude_deg == pytest.approx(35.6 + 1e-4 * valid_s, abs=1e-7)
+        assert m.longitude_deg == pytest.approx(-78.9 - 1e-4 * valid_s, abs=1e-7)
+        assert m.height_msl_m == pytest.approx(120 + 3.0 * valid_s, abs=1e-3)
+        assert m.height_m == pytest.approx(m.height_msl_m - 33.0, abs=1.1e-3)
+        assert m.velocity_north_mps == pytest.approx(12 + 0.1 * valid_s, abs=1e-3)
+        assert m.velocity_east_mps == pytest.approx(-3 - 0.2 * valid_s, abs=1e-3)
+        assert m.velocity_down_mps == pytest.approx(-3, abs=1e-3)
+        assert m.horizontal_accuracy_m == pytest.approx(1.5) and m.speed_accuracy_mps == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("framed", [False, True])
+@pytest.mark.parametrize("pole_pairs", [6, 7])
+def test_motor_speed(framed, pole_pairs):
+    levels = [20.0, 50.0, 100.0, 170.0]
+    felt = AnalyticFelt(motor_revps=staircase(levels))
+    samples = run(
+        lambda tray: EscCounter(tray.port("/dev/ttyUSB0", 115200), pole_pairs=pole_pairs, framed=framed),
+        felt, 8, pole_pairs=pole_pairs, rpm_with_crc=framed,
+    )  # fmt: skip
+    for level, m in settled(samples, levels):
+        assert m.motor_speed_revps == pytest.approx(level, rel=0.5 / m.period_us + 1e-6)
+
+
+def test_the_framed_counter_tells_a_standing_motor_from_silence():
+    felt = AnalyticFelt(motor_revps=constant(0.0))
+    for framed, said in ((True, {(Status.OK, 0.0)}), (False, {(Status.NO_DATA, None)})):
+        samples = run(
+            lambda tray, framed=framed: EscCounter(tray.port("/dev/ttyUSB0", 115200), pole_pairs=7, framed=framed),
+            felt, 6, rpm_with_crc=framed,
+        )  # fmt: skip
+        assert {(s.message.status, s.message.motor_speed_revps) for _, s in samples} == said
+
+
+def test_what_the_autopilot_tells():
+    aircraft = load_aircraft("nexstar")
+    angles = [-0.3, -0.1, 0.0, 0.05, 0.2]
+    rows = [[1500, aircraft.elevator.pulse_of_angle_us(a), 1300, 1500, 1000, 1000, 1000, 1000] for a in angles]
+    felt = AnalyticFelt(pulses_us=staircase(rows))
+    samples = run(lambda tray: Autopilot(tray.port("/dev/ttyUSB1", 57600), aircraft=aircraft, rate_Hz=25), felt, 10)
+    by_topic = {t: [(t_s, s) for t_s, s in samples if s.topic == t] for t in {s.topic for _, s in samples}}
+    elevator = aircraft.elevator
+    per_us = abs((elevator.angle_rad[-1] - elevator.angle_rad[0]) / (elevator.pulse_us[-1] - elevator.pulse_us[0]))
+    for angle, m in settled(by_topic["/controls"], angles):
+        assert m.elevator_rad == pytest.approx(angle, abs=1.1 * per_us)
+        assert m.throttle == pytest.approx(0.3)
+    _, attitude = by_topic["/attitude"][-1]
+    assert (attitude.message.roll_rad, attitude.message.pitch_rad, attitude.message.yaw_rad) == pytest.approx(
+        (0.1, 0.05, -2.0), abs=1e-6
+    )
+    _, battery = by_topic["/battery"][-1]
+    assert battery.message.voltage_V == pytest.approx(15.2, abs=4e-3)  # four cells, rounded down to a millivolt
+    assert battery.message.current_A == pytest.approx(12.34, abs=5e-3)
