@@ -11,6 +11,7 @@ from daq.clock import Clock
 from daq.config import Tray
 from daq.loop import Stop, turns
 from daq.recorder import Recorder, new_log_path, open_recorder
+from daq.salvage import complete_unfinished
 from daq.sensors import Sample
 from daq.station import Station
 from flight.aircraft import Aircraft
@@ -69,7 +70,12 @@ def record(
     if all(causes):
         raise NothingToRead(f"none of the tray's buses and ports can be opened: {'; '.join(sorted(set(causes)))}")
     offset_ns = clock.unix_ns() - start_ns
-    path = Path(log_path) if log_path is not None else new_log_path(Path(tray.directory))
+    started = []
+    if log_path is not None:
+        path = Path(log_path)
+    else:
+        path = new_log_path(Path(tray.directory))
+        started = salvage_events(path.parent)
     recorder = open_recorder(path, offset_ns=offset_ns)
     luggage.stow(
         recorder.log,
@@ -82,9 +88,10 @@ def record(
         recorder.log.declare(topic)
 
     tell = on_event or (lambda event: None)
-    started = Event(sensor="daq", text=f"recording {path}")
-    tell(started)
-    recorder.write([Sample("/daq/event", start_ns, started)], tick=0, now_ns=start_ns)
+    started.append(Event(sensor="daq", text=f"recording {path}"))
+    for event in started:
+        tell(event)
+    recorder.write([Sample("/daq/event", start_ns, event) for event in started], tick=0, now_ns=start_ns)
     ticks = missed = 0
     disk = DiskWatch(recorder)
     report_ns = start_ns
@@ -107,6 +114,20 @@ def record(
     finally:
         recorder.close()
     return Recording(path, ticks, missed, {place.name: place.health.errors for place in places}, recorder.error)
+
+
+def salvage_events(directory: Path) -> list[Event]:
+    """Complete what earlier power cuts left unfinished in `directory`; that it fails is no reason not to record."""
+    try:
+        done = complete_unfinished(directory)
+    except OSError as error:
+        return [Event(severity="warning", sensor="daq", text=f"an unfinished log could not be completed: {error}")]
+    return [
+        Event(
+            sensor="daq", text=f"{path} was unfinished and is complete now: {kept} bytes kept, {cut} torn ones cut off"
+        )
+        for path, kept, cut in done
+    ]
 
 
 class DiskWatch:

@@ -3,6 +3,7 @@
 Python threads that compute delay each other; a thread that waits for a slow SD card does not delay the sampling.
 """
 
+import fcntl
 import os
 import threading
 import time
@@ -34,6 +35,7 @@ class DiskWriter:
         self.lost = False
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
         self._file = os.open(path, flags, 0o644)
+        fcntl.flock(self._file, fcntl.LOCK_EX)  # so that nobody takes it for an unfinished one
         sync_directory(path.parent)
         self._position = 0
         self._backlog: deque[bytes] = deque()
