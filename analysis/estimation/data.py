@@ -41,12 +41,13 @@ class Segment:
         if len(t) < 2:
             raise InputError(f"segment {self.name}: at least two samples are needed, there are {len(t)}")
         steps = np.diff(t)
-        bad = ~(np.abs(steps - self.step_s) <= UNIFORM_WITHIN * self.step_s)
-        if self.step_s <= 0 or bad.any():
-            at = int(np.argmax(bad))
+        usual = float(np.median(steps))
+        off = np.abs(steps - usual)
+        if not (usual > 0 and off.max() <= UNIFORM_WITHIN * usual):
+            at = int(np.argmax(off))  # also where a time is NaN
             raise InputError(
                 f"segment {self.name}: the time base is not uniform: the step at t = {t[at]:g} s is {steps[at]:g} s,"
-                f" the mean {self.step_s:g} s"
+                f" the usual one {usual:g} s"
             )
         for kind, signals in (("u", self.u), ("z", self.z)):
             arrays = {name: _vector(values, f"segment {self.name}: {name}") for name, values in signals.items()}

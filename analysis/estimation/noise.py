@@ -66,8 +66,7 @@ def whiten(residuals: Array, S: Array, R: Array, tail_dof: float | None) -> Whit
     """
     present = np.isfinite(residuals)
     e, S_white = np.zeros_like(residuals), np.zeros_like(S)
-    for pattern in np.unique(present, axis=0):
-        rows = (present == pattern).all(axis=1)
+    for pattern, rows in _patterns(present):
         W = np.zeros_like(R)
         W[np.ix_(pattern, pattern)] = np.linalg.inv(np.linalg.cholesky(R[np.ix_(pattern, pattern)]))
         e[rows] = np.nan_to_num(residuals[rows]) @ W.T
@@ -79,11 +78,18 @@ def whiten(residuals: Array, S: Array, R: Array, tail_dof: float | None) -> Whit
 def negative_log_likelihood(white: Whitened, R: Array, tail_dof: float | None) -> float:
     """-ln L up to a constant: half of sum e'e plus half of ln det R for every sample (3.32), or its t counterpart."""
     total = 0.0
-    for pattern, count in zip(*np.unique(white.present, axis=0, return_counts=True), strict=True):
-        total += count * np.linalg.slogdet(R[np.ix_(pattern, pattern)])[1] / 2
+    for pattern, rows in _patterns(white.present):
+        total += rows.sum() * np.linalg.slogdet(R[np.ix_(pattern, pattern)])[1] / 2
     if tail_dof is None:
         return float(total + (white.e**2).sum() / 2)
     return float(total + (tail_dof + 1) / 2 * np.log1p(white.e**2 / tail_dof).sum())
+
+
+def _patterns(present: NDArray[np.bool_]) -> list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+    """Which outputs are there together, and at which samples."""
+    if present.all():
+        return [(present[0], present[:, 0])]
+    return [(pattern, (present == pattern).all(axis=1)) for pattern in np.unique(present, axis=0)]
 
 
 def information_factor(tail_dof: float | None) -> float:
