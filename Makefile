@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint types check clean
+.PHONY: help demo picture test lint types check clean
 
 help: ## what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -19,10 +19,15 @@ $(READY): pyproject.toml
 	@touch $@
 
 demo: $(READY) ## fly, record and analyse a simulated Nexstar; the report lands in out/demo
-	$(BIN)/sim tunnel -o out/demo/tunnel.csv
-	$(BIN)/calibrate probe out/demo/tunnel.csv -o out/demo/probe.json
-	$(BIN)/sim fly --aircraft nexstar --plan accel-decel --probe out/demo/probe.json -o out/demo
-	$(BIN)/analyze out/demo/log.mcap -o out/demo/report
+	$(BIN)/sim tunnel --replace -o out/demo/tunnel.csv
+	$(BIN)/calibrate probe --replace out/demo/tunnel.csv -o out/demo/probe.json
+	$(BIN)/sim fly --replace --aircraft nexstar --plan accel-decel --probe out/demo/probe.json -o out/demo
+	$(BIN)/analyze out/demo/log.mcap
+
+picture: demo ## the README's picture: the head of the demo's report, by Chromium
+	chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --disable-background-networking \
+		--virtual-time-budget=5000 --window-size=1000,620 --screenshot=docs/power-required.png \
+		"file://$(CURDIR)/out/demo/log.report/report.html"
 
 test: $(READY) ## the whole test suite
 	$(BIN)/pytest -n auto --dist loadgroup

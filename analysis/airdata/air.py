@@ -16,6 +16,7 @@ from flight.propeller import Propeller
 FLYING_PA = 30.0  # dynamic pressure above which there is flow enough to speak of angles: 7 m/s at sea level
 COEFFICIENT_SMOOTHING_S = 0.2
 COLD_S = 2.0  # after power-on
+LARGEST_UNMENTIONED_SHARE = 0.02
 
 
 class AirData(NamedTuple):
@@ -64,9 +65,12 @@ def air_data(
     out["alpha_rad"] = flow.alpha_rad * blank - aircraft.probe.upwash_per_CL_rad * CL + out["q_radps"] * x_probe / V
     out["beta_rad"] = flow.beta_rad * blank - out["r_radps"] * x_probe / V
     _add_thrust(out, propeller)
-    outside = int(np.sum((flow.qbar_Pa > FLYING_PA) & ~flow.inside))
-    if outside:
-        notes.append(f"{outside} samples lie outside the probe's calibrated range of angles and are left out.")
+    outside = ~flow.inside[flow.qbar_Pa > FLYING_PA]
+    if np.mean(outside) > LARGEST_UNMENTIONED_SHARE:
+        notes.append(
+            f"{100 * np.mean(outside):.0f} % of the flight lies outside the probe's calibrated range of angles"
+            " and is left out."
+        )
     return AirData(out, notes)
 
 

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 import pandas as pd
 import pytest
-from running import command, done
 from mcap.reader import make_reader
+from running import command, done
 
 from analysis.results import Results
 from flight.messages import TYPE_OF_TOPIC
