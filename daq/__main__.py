@@ -44,7 +44,7 @@ def run(
         typer.Option("--duration", min=0.0, help="Stop after this many seconds."),
     ] = None,
 ) -> None:
-    """Record until SIGTERM or Ctrl-C; either finishes the file properly.
+    """Record until SIGTERM, Ctrl-C or the end of the session; each finishes the file properly.
 
     A sensor that fails is logged as failed and tried again twice a second; the others go on. Events go to stderr and
     into the log.
@@ -56,7 +56,7 @@ def run(
 
     tray = load_tray(config)
     stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: stop.set())
     clock = SystemClock()
     prepare_process()

@@ -18,6 +18,8 @@ from flight.aircraft import Aircraft
 from flight.messages import Event
 
 REPORT_EVERY_NS = 1_000_000_000
+OWN_TOPICS = ("/time", "/daq/tick", "/daq/event")
+DROPPED = "the disk did not keep up, and data were dropped"
 
 
 class Recording(NamedTuple):
@@ -69,33 +71,19 @@ def record(
     causes = [place.open(start_ns) for place in places]
     if all(causes):
         raise NothingToRead(f"none of the tray's buses and ports can be opened: {'; '.join(sorted(set(causes)))}")
-    offset_ns = clock.unix_ns() - start_ns
-    started = []
-    if log_path is not None:
-        path = Path(log_path)
-    else:
-        path = new_log_path(Path(tray.directory))
-        started = salvage_events(path.parent)
-    recorder = open_recorder(path, offset_ns=offset_ns)
-    luggage.stow(
-        recorder.log,
-        bags,
-        rate_Hz=tray.rate_Hz,
-        start_unix_ns=start_ns + offset_ns,
-        start_monotonic_ns=start_ns,
-    )
-    for topic in [topic for place in places for topic in place.topics] + ["/time", "/daq/tick", "/daq/event"]:
-        recorder.log.declare(topic)
-
+    path = Path(log_path) if log_path is not None else new_log_path(Path(tray.directory))
+    news = salvage_events(path.parent) if log_path is None else []
+    recorder = open_recorder(path, offset_ns=clock.unix_ns() - start_ns)
     tell = on_event or (lambda event: None)
-    started.append(Event(sensor="daq", text=f"recording {path}"))
-    for event in started:
-        tell(event)
-    recorder.write([Sample("/daq/event", start_ns, event) for event in started], tick=0, now_ns=start_ns)
     ticks = missed = 0
     disk = DiskWatch(recorder)
     report_ns = start_ns
     try:
+        begin(recorder, bags, places, rate_Hz=tray.rate_Hz, start_ns=start_ns)
+        news.append(Event(sensor="daq", text=f"recording {path}"))
+        for event in news:
+            tell(event)
+        recorder.write([Sample("/daq/event", start_ns, event) for event in news], tick=0, now_ns=start_ns)
         for turn in turns(places, rate_Hz=tray.rate_Hz, clock=clock, stop=stop or Never(), until_ns=until_ns):
             ticks, missed = ticks + 1, missed + turn.beat.missed
             events = turn.events + disk.events()
@@ -113,7 +101,16 @@ def record(
                 break
     finally:
         recorder.close()
-    return Recording(path, ticks, missed, {place.name: place.health.errors for place in places}, recorder.error)
+    errors = {place.name: place.health.errors for place in places}
+    return Recording(path, ticks, missed, errors, recorder.error or (DROPPED if recorder.lost else ""))
+
+
+def begin(recorder: Recorder, bags: luggage.Luggage, places: list[Station], *, rate_Hz: float, start_ns: int) -> None:
+    """What stands at the start of a log: the luggage, and every topic, also those on which nothing may ever come."""
+    start_unix_ns = start_ns + recorder.offset_ns
+    luggage.stow(recorder.log, bags, rate_Hz=rate_Hz, start_unix_ns=start_unix_ns, start_monotonic_ns=start_ns)
+    for topic in [*(topic for place in places for topic in place.topics), *OWN_TOPICS]:
+        recorder.log.declare(topic)
 
 
 def salvage_events(directory: Path) -> list[Event]:

@@ -120,7 +120,7 @@ class Recorder:
     def __init__(self, path: Path, *, offset_ns: int):
         self.path = path
         self._disk = DiskWriter(path)
-        self._offset_ns = offset_ns
+        self.offset_ns = offset_ns
         self._chunk_due_ns: int | None = None
         self.log = LogWriter(self._disk, chunk_bytes=NEVER_BY_SIZE)  # type: ignore[arg-type]
 
@@ -137,7 +137,7 @@ class Recorder:
     def write(self, samples: list[Sample], *, tick: int, now_ns: int) -> None:
         """Add a tick's messages; closes the chunk when it is half a second old."""
         for sample in samples:
-            self.log.write(sample.topic, sample.message, time_ns=sample.time_ns + self._offset_ns, tick=tick)
+            self.log.write(sample.topic, sample.message, time_ns=sample.time_ns + self.offset_ns, tick=tick)
         if self._chunk_due_ns is None:
             self._chunk_due_ns = now_ns + CHUNK_EVERY_NS
         if now_ns >= self._chunk_due_ns:
