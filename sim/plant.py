@@ -122,8 +122,13 @@ class Plant:
         m = self.aircraft.mass
         return Inertia(m.Ix_kgm2, m.Iy_kgm2, m.Iz_kgm2, m.Ixz_kgm2, self.aircraft.propulsion.propeller_inertia_kgm2)
 
-    def instant(self, x: State, commands: Commands, white=(0.0, 0.0, 0.0, 0.0)) -> tuple[Instant, GustStates]:
-        """Flow, forces and accelerations at a state, and the rates of change of the gust filters."""
+    def instant(
+        self, x: State, commands: Commands, white=(0.0, 0.0, 0.0, 0.0), *, motor_held: bool = False
+    ) -> tuple[Instant, GustStates]:
+        """Flow, forces and accelerations at a state, and the rates of change of the gust filters.
+
+        `motor_held`: as if something kept the motor at its speed, whatever the throttle; trim is solved that way.
+        """
         geometry, aero = self.aircraft.geometry, self.aero
         b, c, S, m = geometry.span_m, geometry.chord_m, geometry.wing_area_m2, self.mass_kg
         height = -x.down
@@ -162,8 +167,8 @@ class Plant:
         qS = rho * V**2 / 2 * S
         force = ((CX * qS + train.thrust) / m, C.CY * qS / m, CZ * qS / m)
         # The motor turns the propeller clockwise, seen from behind: the aircraft is turned the other way.
-        n_air = np.maximum(x.motor, 5.0)
-        reaction = -train.shaft_power / (2 * np.pi * n_air)
+        gained = 0.0 if motor_held else self.inertia.Ip * 2 * np.pi * train.motor_acceleration
+        reaction = -(train.load + gained)
         turning = rate_derivative(
             x.p,
             x.q,

@@ -19,6 +19,7 @@ class PowerTrain(NamedTuple):
 
     thrust: Any  # [N]
     shaft_power: Any  # taken by the propeller [W]
+    load: Any  # torque of the air on the propeller [N m]
     motor_acceleration: Any  # [rev/s^2]
     voltage: Any  # of the battery under load [V]
     current: Any  # from the battery [A]
@@ -54,7 +55,7 @@ def power_train(
     acceleration = (k * motor_current - friction - load) / (2 * np.pi * propulsion.propeller_inertia_kgm2)
     battery_current = throttle * motor_current
     voltage = propulsion.battery_voltage_V - battery_current * propulsion.battery_resistance_ohm
-    return PowerTrain(thrust, shaft_power, acceleration, voltage, battery_current)
+    return PowerTrain(thrust, shaft_power, load, acceleration, voltage, battery_current)
 
 
 def throttle_for(propulsion: Propulsion, propeller: Propeller, *, V, n, rho):

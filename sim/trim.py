@@ -110,7 +110,7 @@ def residuals(plant: Plant, z: Unknowns, height_m: float):
         0.0,
         *gusts,
     )
-    now, _ = plant.instant(x, Commands(z.elevator, z.aileron, z.rudder, 0.5))
+    now, _ = plant.instant(x, Commands(z.elevator, z.aileron, z.rudder, 0.0), motor_held=True)
     accelerations = velocity_derivative(u, v, w, p, q, r, z.phi, z.theta, *now.specific_force)
     ball = now.specific_force[1]
     return *accelerations, *now.angular_acceleration, -now.ground_velocity[2] - z.climb, ball
@@ -150,6 +150,8 @@ class Trimmer:
         throttle = float(throttle_for(propulsion, self.plant.propeller, V=z.V, n=z.motor, rho=self.density))
         if throttle > 1 + 1e-9:
             raise InputError(f"{self._needs(z)}, more than the battery can give{self._limit(given)}")
+        if throttle == 0:
+            raise InputError(f"{self._needs(z)}: less than it windmills with the motor off; it cannot glide so steeply")
         return Trim(z, min(throttle, 1.0), self.height_m, norm)
 
     def _newton(self, given: dict[str, float], start: Unknowns | None) -> tuple[Unknowns, float]:

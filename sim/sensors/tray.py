@@ -145,11 +145,11 @@ class TrayFelt:
 
     def battery(self, t_s: Array) -> tuple[Array, Array]:
         e = self._errors
-        scale = 1 + e.values.battery_scale
-        voltage, current = self._linear("battery_voltage_V", t_s), scale * self._linear("battery_current_A", t_s)
-        voltage_noise = e.noise.battery_voltage_V * white(e.seed, "battery voltage", t_s)
-        current_noise = e.noise.battery_current_A * white(e.seed, "battery current", t_s)
-        return voltage + voltage_noise, current + current_noise
+        voltage, current = self._linear("battery_voltage_V", t_s), self._linear("battery_current_A", t_s)
+        voltage += e.noise.battery_voltage_V * white(e.seed, "battery voltage", t_s)
+        current *= 1 + e.values.battery_scale
+        current += e.noise.battery_current_A * white(e.seed, "battery current", t_s)
+        return voltage, current
 
     # How the truth becomes a function of time.
 
@@ -160,7 +160,7 @@ class TrayFelt:
         return CubicSpline(self._t, self._truth[columns].to_numpy(dtype=float))
 
     def _linear(self, column: str, t_s: Array) -> Array:
-        return np.asarray(np.interp(self._clipped(t_s), self._t, self._truth[column].to_numpy()))
+        return np.interp(self._clipped(t_s), self._t, self._truth[column].to_numpy(dtype=np.float64))
 
     @cached_property
     def _imu_spline(self) -> CubicSpline:
@@ -196,7 +196,7 @@ class TrayFelt:
         n = int(self.duration_s / dt) + 3
         slow = [gauss_markov(e.seed, f"gps wander {i}", n, dt, e.noise.gps_correlation_s) for i in range(3)]
         fast = [gauss_markov(e.seed, f"gps velocity wander {i}", n, dt, 2.0) for i in range(3)]
-        return np.arange(n) * dt, np.column_stack(slow + fast)
+        return np.linspace(0.0, (n - 1) * dt, n), np.column_stack(slow + fast)
 
     def _gps_wander(self, t_s: Array) -> Array:
         grid, values = self._wander_grid
