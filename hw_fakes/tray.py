@@ -3,7 +3,8 @@
 import errno
 import os
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Protocol
 
@@ -11,6 +12,7 @@ from hw_fakes import bridge, ms56xx
 from hw_fakes.ak8963 import AK8963
 from hw_fakes.autopilot import Autopilot
 from hw_fakes.esc_counter import EscCounter
+from hw_fakes.faults import BUS, I2C_PARTS, Fault, FaultyBus, FaultyPort, I2CBus, PartFault, check, inside
 from hw_fakes.i2c import FakeI2CBus, I2CDevice
 from hw_fakes.mpu9250 import MPU9250
 from hw_fakes.port import FakePort, SerialDevice
@@ -18,7 +20,16 @@ from hw_fakes.ublox import UbloxM8
 from sim.felt import Felt
 
 I2C_BUS, GPS_PORT, ESC_PORT, AUTOPILOT_PORT = "/dev/i2c-1", "/dev/ttyAMA0", "/dev/ttyUSB0", "/dev/ttyUSB1"
-IMU, MAGNETOMETER, BARO, STATIC, ALPHA, BETA, AIRSPEED = 0x68, 0x0C, 0x77, 0x76, 0x36, 0x46, 0x28
+PORTS = {"gps": GPS_PORT, "esc_counter": ESC_PORT, "autopilot": AUTOPILOT_PORT}
+ADDRESSES = {
+    "imu": 0x68,
+    "magnetometer": 0x0C,
+    "baro": 0x77,
+    "static": 0x76,
+    "alpha": 0x36,
+    "beta": 0x46,
+    "airspeed": 0x28,
+}
 FIRST_FLIGHT = datetime(2016, 5, 14, 9, 30, tzinfo=UTC)
 
 
@@ -38,7 +49,8 @@ class FakeTray:
     had power; a Pi takes some 20 s to boot, so a daemon meets them long awake.
     seed: draws what differs between two parts of a kind (coefficients, trim, clock errors). pole_pairs: of the motor.
     utc_at_start: true time now, as the satellites know it. geoid_m: height of the geoid above the ellipsoid.
-    rpm_with_crc: the pulse counter speaks the framed variant.
+    rpm_with_crc: the pulse counter speaks the framed variant. faults: what goes wrong, and when; raises InputError for
+    one that cannot happen.
     """
 
     def __init__(
@@ -52,6 +64,7 @@ class FakeTray:
         utc_at_start: datetime = FIRST_FLIGHT,
         geoid_m: float = 0.0,
         rpm_with_crc: bool = False,
+        faults: Sequence[Fault] = (),
     ):
         start_ns = clock.now_ns()
 
@@ -76,36 +89,58 @@ class FakeTray:
         self.autopilot = Autopilot(felt)
 
         devices: dict[int, I2CDevice] = {
-            IMU: self.imu,
-            BARO: self.baro,
-            STATIC: self.static,
-            ALPHA: self.alpha,
-            BETA: self.beta,
-            AIRSPEED: self.airspeed,
+            address: getattr(self, name) for name, address in ADDRESSES.items() if name != "magnetometer"
         }
-        self.buses = {
-            I2C_BUS: FakeI2CBus(devices, find=self._behind_the_imu, spend_ns=getattr(clock, "advance_ns", None))
-        }
-        self.serial_devices: dict[str, SerialDevice] = {
-            GPS_PORT: self.gps,
-            ESC_PORT: self.esc_counter,
-            AUTOPILOT_PORT: self.autopilot,
-        }
+        spend_ns = getattr(clock, "advance_ns", None)
+        self._parts_faults: dict[str, list[PartFault]] = {}
+        for number, fault in enumerate(faults):
+            check(fault, f"fault {number + 1}")
+        # The magnetometer is in the IMU's package, on the same supply.
+        shared = [replace(f, device="magnetometer") for f in faults if (f.kind, f.device) == ("brown_out", "imu")]
+        faults = (*faults, *shared)
+        for fault in faults:
+            part = inside(fault, getattr(self, fault.device, None))
+            if part is not None:
+                self._parts_faults.setdefault(fault.device, []).append(part)
+        self._faults = faults
+        self._seed_of = seed_of
+        bus: I2CBus = FakeI2CBus(devices, find=self._behind_the_imu, spend_ns=spend_ns)
+        if any(fault.device in (*I2C_PARTS, BUS) for fault in faults):
+            by_address: dict[int | None, list[Fault]] = {}
+            for fault in faults:
+                by_address.setdefault(ADDRESSES.get(fault.device), []).append(fault)
+            by_address[None] = [fault for fault in by_address.get(None, []) if fault.device == BUS]
+            parts = {ADDRESSES[name]: these for name, these in self._parts_faults.items() if name in ADDRESSES}
+            bus = FaultyBus(bus, by_address, parts, now_ns, seed_of("bus"), spend_ns)
+        self.buses = {I2C_BUS: bus}
+        self.serial_devices: dict[str, SerialDevice] = {device: getattr(self, name) for name, device in PORTS.items()}
 
-    def i2c(self, device: str) -> FakeI2CBus:
+    def i2c(self, device: str) -> I2CBus:
         """The bus of that device name; raises FileNotFoundError as the system would."""
         return _present(self.buses, device)
 
-    def port(self, device: str, baud: int) -> FakePort:
+    def port(self, device: str, baud: int) -> FakePort | FaultyPort:
         """The serial line of that device name, opened now; raises FileNotFoundError as the system would."""
-        return FakePort(_present(self.serial_devices, device), baud, self._now_ns)
+        part = _present(self.serial_devices, device)
+        name = next(name for name, path in PORTS.items() if path == device)
+        faults = [fault for fault in self._faults if fault.device == name]
+        if any(fault.kind == "unplugged" and fault.active(self._now_ns()) for fault in faults):
+            raise _missing(device)
+        line = FakePort(part, baud, self._now_ns)
+        if not faults:
+            return line
+        return FaultyPort(line, faults, self._parts_faults.get(name, ()), self._now_ns, self._seed_of(name))
 
     def _behind_the_imu(self, address: int) -> I2CDevice | None:
-        return self.magnetometer if address == MAGNETOMETER and self.imu.bypass else None
+        return self.magnetometer if address == ADDRESSES["magnetometer"] and self.imu.bypass else None
 
 
 def _present(devices: dict, device: str):
     try:
         return devices[device]
     except KeyError:
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), device) from None
+        raise _missing(device) from None
+
+
+def _missing(device: str) -> FileNotFoundError:
+    return FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), device)

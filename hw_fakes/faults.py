@@ -1,0 +1,293 @@
+"""Faults on a schedule, so that a daemon can be watched while its sensors misbehave.
+
+`load_faults("faults.toml")` reads
+
+    [[fault]]
+    kind = "no_acknowledge"
+    device = "baro"
+    start = "20 s"
+    duration = "3 s"        # without it: to the end
+    rate = 0.02             # bit_flips, checksum_errors: chance that a byte is hit
+
+Devices: imu, magnetometer, baro, static, alpha, beta, airspeed, i2c (the whole bus), gps, esc_counter, autopilot.
+
+A fault is put in where it arises: on the wire between computer and part (`FaultyBus`, `FaultyPort`), or in the part
+itself (`PartFault`), which is then told at the right instant.
+"""
+
+import errno
+import os
+import tomllib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from flight.errors import InputError
+from flight.units import read_table
+from hw_fakes.i2c import no_acknowledge
+
+BRIDGES = ("alpha", "beta", "airspeed")
+BAROMETERS = ("baro", "static")
+I2C_PARTS = ("imu", "magnetometer", *BAROMETERS, *BRIDGES)
+SERIAL_PARTS = ("gps", "esc_counter", "autopilot")
+BUS = "i2c"
+
+ON_THE_BUS = ("no_acknowledge", "timeout", "bit_flips", "stuck_value", "wrong_device")
+ON_THE_LINE = ("checksum_errors", "unplugged", "silent")
+DEVICES_OF_KIND: dict[str, tuple[str, ...]] = {
+    "no_acknowledge": (*I2C_PARTS, BUS),
+    "timeout": (*I2C_PARTS, BUS),
+    "bit_flips": (*I2C_PARTS, BUS),
+    "stuck_value": I2C_PARTS,
+    "wrong_device": I2C_PARTS,
+    "brown_out": (*I2C_PARTS, "gps"),
+    "wrong_prom_crc": BAROMETERS,
+    "stale": BRIDGES,
+    "latched_fault": BRIDGES,
+    "no_fix": ("gps",),
+    "checksum_errors": SERIAL_PARTS,
+    "unplugged": SERIAL_PARTS,
+    "silent": SERIAL_PARTS,
+}
+TIMEOUT_NS = 20_000_000  # what a bounded transfer on a hanging bus costs
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One fault. start_s, duration_s: on the simulation's time. rate: chance that a byte is hit."""
+
+    kind: str
+    device: str
+    start_s: float
+    duration_s: float = float("inf")
+    rate: float = 0.02
+
+    @property
+    def start_ns(self) -> int:
+        return round(self.start_s * 1e9)
+
+    @property
+    def end_ns(self) -> float:
+        return (self.start_s + self.duration_s) * 1e9
+
+    def active(self, now_ns: int) -> bool:
+        return self.start_ns <= now_ns < self.end_ns
+
+
+def load_faults(path: str | Path) -> tuple[Fault, ...]:
+    """Faults of a TOML file.
+
+    Raises InputError when it cannot be read, or names a kind, a device or a pair of them that does not exist.
+    """
+    try:
+        table = tomllib.loads(Path(path).read_text("utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: not valid TOML ({error})") from None
+    entries = table.pop("fault", [])
+    if table or not isinstance(entries, list):
+        raise InputError(f"{path}: only [[fault]] tables are understood")
+    faults = tuple(read_table(Fault, entry, f"{path}: fault {i + 1}") for i, entry in enumerate(entries))
+    for i, fault in enumerate(faults):
+        check(fault, f"{path}: fault {i + 1}")
+    return faults
+
+
+def check(fault: Fault, where: str) -> None:
+    """Raises InputError unless the fault can happen to its device."""
+    if fault.kind not in DEVICES_OF_KIND:
+        raise InputError(f"{where}: unknown kind {fault.kind!r}; known: {', '.join(DEVICES_OF_KIND)}")
+    if fault.device not in DEVICES_OF_KIND[fault.kind]:
+        raise InputError(
+            f"{where}: {fault.kind} cannot happen to {fault.device!r}; to {', '.join(DEVICES_OF_KIND[fault.kind])}"
+        )
+    if fault.start_s < 0 or fault.duration_s <= 0 or not 0 <= fault.rate <= 1:
+        raise InputError(f"{where}: start must not be negative, duration must be positive, rate 0 to 1")
+
+
+class PartFault:
+    """Something that happens inside a part: `begin` at its start, `end` at its end, each told its instant [ns] once."""
+
+    def __init__(self, fault: Fault, begin: Callable[[int], None], end: Callable[[int], None]):
+        self._due: list[tuple[float, Callable[[int], None]]] = [(fault.start_ns, begin), (fault.end_ns, end)]
+
+    def next_ns(self) -> float:
+        """When something is due next; infinity when nothing is."""
+        return self._due[0][0] if self._due else float("inf")
+
+    def happen(self) -> None:
+        """Do what is due next."""
+        at_ns, event = self._due.pop(0)
+        event(int(at_ns))
+
+
+def inside(fault: Fault, part) -> PartFault | None:
+    """The fault as it happens inside `part`, or None when it happens on the wire."""
+
+    def nothing(at_ns: int) -> None:
+        return None
+
+    def set_attribute(name: str, value):
+        return lambda at_ns: setattr(part, name, value)
+
+    match fault.kind:
+        case "brown_out":
+            return PartFault(fault, nothing, part.power_cycle)
+        case "wrong_prom_crc":
+            good = list(part.prom)
+            return PartFault(
+                fault, set_attribute("prom", [good[0], good[1] ^ 0x0010, *good[2:]]), set_attribute("prom", good)
+            )
+        case "stale":
+            return PartFault(fault, lambda at_ns: setattr(part, "frozen_ns", at_ns), set_attribute("frozen_ns", None))
+        case "latched_fault":
+            return PartFault(fault, set_attribute("fault", True), part.power_cycle)
+        case "no_fix":
+            return PartFault(fault, set_attribute("fix_lost", True), set_attribute("fix_lost", False))
+    return None
+
+
+class I2CBus(Protocol):
+    def write(self, address: int, data: bytes) -> None: ...
+
+    def read(self, address: int, count: int) -> bytes: ...
+
+    def write_read(self, address: int, data: bytes, count: int) -> bytes: ...
+
+
+class FaultyBus:
+    """A bus between which and its parts things go wrong; satisfies `daq.bus.I2CBus`.
+
+    faults: by address; those of the whole bus at None. parts: what happens inside parts, by address. now_ns: the
+    simulation's time [ns]. spend_ns: told what a timeout costs [ns], None when time passes by itself.
+    """
+
+    def __init__(
+        self,
+        bus: I2CBus,
+        faults: dict[int | None, list[Fault]],
+        parts: dict[int, list[PartFault]],
+        now_ns: Callable[[], int],
+        seed: int,
+        spend_ns: Callable[[int], None] | None = None,
+    ):
+        self._bus = bus
+        self._faults = faults
+        self._parts = parts
+        self._now_ns = now_ns
+        self._spend_ns = spend_ns
+        self._draw = np.random.default_rng(seed)
+        self._seen: dict[tuple[int, bytes, int], bytes] = {}  # latest good reply to each question
+
+    def write(self, address: int, data: bytes) -> None:
+        active = self._at_the_wire(address)
+        if not any(fault.kind == "wrong_device" for fault in active):
+            self._bus.write(address, data)
+
+    def read(self, address: int, count: int) -> bytes:
+        return self._reply(address, b"", count, lambda: self._bus.read(address, count))
+
+    def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        return self._reply(address, data, count, lambda: self._bus.write_read(address, data, count))
+
+    def _at_the_wire(self, address: int) -> list[Fault]:
+        """Faults that act now; raises OSError for those that let no byte through."""
+        now_ns = self._now_ns()
+        for part in self._parts.get(address, ()):
+            while part.next_ns() <= now_ns:
+                part.happen()
+        active = [f for f in (*self._faults.get(None, ()), *self._faults.get(address, ())) if f.active(now_ns)]
+        for fault in active:
+            if fault.kind in ("no_acknowledge", "brown_out"):
+                raise no_acknowledge(address)
+            if fault.kind == "timeout":
+                if self._spend_ns is not None:
+                    self._spend_ns(TIMEOUT_NS)
+                raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
+        return active
+
+    def _reply(self, address: int, data: bytes, count: int, ask: Callable[[], bytes]) -> bytes:
+        kinds = {fault.kind: fault for fault in self._at_the_wire(address)}
+        if "wrong_device" in kinds:
+            return stranger(data, count)
+        question = (address, data, count)
+        if "stuck_value" in kinds and question in self._seen:
+            return self._seen[question]
+        reply = self._seen[question] = ask()
+        return hit(reply, kinds["bit_flips"].rate, self._draw) if "bit_flips" in kinds else reply
+
+
+def stranger(data: bytes, count: int) -> bytes:
+    """What a memory chip at the address would answer: consecutive bytes from the place it was pointed to."""
+    start = data[0] if data else 0
+    return bytes((start + i) % 256 for i in range(count))
+
+
+def hit(data: bytes, rate: float, draw: np.random.Generator) -> bytes:
+    """`data` with one bit turned over in each byte that chance (`rate` a byte) hits."""
+    struck = draw.random(len(data)) < rate
+    bits = 1 << draw.integers(0, 8, len(data))
+    return bytes(byte ^ int(bit) if hit_ else byte for byte, hit_, bit in zip(data, struck, bits, strict=True))
+
+
+class Line(Protocol):
+    baud: int
+
+    def read_available(self) -> bytes: ...
+
+    def write(self, data: bytes) -> None: ...
+
+    def collect(self, until_ns: int) -> None: ...
+
+
+class FaultyPort:
+    """A serial line on which things go wrong; satisfies `daq.bus.BytePort`.
+
+    Once unplugged it stays dead, as an open file of a device that is gone does: it has to be opened again.
+    """
+
+    def __init__(
+        self, line: Line, faults: Sequence[Fault], parts: Iterable[PartFault], now_ns: Callable[[], int], seed: int
+    ):
+        self._line = line
+        self._faults = faults
+        self._parts = list(parts)
+        self._now_ns = now_ns
+        self._opened_ns = now_ns()
+        self._draw = np.random.default_rng(seed)
+
+    @property
+    def baud(self) -> int:
+        return self._line.baud
+
+    @baud.setter
+    def baud(self, baud: int) -> None:
+        self._line.baud = baud
+
+    def read_available(self) -> bytes:
+        active = self._at_the_wire()
+        data = self._line.read_available()
+        if any(fault.kind in ("silent", "brown_out") for fault in active):
+            return b""
+        for fault in active:
+            if fault.kind == "checksum_errors":
+                data = hit(data, fault.rate, self._draw)
+        return data
+
+    def write(self, data: bytes) -> None:
+        if not any(fault.kind in ("silent", "brown_out") for fault in self._at_the_wire()):
+            self._line.write(data)
+
+    def _at_the_wire(self) -> list[Fault]:
+        now_ns = self._now_ns()
+        for part in self._parts:
+            while (due_ns := part.next_ns()) <= now_ns:
+                self._line.collect(int(due_ns) - 1)  # what it sent before, it sent as it was before
+                part.happen()
+        if any(f.kind == "unplugged" and f.start_ns <= now_ns and f.end_ns > self._opened_ns for f in self._faults):
+            raise OSError(errno.EIO, "device reports readiness to read but returned no data (device disconnected?)")
+        return [fault for fault in self._faults if fault.active(now_ns)]
