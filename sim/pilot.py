@@ -46,6 +46,7 @@ class Gains:
     pitch_rate_s: float = 0.12  # elevator per pitch rate
     speed_per_m: float = 0.12  # throttle per speed error
     speed_integral: float = 0.03
+    acceleration_s2_per_m: float = 0.15  # throttle per asked change of speed
     bank: float = 0.5
     bank_rate_s: float = 0.08
     heading: float = 1.2  # bank per heading error
@@ -183,11 +184,13 @@ class Pilot:
             return self._throttle
         most = MAX_SPEED_CHANGE_MPS2 * self._dt
         before = seen.V if self._speed is None else self._speed
-        self._speed = before + min(max(want.speed_mps - before, -most), most)
+        change = min(max(want.speed_mps - before, -most), most)
+        self._speed = before + change
         error = self._speed - seen.V
         gains, k = self._gains, self._gains.skill
         base = self._know(self._speed)[4]
-        throttle = base + k * gains.speed_per_m * error + self._throttle_integral
+        throttle = base + gains.acceleration_s2_per_m * change / self._dt
+        throttle += k * gains.speed_per_m * error + self._throttle_integral
         if 0 < throttle < 1:
             self._throttle_integral += k * gains.speed_integral * error * self._dt
         return min(max(throttle, 0.0), 1.0)

@@ -17,6 +17,8 @@ Story = Generator[Targets, Seen, None]
 LEVEL_OFF_S = 10.0  # at most, after a climb
 RECOVERY_S = 8.0  # after a manoeuvre
 ROLL_OUT_S = 5.0
+EXCURSION_SHARE = 0.75  # of a run's change of speed, by which its change of height is over
+PROGRESS_LAG_S = 1.0  # of the notion how far a run has come
 
 
 @dataclass
@@ -171,14 +173,17 @@ class Run:
         faster = until > seen.V
         first = craft.throttle
         steps = _steps(self.longest_s, craft)
-        offset = 0.0
+        offset, x, begun_at = 0.0, 0.0, seen.V
         for i in range(steps):
             t = i * craft.dt
             ramp = min(t / self.ramp_s, 1.0) if self.ramp_s > 0 else 1.0
-            # Half a sine wanders and returns; half a cosine ends at another height.
-            x = t / self.longest_s
+            # How much of the excursion is done, by speed, smoothly. Half a sine of that wanders and returns; half a cosine
+            # ends at another height.
+            done = min(max((seen.V - begun_at) / (until - begun_at) / EXCURSION_SHARE, 0.0), 1.0)
+            advance = (done - x) / PROGRESS_LAG_S
+            x += advance * craft.dt
             offset = self.wander_m * sin(pi * x) + self.end_higher_m * (1 - cos(pi * x)) / 2
-            rate = pi / self.longest_s * (self.wander_m * cos(pi * x) + self.end_higher_m * sin(pi * x) / 2)
+            rate = pi * advance * (self.wander_m * cos(pi * x) + self.end_higher_m * sin(pi * x) / 2)
             seen = yield Targets(
                 height_m=craft.height_m + offset,
                 climb_mps=rate,
