@@ -115,12 +115,17 @@ def fit_loss(fit: Fit, spectrum: Spectrum, size: int, lags: int) -> Array:
     loss = np.zeros((lags, *spectrum.shape[1:]))
     for piece in fit.pieces:
         S, own = piece.white.S, np.ix_(piece.columns, piece.columns)
-        O_S, S_D, S_DMD = through(spectrum, S, size), S @ D[own], S @ DMD[own]
+        thin = (through(spectrum, S, size), S @ D[own], S, S @ DMD[own])
+        O_S, S_D, S_, S_DMD = (factor.transpose(1, 0, 2) for factor in thin)
         for k in range(min(lags, len(S))):
-            early, late = slice(None, len(S) - k), slice(k, None)
-            loss[k] += np.einsum("noi,nqi->oq", S_D[late], O_S[early]) + np.einsum("noi,nqi->oq", O_S[late], S_D[early])
-            loss[k] -= np.einsum("noi,nqi->oq", S_DMD[late], S[early])
+            loss[k] += _outer(S_D, O_S, k) + _outer(O_S, S_D, k) - _outer(S_DMD, S_, k)
     return loss / sum(len(piece.segment) for piece in fit.pieces)
+
+
+def _outer(a: Array, b: Array, lag: int) -> Array:
+    """sum_i a_(i+lag) b_i', (outputs, outputs), of factors (outputs, n, numbers)."""
+    outputs, n, _ = a.shape
+    return a[:, lag:].reshape(outputs, -1) @ b[:, : n - lag].reshape(outputs, -1).T
 
 
 def noise_spectrum(fit: Fit, size: int) -> Spectrum:

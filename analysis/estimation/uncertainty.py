@@ -89,9 +89,9 @@ def block_bootstrap(fit: Fit, *, block_s: float, draws: int = 500, seed: int = 0
 
 def _sandwich(fit: Fit, method: str, middle: Array) -> Uncertainty:
     D = fit.covariance
-    prior = D @ fit.prior_information @ D
-    covariance = D @ middle @ D + prior
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):  # inf and NaN stay what they are where nothing is known
+        prior = D @ fit.prior_information @ D
+        covariance = D @ middle @ D + prior
         return Uncertainty(fit, method, covariance, np.diag(prior) / np.diag(covariance))
 
 

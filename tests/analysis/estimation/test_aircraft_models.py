@@ -1,0 +1,274 @@
+"""The aircraft's models against a Nexstar flown here, by an adaptive integrator and a control law of the test's own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from analysis.estimation import models, output_error, uncertainty
+from analysis.estimation.data import Segment
+from analysis.estimation.simulation import trace
+from flight import motion
+from flight.aerodynamics import aerodynamics_of, body_axes, lift_and_drag
+from flight.aircraft import load_aircraft
+from flight.atmosphere import GRAVITY_MPS2
+
+NEXSTAR = load_aircraft("nexstar")
+AERO = replace(aerodynamics_of(NEXSTAR), stall_angle_rad=1.5)  # attached flow only, as the models have it
+TRUE_POLAR = (AERO.CD0 + AERO.K * AERO.CL_minD**2, -2 * AERO.K * AERO.CL_minD, AERO.K)
+RHO, STEP_S = 1.2, 0.04
+m, S, chord = NEXSTAR.mass_kg, NEXSTAR.geometry.wing_area_m2, NEXSTAR.geometry.chord_m
+# Bench noise, Table 4.1, and a barometer's.
+BENCH_NOISE = {"V": 0.29, "alpha": 0.008, "ax": 0.058, "az": 0.058, "h": 0.3, "q": 0.005}
+
+
+def trim(V):
+    """alpha and elevator of level flight."""
+    CL = m * GRAVITY_MPS2 / (RHO * V**2 / 2 * S)
+    # CL0 + CLa a + CLde de = CL, Cm0 + Cma a + Cmde de = 0
+    matrix = [[AERO.CLa, AERO.CLde], [AERO.Cma, AERO.Cmde]]
+    return np.linalg.solve(matrix, [CL - AERO.CL0, -AERO.Cm0])
+
+
+def fly(V, thrust, elevator, duration_s, stop_at=None):
+    """Truth by name, sampled at 25 Hz. thrust(V, t) [N]; elevator(x, t) [rad], x = V, alpha, theta, q, h."""
+
+    def forces(x, t):
+        V, alpha, _, q, _ = x
+        CL, CD = lift_and_drag(AERO, alpha, elevator(x, t), q * chord / (2 * V))
+        return CL, CD, RHO * V**2 / 2 * S
+
+    def derivative(t, x):
+        V, alpha, theta, q, _ = x
+        CL, CD, qS = forces(x, t)
+        Vdot, alphadot, _ = motion.wind_axis_derivative(
+            V, alpha, 0, 0, theta, 0, q, 0, CL=CL, CD=CD, CY=0, T=thrust(V, t), m=m, qS=qS
+        )
+        Cm = AERO.Cm0 + AERO.Cma * alpha + AERO.Cmq * q * chord / (2 * V) + AERO.Cmde * elevator(x, t)
+        return [Vdot, alphadot, q, qS * chord * Cm / NEXSTAR.mass.Iy_kgm2, V * np.sin(theta - alpha)]
+
+    reached = None
+    if stop_at is not None:
+        reached = lambda t, x: x[0] - stop_at  # noqa: E731
+        reached.terminal = True
+    alpha, _ = trim(V)
+    path = solve_ivp(
+        derivative, (0, duration_s), [V, alpha, alpha, 0, 0], rtol=1e-8, atol=1e-9, dense_output=True, events=reached,
+        max_step=0.1,
+    )  # fmt: skip
+    t = np.arange(0, path.t[-1], STEP_S)
+    x = path.sol(t)
+    CL, CD, qS = np.array([forces(state, now) for state, now in zip(x.T, t, strict=True)]).T
+    T = np.array([thrust(state[0], now) for state, now in zip(x.T, t, strict=True)])
+    CX, CZ = body_axes(CL, CD, x[1])
+    return {
+        **dict(zip(("V", "alpha", "theta", "q", "h"), x, strict=True)),
+        "t_s": t,
+        "elevator": np.array([elevator(state, now) for state, now in zip(x.T, t, strict=True)]),
+        "thrust": T,
+        "J": x[0] / 22,  # about what a propeller of 10 inches does
+        "ax": (qS * CX + T) / m,
+        "az": qS * CZ / m,
+        "CL": CL,
+    }
+
+
+def hold_height(x, t):
+    V, _, theta, q, h = x
+    alpha_trim, elevator = trim(V)
+    return elevator + 0.3 * q + 0.3 * (theta - alpha_trim + 0.03 * h)
+
+
+def three_two_one_one(x, t):
+    """Ramps of two samples, their corners on samples: a servo's, and exactly what linear interpolation makes of it."""
+    corners = STEP_S * np.array([25, 27, 48, 50, 64, 66, 73, 75, 82, 84])
+    return trim(18.0)[1] + np.deg2rad(2.0) * np.interp(t, corners, [0, 1, 1, -1, -1, 1, 1, -1, -1, 0])
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """One acceleration and one deceleration through most of the speed range, without noise."""
+    return {
+        "acceleration": fly(12, lambda V, t: 14 * min(1, 0.4 + t / 2) * (1 - V / 40), hold_height, 20, stop_at=23),
+        "deceleration": fly(24, lambda V, t: 4 * max(0, 1 - t / 2) * (1 - V / 40), hold_height, 20, stop_at=12),
+    }
+
+
+@pytest.fixture(scope="module")
+def manoeuvre():
+    thrust = 0.5 * RHO * 18**2 * S * (TRUE_POLAR @ np.array([1, 0.5, 0.25]))
+    return fly(18, lambda V, t: thrust, three_two_one_one, 8)
+
+
+def measured(name, truth, noise=None, seed=0, wrong=None):
+    """A segment with noise of these standard deviations, and systematic errors by the models' parameter names."""
+    rng = np.random.default_rng(seed)
+    noise, wrong = noise or {}, wrong or {}
+    signal = {k: v + noise.get(k, 0.0) * rng.standard_normal(len(v)) for k, v in truth.items()}
+    signal["V"] = signal["V"] + wrong.get("V_scale", 0) * truth["V"]
+    signal["alpha"] = signal["alpha"] + wrong.get("alpha_scale", 0) * truth["alpha"] + wrong.get("alpha_bias", 0)
+    for channel in ("ax", "az", "q"):
+        signal[channel] = signal[channel] + wrong.get(f"{channel}_bias", 0)
+    signal["thrust"] = truth["thrust"] / (1 + wrong.get("thrust_scale", 0))
+    zero = np.zeros(len(truth["t_s"]))
+    inputs = {"phi": zero, "p": zero, "r": zero, "beta": zero, "rho": zero + RHO}
+    inputs |= {k: signal[k] for k in ("thrust", "J", "elevator", "q")} | {"theta": truth["theta"]}
+    outputs = {k: signal[k] for k in ("V", "alpha", "ax", "az", "h", "q")}
+    return Segment(name=name, t_s=truth["t_s"], u=inputs, z=outputs)
+
+
+def power_W(p, V):
+    CL = m * GRAVITY_MPS2 / (RHO * V**2 / 2 * S)
+    return RHO * V**3 / 2 * S * (p.A0 + p.A1 * CL + p.A2 * CL**2)
+
+
+SPEEDS = np.array([38, 55, 75]) * 0.3048
+TRUE_POWER_W = RHO * SPEEDS**3 / 2 * S * np.array(
+    [np.polyval(TRUE_POLAR[::-1], m * GRAVITY_MPS2 / (RHO * V**2 / 2 * S)) for V in SPEEDS]
+)  # fmt: skip
+
+
+ALL_MODELS = {
+    "two_state": models.two_state(NEXSTAR),
+    "pitch_and_height": models.pitch_and_height(NEXSTAR),
+    "pitch_and_height with climb rate": models.pitch_and_height(NEXSTAR, climb_rate=True),
+    "longitudinal": models.longitudinal(NEXSTAR),
+    "wind_axis_forces": models.wind_axis_forces(NEXSTAR),
+}
+
+
+@pytest.mark.parametrize("name", ALL_MODELS)
+def test_sensitivities_are_those_of_a_complex_step(name):
+    """Every shipped model, in flight with bank and sideslip, against RK4 in complex arithmetic: to 1e-8."""
+    model = ALL_MODELS[name].changed(CLq={"free": True, "start": 4.0})
+    rng = np.random.default_rng(0)
+    n = 60
+    typical = {"V": 18.0, "thrust": 6.0, "J": 0.5, "rho": 1.2, "alpha": 0.05, "theta": 0.05}
+    wobble = 0.05 * np.sin(np.linspace(0, 9, n)[:, None] + 2 * np.pi * rng.random(len(model.inputs)))
+    U = np.array([typical.get(i, 0.0) for i in model.inputs]) + wobble
+    x0 = np.array([typical.get(s, 0.02) for s in model.states])
+    p = np.array([q.start for q in model.parameters]) + 0.01 * rng.standard_normal(len(model.parameters))
+    names = tuple(q.name for q in model.parameters)
+    S = trace(model, names).run(x0, U, p, STEP_S).S
+
+    def respond(x, p):
+        y = np.zeros((n, len(model.outputs)), dtype=complex)
+
+        def f(x, u):
+            return np.array(model.evaluate_dynamics(x, u, p))
+
+        for k in range(n):
+            y[k] = model.evaluate_outputs(x, U[k], p)
+            if k < n - 1 and len(x):
+                middle = (U[k] + U[k + 1]) / 2
+                k1 = f(x, U[k])
+                k2 = f(x + STEP_S / 2 * k1, middle)
+                k3 = f(x + STEP_S / 2 * k2, middle)
+                k4 = f(x + STEP_S * k3, U[k + 1])
+                x = x + STEP_S / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return y
+
+    numbers = np.concatenate([p, x0])
+    for i in range(len(numbers)):
+        shifted = numbers.astype(complex)
+        shifted[i] += 1e-30j
+        column = respond(shifted[len(p) :], shifted[: len(p)]).imag / 1e-30
+        assert np.abs(S[:, :, i] - column).max() <= 1e-8 * max(1.0, np.abs(column).max())
+
+
+def test_the_models_do_not_read_what_the_simulator_flies(runs):
+    stripped = replace(NEXSTAR, aerodynamics=None)
+    segments = [measured(name, truth) for name, truth in runs.items()]
+    assert models.quick_start(stripped, segments) == models.quick_start(NEXSTAR, segments)
+    for build in (models.two_state, models.pitch_and_height, models.longitudinal, models.wind_axis_forces):
+        assert [q.start for q in build(stripped).parameters] == [q.start for q in build(NEXSTAR).parameters]
+
+
+def test_pitch_and_height_finds_the_power_of_flawed_sensors(runs):
+    """Systematic errors drawn from their priors, bench noise on all else but the gyro, which the model takes as
+    exact: the power lies within four of its own standard errors, and within 10 %, at low, middle and high speed."""
+    model = models.pitch_and_height(NEXSTAR)
+    spread = {q.name: q.prior_sigma for q in model.parameters if np.isfinite(q.prior_sigma) and q.name != "CLde"}
+    deviation = []
+    for seed in range(6):
+        rng = np.random.default_rng(100 + seed)
+        wrong = {name: sigma * rng.standard_normal() for name, sigma in spread.items()}
+        noise = BENCH_NOISE | {"q": 0.0}
+        segments = [measured(k, truth, noise, 2 * seed + i, wrong) for i, (k, truth) in enumerate(runs.items())]
+        fit = output_error.estimate(model, segments, start=models.quick_start(NEXSTAR, segments))
+        assert fit.verdict.ok
+        power = uncertainty.delta(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
+        deviation.append((power.value - TRUE_POWER_W) / power.standard_error)
+        assert power.value == pytest.approx(TRUE_POWER_W, rel=0.10)
+    # 18 deviations, correlated among the three speeds, of unit variance: rms 1 +- 0.25.
+    assert np.abs(deviation).max() < 4
+    assert np.sqrt(np.mean(np.square(deviation))) < 1.8
+
+
+def test_gyro_noise_costs_accuracy_but_not_the_result(runs):
+    model = models.pitch_and_height(NEXSTAR)
+    for seed in range(2):
+        segments = [measured(k, truth, BENCH_NOISE, 2 * seed + i) for i, (k, truth) in enumerate(runs.items())]
+        fit = output_error.estimate(model, segments, start=models.quick_start(NEXSTAR, segments))
+        assert fit.verdict.ok
+        assert power_W(fit.shared(), SPEEDS) == pytest.approx(TRUE_POWER_W, rel=0.15)
+
+
+def test_two_states_with_true_pitch_angle(runs):
+    segments = [measured(k, t, BENCH_NOISE | {"q": 0.0}, i) for i, (k, t) in enumerate(runs.items())]
+    fit = output_error.estimate(models.two_state(NEXSTAR), segments, start=models.quick_start(NEXSTAR, segments))
+    assert fit.verdict.ok
+    power = uncertainty.delta(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
+    assert np.all(np.abs(power.value - TRUE_POWER_W) < 4 * power.standard_error)
+
+
+def test_a_3211_input_shows_the_pitching_moment_and_lift_due_to_pitch_rate(manoeuvre):
+    model = models.longitudinal(NEXSTAR)
+    quiet = {"V": 0.1, "alpha": 0.001, "q": 0.001, "ax": 0.03, "az": 0.03, "h": 0.1}
+    fit = output_error.estimate(model, measured("3211", manoeuvre, quiet))
+    assert fit.verdict.ok
+    for name in ("CLa", "CLde", "CLq", "Cm0", "Cma", "Cmq", "Cmde"):
+        estimate = fit.parameters[name]
+        assert abs(estimate.value - getattr(AERO, name)) < 4 * estimate.standard_error, name
+    for name in ("Cma", "Cmq", "Cmde"):
+        assert fit.parameters[name].standard_error < 0.05 * abs(fit.parameters[name].value)
+    assert uncertainty.t_tests(uncertainty.cramer_rao(fit))["Cma"].significant
+
+
+def test_forces_on_a_known_path_give_the_polar_back(runs):
+    segments = []
+    for name, truth in runs.items():
+        segment = measured(name, truth)
+        z = models.wind_axis_outputs(truth["ax"], truth["az"], truth["alpha"])
+        segments.append(
+            Segment(name=name, t_s=segment.t_s, u=segment.u | {"V": truth["V"], "alpha": truth["alpha"]}, z=z)
+        )
+    exact = {"thrust_scale": {"free": False}, "thrust_slope": {"free": False}}
+    model = models.wind_axis_forces(NEXSTAR).changed(**exact, CLq={"start": AERO.CLq}, CLde={"prior_sigma": np.inf})
+    p = output_error.estimate(model, segments).shared()
+    assert (p.A0, p.A1, p.A2) == pytest.approx(TRUE_POLAR, rel=1e-5)
+    assert (p.CL0, p.CLa, p.CLde) == pytest.approx((AERO.CL0, AERO.CLa, AERO.CLde), rel=1e-5)
+
+
+def test_quick_start_is_close_on_clean_data_and_generic_on_nonsense(runs):
+    clean = models.quick_start(NEXSTAR, [measured(k, t) for k, t in runs.items()])
+    assert (clean["A0"], clean["A2"]) == pytest.approx((TRUE_POLAR[0], TRUE_POLAR[2]), rel=0.02)
+    assert clean["CLa"] == pytest.approx(AERO.CLa, rel=0.05)
+    upside_down = measured("nonsense", runs["acceleration"] | {"az": -runs["acceleration"]["az"]})
+    generic = models.quick_start(NEXSTAR, upside_down)
+    assert generic["CLa"] == models.lift_slope(NEXSTAR.aspect_ratio)
+
+
+def test_lift_slope_of_long_and_of_vanishing_wings():
+    """Thin airfoil theory, 2 pi, for a wing without ends; Jones' slender wing, pi AR / 2, for one without span."""
+    assert models.lift_slope(1e6) == pytest.approx(2 * np.pi, rel=1e-4)
+    assert models.lift_slope(1e-3) == pytest.approx(np.pi / 2 * 1e-3, rel=1e-3)
+
+
+def test_state_at_the_start_of_a_climb():
+    t = np.arange(50) * STEP_S
+    segment = Segment(name="climb", t_s=t, u={}, z={"V": 20 + 0 * t, "alpha": 0.05 + 0 * t, "h": 100 + 2 * t})
+    state = models.level_flight_state(segment)
+    assert state["theta"] == pytest.approx(0.05 + np.arcsin(2 / 20))
+    assert state["h"] == pytest.approx(100)
