@@ -52,7 +52,12 @@ def maker(table: SensorTable, tray: Tray, buses: Buses, aircraft: Aircraft | Non
                 reversed_ports=table.reversed_ports,
             )
         case config.UBlox():
-            return lambda: UBlox(buses.port(table.port, table.baud), rate_Hz=table.rate_Hz, baud=table.baud)
+            return lambda: UBlox(
+                buses.port(table.port, table.baud),
+                rate_Hz=table.rate_Hz,
+                baud=table.baud,
+                reopen=lambda baud: buses.port(table.port, baud),
+            )
         case config.UBloxDdc():
             return lambda: UBlox(DdcPort(buses.i2c(table.bus), table.address), rate_Hz=table.rate_Hz, baud=None)
         case config.Navio2():

@@ -6,14 +6,14 @@ which is what a receiver needs that lost its supply.
 """
 
 import calendar
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from pyubx2 import SET, UBXMessage, UBXReader
 from pyubx2.exceptions import UBXMessageError, UBXParseError, UBXTypeError
 
 from daq.bus import BytePort
-from daq.sensors import Sample
+from daq.sensors import Sample, SensorFailure
 from flight.messages import Gps, Status
 
 SYNC = b"\xb5\x62"
@@ -21,16 +21,32 @@ OVERHEAD = 8  # sync, class, id, length, checksum
 PVT_PAYLOAD = 92
 LONGEST_PAYLOAD = 1024  # what claims to be longer than anything we ask for is not a frame
 NAV_PVT, ACK_ACK, ACK_NAK = b"\x01\x07", b"\x05\x01", b"\x05\x00"
+FACTORY_BAUD = 9600
+SWITCH_S = 0.1  # CFG-PRT lasts 29 ms at 9600 baud, and the receiver takes a moment to change
 ACK_TIMEOUT_NS = 1_000_000_000
 SILENCE_NS = 1_500_000_000  # no solution for this long is `no_data`; a receiver without fix still sends solutions
 WITH_POSITION = (2, 3, 4)  # fixType: 2D, 3D, GNSS with dead reckoning
 
 
 class UBlox:
-    """The receiver on `port`. rate_Hz: of the solutions, 1 to 10."""
+    """The receiver on `port`. rate_Hz: of the solutions, 1 to 10. baud: of the port, None on I2C.
 
-    def __init__(self, port: BytePort, *, rate_Hz: float = 10.0, baud: int | None = 38400):
+    reopen: opens the same port at another rate. With it, a receiver that still speaks (or has fallen back to) its
+    factory rate is first told to use ours.
+    """
+
+    def __init__(
+        self,
+        port: BytePort,
+        *,
+        rate_Hz: float = 10.0,
+        baud: int | None = 38400,
+        reopen: Callable[[int], BytePort] | None = None,
+    ):
         self._port = port
+        self._baud = baud
+        self._reopen = reopen
+        self._silences = 0
         self._commands = configuration(rate_Hz, baud)
         self._buffer = bytearray()
         self._to_send: list[bytes] = []
@@ -40,8 +56,12 @@ class UBlox:
         self.refused: list[str] = []  # commands the receiver said no to
 
     def start(self) -> Iterator[float]:
-        """Nothing to wait for: commands go out, and acknowledgements come in, tick by tick."""
+        """Bring the receiver to our baud rate; the rest of the configuration goes out tick by tick."""
         self._to_send = list(self._commands)
+        if self._reopen is not None and self._baud not in (None, FACTORY_BAUD):
+            self._reopen(FACTORY_BAUD).write(self._commands[0])  # to a receiver at our rate this is noise
+            yield SWITCH_S
+            self._port = self._reopen(self._baud)
         yield 0.0
 
     def read(self, now_ns: int) -> list[Sample]:
@@ -62,14 +82,21 @@ class UBlox:
                 self._to_send.pop(0)
                 self._sent_ns = None
         if samples:
-            self._last_ns, self._corrupt = now_ns, False
+            self._last_ns, self._corrupt, self._silences = now_ns, False, 0
         elif now_ns - self._last_ns >= SILENCE_NS:
-            self._last_ns = now_ns
-            self._to_send, self._sent_ns = list(self._commands), None
-            samples.append(Sample("/gps", now_ns, Gps(status=Status.CORRUPT if self._corrupt else Status.NO_DATA)))
-            self._corrupt = False
+            samples.append(Sample("/gps", now_ns, self._silence(now_ns)))
         self._configure(now_ns)
         return samples
+
+    def _silence(self, now_ns: int) -> Gps:
+        """Configure the receiver again; after the second time in a row, bring it up from its factory rate."""
+        status = Status.CORRUPT if self._corrupt else Status.NO_DATA
+        self._silences += 1
+        if self._silences > 1 and self._reopen is not None:
+            raise SensorFailure(status, "the receiver is silent" if status is Status.NO_DATA else "damaged data only")
+        self._last_ns, self._corrupt = now_ns, False
+        self._to_send, self._sent_ns = list(self._commands), None
+        return Gps(status=status)
 
     def _configure(self, now_ns: int) -> None:
         due = self._sent_ns is None or now_ns - self._sent_ns >= ACK_TIMEOUT_NS

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from pyubx2 import GET, SET, UBXMessage, UBXReader
 from scripted_parts import ScriptedPort, bring_up, pieces
 
+from daq.sensors import SensorFailure
 from daq.sensors.ublox import ACK_ACK, ACK_NAK, UBlox, configuration, frame_of, solution, take_frames
 from flight.messages import Gps, Status
 
@@ -134,3 +135,39 @@ def test_damaged_solutions_are_corrupt_rather_than_silent():
         port.incoming.append(damaged)
         samples += sensor.read(tick * TICK_NS)
     assert [sample.message.status for sample in samples] == [Status.CORRUPT]
+
+
+class Line:
+    """A receiver that understands only its own baud rate, and changes it when told to."""
+
+    def __init__(self, baud: int):
+        self.baud = baud
+
+    def open(self, baud: int) -> ScriptedPort:
+        port = ScriptedPort()
+        port.write = lambda data: self.told(baud, data)
+        port.read_available = lambda: PVT if baud == self.baud else b"\x80" * 20
+        return port
+
+    def told(self, baud: int, data: bytes) -> None:
+        if baud == self.baud and data[2:4] == b"\x06\x00":
+            self.baud = int.from_bytes(data[14:18], "little")
+
+
+@pytest.mark.parametrize("baud", [9600, 38400])
+def test_a_receiver_at_its_factory_rate_or_at_ours_ends_up_at_ours(baud):
+    line = Line(baud)
+    sensor = UBlox(line.open(38400), reopen=line.open)
+    assert bring_up(sensor) < 0.5
+    assert sensor.read(0)[0].message.status is Status.OK and line.baud == 38400
+
+
+def test_a_receiver_that_falls_back_to_its_factory_rate_is_brought_up_again():
+    line = Line(38400)
+    sensor = UBlox(line.open(38400), reopen=line.open)
+    bring_up(sensor)
+    sensor.read(0)
+    line.baud = 9600
+    with pytest.raises(SensorFailure, match="silent"):
+        for tick in range(100):
+            sensor.read(tick * TICK_NS)
