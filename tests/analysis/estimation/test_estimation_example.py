@@ -1,0 +1,49 @@
+"""The worked example in the documentation runs, is short, finds what went in, and prints what it says it prints."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+TEXT = (Path(__file__).parents[3] / "docs" / "estimation-example.md").read_text("utf-8")
+CODE = re.search(r"```python\n(.*?)```", TEXT, re.DOTALL)[1]
+PRINTED = re.search(r"```text\n(.*?)```", TEXT, re.DOTALL)[1]
+
+
+@pytest.fixture(scope="module")
+def ran():
+    scope: dict = {}
+    exec(compile(CODE, "docs/estimation-example.md", "exec"), scope)
+    return scope
+
+
+def test_it_is_under_forty_lines():
+    assert sum(bool(line.strip()) for line in CODE.splitlines()) < 40
+
+
+def test_it_finds_what_went_in(ran):
+    fit, errors = ran["fit"], ran["corrected"].standard_errors
+    assert fit.verdict.ok
+    # The data are a small swing's, the model has the sine: 0.1 rad swings slower by 0.1^2/16, 0.06 % of frequency.
+    for name, truth in (("stiffness", 36 * 1.00125), ("damping", 0.8), ("theta_bias", 0.01)):
+        assert abs(fit.parameters[name].value - truth) < 4 * errors[name], name
+    assert abs(ran["frequency"].value[0] - 0.9528) < 4 * ran["frequency"].standard_error[0] + 0.0006
+
+
+def test_the_page_shows_what_it_prints(capsys):
+    """Numbers to 1 %: the last digits belong to the machine."""
+    exec(compile(CODE, "docs/estimation-example.md", "exec"), {})
+    number = re.compile(r"-?\d+\.\d+")
+    shown, printed = capsys.readouterr().out, PRINTED
+    assert number.sub("#", shown).split() == number.sub("#", printed).split()
+    assert [float(x) for x in number.findall(shown)] == pytest.approx(
+        [float(x) for x in number.findall(printed)], rel=0.01
+    )
+
+
+def test_what_it_says_of_the_flap_is_true(ran):
+    from analysis.estimation import output_error
+
+    fit = output_error.estimate(ran["wing"], ran["released"])
+    assert "not identifiable: the data do not notice flap_effect" in fit.verdict.text
+    assert "not identifiable: the data do not notice flap_effect" in TEXT
