@@ -1,4 +1,4 @@
-"""The command line of the simulator: `sim fly`, `sim tunnel`, `sim trim`.
+"""The command line of the simulator: `sim fly`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
 
 The top floor, where simulator, fake hardware and daemon meet; nothing imports it.
 """
@@ -187,6 +187,59 @@ def trim(
     console = Console()
     console.print(table)
     console.print(f"stall {trimmer.V_stall:.2f} m/s, highest level speed {trimmer.V_max:.2f} m/s")
+
+
+@app.command(name="modes")
+def show_modes(
+    aircraft: AircraftOption = "nexstar",
+    height: Annotated[float, typer.Option(help="Above the ground [m].")] = 100.0,
+    speed: Annotated[float | None, typer.Option(help="Airspeed [m/s]; 1.6 times the stall speed otherwise.")] = None,
+) -> None:
+    """Short period, phugoid, dutch roll, roll and spiral about level trim."""
+    import numpy as np
+
+    from sim.modes import modes
+    from sim.plant import plant_of
+    from sim.trim import Trimmer
+
+    trimmer = Trimmer(plant_of(load_aircraft(aircraft)), height)
+    V = speed if speed is not None else 1.6 * trimmer.V_stall
+    found = modes(trimmer.plant, trimmer.solve(V=V, climb=0.0))
+    table = Table(title=f"{trimmer.plant.aircraft.title}, {V:.2f} m/s, {height:.0f} m")
+    for heading in ("mode", "eigenvalue [1/s]", "frequency [Hz]", "damping", "period [s]", "time constant [s]"):
+        table.add_column(heading, justify="left" if heading == "mode" else "right")
+    for mode in found:
+        swings = bool(mode.eigenvalue.imag)
+        table.add_row(
+            mode.name,
+            f"{mode.eigenvalue:.3f}" if swings else f"{mode.eigenvalue.real:.4f}",
+            f"{mode.natural_frequency_radps / (2 * np.pi):.3f}" if swings else "",
+            f"{mode.damping:.3f}" if swings else "",
+            f"{mode.period_s:.2f}" if swings else "",
+            f"{mode.time_constant_s:.2f}",
+        )
+    Console().print(table)
+
+
+@app.command()
+def plot(
+    truth: Annotated[Path, typer.Argument(help="truth.parquet of a simulated flight, or its directory.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="HTML file to write.")],
+    replace: ReplaceOption = False,
+) -> None:
+    """Draw what a flight was: speeds, height, angles, controls, power. Needs the [analysis] extra for plotly."""
+    from sim.plot import figure
+    from sim.truth import read_truth
+
+    if output.exists() and not replace:
+        raise InputError(f"{output}: exists already; give another name, or --replace")
+    table, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
+    drawn = figure(table, metadata)
+    try:
+        drawn.write_html(output, include_plotlyjs=True)
+    except OSError as error:
+        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+    print(f"{output}: {len(table)} instants", file=sys.stderr)
 
 
 @contextmanager

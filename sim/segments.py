@@ -177,8 +177,8 @@ class Run:
         for i in range(steps):
             t = i * craft.dt
             ramp = min(t / self.ramp_s, 1.0) if self.ramp_s > 0 else 1.0
-            # How much of the excursion is done, by speed, smoothly. Half a sine of that wanders and returns; half a cosine
-            # ends at another height.
+            # How much of the excursion is done, by speed, smoothly. Half a sine of that wanders and returns; half a
+            # cosine ends at another height.
             done = min(max((seen.V - begun_at) / (until - begun_at) / EXCURSION_SHARE, 0.0), 1.0)
             advance = (done - x) / PROGRESS_LAG_S
             x += advance * craft.dt

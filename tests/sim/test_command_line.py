@@ -1,0 +1,109 @@
+"""The commands as a person types them: what they write, and one clear line with exit code 2 when they cannot."""
+
+import sys
+
+import pandas as pd
+import pytest
+
+from flight.log_reader import read_log
+from sim.__main__ import main
+from sim.truth import read_truth
+
+SHORT = """
+title = "stand, hop, stand"
+[[segment]]
+kind = "stand"
+duration = "2 s"
+[[segment]]
+kind = "take-off"
+[[segment]]
+kind = "hold"
+duration = "3 s"
+[[segment]]
+kind = "land"
+"""
+
+
+@pytest.fixture
+def sim(monkeypatch, capsys, tmp_path):
+    """Run the command in an empty directory; gives exit code and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["sim", *arguments])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+            raise SystemExit(0)
+        return stopped.value.code or 0, capsys.readouterr().err.strip()
+
+    (tmp_path / "short.toml").write_text(SHORT, "utf-8")
+    return run
+
+
+def test_fly_writes_truth_curve_tray_and_log(sim, tmp_path):
+    code, _ = sim("fly", "--plan", "short.toml", "--seed", "3", "-o", "out")
+    assert code == 0
+    out = tmp_path / "out"
+    truth, metadata = read_truth(out / "truth.parquet")
+    assert metadata["seed"] == "3" and metadata["errors"]["seed"] == 3
+    curve = pd.read_csv(out / "truth_power_required.csv")
+    assert (curve["power_W"] > 0).all() and curve["speed_mps"].is_monotonic_increasing
+    log = read_log(out / "log.mcap")
+    assert len(log.entries["/imu"]) == pytest.approx(25 * truth["time_s"].iloc[-1], rel=0.02)
+    flown = [
+        e.message.differential_pressure_Pa for e in log.entries["/probe/airspeed"] if e.message.differential_pressure_Pa
+    ]
+    assert max(flown) > 100  # it did fly
+
+    before = (out / "log.mcap").read_bytes()
+    code, said = sim("fly", "--plan", "short.toml", "-o", "out")
+    assert code == 2 and "already holds" in said and (out / "log.mcap").read_bytes() == before
+    code, _ = sim("fly", "--plan", "short.toml", "-o", "out", "--replace")
+    assert code == 0 and (out / "log.mcap").read_bytes() != before
+
+
+def test_a_real_log_is_never_replaced(sim, tmp_path):
+    (tmp_path / "flight").mkdir()
+    (tmp_path / "flight" / "log.mcap").write_bytes(b"a day's work")
+    code, said = sim("fly", "--plan", "short.toml", "-o", "flight", "--replace")
+    assert code == 2 and "not a simulated flight" in said
+    assert (tmp_path / "flight" / "log.mcap").read_bytes() == b"a day's work"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["fly", "-o", "out", "--aircraft", "spitfire"], "spitfire"),
+        (["fly", "-o", "out", "--plan", "missing.toml"], "missing.toml"),
+        (["fly", "-o", "out", "--errors", "missing.toml"], "missing.toml"),
+        (["fly", "-o", "out", "--probe", "missing.json"], "missing.json"),
+        (["fly", "-o", "short.toml/out", "--plan", "short.toml"], "short.toml"),
+        (["trim", "--speed", "5"], "stalls at"),
+        (["modes", "--speed", "90"], "level flight is possible up to"),
+        (["plot", "short.toml", "-o", "x.html"], "short.toml"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(sim, tmp_path, arguments, said):
+    code, err = sim(*arguments)
+    assert code == 2
+    assert said in err and "\n" not in err and err.startswith("sim: ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_trim_modes_and_plot(sim, tmp_path, flight):
+    assert sim("trim", "--climb", "1")[0] == 0
+    assert sim("modes")[0] == 0
+    from sim.truth import write_truth
+
+    write_truth(tmp_path / "truth.parquet", flight.truth, flight.metadata, flight.power_required)
+    assert sim("plot", ".", "-o", "flight.html")[0] == 0
+    assert (tmp_path / "flight.html").stat().st_size > 100_000
+    code, said = sim("plot", ".", "-o", "flight.html")
+    assert code == 2 and "exists already" in said
+
+
+def test_tunnel(sim, tmp_path):
+    assert sim("tunnel", "-o", "tunnel.csv")[0] == 0
+    first = (tmp_path / "tunnel.csv").read_bytes()
+    code, said = sim("tunnel", "-o", "tunnel.csv", "--seed", "2")
+    assert code == 2 and "exists already" in said and (tmp_path / "tunnel.csv").read_bytes() == first
