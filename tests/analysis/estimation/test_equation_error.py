@@ -1,0 +1,82 @@
+"""Equation error on a short period: exact without noise, good enough to start output error with noise."""
+
+import numpy as np
+import pytest
+
+from analysis.estimation import equation_error, output_error
+from analysis.estimation.data import Segment
+from analysis.estimation.model import Model, Parameter
+from analysis.estimation.simulation import trace
+from flight.errors import InputError
+
+TRUE = {"Zal": -1.5, "Mal": -20.0, "Mq": -3.0, "Mde": -25.0}
+STEP_S, N = 0.02, 500
+T_S = np.arange(N) * STEP_S
+DE = 0.05 * np.sin(3 * T_S + 0.3 * T_S**2)  # a sweep from 0.5 to 1.4 Hz
+MODEL = Model(
+    name="short period",
+    states=("alpha", "q"),
+    inputs=("de",),
+    outputs=("alpha", "q", "az"),
+    parameters=tuple(Parameter(name=name, start=0.0) for name in TRUE),
+    dynamics=lambda x, u, p: (p.Zal * x.alpha + x.q, p.Mal * x.alpha + p.Mq * x.q + p.Mde * u.de),
+    output_function=lambda x, u, p: (x.alpha, x.q, 20 * p.Zal * x.alpha),
+)
+CLEAN = trace(MODEL, ()).run(np.zeros(2), DE[:, None], np.array(list(TRUE.values())), STEP_S).y
+
+
+def segment(sigma=0.0, seed=0):
+    z = CLEAN + sigma * CLEAN.std(axis=0) * np.random.default_rng(seed).standard_normal(CLEAN.shape)
+    return Segment(name="sweep", t_s=T_S, u={"de": DE}, z=dict(zip(MODEL.outputs, z.T, strict=True)))
+
+
+def test_without_noise_the_low_pass_leaves_the_equation_whole():
+    """From starting values of zero. What remains is the kernel's sampling, and its ends, cut at 6e-5."""
+    p = equation_error.estimate(MODEL, segment(), smoothing_s=0.06).shared()
+    for name, value in TRUE.items():
+        assert getattr(p, name) == pytest.approx(value, rel=2e-3), name
+
+
+def test_smoothing_is_what_takes_care_of_the_errors_in_the_regressors():
+    """30 % noise in a regressor shrinks its coefficient by 0.3^2/(1 + 0.3^2) = 8 %. A low-pass three samples wide
+    leaves 1/(2 sqrt(pi) 3) = 9 % of the noise's variance, so that less than 1 % of shrinkage remains."""
+    off = {}
+    for smoothing_s in (0.01, 0.06):
+        p = [equation_error.estimate(MODEL, segment(0.3, s), smoothing_s=smoothing_s).shared() for s in range(20)]
+        off[smoothing_s] = max(abs(np.mean([getattr(x, n) for x in p]) / v - 1) for n, v in TRUE.items())
+    assert off[0.06] < 0.03  # 1 %, and the mean of 20 records
+    assert off[0.01] > 0.05
+
+
+def test_it_starts_output_error_from_nothing():
+    noisy = segment(0.05, 1)
+    first = equation_error.estimate(MODEL, noisy, smoothing_s=0.06).shared()
+    fit = output_error.estimate(MODEL, noisy, start={name: getattr(first, name) for name in TRUE})
+    assert fit.verdict.ok and fit.iterations <= 8
+    for name, value in TRUE.items():
+        assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].standard_error
+
+
+def test_a_gap_takes_out_only_what_it_reaches():
+    holed = segment()
+    holed.z["q"][200:205] = np.nan
+    fit = equation_error.estimate(MODEL, holed, smoothing_s=0.06)
+    full = equation_error.estimate(MODEL, segment(), smoothing_s=0.06)
+    kernel = 2 * 12 + 1
+    assert full.samples - fit.samples == 3 * (5 + kernel - 1)
+    assert fit.shared().Mq == pytest.approx(TRUE["Mq"], rel=2e-3)
+
+
+def test_what_it_cannot_do_is_said():
+    with pytest.raises(InputError, match="sweep: 500 samples are too few for smoothing over 2 s"):
+        equation_error.estimate(MODEL, segment(), smoothing_s=2.0)
+    hidden = Model(
+        name="hidden",
+        states=("x",),
+        outputs=("y",),
+        parameters=(Parameter(name="k", start=1.0),),
+        dynamics=lambda x, u, p: (-p.k * x.x,),
+        output_function=lambda x, u, p: (2 * x.x,),
+    )
+    with pytest.raises(InputError, match="hidden: equation error needs every state measured; x is no output"):
+        equation_error.regression_of(hidden)
