@@ -191,7 +191,7 @@ def test_pitch_and_height_finds_the_power_of_flawed_sensors(runs):
     model = models.pitch_and_height(NEXSTAR)
     spread = {q.name: q.prior_sigma for q in model.parameters if np.isfinite(q.prior_sigma) and q.name != "CLde"}
     deviation = []
-    for seed in range(6):
+    for seed in range(4):
         rng = np.random.default_rng(100 + seed)
         wrong = {name: sigma * rng.standard_normal() for name, sigma in spread.items()}
         noise = BENCH_NOISE | {"q": 0.0}
@@ -201,9 +201,9 @@ def test_pitch_and_height_finds_the_power_of_flawed_sensors(runs):
         power = uncertainty.delta(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
         deviation.append((power.value - TRUE_POWER_W) / power.standard_error)
         assert power.value == pytest.approx(TRUE_POWER_W, rel=0.10)
-    # 18 deviations, correlated among the three speeds, of unit variance: rms 1 +- 0.25.
+    # 12 deviations, correlated among the three speeds, of unit variance: rms 1 +- 0.3.
     assert np.abs(deviation).max() < 4
-    assert np.sqrt(np.mean(np.square(deviation))) < 1.8
+    assert np.sqrt(np.mean(np.square(deviation))) < 1.9
 
 
 def test_gyro_noise_costs_accuracy_but_not_the_result(runs):

@@ -56,7 +56,7 @@ def fit_noisy(noise, **options):
     return output_error.estimate(SHORT_PERIOD, segment, **options)
 
 
-@pytest.mark.parametrize("colour", [first_order, moving_average, passed_on])
+@pytest.mark.parametrize("colour", [first_order, pytest.param(moving_average, marks=pytest.mark.slow), passed_on])
 def test_corrected_intervals_cover_on_coloured_noise_and_white_ones_do_not(colour):
     """100 seeds, 6 numbers: coverage is known to sqrt(0.95 0.05 / 100) = 2 % at most, the numbers being correlated."""
     inside: dict[str, list] = {"Cramer-Rao": [], "corrected": []}
