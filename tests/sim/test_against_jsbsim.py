@@ -32,6 +32,7 @@ ground_temperature = "{SEA_LEVEL_TEMPERATURE_K} K"
 """
 RUN = '[[segment]]\nkind = "run"\nthrottle = 1.0\nspeed_of_max = 0.93\n'
 DOUBLET = '[[segment]]\nkind = "3-2-1-1"\namplitude = "4 deg"\nunit = "0.3 s"\nrest = "3 s"\n'
+MANOEUVRE_S = 5.0
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +47,6 @@ def other(standard_plant, tmp_path):
     fdm.set_debug_level(0)
     assert fdm.load_model(write(standard_plant, tmp_path))
     fdm.set_dt(0.02 / STEPS)
-    fdm["simulation/gravity-model"] = 0
 
     def start(x: State):
         steer(fdm, x.elevator, x.aileron, x.rudder, x.motor)
@@ -99,7 +99,8 @@ def test_our_trim_is_trimmed_there(standard_plant, other, over_stall):
 @pytest.mark.parametrize("manoeuvre", [RUN, DOUBLET], ids=["acceleration", "elevator"])
 def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, manoeuvre):
     truth = fly(nexstar, parse_plan(HEAD + manoeuvre, "comparison")).truth
-    truth = truth[truth["segment"] == 0].iloc[: 10 * 50]
+    # Without the recovery after the elevator input, when the motor jumps faster than JSBSim shows its thrust.
+    truth = truth[truth["segment"] == 0].iloc[: None if manoeuvre == RUN else round(MANOEUVRE_S / 0.02)]
     columns = ("elevator_rad", "aileron_rad", "rudder_rad", "motor_speed_revps")
     controls = truth[list(columns)].to_numpy()
     first = truth.iloc[0]
@@ -133,4 +134,4 @@ def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, manoeuvre):
     # JSBSim says the thrust of the step before: power is compared with the speed and motor of each instant.
     power = truth["thrust_N"].to_numpy() * truth["V_mps"].to_numpy()
     lagged = np.array(found)[1:, 2]
-    assert np.max(np.abs(lagged - power[1:])) < 0.01 * np.mean(power)
+    assert np.max(np.abs(lagged / power[1:] - 1)) < 0.01
