@@ -46,13 +46,16 @@ class Propeller:
             if len(row.J) < 2 or np.any(np.diff(row.J) <= 0):
                 raise InputError(f"propeller {name}: J must rise through at least two points at {row.rpm:g} rpm")
         self._rpm = np.array([row.rpm for row in self.rows])
+        self._knots = sorted({J for row in self.rows for J in row.J[:-1]})
+        self._bends = [(_bends(row.J, row.cT), _bends(row.J, row.cP)) for row in self.rows]
 
     def coefficients(self, J, rpm):
         """(cT, cP) at advance ratio J and speed of rotation `rpm`, elementwise."""
+        hinges = {knot: np.maximum(J - knot, 0) for knot in self._knots}  # shared by all rows
         cT, cP = 0.0, 0.0
-        for weight, row in zip(_hats(rpm, self._rpm), self.rows, strict=True):
-            cT = cT + weight * _piecewise_linear(J, row.J, row.cT)
-            cP = cP + weight * _piecewise_linear(J, row.J, row.cP)
+        for weight, row, (cT_bends, cP_bends) in zip(_hats(rpm, self._rpm), self.rows, self._bends, strict=True):
+            cT = cT + weight * _piecewise_linear(hinges, row.cT[0], cT_bends)
+            cP = cP + weight * _piecewise_linear(hinges, row.cP[0], cP_bends)
         return cT, cP
 
     def thrust_and_power(self, V, n, rho):
@@ -92,12 +95,17 @@ def _hats(x, knots):
     return [np.maximum(1 - np.abs(position - i), 0) for i in range(len(knots))]
 
 
-def _piecewise_linear(x, knots, values):
-    """Linear interpolation as a sum of hinges; held below the first knot, continued above the last."""
+def _bends(knots: tuple[float, ...], values: tuple[float, ...]) -> dict[float, float]:
+    """By how much the slope changes at each knot but the last, beyond which it stays."""
     slopes = np.diff(values) / np.diff(knots)
-    result = values[0]
-    for knot, bend in zip(knots[:-1], np.diff(slopes, prepend=0.0), strict=True):
-        result = result + bend * np.maximum(x - knot, 0)
+    return dict(zip(knots[:-1], np.diff(slopes, prepend=0.0).tolist(), strict=True))
+
+
+def _piecewise_linear(hinges, first, bends: dict[float, float]):
+    """Linear interpolation as a sum of hinges max(x - knot, 0); held below the first knot, continued above the last."""
+    result = first
+    for knot, bend in bends.items():
+        result = result + bend * hinges[knot]
     return result
 
 

@@ -234,7 +234,7 @@ class Trimmer:
     def V_max(self) -> float:
         """The fastest level airspeed [m/s]: full throttle, or the motor's highest speed."""
         low, high = 1.3 * self.V_stall, 8 * self.V_stall
-        for _ in range(50):
+        for _ in range(35):
             middle = (low + high) / 2
             low, high = (middle, high) if self._can_fly_level(middle) else (low, middle)
         return low

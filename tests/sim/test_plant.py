@@ -23,9 +23,11 @@ def tumbling(**changes) -> State:
 
 
 def integrate(plant: Plant, x: State, commands: Commands, dt: float, n: int) -> State:
+    stepper = Stepper(plant, dt)
+    stepper.x[:], stepper.commands[:] = x, commands
     for _ in range(n):
-        x = State(*(float(v) for v in rk4(lambda s: plant.derivative(s, commands), x, dt)))
-    return x
+        stepper.step()
+    return State(*stepper.x.tolist())
 
 
 def test_without_air_energy_and_momentum_are_kept(plant):
