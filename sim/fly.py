@@ -1,6 +1,6 @@
 """Flies a plan: the time loop of pilot and aircraft, and the truth it leaves behind."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -189,9 +189,9 @@ class _Flying:
             stepper.commands[:] = command
             if white is not None:
                 stepper.white[:] = next(white)
+                noises.add(stepper.white)
             states.add(stepper.x)
-            commands.add(stepper.commands)
-            noises.add(stepper.white)
+            commands.add(command)
             stepper.step()
             seen = stepper.seen()
             craft.throttle = command.throttle
@@ -205,7 +205,9 @@ class _Flying:
             except StopIteration:
                 targets = None
         self.rows.append(
-            airborne_rows(self.plant, states.array(), commands.array(), noises.array(), index, segment.kind)
+            airborne_rows(
+                self.plant, states.array(), commands.array(), noises.array() if white else None, index, segment.kind
+            )
         )
         self.t += step * self.dt
 
@@ -293,7 +295,7 @@ class _Record:
         self._data = np.empty((RECORD_BLOCK, width))
         self._n = 0
 
-    def add(self, row: Array) -> None:
+    def add(self, row: Array | Sequence[float]) -> None:
         if self._n == len(self._data):
             self._data = np.concatenate([self._data, np.empty_like(self._data)])
         self._data[self._n] = row

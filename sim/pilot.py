@@ -4,7 +4,6 @@ A trim schedule is what a pilot knows of the aircraft; the loops correct what is
 the pilots of the source: well tuned, low gain, high gain, gains scheduled with speed or not.
 """
 
-from bisect import bisect_right
 from dataclasses import dataclass
 from math import asin, atan2, copysign, cos, pi, sin, sqrt
 from typing import NamedTuple
@@ -65,24 +64,44 @@ PILOTS = {
 }
 
 
+class Knowledge(NamedTuple):
+    """What holds the aircraft in level trim at some airspeed."""
+
+    alpha: float
+    elevator: float
+    aileron: float
+    rudder: float
+    throttle: float
+
+
 class Schedule:
-    """Angle of attack, elevator, aileron, rudder and throttle of level trim against airspeed."""
+    """Level trim against airspeed: linear between points that stand at equal distances, held beyond the ends."""
 
     def __init__(self, trimmer: Trimmer, points: int = 25):
-        low, high = 1.04 * trimmer.V_stall, 0.999 * trimmer.V_max
-        self._V = [low + (high - low) * i / (points - 1) for i in range(points)]
+        self._low, high = 1.04 * trimmer.V_stall, 0.999 * trimmer.V_max
+        self._per_mps = (points - 1) / (high - self._low)
+        self._last = points - 2
         self._rows = []
-        for V in self._V:
-            trim = trimmer.solve(V=V, climb=0.0)
+        for i in range(points):
+            trim = trimmer.solve(V=self._low + i / self._per_mps, climb=0.0)
             z = trim.unknowns
-            self._rows.append((z.alpha, z.elevator, z.aileron, z.rudder, trim.throttle))
+            self._rows.append(Knowledge(z.alpha, z.elevator, z.aileron, z.rudder, trim.throttle))
 
-    def at(self, V: float) -> tuple[float, ...]:
-        """Linear between the points, held beyond them."""
-        V = min(max(V, self._V[0]), self._V[-1])
-        i = min(max(bisect_right(self._V, V), 1), len(self._V) - 1)
-        weight = (V - self._V[i - 1]) / (self._V[i] - self._V[i - 1])
-        return tuple(a + weight * (b - a) for a, b in zip(self._rows[i - 1], self._rows[i], strict=True))
+    def at(self, V: float) -> Knowledge:
+        position = min(max((V - self._low) * self._per_mps, 0.0), self._last + 1.0)
+        i = min(int(position), self._last)
+        return between(self._rows[i], self._rows[i + 1], position - i)
+
+
+def between(a: Knowledge, b: Knowledge, share: float) -> Knowledge:
+    """a at share 0, b at share 1. Written out: it runs three times in every step of a flight."""
+    return Knowledge(
+        a.alpha + share * (b.alpha - a.alpha),
+        a.elevator + share * (b.elevator - a.elevator),
+        a.aileron + share * (b.aileron - a.aileron),
+        a.rudder + share * (b.rudder - a.rudder),
+        a.throttle + share * (b.throttle - a.throttle),
+    )
 
 
 class Pilot:
@@ -113,9 +132,8 @@ class Pilot:
         bank = min(max(seen.phi, -1.2), 1.2)
         lift = max(want.load_factor or 1.0, 0.2) if want.load_factor is not None else 1 / cos(bank)
         # At load factor n the aircraft needs the angle of attack of level flight at V / sqrt(n).
-        know = self._know(V / sqrt(lift))
-        alpha_ff, elevator_ff = know[0], know[1]
-        aileron_ff, rudder_ff, throttle_ff = self._know(V)[2:]
+        loaded, level = self._know(V / sqrt(lift)), self._know(V)
+        alpha_ff, elevator_ff = loaded.alpha, loaded.elevator
         stiffness = min((self._V_reference / V) ** 2, 2.5) if gains.scheduled else 1.0
 
         if want.hold_elevator:
@@ -145,27 +163,28 @@ class Pilot:
         self._stick = elevator
         elevator += want.elevator_rad
         # Nobody holds the stick back in a stall: beyond the slowest trim it is eased forward, the more the deeper.
-        elevator = max(elevator, self._slowest[1] + STALL_PUSH * (seen.alpha - self._slowest[0] - STALL_MARGIN_RAD))
+        elevator = max(
+            elevator, self._slowest.elevator + STALL_PUSH * (seen.alpha - self._slowest.alpha - STALL_MARGIN_RAD)
+        )
 
         bank_wanted = self._bank_wanted(seen, want, V)
         bank_error = bank_wanted - seen.phi
         self._bank_integral = min(max(self._bank_integral + 0.15 * k * bank_error * dt, -0.1), 0.1)
-        aileron = aileron_ff + stiffness * k * (gains.bank * bank_error - gains.bank_rate_s * seen.p)
+        aileron = level.aileron + stiffness * k * (gains.bank * bank_error - gains.bank_rate_s * seen.p)
         aileron += self._bank_integral
         r_steady = g / V * sin(seen.phi) * cos(seen.theta)
-        rudder = rudder_ff + stiffness * k * gains.yaw_rate_s * (seen.r - r_steady)
+        rudder = level.rudder + stiffness * k * gains.yaw_rate_s * (seen.r - r_steady)
 
-        throttle = self._throttle_for(seen, want, throttle_ff)
+        throttle = self._throttle_for(seen, want)
         self._throttle = throttle
         (e0, e1), (a0, a1), (r0, r1) = self._travel
         return Commands(min(max(elevator, e0), e1), min(max(aileron, a0), a1), min(max(rudder, r0), r1), throttle)
 
-    def _know(self, V: float) -> tuple[float, ...]:
+    def _know(self, V: float) -> Knowledge:
         """The schedule as far as this pilot knows it: at worst the one trim of cruise."""
         share = self._gains.feedforward
-        if share == 1.0:
-            return self._schedule.at(V)
-        return tuple(c + share * (s - c) for c, s in zip(self._cruise, self._schedule.at(V), strict=True))
+        known = self._schedule.at(V)
+        return known if share == 1.0 else between(self._cruise, known, share)
 
     def _bank_wanted(self, seen: Seen, want: Targets, V: float) -> float:
         if want.bank_rad is not None:
@@ -176,7 +195,7 @@ class Pilot:
         bank = self._gains.heading * error * min(V / self._V_reference, 2.0)
         return copysign(min(abs(bank), MAX_BANK_RAD), bank)
 
-    def _throttle_for(self, seen: Seen, want: Targets, throttle_ff: float) -> float:
+    def _throttle_for(self, seen: Seen, want: Targets) -> float:
         if want.throttle is not None:
             self._throttle_integral, self._speed = 0.0, None
             return min(max(want.throttle, 0.0), 1.0)
@@ -188,7 +207,7 @@ class Pilot:
         self._speed = before + change
         error = self._speed - seen.V
         gains, k = self._gains, self._gains.skill
-        base = self._know(self._speed)[4]
+        base = self._know(self._speed).throttle
         throttle = base + gains.acceleration_s2_per_m * change / self._dt
         throttle += k * gains.speed_per_m * error + self._throttle_integral
         if 0 < throttle < 1:

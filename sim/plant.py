@@ -57,6 +57,9 @@ class State(NamedTuple):
     gust_r: Any
 
 
+FIRST_GUST = State._fields.index("gust_u")
+
+
 class Commands(NamedTuple):
     """What the pilot asks of the servos [rad] and of the speed controller (0 to 1)."""
 
@@ -136,10 +139,7 @@ class Plant:
         wind = mean_wind(self.air, x.north, x.east, height, self.deviations.updraft_mps)
         wind_north, wind_east, wind_down = wind
         wind_body = body_from_earth(wind_north, wind_east, wind_down, x.phi, x.theta, x.psi)
-        states = GustStates(*x[State._fields.index("gust_u") :])
-        # The gust filters run at the airspeed without gusts: multiplied by the gusty one they would feed on themselves.
-        V_mean = np.sqrt((x.u - wind_body[0]) ** 2 + (x.v - wind_body[1]) ** 2 + (x.w - wind_body[2]) ** 2)
-        gust_rates, gust = dryden(states, white, V=V_mean, height_m=height, span_m=b, W20_mps=self.air.turbulence_mps)
+        gust_rates, gust = self._gusts(x, wind_body, white)
         V, alpha, beta = flow_of(x.u - wind_body[0] - gust.u, x.v - wind_body[1] - gust.v, x.w - wind_body[2] - gust.w)
         C = coefficients(
             aero,
@@ -202,6 +202,21 @@ class Plant:
                 train=train,
             ),
             gust_rates,
+        )
+
+    def _gusts(self, x: State, wind_body, white) -> tuple[GustStates, Gust]:
+        if self.air.turbulence_mps == 0:
+            # Zeros of the state's own kind, so that nothing has to be computed for a calm day.
+            return GustStates(*(0 * v for v in x[FIRST_GUST:])), Gust(*(0 * v for v in x[FIRST_GUST : FIRST_GUST + 6]))
+        # The gust filters run at the airspeed without gusts: multiplied by the gusty one they would feed on themselves.
+        V_mean = np.sqrt((x.u - wind_body[0]) ** 2 + (x.v - wind_body[1]) ** 2 + (x.w - wind_body[2]) ** 2)
+        return dryden(
+            GustStates(*x[FIRST_GUST:]),
+            white,
+            V=V_mean,
+            height_m=-x.down,
+            span_m=self.aircraft.geometry.span_m,
+            W20_mps=self.air.turbulence_mps,
         )
 
     def derivative(self, x: State, commands: Commands, white=(0.0, 0.0, 0.0, 0.0)) -> State:

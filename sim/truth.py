@@ -20,11 +20,14 @@ Array = NDArray[np.float64]
 METADATA_KEY = b"flightpower"
 
 
-def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array, index: int, kind: str) -> pd.DataFrame:
-    """Rows of a segment flown: states (n, n_states), commands (n, 4) and white noises (n, 4) at every step."""
+def airborne_rows(
+    plant: Plant, states: Array, commands: Array, white: Array | None, index: int, kind: str
+) -> pd.DataFrame:
+    """Rows of a segment flown: states (n, n_states), commands (n, 4) and, in turbulence, white noises (n, 4)."""
     x, c = State(*states.T), Commands(*commands.T)
-    now, _ = plant.instant(x, c, tuple(white.T))
-    rate = plant.derivative(x, c, tuple(white.T))
+    noises = (0.0, 0.0, 0.0, 0.0) if white is None else tuple(white.T)
+    now, _ = plant.instant(x, c, noises)
+    udot, vdot, wdot = velocity_derivative(x.u, x.v, x.w, x.p, x.q, x.r, x.phi, x.theta, *now.specific_force)
     m, S = plant.mass_kg, plant.aircraft.geometry.wing_area_m2
     q_bar = now.density * now.V**2 / 2
     ca, sa = np.cos(now.alpha), np.sin(now.alpha)
@@ -43,9 +46,9 @@ def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array, in
         "u_mps": x.u,
         "v_mps": x.v,
         "w_mps": x.w,
-        "udot_mps2": rate.u,
-        "vdot_mps2": rate.v,
-        "wdot_mps2": rate.w,
+        "udot_mps2": udot,
+        "vdot_mps2": vdot,
+        "wdot_mps2": wdot,
         "roll_rad": x.phi,
         "pitch_rad": x.theta,
         "yaw_rad": x.psi,

@@ -11,10 +11,10 @@ Array = NDArray[np.float64]
 
 # White noise is drawn on this grid and held over it: independent from sample to sample up to 200 Hz.
 GRID_HZ = 200
-_BLOCK_S = 1
+_BLOCK_S = 16  # drawn at a time: a generator costs as much as a thousand numbers
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=256)
 def _block(seed: int, channel: int, block: int) -> Array:
     return np.random.default_rng([seed, channel, block]).standard_normal(GRID_HZ * _BLOCK_S)
 
