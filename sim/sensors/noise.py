@@ -24,12 +24,10 @@ def white(seed: int, channel: str, t_s: Array) -> Array:
     # Half a microsecond of grace: an instant computed as a multiple of the grid belongs to the cell it starts.
     cell = np.floor(np.maximum(np.asarray(t_s), 0.0) * GRID_HZ + 1e-4).astype(np.int64)
     code = crc32(channel.encode())
-    per_block = GRID_HZ * _BLOCK_S
-    values = np.empty(cell.shape)
-    for block in np.unique(cell // per_block):
-        here = cell // per_block == block
-        values[here] = _block(seed, code, int(block))[cell[here] % per_block]
-    return values
+    block, place = np.divmod(cell, GRID_HZ * _BLOCK_S)
+    needed, which = np.unique(block, return_inverse=True)
+    drawn = np.array([_block(seed, code, int(number)) for number in needed]).reshape(-1, GRID_HZ * _BLOCK_S)
+    return drawn[which, place]
 
 
 def rng_of(seed: int, channel: str) -> np.random.Generator:
