@@ -1,0 +1,323 @@
+"""From synchronised data to the flight path and the errors of its sensors, over the whole flight at once.
+
+Works on means over BLOCK samples: five a second are enough for a path, and exact integrals of the inertial sensors
+carry everything faster from one to the next.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from analysis.airdata.air import bank_rad
+from analysis.path.batch import Prior, Step, cost, step
+from analysis.path.model import AERODYNAMICS, GIVEN, MOVE, SHARED, SHOWN, STATES, Airframe, Data, Equations
+from analysis.runs import Run
+from flight.aircraft import Aircraft
+from flight.propeller import Propeller
+
+Array = NDArray[np.float64]
+
+BLOCK = 5
+LOW_M = 20.0  # below, wind changes with every metre and ground effect begins: air data are not used there
+GUST_LENGTH_M = np.array([200.0, 200.0, 60.0])  # MIL-F-8785C at 60 m above ground, roughly
+GUST_RATIO = np.array([1.6, 1.6, 1.0])  # of intensities along and across to vertical there
+GUSTS_TRIED_MPS = (0.03, 0.1, 0.3, 0.6, 1.0, 1.6)
+ITERATIONS = 12
+CONVERGED = 0.02  # of a standard error of every shared number, in the last step
+
+# Standard deviations assumed where the log itself does not show them.
+BENCH = {"p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "ax_mps2": 0.06, "ay_mps2": 0.06, "az_mps2": 0.06,
+         "dp_alpha_Pa": 6.0, "dp_beta_Pa": 6.0, "q_c_Pa": 6.0, "static_Pa": 6.0}  # fmt: skip
+GYRO_SCALE, ACCEL_SCALE = 0.005, 0.002  # of what is measured, as if it were noise
+WIND_WALK_MPS = 0.02  # in a second
+# GPS errors wander over a minute; the horizontal ones look like wind, and height itself is the barometer's.
+GPS_MPS, GPS_DOWN_MPS, REST_MPS = 0.3, 1.0, 0.1
+FORCE_FLOOR_MPS2 = 0.02  # unsteady flow and vibration, in a block's mean
+
+PRIOR_SIGMA = {
+    "p_bias": 0.002, "q_bias": 0.002, "r_bias": 0.002,  # about the zeros at rest
+    "ax_bias": 0.3, "ay_bias": 0.3, "az_bias": 0.3,
+    "alpha_bias": np.radians(1.5), "alpha_scale": 0.03, "beta_bias": np.radians(1.5), "V_scale": 0.02,
+    "gps_latency": 0.2,
+    "CL0": 1.0, "CLa": 3.0, "CLde": 0.2, "CLq": 4.0, "A0": 0.1, "A1": 0.5, "A2": 0.5,
+    "thrust_scale": 0.03, "thrust_slope": 0.15,
+}  # fmt: skip
+PRIOR_MEAN = {"CL0": 0.25, "CLa": 4.5, "CLde": 0.4, "CLq": 6.0, "A0": 0.04, "A2": 0.06, "gps_latency": 0.1}
+
+
+@dataclass(frozen=True)
+class Path:
+    """The path and what was learnt on the way.
+
+    states : by name, index t_s     shared, covariance : values (m,) and (m, m) in the order of SHARED
+    gust_mps : standard deviation of the vertical gust     residuals : rms of each sensor's, in standard deviations
+    """
+
+    states: pd.DataFrame
+    shared: Array
+    covariance: Array
+    gust_mps: float
+    residuals: dict[str, float]
+    converged: bool
+
+    def value(self, name: str) -> float:
+        return float(self.shared[SHARED.index(name)])
+
+    def standard_error(self, name: str) -> float:
+        return float(np.sqrt(self.covariance[SHARED.index(name), SHARED.index(name)]))
+
+
+def reconstruct(
+    table: pd.DataFrame, aircraft: Aircraft, propeller: Propeller, still: list[slice], runs: list[Run]
+) -> Path:
+    """The most probable path, with the aerodynamics of the runs estimated along.
+
+    table: as `air_data` leaves it. still: where the aircraft stood. runs: where lift, drag and thrust are to fit.
+    """
+    problem = _Problem(table, aircraft, propeller, still, runs)
+    x, shared = problem.start()
+    best = None
+    for gust in GUSTS_TRIED_MPS:
+        tried = problem.solve(x, shared, gust)
+        if best is not None and tried.evidence > best.evidence:
+            break  # the evidence has one maximum: it has been passed
+        best, x, shared = tried, tried.x, tried.shared
+    assert best is not None
+    return problem.path(best)
+
+
+@dataclass(frozen=True)
+class _Solution:
+    x: Array
+    shared: Array
+    last: Step
+    gust: float
+    evidence: float  # minus twice the log marginal likelihood
+    measured: Array
+    converged: bool
+
+
+class _Problem:
+    def __init__(
+        self, table: pd.DataFrame, aircraft: Aircraft, propeller: Propeller, still: list[slice], runs: list[Run]
+    ):
+        self._rate_Hz = 1 / float(table.index[1] - table.index[0])
+        self._noise = _noise_at_rest(table, still)
+        self._n = len(table) // BLOCK
+        self._center = np.arange(self._n) * BLOCK + BLOCK // 2
+        self.t_s = table.index.to_numpy()[self._center]
+        self._table = table
+        self._mean = {name: _block_mean(table[name], self._n) for name in table.columns}
+        frame = Airframe(aircraft.mass_kg, aircraft.geometry.wing_area_m2, aircraft.geometry.chord_m)
+        self._equations = Equations(frame, self._n)
+        V = pd.Series(self._mean["V_mps"])
+        self._flying = (self._mean["height_m"] > LOW_M) & np.isfinite(V.to_numpy())
+        smooth = V.interpolate(limit_direction="both").rolling(5, center=True, min_periods=1).mean()
+        self._V_reference = np.maximum(smooth.fillna(5.0).to_numpy(), 5.0)
+        self._still = np.zeros(self._n, dtype=bool)
+        for rows in still:
+            self._still[-(-rows.start // BLOCK) : rows.stop // BLOCK] = True
+        self._in_runs = np.zeros(self._n, dtype=bool)
+        for run in runs:
+            self._in_runs[-(-run.rows.start // BLOCK) : run.rows.stop // BLOCK] = True
+        self._move, self._move_sigma = self._integrated()
+        self._given = self._what_is_given(propeller)
+        self._shown, self._weight = self._what_is_shown()
+        self._prior_shared = (
+            np.array([PRIOR_MEAN.get(name, 0.0) for name in SHARED]),
+            np.array([PRIOR_SIGMA[name] for name in SHARED]),
+        )
+
+    def _integrated(self) -> tuple[Array, Array]:
+        """Means of rates and forces from each block's centre to the next, and the noise of the states they lead to."""
+        dt = BLOCK / self._rate_Hz
+        columns, missing = [], np.zeros(self._n - 1, dtype=bool)
+        for name in ("p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2"):
+            series = self._table[name]
+            gap = series.isna().to_numpy()
+            values = series.interpolate(limit_direction="both").fillna(0.0).to_numpy()
+            total = np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2)])
+            columns.append(np.diff(total[self._center]) / BLOCK)
+            missing |= np.diff(np.cumsum(gap)[self._center]) > 0
+        keep = np.exp(-self._V_reference[:-1, None] * dt / GUST_LENGTH_M)
+        move = np.column_stack([*columns, np.full(self._n - 1, dt), keep])
+        rates, forces = np.abs(move[:, :3]), np.abs(move[:, 3:6])
+        spread = np.sqrt(dt / self._rate_Hz)
+        sigma = np.empty((self._n - 1, 9))
+        sigma[:, :3] = np.hypot([self._noise[f"{a}_radps"] * spread for a in "pqr"], GYRO_SCALE * rates * dt) + 1e-5
+        noise = [self._noise[f"a{a}_mps2"] * spread for a in "xyz"]
+        sigma[:, 3:6] = np.hypot(noise, ACCEL_SCALE * forces * dt) + 1e-4
+        sigma[missing, :3] += 0.5 * dt  # nothing was measured: the aircraft may have done anything it usually does
+        sigma[missing, 3:6] += 5.0 * dt
+        sigma[:, 6] = 2e-3
+        sigma[:, 7:9] = WIND_WALK_MPS * np.sqrt(dt)
+        return move, sigma
+
+    def _what_is_given(self, propeller: Propeller) -> Array:
+        mean = self._mean
+        V = np.where(np.isfinite(mean["V_mps"]), mean["V_mps"], self._V_reference)
+        n = np.maximum(np.nan_to_num(mean["n_revps"], nan=1.0), 1.0)
+        rho = pd.Series(mean["rho"]).interpolate(limit_direction="both").to_numpy()
+        thrust, _ = propeller.thrust_and_power(V, n, rho)
+        more, _ = propeller.thrust_and_power(V + 0.1, n, rho)
+        columns = {
+            "V_reference": self._V_reference,
+            "thrust": thrust,
+            "thrust_per_speed": (more - thrust) / 0.1,
+            "V_of_thrust": V,
+            "J": V / (n * propeller.diameter_m),
+            "elevator": np.nan_to_num(mean["elevator_rad"]),
+            "rho": rho,
+            "q": np.nan_to_num(mean["q_radps"]),
+            "ax": np.nan_to_num(mean["ax_mps2"]),
+            "ay": np.nan_to_num(mean["ay_mps2"]),
+            "az": np.nan_to_num(mean["az_mps2"], nan=-9.8),
+        }
+        return np.column_stack([columns[name] for name in GIVEN])
+
+    def _what_is_shown(self) -> tuple[Array, Array]:
+        """Measurements and 1/sigma of each block's mean; noise of the air data is constant in pascals."""
+        mean, noise = self._mean, self._noise
+        rho = self._given[:, GIVEN.index("rho")]
+        qbar = rho * self._V_reference**2 / 2
+        root = np.sqrt(BLOCK)
+        sigma = {
+            "V": noise["q_c_Pa"] / (rho * self._V_reference) / root,
+            "alpha": noise["dp_alpha_Pa"] / (4.5 * qbar) / root,  # slope of the pair about 9/2 qbar (method, 7)
+            "beta": noise["dp_beta_Pa"] / (4.5 * qbar) / root,
+            "height": np.full(self._n, noise["static_Pa"] / 11.8 / root),  # rho g at 100 m
+            "v_north": np.full(self._n, REST_MPS),
+            "v_east": np.full(self._n, REST_MPS),
+            "v_down": np.full(self._n, REST_MPS),
+            "ax": np.full(self._n, np.hypot(noise["ax_mps2"] / root, FORCE_FLOOR_MPS2)),
+            "az": np.full(self._n, np.hypot(noise["az_mps2"] / root, FORCE_FLOOR_MPS2)),
+            "gps_north": np.full(self._n, GPS_MPS),
+            "gps_east": np.full(self._n, GPS_MPS),
+            "gps_down": np.full(self._n, GPS_DOWN_MPS),
+        }
+        zero = np.zeros(self._n)
+        values = {
+            "V": mean["V_mps"], "alpha": mean["alpha_rad"], "beta": mean["beta_rad"], "height": mean["height_m"],
+            "v_north": zero, "v_east": zero, "v_down": zero, "ax": mean["ax_mps2"], "az": mean["az_mps2"],
+            "gps_north": zero, "gps_east": zero, "gps_down": zero,
+        }  # fmt: skip
+        everywhere = np.ones(self._n, dtype=bool)
+        forces = self._in_runs & self._flying & np.isfinite(mean["thrust_N"])
+        used = {
+            "V": self._flying, "alpha": self._flying, "beta": self._flying, "height": everywhere,
+            "v_north": self._still, "v_east": self._still, "v_down": self._still, "ax": forces, "az": forces,
+            "gps_north": everywhere, "gps_east": everywhere, "gps_down": everywhere,
+        }  # fmt: skip
+        shown, weight = np.zeros((self._n, len(SHOWN))), np.zeros((self._n, len(SHOWN)))
+        for i, name in enumerate(SHOWN):
+            shown[:, i] = np.nan_to_num(values[name])
+            weight[:, i] = (used[name] & np.isfinite(values[name])) / sigma[name]
+        return shown, weight
+
+    def _with_gps(self, latency_s: float) -> Data:
+        """The data with GPS moved forward by its latency as it is known by now."""
+        shown, weight = self._shown.copy(), self._weight.copy()
+        for name in ("gps_north", "gps_east", "gps_down"):
+            i = SHOWN.index(name)
+            series = self._table[f"{name}_mps"].dropna()
+            if len(series) < 4:
+                weight[:, i] = 0.0
+                continue
+            taken = series.index.to_numpy() - latency_s
+            shown[:, i] = CubicSpline(taken, series.to_numpy())(self.t_s)
+            after = np.clip(np.searchsorted(taken, self.t_s), 1, len(taken) - 1)
+            weight[:, i] *= (taken[after] - taken[after - 1] < 0.5) & (self.t_s > taken[0]) & (self.t_s < taken[-1])
+        return Data(self._move, self._process_weight, shown, weight, self._given)
+
+    def start(self) -> tuple[Array, Array]:
+        """A path to begin with: attitude from angles of attack and climb, velocity from GPS or the air."""
+        mean, n = self._mean, self._n
+        x = np.zeros((n, len(STATES)))
+        climb = np.gradient(_smoothed(mean["height_m"], 7), self.t_s)
+        alpha = _smoothed(np.where(self._flying, mean["alpha_rad"], np.nan), 5)
+        theta = alpha + np.arcsin(np.clip(climb / self._V_reference, -0.5, 0.5))
+        x[:, 0] = bank_rad(self._table)[self._center] * self._flying
+        x[:, 1] = np.where(self._flying, theta, 0.0)
+        yaw_rate = np.nan_to_num(mean["r_radps"]) / np.cos(x[:, 0])
+        heading = np.cumsum(yaw_rate) * (self.t_s[1] - self.t_s[0])
+        north, east = (_smoothed(mean[f"gps_{axis}_mps"], 3) for axis in ("north", "east"))
+        if np.isfinite(north).all():
+            fast = np.hypot(north, east) > 5
+            offset = np.angle(np.sum(np.exp(1j * (np.arctan2(east, north) - heading))[fast]))
+            heading = heading + offset
+            fast_track = np.unwrap(np.arctan2(east, north)[fast])
+            if fast.sum() > 10:
+                heading = np.interp(np.arange(n), np.flatnonzero(fast), fast_track)
+            x[:, 3], x[:, 4] = north, east
+        else:
+            speed = np.where(self._flying, self._V_reference, 0.0)
+            x[:, 3], x[:, 4] = speed * np.cos(heading), speed * np.sin(heading)
+        x[:, 2], x[:, 5], x[:, 6] = heading, -climb, _smoothed(mean["height_m"], 3)
+        return x, self._prior_shared[0].copy()
+
+    def solve(self, x: Array, shared: Array, gust: float) -> _Solution:
+        """Gauss-Newton from a start to where it stands still, for one intensity of gusts."""
+        stationary = gust * GUST_RATIO
+        keep = self._move[:, MOVE.index("keep_u") :]
+        gust_sigma = stationary * np.sqrt(1 - keep**2)
+        self._process_weight = 1 / np.column_stack([self._move_sigma, gust_sigma])
+        first_sigma = np.array([1.0, 0.5, 3.0, 0.3, 0.3, 0.3, 3.0, 8.0, 8.0, *stationary])
+        mean, sigma = self._prior_shared
+        latency = SHARED.index("gps_latency")
+        x, shared, converged = x.copy(), shared.copy(), False
+        for _ in range(ITERATIONS):
+            moved = shared[latency]
+            data = self._with_gps(float(moved))
+            remaining = shared.copy()
+            remaining[latency] = 0.0
+            prior_mean = mean.copy()
+            prior_mean[latency] -= moved
+            first_mean = np.where(np.arange(len(STATES)) < 7, x[0], 0.0)  # attitude, velocity, height: no prior opinion
+            prior = Prior(first_mean, first_sigma, prior_mean, sigma)
+            at = self._equations.at(x, remaining, data)
+            last = step(at, prior, x[0], remaining)
+            x, shared = x + last.states, shared + last.shared
+            if np.max(np.abs(last.shared) / np.sqrt(np.diag(last.covariance))) < CONVERGED:
+                converged = True
+                break
+        evidence = cost(at, prior, x[0], remaining) + last.log_determinant
+        evidence -= 2 * float(np.sum(np.log(self._process_weight))) - 2 * float(np.sum(np.log(first_sigma)))
+        return _Solution(x, shared, last, gust, evidence, at.measured, converged)
+
+    def path(self, solution: _Solution) -> Path:
+        seen = self._weight > 0
+        rms = {
+            name: float(np.sqrt(np.mean(solution.measured[seen[:, i], i] ** 2)))
+            for i, name in enumerate(SHOWN)
+            if seen[:, i].any()
+        }
+        states = pd.DataFrame(solution.x, index=pd.Index(self.t_s, name="t_s"), columns=list(STATES))
+        return Path(states, solution.shared, solution.last.covariance, solution.gust, rms, solution.converged)
+
+
+def _block_mean(series: pd.Series, n: int) -> Array:
+    """Means over blocks of BLOCK samples; NaN where more than half of a block is missing."""
+    blocks = series.to_numpy(dtype=float)[: n * BLOCK].reshape(n, BLOCK)
+    present = np.isfinite(blocks)
+    count = present.sum(axis=1)
+    total = np.where(present, blocks, 0.0).sum(axis=1)
+    return np.where(count > BLOCK // 2, total / np.maximum(count, 1), np.nan)
+
+
+def _smoothed(values: Array, width: int) -> Array:
+    series = pd.Series(values).interpolate(limit_direction="both")
+    return series.rolling(width, center=True, min_periods=1).mean().to_numpy()
+
+
+def _noise_at_rest(table: pd.DataFrame, still: list[slice]) -> dict[str, float]:
+    """Standard deviation of each channel while the aircraft stood, or what is usual where it never did."""
+    if not still:
+        return dict(BENCH)
+    spread = {name: np.sqrt(np.mean([table[name].iloc[s].var() for s in still])) for name in BENCH}
+    return {name: float(max(spread[name], 0.1 * usual)) for name, usual in BENCH.items()}
+
+
+__all__ = ["AERODYNAMICS", "Path", "reconstruct"]
