@@ -2,8 +2,8 @@
 
 Sections are those of the register map RM-MPU-9250A-00 (rev. 1.4) and of the product specification PS-MPU-9250A-01.
 Bias, noise and misalignment are in what the simulator says the part feels; range, quantisation, saturation and the
-delay of the digital low-pass filter are made here. The filter is a pure delay: the aircraft's motion lies far below its
-corner, and what lies above it is not simulated.
+digital low-pass filter are made here. The filter works on what the part feels every millisecond, before the divider
+takes some of its outputs: vibration above the divided rate folds into the samples, as far as the filter lets it.
 
 The chip's axes are the body's (x forward, y right, z down: mounted with its top to the ground).
 """
@@ -11,6 +11,7 @@ The chip's axes are the body's (x forward, y right, z down: mounted with its top
 from collections.abc import Callable
 
 import numpy as np
+from scipy.signal import lfilter
 
 from flight.atmosphere import GRAVITY_MPS2
 from hw_fakes.blocks import Blocks
@@ -45,10 +46,33 @@ FIFO_COLUMNS = ((0x08, (0, 1, 2)), (0x80, (3,)), (0x40, (4,)), (0x20, (5,)), (0x
 ACCEL_COUNTS_PER_G = (16384, 8192, 4096, 2048)  # PS sec. 3.2, by ACCEL_FS_SEL
 GYRO_COUNTS_PER_DPS = (131, 65.5, 32.8, 16.4)  # PS sec. 3.1, by GYRO_FS_SEL
 TEMPERATURE_COUNTS_PER_K, TEMPERATURE_ZERO_K = 333.87, 273.15 + 21  # PS sec. 3.4.2
-GYRO_DELAY_S = (0.97e-3, 2.9e-3, 3.9e-3, 5.9e-3, 9.9e-3, 17.85e-3, 33.48e-3, 0.17e-3)  # RM sec. 4.5, by DLPF_CFG
-GYRO_DELAY_WITHOUT_FILTER_S = 0.064e-3
-ACCEL_DELAY_S = (1.94e-3, 5.80e-3, 7.80e-3, 11.80e-3, 19.80e-3, 35.70e-3, 66.96e-3, 1.88e-3)  # RM sec. 4.7
-ACCEL_DELAY_WITHOUT_FILTER_S = 0.75e-3
+# Filters by DLPF_CFG and A_DLPF_CFG: corner [Hz] (None: wider than we can sample) and delay [s].
+# The gyroscope's delays are those of a first-order low-pass at its corner and 2 ms more, to 0.4 ms: so that is what it
+# is here. The accelerometer's leave more over; the datasheet does not say what of.
+GYRO_FILTERS = (
+    (None, 0.97e-3),
+    (184.0, 2.9e-3),
+    (92.0, 3.9e-3),
+    (41.0, 5.9e-3),
+    (20.0, 9.9e-3),
+    (10.0, 17.85e-3),
+    (5.0, 33.48e-3),
+    (None, 0.17e-3),
+)  # RM sec. 4.5
+GYRO_WITHOUT_FILTER = (None, 0.064e-3)
+ACCEL_FILTERS = (
+    (460.0, 1.94e-3),
+    (184.0, 5.80e-3),
+    (92.0, 7.80e-3),
+    (41.0, 11.80e-3),
+    (20.0, 19.80e-3),
+    (10.0, 35.70e-3),
+    (5.0, 66.96e-3),
+    (460.0, 1.88e-3),
+)  # RM sec. 4.7
+ACCEL_WITHOUT_FILTER = (None, 0.75e-3)
+INTERNAL_RATE_HZ = 1e3  # of the filters
+WARM_UP = 10  # time constants: what a filter started from rest does not know yet is 5e-5 of a change
 
 START_UP_NS = 11_000_000  # registers can be read and written (PS sec. 3.3.2, typical)
 GYRO_START_UP_S = 35e-3  # from sleep (PS sec. 3.1); the outputs read zero until then
@@ -218,16 +242,21 @@ class MPU9250:
 
     def _sample(self, t_s: Array) -> np.ndarray:
         """Counts (n, 7), big-endian: specific force x y z, temperature, angular rate x y z."""
-        accel_delay_s, gyro_delay_s = self._delays_s()
-        n = len(t_s)
-        force, rate = self._felt.imu(np.concatenate([t_s - accel_delay_s, t_s - gyro_delay_s]))
+        n, stride = len(t_s), self._stride()
+        step_s = self._period_ns * 1e-9 / stride
+        inside_s = t_s[0] + np.arange(1 - stride, (n - 1) * stride + 1) * step_s
+        accel, gyro = (LowPass(*settings, step_s) for settings in self._filters())
+        accel_s, gyro_s = accel.felt_at(inside_s), gyro.felt_at(inside_s)
+        force, rate = self._felt.imu(np.concatenate([accel_s, gyro_s]))
+        force = accel.filtered(force[: len(accel_s)])[stride - 1 :: stride]
+        rate = gyro.filtered(rate[len(accel_s) :])[stride - 1 :: stride]
         accel_scale = ACCEL_COUNTS_PER_G[self._registers[ACCEL_CONFIG] >> 3 & 3] / GRAVITY_MPS2
         gyro_scale = GYRO_COUNTS_PER_DPS[self._registers[GYRO_CONFIG] >> 3 & 3] * 180 / np.pi
         temperature_K = self._felt.imu_temperature_K(t_s)
         values = np.empty((n, 7))
-        values[:, 0:3] = force[:n] * accel_scale
+        values[:, 0:3] = force * accel_scale
         values[:, 3] = (temperature_K - TEMPERATURE_ZERO_K) * TEMPERATURE_COUNTS_PER_K
-        values[:, 4:7] = rate[n:] * gyro_scale
+        values[:, 4:7] = rate * gyro_scale
         values[t_s < self._gyro_ready_s, 4:7] = 0.0
         off = self._registers[PWR_MGMT_2]
         for column, bit in zip((0, 1, 2, 4, 5, 6), (0x20, 0x10, 0x08, 0x04, 0x02, 0x01), strict=True):
@@ -235,8 +264,39 @@ class MPU9250:
                 values[:, column] = 0.0
         return np.clip(np.rint(values), -32768, 32767).astype(">i2")
 
-    def _delays_s(self) -> tuple[float, float]:
+    def _stride(self) -> int:
+        """Outputs of the filters to each sample; above 1 kHz they are taken as they come."""
+        return max(1, round(INTERNAL_RATE_HZ / self._sample_rate_Hz()))
+
+    def _filters(self) -> tuple[tuple[float | None, float], tuple[float | None, float]]:
+        """Corner and delay of the accelerometer's filter and of the gyroscope's."""
         gyro_config, accel_config_2 = self._registers[GYRO_CONFIG], self._registers[ACCEL_CONFIG_2]
-        gyro_s = GYRO_DELAY_WITHOUT_FILTER_S if gyro_config & 3 else GYRO_DELAY_S[self._registers[CONFIG] & 7]
-        accel_s = ACCEL_DELAY_WITHOUT_FILTER_S if accel_config_2 & 0x08 else ACCEL_DELAY_S[accel_config_2 & 7]
-        return accel_s, gyro_s
+        gyro = GYRO_WITHOUT_FILTER if gyro_config & 3 else GYRO_FILTERS[self._registers[CONFIG] & 7]
+        accel = ACCEL_WITHOUT_FILTER if accel_config_2 & 0x08 else ACCEL_FILTERS[accel_config_2 & 7]
+        return accel, gyro
+
+
+class LowPass:
+    """A first-order low-pass and as much pure delay as makes up the whole delay of slow changes.
+
+    corner_Hz: -3 dB, None for a pure delay. step_s: between two of its outputs.
+    """
+
+    def __init__(self, corner_Hz: float | None, delay_s: float, step_s: float):
+        self._pole = 0.0 if corner_Hz is None else float(np.exp(-2 * np.pi * corner_Hz * step_s))
+        self._warm_up = 0 if corner_Hz is None else int(np.ceil(WARM_UP / (2 * np.pi * corner_Hz * step_s)))
+        self._step_s = step_s
+        # y[k] = p y[k-1] + (1 - p) x[k] follows a ramp p/(1 - p) steps late.
+        self._pure_s = delay_s - self._pole / (1 - self._pole) * step_s
+
+    def felt_at(self, t_s: Array) -> Array:
+        """Instants at which to ask what is felt, for outputs at `t_s` (n,), evenly spaced: some more than n."""
+        before = t_s[0] + np.arange(-self._warm_up, 0) * self._step_s
+        return np.concatenate([before, t_s]) - self._pure_s
+
+    def filtered(self, felt: Array) -> Array:
+        """Outputs (n, m) for the values felt at those instants."""
+        if not self._warm_up:
+            return felt
+        rest = felt[:1] * self._pole
+        return np.asarray(lfilter([1 - self._pole], [1.0, -self._pole], felt, axis=0, zi=rest)[0])[self._warm_up :]

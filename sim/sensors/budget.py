@@ -42,7 +42,7 @@ class Noise:
     attitude_rad: float = 0.0
     battery_voltage_V: float = 0.0
     battery_current_A: float = 0.0
-    vibration_mps2: float = 0.0  # amplitude at motor speed and, half as much, at twice that; not random
+    vibration_mps2: float = 0.0  # in cruise: amplitude at motor speed and, half as much, at twice that; not random
 
 
 @dataclass(frozen=True, kw_only=True)

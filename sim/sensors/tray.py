@@ -31,6 +31,8 @@ WARM_UP_K, WARM_UP_S = 10.0, 240.0
 ATTITUDE_FILTER_S = 2.0
 GYRO_AND_ACCEL_RATE = GRID_HZ / 25  # noise is given for 25 Hz means of 200 Hz samples
 SERVO_OUTPUTS = 8
+# The budget's vibration is that of cruise; the force of an imbalance grows with the square of the speed.
+CRUISE_REVPS = 100.0
 NEUTRAL_US, THROTTLE_LOW_US, THROTTLE_HIGH_US = 1500.0, 1000.0, 2000.0
 DEFAULT_LINE = Line(length_m=0.0, diameter_m=1e-3, cavity_m3=0.0)
 
@@ -47,10 +49,10 @@ class TrayFelt:
 
     def imu(self, t_s: Array) -> tuple[Array, Array]:
         t, e = self._clipped(t_s), self._errors
-        ax, ay, az, p, q, r, pdot, qdot, rdot, turns = self._imu_spline(t).T
+        ax, ay, az, p, q, r, pdot, qdot, rdot, turns, speed = self._imu_spline(t).T
         position = self._aircraft.imu_position_m
         force = np.column_stack(felt_off_center(ax, ay, az, p, q, r, pdot, qdot, rdot, position))
-        force += self._vibration(turns)[:, None]
+        force += self._vibration(turns, speed)[:, None]
         rates = np.column_stack([p, q, r])
         force = force @ e.imu_rotation.T * (1 + e.accel_scale) + e.accel_bias
         rates = rates @ e.imu_rotation.T * (1 + e.gyro_scale) + e.gyro_bias
@@ -169,7 +171,7 @@ class TrayFelt:
         speed = self._truth["motor_speed_revps"].to_numpy()
         dt = self._t[1] - self._t[0]
         turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * dt)])
-        return CubicSpline(self._t, np.column_stack([self._truth[names].to_numpy(dtype=float), turns]))
+        return CubicSpline(self._t, np.column_stack([self._truth[names].to_numpy(dtype=float), turns, speed]))
 
     @cached_property
     def _attitude_spline(self) -> CubicSpline:
@@ -180,9 +182,9 @@ class TrayFelt:
         velocity = [f"velocity_{axis}_mps" for axis in ("north", "east", "down")]
         return self._spline(["north_m", "east_m", "height_m", *velocity])
 
-    def _vibration(self, turns: Array) -> Array:
+    def _vibration(self, turns: Array, speed: Array) -> Array:
         """Imbalance of the propeller: once and twice a turn, nothing while it stands."""
-        amplitude = self._errors.noise.vibration_mps2
+        amplitude = self._errors.noise.vibration_mps2 * (speed / CRUISE_REVPS) ** 2
         return amplitude * (np.sin(2 * np.pi * turns) + np.sin(4 * np.pi * turns) / 2)
 
     def _warmed(self, t_s: Array) -> Array:

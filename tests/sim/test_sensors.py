@@ -314,15 +314,21 @@ def test_gps_falls_silent_when_asked(flight):
     assert felt.gps(np.array([9.9, 10.0, 14.9, 15.1])).fix.tolist() == [True, False, False, True]
 
 
-def test_vibration_comes_with_the_motor_and_only_then(flight):
+def test_vibration_comes_with_the_motor_and_grows_with_the_square_of_its_speed(flight):
     felt = felt_with(flight, noise={"vibration_mps2": 1.0})
     still, _ = felt.imu(np.arange(0.5, 3, 0.005))
-    flying, _ = felt.imu(np.arange(20, 24, 0.0005))
-    quiet, _ = felt_with(flight).imu(np.arange(20, 24, 0.0005))
+    t = np.arange(20, 24, 0.0005)
+    shaking = (felt.imu(t)[0] - felt_with(flight).imu(t)[0])[:, 0]
     assert np.allclose(still[:, 0], 0, atol=1e-9)
-    shaking = flying[:, 0] - quiet[:, 0]
-    # Two sines of amplitude 1 and 1/2: mean square (1 + 1/4)/2.
-    assert np.mean(shaking**2) == pytest.approx(0.625, rel=0.02)
+    # Two sines of amplitude 1 and 1/2 at 100 rev/s: mean square (1 + 1/4)/2 there.
+    amplitude = (felt.motor_speed_revps(t) / 100) ** 2
+    assert np.mean((shaking / amplitude) ** 2) == pytest.approx(0.625, rel=0.02)
+
+
+def test_a_motor_that_stopped_with_its_propeller_anywhere_does_not_push(flight):
+    felt = felt_with(flight, noise={"vibration_mps2": 1.0})
+    turns = np.linspace(0.0, 1.0, 50)
+    assert np.all(felt._vibration(turns, np.zeros(50)) == 0)
 
 
 def test_the_harsh_budget_is_the_one_of_the_study():
