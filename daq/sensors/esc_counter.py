@@ -3,7 +3,9 @@
 A decade counter divides the pulses, so that a period sent is ten electrical periods.
 
 Legacy frame, 4 bytes: 'x', period in microseconds (3 bytes, most significant first). The letter also occurs in the
-data, so frames are believed only once three in a row agree in place and in size.
+data. A frame is sent in one go (0.35 ms), so what follows a pause of the line begins with one: that is how the frames
+of a motor that spins up are found, whose periods differ by half. In a stream without pauses, frames are believed once
+three in a row agree in place and in size.
 
 Framed variant, 8 bytes, for those who can program the microcontroller:
 
@@ -25,6 +27,7 @@ from daq.sensors import Sample
 from flight.messages import Rpm, Status
 
 LEGACY_SILENCE_NS = 500_000_000
+PAUSE_NS = 25_000_000  # no frame is torn by as much: USB adapters hold bytes back for up to 16 ms
 FRAMED_SILENCE_NS = 1_200_000_000  # two frames of a standing motor, and a little
 PULSES = 10  # electrical periods to a period that is sent
 # Ten electrical periods between 300 us and 1 s: a two-pole motor at 2 million rpm, a 14-pole one at 90 rpm.
@@ -43,7 +46,8 @@ class EscCounter:
         self._parser: LegacyParser | FramedParser = FramedParser() if framed else LegacyParser()
         self._silence_ns = FRAMED_SILENCE_NS if framed else LEGACY_SILENCE_NS
         self._last_ns: int | None = None
-        self._heard = False
+        self._quiet_since_ns: int | None = None  # when the line was last seen to carry something
+        self._rejected = 0  # by the parser, when it last found something
 
     def start(self) -> Iterator[float]:
         """Nothing to set."""
@@ -54,16 +58,22 @@ class EscCounter:
         if self._last_ns is None:
             self._last_ns = now_ns
         data = self._port.read_available()
-        self._heard |= bool(data)
+        if data or self._quiet_since_ns is None:
+            self._quiet_since_ns = now_ns
+        elif now_ns - self._quiet_since_ns >= PAUSE_NS:
+            self._parser.pause()
         periods_us = self._parser.feed(data)
         if periods_us:
-            self._last_ns, self._heard = now_ns, False
+            self._last_ns, self._rejected = now_ns, self._parser.rejected
             period_us = periods_us[-1]
             speed = motor_speed_revps(period_us, self._pole_pairs)
             return [Sample("/rpm", now_ns, Rpm(period_us=period_us, motor_speed_revps=speed))]
         if now_ns - self._last_ns < self._silence_ns:
             return []
-        return [Sample("/rpm", now_ns, Rpm(status=Status.CORRUPT if self._heard else Status.NO_DATA))]
+        return [Sample("/rpm", now_ns, Rpm(status=self._silence()))]
+
+    def _silence(self) -> Status:
+        return Status.CORRUPT if self._parser.rejected > self._rejected else Status.NO_DATA
 
 
 def motor_speed_revps(period_us: int, pole_pairs: int) -> float:
@@ -74,13 +84,21 @@ def motor_speed_revps(period_us: int, pole_pairs: int) -> float:
 class LegacyParser:
     """Finds the frames of the legacy stream.
 
-    Where frames begin is learnt from three neighbours that agree, and only when no other place would do as well (a
-    period with an 'x' inside can imitate one for a while); it is forgotten when a frame does not fit.
+    Where frames begin is learnt from a pause, or from three neighbours that agree, if no other place would do as well
+    (a period with an 'x' inside can imitate one for a while); it is forgotten when a frame does not fit. `rejected`
+    counts bytes that were no part of a frame.
     """
 
     def __init__(self) -> None:
         self._buffer = bytearray()
         self._locked = False
+        self._after_pause = False
+        self.rejected = 0
+
+    def pause(self) -> None:
+        """Nothing has come for a while: what comes next begins with a frame, and what was begun is not finished."""
+        self._buffer.clear()
+        self._locked = self._after_pause = True
 
     def feed(self, data: bytes) -> list[int]:
         """Periods [us] of the frames that `data` completes."""
@@ -92,11 +110,14 @@ class LegacyParser:
             if len(self._buffer) < LEGACY_BYTES:
                 return periods
             period = self._period_at(0)
-            if period is None:
+            # The first period after a stand lasts as long as the motor stood: in its place, but not a speed.
+            if period is None and not (self._after_pause and self._buffer[0] == LETTER):
                 self._locked = False
-                del self._buffer[:1]
+                self._reject(1)
                 continue
-            periods.append(period)
+            self._after_pause = False
+            if period is not None:
+                periods.append(period)
             del self._buffer[:LEGACY_BYTES]
 
     def _find(self) -> bool:
@@ -104,11 +125,15 @@ class LegacyParser:
         while len(self._buffer) >= 4 * LEGACY_BYTES - 1:
             starts = [start for start in range(LEGACY_BYTES) if self._agrees(start)]
             if len(starts) == 1:
-                del self._buffer[: starts[0]]
+                self._reject(starts[0])
                 self._locked = True
                 return True
-            del self._buffer[: LEGACY_BYTES if starts else 1]
+            self._reject(LEGACY_BYTES if starts else 1)
         return False
+
+    def _reject(self, count: int) -> None:
+        del self._buffer[:count]
+        self.rejected += count
 
     def _agrees(self, start: int) -> bool:
         periods = [self._period_at(start + i * LEGACY_BYTES) for i in range(3)]
@@ -122,12 +147,18 @@ class LegacyParser:
 
 
 class FramedParser:
-    """Finds the frames of the variant with CRC; `lost` counts gaps in the sequence."""
+    """Finds the frames of the variant with CRC.
+
+    `lost` counts gaps in the sequence, `rejected` bytes that were no part of a frame.
+    """
 
     def __init__(self) -> None:
         self._buffer = bytearray()
         self._sequence: int | None = None
-        self.lost = 0
+        self.lost = self.rejected = 0
+
+    def pause(self) -> None:
+        """Nothing to learn from it: each frame is checked by itself."""
 
     def feed(self, data: bytes) -> list[int]:
         """Periods [us] of the frames that `data` completes; 0 for a standing motor."""
@@ -139,6 +170,7 @@ class FramedParser:
             plausible = period == 0 if frame[2] & STANDING else period >= SHORTEST_US
             if frame[0] != SYNC or crc8(bytes(frame[1:7])) != frame[7] or not plausible:
                 del self._buffer[:1]
+                self.rejected += 1
                 continue
             if self._sequence is not None:
                 self.lost += (frame[1] - self._sequence - 1) % 256

@@ -1,5 +1,7 @@
 """Motor speed: frames out of torn bytes, in both variants, and silence."""
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -34,6 +36,8 @@ def test_any_bytes_in_any_pieces_never_raise(noise, cuts, with_crc):
     parser = FramedParser() if with_crc else LegacyParser()
     for piece in pieces(noise, cuts):
         assert all(period >= 0 for period in parser.feed(piece))
+        if sum(piece) % 3 == 0:
+            parser.pause()
 
 
 CUTS = st.lists(st.integers(0, 10_000), max_size=8)
@@ -61,6 +65,38 @@ def test_the_letter_inside_the_data_does_not_mislead():
     periods = [0x007805 + i % 3 for i in range(30)]  # 'x' in the middle byte, a low last byte: plausible when shifted
     data = b"".join(map(legacy, periods))[2:]  # the line is opened in the middle of a frame
     assert parser.feed(data)[-20:] == periods[-20:]
+
+
+def test_a_motor_that_spins_up_is_heard_from_its_first_frame():
+    """Pulses of a shaft that speeds up evenly come at the square roots of their number: no two periods agree."""
+    port, sensor = counter()
+    pulse_s = [2.0 + 0.2 * number**0.5 for number in range(60)]  # it stood for two seconds
+    frames = [(at, round((at - before) * 1e6)) for before, at in pairwise([0.0, *pulse_s])]
+    said = []
+    for tick in range(100):
+        at_s = tick * TICK_NS * 1e-9
+        sent = [period_us for when_s, period_us in frames if at_s - 0.04 < when_s <= at_s]
+        port.incoming = [b"".join(map(legacy, sent))]
+        said += [(at_s, sample.message) for sample in sensor.read(tick * TICK_NS)]
+    assert {message.status for at_s, message in said if at_s < 2.19} == {Status.NO_DATA}
+    turning = [message for at_s, message in said if at_s > 2.19]
+    assert {message.status for message in turning} == {Status.OK}
+    assert turning[0].period_us == 200_000  # the first whole period; two seconds are not a speed
+
+
+def test_a_frame_torn_by_the_line_is_not_taken_for_the_end_of_one():
+    """A read that finds nothing for 5 ms is no pause: adapters hand bytes over in bites."""
+    port, sensor = counter()
+    stream = b"".join(legacy(9000 + i) for i in range(20))
+    port.incoming = [piece for i in range(0, len(stream), 3) for piece in (stream[i : i + 3], b"")]
+    said = [s.message.period_us for i in range(54) for s in sensor.read(i * 5_000_000)]
+    assert said[-10:] == list(range(9010, 9020))
+
+
+def test_noise_after_a_pause_is_not_believed():
+    parser = LegacyParser()
+    parser.pause()
+    assert parser.feed(b"boot: ready\r\n") == []
 
 
 def test_lost_frames_of_the_variant_are_counted():
