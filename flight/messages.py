@@ -128,11 +128,12 @@ class Rpm(Message):
 
 
 class Controls(Message):
-    """Pulse widths to the servos, and surface angles by the aircraft file's table."""
+    """Pulse widths to the servos, surface angles by the aircraft file's table, and what the sticks say."""
 
     topics = ("/controls",)
 
     pulse_us: list[int] | None = None  # channels 1, 2, …
+    stick_pulse_us: list[int] | None = None  # of the receiver; null when it has said nothing since the last message
     elevator_rad: float | None = None
     aileron_rad: float | None = None
     rudder_rad: float | None = None

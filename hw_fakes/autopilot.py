@@ -18,15 +18,19 @@ PERIOD_MS = {
     "SYS_STATUS": 500,
     "BATTERY_STATUS": 500,
 }
-GRID_S = 20e-3  # of the physical values; divides every period above
+ON_REQUEST = ("RPM",)
+NAME_OF_ID = {getattr(mavlink, f"MAVLINK_MSG_ID_{name}"): name for name in (*PERIOD_MS, *ON_REQUEST)}
+GRID_MS = 20  # of the physical values and of the sending; divides every period above
+GRID_S = GRID_MS * 1e-3
+REPLY_NS = 2_000_000
 CELLS = 4
-UNKNOWN_U16, UNKNOWN_PERCENT = 65535, -1
+UNKNOWN_U16, UNKNOWN_PERCENT, UNMEASURED_RPM = 65535, -1, -1.0
 
 
 class Autopilot:
-    """Sends on its own, listens to nobody. Stick positions equal the servo outputs: it is flown by hand.
+    """Sends on its own, and more or less of it when asked (SET_MESSAGE_INTERVAL).
 
-    cells: of the battery; they share its voltage equally.
+    Stick positions equal the servo outputs: it is flown by hand. cells: of the battery; they share its voltage equally.
     """
 
     baud = BAUD
@@ -35,27 +39,51 @@ class Autopilot:
         self._felt = felt
         self._cells = cells
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._period_ms = dict(PERIOD_MS)
         self._due = [(period_ms, name) for name, period_ms in PERIOD_MS.items()]
         heapq.heapify(self._due)
+        self._link = mavlink.MAVLink(None)  # what it hears
+        self._link.robust_parsing = True
+        self._replies: list[tuple[int, bytes]] = []
         self._blocks = Blocks(self._values, GRID_S, length=64)
 
     def output(self, until_ns: int) -> Iterable[tuple[int, bytes]]:
-        sent = []
-        while self._due[0][0] * 1_000_000 <= until_ns:
+        sent = [reply for reply in self._replies if reply[0] <= until_ns]
+        self._replies = self._replies[len(sent) :]
+        while self._due and self._due[0][0] * 1_000_000 <= until_ns:
             at_ms, name = self._due[0]
-            heapq.heapreplace(self._due, (at_ms + PERIOD_MS[name], name))
+            heapq.heapreplace(self._due, (at_ms + self._period_ms[name], name))
             sent.append((at_ms * 1_000_000, self._encode(name, at_ms)))
-        return sent
+        return sorted(sent, key=lambda item: item[0])
 
     def receive(self, data: bytes, at_ns: int) -> None:
-        """It takes no commands."""
+        for message in self._link.parse_buffer(data) or ():
+            if message.get_type() == "COMMAND_LONG" and message.target_system in (0, self._mav.srcSystem):
+                result = self._command(message, at_ns)
+                answer = mavlink.MAVLink_command_ack_message(message.command, result)
+                self._replies.append((at_ns + REPLY_NS, self._packed(answer)))
+
+    def _command(self, message, at_ns: int) -> int:
+        if message.command != mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+            return mavlink.MAV_RESULT_UNSUPPORTED
+        name, interval_us = NAME_OF_ID.get(int(message.param1)), message.param2
+        if name is None or (name in ON_REQUEST and interval_us == 0):
+            return mavlink.MAV_RESULT_DENIED
+        self._due = [(at_ms, other) for at_ms, other in self._due if other != name]
+        if interval_us >= 0:  # -1 stops it, 0 is what it does of itself
+            wanted_ms = interval_us / 1e3 or PERIOD_MS[name]
+            self._period_ms[name] = GRID_MS * max(1, round(wanted_ms / GRID_MS))
+            self._due.append(((at_ns // (GRID_MS * 1_000_000) + 1) * GRID_MS, name))
+        heapq.heapify(self._due)
+        return mavlink.MAV_RESULT_ACCEPTED
 
     def _values(self, t_s: Array) -> np.ndarray:
-        """Rows: roll pitch yaw and their rates, voltage, current, eight pulse widths."""
+        """Rows: roll pitch yaw and their rates, voltage, current, eight pulse widths, motor speed."""
         attitude = self._felt.autopilot_attitude_rad(t_s)
         rates = np.gradient(np.unwrap(attitude, axis=0), GRID_S, axis=0)
         voltage, current = self._felt.battery(t_s)
-        return np.column_stack([attitude, rates, voltage, current, self._felt.servo_pulses_us(t_s)])
+        pulses, speed = self._felt.servo_pulses_us(t_s), self._felt.motor_speed_revps(t_s)
+        return np.column_stack([attitude, rates, voltage, current, pulses, speed])
 
     def _encode(self, name: str, at_ms: int) -> bytes:
         row = self._blocks.row(round(at_ms * 1e-3 / GRID_S)).tolist()
@@ -78,6 +106,8 @@ class Autopilot:
             case "RC_CHANNELS":
                 unused = [UNKNOWN_U16] * 10
                 message = mavlink.MAVLink_rc_channels_message(at_ms, 8, *pulses, *unused, 200)
+            case "RPM":
+                message = mavlink.MAVLink_rpm_message(60 * row[16], UNMEASURED_RPM)
             case "SYS_STATUS":
                 message = mavlink.MAVLink_sys_status_message(
                     0, 0, 0, 500, voltage_mV, current_cA, UNKNOWN_PERCENT, 0, 0, 0, 0, 0, 0
@@ -95,6 +125,9 @@ class Autopilot:
                     -1,
                     UNKNOWN_PERCENT,
                 )
+        return self._packed(message)
+
+    def _packed(self, message) -> bytes:
         data = bytes(message.pack(self._mav))
         self._mav.seq = (self._mav.seq + 1) % 256
         return data

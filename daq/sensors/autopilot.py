@@ -1,13 +1,16 @@
-"""An autopilot that speaks MAVLink: pulse widths to the servos, its own attitude, battery, if wanted motor speed.
+"""An autopilot that speaks MAVLink: pulse widths to the servos and from the sticks, its own attitude, battery, if
+wanted motor speed.
 
-Parsing is pymavlink's (common dialect, protocol 2, which also understands 1). The streams that are needed are asked for
-(SET_MESSAGE_INTERVAL) when a heartbeat is first heard, and again when they stay away.
+Parsing is pymavlink's (ArduPilot's dialect, which contains the common one; protocol 2, which also understands 1). The
+streams that are needed are asked for (SET_MESSAGE_INTERVAL) when a heartbeat is first heard, and again when they stay
+away.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from daq.bus import BytePort
 from daq.sensors import Sample
@@ -20,6 +23,7 @@ ASK_AGAIN_NS = 2_000_000_000
 OUR_SYSTEM, OUR_COMPONENT = 255, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 BATTERY_RATE_HZ = 2.0
 UNKNOWN_MILLIVOLT = 0xFFFF
+UNUSED_CHANNEL = 0xFFFF
 PULSE_LOW_US, PULSE_SPAN_US = 1000.0, 1000.0
 
 
@@ -27,7 +31,9 @@ class Autopilot:
     """The autopilot on `port`.
 
     aircraft: turns pulse widths into angles; without it only pulse widths are logged. rate_Hz: asked for of attitude
-    and pulse widths. rpm: also take motor speed from its RAW_RPM message.
+    and pulse widths. rpm: also take motor speed, from RPM (ArduPilot, its first sensor) or RAW_RPM (index 0).
+
+    What the sticks say goes into the next message on /controls, once.
     """
 
     def __init__(self, port: BytePort, *, aircraft: Aircraft | None, rate_Hz: float, rpm: bool = False):
@@ -42,6 +48,8 @@ class Autopilot:
         self._last_ns: dict[str, int] = {}
         self._asked_ns: int | None = None
         self._has_battery_status = False
+        self._sticks: list[int] | None = None
+        self._damaged = False  # bytes that were no message, since one of ours was understood
 
     def start(self) -> Iterator[float]:
         """Nothing to wait for."""
@@ -53,13 +61,15 @@ class Autopilot:
         system = None
         for received in self._link.parse_buffer(self._port.read_available()) or ():
             system = received.get_srcSystem() if received.get_type() == "HEARTBEAT" else system
+            self._damaged |= received.get_type() == "BAD_DATA"
             self._take(received, newest)
+        self._damaged &= not newest
         silent = False
         for topic, limit_ns in self._silence_ns.items():
             if topic in newest or topic not in self._last_ns:
                 self._last_ns[topic] = now_ns
             elif now_ns - self._last_ns[topic] >= limit_ns:
-                newest[topic] = SILENT[topic](status=Status.NO_DATA)
+                newest[topic] = SILENT[topic](status=Status.CORRUPT if self._damaged else Status.NO_DATA)
                 silent = True
         if system is not None and (self._asked_ns is None or (silent and now_ns - self._asked_ns >= ASK_AGAIN_NS)):
             self._ask(system)
@@ -69,7 +79,10 @@ class Autopilot:
     def _take(self, received: Any, newest: dict[str, Message]) -> None:
         kind = received.get_type()
         if kind == "SERVO_OUTPUT_RAW" and received.port == 0:
-            newest["/controls"] = controls(pulses_us(received), self._aircraft)
+            newest["/controls"] = message = controls(pulses_us(received), self._aircraft)
+            message.stick_pulse_us, self._sticks = self._sticks, None
+        elif kind == "RC_CHANNELS":
+            self._sticks = sticks_us(received)
         elif kind == "ATTITUDE":
             newest["/attitude"] = Attitude(roll_rad=received.roll, pitch_rad=received.pitch, yaw_rad=received.yaw)
         elif kind == "BATTERY_STATUS" and received.id == 0:
@@ -77,17 +90,20 @@ class Autopilot:
             newest["/battery"] = battery(received)
         elif kind == "SYS_STATUS" and not self._has_battery_status:
             newest["/battery"] = _battery(received.voltage_battery, received.current_battery)
+        elif kind == "RPM" and "/rpm" in self._silence_ns:
+            newest["/rpm"] = motor_speed(received.rpm1)
         elif kind == "RAW_RPM" and received.index == 0 and "/rpm" in self._silence_ns:
-            newest["/rpm"] = Rpm(motor_speed_revps=received.frequency / 60)
+            newest["/rpm"] = motor_speed(received.frequency)
 
     def _ask(self, system: int) -> None:
         wanted = {
             mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._rate_Hz,
+            mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rate_Hz,
             mavlink.MAVLINK_MSG_ID_ATTITUDE: self._rate_Hz,
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: BATTERY_RATE_HZ,
         }
         if "/rpm" in self._silence_ns:
-            wanted[mavlink.MAVLINK_MSG_ID_RAW_RPM] = self._rate_Hz
+            wanted[mavlink.MAVLINK_MSG_ID_RPM] = wanted[mavlink.MAVLINK_MSG_ID_RAW_RPM] = self._rate_Hz
         for message_id, rate_Hz in wanted.items():
             command = self._link.command_long_encode(
                 system,
@@ -108,6 +124,17 @@ def pulses_us(received: Any) -> list[int]:
     """Pulse widths of outputs 1 to 8, or to 16 when the autopilot uses them."""
     pulses = [getattr(received, f"servo{i}_raw") for i in range(1, 17)]
     return pulses if any(pulses[8:]) else pulses[:8]
+
+
+def sticks_us(received: Any) -> list[int]:
+    """Pulse widths of the receiver's channels; 0 for one that is not used."""
+    pulses = [getattr(received, f"chan{i}_raw") for i in range(1, min(received.chancount, 18) + 1)]
+    return [0 if pulse == UNUSED_CHANNEL else pulse for pulse in pulses]
+
+
+def motor_speed(rpm: float) -> Rpm:
+    """A speed in revolutions a minute; negative, or no number, is the protocol's "not measured"."""
+    return Rpm(motor_speed_revps=rpm / 60) if 0 <= rpm < math.inf else Rpm(status=Status.NO_DATA)
 
 
 def controls(pulse_us: list[int], aircraft: Aircraft | None) -> Controls:

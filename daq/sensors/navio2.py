@@ -41,4 +41,6 @@ def message(line: bytes, aircraft: Aircraft | None) -> Controls:
         return Controls(status=Status.NO_DATA)
     if any(pulse and pulse not in PLAUSIBLE_US for pulse in pulses):
         return Controls(status=Status.CORRUPT)
-    return controls(pulses, aircraft)
+    controlled = controls(pulses, aircraft)
+    controlled.stick_pulse_us = pulses
+    return controlled

@@ -234,14 +234,21 @@ def test_what_the_autopilot_tells():
     aircraft = load_aircraft("nexstar")
     angles = [-0.3, -0.1, 0.0, 0.05, 0.2]
     rows = [[1500, aircraft.elevator.pulse_of_angle_us(a), 1300, 1500, 1000, 1000, 1000, 1000] for a in angles]
-    felt = AnalyticFelt(pulses_us=staircase(rows))
-    samples = run(lambda tray: Autopilot(tray.port("/dev/ttyUSB1", 57600), aircraft=aircraft, rate_Hz=25), felt, 10)
+    felt = AnalyticFelt(pulses_us=staircase(rows), motor_revps=staircase([0.0, 20.0, 60.0, 120.0, 170.0]))
+    samples = run(
+        lambda tray: Autopilot(tray.port("/dev/ttyUSB1", 57600), aircraft=aircraft, rate_Hz=25, rpm=True), felt, 10
+    )
     by_topic = {t: [(t_s, s) for t_s, s in samples if s.topic == t] for t in {s.topic for _, s in samples}}
     elevator = aircraft.elevator
     per_us = abs((elevator.angle_rad[-1] - elevator.angle_rad[0]) / (elevator.pulse_us[-1] - elevator.pulse_us[0]))
     for angle, m in settled(by_topic["/controls"], angles):
         assert m.elevator_rad == pytest.approx(angle, abs=1.1 * per_us)
         assert m.throttle == pytest.approx(0.3)
+    with_sticks = [s.message for _, s in by_topic["/controls"][50:] if s.message.stick_pulse_us]  # asked for at 25 Hz
+    assert len(with_sticks) > 0.9 * len(by_topic["/controls"][50:])
+    assert all(m.stick_pulse_us[2:] == [1300, 1500, 1000, 1000, 1000, 1000] for m in with_sticks)
+    for speed, m in settled(by_topic["/rpm"], [0.0, 20.0, 60.0, 120.0, 170.0]):
+        assert m.motor_speed_revps == pytest.approx(speed, rel=1e-6)  # a single-precision number
     _, attitude = by_topic["/attitude"][-1]
     assert (attitude.message.roll_rad, attitude.message.pitch_rad, attitude.message.yaw_rad) == pytest.approx(
         (0.1, 0.05, -2.0), abs=1e-6

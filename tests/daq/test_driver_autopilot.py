@@ -5,12 +5,12 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_parts import ScriptedPort, bring_up, pieces
 
-from daq.sensors.autopilot import Autopilot, battery, controls
+from daq.sensors.autopilot import Autopilot, battery, controls, motor_speed
 from flight.aircraft import load_aircraft
-from flight.messages import Status
+from flight.messages import Rpm, Status
 
 TICK_NS = 40_000_000
 NEXSTAR = load_aircraft("nexstar")
@@ -106,12 +106,45 @@ def test_streams_are_asked_for_when_a_heartbeat_is_heard():
     assert intervals_us[mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW] == pytest.approx(40_000)
 
 
-def test_motor_speed_only_when_wanted():
-    raw_rpm = packed(mavlink.MAVLink_raw_rpm_message(0, 7200.0))
+@pytest.mark.parametrize(
+    "message", [mavlink.MAVLink_raw_rpm_message(0, 7200.0), mavlink.MAVLink_rpm_message(7200.0, -1.0)]
+)
+def test_motor_speed_only_when_wanted(message):
     for wanted in (True, False):
         port, sensor = autopilot(rpm=wanted)
-        port.incoming = [raw_rpm]
+        port.incoming = [packed(message)]
         assert [s.message.motor_speed_revps for s in sensor.read(0)] == ([pytest.approx(120)] if wanted else [])
+
+
+@pytest.mark.parametrize("rpm", [-1.0, math.nan, math.inf])
+def test_a_motor_speed_that_was_not_measured_is_no_data(rpm):
+    assert motor_speed(rpm) == Rpm(status=Status.NO_DATA)
+
+
+def sticks(pulses, count=8) -> bytes:
+    return packed(mavlink.MAVLink_rc_channels_message(1000, count, *pulses, *[0xFFFF] * (18 - len(pulses)), 200))
+
+
+def test_what_the_sticks_say_stands_once_beside_what_the_servos_are_told():
+    """Sticks and servo outputs differ when the autopilot flies; neither is repeated in place of the other."""
+    moved = [1600, 1400, 1300, 1500]
+    port, sensor = autopilot()
+    port.incoming = [sticks(moved, count=5), servo(), servo()]
+    said = [[s.message for s in sensor.read(tick)] for tick in range(3)]
+    assert said[0] == []
+    assert (said[1][0].pulse_us, said[1][0].stick_pulse_us) == (PULSES, [*moved, 0])  # 65535: no such channel
+    assert (said[2][0].pulse_us, said[2][0].stick_pulse_us) == (PULSES, None)
+
+
+def test_damaged_messages_are_corrupt_rather_than_silent():
+    port, sensor = autopilot()
+    damaged = bytearray(attitude())
+    damaged[15] ^= 1
+    statuses = set()
+    for tick in range(20):
+        port.incoming.append(bytes(damaged))
+        statuses |= {(sample.topic, sample.message.status) for sample in sensor.read(tick * TICK_NS)}
+    assert statuses == {("/attitude", Status.CORRUPT), ("/controls", Status.CORRUPT)}
 
 
 @given(st.binary(max_size=400), st.lists(st.integers(0, 10_000), max_size=6))
