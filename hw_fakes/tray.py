@@ -8,15 +8,16 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Protocol
 
-from hw_fakes import bridge, ms56xx
+from hw_fakes import bridge, ms56xx, ublox_ddc
 from hw_fakes.ak8963 import AK8963
 from hw_fakes.autopilot import Autopilot
 from hw_fakes.esc_counter import EscCounter
-from hw_fakes.faults import BUS, I2C_PARTS, Fault, FaultyBus, FaultyPort, I2CBus, PartFault, check, inside
+from hw_fakes.faults import BUS, Fault, FaultyBus, FaultyPort, I2CBus, PartFault, check, inside
 from hw_fakes.i2c import FakeI2CBus, I2CDevice
 from hw_fakes.mpu9250 import MPU9250
 from hw_fakes.port import FakePort, SerialDevice
-from hw_fakes.ublox import UbloxM8
+from hw_fakes.ublox import PORT_DDC, PORT_UART1, UbloxM8
+from hw_fakes.ublox_ddc import Ddc
 from sim.felt import Felt
 
 I2C_BUS, GPS_PORT, ESC_PORT, AUTOPILOT_PORT = "/dev/i2c-1", "/dev/ttyAMA0", "/dev/ttyUSB0", "/dev/ttyUSB1"
@@ -49,8 +50,8 @@ class FakeTray:
     had power; a Pi takes some 20 s to boot, so a daemon meets them long awake.
     seed: draws what differs between two parts of a kind (coefficients, trim, clock errors). pole_pairs: of the motor.
     utc_at_start: true time now, as the satellites know it. geoid_m: height of the geoid above the ellipsoid.
-    rpm_with_crc: the pulse counter speaks the framed variant. faults: what goes wrong, and when; raises InputError for
-    one that cannot happen.
+    rpm_with_crc: the pulse counter speaks the framed variant. gps_on_i2c: the receiver hangs on the bus. faults: what
+    goes wrong, and when; raises InputError for one that cannot happen.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class FakeTray:
         utc_at_start: datetime = FIRST_FLIGHT,
         geoid_m: float = 0.0,
         rpm_with_crc: bool = False,
+        gps_on_i2c: bool = False,
         faults: Sequence[Fault] = (),
     ):
         start_ns = clock.now_ns()
@@ -84,13 +86,19 @@ class FakeTray:
         self.alpha = bridge.Bridge(bridge.MS4515DO_DS5A002DP, "alpha", felt, now_ns, powered_ns)
         self.beta = bridge.Bridge(bridge.MS4515DO_DS5A002DP, "beta", felt, now_ns, powered_ns)
         self.airspeed = bridge.Bridge(bridge.SSCDRRN005ND2A5, "airspeed", felt, now_ns, powered_ns)
-        self.gps = UbloxM8(felt, utc_at_start, geoid_m, powered_ns=powered_ns)
+        gps_port = PORT_DDC if gps_on_i2c else PORT_UART1
+        self.gps = UbloxM8(felt, utc_at_start, geoid_m, powered_ns=powered_ns, port_id=gps_port)
         self.esc_counter = EscCounter(felt, pole_pairs, rpm_with_crc)
         self.autopilot = Autopilot(felt)
 
         devices: dict[int, I2CDevice] = {
             address: getattr(self, name) for name, address in ADDRESSES.items() if name != "magnetometer"
         }
+        addresses, ports = dict(ADDRESSES), dict(PORTS)
+        if gps_on_i2c:
+            del ports["gps"]
+            addresses["gps"] = ublox_ddc.ADDRESS
+            devices[ublox_ddc.ADDRESS] = Ddc(self.gps, now_ns)
         spend_ns = getattr(clock, "advance_ns", None)
         self._parts_faults: dict[str, list[PartFault]] = {}
         for number, fault in enumerate(faults):
@@ -105,15 +113,15 @@ class FakeTray:
         self._faults = faults
         self._seed_of = seed_of
         bus: I2CBus = FakeI2CBus(devices, find=self._behind_the_imu, spend_ns=spend_ns)
-        if any(fault.device in (*I2C_PARTS, BUS) for fault in faults):
+        if any(fault.device in (*addresses, BUS) for fault in faults):
             by_address: dict[int | None, list[Fault]] = {}
             for fault in faults:
-                by_address.setdefault(ADDRESSES.get(fault.device), []).append(fault)
+                by_address.setdefault(addresses.get(fault.device), []).append(fault)
             by_address[None] = [fault for fault in by_address.get(None, []) if fault.device == BUS]
-            parts = {ADDRESSES[name]: these for name, these in self._parts_faults.items() if name in ADDRESSES}
+            parts = {addresses[name]: these for name, these in self._parts_faults.items() if name in addresses}
             bus = FaultyBus(bus, by_address, parts, now_ns, seed_of("bus"), spend_ns)
         self.buses = {I2C_BUS: bus}
-        self.serial_devices: dict[str, SerialDevice] = {device: getattr(self, name) for name, device in PORTS.items()}
+        self.serial_devices: dict[str, SerialDevice] = {device: getattr(self, name) for name, device in ports.items()}
 
     def i2c(self, device: str) -> I2CBus:
         """The bus of that device name; raises FileNotFoundError as the system would."""

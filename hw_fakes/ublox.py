@@ -1,4 +1,4 @@
-"""u-blox M8 on a serial line: UBX navigation solutions, NMEA chatter until it is turned off, and configuration.
+"""u-blox M8 on one of its ports: UBX navigation solutions, NMEA chatter until it is turned off, and configuration.
 
 Sections are those of the u-blox 8 / M8 receiver description including protocol specification (UBX-13003221).
 """
@@ -25,7 +25,7 @@ NAV_PVT, CFG_PRT, CFG_MSG, CFG_RST, CFG_RATE, CFG_CFG, CFG_NAV5, MON_VER = (
     0x04,
 )
 ACCEPTED_UNREAD = {(CFG, i) for i in (CFG_CFG, CFG_NAV5, 0x16, 0x23, 0x3B, 0x3E, 0x86)}  # no effect on what we send
-PORT_UART1 = 1
+PORT_DDC, PORT_UART1 = 0, 1  # CFG-PRT port numbers
 PROTOCOL_UBX, PROTOCOL_NMEA = 0x01, 0x02  # CFG-PRT protocol masks
 SHORTEST_MEASUREMENT_MS = 50
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
@@ -67,19 +67,26 @@ def nmea(sentence: str) -> bytes:
 
 
 class UbloxM8:
-    """The receiver on its UART1.
+    """The receiver, as the port sees it that the computer hangs on: its UART1, or DDC (I2C, `hw_fakes.ublox_ddc`).
 
     utc_at_start: true time at instant 0. geoid_m: height of the geoid above the ellipsoid. baud: what a
     kept configuration has set the receiver to (new ones come with 9600). While `fix_lost` is set it sees no satellites.
     """
 
     def __init__(
-        self, felt: Felt, utc_at_start: datetime, geoid_m: float = 0.0, baud: int = 38400, powered_ns: int = 0
+        self,
+        felt: Felt,
+        utc_at_start: datetime,
+        geoid_m: float = 0.0,
+        baud: int = 38400,
+        powered_ns: int = 0,
+        port_id: int = PORT_UART1,
     ):
         self._felt = felt
         self._utc_at_start = utc_at_start
         self._geoid_m = geoid_m
         self._kept_baud = baud
+        self._port_id = port_id
         self.fix_lost = False
         self.power_cycle(powered_ns)
 
@@ -267,17 +274,24 @@ class UbloxM8:
     def _configure_port(self, payload: bytes, at_ns: int) -> bool:
         """UBX-CFG-PRT (sec. 32.10.25): 20 bytes set, 0 or 1 byte asks."""
         if len(payload) in (0, 1):
-            mode_8n1 = 0x000008D0
-            settings = struct.pack(
-                "<BxHIIHHHxx", PORT_UART1, 0, mode_8n1, self.baud, PROTOCOL_UBX | PROTOCOL_NMEA, self._protocols_out, 0
-            )
+            protocols = struct.pack("<HHHxx", PROTOCOL_UBX | PROTOCOL_NMEA, self._protocols_out, 0)
+            settings = struct.pack("<BxHII", self._port_id, 0, self._mode(), self._baud_setting()) + protocols
             self._replies.append((at_ns + REPLY_NS, ubx(CFG, CFG_PRT, settings)))
             return True
-        if len(payload) != 20 or payload[0] != PORT_UART1:
+        if len(payload) != 20 or payload[0] != self._port_id:
             return False
         _, _, _, baud, _, protocols_out, _ = struct.unpack("<BxHIIHHHxx", payload)
-        self.baud, self._protocols_out = baud, protocols_out
+        if self._port_id == PORT_UART1:
+            self.baud = baud
+        self._protocols_out = protocols_out
         return True
+
+    def _mode(self) -> int:
+        """8N1, or the address on the bus in bits 1 to 7."""
+        return 0x42 << 1 if self._port_id == PORT_DDC else 0x000008D0
+
+    def _baud_setting(self) -> int:
+        return 0 if self._port_id == PORT_DDC else self.baud
 
     def _configure_message(self, payload: bytes, at_ns: int) -> bool:
         """UBX-CFG-MSG (sec. 32.10.18): for this port (3 bytes), for all six (8 bytes), or asked for (2 bytes)."""
@@ -289,9 +303,9 @@ class UbloxM8:
         if len(payload) == 3:
             self._rates[key] = payload[2]
         elif len(payload) == 8:
-            self._rates[key] = payload[2 + PORT_UART1]
+            self._rates[key] = payload[2 + self._port_id]
         elif len(payload) == 2:
-            rates = bytes(self._rates.get(key, 0) if port == PORT_UART1 else 0 for port in range(6))
+            rates = bytes(self._rates.get(key, 0) if port == self._port_id else 0 for port in range(6))
             self._replies.append((at_ns + REPLY_NS, ubx(CFG, CFG_MSG, payload + rates)))
         else:
             return False

@@ -15,7 +15,9 @@ def powered(clock):
     """A tray of those functions, half a second after power-on."""
 
     def make(seed=1, after_s=0.5, **functions):
-        options = {k: functions.pop(k) for k in ("rpm_with_crc", "pole_pairs", "geoid_m") if k in functions}
+        options = {
+            k: functions.pop(k) for k in ("rpm_with_crc", "pole_pairs", "geoid_m", "gps_on_i2c") if k in functions
+        }
         tray = FakeTray(AnalyticFelt(**functions), clock, seed, powered_for_s=0.0, **options)
         clock.advance_ns(round(after_s * 1e9))
         return tray

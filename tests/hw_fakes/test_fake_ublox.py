@@ -135,6 +135,53 @@ def test_the_solution_is_what_the_antenna_felt(powered, clock):
         assert m.iTOW == pytest.approx(since_1980_s % gps_week_s * 1e3, abs=1.0)
 
 
+GPS, WAITING, STREAM = 0x42, b"\xfd", b"\xff"
+
+
+@pytest.fixture
+def ddc(powered):
+    return powered(gps_on_i2c=True).i2c("/dev/i2c-1")
+
+
+def drained(bus, clock, seconds):
+    data = b""
+    for _ in range(round(seconds / 0.04)):
+        clock.advance_ns(40_000_000)
+        data += bus.write_read(GPS, STREAM, int.from_bytes(bus.write_read(GPS, WAITING, 2), "big"))
+    return data
+
+
+def test_on_i2c_the_same_messages_come_out_of_a_register(ddc, clock):
+    for command in pvt_only():
+        ddc.write(GPS, command)
+    ddc.write(GPS, UBXMessage("CFG", "CFG-MSG", SET, msgClass=1, msgID=7, rateDDC=1).serialize())
+    drained(ddc, clock, 1.5)
+    messages = parse(drained(ddc, clock, 2.0))
+    assert {m.identity for m in messages} == {"NAV-PVT"} and len(messages) == pytest.approx(20, abs=1)
+
+
+def test_an_idle_stream_is_ones_and_the_pointer_stays_on_it(ddc, clock):
+    drained(ddc, clock, 0.5)
+    waiting = int.from_bytes(ddc.write_read(GPS, WAITING, 2), "big")
+    assert ddc.write_read(GPS, WAITING, 2 + waiting + 5)[:2] == waiting.to_bytes(2, "big")
+    assert ddc.write_read(GPS, STREAM, 5) == ddc.read(GPS, 5) == b"\xff" * 5
+
+
+def test_on_i2c_what_nobody_fetches_for_a_while_is_gone(ddc, clock):
+    drained(ddc, clock, 0.1)
+    clock.advance_ns(1_400_000_000)
+    assert int.from_bytes(ddc.write_read(GPS, WAITING, 2), "big") > 0
+    clock.advance_ns(1_600_000_000)
+    assert int.from_bytes(ddc.write_read(GPS, WAITING, 2), "big") == 0
+
+
+def test_on_i2c_there_is_no_line_and_on_a_line_no_address(powered):
+    with pytest.raises(FileNotFoundError):
+        powered(gps_on_i2c=True).port("/dev/ttyAMA0", 38400)
+    with pytest.raises(OSError, match="no acknowledge"):
+        powered().i2c("/dev/i2c-1").read(GPS, 1)
+
+
 def test_without_fix_it_says_so_and_goes_on(gps_of, clock):
     messages = parse(listen(configured(gps_of(fix=constant(0.0)), clock), clock, 1.0))
     assert len(messages) >= 9
