@@ -50,6 +50,7 @@ class Propulsion:
     battery_resistance_ohm: float
     battery_energy_Wh: float
     throttle_channel: int = 3
+    beyond_zero_thrust: str = "windmill"  # or "fold": what the propeller does when the flow would drive it
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,16 +7,28 @@
 import csv
 import io
 import re
+from bisect import bisect_right
 from dataclasses import dataclass
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight.errors import InputError
 
 INCH_M = 0.0254
+
+WINDMILL, FOLD = "windmill", "fold"
+BEYOND_ZERO_THRUST = (WINDMILL, FOLD)
+# Drag areas over the square of the diameter. Folded blades lie along the nacelle: two of 0.07 by 0.5 diameters, wetted
+# on both sides, with the friction of a turbulent plate (0.011; Hoerner, Fluid-Dynamic Drag, ch. 2). Standing blades are
+# flat plates across the flow (drag coefficient 1.2; Hoerner ch. 3) with half of that area in its way: at the pitch of a
+# model propeller they stand at some 30 deg.
+FOLDED_DRAG = 2 * 2 * 0.07 * 0.5 * 0.011
+STANDING_DRAG = 2 * 0.07 * 0.5 * 0.5 * 1.2
 
 
 @dataclass(frozen=True)
@@ -29,7 +41,44 @@ class Row:
     cP: tuple[float, ...]
 
 
-class Propeller:
+class Blades:
+    """What thrust and power follow from: coefficients over advance ratio and speed of rotation, and what is beyond.
+
+    beyond_zero_thrust: "windmill", the flow pulls back on the blades and drives them; "fold", they fold, and neither
+    pull back (but for a little friction) nor drive the motor.
+    """
+
+    diameter_m: Any
+    beyond_zero_thrust: str
+
+    def table(self, J, rpm):
+        """(cT, cP) with the blades open, elementwise."""
+        raise NotImplementedError
+
+    def coefficients(self, J, rpm):
+        """(cT, cP) at advance ratio J and speed of rotation `rpm`, elementwise."""
+        cT, cP = self.table(J, rpm)
+        if self.beyond_zero_thrust == FOLD:
+            # A drag D = q f is cT = -J^2 f / (2 D^2).
+            return np.maximum(cT, -FOLDED_DRAG / 2 * J**2), np.maximum(cP, 0)
+        return cT, cP
+
+    def thrust_and_power(self, V, n, rho):
+        """Thrust [N] and shaft power [W] at axial speed V [m/s], n [rev/s], rho [kg/m^3] (3.48).
+
+        n must be positive: a stopped propeller has no advance ratio (see `standing_thrust`).
+        """
+        D = self.diameter_m
+        cT, cP = self.coefficients(V / (n * D), 60 * n)
+        return cT * rho * n**2 * D**4, cP * rho * n**3 * D**5
+
+    def standing_thrust(self, V, rho):
+        """Thrust [N] of the propeller when it stands: minus the drag of its blades, elementwise."""
+        share = FOLDED_DRAG if self.beyond_zero_thrust == FOLD else STANDING_DRAG
+        return -rho * V**2 / 2 * share * self.diameter_m**2
+
+
+class Propeller(Blades):
     """cT(J, rpm) and cP(J, rpm), linear between the table's points.
 
     Beyond the last J of a row the last segment is continued as a straight line, which takes thrust and power through
@@ -37,10 +86,20 @@ class Propeller:
     whether a point lies inside the table.
     """
 
-    def __init__(self, name: str, diameter_m: float, rows: tuple[Row, ...], source: str = ""):
+    def __init__(
+        self,
+        name: str,
+        diameter_m: float,
+        rows: tuple[Row, ...],
+        source: str = "",
+        beyond_zero_thrust: str = WINDMILL,
+    ):
         if not rows:
             raise InputError(f"propeller {name}: the table is empty")
+        if beyond_zero_thrust not in BEYOND_ZERO_THRUST:
+            raise InputError(f"propeller {name}: {beyond_zero_thrust!r} is not one of {', '.join(BEYOND_ZERO_THRUST)}")
         self.name, self.diameter_m, self.source = name, diameter_m, source
+        self.beyond_zero_thrust = beyond_zero_thrust
         self.rows = tuple(sorted(rows, key=lambda row: row.rpm))
         for row in self.rows:
             if len(row.J) < 2 or np.any(np.diff(row.J) <= 0):
@@ -49,8 +108,7 @@ class Propeller:
         self._knots = sorted({J for row in self.rows for J in row.J[:-1]})
         self._bends = [(_bends(row.J, row.cT), _bends(row.J, row.cP)) for row in self.rows]
 
-    def coefficients(self, J, rpm):
-        """(cT, cP) at advance ratio J and speed of rotation `rpm`, elementwise."""
+    def table(self, J, rpm):
         hinges = {knot: np.maximum(J - knot, 0) for knot in self._knots}  # shared by all rows
         cT, cP = 0.0, 0.0
         for weight, row, (cT_bends, cP_bends) in zip(_hats(rpm, self._rpm), self.rows, self._bends, strict=True):
@@ -58,14 +116,9 @@ class Propeller:
             cP = cP + weight * _piecewise_linear(hinges, row.cP[0], cP_bends)
         return cT, cP
 
-    def thrust_and_power(self, V, n, rho):
-        """Thrust [N] and shaft power [W] at axial speed V [m/s], n [rev/s], rho [kg/m^3] (3.48).
-
-        n must be positive: a stopped propeller has no advance ratio (see `n_min` of the caller's motor).
-        """
-        D = self.diameter_m
-        cT, cP = self.coefficients(V / (n * D), 60 * n)
-        return cT * rho * n**2 * D**4, cP * rho * n**3 * D**5
+    def beyond(self, behaviour: str) -> "Propeller":
+        """The same table with another behaviour beyond zero thrust."""
+        return Propeller(self.name, self.diameter_m, self.rows, self.source, behaviour)
 
     def covers(self, J, rpm):
         """True where (J, rpm) lies inside the table, so that nothing was held or continued; elementwise."""
@@ -83,6 +136,59 @@ class Propeller:
             for J, cT, cP in zip(row.J, row.cT, row.cP, strict=True):
                 out.write(f"{row.rpm:g},{J!r},{cT!r},{cP!r}\n")
         return out.getvalue()
+
+
+@dataclass(frozen=True)
+class Cell(Blades):
+    """One cell of a propeller's table, where cT and cP are bilinear: (a + b J) + (c + d J) rpm; beyond it, continued.
+
+    A few products instead of the whole table, for whoever knows in which cell J and rpm are (see `Cells`).
+    """
+
+    diameter_m: Any
+    beyond_zero_thrust: str
+    numbers: Any  # a, b, c, d of cT, then of cP
+
+    def table(self, J, rpm):
+        a, b, c, d, e, f, g, h = self.numbers
+        return (a + b * J) + (c + d * J) * rpm, (e + f * J) + (g + h * J) * rpm
+
+
+Place = tuple[int, int]
+
+
+class Cells:
+    """All cells of a propeller's table: `place` finds the one around a point, `numbers` those of `Cell`."""
+
+    def __init__(self, propeller: Propeller):
+        self._J, self._rpm = propeller._knots, propeller._rpm.tolist()
+        J, rpm = np.array(_spans(self._J)), np.array(_spans(self._rpm))
+        self._numbers = _bilinear(propeller, J[:, None, :, None], rpm[None, :, None, :])
+
+    def place(self, J: float, rpm: float) -> Place:
+        return bisect_right(self._J, J), bisect_right(self._rpm, rpm)
+
+    def numbers(self, place: Place) -> NDArray[np.float64]:
+        """(8,)."""
+        return self._numbers[place]
+
+
+def _spans(knots: list[float]) -> list[tuple[float, float]]:
+    """The intervals between knots, and one beyond either end."""
+    return [(knots[0] - 1.0, knots[0]), *pairwise(knots), (knots[-1], knots[-1] + 1.0)]
+
+
+def _bilinear(propeller: Propeller, J, rpm) -> NDArray[np.float64]:
+    """Numbers (n, m, 8) of the bilinear functions through the table's values at the corners of n times m cells.
+
+    J : (n, 1, 2, 1), rpm : (1, m, 1, 2), the sides of the cells.
+    """
+    J, rpm = np.broadcast_arrays(J, rpm)
+    corners = np.stack([np.ones(J.shape), J, rpm, J * rpm], axis=-1)
+    values = np.stack(propeller.table(J, rpm), axis=-1)
+    n, m = values.shape[:2]
+    solved = np.linalg.solve(corners.reshape(n, m, 4, 4), values.reshape(n, m, 4, 2))
+    return np.ascontiguousarray(solved.swapaxes(2, 3).reshape(n, m, 8))
 
 
 def _hats(x, knots):

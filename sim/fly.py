@@ -18,7 +18,7 @@ from sim.plan import DT_S, Plan
 from sim.plant import NO_DEVIATIONS, Commands, Deviations, Plant, Seen, State, Stepper, plant_of
 from sim.segments import GROUND, Craft
 from sim.trim import Trim, Trimmer
-from sim.truth import airborne_rows, kinematic_rows, power_required_table
+from sim.truth import Columns, airborne_rows, kinematic_rows, power_required_table, table_of
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -85,7 +85,7 @@ class _Flying:
         self.t = 0.0
         self.airborne = False
         self.pose = Pose.at_rest(np.zeros(3), np.array([0.0, 0.0, plan.heading_rad]))
-        self.rows: list[pd.DataFrame] = []
+        self.rows: list[Columns] = []
         self.energy_J = 0.0
 
     def fly(self) -> Flight:
@@ -93,8 +93,7 @@ class _Flying:
             self._appear_in_the_air()
         for i, segment in enumerate(self.plan.segments):
             self._one(segment, i)
-        truth = pd.concat(self.rows, ignore_index=True)
-        truth.insert(0, "time_s", np.arange(len(truth)) * self.dt)
+        truth = table_of(self.rows, self.dt)
         flown = truth.loc[truth["phase"] == "flight"]
         source = flown if len(flown) else truth
         density = float(source["density_kgpm3"].mean())
@@ -162,8 +161,7 @@ class _Flying:
 
     def _start_airborne(self, trim: Trim, position: Array) -> None:
         x = self._airborne_state(trim, position)
-        self.stepper.x[:] = x
-        self.stepper.commands[:] = trim.commands
+        self.seen = self.stepper.start(x, trim.commands)
         self.craft.throttle = trim.throttle
         self.airborne = True
 
@@ -177,7 +175,7 @@ class _Flying:
     def _segment(self, segment, index: int, where: str) -> None:
         stepper, pilot, craft, white = self.stepper, self.pilot, self.craft, self.white
         states, commands, noises = _Record(len(State._fields)), _Record(4), _Record(4)
-        seen = stepper.look()
+        seen = self.seen
         story = segment.fly(seen, craft)
         try:
             targets = next(story, None)
@@ -192,8 +190,7 @@ class _Flying:
                 noises.add(stepper.white)
             states.add(stepper.x)
             commands.add(command)
-            stepper.step()
-            seen = stepper.seen()
+            seen = stepper.step()
             craft.throttle = command.throttle
             step += 1
             if not (seen.V > MIN_AIRSPEED_MPS and abs(seen.q) < MAX_RATE_RADPS and seen.height > 0):
@@ -204,12 +201,10 @@ class _Flying:
                 targets = story.send(seen)
             except StopIteration:
                 targets = None
-        self.rows.append(
-            airborne_rows(
-                self.plant, states.array(), commands.array(), noises.array() if white else None, index, segment.kind
-            )
-        )
+        drawn = noises.array() if white else None
+        self.rows.append(airborne_rows(self.plant, states.array(), commands.array(), drawn, index, segment.kind))
         self.t += step * self.dt
+        self.seen = seen
 
     def _stand(self, segment, index: int) -> None:
         n = round(segment.duration_s / self.dt)
@@ -269,8 +264,8 @@ class _Flying:
             state, commands = None, None
         rows = kinematic_rows(self.plant, motion, share, state, commands, self.energy_J, self.dt, index, kind)
         self.rows.append(rows)
-        self.energy_J = float(rows["battery_energy_J"].iloc[-1])
-        self.t += len(rows) * self.dt
+        self.energy_J = float(rows["battery_energy_J"][-1])
+        self.t += len(share) * self.dt
         self.progress(self.t)
 
 

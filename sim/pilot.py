@@ -4,7 +4,9 @@ A trim schedule is what a pilot knows of the aircraft; the loops correct what is
 the pilots of the source: well tuned, low gain, high gain, gains scheduled with speed or not.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import asin, atan2, copysign, cos, pi, sin, sqrt
 from typing import NamedTuple
 
@@ -77,45 +79,60 @@ class Knowledge(NamedTuple):
 class Schedule:
     """Level trim against airspeed: linear between points that stand at equal distances, held beyond the ends."""
 
-    def __init__(self, trimmer: Trimmer, points: int = 25):
-        self._low, high = 1.04 * trimmer.V_stall, 0.999 * trimmer.V_max
-        self._per_mps = (points - 1) / (high - self._low)
-        self._last = points - 2
-        self._rows = []
-        for i in range(points):
-            trim = trimmer.solve(V=self._low + i / self._per_mps, climb=0.0)
-            z = trim.unknowns
-            self._rows.append(Knowledge(z.alpha, z.elevator, z.aileron, z.rudder, trim.throttle))
+    def __init__(self, low: float, high: float, rows: Sequence[Knowledge]):
+        self._low, self._per_mps = low, (len(rows) - 1) / (high - low)
+        self._high, self._last = high, len(rows) - 2
+        self._rows = rows
+        self._rises = [between(a, b, 1.0, -1.0) for a, b in pairwise(rows)]
 
     def at(self, V: float) -> Knowledge:
-        position = min(max((V - self._low) * self._per_mps, 0.0), self._last + 1.0)
-        i = min(int(position), self._last)
-        return between(self._rows[i], self._rows[i + 1], position - i)
+        position = (V - self._low) * self._per_mps
+        i = min(max(int(position), 0), self._last)
+        share = min(max(position - i, 0.0), 1.0)
+        # Written out: it runs three times in every step of a flight.
+        alpha, elevator, aileron, rudder, throttle = self._rows[i]
+        d_alpha, d_elevator, d_aileron, d_rudder, d_throttle = self._rises[i]
+        return Knowledge(
+            alpha + share * d_alpha,
+            elevator + share * d_elevator,
+            aileron + share * d_aileron,
+            rudder + share * d_rudder,
+            throttle + share * d_throttle,
+        )
+
+    def known(self, share: float, elsewhere: Knowledge) -> "Schedule":
+        """What somebody knows of it who is drawn towards one trim; all of it when share is 1."""
+        return Schedule(self._low, self._high, [between(elsewhere, row, share, 1 - share) for row in self._rows])
 
 
-def between(a: Knowledge, b: Knowledge, share: float) -> Knowledge:
-    """a at share 0, b at share 1. Written out: it runs three times in every step of a flight."""
-    return Knowledge(
-        a.alpha + share * (b.alpha - a.alpha),
-        a.elevator + share * (b.elevator - a.elevator),
-        a.aileron + share * (b.aileron - a.aileron),
-        a.rudder + share * (b.rudder - a.rudder),
-        a.throttle + share * (b.throttle - a.throttle),
-    )
+def schedule_of(trimmer: Trimmer, points: int = 25) -> Schedule:
+    """Level trims from just above the stall to just below the highest speed."""
+    low, high = 1.04 * trimmer.V_stall, 0.999 * trimmer.V_max
+    rows = []
+    for i in range(points):
+        trim = trimmer.solve(V=low + i * (high - low) / (points - 1), climb=0.0)
+        z = trim.unknowns
+        rows.append(Knowledge(z.alpha, z.elevator, z.aileron, z.rudder, trim.throttle))
+    return Schedule(low, high, rows)
+
+
+def between(a: Knowledge, b: Knowledge, b_share: float, a_share: float) -> Knowledge:
+    return Knowledge(*(a_share * x + b_share * y for x, y in zip(a, b, strict=True)))
 
 
 class Pilot:
     """Flies the targets, `dt` apart. Has a memory: the integrals of its loops."""
 
     def __init__(self, plant: Plant, trimmer: Trimmer, gains: Gains, dt: float):
-        self._schedule = Schedule(trimmer)
         self._gains, self._dt = gains, dt
         self._V_reference = 1.6 * trimmer.V_stall
         self._travel = [(min(s.angle_rad), max(s.angle_rad)) for s in _surfaces(plant)]
         # Elevator against pitch damping in a pull-up: de = -Cmq/Cmde q cbar/2V.
         self._damping = -plant.aero.Cmq / plant.aero.Cmde * plant.aircraft.geometry.chord_m / 2
-        self._slowest = self._schedule.at(0.0)
-        self._cruise = self._schedule.at(self._V_reference)
+        schedule = schedule_of(trimmer)
+        self._slowest = schedule.at(0.0)
+        # At worst a pilot knows the one trim of cruise.
+        self._known = schedule.known(gains.feedforward, schedule.at(self._V_reference))
         self._gamma_integral = 0.0
         self._throttle_integral = 0.0
         self._bank_integral = 0.0
@@ -132,7 +149,7 @@ class Pilot:
         bank = min(max(seen.phi, -1.2), 1.2)
         lift = max(want.load_factor or 1.0, 0.2) if want.load_factor is not None else 1 / cos(bank)
         # At load factor n the aircraft needs the angle of attack of level flight at V / sqrt(n).
-        loaded, level = self._know(V / sqrt(lift)), self._know(V)
+        loaded, level = self._known.at(V / sqrt(lift)), self._known.at(V)
         alpha_ff, elevator_ff = loaded.alpha, loaded.elevator
         stiffness = min((self._V_reference / V) ** 2, 2.5) if gains.scheduled else 1.0
 
@@ -180,12 +197,6 @@ class Pilot:
         (e0, e1), (a0, a1), (r0, r1) = self._travel
         return Commands(min(max(elevator, e0), e1), min(max(aileron, a0), a1), min(max(rudder, r0), r1), throttle)
 
-    def _know(self, V: float) -> Knowledge:
-        """The schedule as far as this pilot knows it: at worst the one trim of cruise."""
-        share = self._gains.feedforward
-        known = self._schedule.at(V)
-        return known if share == 1.0 else between(self._cruise, known, share)
-
     def _bank_wanted(self, seen: Seen, want: Targets, V: float) -> float:
         if want.bank_rad is not None:
             return want.bank_rad
@@ -207,7 +218,7 @@ class Pilot:
         self._speed = before + change
         error = self._speed - seen.V
         gains, k = self._gains, self._gains.skill
-        base = self._know(self._speed).throttle
+        base = self._known.at(self._speed).throttle
         throttle = base + gains.acceleration_s2_per_m * change / self._dt
         throttle += k * gains.speed_per_m * error + self._throttle_integral
         if 0 < throttle < 1:

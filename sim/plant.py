@@ -22,9 +22,9 @@ from flight.motion import (
     rate_derivative,
     velocity_derivative,
 )
-from flight.propeller import Propeller, load_propeller
+from flight.propeller import Blades, Cell, Cells, Place, Propeller, load_propeller
 from sim.air import Air, Gust, GustStates, ambient, dryden, mean_wind
-from sim.propulsion import PowerTrain, power_train
+from sim.propulsion import SLOWEST_REVPS, PowerTrain, power_train
 
 
 class State(NamedTuple):
@@ -58,6 +58,7 @@ class State(NamedTuple):
 
 
 FIRST_GUST = State._fields.index("gust_u")
+MOTOR = State._fields.index("motor")
 
 
 class Commands(NamedTuple):
@@ -112,7 +113,7 @@ class Plant:
 
     aircraft: Aircraft
     aero: Aerodynamics
-    propeller: Propeller
+    propeller: Blades
     air: Air
     deviations: Deviations = NO_DEVIATIONS
 
@@ -256,7 +257,7 @@ def servo_rate(surface: Surface, angle, command):
 
 def plant_of(aircraft: Aircraft, air: Air | None = None, deviations: Deviations = NO_DEVIATIONS) -> Plant:
     """The plant of an aircraft file. Raises InputError without [aerodynamics] or propeller table."""
-    propeller = load_propeller(aircraft.propulsion.propeller)
+    propeller = load_propeller(aircraft.propulsion.propeller).beyond(aircraft.propulsion.beyond_zero_thrust)
     return Plant(aircraft, aerodynamics_of(aircraft), propeller, air or Air(), deviations)
 
 
@@ -319,50 +320,82 @@ INTEGRATORS = {"euler": euler, "rk4": rk4}
 class Stepper:
     """One compiled integration step, called through fixed buffers: a few microseconds.
 
-    Write `commands` (4,) and `white` (4,), call `step()`; `x` (n_states,) moves on and `seen()` tells what the pilot
-    sees at the new state.
+    `start` somewhere, write `commands` (4,) and `white` (4,), call `step`: `x` (n_states,) moves on.
     """
 
     def __init__(self, plant: Plant, dt: float, integrator: str = "rk4"):
-        function = compile_step(plant, dt, integrator)
-        n = len(State._fields)
-        self.x = np.zeros(n)
+        assert isinstance(plant.propeller, Propeller)
+        self.x = np.zeros(len(State._fields))
         self.commands = np.zeros(4)
         self.white = np.zeros(4)
-        self._next = np.zeros(n)
+        self._cell = np.zeros(8)
+        self._buffers: list[Any] = []  # kept alive as long as the functions on them
+        self._next = np.zeros(len(State._fields))
         self._seen = np.zeros(len(Seen._fields))
-        self._buffer, self._run = function.buffer()
-        for i, array in enumerate((self.x, self.commands, self.white)):
-            self._buffer.set_arg(i, array.data)
-        self._buffer.set_res(0, self._next.data)
-        self._buffer.set_res(1, self._seen.data)
+        self._in_cell, self._in_table = (
+            self._bound(compile_step(plant, dt, integrator, cell=c)) for c in (True, False)
+        )
         self._plant = plant
+        self._cells = Cells(plant.propeller)
+        self._diameter_m = plant.propeller.diameter_m
+        self._place: Place = (0, 0)
 
-    def step(self) -> None:
-        self._run()
+    def start(self, x: State, commands: Commands) -> Seen:
+        """Put the aircraft into a state; what is seen there."""
+        self.x[:], self.commands[:] = x, commands
+        now, _ = self._plant.instant(x, commands)
+        seen = Seen(*(float(value) for value in seen_of(x, now)))
+        self._place = self._place_at(seen.V, x.motor)
+        return seen
+
+    def step(self) -> Seen:
+        """One step on; what is seen then.
+
+        The propeller's table is most of what there is to compute, and a step rarely leaves a cell of it: each is done
+        with the cell alone, and done again with the whole table when it ended in another one.
+        """
+        self._cell[:] = self._cells.numbers(self._place)
+        self._in_cell()
+        place = self._place_at(self._seen.item(0), self._next.item(MOTOR))
+        if place != self._place:
+            self._in_table()
+            self._place = self._place_at(self._seen.item(0), self._next.item(MOTOR))
         self.x[:] = self._next
+        return Seen._make(self._seen.tolist())
 
-    def seen(self) -> Seen:
-        return Seen(*self._seen.tolist())
+    def _place_at(self, V: float, motor: float) -> Place:
+        n = max(motor, SLOWEST_REVPS)
+        return self._cells.place(V / (n * self._diameter_m), 60 * n)
 
-    def look(self) -> Seen:
-        """What is seen at the present state, before any step."""
-        x = State(*self.x.tolist())
-        now, _ = self._plant.instant(x, Commands(*self.commands.tolist()))
-        return Seen(*(float(value) for value in seen_of(x, now)))
+    def _bound(self, function) -> Callable[[], None]:
+        """The function on our buffers."""
+        buffer, run = function.buffer()
+        for i, array in enumerate((self.x, self.commands, self.white, self._cell)):
+            buffer.set_arg(i, array.data)
+        for i, array in enumerate((self._next, self._seen)):
+            buffer.set_res(i, array.data)
+        self._buffers.append(buffer)
+        return run
 
 
-def compile_step(plant: Plant, dt: float, integrator: str = "rk4"):
-    """A CasADi function (x, commands, white) -> (x after dt, seen there)."""
+def compile_step(plant: Plant, dt: float, integrator: str = "rk4", *, cell: bool = False):
+    """A CasADi function (x, commands, white, numbers) -> (x after dt, seen there).
+
+    cell: the propeller is the cell of its table whose `numbers` (8,) are given; otherwise it is the whole table.
+    """
     import casadi as ca
 
     ca.GlobalOptions.setNumpyMode(-1)
-    x, commands, white = ca.SX.sym("x", len(State._fields)), ca.SX.sym("c", 4), ca.SX.sym("n", 4)
-    c, n = Commands(*ca.vertsplit(commands)), ca.vertsplit(white)
-    after = INTEGRATORS[integrator](lambda s: plant.derivative(s, c, n), State(*ca.vertsplit(x)), dt)
-    now, _ = plant.instant(after, c)
+    inputs = [ca.SX.sym("x", len(State._fields)), ca.SX.sym("c", 4), ca.SX.sym("n", 4), ca.SX.sym("p", 8)]
+    x, c, n, numbers = (ca.vertsplit(symbols) for symbols in inputs)
+    if cell:
+        propeller = plant.propeller
+        plant = replace(plant, propeller=Cell(propeller.diameter_m, propeller.beyond_zero_thrust, numbers))
+    commands = Commands(*c)
+    after = INTEGRATORS[integrator](lambda s: plant.derivative(s, commands, n), State(*x), dt)
+    now, _ = plant.instant(after, commands)
     results = ca.cse([ca.vertcat(*after), ca.vertcat(*seen_of(after, now))])
-    return ca.Function("step", [x, commands, white], results)
+    return ca.Function("step", inputs, results)
 
 
 def replace_air(plant: Plant, air: Air) -> Plant:

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flight.aircraft import Propulsion
-from flight.propeller import Propeller
+from flight.propeller import Blades
 
-# Below this a propeller has no meaningful advance ratio; the motor's friction is faded out there so that it can stop.
+# Below this a propeller has no meaningful advance ratio: its thrust goes over to that of standing blades, and the
+# motor's friction is faded out so that it can stop.
 SLOWEST_REVPS = 5.0
 
 
@@ -31,7 +32,7 @@ def torque_constant(propulsion: Propulsion) -> float:
 
 
 def power_train(
-    propulsion: Propulsion, propeller: Propeller, *, V, n, throttle, rho, thrust_scale=1.0, thrust_slope_J=0.0
+    propulsion: Propulsion, propeller: Blades, *, V, n, throttle, rho, thrust_scale=1.0, thrust_slope_J=0.0
 ):
     """Thrust, torque balance and currents at airspeed V [m/s], n [rev/s], throttle 0 to 1.
 
@@ -46,19 +47,21 @@ def power_train(
     thrust, shaft_power = propeller.thrust_and_power(V, n_air, rho)
     J = V / (n_air * propeller.diameter_m)
     thrust = thrust * thrust_scale * (1 + thrust_slope_J * (J - 0.5))
+    turning = np.clip(n / SLOWEST_REVPS, 0, 1)
+    thrust = turning * thrust + (1 - turning) * propeller.standing_thrust(V, rho)
     load = shaft_power / (2 * np.pi * n_air)
 
     k = torque_constant(propulsion)
     resistance = propulsion.motor_resistance_ohm + throttle**2 * propulsion.battery_resistance_ohm
     motor_current = np.maximum((throttle * propulsion.battery_voltage_V - 2 * np.pi * n * k) / resistance, 0)
-    friction = k * propulsion.motor_no_load_current_A * np.clip(n / SLOWEST_REVPS, 0, 1)
+    friction = k * propulsion.motor_no_load_current_A * turning
     acceleration = (k * motor_current - friction - load) / (2 * np.pi * propulsion.propeller_inertia_kgm2)
     battery_current = throttle * motor_current
     voltage = propulsion.battery_voltage_V - battery_current * propulsion.battery_resistance_ohm
     return PowerTrain(thrust, shaft_power, load, acceleration, voltage, battery_current)
 
 
-def throttle_for(propulsion: Propulsion, propeller: Propeller, *, V, n, rho):
+def throttle_for(propulsion: Propulsion, propeller: Blades, *, V, n, rho):
     """The throttle that holds n [rev/s] at airspeed V [m/s], elementwise.
 
     Zero where the propeller windmills faster than asked, infinite where the battery cannot sustain it.

@@ -1,6 +1,7 @@
 """The truth of a flight as a table: every state, force, coefficient and thrust, and the true power-required curve."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,12 @@ from sim.propulsion import power_train, throttle_for
 from sim.trim import Trimmer, power_required
 
 Array = NDArray[np.float64]
+Columns = dict[str, NDArray[Any]]
 METADATA_KEY = b"flightpower"
 
 
-def airborne_rows(
-    plant: Plant, states: Array, commands: Array, white: Array | None, index: int, kind: str
-) -> pd.DataFrame:
-    """Rows of a segment flown: states (n, n_states), commands (n, 4) and, in turbulence, white noises (n, 4)."""
+def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array | None, index: int, kind: str) -> Columns:
+    """Columns of a segment flown: states (n, n_states), commands (n, 4) and, in turbulence, white noises (n, 4)."""
     x, c = State(*states.T), Commands(*commands.T)
     noises = (0.0, 0.0, 0.0, 0.0) if white is None else tuple(white.T)
     now, _ = plant.instant(x, c, noises)
@@ -109,7 +109,7 @@ def airborne_rows(
         "specific_force_z_mps2": now.specific_force[2],
         "upwash_rad": plant.aircraft.probe.upwash_per_CL_rad * now.CL,
     }
-    return pd.DataFrame({name: np.broadcast_to(value, len(states)) for name, value in columns.items()})
+    return {name: np.broadcast_to(value, len(states)) for name, value in columns.items()}
 
 
 def kinematic_rows(
@@ -122,8 +122,8 @@ def kinematic_rows(
     dt: float,
     index: int,
     kind: str,
-) -> pd.DataFrame:
-    """Rows of prescribed motion on the ground, in take-off and landing.
+) -> Columns:
+    """Columns of prescribed motion on the ground, in take-off and landing.
 
     Controls and motor speed are `share` (n,) of those of `state`, zero when there is none. Aerodynamic coefficients
     and moments are not known here (the wheels carry part of the load): there are no such columns.
@@ -201,7 +201,20 @@ def kinematic_rows(
         **{name: share * value for name, value in gusts.items()},
         **train,
     )
-    return pd.DataFrame({name: np.broadcast_to(value, n) for name, value in rows.items()})
+    return {name: np.broadcast_to(value, n) for name, value in rows.items()}
+
+
+def table_of(parts: Sequence[Columns], dt: float) -> pd.DataFrame:
+    """The parts of a flight one after the other, `dt` apart; NaN where a part has no such column."""
+    lengths = [len(part["segment"]) for part in parts]
+    columns: dict[str, NDArray[Any]] = {"time_s": np.arange(sum(lengths)) * dt}
+    for name in dict.fromkeys(name for part in parts for name in part):
+        columns[name] = np.concatenate(
+            [part[name] if name in part else np.full(n, np.nan) for part, n in zip(parts, lengths, strict=True)]
+        )
+    for name in ("phase", "kind"):
+        columns[name] = columns[name].astype(object)
+    return pd.DataFrame(columns)
 
 
 def _gusts(plant: Plant, state: State | None, commands: Commands | None) -> dict[str, float]:

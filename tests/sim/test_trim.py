@@ -39,10 +39,9 @@ def test_climbing_and_turning_flight_stays_what_it_was(trimmer, climb, bank_deg)
     # A level coordinated turn: tan(bank) = V psidot / g, up to the thrust's share of the lift (alpha and climb small).
     assert rate.psi * 18.0 / g == pytest.approx(np.tan(np.deg2rad(bank_deg)), rel=0.03, abs=1e-9)
     stepper = Stepper(trimmer.plant, 0.02)
-    stepper.x[:], stepper.commands[:] = x, trim.commands
+    stepper.start(x, trim.commands)
     for _ in range(100):
-        stepper.step()
-    seen = stepper.seen()
+        seen = stepper.step()
     # The air thins by 1e-4 a metre of climb, and trim goes with it; the spiral mode takes half a minute to show.
     assert seen.V == pytest.approx(18.0, abs=0.01)
     assert seen.phi == pytest.approx(np.deg2rad(bank_deg), abs=0.01)
