@@ -11,10 +11,9 @@ from mcap.records import Message as Record
 from mcap.stream_reader import StreamReader
 
 from flight.errors import InputError
+from flight.log_index import MAGIC
 from flight.log_writer import PROFILE
 from flight.messages import TYPE_OF_TOPIC, Message
-
-MAGIC = b"\x89MCAP0\r\n"
 
 
 class Entry(NamedTuple):

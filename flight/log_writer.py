@@ -2,39 +2,82 @@
 
 The tray, the aircraft file, the propeller table, the probe calibration and the software version travel in the file,
 as attachments and metadata, so that `analyze log.mcap` needs nothing else.
+
+The chunks are put together here and not by mcap's own Writer, because that keeps the index of a log as objects (20 MB
+an hour of the default tray) and writes it in one go, which would cost ticks when a file is finished in flight.
 """
 
 import json
+import struct
+import zlib
+from functools import cache
 from typing import IO
 
 import msgspec
-from mcap.writer import CompressionType, Writer
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Header, McapRecord, Metadata, Schema
 
+from flight.log_index import CHUNK_HEAD, MAGIC, MESSAGE_INDEX_HEAD, RECORD_HEAD, LogIndex
 from flight.messages import TYPE_OF_TOPIC, Message, schema_of
 
 PROFILE = "flightpower"
 FORMAT_VERSION = "1"
 # A chunk is on disk only when it is full. Half a second of the default tray is about this much before compression.
 CHUNK_BYTES = 40_000
+COMPRESSION = "zstd"
+MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # the record's head; channel, sequence, log time, publish time
+MESSAGE_FIXED_BYTES = MESSAGE_HEAD.size - RECORD_HEAD.size
+INDEX_ENTRY = struct.Struct("<QQ")  # log time, place in the uncompressed chunk
+
+
+@cache
+def schema_text(kind: type[Message]) -> bytes:
+    """The JSON Schema of a message type, as it stands in the file."""
+    return json.dumps(schema_of(kind)).encode()
 
 
 class LogWriter:
-    """An MCAP file open for writing. `finish` writes the index; without it the file is still readable to its end."""
+    """An MCAP file open for writing. `finish` writes the index; without it the file is still readable to its end.
+
+    stream: only `write` is asked of it, with whole records.
+    """
 
     def __init__(self, stream: IO[bytes], *, chunk_bytes: int = CHUNK_BYTES):
-        self._writer = Writer(stream, chunk_size=chunk_bytes, compression=CompressionType.ZSTD)
-        self._writer.start(profile=PROFILE, library=f"{PROFILE}-log-{FORMAT_VERSION}")
+        self._stream = stream
+        self._chunk_bytes = chunk_bytes
+        self._index = LogIndex()
+        self._written = 0
         self._channels: dict[str, int] = {}
         self._schemas: dict[type[Message], int] = {}
         self._encoder = msgspec.json.Encoder()
+        self._compressor = zstandard.ZstdCompressor()
+        self._chunk = bytearray()
+        self._entries: dict[int, bytearray] = {}  # of the chunk's message indices, by channel
+        self._first_ns = self._last_ns = 0
+        self._put(MAGIC)
+        self._record(Opcode.HEADER, Header(PROFILE, f"{PROFILE}-log-{FORMAT_VERSION}"))
+
+    @property
+    def size_bytes(self) -> int:
+        """Of what has left for the stream."""
+        return self._written
+
+    @property
+    def pending_bytes(self) -> int:
+        """Of the chunk that is being filled, before compression."""
+        return len(self._chunk)
 
     def attach(self, name: str, data: bytes, media_type: str, time_ns: int) -> None:
         """Put a file into the log."""
-        self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
+        self.flush()
+        self._record(Opcode.ATTACHMENT, Attachment(time_ns, time_ns, name, media_type, data))
 
     def describe(self, name: str, values: dict[str, str]) -> None:
         """Put a record of names and values into the log."""
-        self._writer.add_metadata(name, values)
+        self.flush()
+        self._record(Opcode.METADATA, Metadata(name, values))
 
     def declare(self, topic: str) -> None:
         """Announce a topic, so that it stands in the file even if no message ever comes."""
@@ -42,22 +85,81 @@ class LogWriter:
 
     def write(self, topic: str, message: Message, *, time_ns: int, tick: int) -> None:
         """Add a message taken at `time_ns` (Unix time [ns]) in tick number `tick`."""
-        data = self._encoder.encode(message)
-        self._writer.add_message(self._channel(topic), time_ns, data, time_ns, tick)
+        self.write_encoded(self._channel(topic), self._encoder.encode(message), time_ns=time_ns, tick=tick)
+
+    def write_encoded(self, channel: int, data: bytes, *, time_ns: int, tick: int) -> None:
+        """Add a message that is JSON already, on a channel by its number."""
+        if not self._chunk:
+            self._first_ns = self._last_ns = time_ns
+        self._first_ns, self._last_ns = min(self._first_ns, time_ns), max(self._last_ns, time_ns)
+        entries = self._entries.setdefault(channel, bytearray())
+        entries += INDEX_ENTRY.pack(time_ns, len(self._chunk))
+        size = MESSAGE_FIXED_BYTES + len(data)
+        self._chunk += MESSAGE_HEAD.pack(Opcode.MESSAGE, size, channel, tick & 0xFFFFFFFF, time_ns, time_ns)
+        self._chunk += data
+        if len(self._chunk) > self._chunk_bytes:
+            self.flush()
 
     def flush(self) -> None:
         """Close the chunk that is being filled, so that what was written so far is on its way to the disk."""
-        self._writer.flush()
+        if self._chunk:
+            self.append(self.close_chunk())
+
+    def close_chunk(self) -> bytes:
+        """Take out what was written since the last chunk: its record and its message indices, ready for `append`."""
+        compressed = self._compressor.compress(self._chunk)
+        head = CHUNK_HEAD.pack(self._first_ns, self._last_ns, len(self._chunk), zlib.crc32(self._chunk))
+        name = struct.pack("<I", len(COMPRESSION)) + COMPRESSION.encode() + struct.pack("<Q", len(compressed))
+        size = len(head) + len(name) + len(compressed)
+        parts = [RECORD_HEAD.pack(Opcode.CHUNK, size), head, name, compressed]
+        for channel, entries in self._entries.items():
+            parts.append(RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, MESSAGE_INDEX_HEAD.size + len(entries)))
+            parts.append(MESSAGE_INDEX_HEAD.pack(channel, len(entries)))
+            parts.append(bytes(entries))
+        self._chunk.clear()
+        self._entries.clear()
+        return b"".join(parts)
+
+    def append(self, records: bytes) -> None:
+        """Add whole records: a closed chunk, of this log or of one that declared the same topics in the same order."""
+        view, at = memoryview(records), 0
+        while at < len(records):
+            opcode, length = RECORD_HEAD.unpack_from(records, at)
+            begin = at + RECORD_HEAD.size
+            self._index.see(opcode, view[begin : begin + length], self._written + at)
+            at = begin + length
+        self._put(records)
 
     def finish(self) -> None:
         """Close the last chunk and write the index."""
-        self._writer.finish()
+        self.flush()
+        self._put(self._index.ending(self._written))
 
     def _channel(self, topic: str) -> int:
         if topic not in self._channels:
             kind = TYPE_OF_TOPIC[topic]
             if kind not in self._schemas:
-                schema = json.dumps(schema_of(kind)).encode()
-                self._schemas[kind] = self._writer.register_schema(kind.__name__, "jsonschema", schema)
-            self._channels[topic] = self._writer.register_channel(topic, "json", self._schemas[kind])
+                self._schemas[kind] = len(self._schemas) + 1
+                schema = Schema(
+                    id=self._schemas[kind], name=kind.__name__, encoding="jsonschema", data=schema_text(kind)
+                )
+                self._record(Opcode.SCHEMA, schema)
+            self.announce(topic, self._schemas[kind])
         return self._channels[topic]
+
+    def announce(self, topic: str, schema: int) -> int:
+        """Add a channel of JSON messages; its number. schema: the number of its schema, 0 for none."""
+        number = self._channels[topic] = len(self._channels) + 1
+        self._record(
+            Opcode.CHANNEL, Channel(id=number, topic=topic, message_encoding="json", metadata={}, schema_id=schema)
+        )
+        return number
+
+    def _record(self, opcode: int, record: McapRecord) -> None:
+        builder = RecordBuilder()
+        record.write(builder)
+        self.append(builder.end())
+
+    def _put(self, data: bytes) -> None:
+        self._stream.write(data)
+        self._written += len(data)

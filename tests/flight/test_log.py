@@ -118,9 +118,9 @@ def test_a_topic_we_do_not_know_and_a_message_we_cannot_read_are_passed_over(tmp
         log = LogWriter(stream)
         log.write("/imu", Imu(samples=8), time_ns=1, tick=0)
         imu = log._channels["/imu"]
-        other = log._writer.register_channel("/other", "json", 0)
-        log._writer.add_message(other, 2, b"{}", 2, 0)
-        log._writer.add_message(imu, 3, b'{"samples": "eight"}', 3, 0)
+        other = log.announce("/other", schema=0)
+        log.write_encoded(other, b"{}", time_ns=2, tick=0)
+        log.write_encoded(imu, b'{"samples": "eight"}', time_ns=3, tick=0)
         log.write("/daq/tick", Tick(late_ns=7), time_ns=4, tick=1)
         log.finish()
     read = read_log(path)
