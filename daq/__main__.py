@@ -3,6 +3,7 @@
 import ctypes
 import gc
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -17,6 +18,8 @@ from flight.errors import InputError
 from flight.messages import Event
 
 BAD_INPUT, FAILURE = 2, 1
+THREAD_STACK_BYTES = 512 * 1024
+SWITCH_S = 0.001  # the sampling thread waits at most this long for another one that computes
 MCL_CURRENT, MCL_FUTURE = 1, 2  # sys/mman.h
 
 app = typer.Typer(
@@ -44,7 +47,7 @@ def run(
         typer.Option("--duration", min=0.0, help="Stop after this many seconds."),
     ] = None,
 ) -> None:
-    """Record until SIGTERM, Ctrl-C or the end of the session; each finishes the file properly.
+    """Record until SIGTERM or Ctrl-C, which finish the file properly. SIGHUP begins a new one.
 
     A sensor that fails is logged as failed and tried again twice a second; the others go on. Events go to stderr and
     into the log.
@@ -53,19 +56,30 @@ def run(
     from daq.clock import SystemClock
     from daq.config import load_tray
     from daq.daemon import NothingToRead, record
+    from daq.telemetry import TelemetryLink
 
     tray = load_tray(config)
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+    stop, new_file = threading.Event(), threading.Event()
+    had_terminal = has_terminal()
+    for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
+    # A hang-up asks for a new file, unless it is the terminal that has gone: then nobody could stop us any more.
+    signal.signal(signal.SIGHUP, lambda *_: (stop if had_terminal and not has_terminal() else new_file).set())
     clock = SystemClock()
+    link = TelemetryLink(tray.telemetry, tray) if tray.telemetry else None
     prepare_process()
+    terminal = StatusLine()
     ready = False
 
-    def progress(elapsed_s: float) -> None:
+    def report(line: str) -> None:
         nonlocal ready
-        notify(ALIVE if ready else READY, f"STATUS=recording, {elapsed_s:.0f} s")
+        notify(ALIVE if ready else READY, f"STATUS={line}")
+        terminal.show(line)
         ready = True
+
+    def tell(event: Event) -> None:
+        terminal.clear()
+        show(event)
 
     try:
         recording = record(
@@ -75,33 +89,112 @@ def run(
             log_path=output,
             until_ns=None if duration_s is None else clock.now_ns() + round(duration_s * 1e9),
             stop=stop,
-            progress=progress,
-            on_event=show,
+            new_file=new_file,
+            watched=True,
+            listener=link,
+            report=report,
+            on_event=tell,
         )
     except NothingToRead as error:
-        typer.echo(f"daq: {error}", err=True)
+        complain(f"daq: {error}")
         raise typer.Exit(FAILURE) from None
     finally:
         notify(STOPPING)
+        terminal.clear()
+        if link is not None:
+            link.close()
     faults = ", ".join(f"{name} {count}" for name, count in recording.errors.items() if count)
-    summary = f"{recording.path}: {recording.ticks} ticks, {recording.missed} missed"
-    typer.echo(f"{summary}; without measurement: {faults or 'none'}", err=True)
+    logs = ", ".join(str(path) for path in recording.paths) or "no log"
+    complain(f"{logs}: {recording.ticks} ticks, {recording.missed} missed; without measurement: {faults or 'none'}")
     if recording.write_error:
-        typer.echo(f"daq: the end of the log is missing: {recording.write_error}", err=True)
-        raise typer.Exit(FAILURE)
+        complain(f"daq: a part of the recording is missing: {recording.write_error}")
+        # Not `Exit`: a thread that waits for a dead disk must not keep the process.
+        sys.stderr.flush()
+        os._exit(FAILURE)
+
+
+def complain(line: str) -> None:
+    """A line on stderr; nobody may be there any more to read it."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except OSError:
+        return
 
 
 def show(event: Event) -> None:
     """An event, for the journal: <n> is the priority that systemd takes off again (sd-daemon(3))."""
     priority = {"error": "<3>", "warning": "<4>"}.get(event.severity, "<6>")
-    print(f"{priority if 'JOURNAL_STREAM' in os.environ else ''}{event.text}", file=sys.stderr, flush=True)
+    complain(f"{priority if 'JOURNAL_STREAM' in os.environ else ''}{event.text}")
+
+
+def has_terminal() -> bool:
+    """Whether somebody sits at a terminal that we belong to."""
+    try:
+        os.close(os.open("/dev/tty", os.O_RDONLY | os.O_NOCTTY))
+    except OSError:
+        return False
+    return True
+
+
+class StatusLine:
+    """One line at the bottom of a terminal that is written over once a second; nothing where there is no terminal."""
+
+    def __init__(self) -> None:
+        self._on = sys.stderr.isatty()
+
+    def show(self, line: str) -> None:
+        self._write(f"\r{line[: shutil.get_terminal_size().columns - 1]}\x1b[K")
+
+    def clear(self) -> None:
+        self._write("\r\x1b[K")
+
+    def _write(self, text: str) -> None:
+        if self._on:
+            try:
+                sys.stderr.write(text)
+                sys.stderr.flush()
+            except OSError:
+                self._on = False
 
 
 def prepare_process() -> None:
-    """Keep the collector of reference cycles off what lives for ever, and our memory off the swap."""
+    """Keep the collector of reference cycles off what lives for ever, our memory off the swap, and threads small."""
     gc.collect()
     gc.freeze()
+    threading.stack_size(THREAD_STACK_BYTES)  # locked memory is used memory
+    sys.setswitchinterval(SWITCH_S)
     ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE)  # refused without the right to (LimitMEMLOCK): then it is not
+
+
+@app.command()
+def zero(
+    config: Annotated[Path, typer.Option("--config", "-c", help="The tray.")],
+    seconds: Annotated[float, typer.Option(min=4.0, help="How long to measure.")] = 10.0,
+) -> None:
+    """Take the still-air zero of pressure differences and gyroscopes; it travels in every log from then on.
+
+    The probe covered, the aircraft at rest, the motor off, everything switched on for some minutes. Leaves with 1, and
+    keeps an older zero as it was, when it was not still.
+    """
+    from daq.bus import LinuxBuses
+    from daq.clock import SystemClock
+    from daq.config import load_tray
+    from daq.survey import survey
+    from daq.zero import NotStill, measure, save
+
+    tray, clock = load_tray(config), SystemClock()
+    try:
+        found = survey(tray, buses=LinuxBuses(), clock=clock, seconds=seconds, watched=True)
+        new = measure(found.samples, ticks=found.ticks, seconds=seconds, unix_ns=clock.unix_ns())
+    except NotStill as error:
+        for line in str(error).splitlines():
+            typer.echo(f"daq: no zero: {line}", err=True)
+        raise typer.Exit(FAILURE) from None
+    save(new, Path(tray.zero))
+    for topic, fields in new.readings.items():
+        for name, reading in fields.items():
+            typer.echo(f"{topic:16} {name:28} {reading.mean: .5g} ± {reading.standard_deviation:.2g}")
+    typer.echo(f"{tray.zero}: travels in every log from now on")
 
 
 @app.command()
@@ -122,21 +215,21 @@ def check(
     from daq.clock import SystemClock
     from daq.config import load_tray
 
-    report = checking.examine(load_tray(config), buses=LinuxBuses(), clock=SystemClock(), seconds=seconds)
+    report = checking.examine(load_tray(config), buses=LinuxBuses(), clock=SystemClock(), seconds=seconds, watched=True)
     if as_json:
         typer.echo(checking.as_json(report))
     else:
-        table = Table("", "topic", "Hz", "value ± scatter", "trouble, and what to do", box=None)
+        table = Table("", "topic", "part", "Hz", "value ± scatter", "bus errors", "trouble, and what to do", box=None)
         for line in report.lines:
             mark = {True: "[green]ok", False: "[bold red]BAD", None: "[yellow]?"}[line.ok]
             trouble = "\n".join(filter(None, (line.trouble, line.advice)))
-            table.add_row(mark, line.topic, f"{line.rate_Hz:.1f}", "\n".join(filter(None, line.values)), trouble)
+            values = "\n".join(filter(None, line.values))
+            table.add_row(mark, line.topic, line.identity, f"{line.rate_Hz:.1f}", values, str(line.bus_errors), trouble)
         console = Console()
         console.print(table)
-        console.print(
-            f"{report.missed} ticks missed, {report.late_ms:.1f} ms late at worst; "
-            f"room for {report.free_s / 3600:.1f} h of log"
-        )
+        for fact in report.facts:
+            mark = "[green]ok " if fact.ok else "[bold red]BAD"
+            console.print(f" {mark}[/] {fact.text}", highlight=False)
         console.print("[bold green]fit to fly" if report.fit else "[bold red]not fit to fly")
     if not report.fit:
         raise typer.Exit(FAILURE)

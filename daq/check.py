@@ -1,7 +1,6 @@
 """Is the tray fit to fly? Reads it for a few seconds and says of every topic what works, and what to do if not."""
 
-import shutil
-import threading
+import tempfile
 from collections import Counter
 from pathlib import Path
 from statistics import fmean, stdev
@@ -9,16 +8,15 @@ from typing import NamedTuple
 
 import msgspec
 
-from daq import luggage
 from daq.bus import Buses
 from daq.clock import Clock
 from daq.config import Tray
-from daq.daemon import stations
 from daq.health import FINE
-from daq.loop import turns
+from daq.identity import identity
+from daq.keeper import free_bytes
+from daq.survey import Survey, survey
 from flight.messages import Message, Status
 
-SETTLING_S = 2.0  # parts are brought up meanwhile; not judged
 ENOUGH = 0.95  # of the readings after that have to be measurements
 BYTES_PER_S = 20_000  # of a log of the default tray at 25 Hz
 ENOUGH_ROOM_S = 2 * 3600.0
@@ -31,7 +29,11 @@ SHOWN: dict[str, tuple[tuple[str, float, str], ...]] = {
     "/probe/alpha": (("differential_pressure_Pa", 1, "Pa"),),
     "/probe/beta": (("differential_pressure_Pa", 1, "Pa"),),
     "/probe/airspeed": (("differential_pressure_Pa", 1, "Pa"),),
-    "/gps": (("satellites", 1, "satellites"), ("horizontal_accuracy_m", 1, "m accuracy")),
+    "/gps": (
+        ("satellites", 1, "satellites"),
+        ("horizontal_accuracy_m", 1, "m accuracy"),
+        ("fix_type", 1, "dimensional fix"),
+    ),
     "/rpm": (("motor_speed_revps", 60, "rpm"),),
     "/controls": (("elevator_rad", 57.29578, "deg elevator"), ("throttle", 100, "% throttle")),
     "/attitude": (("pitch_rad", 57.29578, "deg pitch"),),
@@ -49,6 +51,7 @@ ADVICE = {
     Status.NO_DATA: "nothing arrives: TX and RX exchanged, baud rate, or it is not switched on",
 }
 NO_FIX = "no fix yet: give the antenna a view of the sky and wait a minute"
+BUS_ERRORS = (Status.NO_REPLY, Status.TIMEOUT, Status.CORRUPT)
 STANDING = "silent, as it is while the motor stands; run the motor to be sure"
 
 
@@ -56,11 +59,20 @@ class Line(NamedTuple):
     """One topic's verdict. ok: None where it cannot be told."""
 
     topic: str
+    identity: str  # which part, where, and what it says of itself
     ok: bool | None
     rate_Hz: float  # of measurements
     values: list[str]  # mean and scatter
+    bus_errors: int  # transfers that failed
     trouble: str  # statuses other than good ones, with how often
     advice: str
+
+
+class Fact(NamedTuple):
+    """Something beside the sensors."""
+
+    ok: bool
+    text: str
 
 
 class Report(NamedTuple):
@@ -68,34 +80,45 @@ class Report(NamedTuple):
     missed: int  # ticks
     late_ms: float  # the worst tick
     free_s: float  # how long a flight the disk has room for
+    facts: list[Fact]
 
     @property
     def fit(self) -> bool:
-        return all(line.ok is not False for line in self.lines) and self.free_s >= ENOUGH_ROOM_S and not self.missed
+        return all(line.ok is not False for line in self.lines) and all(fact.ok for fact in self.facts)
 
 
-def examine(tray: Tray, *, buses: Buses, clock: Clock, seconds: float = 5.0) -> Report:
-    """Read the whole tray for `seconds` after it has settled; nothing is recorded.
+def examine(tray: Tray, *, buses: Buses, clock: Clock, seconds: float = 5.0, watched: bool = False) -> Report:
+    """Read the whole tray for `seconds` after it has settled; nothing is recorded. watched: see `turns`.
 
     Raises InputError when the configuration lacks something.
     """
-    places = stations(tray, buses, luggage.pack(tray).aircraft)
-    settled_ns = clock.now_ns() + round(SETTLING_S * 1e9)
-    until_ns = settled_ns + round(seconds * 1e9)
-    messages: dict[str, list[Message]] = {topic: [] for place in places for topic in place.topics}
-    missed, late_ns = 0, 0
-    for turn in turns(places, rate_Hz=tray.rate_Hz, clock=clock, stop=threading.Event(), until_ns=until_ns):
-        if turn.now_ns < settled_ns:
-            continue
-        missed, late_ns = missed + turn.beat.missed, max(late_ns, turn.beat.late_ns)
-        for sample in turn.samples:
-            if sample.topic in messages:
-                messages[sample.topic].append(sample.message)
-    lines = [judge(topic, found, seconds) for topic, found in messages.items()]
-    return Report(lines, missed, late_ns / 1e6, free_bytes(Path(tray.directory)) / (BYTES_PER_S * tray.rate_Hz / 25))
+    found = survey(tray, buses=buses, clock=clock, seconds=seconds, watched=watched)
+    messages: dict[str, list[Message]] = {topic: [] for table in tray.sensors for topic in table.topics}
+    for topic, _, message in found.samples:
+        if topic in messages:
+            messages[topic].append(message)
+    identities = {topic: identity(table, buses) for table in tray.sensors for topic in table.topics}
+    lines = [judge(topic, these, seconds, identities[topic]) for topic, these in messages.items()]
+    room = free_bytes(Path(tray.directory)) - tray.files.keep_free_MB * 1e6
+    free_s = max(room, 0.0) / (BYTES_PER_S * tray.rate_Hz / 25)
+    return Report(lines, found.missed, found.late_ms, free_s, facts(tray, found, free_s))
 
 
-def judge(topic: str, messages: list[Message], seconds: float) -> Line:
+def facts(tray: Tray, found: Survey, free_s: float) -> list[Fact]:
+    """The loop, the card, the place where logs go, and the zero."""
+    expected = found.ticks + found.missed
+    loop = f"{found.ticks} of {expected} ticks at {tray.rate_Hz:g} Hz, {found.late_ms:.1f} ms late at worst"
+    room = f"room for {free_s / 3600:.1f} h of log at {tray.directory}"
+    writable = is_writable(Path(tray.directory))
+    return [
+        Fact(not found.missed, loop if not found.missed else f"{loop}: what else runs on this computer?"),
+        Fact(free_s >= ENOUGH_ROOM_S, room if free_s >= ENOUGH_ROOM_S else f"{room}: move logs away"),
+        Fact(writable, f"{tray.directory} can be written" if writable else f"{tray.directory} cannot be written"),
+        Fact(True, f"zero: {tray.zero if Path(tray.zero).exists() else 'none taken (`daq zero`)'}"),
+    ]
+
+
+def judge(topic: str, messages: list[Message], seconds: float, identity: str = "") -> Line:
     """The verdict on a topic from what it brought in `seconds`."""
     statuses = Counter(message.status for message in messages)
     good = [message for message in messages if message.status is Status.OK]
@@ -108,7 +131,9 @@ def judge(topic: str, messages: list[Message], seconds: float) -> Line:
         advice = NO_FIX
     if topic == "/rpm" and set(bad) <= {Status.NO_DATA} and not good:
         ok, advice = None, STANDING
-    return Line(topic, ok, len(good) / seconds, [_value(good, *shown) for shown in SHOWN[topic]], trouble, advice)
+    values = [_value(good, *shown) for shown in SHOWN[topic]]
+    bus_errors = sum(statuses[status] for status in BUS_ERRORS)
+    return Line(topic, identity, ok, len(good) / seconds, values, bus_errors, trouble, advice)
 
 
 def _value(messages: list[Message], field: str, factor: float, unit: str) -> str:
@@ -119,14 +144,19 @@ def _value(messages: list[Message], field: str, factor: float, unit: str) -> str
     return f"{fmean(values):.5g}{scatter} {unit}"
 
 
-def free_bytes(directory: Path) -> int:
-    """Room on the disk where logs go, or would go once the directory is made."""
-    while not directory.exists():
+def is_writable(directory: Path) -> bool:
+    """Whether logs can be made there, or the directory made where it will be."""
+    while not directory.exists() and directory != directory.parent:
         directory = directory.parent
-    return shutil.disk_usage(directory).free
+    try:
+        with tempfile.TemporaryFile(dir=directory):
+            return True
+    except OSError:
+        return False
 
 
 def as_json(report: Report) -> str:
     """For machines: the report's fields, and `fit`."""
     lines = [line._asdict() for line in report.lines]
-    return msgspec.json.encode({**report._asdict(), "lines": lines, "fit": report.fit}).decode()
+    facts_ = [fact._asdict() for fact in report.facts]
+    return msgspec.json.encode({**report._asdict(), "lines": lines, "facts": facts_, "fit": report.fit}).decode()

@@ -7,13 +7,26 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 from msgspec import Meta
 
+from daq.keeper import Policy
 from daq.sensors import honeywell, ms45xxdo
 from daq.sensors.axes import Axes, parse_axes
 from daq.sensors.bridge import Transfer
 from flight.errors import InputError
 
 Address = Annotated[int, Meta(ge=0x03, le=0x77)]
+ZERO = "zero.json"
 Baud = Annotated[int, Meta(ge=1200)]
+
+
+def _check_udp(port: str) -> None:
+    if port.startswith("udp:") and not re.fullmatch(r"udp:[\w.-]+:\d{1,5}", port):
+        raise ValueError(f"{port!r} is not of the form udp:HOST:PORT, such as udp:127.0.0.1:14550")
+
+
+def parse_port(port: str) -> tuple[str, int]:
+    """Host and number of udp:HOST:PORT."""
+    _, host, number = port.split(":")
+    return host, int(number)
 
 
 class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, tag_field="driver"):
@@ -33,9 +46,12 @@ class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         """The bus or port it hangs on."""
         raise NotImplementedError
 
+    may_hang: ClassVar[bool] = False  # whether reading it waits for the part
+
 
 class _OnBus(_Table, frozen=True):
     bus: str
+    may_hang: ClassVar[bool] = True
 
     @property
     def lane(self) -> str:
@@ -47,8 +63,7 @@ class _OnPort(_Table, frozen=True):
     baud: Baud
 
     def __post_init__(self) -> None:
-        if self.port.startswith("udp:") and not re.fullmatch(r"udp:[\w.-]+:\d{1,5}", self.port):
-            raise ValueError(f"{self.port!r} is not of the form udp:HOST:PORT, such as udp:127.0.0.1:14550")
+        _check_udp(self.port)
 
     @property
     def lane(self) -> str:
@@ -182,6 +197,35 @@ _Pressure = Ms5611 | Ms5805 | Ms45xxDo | Honeywell
 SensorTable = Mpu9250 | Ak8963 | _Pressure | UBlox | UBloxDdc | EscCounter | Autopilot | Navio2
 
 
+class Files(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How long a log may get, and what happens when the card is nearly full."""
+
+    new_after_min: Annotated[float, Meta(gt=0)] = 60.0
+    new_after_MB: Annotated[float, Meta(ge=1)] = 256.0
+    keep_free_MB: Annotated[float, Meta(ge=0)] = 100.0
+    when_full: Policy = "stop"
+
+
+class Arm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A switch on the transmitter, seen as a pulse width on /controls."""
+
+    channel: Annotated[int, Meta(ge=1, le=18)]
+    above_us: Annotated[float, Meta(ge=800, le=2200)] = 1600.0
+    action: Literal["mark", "record"] = "mark"
+
+
+class Telemetry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """MAVLink to a ground station."""
+
+    to: str  # udp:HOST:PORT, or a serial device
+    baud: Baud = 57600
+    rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 4.0
+    system_id: Annotated[int, Meta(ge=1, le=255)] = 25
+
+    def __post_init__(self) -> None:
+        _check_udp(self.to)
+
+
 class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What may stand in a tray file."""
 
@@ -189,6 +233,9 @@ class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     directory: str = "logs"
     aircraft: str | None = None
     probe_calibration: str | None = None
+    files: Files = Files()
+    arm: Arm | None = None
+    telemetry: Telemetry | None = None
     sensors: Annotated[tuple[SensorTable, ...], Meta(min_length=1)]
 
 
@@ -196,6 +243,7 @@ class Tray(TrayFile, frozen=True, kw_only=True):
     """What is recorded, how fast, and where it goes. Its paths no longer count from the tray file."""
 
     text: str  # the file itself, to travel in the log
+    zero: str  # where `daq zero` puts its result: beside the tray file
 
 
 def load_tray(path: str | Path) -> Tray:
@@ -232,8 +280,12 @@ def parse_tray(text: str, where: str, folder: Path) -> Tray:
         directory=str(folder / file.directory),
         aircraft=_resolve_name(file.aircraft, folder),
         probe_calibration=str(folder / file.probe_calibration) if file.probe_calibration else None,
+        files=file.files,
+        arm=file.arm,
+        telemetry=file.telemetry,
         sensors=file.sensors,
         text=text,
+        zero=str(folder / ZERO),
     )
 
 
@@ -262,6 +314,10 @@ def _refuse_collisions(tray: TrayFile, where: str) -> None:
             if topic in topics:
                 raise InputError(f"{where}: {topics[topic]} and {label} would both write {topic}")
             topics[topic] = label
+    if tray.arm is not None and "/controls" not in topics:
+        raise InputError(f"{where}: arm: no sensor writes /controls, where the switch would be seen")
+    if tray.telemetry is not None and tray.telemetry.to in {sensor.lane for sensor in tray.sensors}:
+        raise InputError(f"{where}: telemetry.to: a sensor is on {tray.telemetry.to} already")
 
 
 def _driver(sensor: SensorTable) -> str:

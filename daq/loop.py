@@ -4,11 +4,13 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 from daq.clock import Clock
+from daq.lane import lanes_of
 from daq.sensors import Sample
 from daq.station import Station
 from flight.messages import Event, Gps, Tick, Time
 
 TIME_EVERY_NS = 1_000_000_000
+DEADLINE = 0.8  # of a tick; the rest is for the ports and for packing what came
 
 
 class Stop(Protocol):
@@ -51,37 +53,41 @@ def every(period_ns: int, clock: Clock, stop: Stop, until_ns: int | None = None)
 
 
 def turns(
-    stations: Sequence[Station], *, rate_Hz: float, clock: Clock, stop: Stop, until_ns: int | None = None
+    stations: Sequence[Station],
+    *,
+    rate_Hz: float,
+    clock: Clock,
+    stop: Stop,
+    until_ns: int | None = None,
+    watched: bool = False,
 ) -> Iterator[Turn]:
-    """Read all stations at each beat. /daq/tick closes every turn, /time comes once a second."""
+    """Read all stations at each beat. /daq/tick closes every turn, /time comes once a second.
+
+    watched: buses are read by threads of their own and have to answer within DEADLINE of a tick; for a real clock.
+    """
     time_due_ns = clock.now_ns()
+    period_ns = round(1e9 / rate_Hz)
     gps_utc: tuple[int, int] | None = None  # (UTC, monotonic) of the latest dated solution
-    for beat in every(round(1e9 / rate_Hz), clock, stop, until_ns):
+    lanes = lanes_of(stations, clock, watched=watched)
+    for beat in every(period_ns, clock, stop, until_ns):
         begin_ns = clock.now_ns()
+        deadline_ns = begin_ns - beat.late_ns + round(DEADLINE * period_ns)
         samples: list[Sample] = []
         events: list[Event] = []
         durations: dict[str, int] = {}
-        turn_ns = begin_ns
-        hung: set[str] = set()
-        for station in stations:
-            if station.lane in hung:
-                samples += station.pass_over(turn_ns)
-                continue
-            samples += station.turn(turn_ns)
-            if station.hung:
-                hung.add(station.lane)
-            if station.events:
-                events += station.events
-                station.events.clear()
-            after_ns = clock.now_ns()
-            durations[station.name] = after_ns - turn_ns
-            turn_ns = after_ns
+        for lane in lanes:
+            lane.begin()
+        for lane in lanes:
+            brought = lane.finish(deadline_ns)
+            samples += brought.samples
+            events += brought.events
+            durations |= brought.durations_ns
         for sample in samples:
             if isinstance(sample.message, Gps) and sample.message.utc_ns is not None:
                 gps_utc = (sample.message.utc_ns, sample.time_ns)
         if begin_ns >= time_due_ns:
             time_due_ns += TIME_EVERY_NS * (1 + (begin_ns - time_due_ns) // TIME_EVERY_NS)
-            samples.append(Sample("/time", turn_ns, time_message(clock, gps_utc)))
+            samples.append(Sample("/time", clock.now_ns(), time_message(clock, gps_utc)))
         tick = Tick(late_ns=beat.late_ns, missed=beat.missed, duration_ns=durations)
         samples.append(Sample("/daq/tick", begin_ns, tick))
         yield Turn(beat, begin_ns, samples, events)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from daq.config import Tray, read_text
+from daq.zero import parse_zero
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.log_writer import LogWriter
@@ -18,22 +19,33 @@ class Luggage(NamedTuple):
     aircraft: Aircraft | None
     propeller: str | None
     probe: str | None
+    zero: str | None
 
 
 def pack(tray: Tray) -> Luggage:
     """Read what the tray names. Raises InputError naming the file that is missing or malformed."""
     aircraft = load_aircraft(tray.aircraft) if tray.aircraft else None
     propeller = None if aircraft is None else propeller_text(aircraft.propulsion.propeller)
-    return Luggage(tray.text, aircraft, propeller, probe_text(tray.probe_calibration))
+    return Luggage(tray.text, aircraft, propeller, probe_text(tray.probe_calibration), zero_text(tray.zero))
 
 
-def stow(log: LogWriter, luggage: Luggage, *, rate_Hz: float, start_unix_ns: int, start_monotonic_ns: int) -> None:
-    """Put everything into a new log."""
+def stow(
+    log: LogWriter,
+    luggage: Luggage,
+    *,
+    rate_Hz: float,
+    start_unix_ns: int,
+    start_monotonic_ns: int,
+    part: int = 1,
+    before: str = "",
+) -> None:
+    """Put everything into a new log, the `part`-th of a recording; `before` is the name of the one before it."""
     for name, text, media_type in (
         ("tray.toml", luggage.tray, "application/toml"),
         ("aircraft.toml", luggage.aircraft.text if luggage.aircraft else None, "application/toml"),
         ("propeller.csv", luggage.propeller, "text/csv"),
         ("probe.json", luggage.probe, "application/json"),
+        ("zero.json", luggage.zero, "application/json"),
     ):
         if text is not None:
             log.attach(name, text.encode(), media_type, start_unix_ns)
@@ -43,6 +55,8 @@ def stow(log: LogWriter, luggage: Luggage, *, rate_Hz: float, start_unix_ns: int
         "start_unix_ns": str(start_unix_ns),
         "start_monotonic_ns": str(start_monotonic_ns),
         "aircraft": luggage.aircraft.name if luggage.aircraft else "",
+        "part": str(part),
+        "previous_log": before,
     }
     log.describe("flightpower", facts)
 
@@ -76,4 +90,13 @@ def probe_text(path: str | None) -> str | None:
         raise InputError(f"{path}: not a probe calibration ({error})") from None
     if not isinstance(calibration, dict):
         raise InputError(f"{path}: not a probe calibration (not a JSON object)")
+    return text
+
+
+def zero_text(path: str) -> str | None:
+    """The still-air zero beside the tray file, if one was taken."""
+    if not Path(path).exists():
+        return None
+    text = read_text(Path(path))
+    parse_zero(text, path)
     return text

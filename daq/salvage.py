@@ -1,25 +1,29 @@
-"""Completing logs that a power cut left unfinished, so that any MCAP reader opens them.
+"""Completing logs that a power cut left unfinished, so that any MCAP reader opens them, and quickly.
 
-Nothing that can be read is touched: what is cut off is the torn record at the end, and an end is put in its place. The
-index is not made again; readers without it go through the file from the start.
+Nothing that can be read is touched: what is cut off is the torn record at the end, and in its place comes the index
+that a finished log has.
 """
 
 import fcntl
 import io
 import os
 import zlib
+from collections import deque
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 import zstandard
-from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Chunk, DataEnd, Footer
+from mcap.records import Chunk
 
-from daq.recorder import sync_directory
-from flight.log_reader import MAGIC
+from daq.disk import sync_directory
+from flight.log_index import MAGIC, RECORD_HEAD, LogIndex
 
-RECORD_HEAD = 9  # operation code, length in 8 bytes (MCAP specification, "Records")
+LONGEST_RECORD = 2**31
+# What was synced is whole: a power cut can only hurt the last second, two or three chunks. Checking the checksums of
+# ten times as many costs little; of all of them, it would cost seconds of the flight after next power-on.
+SUSPECT_CHUNKS = 32
 
 
 class Salvaged(NamedTuple):
@@ -48,8 +52,9 @@ def complete(path: Path) -> Salvaged | None:
         kept = sound_length(stream)
         if kept <= len(MAGIC):
             return None
+        ending = index_of(stream, kept).ending(kept)
         stream.seek(kept)
-        stream.write(ending())
+        stream.write(ending)
         stream.truncate()
         stream.flush()
         os.fsync(stream.fileno())
@@ -58,25 +63,46 @@ def complete(path: Path) -> Salvaged | None:
 
 
 def sound_length(stream: BinaryIO) -> int:
-    """How many bytes of a log are whole records with right checksums, counted from its start; 0 if it is not one.
+    """How many bytes of a log are whole records, counted from its start; 0 if it is not one.
 
-    Message indices carry no checksum; they are believed when a sound record stands behind them.
+    The last chunks are believed only if their checksums are right, message indices only if a sound record stands behind
+    them (they carry none).
     """
     stream.seek(0)
     if stream.read(len(MAGIC)) != MAGIC:
         return 0
-    sound = position = len(MAGIC)
-    while len(head := stream.read(RECORD_HEAD)) == RECORD_HEAD:
-        opcode, length = head[0], int.from_bytes(head[1:], "little")
-        if opcode in (0, Opcode.DATA_END) or length > 2**31:
+    size = stream.seek(0, os.SEEK_END)
+    whole = position = len(MAGIC)
+    tail: deque[tuple[int, int]] = deque(maxlen=SUSPECT_CHUNKS)  # begin and end of chunks
+    stream.seek(position)
+    while len(head := stream.read(RECORD_HEAD.size)) == RECORD_HEAD.size:
+        opcode, length = RECORD_HEAD.unpack(head)
+        end = position + RECORD_HEAD.size + length
+        if opcode in (0, Opcode.DATA_END) or length > LONGEST_RECORD or end > size:
             break
-        content = stream.read(length)
-        if len(content) < length or (opcode == Opcode.CHUNK and not chunk_is_sound(content)):
-            break
-        position += RECORD_HEAD + length
+        if opcode == Opcode.CHUNK:
+            tail.append((position, end))
         if opcode != Opcode.MESSAGE_INDEX:
-            sound = position
-    return sound
+            whole = end
+        stream.seek(end)
+        position = end
+    for begin, end in tail:
+        stream.seek(begin + RECORD_HEAD.size)
+        if not chunk_is_sound(stream.read(end - begin - RECORD_HEAD.size)):
+            return begin
+    return whole
+
+
+def index_of(stream: BinaryIO, length: int) -> LogIndex:
+    """The index of the first `length` bytes of a log, which are whole records."""
+    index = LogIndex()
+    position = len(MAGIC)
+    stream.seek(position)
+    while position < length:
+        opcode, size = RECORD_HEAD.unpack(stream.read(RECORD_HEAD.size))
+        index.see(opcode, stream.read(size), position)
+        position += RECORD_HEAD.size + size
+    return index
 
 
 def chunk_is_sound(content: bytes) -> bool:
@@ -87,11 +113,3 @@ def chunk_is_sound(content: bytes) -> bool:
     except Exception:  # whatever a torn chunk makes the two decoders say
         return False
     return len(data) == chunk.uncompressed_size and chunk.uncompressed_crc in (0, zlib.crc32(data))
-
-
-def ending() -> bytes:
-    """End of data, a footer without index, and the magic."""
-    builder = RecordBuilder()
-    DataEnd(data_section_crc=0).write(builder)
-    Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
-    return builder.end() + MAGIC

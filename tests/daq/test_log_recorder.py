@@ -1,27 +1,32 @@
-"""The log on its way to the disk: nothing is overwritten, all is soon on the disk, write errors are survived."""
+"""Logs on their way to the disk: nothing is overwritten, all is soon on the disk, what fails is survived and said."""
 
 import errno
 import os
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
-from daq import recorder as recorder_module
-from daq.recorder import BACKLOG_BYTES, DiskWriter, Recorder, new_log_path, open_recorder
+from daq import disk as disk_module
+from daq import logbook as logbook_module
+from daq.disk import DiskWriter
+from daq.keeper import Keeper
+from daq.logbook import Limits, Logbook, numbered, parts_of
+from daq.recorder import BACKLOG_BYTES, Recorder
 from daq.sensors import Sample
 from flight.errors import InputError
 from flight.log_reader import read_log
 from flight.messages import Imu
 
 TICK_NS = 40_000_000
+NO_LIMITS = Limits(10**18, 10**18)
 
 
-def record_ticks(recorder: Recorder, first: int, count: int) -> None:
-    for tick in range(first, first + count):
-        now_ns = tick * TICK_NS
-        sample = Sample("/imu", now_ns, Imu(accel_x_counts=float(tick)))
-        recorder.write([sample], tick=tick, now_ns=now_ns)
+def ticks_of(path: Path) -> list[int]:
+    log = read_log(path)
+    assert not log.torn
+    return [entry.tick for entry in log.entries["/imu"]]
 
 
 def wait_for(condition, seconds=5.0):
@@ -32,11 +37,84 @@ def wait_for(condition, seconds=5.0):
         threading.Event().wait(0.005)
 
 
+class Book:
+    """A logbook in a directory, with a tick counter and all events that it told."""
+
+    def __init__(self, directory: Path, *, name=None, limits=NO_LIMITS, keep=0, policy="stop"):
+        self.keeper = Keeper(directory, keep, policy)
+        self.tick = 0
+        self.events: list = []
+
+        def begin(recorder, number, now_ns, before):
+            recorder.log.describe("part", {"number": str(number), "before": before.name if before else ""})
+            recorder.log.declare("/imu")
+
+        self.book = Logbook(name or numbered(directory), begin, offset_ns=10**18, limits=limits, keeper=self.keeper)
+        self.book.open(0)
+
+    def run(self, ticks: int, **options) -> None:
+        for _ in range(ticks):
+            now_ns = self.tick * TICK_NS
+            self.events += self.book.attend(now_ns, **options)
+            sample = Sample("/imu", now_ns, Imu(accel_x_counts=float(self.tick)))
+            self.book.write([sample], tick=self.tick, now_ns=now_ns)
+            self.tick += 1
+
+    def run_until(self, condition) -> None:
+        """A tick every 5 ms until `condition` holds: the disk's thread works on a real clock."""
+
+        def step():
+            self.run(1)
+            return condition()
+
+        wait_for(step)
+
+    @property
+    def texts(self) -> list[str]:
+        return [event.text for event in self.events]
+
+
+class FaultyDisk:
+    """The calls of the disk's thread, some of which fail; `calls` may be slowed down by `hold`."""
+
+    def __init__(self, monkeypatch):
+        self.write_error = self.sync_error = self.open_error = 0
+        self.hold = threading.Event()
+        self.hold.set()
+        pwrite, fdatasync, open_ = os.pwrite, os.fdatasync, os.open
+
+        def write(file, data, at):
+            self.hold.wait()
+            if self.write_error:
+                raise OSError(self.write_error, os.strerror(self.write_error))
+            return pwrite(file, bytes(data[: 1 + len(data) // 2]), at)  # a disk may take less than it is given
+
+        def sync(file):
+            if self.sync_error:
+                raise OSError(self.sync_error, os.strerror(self.sync_error))
+            return fdatasync(file)
+
+        def opening(path, flags, *rest, **named):
+            if self.open_error and flags & os.O_CREAT:
+                raise OSError(self.open_error, os.strerror(self.open_error), str(path))
+            return open_(path, flags, *rest, **named)
+
+        monkeypatch.setattr(disk_module.os, "pwrite", write)
+        monkeypatch.setattr(disk_module.os, "fdatasync", sync)
+        monkeypatch.setattr(disk_module.os, "open", opening)
+        monkeypatch.setattr(disk_module, "RETRY_EVERY_S", 0.01)
+
+
+@pytest.fixture
+def faulty(monkeypatch):
+    return FaultyDisk(monkeypatch)
+
+
 def test_messages_come_back_with_their_time_and_tick(tmp_path):
-    recorder = open_recorder(tmp_path / "log.mcap", offset_ns=10**18)
-    record_ticks(recorder, 0, 100)
-    recorder.close()
-    log = read_log(tmp_path / "log.mcap")
+    book = Book(tmp_path)
+    book.run(100)
+    assert book.book.close() == ""
+    log = read_log(tmp_path / "log-0001.mcap")
     assert not log.torn
     entries = log.entries["/imu"]
     assert [(e.tick, e.time_ns) for e in entries] == [(i, 10**18 + i * TICK_NS) for i in range(100)]
@@ -47,81 +125,226 @@ def test_an_existing_log_is_never_overwritten(tmp_path):
     path = tmp_path / "log.mcap"
     path.write_bytes(b"precious")
     with pytest.raises(InputError, match="never overwritten"):
-        open_recorder(path, offset_ns=0)
+        Book(tmp_path, name=parts_of(path))
     assert path.read_bytes() == b"precious"
+
+
+def test_a_name_that_was_taken_meanwhile_is_passed_over(tmp_path):
+    book = Book(tmp_path)
+    book.run(10)
+    (tmp_path / "log-0002.mcap").write_bytes(b"precious")
+    book.run(1, new_file=True)
+    book.run(10)
+    book.book.close()
+    assert (tmp_path / "log-0002.mcap").read_bytes() == b"precious"
+    assert ticks_of(tmp_path / "log-0001.mcap") + ticks_of(tmp_path / "log-0003.mcap") == list(range(21))
 
 
 def test_names_count_up_past_whatever_is_there(tmp_path):
     directory = tmp_path / "made" / "for us"
-    assert new_log_path(directory).name == "log-0001.mcap"
+    assert numbered(directory)(0).name == "log-0001.mcap"
     (directory / "log-0007.mcap").touch()
     (directory / "log-notes.txt").touch()
-    assert new_log_path(directory).name == "log-0008.mcap"
+    assert [numbered(directory)(i).name for i in (0, 1)] == ["log-0008.mcap", "log-0009.mcap"]
 
 
 def test_a_directory_that_cannot_be_used_is_said_by_name(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file/logs: cannot be used"):
-        new_log_path(tmp_path / "file" / "logs")
+        numbered(tmp_path / "file" / "logs")
     with pytest.raises(InputError, match=r"log\.mcap: cannot be created"):
-        open_recorder(tmp_path / "absent" / "log.mcap", offset_ns=0)
+        Book(tmp_path, name=parts_of(tmp_path / "absent" / "log.mcap"))
 
 
 def test_all_but_the_last_half_second_is_in_the_file_before_it_is_finished(tmp_path):
-    path = tmp_path / "log.mcap"
-    recorder = open_recorder(path, offset_ns=0)
-    record_ticks(recorder, 0, 100)
-    handed_over = recorder._disk.tell()
-    wait_for(lambda: path.stat().st_size == handed_over)
-    log = read_log(path)
-    assert log.entries["/imu"][-1].tick >= 100 - 13 - 1
-    recorder.close()
+    book = Book(tmp_path)
+    book.run(100)
+    recorder = book.book._current
+    wait_for(lambda: book.book.path.stat().st_size == recorder.log.size_bytes)
+    assert read_log(book.book.path).entries["/imu"][-1].tick >= 100 - 0.5e9 / TICK_NS
+    book.book.close()
 
 
-def test_the_file_is_synced_while_recording_and_the_directory_at_once(tmp_path, monkeypatch):
-    synced, directories = [], []
-    monkeypatch.setattr(recorder_module.os, "fdatasync", lambda file: synced.append(file))
-    monkeypatch.setattr(recorder_module, "sync_directory", directories.append)
-    disk = DiskWriter(tmp_path / "log.mcap")
+def test_the_directory_is_synced_at_once(tmp_path, monkeypatch):
+    directories = []
+    monkeypatch.setattr(disk_module, "sync_directory", directories.append)
+    DiskWriter(lambda _: tmp_path / "log.mcap").close()
     assert directories == [tmp_path]
-    disk.write(b"x")
-    wait_for(lambda: synced, seconds=2.0)
-    disk.close()
 
 
-def test_a_full_disk_costs_nothing_once_there_is_room_again(tmp_path, monkeypatch):
-    full = threading.Event()
-    plain = os.write
-
-    def write(file, data):
-        if full.is_set():
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return plain(file, bytes(data[: 1 + len(data) // 2]))  # and a disk may take less than it is given
-
-    monkeypatch.setattr(recorder_module.os, "write", write)
-    monkeypatch.setattr(recorder_module, "RETRY_EVERY_S", 0.01)
-    recorder = open_recorder(tmp_path / "log.mcap", offset_ns=0)
-    record_ticks(recorder, 0, 50)
-    full.set()
-    record_ticks(recorder, 50, 50)
-    wait_for(lambda: "No space left" in recorder.error)
-    full.clear()
-    wait_for(lambda: not recorder.error)
-    record_ticks(recorder, 100, 50)
-    recorder.close()
-    log = read_log(tmp_path / "log.mcap")
-    assert not log.torn and [e.tick for e in log.entries["/imu"]] == list(range(150))
+@pytest.mark.parametrize("why", ["asked", "age", "size"])
+def test_a_new_file_goes_on_where_the_last_one_ended(tmp_path, why):
+    limits = {"asked": NO_LIMITS, "age": Limits(20 * TICK_NS, 10**9), "size": Limits(10**18, 3000)}[why]
+    book = Book(tmp_path, limits=limits)
+    for _ in range(5):
+        book.run(20)
+        wait_for(lambda: book.book.path is not None)
+        if why == "asked":
+            book.run(1, new_file=True)
+    assert book.book.close() == ""
+    paths = sorted(tmp_path.glob("log-*.mcap"))
+    assert len(paths) >= 3 and book.book.paths == paths
+    assert [tick for path in paths for tick in ticks_of(path)] == list(range(book.tick))
+    described = [read_log(path).metadata["part"] for path in paths]
+    assert [part["number"] for part in described] == [str(i) for i in range(len(paths))]
+    assert [part["before"] for part in described[1:]] == [path.name for path in paths[:-1]]
 
 
-def test_a_disk_that_stays_broken_is_given_up_without_blocking_for_ever(tmp_path, monkeypatch):
-    def write(file, data):
-        raise OSError(errno.EIO, "Input/output error")
+def test_a_full_disk_costs_nothing_once_there_is_room_again(tmp_path, faulty):
+    book = Book(tmp_path)
+    book.run(50)
+    faulty.write_error = errno.ENOSPC
+    book.run_until(lambda: "No space left" in book.book.error)
+    book.run(50)
+    faulty.write_error = 0
+    book.run_until(lambda: not book.book.error)
+    book.run(1)
+    assert book.book.close() == ""
+    assert ticks_of(tmp_path / "log-0001.mcap") == list(range(book.tick))
+    assert [text.partition(":")[0] for text in book.texts[1:]] == [
+        "cannot write the log, keeping it in memory",
+        "the log is being written again, nothing was lost",
+    ]
+    assert book.events[1].severity == "error"
 
-    monkeypatch.setattr(recorder_module.os, "write", write)
-    monkeypatch.setattr(recorder_module, "PATIENCE_S", 0.01)
-    disk = DiskWriter(tmp_path / "log.mcap")
-    for _ in range(BACKLOG_BYTES // 2**20 + 3):
-        disk.write(bytes(2**20))
-    assert disk.lost
-    disk.close()
-    assert "Input/output error" in disk.error
+
+@pytest.mark.parametrize("failing", ["write_error", "sync_error"])
+def test_a_file_that_cannot_be_continued_is_left_and_nothing_is_lost(tmp_path, faulty, monkeypatch, failing):
+    """What was handed over and not synced goes into the new file: between the two there is no gap."""
+    monkeypatch.setattr(logbook_module, "GIVE_UP_AFTER_S", 0.05)
+    book = Book(tmp_path)
+    book.run(100)
+    setattr(faulty, failing, errno.EIO)
+    faulty.open_error = errno.EIO  # the card is gone for a while
+    book.run_until(lambda: "Input/output error" in book.book.error)
+    book.run_until(lambda: book.book._files > 1)
+    setattr(faulty, failing, 0)
+    faulty.open_error = 0
+    book.run_until(lambda: book.book.path is not None and not book.book.error)
+    book.run(50)
+    assert book.book.close() == ""
+    first, *later = [read_log(path) for path in sorted(tmp_path.glob("log-*.mcap"))]
+    found = {entry.tick for log in [first, *later] for entry in log.entries.get("/imu", [])}
+    assert found == set(range(book.tick))
+    assert not later[-1].torn
+    assert any("written again, nothing was lost" in text for text in book.texts)
+
+
+def test_a_disk_that_stays_broken_costs_data_but_never_time(tmp_path, faulty):
+    book = Book(tmp_path)
+    book.run(1)
+    faulty.hold.clear()  # a card that hangs in a write
+    slowest_s = 0.0
+    noise = [os.urandom(200).hex() for _ in range(64)]
+    while not book.book.dropped:
+        begin_s = time.perf_counter()
+        now_ns = book.tick * TICK_NS
+        book.events += book.book.attend(now_ns)
+        samples = [Sample("/imu", now_ns, Imu(accel_x_counts=float(i))) for i in range(100)]
+        book.book._current.log._chunk += os.urandom(2**20)  # what zstd cannot make small
+        book.book.write(samples, tick=book.tick, now_ns=now_ns)
+        book.tick += 1
+        slowest_s = max(slowest_s, time.perf_counter() - begin_s)
+    del noise
+    assert book.book._current.disk.backlog_bytes < BACKLOG_BYTES + 16 * 2**20
+    assert slowest_s < 0.5  # packing some MiB; the wait for the disk would be for ever
+    book.run(1)
+    assert "messages are being lost" in book.texts[-1]
+    faulty.hold.set()
+
+
+def test_a_disk_that_hangs_is_told_and_does_not_hold_up_the_end(tmp_path, faulty, monkeypatch):
+    monkeypatch.setattr(disk_module, "SILENCE_S", 0.05)
+    book = Book(tmp_path)
+    book.run(50)
+    faulty.hold.clear()
+    book.run_until(lambda: "does not answer" in book.book.error)
+    book.run(1)
+    assert "does not answer" in book.texts[-1]
+    begin_s = time.monotonic()
+    book.book._current.disk.close(within_s=0.2)
+    assert time.monotonic() - begin_s < 2
+    assert "does not answer" in book.book.error
+    faulty.hold.set()
+
+
+def test_a_sync_that_fails_is_not_believed_later(tmp_path, faulty):
+    """After EIO from fsync the kernel has forgotten the pages; that the next one succeeds means nothing (fsync(2))."""
+    disk = DiskWriter(lambda _: tmp_path / "log.mcap")
+    faulty.sync_error = errno.EIO
+    disk.write(b"half a second of a flight")
+    wait_for(lambda: disk.broken)
+    faulty.sync_error = 0
+    disk.write(b"and another")
+    time.sleep(0.05)
+    assert disk.error and b"".join(disk.unsaved()) == b"half a second of a flightand another"
+    disk.give_up()
+
+
+class Card:
+    """A card of a given size; `statvfs` sees what the files on it take."""
+
+    def __init__(self, monkeypatch, directory: Path, size: int):
+        self.directory, self.size = directory, size
+        monkeypatch.setattr("daq.keeper.free_bytes", lambda _: self.free)
+
+    @property
+    def free(self) -> int:
+        return self.size - sum(path.stat().st_size for path in self.directory.glob("*"))
+
+
+def finished_log(path: Path, ticks: int = 100) -> None:
+    recorder = Recorder(lambda _: path, offset_ns=0)
+    for tick in range(ticks):
+        recorder.write([Sample("/imu", tick, Imu())], tick=tick, now_ns=tick)
+    recorder.finish()
+    recorder.disk.close()
+
+
+def test_stop_means_stop_and_say_so_and_go_on_when_there_is_room(tmp_path, monkeypatch):
+    card = Card(monkeypatch, tmp_path, 2_000_000)
+    book = Book(tmp_path, keep=1_000_000)
+    book.run(50)
+    card.size = 900_000
+    book.keeper.look()
+    book.run(10)
+    assert not book.book.recording
+    assert "recording stops" in book.texts[-1] and book.events[-1].severity == "error"
+    card.size = 1_100_000  # not enough more to go on
+    book.keeper.look()
+    book.run(10)
+    assert not book.book.recording
+    card.size = 3_000_000
+    book.keeper.look()
+    book.run(40)
+    assert book.book.close() == ""
+    assert any("there is room again" in text for text in book.texts)
+    assert ticks_of(tmp_path / "log-0001.mcap") == list(range(50))
+    assert ticks_of(tmp_path / "log-0002.mcap") == list(range(70, 110))
+
+
+def test_the_oldest_finished_logs_go_first_and_only_they(tmp_path, monkeypatch):
+    for number in (3, 5, 9):
+        finished_log(tmp_path / f"log-{number:04d}.mcap")
+    torn = tmp_path / "log-0001.mcap"
+    torn.write_bytes((tmp_path / "log-0003.mcap").read_bytes()[:-20])
+    (tmp_path / "log-keep.mcap").write_bytes((tmp_path / "log-0003.mcap").read_bytes())
+    size = (tmp_path / "log-0003.mcap").stat().st_size
+    card = Card(monkeypatch, tmp_path, 10**7)
+    book = Book(tmp_path, keep=10**6, policy="delete_oldest")
+    book.run(1)
+    card.size = 10**6 + sum(path.stat().st_size for path in tmp_path.glob("*")) - size - 1  # two have to go
+    book.keeper.look()
+    book.run(1)
+    assert [path.name for path in sorted(tmp_path.glob("log-*.mcap"))] == [
+        "log-0001.mcap", "log-0009.mcap", "log-0010.mcap", "log-keep.mcap",
+    ]  # fmt: skip
+    assert [text for text in book.texts if "deleted" in text] == [
+        f"{tmp_path}/log-{n:04d}.mcap was deleted to make room (0 MB), as the tray asks for" for n in (3, 5)
+    ]
+    card.size = 10**6
+    book.keeper.look()
+    book.run(1)
+    assert "no finished log is left to delete, and recording stops" in book.texts[-1]
+    assert torn.exists() and (tmp_path / "log-0010.mcap").exists()
+    book.book.close()

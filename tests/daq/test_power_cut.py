@@ -67,9 +67,10 @@ def test_a_finished_log_and_a_stranger_are_left_alone(flight, tmp_path):
 
 
 def test_a_log_that_is_being_recorded_is_left_alone(tmp_path):
-    recorder = Recorder(tmp_path / "log-0001.mcap", offset_ns=0)
+    recorder = Recorder(lambda _: tmp_path / "log-0001.mcap", offset_ns=0)
     assert complete_unfinished(tmp_path) == []
-    recorder.close()
+    recorder.finish()
+    recorder.disk.close()
 
 
 def test_the_next_start_completes_what_the_last_one_left(flight, tmp_path):

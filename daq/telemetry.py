@@ -1,0 +1,284 @@
+"""What the pilot's ground station sees in flight: MAVLink, a few messages a second, from a process of its own.
+
+The daemon only puts the latest readings into a pipe (`TelemetryLink`), and what does not fit is left out: neither a
+slow radio nor a mistake in here can hold up a tick. The other end of the pipe is this module run as a program.
+"""
+
+import math
+import os
+import select
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from daq.config import Telemetry, Tray, parse_port
+from daq.loop import Turn
+from daq.probe import Probe, load_probe
+from daq.zero import DIFFERENCE, Zero, parse_zero
+from flight.messages import Event, Status
+
+RESTART_AFTER_S = 5.0
+SPEED_OF_HEARTBEAT_S = 1.0
+TEXT_BYTES = 50  # of a STATUSTEXT
+NEWEST_EVENTS = 20  # kept while the pipe is full
+EVENTS_A_LINE = 4  # a line has to fit into PIPE_BUF
+GAS_CONSTANT = 287.05287  # of air [J/(kg K)] (ISO 2533)
+SEVERITIES = {"error": 3, "warning": 4, "info": 6}  # MAV_SEVERITY
+TOPICS = ("/gps", "/static", "/rpm", "/controls", "/probe/alpha", "/probe/beta", "/probe/airspeed", "/attitude")
+FRESH_S = 2.0  # a reading older than this is not shown
+
+
+class Snapshot(msgspec.Struct, kw_only=True):
+    """What goes through the pipe, a line of JSON each: the latest good messages by topic, and what happened."""
+
+    elapsed_s: float
+    messages: dict[str, dict[str, Any]] = {}
+    ages_s: dict[str, float] = {}
+    events: list[Event] = []
+
+
+class TelemetryLink:
+    """The daemon's end. Satisfies `daq.daemon.Listener`."""
+
+    def __init__(self, telemetry: Telemetry, tray: Tray):
+        self._period_ns = round(1e9 / telemetry.rate_Hz)
+        self._due_ns: int | None = None
+        self._start_ns = 0
+        self._latest: dict[str, tuple[int, Any]] = {}
+        self._events: deque[Event] = deque(maxlen=NEWEST_EVENTS)
+        self._encoder = msgspec.json.Encoder()
+        self._theirs, self._ours = os.pipe2(os.O_CLOEXEC)
+        os.set_blocking(self._ours, False)
+        self._command = [
+            sys.executable,
+            "-m",
+            "daq.telemetry",
+            msgspec.json.encode(telemetry).decode(),
+            tray.probe_calibration or "",
+            tray.zero if Path(tray.zero).exists() else "",
+        ]
+        self._process: subprocess.Popen | None = None
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._keep_alive, name="telemetry", daemon=True)
+        self._thread.start()
+
+    def hear(self, turn: Turn, events: list[Event]) -> None:
+        """Remember what this turn brought; hand it on when it is time to."""
+        for topic, time_ns, message in turn.samples:
+            if topic in TOPICS and message.status is Status.OK:
+                self._latest[topic] = (time_ns, message)
+        self._events.extend(events)
+        if self._due_ns is None:
+            self._due_ns = self._start_ns = turn.now_ns
+        if turn.now_ns < self._due_ns:
+            return
+        self._due_ns += self._period_ns * (1 + (turn.now_ns - self._due_ns) // self._period_ns)
+        events = list(self._events)[:EVENTS_A_LINE]
+        line = self._encoder.encode(
+            {
+                "elapsed_s": (turn.now_ns - self._start_ns) / 1e9,
+                "messages": {topic: message for topic, (_, message) in self._latest.items()},
+                "ages_s": {topic: (turn.now_ns - at_ns) / 1e9 for topic, (at_ns, _) in self._latest.items()},
+                "events": events,
+            }
+        )
+        try:
+            if len(line) < select.PIPE_BUF:  # up to there a write is whole or not at all (pipe(7))
+                os.write(self._ours, line + b"\n")
+        except OSError:  # full: nobody reads at the moment
+            return
+        for _ in events:
+            self._events.popleft()
+
+    def close(self) -> None:
+        """Let the other process end; does not wait long for it."""
+        self._closing.set()
+        process = self._process
+        if process is not None:
+            process.terminate()
+            try:
+                process.wait(1.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+        self._thread.join(1.0)
+        os.close(self._ours)
+        os.close(self._theirs)
+
+    def _keep_alive(self) -> None:
+        """Start the other process, and again when it has ended; it waits the rest of the time."""
+        while not self._closing.is_set():
+            try:
+                self._process = subprocess.Popen(self._command, stdin=self._theirs, stdout=subprocess.DEVNULL)
+                self._process.wait()
+            except OSError as error:
+                self._events.append(Event(severity="warning", sensor="telemetry", text=f"cannot start: {error}"))
+            self._closing.wait(RESTART_AFTER_S)
+
+
+class GroundLink:
+    """Turns snapshots into MAVLink packets for one ground station."""
+
+    def __init__(self, telemetry: Telemetry, probe: Probe | None, zero: Zero | None):
+        from pymavlink.dialects.v20 import common as mavlink
+
+        self._mavlink: Any = mavlink
+        component = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+        self._link = mavlink.MAVLink(None, srcSystem=telemetry.system_id, srcComponent=component)
+        self._probe = probe
+        self._zero = zero
+        self._heartbeat_s: float | None = None
+
+    def packets(self, snapshot: Snapshot) -> Iterator[bytes]:
+        """What to send for a snapshot."""
+        for message in self._messages(snapshot):
+            yield message.pack(self._link)
+
+    def _messages(self, snapshot: Snapshot) -> Iterator[Any]:
+        m, link = self._mavlink, self._link
+        boot_ms = round(snapshot.elapsed_s * 1e3) & 0xFFFFFFFF
+        if self._heartbeat_s is None or snapshot.elapsed_s - self._heartbeat_s >= SPEED_OF_HEARTBEAT_S:
+            self._heartbeat_s = snapshot.elapsed_s
+            yield link.heartbeat_encode(
+                m.MAV_TYPE_ONBOARD_CONTROLLER, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE
+            )
+        for event in snapshot.events:
+            text = event.text.encode("ascii", "replace")[:TEXT_BYTES]
+            yield link.statustext_encode(SEVERITIES.get(event.severity, 6), text)
+        fresh = {topic: values for topic, values in snapshot.messages.items() if snapshot.ages_s[topic] <= FRESH_S}
+        gps, static, controls = fresh.get("/gps", {}), fresh.get("/static", {}), fresh.get("/controls", {})
+        if gps.get("latitude_deg") is not None:
+            yield self._position(gps, boot_ms)
+        flow = self._flow(fresh)
+        airspeed = airspeed_mps(flow.get("qbar_Pa"), static.get("pressure_Pa"), static.get("temperature_K"))
+        north, east, down = (gps.get(f"velocity_{axis}_mps") or 0.0 for axis in ("north", "east", "down"))
+        yield link.vfr_hud_encode(
+            airspeed,
+            math.hypot(north, east),
+            round(course_deg(north, east)),
+            round(100 * (controls.get("throttle") or 0.0)),
+            gps.get("height_msl_m") or 0.0,
+            -down,
+        )
+        rpm = fresh.get("/rpm", {}).get("motor_speed_revps")
+        named = {name: value for name, value in flow.items() if name != "qbar_Pa"}
+        for name, value in {**named, "rpm": None if rpm is None else 60 * rpm}.items():
+            if value is not None:
+                yield link.named_value_float_encode(boot_ms, name.encode(), value)
+
+    def _position(self, gps: dict[str, Any], boot_ms: int) -> Any:
+        north, east, down = (gps.get(f"velocity_{axis}_mps") or 0.0 for axis in ("north", "east", "down"))
+        height_mm = round(1e3 * (gps.get("height_msl_m") or 0.0))
+        return self._link.global_position_int_encode(
+            boot_ms,
+            round(gps["latitude_deg"] * 1e7),
+            round(gps["longitude_deg"] * 1e7),
+            height_mm,
+            height_mm,
+            round(100 * north),
+            round(100 * east),
+            round(100 * down),
+            round(100 * course_deg(north, east)) % 36000,
+        )
+
+    def _flow(self, fresh: dict[str, dict[str, Any]]) -> dict[str, float]:
+        """Flow angles [deg] and dynamic pressure; without a calibration, the ratios that say what is measured."""
+        alpha, beta, q_c = (
+            self._difference(fresh, topic) for topic in ("/probe/alpha", "/probe/beta", "/probe/airspeed")
+        )
+        if q_c is None or q_c <= 0:
+            return {}
+        ratios = {"dpa_per_qc": alpha, "dpb_per_qc": beta}
+        found = {name: dp / q_c for name, dp in ratios.items() if dp is not None}
+        if self._probe is None or alpha is None or beta is None:
+            return {**found, "qbar_Pa": q_c}
+        flow = self._probe.flow(alpha / q_c, beta / q_c)
+        return {
+            "alpha_deg": math.degrees(flow.alpha_rad),
+            "beta_deg": math.degrees(flow.beta_rad),
+            "qbar_Pa": q_c / flow.q_ratio,
+        }
+
+    def _difference(self, fresh: dict[str, dict[str, Any]], topic: str) -> float | None:
+        value = fresh.get(topic, {}).get(DIFFERENCE)
+        if value is None or self._zero is None or topic not in self._zero.readings:
+            return value
+        return value - self._zero.readings[topic][DIFFERENCE].mean
+
+
+def airspeed_mps(qbar_Pa: float | None, static_Pa: float | None, temperature_K: float | None) -> float:
+    """True airspeed, V = sqrt(2 qbar/rho) with rho = p/(R T) [m/s]; 0 where something is missing."""
+    if not qbar_Pa or qbar_Pa < 0 or not static_Pa or not temperature_K:
+        return 0.0
+    return math.sqrt(2 * qbar_Pa * GAS_CONSTANT * temperature_K / static_Pa)
+
+
+def course_deg(north: float, east: float) -> float:
+    """Direction over ground, 0 to 360 degrees."""
+    return math.degrees(math.atan2(east, north)) % 360
+
+
+def main(arguments: list[str]) -> None:
+    """Read snapshots from standard input until it ends, and send what they say. A line that is down is tried again."""
+    telemetry = msgspec.json.decode(arguments[0], type=Telemetry)
+    probe = load_probe(Path(arguments[1])) if arguments[1] else None
+    zero = parse_zero(Path(arguments[2]).read_text("utf-8"), arguments[2]) if arguments[2] else None
+    ground = GroundLink(telemetry, probe, zero)
+    port: Any = None
+    decoder = msgspec.json.Decoder(Snapshot)
+    for lines in newest_lines(0):
+        snapshot = decoder.decode(lines[-1])
+        for earlier in lines[:-1]:
+            snapshot.events = decoder.decode(earlier).events + snapshot.events
+        try:
+            port = port or open_port(telemetry)
+            for packet in ground.packets(snapshot):
+                port.write(packet)
+        except OSError as error:
+            print(f"telemetry to {telemetry.to}: {error}", file=sys.stderr)
+            port = None
+            time.sleep(1.0)
+
+
+def newest_lines(file: int) -> Iterator[list[bytes]]:
+    """Whole lines as they come, as many as have gathered each time."""
+    rest = b""
+    while data := os.read(file, 2**16):
+        *lines, rest = (rest + data).split(b"\n")
+        if lines:
+            yield lines
+
+
+class UdpSender:
+    """Datagrams to one address."""
+
+    def __init__(self, host: str, port: int):
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.connect((host, port))
+
+    def write(self, data: bytes) -> None:
+        try:
+            self._socket.send(data)
+        except (BlockingIOError, ConnectionRefusedError):  # nobody listens yet: that is no reason to stop
+            return
+
+
+def open_port(telemetry: Telemetry) -> Any:
+    """The line or socket to the ground station; raises OSError."""
+    from daq.bus import LinuxSerial
+
+    if telemetry.to.startswith("udp:"):
+        return UdpSender(*parse_port(telemetry.to))
+    return LinuxSerial(telemetry.to, telemetry.baud)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
