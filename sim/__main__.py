@@ -40,18 +40,24 @@ def fly(
     errors: Annotated[str, typer.Option(help="Error budget: bench, none, harsh, or a file.")] = "bench",
     seed: SeedOption = 0,
     probe: Annotated[Path | None, typer.Option(help="Probe calibration to put into the log.")] = None,
+    faults: Annotated[
+        Path | None,
+        typer.Option(help="What goes wrong with the fake sensors, and when: a file as in docs/fake-tray.md."),
+    ] = None,
     real_time: Annotated[
         bool, typer.Option("--real-time", help="Record at the pace of the clock on the wall.")
     ] = False,
     replace: ReplaceOption = False,
 ) -> None:
     """Fly a plan, write the truth, and let the daemon record it through the fake tray."""
+    from hw_fakes.faults import load_faults
     from sim import fly as flying
     from sim.plan import load_plan
     from sim.sensors import TrayFelt, draw, load_budget
     from sim.truth import write_truth
 
     craft, flight_plan, budget = load_aircraft(aircraft), load_plan(plan), load_budget(errors)
+    schedule = load_faults(faults) if faults is not None else ()
     if probe is not None and not probe.is_file():
         raise InputError(f"{probe}: no such probe calibration; make one with `calibrate probe`")
     _claim(output, replace)
@@ -69,7 +75,7 @@ def fly(
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
     with _progress("recording", flight.duration_s) as told:
-        _record(output, TrayFelt(flight, drawn), seed, craft, real_time, told)
+        _record(output, TrayFelt(flight, drawn), seed, craft, schedule, real_time, told)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
 
 
@@ -108,7 +114,7 @@ def _tray_text(output: Path, name: str, craft: Aircraft, probe: Path | None) -> 
     return "\n".join(lines) + "\n"
 
 
-def _record(output: Path, felt, seed: int, craft: Aircraft, real_time: bool, told) -> None:
+def _record(output: Path, felt, seed: int, craft: Aircraft, faults: tuple, real_time: bool, told) -> None:
     from daq.clock import SystemClock
     from daq.config import load_tray
     from daq.daemon import record
@@ -119,7 +125,7 @@ def _record(output: Path, felt, seed: int, craft: Aircraft, real_time: bool, tol
     unix_ns = int((FIRST_FLIGHT.timestamp() - 60) * 1e9)
     clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=unix_ns)
     start_ns = clock.now_ns()
-    tray = FakeTray(felt, clock, seed, pole_pairs=craft.propulsion.pole_pairs)
+    tray = FakeTray(felt, clock, seed, pole_pairs=craft.propulsion.pole_pairs, faults=faults)
     record(
         load_tray(output / TRAY),
         buses=tray,
