@@ -11,8 +11,8 @@ from analysis.airdata.air import air_data
 from analysis.airdata.probe import parse_probe
 from analysis.airdata.tubing import low_frequency_lag_s
 from analysis.channels import COLUMNS, synchronise
-from analysis.power import curve
-from analysis.power.dynamic import DynamicEstimate, estimate_polar
+from analysis.path.reconstruct import reconstruct
+from analysis.power import curve, dynamic, output_error
 from analysis.results import (
     AircraftResult,
     ConditionResult,
@@ -46,7 +46,7 @@ class Analysis:
     results: Results
     table: pd.DataFrame
     runs: list[Run]
-    estimate: DynamicEstimate
+    estimate: dynamic.DynamicEstimate
     polar: curve.Polar
     flown_CL: tuple[float, float]
 
@@ -68,7 +68,8 @@ def analyze(log: Log, aircraft: Aircraft | None = None, progress: Progress = lam
 
     progress("synchronising")
     channels = synchronise(log, _line_lags_s(aircraft))
-    at_rest = zeros(channels.table, still_segments(channels.table, channels.rate_Hz))
+    still = still_segments(channels.table, channels.rate_Hz)
+    at_rest = zeros(channels.table, still)
     air = air_data(channels.table, aircraft, probe, propeller, at_rest)
     warnings += air.notes + _silent_topics(air.table)
 
@@ -77,15 +78,20 @@ def analyze(log: Log, aircraft: Aircraft | None = None, progress: Progress = lam
     if not runs:
         raise InputError(f"{log.path}: no acceleration or deceleration to analyse{_nearest_miss(rejected)}")
 
-    progress(f"estimating lift and drag from {len(runs)} runs")
-    estimate = estimate_polar(air.table, runs, aircraft, at_rest)
+    progress("reconstructing the flight path")
+    path = reconstruct(air.table, still)
+    progress(f"estimating drag from {len(runs)} runs")
+    estimate = dynamic.estimate_polar(air.table, path, runs, aircraft, propeller)
     warnings += estimate.warnings
+    progress("checking by output error")
+    check = output_error.estimate_polar(air.table, runs, aircraft, zeroed=at_rest is not None)
 
     progress("computing the curve")
     flown = pd.concat([air.table.iloc[run.rows] for run in runs])
     flown_CL = _flown_lift(flown, aircraft)
     test = curve.Condition(aircraft.mass.weight_N, float(flown["rho"].mean()), aircraft.geometry.wing_area_m2)
     standard = curve.Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
+    warnings += _disagreement(estimate.polar, check, test, flown_CL)
     results = Results(
         software_version=version("flightpower"),
         log=str(log.path),
@@ -120,6 +126,7 @@ def analyze(log: Log, aircraft: Aircraft | None = None, progress: Progress = lam
         drag_polar=_drag_polar(estimate.polar, aircraft),
         power_required=_points(estimate.polar, test, flown_CL),
         power_required_standard=_points(estimate.polar, standard, flown_CL),
+        cross_check=_points(check.polar, test, flown_CL),
         minimum_power_speed=_special(curve.minimum_power_lift, estimate.polar, test, flown_CL),
         best_range_speed=_special(curve.best_range_lift, estimate.polar, test, flown_CL),
         verdict=estimate.verdict,
@@ -186,6 +193,24 @@ def _points(polar: curve.Polar, at: curve.Condition, flown_CL: tuple[float, floa
     return [
         PowerPoint(speed_mps=float(v), power_W=float(p), power_lo_W=float(p - h), power_hi_W=float(p + h))
         for v, p, h in zip(V, power, half, strict=True)
+    ]
+
+
+def _disagreement(
+    polar: curve.Polar, check: output_error.CrossCheck, at: curve.Condition, flown_CL: tuple[float, float]
+) -> list[str]:
+    """Whether the two methods differ by more than both their intervals allow, and where most."""
+    if not check.converged:
+        return [f"The cross-check by output error did not end well: {check.verdict}."]
+    V = np.linspace(curve.speed_at(flown_CL[1], at), curve.speed_at(flown_CL[0], at), CURVE_POINTS)
+    (power, error), (other, other_error) = (curve.power_required(V, p, at) for p in (polar, check.polar))
+    excess = np.abs(other - power) / (curve.NORMAL_95 * np.hypot(error, other_error))
+    worst = int(np.argmax(excess))
+    if excess[worst] <= 1:
+        return []
+    return [
+        f"Output error over the runs alone differs by {100 * (other[worst] / power[worst] - 1):+.0f} % at"
+        f" {V[worst]:.1f} m/s, more than both intervals allow: look at the fits below."
     ]
 
 

@@ -97,6 +97,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     drag_polar: DragPolar
     power_required: list[PowerPoint]  # at the test's weight and density, over the flown range
     power_required_standard: list[PowerPoint]  # at the standard weight and sea-level density
+    cross_check: list[PowerPoint]  # the same by output error over the runs alone, at the test's weight and density
     minimum_power_speed: SpeedInterval  # longest endurance, at the test's weight and density
     best_range_speed: SpeedInterval
     verdict: str  # of the estimation: "converged", or what was wrong

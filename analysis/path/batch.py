@@ -38,12 +38,13 @@ class Prior(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Corrections of the states (n, nx) and of the shared numbers (m,), the latter's covariance (m, m), and
-    ln det of the whole normal matrix."""
+    """Corrections of the states (n, nx) and of the shared numbers (m,), the latter's covariance (m, m), how the states
+    follow a change of the shared numbers (n, nx, m), and ln det of the whole normal matrix."""
 
     states: Array
     shared: Array
     covariance: Array
+    follow: Array
     log_determinant: float
 
 
@@ -96,7 +97,8 @@ def step(at: Linearised, prior: Prior, first: Array, shared: Array) -> Step:
     d_shared = -covariance @ (shared_gradient - border.T @ solved[:, 0])
     d_states = -(solved[:, 0] + solved[:, 1:] @ d_shared)
     log_determinant = 2 * float(np.sum(np.log(factor[0]))) + float(np.linalg.slogdet(schur)[1])
-    return Step(d_states.reshape(n, nx), d_shared, (covariance + covariance.T) / 2, log_determinant)
+    follow = -solved[:, 1:].reshape(n, nx, m)
+    return Step(d_states.reshape(n, nx), d_shared, (covariance + covariance.T) / 2, follow, log_determinant)
 
 
 def _banded(diagonal: Array, below: Array) -> Array:

@@ -4,7 +4,7 @@ Works on means over BLOCK samples: five a second are enough for a path, and exac
 carry everything faster from one to the next.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -13,18 +13,14 @@ from scipy.interpolate import CubicSpline
 
 from analysis.airdata.air import bank_rad
 from analysis.path.batch import Prior, Step, cost, step
-from analysis.path.model import AERODYNAMICS, GIVEN, MOVE, SHARED, SHOWN, STATES, Airframe, Data, Equations
-from analysis.runs import Run
-from flight.aircraft import Aircraft
-from flight.propeller import Propeller
+from analysis.path.model import GIVEN, SHARED, SHOWN, STATES, Data, Equations
 
 Array = NDArray[np.float64]
 
 BLOCK = 5
 LOW_M = 20.0  # below, wind changes with every metre and ground effect begins: air data are not used there
-GUST_LENGTH_M = np.array([200.0, 200.0, 60.0])  # MIL-F-8785C at 60 m above ground, roughly
-GUST_RATIO = np.array([1.6, 1.6, 1.0])  # of intensities along and across to vertical there
-GUSTS_TRIED_MPS = (0.03, 0.1, 0.3, 0.6, 1.0, 1.6)
+GUST_RATIO = {"V": 1.6, "alpha": 1.0, "beta": 1.6}  # along and across to vertical, MIL-F-8785C at 60 m, roughly
+GUSTS_TRIED_MPS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.1, 1.6)
 ITERATIONS = 12
 CONVERGED = 0.02  # of a standard error of every shared number, in the last step
 
@@ -35,17 +31,14 @@ GYRO_SCALE, ACCEL_SCALE = 0.005, 0.002  # of what is measured, as if it were noi
 WIND_WALK_MPS = 0.02  # in a second
 # GPS errors wander over a minute; the horizontal ones look like wind, and height itself is the barometer's.
 GPS_MPS, GPS_DOWN_MPS, REST_MPS = 0.3, 1.0, 0.1
-FORCE_FLOOR_MPS2 = 0.02  # unsteady flow and vibration, in a block's mean
 
 PRIOR_SIGMA = {
     "p_bias": 0.002, "q_bias": 0.002, "r_bias": 0.002,  # about the zeros at rest
     "ax_bias": 0.3, "ay_bias": 0.3, "az_bias": 0.3,
     "alpha_bias": np.radians(1.5), "alpha_scale": 0.03, "beta_bias": np.radians(1.5), "V_scale": 0.02,
     "gps_latency": 0.2,
-    "CL0": 1.0, "CLa": 3.0, "CLde": 0.2, "CLq": 4.0, "A0": 0.1, "A1": 0.5, "A2": 0.5,
-    "thrust_scale": 0.03, "thrust_slope": 0.15,
 }  # fmt: skip
-PRIOR_MEAN = {"CL0": 0.25, "CLa": 4.5, "CLde": 0.4, "CLq": 6.0, "A0": 0.04, "A2": 0.06, "gps_latency": 0.1}
+PRIOR_MEAN = {"gps_latency": 0.1}
 
 
 @dataclass(frozen=True)
@@ -53,12 +46,15 @@ class Path:
     """The path and what was learnt on the way.
 
     states : by name, index t_s     shared, covariance : values (m,) and (m, m) in the order of SHARED
-    gust_mps : standard deviation of the vertical gust     residuals : rms of each sensor's, in standard deviations
+    follow : (n, nx, m) how the states move with the shared numbers, all else as measured
+    gust_mps : standard deviation of vertical gusts, as far as they disturb the air data
+    residuals : rms of each of SHOWN, in standard deviations
     """
 
     states: pd.DataFrame
     shared: Array
     covariance: Array
+    follow: Array
     gust_mps: float
     residuals: dict[str, float]
     converged: bool
@@ -70,14 +66,12 @@ class Path:
         return float(np.sqrt(self.covariance[SHARED.index(name), SHARED.index(name)]))
 
 
-def reconstruct(
-    table: pd.DataFrame, aircraft: Aircraft, propeller: Propeller, still: list[slice], runs: list[Run]
-) -> Path:
-    """The most probable path, with the aerodynamics of the runs estimated along.
+def reconstruct(table: pd.DataFrame, still: list[slice]) -> Path:
+    """The most probable path of a whole flight.
 
-    table: as `air_data` leaves it. still: where the aircraft stood. runs: where lift, drag and thrust are to fit.
+    table: as `air_data` leaves it. still: where the aircraft stood.
     """
-    problem = _Problem(table, aircraft, propeller, still, runs)
+    problem = _Problem(table, still)
     x, shared = problem.start()
     best = None
     for gust in GUSTS_TRIED_MPS:
@@ -101,18 +95,15 @@ class _Solution:
 
 
 class _Problem:
-    def __init__(
-        self, table: pd.DataFrame, aircraft: Aircraft, propeller: Propeller, still: list[slice], runs: list[Run]
-    ):
+    def __init__(self, table: pd.DataFrame, still: list[slice]):
         self._rate_Hz = 1 / float(table.index[1] - table.index[0])
         self._noise = _noise_at_rest(table, still)
         self._n = len(table) // BLOCK
         self._center = np.arange(self._n) * BLOCK + BLOCK // 2
         self.t_s = table.index.to_numpy()[self._center]
         self._table = table
-        self._mean = {name: _block_mean(table[name], self._n) for name in table.columns}
-        frame = Airframe(aircraft.mass_kg, aircraft.geometry.wing_area_m2, aircraft.geometry.chord_m)
-        self._equations = Equations(frame, self._n)
+        self._mean = {name: block_mean(table[name], self._n) for name in table.columns}
+        self._equations = Equations(self._n)
         V = pd.Series(self._mean["V_mps"])
         self._flying = (self._mean["height_m"] > LOW_M) & np.isfinite(V.to_numpy())
         smooth = V.interpolate(limit_direction="both").rolling(5, center=True, min_periods=1).mean()
@@ -120,11 +111,9 @@ class _Problem:
         self._still = np.zeros(self._n, dtype=bool)
         for rows in still:
             self._still[-(-rows.start // BLOCK) : rows.stop // BLOCK] = True
-        self._in_runs = np.zeros(self._n, dtype=bool)
-        for run in runs:
-            self._in_runs[-(-run.rows.start // BLOCK) : run.rows.stop // BLOCK] = True
-        self._move, self._move_sigma = self._integrated()
-        self._given = self._what_is_given(propeller)
+        self._move, move_sigma = self._integrated()
+        self._process_weight = 1 / move_sigma
+        self._given = self._what_is_given()
         self._shown, self._weight = self._what_is_shown()
         self._prior_shared = (
             np.array([PRIOR_MEAN.get(name, 0.0) for name in SHARED]),
@@ -142,8 +131,7 @@ class _Problem:
             total = np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2)])
             columns.append(np.diff(total[self._center]) / BLOCK)
             missing |= np.diff(np.cumsum(gap)[self._center]) > 0
-        keep = np.exp(-self._V_reference[:-1, None] * dt / GUST_LENGTH_M)
-        move = np.column_stack([*columns, np.full(self._n - 1, dt), keep])
+        move = np.column_stack([*columns, np.full(self._n - 1, dt)])
         rates, forces = np.abs(move[:, :3]), np.abs(move[:, 3:6])
         spread = np.sqrt(dt / self._rate_Hz)
         sigma = np.empty((self._n - 1, 9))
@@ -156,22 +144,9 @@ class _Problem:
         sigma[:, 7:9] = WIND_WALK_MPS * np.sqrt(dt)
         return move, sigma
 
-    def _what_is_given(self, propeller: Propeller) -> Array:
+    def _what_is_given(self) -> Array:
         mean = self._mean
-        V = np.where(np.isfinite(mean["V_mps"]), mean["V_mps"], self._V_reference)
-        n = np.maximum(np.nan_to_num(mean["n_revps"], nan=1.0), 1.0)
-        rho = pd.Series(mean["rho"]).interpolate(limit_direction="both").to_numpy()
-        thrust, _ = propeller.thrust_and_power(V, n, rho)
-        more, _ = propeller.thrust_and_power(V + 0.1, n, rho)
         columns = {
-            "V_reference": self._V_reference,
-            "thrust": thrust,
-            "thrust_per_speed": (more - thrust) / 0.1,
-            "V_of_thrust": V,
-            "J": V / (n * propeller.diameter_m),
-            "elevator": np.nan_to_num(mean["elevator_rad"]),
-            "rho": rho,
-            "q": np.nan_to_num(mean["q_radps"]),
             "ax": np.nan_to_num(mean["ax_mps2"]),
             "ay": np.nan_to_num(mean["ay_mps2"]),
             "az": np.nan_to_num(mean["az_mps2"], nan=-9.8),
@@ -181,7 +156,7 @@ class _Problem:
     def _what_is_shown(self) -> tuple[Array, Array]:
         """Measurements and 1/sigma of each block's mean; noise of the air data is constant in pascals."""
         mean, noise = self._mean, self._noise
-        rho = self._given[:, GIVEN.index("rho")]
+        rho = pd.Series(mean["rho"]).interpolate(limit_direction="both").to_numpy()
         qbar = rho * self._V_reference**2 / 2
         root = np.sqrt(BLOCK)
         sigma = {
@@ -192,8 +167,6 @@ class _Problem:
             "v_north": np.full(self._n, REST_MPS),
             "v_east": np.full(self._n, REST_MPS),
             "v_down": np.full(self._n, REST_MPS),
-            "ax": np.full(self._n, np.hypot(noise["ax_mps2"] / root, FORCE_FLOOR_MPS2)),
-            "az": np.full(self._n, np.hypot(noise["az_mps2"] / root, FORCE_FLOOR_MPS2)),
             "gps_north": np.full(self._n, GPS_MPS),
             "gps_east": np.full(self._n, GPS_MPS),
             "gps_down": np.full(self._n, GPS_DOWN_MPS),
@@ -201,14 +174,13 @@ class _Problem:
         zero = np.zeros(self._n)
         values = {
             "V": mean["V_mps"], "alpha": mean["alpha_rad"], "beta": mean["beta_rad"], "height": mean["height_m"],
-            "v_north": zero, "v_east": zero, "v_down": zero, "ax": mean["ax_mps2"], "az": mean["az_mps2"],
+            "v_north": zero, "v_east": zero, "v_down": zero,
             "gps_north": zero, "gps_east": zero, "gps_down": zero,
         }  # fmt: skip
         everywhere = np.ones(self._n, dtype=bool)
-        forces = self._in_runs & self._flying & np.isfinite(mean["thrust_N"])
         used = {
             "V": self._flying, "alpha": self._flying, "beta": self._flying, "height": everywhere,
-            "v_north": self._still, "v_east": self._still, "v_down": self._still, "ax": forces, "az": forces,
+            "v_north": self._still, "v_east": self._still, "v_down": self._still,
             "gps_north": everywhere, "gps_east": everywhere, "gps_down": everywhere,
         }  # fmt: skip
         shown, weight = np.zeros((self._n, len(SHOWN))), np.zeros((self._n, len(SHOWN)))
@@ -231,6 +203,15 @@ class _Problem:
             after = np.clip(np.searchsorted(taken, self.t_s), 1, len(taken) - 1)
             weight[:, i] *= (taken[after] - taken[after - 1] < 0.5) & (self.t_s > taken[0]) & (self.t_s < taken[-1])
         return Data(self._move, self._process_weight, shown, weight, self._given)
+
+    def _in_gusts(self, data: Data, gust_mps: float) -> Data:
+        """The data with gusts of this intensity counted as noise of speed and angles."""
+        weight = data.weight.copy()
+        for name, ratio in GUST_RATIO.items():
+            i = SHOWN.index(name)
+            gust = ratio * gust_mps / (1.0 if name == "V" else self._V_reference)
+            weight[:, i] /= np.sqrt(1 + (weight[:, i] * gust) ** 2)
+        return replace(data, weight=weight)
 
     def start(self) -> tuple[Array, Array]:
         """A path to begin with: attitude from angles of attack and climb, velocity from GPS or the air."""
@@ -260,17 +241,13 @@ class _Problem:
 
     def solve(self, x: Array, shared: Array, gust: float) -> _Solution:
         """Gauss-Newton from a start to where it stands still, for one intensity of gusts."""
-        stationary = gust * GUST_RATIO
-        keep = self._move[:, MOVE.index("keep_u") :]
-        gust_sigma = stationary * np.sqrt(1 - keep**2)
-        self._process_weight = 1 / np.column_stack([self._move_sigma, gust_sigma])
-        first_sigma = np.array([1.0, 0.5, 3.0, 0.3, 0.3, 0.3, 3.0, 8.0, 8.0, *stationary])
+        first_sigma = np.array([1.0, 0.5, 3.0, 0.3, 0.3, 0.3, 3.0, 8.0, 8.0])
         mean, sigma = self._prior_shared
         latency = SHARED.index("gps_latency")
         x, shared, converged = x.copy(), shared.copy(), False
         for _ in range(ITERATIONS):
             moved = shared[latency]
-            data = self._with_gps(float(moved))
+            data = self._in_gusts(self._with_gps(float(moved)), gust)
             remaining = shared.copy()
             remaining[latency] = 0.0
             prior_mean = mean.copy()
@@ -284,7 +261,7 @@ class _Problem:
                 converged = True
                 break
         evidence = cost(at, prior, x[0], remaining) + last.log_determinant
-        evidence -= 2 * float(np.sum(np.log(self._process_weight))) - 2 * float(np.sum(np.log(first_sigma)))
+        evidence -= 2 * float(np.sum(np.log(data.weight[data.weight > 0])))
         return _Solution(x, shared, last, gust, evidence, at.measured, converged)
 
     def path(self, solution: _Solution) -> Path:
@@ -295,10 +272,11 @@ class _Problem:
             if seen[:, i].any()
         }
         states = pd.DataFrame(solution.x, index=pd.Index(self.t_s, name="t_s"), columns=list(STATES))
-        return Path(states, solution.shared, solution.last.covariance, solution.gust, rms, solution.converged)
+        last = solution.last
+        return Path(states, solution.shared, last.covariance, last.follow, solution.gust, rms, solution.converged)
 
 
-def _block_mean(series: pd.Series, n: int) -> Array:
+def block_mean(series: pd.Series, n: int) -> Array:
     """Means over blocks of BLOCK samples; NaN where more than half of a block is missing."""
     blocks = series.to_numpy(dtype=float)[: n * BLOCK].reshape(n, BLOCK)
     present = np.isfinite(blocks)
@@ -318,6 +296,3 @@ def _noise_at_rest(table: pd.DataFrame, still: list[slice]) -> dict[str, float]:
         return dict(BENCH)
     spread = {name: np.sqrt(np.mean([table[name].iloc[s].var() for s in still])) for name in BENCH}
     return {name: float(max(spread[name], 0.1 * usual)) for name, usual in BENCH.items()}
-
-
-__all__ = ["AERODYNAMICS", "Path", "reconstruct"]

@@ -1,7 +1,9 @@
-"""The dynamic method: drag polar by maximum likelihood from accelerations and decelerations (3.24-3.45).
+"""The dynamic method: drag polar from accelerations and decelerations, in two steps (method section 8, "T").
 
-All runs of a flight are fitted at once: they share the aerodynamics and the systematic errors of the sensors, and each
-has its own initial state. Pitch and height are states (method section 6): no attitude filter is trusted.
+First the path over the whole flight, with the errors of its sensors; then, along the path, the forces of the runs are
+regressed on lift. All runs of a flight are fitted at once: they share the aerodynamics and the errors of the sensors.
+What the path could not determine is carried into the polar's covariance: each direction of the errors' covariance is
+followed through path and regression.
 """
 
 from dataclasses import dataclass
@@ -10,116 +12,164 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import bank_rad
-from analysis.estimation import models, output_error, uncertainty
+from analysis.estimation import output_error
 from analysis.estimation.data import Segment
+from analysis.estimation.model import Model, Named, Parameter
+from analysis.path.model import SHARED, STATES
+from analysis.path.reconstruct import Path, block_mean
+from analysis.power import covariance
 from analysis.power.curve import Polar
 from analysis.runs import Run
-from analysis.stillness import Zeros
+from flight import motion
+from flight.aerodynamics import stability_axes
 from flight.aircraft import Aircraft
+from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 POLAR = ("A0", "A1", "A2")
-FLOOR_RAD = np.radians(0.05)
-INPUTS = {
-    "thrust": "thrust_N",
-    "J": "J",
-    "elevator": "elevator_rad",
-    "q": "q_radps",
-    "p": "p_radps",
-    "r": "r_radps",
-    "beta": "beta_rad",
-    "rho": "rho",
-}
-OUTPUTS = {"V": "V_mps", "alpha": "alpha_rad", "ax": "ax_mps2", "az": "az_mps2", "h": "height_m"}
-DRAWN = {
-    "V": ("V, m/s", 1.0),
-    "alpha": ("α, deg", 180 / np.pi),
-    "ax": ("a<sub>x</sub>, m/s²", 1.0),
-    "az": ("a<sub>z</sub>, m/s²", 1.0),
-    "h": ("height, m", 1.0),
-}
+J_REFERENCE = 0.5
+THRUST_SCALE, THRUST_SLOPE = 0.03, 0.15  # standard deviations of what a propeller table is wrong by, over J too
+SHORTEST = 10  # blocks of a run
+UNITS = {
+    "p_bias": "rad/s", "q_bias": "rad/s", "r_bias": "rad/s", "ax_bias": "m/s^2", "ay_bias": "m/s^2", "az_bias": "m/s^2",
+    "alpha_bias": "rad", "beta_bias": "rad", "gps_latency": "s",
+}  # fmt: skip
+
+
+def _drag(_: Named, u: Named, p: Named) -> tuple:
+    """What is left of the axial force when the tabulated thrust is taken out, over mass [m/s^2]."""
+    drag = u.qS * (p.A0 + p.A1 * u.CL + p.A2 * u.CL**2)
+    return (drag - u.thrust * (p.thrust_scale + p.thrust_slope * (u.J - J_REFERENCE)),)
+
+
+DRAG = Model(
+    name="drag",
+    inputs=("CL", "qS", "thrust", "J"),
+    outputs=("drag",),
+    output_function=_drag,
+    parameters=(
+        Parameter(name="A0", start=0.04),
+        Parameter(name="A1", start=0.0),
+        Parameter(name="A2", start=0.06),
+        Parameter(name="thrust_scale", start=0.0, prior_sigma=THRUST_SCALE),
+        Parameter(name="thrust_slope", start=0.0, prior_sigma=THRUST_SLOPE),
+    ),
+)
 
 
 @dataclass(frozen=True)
 class DynamicEstimate:
-    """A drag polar with its covariance, and what a report shows of the fit."""
+    """A drag polar with its covariance, the part of it that noise explains, and what a report shows."""
 
     polar: Polar
+    noise_covariance: Array  # (3, 3): without the errors that all runs share
     parameters: list[tuple[str, float, float, str]]  # name, value, standard error, unit
     verdict: str
     warnings: list[str]
     fits: list[tuple[str, Array, dict[str, Array], dict[str, Array]]]  # run, time, measured, modelled
 
 
-def estimate_polar(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft, at_rest: Zeros | None) -> DynamicEstimate:
-    """Fit all runs at once.
+def estimate_polar(
+    table: pd.DataFrame, path: Path, runs: list[Run], aircraft: Aircraft, propeller: Propeller
+) -> DynamicEstimate:
+    """Fit all runs at once along the reconstructed path. table: as `air_data` leaves it."""
+    blocks = _Blocks(table, path, aircraft, propeller)
 
-    table: as `air_data` leaves it. at_rest: the zeros that were taken out; without them the gyro's bias is unknown.
-    """
-    warnings = []
-    priors = models.Priors()
-    if at_rest is None:
-        priors = models.Priors(
-            gyro_bias_radps=0.02
-        )  # an MPU9250 as it comes: data sheet, +-5 deg/s at 25 degC, typical 1
-    if table["elevator_rad"].isna().all():
-        warnings.append("No elevator angle in this log: its lift is taken as part of the lift slope.")
-    segments = [_segment(table, run) for run in runs]
-    model = models.pitch_and_height(aircraft, priors=priors)
-    fit = output_error.estimate(model, segments, start=models.quick_start(aircraft, segments))
-    if not fit.verdict.ok:
-        warnings.append(f"The estimation did not end well: {fit.verdict}.")
-    covariance = _covariance(fit)
+    def fitted(states: Array, shared: Array) -> output_error.Fit:
+        return output_error.estimate(DRAG, _segments(blocks.forces(states, shared), runs))
+
+    states = path.states.to_numpy()
+    fit = fitted(states, path.shared)
+    noise = covariance.of_noise(fit)
+    systematic = covariance.floor(fit)
+    for direction in np.linalg.cholesky(path.covariance).T:
+        moved = fitted(states + path.follow @ direction, path.shared + direction).values - fit.values
+        systematic += np.outer(moved, moved)
+    whole = noise + systematic
     where = [fit.names.index(name) for name in POLAR]
-    polar = Polar(fit.values[where], covariance[np.ix_(where, where)])
-    error = dict(zip(fit.names, np.sqrt(np.diag(covariance)), strict=True))
+    errors = np.sqrt(np.diag(whole))
+    parameters = [
+        (name, float(value), float(error), "") for name, value, error in zip(fit.names, fit.values, errors, strict=True)
+    ]
+    parameters += [(name, path.value(name), path.standard_error(name), UNITS.get(name, "")) for name in SHARED]
+    converged = fit.verdict.ok and path.converged
     return DynamicEstimate(
-        polar=polar,
-        parameters=[(e.name, e.value, float(error[e.name]), e.unit) for e in fit.parameters.values() if e.free],
-        verdict=str(fit.verdict),
-        warnings=warnings,
-        fits=[_drawn(segment, fit) for segment in segments],
+        polar=Polar(fit.values[where], whole[np.ix_(where, where)]),
+        noise_covariance=noise[np.ix_(where, where)],
+        parameters=parameters,
+        verdict=str(fit.verdict) if path.converged else "the path did not converge",
+        warnings=[] if converged else [f"The estimation did not end well: {fit.verdict}; path: {path.converged}."],
+        fits=_drawn(blocks, path, fit, runs),
     )
 
 
-def _covariance(fit: output_error.Fit) -> Array:
-    """Covariance of all estimates: the larger of what white and what coloured residuals give, and a floor.
+class _Blocks:
+    """The measurements that forces need, as means over the path's blocks."""
 
-    Coloured residuals make estimates several times less certain than white ones of the same size (method section 4),
-    but a short record can also hide its colour: so the larger one counts. The floor stands for what no fit to these
-    runs can see, a direction known to FLOOR_RAD: force across it, D = L tan(FLOOR_RAD), is a C_D proportional to C_L.
-    """
-    white, coloured = uncertainty.cramer_rao(fit).covariance, uncertainty.morelli_klein(fit).covariance
-    scale = np.maximum(1.0, np.sqrt(np.diag(white) / np.diag(coloured)))
-    covariance = coloured * np.outer(scale, scale)
-    A1 = fit.names.index("A1")
-    covariance[A1, A1] += np.tan(FLOOR_RAD) ** 2
-    return covariance
+    def __init__(self, table: pd.DataFrame, path: Path, aircraft: Aircraft, propeller: Propeller):
+        n = len(path.states)
+        self.mean = {name: block_mean(table[name], n) for name in table.columns}
+        self.t_s = path.states.index.to_numpy()
+        self._aircraft, self._propeller = aircraft, propeller
+
+    def forces(self, states: Array, shared: Array) -> pd.DataFrame:
+        """Along a path, a row a block: CL, CD (tabulated thrust taken out), qS/m and thrust/m [m/s^2], J, V, alpha."""
+        x = dict(zip(STATES, states.T, strict=True))
+        error = dict(zip(SHARED, shared, strict=True))
+        air = x["v_north"] - x["wind_north"], x["v_east"] - x["wind_east"], x["v_down"]
+        u, v, w = motion.body_from_earth(*air, x["phi"], x["theta"], x["psi"])
+        V, alpha, _ = motion.flow_of(u, v, w)
+        m, rho = self._aircraft.mass_kg, self.mean["rho"]
+        qS = rho * V**2 / 2 * self._aircraft.geometry.wing_area_m2
+        n = np.where(self.mean["n_revps"] > 1, self.mean["n_revps"], np.nan)
+        thrust, _ = self._propeller.thrust_and_power(u, n, rho)
+        ax, az = self.mean["ax_mps2"] - error["ax_bias"], self.mean["az_mps2"] - error["az_bias"]
+        CL, CD = stability_axes((m * ax - thrust) / qS, m * az / qS, alpha)
+        J = u / (n * self._propeller.diameter_m)
+        columns = {
+            "CL": CL,
+            "CD": CD,
+            "qS": qS / m,
+            "thrust": thrust * np.cos(alpha) / m,
+            "J": J,
+            "V": V,
+            "alpha": alpha,
+        }
+        return pd.DataFrame(columns, index=self.t_s)
 
 
-def _segment(table: pd.DataFrame, run: Run) -> Segment:
-    """One run as the estimator wants it: small gaps in inputs bridged, gaps in outputs left."""
-    rows = slice(run.rows.start, run.rows.stop)
-    data = table.iloc[rows]
-    bank = bank_rad(table)[rows]
-    inputs = {name: _filled(data[column]) for name, column in INPUTS.items()}
-    return Segment(
-        name=run.name,
-        t_s=data.index.to_numpy(),
-        u={**inputs, "phi": bank},
-        z={name: data[column].to_numpy() for name, column in OUTPUTS.items()},
-    )
+def _segments(forces: pd.DataFrame, runs: list[Run]) -> list[Segment]:
+    segments = []
+    for run in runs:
+        data = forces.loc[run.start_s : run.end_s].interpolate(limit_direction="both")
+        if len(data) >= SHORTEST and np.isfinite(data.to_numpy()).all():
+            u = {name: data[name].to_numpy() for name in DRAG.inputs}
+            z = {"drag": (data["qS"] * data["CD"]).to_numpy()}
+            segments.append(Segment(name=run.name, t_s=data.index.to_numpy(), u=u, z=z))
+    return segments
 
 
-def _filled(column: pd.Series) -> Array:
-    """A column without gaps: linear across them; zero where nothing was ever measured."""
-    return column.interpolate(limit_direction="both").fillna(0.0).to_numpy()
-
-
-def _drawn(segment: Segment, fit: output_error.Fit):
-    response = fit.responses[segment.name]
-    outputs = dict(zip(fit.model.outputs, response.y.T, strict=True))
-    measured = {title: segment.z[name] * scale for name, (title, scale) in DRAWN.items()}
-    modelled = {title: outputs[name] * scale for name, (title, scale) in DRAWN.items()}
-    return segment.name, segment.t_s, measured, modelled
+def _drawn(blocks: _Blocks, path: Path, fit: output_error.Fit, runs: list[Run]):
+    """Measured and reconstructed: speed, angle of attack (sensor errors as found), height; drag and its model."""
+    forces = blocks.forces(path.states.to_numpy(), path.shared)
+    scale, slope, bias = (path.value(name) for name in ("V_scale", "alpha_scale", "alpha_bias"))
+    drawn = []
+    for segment in (piece.segment for piece in fit.pieces):
+        rows = (forces.index >= segment.t_s[0]) & (forces.index <= segment.t_s[-1])
+        along, states = forces[rows], path.states[rows]
+        alpha = along["alpha"].to_numpy() * (1 + slope - 2 * scale) + bias
+        model = fit.responses[segment.name].y[:, 0]
+        measured = {
+            "V, m/s": blocks.mean["V_mps"][rows],
+            "α, deg": np.degrees(blocks.mean["alpha_rad"][rows]),
+            "height, m": blocks.mean["height_m"][rows],
+            "drag / mass, m/s²": segment.z["drag"],
+        }
+        modelled = {
+            "V, m/s": along["V"].to_numpy() * (1 + scale),
+            "α, deg": np.degrees(alpha),
+            "height, m": states["height"].to_numpy(),
+            "drag / mass, m/s²": model,
+        }
+        drawn.append((segment.name, segment.t_s, measured, modelled))
+    return drawn

@@ -60,6 +60,14 @@ def power_required(results: Results) -> go.Figure:
         name="standard weight, sea level",
         hovertemplate="%{y:.1f} W",
     )
+    Vc, Pc, _, _ = _curve(results.cross_check)
+    figure.add_scatter(
+        x=Vc,
+        y=Pc,
+        line={"color": ORANGE, "width": 1.5, "dash": "dot"},
+        name="cross-check, output error",
+        hovertemplate="%{y:.1f} W",
+    )
     for special, name, colour in (
         (results.minimum_power_speed, "longest endurance", GREEN),
         (results.best_range_speed, "longest range", ORANGE),
