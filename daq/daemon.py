@@ -8,8 +8,9 @@ from typing import NamedTuple, Protocol
 from daq import luggage, wiring
 from daq.arm import ArmSwitch
 from daq.bus import Buses
+from daq.bus_recording import BusRecording
 from daq.clock import Clock
-from daq.config import Tray
+from daq.config import SensorTable, Tray
 from daq.health import State
 from daq.keeper import Keeper
 from daq.logbook import Limits, Logbook, numbered, parts_of
@@ -51,20 +52,22 @@ class Listener(Protocol):
     def hear(self, turn: Turn, events: list[Event]) -> None: ...
 
 
-def stations(tray: Tray, buses: Buses, aircraft: Aircraft | None) -> list[Station]:
+def stations(
+    tray: Tray, buses: Buses, aircraft: Aircraft | None, bus_recording: BusRecording | None = None
+) -> list[Station]:
     """A place in the loop for each of the tray's sensors, in the tray's order.
 
     Raises InputError when the configuration lacks something.
     """
+
+    def maker(table: SensorTable) -> wiring.Maker:
+        if bus_recording is None:
+            return wiring.maker(table, tray, buses, aircraft)
+        ear = bus_recording.sensor(table.name)
+        return ear.maker(wiring.maker(table, tray, ear.buses(buses), aircraft))
+
     return [
-        Station(
-            table.name,
-            table.lane,
-            table.topics,
-            wiring.maker(table, tray, buses, aircraft),
-            may_hang=table.may_hang,
-        )
-        for table in tray.sensors
+        Station(table.name, table.lane, table.topics, maker(table), may_hang=table.may_hang) for table in tray.sensors
     ]
 
 
@@ -86,6 +89,7 @@ def record(
     new_file: threading.Event | None = None,
     watched: bool = False,
     listener: Listener | None = None,
+    bus_recording: BusRecording | None = None,
     progress: Callable[[float], None] | None = None,
     report: Callable[[str], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
@@ -93,13 +97,16 @@ def record(
     """Record the tray to new logs until `until_ns` (the clock's time [ns]) or until `stop` is set.
 
     log_path: of the first log; the next free name in the tray's directory when not given. new_file: set by whoever
-    wants a new log begun. watched: see `turns`. progress: told how long it has been going on [s], once a second of the
-    clock, from the sampling thread; so are report of a line that says how it goes, and on_event of each event.
+    wants a new log begun. watched: see `turns`. bus_recording: is given every transaction of the buses. progress: told
+    how long it has been going on [s], once a second of the clock, from the sampling thread; so are report of a line
+    that says how it goes, and on_event of each event.
     Raises InputError before anything is written (configuration, files that cannot be read, a log that exists), and
     NothingToRead when no bus and no port can be opened.
     """
     bags = luggage.pack(tray)
-    places = stations(tray, buses, bags.aircraft)
+    places = stations(tray, buses, bags.aircraft, bus_recording)
+    if bus_recording is not None:
+        bus_recording.begin(tray.text, bags.aircraft)
     start_ns = clock.now_ns()
     open_all(places, start_ns)
     path = Path(log_path) if log_path is not None else None
