@@ -46,6 +46,10 @@ def run(
         float | None,
         typer.Option("--duration", min=0.0, help="Stop after this many seconds."),
     ] = None,
+    record_bus: Annotated[
+        Path | None,
+        typer.Option(help="Also write every transaction of the buses to this file, to be played back in a test."),
+    ] = None,
 ) -> None:
     """Record until SIGTERM or Ctrl-C, which finish the file properly. SIGHUP begins a new one.
 
@@ -53,6 +57,7 @@ def run(
     into the log.
     """
     from daq.bus import LinuxBuses
+    from daq.bus_recording import BusRecording
     from daq.clock import SystemClock
     from daq.config import load_tray
     from daq.daemon import NothingToRead, record
@@ -66,6 +71,7 @@ def run(
     # A hang-up asks for a new file, unless it is the terminal that has gone: then nobody could stop us any more.
     signal.signal(signal.SIGHUP, lambda *_: (stop if had_terminal and not has_terminal() else new_file).set())
     clock = SystemClock()
+    bus_recording = BusRecording(record_bus, clock) if record_bus else None
     link = TelemetryLink(tray.telemetry, tray) if tray.telemetry else None
     prepare_process()
     terminal = StatusLine()
@@ -92,6 +98,7 @@ def run(
             new_file=new_file,
             watched=True,
             listener=link,
+            bus_recording=bus_recording,
             report=report,
             on_event=tell,
         )
@@ -103,6 +110,8 @@ def run(
         terminal.clear()
         if link is not None:
             link.close()
+        if bus_recording is not None and (error := bus_recording.close()):
+            complain(f"daq: the end of the bus recording is missing: {error}")
     faults = ", ".join(f"{name} {count}" for name, count in recording.errors.items() if count)
     logs = ", ".join(str(path) for path in recording.paths) or "no log"
     complain(f"{logs}: {recording.ticks} ticks, {recording.missed} missed; without measurement: {faults or 'none'}")
@@ -163,7 +172,8 @@ def prepare_process() -> None:
     gc.freeze()
     threading.stack_size(THREAD_STACK_BYTES)  # locked memory is used memory
     sys.setswitchinterval(SWITCH_S)
-    ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE)  # refused without the right to (LimitMEMLOCK): then it is not
+    # Refused without the right to (LimitMEMLOCK): then it is not.
+    ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE)
 
 
 @app.command()
