@@ -75,3 +75,11 @@ def pieces(data: bytes, cuts: list[int]) -> list[bytes]:
     """`data` torn at places that follow from arbitrary numbers."""
     places = sorted({cut % (len(data) + 1) for cut in cuts} | {0, len(data)})
     return [data[a:b] for a, b in pairwise(places)]
+
+
+def counter_frame(sequence: int, period_us: int = 10714) -> bytes:
+    """A frame of the pulse counter's framed variant."""
+    from daq.sensors.esc_counter import crc8
+
+    body = bytes([sequence % 256, 0]) + period_us.to_bytes(4, "big")
+    return b"\xa5" + body + bytes([crc8(body)])

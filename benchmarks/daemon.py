@@ -1,0 +1,157 @@
+"""The installed daemon in real time on device files of another process: ticks, lateness, CPU, memory.
+
+    .venv/bin/python benchmarks/daemon.py soak --seconds 600 --rate 25      # two buses (FUSE), three lines (ptys)
+    .venv/bin/python benchmarks/daemon.py faults                            # every fault of the schedule, figures
+    .venv/bin/python benchmarks/daemon.py day                               # 24 h on the simulated clock
+    .venv/bin/python benchmarks/daemon.py cuts                              # 1,000 power cuts
+    .venv/bin/python benchmarks/daemon.py mend                              # how long the next start takes
+
+`soak` needs root (FUSE); the fake tray runs in a process of its own, so that its work is not the daemon's.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import time
+from contextlib import ExitStack
+from itertools import pairwise
+from pathlib import Path
+
+import typer
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path += [str(ROOT / "tests" / "hw_fakes"), str(ROOT / "tests" / "daq")]
+
+EXAMPLE = ROOT / "daq" / "tray.example.toml"
+DAQ = Path(sysconfig.get_path("scripts")) / "daq"
+SECOND_BUS = "/dev/i2c-3"
+ON_SECOND_BUS = ("honeywell", "ms5805")  # drivers
+BAUDS = {"gps": 38400, "esc_counter": 115200, "autopilot": 57600}
+OPENING_S = 1.0  # buses are opened, and libraries loaded, before the first tick
+CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
+
+
+@app.command()
+def soak(seconds: float = 600.0, rate: float = 25.0, fifo: bool = False) -> None:
+    """Record in real time; print what the log and the kernel say about it. --fifo: real-time priority, as the unit."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        tray = subprocess.Popen(
+            [sys.executable, __file__, "serve", str(folder), "--rate", str(rate)], stdout=subprocess.PIPE, text=True
+        )
+        assert tray.stdout is not None
+        try:
+            assert tray.stdout.readline() == "ready\n", "the fake tray did not come up (FUSE needs root)"
+            command = [DAQ, "run", "-c", folder / "tray.toml", "--duration", str(seconds + OPENING_S)]
+            command = [*(["chrt", "-f", "50"] if fifo else []), *command]
+            daemon = subprocess.Popen([str(part) for part in command], stderr=subprocess.PIPE, text=True)
+            memory, cpu = watch(daemon)
+            assert daemon.stderr is not None
+            said = daemon.stderr.read()
+        finally:
+            tray.send_signal(signal.SIGTERM)
+            tray.wait(10)
+        print(said.strip().splitlines()[-1])
+        print_ticks(sorted((folder / "logs").glob("*.mcap")))
+    begin, end = next((s for s in cpu if s[0] > 5.0), cpu[0]), cpu[-1]
+    share = (end[1] - begin[1]) / (end[0] - begin[0])
+    after_minute = next((kib for at_s, kib in memory if at_s >= min(60.0, seconds / 3)), memory[-1][1])
+    print(f"CPU share after the start: {100 * share:.2f} % of one core")
+    print(
+        f"resident memory: {memory[-1][1]} KiB at the end, {memory[-1][1] - after_minute:+d} KiB since the first minute"
+    )
+    print(
+        "others on this machine meanwhile: load",
+        " ".join(f"{x:.1f}" for x in os.getloadavg()),
+        "on",
+        os.cpu_count(),
+        "cores",
+    )
+
+
+def watch(daemon: subprocess.Popen) -> tuple[list[tuple[float, int]], list[tuple[float, float]]]:
+    """Resident memory [KiB] and CPU time [s] of the daemon, over time [s], until it ends."""
+    memory, cpu = [], []
+    start_s = time.monotonic()
+    while daemon.poll() is None:
+        at_s = time.monotonic() - start_s
+        try:
+            status = Path(f"/proc/{daemon.pid}/status").read_text()
+            fields = Path(f"/proc/{daemon.pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            break
+        rss = [int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS")]
+        if rss:
+            memory.append((at_s, rss[0]))
+            cpu.append((at_s, (int(fields[11]) + int(fields[12])) / CLOCK_TICKS))
+        time.sleep(0.5)
+    return memory[:-1], cpu[:-1]  # the last may be of the way out
+
+
+def print_ticks(paths: list[Path]) -> None:
+    from flight.log_reader import read_log
+    from flight.messages import Status
+
+    logs = [read_log(path) for path in paths]
+    ticks = [entry for log in logs for entry in log.entries["/daq/tick"]]
+    late_us = sorted(entry.message.late_ns / 1e3 for entry in ticks)
+    missed = sum(entry.message.missed for entry in ticks)
+
+    def at(share: float) -> float:
+        return late_us[min(len(late_us) - 1, int(share * len(late_us)))]
+
+    holes = sum(b.tick - a.tick != 1 for a, b in pairwise(ticks))
+    print(f"{len(ticks)} ticks in {len(logs)} files, {missed} missed, {holes} holes in their numbers")
+    print(f"late by p50 {at(0.5):.0f} us, p99 {at(0.99):.0f} us, max {late_us[-1]:.0f} us")
+    busiest = max((sum(e.message.duration_ns.values()), e.tick) for e in ticks)
+    print(f"busiest tick: {busiest[0] / 1e6:.2f} ms (tick {busiest[1]})")
+    for topic in sorted(logs[0].entries):
+        entries = [entry for log in logs for entry in log.entries.get(topic, [])]
+        bad = sum(e.message.status not in (Status.OK, Status.BUSY, Status.STARTING) for e in entries)
+        print(f"  {topic:16} {len(entries):7} messages, {bad} without measurement")
+    size = sum(path.stat().st_size for path in paths)
+    print(f"{size / 1e6:.2f} MB of log, {size / max(1, len(ticks)):.0f} bytes a tick")
+
+
+@app.command(hidden=True)
+def serve(folder: Path, rate: float = 25.0) -> None:
+    """The fake tray on device files, until SIGTERM."""
+    from analytic_felt import AnalyticFelt, sine
+
+    from hw_fakes.fuse_i2c import FuseI2C
+    from hw_fakes.pty import PtyServer
+    from hw_fakes.tray import I2C_BUS, PORTS, FakeTray
+
+    class RealClock:
+        def now_ns(self) -> int:
+            return time.monotonic_ns()
+
+    fake = FakeTray(AnalyticFelt(differential_Pa=sine(100.0, 20.0, 0.5)), RealClock(), 4)
+    text = EXAMPLE.read_text().replace("rate_Hz = 25 ", f"rate_Hz = {rate:g} ", 1)
+    text = text.replace("new_after_min = 60 ", "new_after_min = 4 ")
+    stop = []
+    signal.signal(signal.SIGTERM, lambda *_: stop.append(1))
+    with ExitStack() as stack:
+        first = stack.enter_context(FuseI2C(fake.i2c(I2C_BUS), folder / "i2c-1"))
+        second = stack.enter_context(FuseI2C(fake.i2c(I2C_BUS), folder / "i2c-3"))
+        text = text.replace(f'"{I2C_BUS}"', f'"{first.path}"')
+        for driver in ON_SECOND_BUS:
+            text = text.replace(
+                f'driver = "{driver}"\nbus = "{first.path}"', f'driver = "{driver}"\nbus = "{second.path}"'
+            )
+        for name, device in PORTS.items():
+            line = stack.enter_context(PtyServer(fake.port(device, BAUDS[name])))
+            text = text.replace(f'"{device}"', f'"{line.path}"')
+        (folder / "tray.toml").write_text(text)
+        print("ready", flush=True)
+        while not stop:
+            time.sleep(0.1)
+
+
+if __name__ == "__main__":
+    app()

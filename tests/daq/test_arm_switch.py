@@ -1,0 +1,77 @@
+"""The arm switch: marks the log, or starts and ends it."""
+
+from pathlib import Path
+
+from test_daemon import SteadyFelt, default_tray
+
+from daq.arm import ArmSwitch
+from daq.config import Arm
+from daq.daemon import record
+from daq.sensors import Sample
+from flight.log_reader import read_log
+from flight.messages import Controls, Status
+from hw_fakes.clock import SimulatedClock
+from hw_fakes.tray import FakeTray
+
+
+def texts(switch, *pulses_us):
+    """What is told while channel 2 moves; None is a tick without signal."""
+    found = []
+    for pulse in pulses_us:
+        message = Controls(status=Status.NO_DATA) if pulse is None else Controls(pulse_us=[1500, pulse])
+        found += [event.text for event in switch.look([Sample("/controls", 0, message)])]
+    return found
+
+
+def test_it_tells_when_it_is_moved_and_not_when_it_trembles():
+    switch = ArmSwitch(Arm(channel=2, above_us=1600))
+    assert texts(switch, 1000, 1000, 1900, 1601, 1590, 1570, 1900) == ["armed"]
+    assert texts(switch, 1500, 1590) == ["disarmed"]
+
+
+def test_without_signal_it_stays_where_it_was():
+    switch = ArmSwitch(Arm(channel=2, action="record"))
+    assert not switch.recording
+    assert texts(switch, None, 0, 1900, None, 0) == ["armed"]
+    assert switch.recording
+    assert ArmSwitch(None).recording and ArmSwitch(Arm(channel=2)).recording
+
+
+class SwitchedFelt(SteadyFelt):
+    """Channel 7 is up from 5 to 10 s and from 12 to 15 s."""
+
+    def servo_pulses_us(self, t_s):
+        pulses = super().servo_pulses_us(t_s)
+        up = ((t_s > 5) & (t_s < 10)) | ((t_s > 12) & (t_s < 15))
+        pulses[up, 6] = 1900.0
+        return pulses
+
+
+def flown(tmp_path: Path, action: str):
+    clock = SimulatedClock(unix_at_start_ns=10**18)
+    fake = FakeTray(SwitchedFelt(), clock)
+    arm = {"[[sensors]]": f'[arm]\nchannel = 7\naction = "{action}"\n[[sensors]]'}
+    text = default_tray(tmp_path, fake).text
+    from daq.config import parse_tray
+
+    tray = parse_tray(text.replace("[[sensors]]", arm["[[sensors]]"], 1), "tray.toml", tmp_path)
+    recording = record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 18 * 10**9)
+    return recording, [read_log(path) for path in recording.paths]
+
+
+def test_mark_records_always_and_says_when(tmp_path):
+    recording, [log] = flown(tmp_path, "mark")
+    assert len(log.entries["/daq/tick"]) == recording.ticks
+    marks = [(e.message.text, e.tick / 25) for e in log.entries["/daq/event"] if e.message.sensor == "arm"]
+    assert [text for text, _ in marks] == ["armed", "disarmed"] * 2
+    # The autopilot sends at the rate of the ticks: within two of them.
+    assert all(abs(at_s - expected) < 0.1 for (_, at_s), expected in zip(marks, (5, 10, 12, 15), strict=True))
+
+
+def test_record_records_only_while_armed_each_time_into_a_new_log(tmp_path):
+    recording, logs = flown(tmp_path, "record")
+    assert recording.ticks == 18 * 25 and len(logs) == 2
+    spans = [(log.entries["/daq/tick"][0].tick / 25, log.entries["/daq/tick"][-1].tick / 25) for log in logs]
+    for (begin, end), (up, down) in zip(spans, ((5, 10), (12, 15)), strict=True):
+        assert abs(begin - up) < 0.1 and abs(end - down) < 0.1
+    assert not any(log.torn for log in logs)
