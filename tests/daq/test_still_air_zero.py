@@ -1,0 +1,126 @@
+"""`daq zero`: a zero is taken only when it was still, kept in a small file, and travels in every log."""
+
+import json
+
+import numpy as np
+import pytest
+from test_daemon import SteadyFelt, default_tray
+
+from daq.daemon import record
+from daq.survey import survey
+from daq.zero import NotStill, measure, parse_zero, save
+from flight.errors import InputError
+from flight.log_reader import read_log
+from hw_fakes.clock import SimulatedClock
+from hw_fakes.tray import FakeTray
+
+SECONDS = 10.0
+OFFSET_PA = {"alpha": 3.0, "beta": -2.0, "airspeed": 4.0}
+NORMAL = np.random.default_rng(5).normal(size=2**16)
+BIAS_RADPS = (0.01, -0.02, 0.005)
+
+
+class StandingFelt(SteadyFelt):
+    """At rest, with the noise of the bench (dissertation, Table 4.1) and a zero that is off. `extra` is added."""
+
+    rate = BIAS_RADPS
+    force = (0.0, 0.0, -9.80665)
+    difference = OFFSET_PA
+
+    def __init__(self, **extra):
+        self.extra = extra
+        self.motor_revps = extra.pop("motor", 0.0)
+
+    def _noise(self, t_s, seed):
+        """White, the same for the same instant (at 10 us)."""
+        place = (np.asarray(t_s) * 1e5).astype(np.int64) * 2654435761 + seed * 7919
+        return NORMAL[place % len(NORMAL)]
+
+    def imu(self, t_s):
+        force, rate = super().imu(t_s)
+        for axis in range(3):
+            rate[:, axis] += 0.005 * self._noise(t_s, axis)
+            force[:, axis] += 0.06 * self._noise(t_s, 3 + axis)
+        rate[:, 1] += self.extra.get("rate", lambda t: 0 * t)(np.asarray(t_s))
+        return force, rate
+
+    def differential_pressure_Pa(self, which, t_s):
+        quiet = super().differential_pressure_Pa(which, t_s) + 0.5 * self._noise(t_s, 7)
+        return quiet + self.extra.get("pressure", lambda t: 0 * t)(np.asarray(t_s))
+
+    def motor_speed_revps(self, t_s):
+        return np.full(len(t_s), self.motor_revps)
+
+
+def taken(tmp_path, felt, **changes):
+    clock = SimulatedClock(unix_at_start_ns=10**18)
+    fake = FakeTray(felt, clock)
+    found = survey(default_tray(tmp_path, fake, **changes), buses=fake, clock=clock, seconds=SECONDS)
+    return measure(found.samples, ticks=found.ticks, seconds=SECONDS, unix_ns=clock.unix_ns())
+
+
+def test_a_zero_taken_in_still_air_is_what_the_parts_are_off(tmp_path):
+    zero = taken(tmp_path, StandingFelt())
+    for which, offset_Pa in OFFSET_PA.items():
+        reading = zero.readings[f"/probe/{which}"]["differential_pressure_Pa"]
+        # To half a count of the coarsest part, 0.19 Pa, and four standard errors of its mean.
+        assert reading.mean == pytest.approx(offset_Pa, abs=0.1 + 4 * reading.standard_deviation / 250**0.5)
+        assert reading.samples == pytest.approx(250, abs=2)
+    for axis, bias in zip("xyz", BIAS_RADPS, strict=True):
+        reading = zero.readings["/imu"][f"angular_rate_{axis}_radps"]
+        assert reading.mean == pytest.approx(bias, abs=4 * 0.005 / 250**0.5)
+    assert set(zero.readings["/imu"]) == {f"angular_rate_{axis}_radps" for axis in "xyz"}  # gravity is no bias
+    assert zero.temperature_K["/imu"] == pytest.approx(305, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("felt", "said"),
+    [
+        (StandingFelt(rate=lambda t: 0.1 * np.sin(2 * np.pi * 1.5 * t)), "/imu angular_rate_y_radps moves"),
+        (StandingFelt(rate=lambda t: 0.15 + 0 * t), "too much for a zero"),
+        (StandingFelt(rate=lambda t: 0.003 * t), "/imu angular_rate_y_radps drifts"),
+        (StandingFelt(pressure=lambda t: 20 * np.sin(2 * np.pi * 0.3 * t)), "/probe/airspeed differential"),
+        (StandingFelt(pressure=lambda t: 0.7 * t), "drifts"),
+        (StandingFelt(pressure=lambda t: 100 + 0 * t), "cover the probe"),
+        (StandingFelt(motor=100.0), "the motor turns"),
+    ],
+    ids=["hand on the wing", "turning", "slow turn", "gusts", "rising wind", "steady wind", "motor"],
+)
+def test_what_was_not_still_is_refused_with_what_to_do(tmp_path, felt, said):
+    with pytest.raises(NotStill) as refused:
+        taken(tmp_path, felt)
+    assert said in str(refused.value)
+
+
+def test_a_dead_transducer_is_no_zero(tmp_path):
+    with pytest.raises(NotStill, match="/probe/beta gave 0 measurements"):
+        taken(tmp_path, StandingFelt(), **{"MS4515DO-DS5AK002DP": "MS4515DO-DS5A0002DP"})
+
+
+def test_it_travels_in_every_log_and_the_readings_stay_raw(tmp_path):
+    save(taken(tmp_path, StandingFelt()), tmp_path / "zero.json")
+    clock = SimulatedClock(unix_at_start_ns=10**18)
+    fake = FakeTray(StandingFelt(), clock)
+    recording = record(default_tray(tmp_path, fake), buses=fake, clock=clock, until_ns=clock.now_ns() + 4 * 10**9)
+    log = read_log(recording.path)
+    zero = parse_zero(log.attachments["zero.json"].decode(), "zero.json")
+    assert zero.format == "flightpower-zero-1" and zero.readings
+    raw = [e.message.differential_pressure_Pa for e in log.entries["/probe/alpha"] if e.message.status == "ok"]
+    assert np.mean(raw) == pytest.approx(OFFSET_PA["alpha"], abs=0.3)
+
+
+def test_a_broken_zero_is_refused_before_anything_is_written(tmp_path):
+    good = json.loads(save_and_read(tmp_path))
+    for text in ("{", json.dumps({**good, "format": "flightpower-zero-9"}), "[]"):
+        (tmp_path / "zero.json").write_text(text)
+        clock = SimulatedClock()
+        fake = FakeTray(SteadyFelt(), clock)
+        with pytest.raises(InputError, match=r"zero\.json"):
+            record(default_tray(tmp_path, fake), buses=fake, clock=clock, until_ns=10**9)
+    assert not (tmp_path / "logs").exists()
+
+
+def save_and_read(tmp_path) -> str:
+    save(taken(tmp_path, StandingFelt()), tmp_path / "zero.json")
+    assert [path.name for path in tmp_path.glob("zero*")] == ["zero.json"]
+    return (tmp_path / "zero.json").read_text()

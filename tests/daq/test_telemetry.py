@@ -1,0 +1,245 @@
+"""Telemetry to a real MAVLink peer, over UDP and over a serial line; and that it can never hold up the loop."""
+
+import os
+import pty
+import signal
+import socket
+import time
+import tty
+
+import pytest
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import common as mavlink
+
+from daq import telemetry as telemetry_module
+from daq.config import Telemetry, parse_tray
+from daq.loop import Beat, Turn
+from daq.probe import Probe, Surface
+from daq.sensors import Sample
+from daq.telemetry import GroundLink, Snapshot, TelemetryLink, airspeed_mps
+from flight.errors import InputError
+from flight.messages import AbsolutePressure, DifferentialPressure, Event, Gps, Rpm, Status
+
+TICK_NS = 40_000_000
+IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
+READINGS = {
+    "/gps": Gps(
+        latitude_deg=48.1,
+        longitude_deg=11.2,
+        height_msl_m=450.0,
+        velocity_north_mps=3.0,
+        velocity_east_mps=-4.0,
+        velocity_down_mps=0.5,
+        fix_type=3,
+    ),
+    "/static": AbsolutePressure(pressure_Pa=95_000.0, temperature_K=290.0),
+    "/probe/alpha": DifferentialPressure(differential_pressure_Pa=30.0),
+    "/probe/beta": DifferentialPressure(differential_pressure_Pa=-15.0),
+    "/probe/airspeed": DifferentialPressure(differential_pressure_Pa=150.0),
+    "/rpm": Rpm(motor_speed_revps=100.0),
+}
+SAMPLES = [Sample(topic, 0, message) for topic, message in READINGS.items()]
+
+
+def tray(tmp_path, to: str):
+    return parse_tray(f'[telemetry]\nto = "{to}"\nrate_Hz = 5\n' + IMU, "tray.toml", tmp_path)
+
+
+def turn(number: int, samples=SAMPLES) -> Turn:
+    now_ns = number * TICK_NS
+    return Turn(Beat(number, 0, 0), now_ns, [sample._replace(time_ns=now_ns) for sample in samples], [])
+
+
+def heard(link, receive, wanted, seconds=15.0):
+    """Feed the link at its own pace until the peer has received all of `wanted`; messages by type, the last of each."""
+    found, number, deadline = {}, 0, time.monotonic() + seconds
+    while not wanted <= set(found):
+        assert time.monotonic() < deadline, f"only {sorted(found)} came"
+        link.hear(turn(number), [Event(severity="error", sensor="imu", text="imu failed: Remote I/O error")])
+        number += 1
+        time.sleep(0.02)
+        while (message := receive()) is not None:
+            name = message.get_type()
+            found[f"{name} {message.name}" if name == "NAMED_VALUE_FLOAT" else name] = message
+    return found
+
+
+WANTED = {
+    "HEARTBEAT",
+    "VFR_HUD",
+    "GLOBAL_POSITION_INT",
+    "STATUSTEXT",
+    "NAMED_VALUE_FLOAT dpa_per_qc",
+    "NAMED_VALUE_FLOAT dpb_per_qc",
+    "NAMED_VALUE_FLOAT rpm",
+}
+
+
+def assert_right(found):
+    assert found["HEARTBEAT"].type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER
+    hud = found["VFR_HUD"]
+    # q_c for qbar without a calibration; rho = p/(R T) = 1.1412 kg/m^3
+    assert hud.airspeed == pytest.approx((2 * 150 / 1.1412) ** 0.5, rel=1e-3)
+    assert (hud.groundspeed, hud.alt, hud.climb) == pytest.approx((5.0, 450.0, -0.5))
+    assert hud.heading == 307  # 360 - atan(4/3)
+    position = found["GLOBAL_POSITION_INT"]
+    assert (position.lat, position.lon, position.alt) == (481_000_000, 112_000_000, 450_000)
+    assert (position.vx, position.vy, position.vz) == (300, -400, 50)
+    assert found["STATUSTEXT"].text == "imu failed: Remote I/O error" and found["STATUSTEXT"].severity == 3
+    assert found["NAMED_VALUE_FLOAT rpm"].value == 6000
+    assert found["NAMED_VALUE_FLOAT dpa_per_qc"].value == pytest.approx(0.2)
+    assert found["NAMED_VALUE_FLOAT dpb_per_qc"].value == pytest.approx(-0.1)
+
+
+def test_a_ground_station_over_udp_sees_the_flight(tmp_path):
+    peer = mavutil.mavlink_connection("udpin:127.0.0.1:0")
+    port = peer.port.getsockname()[1]
+    to = tray(tmp_path, f"udp:127.0.0.1:{port}")
+    link = TelemetryLink(to.telemetry, to)
+    try:
+        assert_right(heard(link, lambda: peer.recv_match(blocking=False), WANTED))
+    finally:
+        link.close()
+        peer.close()
+
+
+def test_a_ground_station_on_a_serial_line_sees_the_flight(tmp_path):
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    os.set_blocking(ours, False)
+    parser = mavlink.MAVLink(None)
+    parser.robust_parsing = True
+    waiting = []
+
+    def receive():
+        try:
+            waiting.extend(parser.parse_buffer(os.read(ours, 4096)) or [])
+        except BlockingIOError:
+            pass
+        return waiting.pop(0) if waiting else None
+
+    to = tray(tmp_path, os.ttyname(theirs))
+    link = TelemetryLink(to.telemetry, to)
+    try:
+        assert_right(heard(link, receive, WANTED))
+    finally:
+        link.close()
+        os.close(ours)
+        os.close(theirs)
+
+
+def longest_hear_s(link, turns: int) -> float:
+    longest = 0.0
+    for number in range(turns):
+        begin = time.perf_counter()
+        link.hear(turn(number), [Event(text="x" * 200)])
+        longest = max(longest, time.perf_counter() - begin)
+    return longest
+
+
+@pytest.mark.parametrize("trouble", ["stopped", "killed", "nobody", "no such line"])
+def test_nothing_that_happens_to_telemetry_holds_up_a_tick(tmp_path, monkeypatch, trouble):
+    """An hour of turns into a peer that is frozen, dead or absent. A millisecond of 40 is what a busy machine takes."""
+    monkeypatch.setattr(telemetry_module, "RESTART_AFTER_S", 0.1)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        address = f"udp:127.0.0.1:{taken.getsockname()[1]}"
+    to = tray(tmp_path, "/dev/no-such-line" if trouble == "no such line" else address)
+    link = TelemetryLink(to.telemetry, to)
+    deadline = time.monotonic() + 10
+    while link._process is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    if trouble in ("stopped", "killed"):
+        link._process.send_signal(signal.SIGSTOP if trouble == "stopped" else signal.SIGKILL)
+    durations = sorted(longest_hear_s(link, 100) for _ in range(50))
+    assert durations[len(durations) // 2] < 1e-3
+    if trouble == "stopped":
+        link._process.send_signal(signal.SIGCONT)
+    begin = time.monotonic()
+    link.close()
+    assert time.monotonic() - begin < 5
+
+
+def test_a_telemetry_process_that_died_is_started_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(telemetry_module, "RESTART_AFTER_S", 0.05)
+    to = tray(tmp_path, "udp:127.0.0.1:9")
+    link = TelemetryLink(to.telemetry, to)
+    deadline, seen = time.monotonic() + 10, set()
+    while len(seen) < 2:
+        assert time.monotonic() < deadline
+        if link._process is not None and link._process.pid not in seen:
+            seen.add(link._process.pid)
+            link._process.kill()
+        time.sleep(0.01)
+    link.close()
+
+
+def decoded(packets):
+    parser = mavlink.MAVLink(None)
+    return [message for packet in packets for message in parser.parse_buffer(packet)]
+
+
+def snapshot(readings, age_s=0.0, elapsed_s=10.0):
+    import msgspec
+
+    messages = {topic: msgspec.to_builtins(message) for topic, message in readings.items()}
+    return Snapshot(elapsed_s=elapsed_s, messages=messages, ages_s=dict.fromkeys(messages, age_s))
+
+
+def named(ground, readings, **options):
+    return {
+        m.name: m.value
+        for m in decoded(ground.packets(snapshot(readings, **options)))
+        if m.get_type() == "NAMED_VALUE_FLOAT"
+    }
+
+
+def test_with_a_calibration_it_shows_flow_angles(tmp_path):
+    """alpha = 0.5 C_alpha + C_alpha C_beta, by hand: C_alpha = 0.2, C_beta = -0.1."""
+    probe = Probe(
+        format="flightpower-probe-1",
+        alpha_rad=Surface([(1, 0), (1, 1)], [0.5, 1.0]),
+        beta_rad=Surface([(0, 1)], [0.4]),
+        q_ratio=Surface([(0, 0)], [0.75]),
+        hull=[(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)],
+    )
+    ground = GroundLink(Telemetry(to="udp:127.0.0.1:9"), probe, None)
+    values = named(ground, READINGS)
+    assert values["alpha_deg"] == pytest.approx(57.29578 * (0.1 - 0.02), rel=1e-5)
+    assert values["beta_deg"] == pytest.approx(57.29578 * -0.04, rel=1e-5)
+    hud = next(m for m in decoded(ground.packets(snapshot(READINGS))) if m.get_type() == "VFR_HUD")
+    assert hud.airspeed == pytest.approx(airspeed_mps(150 / 0.75, 95_000, 290), rel=1e-6)
+
+
+def test_what_is_old_or_failed_is_not_shown_as_if_it_were_new():
+    ground = GroundLink(Telemetry(to="udp:127.0.0.1:9"), None, None)
+    assert named(ground, READINGS, age_s=5.0) == {}
+    kinds = [m.get_type() for m in decoded(ground.packets(snapshot(READINGS, age_s=5.0)))]
+    assert "GLOBAL_POSITION_INT" not in kinds
+
+
+def test_a_failed_reading_is_not_handed_on(tmp_path):
+    to = tray(tmp_path, "udp:127.0.0.1:9")
+    link = TelemetryLink(to.telemetry, to)
+    link.hear(turn(0, [Sample("/rpm", 0, Rpm(status=Status.NO_DATA))]), [])
+    link.hear(turn(1, [Sample("/static", 0, AbsolutePressure(pressure_Pa=1e5))]), [])
+    assert list(link._latest) == ["/static"]
+    link.close()
+
+
+def test_heartbeats_come_once_a_second():
+    ground = GroundLink(Telemetry(to="udp:127.0.0.1:9"), None, None)
+    beats = [
+        sum(m.get_type() == "HEARTBEAT" for m in decoded(ground.packets(snapshot({}, elapsed_s=i / 4))))
+        for i in range(40)
+    ]
+    assert sum(beats) == 10
+
+
+def test_a_line_that_a_sensor_has_is_refused(tmp_path):
+    text = '[telemetry]\nto="/dev/ttyUSB1"\n[[sensors]]\ndriver="autopilot"\nport="/dev/ttyUSB1"\n'
+    with pytest.raises(InputError, match=r"telemetry\.to: a sensor is on /dev/ttyUSB1 already"):
+        parse_tray(text, "tray.toml", tmp_path)
+    with pytest.raises(InputError, match="udp:HOST:PORT"):
+        tray(tmp_path, "udp:14550")
