@@ -117,9 +117,10 @@ class MPU9250:
         return self._message(counts, SINGLE_FILTER_DELAY_S)
 
     def _read_fifo(self) -> Imu:
-        # USER_CTRL to FIFO_COUNTL in one transfer: a part that lost its supply betrays itself beside the count.
+        # USER_CTRL to FIFO_COUNTL in one transfer: a part that lost its supply, or another part, betrays itself beside
+        # the count.
         block = self._bus.write_read(self._address, bytes([USER_CTRL]), FIFO_COUNTH + 2 - USER_CTRL)
-        if not block[0] & FIFO_ON:
+        if (block[0], block[1]) != (FIFO_ON, CLOCK_AUTO):  # USER_CTRL, PWR_MGMT_1
             raise brown_out("MPU-9250")
         if self._torn:
             self._restart_fifo()

@@ -20,6 +20,9 @@ CONVERSION_NS = {0x0: 600_000, 0x2: 1_170_000, 0x4: 2_280_000, 0x6: 4_540_000, 0
 MARGIN_NS = 1_500_000  # for the transfers, and a tick that comes early after a late one
 TEMPERATURE_EVERY_NS = 1_000_000_000
 ZERO_DEGC_K = 273.15
+# No part of the family measures beyond these (10 to 2000 mbar, -40 to 85 degC), nor is it ever so on a flight.
+PLAUSIBLE_PA, PLAUSIBLE_CENTI_DEGC = (1e3, 2e5), (-5000.0, 9000.0)
+IMPLAUSIBLE_LIMIT = 3  # in a row: then it is not a bit that the bus turned over
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,10 @@ class Variant:
 
 # Datasheet MS5611-01BA03, figures 2 and 3; PROM table on p. 9.
 MS5611 = Variant("MS5611", 8, 7, 0, 16, 15, 2.0**-31, 5 / 2, 5 / 4, 7.0, 11 / 2)
-# Datasheet MS5805-02BA01, p. 8-9; seven words of PROM with the CRC in the first, as in the kernel's ms5637 driver.
+# Datasheet MS5805-02BA01, p. 8-9: seven words of PROM (112 bits) with the CRC in the first four bits of word 0, not in
+# the last word as in the MS5611. Linux agrees: drivers/iio/pressure/ms5637.c serves the MS5805 with seven words, and in
+# drivers/iio/common/ms_sensors/ms_sensors_i2c.c ms_sensors_tp_crc_valid_112 takes the CRC from bits 15 to 12 of word 0,
+# ms_sensors_tp_crc_valid_128 (parts of eight words) from the last bits of word 7.
 MS5805 = Variant("MS5805", 7, 0, 12, 17, 16, 11 * 2.0**-35, 31 / 8, 63 / 32, 0.0, 0.0)
 
 
@@ -62,6 +68,7 @@ class MS56xx:
         self._started_ns = 0
         self._temperature_counts: int | None = None
         self._temperature_due_ns = 0
+        self._implausible = 0
 
     def start(self) -> Iterator[float]:
         """Reset and read the calibration. Raises SensorFailure when its checksum is wrong."""
@@ -94,6 +101,13 @@ class MS56xx:
             return Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
         assert self._temperature_counts is not None  # the first conversion is the temperature's
         centi_degC, pressure_Pa = compensate(self._variant, self._prom, counts, self._temperature_counts)
+        if not plausible(centi_degC, pressure_Pa):
+            self._implausible += 1
+            self._temperature_due_ns = now_ns  # one of the two is wrong
+            if self._implausible >= IMPLAUSIBLE_LIMIT:
+                raise SensorFailure(Status.CORRUPT, f"{self._variant.name}: what it measures cannot be")
+            return Sample(self._topic, now_ns, AbsolutePressure(status=Status.CORRUPT))
+        self._implausible = 0
         message = AbsolutePressure(
             pressure_counts=counts,
             temperature_counts=self._temperature_counts,
@@ -101,6 +115,13 @@ class MS56xx:
             temperature_K=centi_degC / 100 + ZERO_DEGC_K,
         )
         return Sample(self._topic, self._started_ns + CONVERSION_NS[self._code] // 2, message)
+
+
+def plausible(centi_degC: float, pressure_Pa: float) -> bool:
+    """Whether it can be a measurement at all."""
+    low_Pa, high_Pa = PLAUSIBLE_PA
+    low, high = PLAUSIBLE_CENTI_DEGC
+    return low_Pa <= pressure_Pa <= high_Pa and low <= centi_degC <= high
 
 
 def oversampling_code(period_s: float) -> int:

@@ -75,6 +75,7 @@ class Part:
         self.now_ns = 0
         self.prom = sealed(DATASHEET, MS5611)
         self.running = None
+        self.d1, self.d2 = 9085466, 8569150
 
     def write(self, address, data):
         if data[0] & 0xF0 in (0x40, 0x50):
@@ -91,7 +92,7 @@ class Part:
         command, started_ns = self.running
         assert self.now_ns - started_ns >= 9_040_000, "read too early"
         self.running = None
-        return (9085466 if command & 0xF0 == 0x40 else 8569150).to_bytes(3, "big")
+        return (self.d1 if command & 0xF0 == 0x40 else self.d2).to_bytes(3, "big")
 
 
 def run(part: Part, sensor: MS56xx, ticks: int):
@@ -143,6 +144,31 @@ def test_a_conversion_that_was_forgotten_means_that_the_supply_was_lost():
     part.running = None
     with pytest.raises(SensorFailure, match="supply"):
         sensor.read(part.now_ns)
+
+
+@pytest.mark.parametrize("which", ["d1", "d2"])
+def test_an_absurd_reading_is_corrupt_and_the_temperature_is_looked_at_again(which):
+    part, sensor = started()
+    run(part, sensor, 3)
+    good = getattr(part, which)
+    setattr(part, which, 0x000102)
+    sensor._temperature_due_ns = part.now_ns  # so that one of each is converted
+    spoilt = run(part, sensor, 2)
+    setattr(part, which, good)
+    following = [sample.message for _, sample in spoilt + run(part, sensor, 8)]
+    assert [message.status for message in following].count(Status.CORRUPT) == 1
+    assert all(m.pressure_Pa == pytest.approx(100009, abs=1) for m in following if m.status is Status.OK)
+    assert [m.status for m in following[-4:]] == [Status.OK] * 4
+
+
+@pytest.mark.parametrize("which", ["d1", "d2"])
+def test_absurd_readings_in_a_row_are_another_part(which):
+    part, sensor = started()
+    run(part, sensor, 3)
+    setattr(part, which, 0x000102)
+    with pytest.raises(SensorFailure, match="cannot be") as failed:
+        run(part, sensor, 60)
+    assert failed.value.status is Status.CORRUPT
 
 
 @pytest.mark.parametrize(("rate_Hz", "code"), [(25, 0x8), (90, 0x8), (100, 0x6), (150, 0x6), (200, 0x4)])
