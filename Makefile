@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test lint types check clean
+.PHONY: help demo picture test bench lint types check clean
 
 help: ## what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -31,6 +31,9 @@ picture: demo ## the README's picture: the head of the demo's report, by Chromiu
 
 test: $(READY) ## the whole test suite
 	$(BIN)/pytest -n auto --dist loadgroup
+
+bench: $(READY) ## how much CPU the drivers take of a tick
+	$(BIN)/python benchmarks/drivers.py
 
 lint: $(READY) ## ruff
 	$(BIN)/ruff check .

@@ -1,0 +1,115 @@
+"""CPU time of the drivers at each tick, what the fake parts spend on their behalf taken out.
+
+    .venv/bin/python benchmarks/drivers.py            # a minute of a simulated flight; leaves with 1 above the limit
+    .venv/bin/python benchmarks/drivers.py --seconds 300
+
+Thread CPU time, so that other work on the machine does not count; reading that clock is included (a few microseconds).
+"""
+
+import tempfile
+import time
+from pathlib import Path
+from statistics import fmean, quantiles
+
+import typer
+
+from daq import wiring
+from daq.config import parse_tray
+from flight.aircraft import load_aircraft
+from hw_fakes.clock import SimulatedClock
+from hw_fakes.tray import FakeTray
+from sim.fly import fly
+from sim.plan import load_plan
+from sim.sensors import TrayFelt, draw, load_budget
+
+EXAMPLE = Path(__file__).resolve().parent.parent / "daq" / "tray.example.toml"
+LIMIT_US = 1000.0  # a tick, for the whole tray
+SETTLING_TICKS = 75  # bringing up and configuring are not what a tick costs
+
+
+class Timed:
+    """Any object whose methods' CPU time is added up in `spent_ns`, in a list that all share."""
+
+    def __init__(self, thing, spent_ns: list[int]):
+        self._thing, self._spent_ns = thing, spent_ns
+
+    def __getattr__(self, name):
+        method = getattr(self._thing, name)
+
+        def timed(*arguments):
+            start_ns = time.thread_time_ns()
+            try:
+                return method(*arguments)
+            finally:
+                self._spent_ns[0] += time.thread_time_ns() - start_ns
+
+        return timed
+
+
+class TimedBuses:
+    """The buses of a tray, timed."""
+
+    def __init__(self, tray: FakeTray, spent_ns: list[int]):
+        self._tray, self._spent_ns = tray, spent_ns
+
+    def i2c(self, device):
+        return Timed(self._tray.i2c(device), self._spent_ns)
+
+    def port(self, device, baud):
+        return Timed(self._tray.port(device, baud), self._spent_ns)
+
+
+def measure(seconds: float) -> tuple[dict[str, list[float]], list[float]]:
+    """CPU time [us] at each tick: of each driver, and of all fake parts together."""
+    aircraft = load_aircraft("nexstar")
+    errors = draw(load_budget("bench"), 0)
+    felt = TrayFelt(fly(aircraft, load_plan("accel-decel"), seed=0, deviations=errors.deviations), errors)
+    clock, spent_ns = SimulatedClock(), [0]
+    fake = FakeTray(felt, clock, 0, pole_pairs=aircraft.propulsion.pole_pairs)
+    tray = parse_tray(EXAMPLE.read_text("utf-8"), str(EXAMPLE), Path(tempfile.gettempdir()))
+    buses = TimedBuses(fake, spent_ns)
+    drivers = {table.name: wiring.maker(table, tray, buses, aircraft)() for table in tray.sensors}
+    for driver in drivers.values():
+        for wait_s in driver.start():
+            clock.advance_ns(round(wait_s * 1e9))
+    period_ns = round(1e9 / tray.rate_Hz)
+    drivers_us: dict[str, list[float]] = {name: [] for name in drivers}
+    fakes_us: list[float] = []
+    for tick in range(round(seconds * tray.rate_Hz) + SETTLING_TICKS):
+        clock.sleep_until_ns((clock.now_ns() // period_ns + 1) * period_ns)
+        all_fakes_ns = 0
+        for name, driver in drivers.items():
+            spent_ns[0] = 0
+            start_ns = time.thread_time_ns()
+            driver.read(clock.now_ns())
+            took_ns = time.thread_time_ns() - start_ns
+            all_fakes_ns += spent_ns[0]
+            if tick >= SETTLING_TICKS:
+                drivers_us[name].append((took_ns - spent_ns[0]) / 1e3)
+        if tick >= SETTLING_TICKS:
+            fakes_us.append(all_fakes_ns / 1e3)
+    return drivers_us, fakes_us
+
+
+def row(name: str, values: list[float]) -> str:
+    return f"{name:16} {fmean(values):8.1f} {quantiles(values, n=100)[98]:8.1f} {max(values):8.1f}"
+
+
+def main(seconds: float = 60.0) -> None:
+    """Print a table and the verdict."""
+    drivers_us, fakes_us = measure(seconds)
+    whole_us = [sum(tick) for tick in zip(*drivers_us.values(), strict=True)]
+    print(f"{'us of CPU a tick':16} {'mean':>8} {'99 %':>8} {'worst':>8}   ({len(whole_us)} ticks)")
+    for name, values in drivers_us.items():
+        print(row(name, values))
+    print(row("all drivers", whole_us))
+    print(row("the fake parts", fakes_us))
+    mean_us = fmean(whole_us)
+    print(
+        f"drivers: {mean_us / LIMIT_US:.0%} of the {LIMIT_US / 1e3:g} ms they may take, {mean_us / 40e3:.2%} of a tick"
+    )
+    raise typer.Exit(mean_us > LIMIT_US)
+
+
+if __name__ == "__main__":
+    typer.run(main)
