@@ -51,7 +51,7 @@ class AK8963:
     def __init__(self, felt: Felt, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
         self._felt = felt
         self._now_ns = now_ns
-        self._adjustment = np.random.default_rng(seed).integers(160, 192, 3)  # typical of real parts
+        self.adjustment = np.random.default_rng(seed).integers(160, 192, 3)  # typical of real parts
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
@@ -123,7 +123,7 @@ class AK8963:
 
     def _read_register(self, address: int) -> int:
         if ASAX <= address <= ASAZ:
-            return int(self._adjustment[address - ASAX]) if self._mode == FUSE_ROM else 0
+            return int(self.adjustment[address - ASAX]) if self._mode == FUSE_ROM else 0
         if address >= len(self._registers):
             return 0
         value = self._registers[address]
@@ -161,6 +161,6 @@ class AK8963:
         """Counts x y z and the overflow flag (n, 4); sec. 8.3.4, 8.3.5 and the adjustment of sec. 8.3.11."""
         limit = FULL_SCALE_COUNTS if self._registers[CNTL1] & OUTPUT_16_BIT else COUNTS_14_BIT
         field = self._felt.magnetic_field_T(t_s) @ BODY_TO_CHIP.T
-        counts = np.rint(field / (FULL_SCALE_T / limit) / ((self._adjustment - 128) * 0.5 / 128 + 1))
+        counts = np.rint(field / (FULL_SCALE_T / limit) / ((self.adjustment - 128) * 0.5 / 128 + 1))
         overflow = np.abs(field).sum(axis=1) >= FULL_SCALE_T
         return np.column_stack([np.clip(counts, -limit, limit), overflow]).astype(int)

@@ -91,7 +91,7 @@ class MPU9250:
         self._now_ns = now_ns
         draw = np.random.default_rng(seed)
         self._factory_trim = draw.integers(0x40, 0xC0, 6, dtype=np.uint8)
-        self._clock_error = draw.uniform(-CLOCK_TOLERANCE, CLOCK_TOLERANCE)
+        self.clock_error = draw.uniform(-CLOCK_TOLERANCE, CLOCK_TOLERANCE)
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
@@ -197,7 +197,7 @@ class MPU9250:
 
     def _restart_sampling(self, now_ns: int) -> None:
         self._origin_ns = now_ns
-        self._period_ns = 1e9 / self._sample_rate_Hz() / (1 + self._clock_error)
+        self._period_ns = 1e9 / self._sample_rate_Hz() / (1 + self.clock_error)
         self._done = 0  # samples since the origin
         self._latched_count = len(self._fifo)
         period_s = self._period_ns * 1e-9

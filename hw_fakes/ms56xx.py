@@ -152,7 +152,7 @@ class MS56xx:
     """
 
     def __init__(self, part: Part, which: str, felt: Felt, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
-        self._part = part
+        self.part = part
         self._now_ns = now_ns
         self.prom = draw_prom(part, seed)
         self._slowness = np.random.default_rng(seed + 1).uniform()
@@ -181,7 +181,7 @@ class MS56xx:
         elif command & 0xF0 == READ_PROM:
             index = (command & 0x0F) >> 1
             self._reply = (self.prom[index] if index < len(self.prom) else 0).to_bytes(2, "big")
-        elif command & 0xF0 in (CONVERT_D1, CONVERT_D2) and command & 0x0F in self._part.oversampling:
+        elif command & 0xF0 in (CONVERT_D1, CONVERT_D2) and command & 0x0F in self.part.oversampling:
             self._start(command, now_ns)
 
     def read(self, count: int) -> bytes:
@@ -197,9 +197,12 @@ class MS56xx:
     def _start(self, command: int, now_ns: int) -> None:
         """A conversion started within another one gives a wrong result (MS5611 datasheet p. 11)."""
         self._spoilt = self._conversion is not None and now_ns < self._conversion[2]
-        typical_ns, worst_ns = CONVERSION_NS[command & 0x0F]
-        duration_ns = round(typical_ns + self._slowness * (worst_ns - typical_ns))
-        self._conversion = (command, now_ns, now_ns + duration_ns)
+        self._conversion = (command, now_ns, now_ns + self.conversion_ns(command & 0x0F))
+
+    def conversion_ns(self, oversampling: int) -> int:
+        """How long this one takes, by oversampling code."""
+        typical_ns, worst_ns = CONVERSION_NS[oversampling]
+        return round(typical_ns + self._slowness * (worst_ns - typical_ns))
 
     def _adc(self, now_ns: int) -> int:
         """The result, once. Zero when there is none; read too early also spoils it (MS5611 datasheet p. 11)."""
@@ -214,7 +217,7 @@ class MS56xx:
         return counts >> 1 if self._spoilt else counts
 
     def _convert(self, command: int, t_s: float) -> int:
-        d2 = temperature_counts(self._part, self.prom, float(self._temperature.row(round(t_s / TEMPERATURE_GRID_S))))
+        d2 = temperature_counts(self.part, self.prom, float(self._temperature.row(round(t_s / TEMPERATURE_GRID_S))))
         if command & 0xF0 == CONVERT_D2:
             return d2
-        return pressure_counts(self._part, self.prom, float(self._pressure.row(round(t_s / PRESSURE_GRID_S))), d2)
+        return pressure_counts(self.part, self.prom, float(self._pressure.row(round(t_s / PRESSURE_GRID_S))), d2)

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import datetime
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
@@ -22,6 +23,7 @@ from flight.errors import InputError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
 
+HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
 OURS = (TRUTH, CURVE, TRAY, LOG)
 
@@ -47,6 +49,9 @@ def fly(
     real_time: Annotated[
         bool, typer.Option("--real-time", help="Record at the pace of the clock on the wall.")
     ] = False,
+    no_hardware: Annotated[
+        bool, typer.Option("--no-hardware", help="Write the log without fake sensors and daemon: the same, and fast.")
+    ] = False,
     replace: ReplaceOption = False,
 ) -> None:
     """Fly a plan, write the truth, and let the daemon record it through the fake tray."""
@@ -56,6 +61,8 @@ def fly(
     from sim.sensors import TrayFelt, draw, load_budget
     from sim.truth import write_truth
 
+    if no_hardware and (real_time or faults is not None):
+        raise InputError("--no-hardware: there are no sensors to fail and no clock to wait for")
     craft, flight_plan, budget = load_aircraft(aircraft), load_plan(plan), load_budget(errors)
     schedule = load_faults(faults) if faults is not None else ()
     if probe is not None and not probe.is_file():
@@ -74,8 +81,12 @@ def fly(
         (output / TRAY).write_text(_tray_text(output, aircraft, craft, probe), "utf-8")
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+    felt = TrayFelt(flight, drawn)
     with _progress("recording", flight.duration_s) as told:
-        _record(output, TrayFelt(flight, drawn), seed, craft, schedule, real_time, told)
+        if no_hardware:
+            _write_straight(output, felt, seed, craft, told)
+        else:
+            _record(output, felt, seed, craft, schedule, real_time, told)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
 
 
@@ -121,9 +132,7 @@ def _record(output: Path, felt, seed: int, craft: Aircraft, faults: tuple, real_
     from hw_fakes.clock import SimulatedClock
     from hw_fakes.tray import FIRST_FLIGHT, FakeTray
 
-    # A Pi without a real-time clock believes what it believed when it was switched off: a minute ago.
-    unix_ns = int((FIRST_FLIGHT.timestamp() - 60) * 1e9)
-    clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=unix_ns)
+    clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=_believed_unix_ns(FIRST_FLIGHT))
     start_ns = clock.now_ns()
     tray = FakeTray(felt, clock, seed, pole_pairs=craft.propulsion.pole_pairs, faults=faults)
     record(
@@ -133,6 +142,66 @@ def _record(output: Path, felt, seed: int, craft: Aircraft, faults: tuple, real_
         log_path=output / LOG,
         until_ns=start_ns + int(felt.duration_s * 1e9),
         progress=told,
+    )
+
+
+def _believed_unix_ns(now: datetime) -> int:
+    """A Pi without a real-time clock believes what it believed when it was switched off: a minute ago."""
+    return int((now.timestamp() - 60) * 1e9)
+
+
+def _write_straight(output: Path, felt, seed: int, craft: Aircraft, told) -> None:
+    from daq.config import load_tray
+    from daq.luggage import pack, stow
+    from flight.log_writer import LogWriter
+    from hw_fakes.tray import FIRST_FLIGHT
+    from sim.straight import write_straight
+
+    tray = load_tray(output / TRAY)
+    start_unix_ns = _believed_unix_ns(FIRST_FLIGHT)
+    with (output / LOG).open("xb") as stream:
+        log = LogWriter(stream)
+        stow(log, pack(tray), rate_Hz=tray.rate_Hz, start_unix_ns=start_unix_ns, start_monotonic_ns=0)
+        write_straight(
+            log,
+            felt,
+            craft,
+            _parts(felt, seed, craft),
+            start_unix_ns=start_unix_ns,
+            utc_at_start_ns=int(FIRST_FLIGHT.timestamp() * 1e9),
+            progress=told,
+        )
+        log.finish()
+
+
+def _parts(felt, seed: int, craft: Aircraft):
+    """The individuals of the fake tray, as far as they show in a log."""
+    import numpy as np
+
+    from daq.sensors.ak8963 import sensitivity
+    from daq.sensors.ms56xx import MS5611, MS5805, Variant, compensate
+    from hw_fakes.clock import SimulatedClock
+    from hw_fakes.ms56xx import MS56xx, pressure_counts, temperature_counts
+    from hw_fakes.tray import FakeTray
+    from sim.straight import Barometer, Parts
+
+    tray = FakeTray(felt, SimulatedClock(), seed)
+
+    def barometer(part: MS56xx, variant: Variant) -> Barometer:
+        def counts(pressure_Pa: float, temperature_K: float) -> tuple[int, int]:
+            d2 = temperature_counts(part.part, part.prom, temperature_K)
+            return pressure_counts(part.part, part.prom, pressure_Pa, d2), d2
+
+        def decoded(d1: int, d2: int) -> tuple[float, float]:
+            return compensate(variant, tuple(part.prom), d1, d2)
+
+        return Barometer(part.conversion_ns(HIGHEST_OVERSAMPLING), counts, decoded)
+
+    return Parts(
+        imu_clock_error=tray.imu.clock_error,
+        mag_sensitivity=np.array([sensitivity(int(byte)) for byte in tray.magnetometer.adjustment]),
+        barometers={"baro": barometer(tray.baro, MS5611), "static": barometer(tray.static, MS5805)},
+        pole_pairs=craft.propulsion.pole_pairs,
     )
 
 

@@ -1,0 +1,71 @@
+"""`--no-hardware`: the log written straight against the one that the daemon recorded, message by message."""
+
+import numpy as np
+import pytest
+
+from flight.log_reader import read_log
+from sim.__main__ import fly
+from sim.straight import ACCEL_MPS2, BRIDGE_KELVIN, BRIDGES, FIRST_TICK, GYRO_RADPS, MAG_T
+
+pytestmark = pytest.mark.xdist_group("straight")  # one recording for all
+
+PASCAL = {f"/probe/{name}": 2 * range_Pa / (high - low) for name, (range_Pa, low, high) in BRIDGES.items()}
+# A count of each part in the units of its message; nothing is allowed where nothing stands here.
+COUNT = {
+    "/imu": {"specific_force": ACCEL_MPS2, "angular_rate": GYRO_RADPS, "temperature_K": 1 / 333.87},
+    "/mag": {"field": MAG_T},
+    # A count of a barometer is what its coefficients make of it: 0.02 Pa, 1e-4 K.
+    "/baro": {"pressure_Pa": 0.02, "temperature_K": 1e-4},
+    "/static": {"pressure_Pa": 0.02, "temperature_K": 1e-4},
+    **{topic: {"differential_pressure_Pa": per, "temperature_K": BRIDGE_KELVIN} for topic, per in PASCAL.items()},
+    "/gps": {"latitude_deg": 1e-7, "longitude_deg": 1e-7, "height": 1e-3, "velocity": 1e-3, "accuracy": 1e-3},
+    "/rpm": {"motor_speed_revps": 0.02},  # a microsecond of the 10 ms at full speed
+    "/attitude": {"rad": 1e-6},
+    "/controls": {"rad": np.deg2rad(0.1), "throttle": 1e-3},  # a microsecond
+    "/battery": {"voltage_V": 4e-3, "current_A": 0.01},  # a millivolt a cell
+    "/time": {},
+}
+# What comes over a line that others use as well: once a second, behind longer messages, it is late for its tick, and
+# two ticks later the daemon takes the newer one.
+LATE = {"/controls": 0.05}
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """The demonstration flight, recorded and written straight."""
+    folder = tmp_path_factory.mktemp("straight")
+    for name in ("recorded", "straight"):
+        fly(folder / name, plan="accel-decel", seed=3, no_hardware=name == "straight")
+    return [read_log(folder / name / "log.mcap") for name in ("recorded", "straight")]
+
+
+def test_the_same_topics_and_luggage(logs):
+    recorded, straight = logs
+    assert set(recorded.entries) - set(straight.entries) == {"/daq/tick", "/daq/event"}
+    assert set(straight.entries) == set(COUNT)
+    assert straight.attachments == recorded.attachments
+    assert straight.metadata == recorded.metadata
+
+
+@pytest.mark.parametrize("topic", COUNT)
+def test_every_message_is_the_same_to_within_a_count(logs, topic):
+    recorded, straight = (
+        {entry.tick: entry for entry in log.entries[topic] if entry.tick >= FIRST_TICK} for log in logs
+    )
+    assert len(straight) > 100 and not set(recorded) - set(straight)
+    assert len(set(straight) - set(recorded)) <= LATE.get(topic, 0.0) * len(straight)
+    for tick, entry in recorded.items():
+        other = straight[tick]
+        assert entry.time_ns == other.time_ns
+        assert entry.message.status == other.message.status
+        for name in entry.message.__struct_fields__:
+            one, two = getattr(entry.message, name), getattr(other.message, name)
+            if name == "stick_pulse_us" or isinstance(one, str):
+                continue
+            if one is None or two is None:
+                assert one is two, f"{name} in tick {tick}"
+                continue
+            count = 1.0 if name.endswith(("counts", "_us")) else 0.0
+            count = next((size for part, size in COUNT[topic].items() if part in name), count)
+            off = np.max(np.abs(np.subtract(one, two)))
+            assert off <= count * (1 + 1e-6), f"{name} in tick {tick}: {one}, {two}"
