@@ -22,6 +22,7 @@ LOW_M = 20.0  # below, wind changes with every metre and ground effect begins: a
 GUST_RATIO = {"V": 1.6, "alpha": 1.0, "beta": 1.6}  # along and across to vertical, MIL-F-8785C at 60 m, roughly
 GUSTS_TRIED_MPS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.1, 1.6)
 ITERATIONS = 12
+FIRST_BLOCKS = 25  # a log that stands within its first five seconds began at rest
 CONVERGED = 0.02  # of a standard error of every shared number, in the last step
 
 # Standard deviations assumed where the log itself does not show them.
@@ -108,6 +109,7 @@ class _Problem:
         self._flying = (self._mean["height_m"] > LOW_M) & np.isfinite(V.to_numpy())
         smooth = V.interpolate(limit_direction="both").rolling(5, center=True, min_periods=1).mean()
         self._V_reference = np.maximum(smooth.fillna(5.0).to_numpy(), 5.0)
+        self._has_gps = bool(table["gps_north_mps"].notna().any())
         self._still = np.zeros(self._n, dtype=bool)
         for rows in still:
             self._still[-(-rows.start // BLOCK) : rows.stop // BLOCK] = True
@@ -237,11 +239,15 @@ class _Problem:
             speed = np.where(self._flying, self._V_reference, 0.0)
             x[:, 3], x[:, 4] = speed * np.cos(heading), speed * np.sin(heading)
         x[:, 2], x[:, 5], x[:, 6] = heading, -climb, _smoothed(mean["height_m"], 3)
+        self._first = x[0].copy()
         return x, self._prior_shared[0].copy()
 
     def solve(self, x: Array, shared: Array, gust: float) -> _Solution:
         """Gauss-Newton from a start to where it stands still, for one intensity of gusts."""
-        first_sigma = np.array([1.0, 0.5, 3.0, 0.3, 0.3, 0.3, 3.0, 8.0, 8.0])
+        # Without GPS nothing shows the compass: north is then where the aircraft's nose pointed at first.
+        heading = 3.0 if self._has_gps else 0.01
+        velocity = 0.3 if self._still.any() and np.argmax(self._still) < FIRST_BLOCKS else 10.0
+        first_sigma = np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0])
         mean, sigma = self._prior_shared
         latency = SHARED.index("gps_latency")
         x, shared, converged = x.copy(), shared.copy(), False
@@ -252,8 +258,7 @@ class _Problem:
             remaining[latency] = 0.0
             prior_mean = mean.copy()
             prior_mean[latency] -= moved
-            first_mean = np.where(np.arange(len(STATES)) < 7, x[0], 0.0)  # attitude, velocity, height: no prior opinion
-            prior = Prior(first_mean, first_sigma, prior_mean, sigma)
+            prior = Prior(self._first, first_sigma, prior_mean, sigma)
             at = self._equations.at(x, remaining, data)
             last = step(at, prior, x[0], remaining)
             x, shared = x + last.states, shared + last.shared
