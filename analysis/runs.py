@@ -7,7 +7,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from analysis.airdata.air import bank_rad
+from analysis.airdata.air import LOW_M, bank_rad
 from analysis.stillness import stretches
 
 Array = NDArray[np.float64]
@@ -101,6 +101,8 @@ def _why_not(data: pd.DataFrame, V: Array, climb: Array, bank: Array, seconds: f
     share = float(np.ptp(V) / np.mean(V))
     if share < SMALLEST_SPEED_CHANGE:
         return f"speed changed by only {100 * share:.0f} % of its mean, {100 * SMALLEST_SPEED_CHANGE:.0f} % are needed"
+    if np.nanmin(data["height_m"]) < LOW_M:
+        return f"too low: down to {np.nanmin(data['height_m']):.0f} m above the ground, {LOW_M:.0f} m are needed"
     if abs(np.nanmean(climb)) > LARGEST_CLIMB_MPS:
         return f"not level: it climbed at {np.nanmean(climb):.1f} m/s on average"
     if np.ptp(data["height_m"].dropna()) > LARGEST_ALTITUDE_CHANGE_M:

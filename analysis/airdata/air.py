@@ -14,6 +14,7 @@ from flight.motion import felt_off_center
 from flight.propeller import Propeller
 
 FLYING_PA = 30.0  # dynamic pressure above which there is flow enough to speak of angles: 7 m/s at sea level
+LOW_M = 20.0  # above the ground; below, wind changes with every metre, and ground effect begins
 COEFFICIENT_SMOOTHING_S = 0.2
 COLD_S = 2.0  # after power-on
 LARGEST_UNMENTIONED_SHARE = 0.02

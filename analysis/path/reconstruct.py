@@ -11,14 +11,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from analysis.airdata.air import bank_rad
+from analysis.airdata.air import LOW_M, bank_rad
 from analysis.path.batch import Prior, Step, cost, step
 from analysis.path.model import GIVEN, SHARED, SHOWN, STATES, Data, Equations
 
 Array = NDArray[np.float64]
 
 BLOCK = 5
-LOW_M = 20.0  # below, wind changes with every metre and ground effect begins: air data are not used there
 GUST_RATIO = {"V": 1.6, "alpha": 1.0, "beta": 1.6}  # along and across to vertical, MIL-F-8785C at 60 m, roughly
 GUSTS_TRIED_MPS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.1, 1.6)
 ITERATIONS = 12

@@ -127,7 +127,7 @@ def fit(name: str, t_s: Array, measured: dict[str, Array], modelled: dict[str, A
             mode="markers",
             row=i,
             col=1,
-            marker={"size": 3, "color": "#8fa3b3"},
+            marker={"size": 5, "color": "#7f96a8"},
             name="measured",
             showlegend=first,
         )

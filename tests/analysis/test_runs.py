@@ -79,6 +79,7 @@ def test_steady_flight_has_no_run() -> None:
         (flight(up_and_down(), height=np.interp(np.arange(1200), [200, 500], [50, 95])), "not level"),
         (flight(up_and_down(), turn_radps=np.where(np.arange(1200) < 600, 0.4, 0.0)), "in a turn"),
         (flight(up_and_down(), thrust_N=slice(260, 400)), "no thrust"),
+        (flight(up_and_down(), height=np.full(1200, 12.0)), "too low"),
     ],
 )
 def test_what_is_no_run_says_why(table: pd.DataFrame, reason: str) -> None:
