@@ -23,6 +23,7 @@ LONGEST_PAYLOAD = 1024  # what claims to be longer than anything we ask for is n
 NAV_PVT, ACK_ACK, ACK_NAK = b"\x01\x07", b"\x05\x01", b"\x05\x00"
 FACTORY_BAUD = 9600
 SWITCH_S = 0.1  # CFG-PRT lasts 29 ms at 9600 baud, and the receiver takes a moment to change
+FRAME_LASTS_NS = 300_000_000  # what begins like a frame and is not over by then, was none: 100 bytes last 0.1 s at 9600
 ACK_TIMEOUT_NS = 1_000_000_000
 SILENCE_NS = 1_500_000_000  # no solution for this long is `no_data`; a receiver without fix still sends solutions
 WITH_POSITION = (2, 3, 4)  # fixType: 2D, 3D, GNSS with dead reckoning
@@ -49,6 +50,7 @@ class UBlox:
         self._silences = 0
         self._commands = configuration(rate_Hz, baud)
         self._buffer = bytearray()
+        self._begun_ns = 0  # when what stands in it began, at the latest
         self._to_send: list[bytes] = []
         self._sent_ns: int | None = None
         self._last_ns: int | None = None
@@ -67,9 +69,8 @@ class UBlox:
     def read(self, now_ns: int) -> list[Sample]:
         """Every solution that has arrived since the last tick; `no_data` each 1.5 s of silence."""
         if self._last_ns is None:
-            self._last_ns = now_ns
-        self._buffer += self._port.read_available()
-        frames, rejected = take_frames(self._buffer)
+            self._last_ns = self._begun_ns = now_ns
+        frames, rejected = self._take(now_ns)
         self._corrupt |= rejected > 0
         samples = []
         for frame in frames:
@@ -87,6 +88,19 @@ class UBlox:
             samples.append(Sample("/gps", now_ns, self._silence(now_ns)))
         self._configure(now_ns)
         return samples
+
+    def _take(self, now_ns: int) -> tuple[list[bytes], int]:
+        """As `take_frames`, of what has arrived. A frame that was begun long ago does not hold up what follows it."""
+        self._buffer += self._port.read_available()
+        frames, rejected = take_frames(self._buffer)
+        if frames or rejected or not self._buffer:
+            self._begun_ns = now_ns
+        elif now_ns - self._begun_ns >= FRAME_LASTS_NS:
+            del self._buffer[:1]
+            frames, rejected = take_frames(self._buffer)
+            rejected += 1
+            self._begun_ns = now_ns
+        return frames, rejected
 
     def _silence(self, now_ns: int) -> Gps:
         """Configure the receiver again; after the second time in a row, bring it up from its factory rate."""

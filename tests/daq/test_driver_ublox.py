@@ -82,6 +82,18 @@ def test_frames_after_garbage_are_found(noise, cuts):
     assert found and found[-1] == PVT
 
 
+def test_what_only_looks_like_a_frame_does_not_hold_up_what_follows():
+    """Two bytes of noise before an acknowledgement make it the head of 261 bytes, of which no more will come."""
+    port = ScriptedPort()
+    sensor = UBlox(port)
+    bring_up(sensor)
+    commands = configuration(10, 38400)
+    port.incoming = [b"", b"\xb5\x62" + frame_of(ACK_ACK, commands[0][2:4])]
+    for tick in range(12):
+        sensor.read(tick * TICK_NS)
+    assert port.written[:2] == commands[:2]
+
+
 @given(st.binary(max_size=91) | st.binary(min_size=92, max_size=92))
 def test_a_frame_with_a_right_checksum_and_a_wrong_inside_is_corrupt_not_fatal(payload):
     assert solution(frame_of(b"\x01\x07", payload)).status in (Status.CORRUPT, Status.NO_DATA, Status.OK)
