@@ -41,8 +41,9 @@ def soak(seconds: float = 600.0, rate: float = 25.0, fifo: bool = False) -> None
     """Record in real time; print what the log and the kernel say about it. --fifo: real-time priority, as the unit."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        # With --fifo the fake parts stand above the daemon: real ones do not wait for a computer's scheduler.
         tray = subprocess.Popen(
-            [sys.executable, __file__, "serve", str(folder), "--rate", str(rate)], stdout=subprocess.PIPE, text=True
+            [*(["chrt", "-f", "60"] if fifo else []), sys.executable, __file__, "serve", str(folder), "--rate", str(rate)], stdout=subprocess.PIPE, text=True
         )
         assert tray.stdout is not None
         try:
@@ -110,6 +111,10 @@ def print_ticks(paths: list[Path]) -> None:
     print(f"late by p50 {at(0.5):.0f} us, p99 {at(0.99):.0f} us, max {late_us[-1]:.0f} us")
     busiest = max((sum(e.message.duration_ns.values()), e.tick) for e in ticks)
     print(f"busiest tick: {busiest[0] / 1e6:.2f} ms (tick {busiest[1]})")
+    after = {b.tick: a for a, b in pairwise(ticks) if b.message.missed}
+    for tick, before in list(after.items())[:10]:
+        took = {name: round(ns / 1e6, 1) for name, ns in before.message.duration_ns.items() if ns > 2e6}
+        print(f"  before tick {tick} something was missed; in the one before, more than 2 ms: {took or 'nobody'}")
     for topic in sorted(logs[0].entries):
         entries = [entry for log in logs for entry in log.entries.get(topic, [])]
         bad = sum(e.message.status not in (Status.OK, Status.BUSY, Status.STARTING) for e in entries)

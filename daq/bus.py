@@ -12,6 +12,7 @@ import socket
 from pathlib import Path
 from typing import Protocol
 
+RECEIVE_BYTES = 4096  # what the kernel keeps for a line (N_TTY_BUF_SIZE)
 I2C_RETRIES = 0x0701  # linux/i2c-dev.h
 I2C_TIMEOUT = 0x0702  # in units of 10 ms
 
@@ -93,7 +94,9 @@ class LinuxSerial:
             raise OSError(errno.EINVAL, str(error), device) from None
 
     def read_available(self) -> bytes:
-        return self._guard(lambda: self._port.read(self._port.in_waiting or 1))
+        # As much as there is. Asking first how much that is would take the line's lock for writing, behind whoever is
+        # just filling it in the kernel: 200 ms were seen.
+        return self._guard(lambda: self._port.read(RECEIVE_BYTES))
 
     def write(self, data: bytes) -> None:
         self._guard(lambda: self._port.write(data))

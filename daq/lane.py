@@ -67,7 +67,9 @@ class WatchedLane(Lane):
 
     def __init__(self, stations: Sequence[Station], clock: Clock):
         super().__init__(stations, clock)
-        self._go, self._done = threading.Semaphore(0), threading.Semaphore(0)
+        self._go, self._done = threading.Lock(), threading.Lock()  # as signals: taken until somebody lets go
+        self._go.acquire()
+        self._done.acquire()
         self._busy = False  # a turn that missed its deadline is still under way
         self._begun_ns = 0
         self._result: LaneTurn | None = None

@@ -3,10 +3,12 @@
 Ticks, time and topics run on from file to file, and each file is complete by itself.
 """
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from daq.disk import CLOSE_WITHIN_S
 from daq.keeper import Keeper, number_of
 from daq.recorder import BACKLOG_BYTES, Recorder
 from daq.sensors import Sample
@@ -128,8 +130,9 @@ class Logbook:
         if self._current is not None:
             self._retire()
         error = ""
+        deadline_s = time.monotonic() + CLOSE_WITHIN_S
         for number, recorder in self._closing.items():
-            recorder.disk.close()
+            recorder.disk.close(max(0.1, deadline_s - time.monotonic()))
             self._note(number, recorder)
             error = error or recorder.disk.error
         return error

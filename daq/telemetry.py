@@ -227,6 +227,7 @@ def course_deg(north: float, east: float) -> float:
 
 def main(arguments: list[str]) -> None:
     """Read snapshots from standard input until it ends, and send what they say. A line that is down is tried again."""
+    step_back()
     telemetry = msgspec.json.decode(arguments[0], type=Telemetry)
     probe = load_probe(Path(arguments[1])) if arguments[1] else None
     zero = parse_zero(Path(arguments[2]).read_text("utf-8"), arguments[2]) if arguments[2] else None
@@ -245,6 +246,14 @@ def main(arguments: list[str]) -> None:
             print(f"telemetry to {telemetry.to}: {error}", file=sys.stderr)
             port = None
             time.sleep(1.0)
+
+
+def step_back() -> None:
+    """Leave the daemon's real-time priority to the daemon; where that is not allowed there was none."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    except OSError:
+        return
 
 
 def newest_lines(file: int) -> Iterator[list[bytes]]:

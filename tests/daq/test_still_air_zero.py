@@ -124,3 +124,8 @@ def save_and_read(tmp_path) -> str:
     save(taken(tmp_path, StandingFelt()), tmp_path / "zero.json")
     assert [path.name for path in tmp_path.glob("zero*")] == ["zero.json"]
     return (tmp_path / "zero.json").read_text()
+
+
+def test_a_tray_without_anything_to_zero_says_so():
+    with pytest.raises(NotStill, match="no differential transducer"):
+        measure([], ticks=100, seconds=4.0, unix_ns=0)

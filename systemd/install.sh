@@ -1,0 +1,49 @@
+#!/bin/sh
+# Installs the daemon as a service. Can be run again at any time: after an update, or after the tray file has changed.
+# An existing tray file is never touched, and logs are left where they are.
+#
+#   sudo systemd/install.sh            # from a checkout
+#   DESTDIR=/tmp/root DAQ=.venv/bin/daq systemd/install.sh   # only the files, into another root, with another daq
+set -eu
+
+here=$(cd "$(dirname "$0")" && pwd)
+root=${DESTDIR:-}
+prefix=/opt/flightpower
+units=$root/etc/systemd/system
+tray=$root/etc/flightpower/tray.toml
+
+if [ -z "$root" ] && [ "$(id -u)" -ne 0 ]; then
+    echo "install.sh: this needs root: sudo $0" >&2
+    exit 1
+fi
+
+if [ -z "$root" ]; then
+    [ -x $prefix/bin/python ] || python3 -m venv $prefix
+    $prefix/bin/pip install --quiet --upgrade "$(dirname "$here")"
+fi
+daq=${DAQ:-$prefix/bin/daq}
+
+install -D -m 0644 "$here/flightpower-daq.service" "$units/flightpower-daq.service"
+install -D -m 0644 "$here/60-flightpower.rules" "$root/etc/udev/rules.d/60-flightpower.rules"
+install -D -m 0644 "$here/flightpower.sysusers" "$root/usr/lib/sysusers.d/flightpower.conf"
+install -d -m 0755 "$root/etc/flightpower"
+
+if [ ! -e "$tray" ]; then
+    "$daq" config --example | sed 's|^directory = "logs"|directory = "/var/lib/flightpower"|' > "$tray.new"
+    mv "$tray.new" "$tray"
+    echo "install.sh: $tray is the example: edit it, then run this again"
+fi
+
+# The sandbox opens exactly the devices of this tray.
+install -d -m 0755 "$units/flightpower-daq.service.d"
+"$daq" config --unit "$tray" > "$units/flightpower-daq.service.d/tray.conf.new"
+mv "$units/flightpower-daq.service.d/tray.conf.new" "$units/flightpower-daq.service.d/tray.conf"
+
+if [ -z "$root" ]; then
+    systemd-sysusers
+    udevadm control --reload && udevadm trigger --subsystem-match=i2c-dev --subsystem-match=tty
+    systemctl daemon-reload
+    systemctl enable flightpower-daq.service
+    systemctl restart --no-block flightpower-daq.service
+    echo "install.sh: started; look at it with: systemctl status flightpower-daq"
+fi

@@ -1,0 +1,34 @@
+#!/bin/sh
+# Takes the service off this computer. Can be run again. Logs in /var/lib/flightpower and the tray in /etc/flightpower
+# stay, unless it is called with --purge-tray; logs are never deleted by this script.
+set -eu
+
+root=${DESTDIR:-}
+
+if [ -z "$root" ] && [ "$(id -u)" -ne 0 ]; then
+    echo "uninstall.sh: this needs root: sudo $0" >&2
+    exit 1
+fi
+
+if [ -z "$root" ] && systemctl cat flightpower-daq.service >/dev/null 2>&1; then
+    systemctl disable --now flightpower-daq.service # finishes the log
+fi
+
+rm -f "$root/etc/systemd/system/flightpower-daq.service"
+rm -f "$root/etc/systemd/system/flightpower-daq.service.d/tray.conf"
+if [ -d "$root/etc/systemd/system/flightpower-daq.service.d" ]; then
+    # What somebody else has put there stays.
+    rmdir --ignore-fail-on-non-empty "$root/etc/systemd/system/flightpower-daq.service.d"
+fi
+rm -f "$root/etc/udev/rules.d/60-flightpower.rules"
+rm -f "$root/usr/lib/sysusers.d/flightpower.conf"
+
+if [ "${1:-}" = "--purge-tray" ]; then
+    rm -rf "$root/etc/flightpower"
+fi
+
+if [ -z "$root" ]; then
+    rm -rf /opt/flightpower
+    systemctl daemon-reload
+    udevadm control --reload
+fi

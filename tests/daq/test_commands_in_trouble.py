@@ -1,0 +1,222 @@
+"""The installed command when something is wrong: one clear line, the right exit code, and nothing recorded is lost."""
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import threading
+import time
+import tty
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from scripted_parts import counter_frame
+
+from flight.log_reader import read_log
+
+needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="mounting and chattr need root")
+
+
+class Counter:
+    """A pulse counter on a pseudo-terminal, sending until closed."""
+
+    def __init__(self):
+        self._ours, self._theirs = pty.openpty()
+        tty.setraw(self._theirs)
+        os.set_blocking(self._ours, False)
+        self.path = os.ttyname(self._theirs)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._send, daemon=True)
+        self._thread.start()
+
+    def _send(self):
+        sequence = 0
+        while not self._stop.wait(0.01):
+            try:
+                os.write(self._ours, counter_frame(sequence))
+            except BlockingIOError:
+                pass
+            sequence += 1
+
+    def close(self):
+        self._stop.set()
+        self._thread.join()
+        os.close(self._ours)
+        os.close(self._theirs)
+
+
+@pytest.fixture
+def counter():
+    part = Counter()
+    yield part
+    part.close()
+
+
+def tray_file(folder: Path, port: str, extra: str = "") -> Path:
+    path = folder / "tray.toml"
+    sensor = f'[[sensors]]\ndriver="esc_counter"\nport="{port}"\npole_pairs=7\nframed=true\n'
+    path.write_text(f'directory = "{folder}/logs"\n{extra}\n{sensor}')
+    return path
+
+
+def daq(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "daq", *map(str, arguments)], capture_output=True, text=True, timeout=60
+    )
+
+
+@contextmanager
+def running(tray: Path, *arguments):
+    command = [sys.executable, "-m", "daq", "run", "-c", str(tray), *arguments]
+    daemon = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    lines: list[str] = []
+    assert daemon.stderr is not None
+    reader = threading.Thread(target=lambda: lines.extend(iter(daemon.stderr.readline, "")), daemon=True)
+    reader.start()
+    try:
+        yield daemon, lines
+    finally:
+        if daemon.poll() is None:
+            daemon.terminate()
+            daemon.wait(20)
+        reader.join(5)
+
+
+def wait_for(condition, seconds=20.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.02)
+
+
+def ticks_of(path: Path) -> list[int]:
+    log = read_log(path)
+    assert not log.torn
+    return [entry.tick for entry in log.entries["/daq/tick"]]
+
+
+@needs_root
+def test_a_card_that_fills_up_in_flight(tmp_path, counter):
+    """A tmpfs of 3 MB that somebody fills and empties again: no tick of the log is lost, and all of it is told."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", logs], check=True)
+    try:
+        tray = tray_file(tmp_path, counter.path, "[files]\nkeep_free_MB = 0")
+        with running(tray) as (daemon, lines):
+            wait_for(lambda: any("recording" in line for line in lines))
+            ballast = logs / "ballast"
+            with ballast.open("wb", buffering=0) as stream, pytest.raises(OSError, match="No space left"):
+                while True:
+                    stream.write(bytes(4096))
+            wait_for(lambda: any("No space left on device" in line for line in lines))
+            ballast.unlink()
+            wait_for(lambda: any("written again, nothing was lost" in line for line in lines))
+            daemon.send_signal(signal.SIGTERM)
+            assert daemon.wait(20) == 0
+        ticks = ticks_of(logs / "log-0001.mcap")
+        missed = sum(e.message.missed for e in read_log(logs / "log-0001.mcap").entries["/daq/tick"])
+        assert len(ticks) + missed == ticks[-1] + 1
+    finally:
+        subprocess.run(["umount", "-l", logs], check=True)
+
+
+@needs_root
+def test_a_card_that_stays_full_costs_only_the_rest(tmp_path, counter):
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", logs], check=True)
+    try:
+        tray = tray_file(tmp_path, counter.path, "[files]\nkeep_free_MB = 0")
+        with running(tray) as (daemon, lines):
+            wait_for(lambda: (logs / "log-0001.mcap").exists() and (logs / "log-0001.mcap").stat().st_size > 9000)
+            before = (logs / "log-0001.mcap").read_bytes()
+            with (logs / "ballast").open("wb", buffering=0) as stream, pytest.raises(OSError, match="No space left"):
+                while True:
+                    stream.write(bytes(4096))
+            wait_for(lambda: any("No space left on device" in line for line in lines))
+            daemon.send_signal(signal.SIGTERM)
+            assert daemon.wait(20) == 1
+        assert "a part of the recording is missing" in lines[-1] and "No space left" in lines[-1]
+        assert (logs / "log-0001.mcap").read_bytes()[: len(before)] == before
+        assert len(read_log(logs / "log-0001.mcap").entries["/daq/tick"]) >= 10
+    finally:
+        subprocess.run(["umount", "-l", logs], check=True)
+
+
+@needs_root
+def test_a_read_only_directory(tmp_path, counter):
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "ro", "tmpfs", logs], check=True)
+    try:
+        done = daq("run", "-c", tray_file(tmp_path, counter.path))
+        assert done.returncode == 2
+        assert "Read-only file system" in done.stderr and len(done.stderr.strip().splitlines()) == 1
+    finally:
+        subprocess.run(["umount", "-l", logs], check=True)
+
+
+def test_sighup_begins_a_new_log_and_nothing_is_lost_between(tmp_path, counter):
+    with running(tray_file(tmp_path, counter.path)) as (daemon, lines):
+        for number in (1, 2, 3):
+            path = tmp_path / "logs" / f"log-{number:04d}.mcap"
+            wait_for(lambda path=path: path.exists() and path.stat().st_size > 7000)
+            if number < 3:
+                daemon.send_signal(signal.SIGHUP)
+        daemon.send_signal(signal.SIGTERM)
+        assert daemon.wait(20) == 0
+    logs = [read_log(path) for path in sorted((tmp_path / "logs").glob("*.mcap"))]
+    ticks = [entry for log in logs for entry in log.entries["/daq/tick"]]
+    assert len(logs) == 3 and not any(log.torn for log in logs)
+    assert all(b.tick - a.tick == 1 + b.message.missed for a, b in pairwise(ticks))
+    assert sum("recording" in line and "log-000" in line for line in lines) >= 3
+
+
+def test_an_unwritable_device(tmp_path):
+    """A device that may not be opened: nothing else is there, so it is a failure, and says which."""
+    device = tmp_path / "tty"
+    device.touch(mode=0o000)
+    done = daq("run", "-c", tray_file(tmp_path, str(device)))
+    assert done.returncode == 1
+    assert str(device) in done.stderr and len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "logs").exists()
+
+
+WRONG = {
+    "malformed": ("rate_Hz = \n", "not valid TOML"),
+    "unknown key": ("rate_hz = 25\n", "rate_hz"),
+    "unknown key in files": ("[files]\nrotate = 3\n", "files: Object contains unknown field `rotate`"),
+    "policy": ('[files]\nwhen_full = "panic"\n', "files.when_full"),
+    "arm without controls": ("[arm]\nchannel = 7\n", "arm: no sensor writes /controls"),
+    "one address": (
+        '[[sensors]]\ndriver="ms5611"\nbus="b"\naddress=0x76\n[[sensors]]\ndriver="ms5805"\nbus="b"\n',
+        "are both on address 0x76 of b",
+    ),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=WRONG)
+@pytest.mark.parametrize("command", ["run", "check", "zero"])
+def test_a_wrong_tray_file_is_refused_with_its_key(tmp_path, wrong, command):
+    text, said = WRONG[wrong]
+    tray = tray_file(tmp_path, "/dev/ttyUSB0", text)
+    from typer.testing import CliRunner
+
+    from daq.__main__ import app
+    from flight.errors import InputError
+
+    result = CliRunner().invoke(app, [command, "-c", str(tray)])
+    assert isinstance(result.exception, InputError)
+    assert said in str(result.exception) and "\n" not in str(result.exception)
+    assert not (tmp_path / "logs").exists()
+
+
+def test_check_says_what_is_wrong_and_leaves_with_1(tmp_path):
+    done = daq("check", "-c", tray_file(tmp_path, "/dev/ttyUSB-none"), "--seconds", "1")
+    assert done.returncode == 1
+    assert "/rpm" in done.stdout and "BAD" in done.stdout and "wiring" in done.stdout
+    assert "not fit to fly" in done.stdout

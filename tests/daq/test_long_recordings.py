@@ -1,0 +1,212 @@
+"""Recordings that outlast a file, a clock and a card: ticks and time run on, each log is complete by itself."""
+
+import gc
+import time
+import tracemalloc
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from test_daemon import SteadyFelt, default_tray
+
+from daq.config import parse_tray
+from daq.daemon import record
+from flight.errors import InputError
+from flight.log_reader import read_log
+from hw_fakes.clock import SimulatedClock
+from hw_fakes.tray import FakeTray
+
+SECOND_NS = 10**9
+
+
+def split_tray(tmp_path: Path, fake, minutes: float):
+    text = default_tray(tmp_path, fake).text.replace("new_after_min = 60 ", f"new_after_min = {minutes} ")
+    return parse_tray(text, "tray.toml", tmp_path)
+
+
+def flown(tmp_path: Path, *, minutes: float = 60, seconds: int = 30, jump_s: dict[int, int] | None = None):
+    """Logs of a flight; jump_s: by how much the system's clock is set forward at which second."""
+    clock = SimulatedClock(start_ns=7 * SECOND_NS, unix_at_start_ns=10**18)
+    fake = FakeTray(SteadyFelt(), clock)
+    jumps = dict(jump_s or {})
+
+    def progress(elapsed_s):
+        for at_s in [at_s for at_s in jumps if elapsed_s >= at_s]:
+            clock.set_unix_ns(clock.unix_ns() + jumps.pop(at_s) * SECOND_NS)
+
+    recording = record(
+        split_tray(tmp_path, fake, minutes),
+        buses=fake,
+        clock=clock,
+        until_ns=clock.now_ns() + seconds * SECOND_NS,
+        progress=progress,
+    )
+    assert not jumps and recording.write_error == ""
+    return recording, [read_log(path) for path in recording.paths]
+
+
+@pytest.fixture(scope="module")
+def split(tmp_path_factory):
+    return flown(tmp_path_factory.mktemp("split"), minutes=10 / 60)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return flown(tmp_path_factory.mktemp("whole"))
+
+
+def without_file_events(log):
+    return {
+        topic: [e for e in entries if topic != "/daq/event" or "recording" not in e.message.text]
+        for topic, entries in log.entries.items()
+    }
+
+
+def test_files_put_together_are_the_flight(split, whole):
+    """Message for message, time and tick included: the joints cannot be seen."""
+    _, parts = split
+    _, [one] = whole
+    assert len(parts) == 3
+    for topic, entries in without_file_events(one).items():
+        assert [entry for part in parts for entry in without_file_events(part)[topic]] == entries, topic
+
+
+def test_each_file_is_complete_by_itself(split):
+    recording, parts = split
+    for number, (path, part) in enumerate(zip(recording.paths, parts, strict=True)):
+        assert not part.torn
+        assert set(part.attachments) == {"tray.toml", "aircraft.toml", "propeller.csv"}
+        facts = part.metadata["flightpower"]
+        assert facts["part"] == str(number + 1)
+        assert facts["previous_log"] == (recording.paths[number - 1].name if number else "")
+        assert int(facts["start_unix_ns"]) == part.entries["/daq/tick"][0].time_ns
+        with path.open("rb") as stream:
+            summary = make_reader(stream, validate_crcs=True).get_summary()
+        assert summary.statistics.message_count == sum(map(len, part.entries.values()))
+        assert {channel.topic for channel in summary.channels.values()} == set(part.entries)
+
+
+def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, whole):
+    """The same channels on the same grid, but for the ends, where splines have less to lean on."""
+    import numpy as np
+
+    from analysis.channels import synchronise
+
+    _, parts = split
+    _, [one] = whole
+    flight, middle = synchronise(one), synchronise(parts[1])
+    shift = round((middle.start_ns - flight.start_ns) / 1e9 * 25)
+    inner = slice(25, len(middle.table) - 25)
+    expected = flight.table.iloc[shift : shift + len(middle.table)]
+    for name in ("az_mps2", "q_radps", "dp_alpha_Pa", "static_Pa", "n_revps"):
+        np.testing.assert_allclose(
+            middle.table[name].to_numpy()[inner], expected[name].to_numpy()[inner], rtol=1e-6, atol=1e-9
+        )
+
+
+def test_a_jump_of_the_system_clock_changes_nothing_but_what_time_says(tmp_path, whole):
+    """Twice: time arrives (46 years on), and is set back again by a day."""
+    _, [plain] = whole
+    _, [jumped] = flown(tmp_path, jump_s={8: 46 * 365 * 86400, 16: -86400})
+    for topic, entries in without_file_events(plain).items():
+        if topic != "/time":
+            assert without_file_events(jumped)[topic] == entries, topic
+    system_ns = [entry.message.system_ns for entry in jumped.entries["/time"]]
+    steps_s = [round((b - a) / 1e9) for a, b in pairwise(system_ns)]
+    assert sorted(step for step in steps_s if step != 1) == [1 - 86400, 1 + 46 * 365 * 86400]
+    monotonic_ns = [entry.message.monotonic_ns for entry in jumped.entries["/time"]]
+    assert {round((b - a) / 1e9) for a, b in pairwise(monotonic_ns)} == {1}
+
+
+def test_time_pairs_all_clocks_once_the_satellites_told_theirs(whole):
+    _, [log] = whole
+    times = [entry.message for entry in log.entries["/time"]]
+    assert [time.monotonic_ns - times[0].monotonic_ns for time in times] == pytest.approx(
+        [i * SECOND_NS for i in range(30)], abs=40_000_000
+    )
+    known = [time for time in times if time.gps_utc_ns is not None]
+    assert len(known) >= 27  # the receiver is configured in the first seconds
+    offsets = [time.gps_utc_ns - time.monotonic_ns for time in known]
+    # The receiver's latency and the tick in which a solution is read: less than a fifth of a second.
+    assert max(offsets) - min(offsets) < 0.2e9
+
+
+class OneBus:
+    """A transducer that always says the same, as cheaply as can be."""
+
+    def read(self, address, count):
+        return bytes([0x20, 0x00, 0x60, 0x00])
+
+    def i2c(self, device):
+        return self
+
+
+TRANSDUCER = '[[sensors]]\ndriver="honeywell"\nbus="b"\npart="SSCDRRN005ND2A5"\nmeasures="airspeed"\n'
+
+
+def test_two_hours_leave_no_memory_and_no_drift_behind(tmp_path):
+    """At 1 Hz, a file every ten minutes; weighed at the end of one. A leak of 20 bytes a tick would be 72 kB."""
+    clock = SimulatedClock(unix_at_start_ns=10**18)
+    tray = parse_tray(f"rate_Hz = 1\n[files]\nnew_after_min = 10\n{TRANSDUCER}", "tray.toml", tmp_path)
+    sizes = []
+
+    def progress(elapsed_s):
+        if elapsed_s in (3599.0, 7199.0):
+            time.sleep(0.6)  # of the real clock: what the disk's thread still has is no leak
+            gc.collect()
+            sizes.append(tracemalloc.get_traced_memory()[0])
+
+    tracemalloc.start()
+    try:
+        recording = record(tray, buses=OneBus(), clock=clock, until_ns=7200 * SECOND_NS, progress=progress)
+    finally:
+        tracemalloc.stop()
+    logs = [read_log(path) for path in recording.paths]
+    ticks = [entry for log in logs for entry in log.entries["/daq/tick"]]
+    assert len(logs) == 12 and recording.missed == 0
+    assert [e.tick for e in ticks] == list(range(7200))
+    assert [e.time_ns for e in ticks] == [10**18 + i * SECOND_NS for i in range(7200)]
+    assert abs(sizes[1] - sizes[0]) < 50_000
+
+
+def test_when_the_card_is_full_at_power_on_it_says_so_and_waits_for_room(tmp_path, monkeypatch):
+    free = [0]
+    monkeypatch.setattr("daq.keeper.free_bytes", lambda _: free[0])
+    monkeypatch.setattr("daq.keeper.LOOK_EVERY_S", 0.001)
+    clock = SimulatedClock(unix_at_start_ns=10**18)
+    tray = parse_tray(TRANSDUCER, "tray.toml", tmp_path)
+    events, lines = [], []
+
+    def progress(elapsed_s):
+        if elapsed_s >= 100.0:
+            free[0] = 10**12
+            time.sleep(0.002)  # of the real clock, for the keeper's thread
+
+    recording = record(
+        tray, buses=OneBus(), clock=clock, until_ns=300 * SECOND_NS, progress=progress,
+        on_event=lambda event: events.append(event.text), report=lines.append,
+    )  # fmt: skip
+    assert "recording stops" in events[0]
+    assert "NOT RECORDING: the card is full" in lines[50]
+    assert any("there is room again" in text for text in events)
+    first = read_log(recording.path).entries["/daq/tick"][0]
+    assert first.tick >= 100 * 25
+    with pytest.raises(InputError, match="recording stops"):
+        free[0] = 0
+        record(tray, buses=OneBus(), clock=clock, log_path=tmp_path / "mine.mcap", until_ns=clock.now_ns() + 10**9)
+    assert not (tmp_path / "mine.mcap").exists()
+
+
+def test_the_status_line_says_how_it_goes(tmp_path):
+    clock = SimulatedClock(unix_at_start_ns=10**18)
+    fake = FakeTray(SteadyFelt(), clock)
+    lines = []
+    record(
+        default_tray(tmp_path, fake), buses=fake, clock=clock, until_ns=clock.now_ns() + 6 * SECOND_NS,
+        report=lines.append,
+    )  # fmt: skip
+    assert len(lines) == 6
+    assert lines[-1].startswith("recording log-0001.mcap, 5 s, 126 ticks, 0 missed, ")
+    assert lines[-1].endswith("GB free; all well")
+    assert "starting" in lines[0]

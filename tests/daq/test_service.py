@@ -1,0 +1,128 @@
+"""The systemd side: the sandbox is tight and fits the tray, and install and uninstall can be run twice."""
+
+import os
+import re
+import shutil
+import subprocess
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+from daq.config import parse_tray
+from daq.unit import drop_in
+
+ROOT = Path(__file__).parents[2]
+UNIT = ROOT / "systemd" / "flightpower-daq.service"
+DAQ = Path(sysconfig.get_path("scripts")) / "daq"
+MOST_EXPOSED = 1.5
+
+needs_systemd = pytest.mark.skipif(not shutil.which("systemd-analyze"), reason="systemd-analyze is not here")
+UDP = '[telemetry]\nto="udp:192.168.4.2:14550"\n[[sensors]]\ndriver="ublox"\nport="/dev/ttyAMA0"\n'
+
+
+def tray(text: str):
+    return parse_tray(text, "tray.toml", Path())
+
+
+def example():
+    return tray((ROOT / "daq" / "tray.example.toml").read_text())
+
+
+def merged(folder: Path, text: str) -> Path:
+    """The unit with a tray's drop-in at its end, and the daemon where it is here."""
+    path = folder / UNIT.name
+    unit = UNIT.read_text().replace("/opt/flightpower/bin/daq", str(DAQ))
+    service, install = unit.split("[Install]")
+    path.write_text(f"{service}\n{text}\n[Install]{install}")
+    return path
+
+
+@needs_systemd
+@pytest.mark.parametrize("of", [example, lambda: tray(UDP)], ids=["example", "telemetry over UDP"])
+def test_the_unit_exposes_next_to_nothing(tmp_path, of):
+    path = merged(tmp_path, drop_in(of()))
+    done = subprocess.run(
+        ["systemd-analyze", "security", "--offline=yes", "--no-pager", str(path)], capture_output=True, text=True
+    )
+    exposure = re.search(r"exposure level for \S+: ([\d.]+)", done.stdout)
+    assert exposure and float(exposure[1]) <= MOST_EXPOSED, done.stdout
+
+
+@needs_systemd
+def test_the_unit_is_verified(tmp_path):
+    path = merged(tmp_path, drop_in(example()))
+    done = subprocess.run(["systemd-analyze", "verify", "--man=no", str(path)], capture_output=True, text=True)
+    assert done.returncode == 0 and done.stderr == "", done.stderr
+
+
+def test_the_sandbox_opens_exactly_the_trays_devices():
+    lines = drop_in(example()).splitlines()
+    allowed = [line.removeprefix("DeviceAllow=") for line in lines if line.startswith("DeviceAllow=")]
+    assert allowed == ["", "/dev/i2c-1 rw", "/dev/ttyAMA0 rw", "char-ttyUSB rw"]
+    assert not any("Network" in line or "Address" in line for line in lines)
+    in_unit = [line for line in UNIT.read_text().splitlines() if line.startswith("DeviceAllow=")]
+    assert in_unit == [f"DeviceAllow={device}" for device in allowed[1:]]
+
+
+def test_telemetry_over_udp_reaches_its_host_and_no_other():
+    lines = drop_in(tray(UDP)).splitlines()
+    assert [line for line in lines if line.startswith("IPAddressAllow=")] == [
+        "IPAddressAllow=",
+        "IPAddressAllow=192.168.4.2",
+    ]
+    assert "PrivateNetwork=no" in lines
+
+
+def tree(root: Path) -> dict[str, bytes]:
+    return {path.relative_to(root).as_posix(): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+
+
+def script(name: str, root: Path, *arguments: str) -> None:
+    environment = {**os.environ, "DESTDIR": str(root), "DAQ": str(DAQ)}
+    subprocess.run([str(ROOT / "systemd" / name), *arguments], env=environment, check=True, capture_output=True)
+
+
+def test_install_and_uninstall_can_be_run_twice_and_keep_what_is_the_users(tmp_path):
+    root = tmp_path / "root"
+    root.mkdir()
+    script("install.sh", root)
+    first = tree(root)
+    assert set(first) == {
+        "etc/flightpower/tray.toml",
+        "etc/systemd/system/flightpower-daq.service",
+        "etc/systemd/system/flightpower-daq.service.d/tray.conf",
+        "etc/udev/rules.d/60-flightpower.rules",
+        "usr/lib/sysusers.d/flightpower.conf",
+    }
+    assert b'directory = "/var/lib/flightpower"' in first["etc/flightpower/tray.toml"]
+    script("install.sh", root)
+    assert tree(root) == first
+
+    mine = root / "etc/flightpower/tray.toml"
+    mine.write_text(mine.read_text().replace("/dev/i2c-1", "/dev/i2c-7"))
+    log = root / "var/lib/flightpower/log-0001.mcap"
+    log.parent.mkdir(parents=True)
+    log.write_bytes(b"a day's work")
+    script("install.sh", root)
+    assert "/dev/i2c-7" in mine.read_text()
+    assert b"DeviceAllow=/dev/i2c-7 rw" in tree(root)["etc/systemd/system/flightpower-daq.service.d/tray.conf"]
+
+    for _ in range(2):
+        script("uninstall.sh", root)
+        assert set(tree(root)) == {"etc/flightpower/tray.toml", "var/lib/flightpower/log-0001.mcap"}
+    script("uninstall.sh", root, "--purge-tray")
+    assert set(tree(root)) == {"var/lib/flightpower/log-0001.mcap"}
+
+
+@pytest.mark.skipif(not shutil.which("shellcheck"), reason="shellcheck is not here")
+def test_the_scripts_are_sound():
+    subprocess.run(["shellcheck", *map(str, (ROOT / "systemd").glob("*.sh"))], check=True)
+
+
+@pytest.mark.skipif(not shutil.which("udevadm"), reason="udevadm is not here")
+def test_the_udev_rules_are_understood(tmp_path):
+    verify = subprocess.run(["udevadm", "verify", "--help"], capture_output=True)
+    if verify.returncode:
+        pytest.skip("this udevadm cannot verify rules")
+    subprocess.run(["udevadm", "verify", str(ROOT / "systemd" / "60-flightpower.rules")], check=True)
