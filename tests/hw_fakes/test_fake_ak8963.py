@@ -32,11 +32,6 @@ def block(bus):
     return struct.unpack("<B3hB", bus.write_read(MAG, bytes([ST1]), 8))
 
 
-def test_registers_after_reset(mag_of):
-    dump = mag_of().write_read(MAG, b"\x00", 0x0D)
-    assert dump == bytes([0x48, 0x9A, *bytes(11)])  # sec. 8.1, INFO device specific
-
-
 def test_the_fuse_rom_is_readable_in_its_mode_only(mag_of, clock):
     bus = mag_of()
     assert bus.write_read(MAG, bytes([ASAX]), 3) == bytes(3)
