@@ -40,7 +40,7 @@ def test_ak8963(bus_of):
 
 @pytest.mark.parametrize(("address", "variant"), [(BARO, MS5611), (STATIC, MS5805)], ids=["ms5611", "ms5805"])
 def test_barometers(bus_of, address, variant):
-    """No conversion: zero (datasheet p. 11). Calibration: with a checksum that is right by AN520, as the driver has it."""
+    """No conversion: zero (datasheet p. 11). Calibration: with a checksum that is right by AN520."""
     bus = bus_of()
     assert bus.write_read(address, b"\x00", 3) == bytes(3)
     words = [int.from_bytes(bus.write_read(address, bytes([0xA0 + 2 * i]), 2), "big") for i in range(8)]
