@@ -3,12 +3,12 @@
     .venv/bin/python benchmarks/daemon.py soak --seconds 600 --rate 25      # two buses (FUSE), three lines (ptys)
     .venv/bin/python benchmarks/daemon.py faults                            # every fault of the schedule, figures
     .venv/bin/python benchmarks/daemon.py day                               # 24 h on the simulated clock
-    .venv/bin/python benchmarks/daemon.py cuts                              # 1,000 power cuts
     .venv/bin/python benchmarks/daemon.py mend                              # how long the next start takes
 
 `soak` needs root (FUSE); the fake tray runs in a process of its own, so that its work is not the daemon's.
 """
 
+import gc
 import os
 import signal
 import subprocess
@@ -43,7 +43,17 @@ def soak(seconds: float = 600.0, rate: float = 25.0, fifo: bool = False) -> None
         folder = Path(name)
         # With --fifo the fake parts stand above the daemon: real ones do not wait for a computer's scheduler.
         tray = subprocess.Popen(
-            [*(["chrt", "-f", "60"] if fifo else []), sys.executable, __file__, "serve", str(folder), "--rate", str(rate)], stdout=subprocess.PIPE, text=True
+            [
+                *(["chrt", "-f", "60"] if fifo else []),
+                sys.executable,
+                __file__,
+                "serve",
+                str(folder),
+                "--rate",
+                str(rate),
+            ],
+            stdout=subprocess.PIPE,
+            text=True,
         )
         assert tray.stdout is not None
         try:
@@ -121,6 +131,153 @@ def print_ticks(paths: list[Path]) -> None:
         print(f"  {topic:16} {len(entries):7} messages, {bad} without measurement")
     size = sum(path.stat().st_size for path in paths)
     print(f"{size / 1e6:.2f} MB of log, {size / max(1, len(ticks)):.0f} bytes a tick")
+
+
+@app.command()
+def faults() -> None:
+    """Every fault of the schedule: ticks lost, and how the other sensors fared meanwhile (simulated clock)."""
+    from analytic_felt import AnalyticFelt
+
+    from daq.config import parse_tray
+    from daq.daemon import record
+    from flight.log_reader import read_log
+    from flight.messages import Status
+    from hw_fakes.clock import SimulatedClock
+    from hw_fakes.faults import DEVICES_OF_KIND, Fault
+    from hw_fakes.tray import FakeTray
+
+    topics = {
+        "imu": ["/imu"], "magnetometer": ["/mag"], "baro": ["/baro"], "static": ["/static"], "alpha": ["/probe/alpha"],
+        "beta": ["/probe/beta"], "airspeed": ["/probe/airspeed"], "gps": ["/gps"], "esc_counter": ["/rpm"],
+        "autopilot": ["/controls", "/attitude", "/battery"],
+    }  # fmt: skip
+    on_bus = {topic for name in list(topics)[:7] for topic in topics[name]}
+    start_s, lasts_s, seconds = 4.0, 2.5, 10
+    good = (Status.OK, Status.BUSY)
+    print(f"{'fault':18} {'device':13} {'ticks':>5} {'missed':>6}  {'lost by the others':>18}  own lost, back after")
+    total_missed = 0
+    for kind, devices in DEVICES_OF_KIND.items():
+        for device in devices:
+            with tempfile.TemporaryDirectory() as folder:
+                clock = SimulatedClock(start_ns=3_000_000_000)
+                fault = Fault(kind=kind, device=device, start_s=start_s, duration_s=lasts_s, rate=0.05)
+                fake = FakeTray(AnalyticFelt(), clock, 2, faults=[fault])
+                tray = parse_tray(EXAMPLE.read_text(), "tray.toml", Path(folder))
+                begin_ns = clock.now_ns()
+                done = record(tray, buses=fake, clock=clock, until_ns=begin_ns + seconds * 10**9)
+                log = read_log(done.path)
+            hit = on_bus if device == "i2c" else set(topics[device])
+            if device == "imu":
+                hit = hit | {"/mag"}  # in the same package, reached through the IMU's bypass
+            if kind == "timeout" and device != "i2c":
+                hit = on_bus  # the bus hangs
+            first_ns = log.entries["/daq/tick"][0].time_ns
+            others = own = 0
+            back_s = 0.0
+            for topic, entries in log.entries.items():
+                for entry in entries:
+                    at_s = (entry.time_ns - first_ns) / 1e9
+                    if at_s < 2.5 or entry.message.status in good:
+                        continue
+                    own, others = own + (topic in hit), others + (topic not in hit)
+                    back_s = max(back_s, at_s - start_s - lasts_s)
+            total_missed += done.missed
+            print(
+                f"{kind:18} {device:13} {done.ticks:5} {done.missed:6}  {others:18}  {own} lost, "
+                f"{f'{back_s:.2f} s after its end' if back_s > 0 else 'at once'}"
+            )
+    print(f"ticks lost in all: {total_missed}")
+
+
+@app.command()
+def day(rate: float = 25.0, hours: float = 24.0) -> None:
+    """A day on the simulated clock, two transducers on a scripted bus: files, drift, memory."""
+    from daq.config import parse_tray
+    from daq.daemon import record
+    from flight.log_reader import read_log
+
+    class Bus:
+        def read(self, address: int, count: int) -> bytes:
+            return bytes([0x20, 0x00, 0x60, 0x00])
+
+        def i2c(self, device: str) -> "Bus":
+            return self
+
+    from hw_fakes.clock import SimulatedClock
+
+    sensors = "".join(
+        f'[[sensors]]\ndriver="{driver}"\nbus="b"\npart="{part}"\nmeasures="{measures}"\n'
+        for driver, part, measures in (
+            ("ms45xxdo", "MS4515DO-DS5AJ002DP", "alpha"),
+            ("honeywell", "SSCDRRN005ND2A5", "airspeed"),
+        )
+    )
+    memory: list[tuple[float, int, int]] = []
+    clock = SimulatedClock(unix_at_start_ns=10**18)
+
+    def progress(elapsed_s: float) -> None:
+        if elapsed_s % 1800 == 1799:
+            memory.append((elapsed_s / 3600, resident_KiB(), len(gc.get_objects())))
+
+    with tempfile.TemporaryDirectory() as folder:
+        tray = parse_tray(f"rate_Hz = {rate:g}\n{sensors}", "tray.toml", Path(folder))
+        begin_s, period_ns = time.monotonic(), round(1e9 / rate)
+        done = record(tray, buses=Bus(), clock=clock, until_ns=round(hours * 3600e9), progress=progress)
+        wall_s = time.monotonic() - begin_s
+        count = worst_ns = 0
+        expected = 0
+        for path in done.paths:
+            log = read_log(path)
+            assert not log.torn
+            for entry in log.entries["/daq/tick"]:
+                assert entry.tick == expected
+                expected += 1
+                worst_ns = max(worst_ns, abs(entry.time_ns - 10**18 - entry.tick * period_ns))
+                count += 1
+    print(f"{hours:g} h at {rate:g} Hz in {wall_s:.0f} s: {count} ticks, {done.missed} missed, {len(done.paths)} files")
+    print(f"the grid is off by {worst_ns} ns at worst")
+    for at_h, kib, objects in memory[:: max(1, len(memory) // 8)] + memory[-1:]:
+        print(f"  after {at_h:5.2f} h: {kib} KiB resident, {objects} objects")
+
+
+@app.command()
+def mend(hours: float = 1.0) -> None:
+    """How long the next start takes to complete a log of the default tray that a power cut left."""
+    from analytic_felt import AnalyticFelt
+    from mcap.opcode import Opcode
+
+    from daq.config import parse_tray
+    from daq.daemon import record
+    from daq.salvage import complete
+    from flight.log_index import RECORD_HEAD
+    from hw_fakes.clock import SimulatedClock
+    from hw_fakes.tray import FakeTray
+
+    with tempfile.TemporaryDirectory() as folder:
+        clock = SimulatedClock()
+        fake = FakeTray(AnalyticFelt(), clock, 2)
+        tray = parse_tray(EXAMPLE.read_text(), "tray.toml", Path(folder))
+        data = record(tray, buses=fake, clock=clock, until_ns=60 * 10**9).path.read_bytes()
+        at, first, end = 8, 0, 0
+        while data[at] != Opcode.DATA_END:
+            opcode, length = RECORD_HEAD.unpack_from(data, at)
+            first = first or (at if opcode == Opcode.CHUNK else 0)
+            at = end = at + RECORD_HEAD.size + length
+        path = Path(folder) / "log-0009.mcap"
+        with path.open("wb") as stream:
+            stream.write(data[:first])
+            for _ in range(round(hours * 60)):
+                stream.write(data[first:end])
+            stream.write(data[first : first + 1000])
+        begin_s = time.perf_counter()
+        done = complete(path)
+        assert done is not None
+        print(f"{done.kept_bytes / 1e6:.1f} MB kept, {done.cut_bytes} bytes cut: {time.perf_counter() - begin_s:.2f} s")
+
+
+def resident_KiB() -> int:
+    status = Path("/proc/self/status").read_text()
+    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS"))
 
 
 @app.command(hidden=True)

@@ -20,7 +20,7 @@ from flight.messages import Event
 BAD_INPUT, FAILURE = 2, 1
 THREAD_STACK_BYTES = 512 * 1024
 SWITCH_S = 0.001  # the sampling thread waits at most this long for another one that computes
-MCL_CURRENT, MCL_FUTURE = 1, 2  # sys/mman.h
+MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # sys/mman.h; the last: what is touched, not all that is mapped
 
 app = typer.Typer(
     add_completion=False,
@@ -110,8 +110,8 @@ def run(
         terminal.clear()
         if link is not None:
             link.close()
-        if bus_recording is not None and (error := bus_recording.close()):
-            complain(f"daq: the end of the bus recording is missing: {error}")
+        if bus_recording is not None and (cause := bus_recording.close()):
+            complain(f"daq: the end of the bus recording is missing: {cause}")
     faults = ", ".join(f"{name} {count}" for name, count in recording.errors.items() if count)
     logs = ", ".join(str(path) for path in recording.paths) or "no log"
     complain(f"{logs}: {recording.ticks} ticks, {recording.missed} missed; without measurement: {faults or 'none'}")
@@ -173,7 +173,7 @@ def prepare_process() -> None:
     threading.stack_size(THREAD_STACK_BYTES)  # locked memory is used memory
     sys.setswitchinterval(SWITCH_S)
     # Refused without the right to (LimitMEMLOCK): then it is not.
-    ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE)
+    ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT)
 
 
 @app.command()
@@ -267,8 +267,15 @@ def info(log: Annotated[Path, typer.Argument(help="A log, finished or torn.")]) 
 def config(
     example: Annotated[bool, typer.Option("--example", help="Print an example tray with every sensor.")] = False,
     check: Annotated[Path | None, typer.Option("--check", help="Say whether this tray file is right.")] = None,
+    unit: Annotated[Path | None, typer.Option("--unit", help="Print what systemd has to know of this tray.")] = None,
 ) -> None:
     """Print an example configuration, or check one."""
+    if unit is not None:
+        from daq.config import load_tray
+        from daq.unit import drop_in
+
+        typer.echo(drop_in(load_tray(unit)), nl=False)
+        return
     if check is not None:
         from daq import luggage
         from daq.config import load_tray
@@ -279,7 +286,7 @@ def config(
     elif example:
         typer.echo(resources.files("daq").joinpath("tray.example.toml").read_text("utf-8"), nl=False)
     else:
-        raise InputError("daq config: give --example or --check FILE")
+        raise InputError("daq config: give --example, --check FILE or --unit FILE")
 
 
 def main() -> None:
