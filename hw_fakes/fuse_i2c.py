@@ -44,6 +44,8 @@ DIRECT_IO, NONSEEKABLE = 0x1, 0x4
 REQUEST_BYTES = 1 << 17
 ROOT = 1
 MNT_DETACH = 2
+# What opening /dev/fuse or mounting says where there is no FUSE, or no right to it; anything else is a mistake of ours.
+UNAVAILABLE = frozenset({errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.EPERM, errno.EACCES})
 
 
 class I2CBus(Protocol):
@@ -57,7 +59,8 @@ class I2CBus(Protocol):
 class FuseI2C:
     """Serves `bus` at `path` (made when it is not there) until closed. Use it as a context manager.
 
-    bit_rate_Hz: a transfer takes the time it would on a wire. Raises OSError where FUSE is missing or not permitted.
+    bit_rate_Hz: a transfer takes the time it would on a wire. Raises OSError where FUSE is missing or not
+    permitted (UNAVAILABLE).
     """
 
     def __init__(self, bus: I2CBus, path: str | Path, bit_rate_Hz: float = 400e3):
