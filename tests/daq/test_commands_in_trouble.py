@@ -3,6 +3,7 @@
 import os
 import pty
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -220,3 +221,45 @@ def test_check_says_what_is_wrong_and_leaves_with_1(tmp_path):
     assert done.returncode == 1
     assert "/rpm" in done.stdout and "BAD" in done.stdout and "wiring" in done.stdout
     assert "not fit to fly" in done.stdout
+
+
+def test_a_terminal_that_is_closed_finishes_the_log(tmp_path, counter):
+    """A hang-up from the terminal is no wish for a new file: nobody could stop the recording any more."""
+    tray = tray_file(tmp_path, counter.path)
+    log = tmp_path / "logs" / "log-0001.mcap"
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.execv(sys.executable, [sys.executable, "-m", "daq", "run", "-c", str(tray)])
+    os.set_blocking(terminal, False)
+    shown = b""
+
+    def recording():
+        nonlocal shown
+        try:
+            shown += os.read(terminal, 65536)
+        except BlockingIOError:
+            pass
+        return log.exists() and log.stat().st_size > 7000
+
+    wait_for(recording)
+    os.close(terminal)
+    wait_for(lambda: os.waitpid(pid, os.WNOHANG)[0] == pid)
+    assert not read_log(log).torn
+    assert b"\r" in shown and b"ticks" in shown  # the status line
+
+
+def test_systemd_is_told_when_it_is_ready_that_it_ticks_and_how_it_goes(tmp_path, counter, monkeypatch):
+    address = tmp_path / "notify"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(address))
+        manager.settimeout(20)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(address))
+        with running(tray_file(tmp_path, counter.path)) as (daemon, _):
+            told = [manager.recv(4096).decode() for _ in range(3)]
+            daemon.terminate()
+            last = manager.recv(4096).decode()
+            while "STOPPING" not in last:
+                last = manager.recv(4096).decode()
+    assert told[0].startswith("READY=1\nSTATUS=recording ")
+    assert told[1].startswith("WATCHDOG=1\n") and "0 missed" in told[1]
+    assert last == "STOPPING=1"
