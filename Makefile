@@ -32,8 +32,9 @@ picture: demo ## the README's picture: the head of the demo's report, by Chromiu
 test: $(READY) ## the whole test suite
 	$(BIN)/pytest -n auto --dist loadgroup
 
-bench: $(READY) ## how much CPU the drivers take of a tick
+bench: $(READY) ## how much CPU the drivers take of a tick, how fast the simulator flies
 	$(BIN)/python benchmarks/drivers.py
+	$(BIN)/python benchmarks/simulator.py
 
 lint: $(READY) ## ruff
 	$(BIN)/ruff check .

@@ -269,8 +269,9 @@ class WindUpTurn:
 
 @dataclass(frozen=True, kw_only=True)
 class Steps3211:
-    """Elevator steps of 3, 2, 1 and 1 units of time, alternating, about trim."""
+    """Elevator steps of 3, 2, 1 and 1 units of time, alternating, about trim; `units = [1, 1]` is a doublet."""
 
+    units: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
     amplitude_rad: float = radians(3)
     unit_s: float = 0.4
     rest_s: float = 4.0
@@ -279,7 +280,7 @@ class Steps3211:
     def fly(self, seen: Seen, craft: Craft) -> Story:
         throttle = craft.throttle
         sign = 1.0
-        for units in (3, 2, 1, 1):
+        for units in self.units:
             for _ in range(_steps(units * self.unit_s, craft)):
                 seen = yield Targets(
                     hold_elevator=True, elevator_rad=sign * self.amplitude_rad, throttle=throttle, bank_rad=0.0

@@ -31,7 +31,8 @@ ground_pressure = "{SEA_LEVEL_PRESSURE_PA} Pa"
 ground_temperature = "{SEA_LEVEL_TEMPERATURE_K} K"
 """
 RUN = '[[segment]]\nkind = "run"\nthrottle = 1.0\nspeed_of_max = 0.93\n'
-DOUBLET = '[[segment]]\nkind = "3-2-1-1"\namplitude = "4 deg"\nunit = "0.3 s"\nrest = "3 s"\n'
+DOUBLET = '[[segment]]\nkind = "3-2-1-1"\nunits = [1.0, 1.0]\namplitude = "4 deg"\nunit = "0.5 s"\nrest = "4 s"\n'
+STEPS_3211 = '[[segment]]\nkind = "3-2-1-1"\namplitude = "4 deg"\nunit = "0.3 s"\nrest = "3 s"\n'
 MANOEUVRE_S = 5.0
 
 
@@ -96,7 +97,7 @@ def test_our_trim_is_trimmed_there(standard_plant, other, over_stall):
     assert fdm["position/h-sl-ft"] * FT == pytest.approx(100.0, abs=1.0)
 
 
-@pytest.mark.parametrize("manoeuvre", [RUN, DOUBLET], ids=["acceleration", "elevator"])
+@pytest.mark.parametrize("manoeuvre", [RUN, DOUBLET, STEPS_3211], ids=["acceleration", "elevator-doublet", "3-2-1-1"])
 def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, manoeuvre):
     truth = fly(nexstar, parse_plan(HEAD + manoeuvre, "comparison")).truth
     # Without the recovery after the elevator input, when the motor jumps faster than JSBSim shows its thrust.

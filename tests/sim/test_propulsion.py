@@ -3,10 +3,26 @@
 import numpy as np
 import pytest
 
+from flight.aircraft import parse_aircraft
+from flight.errors import InputError
 from flight.propeller import load_propeller
+from sim.fly import fly
+from sim.plan import parse_plan
 from sim.propulsion import power_train, throttle_for, torque_constant
 
 RHO = 1.2
+GLIDE = """
+height = "100 m"
+[[segment]]
+kind = "hold"
+duration = "2 s"
+speed = "20 m/s"
+[[segment]]
+kind = "run"
+throttle = 0.0
+speed_over_stall = 1.1
+longest = "4 s"
+"""
 
 
 @pytest.fixture(scope="module")
@@ -64,3 +80,47 @@ def test_a_stopped_motor_stays_stopped(propulsion, propeller):
 def test_more_throttle_than_the_battery_has_is_said(propulsion, propeller):
     assert throttle_for(propulsion, propeller, V=0.0, n=400.0, rho=RHO) == np.inf
     assert throttle_for(propulsion, propeller, V=30.0, n=60.0, rho=RHO) == 0.0
+
+
+def test_a_folding_propeller_neither_brakes_nor_drives(propulsion, propeller):
+    """Beyond zero thrust a windmill pulls back and drives the motor; a folded propeller drags a hundredth of that, and
+    the motor runs down by its own friction."""
+    V, n = 20.0, 40.0
+    at = dict(V=V, n=n, throttle=0.0, rho=RHO)
+    windmill = power_train(propulsion, propeller, **at)
+    folded = power_train(propulsion, propeller.beyond("fold"), **at)
+    assert windmill.thrust < -1.0 and windmill.shaft_power < 0
+    assert -0.05 < folded.thrust < 0
+    assert folded.shaft_power == 0 and folded.load == 0
+    assert folded.motor_acceleration < 0
+    for J in (0.2, 0.6):  # where there is thrust, it is the same propeller
+        assert propeller.coefficients(J, 6000) == propeller.beyond("fold").coefficients(J, 6000)
+
+
+@pytest.mark.parametrize(("behaviour", "area_over_diameter2"), [("windmill", 0.042), ("fold", 0.00154)])
+def test_a_propeller_that_stands_drags_as_its_blades_do(propulsion, propeller, behaviour, area_over_diameter2):
+    standing = propeller.beyond(behaviour)
+    train = power_train(propulsion, standing, V=15.0, n=0.0, throttle=0.0, rho=RHO)
+    drag = RHO * 15.0**2 / 2 * area_over_diameter2 * propeller.diameter_m**2
+    assert -train.thrust == pytest.approx(drag, rel=1e-6)
+    nearly = power_train(propulsion, standing, V=15.0, n=1e-6, throttle=0.0, rho=RHO)
+    assert nearly.thrust == pytest.approx(train.thrust, rel=1e-4)
+
+
+def test_an_aircraft_that_folds_its_propeller_glides_further(nexstar):
+    """Throttle closed at the same speed: the windmill brakes, the folded propeller hardly; the file says which."""
+    text = nexstar.text.replace("[propulsion]", '[propulsion]\nbeyond_zero_thrust = "fold"')
+    sinks = {}
+    for craft in (nexstar, parse_aircraft(text, "folding.toml")):
+        plan = parse_plan(GLIDE, "glide")
+        truth = fly(craft, plan).truth
+        last = truth[truth["segment"] == 1].iloc[-1]
+        sinks[craft.propulsion.beyond_zero_thrust] = last
+    V = {name: row["V_mps"] for name, row in sinks.items()}
+    assert V["fold"] > V["windmill"] + 0.3  # after four seconds with the throttle closed
+    assert sinks["fold"]["thrust_N"] == pytest.approx(0.0, abs=0.1) and sinks["windmill"]["thrust_N"] < -0.3
+
+
+def test_an_unknown_behaviour_is_refused():
+    with pytest.raises(InputError, match="'feather' is not one of windmill, fold"):
+        load_propeller("apc-12x8e").beyond("feather")

@@ -1,0 +1,89 @@
+"""How fast the simulator flies: many times the clock, in processor time of one core.
+
+    .venv/bin/python benchmarks/simulator.py            # aircraft, pilot and every sensor at 50 Hz
+    .venv/bin/python benchmarks/simulator.py --log      # and the whole test flight into a log, both ways
+
+The figure is the best of three, as of anything that shares a machine.
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core: also of the matrices
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
+
+import numpy as np
+
+from flight.aircraft import load_aircraft
+from sim.fly import fly
+from sim.plan import DT_S, load_plan
+from sim.sensors import TrayFelt, draw, load_budget
+
+PLAN = "full-test-flight"
+PRESSURES = {"absolute_pressure_Pa": ("baro", "static"), "differential_pressure_Pa": ("alpha", "beta", "airspeed")}
+REST = (
+    "imu",
+    "imu_temperature_K",
+    "magnetic_field_T",
+    "gps",
+    "motor_speed_revps",
+    "servo_pulses_us",
+    "autopilot_attitude_rad",
+    "battery",
+)
+
+
+def once() -> tuple[float, float, float]:
+    """Duration of the flight [s], processor time of flying it and of feeling it with every sensor [s]."""
+    aircraft, plan, errors = load_aircraft("nexstar"), load_plan(PLAN), draw(load_budget("bench"), 0)
+    begun = time.process_time()
+    flight = fly(aircraft, plan, deviations=errors.deviations)
+    flown = time.process_time()
+    felt = TrayFelt(flight, errors)
+    t_s = np.arange(0.0, flight.duration_s, DT_S)
+    for name in REST:
+        getattr(felt, name)(t_s)
+    for name, transducers in PRESSURES.items():
+        for which in transducers:
+            getattr(felt, name)(which, t_s)
+            felt.transducer_temperature_K(which, t_s)
+    return flight.duration_s, flown - begun, time.process_time() - flown
+
+
+def logged(*options: str) -> tuple[float, float]:
+    """Wall-clock and processor time [s] of `sim fly` with the whole test flight."""
+    before = getrusage(RUSAGE_CHILDREN)
+    begun = time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "sim", "fly", "--plan", PLAN, "-o", str(Path(folder) / "out"), *options]
+        subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
+    after = getrusage(RUSAGE_CHILDREN)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return time.monotonic() - begun, used
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--log", action="store_true", help="also write the log, through the daemon and straight")
+    arguments = parser.parse_args()
+    fly(load_aircraft("nexstar"), load_plan("case-1"))  # imports, files
+    runs = [once() for _ in range(3)]
+    duration_s = runs[0][0]
+    flying_s, both_s = min(run[1] for run in runs), min(run[1] + run[2] for run in runs)
+    print(f"{PLAN}: {duration_s:.0f} s at {1 / DT_S:.0f} Hz")
+    print(f"aircraft and pilot               {flying_s:6.2f} s  {duration_s / flying_s:5.0f} times real time")
+    print(f"aircraft, pilot and all sensors  {both_s:6.2f} s  {duration_s / both_s:5.0f} times real time")
+    if arguments.log:
+        for name, options in (("through fakes and daemon", ()), ("straight", ("--no-hardware",))):
+            wall_s, used_s = logged(*options)
+            print(f"log {name:28s} {wall_s:6.1f} s on the wall, {used_s:5.1f} s of processor")
+
+
+if __name__ == "__main__":
+    main()
