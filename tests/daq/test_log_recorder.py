@@ -214,6 +214,7 @@ def test_a_file_that_cannot_be_continued_is_left_and_nothing_is_lost(tmp_path, f
     monkeypatch.setattr(logbook_module, "GIVE_UP_AFTER_S", 0.05)
     book = Book(tmp_path)
     book.run(100)
+    wait_for(lambda: book.book.path.stat().st_size == book.book._current.log.size_bytes)
     setattr(faulty, failing, errno.EIO)
     faulty.open_error = errno.EIO  # the card is gone for a while
     book.run_until(lambda: "Input/output error" in book.book.error)
