@@ -106,13 +106,13 @@ def _slope(rate: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
 
 
 def _add_thrust(table: pd.DataFrame, propeller: Propeller) -> None:
-    """Thrust [N], advance ratio and whether the propeller's table covers it, in place (3.48)."""
+    """Thrust [N], advance ratio and whether the propeller's table covers it, in place (3.48; J of the whole speed)."""
     n = table["n_revps"].to_numpy()
     turning = n > 1.0
     n_safe = np.where(turning, n, 1.0)
-    V_axial = (table["V_mps"] * np.cos(table["alpha_rad"]) * np.cos(table["beta_rad"])).to_numpy()
-    thrust, shaft = propeller.thrust_and_power(V_axial, n_safe, table["rho"].to_numpy())
-    J = V_axial / (n_safe * propeller.diameter_m)
+    V = table["V_mps"].to_numpy()
+    thrust, shaft = propeller.thrust_and_power(V, n_safe, table["rho"].to_numpy())
+    J = V / (n_safe * propeller.diameter_m)
     table["J"] = np.where(turning, J, np.nan)
     table["thrust_N"] = np.where(turning, thrust, np.nan)
     table["shaft_power_W"] = np.where(turning, shaft, np.nan)

@@ -122,10 +122,10 @@ class _Blocks:
         m, rho = self._aircraft.mass_kg, self.mean["rho"]
         qS = rho * V**2 / 2 * self._aircraft.geometry.wing_area_m2
         n = np.where(self.mean["n_revps"] > 1, self.mean["n_revps"], np.nan)
-        thrust, _ = self._propeller.thrust_and_power(u, n, rho)
+        thrust, _ = self._propeller.thrust_and_power(V, n, rho)  # (3.48): J is of the whole airspeed
         ax, az = self.mean["ax_mps2"] - error["ax_bias"], self.mean["az_mps2"] - error["az_bias"]
         CL, CD = stability_axes((m * ax - thrust) / qS, m * az / qS, alpha)
-        J = u / (n * self._propeller.diameter_m)
+        J = V / (n * self._propeller.diameter_m)
         columns = {
             "CL": CL,
             "CD": CD,
