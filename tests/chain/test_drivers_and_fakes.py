@@ -24,6 +24,9 @@ from flight.aircraft import load_aircraft
 from flight.messages import Status
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.tray import FakeTray
+from sim.fly import fly
+from sim.plan import load_plan
+from sim.sensors import TrayFelt, draw, load_budget
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
 from analytic_felt import AnalyticFelt, constant
@@ -264,3 +267,54 @@ def test_what_the_autopilot_tells():
     _, battery = by_topic["/battery"][-1]
     assert battery.message.voltage_V == pytest.approx(15.2, abs=4e-3)  # four cells, rounded down to a millivolt
     assert battery.message.current_A == pytest.approx(12.34, abs=5e-3)
+
+
+@pytest.fixture(scope="module")
+def resting(tmp_path_factory):
+    """A minute on the ground with the errors of the bench, and their budget's noise."""
+    path = tmp_path_factory.mktemp("plan") / "stand.toml"
+    path.write_text('title = "stand"\n[[segment]]\nkind = "stand"\nduration = "60 s"\n')
+    errors = draw(load_budget("bench"), 0)
+    flight = fly(load_aircraft("nexstar"), load_plan(str(path)), seed=0, deviations=errors.deviations)
+    return TrayFelt(flight, errors), errors.noise
+
+
+def left_by(corner_Hz):
+    """Of white noise averaged over a tick, what a first-order low-pass before it leaves (standard deviations)."""
+    tau_per_tick = 1 / (2 * math.pi * corner_Hz) / (TICK_NS * 1e-9)
+    return math.sqrt(1 - tau_per_tick * (1 - math.exp(-1 / tau_per_tick)))
+
+
+def scatter(values):
+    """Standard deviation, slow drift left out, and four standard errors of it (relative)."""
+    return np.diff(values).std() / math.sqrt(2), 4 * math.sqrt(3 / len(values)) / 2
+
+
+def test_noise_of_a_resting_imu_is_what_the_budget_says_and_its_filter_leaves(resting):
+    felt, noise = resting
+    messages = [s.message for _, s in run(lambda tray: MPU9250(tray.i2c(I2C)), felt, 58)][10:]
+    for name, sigma, corner_Hz in (
+        ("specific_force", noise.accel_mps2, 41.0),
+        ("angular_rate", noise.gyro_radps, 20.0),
+    ):
+        for axis in "xyz":
+            unit = "mps2" if name == "specific_force" else "radps"
+            values = np.array([getattr(m, f"{name}_{axis}_{unit}") for m in messages])
+            # Plain standard deviation: neighbouring means share what the filter remembers.
+            assert values.std() == pytest.approx(sigma * left_by(corner_Hz), rel=4 / math.sqrt(2 * len(values)))
+
+
+def test_noise_of_resting_pressures_is_what_the_budget_says(resting):
+    felt, noise = resting
+    address, transfer = ms45xxdo.decode_part("MS4515DO-DS5AJ002DP")
+    samples = run(lambda tray: BridgeTransducer(tray.i2c(I2C), address, transfer, topic="/probe/alpha"), felt, 58)
+    found, error = scatter([s.message.differential_pressure_Pa for _, s in samples if s.message.status is Status.OK])
+    assert found == pytest.approx(noise.alpha_Pa, rel=error)
+    for which, variant, place in (("baro", ms56xx.MS5611, 0x77), ("static", ms56xx.MS5805, 0x76)):
+        samples = run(
+            lambda tray, variant=variant, place=place: ms56xx.MS56xx(
+                tray.i2c(I2C), place, variant, topic="/baro", period_s=0.04
+            ), felt, 58,
+        )  # fmt: skip
+        found, error = scatter([s.message.pressure_Pa for _, s in samples if s.message.status is Status.OK])
+        assert found == pytest.approx(getattr(noise, f"{which}_Pa"), rel=error)
