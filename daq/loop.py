@@ -10,7 +10,7 @@ from daq.station import Station
 from flight.messages import Event, Gps, Tick, Time
 
 TIME_EVERY_NS = 1_000_000_000
-DEADLINE = 0.8  # of a tick; the rest is for the ports and for packing what came
+DEADLINE = 0.8  # of a tick; the rest is for packing what came
 
 
 class Stop(Protocol):
@@ -63,7 +63,7 @@ def turns(
 ) -> Iterator[Turn]:
     """Read all stations at each beat. /daq/tick closes every turn, /time comes once a second.
 
-    watched: buses are read by threads of their own and have to answer within DEADLINE of a tick; for a real clock.
+    watched: buses and ports are read by threads of their own and have DEADLINE of a tick for it; for a real clock.
     """
     time_due_ns = clock.now_ns()
     period_ns = round(1e9 / rate_Hz)
