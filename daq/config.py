@@ -173,7 +173,7 @@ class EscCounter(_OnPort, frozen=True, tag="esc_counter"):
 
 class Autopilot(_OnPort, frozen=True, tag="autopilot"):
     baud: Baud = 57600
-    rpm: bool = False  # take motor speed from its RAW_RPM
+    rpm: bool = False  # take motor speed from its RPM or RAW_RPM
 
     @property
     def topics(self) -> tuple[str, ...]:
