@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from scipy.interpolate import CubicSpline
 
+from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.motion import earth_from_body
 from sim.fly import fly
@@ -105,6 +106,18 @@ def test_a_deceleration_pitches_slowly_and_by_some_degrees(nexstar):
     pitch = np.rad2deg(run["pitch_rad"].to_numpy())
     assert 5 < pitch[-1] - pitch[0] < 13
     assert np.rad2deg(run["q_radps"].abs().max()) < 6.8  # the source's peak, seen in an acceleration
+
+
+def test_the_sources_own_runs_on_its_own_aircraft():
+    """8 deg of pitch in a deceleration of 20 s; 6.8 deg/s at most in an acceleration. Its throttle and its speeds are
+    not printed in what we have of it: within a sixth."""
+    truth = fly(load_aircraft("astraeus-hs"), load_plan("long-deceleration")).truth
+    faster, slower = (run for _, run in truth[truth["kind"] == "run"].groupby("segment"))
+    assert np.rad2deg(faster["q_radps"].abs().max()) == pytest.approx(6.8, rel=1 / 6)
+    assert len(slower) * 0.02 == pytest.approx(20, rel=1 / 6)
+    pitch = np.rad2deg(slower["pitch_rad"].to_numpy())
+    assert pitch[-1] - pitch[0] == pytest.approx(8, rel=1 / 6)
+    assert np.rad2deg(slower["q_radps"].abs().max()) < 1.0  # slow enough to leave the pitch rate out
 
 
 def test_a_throttle_step_pitches_the_aircraft_and_a_ramp_less(nexstar):

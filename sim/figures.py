@@ -1,0 +1,176 @@
+"""The figures of docs/simulation.md: `python -m sim.figures`. Flies the shipped plans, draws with plotly, and lets
+headless Chromium take the pictures.
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from flight.aircraft import load_aircraft
+from flight.errors import InputError
+from sim.fly import fly
+from sim.plan import load_plan
+from sim.sensors import load_budget
+
+FOLDER = Path(__file__).parents[1] / "docs" / "figures"
+WIDTH, HEIGHT = 900, 560
+COLOURS = ("#1f5fa8", "#c0392b", "#2e8b57", "#8e44ad")
+DEG = 180 / np.pi
+
+
+@lru_cache
+def truth_of(plan: str, aircraft: str = "nexstar") -> pd.DataFrame:
+    return fly(load_aircraft(aircraft), load_plan(plan)).truth
+
+
+def runs(plan: str, aircraft: str = "nexstar", kind: str = "run") -> list[pd.DataFrame]:
+    """The plan's runs in the order flown, each with its own time from zero."""
+    found = []
+    for _, rows in truth_of(plan, aircraft).groupby("segment"):
+        if rows["kind"].iloc[0] == kind:
+            found.append(rows.assign(t_s=rows["time_s"] - rows["time_s"].iloc[0]))
+    return found
+
+
+def panels(titles: list[str], columns: int = 1) -> Any:
+    from plotly.subplots import make_subplots
+
+    rows = -(-len(titles) // columns)
+    drawn = make_subplots(rows=rows, cols=columns, subplot_titles=titles, vertical_spacing=0.13, shared_xaxes=True)
+    drawn.update_layout(
+        template="plotly_white", width=WIDTH, height=HEIGHT, margin={"l": 60, "r": 20, "t": 40, "b": 50}
+    )
+    drawn.update_layout(font={"size": 14}, legend={"orientation": "h", "y": -0.12})
+    for column in range(1, columns + 1):
+        drawn.update_xaxes(title_text="time since the run began [s]", row=rows, col=column)
+    return drawn
+
+
+def line(drawn: Any, run: pd.DataFrame, y: Any, name: str, colour: str, row: int, column: int = 1, legend=True) -> None:
+    style = {"color": colour, "width": 2}
+    drawn.add_scatter(x=run["t_s"], y=y, name=name, line=style, showlegend=legend, row=row, col=column)
+
+
+def deceleration() -> Any:
+    """A gentle deceleration of the source's aircraft, beside its acceleration."""
+    drawn = panels(
+        ["acceleration: speed [m/s]", "deceleration: speed [m/s]", "pitch [deg]", "pitch [deg]"]
+        + ["pitch rate [deg/s]"] * 2,
+        2,
+    )
+    for column, run in enumerate(runs("long-deceleration", "astraeus-hs"), start=1):
+        colour = COLOURS[column]
+        line(drawn, run, run["V_mps"], "", colour, 1, column, legend=False)
+        line(drawn, run, run["pitch_rad"] * DEG, "", colour, 2, column, legend=False)
+        line(drawn, run, run["q_radps"] * DEG, "", colour, 3, column, legend=False)
+    return drawn
+
+
+def throttle_step() -> Any:
+    """The first seconds of the same acceleration, with the throttle as a step and as a ramp."""
+    drawn = panels(["throttle", "pitch rate [deg/s]", "pitch [deg]"])
+    for run, name, colour in zip(runs("throttle-step"), ("step", "ramp of 2 s"), COLOURS, strict=False):
+        first = run[run["t_s"] < 4]
+        line(drawn, first, first["throttle"], name, colour, 1)
+        line(drawn, first, first["q_radps"] * DEG, name, colour, 2, legend=False)
+        line(drawn, first, first["pitch_rad"] * DEG, name, colour, 3, legend=False)
+    return drawn
+
+
+def cases() -> Any:
+    """Cases 1 and 2: height and speed of accelerations and decelerations."""
+    drawn = panels(
+        ["acceleration: height gained [m]", "deceleration: height gained [m]", "speed [m/s]", "speed [m/s]"], 2
+    )
+    plans = {
+        "case-1": "held",
+        "case-2-returns": "returns",
+        "case-2-higher": "ends higher",
+        "case-2-lower": "ends lower",
+    }
+    for colour, (plan, name) in zip(COLOURS, plans.items(), strict=True):
+        for column, run in enumerate(runs(plan), start=1):
+            gained = run["height_m"] - run["height_m"].iloc[0]
+            line(drawn, run, gained, name, colour, 1, column, legend=column == 1)
+            line(drawn, run, run["V_mps"], name, colour, 2, column, legend=False)
+    return drawn
+
+
+def signal_to_noise() -> dict[str, list[float]]:
+    """Case 3: variance of q over that of its noise (4.6, 4.7), for noise times 0.5, 1 and 1.5."""
+    sigma = load_budget("bench").noise.gyro_radps
+    first, _, third = runs("case-3")
+    elevator = runs("case-3", kind="3-2-1-1")[0]
+    elevator = elevator[elevator["t_s"] < 7 * 0.3 + 4.0]  # without the recovery
+    manoeuvres = {
+        "throttle ramp, height held": first,
+        "throttle step, height wanders": third,
+        "3-2-1-1 elevator": elevator,
+    }
+    return {
+        name: [float(run["q_radps"].var()) / (factor * sigma) ** 2 for factor in (0.5, 1.0, 1.5)]
+        for name, run in manoeuvres.items()
+    }
+
+
+def case_3() -> Any:
+    import plotly.graph_objects as go
+
+    drawn = go.Figure()
+    found = signal_to_noise()
+    for i, (colour, label) in enumerate(zip(COLOURS, ("noise x 0.5", "x 1", "x 1.5"), strict=False)):
+        values = [snr[i] for snr in found.values()]
+        drawn.add_bar(
+            x=list(found),
+            y=values,
+            name=label,
+            marker_color=colour,
+            text=[f"{v:.0f}" for v in values],
+            textposition="outside",
+        )
+    drawn.update_layout(template="plotly_white", width=WIDTH, height=420, font={"size": 14})
+    drawn.update_layout(legend={"orientation": "h"}, margin={"l": 70, "r": 20, "t": 20, "b": 60})
+    drawn.update_yaxes(type="log", dtick=1, title_text="variance of q / of its noise", range=[0, 4.2])
+    return drawn
+
+
+FIGURES = {"deceleration": deceleration, "throttle-step": throttle_step, "cases-1-2": cases, "case-3": case_3}
+
+
+def picture(drawn: Any, path: Path) -> None:
+    """A figure as PNG. Raises InputError when there is no Chromium."""
+    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if browser is None:
+        raise InputError("the figures need Chromium to take their picture; on Debian: apt-get install chromium")
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "figure.html"
+        drawn.write_html(page, include_plotlyjs=True, config={"staticPlot": True})
+        page.write_text(page.read_text("utf-8").replace("<body>", '<body style="margin:0">'), "utf-8")
+        size = f"--window-size={drawn.layout.width},{drawn.layout.height}"
+        command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", size]
+        command += [
+            "--disable-background-networking",
+            "--virtual-time-budget=5000",
+            f"--user-data-dir={folder}/profile",
+        ]
+        subprocess.run([*command, f"--screenshot={path}", page.as_uri()], check=True, capture_output=True)
+
+
+def main() -> None:
+    """Draw all, or those named on the command line."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for name in sys.argv[1:] or FIGURES:
+        path = FOLDER / f"{name}.png"
+        picture(FIGURES[name](), path)
+        print(f"{path}: {path.stat().st_size / 1024:.0f} kB", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
