@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench lint types check clean
+.PHONY: help demo picture test bench soak lint types check clean
 
 help: ## what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -35,6 +35,13 @@ test: $(READY) ## the whole test suite
 bench: $(READY) ## how much CPU the drivers take of a tick, how fast the simulator flies
 	$(BIN)/python benchmarks/drivers.py
 	$(BIN)/python benchmarks/simulator.py
+	$(BIN)/python benchmarks/daemon.py faults
+	$(BIN)/python benchmarks/daemon.py mend
+	$(BIN)/python benchmarks/daemon.py day
+
+soak: $(READY) ## the daemon for ten minutes in real time at 25 and at 100 Hz, on device files (needs root)
+	$(BIN)/python benchmarks/daemon.py soak --fifo --rate 25
+	$(BIN)/python benchmarks/daemon.py soak --fifo --rate 100
 
 lint: $(READY) ## ruff
 	$(BIN)/ruff check .
