@@ -39,7 +39,7 @@ def fly(
     output: Annotated[Path, typer.Option("--output", "-o", help="Directory for the truth and the log.")],
     aircraft: AircraftOption = "nexstar",
     plan: Annotated[str, typer.Option(help="Name of a shipped plan, or a file.")] = "accel-decel",
-    errors: Annotated[str, typer.Option(help="Error budget: bench, none, harsh, or a file.")] = "bench",
+    errors: Annotated[str, typer.Option(help="Error budget: bench, none, study, harsh, or a file.")] = "bench",
     seed: SeedOption = 0,
     probe: Annotated[Path | None, typer.Option(help="Probe calibration to put into the log.")] = None,
     faults: Annotated[
@@ -159,19 +159,22 @@ def _write_straight(output: Path, felt, seed: int, craft: Aircraft, told) -> Non
 
     tray = load_tray(output / TRAY)
     start_unix_ns = _believed_unix_ns(FIRST_FLIGHT)
-    with (output / LOG).open("xb") as stream:
-        log = LogWriter(stream)
-        stow(log, pack(tray), rate_Hz=tray.rate_Hz, start_unix_ns=start_unix_ns, start_monotonic_ns=0)
-        write_straight(
-            log,
-            felt,
-            craft,
-            _parts(felt, seed, craft),
-            start_unix_ns=start_unix_ns,
-            utc_at_start_ns=int(FIRST_FLIGHT.timestamp() * 1e9),
-            progress=told,
-        )
-        log.finish()
+    try:
+        with (output / LOG).open("xb") as stream:
+            log = LogWriter(stream)
+            stow(log, pack(tray), rate_Hz=tray.rate_Hz, start_unix_ns=start_unix_ns, start_monotonic_ns=0)
+            write_straight(
+                log,
+                felt,
+                craft,
+                _parts(felt, seed, craft),
+                start_unix_ns=start_unix_ns,
+                utc_at_start_ns=int(FIRST_FLIGHT.timestamp() * 1e9),
+                progress=told,
+            )
+            log.finish()
+    except OSError as error:
+        raise InputError(f"{output / LOG}: cannot be written ({error.strerror or error})") from None
 
 
 def _parts(felt, seed: int, craft: Aircraft):
@@ -226,8 +229,14 @@ def trim(
     climb: Annotated[float, typer.Option(help="Rate of climb [m/s].")] = 0.0,
     bank: Annotated[float, typer.Option(help="Bank of a level turn [deg].")] = 0.0,
     speed: Annotated[float | None, typer.Option(help="One airspeed [m/s] instead of the whole range.")] = None,
+    rpm: Annotated[
+        float | None, typer.Option(help="Motor speed: gives the climb at --speed, or the speed at --climb.")
+    ] = None,
 ) -> None:
-    """Trimmed flight over the range of airspeeds: angle of attack, controls, motor, power."""
+    """Trimmed flight over the range of airspeeds: angle of attack, controls, motor, power.
+
+    Any two of airspeed, climb and motor speed give the third.
+    """
     import numpy as np
 
     from sim.plant import plant_of
@@ -235,22 +244,41 @@ def trim(
 
     plant = plant_of(load_aircraft(aircraft))
     trimmer = Trimmer(plant, height)
-    speeds = [speed] if speed is not None else np.linspace(1.05 * trimmer.V_stall, 0.999 * trimmer.V_max, 10).tolist()
-    table = Table(title=f"{plant.aircraft.title}, {height:.0f} m, {climb:+.1f} m/s, {bank:.0f} deg of bank")
-    for heading in ("V [m/s]", "alpha [deg]", "elevator [deg]", "pitch [deg]", "rpm", "throttle", "J", "P_req [W]"):
+    motor = {} if rpm is None else {"motor": rpm / 60}
+    asked: list[dict[str, float]]
+    if speed is not None:
+        asked = [{"V": speed, **(motor or {"climb": climb})}]
+    elif motor:
+        asked = [{**motor, "climb": climb}]
+    else:
+        speeds = np.linspace(1.05 * trimmer.V_stall, 0.999 * trimmer.V_max, 10)
+        asked = [{"V": float(V), "climb": climb} for V in speeds]
+    table = Table(title=f"{plant.aircraft.title}, {height:.0f} m, {bank:.0f} deg of bank")
+    for heading in (
+        "V [m/s]",
+        "climb [m/s]",
+        "alpha [deg]",
+        "elevator [deg]",
+        "pitch [deg]",
+        "rpm",
+        "throttle",
+        "J",
+        "P_req [W]",
+    ):
         table.add_column(heading, justify="right")
-    for V in speeds:
+    for given in asked:
         try:
-            trimmed = trimmer.solve(V=V, climb=climb, bank_rad=float(np.deg2rad(bank)))
+            trimmed = trimmer.solve(bank_rad=float(np.deg2rad(bank)), start=None, **given)
         except InputError:
-            if speed is not None:
+            if len(asked) == 1:
                 raise
             continue  # the table shows what can be flown
         z = trimmed.unknowns
-        power, _, _ = power_required(plant, np.array([V]), density=trimmer.density)
-        J = V / (z.motor * plant.propeller.diameter_m)
+        power, _, _ = power_required(plant, np.array([z.V]), density=trimmer.density)
+        J = z.V / (z.motor * plant.propeller.diameter_m)
         table.add_row(
-            f"{V:.2f}",
+            f"{z.V:.2f}",
+            f"{z.climb:+.2f}",
             f"{np.rad2deg(z.alpha):.2f}",
             f"{np.rad2deg(z.elevator):.2f}",
             f"{np.rad2deg(z.theta):.2f}",

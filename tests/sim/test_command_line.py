@@ -23,6 +23,14 @@ duration = "3 s"
 kind = "land"
 """
 
+BAD_PLANS = {
+    "slow": '[[segment]]\nkind = "hold"\nduration = "2 s"\nspeed = "8 m/s"\n',
+    "fast": '[[segment]]\nkind = "hold"\nduration = "2 s"\nspeed = "50 m/s"\n',
+    "steep": '[[segment]]\nkind = "climb"\nheight = "200 m"\nclimb = "12 m/s"\n',
+    "broken": "[[segment\n",
+    "upset": '[pilot]\npitch = -3.0\n[[segment]]\nkind = "hold"\nduration = "60 s"\n',
+}
+
 
 @pytest.fixture
 def sim(monkeypatch, capsys, tmp_path):
@@ -37,6 +45,8 @@ def sim(monkeypatch, capsys, tmp_path):
         return stopped.value.code or 0, capsys.readouterr().err.strip()
 
     (tmp_path / "short.toml").write_text(SHORT, "utf-8")
+    for name, text in BAD_PLANS.items():
+        (tmp_path / f"{name}.toml").write_text(text, "utf-8")
     return run
 
 
@@ -78,7 +88,14 @@ def test_a_real_log_is_never_replaced(sim, tmp_path):
         (["fly", "-o", "out", "--errors", "missing.toml"], "missing.toml"),
         (["fly", "-o", "out", "--probe", "missing.json"], "missing.json"),
         (["fly", "-o", "short.toml/out", "--plan", "short.toml"], "short.toml"),
+        (["fly", "-o", "out", "--no-hardware", "--real-time"], "no clock to wait for"),
+        (["fly", "-o", "out", "--plan", "slow.toml"], "too slow: nexstar stalls at"),
+        (["fly", "-o", "out", "--plan", "fast.toml"], "too fast: nexstar reaches"),
+        (["fly", "-o", "out", "--plan", "steep.toml"], "the motor has"),
+        (["fly", "-o", "out", "--plan", "broken.toml"], "not valid TOML"),
+        (["fly", "-o", "out", "--plan", "upset.toml"], " s: V = "),
         (["trim", "--speed", "5"], "stalls at"),
+        (["trim", "--rpm", "20000"], "the motor has"),
         (["modes", "--speed", "90"], "level flight is possible up to"),
         (["plot", "short.toml", "-o", "x.html"], "short.toml"),
     ],
@@ -92,6 +109,7 @@ def test_bad_input_is_one_line_and_code_2(sim, tmp_path, arguments, said):
 
 def test_trim_modes_and_plot(sim, tmp_path, flight):
     assert sim("trim", "--climb", "1")[0] == 0
+    assert sim("trim", "--rpm", "6000")[0] == 0 and sim("trim", "--rpm", "6000", "--speed", "17")[0] == 0
     assert sim("modes")[0] == 0
     from sim.truth import write_truth
 
