@@ -37,7 +37,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
 
 @app.command()
-def soak(seconds: float = 600.0, rate: float = 25.0, fifo: bool = False) -> None:
+def soak(seconds: float = 600.0, rate: float = 25.0, fifo: bool = False, file_min: float = 4.0) -> None:
     """Record in real time; print what the log and the kernel say about it. --fifo: real-time priority, as the unit."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -51,6 +51,8 @@ def soak(seconds: float = 600.0, rate: float = 25.0, fifo: bool = False) -> None
                 str(folder),
                 "--rate",
                 str(rate),
+                "--file-min",
+                str(file_min),
             ],
             stdout=subprocess.PIPE,
             text=True,
@@ -281,7 +283,7 @@ def resident_KiB() -> int:
 
 
 @app.command(hidden=True)
-def serve(folder: Path, rate: float = 25.0) -> None:
+def serve(folder: Path, rate: float = 25.0, file_min: float = 4.0) -> None:
     """The fake tray on device files, until SIGTERM."""
     from analytic_felt import AnalyticFelt, sine
 
@@ -295,7 +297,7 @@ def serve(folder: Path, rate: float = 25.0) -> None:
 
     fake = FakeTray(AnalyticFelt(differential_Pa=sine(100.0, 20.0, 0.5)), RealClock(), 4)
     text = EXAMPLE.read_text().replace("rate_Hz = 25 ", f"rate_Hz = {rate:g} ", 1)
-    text = text.replace("new_after_min = 60 ", "new_after_min = 4 ")
+    text = text.replace("new_after_min = 60 ", f"new_after_min = {file_min:g} ")
     stop = []
     signal.signal(signal.SIGTERM, lambda *_: stop.append(1))
     with ExitStack() as stack:

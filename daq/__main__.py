@@ -20,6 +20,7 @@ from flight.messages import Event
 BAD_INPUT, FAILURE = 2, 1
 THREAD_STACK_BYTES = 512 * 1024
 SWITCH_S = 0.001  # the sampling thread waits at most this long for another one that computes
+M_ARENA_MAX = -8  # malloc.h
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # sys/mman.h; the last: what is touched, not all that is mapped
 
 app = typer.Typer(
@@ -172,8 +173,11 @@ def prepare_process() -> None:
     gc.freeze()
     threading.stack_size(THREAD_STACK_BYTES)  # locked memory is used memory
     sys.setswitchinterval(SWITCH_S)
+    libc = ctypes.CDLL(None)
+    if hasattr(libc, "mallopt"):  # glibc
+        libc.mallopt(M_ARENA_MAX, 1)  # one heap for all threads: a heap each would grow with each
     # Refused without the right to (LimitMEMLOCK): then it is not.
-    ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT)
+    libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT)
 
 
 @app.command()
