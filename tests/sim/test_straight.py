@@ -7,7 +7,7 @@ from flight.log_reader import read_log
 from sim.__main__ import fly
 from sim.straight import ACCEL_MPS2, BRIDGE_KELVIN, BRIDGES, FIRST_TICK, GYRO_RADPS, MAG_T
 
-pytestmark = pytest.mark.xdist_group("straight")  # one recording for all
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("straight")]  # one recording for all
 
 PASCAL = {f"/probe/{name}": 2 * range_Pa / (high - low) for name, (range_Pa, low, high) in BRIDGES.items()}
 # A count of each part in the units of its message; nothing is allowed where nothing stands here.
@@ -30,7 +30,7 @@ COUNT = {
 LATE = {"/controls": 0.05}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def logs(tmp_path_factory):
     """The demonstration flight, recorded and written straight."""
     folder = tmp_path_factory.mktemp("straight")
