@@ -148,7 +148,8 @@ def _aircraft_of(log: Log) -> Aircraft:
 
 def _propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
     table = _attachment(log, "propeller.csv", "the tray's aircraft file names the propeller that goes into logs")
-    return parse_propeller(table.decode("utf-8", errors="replace"), aircraft.propulsion.propeller)
+    propeller = parse_propeller(table.decode("utf-8", errors="replace"), aircraft.propulsion.propeller)
+    return propeller.beyond(aircraft.propulsion.beyond_zero_thrust)
 
 
 def _line_lags_s(aircraft: Aircraft) -> dict[str, float]:
