@@ -59,10 +59,9 @@ DRAG = Model(
 
 @dataclass(frozen=True)
 class DynamicEstimate:
-    """A drag polar with its covariance, the part of it that noise explains, and what a report shows."""
+    """A drag polar with its covariance, and what a report shows."""
 
     polar: Polar
-    noise_covariance: Array  # (3, 3): without the errors that all runs share
     parameters: list[tuple[str, float, float, str]]  # name, value, standard error, unit
     verdict: str
     warnings: list[str]
@@ -95,7 +94,6 @@ def estimate_polar(
     converged = fit.verdict.ok and path.converged
     return DynamicEstimate(
         polar=Polar(fit.values[where], whole[np.ix_(where, where)]),
-        noise_covariance=noise[np.ix_(where, where)],
         parameters=parameters,
         verdict=str(fit.verdict) if path.converged else "the path did not converge",
         warnings=[] if converged else [f"The estimation did not end well: {fit.verdict}; path: {path.converged}."],

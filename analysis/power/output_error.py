@@ -42,7 +42,8 @@ class CrossCheck(NamedTuple):
 def estimate_polar(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft, *, zeroed: bool) -> CrossCheck:
     """Fit all runs at once. table: as `air_data` leaves it. zeroed: the gyro's bias at rest was taken out."""
     priors = models.Priors() if zeroed else models.Priors(gyro_bias_radps=UNZEROED_GYRO_RADPS)
-    segments = [_segment(table, run) for run in runs]
+    bank = bank_rad(table)
+    segments = [_segment(table, run, bank) for run in runs]
     model = models.pitch_and_height(aircraft, priors=priors)
     fit = output_error.estimate(model, segments, start=models.quick_start(aircraft, segments))
     where = [fit.names.index(name) for name in ("A0", "A1", "A2")]
@@ -50,14 +51,14 @@ def estimate_polar(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft, *, 
     return CrossCheck(Polar(fit.values[where], C[np.ix_(where, where)]), str(fit.verdict), fit.verdict.ok)
 
 
-def _segment(table: pd.DataFrame, run: Run) -> Segment:
+def _segment(table: pd.DataFrame, run: Run, bank: Array) -> Segment:
     """One run as the estimator wants it: small gaps in inputs bridged, gaps in outputs left."""
     data = table.iloc[run.rows]
     inputs = {name: _filled(data[column]) for name, column in INPUTS.items()}
     return Segment(
         name=run.name,
         t_s=data.index.to_numpy(),
-        u={**inputs, "phi": bank_rad(table)[run.rows]},
+        u={**inputs, "phi": bank[run.rows]},
         z={name: data[column].to_numpy() for name, column in OUTPUTS.items()},
     )
 
