@@ -9,12 +9,44 @@ FORMAT = "flightpower-results-1"
 
 
 class PowerPoint(msgspec.Struct, frozen=True, kw_only=True):
-    """One point of the curve with its 95 % interval."""
+    """One point of a curve with its 95 % interval."""
 
     speed_mps: float
     power_W: float
     power_lo_W: float
     power_hi_W: float
+    extrapolated: bool = False  # outside the flown lift coefficients or the propeller's table
+
+
+class MethodPoint(msgspec.Struct, frozen=True, kw_only=True):
+    """One measured point of a method that makes points, reduced to the test's weight and density."""
+
+    speed_mps: float
+    power_W: float
+    power_lo_W: float | None = None
+    power_hi_W: float | None = None
+    start_s: float | None = None
+
+
+class MethodResult(msgspec.Struct, frozen=True, kw_only=True):
+    """Power required by one method, at the test's weight and density."""
+
+    name: str
+    title: str
+    power_required: list[PowerPoint] = []  # empty where the log did not allow one; `notes` then say why
+    points: list[MethodPoint] = []
+    notes: list[str] = []
+
+
+class Disagreement(msgspec.Struct, frozen=True, kw_only=True):
+    """Two methods that differ by more than both their intervals allow, and what that points at."""
+
+    methods: tuple[str, str]
+    speed_mps: float  # where they differ most
+    difference_W: float  # the second minus the first
+    allowed_W: float  # what both intervals allow together
+    culprit: str
+    text: str
 
 
 class SpeedInterval(msgspec.Struct, frozen=True, kw_only=True):
@@ -102,6 +134,8 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     best_range_speed: SpeedInterval
     verdict: str  # of the estimation: "converged", or what was wrong
     warnings: list[str]
+    methods: list[MethodResult] = []
+    disagreements: list[Disagreement] = []
 
 
 def to_json(results: Results) -> bytes:
