@@ -15,20 +15,17 @@ from numpy.typing import NDArray
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Named, Parameter
-from analysis.path.model import SHARED, STATES
-from analysis.path.reconstruct import Path, block_mean
+from analysis.path.model import SHARED
+from analysis.path.reconstruct import Path
 from analysis.power import covariance
 from analysis.power.curve import Polar
+from analysis.power.forces import J_REFERENCE, THRUST_SCALE, THRUST_SLOPE, Blocks
 from analysis.runs import Run
-from flight import motion
-from flight.aerodynamics import stability_axes
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 POLAR = ("A0", "A1", "A2")
-J_REFERENCE = 0.5
-THRUST_SCALE, THRUST_SLOPE = 0.03, 0.15  # standard deviations of what a propeller table is wrong by, over J too
 SHORTEST = 10  # blocks of a run
 UNITS = {
     "p_bias": "rad/s", "q_bias": "rad/s", "r_bias": "rad/s", "ax_bias": "m/s^2", "ay_bias": "m/s^2", "az_bias": "m/s^2",
@@ -72,7 +69,7 @@ def estimate_polar(
     table: pd.DataFrame, path: Path, runs: list[Run], aircraft: Aircraft, propeller: Propeller
 ) -> DynamicEstimate:
     """Fit all runs at once along the reconstructed path. table: as `air_data` leaves it."""
-    blocks = _Blocks(table, path, aircraft, propeller)
+    blocks = Blocks(table, path, aircraft, propeller)
 
     def fitted(states: Array, shared: Array) -> output_error.Fit:
         return output_error.estimate(DRAG, _segments(blocks.forces(states, shared), runs))
@@ -101,45 +98,10 @@ def estimate_polar(
     )
 
 
-class _Blocks:
-    """The measurements that forces need, as means over the path's blocks."""
-
-    def __init__(self, table: pd.DataFrame, path: Path, aircraft: Aircraft, propeller: Propeller):
-        n = len(path.states)
-        self.mean = {name: block_mean(table[name], n) for name in table.columns}
-        self.t_s = path.states.index.to_numpy()
-        self._aircraft, self._propeller = aircraft, propeller
-
-    def forces(self, states: Array, shared: Array) -> pd.DataFrame:
-        """Along a path, a row a block: CL, CD (tabulated thrust taken out), qS/m and thrust/m [m/s^2], J, V, alpha."""
-        x = dict(zip(STATES, states.T, strict=True))
-        error = dict(zip(SHARED, shared, strict=True))
-        air = x["v_north"] - x["wind_north"], x["v_east"] - x["wind_east"], x["v_down"]
-        u, v, w = motion.body_from_earth(*air, x["phi"], x["theta"], x["psi"])
-        V, alpha, _ = motion.flow_of(u, v, w)
-        m, rho = self._aircraft.mass_kg, self.mean["rho"]
-        qS = rho * V**2 / 2 * self._aircraft.geometry.wing_area_m2
-        n = np.where(self.mean["n_revps"] > 1, self.mean["n_revps"], np.nan)
-        thrust, _ = self._propeller.thrust_and_power(V, n, rho)  # (3.48): J is of the whole airspeed
-        ax, az = self.mean["ax_mps2"] - error["ax_bias"], self.mean["az_mps2"] - error["az_bias"]
-        CL, CD = stability_axes((m * ax - thrust) / qS, m * az / qS, alpha)
-        J = V / (n * self._propeller.diameter_m)
-        columns = {
-            "CL": CL,
-            "CD": CD,
-            "qS": qS / m,
-            "thrust": thrust * np.cos(alpha) / m,
-            "J": J,
-            "V": V,
-            "alpha": alpha,
-        }
-        return pd.DataFrame(columns, index=self.t_s)
-
-
 def _segments(forces: pd.DataFrame, runs: list[Run]) -> list[Segment]:
     segments = []
     for run in runs:
-        data = forces.loc[run.start_s : run.end_s].interpolate(limit_direction="both")
+        data = forces.loc[run.start_s : run.end_s, [*DRAG.inputs, "CD"]].interpolate(limit_direction="both")
         if len(data) >= SHORTEST and np.isfinite(data.to_numpy()).all():
             u = {name: data[name].to_numpy() for name in DRAG.inputs}
             z = {"drag": (data["qS"] * data["CD"]).to_numpy()}
@@ -147,7 +109,7 @@ def _segments(forces: pd.DataFrame, runs: list[Run]) -> list[Segment]:
     return segments
 
 
-def _drawn(blocks: _Blocks, path: Path, fit: output_error.Fit, runs: list[Run]):
+def _drawn(blocks: Blocks, path: Path, fit: output_error.Fit, runs: list[Run]):
     """Measured and reconstructed: speed, angle of attack (sensor errors as found), height; drag and its model."""
     forces = blocks.forces(path.states.to_numpy(), path.shared)
     scale, slope, bias = (path.value(name) for name in ("V_scale", "alpha_scale", "alpha_bias"))
