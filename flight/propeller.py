@@ -1,12 +1,14 @@
 """Thrust and power of a propeller from tables of cT and cP over advance ratio, at several speeds of rotation (3.48).
 
 `Propeller` is physics, written with NumPy functions (floats, arrays and CasADi symbols pass through).
-`load_propeller` and the `parse_*` functions read our own CSV, UIUC text tables and APC `PER3` files.
+`load_propeller` and the `parse_*` functions read our own CSV, UIUC text tables and APC `PER3` files, as downloaded.
+`python -m flight.propeller FILE_OR_FOLDER > mine.csv` makes one table in our own format of any of them.
 """
 
 import csv
 import io
 import re
+import sys
 from bisect import bisect_right
 from dataclasses import dataclass
 from importlib import resources
@@ -20,6 +22,9 @@ from numpy.typing import NDArray
 from flight.errors import InputError
 
 INCH_M = 0.0254
+LARGEST_INCHES = 40.0  # UIUC gives a few small propellers in millimetres (E-Flite 130x70): above this it is those
+SAME_RPM = 0.01  # tests of a tunnel at speeds of rotation closer than this are one
+UIUC_NAME = re.compile(r"(?P<name>.+_(?P<size>\d+(?:\.\d+)?)x\d+(?:\.\d+)?[^_]*)_(?P<test>.+)\.txt")
 
 WINDMILL, FOLD = "windmill", "fold"
 BEYOND_ZERO_THRUST = (WINDMILL, FOLD)
@@ -216,22 +221,68 @@ def _piecewise_linear(hinges, first, bends: dict[float, float]):
 
 
 def load_propeller(name_or_path: str | Path) -> Propeller:
-    """A propeller shipped with the package, by name, or one from a file (our CSV, or APC's `PER3`).
+    """A propeller shipped with the package, by name, or one from files as they are downloaded.
 
-    Raises InputError when there is no such propeller or the file cannot be read.
+    A file is our CSV, APC's `PER3`, or any of a propeller's UIUC tables, whose siblings are read along with it; so is a
+    folder with the UIUC tables of one propeller.
+    Raises InputError when there is no such propeller or a file cannot be read.
     """
     shipped = resources.files("flight") / "data" / "propellers"
     path = Path(name_or_path)
     if path.suffix == "" and (shipped / f"{name_or_path}.csv").is_file():
         return parse_csv((shipped / f"{name_or_path}.csv").read_text("utf-8"), str(name_or_path))
+    if path.is_dir():
+        return _load_uiuc(path)
     if not path.is_file():
         names = sorted(f.name.removesuffix(".csv") for f in shipped.iterdir() if f.name.endswith(".csv"))
         raise InputError(f"propeller {name_or_path}: neither a file nor one of {', '.join(names)}")
-    return parse_propeller(path.read_text("utf-8", errors="replace"), path.stem)
+    text = _text(path)
+    named = UIUC_NAME.fullmatch(path.name)
+    if named and _is_uiuc(text):
+        return _load_uiuc(path.parent, named["name"])
+    return parse_propeller(text, path.stem)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text("utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def _load_uiuc(folder: Path, name: str = "") -> Propeller:
+    """All tables of one propeller of the UIUC database in a folder: `apce_10x5_kt0821_5000.txt`, `…_static_….txt`."""
+    tests = [(found, path) for path in sorted(folder.glob("*.txt")) if (found := UIUC_NAME.fullmatch(path.name))]
+    names = sorted({found["name"] for found, _ in tests if name in ("", found["name"])})
+    if not names:
+        raise InputError(f"{folder}: holds no UIUC tables, which are named like apce_10x5_kt0821_5000.txt")
+    if len(names) > 1:
+        raise InputError(f"{folder}: holds tables of {', '.join(names)}; give one file of the one that was flown")
+    texts: dict[float, str] = {}
+    static, size = None, 0.0
+    for found, path in tests:
+        if found["name"] != names[0]:
+            continue
+        size = float(found["size"])
+        text, rpm = _text(path), re.search(r"_(\d{3,5})$", found["test"])
+        if found["test"].startswith("static"):
+            static = text
+        elif rpm and _is_uiuc(text):
+            texts[float(rpm[1])] = text
+    return parse_uiuc(texts, names[0], size * INCH_M if size <= LARGEST_INCHES else size / 1000, static)
+
+
+def _is_uiuc(text: str) -> bool:
+    return text.split(maxsplit=3)[:3] == ["J", "CT", "CP"]
 
 
 def parse_propeller(text: str, name: str) -> Propeller:
-    """A propeller from the text of a file in our own format or in APC's."""
+    """A propeller from the text of one file, in our own format or in APC's."""
+    if _is_uiuc(text):
+        raise InputError(
+            f"propeller {name}: one UIUC table alone says neither diameter nor speed of rotation; make one table of all"
+            " of them by `python -m flight.propeller FOLDER > mine.csv`"
+        )
     return parse_apc(text, name) if "PROP RPM" in text else parse_csv(text, name)
 
 
@@ -269,24 +320,68 @@ def parse_apc(text: str, name: str) -> Propeller:
             continue
         numbers = line.split()
         if rpm is not None and len(numbers) >= 8 and re.fullmatch(r"[\d.]+", numbers[0]):
-            points.setdefault(rpm, []).append((float(numbers[1]), float(numbers[3]), float(numbers[4])))
+            try:
+                point = (float(numbers[1]), float(numbers[3]), float(numbers[4]))
+            except ValueError:
+                raise InputError(f"propeller {name}: not numbers at {rpm:g} rpm: {line.strip()}") from None
+            if np.isfinite(point).all():  # the computation did not converge where it prints NaN
+                points.setdefault(rpm, []).append(point)
     return Propeller(name, float(size[1]) * INCH_M, _rows(points), f"APC {text.split()[0]} computed performance data")
 
 
-def parse_uiuc(texts: dict[float, str], name: str, diameter_m: float) -> Propeller:
-    """UIUC wind-tunnel tables `J CT CP eta`, one text for each speed of rotation [rpm] (it stands in the file name)."""
+def parse_uiuc(texts: dict[float, str], name: str, diameter_m: float, static: str | None = None) -> Propeller:
+    """UIUC wind-tunnel tables `J CT CP eta`, one text for each speed of rotation [rpm] (it stands in the file name).
+
+    Two tests at one speed of rotation, one at low and one at high J, make one row. static : the table `RPM CT CP`
+    measured without wind, which gives the rows that lie within its speeds their point at J = 0.
+    """
+    tests = sorted((rpm, _columns(text, ("J", "CT", "CP"), name)) for rpm, text in texts.items())
+    still = _columns(static, ("RPM", "CT", "CP"), name) if static else []
     points: dict[float, list[tuple[float, float, float]]] = {}
-    for rpm, text in texts.items():
-        lines = [line.split() for line in text.splitlines() if line.strip()]
-        if not lines or lines[0][:3] != ["J", "CT", "CP"]:
-            raise InputError(f"propeller {name}: a UIUC table starts with the line `J CT CP eta`")
-        points[rpm] = [(float(J), float(cT), float(cP)) for J, cT, cP, *_ in lines[1:]]
+    while tests:
+        rpm = tests[0][0]
+        same = [test for test in tests if test[0] <= rpm * (1 + SAME_RPM)]
+        tests = tests[len(same) :]
+        at = float(np.mean([speed for speed, _ in same]))
+        row = [point for _, table in same for point in table]
+        if still and still[0][0] <= at <= still[-1][0]:
+            speeds, cT, cP = zip(*still, strict=True)
+            row.append((0.0, float(np.interp(at, speeds, cT)), float(np.interp(at, speeds, cP))))
+        points[at] = row
     return Propeller(name, diameter_m, _rows(points), "UIUC Propeller Database, wind-tunnel measurement")
 
 
+def _columns(text: str, header: tuple[str, str, str], name: str) -> list[tuple[float, float, float]]:
+    lines = [line.split() for line in text.splitlines() if line.strip()]
+    if not lines or tuple(lines[0][:3]) != header:
+        raise InputError(f"propeller {name}: a UIUC table starts with the line `{' '.join(header)}`")
+    try:
+        points = [(float(first), float(cT), float(cP)) for first, cT, cP, *_ in lines[1:]]
+    except ValueError as error:
+        raise InputError(f"propeller {name}: not a UIUC table of {', '.join(header)} ({error})") from None
+    if not points:
+        raise InputError(f"propeller {name}: a UIUC table without a line of numbers")
+    return points
+
+
 def _rows(points: dict[float, list[tuple[float, float, float]]]) -> tuple[Row, ...]:
+    """Rows in ascending J; what was measured twice at one J is averaged."""
     rows = []
     for rpm, table in points.items():
-        J, cT, cP = zip(*sorted(set(table)), strict=True)
+        at: dict[float, list[tuple[float, float]]] = {}
+        for J, cT, cP in table:
+            at.setdefault(J, []).append((cT, cP))
+        means = [(J, *np.mean(at[J], axis=0).tolist()) for J in sorted(at)]
+        J, cT, cP = zip(*means, strict=True)
         rows.append(Row(rpm, J, cT, cP))
     return tuple(rows)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python -m flight.propeller FILE_OR_FOLDER > mine.csv")
+    try:
+        print(load_propeller(sys.argv[1]).to_csv(), end="")
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)

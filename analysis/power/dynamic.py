@@ -26,6 +26,7 @@ from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 POLAR = ("A0", "A1", "A2")
+THRUST = ("thrust_scale", "thrust_slope")  # thrust is the table's times 1 + scale + slope (J - J_REFERENCE)
 SHORTEST = 10  # blocks of a run
 UNITS = {
     "p_bias": "rad/s", "q_bias": "rad/s", "r_bias": "rad/s", "ax_bias": "m/s^2", "ay_bias": "m/s^2", "az_bias": "m/s^2",
@@ -63,6 +64,9 @@ class DynamicEstimate:
     verdict: str
     warnings: list[str]
     fits: list[tuple[str, Array, dict[str, Array], dict[str, Array]]]  # run, time, measured, modelled
+    values: Array  # of POLAR and THRUST
+    noise: Array  # covariance of `values` by noise, (5, 5)
+    systematic: Array  # and by what all runs share; both together is the covariance
 
 
 def estimate_polar(
@@ -83,6 +87,7 @@ def estimate_polar(
         systematic += np.outer(moved, moved)
     whole = noise + systematic
     where = [fit.names.index(name) for name in POLAR]
+    both = [fit.names.index(name) for name in POLAR + THRUST]
     errors = np.sqrt(np.diag(whole))
     parameters = [
         (name, float(value), float(error), "") for name, value, error in zip(fit.names, fit.values, errors, strict=True)
@@ -95,6 +100,9 @@ def estimate_polar(
         verdict=str(fit.verdict) if path.converged else "the path did not converge",
         warnings=[] if converged else [f"The estimation did not end well: {fit.verdict}; path: {path.converged}."],
         fits=_drawn(blocks, path, fit, runs),
+        values=fit.values[both],
+        noise=noise[np.ix_(both, both)],
+        systematic=systematic[np.ix_(both, both)],
     )
 
 
