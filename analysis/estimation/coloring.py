@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from analysis.estimation.output_error import Fit
+from analysis.estimation.fit import Fit
 
 Array = NDArray[np.float64]
 Spectrum = NDArray[np.complex128]

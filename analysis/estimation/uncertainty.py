@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy import fft, stats
 
 from analysis.estimation import coloring
+from analysis.estimation.fit import Fit
 from analysis.estimation.model import Named
-from analysis.estimation.output_error import Fit
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -65,7 +65,8 @@ def morelli_klein(fit: Fit, autocorrelation: Literal["autoregressive", "raw"] = 
         spectrum = coloring.spectrum_of(coloring.autocorrelation(fit, longest), size)
     else:
         spectrum = coloring.noise_spectrum(fit, size)
-    return _sandwich(fit, f"Morelli-Klein ({autocorrelation})", coloring.middle(fit, spectrum, size))
+    middle = coloring.middle(fit, spectrum, size) + fit.spread_information
+    return _sandwich(fit, f"Morelli-Klein ({autocorrelation})", middle)
 
 
 def block_bootstrap(fit: Fit, *, block_s: float, draws: int = 500, seed: int = 0) -> Uncertainty:
@@ -84,7 +85,7 @@ def block_bootstrap(fit: Fit, *, block_s: float, draws: int = 500, seed: int = 0
         index = (starts[:, :, None] + np.arange(length)).reshape(draws, -1)[:, :n]
         drawn = (e - e.mean(axis=0))[index].reshape(draws, -1)
         score[:, piece.columns] += drawn @ piece.white.S.reshape(-1, len(piece.columns))
-    return _sandwich(fit, "block bootstrap", np.cov(score, rowvar=False).reshape(m, m))
+    return _sandwich(fit, "block bootstrap", np.cov(score, rowvar=False).reshape(m, m) + fit.spread_information)
 
 
 def _sandwich(fit: Fit, method: str, middle: Array) -> Uncertainty:
