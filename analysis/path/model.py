@@ -1,13 +1,13 @@
 """The equations of the reconstruction: how states follow one another, and what each sensor shows of them.
 
-States at each instant: Euler angles, inertial velocity north-east-down, height and horizontal wind. Shared by the whole
-flight: biases and scales of the sensors. Functions are written with NumPy and evaluated by CasADi over all instants at
-once, exact derivatives included.
+States at each instant: Euler angles, inertial velocity north-east-down, height and the wind, gusts included. Shared by
+the whole flight: the mean wind, biases and scales of the sensors. Functions are written with NumPy and evaluated by
+CasADi over all instants at once, exact derivatives included.
 
-Two things are left out on purpose (docs/estimators.md has the figures). Gusts are not states but noise of the air data:
-the aircraft answers to them, so that a gust free to be estimated takes the blame for what a scale of angle of attack
-does. Lift and drag are not estimated along: they would be fitted to what gusts do in a second rather than to what a run
-does in ten.
+The aircraft answers to gusts: within a second it drifts along with them, and its motion then shows the gust, the flow
+at its nose does not. A scale error multiplies that flow, so what stands beside a scale has to be the flow at its nose as
+speed and lift dictate it, slow and free of gusts; beside the motion it would be a fit to what gusts do, and come out far
+off (docs/estimators.md has the figures). Hence `slow_V` and `slow_alpha`, given for each step from the path so far.
 """
 
 from collections.abc import Sequence
@@ -24,12 +24,13 @@ from flight.atmosphere import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
 
-STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height", "wind_north", "wind_east")
-SHARED = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias",
-          "alpha_bias", "alpha_scale", "beta_bias", "V_scale", "gps_latency")  # fmt: skip
-MOVE = ("p", "q", "r", "ax", "ay", "az", "dt")  # means between two instants
+STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",
+          "wind_north", "wind_east", "wind_down")  # fmt: skip
+SHARED = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_bias", "alpha_scale", "beta_bias",
+          "V_scale", "air_data_lag", "gps_latency", "wind_north_mean", "wind_east_mean")  # fmt: skip
+MOVE = ("p", "q", "r", "ax", "ay", "az", "dt", "stays", "stays_down")  # means between two instants; of gusts
 SHOWN = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_down", "v_north", "v_east", "v_down")
-GIVEN = ("ax", "ay", "az")
+GIVEN = ("ax", "ay", "az", "slow_V", "slow_alpha", "slope_V", "slope_alpha")
 
 
 def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
@@ -45,8 +46,9 @@ def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
         b.v_east - a.v_east - u.dt * force[1],
         b.v_down - a.v_down - u.dt * (force[2] + g),
         b.height - a.height + u.dt * (a.v_down + b.v_down) / 2,
-        b.wind_north - a.wind_north,
-        b.wind_east - a.wind_east,
+        b.wind_north - c.wind_north_mean - u.stays * (a.wind_north - c.wind_north_mean),
+        b.wind_east - c.wind_east_mean - u.stays * (a.wind_east - c.wind_east_mean),
+        b.wind_down - u.stays_down * a.wind_down,
     )
 
 
@@ -54,18 +56,17 @@ def shown(x: Any, c: Any, v: Any) -> Sequence[Any]:
     """What each of SHOWN would be at state x, with the sensors' errors c and what is given, v.
 
     An airspeed that reads high by a fraction has a dynamic pressure high by twice that, and angles are pressures over
-    dynamic pressure: they then read low by as much.
+    dynamic pressure: they then read low by as much. Pressures that come late are behind by their slope.
     """
-    u, side, w = motion.body_from_earth(
-        x.v_north - x.wind_north, x.v_east - x.wind_east, x.v_down, x.phi, x.theta, x.psi
-    )
+    air = x.v_north - x.wind_north, x.v_east - x.wind_east, x.v_down - x.wind_down
+    u, side, w = motion.body_from_earth(*air, x.phi, x.theta, x.psi)
     V = np.sqrt(u**2 + side**2 + w**2 + 1e-6)  # never zero, for the derivative at rest
     alpha, beta = np.arctan2(w, np.sqrt(u**2 + 1e-6)), np.arcsin(side / V)
     bias_free = v.ax - c.ax_bias, v.ay - c.ay_bias, v.az - c.az_bias
     force = motion.earth_from_body(*bias_free, x.phi, x.theta, x.psi)
     return (
-        V * (1 + c.V_scale),
-        alpha * (1 + c.alpha_scale - 2 * c.V_scale) + c.alpha_bias,
+        V + c.V_scale * v.slow_V - c.air_data_lag * v.slope_V,
+        alpha + (c.alpha_scale - 2 * c.V_scale) * v.slow_alpha - c.air_data_lag * v.slope_alpha + c.alpha_bias,
         beta * (1 - 2 * c.V_scale) + c.beta_bias,
         x.height,
         x.v_north - c.gps_latency * force[0],

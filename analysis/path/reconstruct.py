@@ -4,22 +4,25 @@ Works on means over BLOCK samples: five a second are enough for a path, and exac
 carry everything faster from one to the next.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.signal import savgol_filter
 
 from analysis.airdata.air import LOW_M, bank_rad
+from analysis.path import gusts
 from analysis.path.batch import Prior, Step, cost, step
-from analysis.path.model import GIVEN, SHARED, SHOWN, STATES, Data, Equations
+from analysis.path.model import GIVEN, MOVE, SHARED, SHOWN, STATES, Data, Equations
+from analysis.stillness import stretches
 
 Array = NDArray[np.float64]
 
 BLOCK = 5
-GUST_RATIO = {"V": 1.6, "alpha": 1.0, "beta": 1.6}  # along and across to vertical, MIL-F-8785C at 60 m, roughly
-GUSTS_TRIED_MPS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.1, 1.6)
+GUSTS_TRIED_MPS = (0.01, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
+SLOW_S = 3.0  # speed and angle of attack over longer than this follow lift, not gusts: the heave mode takes 0.3 s
 ITERATIONS = 12
 FIRST_BLOCKS = 25  # a log that stands within its first five seconds began at rest
 CONVERGED = 0.02  # of a standard error of every shared number, in the last step
@@ -28,7 +31,7 @@ CONVERGED = 0.02  # of a standard error of every shared number, in the last step
 BENCH = {"p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "ax_mps2": 0.06, "ay_mps2": 0.06, "az_mps2": 0.06,
          "dp_alpha_Pa": 6.0, "dp_beta_Pa": 6.0, "q_c_Pa": 6.0, "static_Pa": 6.0}  # fmt: skip
 GYRO_SCALE, ACCEL_SCALE = 0.005, 0.002  # of what is measured, as if it were noise
-WIND_WALK_MPS = 0.02  # in a second
+WIND_WALK_MPS, WIND_SPREAD_MPS = 0.02, 1.0  # in a second; about the mean: height, place and hour, without turbulence
 # GPS errors wander over a minute; the horizontal ones look like wind, and height itself is the barometer's.
 GPS_MPS, GPS_DOWN_MPS, REST_MPS = 0.3, 1.0, 0.1
 
@@ -36,7 +39,7 @@ PRIOR_SIGMA = {
     "p_bias": 0.002, "q_bias": 0.002, "r_bias": 0.002,  # about the zeros at rest
     "ax_bias": 0.3, "ay_bias": 0.3, "az_bias": 0.3,
     "alpha_bias": np.radians(1.5), "alpha_scale": 0.03, "beta_bias": np.radians(1.5), "V_scale": 0.02,
-    "gps_latency": 0.2,
+    "air_data_lag": 0.012, "gps_latency": 0.2, "wind_north_mean": 8.0, "wind_east_mean": 8.0,
 }  # fmt: skip
 PRIOR_MEAN = {"gps_latency": 0.1}
 
@@ -47,7 +50,7 @@ class Path:
 
     states : by name, index t_s     shared, covariance : values (m,) and (m, m) in the order of SHARED
     follow : (n, nx, m) how the states move with the shared numbers, all else as measured
-    gust_mps : standard deviation of vertical gusts, as far as they disturb the air data
+    gust_mps : standard deviation of vertical gusts
     residuals : rms of each of SHOWN, in standard deviations
     """
 
@@ -112,9 +115,12 @@ class _Problem:
         self._still = np.zeros(self._n, dtype=bool)
         for rows in still:
             self._still[-(-rows.start // BLOCK) : rows.stop // BLOCK] = True
-        self._move, move_sigma = self._integrated()
-        self._process_weight = 1 / move_sigma
-        self._given = self._what_is_given()
+        self._move, self._move_sigma = self._integrated()
+        self._slow = {name: _slow_and_slope(self._mean[column], self._flying, BLOCK / self._rate_Hz)
+                      for name, column in (("V", "V_mps"), ("alpha", "alpha_rad"))}  # fmt: skip
+        flown = self._flying if self._flying.any() else slice(None)
+        self._cruise_mps = float(np.median(self._V_reference[flown]))
+        self._cruise_height_m = float(np.nanmedian(self._mean["height_m"][flown]))
         self._shown, self._weight = self._what_is_shown()
         self._prior_shared = (
             np.array([PRIOR_MEAN.get(name, 0.0) for name in SHARED]),
@@ -132,25 +138,47 @@ class _Problem:
             total = np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2)])
             columns.append(np.diff(total[self._center]) / BLOCK)
             missing |= np.diff(np.cumsum(gap)[self._center]) > 0
-        move = np.column_stack([*columns, np.full(self._n - 1, dt)])
+        move = np.column_stack([*columns, np.full(self._n - 1, dt), np.zeros((self._n - 1, 2))])
         rates, forces = np.abs(move[:, :3]), np.abs(move[:, 3:6])
         spread = np.sqrt(dt / self._rate_Hz)
-        sigma = np.empty((self._n - 1, 9))
+        sigma = np.empty((self._n - 1, len(STATES)))
         sigma[:, :3] = np.hypot([self._noise[f"{a}_radps"] * spread for a in "pqr"], GYRO_SCALE * rates * dt) + 1e-5
         noise = [self._noise[f"a{a}_mps2"] * spread for a in "xyz"]
         sigma[:, 3:6] = np.hypot(noise, ACCEL_SCALE * forces * dt) + 1e-4
         sigma[missing, :3] += 0.5 * dt  # nothing was measured: the aircraft may have done anything it usually does
         sigma[missing, 3:6] += 5.0 * dt
         sigma[:, 6] = 2e-3
-        sigma[:, 7:9] = WIND_WALK_MPS * np.sqrt(dt)
         return move, sigma
 
-    def _what_is_given(self) -> Array:
+    def _in_gusts(self, sigma_w_mps: float) -> tuple[Array, Array]:
+        """MOVE, and the weights of the process, in turbulence of this intensity."""
+        dt = BLOCK / self._rate_Hz
+        move, sigma = self._move.copy(), self._move_sigma.copy()
+        where = self._cruise_height_m, self._cruise_mps
+        calm = gusts.Wandering.of_walk(WIND_SPREAD_MPS, WIND_WALK_MPS)
+        along = gusts.horizontal(sigma_w_mps, *where).with_other(calm)
+        for name, states, wind in (
+            ("stays", slice(7, 9), along),
+            ("stays_down", slice(9, 10), gusts.vertical(sigma_w_mps, *where)),
+        ):
+            move[:, MOVE.index(name)] = wind.stays(dt)
+            sigma[:, states] = wind.sigma_mps * np.sqrt(1 - wind.stays(dt) ** 2)
+        return move, 1 / sigma
+
+    def _what_is_given(self, shared: Array) -> Array:
+        """GIVEN, with the slow flow as the sensors' errors are known by now."""
+        error = dict(zip(SHARED, shared, strict=True))
         mean = self._mean
+        (slow_V, slope_V), (slow_alpha, slope_alpha) = self._slow["V"], self._slow["alpha"]
+        scale = 1 + error["V_scale"], 1 + error["alpha_scale"] - 2 * error["V_scale"]
         columns = {
             "ax": np.nan_to_num(mean["ax_mps2"]),
             "ay": np.nan_to_num(mean["ay_mps2"]),
             "az": np.nan_to_num(mean["az_mps2"], nan=-9.8),
+            "slow_V": slow_V / scale[0],
+            "slow_alpha": (slow_alpha - error["alpha_bias"]) / scale[1],
+            "slope_V": slope_V / scale[0],
+            "slope_alpha": slope_alpha / scale[1],
         }
         return np.column_stack([columns[name] for name in GIVEN])
 
@@ -190,8 +218,8 @@ class _Problem:
             weight[:, i] = (used[name] & np.isfinite(values[name])) / sigma[name]
         return shown, weight
 
-    def _with_gps(self, latency_s: float) -> Data:
-        """The data with GPS moved forward by its latency as it is known by now."""
+    def _with_gps(self, latency_s: float) -> tuple[Array, Array]:
+        """SHOWN and weights, with GPS moved forward by its latency as it is known by now."""
         shown, weight = self._shown.copy(), self._weight.copy()
         for name in ("gps_north", "gps_east", "gps_down"):
             i = SHOWN.index(name)
@@ -203,16 +231,7 @@ class _Problem:
             shown[:, i] = CubicSpline(taken, series.to_numpy())(self.t_s)
             after = np.clip(np.searchsorted(taken, self.t_s), 1, len(taken) - 1)
             weight[:, i] *= (taken[after] - taken[after - 1] < 0.5) & (self.t_s > taken[0]) & (self.t_s < taken[-1])
-        return Data(self._move, self._process_weight, shown, weight, self._given)
-
-    def _in_gusts(self, data: Data, gust_mps: float) -> Data:
-        """The data with gusts of this intensity counted as noise of speed and angles."""
-        weight = data.weight.copy()
-        for name, ratio in GUST_RATIO.items():
-            i = SHOWN.index(name)
-            gust = ratio * gust_mps / (1.0 if name == "V" else self._V_reference)
-            weight[:, i] /= np.sqrt(1 + (weight[:, i] * gust) ** 2)
-        return replace(data, weight=weight)
+        return shown, weight
 
     def start(self) -> tuple[Array, Array]:
         """A path to begin with: attitude from angles of attack and climb, velocity from GPS or the air."""
@@ -246,13 +265,14 @@ class _Problem:
         # Without GPS nothing shows the compass: north is then where the aircraft's nose pointed at first.
         heading = 3.0 if self._has_gps else 0.01
         velocity = 0.3 if self._still.any() and np.argmax(self._still) < FIRST_BLOCKS else 10.0
-        first_sigma = np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0])
+        first_sigma = np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0, max(gust, 0.01)])
         mean, sigma = self._prior_shared
         latency = SHARED.index("gps_latency")
         x, shared, converged = x.copy(), shared.copy(), False
+        move, process_weight = self._in_gusts(gust)
         for _ in range(ITERATIONS):
             moved = shared[latency]
-            data = self._in_gusts(self._with_gps(float(moved)), gust)
+            data = Data(move, process_weight, *self._with_gps(float(moved)), self._what_is_given(shared))
             remaining = shared.copy()
             remaining[latency] = 0.0
             prior_mean = mean.copy()
@@ -265,7 +285,7 @@ class _Problem:
                 converged = True
                 break
         evidence = cost(at, prior, x[0], remaining) + last.log_determinant
-        evidence -= 2 * float(np.sum(np.log(data.weight[data.weight > 0])))
+        evidence -= 2 * float(np.sum(np.log(process_weight)) + np.sum(np.log(data.weight[data.weight > 0])))
         return _Solution(x, shared, last, gust, evidence, at.measured, converged)
 
     def path(self, solution: _Solution) -> Path:
@@ -287,6 +307,20 @@ def block_mean(series: pd.Series, n: int) -> Array:
     count = present.sum(axis=1)
     total = np.where(present, blocks, 0.0).sum(axis=1)
     return np.where(count > BLOCK // 2, total / np.maximum(count, 1), np.nan)
+
+
+def _slow_and_slope(values: Array, flying: NDArray[np.bool_], step_s: float) -> tuple[Array, Array]:
+    """Local quadratic over SLOW_S and its slope, in each stretch of flight; 0 elsewhere."""
+    window = 2 * round(SLOW_S / step_s / 2) + 1
+    slow, slope = np.zeros(len(values)), np.zeros(len(values))
+    for rows in stretches(flying):
+        bridged = pd.Series(values[rows]).interpolate(limit_direction="both").to_numpy()
+        if len(bridged) >= window:
+            slow[rows] = savgol_filter(bridged, window, 2)
+            slope[rows] = savgol_filter(bridged, window, 2, deriv=1, delta=step_s)
+        else:
+            slow[rows] = np.mean(bridged)
+    return slow, slope
 
 
 def _smoothed(values: Array, width: int) -> Array:

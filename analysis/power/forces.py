@@ -42,7 +42,7 @@ class Blocks:
         """
         x = dict(zip(STATES, states.T, strict=True))
         error = dict(zip(SHARED, shared, strict=True))
-        air = x["v_north"] - x["wind_north"], x["v_east"] - x["wind_east"], x["v_down"]
+        air = x["v_north"] - x["wind_north"], x["v_east"] - x["wind_east"], x["v_down"] - x["wind_down"]
         u, v, w = motion.body_from_earth(*air, x["phi"], x["theta"], x["psi"])
         V, alpha, _ = motion.flow_of(u, v, w)
         m, rho = self.aircraft.mass_kg, self.mean["rho"]

@@ -1,0 +1,51 @@
+"""How the wind wanders while an aircraft flies through it: turbulence, as first-order processes in time.
+
+Dryden's spectra in the low-altitude form of MIL-F-8785C sec. 3.7.3.4.1, seen from an aircraft at speed V: a length L
+takes L/V to pass. The vertical spectrum, sigma^2 (T/pi) (1 + 3 x^2)/(1 + x^2)^2 with x = omega T, is replaced by the
+first-order one that agrees with it both for slow and for quick changes.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+FOOT_M = 0.3048
+LOWEST_M, HIGHEST_M = 10 * FOOT_M, 1000 * FOOT_M  # the layer that the low-altitude form holds in
+
+
+class Wandering(NamedTuple):
+    """A first-order Gauss-Markov process: standard deviation about its mean, and the time after which 1/e stays."""
+
+    sigma_mps: float
+    time_s: float
+
+    @classmethod
+    def of_walk(cls, spread_mps: float, walk_mps: float) -> "Wandering":
+        """One that walks `walk_mps` in the first second and in the long run stays within `spread_mps` of its mean."""
+        return cls(spread_mps, 2 * (spread_mps / walk_mps) ** 2)
+
+    def stays(self, seconds: float) -> float:
+        """What is left after so long of a deviation from the mean, as a fraction."""
+        return float(np.exp(-seconds / self.time_s))
+
+    def with_other(self, other: "Wandering") -> "Wandering":
+        """The sum of two as one: with their variance, and as quick as both together at first."""
+        variance = self.sigma_mps**2 + other.sigma_mps**2
+        quick = self.sigma_mps**2 / self.time_s + other.sigma_mps**2 / other.time_s
+        return Wandering(float(np.sqrt(variance)), variance / quick)
+
+
+def vertical(sigma_w_mps: float, height_m: float, V: float) -> Wandering:
+    """Vertical gusts of intensity sigma_w for an aircraft at height above the ground and speed V [m/s].
+
+    Slow changes: sigma^2 T = 2 s^2 t; quick ones: 3 sigma^2/T = 2 s^2/t. Hence t = T/sqrt3, s^2 = sigma^2 sqrt3/2.
+    """
+    T = float(np.clip(height_m, LOWEST_M, HIGHEST_M)) / V
+    return Wandering(sigma_w_mps * (3**0.5 / 2) ** 0.5, T / 3**0.5)
+
+
+def horizontal(sigma_w_mps: float, height_m: float, V: float) -> Wandering:
+    """Horizontal gusts that go with vertical ones of sigma_w: L_u = h/s^1.2, sigma_u = sigma_w/s^0.4 (h in feet)."""
+    h_ft = float(np.clip(height_m, LOWEST_M, HIGHEST_M)) / FOOT_M
+    shape = 0.177 + 0.000823 * h_ft
+    return Wandering(sigma_w_mps / shape**0.4, h_ft * FOOT_M / shape**1.2 / V)
