@@ -26,6 +26,7 @@ from analysis.results import (
 )
 from analysis.runs import Rejected, Run, find_runs
 from analysis.stillness import still_segments, zeros
+from analysis.use import Day, Questions, flight_data, interval_parts, use
 from flight.aircraft import Aircraft, parse_aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
 from flight.errors import InputError
@@ -51,14 +52,23 @@ class Analysis:
     flown_CL: tuple[float, float]
 
 
-def analyze(log: Log, aircraft: Aircraft | None = None, progress: Progress = lambda _: None) -> Analysis:
+def analyze(
+    log: Log,
+    aircraft: Aircraft | None = None,
+    progress: Progress = lambda _: None,
+    *,
+    propeller: Propeller | None = None,
+    questions: Questions = Questions(),
+) -> Analysis:
     """A log to power required.
 
-    aircraft: to use instead of the one the log carries.
+    aircraft, propeller: to use instead of those the log carries. questions: what the curve is to answer.
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
     aircraft = aircraft or _aircraft_of(log)
-    propeller = _propeller_of(log, aircraft)
+    if propeller is None:
+        propeller = _propeller_of(log, aircraft)
+    propeller = propeller.beyond(aircraft.propulsion.beyond_zero_thrust)
     probe = parse_probe(
         _attachment(log, "probe.json", "calibrate the probe and name the file in the tray"), "probe.json"
     )
@@ -92,6 +102,12 @@ def analyze(log: Log, aircraft: Aircraft | None = None, progress: Progress = lam
     test = curve.Condition(aircraft.mass.weight_N, float(flown["rho"].mean()), aircraft.geometry.wing_area_m2)
     standard = curve.Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
     warnings += _disagreement(estimate.polar, check, test, flown_CL)
+    pressure_Pa, temperature_K = float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean())
+    power_required = _points(estimate.polar, test, flown_CL)
+    progress("answering")
+    data = flight_data(air.table, path, aircraft, propeller)
+    day = Day(test, pressure_Pa, temperature_K)
+    answered = use(questions, data, estimate, aircraft, propeller, day, flown_CL)
     results = Results(
         software_version=version("flightpower"),
         log=str(log.path),
@@ -104,8 +120,8 @@ def analyze(log: Log, aircraft: Aircraft | None = None, progress: Progress = lam
         ),
         test=ConditionResult(weight_N=test.weight_N, air_density_kgpm3=test.rho),
         standard=ConditionResult(weight_N=standard.weight_N, air_density_kgpm3=standard.rho),
-        air_temperature_K=float(flown["temperature_K"].mean()),
-        air_pressure_Pa=float(flown["static_Pa"].mean()),
+        air_temperature_K=temperature_K,
+        air_pressure_Pa=pressure_Pa,
         runs=[
             RunResult(
                 kind=run.kind,
@@ -124,13 +140,15 @@ def analyze(log: Log, aircraft: Aircraft | None = None, progress: Progress = lam
             for name, value, error, unit in estimate.parameters
         ],
         drag_polar=_drag_polar(estimate.polar, aircraft),
-        power_required=_points(estimate.polar, test, flown_CL),
+        power_required=power_required,
         power_required_standard=_points(estimate.polar, standard, flown_CL),
         cross_check=_points(check.polar, test, flown_CL),
         minimum_power_speed=_special(curve.minimum_power_lift, estimate.polar, test, flown_CL),
         best_range_speed=_special(curve.best_range_lift, estimate.polar, test, flown_CL),
         verdict=estimate.verdict,
         warnings=warnings,
+        interval_parts=interval_parts(estimate, test, np.array([point.speed_mps for point in power_required])),
+        use=answered,
     )
     return Analysis(results, air.table, runs, estimate, estimate.polar, flown_CL)
 
@@ -148,8 +166,7 @@ def _aircraft_of(log: Log) -> Aircraft:
 
 def _propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
     table = _attachment(log, "propeller.csv", "the tray's aircraft file names the propeller that goes into logs")
-    propeller = parse_propeller(table.decode("utf-8", errors="replace"), aircraft.propulsion.propeller)
-    return propeller.beyond(aircraft.propulsion.beyond_zero_thrust)
+    return parse_propeller(table.decode("utf-8", errors="replace"), aircraft.propulsion.propeller)
 
 
 def _line_lags_s(aircraft: Aircraft) -> dict[str, float]:

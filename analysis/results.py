@@ -112,6 +112,108 @@ class DragPolar(msgspec.Struct, frozen=True, kw_only=True):
     maximum_lift_to_drag: float
 
 
+class IntervalPart(msgspec.Struct, frozen=True, kw_only=True):
+    """What the half width of the 95 % interval is made of; the two add as squares."""
+
+    speed_mps: float
+    noise_W: float
+    systematic_W: float  # what all runs share: sensors, propeller's table, direction
+
+
+class Interval(msgspec.Struct, frozen=True, kw_only=True):
+    """A number with its 95 % interval."""
+
+    value: float
+    lo: float
+    hi: float
+
+
+class EfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
+    """Efficiencies (0 to 1) in steady level flight at the test's weight and density."""
+
+    speed_mps: float
+    propeller: Interval
+    motor: Interval  # with its speed controller
+    overall: Interval
+    extrapolated: bool
+
+
+class EfficiencyMeasured(msgspec.Struct, frozen=True, kw_only=True):
+    """The same in a few seconds of steady or slowly changing flight, climbing or not."""
+
+    time_s: float
+    speed_mps: float
+    propeller: float
+    motor: float
+    overall: float
+
+
+class PowerTrainResult(msgspec.Struct, frozen=True, kw_only=True):
+    measured: bool  # voltage and current of the battery were there to fit to
+    basis: str  # where the numbers come from, in words
+    parameters: list[ParameterResult]
+    efficiency: list[EfficiencyPoint]
+    points: list[EfficiencyMeasured]
+
+
+class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What full throttle allows, at the test's weight and density."""
+
+    reason: str  # why nothing is known; empty where something is
+    basis: str
+    power_available: list[PowerPoint]
+    climb_mps: list[float]  # at the same speeds
+    maximum_speed_mps: Interval | None
+    maximum_speed_extrapolated: bool
+    best_climb_mps: Interval | None
+    best_climb_speed_mps: float | None
+    service_ceiling_m: Interval | None  # density altitude at which the climb has fallen to 0.508 m/s (100 ft/min)
+    absolute_ceiling_m: Interval | None
+    notes: list[str]
+
+
+class Loading(msgspec.Struct, frozen=True, kw_only=True):
+    """Endurance, range and climb at one weight and density, each at its own best speed within those flown."""
+
+    title: str
+    weight_N: float
+    air_density_kgpm3: float
+    density_altitude_m: float
+    endurance_s: Interval
+    endurance_speed_mps: Interval
+    endurance_power_W: float  # from the battery
+    endurance_at_slowest: bool  # the best speed lies at or below the slowest flown
+    range_m: Interval
+    range_speed_mps: Interval
+    range_power_W: float
+    maximum_speed_mps: Interval | None
+    best_climb_mps: Interval | None
+
+
+class FieldRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One line of the table to carry to the field."""
+
+    speed_mps: float
+    power_required_W: float
+    battery_W: float
+    endurance_s: float
+    range_m: float
+    climb_mps: float | None  # at full throttle
+    extrapolated: bool
+
+
+class Use(msgspec.Struct, frozen=True, kw_only=True):
+    """What a user does with the curve. `loadings` begins with the flight's own weight and density."""
+
+    battery_energy_Wh: float
+    usable: float  # share of it that is flown with
+    power_train: PowerTrainResult
+    available: AvailableResult
+    loadings: list[Loading]
+    costs: list[str]
+    field_table: list[FieldRow]
+
+
 class Results(msgspec.Struct, frozen=True, kw_only=True):
     """The whole of `results.json`."""
 
@@ -136,6 +238,8 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     warnings: list[str]
     methods: list[MethodResult] = []
     disagreements: list[Disagreement] = []
+    interval_parts: list[IntervalPart] = []  # of `power_required`
+    use: Use | None = None  # null where the propeller's table does not allow it
 
 
 def to_json(results: Results) -> bytes:

@@ -369,11 +369,10 @@ def _rows(points: dict[float, list[tuple[float, float, float]]]) -> tuple[Row, .
     rows = []
     for rpm, table in points.items():
         at: dict[float, list[tuple[float, float]]] = {}
-        for J, cT, cP in table:
-            at.setdefault(J, []).append((cT, cP))
-        means = [(J, *np.mean(at[J], axis=0).tolist()) for J in sorted(at)]
-        J, cT, cP = zip(*means, strict=True)
-        rows.append(Row(rpm, J, cT, cP))
+        for J, *coefficients in table:
+            at.setdefault(J, []).append((coefficients[0], coefficients[1]))
+        means = np.array([(J, *np.mean(at[J], axis=0)) for J in sorted(at)])
+        rows.append(Row(rpm, *(tuple(column) for column in means.T.tolist())))
     return tuple(rows)
 
 
