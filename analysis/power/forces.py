@@ -59,7 +59,7 @@ class Blocks:
             "J": V / (n * self.propeller.diameter_m),
             "V": V,
             "alpha": alpha,
-            "gamma": np.arcsin(-x["v_down"] / V),
+            "gamma": np.arcsin(-air[2] / V),
             "bank": x["phi"],
             "climb": -x["v_down"],
             "Vdot": np.gradient(V, self.t_s),

@@ -1,0 +1,63 @@
+"""Finds accelerations and decelerations in nearly level flight, and says why a stretch that looked like one is not."""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.runs import quality
+from analysis.runs.kinds import ACCELERATION, DECELERATION, Rejected, Run, measured
+from analysis.runs.smooth import Smooth, smooth
+from analysis.stillness import stretches
+
+Array = NDArray[np.float64]
+
+SMOOTHING_S = 2.2  # the slope of speed with 0.3 m/s noise (Table 4.1) is then good to 0.06 m/s^2
+CHANGING_MPS2 = 0.15  # a run lasts while speed changes faster than this …
+CLEARLY_CHANGING_MPS2 = 0.5  # … and somewhere as fast as this
+NEARLY_S = 3.0  # long enough to be told that it was too short
+SHORTEST_S, LONGEST_S = 5.0, 40.0  # as seen through the smoothing, which widens a run by about its window
+SMALLEST_SPEED_CHANGE = 0.2  # of the mean speed
+LARGEST_ALTITUDE_CHANGE_M = 20.0
+LARGEST_CLIMB_MPS = 1.2  # mean: what a ground pilot holds; take-off and approach are steeper
+LARGEST_BANK_RAD = np.radians(25)
+
+
+def find_runs(table: pd.DataFrame) -> tuple[list[Run], list[Rejected]]:
+    """Runs in order of time, and the rejected stretches. `table` as `air_data` leaves it."""
+    now = smooth(table, SMOOTHING_S)
+    flying = table["flying"].to_numpy() & np.isfinite(now.V)
+    runs: list[Run] = []
+    rejected: list[Rejected] = []
+    for sign, kind in ((1.0, ACCELERATION), (-1.0, DECELERATION)):
+        for rows in stretches(flying & (sign * now.Vdot > CHANGING_MPS2)):
+            too_slow = np.max(sign * now.Vdot[rows]) < CLEARLY_CHANGING_MPS2
+            if too_slow or rows.stop - rows.start < NEARLY_S / now.step_s:
+                continue
+            data, bank = table.iloc[rows], now.bank[rows]
+            reason = _why_not(data, now, rows)
+            if reason:
+                rejected.append(Rejected(kind, float(data.index[0]), float(data.index[-1]), reason))
+            else:
+                runs.append(measured(kind, rows, table, now.V, quality.notes(data, bank)))
+    return sorted(runs, key=lambda run: run.start_s), sorted(rejected, key=lambda run: run.start_s)
+
+
+def _why_not(data: pd.DataFrame, now: Smooth, rows: slice) -> str:
+    """Why a stretch is no run; empty if it is one."""
+    seconds, V, climb, bank = data.index[-1] - data.index[0], now.V[rows], now.climb[rows], now.bank[rows]
+    if seconds < SHORTEST_S:
+        return f"too short: {seconds:.1f} s, {SHORTEST_S:.0f} s are needed"
+    if seconds > LONGEST_S:
+        return f"too long: {seconds:.0f} s"
+    share = float(np.ptp(V) / np.mean(V))
+    if share < SMALLEST_SPEED_CHANGE:
+        return f"speed changed by only {100 * share:.0f} % of its mean, {100 * SMALLEST_SPEED_CHANGE:.0f} % are needed"
+    if low := quality.too_low(data):
+        return low
+    if abs(np.nanmean(climb)) > LARGEST_CLIMB_MPS:
+        return f"not level: it climbed at {np.nanmean(climb):.1f} m/s on average"
+    if np.ptp(data["height_m"].dropna()) > LARGEST_ALTITUDE_CHANGE_M:
+        return f"not level: height varied by {np.ptp(data['height_m'].dropna()):.0f} m"
+    if np.nanmax(np.abs(bank)) > LARGEST_BANK_RAD:
+        return f"in a turn: bank reached {np.degrees(np.nanmax(np.abs(bank))):.0f} deg"
+    return quality.without_data(data)
