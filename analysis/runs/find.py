@@ -1,0 +1,50 @@
+"""Everything that was flown, of every kind."""
+
+import numpy as np
+import pandas as pd
+
+from analysis.airdata.air import LOW_M
+from analysis.runs.elevator import find_3211
+from analysis.runs.kinds import FLYING, STANDING, STEPS_3211, Found, Run, measured
+from analysis.runs.level import find_runs
+from analysis.runs.loads import find_loads
+from analysis.runs.steady import find_steady
+from analysis.stillness import stretches
+
+SHORTEST_FLIGHT_S = 10.0
+
+
+def find(table: pd.DataFrame, still: list[slice]) -> Found:
+    """Runs of all kinds in a flight. table: as `air_data` leaves it; still: where the aircraft stood."""
+    steps, no_steps = find_3211(table)
+    runs, rejected = [*steps, *_whole(table, still)], [*no_steps]
+    for finder in (find_runs, find_steady, find_loads):
+        some, others = finder(table)
+        # What an elevator input does to the load factor is no roller coaster.
+        runs += [run for run in some if not _within(run, steps)]
+        rejected += [stretch for stretch in others if not _within(stretch, steps)]
+    return Found(sorted(runs, key=_when), sorted(rejected, key=_when))
+
+
+def _whole(table: pd.DataFrame, still: list[slice]) -> list[Run]:
+    """Standing and flying as such."""
+    step_s = float(table.index[1] - table.index[0])
+    V = table["V_mps"].to_numpy()
+    high = table["flying"] & (table["height_m"] > LOW_M)
+    # Half a second outside the probe's range ends no flight.
+    aloft = high.rolling(round(5 / step_s), center=True, min_periods=1).max().to_numpy() > 0
+    flights = [rows for rows in stretches(aloft) if rows.stop - rows.start > SHORTEST_FLIGHT_S / step_s]
+    return [measured(STANDING, rows, table, np.zeros(len(table))) for rows in still] + [
+        measured(FLYING, rows, table, V) for rows in flights
+    ]
+
+
+def _within(stretch, steps: list[Run]) -> bool:
+    return stretch.kind != STEPS_3211 and any(
+        stretch.start_s < step.end_s and stretch.end_s > step.start_s and stretch.end_s - stretch.start_s < 10
+        for step in steps
+    )
+
+
+def _when(stretch) -> float:
+    return stretch.start_s
