@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from analysis import commands
+from analysis.questions import parse_questions
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log
@@ -26,12 +27,37 @@ def analyze(
     aircraft: Annotated[
         Path | None, typer.Option("--aircraft", help="Aircraft file to use instead of the one the log carries.")
     ] = None,
+    propeller: Annotated[
+        str | None,
+        typer.Option(
+            "--propeller",
+            help="Propeller to use instead of the log's: a shipped name, our CSV, APC's PER3 file, or UIUC tables.",
+        ),
+    ] = None,
+    battery_Wh: Annotated[
+        str | None, typer.Option("--battery-Wh", help="Energy of the battery [Wh]; default: the aircraft file's.")
+    ] = None,
+    usable: Annotated[
+        str | None, typer.Option("--usable", help="Share of that energy to fly with, 0 to 1; default: 0.8.")
+    ] = None,
+    weights: Annotated[
+        str | None,
+        typer.Option("--weights", help='Weights to answer for, such as "3.8 kg, 9 lbf"; default: 300 and 600 g more.'),
+    ] = None,
+    density_altitudes: Annotated[
+        str | None,
+        typer.Option(
+            "--density-altitudes",
+            help='Density altitudes to answer for, such as "0 m, 5000 ft"; default: 15 °C hotter, 1000 m higher.',
+        ),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")] = False,
 ) -> None:
-    """From a log to power required: report.html, results.json and power_required.csv.
+    """From a log to power required: report.html, results.json, power_required.csv, and a table for the field.
 
     A log carries all it needs: the aircraft file, the propeller table and the probe's calibration. The curve is drawn
-    over the speeds flown in accelerations and decelerations, with a 95 % interval.
+    over the speeds flown in accelerations and decelerations, with a 95 % interval. With it come endurance and range on
+    a battery, climb and highest speed at full throttle, and what more weight or thinner air costs.
 
     Exit code 0: done. 2: the input cannot be used; one line on stderr says why, and nothing was written.
     """
@@ -39,19 +65,30 @@ def analyze(
     folder = output or log.with_suffix(".report")
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give the folder for the results with -o")
+    questions = parse_questions(battery_Wh, usable, weights, density_altitudes)
     # A thread pool helps none of these small matrices and costs the start of every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with errors.status("reading the log …") as status:
         # What can be refused is refused before the second that the numerical libraries take to load.
         recorded, override = read_log(log), load_aircraft(aircraft) if aircraft else None
+        other = _propeller(propeller) if propeller else None
         from analysis.chain import analyze as run_chain
         from analysis.report import write_report
 
-        analysis = run_chain(recorded, override, lambda text: status.update(text + " …"))
+        def say(text: str) -> None:
+            status.update(text + " …")
+
+        analysis = run_chain(recorded, override, say, propeller=other, questions=questions)
         status.update("drawing the report …")
         write_report(analysis, folder)
     if not quiet:
         _print_summary(analysis.results, folder)
+
+
+def _propeller(name_or_path: str):
+    from flight.propeller import load_propeller
+
+    return load_propeller(name_or_path)
 
 
 def _print_summary(results, folder: Path) -> None:

@@ -6,6 +6,7 @@ from importlib.metadata import version
 
 import numpy as np
 import pandas as pd
+from msgspec.structs import replace
 
 from analysis.airdata.air import air_data
 from analysis.airdata.probe import parse_probe
@@ -13,6 +14,7 @@ from analysis.airdata.tubing import low_frequency_lag_s
 from analysis.channels import COLUMNS, synchronise
 from analysis.path.reconstruct import reconstruct
 from analysis.power import curve, dynamic, output_error
+from analysis.questions import Questions
 from analysis.results import (
     AircraftResult,
     ConditionResult,
@@ -26,7 +28,7 @@ from analysis.results import (
 )
 from analysis.runs import Rejected, Run, find_runs
 from analysis.stillness import still_segments, zeros
-from analysis.use import Day, Questions, flight_data, interval_parts, use
+from analysis.use import Day, flight_data, interval_parts, thrust_coverage, thrust_known, use
 from flight.aircraft import Aircraft, parse_aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
 from flight.errors import InputError
@@ -88,6 +90,9 @@ def analyze(
     if not runs:
         raise InputError(f"{log.path}: no acceleration or deceleration to analyse{_nearest_miss(rejected)}")
 
+    flown = pd.concat([air.table.iloc[run.rows] for run in runs])
+    warnings += thrust_coverage(flown, propeller)
+
     progress("reconstructing the flight path")
     path = reconstruct(air.table, still)
     progress(f"estimating drag from {len(runs)} runs")
@@ -97,13 +102,12 @@ def analyze(
     check = output_error.estimate_polar(air.table, runs, aircraft, zeroed=at_rest is not None)
 
     progress("computing the curve")
-    flown = pd.concat([air.table.iloc[run.rows] for run in runs])
     flown_CL = _flown_lift(flown, aircraft)
     test = curve.Condition(aircraft.mass.weight_N, float(flown["rho"].mean()), aircraft.geometry.wing_area_m2)
     standard = curve.Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
     warnings += _disagreement(estimate.polar, check, test, flown_CL)
     pressure_Pa, temperature_K = float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean())
-    power_required = _points(estimate.polar, test, flown_CL)
+    power_required = _flagged(_points(estimate.polar, test, flown_CL), flown)
     progress("answering")
     data = flight_data(air.table, path, aircraft, propeller)
     day = Day(test, pressure_Pa, temperature_K)
@@ -212,6 +216,12 @@ def _points(polar: curve.Polar, at: curve.Condition, flown_CL: tuple[float, floa
         PowerPoint(speed_mps=float(v), power_W=float(p), power_lo_W=float(p - h), power_hi_W=float(p + h))
         for v, p, h in zip(V, power, half, strict=True)
     ]
+
+
+def _flagged(points: list[PowerPoint], flown: pd.DataFrame) -> list[PowerPoint]:
+    """The curve, with what rests on a continued propeller table marked as extrapolated."""
+    known = thrust_known(flown, np.array([point.speed_mps for point in points]))
+    return [replace(point, extrapolated=not sure) for point, sure in zip(points, known, strict=True)]
 
 
 def _disagreement(

@@ -4,7 +4,6 @@ Builds the numbers, asks `power.propulsion`, `power.available` and `power.answer
 """
 
 import dataclasses
-from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from analysis.path.reconstruct import Path
 from analysis.power import answers, available, curve, dynamic, propulsion
 from analysis.power.forces import Blocks
 from analysis.power.propagation import NORMAL_95, Estimate, Numbers, joined
+from analysis.questions import Questions
 from analysis.results import (
     AvailableResult,
     EfficiencyMeasured,
@@ -32,23 +32,16 @@ from analysis.results import (
 )
 from flight.aircraft import Aircraft
 from flight.atmosphere import density, pressure_at, temperature_at
+from flight.errors import InputError
 from flight.propeller import Propeller
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 
 PAYLOAD_KG, HOTTER_K, HIGHER_M = 0.3, 15.0, 1000.0  # what is asked of when nobody asks
-CURVE_POINTS, EFFICIENCY_POINTS, FIELD_ROWS = 61, 31, 10
-
-
-@dataclass(frozen=True)
-class Questions:
-    """What the user wants answered. None: the aircraft file's battery; weights and air around those of the flight."""
-
-    battery_Wh: float | None = None
-    usable: float = 0.8
-    weights_N: tuple[float, ...] = ()
-    density_altitudes_m: tuple[float, ...] = ()
+EFFICIENCY_POINTS, FIELD_ROWS = 31, 10
+NEARBY = 0.04  # of a speed
+LARGEST_UNMENTIONED_SHARE, LARGEST_SHARE_CONTINUED = 0.02, 0.5  # of the runs, outside the propeller's table
 
 
 class Day(NamedTuple):
@@ -72,6 +65,37 @@ def flight_data(table: pd.DataFrame, path: Path, aircraft: Aircraft, propeller: 
     inside = propeller.covers(data["J"].to_numpy(), 60 * data["n"].to_numpy())
     data["covered"] = inside & (data["height_m"] > LOW_M).to_numpy()
     return data
+
+
+def thrust_known(flown: pd.DataFrame, V: Array) -> NDArray[np.bool_]:
+    """At which speeds V (k,) the propeller's table covers at least half of what was flown within NEARBY of them.
+
+    flown : rows of the runs, columns V_mps and propeller_covered. A speed near which nothing was flown counts as known:
+    it is an extrapolation for another reason.
+    """
+    speed, covered = flown["V_mps"].to_numpy(), flown["propeller_covered"].to_numpy(dtype=float)
+    near = np.abs(speed / V[:, None] - 1) < NEARBY
+    return (near @ covered >= 0.5 * near.sum(axis=1)) | ~near.any(axis=1)
+
+
+def thrust_coverage(flown: pd.DataFrame, propeller: Propeller) -> list[str]:
+    """A warning where the propeller's table leaves out some of the runs.
+
+    flown : rows of the runs, columns J and propeller_covered. Raises InputError where it leaves out most of them.
+    """
+    outside = 1 - float(flown["propeller_covered"].mean())
+    if outside <= LARGEST_UNMENTIONED_SHARE:
+        return []
+    slowest, fastest = np.nanpercentile(flown["J"], (2.5, 97.5))
+    table = max(row.J[-1] for row in propeller.rows)
+    text = (
+        f"propeller {propeller.name}: {100 * outside:.0f} % of the runs lie outside its table, which goes to"
+        f" J = {table:.2f} (flown: {slowest:.2f} to {fastest:.2f})"
+    )
+    if outside > LARGEST_SHARE_CONTINUED:
+        raise InputError(f"{text}; is it the propeller that was flown?")
+    rest = "thrust is continued there as a straight line, and the curve dashed where it rests on that most of the time"
+    return [f"{text[0].upper()}{text[1:]}; {rest}."]
 
 
 def interval_parts(estimate: dynamic.DynamicEstimate, at: curve.Condition, V: Array) -> list[IntervalPart]:

@@ -157,7 +157,8 @@ def power_train(
         )
         basis = (
             f"{why}: motor and controller are those of the aircraft file, an assumption"
-            f" ({propulsion.motor_kv_rpm_per_volt:g} rpm/V, {propulsion.motor_resistance_ohm:g} ohm, {propulsion.motor_no_load_current_A:g} A unloaded),"
+            f" ({propulsion.motor_kv_rpm_per_volt:g} rpm/V, {propulsion.motor_resistance_ohm:g} ohm,"
+            f" {propulsion.motor_no_load_current_A:g} A unloaded),"
             f" losses ±{100 * LOSS_SHARE:.0f} %, shaft power ±{100 * SHAFT_SCALE:.0f} % (one standard deviation)."
         )
         return PowerTrain(joined(numbers, meter), no_load_Nm, False, basis, ())
