@@ -40,7 +40,8 @@ Array = NDArray[np.float64]
 
 PAYLOAD_KG, HOTTER_K, HIGHER_M = 0.3, 15.0, 1000.0  # what is asked of when nobody asks
 EFFICIENCY_POINTS, FIELD_ROWS = 31, 10
-NEARBY = 0.04  # of a speed
+NEARBY, LEAST_KNOWN = 0.04, 0.2  # of a speed; share of what was flown near it
+SAME = 0.005  # of a weight, of a density
 LARGEST_UNMENTIONED_SHARE, LARGEST_SHARE_CONTINUED = 0.02, 0.5  # of the runs, outside the propeller's table
 
 
@@ -68,14 +69,14 @@ def flight_data(table: pd.DataFrame, path: Path, aircraft: Aircraft, propeller: 
 
 
 def thrust_known(flown: pd.DataFrame, V: Array) -> NDArray[np.bool_]:
-    """At which speeds V (k,) the propeller's table covers at least half of what was flown within NEARBY of them.
+    """At which speeds V (k,) the propeller's table covers at least LEAST_KNOWN of what was flown within NEARBY of them.
 
     flown : rows of the runs, columns V_mps and propeller_covered. A speed near which nothing was flown counts as known:
     it is an extrapolation for another reason.
     """
     speed, covered = flown["V_mps"].to_numpy(), flown["propeller_covered"].to_numpy(dtype=float)
     near = np.abs(speed / V[:, None] - 1) < NEARBY
-    return (near @ covered >= 0.5 * near.sum(axis=1)) | ~near.any(axis=1)
+    return (near @ covered >= LEAST_KNOWN * near.sum(axis=1)) | ~near.any(axis=1)
 
 
 def thrust_coverage(flown: pd.DataFrame, propeller: Propeller) -> list[str]:
@@ -94,7 +95,7 @@ def thrust_coverage(flown: pd.DataFrame, propeller: Propeller) -> list[str]:
     )
     if outside > LARGEST_SHARE_CONTINUED:
         raise InputError(f"{text}; is it the propeller that was flown?")
-    rest = "thrust is continued there as a straight line, and the curve dashed where it rests on that most of the time"
+    rest = "thrust is continued there as a straight line, and the curve is dashed where it rests on little else"
     return [f"{text[0].upper()}{text[1:]}; {rest}."]
 
 
@@ -147,7 +148,7 @@ def use(
         power_train=_power_train(train, numbers, propeller, test, flown_CL),
         available=_available(motor, numbers, propeller, test, flown, flown_CL),
         loadings=loadings,
-        costs=[_cost(loadings[0], other) for other in loadings[1:]],
+        costs=[_cost(loadings[0], other) for other in loadings[1:] if _one_change(loadings[0], other)],
         field_table=_field_table(numbers, train, propeller, test, flown, energy_J, flown_CL),
     )
 
@@ -213,6 +214,12 @@ def _loading(title: str, answer: answers.Answer) -> Loading:
         maximum_speed_mps=_interval(performance.maximum_speed) if performance else None,
         best_climb_mps=_interval(performance.best_climb) if performance else None,
     )
+
+
+def _one_change(flown: Loading, other: Loading) -> bool:
+    """Another weight in the same air, or another air at the same weight: the rest stands in the table."""
+    same_weight = abs(other.weight_N / flown.weight_N - 1) < SAME
+    return same_weight != (abs(other.air_density_kgpm3 / flown.air_density_kgpm3 - 1) < SAME)
 
 
 def _cost(flown: Loading, other: Loading) -> str:

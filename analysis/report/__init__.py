@@ -1,4 +1,4 @@
-"""The report: one HTML file that opens anywhere without a network, and the same results as JSON and CSV."""
+"""The report: one HTML file that opens anywhere without a network, the same results as JSON and CSV, a field table."""
 
 from pathlib import Path
 
@@ -7,27 +7,35 @@ import numpy as np
 from analysis import commands
 from analysis.chain import Analysis
 from analysis.power.curve import NORMAL_95
-from analysis.report import figures, page
+from analysis.report import field, figures, page
 from analysis.results import to_csv, to_json
 
 POLAR_POINTS = 60
 
 
 def write_report(analysis: Analysis, folder: Path) -> None:
-    """Write report.html, results.json and power_required.csv into `folder`.
+    """Write report.html, results.json, power_required.csv and field_table.md and .csv into `folder`.
 
     Raises InputError when the folder cannot be written.
     """
     results = analysis.results
     drawings = {
         "power": figures.power_required(results),
-        "timeline": figures.timeline(analysis.table, analysis.runs),
+        "timeline": figures.timeline(analysis.table, analysis.runs, results.rejected),
         "polar": _polar(analysis),
     }
+    if results.interval_parts:
+        drawings["parts"] = figures.interval_parts(results)
+    if results.use:
+        drawings["loadings"] = figures.loadings(results.use)
+        drawings["efficiency"] = figures.efficiency(results.use)
     fits = [figures.fit(*fit) for fit in analysis.estimate.fits]
     html = page.render(results, drawings, fits)
     commands.write_file(folder / "results.json", to_json(results))
     commands.write_file(folder / "power_required.csv", to_csv(results))
+    if results.use:
+        commands.write_file(folder / "field_table.md", field.to_markdown(results, results.use))
+        commands.write_file(folder / "field_table.csv", field.to_csv(results, results.use))
     commands.write_file(folder / "report.html", html)
 
 

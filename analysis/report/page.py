@@ -1,4 +1,4 @@
-"""Puts words, tables and drawings together into one HTML file."""
+"""Puts words, tables and drawings together into one HTML file; the answers come first."""
 
 import html
 from collections.abc import Sequence
@@ -9,56 +9,45 @@ import plotly.graph_objects as go
 import plotly.io
 from plotly.offline import get_plotlyjs
 
-from analysis.results import Results, SpeedInterval
+from analysis.report import field
+from analysis.report.figures import methods_of
+from analysis.results import Interval, Results, SpeedInterval, Use
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
+from flight.units import GRAVITY_MPS2
 
-_FEET_PER_SECOND = 1 / 0.3048
+_FEET_PER_SECOND, _KMPH = 1 / 0.3048, 3.6
 
 
 def render(results: Results, drawings: dict[str, go.Figure], fits: list[go.Figure]) -> str:
-    """The page. `drawings`: "power", "timeline" and "polar" by name; `fits`: one figure a run."""
+    """The page. `fits`: one figure a run.
+
+    `drawings` by name: "power", "timeline", "polar"; "parts", "loadings", "efficiency" where there are.
+    """
     template = Template((resources.files("analysis") / "report" / "page.html").read_text("utf-8"))
     figures = {name: _embedded(figure, name) for name, figure in drawings.items()}
     return template.substitute(
         title=html.escape(f"{results.aircraft.title}: power required"),
+        condition=html.escape(_condition(results)),
         plotly_js=get_plotlyjs(),
-        summary=_summary(results),
+        cards=_cards(results),
+        power=figures["power"],
+        below_power=_below_power(results),
         warnings="".join(f'<p class="warning">{html.escape(w)}</p>' for w in results.warnings),
-        runs=_table(
-            ("run", "start, s", "length, s", "speed, m/s", "height change, m", "notes"),
-            [
-                (
-                    run.kind,
-                    f"{run.start_s:.1f}",
-                    f"{run.end_s - run.start_s:.1f}",
-                    f"{run.lowest_speed_mps:.1f} to {run.highest_speed_mps:.1f}",
-                    f"{run.altitude_change_m:+.1f}",
-                    "; ".join(run.notes),
-                )
-                for run in results.runs
-            ],
-        ),
+        methods=_methods(results),
+        use=_use(results, figures),
+        parts=_parts(results, figures),
+        timeline=figures["timeline"],
+        runs=_runs(results),
         rejected=_rejected(results),
+        summary=_summary(results),
+        polar=figures["polar"],
+        curve=_curve(results),
         parameters=_table(
             ("parameter", "estimate", "standard error", "unit"),
             [(p.name, f"{p.value:.5g}", f"{p.standard_error:.2g}", p.unit) for p in results.parameters],
         ),
-        curve=_table(
-            ("speed, m/s", "ft/s", "power, W", "95 % interval, W", "ft lbf/s"),
-            [
-                (
-                    f"{p.speed_mps:.1f}",
-                    f"{p.speed_mps * _FEET_PER_SECOND:.0f}",
-                    f"{p.power_W:.1f}",
-                    f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
-                    f"{p.power_W / FOOT_POUND_PER_SECOND_W:.1f}",
-                )
-                for p in results.power_required[:: max(1, len(results.power_required) // 12)]
-            ],
-        ),
         fits="".join(_embedded(figure, f"fit-{i}") for i, figure in enumerate(fits)),
         software=html.escape(f"flightpower {results.software_version}, from {results.log}"),
-        **figures,
     )
 
 
@@ -70,34 +59,181 @@ def special_in_words(special: SpeedInterval) -> str:
     return text if special.inside_flown_range else text + ", outside the flown range: an extrapolation"
 
 
-def _summary(results: Results) -> str:
-    polar = results.drag_polar
-    kinds = [run.kind for run in results.runs]
-    rows = (
-        ("Longest endurance at", special_in_words(results.minimum_power_speed)),
-        ("Longest range at", special_in_words(results.best_range_speed)),
+def answers_in_words(results: Results) -> list[tuple[str, str, str]]:
+    """What is asked first: a question, the answer, and what to know about it. Plain text."""
+    use = results.use
+    if use is None:
+        return [
+            ("Longest endurance", special_in_words(results.minimum_power_speed), "least power required"),
+            ("Longest range", special_in_words(results.best_range_speed), "least drag"),
+        ]
+    flown = use.loadings[0]
+    least = results.minimum_power_speed
+    with_battery = f"with {use.battery_energy_Wh:g} Wh, {100 * use.usable:.0f} % used"
+    if flown.endurance_at_slowest:
+        slow = f"{flown.endurance_speed_mps.value:.1f} m/s or slower"
+        note = "Power still falls at the slowest speed flown"
+        if least.speed_mps is not None:
+            note += f"; least is reckoned at {least.speed_mps:.1f} m/s, not flown. Mind the stall."
+        else:
+            note += "."
+    else:
+        slow, note = _of(flown.endurance_speed_mps, "m/s", 1), ""
+    answers = [
         (
-            "Drag polar",
-            f"C<sub>D0</sub> {polar.CD0:.4f}, Oswald e {polar.oswald_efficiency:.2f}, "
-            f"(L/D)<sub>max</sub> {polar.maximum_lift_to_drag:.1f}",
+            "Longest endurance",
+            slow,
+            f"{_of(_times(flown.endurance_s, 1 / 60), 'min', 0)} {with_battery}. {note}".strip(),
         ),
         (
-            "Test",
-            f"{results.test.weight_N:.1f} N, air {results.test.air_density_kgpm3:.3f} kg/m³, "
-            f"{results.air_temperature_K - 273.15:.0f} °C",
+            "Longest range",
+            _of(flown.range_speed_mps, "m/s", 1),
+            f"{_of(_times(flown.range_m, 1e-3), 'km', 1)} {with_battery}, in still air.",
         ),
-        (
-            "From",
-            f"{_count(kinds, 'acceleration')} and {_count(kinds, 'deceleration')}; "
-            f"estimation {html.escape(results.verdict)}",
-        ),
+    ]
+    available = use.available
+    if available.reason:
+        answers.append(("Full throttle", "not known", available.reason))
+    else:
+        top = available.maximum_speed_mps
+        climb = _of(available.best_climb_mps, "m/s", 1) if available.best_climb_mps else "not known"
+        note = f"Climbs {climb} at {available.best_climb_speed_mps:.0f} m/s."
+        if available.maximum_speed_extrapolated:
+            note += " Faster than was flown: an extrapolation."
+        answers.append(("Full throttle, level", _of(top, "m/s", 1) if top else "not found", note))
+    return answers
+
+
+def _times(interval: Interval, factor: float) -> Interval:
+    return Interval(value=factor * interval.value, lo=factor * interval.lo, hi=factor * interval.hi)
+
+
+def _of(interval: Interval, unit: str, digits: int) -> str:
+    """ "13.5 m/s (13.2 to 13.9)"."""
+    return f"{interval.value:.{digits}f} {unit} ({interval.lo:.{digits}f} to {interval.hi:.{digits}f})"
+
+
+def _condition(results: Results) -> str:
+    return (
+        f"{results.test.weight_N / GRAVITY_MPS2:.2f} kg, air {results.test.air_density_kgpm3:.3f} kg/m³"
+        f" ({results.air_temperature_K - 273.15:.0f} °C), propeller {results.aircraft.propeller}"
     )
-    return "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in rows)
 
 
-def _count(kinds: list[str], kind: str) -> str:
-    n = kinds.count(kind)
-    return f"{n} {kind}{'' if n == 1 else 's'}"
+def _cards(results: Results) -> str:
+    cards = []
+    for question, answer, note in answers_in_words(results):
+        number, _, rest = answer.partition(" m/s")
+        if rest or answer.endswith("m/s"):
+            speed = float(number)
+            shown = f"<b>{number}</b> m/s<small>{html.escape(rest)}</small>"
+            also = f"{speed * _KMPH:.0f} km/h · {speed * _FEET_PER_SECOND:.0f} ft/s"
+        else:
+            shown, also = f"<b>{html.escape(answer)}</b>", ""
+        cards.append(
+            f"<div><h2>{html.escape(question)}</h2><p class='answer'>{shown}</p>"
+            f"<p class='also'>{also}</p><p>{html.escape(note)}</p></div>"
+        )
+    return "".join(cards)
+
+
+def _below_power(results: Results) -> str:
+    notes = ["Band: 95 % interval. Dashed: outside what was flown, or outside the propeller's table."]
+    if results.use and not results.use.power_train.measured:
+        notes.append(results.use.power_train.basis)
+    return html.escape(" ".join(notes))
+
+
+def _methods(results: Results) -> str:
+    """What each method says of itself, and where two of them disagree."""
+    said = "".join(f'<p class="warning">{html.escape(d.text)}</p>' for d in results.disagreements)
+    if results.methods and not results.disagreements:
+        said = "<p>No two methods differ by more than their intervals allow.</p>"
+    rows = [(m.title, _range(m.power_required), "; ".join(m.notes)) for m in methods_of(results)]
+    return said + _table(("method", "power, W", "notes"), rows)
+
+
+def _range(points: Sequence) -> str:
+    if not points:
+        return "no curve"
+    ends = (points[0], points[-1])
+    return ", ".join(
+        f"{p.power_W:.0f} ± {(p.power_hi_W - p.power_lo_W) / 2:.0f} at {p.speed_mps:.1f} m/s" for p in ends
+    )
+
+
+def _use(results: Results, figures: dict[str, str]) -> str:
+    use = results.use
+    if use is None:
+        return ""
+    costs = "".join(f"<li>{html.escape(cost)}</li>" for cost in use.costs)
+    notes = " ".join((use.available.basis, _ceiling(use), *use.available.notes, use.available.reason))
+    conditions = (
+        f"{field.heading(results, use)}. Level flight, still air, true airspeed; climb and top speed at full throttle;"
+        f" ≤: or slower, as power still falls at the slowest speed flown. {field.assumption(use)}"
+    )
+    return (
+        f"<h2>What more weight or thinner air costs</h2><section>{figures['loadings']}</section>"
+        f"<p>Each at its own best speed, with {use.battery_energy_Wh:g} Wh of which {100 * use.usable:.0f} % are used."
+        f" Band: 95 % interval.</p><ul>{costs}</ul>"
+        f"<article id='field'><h2>To carry to the field</h2><p>{html.escape(conditions)}</p>"
+        + _table(field.SPEEDS, field.speed_rows(use), numbers=True)
+        + _table(field.LOADINGS, field.loading_rows(use), numbers=True)
+        + _starred(use)
+        + f"</article><h2>Propeller, motor and battery</h2><section>{figures['efficiency']}</section>"
+        f"<p>Lines: level flight at the flight's weight and density, with 95 % intervals; circles: a few seconds of"
+        f" steady or slowly changing flight each, climbing or not. {html.escape(use.power_train.basis)}</p>"
+        f"<p>{html.escape(notes)}</p>"
+        + _table(
+            ("parameter", "estimate", "standard error", "unit"),
+            [(p.name, f"{p.value:.4g}", f"{p.standard_error:.2g}", p.unit) for p in use.power_train.parameters],
+        )
+    )
+
+
+def _ceiling(use: Use) -> str:
+    service, absolute = use.available.service_ceiling_m, use.available.absolute_ceiling_m
+    words = []
+    if service:
+        words.append(f"Service ceiling (0.5 m/s of climb left): {_of(service, 'm', 0)} of density altitude.")
+    if absolute:
+        words.append(f"Absolute ceiling: {_of(absolute, 'm', 0)}.")
+    if words:
+        words.append("Whether the battery lasts that far is another matter.")
+    return " ".join(words)
+
+
+def _starred(use: Use) -> str:
+    return "<p>* extrapolated</p>" if any(row.extrapolated for row in use.field_table) else ""
+
+
+def _parts(results: Results, figures: dict[str, str]) -> str:
+    if "parts" not in figures:
+        return ""
+    middle = results.interval_parts[len(results.interval_parts) // 2]
+    share = middle.systematic_W**2 / (middle.systematic_W**2 + middle.noise_W**2)
+    return (
+        f"<h2>What the interval is made of</h2><section>{figures['parts']}</section>"
+        f"<p>At {middle.speed_mps:.0f} m/s {100 * share:.0f} % of its square is what all runs share: errors of the"
+        " sensors, of the propeller's table, of direction. More runs make noise smaller, and that not.</p>"
+    )
+
+
+def _runs(results: Results) -> str:
+    return _table(
+        ("run", "start, s", "length, s", "speed, m/s", "height change, m", "notes"),
+        [
+            (
+                run.kind,
+                f"{run.start_s:.1f}",
+                f"{run.end_s - run.start_s:.1f}",
+                f"{run.lowest_speed_mps:.1f} to {run.highest_speed_mps:.1f}",
+                f"{run.altitude_change_m:+.1f}",
+                "; ".join(run.notes),
+            )
+            for run in results.runs
+        ],
+    )
 
 
 def _rejected(results: Results) -> str:
@@ -109,10 +245,64 @@ def _rejected(results: Results) -> str:
     )
 
 
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def _summary(results: Results) -> str:
+    polar = results.drag_polar
+    rows = (
+        ("Least power required at", special_in_words(results.minimum_power_speed)),
+        ("Least drag at", special_in_words(results.best_range_speed) + _why_not_there(results)),
+        (
+            "Drag polar",
+            f"C<sub>D0</sub> {polar.CD0:.4f}, Oswald e {polar.oswald_efficiency:.2f}, "
+            f"(L/D)<sub>max</sub> {polar.maximum_lift_to_drag:.1f}",
+        ),
+        ("From", f"{_counted(results)}; estimation {html.escape(results.verdict)}"),
+    )
+    return "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in rows)
+
+
+def _why_not_there(results: Results) -> str:
+    """Why the speed for range on a battery is not that of least drag."""
+    least = results.best_range_speed.speed_mps
+    if results.use is None or least is None:
+        return ""
+    best = results.use.loadings[0].range_speed_mps.value
+    if abs(best - least) < 0.2:
+        return ""
+    return f"; on the battery {best:.1f} m/s, where propeller and motor do better"
+
+
+def _counted(results: Results) -> str:
+    kinds = [run.kind for run in results.runs]
+    return html.escape(" and ".join(_count(kinds, kind) for kind in ("acceleration", "deceleration")))
+
+
+def _count(kinds: list[str], kind: str) -> str:
+    n = kinds.count(kind)
+    return f"{n} {kind}{'' if n == 1 else 's'}"
+
+
+def _curve(results: Results) -> str:
+    return _table(
+        ("speed, m/s", "ft/s", "power, W", "95 % interval, W", "ft lbf/s"),
+        [
+            (
+                f"{p.speed_mps:.1f}",
+                f"{p.speed_mps * _FEET_PER_SECOND:.0f}",
+                f"{p.power_W:.1f}",
+                f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
+                f"{p.power_W / FOOT_POUND_PER_SECOND_W:.1f}",
+            )
+            for p in results.power_required[:: max(1, len(results.power_required) // 12)]
+        ],
+        numbers=True,
+    )
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: bool = False) -> str:
     head = "".join(f"<th>{html.escape(cell)}</th>" for cell in header)
     body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    return f'<div class="table"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    kind = "table numbers" if numbers else "table"
+    return f'<div class="{kind}"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def _embedded(figure: go.Figure, name: str) -> str:

@@ -1,0 +1,93 @@
+"""The small table to carry to the field, as Markdown and as CSV; the page shows the same."""
+
+import csv
+import io
+from collections.abc import Sequence
+
+from analysis.results import Interval, Loading, Results, Use
+from flight.units import GRAVITY_MPS2
+
+SPEEDS = ("speed, m/s", "power required, W", "from the battery, W", "endurance, min", "range, km", "climb, m/s")
+LOADINGS = ("", "mass, kg", "endurance, min", "at m/s", "range, km", "at m/s", "top speed, m/s", "climb, m/s")
+MARK = " *"  # of an extrapolated line
+
+
+def speed_rows(use: Use) -> list[list[str]]:
+    return [
+        [
+            f"{row.speed_mps:.0f}{MARK if row.extrapolated else ''}",
+            f"{row.power_required_W:.0f}",
+            f"{row.battery_W:.0f}",
+            f"{row.endurance_s / 60:.0f}",
+            f"{row.range_m / 1000:.1f}",
+            "–" if row.climb_mps is None else f"{row.climb_mps:.1f}",
+        ]
+        for row in use.field_table
+    ]
+
+
+def loading_rows(use: Use) -> list[list[str]]:
+    return [
+        [
+            case.title,
+            f"{case.weight_N / GRAVITY_MPS2:.2f}",
+            f"{case.endurance_s.value / 60:.0f}",
+            endurance_speed(case),
+            f"{case.range_m.value / 1000:.1f}",
+            f"{case.range_speed_mps.value:.1f}",
+            _of(case.maximum_speed_mps),
+            _of(case.best_climb_mps),
+        ]
+        for case in use.loadings
+    ]
+
+
+def endurance_speed(case: Loading) -> str:
+    """ "11.6", or "≤ 11.6" where power still falls at the slowest speed flown."""
+    return ("≤ " if case.endurance_at_slowest else "") + f"{case.endurance_speed_mps.value:.1f}"
+
+
+def _of(interval: Interval | None) -> str:
+    return "–" if interval is None else f"{interval.value:.1f}"
+
+
+def heading(results: Results, use: Use) -> str:
+    return (
+        f"{results.aircraft.title}, {results.test.weight_N / GRAVITY_MPS2:.2f} kg,"
+        f" air {results.test.air_density_kgpm3:.3f} kg/m³, propeller {results.aircraft.propeller},"
+        f" {use.battery_energy_Wh:g} Wh of which {100 * use.usable:.0f} % are used"
+    )
+
+
+def assumption(use: Use) -> str:
+    """What a reader of the table has to know of its battery column."""
+    return "" if use.power_train.measured else use.power_train.basis
+
+
+def to_markdown(results: Results, use: Use) -> str:
+    parts = [f"# {heading(results, use)}", _markdown(SPEEDS, speed_rows(use)), _markdown(LOADINGS, loading_rows(use))]
+    if any(row.extrapolated for row in use.field_table):
+        parts.append("\\* outside the propeller's table: an extrapolation.")
+    parts.append("Level flight in still air, true airspeed. Climb and top speed at full throttle. ≤: or slower.")
+    if assumption(use):
+        parts.append(assumption(use))
+    return "\n\n".join(parts) + "\n"
+
+
+def _markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def to_csv(results: Results, use: Use) -> str:
+    """One line a speed, at the flight's weight and density; units in the header."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    names = ("speed_mps", "power_required_W", "battery_W", "endurance_s", "range_m", "climb_mps")
+    writer.writerow(["weight_N", "air_density_kgpm3", *names, "extrapolated"])
+    for row in use.field_table:
+        numbers = [getattr(row, name) for name in names]
+        cells = ["" if number is None else f"{number:.5g}" for number in numbers]
+        condition = (f"{results.test.weight_N:.5g}", f"{results.test.air_density_kgpm3:.5g}")
+        writer.writerow([*condition, *cells, "true" if row.extrapolated else "false"])
+    return out.getvalue()
