@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from msgspec.structs import replace
 
+from analysis.airdata import lines
 from analysis.airdata.air import air_data
 from analysis.airdata.probe import parse_probe
-from analysis.airdata.tubing import low_frequency_lag_s
 from analysis.channels import COLUMNS, synchronise
 from analysis.path.reconstruct import reconstruct
 from analysis.power import curve, dynamic, output_error
@@ -30,7 +30,7 @@ from analysis.runs import Rejected, Run, find_runs
 from analysis.stillness import still_segments, zeros
 from analysis.use import Day, flight_data, interval_parts, thrust_coverage, thrust_known, use
 from flight.aircraft import Aircraft, parse_aircraft
-from flight.atmosphere import SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
+from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.errors import InputError
 from flight.log_reader import Log
 from flight.propeller import Propeller, parse_propeller
@@ -79,10 +79,13 @@ def analyze(
         warnings.append(f"{log.undecodable} messages could not be decoded and are left out.")
 
     progress("synchronising")
-    channels = synchronise(log, _line_lags_s(aircraft))
-    still = still_segments(channels.table, channels.rate_Hz)
-    at_rest = zeros(channels.table, still)
-    air = air_data(channels.table, aircraft, probe, propeller, at_rest)
+    gas = lines.air_in(log)
+    channels = synchronise(log, lines.lags_s(aircraft, gas))
+    table, said_of_lines = lines.sharpened(channels.table, aircraft, gas)
+    warnings += said_of_lines
+    still = still_segments(table, channels.rate_Hz)
+    at_rest = zeros(table, still)
+    air = air_data(table, aircraft, probe, propeller, at_rest)
     warnings += air.notes + _silent_topics(air.table)
 
     progress("finding runs")
@@ -171,16 +174,6 @@ def _aircraft_of(log: Log) -> Aircraft:
 def _propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
     table = _attachment(log, "propeller.csv", "the tray's aircraft file names the propeller that goes into logs")
     return parse_propeller(table.decode("utf-8", errors="replace"), aircraft.propulsion.propeller)
-
-
-def _line_lags_s(aircraft: Aircraft) -> dict[str, float]:
-    """Lag of each pressure topic behind the air, at sea level (higher up it is longer by the ratio of pressures)."""
-    topics = {"alpha": "/probe/alpha", "beta": "/probe/beta", "airspeed": "/probe/airspeed", "static": "/static"}
-    return {
-        topics[name]: low_frequency_lag_s(line, static_Pa=SEA_LEVEL_PRESSURE_PA, temperature_K=SEA_LEVEL_TEMPERATURE_K)
-        for name, line in aircraft.probe.lines.items()
-        if name in topics
-    }
 
 
 def _silent_topics(table: pd.DataFrame) -> list[str]:

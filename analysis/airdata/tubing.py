@@ -1,17 +1,100 @@
-"""How far a pressure at the end of a tube lags behind the one at its mouth."""
+"""What tubes make of the pressure at their mouth: how it arrives at a transducer, at every frequency.
+
+H. Bergh and H. Tijdeman, Theoretical and Experimental Results for the Dynamic Response of Pressure Measuring Systems,
+NLR-TR F.238, 1965. Laminar flow, small disturbances, tubes narrow against the length of sound, walls at one
+temperature. Their recursion is written here for the admittance Y = U/p (volume flow over pressure), from the last tube
+to the first: the same numbers, and it holds for a tube without a volume at its end.
+"""
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import jve
 
 from flight.aircraft import Line
-from flight.atmosphere import viscosity
+from flight.atmosphere import density, viscosity
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 
-def low_frequency_lag_s(line: Line, *, static_Pa: float, temperature_K: float) -> float:
-    """Lag of tube and cavity for slow changes (the limit of Bergh & Tijdeman 1965, polytropic exponent 1) [s].
+class Gas(NamedTuple):
+    """What fills the tubes."""
 
-    tau = 128 mu L (V_cavity + V_tube/2) / (pi d^4 p): laminar flow through the tube into the cavity and half of the
-    tube's own volume.
+    pressure_Pa: float
+    density_kgpm3: float
+    viscosity_Pas: float
+    gamma: float = 1.4  # ratio of specific heats
+    prandtl: float = 0.707  # air at 20 degC
+
+
+def air(static_Pa: float, temperature_K: float) -> Gas:
+    """Air of that pressure and temperature."""
+    rho, mu = density(static_Pa, temperature_K), viscosity(temperature_K)
+    return Gas(static_Pa, float(rho), float(mu))
+
+
+def response(
+    tubes: Sequence[Line], frequency_Hz: Array, gas: Gas, *, polytropic: float = 1.0, stretch: float = 0.0
+) -> ComplexArray:
+    """Pressure in the last cavity over that at the first tube's mouth, as a complex number at each frequency.
+
+    tubes: from the mouth on; each ends in its cavity (0 for none), and there the next one begins.
+    frequency_Hz: (n,), zero or more.
+    polytropic: k of the gas in the cavities. A transducer's few cubic millimetres keep the temperature of their walls
+    up to some 10 Hz (k = 1), and do not at 100 Hz (k = 1.4).
+    stretch: sigma, by what fraction a cavity grows by its diaphragm's yielding when the pressure doubles.
     """
-    tube_m3 = math.pi / 4 * line.diameter_m**2 * line.length_m
-    resistance = 128 * viscosity(temperature_K) * line.length_m / (math.pi * line.diameter_m**4)
-    return resistance * (line.cavity_m3 + tube_m3 / 2) / static_Pa
+    f = np.atleast_1d(np.asarray(frequency_Hz, dtype=float))
+    omega = 2 * np.pi * np.where(f > 0, f, 1.0)  # at rest the response is one, by itself
+    H: ComplexArray = np.ones(len(f), dtype=complex)
+    Y: ComplexArray = np.zeros(len(f), dtype=complex)  # of all that follows
+    for tube in reversed(tubes):
+        Y = Y + 1j * omega * tube.cavity_m3 * (stretch + 1 / polytropic) / gas.pressure_Pa
+        phi, characteristic = _wave(tube, omega, gas)
+        cosh, sinh = np.cosh(phi * tube.length_m), np.sinh(phi * tube.length_m)
+        through = cosh + Y / characteristic * sinh
+        H = H / through
+        Y = (Y * cosh + characteristic * sinh) / through
+    return np.where(f > 0, H, 1.0)
+
+
+def _wave(tube: Line, omega: Array, gas: Gas) -> tuple[ComplexArray, ComplexArray]:
+    """Propagation constant phi [1/m] (their eq. 10) and characteristic admittance [m^3/(s Pa)] of a tube."""
+    R = tube.diameter_m / 2
+    alpha = 1j**1.5 * R * np.sqrt(omega * gas.density_kgpm3 / gas.viscosity_Pas)  # shear wave number
+    slip = _J2_over_J0(alpha)
+    n = 1 / (1 + (gas.gamma - 1) / gas.gamma * _J2_over_J0(alpha * np.sqrt(gas.prandtl)))  # polytropic, in the tube
+    sound = np.sqrt(gas.gamma * gas.pressure_Pa / gas.density_kgpm3)
+    phi = omega / sound * np.sqrt(gas.gamma / n / slip)
+    # Mean velocity u = (i / omega rho) (-J2/J0) dp/dx, and dp/dx = -phi p in a wave that runs inwards.
+    return phi, 1j / (omega * gas.density_kgpm3) * slip * phi * np.pi * R**2
+
+
+def _J2_over_J0(x: ComplexArray) -> ComplexArray:
+    """Scaled Bessel functions: their common factor cancels, and wide tubes do not overflow."""
+    return np.asarray(jve(2, x) / jve(0, x))
+
+
+def low_frequency_lag_s(tubes: Sequence[Line], gas: Gas) -> float:
+    """Lag of tubes and cavities for slow changes: the limit of `response` with k = 1 [s].
+
+    For one tube tau = 128 mu L (V_cavity + V_tube/2) / (pi d^4 p): laminar flow through the tube into the cavity and
+    half of the tube's own volume. In a series each tube also feeds all that follows.
+    """
+    lag_s, beyond_m3 = 0.0, 0.0
+    for tube in reversed(tubes):
+        beyond_m3 += tube.cavity_m3
+        if tube.length_m > 0:
+            resistance = 128 * gas.viscosity_Pas * tube.length_m / (math.pi * tube.diameter_m**4)
+            lag_s += resistance * (beyond_m3 + tube_m3(tube) / 2) / gas.pressure_Pa
+            beyond_m3 += tube_m3(tube)
+    return lag_s
+
+
+def tube_m3(line: Line) -> float:
+    """Volume of the tube alone."""
+    return math.pi / 4 * line.diameter_m**2 * line.length_m

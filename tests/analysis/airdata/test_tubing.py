@@ -1,0 +1,159 @@
+"""Tubes: Bergh & Tijdeman's numbers and curves, the slow limit, and the lag found again from recorded steps."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.airdata.lines import bounded_inverse, undelayed, undone
+from analysis.airdata.step_test import diameter_of_lag_m, find_steps, fit_lag, through
+from analysis.airdata.tubing import Gas, air, low_frequency_lag_s, response
+from flight.aircraft import Line
+from flight.errors import InputError
+from sim.sensors.tubing import lagged, time_constant_s
+
+DATA = Path(__file__).parents[4] / "shared" / "data" / "tubing"
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="reference data ../shared/data/tubing is absent")
+SEA_LEVEL = air(101_325.0, 288.15)
+NARROW = Line(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)  # 19 ms
+
+
+def test_the_check_value_to_ten_digits() -> None:
+    """d = 1 mm, L = 0.7 m, V = 10 mm^3 at 300 Hz; its source takes mu = 1.82e-5 Pa s, Pr = 0.707, k = 1.4."""
+    gas = Gas(93e3, 93e3 / (287.05 * 293.15), 1.82e-5, gamma=1.4, prandtl=0.707)
+    tube = Line(length_m=0.7, diameter_m=1e-3, cavity_m3=10e-9)
+    found = response([tube], np.array([300.0]), gas, polytropic=1.4)[0]
+    assert found == pytest.approx(-0.08575010622823653 + 0.9362983308678333j, rel=1e-10)
+
+
+def test_a_tube_cut_in_two_is_the_same_tube() -> None:
+    f = np.linspace(0, 300, 61)
+    whole = Line(length_m=1.0, diameter_m=1e-3, cavity_m3=100e-9)
+    parts = [Line(length_m=x, diameter_m=1e-3, cavity_m3=v) for x, v in ((0.3, 0.0), (0.7, 100e-9))]
+    assert response(parts, f, SEA_LEVEL) == pytest.approx(response([whole], f, SEA_LEVEL), rel=1e-11)
+    assert low_frequency_lag_s(parts, SEA_LEVEL) == pytest.approx(low_frequency_lag_s([whole], SEA_LEVEL), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "tubes",
+    [
+        [Line(length_m=0.6, diameter_m=1.59e-3, cavity_m3=20e-9)],
+        [NARROW],
+        # A probe's capillary with a filter behind it, then a hose to the transducer.
+        [Line(length_m=0.1, diameter_m=0.5e-3, cavity_m3=200e-9), Line(length_m=0.6, diameter_m=2e-3, cavity_m3=20e-9)],
+    ],
+)
+def test_slow_changes_come_late_by_the_limit(tubes: list[Line]) -> None:
+    """The phase of a slow wave is its lag; what is left is of second order in the frequency."""
+    lag_s = low_frequency_lag_s(tubes, SEA_LEVEL)
+    f = 1e-5 / lag_s
+    phase = np.angle(response(tubes, np.array([f]), SEA_LEVEL)[0])
+    assert -phase / (2 * np.pi * f) == pytest.approx(lag_s, rel=1e-6)
+    assert response(tubes, np.array([0.0]), SEA_LEVEL)[0] == 1.0
+
+
+@needs_data
+@pytest.mark.parametrize("path", sorted(DATA.glob("*.txt")), ids=lambda path: path.stem[8:-9])
+def test_digitised_curves(path: Path) -> None:
+    """Each point lies on the curve as well as it could be read: 0.03 in amplitude, 3 deg in phase, 2 Hz of 300."""
+    R, L, V = re.search(r"R(\d_\d+)mm-L(\d+)mm-Vv(\d+)mm3", path.name).groups()  # type: ignore[union-attr]
+    tube = Line(length_m=float(L) / 1e3, diameter_m=2e-3 * float(R.replace("_", ".")), cavity_m3=float(V) * 1e-9)
+    points = np.loadtxt(path, delimiter=",")
+    points = points[points[:, 0] > 0]
+    f = np.linspace(0.1, points[:, 0].max() + 10, 4000)
+    H = response([tube], f, SEA_LEVEL, polytropic=1.4)
+    phase = "phase" in path.name
+    curve = np.degrees(np.unwrap(np.angle(H))) if phase else np.abs(H)
+    along = (f[None, :] - points[:, :1]) / 2.0
+    across = (curve[None, :] - points[:, 1:]) / (3.0 if phase else 0.03)
+    distance = np.sqrt(np.min(along**2 + across**2, axis=1))
+    assert np.sqrt(np.mean(distance**2)) < 1
+    assert distance.max() < 3
+
+
+RATE_HZ, FINE_S, SIZE_PA, NOISE_PA = 100.0, 2e-4, 400.0, 6.0
+
+
+def bursts(line: Line, *, full: bool, rate_Hz: float = RATE_HZ, seed: int = 0, steps: int = 8):
+    """A transducer's samples of pressure that rises for a second, stays for one and a half, and is gone at once."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round((4 * steps + 4) / FINE_S)) * FINE_S
+    mouth = np.zeros(len(t))
+    for burst in 3 + 4 * np.arange(steps) + rng.uniform(-0.2, 0.2, steps):
+        mouth = np.where((t > burst - 2.5) & (t < burst), SIZE_PA * np.minimum(t - burst + 2.5, 1.0), mouth)
+    if full:
+        f = np.fft.rfftfreq(len(t), FINE_S)
+        H = np.where(f < 1500, response([line], np.minimum(f, 1500.0), SEA_LEVEL), 0.0)
+        arrived = np.fft.irfft(np.fft.rfft(mouth) * H, len(t))
+    else:
+        arrived = lagged(mouth, FINE_S, time_constant_s(line, SEA_LEVEL.pressure_Pa, 288.15))
+    taken = np.arange(rng.uniform(0, 1 / rate_Hz), t[-1] - 0.1, 1 / rate_Hz)
+    return taken, np.interp(taken, t, arrived) + NOISE_PA * rng.standard_normal(len(taken))
+
+
+@pytest.mark.parametrize("diameter_mm", [0.3, 0.4])
+def test_the_lag_of_a_simulated_step_is_found_within_five_per_cent(diameter_mm: float) -> None:
+    """By the simulator's own line, first order; and through the full response, which creeps and rings."""
+    line = Line(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
+    lag_s = low_frequency_lag_s([line], SEA_LEVEL)
+    for full in (False, True):
+        steps, noise = find_steps(*bursts(line, full=full))
+        assert len(steps) == 8
+        assert noise == pytest.approx(NOISE_PA, rel=0.2)
+        found = fit_lag(steps, noise, through(line, SEA_LEVEL)) if full else fit_lag(steps, noise)
+        assert found.lag_s == pytest.approx(lag_s, rel=0.05)
+        assert found.lo_s < lag_s < found.hi_s
+        assert 0.8 < found.misfit < 1.2
+
+
+def test_a_lag_much_shorter_than_a_tick_gets_an_upper_bound_only() -> None:
+    line = Line(length_m=0.6, diameter_m=1.59e-3, cavity_m3=20e-9)
+    found = fit_lag(*find_steps(*bursts(line, full=False, rate_Hz=25.0)))
+    assert not found.bounded
+    assert low_frequency_lag_s([line], SEA_LEVEL) < found.hi_s < 0.02
+
+
+def test_no_step_is_said() -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(0, 20, 0.01)
+    steps, noise = find_steps(t, 3.0 * np.sin(t) + rng.normal(0, 1, len(t)))
+    assert steps == []
+    with pytest.raises(InputError, match="no step"):
+        fit_lag(steps, noise)
+
+
+def test_the_diameter_is_the_one_that_has_the_lag() -> None:
+    wrong = Line(length_m=NARROW.length_m, diameter_m=1e-3, cavity_m3=NARROW.cavity_m3)
+    lag_s = low_frequency_lag_s([NARROW], SEA_LEVEL)
+    assert diameter_of_lag_m(wrong, lag_s, SEA_LEVEL) == pytest.approx(NARROW.diameter_m, rel=1e-9)
+
+
+def test_a_line_is_undone_without_more_noise_than_stated() -> None:
+    """A line of 61 ms, delay taken out: waves up to 1.6 Hz come back; white noise grows by less than the bound."""
+    line = Line(length_m=0.9, diameter_m=0.5e-3, cavity_m3=500e-9)
+    rate_Hz, gain = 25.0, 1.5
+    t = np.arange(0, 60, 1 / rate_Hz)
+    remainder = undelayed(line, SEA_LEVEL)
+    for f in (0.5, 1.0, 1.6):
+        H = remainder(np.array([f]))[0]
+        assert abs(1 / H) < gain  # or the bound, not the line, would be tested
+        blunt = np.abs(H) * np.sin(2 * np.pi * f * t + np.angle(H))
+        found = undone(blunt, rate_Hz, remainder, gain)
+        # Ends are continued by reflection, which a wave does not do: two seconds are left out.
+        inside = slice(50, -50)
+        assert found[inside] == pytest.approx(np.sin(2 * np.pi * f * t)[inside], abs=0.02)
+    noise = np.random.default_rng(1).normal(size=len(t))
+    assert np.std(undone(noise, rate_Hz, remainder, gain)) < gain * np.std(noise)
+    f = np.linspace(0, 12.5, 200)
+    assert np.abs(bounded_inverse(response([line], f, SEA_LEVEL), gain)).max() <= gain * (1 + 1e-12)
+
+
+def test_what_is_steady_stays_and_gaps_stay_gaps() -> None:
+    remainder = undelayed(NARROW, SEA_LEVEL)
+    values = np.linspace(100.0, 140.0, 500)
+    values[200:220] = np.nan
+    found = undone(values, 25.0, remainder, 1.5)
+    assert np.isnan(found[200:220]).all() and np.isfinite(found).sum() == 480
+    kept = np.isfinite(values)
+    assert found[kept] == pytest.approx(values[kept], abs=0.02)
