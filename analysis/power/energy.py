@@ -1,0 +1,50 @@
+"""Energy: what thrust puts in and what speed and height keep; drag has taken the rest (2.23)-(2.26).
+
+Edot = (T cos(alpha) - D) V is used in its integral, E(t) - E(0): nothing noisy is differentiated. Speed and height are
+as the transducers give them, and no accelerometer, gyro or angle is needed but for the lift that thrust takes off the
+wing: where it differs from the dynamic method by more than airspeed, lag and thrust explain, the pitch attitude of the
+path is wrong.
+"""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from analysis.power.direct import along_runs
+from analysis.power.method import Method
+from analysis.power.regression import Piece, TimeSeries
+from analysis.runs.kinds import LEVEL, Run
+from flight.aircraft import Aircraft
+from flight.atmosphere import GRAVITY_MPS2 as g
+
+Array = NDArray[np.float64]
+
+
+def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
+    """Work of drag since a run's start against its forms: integrals of qS V, qS V CL, qS V CL^2 (over mass)."""
+    pieces = []
+    for run, f in along_runs(given, runs, ("V_felt", "height_felt", "thrust_felt", "qS_felt", "alpha", "bank")):
+        V, h, T, qS, a, bank = (f[name].to_numpy() for name in f.columns)
+        t = f.index.to_numpy()
+        CL = (g / np.cos(bank) - T * np.sin(a)) / qS  # level: n_z = 1 (2.19)
+        kept = V**2 / 2 + g * h  # (2.23)
+        work = _integral(T * np.cos(a) * V, t) - kept
+        X = np.stack([_integral(qS * V * CL**i, t) for i in range(3)], axis=1)
+        # The energy at the start is not known better than at any other instant: only differences count.
+        pieces.append(Piece(run.name, t, X - X.mean(axis=0), work - work.mean(), CL))
+    return TimeSeries(pieces)
+
+
+def _integral(rate: Array, t: Array) -> Array:
+    return np.asarray(cumulative_trapezoid(rate, t, initial=0))
+
+
+ENERGY = Method(
+    name="energy",
+    title="energy",
+    equations="(2.23)-(2.26)",
+    kinds=LEVEL,
+    takes=("airspeed_scale", "lag", "thrust_scale", "thrust_slope"),
+    problem=problem,
+)
