@@ -344,7 +344,7 @@ def parse_uiuc(texts: dict[float, str], name: str, diameter_m: float, static: st
         tests = tests[len(same) :]
         at = float(np.mean([speed for speed, _ in same]))
         row = [point for _, table in same for point in table]
-        if still and still[0][0] <= at <= still[-1][0]:
+        if still and still[0][0] <= at * (1 + SAME_RPM) and at <= still[-1][0] * (1 + SAME_RPM):
             speeds, cT, cP = zip(*still, strict=True)
             row.append((0.0, float(np.interp(at, speeds, cT)), float(np.interp(at, speeds, cP))))
         points[at] = row

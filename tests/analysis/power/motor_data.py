@@ -1,0 +1,42 @@
+"""A flight's power train without the flight: speeds and motor speeds, and what the simulator's motor then takes."""
+
+import numpy as np
+import pandas as pd
+
+from flight.aircraft import Aircraft
+from flight.propeller import Propeller
+from sim.propulsion import power_train, throttle_for
+
+RHO, STEP_S = 1.19, 0.2
+
+
+def steady_points(nexstar: Aircraft, propeller: Propeller, seconds: float = 20.0) -> pd.DataFrame:
+    """Steady points one after the other: five speeds, each at the motor speed of some advance ratio."""
+    V = np.repeat([12.0, 14.0, 16.5, 19.5, 22.5], round(seconds / STEP_S))
+    n = V / (np.repeat([0.56, 0.62, 0.66, 0.66, 0.62], round(seconds / STEP_S)) * propeller.diameter_m)
+    throttle = throttle_for(nexstar.propulsion, propeller, V=V, n=n, rho=RHO)
+    return recorded(nexstar, propeller, V, n, throttle)
+
+
+def full_throttle_run(nexstar: Aircraft, propeller: Propeller, seconds: float = 8.0) -> pd.DataFrame:
+    """An acceleration at full throttle: the motor where its torque and the propeller's balance, at every speed."""
+    V = np.linspace(12.0, 24.0, round(seconds / STEP_S))
+    low, high = np.full_like(V, 20.0), np.full_like(V, 200.0)
+    for _ in range(60):
+        n = (low + high) / 2
+        faster = power_train(nexstar.propulsion, propeller, V=V, n=n, throttle=1.0, rho=RHO).motor_acceleration > 0
+        low, high = np.where(faster, n, low), np.where(faster, high, n)
+    return recorded(nexstar, propeller, V, (low + high) / 2, np.ones_like(V))
+
+
+def recorded(nexstar: Aircraft, propeller: Propeller, V, n, throttle) -> pd.DataFrame:
+    train = power_train(nexstar.propulsion, propeller, V=V, n=n, throttle=throttle, rho=RHO)
+    columns = {
+        "V": V,
+        "n": n,
+        "rho": np.full_like(V, RHO),
+        "throttle": throttle,
+        "covered": propeller.covers(V / (n * propeller.diameter_m), 60 * n),
+        "battery_W": train.voltage * train.current,
+    }
+    return pd.DataFrame(columns, index=pd.Index(np.arange(len(V)) * STEP_S, name="t_s"))

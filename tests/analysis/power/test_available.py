@@ -1,0 +1,104 @@
+"""Full throttle against the simulator's motor and its trim."""
+
+import numpy as np
+import pytest
+from motor_data import RHO, full_throttle_run, steady_points
+
+from analysis.power.available import (
+    SERVICE_CLIMB_MPS,
+    FullThrottle,
+    ceiling_m,
+    full_throttle,
+    performance,
+)
+from analysis.power.curve import Condition, lift_coefficient
+from analysis.power.propagation import Numbers, joined, known
+from analysis.power.propulsion import full_throttle_revps
+from flight.atmosphere import density, pressure_at, temperature_at
+from flight.errors import InputError
+from sim.plant import plant_of
+from sim.propulsion import power_train
+from sim.trim import Trimmer
+
+
+@pytest.fixture(scope="module")
+def motor(nexstar, propeller) -> FullThrottle:
+    found = full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller)
+    assert isinstance(found, FullThrottle), found
+    return found
+
+
+@pytest.fixture(scope="module")
+def numbers(nexstar, motor) -> Numbers:
+    """The simulator's own polar, and the motor as it was found."""
+    aero = plant_of(nexstar).aero
+    A0, A1, A2 = aero.CD0 + aero.K * aero.CL_minD**2, -2 * aero.K * aero.CL_minD, aero.K
+    return joined(known(A0=A0, A1=A1, A2=A2, thrust_scale=0.0, thrust_slope=0.0), motor.numbers)
+
+
+@pytest.fixture(scope="module")
+def at(nexstar) -> Condition:
+    return Condition(nexstar.mass.weight_N, RHO, nexstar.geometry.wing_area_m2)
+
+
+@pytest.fixture(scope="module")
+def flown_CL(at) -> tuple[float, float]:
+    slow, fast = lift_coefficient(np.array([11.6, 24.0]), at)
+    return float(fast), float(slow)
+
+
+@pytest.mark.parametrize("rho", [RHO, 0.9])
+def test_the_motor_turns_as_the_simulator_s_at_other_speeds_and_densities(nexstar, propeller, motor, rho) -> None:
+    V = np.array([5.0, 11.0, 18.0, 25.0])
+    row = dict(zip(motor.numbers.names, motor.numbers.values, strict=True))
+    n = full_throttle_revps(propeller, V, rho, **row)
+    slower, faster = (
+        power_train(nexstar.propulsion, propeller, V=V, n=n * factor, throttle=1.0, rho=rho).motor_acceleration
+        for factor in (0.995, 1.005)
+    )
+    assert np.all((slower > 0) & (faster < 0)), "the balance of torques lies within 0.5 %"
+
+
+def test_highest_level_speed_and_climb_are_those_of_trimmed_flight(nexstar, propeller, numbers, at, flown_CL) -> None:
+    """Trim knows that thrust carries some of the weight and points up by alpha: a per cent at the speeds of climb."""
+    found = performance(numbers.nudged(), propeller, at, flown_CL)
+    height = next(h for h in np.arange(0, 600, 1.0) if density(pressure_at(h), temperature_at(h)) <= RHO)
+    trimmer = Trimmer(plant_of(nexstar), float(height))
+    assert float(found.maximum_speed.value) == pytest.approx(trimmer.V_max, rel=0.01)
+    low, high = 0.0, 8.0
+    for _ in range(20):  # the steepest trim at that speed that full throttle sustains
+        climb = (low + high) / 2
+        try:
+            trimmer.solve(V=found.best_climb_speed, climb=climb)
+            low = climb
+        except InputError:
+            high = climb
+    assert float(found.best_climb.value) == pytest.approx(low, rel=0.04)
+
+
+def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(propeller, numbers, at, flown_CL) -> None:
+    heavy = at._replace(weight_N=2.2 * at.weight_N)  # so that the ceiling lies well inside the troposphere
+    ceiling = ceiling_m(numbers.nudged(), propeller, heavy, flown_CL, SERVICE_CLIMB_MPS)
+    h = float(ceiling.value)
+    assert 1000 < h < 10_000
+    up_there = heavy._replace(rho=float(density(pressure_at(h), temperature_at(h))))
+    climb = performance(numbers.nudged(), propeller, up_there, flown_CL).best_climb
+    assert float(climb.value) == pytest.approx(SERVICE_CLIMB_MPS, abs=0.01)
+    assert ceiling_m(numbers.nudged(), propeller, heavy, flown_CL, 0.0).value > h
+
+
+def test_power_available_equals_power_required_at_the_highest_speed(propeller, numbers, at, flown_CL) -> None:
+    found = performance(numbers.nudged(), propeller, at, flown_CL)
+    V = float(found.maximum_speed.value)
+    A = dict(zip(numbers.names, numbers.values, strict=True))
+    CL = float(lift_coefficient(V, at))
+    required = at.rho * V**3 / 2 * at.wing_area_m2 * (A["A0"] + A["A1"] * CL + A["A2"] * CL**2)
+    assert np.interp(V, found.V, found.power.value) == pytest.approx(required, rel=0.002)
+
+
+def test_no_full_throttle_is_said_and_not_made_up(nexstar, propeller) -> None:
+    part = steady_points(nexstar, propeller)
+    part["throttle"] = np.minimum(part["throttle"], 0.9)
+    assert "0 s of settled full throttle" in full_throttle(part, nexstar.propulsion, propeller)
+    unknown = part.assign(throttle=np.nan)
+    assert "where the throttle stood" in full_throttle(unknown, nexstar.propulsion, propeller)
