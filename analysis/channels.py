@@ -17,6 +17,8 @@ from flight.messages import Status
 
 Array = NDArray[np.float64]
 GAP_TICKS = 3.5
+LONG_GAP_S, MENTIONED_SHARE, MENTIONED_GAPS = 2.0, 0.002, 3
+CLIPPED = "at the end of its range"
 
 # Column of the table: (topic, field). The field's symbols are words of the analysis from here on.
 COLUMNS = {
@@ -40,6 +42,7 @@ COLUMNS = {
     "battery_V": ("/battery", "voltage_V"),
     "battery_A": ("/battery", "current_A"),
 }
+TOPICS = tuple(dict.fromkeys(topic for topic, _ in COLUMNS.values()))
 NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")
 
 
@@ -49,6 +52,7 @@ class Channels(NamedTuple):
     table: pd.DataFrame  # index: t_s since the first tick; columns: COLUMNS, NaN where nothing was measured
     rate_Hz: float
     start_ns: int  # Unix time of t_s = 0
+    notes: list[str]  # what was lost and why, where it was more than a moment
 
 
 def synchronise(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
@@ -66,6 +70,7 @@ def synchronise(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
     t_s: Array = np.arange(int((ticks[-1, 1] - start_ns) / 1e9 / period_s) + 1, dtype=float) * period_s
 
     table: dict[str, Array] = {}
+    notes = [note for topic in TOPICS for note in _losses(topic, log.entries.get(topic, []), start_ns, period_s)]
     for name, (topic, field) in COLUMNS.items():
         entries = log.entries.get(topic, [])
         taken_s, value = _samples(entries, field, start_ns)
@@ -73,7 +78,7 @@ def synchronise(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
             statuses = sorted({str(entry.message.status) for entry in entries})
             raise InputError(f"{log.path}: {topic} never carried a value (its status: {', '.join(statuses)})")
         table[name] = on_grid(t_s, taken_s - (lag_s or {}).get(topic, 0.0), value)
-    return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns)
+    return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns, notes)
 
 
 def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
@@ -88,6 +93,24 @@ def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
     within = (t_s >= taken_s[0]) & (t_s <= taken_s[-1])
     known = (bridged & within) | (distance <= 0.01 * interval)
     return np.where(known, CubicSpline(taken_s, value)(t_s), np.nan)
+
+
+def _losses(topic: str, entries: list[Entry], start_ns: int, period_s: float) -> list[str]:
+    """In words: how much of a topic was clipped, and when it was silent for long."""
+    if not entries:
+        return []
+    notes = []
+    clipped = sum(entry.message.status is Status.SATURATED for entry in entries) / len(entries)
+    if clipped > MENTIONED_SHARE:
+        notes.append(f"{topic} was {CLIPPED} for {100 * clipped:.1f} % of the log: not measured there.")
+    good_s = np.array([(entry.time_ns - start_ns) / 1e9 for entry in entries if entry.message.status is Status.OK])
+    if topic == "/rpm" or len(good_s) < 2:
+        return notes  # a motor that stands says nothing, and a topic that never spoke is somebody else's to tell
+    gaps = np.diff(good_s)
+    long = np.flatnonzero(gaps > max(LONG_GAP_S, 5 * float(np.median(gaps))))
+    for i in long[np.argsort(gaps[long])[::-1][:MENTIONED_GAPS]].tolist():
+        notes.append(f"{topic} has a gap of {gaps[i]:.1f} s from {good_s[i]:.0f} s on: nothing is invented there.")
+    return notes
 
 
 def _samples(entries: list[Entry], field: str, start_ns: int) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.probe import ProbeCalibration, flow_at_probe
+from analysis.channels import COLUMNS
 from analysis.stillness import Zeros
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2, density, height_at, temperature_at
@@ -16,6 +17,7 @@ from flight.propeller import Propeller
 FLYING_PA = 30.0  # dynamic pressure above which there is flow enough to speak of angles: 7 m/s at sea level
 LOW_M = 20.0  # above the ground; below, wind changes with every metre, and ground effect begins
 COEFFICIENT_SMOOTHING_S = 0.2
+STUCK_PA, FEWEST_TO_JUDGE = 0.02, 250  # a tenth of a count of the finest transducer; samples
 COLD_S = 2.0  # after power-on
 LARGEST_UNMENTIONED_SHARE = 0.02
 
@@ -40,13 +42,21 @@ def air_data(
     if zeros is None:
         notes.append("The aircraft never stood still in this log: transducer and gyro zeros are taken as they come.")
     else:
-        for name, zero in zeros.value.items():
-            out[name] -= zero
-    if out["dp_beta_Pa"].isna().all():
-        notes.append("No sideslip pressure in this log: sideslip is taken as zero.")
-        out["dp_beta_Pa"] = 0.0
+        notes += zeros.notes
+        for name in zeros.value:
+            out[name] -= zeros.at(name, table.index.to_numpy())
+    for name in ("dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa"):
+        if _stuck(out[name], out["q_c_Pa"]):
+            out[name] = np.nan
+            notes.append(
+                f"{COLUMNS[name][0]} never changed in flight: a broken transducer or a blocked tube, left out."
+            )
+    sideslip = out["dp_beta_Pa"].to_numpy(dtype=float)
+    if np.isnan(sideslip).all():
+        notes.append("No sideslip pressure in this log: sideslip is not known; the other angles are those without it.")
 
-    flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), out["dp_beta_Pa"].to_numpy(), out["q_c_Pa"].to_numpy())
+    dp_beta = np.nan_to_num(sideslip)  # where it is missing: straight flow, for the maps
+    flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, out["q_c_Pa"].to_numpy())
     flying = (flow.qbar_Pa > FLYING_PA) & flow.inside
     blank = np.where(flying, 1.0, np.nan)
     ground_Pa, ground_K = _ground(out)
@@ -64,7 +74,8 @@ def air_data(
     out["rho"] = rho
     out["V_mps"] = V
     out["alpha_rad"] = flow.alpha_rad * blank - aircraft.probe.upwash_per_CL_rad * CL + out["q_radps"] * x_probe / V
-    out["beta_rad"] = flow.beta_rad * blank - out["r_radps"] * x_probe / V
+    measured = np.where(np.isfinite(sideslip), flow.beta_rad * blank, np.nan)
+    out["beta_rad"] = measured - out["r_radps"] * x_probe / V
     _add_thrust(out, propeller)
     outside = ~flow.inside[flow.qbar_Pa > FLYING_PA]
     if np.mean(outside) > LARGEST_UNMENTIONED_SHARE:
@@ -73,6 +84,12 @@ def air_data(
             " and is left out."
         )
     return AirData(out, notes)
+
+
+def _stuck(pressure: pd.Series, q_c: pd.Series) -> bool:
+    """Whether a transducer gave one and the same number in all of the flight; noise alone moves a sound one."""
+    flown = pressure[q_c > FLYING_PA].dropna() if pressure.name != "q_c_Pa" else pressure.dropna()
+    return len(flown) > FEWEST_TO_JUDGE and float(flown.max() - flown.min()) < STUCK_PA
 
 
 def _ground(table: pd.DataFrame) -> tuple[float, float]:
@@ -128,7 +145,7 @@ def bank_rad(table: pd.DataFrame, time_constant_s: float = 3.0) -> NDArray[np.fl
     step_s = float(table.index[1] - table.index[0])
     V, alpha, beta = (table[c].to_numpy() for c in ("V_mps", "alpha_rad", "beta_rad"))
     p, r, ay = (table[c].to_numpy() for c in ("p_radps", "r_radps", "ay_mps2"))
-    v = V * np.sin(beta)
+    v = V * np.sin(np.nan_to_num(beta))  # where sideslip is not known, none
     balance = (_slope(v, step_s) - p * V * np.sin(alpha) + r * V * np.cos(alpha) - ay) / GRAVITY_MPS2
     slow = np.arcsin(np.clip(np.nan_to_num(balance), -1, 1))
     rate = np.nan_to_num(p)
