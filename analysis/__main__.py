@@ -34,6 +34,12 @@ def analyze(
             help="Propeller to use instead of the log's: a shipped name, our CSV, APC's PER3 file, or UIUC tables.",
         ),
     ] = None,
+    runs: Annotated[
+        Path | None,
+        typer.Option(
+            "--runs", help="Runs to use: the runs.toml that an analysis wrote, edited (keep, start, end, kind)."
+        ),
+    ] = None,
     battery_Wh: Annotated[
         str | None, typer.Option("--battery-Wh", help="Energy of the battery [Wh]; default: the aircraft file's.")
     ] = None,
@@ -74,13 +80,15 @@ def analyze(
         other = _propeller(propeller) if propeller else None
         from analysis.chain import analyze as run_chain
         from analysis.report import write_report
+        from analysis.runs.edit import to_toml
 
         def say(text: str) -> None:
             status.update(text + " …")
 
-        analysis = run_chain(recorded, override, say, propeller=other, questions=questions)
+        analysis = run_chain(recorded, override, say, propeller=other, questions=questions, runs_file=runs)
         status.update("drawing the report …")
         write_report(analysis, folder)
+        commands.write_file(folder / "runs.toml", to_toml(analysis.found, log.name))
     if not quiet:
         _print_summary(analysis.results, folder)
 

@@ -19,7 +19,7 @@ from analysis.results import AircraftResult, ConditionResult, ParameterResult, R
 from analysis.runs import Found, Run, edit
 from analysis.runs.find import find
 from analysis.runs.kinds import LEVEL
-from analysis.stillness import still_segments, zeros
+from analysis.stillness import still_segments, zero_of_attachment, zeros
 from analysis.use import Day, flight_data, interval_parts, thrust_coverage, use
 from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY

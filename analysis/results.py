@@ -33,20 +33,24 @@ class MethodResult(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     title: str
-    power_required: list[PowerPoint] = []  # empty where the log did not allow one; `notes` then say why
+    equations: str = ""
+    taken_as_measured: list[str] = []  # what it deliberately does not correct, so that a fault there shows
+    drag_polar: list[float] = []  # A0, A1, A2 of C_D = A0 + A1 C_L + A2 C_L^2
+    power_required: list[PowerPoint] = []  # over what it saw; empty where the log did not allow one: see `notes`
     points: list[MethodPoint] = []
     notes: list[str] = []
 
 
 class Disagreement(msgspec.Struct, frozen=True, kw_only=True):
-    """Two methods that differ by more than both their intervals allow, and what that points at."""
+    """Two methods that differ by more than noise and a careful installation allow, and what that points at."""
 
     methods: tuple[str, str]
     speed_mps: float  # where they differ most
     difference_W: float  # the second minus the first
-    allowed_W: float  # what both intervals allow together
-    culprit: str
+    allowed_W: float  # what would be no surprise: three standard errors
+    culprit: str  # angle of attack, pitch attitude, airspeed, air-data lag, propeller table, or unexplained
     text: str
+    shares_W: dict[str, float] = {}  # how much of the difference each cause accounts for
 
 
 class SpeedInterval(msgspec.Struct, frozen=True, kw_only=True):

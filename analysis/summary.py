@@ -1,0 +1,112 @@
+"""Estimates in the form that `results.json` has: curves with their intervals, special speeds, polars, runs."""
+
+import numpy as np
+import pandas as pd
+
+from analysis.power import curve
+from analysis.power.output_error import CrossCheck
+from analysis.results import DragPolar, PowerPoint, RejectedResult, RunResult, SpeedInterval
+from analysis.runs import Rejected, Run
+from analysis.use import thrust_known
+from flight.aircraft import Aircraft
+
+CURVE_POINTS = 61
+ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients between which the curve is drawn
+
+
+def flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
+    """Range of lift coefficients at which lift would equal weight at the speeds flown: what the curve is drawn over."""
+    CL = 2 * aircraft.mass.weight_N / (flown["rho"] * flown["V_mps"] ** 2 * aircraft.geometry.wing_area_m2)
+    low, high = np.percentile(CL.dropna(), ROBUST_RANGE)
+    return float(low), float(high)
+
+
+def points(
+    polar: curve.Polar, at: curve.Condition, flown_CL: tuple[float, float], flown: pd.DataFrame | None = None
+) -> list[PowerPoint]:
+    """A curve over a range of lift coefficients.
+
+    flown: rows of the runs; what then rests on a continued propeller table is marked as extrapolated.
+    """
+    V = np.linspace(curve.speed_at(flown_CL[1], at), curve.speed_at(flown_CL[0], at), CURVE_POINTS)
+    power, error = curve.power_required(V, polar, at)
+    half = curve.NORMAL_95 * error
+    known = np.ones(len(V), dtype=bool) if flown is None else thrust_known(flown, V)
+    return [
+        PowerPoint(
+            speed_mps=float(v),
+            power_W=float(p),
+            power_lo_W=float(p - h),
+            power_hi_W=float(p + h),
+            extrapolated=not sure,
+        )
+        for v, p, h, sure in zip(V, power, half, known.tolist(), strict=True)
+    ]
+
+
+def special(lift_of, polar: curve.Polar, at: curve.Condition, flown_CL: tuple[float, float]) -> SpeedInterval:
+    """The speed of least power or of best range, whichever `lift_of` gives the lift coefficient of."""
+    CL = lift_of(polar.A)
+    if not np.isfinite(CL):
+        return SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
+    speed, lo, hi = curve.special_speed(lift_of, polar, at)
+    return SpeedInterval(
+        speed_mps=speed, lo_mps=lo, hi_mps=hi, inside_flown_range=bool(flown_CL[0] <= CL <= flown_CL[1])
+    )
+
+
+def drag_polar(polar: curve.Polar, aircraft: Aircraft) -> DragPolar:
+    A0, A1, A2 = (float(a) for a in polar.A)
+    classic = curve.classic_form(polar.A, aircraft.aspect_ratio)
+    return DragPolar(
+        A0=A0,
+        A1=A1,
+        A2=A2,
+        CD0=classic.CD0,
+        K=classic.K,
+        CL_minD=classic.CL_minD,
+        oswald_efficiency=classic.oswald,
+        maximum_lift_to_drag=curve.maximum_lift_to_drag(polar.A),
+    )
+
+
+def run_result(run: Run) -> RunResult:
+    return RunResult(
+        kind=run.kind,
+        start_s=run.start_s,
+        end_s=run.end_s,
+        lowest_speed_mps=run.lowest_speed_mps,
+        highest_speed_mps=run.highest_speed_mps,
+        altitude_change_m=run.altitude_change_m,
+        notes=list(run.notes),
+    )
+
+
+def rejected_result(stretch: Rejected) -> RejectedResult:
+    return RejectedResult(kind=stretch.kind, start_s=stretch.start_s, end_s=stretch.end_s, reason=stretch.reason)
+
+
+def nearest_miss(rejected: list[Rejected]) -> str:
+    """Why there is no run, by the longest stretch that was not taken."""
+    if not rejected:
+        return " (speed never changed steadily in level flight)"
+    longest = max(rejected, key=lambda r: r.end_s - r.start_s)
+    return f"; the longest stretch, {longest.start_s:.0f} to {longest.end_s:.0f} s: {longest.reason}"
+
+
+def cross_check_said(
+    polar: curve.Polar, check: CrossCheck, at: curve.Condition, flown_CL: tuple[float, float]
+) -> list[str]:
+    """Whether curve and cross-check differ by more than both their intervals allow, and where most."""
+    if not check.converged:
+        return [f"The cross-check by output error did not end well: {check.verdict}."]
+    V = np.linspace(curve.speed_at(flown_CL[1], at), curve.speed_at(flown_CL[0], at), CURVE_POINTS)
+    (power, error), (other, other_error) = (curve.power_required(V, p, at) for p in (polar, check.polar))
+    excess = np.abs(other - power) / (curve.NORMAL_95 * np.hypot(error, other_error))
+    worst = int(np.argmax(excess))
+    if excess[worst] <= 1:
+        return []
+    return [
+        f"Output error over the runs alone differs by {100 * (other[worst] / power[worst] - 1):+.0f} % at"
+        f" {V[worst]:.1f} m/s, more than both intervals allow: look at the fits below."
+    ]
