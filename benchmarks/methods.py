@@ -1,0 +1,181 @@
+"""Every method over many simulated flights: error, width and coverage of its interval, and what disagreements named.
+
+    python benchmarks/methods.py --errors study --flights 12
+    python benchmarks/methods.py --errors bench --wrong alpha_offset_rad=0.02
+
+Flies, lets the sensors feel (no buses, no counts), analyses, and compares with the simulator's true curve at speeds
+that the method saw. `--wrong` sets one error of the budget to a given value instead of drawing it. docs/methods.md
+quotes what this prints.
+"""
+
+import dataclasses
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import pandas as pd
+import typer
+from estimators import KNOT_MPS, TICK_S, felt_table
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from analysis import methods, summary
+from analysis.airdata.air import air_data
+from analysis.airdata.probe import ProbeCalibration, calibrate, read_tunnel
+from analysis.path.reconstruct import reconstruct
+from analysis.power import compare, curve, dynamic
+from analysis.power.curve import Polar
+from analysis.power.method import MethodEstimate
+from analysis.runs.find import find
+from analysis.runs.kinds import LEVEL
+from analysis.stillness import still_segments, zeros
+from flight.aircraft import Aircraft, load_aircraft
+from flight.propeller import load_propeller
+from sim import fly as flying
+from sim.plan import load_plan
+from sim.plant import plant_of
+from sim.sensors import TrayFelt, draw, load_budget
+from sim.sensors.budget import Budget, Errors
+from sim.trim import Trimmer
+from sim.tunnel import calibrate as tunnel_measurements
+from sim.tunnel import write_calibration
+
+OVER_STALL = (1.2, 1.4, 1.7, 2.0, 2.3)
+HEIGHT_M = 100.0
+
+
+class Flown(NamedTuple):
+    """One flight as the sensors felt it: air data, where it stood, the true curve at its density, what was flown.
+
+    segments : kind, start_s, end_s of each segment of the plan
+    """
+
+    table: pd.DataFrame
+    still: list[slice]
+    truth: pd.DataFrame
+    segments: pd.DataFrame
+
+
+class Asked(NamedTuple):
+    """What the methods said of it."""
+
+    dynamic: dynamic.DynamicEstimate
+    flown_CL: tuple[float, float]
+    answers: list[MethodEstimate]
+    disagreements: list[compare.Disagreement]
+    at: curve.Condition
+
+
+def tunnel_probe() -> ProbeCalibration:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "tunnel.csv"
+        write_calibration(path, tunnel_measurements(seed=0), replace=False)
+        return calibrate(read_tunnel(path), "tunnel.csv")
+
+
+def drawn(budget: Budget, seed: int, **wrong: float) -> Errors:
+    """One day's errors, some of them not drawn but as given: names of `Systematic`, or `accel_x_bias`, `pitch_tilt`."""
+    # Vibration needs the part's own low-pass filter, which is a matter for the whole chain and not for this table.
+    quiet = dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0))
+    errors = draw(quiet, seed)
+    if "accel_x_bias" in wrong:
+        errors = dataclasses.replace(errors, accel_bias=np.array([wrong.pop("accel_x_bias"), 0.0, 0.0]))
+    if "pitch_tilt" in wrong:
+        c, s = np.cos(wrong["pitch_tilt"]), np.sin(wrong.pop("pitch_tilt"))
+        errors = dataclasses.replace(errors, imu_rotation=np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]))
+    return dataclasses.replace(errors, values=dataclasses.replace(errors.values, **wrong))
+
+
+def fly(
+    aircraft: Aircraft, probe: ProbeCalibration, errors: Errors, plan_name: str, turbulence_kt: float, seed: int
+) -> Flown:
+    plan = load_plan(plan_name)
+    if turbulence_kt:
+        plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=turbulence_kt * KNOT_MPS))
+    flight = flying.fly(aircraft, plan, seed=seed, deviations=errors.deviations)
+    table = felt_table(TrayFelt(flight, errors), aircraft)
+    table["throttle"] = np.interp(table.index, flight.truth["time_s"], flight.truth["throttle"].fillna(0.0))
+    still = still_segments(table, 1 / TICK_S)
+    propeller = load_propeller(aircraft.propulsion.propeller)
+    air = air_data(table, aircraft, probe, propeller, zeros(table, still)).table
+    segments = flight.truth.groupby("segment").agg(
+        kind=("kind", "first"), start_s=("time_s", "first"), end_s=("time_s", "last")
+    )
+    return Flown(air, still, flight.power_required, segments)
+
+
+def ask(aircraft: Aircraft, flown: Flown) -> Asked:
+    propeller = load_propeller(aircraft.propulsion.propeller)
+    found = find(flown.table, flown.still)
+    level = found.of(*LEVEL)
+    path = reconstruct(flown.table, flown.still)
+    estimate = dynamic.estimate_polar(flown.table, path, level, aircraft, propeller)
+    rows = pd.concat([flown.table.iloc[run.rows] for run in level])
+    flown_CL = summary.flown_lift(rows, aircraft)
+    at = curve.Condition(aircraft.mass.weight_N, float(rows["rho"].mean()), aircraft.geometry.wing_area_m2)
+    answers, disagreements = methods.every_method(
+        flown.table, path, found.runs, estimate, flown_CL, aircraft, propeller, at
+    )
+    return Asked(estimate, flown_CL, answers, disagreements, at)
+
+
+def compared(polar: Polar, flown_CL: tuple[float, float], V: np.ndarray, truth: np.ndarray, at) -> np.ndarray:
+    """Error and half the 95 % interval in per cent (2, speeds); NaN outside what the method saw."""
+    power, error = curve.power_required(V, polar, at)
+    CL = curve.lift_coefficient(V, at)
+    seen = (CL >= 0.98 * flown_CL[0]) & (CL <= 1.02 * flown_CL[1])
+    return np.where(seen, 100 * np.stack([power / truth - 1, curve.NORMAL_95 * error / truth]), np.nan)
+
+
+def main(
+    errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
+    plan: Annotated[str, typer.Option(help="Flight plan.")] = "full-test-flight",
+    turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
+    flights: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 12,
+    first_seed: Annotated[int, typer.Option(help="The first seed.")] = 0,
+    wrong: Annotated[list[str] | None, typer.Option(help="NAME=VALUE: one error not drawn but as given.")] = None,
+    aircraft_name: Annotated[str, typer.Option("--aircraft", help="Aircraft.")] = "nexstar",
+) -> None:
+    aircraft, probe, budget = load_aircraft(aircraft_name), tunnel_probe(), load_budget(errors)
+    given = {name: float(value) for name, _, value in (text.partition("=") for text in wrong or [])}
+    V = np.array(OVER_STALL) * Trimmer(plant_of(aircraft), HEIGHT_M).V_stall
+    gathered: dict[str, list[np.ndarray]] = {}
+    named: Counter[str] = Counter()
+    console = Console(width=140)
+    for seed in track(range(first_seed, first_seed + flights), "flights", console=Console(stderr=True)):
+        flown = fly(aircraft, probe, drawn(budget, seed, **given), plan, turbulence_kt, seed)
+        asked = ask(aircraft, flown)
+        truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
+        rows = {"dynamic": (asked.dynamic.polar, asked.flown_CL)}
+        rows |= {a.method.title: (a.polar, a.flown_CL) for a in asked.answers if a.polar is not None}
+        for title, (polar, flown_CL) in rows.items():
+            gathered.setdefault(title, []).append(compared(polar, flown_CL, V, truth, asked.at))
+        named.update(f"{one.first} - {one.second}: {one.culprit}" for one in asked.disagreements)
+    console.print(
+        f"{errors} {given or ''}, {plan}, W20 = {turbulence_kt:g} kt, {flights} flights from seed {first_seed}"
+    )
+    table = Table("method", "", *(f"{v:.1f} m/s" for v in V), box=None)
+    for title, values in gathered.items():
+        error, half = np.array(values).transpose(1, 0, 2)
+        seen = np.isfinite(error).any(axis=0)
+        error, half = np.where(seen, error, 0.0), np.where(seen, half, 0.0)
+        covered = np.where(np.isfinite(error), np.abs(error) < half, np.nan)
+        for name, row, form in (
+            ("95 % of errors below", np.nanpercentile(np.abs(error), 95, axis=0), "{:.1f}"),
+            ("mean", np.nanmean(error, axis=0), "{:+.1f}"),
+            ("half width of intervals", np.nanmedian(half, axis=0), "{:.1f}"),
+            ("coverage, %", 100 * np.nanmean(covered, axis=0), "{:.0f}"),
+        ):
+            table.add_row(title, name, *(form.format(x) if ok else "-" for x, ok in zip(row, seen, strict=True)))
+            title = ""
+    console.print(table)
+    console.print("disagreements named:")
+    for text, count in named.most_common():
+        console.print(f"  {count:3d} x {text}")
+
+
+if __name__ == "__main__":
+    typer.run(main)

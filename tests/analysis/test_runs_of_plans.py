@@ -1,0 +1,160 @@
+"""Every kind of run is found where the simulator flew it, and a file of runs can be edited and taken back."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.runs import Found, edit
+from analysis.runs.find import find
+from analysis.runs.quality import shaking
+from flight.aircraft import load_aircraft
+from flight.errors import InputError
+from sim.sensors import load_budget
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+from methods import drawn, fly, tunnel_probe
+
+# The segment of a plan, and the run that it should be found as.
+FOUND_AS = {
+    "hold": "steady",
+    "roller-coaster": "roller coaster",
+    "wind-up-turn": "wind-up turn",
+    "3-2-1-1": "3-2-1-1",
+    "stand": "standing",
+}
+SETTLED_S = 15.0  # a hold that is longer has a steady part: getting to its speed takes up to 7 s, a point 8 s
+
+
+@pytest.fixture(scope="module")
+def probe():
+    return tunnel_probe()
+
+
+def flown(probe, plan: str, turbulence_kt: float = 0.0):
+    errors = drawn(load_budget("bench"), 0)
+    return fly(load_aircraft("nexstar"), probe, errors, plan, turbulence_kt, 0)
+
+
+@pytest.fixture(scope="module")
+def manoeuvres(probe):
+    return flown(probe, "manoeuvres")
+
+
+def test_the_manoeuvres_of_the_literature_are_found_once_each_where_they_were_flown(manoeuvres) -> None:
+    found = find(manoeuvres.table, manoeuvres.still)
+    segments = manoeuvres.segments
+    for kind in ("roller-coaster", "wind-up-turn", "3-2-1-1"):
+        start, end = segments.loc[segments["kind"] == kind, ["start_s", "end_s"]].iloc[0]
+        (run,) = found.of(FOUND_AS[kind])
+        # Each begins when its load factor or its elevator has moved, and its segment ends with some recovery.
+        assert start - 0.5 < run.start_s < start + 3
+        assert run.end_s < end + 0.5
+        assert run.seconds > 0.3 * (end - start)
+
+
+def test_steady_points_are_found_in_every_long_hold_and_nowhere_else(probe) -> None:
+    flight = flown(probe, "steady-points")
+    steady = find(flight.table, flight.still).of("steady")
+    segments = flight.segments
+    holds = segments[(segments["kind"] == "hold") & (segments["end_s"] - segments["start_s"] > SETTLED_S)]
+    assert len(steady) == len(holds)
+    for run, (_, hold) in zip(steady, holds.iterrows(), strict=True):
+        assert min(run.end_s, hold["end_s"]) - max(run.start_s, hold["start_s"]) > 0.75 * (hold.end_s - hold.start_s)
+        assert run.highest_speed_mps < 1.06 * run.lowest_speed_mps
+
+
+def test_standing_and_flying_are_what_the_aircraft_did(manoeuvres) -> None:
+    found, segments = find(manoeuvres.table, manoeuvres.still), manoeuvres.segments
+    (flying,) = found.of("flying")
+    take_off, land = (segments[segments["kind"] == kind].iloc[0] for kind in ("take-off", "land"))
+    assert take_off["start_s"] < flying.start_s < take_off["end_s"]
+    assert land["start_s"] - 5 < flying.end_s < land["end_s"]
+    first = found.of("standing")[0]
+    assert first.end_s == pytest.approx(take_off["start_s"], abs=2)
+
+
+def test_turbulence_is_noted_and_grows_with_the_wind(probe) -> None:
+    """Dryden gusts scale with W20; an accelerometer's own noise is 0.006 of gravity (Table 4.1)."""
+    calm, rough = flown(probe, "accel-decel"), flown(probe, "accel-decel", 15.0)
+    notes = [note for run in find(rough.table, rough.still).runs for note in run.notes]
+    assert any("turbulence" in note for note in notes)
+    shakes = [shaking(flight.table.loc[60.0:90.0]) for flight in (calm, rough)]
+    assert shakes[0] < 0.02
+    assert shakes[1] > 5 * shakes[0]
+
+
+def test_a_throttle_step_is_noted_and_a_ramp_is_not(probe) -> None:
+    flight = flown(probe, "throttle-step")
+    accelerations = find(flight.table, flight.still).of("acceleration")
+    assert ["throttle" in " ".join(run.notes) for run in accelerations] == [True, False]
+
+
+def test_a_file_of_runs_taken_back_unchanged_gives_the_same_runs(manoeuvres, tmp_path: Path) -> None:
+    found = find(manoeuvres.table, manoeuvres.still)
+    again = taken_back(edit.to_toml(found, "log.mcap"), manoeuvres.table, tmp_path)
+    assert [(run.kind, run.rows) for run in again.runs] == [(run.kind, run.rows) for run in found.runs]
+    assert len(again.rejected) == len(found.rejected)
+
+
+def test_runs_can_be_dropped_kept_and_shifted(manoeuvres, tmp_path: Path) -> None:
+    text = edit.to_toml(find(manoeuvres.table, manoeuvres.still), "log.mcap")
+    only = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
+    (run,) = taken_back(
+        only + "[[run]]\nkind='steady'\nstart='70 s'\nend='80 s'\nkeep=false", manoeuvres.table, tmp_path
+    ).runs
+    assert (run.kind, run.start_s, run.end_s) == (
+        "acceleration",
+        pytest.approx(60, abs=0.04),
+        pytest.approx(68, abs=0.04),
+    )
+    everything = taken_back(text.replace("keep = false", "keep = true"), manoeuvres.table, tmp_path)
+    assert not everything.rejected
+
+
+def taken_back(text: str, table: pd.DataFrame, folder: Path) -> Found:
+    path = folder / "runs.toml"
+    path.write_text(text, "utf-8")
+    return edit.taken(edit.load(path), table, "runs.toml")
+
+
+ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "cause"),
+    [
+        ("", "has no [[run]]"),
+        ("[[run]", "not valid TOML"),
+        ("runs = 1\n" + ONE, "unknown key 'runs'"),
+        (ONE.replace("acceleration", "speeding"), "kind: 'speeding' is none of acceleration"),
+        (ONE.replace('"60 s"', "60"), "give a number with a unit"),
+        (ONE.replace("60 s", "60 m"), "cannot be read as a quantity in s"),
+        (ONE.replace("60 s", "70 s"), "must lie before end"),
+        (ONE.replace("60 s", "-1 s"), "must lie before end"),
+        (ONE + "colour = 1", "unknown key 'colour'"),
+        (ONE.replace('end = "68 s"', ""), "end is missing"),
+        (ONE + "keep = false", "keeps no run"),
+        (ONE.replace("60", "9000").replace("68", "9010"), "the log ends at"),
+        (ONE.replace("60 s", "67.9 s"), "samples"),
+        (ONE.replace("60 s", "5 s"), "no V for"),
+    ],
+)
+def test_a_wrong_file_of_runs_is_refused_in_one_line(manoeuvres, tmp_path: Path, text: str, cause: str) -> None:
+    with pytest.raises(InputError, match=re.escape(cause)) as refused:
+        taken_back(text, manoeuvres.table, tmp_path)
+    assert "\n" not in str(refused.value) and "runs.toml" in str(refused.value)
+
+
+def test_elevator_steps_that_are_no_3211_are_rejected_with_their_times(manoeuvres) -> None:
+    table = manoeuvres.table.copy()
+    start = next(run.start_s for run in find(table, manoeuvres.still).runs if run.kind == "3-2-1-1")
+    t = table.index.to_numpy() - start
+    doublet = np.radians(3) * (((t > 0) & (t < 1)).astype(float) - ((t >= 1) & (t < 2)))
+    table.loc[(t > -1) & (t < 8), "elevator_rad"] = doublet[(t > -1) & (t < 8)]
+    found = find(table, manoeuvres.still)
+    assert not found.of("3-2-1-1")
+    assert any("1.0, 1.0 s are no 3-2-1-1" in stretch.reason for stretch in found.rejected)
