@@ -6,14 +6,17 @@ the two give alpha, beta and q_c/qbar. Nothing here knows how a probe works: the
 
 import csv
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
+from scipy.stats import chi2
 
 from flight.atmosphere import density
 from flight.errors import InputError
@@ -23,6 +26,9 @@ Array = NDArray[np.float64]
 FORMAT = "flightpower-probe-1"
 ORDERS = range(1, 10)
 FOLDS = 10
+SLOPE_RANGE_RAD = np.radians(10.0)  # flown angles: there the slope of alpha counts
+SPEED_STEP = 0.04
+NEARLY_AS_GOOD = 1.1
 
 
 class Surface(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,6 +38,7 @@ class Surface(msgspec.Struct, frozen=True, kw_only=True):
     coefficients: list[float]
     residual_rms: float  # cross-validated
     order: int
+    tried_rms: list[float] = []  # cross-validated, of orders 1, 2, …
 
     def __call__(self, C_alpha: Array, C_beta: Array) -> Array:
         return _terms(C_alpha, C_beta, self.powers) @ np.array(self.coefficients)
@@ -46,7 +53,7 @@ class ProbeCalibration(msgspec.Struct, frozen=True, kw_only=True):
     alpha_rad: Surface
     beta_rad: Surface
     q_ratio: Surface  # q_c/qbar
-    alpha_scale_sigma: float  # relative standard error of the slope of alpha at small angles
+    alpha_scale_sigma: float  # relative standard error of alpha's slope over +-10 deg, the tunnel's own angles included
     hull: list[tuple[float, float]]  # corners of the calibrated region in (C_alpha, C_beta)
 
 
@@ -115,12 +122,14 @@ def read_tunnel(path: str | Path) -> Tunnel:
     return Tunnel(**values)
 
 
-def calibrate(tunnel: Tunnel, source: str = "") -> ProbeCalibration:
+def calibrate(tunnel: Tunnel, source: str = "", *, angle_scale_sigma: float = 0.0) -> ProbeCalibration:
     """Smooth maps through a tunnel's measurements, the order of each chosen by cross-validation.
 
+    angle_scale_sigma: how well the tunnel's angles themselves are known, as a fraction (turntable, blockage, walls);
+    no measurement in the file shows it.
     Raises InputError when there are too few points, or points without flow.
     """
-    qbar = density(tunnel.static_Pa, tunnel.temperature_K) * tunnel.speed_mps**2 / 2
+    qbar = dynamic_pressure(tunnel)
     if len(qbar) < 30:
         raise InputError(f"{source}: {len(qbar)} points are too few to calibrate a probe; 30 at least")
     if np.any(tunnel.q_c_Pa <= 0) or np.any(qbar <= 0):
@@ -131,8 +140,13 @@ def calibrate(tunnel: Tunnel, source: str = "") -> ProbeCalibration:
     alpha, alpha_covariance = _fit(C_alpha, C_beta, tunnel.alpha_rad, weight)
     beta, _ = _fit(C_alpha, C_beta, tunnel.beta_rad, weight)
     q_ratio, _ = _fit(C_alpha, C_beta, tunnel.q_c_Pa / qbar, weight)
-    slope = alpha.powers.index((1, 0))
     corners = np.column_stack([C_alpha, C_beta])[ConvexHull(np.column_stack([C_alpha, C_beta])).vertices]
+    by_coefficient = _slope_of(alpha, (float(C_alpha.min()), float(C_alpha.max())))
+    noise = np.sqrt(by_coefficient(alpha.powers) @ alpha_covariance @ by_coefficient(alpha.powers))
+    others = [_polynomial(C_alpha, C_beta, tunnel.alpha_rad, weight, order)[0] for order in _neighbours(alpha)]
+    slope, *other_slopes = (by_coefficient(s.powers) @ np.array(s.coefficients) for s in (alpha, *others))
+    form = max((abs(other - slope) for other in other_slopes), default=0.0)
+    with_speed = speed_dependence(tunnel, alpha(C_alpha, C_beta) - tunnel.alpha_rad, tunnel.alpha_rad)
     return ProbeCalibration(
         format=FORMAT,
         source=source,
@@ -140,9 +154,90 @@ def calibrate(tunnel: Tunnel, source: str = "") -> ProbeCalibration:
         alpha_rad=alpha,
         beta_rad=beta,
         q_ratio=q_ratio,
-        alpha_scale_sigma=float(np.sqrt(alpha_covariance[slope, slope]) / abs(alpha.coefficients[slope])),
+        alpha_scale_sigma=float(np.sqrt(noise**2 + form**2 + with_speed.spread**2 + angle_scale_sigma**2)),
         hull=[(float(a), float(b)) for a, b in corners],
     )
+
+
+def dynamic_pressure(tunnel: Tunnel) -> Array:
+    """The free stream's, from speed and density [Pa]."""
+    return np.asarray(density(tunnel.static_Pa, tunnel.temperature_K) * tunnel.speed_mps**2 / 2)
+
+
+class AtSpeed(NamedTuple):
+    """What an angle's residual does at one tunnel speed: at zero angle [rad], and with the angle, with its error."""
+
+    speed_mps: float
+    points: int
+    offset_rad: float
+    slope: float
+    slope_error: float
+
+
+class SpeedDependence(NamedTuple):
+    """Whether the slope of an angle depends on speed."""
+
+    speeds: list[AtSpeed]
+    chi_squared: float  # of the slopes about their mean
+    spread: float  # standard deviation of the slope from speed to speed, beyond noise; 0 where that explains it
+
+    @property
+    def significant(self) -> bool:
+        return self.spread > 0
+
+
+def speed_dependence(tunnel: Tunnel, residual_rad: Array, angle_rad: Array) -> SpeedDependence:
+    """The residual of an angle's map, speed by speed, within SLOPE_RANGE."""
+    small = np.abs(angle_rad) <= SLOPE_RANGE_RAD
+    groups = _speeds(tunnel.speed_mps)
+    found = []
+    for group in range(groups.max() + 1):
+        mine = small & (groups == group)
+        x, y = angle_rad[mine], residual_rad[mine]
+        if len(x) < 5 or np.ptp(x) == 0:
+            continue
+        x_mean = x - x.mean()
+        slope = float(x_mean @ y / (x_mean @ x_mean))
+        left = y - y.mean() - slope * x_mean
+        error = float(np.sqrt(left @ left / (len(x) - 2) / (x_mean @ x_mean)))
+        offset = float(y.mean() - slope * x.mean())
+        found.append(AtSpeed(float(tunnel.speed_mps[mine].mean()), len(x), offset, slope, error))
+    if len(found) < 2:
+        return SpeedDependence(found, 0.0, 0.0)
+    slopes, errors = np.array([f.slope for f in found]), np.array([f.slope_error for f in found])
+    mean = np.average(slopes, weights=1 / errors**2)
+    chi_squared = float(np.sum(((slopes - mean) / errors) ** 2))
+    if chi_squared < chi2.ppf(0.99, len(found) - 1):
+        return SpeedDependence(found, chi_squared, 0.0)
+    beyond = max(float(np.var(slopes, ddof=1) - np.mean(errors**2)), 0.0)
+    return SpeedDependence(found, chi_squared, float(np.sqrt(beyond)))
+
+
+def _speeds(speed_mps: Array) -> NDArray[np.int64]:
+    """Which of the tunnel's speeds each point belongs to: a step of SPEED_STEP begins another."""
+    order = np.argsort(speed_mps)
+    steps = np.diff(speed_mps[order]) > SPEED_STEP * speed_mps[order][:-1]
+    group = np.empty(len(order), dtype=np.int64)
+    group[order] = np.concatenate([[0], np.cumsum(steps)])
+    return group
+
+
+def _slope_of(alpha: Surface, C_range: tuple[float, float]) -> Callable[[list[tuple[int, int]]], Array]:
+    """What coefficients of given powers make of alpha's slope: of a straight line over SLOPE_RANGE at C_beta = 0.
+
+    Relative to the slope of `alpha` itself, which is taken for one.
+    """
+    C = np.linspace(*C_range, 401)
+    angle = alpha(C, np.zeros_like(C))
+    C, angle = C[np.abs(angle) <= SLOPE_RANGE_RAD], angle[np.abs(angle) <= SLOPE_RANGE_RAD]
+    centred = angle - angle.mean()
+    return lambda powers: (centred / (centred @ centred)) @ _terms(C, np.zeros_like(C), powers)
+
+
+def _neighbours(surface: Surface) -> list[int]:
+    """Orders that cross-validation found hardly worse: an error of the form shows as their difference."""
+    good = [k for k, rms in enumerate(surface.tried_rms, start=1) if rms < NEARLY_AS_GOOD * surface.residual_rms]
+    return [k for k in good if k != surface.order]
 
 
 def flow_at_probe(probe: ProbeCalibration, dp_alpha_Pa: Array, dp_beta_Pa: Array, q_c_Pa: Array) -> Flow:
@@ -180,26 +275,41 @@ def _terms(C_alpha: Array, C_beta: Array, powers: list[tuple[int, int]]) -> Arra
 def _fit(C_alpha: Array, C_beta: Array, target: Array, weight: Array) -> tuple[Surface, Array]:
     """The polynomial whose order predicts left-out points best, and the covariance of its coefficients."""
     fold = np.random.default_rng(0).permutation(len(target)) % FOLDS
-    best, best_rms = 0, np.inf
+    best, best_rms, tried = 0, np.inf, []
     for order in ORDERS:
-        X = _terms(C_alpha, C_beta, _powers(order))
+        X = _terms(C_alpha, C_beta, _powers(order)) * weight[:, None]
         if X.shape[1] > 0.5 * len(target):
             break
-        error = np.empty_like(target)
-        for k in range(FOLDS):
-            train, test = fold != k, fold == k
-            c, *_ = np.linalg.lstsq(X[train] * weight[train, None], target[train] * weight[train], rcond=None)
-            error[test] = X[test] @ c - target[test]
-        rms = float(np.sqrt(np.average(error**2, weights=weight**2)))
+        rms = _left_out_rms(X, target * weight, fold) * float(np.sqrt(len(target) / np.sum(weight**2)))
+        tried.append(rms)
         if rms < 0.99 * best_rms:  # a higher order has to earn its keep
             best, best_rms = order, rms
-    powers = _powers(best)
+    surface, covariance = _polynomial(C_alpha, C_beta, target, weight, best)
+    return structs.replace(surface, residual_rms=best_rms, tried_rms=tried), covariance
+
+
+def _polynomial(C_alpha: Array, C_beta: Array, target: Array, weight: Array, order: int) -> tuple[Surface, Array]:
+    """The polynomial of an order, and the covariance of its coefficients whatever the noise of each point is (HC1)."""
+    powers = _powers(order)
     X = _terms(C_alpha, C_beta, powers) * weight[:, None]
     coefficients, *_ = np.linalg.lstsq(X, target * weight, rcond=None)
-    variance = np.sum((X @ coefficients - target * weight) ** 2) / (len(target) - len(powers))
-    covariance = variance * np.linalg.pinv(X.T @ X)
-    surface = Surface(powers=powers, coefficients=coefficients.tolist(), residual_rms=best_rms, order=best)
-    return surface, covariance
+    residual = X @ coefficients - target * weight
+    spread = np.linalg.pinv(X) * residual
+    covariance = spread @ spread.T * (len(target) / (len(target) - len(powers)))
+    rms = float(np.sqrt(np.mean(residual**2)))
+    return Surface(powers=powers, coefficients=coefficients.tolist(), residual_rms=rms, order=order), covariance
+
+
+def _left_out_rms(X: Array, y: Array, fold: NDArray[np.int64]) -> float:
+    """Rms error of each fold's prediction by a fit to the others: residuals over I - H, exact without refitting."""
+    Q, _ = np.linalg.qr(X)
+    residual = y - Q @ (Q.T @ y)
+    total = 0.0
+    for k in range(FOLDS):
+        mine = Q[fold == k]
+        left_out = np.linalg.solve(np.eye(len(mine)) - mine @ mine.T, residual[fold == k])
+        total += float(left_out @ left_out)
+    return float(np.sqrt(total / len(y)))
 
 
 def _inside(corners: Array, x: Array, y: Array) -> NDArray[np.bool_]:
