@@ -88,8 +88,10 @@ def enough(points: Steady, terms: int) -> None:
     """Raises InputError unless there are as many different speeds as terms to fit, and positive powers."""
     if np.any(points.power <= 0):
         raise InputError("a steady point has no positive power: the propeller's table gives no thrust there")
-    speeds = np.sort(points.V)
-    different = 1 + int(np.sum(np.diff(np.log(speeds)) > np.log1p(APART)))
+    different, last = 0, 0.0
+    for V in np.sort(points.V):
+        if V > last * (1 + APART):
+            different, last = different + 1, V
     if different < terms:
         raise InputError(f"steady points at {terms} different speeds are needed, there are {different}")
 
