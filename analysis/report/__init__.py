@@ -21,6 +21,7 @@ def write_report(analysis: Analysis, folder: Path) -> None:
     results = analysis.results
     drawings = {
         "power": figures.power_required(results),
+        "methods": figures.methods(results),
         "timeline": figures.timeline(analysis.table, analysis.runs, results.rejected),
         "polar": _polar(analysis),
     }

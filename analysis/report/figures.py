@@ -17,7 +17,10 @@ Array = NDArray[np.float64]
 INK, GRID, PAPER, GREY = "#000000", "#c9d1d8", "#ffffff", "#5b6b78"
 BLUE, RED, GREEN = "#004a99", "#c22a1a", "#00693e"
 # For methods, in the order of the results: dark enough on white, told apart also by those who see no red and green.
-PALETTE = (BLUE, "#c64b00", "#00735c", "#8a2f8f", "#6b4e00", "#3d3d3d", "#0087b3", "#a3123f")
+PALETTE = (
+    BLUE, "#c64b00", "#00735c", "#8a2f8f", "#6b4e00", "#3d3d3d", "#0087b3", "#a3123f", "#5a7d00", "#b58900", "#5a3fc0",
+    "#d4007f",
+)  # fmt: skip
 KIND_COLOUR = {"acceleration": RED, "deceleration": BLUE, "steady": GREEN}
 FILL = {"acceleration": 0.16, "deceleration": 0.16, "steady": 0.22}
 POINTS_DRAWN = 3000
@@ -85,30 +88,29 @@ def _line(figure: go.Figure, points: Sequence[PowerPoint], name: str, colour: st
 
 
 def methods_of(results: Results) -> list[MethodResult]:
-    """The methods to draw, the one that `power_required` comes from first."""
-    if results.methods:
-        return list(results.methods)
-    return [
-        MethodResult(name="dynamic", title="Dynamic", power_required=results.power_required),
-        MethodResult(name="output error", title="Output error", power_required=results.cross_check),
-    ]
+    """Every method there is, the one whose curve is the product first."""
+    ours = (
+        MethodResult(
+            name="dynamic", title="dynamic, two steps", equations="(3.45), path and forces",
+            power_required=results.power_required,
+        ),
+        MethodResult(
+            name="output-error", title="output error", equations="(3.24-3.45), runs alone",
+            power_required=results.cross_check,
+        ),
+    )  # fmt: skip
+    return [*(m for m in ours if m.name not in {other.name for other in results.methods}), *results.methods]
 
 
 def power_required(results: Results) -> go.Figure:
-    """The product: power against speed by every method, with intervals, and what full throttle gives."""
+    """The product: power against speed with its interval, steady points beside it, and what full throttle gives."""
     figure = go.Figure()
-    drawn = methods_of(results)
-    for i, method in enumerate(drawn):
-        colour, leading = PALETTE[i % len(PALETTE)], i == 0
-        if method.power_required:
-            V, P, lo, hi = _curve(method.power_required)
-            _band(figure, V, lo, hi, colour, 0.25 if leading else 0.10, legendgroup=method.title)
-        if method.points:
-            _measured(figure, method, colour)
-    for i, method in reversed(list(enumerate(drawn))):  # the leading one on top
-        if method.power_required:
-            _line(figure, method.power_required, method.title, PALETTE[i % len(PALETTE)], 5 if i == 0 else 2.5)
-    V, P, _, hi = _curve(results.power_required)
+    V, P, lo, hi = _curve(results.power_required)
+    _band(figure, V, lo, hi, BLUE, 0.3)
+    _line(figure, results.power_required, "power required", BLUE, 5)
+    with_points = [method for method in results.methods if method.points]
+    if with_points:
+        _measured(figure, with_points[0], PALETTE[1], "steady points, with the table's thrust")
     _continued(figure, results, float(V[0]), float(V[-1]))
     top = float(np.max(hi)) * 1.12
     if results.use and results.use.available.power_available:
@@ -121,8 +123,49 @@ def power_required(results: Results) -> go.Figure:
         _special(figure, special, name, colour, symbol, V, P)
     figure.update_xaxes(title="true airspeed, m/s")
     figure.update_yaxes(title="power, W", range=[0, top])
-    figure.update_layout(legend={"traceorder": "reversed"})
     return _styled(figure, 400)
+
+
+def methods(results: Results) -> go.Figure:
+    """Every method's curve; upright bars here and there are its 95 % interval, circles its points."""
+    figure = go.Figure()
+    drawn = [method for method in methods_of(results) if method.power_required]
+    V, _, lo, hi = _curve(results.power_required)
+    _band(figure, V, lo, hi, PALETTE[0], 0.25, legendgroup=_title(drawn[0]))
+    for i, method in reversed(list(enumerate(drawn))):  # the leading one on top
+        colour = PALETTE[i % len(PALETTE)]
+        _line(figure, method.power_required, _title(method), colour, 5 if i == 0 else 2.5)
+        if i > 0:
+            _bars(figure, method, colour, (i - 0.5) / len(drawn))
+        if method.points:
+            _measured(figure, method, colour, _title(method))
+    figure.update_xaxes(title="true airspeed, m/s")
+    figure.update_yaxes(title="power required, W", range=[0, 1.3 * float(np.max(hi))])
+    figure = _styled(figure, 640 + 13 * len(drawn), hover="closest")
+    legend = {"traceorder": "reversed", "y": -0.16, "yanchor": "top"}
+    figure.update_layout(legend=legend, margin={"b": 120})
+    return figure
+
+
+def _title(method: MethodResult) -> str:
+    return method.title[:1].upper() + method.title[1:]
+
+
+def _bars(figure: go.Figure, method: MethodResult, colour: str, offset: float) -> None:
+    """A method's interval at four speeds, each method's beside the others'."""
+    V, P, lo, hi = _curve(method.power_required)
+    at = V[0] + (V[-1] - V[0]) * (np.arange(4) + offset) / 4
+    value, low, high = (np.interp(at, V, values) for values in (P, lo, hi))
+    figure.add_scatter(
+        x=_rounded(at),
+        y=_rounded(value),
+        error_y={"symmetric": False, "array": _rounded(high - value), "arrayminus": _rounded(value - low), "width": 5},
+        mode="markers",
+        marker={"color": colour, "size": 3},
+        legendgroup=_title(method),
+        showlegend=False,
+        hoverinfo="skip",
+    )
 
 
 def _continued(figure: go.Figure, results: Results, slowest: float, fastest: float) -> None:
@@ -142,7 +185,7 @@ def _continued(figure: go.Figure, results: Results, slowest: float, fastest: flo
             )  # fmt: skip
 
 
-def _measured(figure: go.Figure, method: MethodResult, colour: str) -> None:
+def _measured(figure: go.Figure, method: MethodResult, colour: str, name: str) -> None:
     power = np.array([p.power_W for p in method.points])
     lo = np.array([p.power_W if p.power_lo_W is None else p.power_lo_W for p in method.points])
     hi = np.array([p.power_W if p.power_hi_W is None else p.power_hi_W for p in method.points])
@@ -152,9 +195,9 @@ def _measured(figure: go.Figure, method: MethodResult, colour: str) -> None:
         error_y={"symmetric": False, "array": _rounded(hi - power), "arrayminus": _rounded(power - lo), "thickness": 2},
         mode="markers",
         marker={"color": PAPER, "size": 10, "line": {"color": colour, "width": 3}},
-        name=f"{method.title}, points",
-        legendgroup=method.title,
-        showlegend=not method.power_required,
+        name=name,
+        legendgroup=name,
+        showlegend=name != _title(method),
         hovertemplate="%{y:.1f} W",
     )
 

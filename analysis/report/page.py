@@ -21,7 +21,7 @@ _FEET_PER_SECOND, _KMPH = 1 / 0.3048, 3.6
 def render(results: Results, drawings: dict[str, go.Figure], fits: list[go.Figure]) -> str:
     """The page. `fits`: one figure a run.
 
-    `drawings` by name: "power", "timeline", "polar"; "parts", "loadings", "efficiency" where there are.
+    `drawings` by name: "power", "methods", "timeline", "polar"; "parts", "loadings", "efficiency" where there are.
     """
     template = Template((resources.files("analysis") / "report" / "page.html").read_text("utf-8"))
     figures = {name: _embedded(figure, name) for name, figure in drawings.items()}
@@ -33,7 +33,7 @@ def render(results: Results, drawings: dict[str, go.Figure], fits: list[go.Figur
         power=figures["power"],
         below_power=_below_power(results),
         warnings="".join(f'<p class="warning">{html.escape(w)}</p>' for w in results.warnings),
-        methods=_methods(results),
+        methods=_methods(results, figures["methods"]),
         use=_use(results, figures),
         parts=_parts(results, figures),
         timeline=figures["timeline"],
@@ -144,13 +144,21 @@ def _below_power(results: Results) -> str:
     return html.escape(" ".join(notes))
 
 
-def _methods(results: Results) -> str:
+def _methods(results: Results, figure: str) -> str:
     """What each method says of itself, and where two of them disagree."""
     said = "".join(f'<p class="warning">{html.escape(d.text)}</p>' for d in results.disagreements)
     if results.methods and not results.disagreements:
-        said = "<p>No two methods differ by more than their intervals allow.</p>"
-    rows = [(m.title, _range(m.power_required), "; ".join(m.notes)) for m in methods_of(results)]
-    return said + _table(("method", "power, W", "notes"), rows)
+        said = "<p>No two methods differ by more than would be no surprise.</p>"
+    rows = [
+        (m.title, m.equations, ", ".join(m.taken_as_measured), _range(m.power_required), "; ".join(m.notes))
+        for m in methods_of(results)
+    ]
+    return (
+        f"<h2>By every method</h2><section>{figure}</section>"
+        "<p>Upright bars: 95 % intervals; a click on a name hides or shows a method. A method takes some things as their"
+        " sensors give them, so that it differs when a sensor is off: its interval is as wide as such errors usually"
+        f" are.</p>{said}" + _table(("method", "equations", "taken as measured", "power, W", "notes"), rows)
+    )
 
 
 def _range(points: Sequence) -> str:

@@ -1,0 +1,61 @@
+"""Two sources of one propeller side by side: the APC 10x5E as UIUC measured it, and as APC computes it.
+
+    .venv/bin/python benchmarks/propellers.py            # the table of docs/propellers.md
+    .venv/bin/python benchmarks/propellers.py --draw     # and its figure, by Chromium
+
+Reads the files as downloaded, from ../shared/data/propellers.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from flight.propeller import load_propeller
+from sim.figures import picture
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT.parent / "shared" / "data" / "propellers"
+J = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+COLOURS = ("#004a99", "#c64b00", "#00735c", "#8a2f8f")
+
+
+def main(draw: Annotated[bool, typer.Option("--draw", help="Draw docs/figures/propellers.png.")] = False) -> None:
+    measured = load_propeller(DATA / "apce_10x5_kt0821_5000.txt")
+    computed = load_propeller(DATA / "PER3_10x5E.dat")
+    print("| rpm | | " + " | ".join(f"J = {j:.1f}" for j in J) + " |")
+    print("|---|---|" + "---:|" * len(J))
+    for row in measured.rows:
+        for i, name in enumerate(("cT", "cP")):
+            ratio = computed.coefficients(J, row.rpm)[i] / measured.coefficients(J, row.rpm)[i]
+            print(f"| {row.rpm:.0f} | {name} | " + " | ".join(f"{100 * (r - 1):+.0f} %" for r in ratio) + " |")
+    if draw:
+        picture(_figure(measured, computed), ROOT / "docs" / "figures" / "propellers.png")
+
+
+def _figure(measured, computed):
+    from plotly.subplots import make_subplots
+
+    figure = make_subplots(rows=1, cols=2, subplot_titles=["thrust coefficient", "power coefficient"])
+    grid = np.linspace(0, 0.7, 141)
+    for colour, row in zip(COLOURS, measured.rows, strict=True):
+        for column in (1, 2):
+            dots, line = (row.cT, row.cP)[column - 1], computed.coefficients(grid, row.rpm)[column - 1]
+            name, first = f"{row.rpm:.0f} rpm", column == 1
+            figure.add_scatter(
+                x=row.J, y=dots, mode="markers", marker={"color": colour, "size": 8}, row=1, col=column,
+                name=f"measured, {name}", showlegend=first,
+            )  # fmt: skip
+            style = {"color": colour, "width": 2.5, "dash": "solid" if row is measured.rows[0] else "dash"}
+            figure.add_scatter(
+                x=grid, y=line, mode="lines", line=style, row=1, col=column, name=f"computed, {name}", showlegend=first
+            )
+    figure.update_layout(template="plotly_white", width=900, height=520, font={"size": 15})
+    figure.update_layout(margin={"l": 50, "r": 20, "t": 40, "b": 50}, legend={"orientation": "h", "y": -0.15})
+    figure.update_xaxes(title_text="advance ratio J")
+    return figure
+
+
+if __name__ == "__main__":
+    typer.run(main)
