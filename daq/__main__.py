@@ -20,7 +20,8 @@ from flight.messages import Event
 BAD_INPUT, FAILURE = 2, 1
 THREAD_STACK_BYTES = 512 * 1024
 SWITCH_S = 0.001  # the sampling thread waits at most this long for another one that computes
-M_ARENA_MAX = -8  # malloc.h
+M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # malloc.h
+LARGE_BYTES = 128 * 1024
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # sys/mman.h; the last: what is touched, not all that is mapped
 
 app = typer.Typer(
@@ -176,6 +177,8 @@ def prepare_process() -> None:
     libc = ctypes.CDLL(None)
     if hasattr(libc, "mallopt"):  # glibc
         libc.mallopt(M_ARENA_MAX, 1)  # one heap for all threads: a heap each would grow with each
+        # What is large goes back to the system when it is freed; left to itself, glibc keeps ever larger blocks.
+        libc.mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
     # Refused without the right to (LimitMEMLOCK): then it is not.
     libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT)
 

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from zstandard import ZstdCompressor
+
 from daq.disk import CLOSE_WITHIN_S
 from daq.keeper import Keeper, number_of
 from daq.recorder import BACKLOG_BYTES, Recorder
@@ -45,6 +47,7 @@ class Logbook:
     ):
         self._name, self._begin = name, begin
         self._offset_ns, self._limits, self._keeper = offset_ns, limits, keeper
+        self._compressor = ZstdCompressor()  # one for all files: two at a change of file would be half a megabyte more
         self._current: Recorder | None = None
         self._closing: dict[int, Recorder] = {}  # finished and still being written, by file number
         self._attempts = 0  # names used so far
@@ -144,7 +147,7 @@ class Logbook:
             self._attempts = max(self._attempts, first + taken + 1)
             return self._name(first + taken)
 
-        recorder = Recorder(name, offset_ns=self._offset_ns, wait=wait)
+        recorder = Recorder(name, offset_ns=self._offset_ns, wait=wait, compressor=self._compressor)
         self._attempts = max(self._attempts, first + 1)
         self._begin(recorder, self._files, now_ns, self._previous)
         self._current, self._files, self._began_ns, self._announced = recorder, self._files + 1, now_ns, False

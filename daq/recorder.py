@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mcap.opcode import Opcode
+from zstandard import ZstdCompressor
 
 from daq.disk import DiskWriter
 from daq.sensors import Sample
@@ -18,15 +19,23 @@ class Recorder:
     """A log file being recorded.
 
     name, wait: as of `DiskWriter`. offset_ns: Unix time minus monotonic time, fixed for the whole recording.
+    compressor: as of `LogWriter`.
     When the disk does not keep up, whole chunks are left out, so that the file stays sound; `dropped` counts messages.
     """
 
-    def __init__(self, name: Callable[[int], Path], *, offset_ns: int, wait: bool = True):
+    def __init__(
+        self,
+        name: Callable[[int], Path],
+        *,
+        offset_ns: int,
+        wait: bool = True,
+        compressor: ZstdCompressor | None = None,
+    ):
         self.disk = DiskWriter(name, wait=wait)
         self.offset_ns = offset_ns
         self.dropped = 0
         self.ticks = 0
-        self.log = LogWriter(self.disk, chunk_bytes=NEVER_BY_SIZE)  # type: ignore[arg-type]
+        self.log = LogWriter(self.disk, chunk_bytes=NEVER_BY_SIZE, compressor=compressor)  # type: ignore[arg-type]
         self._chunk_due_ns: int | None = None
         self._in_chunk = 0
 

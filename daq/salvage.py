@@ -1,7 +1,7 @@
 """Completing logs that a power cut left unfinished, so that any MCAP reader opens them, and quickly.
 
 Nothing that can be read is touched: what is cut off is the torn record at the end, and in its place comes the index
-that a finished log has.
+that a finished log has. A last chunk whose message indices are torn gets them anew.
 """
 
 import fcntl
@@ -19,6 +19,7 @@ from mcap.records import Chunk
 
 from daq.disk import sync_directory
 from flight.log_index import MAGIC, RECORD_HEAD, LogIndex
+from flight.log_writer import INDEX_ENTRY, MESSAGE_HEAD, message_index
 
 LONGEST_RECORD = 2**31
 # What was synced is whole: a power cut can only hurt the last second, two or three chunks. Checking the checksums of
@@ -52,7 +53,7 @@ def complete(path: Path) -> Salvaged | None:
         kept = sound_length(stream)
         if kept <= len(MAGIC):
             return None
-        ending = index_of(stream, kept).ending(kept)
+        ending = ending_of(stream, kept)
         stream.seek(kept)
         stream.write(ending)
         stream.truncate()
@@ -93,23 +94,48 @@ def sound_length(stream: BinaryIO) -> int:
     return whole
 
 
-def index_of(stream: BinaryIO, length: int) -> LogIndex:
-    """The index of the first `length` bytes of a log, which are whole records."""
+def ending_of(stream: BinaryIO, length: int) -> bytes:
+    """What makes a finished log of the first `length` bytes of one, which are whole records."""
     index = LogIndex()
     position = len(MAGIC)
     stream.seek(position)
+    opcode, content = 0, b""
     while position < length:
         opcode, size = RECORD_HEAD.unpack(stream.read(RECORD_HEAD.size))
-        index.see(opcode, stream.read(size), position)
+        content = stream.read(size)
+        index.see(opcode, content, position)
         position += RECORD_HEAD.size + size
-    return index
+    missing = message_indices(content) if opcode == Opcode.CHUNK else []
+    for record in missing:
+        index.see(Opcode.MESSAGE_INDEX, record[RECORD_HEAD.size :], position)
+        position += len(record)
+    return b"".join(missing) + index.ending(position)
+
+
+def message_indices(content: bytes) -> list[bytes]:
+    """The message index records that belong behind a sound chunk, one for each channel in it."""
+    _, data = unpacked(content)
+    entries: dict[int, bytearray] = {}
+    at = 0
+    while at < len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, at)
+        if opcode == Opcode.MESSAGE:
+            _, _, channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(data, at)
+            entries.setdefault(channel, bytearray()).extend(INDEX_ENTRY.pack(time_ns, at))
+        at += RECORD_HEAD.size + length
+    return [message_index(channel, these) for channel, these in entries.items()]
+
+
+def unpacked(content: bytes) -> tuple[Chunk, bytes]:
+    """A chunk and what is in it, decompressed."""
+    chunk = Chunk.read(ReadDataStream(io.BytesIO(content)))
+    return chunk, zstandard.decompress(chunk.data, chunk.uncompressed_size) if chunk.compression else chunk.data
 
 
 def chunk_is_sound(content: bytes) -> bool:
     """Whether a chunk can be decompressed to what its checksum says."""
     try:
-        chunk = Chunk.read(ReadDataStream(io.BytesIO(content)))
-        data = zstandard.decompress(chunk.data, chunk.uncompressed_size) if chunk.compression else chunk.data
+        chunk, data = unpacked(content)
     except Exception:  # whatever a torn chunk makes the two decoders say
         return False
     return len(data) == chunk.uncompressed_size and chunk.uncompressed_crc in (0, zlib.crc32(data))

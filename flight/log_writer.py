@@ -38,13 +38,26 @@ def schema_text(kind: type[Message]) -> bytes:
     return json.dumps(schema_of(kind)).encode()
 
 
+def message_index(channel: int, entries: bytearray) -> bytes:
+    """The record that says where in the chunk before it a channel's messages are; entries: packed INDEX_ENTRY."""
+    size = MESSAGE_INDEX_HEAD.size + len(entries)
+    return RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, size) + MESSAGE_INDEX_HEAD.pack(channel, len(entries)) + entries
+
+
 class LogWriter:
     """An MCAP file open for writing. `finish` writes the index; without it the file is still readable to its end.
 
-    stream: only `write` is asked of it, with whole records.
+    stream: only `write` is asked of it, with whole records. compressor: one for several logs that are written one after
+    the other in one thread; each takes half a megabyte.
     """
 
-    def __init__(self, stream: IO[bytes], *, chunk_bytes: int = CHUNK_BYTES):
+    def __init__(
+        self,
+        stream: IO[bytes],
+        *,
+        chunk_bytes: int = CHUNK_BYTES,
+        compressor: zstandard.ZstdCompressor | None = None,
+    ):
         self._stream = stream
         self._chunk_bytes = chunk_bytes
         self._index = LogIndex()
@@ -52,7 +65,7 @@ class LogWriter:
         self._channels: dict[str, int] = {}
         self._schemas: dict[type[Message], int] = {}
         self._encoder = msgspec.json.Encoder()
-        self._compressor = zstandard.ZstdCompressor()
+        self._compressor = compressor or zstandard.ZstdCompressor()
         self._chunk = bytearray()
         self._entries: dict[int, bytearray] = {}  # of the chunk's message indices, by channel
         self._first_ns = self._last_ns = 0
@@ -112,10 +125,7 @@ class LogWriter:
         name = struct.pack("<I", len(COMPRESSION)) + COMPRESSION.encode() + struct.pack("<Q", len(compressed))
         size = len(head) + len(name) + len(compressed)
         parts = [RECORD_HEAD.pack(Opcode.CHUNK, size), head, name, compressed]
-        for channel, entries in self._entries.items():
-            parts.append(RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, MESSAGE_INDEX_HEAD.size + len(entries)))
-            parts.append(MESSAGE_INDEX_HEAD.pack(channel, len(entries)))
-            parts.append(bytes(entries))
+        parts += [message_index(channel, entries) for channel, entries in self._entries.items()]
         self._chunk.clear()
         self._entries.clear()
         return b"".join(parts)

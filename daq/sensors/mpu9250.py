@@ -176,9 +176,9 @@ def mean(data: bytes) -> Counts:
     """Mean of whole samples (14 bytes each), and whether any of them touched the end of the range."""
     rows = list(SAMPLE.iter_unpack(data))
     motion = [abs(value) for row in rows for value in row[:3] + row[4:]]
-    return Counts(
-        len(rows), tuple(sum(column) / len(rows) for column in zip(*rows, strict=True)), max(motion) >= FULL_COUNT
-    )
+    # Not a tuple of a generator: Python makes that longer than needed, cuts it, and keeps 2,000 of such ends for later.
+    means = [sum(column) / len(rows) for column in zip(*rows, strict=True)]
+    return Counts(len(rows), tuple(means), max(motion) >= FULL_COUNT)
 
 
 def accel_scale_mps2(range_g: int) -> float:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 import tty
+from collections import Counter
 from itertools import pairwise
 
 import pytest
@@ -46,6 +47,26 @@ def test_chunks_are_closed_twice_a_second(flight):
     _, ends = flight
     gaps_ns = [b - a for (_, a), (_, b) in pairwise(ends)]
     assert max(gaps_ns) <= 500_000_000
+
+
+def test_the_statistics_of_a_mended_log_count_every_message(flight, tmp_path):
+    """Also those of a last chunk that came through without its message indices: it gets back what stood there."""
+    data, ends = flight
+    path = tmp_path / "log-0001.mcap"
+    path.write_bytes(data)
+    with path.open("rb") as stream:
+        fifth = make_reader(stream).get_summary().chunk_indexes[4]
+    after = fifth.chunk_start_offset + fifth.chunk_length
+    for cut in (after, after + 1, after + fifth.message_index_length // 2, ends[4][0], ends[4][0] + 30):
+        path.write_bytes(data[:cut])
+        complete(path)
+        assert path.read_bytes()[: ends[4][0]] == data[: ends[4][0]]
+        with path.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            statistics = reader.get_summary().statistics
+            found = Counter(channel.id for _, channel, _ in reader.iter_messages())
+        assert statistics.message_count == found.total() > 0
+        assert statistics.channel_message_counts == found
 
 
 @pytest.mark.parametrize("zeros", [0, 5000])
