@@ -25,15 +25,15 @@ class ArmSwitch:
             return []
         before = self.armed
         for sample in samples:
-            if isinstance(sample.message, Controls) and sample.message.pulse_us is not None:
-                self._see(sample.message.pulse_us)
+            if isinstance(sample.message, Controls):
+                self._see(self._arm, sample.message)
         if self.armed is before:
             return []
         return [Event(sensor="arm", text="armed" if self.armed else "disarmed")]
 
-    def _see(self, pulses_us: list[int]) -> None:
-        assert self._arm is not None
-        pulse_us = pulses_us[self._arm.channel - 1] if self._arm.channel <= len(pulses_us) else 0
+    def _see(self, arm: Arm, controls: Controls) -> None:
+        pulses_us = (controls.stick_pulse_us if arm.seen_at == "receiver" else controls.pulse_us) or []
+        pulse_us = pulses_us[arm.channel - 1] if arm.channel <= len(pulses_us) else 0
         if pulse_us:  # 0: no signal
-            threshold_us = self._arm.above_us - (HYSTERESIS_US if self.armed else 0.0)
+            threshold_us = arm.above_us - (HYSTERESIS_US if self.armed else 0.0)
             self.armed = pulse_us > threshold_us

@@ -89,6 +89,8 @@ class LinuxSerial:
             self._port = serial.Serial(device, baud, timeout=0, write_timeout=0.02, exclusive=True)
         except serial.SerialException as error:
             number = error.errno or errno.EIO
+            if number == errno.EAGAIN:  # the lock is taken
+                raise OSError(errno.EBUSY, "another program has it open", device) from None
             raise OSError(number, os.strerror(number), device) from None
         except ValueError as error:  # a rate the line does not know
             raise OSError(errno.EINVAL, str(error), device) from None

@@ -97,7 +97,9 @@ def examine(tray: Tray, *, buses: Buses, clock: Clock, seconds: float = 5.0, wat
     for topic, _, message in found.samples:
         if topic in messages:
             messages[topic].append(message)
-    identities = {topic: identity(table, buses) for table in tray.sensors for topic in table.topics}
+    identities: dict[str, str] = {}
+    for table in tray.sensors:
+        identities |= dict.fromkeys(table.topics, identity(table, buses, clock))
     lines = [judge(topic, these, seconds, identities[topic]) for topic, these in messages.items()]
     room = free_bytes(Path(tray.directory)) - tray.files.keep_free_MB * 1e6
     free_s = max(room, 0.0) / (BYTES_PER_S * tray.rate_Hz / 25)

@@ -207,9 +207,13 @@ class Files(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 class Arm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A switch on the transmitter, seen as a pulse width on /controls."""
+    """A switch on the transmitter, seen as a pulse width on /controls.
+
+    seen_at: the receiver's channels (RC_CHANNELS, or a Navio2's inputs), or the autopilot's servo outputs.
+    """
 
     channel: Annotated[int, Meta(ge=1, le=18)]
+    seen_at: Literal["receiver", "servos"] = "receiver"
     above_us: Annotated[float, Meta(ge=800, le=2200)] = 1600.0
     action: Literal["mark", "record"] = "mark"
 

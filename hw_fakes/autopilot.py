@@ -25,6 +25,10 @@ GRID_S = GRID_MS * 1e-3
 REPLY_NS = 2_000_000
 CELLS = 4
 UNKNOWN_U16, UNKNOWN_PERCENT, UNMEASURED_RPM = 65535, -1, -1.0
+OFFICIAL = 255  # FIRMWARE_VERSION_TYPE, the lowest byte of a version; major, minor and patch are above it
+VERSION = mavlink.MAVLink_autopilot_version_message(
+    0, 4 << 24 | 5 << 16 | 7 << 8 | OFFICIAL, 0, 0, 0, bytes(8), bytes(8), bytes(8), 0, 0, 0
+)
 
 
 class Autopilot:
@@ -64,6 +68,11 @@ class Autopilot:
                 self._replies.append((at_ns + REPLY_NS, self._packed(answer)))
 
     def _command(self, message, at_ns: int) -> int:
+        if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
+            if int(message.param1) != mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+                return mavlink.MAV_RESULT_DENIED
+            self._replies.append((at_ns + REPLY_NS, self._packed(VERSION)))
+            return mavlink.MAV_RESULT_ACCEPTED
         if message.command != mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
             return mavlink.MAV_RESULT_UNSUPPORTED
         name, interval_us = NAME_OF_ID.get(int(message.param1)), message.param2

@@ -121,6 +121,8 @@ class FuseI2C:
                     os.write(self._fuse, OUT_HEADER.pack(OUT_HEADER.size + len(body), number, unique) + body)
                 except FileNotFoundError:  # whoever asked has gone
                     pass
+                except OSError:  # closed while somebody still asked
+                    return
 
     def _answer(self, opcode: int, body: bytes, pid: int) -> bytes:
         """Raises OSError with the number that the caller is to see."""

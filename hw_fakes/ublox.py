@@ -34,6 +34,9 @@ WEEK_MS = 7 * 86400 * 1000
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 REPLY_NS = 2_000_000  # from a command to its acknowledgement
 SATELLITES_WITH_FIX, SATELLITES_WITHOUT = 12, 2
+# UBX-MON-VER: software, hardware, extensions; each filled with zeros.
+VERSION = b"ROM CORE 3.01 (107888)".ljust(30, b"\0") + b"00080000".ljust(10, b"\0")
+VERSION += b"".join(text.ljust(30, b"\0") for text in (b"FWVER=SPG 3.01", b"PROTVER=18.00", b"GPS;GLO;GAL;BDS"))
 DEFAULT_NMEA = {
     0x00: "GGA",
     0x01: "GLL",
@@ -260,8 +263,7 @@ class UbloxM8:
         }
         reply_ns = at_ns + REPLY_NS
         if message_class == MON and message_id == MON_VER:
-            version = b"ROM CORE 3.01 (107888)".ljust(30, b"\0") + b"00080000".ljust(10, b"\0")
-            self._replies.append((reply_ns, ubx(MON, MON_VER, version)))
+            self._replies.append((reply_ns, ubx(MON, MON_VER, VERSION)))
         elif message_class == NAV and message_id == NAV_PVT:
             self._replies.append((reply_ns, ubx(NAV, NAV_PVT, self._nav_pvt())))
         elif message_class == CFG:

@@ -60,7 +60,7 @@ class Autopilot:
         newest: dict[str, Message] = {}
         system = None
         for received in self._link.parse_buffer(self._port.read_available()) or ():
-            system = received.get_srcSystem() if received.get_type() == "HEARTBEAT" else system
+            system = received.get_srcSystem() if is_autopilot(received) else system
             self._damaged |= received.get_type() == "BAD_DATA"
             self._take(received, newest)
         self._damaged &= not newest
@@ -118,6 +118,11 @@ class Autopilot:
 
 
 SILENT: dict[str, type[Message]] = {"/controls": Controls, "/attitude": Attitude, "/battery": Battery, "/rpm": Rpm}
+
+
+def is_autopilot(received: Any) -> bool:
+    """Whether this is an autopilot's heartbeat; it also passes on those of ground stations and cameras."""
+    return received.get_type() == "HEARTBEAT" and received.autopilot != mavlink.MAV_AUTOPILOT_INVALID
 
 
 def pulses_us(received: Any) -> list[int]:

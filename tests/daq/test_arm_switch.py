@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from test_daemon import SteadyFelt, default_tray
 
 from daq.arm import ArmSwitch
@@ -18,7 +19,9 @@ def texts(switch, *pulses_us):
     """What is told while channel 2 moves; None is a tick without signal."""
     found = []
     for pulse in pulses_us:
-        message = Controls(status=Status.NO_DATA) if pulse is None else Controls(pulse_us=[1500, pulse])
+        # The servo on the same channel stands on the other side.
+        heard = Controls(pulse_us=[1500, 2500 - pulse], stick_pulse_us=[1500, pulse]) if pulse is not None else None
+        message = heard or Controls(status=Status.NO_DATA)
         found += [event.text for event in switch.look([Sample("/controls", 0, message)])]
     return found
 
@@ -27,6 +30,14 @@ def test_it_tells_when_it_is_moved_and_not_when_it_trembles():
     switch = ArmSwitch(Arm(channel=2, above_us=1600))
     assert texts(switch, 1000, 1000, 1900, 1601, 1590, 1570, 1900) == ["armed"]
     assert texts(switch, 1500, 1590) == ["disarmed"]
+
+
+def test_on_an_output_it_does_not_look_at_the_sticks():
+    switch = ArmSwitch(Arm(channel=2, seen_at="servos"))
+    assert texts(switch, 1900, 800, 1900) == ["armed", "disarmed"]  # the output at 600, 1700, 600 us
+    servos_only = [Sample("/controls", 0, Controls(pulse_us=[1500, 1900]))]
+    assert [event.text for event in switch.look(servos_only)] == ["armed"]
+    assert ArmSwitch(Arm(channel=2)).look(servos_only) == []
 
 
 def test_without_signal_it_stays_where_it_was():
@@ -47,10 +58,10 @@ class SwitchedFelt(SteadyFelt):
         return pulses
 
 
-def flown(tmp_path: Path, action: str):
+def flown(tmp_path: Path, action: str, seen_at: str = "receiver"):
     clock = SimulatedClock(unix_at_start_ns=10**18)
     fake = FakeTray(SwitchedFelt(), clock)
-    arm = {"[[sensors]]": f'[arm]\nchannel = 7\naction = "{action}"\n[[sensors]]'}
+    arm = {"[[sensors]]": f'[arm]\nchannel = 7\naction = "{action}"\nseen_at = "{seen_at}"\n[[sensors]]'}
     text = default_tray(tmp_path, fake).text
     from daq.config import parse_tray
 
@@ -59,8 +70,9 @@ def flown(tmp_path: Path, action: str):
     return recording, [read_log(path) for path in recording.paths]
 
 
-def test_mark_records_always_and_says_when(tmp_path):
-    recording, [log] = flown(tmp_path, "mark")
+@pytest.mark.parametrize("seen_at", ["receiver", "servos"])
+def test_mark_records_always_and_says_when(tmp_path, seen_at):
+    recording, [log] = flown(tmp_path, "mark", seen_at)
     assert len(log.entries["/daq/tick"]) == recording.ticks
     marks = [(e.message.text, e.tick / 25) for e in log.entries["/daq/event"] if e.message.sensor == "arm"]
     assert [text for text, _ in marks] == ["armed", "disarmed"] * 2

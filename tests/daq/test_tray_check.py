@@ -1,13 +1,17 @@
 """`daq check`: a good tray is fit, and every red line says what to do."""
 
 import json
+from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_parts import HandClock
 from test_daemon import EXAMPLE, NoBuses, SteadyFelt, default_tray
 
 from daq import check
 from daq.config import parse_tray
+from daq.identity import autopilot_version, identity
+from daq.sensors.autopilot import is_autopilot
 from flight.messages import TYPE_OF_TOPIC, Gps, Imu, Status
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.faults import Fault
@@ -36,12 +40,54 @@ def test_every_part_says_who_it_is_and_where(tmp_path):
     assert identity["/mag"] == "AK8963, 0x0c on /dev/i2c-1"
     assert identity["/static"].startswith("MS5805 with C1 ")
     assert identity["/probe/beta"] == "MS4515DO-DS5AK002DP (answers; it has no identity), 0x46 on /dev/i2c-1"
-    assert identity["/gps"] == "ublox, /dev/ttyAMA0"
+    version = "u-blox ROM CORE 3.01 (107888), hardware 00080000, FWVER=SPG 3.01, PROTVER=18.00"
+    assert identity["/gps"] == f"{version}, /dev/ttyAMA0"
+    assert identity["/attitude"] == "ardupilotmega 4.5.7, fixed wing, system 1, /dev/ttyUSB1"
+    # 120 rev/s with seven pole pairs: ten electrical periods last 11.9 ms, 84 frames a second.
+    assert identity["/rpm"] == "pulse counter, legacy frames, 84 a second, /dev/ttyUSB0"
     gps = next(line for line in report.lines if line.topic == "/gps")
     assert "3 ± 0 dimensional fix" in gps.values
     texts = [fact.text for fact in report.facts]
     assert any("50 of 50 ticks at 25 Hz" in text for text in texts)
     assert any("h of log at" in text for text in texts) and any("can be written" in text for text in texts)
+
+
+def asked(driver: str, port, extra="", **options):
+    """The identity of one part on a line, by itself."""
+    clock = SimulatedClock()
+    fake = FakeTray(SteadyFelt(), clock, **options)
+    clock.advance_ns(2 * 10**9)
+    table = parse_tray(f'[[sensors]]\ndriver="{driver}"\n{port}\n{extra}', "tray.toml", Path()).sensors[0]
+    return identity(table, fake, clock)
+
+
+def test_a_counter_that_speaks_the_other_variant_is_told():
+    said = asked("esc_counter", 'port="/dev/ttyUSB0"', rpm_with_crc=True)
+    assert said == "pulse counter, framed frames, 84 a second, but the tray says framed = false, /dev/ttyUSB0"
+
+
+def test_a_receiver_on_the_bus_says_who_it_is():
+    assert asked("ublox_ddc", 'bus="/dev/i2c-1"', gps_on_i2c=True).startswith("u-blox ROM CORE 3.01 (107888), ")
+
+
+@pytest.mark.parametrize(
+    ("driver", "port", "said"),
+    [
+        ("ublox", "/dev/ttyAMA0", "u-blox (does not tell its version), /dev/ttyAMA0"),
+        ("esc_counter", "/dev/ttyUSB0", "pulse counter (no frames), /dev/ttyUSB0"),
+        ("autopilot", "/dev/ttyUSB1", "autopilot (no heartbeat), /dev/ttyUSB1"),
+        ("autopilot", "/dev/ttyUSB7", "autopilot, /dev/ttyUSB7: No such file or directory"),
+    ],
+)
+def test_a_line_on_which_nothing_is_heard_says_so(driver, port, said):
+    """At the wrong speed both sides hear noise."""
+    assert asked(driver, f'port="{port}"', "baud = 19200\n") == said
+
+
+def test_an_autopilot_is_not_taken_for_the_ground_station_it_passes_on():
+    station = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+    assert not is_autopilot(station)
+    assert autopilot_version(0x04_05_07_FF) == "4.5.7" and autopilot_version(0) == ""
 
 
 def test_bus_errors_are_counted_and_a_glitch_is_no_reason_to_stay_on_the_ground(tmp_path):
