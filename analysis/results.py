@@ -5,7 +5,7 @@ import io
 
 import msgspec
 
-FORMAT = "flightpower-results-1"
+FORMAT = "flightpower-results-2"
 
 
 class PowerPoint(msgspec.Struct, frozen=True, kw_only=True):

@@ -155,9 +155,9 @@ def _methods(results: Results, figure: str) -> str:
     ]
     return (
         f"<h2>By every method</h2><section>{figure}</section>"
-        "<p>Upright bars: 95 % intervals; a click on a name hides or shows a method. A method takes some things as their"
-        " sensors give them, so that it differs when a sensor is off: its interval is as wide as such errors usually"
-        f" are.</p>{said}" + _table(("method", "equations", "taken as measured", "power, W", "notes"), rows)
+        "<p>Upright bars: 95 % intervals; a click on a name hides or shows a method. A method takes some things as"
+        " sensors give them, so that it differs when one is off: its interval is as wide as such errors can be.</p>"
+        f"{said}" + _table(("method", "equations", "taken as measured", "power, W", "notes"), rows)
     )
 
 

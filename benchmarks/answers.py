@@ -1,0 +1,139 @@
+"""How well the answers hold over simulated flights: the battery's power, highest level speed, rate of climb.
+
+    .venv/bin/python benchmarks/answers.py --errors study --flights 8
+
+Flies, lets the sensors feel (no buses, no counts), analyses, and compares with trimmed flight of the same simulated
+aircraft, whose propeller, weight and battery meter are off by what the budget draws. docs/answers.md quotes it.
+"""
+
+import dataclasses
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from estimators import felt_table, speeds
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from analysis.airdata.air import air_data
+from analysis.airdata.probe import calibrate, read_tunnel
+from analysis.path.reconstruct import reconstruct
+from analysis.power import answers, curve, dynamic, propulsion
+from analysis.power.propagation import Numbers, joined
+from analysis.questions import Questions
+from analysis.runs import find_runs
+from analysis.stillness import still_segments, zeros
+from analysis.use import Day, flight_data, use
+from flight.aircraft import Aircraft, load_aircraft
+from flight.errors import InputError
+from flight.propeller import load_propeller
+from sim import fly as flying
+from sim.plan import load_plan
+from sim.plant import Deviations, plant_of
+from sim.propulsion import power_train
+from sim.sensors import TrayFelt, draw, load_budget
+from sim.trim import Trimmer
+from sim.tunnel import calibrate as tunnel_measurements
+from sim.tunnel import write_calibration
+
+TICK_S = 0.04
+
+
+def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarray, climb_V: float) -> np.ndarray:
+    """Battery power at each speed in trimmed level flight, the highest level speed, the best climb at one speed."""
+    height = float(answers.density_altitude_m(rho))
+    trimmer = Trimmer(plant_of(aircraft, deviations=deviations), height)
+    propeller, powers = trimmer.plant.propeller, []
+    for v in V:
+        trim = trimmer.solve(V=float(v), climb=0.0)
+        now = power_train(
+            aircraft.propulsion, propeller, V=v, n=trim.unknowns.motor, throttle=trim.throttle, rho=trimmer.density
+        )
+        powers.append(float(now.voltage * now.current))
+    low, high = 0.0, 15.0
+    for _ in range(20):
+        climb = (low + high) / 2
+        try:
+            trimmer.solve(V=climb_V, climb=climb)
+            low = climb
+        except InputError:
+            high = climb
+    return np.array([*powers, trimmer.V_max, low])
+
+
+def one_flight(aircraft: Aircraft, probe, errors: str, plan: str, seed: int, *, blind: bool) -> np.ndarray:
+    """Estimate, half width of the interval and truth of each answer, (3, answers)."""
+    budget = load_budget(errors)
+    budget = dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0))
+    drawn = draw(budget, seed)
+    flight = flying.fly(aircraft, load_plan(plan), seed=seed, deviations=drawn.deviations)
+    felt = TrayFelt(flight, drawn)
+    table = felt_table(felt, aircraft)
+    t = table.index.to_numpy()
+    table["battery_V"], table["battery_A"] = felt.battery(t)
+    if blind:
+        table["battery_A"] = np.nan
+    table["throttle"] = np.interp(t, flight.truth["time_s"], flight.truth["throttle"])
+    propeller = load_propeller(aircraft.propulsion.propeller)
+    still = still_segments(table, 1 / TICK_S)
+    air = air_data(table, aircraft, probe, propeller, zeros(table, still)).table
+    runs, _ = find_runs(air)
+    path = reconstruct(air, still)
+    estimate = dynamic.estimate_polar(air, path, runs, aircraft, propeller)
+    flown = np.concatenate([air["V_mps"].to_numpy()[run.rows] for run in runs])
+    rho = float(np.nanmean(np.concatenate([air["rho"].to_numpy()[run.rows] for run in runs])))
+    at = curve.Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
+    slow, fast = np.nanpercentile(flown, (1, 99))
+    flown_CL = float(curve.lift_coefficient(fast, at)), float(curve.lift_coefficient(slow, at))
+    data = flight_data(air, path, aircraft, propeller)
+    found = use(Questions(), data, estimate, aircraft, propeller, Day(at, 1e5, 288.0), flown_CL)
+    assert found is not None and found.available.maximum_speed_mps and found.available.best_climb_mps
+    V = speeds(aircraft)[1:]
+    numbers, train = _numbers(estimate, data, aircraft, propeller)
+    level = answers.level_flight(numbers.nudged(), train, propeller, at, flown_CL, V)
+    top, climb = found.available.maximum_speed_mps, found.available.best_climb_mps
+    value = np.array([*level.battery.value, top.value, climb.value])
+    half = np.array([*(level.battery.hi - level.battery.value), top.hi - top.value, climb.hi - climb.value])
+    climb_V = float(found.available.best_climb_speed_mps or V[1])
+    return np.stack([value, half, truth_of(aircraft, drawn.deviations, rho, V, climb_V)])
+
+
+def _numbers(estimate, data, aircraft: Aircraft, propeller):
+    polar = Numbers((*dynamic.POLAR, *dynamic.THRUST), estimate.values, estimate.noise + estimate.systematic)
+    train = propulsion.power_train(data, aircraft.propulsion, propeller, tuple(estimate.values[3:].tolist()))
+    return joined(polar, train.numbers), train
+
+
+def main(
+    errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
+    plan: Annotated[str, typer.Option(help="Flight plan.")] = "accel-decel",
+    flights: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 8,
+    blind: Annotated[bool, typer.Option("--blind", help="Without battery data.")] = False,
+) -> None:
+    aircraft = load_aircraft("nexstar")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "tunnel.csv"
+        write_calibration(path, tunnel_measurements(seed=0), replace=False)
+        probe = calibrate(read_tunnel(path), "tunnel.csv")
+    console = Console(width=120)
+    seeds = track(range(flights), "flights", console=Console(stderr=True))
+    value, half, truth = np.stack([one_flight(aircraft, probe, errors, plan, s, blind=blind) for s in seeds], axis=1)
+    error, width = 100 * (value / truth - 1), 100 * half / truth
+    names = [*(f"{v:.1f} m/s" for v in speeds(aircraft)[1:]), "top speed", "climb"]
+    console.print(f"{errors}, {plan}, {flights} flights from seed 0{', no battery data' if blind else ''}; in %")
+    table = Table("", *names, box=None)
+    for name, row, form in (
+        ("95 % of errors below", np.percentile(np.abs(error), 95, axis=0), "{:.1f}"),
+        ("mean", error.mean(axis=0), "{:+.1f}"),
+        ("half width of intervals", np.median(width, axis=0), "{:.1f}"),
+        ("coverage, %", 100 * np.mean(np.abs(error) < width, axis=0), "{:.0f}"),
+    ):
+        table.add_row(name, *(form.format(x) for x in row))
+    console.print(table)
+
+
+if __name__ == "__main__":
+    typer.run(main)
