@@ -23,6 +23,12 @@ Array = NDArray[np.float64]
 
 TOPIC = {"alpha": "/probe/alpha", "beta": "/probe/beta", "airspeed": "/probe/airspeed", "static": "/static"}
 COLUMN = {"alpha": "dp_alpha_Pa", "beta": "dp_beta_Pa", "airspeed": "q_c_Pa", "static": "static_Pa"}
+FIELD = {
+    "alpha": "differential_pressure_Pa",
+    "beta": "differential_pressure_Pa",
+    "airspeed": "differential_pressure_Pa",
+    "static": "pressure_Pa",
+}
 LARGEST_GAIN = 1.5  # noise of no frequency grows by more than this
 QUICKEST_HZ = 3.0  # the aircraft's own motion: three times its short period
 # Of the pressure at that frequency, which a line of some 40 ms takes. On simulated flights what a delay leaves of 25 ms

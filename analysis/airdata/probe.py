@@ -29,6 +29,7 @@ FOLDS = 10
 SLOPE_RANGE_RAD = np.radians(10.0)  # flown angles: there the slope of alpha counts
 SPEED_STEP = 0.04
 NEARLY_AS_GOOD = 1.1
+ROUNDING_RAD = np.radians(0.5)  # noise beyond the last angle of the tunnel is no other angle
 
 
 class Surface(msgspec.Struct, frozen=True, kw_only=True):
@@ -55,6 +56,9 @@ class ProbeCalibration(msgspec.Struct, frozen=True, kw_only=True):
     q_ratio: Surface  # q_c/qbar
     alpha_scale_sigma: float  # relative standard error of alpha's slope over +-10 deg, the tunnel's own angles included
     hull: list[tuple[float, float]]  # corners of the calibrated region in (C_alpha, C_beta)
+    # The measured region is hollow between its corners, the hull is not: the angles themselves are bounded too.
+    alpha_limits_rad: tuple[float, float] | None = None
+    beta_limits_rad: tuple[float, float] | None = None
 
 
 class Flow(NamedTuple):
@@ -156,6 +160,8 @@ def calibrate(tunnel: Tunnel, source: str = "", *, angle_scale_sigma: float = 0.
         q_ratio=q_ratio,
         alpha_scale_sigma=float(np.sqrt(noise**2 + form**2 + with_speed.spread**2 + angle_scale_sigma**2)),
         hull=[(float(a), float(b)) for a, b in corners],
+        alpha_limits_rad=(float(tunnel.alpha_rad.min()), float(tunnel.alpha_rad.max())),
+        beta_limits_rad=(float(tunnel.beta_rad.min()), float(tunnel.beta_rad.max())),
     )
 
 
@@ -245,12 +251,11 @@ def flow_at_probe(probe: ProbeCalibration, dp_alpha_Pa: Array, dp_beta_Pa: Array
     q_c = np.where(q_c_Pa > 0, q_c_Pa, np.nan)
     C_alpha, C_beta = dp_alpha_Pa / q_c, dp_beta_Pa / q_c
     inside = _inside(np.array(probe.hull), C_alpha, C_beta)
-    return Flow(
-        qbar_Pa=q_c / probe.q_ratio(C_alpha, C_beta),
-        alpha_rad=probe.alpha_rad(C_alpha, C_beta),
-        beta_rad=probe.beta_rad(C_alpha, C_beta),
-        inside=inside,
-    )
+    alpha, beta = probe.alpha_rad(C_alpha, C_beta), probe.beta_rad(C_alpha, C_beta)
+    for angle, limits in ((alpha, probe.alpha_limits_rad), (beta, probe.beta_limits_rad)):
+        if limits is not None:
+            inside &= (angle > limits[0] - ROUNDING_RAD) & (angle < limits[1] + ROUNDING_RAD)
+    return Flow(q_c / probe.q_ratio(C_alpha, C_beta), alpha, beta, inside)
 
 
 def parse_probe(data: bytes, where: str) -> ProbeCalibration:

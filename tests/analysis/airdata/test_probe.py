@@ -52,8 +52,9 @@ def test_angles_within_a_tenth_of_a_degree_and_pressure_within_half_a_per_cent()
 
 
 def test_beyond_the_tunnel_s_angles_the_flow_is_flagged() -> None:
-    flow = flow_at_probe(calibrate(tunnel()), *hemisphere(np.radians([0.0, 24.0]), np.zeros(2), np.full(2, 200.0)))
-    assert flow.inside.tolist() == [True, False]
+    alpha = np.radians([0.0, 19.5, 21.5, 24.0])
+    flow = flow_at_probe(calibrate(tunnel()), *hemisphere(alpha, np.zeros(4), np.full(4, 200.0)))
+    assert flow.inside.tolist() == [True, True, False, False]
 
 
 def simulated_tunnel(seed: int, slope_by_speed: float = 0.0) -> Tunnel:

@@ -1,0 +1,85 @@
+"""Surface angle against servo pulse, with a protractor: the log knows the pulses, the user read the angles."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.errors import InputError
+
+Array = NDArray[np.float64]
+
+HELD_S = 2.0  # a position the surface was held in
+JITTER_US = 4.0  # of a stick that is not moved
+SAME_US = 12.0  # two holds so near are one position, read twice
+FEWEST = 2
+
+
+class Hold(NamedTuple):
+    """A pulse held: when it began [s], for how long [s], and its mean [us]."""
+
+    start_s: float
+    seconds: float
+    pulse_us: float
+
+
+class SurfaceTable(NamedTuple):
+    """What the aircraft file takes, ascending pulses; and by how much angles read twice differ [deg]."""
+
+    pulse_us: list[int]
+    angle_deg: list[float]
+    hysteresis_deg: float
+
+
+def holds(t_s: Array, pulse_us: Array) -> list[Hold]:
+    """Where the pulse was held for HELD_S at least, in order. t_s, pulse_us : (n,)."""
+    found: list[Hold] = []
+    start = 0
+    for i in range(1, len(t_s) + 1):
+        ended = i == len(t_s) or abs(pulse_us[i] - np.median(pulse_us[start:i])) > JITTER_US
+        if not ended:
+            continue
+        if t_s[i - 1] - t_s[start] >= HELD_S:
+            found.append(Hold(float(t_s[start]), float(t_s[i - 1] - t_s[start]), float(np.median(pulse_us[start:i]))))
+        start = i
+    return found
+
+
+def table(found: Sequence[Hold], angles_deg: Sequence[float | None]) -> SurfaceTable:
+    """Pulses with their angles; None for a hold whose angle was not read.
+
+    Raises InputError when there are not as many angles as holds, or they do not rise or fall with the pulse.
+    """
+    if len(found) != len(angles_deg):
+        raise InputError(
+            f"{len(angles_deg)} angles for {len(found)} positions: give one for each, in order, and - for one that was"
+            f" not read. Positions: {in_words(found)}"
+        )
+    read = sorted((hold.pulse_us, angle) for hold, angle in zip(found, angles_deg, strict=True) if angle is not None)
+    groups: list[list[tuple[float, float]]] = []
+    for pulse, angle in read:
+        if groups and pulse - groups[-1][0][0] <= SAME_US:
+            groups[-1].append((pulse, angle))
+        else:
+            groups.append([(pulse, angle)])
+    if len(groups) < FEWEST:
+        raise InputError(f"{len(groups)} position with an angle: {FEWEST} at least are needed, five are good")
+    pulses = [round(float(np.mean([p for p, _ in group]))) for group in groups]
+    angles = [float(np.mean([a for _, a in group])) for group in groups]
+    steps = np.diff(angles)
+    if not (np.all(steps > 0) or np.all(steps < 0)):
+        pairs = ", ".join(f"{p} us {a:+.1f} deg" for p, a in zip(pulses, angles, strict=True))
+        raise InputError(f"the angle does not rise or fall steadily with the pulse ({pairs}): is the order right?")
+    return SurfaceTable(pulses, angles, max(float(np.ptp([a for _, a in group])) for group in groups))
+
+
+def in_words(found: Sequence[Hold]) -> str:
+    """The holds, for somebody who matches them with a sheet of paper."""
+    return ", ".join(f"{k}: {h.pulse_us:.0f} us at {h.start_s:.0f} s" for k, h in enumerate(found, start=1)) or "none"
+
+
+def to_toml(surface: str, channel: int, found: SurfaceTable) -> str:
+    """The surface's section of an aircraft file."""
+    angles = ", ".join(f'"{angle:.1f} deg"' for angle in found.angle_deg)
+    return f"[{surface}]\nchannel = {channel}\npulse_us = {found.pulse_us}\nangle = [{angles}]\n"
