@@ -111,6 +111,7 @@ def main(
     errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
     plan: Annotated[str, typer.Option(help="Flight plan.")] = "accel-decel",
     flights: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 8,
+    first_seed: Annotated[int, typer.Option(help="The first seed.")] = 0,
     blind: Annotated[bool, typer.Option("--blind", help="Without battery data.")] = False,
 ) -> None:
     aircraft = load_aircraft("nexstar")
@@ -119,11 +120,13 @@ def main(
         write_calibration(path, tunnel_measurements(seed=0), replace=False)
         probe = calibrate(read_tunnel(path), "tunnel.csv")
     console = Console(width=120)
-    seeds = track(range(flights), "flights", console=Console(stderr=True))
+    seeds = track(range(first_seed, first_seed + flights), "flights", console=Console(stderr=True))
     value, half, truth = np.stack([one_flight(aircraft, probe, errors, plan, s, blind=blind) for s in seeds], axis=1)
     error, width = 100 * (value / truth - 1), 100 * half / truth
     names = [*(f"{v:.1f} m/s" for v in speeds(aircraft)[1:]), "top speed", "climb"]
-    console.print(f"{errors}, {plan}, {flights} flights from seed 0{', no battery data' if blind else ''}; in %")
+    console.print(
+        f"{errors}, {plan}, {flights} flights from seed {first_seed}{', no battery data' if blind else ''}; in %"
+    )
     table = Table("", *names, box=None)
     for name, row, form in (
         ("95 % of errors below", np.percentile(np.abs(error), 95, axis=0), "{:.1f}"),
