@@ -7,7 +7,7 @@ from analysis import summary
 from analysis.path.reconstruct import Path
 from analysis.power import compare, curve, taken
 from analysis.power.direct import ACCELERATIONS, DECELERATIONS, DIRECT, FROM_SPEED
-from analysis.power.dynamic import THRUST, DynamicEstimate
+from analysis.power.dynamic import DynamicEstimate
 from analysis.power.energy import ENERGY
 from analysis.power.forces import Blocks
 from analysis.power.method import Method, MethodEstimate, estimate, flown
@@ -43,12 +43,7 @@ def every_method(
     for run in runs:
         if run.kind in LEVEL:
             changing |= (t >= run.start_s) & (t <= run.end_s)
-    thrust_errors = np.sqrt(np.diag(dynamic.noise + dynamic.systematic)[3:])
-    thrust = {
-        name: taken.Error(float(value), float(error))
-        for name, value, error in zip(THRUST, dynamic.values[3:], thrust_errors, strict=True)
-    }
-    errors = taken.found(blocks, path, changing, thrust)
+    errors = taken.found(blocks, path, changing)
     asked = flown(blocks, path, runs, errors)
     answers = [estimate(method, asked) for method in ALL]
     return answers, compare.disagreements(dynamic, dynamic_CL, answers, errors, at)

@@ -119,10 +119,12 @@ def _compared(first: Side, second: Side, errors: Mapping[str, Error], at: Condit
     difference = float(gap[worst])
     shares[UNEXPLAINED] = difference - sum(shares.values())
     culprit = max(shares, key=lambda cause: shares[cause] * np.sign(difference))
+    allowed = float(SURE * error[worst])
     if culprit == UNEXPLAINED:
+        if abs(shares[UNEXPLAINED]) <= allowed:
+            return None  # what was found is small, and what it leaves would be no surprise
         culprit = LEFT_OVER.get(second.name, UNEXPLAINED)
     text = _in_words(first, second, float(V[worst]), difference, float(power[0]), culprit, shares, errors, at)
-    allowed = float(SURE * error[worst])
     return Disagreement(first.name, second.name, float(V[worst]), difference, allowed, culprit, shares, text)
 
 

@@ -2,7 +2,7 @@
 
 From the accelerometers (2.16), with the angle of attack as measured: where it differs from the dynamic method, that
 angle is not aligned with the IMU. From speed (2.22), with the pitch attitude that the accelerometer alone would level:
-where it differs, the accelerometer is biased. Accelerations and decelerations apart, with airspeed as measured: where
+where it differs, the accelerometer is biased. Accelerations and decelerations apart, with airspeed as it comes: where
 they differ, air data come late or the propeller's table is off.
 
 What is regressed is drag over mass, whose errors are of one size; C_D's are not.
@@ -66,9 +66,9 @@ def from_speed(f: pd.DataFrame) -> tuple[Array, Array, Array]:
     return f["thrust"].to_numpy() * np.cos(a) - f["Vdot"].to_numpy() - g * sin_gamma, lift, qS
 
 
-def at_measured_speed(f: pd.DataFrame) -> tuple[Array, Array, Array]:
-    """Drag from the accelerometers along the path, dynamic pressure and thrust from the airspeed as measured."""
-    return from_accelerometers(f, "alpha", "_felt")
+def at_late_speed(f: pd.DataFrame) -> tuple[Array, Array, Array]:
+    """Drag from the accelerometers along the path, dynamic pressure and thrust from airspeed as late as it comes."""
+    return from_accelerometers(f, "alpha", "_late")
 
 
 DIRECT = Method(
@@ -93,8 +93,8 @@ ACCELERATIONS, DECELERATIONS = (
         title=f"{kind}s alone, propeller table as it is",
         equations="(2.16), (2.18)-(2.21)",
         kinds=(kind,),
-        takes=("airspeed_scale", "lag", "thrust_scale", "thrust_slope"),
-        problem=_problem(at_measured_speed, ("alpha", "ax", "az", "thrust_felt", "qS_felt")),
+        takes=("lag", "thrust_scale", "thrust_slope"),
+        problem=_problem(at_late_speed, ("alpha", "ax", "az", "thrust_late", "qS_late")),
     )
     for kind in (ACCELERATION, DECELERATION)
 )

@@ -48,44 +48,58 @@ CAUSES = {
     "propeller table": ("thrust_scale", "thrust_slope"),
 }
 
+LAG_IN_DOUBT_S = 0.3
+FEWEST_BLOCKS = 20
+ALIKE_BLOCKS = 4  # residuals of neighbouring blocks are alike for so long
+
 
 class Error(NamedTuple):
     value: float
     standard_error: float
 
 
-def found(blocks: Blocks, path: Path, rows: NDArray[np.bool_], thrust: Mapping[str, Error]) -> dict[str, Error]:
-    """Every error of UNKNOWN as path and dynamic method find it. rows: the blocks in which speed changes.
+def found(blocks: Blocks, path: Path, rows: NDArray[np.bool_]) -> dict[str, Error]:
+    """Every error of UNKNOWN, as path and forces along it show it. rows: the blocks in which speed changes.
 
-    thrust: of "thrust_scale" and "thrust_slope", as the dynamic method has them.
+    The path believes that air data are hardly late. Here that belief is taken back (a normal prior comes out of a
+    normal posterior as it went in), so that a lag beyond what tubes do is found, and is not taken for thrust.
     """
-    of_path = {
-        "alpha_bias": ("alpha_bias", 1.0),
-        "alpha_scale": ("alpha_scale", 1.0),
-        "pitch": ("ax_bias", 1 / g),
-        "airspeed_scale": ("V_scale", 1.0),
-    }
+    i = SHARED.index("air_data_lag")
+    known = np.linalg.inv(path.covariance)
+    free = known.copy()
+    free[i, i] += 1 / LAG_IN_DOUBT_S**2 - 1 / PRIOR_SIGMA["air_data_lag"] ** 2
+    covariance = np.linalg.inv(free)
+    shared = covariance @ known @ path.shared  # the prior's mean is zero
+    states = path.states.to_numpy() + path.follow @ (shared - path.shared)
+    spread = np.sqrt(np.diag(covariance))
     errors = {
-        name: Error(path.value(key) * unit, path.standard_error(key) * unit) for name, (key, unit) in of_path.items()
+        name: Error(float(shared[SHARED.index(key)] * unit), float(spread[SHARED.index(key)] * unit))
+        for name, (key, unit) in {
+            "alpha_bias": ("alpha_bias", 1.0),
+            "alpha_scale": ("alpha_scale", 1.0),
+            "pitch": ("ax_bias", 1 / g),
+            "airspeed_scale": ("V_scale", 1.0),
+            "lag": ("air_data_lag", 1.0),
+        }.items()
     }
-    return {**errors, "lag": _lag(blocks, path, rows), **thrust}
+    return errors | _thrust(blocks.forces(states, shared)[rows])
 
 
-def _lag(blocks: Blocks, path: Path, rows: NDArray[np.bool_]) -> Error:
-    """By how much airspeed comes late [s]: what it lags behind the path's, against the path's acceleration.
-
-    The path's speed is as quick as the accelerometers that carry it.
-    """
-    along = blocks.forces(path.states.to_numpy(), path.shared)
-    behind = along["V"].to_numpy() - blocks.mean["V_mps"] / (1 + path.value("V_scale"))
-    Vdot = along["Vdot"].to_numpy()
-    known = rows & np.isfinite(behind) & np.isfinite(Vdot)
-    if known.sum() < 20:
-        return Error(0.0, UNKNOWN["lag"])
-    X = np.column_stack([Vdot[known], np.ones(known.sum())])
-    (lag, level), *_ = np.linalg.lstsq(X, behind[known], rcond=None)
-    scatter = np.var(behind[known] - X @ (lag, level))
-    return Error(float(lag), float(np.sqrt(scatter / (known.sum() * np.var(Vdot[known])))))
+def _thrust(f: pd.DataFrame) -> dict[str, Error]:
+    """Errors of the propeller's table, by what tells drag and thrust apart: drag regressed with both of them in it."""
+    f = f[["CL", "CD", "qS", "thrust", "J"]].dropna()
+    doubt = {name: Error(0.0, UNKNOWN[name]) for name in ("thrust_scale", "thrust_slope")}
+    if len(f) < FEWEST_BLOCKS:
+        return doubt
+    CL, CD, qS, thrust, J = f.to_numpy().T
+    X = np.stack([qS, qS * CL, qS * CL**2, -thrust, -thrust * (J - J_REFERENCE)], axis=1)
+    z = qS * CD
+    theta, *_ = np.linalg.lstsq(X, z, rcond=None)
+    variance = float(np.mean((z - X @ theta) ** 2)) * ALIKE_BLOCKS
+    prior = np.diag([0, 0, 0, *(1 / UNKNOWN[name] ** 2 for name in doubt)])
+    C = np.linalg.inv(X.T @ X / variance + prior)
+    values, errors = C @ (X.T @ z) / variance, np.sqrt(np.diag(C))
+    return {name: Error(float(values[i]), float(errors[i])) for i, name in enumerate(doubt, start=3)}
 
 
 def given(blocks: Blocks, states: Array, shared: Array, errors: Mapping[str, float]) -> pd.DataFrame:
@@ -94,7 +108,8 @@ def given(blocks: Blocks, states: Array, shared: Array, errors: Mapping[str, flo
     From the path of states (n, ·) with errors of its sensors shared (m,): V, alpha, gamma, climb, bank, Vdot, rho, J as
     in `Blocks.forces`; ax, az, specific force, qS, and thrust of the table along body x, over mass [m/s^2].
     As measured: alpha_felt [rad]; theta_felt [rad], attitude levelled by the accelerometer; V_felt [m/s] with qS_felt
-    and thrust_felt that go with it; height_felt [m]; static_Pa, temperature_K of the air.
+    and thrust_felt that go with it, and the same with the path's scale of airspeed taken out (V_late: what is left is
+    that it comes late); height_felt [m]; static_Pa, temperature_K of the air.
     covered: the share of the block that the propeller's table reaches.
     """
     e = {name: errors.get(name, 0.0) for name in UNKNOWN}
@@ -107,6 +122,7 @@ def given(blocks: Blocks, states: Array, shared: Array, errors: Mapping[str, flo
     alpha_felt = mean["alpha_rad"] + 2 * known["V_scale"] * alpha
     alpha_felt = alpha_felt - e["alpha_bias"] - e["alpha_scale"] * alpha + e["lag"] * np.gradient(alpha, blocks.t_s)
     V_felt = mean["V_mps"] / (1 + e["airspeed_scale"]) + e["lag"] * Vdot
+    V_late = mean["V_mps"] / (1 + known["V_scale"]) + e["lag"] * Vdot
     tilt = known["ax_bias"] / g - e["pitch"]
 
     def thrust(V: Array) -> Array:
@@ -127,6 +143,9 @@ def given(blocks: Blocks, states: Array, shared: Array, errors: Mapping[str, flo
         "V_felt": V_felt,
         "qS_felt": rho * V_felt**2 / 2 * S / m,
         "thrust_felt": thrust(V_felt),
+        "V_late": V_late,
+        "qS_late": rho * V_late**2 / 2 * S / m,
+        "thrust_late": thrust(V_late),
         "height_felt": mean["height_m"] + e["lag"] * f["climb"].to_numpy(),
         "static_Pa": mean["static_Pa"],
         "temperature_K": mean["temperature_K"],

@@ -1,0 +1,75 @@
+"""Where methods disagree, the fault that parts them is named: one single error at a time, and silence without one."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.power import curve
+from flight.aircraft import load_aircraft
+from sim.sensors import load_budget
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+from methods import Asked, ask, drawn, fly, tunnel_probe
+
+AIRCRAFT = load_aircraft("nexstar")
+
+
+@pytest.fixture(scope="module")
+def probe():
+    return tunnel_probe()
+
+
+def asked(probe, seed: int, plan: str = "accel-decel", errors: str = "bench", **wrong: float) -> Asked:
+    return ask(AIRCRAFT, fly(AIRCRAFT, probe, drawn(load_budget(errors), seed, **wrong), plan, 0.0, seed))
+
+
+# One error each, several times what a careful installation leaves (`taken.CAREFUL`); every case flies another seed.
+@pytest.mark.parametrize(
+    ("seed", "wrong", "pair", "culprit"),
+    [
+        (10, {"alpha_offset_rad": np.radians(1.5)}, ("dynamic", "direct"), "angle of attack"),
+        (11, {"pitch_tilt": np.radians(-1.5)}, ("dynamic", "direct"), "angle of attack"),
+        (12, {"accel_x_bias": 0.25}, ("dynamic", "direct-speed"), "pitch attitude"),
+        (13, {"V_scale": 0.05}, ("dynamic", "energy"), "airspeed"),
+        (14, {"lag_s": 0.2}, ("decelerations", "accelerations"), "air-data lag"),
+        (15, {"thrust_scale": -0.07}, ("decelerations", "accelerations"), "propeller table"),
+    ],
+)
+def test_a_single_error_is_named_and_no_other(probe, seed: int, wrong, pair, culprit: str) -> None:
+    found = asked(probe, seed, **wrong).disagreements
+    assert pair in {(one.first, one.second) for one in found}
+    assert {one.culprit for one in found} == {culprit}
+    for one in found:
+        assert abs(one.difference_W) > one.allowed_W
+        assert abs(one.shares_W["unexplained"]) < one.allowed_W, "what was found accounts for it"
+
+
+@pytest.mark.parametrize(("errors", "seed"), [("none", 0), ("bench", 20), ("bench", 21)])
+def test_nothing_is_said_where_nothing_is_wrong(probe, errors: str, seed: int) -> None:
+    assert asked(probe, seed, errors=errors).disagreements == []
+
+
+def worst_error(answered: Asked, truth, name: str) -> float:
+    """Largest error of a method over the speeds it saw, relative to the simulator's true curve."""
+    (answer,) = (a for a in answered.answers if a.method.name == name)
+    V = curve.speed_at(np.linspace(*answer.flown_CL, 20), answered.at)
+    power, _ = curve.power_required(V, answer.polar, answered.at)
+    return float(np.max(np.abs(power / np.interp(V, truth["speed_mps"], truth["power_W"]) - 1)))
+
+
+@pytest.mark.parametrize("seed", [30, 31])
+def test_piw_viw_on_simulated_steady_points_is_within_two_per_cent(probe, seed: int) -> None:
+    """With a bench's errors, whose table is within half a per cent; the table's own doubt, 3 %, is in the interval."""
+    flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), seed, thrust_scale=0.005), "steady-points", 0.0, seed)
+    assert worst_error(ask(AIRCRAFT, flown), flown.truth, "piw-viw") < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "wrong"), [(40, {"thrust_scale": -0.07}), (41, {"thrust_slope_J": 0.4})])
+def test_steady_points_show_the_propeller_s_table(probe, seed: int, wrong) -> None:
+    """A whole flight with a table 7 % off, or off over J: every pair that disagrees says so, steady points too."""
+    found = asked(probe, seed, "full-test-flight", **wrong).disagreements
+    assert ("dynamic", "piw-viw") in {(one.first, one.second) for one in found}
+    assert {one.culprit for one in found} == {"propeller table"}
