@@ -101,7 +101,7 @@ def receiver_version(payload: bytes) -> str:
 def _counter(port: BytePort, clock: Clock, *, framed: bool) -> str:
     """Which variant the pulse counter speaks, whatever the tray says, and how often."""
     frames = {True: 0, False: 0}
-    parsers = {True: FramedParser(), False: LegacyParser()}
+    parsers: dict[bool, FramedParser | LegacyParser] = {True: FramedParser(), False: LegacyParser()}
     for data in _heard(port, clock, COUNTER_S):
         for variant, parser in parsers.items():
             frames[variant] += len(parser.feed(data))

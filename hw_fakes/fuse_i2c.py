@@ -139,21 +139,22 @@ class FuseI2C:
             return b""
         if opcode == IOCTL:
             _, _, command, argument, _, _ = IOCTL_IN.unpack_from(body)
-            self._ioctl(command, argument, pid)
-            return IOCTL_OUT.pack(0, 0, 0, 0)
+            return IOCTL_OUT.pack(self._ioctl(command, argument, pid), 0, 0, 0)
         raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
 
     # --- i2c-dev ---
 
-    def _ioctl(self, command: int, argument: int, pid: int) -> None:
+    def _ioctl(self, command: int, argument: int, pid: int) -> int:
+        """What ioctl(2) returns: the number of messages of a transfer."""
         if command == I2C_FUNCS:
             self._store(pid, argument, I2C_FUNC_I2C.to_bytes(8, "little"))
         elif command == I2C_RDWR:
-            self._transfer(argument, pid)
+            return self._transfer(argument, pid)
         elif command not in (I2C_RETRIES, I2C_TIMEOUT, I2C_SLAVE, I2C_SLAVE_FORCE):
             raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
+        return 0
 
-    def _transfer(self, argument: int, pid: int) -> None:
+    def _transfer(self, argument: int, pid: int) -> int:
         where, count = RDWR.unpack(self._fetch(pid, argument, RDWR.size))
         if not 0 < count <= MOST_MESSAGES:
             raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
@@ -178,6 +179,7 @@ class FuseI2C:
             self._store(pid, at, reply)
         if written is not None:
             self._bus.write(*written)
+        return count
 
     # --- the caller's memory ---
 

@@ -1,0 +1,78 @@
+"""This machine's buses and lines: smbus2 on a device file, pyserial on a pseudo-terminal."""
+
+import errno
+import os
+import pty
+import tty
+
+import pytest
+
+from daq.bus import LinuxBuses, LinuxI2C
+from daq.station import status_of
+from flight.messages import Status
+from hw_fakes import fuse_i2c
+from hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C
+
+
+class Counter:
+    """A part that answers with how often it was asked; from the fifth time on not at all."""
+
+    asked = 0
+
+    def read(self, address, count):
+        self.asked += 1
+        if self.asked == 5:
+            raise OSError(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO))
+        return bytes([self.asked] * count)
+
+    def write_read(self, address, data, count):
+        return data + self.read(address, count - len(data))
+
+    def write(self, address, data):
+        self.read(address, 1)
+
+
+@pytest.fixture
+def bus(tmp_path):
+    try:
+        served = FuseI2C(Counter(), tmp_path / "i2c-1")
+    except OSError as error:
+        if error.errno not in UNAVAILABLE:
+            raise
+        pytest.skip(f"no FUSE here: {error}")
+    with served:
+        opened = LinuxI2C(str(served.path))
+        yield opened
+        opened._bus.close()
+
+
+def test_the_same_transfer_again_gives_the_new_answer(bus):
+    assert [bus.read(0x28, 2), bus.read(0x28, 2)] == [b"\x01\x01", b"\x02\x02"]
+    assert bus.write_read(0x68, b"\x75", 2) == b"\x75\x03"
+    bus.write(0x68, b"\x6b\x00")
+    with pytest.raises(OSError, match="Remote I/O") as caught:
+        bus.read(0x28, 2)
+    assert caught.value.errno == errno.EREMOTEIO
+    assert bus.read(0x28, 2) == b"\x06\x06"
+
+
+def test_a_transfer_that_was_cut_short_is_an_error_and_not_the_last_reading(bus, monkeypatch):
+    """i2c-dev returns how many messages were transferred: an adapter may do the first of two only."""
+    bus.write_read(0x68, b"\x75", 2)
+    monkeypatch.setattr(fuse_i2c.FuseI2C, "_transfer", lambda self, argument, pid: 1)
+    with pytest.raises(OSError) as caught:
+        bus.write_read(0x68, b"\x75", 2)
+    assert caught.value.errno == errno.EIO
+
+
+def test_a_line_that_somebody_else_has_open_is_said_to_be():
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    name = os.ttyname(theirs)
+    first = LinuxBuses()
+    first.port(name, 115200)
+    with pytest.raises(OSError, match="another program has it open") as caught:
+        LinuxBuses().port(name, 115200)
+    assert caught.value.filename == name and status_of(caught.value) is Status.NO_REPLY
+    os.close(ours)
+    os.close(theirs)
