@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 STEP_TOLERANCE = 1e-4  # of a standard error: the last step's length in the metric of the information matrix
 LNDET_TOLERANCE = 1e-6  # change of ln det R in the last step
+GAIN_TOLERANCE = 1e-4  # in cost, of one more Newton step, where no step improves any more
 SINGULAR = 1e-11  # eigenvalue of the scaled information matrix below which only rounding is left
 HALVINGS = 3  # of a step before the damping is raised
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
@@ -29,6 +30,7 @@ class Point(NamedTuple):
     gradient: Array  # downhill, priors included
     information: Array  # of the data
     spread_information: Array | float = 0.0  # the part of it that comes from the sizes of residuals
+    ln_det_R: float = 0.0  # where R is re-estimated at every point; 0 where it is not
 
 
 class Likelihood(Protocol):
@@ -61,7 +63,9 @@ class _Spectrum(NamedTuple):
         return V @ ((V.T @ (g / self.scale)) / (self.values[self.known] + damping)) / self.scale
 
 
-def climb(likelihood: Likelihood, point: Point, max_iterations: int) -> tuple[Point, int, str]:
+def climb(
+    likelihood: Likelihood, point: Point, max_iterations: int, step_tolerance: float = STEP_TOLERANCE
+) -> tuple[Point, int, str]:
     """From a point up the likelihood. Returns the last point, how many steps, and "" or why it is not the optimum."""
     problem = likelihood.problem
     damping = 0.0
@@ -76,16 +80,16 @@ def climb(likelihood: Likelihood, point: Point, max_iterations: int) -> tuple[Po
             return point, iteration, ""
         spectrum = _Spectrum.of(H[np.ix_(move, move)])
         new, damping = _improve(likelihood, point, spectrum, move, damping)
-        if new is None:
+        if new is None or new.cost == point.cost:  # what is left is rounding, or the gradient is wrong
             newton = spectrum.step(point.gradient[move], 0.0)
-            if point.gradient[move] @ newton < STEP_TOLERANCE:  # half of it is what could still be gained
+            if point.gradient[move] @ newton < GAIN_TOLERANCE:  # half of it is what could still be gained
                 return point, iteration, ""
             return point, iteration, "no step, however short, improves the likelihood any more"
         step = new.theta - point.theta
         length = np.sqrt(max(float(step @ H @ step), 0.0))
-        change = abs(np.linalg.slogdet(new.R)[1] - np.linalg.slogdet(point.R)[1])
+        change = abs(new.ln_det_R - point.ln_det_R)
         point = new
-        if damping == 0 and length < STEP_TOLERANCE and change < LNDET_TOLERANCE:
+        if damping == 0 and length < step_tolerance and change < LNDET_TOLERANCE:
             return point, iteration, ""
     return point, max_iterations, f"{max_iterations} iterations were not enough"
 

@@ -7,7 +7,7 @@ exact derivatives of the whole filter, and the information of the likelihood as 
 Without process noise the filter's covariance stays zero, and what remains is output error.
 
 Turbulence is coloured: give the model a gust as a state of its own with first-order dynamics, and let the noise drive
-that (`models.gust_parameters` shows how).
+that (`models.level_run` shows how).
 """
 
 import math
@@ -33,6 +33,8 @@ from flight.errors import InputError
 Array = NDArray[np.float64]
 
 REACH = math.log(1e3)  # how far an intensity may go from its start before it counts as none, or as out of hand
+# Of a standard error: where noises are among the numbers, each step gains a factor of three or four, no more.
+STEP_TOLERANCE = 1e-3
 SMALLEST_PART = 1e-9  # of an output's rms: noise below it is rounding
 NORMAL_95 = 1.959964
 
@@ -135,18 +137,18 @@ def estimate(
     point = likelihood.at(problem.start)
     if not np.isfinite(point.cost):
         raise InputError(_where_it_left(likelihood))
-    point, iterations, why_stopped = climb(likelihood, point, max_iterations)
+    point, iterations, why_stopped = climb(likelihood, point, max_iterations, STEP_TOLERANCE)
     none = [name for name in likelihood.intensities if point.theta[likelihood.place(name)] <= likelihood.lowest(name)]
     if none and not why_stopped:
         likelihood, first = likelihood.without(none, point.theta)
-        point, more, why_stopped = climb(likelihood, likelihood.at(first), max_iterations)
+        point, more, why_stopped = climb(likelihood, likelihood.at(first), max_iterations, STEP_TOLERANCE)
         iterations += more
     fit = report(likelihood, point, iterations, why_stopped)
     found = {noise.state: _intensity(fit, noise, set(none)) for noise in noises}
     if tested and fit.verdict.status in (Status.CONVERGED, Status.AT_BOUND):
         for name in likelihood.intensities:
             bare, first = likelihood.without([name], point.theta)
-            without, _, failed = climb(bare, bare.at(first), max_iterations)
+            without, _, failed = climb(bare, bare.at(first), max_iterations, STEP_TOLERANCE)
             ratio = np.nan if failed else max(0.0, 2 * (without.cost - point.cost))
             state = name.removeprefix("ln w(").removesuffix(")")
             found[state] = found[state]._replace(p_value=float(stats.chi2.sf(ratio, 1) / 2))

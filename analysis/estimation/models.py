@@ -5,7 +5,8 @@ is that at the centre of gravity. Starting values come from the wing's geometry 
 never from what the simulator flies.
 
 Inputs by name: thrust [N], advance ratio J, elevator [rad], body rates p, q, r [rad/s] as the gyro measures them, bank
-phi [rad], sideslip beta [rad], density rho [kg/m^3]; in some models pitch angle theta [rad].
+phi [rad], sideslip beta [rad], density rho [kg/m^3]; in some models pitch angle theta [rad], and in `level_run` the
+airspeed V_ref [m/s] for which thrust and J are given, with the slope thrust_per_speed [N s/m] there.
 Outputs by name: airspeed V [m/s], alpha [rad], specific force ax, az [m/s^2], height h [m], climb rate hdot [m/s].
 """
 
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from analysis.estimation.data import Segment
+from analysis.estimation.filter_error import ProcessNoise
 from analysis.estimation.model import Model, Named, Parameter
 from flight import motion
 from flight.aerodynamics import body_axes, stability_axes
@@ -35,10 +37,14 @@ class Priors:
     gyro_bias_radps: float = 0.001  # about the value on the ground, taken out before
     V_scale: float = 0.0125
     V_bias_mps: float = 0.3
+    air_data_lag_s: float = 0.01  # about `air_data_lag_mean_s`: what tubes and filters may have beyond what is known
+    air_data_lag_mean_s: float = 0.01
     thrust_scale: float = 0.018
     thrust_slope: float = 0.15  # of thrust over advance ratio, relative
     CLde_mean: float = 0.4  # a tail of 15 to 20 % of the wing's area
     CLde: float = 0.2
+    CLq_mean: float = 5.0  # 2 a_t V_H of a tail with a lift slope of 4 and a volume of 0.6
+    CLq: float = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +108,8 @@ def pitch_and_height(
 ) -> Model:
     """States V, alpha, theta, h: pitch is integrated from the gyro with a free bias, and height is an output.
 
-    Height is what makes the bias of alpha and the pitch angle known: no attitude filter is needed.
+    Height is what makes the bias of alpha and the pitch angle known: no attitude filter is needed. CLq has a prior:
+    level runs hardly show it.
     climb_rate : hdot is an output too
     """
     c = Constants.of(aircraft)
@@ -131,7 +138,97 @@ def pitch_and_height(
         dynamics=dynamics,
         output_function=outputs,
         initial_state=level_flight_state,
-    )
+    ).changed(CLq=_prior(priors.CLq_mean, priors.CLq))
+
+
+GUSTS = ("gust", "gust_alpha")
+# Dryden turbulence 100 m above the ground (MIL-F-8785C sec. 3.7.3.4.1): scale lengths along and across the flow.
+GUST_LENGTHS_M = {"gust": 263.0, "gust_alpha": 100.0}
+
+
+def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5, gusts: bool = False) -> Model:
+    """States V, alpha, theta, h as in `pitch_and_height`, for runs whose every systematic error counts.
+
+    Thrust is that at the state's speed, thrust + thrust_per_speed (V - V_ref): a table read at an airspeed 3 % too high
+    gives 9 % too little thrust at high speed. Airspeed has a scale, a bias and a lag; as angles are pressures over
+    dynamic pressure, they read low by twice what airspeed reads high.
+
+    gusts : two more states, along the flow (m/s) and across it (rad, `gust_alpha`), first order with GUST_LENGTHS_M,
+    for `filter_error` with the noise of `gust_noise`. The air's motion is added to what the aircraft's own would be:
+    V + gust is what wing, propeller and probe feel, V and alpha what moves it over the ground. V_ref stands wherever
+    the speed only scales something, so that no scale can be learnt from how much it gusts.
+    """
+    c = Constants.of(aircraft)
+
+    def felt(x: Named, u: Named, p: Named) -> tuple[Any, ...]:
+        """V, alpha in the air and the specific force ax, az [m/s^2]."""
+        V, alpha = (x.V + x.gust, x.alpha + x.gust_alpha) if gusts else (x.V, x.alpha)
+        thrust = u.thrust + u.thrust_per_speed * (V - u.V_ref)
+        T = thrust * (1 + p.thrust_scale + p.thrust_slope * (u.J * V / u.V_ref - J_ref))
+        CL = p.CL0 + p.CLa * alpha + p.CLde * u.elevator + p.CLq * _q_hat(c, u.q - p.q_bias, u.V_ref)
+        CX, CZ = body_axes(CL, p.A0 + p.A1 * CL + p.A2 * CL**2, alpha)
+        qS = u.rho * V**2 / 2 * c.S
+        return V, alpha, (qS * CX + T) / c.m, qS * CZ / c.m
+
+    def moved(x: Named, u: Named, p: Named, ax: Any, az: Any) -> tuple[Any, Any]:
+        """Vdot, alphadot from the specific force; no side force is felt."""
+        forward, right, down = motion.velocity_of(x.V, x.alpha, u.beta)
+        udot, vdot, wdot = motion.velocity_derivative(
+            forward, right, down, u.p, u.q - p.q_bias, u.r, u.phi, x.theta, ax, 0.0, az
+        )
+        Vdot = (forward * udot + right * vdot + down * wdot) / x.V
+        return Vdot, (forward * wdot - down * udot) / (forward**2 + down**2)
+
+    def dynamics(x: Named, u: Named, p: Named) -> tuple[Any, ...]:
+        _, _, ax, az = felt(x, u, p)
+        _, thetadot, _ = motion.attitude_derivative(u.phi, x.theta, u.p, u.q - p.q_bias, u.r)
+        flight = (*moved(x, u, p, ax, az), thetadot, _climb_rate(x, u))
+        return (*flight, *(-x[name] * u.V_ref / GUST_LENGTHS_M[name] for name in GUSTS)) if gusts else flight
+
+    def outputs(x: Named, u: Named, p: Named) -> tuple[Any, ...]:
+        V, alpha, ax, az = felt(x, u, p)
+        Vdot, alphadot = moved(x, u, p, ax, az)
+        return (
+            (V - p.air_data_lag * Vdot) * (1 + p.V_scale) + p.V_bias,
+            (alpha - p.air_data_lag * alphadot) * (1 + p.alpha_scale - 2 * p.V_scale) + p.alpha_bias,
+            ax + p.ax_bias,
+            az + p.az_bias,
+            x.h,
+        )
+
+    def initial_state(segment: Segment) -> Mapping[str, float]:
+        return {**level_flight_state(segment), **(dict.fromkeys(GUSTS, 0.0) if gusts else {})}
+
+    lag = Parameter(name="air_data_lag", start=priors.air_data_lag_mean_s, prior_sigma=priors.air_data_lag_s, unit="s")
+    return Model(
+        name="level_run in gusts" if gusts else "level_run",
+        states=("V", "alpha", "theta", "h", *(GUSTS if gusts else ())),
+        inputs=("thrust", "thrust_per_speed", "V_ref", "J", "elevator", "q", "phi", "p", "r", "beta", "rho"),
+        outputs=("V", "alpha", "ax", "az", "h"),
+        parameters=(
+            *_aerodynamic_parameters(c, priors),
+            *_thrust_parameters(priors),
+            *_sensor_parameters(priors, V_bias_free=True),
+            lag,
+            _gyro_bias(priors, free=True),
+        ),
+        dynamics=dynamics,
+        output_function=outputs,
+        initial_state=initial_state,
+    ).changed(CLq=_prior(priors.CLq_mean, priors.CLq))
+
+
+def gust_noise(V_mps: float, *, gust_mps: float = 0.3) -> tuple[ProcessNoise, ...]:
+    """The process noise of `level_run(gusts=True)`, to be estimated: at speed V, starting from gusts of a strength.
+
+    A first-order gust of time constant T = L/V and intensity w has the variance w^2 T/2 (MIL-F-8785C sec. 3.7.1.2).
+    """
+    noises = []
+    for state, length in GUST_LENGTHS_M.items():
+        sigma = gust_mps if state == "gust" else gust_mps / V_mps
+        half = length / V_mps / 2
+        noises.append(ProcessNoise(state=state, start=float(sigma / np.sqrt(half)), acted_s=half))
+    return tuple(noises)
 
 
 def longitudinal(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5) -> Model:
@@ -271,6 +368,10 @@ def _aerodynamic_parameters(c: Constants, priors: Priors) -> tuple[Parameter, ..
         Parameter(name="A1", start=0.0),
         Parameter(name="A2", start=1 / (np.pi * 0.8 * c.aspect_ratio)),
     )
+
+
+def _prior(mean: float, sigma: float) -> dict[str, Any]:
+    return {"free": True, "start": mean, "prior_sigma": sigma}
 
 
 def _thrust_parameters(priors: Priors) -> tuple[Parameter, ...]:

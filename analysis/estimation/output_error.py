@@ -113,7 +113,8 @@ class _Likelihood:
         away = theta - problem.prior_mean
         cost += float(problem.prior_information @ away**2) / 2
         g -= problem.prior_information * away
-        return Point(theta, cost, tuple(pieces), R, g, noise_model.information_factor(self.tail_dof) * H)
+        H *= noise_model.information_factor(self.tail_dof)
+        return Point(theta, cost, tuple(pieces), R, g, H, ln_det_R=float(np.linalg.slogdet(R)[1]))
 
     def _covariance(self, residuals: list[Array]) -> Array:
         if self.known is not None:

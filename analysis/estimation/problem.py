@@ -73,7 +73,7 @@ class Problem:
         free_states = np.array([i for i, s in enumerate(model.states) if s in choice], dtype=np.intp)
 
         numbers: dict[str, Number] = {}
-        columns, x0 = [], []
+        owned, x0 = [], []
         for segment in segments:
             x0.append(initial_state_of(model, segment))
             own = [
@@ -90,10 +90,11 @@ class Problem:
                 if q.free
             ]
             own += [Number(f"{model.states[i]}(0)[{segment.name}]", "", x0[-1][i]) for i in free_states]
-            own += further
             numbers |= {number.name: number for number in own}
-            place = {name: i for i, name in enumerate(numbers)}
-            columns.append(np.array([place[number.name] for number in own], dtype=np.intp))
+            owned.append([*own, *further])
+        numbers |= {number.name: number for number in further}
+        place = {name: i for i, name in enumerate(numbers)}
+        columns = [np.array([place[number.name] for number in own], dtype=np.intp) for own in owned]
         for name in start:
             if name not in numbers and name not in free_names(model):
                 raise InputError(f"start: {name!r} is none of the free numbers {', '.join(numbers)}")

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from analysis.estimation import uncertainty
 from analysis.estimation.output_error import Fit
+from analysis.power.curve import Polar
 
 Array = NDArray[np.float64]
 FLOOR_RAD = np.radians(0.05)
@@ -30,3 +31,10 @@ def floor(fit: Fit) -> Array:
     A1 = fit.names.index("A1")
     covariance[A1, A1] = np.tan(FLOOR_RAD) ** 2
     return covariance
+
+
+def polar_of(fit: Fit) -> Polar:
+    """The drag polar of a fit that has A0, A1, A2 among its shared numbers, with the covariance of noise and floor."""
+    where = [fit.names.index(name) for name in ("A0", "A1", "A2")]
+    whole = of_noise(fit) + floor(fit)
+    return Polar(fit.values[where], whole[np.ix_(where, where)])

@@ -6,63 +6,59 @@ ways than the path does: where the two disagree, one of them is wrong.
 
 from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from analysis.airdata.air import bank_rad
-from analysis.estimation import models, output_error
-from analysis.estimation.data import Segment
-from analysis.power import covariance
+from analysis.estimation import models, output_error, uncertainty
+from analysis.estimation.fit import Fit
+from analysis.power import covariance, filter_error
 from analysis.power.curve import Polar
+from analysis.power.level_runs import priors, segments_of
 from analysis.runs import Run
 from flight.aircraft import Aircraft
+from flight.propeller import Propeller, load_propeller
 
-Array = NDArray[np.float64]
-INPUTS = {
-    "thrust": "thrust_N",
-    "J": "J",
-    "elevator": "elevator_rad",
-    "q": "q_radps",
-    "p": "p_radps",
-    "r": "r_radps",
-    "beta": "beta_rad",
-    "rho": "rho",
-}
-OUTPUTS = {"V": "V_mps", "alpha": "alpha_rad", "ax": "ax_mps2", "az": "az_mps2", "h": "height_m"}
-UNZEROED_GYRO_RADPS = 0.02  # an MPU9250's zero-rate output at room temperature, as it comes
+BLOCK = 2  # samples: 12.5 a second are ten a cycle of the short period
+# Correlation of neighbouring residuals of the vertical acceleration, which feels a gust first: 0.2 in still air (the
+# gyro's noise), 0.7 in turbulence of W20 = 3 kt.
+DISTURBED = 0.4
 
 
 class CrossCheck(NamedTuple):
+    """A polar, and how the estimation ended. in_gusts: the air moved, and filter error was used instead."""
+
     polar: Polar
     verdict: str
     converged: bool
+    in_gusts: bool = False
 
 
-def estimate_polar(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft, *, zeroed: bool) -> CrossCheck:
-    """Fit all runs at once. table: as `air_data` leaves it. zeroed: the gyro's bias at rest was taken out."""
-    priors = models.Priors() if zeroed else models.Priors(gyro_bias_radps=UNZEROED_GYRO_RADPS)
-    bank = bank_rad(table)
-    segments = [_segment(table, run, bank) for run in runs]
-    model = models.pitch_and_height(aircraft, priors=priors)
-    fit = output_error.estimate(model, segments, start=models.quick_start(aircraft, segments))
-    where = [fit.names.index(name) for name in ("A0", "A1", "A2")]
-    C = covariance.of_noise(fit) + covariance.floor(fit)
-    return CrossCheck(Polar(fit.values[where], C[np.ix_(where, where)]), str(fit.verdict), fit.verdict.ok)
+def estimate_polar(
+    table: pd.DataFrame,
+    runs: list[Run],
+    aircraft: Aircraft,
+    *,
+    zeroed: bool,
+    propeller: Propeller | None = None,
+) -> CrossCheck:
+    """Fit all runs at once; where residuals show that the air moved, by filter error with gusts as states.
+
+    table: as `air_data` leaves it. zeroed: the gyro's bias at rest was taken out. propeller: the one flown; when not
+    given, the one that the aircraft's file names.
+    """
+    propeller = propeller or load_propeller(aircraft.propulsion.propeller)
+    fit = fitted(table, runs, aircraft, propeller, zeroed=zeroed)
+    if _disturbed(fit):
+        by_filter = filter_error.fitted(table, runs, aircraft, propeller, zeroed=zeroed)
+        return CrossCheck(covariance.polar_of(by_filter), str(by_filter.verdict), by_filter.verdict.ok, in_gusts=True)
+    return CrossCheck(covariance.polar_of(fit), str(fit.verdict), fit.verdict.ok)
 
 
-def _segment(table: pd.DataFrame, run: Run, bank: Array) -> Segment:
-    """One run as the estimator wants it: small gaps in inputs bridged, gaps in outputs left."""
-    data = table.iloc[run.rows]
-    inputs = {name: _filled(data[column]) for name, column in INPUTS.items()}
-    return Segment(
-        name=run.name,
-        t_s=data.index.to_numpy(),
-        u={**inputs, "phi": bank[run.rows]},
-        z={name: data[column].to_numpy() for name, column in OUTPUTS.items()},
-    )
+def fitted(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool) -> Fit:
+    """The output-error fit of all runs at once, in still air."""
+    segments = segments_of(table, runs, propeller, block=BLOCK)
+    model = models.level_run(aircraft, priors=priors(zeroed=zeroed))
+    return output_error.estimate(model, segments, start=models.quick_start(aircraft, segments))
 
 
-def _filled(column: pd.Series) -> Array:
-    """A column without gaps: linear across them; zero where nothing was ever measured."""
-    return column.interpolate(limit_direction="both").fillna(0.0).to_numpy()
+def _disturbed(fit: Fit) -> bool:
+    return uncertainty.whiteness(fit)["az"].lag_one > DISTURBED

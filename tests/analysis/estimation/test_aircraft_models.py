@@ -135,6 +135,8 @@ ALL_MODELS = {
     "pitch_and_height with climb rate": models.pitch_and_height(NEXSTAR, climb_rate=True),
     "longitudinal": models.longitudinal(NEXSTAR),
     "wind_axis_forces": models.wind_axis_forces(NEXSTAR),
+    "level_run": models.level_run(NEXSTAR),
+    "level_run in gusts": models.level_run(NEXSTAR, gusts=True),
 }
 
 
@@ -144,7 +146,16 @@ def test_sensitivities_are_those_of_a_complex_step(name):
     model = ALL_MODELS[name].changed(CLq={"free": True, "start": 4.0})
     rng = np.random.default_rng(0)
     n = 60
-    typical = {"V": 18.0, "thrust": 6.0, "J": 0.5, "rho": 1.2, "alpha": 0.05, "theta": 0.05}
+    typical = {
+        "V": 18.0,
+        "V_ref": 18.0,
+        "thrust": 6.0,
+        "thrust_per_speed": -0.3,
+        "J": 0.5,
+        "rho": 1.2,
+        "alpha": 0.05,
+        "theta": 0.05,
+    }
     wobble = 0.05 * np.sin(np.linspace(0, 9, n)[:, None] + 2 * np.pi * rng.random(len(model.inputs)))
     U = np.array([typical.get(i, 0.0) for i in model.inputs]) + wobble
     x0 = np.array([typical.get(s, 0.02) for s in model.states])
