@@ -14,6 +14,7 @@ HELD_S = 2.0  # a position the surface was held in
 JITTER_US = 4.0  # of a stick that is not moved
 SAME_US = 12.0  # two holds so near are one position, read twice
 FEWEST = 2
+ENOUGH = 25  # samples, to know a pulse by
 
 
 class Hold(NamedTuple):
@@ -37,7 +38,7 @@ def holds(t_s: Array, pulse_us: Array) -> list[Hold]:
     found: list[Hold] = []
     start = 0
     for i in range(1, len(t_s) + 1):
-        ended = i == len(t_s) or abs(pulse_us[i] - np.median(pulse_us[start:i])) > JITTER_US
+        ended = i == len(t_s) or abs(pulse_us[i] - np.median(pulse_us[start : min(i, start + ENOUGH)])) > JITTER_US
         if not ended:
             continue
         if t_s[i - 1] - t_s[start] >= HELD_S:
