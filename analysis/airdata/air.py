@@ -78,7 +78,7 @@ def air_data(
     out["beta_rad"] = measured - out["r_radps"] * x_probe / V
     _add_thrust(out, propeller)
     outside = ~flow.inside[flow.qbar_Pa > FLYING_PA]
-    if np.mean(outside) > LARGEST_UNMENTIONED_SHARE:
+    if len(outside) and np.mean(outside) > LARGEST_UNMENTIONED_SHARE:
         notes.append(
             f"{100 * np.mean(outside):.0f} % of the flight lies outside the probe's calibrated range of angles"
             " and is left out."

@@ -1,0 +1,126 @@
+"""Air data of a flight that lacks something: what is left stays right, what is gone is said, and nothing breaks."""
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.airdata.air import air_data
+from analysis.airdata.probe import calibrate, read_tunnel
+from analysis.stillness import still_segments, zeros
+from flight.aircraft import load_aircraft
+from flight.propeller import load_propeller
+from sim import fly as flying
+from sim.plan import load_plan
+from sim.sensors import TrayFelt, draw, load_budget
+from sim.tunnel import calibrate as tunnel_measurements
+from sim.tunnel import write_calibration
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+from estimators import felt_table
+
+NEXSTAR = load_aircraft("nexstar")
+IMU = ["ax_mps2", "ay_mps2", "az_mps2", "p_radps", "q_radps", "r_radps"]
+CRUISE_S = (45.0, 75.0)
+# Noise of Table 4.1 at 12 m/s, the slowest, and ten times it: nothing here is about the last tenth of a degree.
+SPEED_MPS, ANGLE_RAD = 0.5, np.radians(1.0)
+
+
+@pytest.fixture(scope="module")
+def probe(tmp_path_factory: pytest.TempPathFactory):
+    path = tmp_path_factory.mktemp("tunnel") / "tunnel.csv"
+    write_calibration(path, tunnel_measurements(seed=0), replace=False)
+    return calibrate(read_tunnel(path), "tunnel.csv")
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Truth and table of the demonstration flight, without the vibration that the part's own filter takes out."""
+    budget = load_budget("bench")
+    errors = draw(dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0)), 0)
+    flight = flying.fly(NEXSTAR, load_plan("accel-decel"), seed=0, deviations=errors.deviations)
+    return flight.truth, felt_table(TrayFelt(flight, errors), NEXSTAR)
+
+
+def result(table, probe):
+    still = still_segments(table, 25.0)
+    return air_data(table, NEXSTAR, probe, load_propeller(NEXSTAR.propulsion.propeller), zeros(table, still))
+
+
+def errors_of(air, truth, rows=CRUISE_S):
+    """(speed, alpha) less the truth, where both are known; rms over the seconds `rows`."""
+    part = air.table.loc[rows[0] : rows[1]]
+    t = part.index.to_numpy()
+    speed = part["V_mps"] - np.interp(t, truth["time_s"], truth["V_mps"])
+    alpha = part["alpha_rad"] - np.interp(t, truth["time_s"], truth["alpha_rad"])
+    return float(np.sqrt(np.nanmean(speed**2))), float(np.sqrt(np.nanmean(alpha**2)))
+
+
+def test_a_sound_flight_says_nothing(flown, probe) -> None:
+    truth, table = flown
+    air = result(table, probe)
+    speed, alpha = errors_of(air, truth)
+    assert speed < SPEED_MPS and alpha < ANGLE_RAD
+    assert air.notes == []
+
+
+@pytest.mark.parametrize("how", ["silent", "stuck"])
+def test_a_dead_sideslip_transducer_costs_the_sideslip_only(flown, probe, how: str) -> None:
+    """Speed and angle of attack stay as good as they were: at a degree or two of sideslip the maps hardly care."""
+    truth, table = flown
+    air = result(table.assign(dp_beta_Pa=np.nan if how == "silent" else 3.7), probe)
+    whole = result(table, probe)
+    assert errors_of(air, truth) == pytest.approx(errors_of(whole, truth), rel=0.05)
+    assert air.table["beta_rad"].isna().all()
+    assert air.table["flying"].sum() == pytest.approx(whole.table["flying"].sum(), rel=0.01)
+    assert any("sideslip is not known" in note for note in air.notes)
+    assert any("/probe/beta never changed" in note for note in air.notes) == (how == "stuck")
+
+
+def test_moments_without_sideslip_cost_no_speed(flown, probe) -> None:
+    _, table = flown
+    holed = table.copy()
+    holed.loc[50.0:52.0, "dp_beta_Pa"] = np.nan
+    air = result(holed, probe)
+    lost = air.table["beta_rad"].isna() & result(table, probe).table["beta_rad"].notna()
+    assert lost.sum() == len(holed.loc[50.0:52.0])
+    assert air.table.loc[50.0:52.0, ["V_mps", "alpha_rad"]].notna().all(axis=None)
+
+
+def test_a_gap_of_everything_stays_a_gap(flown, probe) -> None:
+    truth, table = flown
+    holed = table.copy()
+    holed.loc[55.0:60.0] = np.nan
+    air = result(holed, probe)
+    assert air.table.loc[55.0:60.0, ["V_mps", "alpha_rad", "beta_rad"]].isna().all(axis=None)
+    assert not air.table.loc[55.0:60.0, "flying"].any()
+    elsewhere = errors_of(air, truth, (45.0, 54.0)), errors_of(air, truth, (61.0, 75.0))
+    assert all(speed < SPEED_MPS and alpha < ANGLE_RAD for speed, alpha in elsewhere)
+
+
+def test_a_clipped_angle_is_not_taken_for_a_measurement(flown, probe) -> None:
+    """What clips is left out by the statuses, so the table has holes: speed needs alpha's pressure and has them too."""
+    _, table = flown
+    clipped = table.assign(dp_alpha_Pa=table["dp_alpha_Pa"].where(table["dp_alpha_Pa"] < 60.0))
+    air = result(clipped, probe)
+    lost = clipped["dp_alpha_Pa"].isna()
+    assert lost.loc[CRUISE_S[0] : CRUISE_S[1]].any()
+    assert air.table.loc[lost, ["V_mps", "alpha_rad"]].isna().all(axis=None)
+
+
+def test_without_gps_and_without_rest_there_is_air_data_all_the_same(flown, probe) -> None:
+    truth, table = flown
+    deaf = table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan).loc[22.0:90.0]
+    air = result(deaf, probe)
+    speed, alpha = errors_of(air, truth)
+    assert speed < SPEED_MPS and alpha < 2 * ANGLE_RAD  # zeros of 3 Pa are not taken out
+    assert any("never stood still" in note for note in air.notes)
+
+
+def test_an_alpha_transducer_that_is_stuck_leaves_no_speed_and_says_why(flown, probe) -> None:
+    _, table = flown
+    air = result(table.assign(dp_alpha_Pa=12.0), probe)
+    assert air.table["V_mps"].isna().all() and not air.table["flying"].any()
+    assert any("/probe/alpha never changed" in note for note in air.notes)
