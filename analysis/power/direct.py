@@ -9,6 +9,7 @@ What is regressed is drag over mass, whose errors are of one size; C_D's are not
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -26,47 +27,61 @@ Array = NDArray[np.float64]
 SHORTEST = 10  # blocks of a run
 
 
-def along_runs(given: pd.DataFrame, runs: list[Run], columns: tuple[str, ...]) -> list[tuple[Run, pd.DataFrame]]:
+class Along(NamedTuple):
+    """A run's time (n,) [s], and what a method is given over it, by name, each (n,)."""
+
+    run: Run
+    t_s: Array
+    f: dict[str, Array]
+
+
+def along_runs(given: pd.DataFrame, runs: list[Run], columns: tuple[str, ...]) -> list[Along]:
     """The columns over each run, small gaps bridged. Raises InputError when no run has them all."""
+    t, values = given.index.to_numpy(), given[list(columns)].to_numpy()
     found = []
     for run in runs:
-        data = given.loc[run.start_s : run.end_s, list(columns)].interpolate(limit_direction="both")
-        if len(data) >= SHORTEST and np.isfinite(data.to_numpy()).all():
-            found.append((run, data))
+        rows = slice(*np.searchsorted(t, (run.start_s, np.nextafter(run.end_s, np.inf))))
+        data = values[rows]
+        if not np.isfinite(data).all():
+            data = pd.DataFrame(data).interpolate(limit_direction="both").to_numpy()
+        if len(data) >= SHORTEST and np.isfinite(data).all():
+            found.append(Along(run, t[rows], dict(zip(columns, data.T, strict=True))))
     if not found:
         raise InputError("no run has all the data it takes")
     return found
 
 
-def _problem(drag_and_lift: Callable[[pd.DataFrame], tuple[Array, Array, Array]], columns: tuple[str, ...]):
+Forces = Callable[[dict[str, Array]], tuple[Array, Array, Array]]
+
+
+def _problem(drag_and_lift: Forces, columns: tuple[str, ...]):
     def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
         pieces = []
-        for run, f in along_runs(given, runs, columns):
+        for run, t, f in along_runs(given, runs, columns):
             drag, lift, qS = drag_and_lift(f)
             CL = lift / qS
-            pieces.append(Piece(run.name, f.index.to_numpy(), qS[:, None] * CL[:, None] ** np.arange(3), drag, CL))
+            pieces.append(Piece(run.name, t, qS[:, None] * CL[:, None] ** np.arange(3), drag, CL))
         return TimeSeries(pieces)
 
     return problem
 
 
-def from_accelerometers(f: pd.DataFrame, alpha: str = "alpha_felt", felt: str = "") -> tuple[Array, Array, Array]:
+def from_accelerometers(f: dict[str, Array], alpha: str = "alpha_felt", late: str = "") -> tuple[Array, Array, Array]:
     """Drag (2.16), (2.20), lift (2.19) and dynamic pressure times area, all over mass [m/s^2]."""
-    a, ax, az = (f[name].to_numpy() for name in (alpha, "ax", "az"))
-    forward = ax - f[f"thrust{felt}"].to_numpy()
-    drag = -forward * np.cos(a) - az * np.sin(a)
-    return drag, forward * np.sin(a) - az * np.cos(a), f[f"qS{felt}"].to_numpy()
+    a, az = f[alpha], f["az"]
+    forward = f["ax"] - f[f"thrust{late}"]
+    return -forward * np.cos(a) - az * np.sin(a), forward * np.sin(a) - az * np.cos(a), f[f"qS{late}"]
 
 
-def from_speed(f: pd.DataFrame) -> tuple[Array, Array, Array]:
+def from_speed(f: dict[str, Array]) -> tuple[Array, Array, Array]:
     """Drag (2.22), its angle of climb from pitch attitude and angle of attack, and lift as above [m/s^2]."""
     _, lift, qS = from_accelerometers(f, "alpha")
-    a, theta, bank = (f[name].to_numpy() for name in ("alpha", "theta_felt", "bank"))
-    sin_gamma = np.cos(a) * np.sin(theta) - np.sin(a) * np.cos(theta) * np.cos(bank)
-    return f["thrust"].to_numpy() * np.cos(a) - f["Vdot"].to_numpy() - g * sin_gamma, lift, qS
+    a, theta = f["alpha"], f["theta_felt"]
+    sin_gamma = np.cos(a) * np.sin(theta) - np.sin(a) * np.cos(theta) * np.cos(f["bank"])
+    return f["thrust"] * np.cos(a) - f["Vdot"] - g * sin_gamma, lift, qS
 
 
-def at_late_speed(f: pd.DataFrame) -> tuple[Array, Array, Array]:
+def at_late_speed(f: dict[str, Array]) -> tuple[Array, Array, Array]:
     """Drag from the accelerometers along the path, dynamic pressure and thrust from airspeed as late as it comes."""
     return from_accelerometers(f, "alpha", "_late")
 

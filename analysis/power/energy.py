@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
     """Work of drag since a run's start against its forms: integrals of qS V, qS V CL, qS V CL^2 (over mass)."""
     pieces = []
-    for run, f in along_runs(given, runs, ("V_felt", "height_felt", "thrust_felt", "qS_felt", "alpha", "bank")):
-        V, h, T, qS, a, bank = (f[name].to_numpy() for name in f.columns)
-        t = f.index.to_numpy()
+    columns = ("V_felt", "height_felt", "thrust_felt", "qS_felt", "alpha", "bank")
+    for run, t, f in along_runs(given, runs, columns):
+        V, h, T, qS, a, bank = (f[name] for name in columns)
         CL = (g / np.cos(bank) - T * np.sin(a)) / qS  # level: n_z = 1 (2.19)
         kept = V**2 / 2 + g * h  # (2.23)
         work = _integral(T * np.cos(a) * V, t) - kept
