@@ -8,9 +8,9 @@
 `soak` needs root (FUSE); the fake tray runs in a process of its own, so that its work is not the daemon's.
 """
 
-import gc
 import os
 import signal
+import statistics
 import subprocess
 import sys
 import sysconfig
@@ -32,6 +32,8 @@ ON_SECOND_BUS = ("honeywell", "ms5805")  # drivers
 BAUDS = {"gps": 38400, "esc_counter": 115200, "autopilot": 57600}
 OPENING_S = 1.0  # buses are opened, and libraries loaded, before the first tick
 CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
+WEIGHED_AT_S = 60.0  # after a change of file
+DISK_DONE_S = 0.1  # of real time
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
@@ -192,8 +194,13 @@ def faults() -> None:
 
 
 @app.command()
-def day(rate: float = 25.0, hours: float = 24.0) -> None:
-    """A day on the simulated clock, two transducers on a scripted bus: files, drift, memory."""
+def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None:
+    """A day on the simulated clock, two transducers on a scripted bus: files, drift, memory.
+
+    Memory is weighed a simulated minute after each change of file, when the disk's thread has nothing left to do.
+    """
+    from daq import disk
+    from daq.__main__ import prepare_process
     from daq.config import parse_tray
     from daq.daemon import record
     from flight.log_reader import read_log
@@ -214,15 +221,22 @@ def day(rate: float = 25.0, hours: float = 24.0) -> None:
             ("honeywell", "SSCDRRN005ND2A5", "airspeed"),
         )
     )
-    memory: list[tuple[float, int, int]] = []
+    memory: list[tuple[float, int]] = []
     clock = SimulatedClock(unix_at_start_ns=10**18)
+    # A sync lasts minutes of simulated time, and what waits for it is memory in use: here the disk is infinitely fast.
+    disk.SYNC_EVERY_S = 0.0
+    os.fdatasync = lambda file: None
 
     def progress(elapsed_s: float) -> None:
-        if elapsed_s % 1800 == 1799:
-            memory.append((elapsed_s / 3600, resident_KiB(), len(gc.get_objects())))
+        if elapsed_s % (60 * file_min) == WEIGHED_AT_S:
+            time.sleep(DISK_DONE_S)
+            memory.append((elapsed_s / 3600, resident_KiB()))
 
     with tempfile.TemporaryDirectory() as folder:
-        tray = parse_tray(f"rate_Hz = {rate:g}\n{sensors}", "tray.toml", Path(folder))
+        tray = parse_tray(
+            f"rate_Hz = {rate:g}\n[files]\nnew_after_min = {file_min:g}\n{sensors}", "tray.toml", Path(folder)
+        )
+        prepare_process()
         begin_s, period_ns = time.monotonic(), round(1e9 / rate)
         done = record(tray, buses=Bus(), clock=clock, until_ns=round(hours * 3600e9), progress=progress)
         wall_s = time.monotonic() - begin_s
@@ -238,8 +252,15 @@ def day(rate: float = 25.0, hours: float = 24.0) -> None:
                 count += 1
     print(f"{hours:g} h at {rate:g} Hz in {wall_s:.0f} s: {count} ticks, {done.missed} missed, {len(done.paths)} files")
     print(f"the grid is off by {worst_ns} ns at worst")
-    for at_h, kib, objects in memory[:: max(1, len(memory) // 8)] + memory[-1:]:
-        print(f"  after {at_h:5.2f} h: {kib} KiB resident, {objects} objects")
+    print("resident memory [KiB], file by file:", *(kib for _, kib in memory))
+    later = [kib for _, kib in memory[1:]]
+    if len(later) > 1:
+        kept_KiB = (len(later) - 1) * 60 * file_min * rate * sys.getsizeof(0.0) / 1024
+        print(
+            f"after the first change of file: {later[-1] - later[0]:+d} KiB in {len(later) - 1} files, "
+            f"{statistics.linear_regression(range(len(later)), later).slope:+.1f} KiB a file; "
+            f"one number kept at each tick would be {kept_KiB:.0f} KiB"
+        )
 
 
 @app.command()
