@@ -28,7 +28,7 @@ demo: $(READY) ## fly, record and analyse a simulated Nexstar; the report lands 
 
 picture: demo ## the README's picture: the head of the demo's report, by Chromium
 	chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --disable-background-networking \
-		--virtual-time-budget=5000 --window-size=1000,620 --screenshot=docs/power-required.png \
+		--virtual-time-budget=5000 --window-size=1280,720 --screenshot=docs/power-required.png \
 		"file://$(CURDIR)/out/demo/log.report/report.html"
 
 test: $(READY) ## the whole test suite

@@ -214,7 +214,7 @@ class Use(msgspec.Struct, frozen=True, kw_only=True):
     power_train: PowerTrainResult
     available: AvailableResult
     loadings: list[Loading]
-    costs: list[str]
+    costs: list[str]  # of one change alone, where such were asked for
     field_table: list[FieldRow]
 
 
@@ -241,6 +241,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     verdict: str  # of the estimation: "converged", or what was wrong
     warnings: list[str]
     methods: list[MethodResult] = []
+    one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`
     disagreements: list[Disagreement] = []
     interval_parts: list[IntervalPart] = []  # of `power_required`
     use: Use | None = None  # null where the propeller's table does not allow it

@@ -142,13 +142,14 @@ def use(
         return None
     cases = _cases(questions, day)
     loadings = [_loading("as flown", flown)] + [_loading(title, answer(at)) for title, at in cases]
+    alone = [other for other in loadings[1:] if _one_change(loadings[0], other)]
     return Use(
         battery_energy_Wh=energy_Wh,
         usable=questions.usable,
         power_train=_power_train(train, numbers, propeller, test, flown_CL),
         available=_available(motor, numbers, propeller, test, flown, flown_CL),
         loadings=loadings,
-        costs=[_cost(loadings[0], other) for other in loadings[1:] if _one_change(loadings[0], other)],
+        costs=[_cost(loadings[0], other) for other in alone or loadings[1:]],
         field_table=_field_table(numbers, train, propeller, test, flown, energy_J, flown_CL),
     )
 

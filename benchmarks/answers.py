@@ -17,6 +17,7 @@ from estimators import felt_table, speeds
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from scipy.optimize import brentq
 
 from analysis.airdata.air import air_data
 from analysis.airdata.probe import calibrate, read_tunnel
@@ -31,6 +32,7 @@ from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.propeller import load_propeller
 from sim import fly as flying
+from sim.air import ambient
 from sim.plan import load_plan
 from sim.plant import Deviations, plant_of
 from sim.propulsion import power_train
@@ -44,8 +46,9 @@ TICK_S = 0.04
 
 def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarray, climb_V: float) -> np.ndarray:
     """Battery power at each speed in trimmed level flight, the highest level speed, the best climb at one speed."""
-    height = float(answers.density_altitude_m(rho))
-    trimmer = Trimmer(plant_of(aircraft, deviations=deviations), height)
+    plant = plant_of(aircraft, deviations=deviations)
+    height = brentq(lambda h: float(ambient(plant.air, h).density) - rho, -1000, 4000)
+    trimmer = Trimmer(plant, height)
     propeller, powers = trimmer.plant.propeller, []
     for v in V:
         trim = trimmer.solve(V=float(v), climb=0.0)

@@ -233,8 +233,8 @@ def loadings(use: Use) -> go.Figure:
     for i, rho in enumerate(airs):
         cases = sorted((c for c in use.loadings if round(c.air_density_kgpm3, 5) == rho), key=lambda c: c.weight_N)
         name = f"density altitude {cases[0].density_altitude_m:.0f} m"
-        if i == 0 and rho == round(use.loadings[0].air_density_kgpm3, 5):
-            name += " (as flown)"
+        as_flown = rho == round(use.loadings[0].air_density_kgpm3, 5)
+        name += " (as flown)" if as_flown else ""
         mass = np.array([case.weight_N / GRAVITY_MPS2 for case in cases])
         for column, values, form in (
             (1, [_scaled(case.endurance_s, 1 / 60) for case in cases], "%{y:.0f} min"),
@@ -242,7 +242,7 @@ def loadings(use: Use) -> go.Figure:
         ):
             value, lo, hi = np.array([(v.value, v.lo, v.hi) for v in values]).T
             colour = PALETTE[i % len(PALETTE)]
-            if i == 0:
+            if as_flown:
                 _band(figure, mass, lo, hi, colour, 0.2, row=1, col=column)
             figure.add_scatter(
                 x=mass, y=_rounded(value), row=1, col=column, name=name, legendgroup=name, showlegend=column == 1,

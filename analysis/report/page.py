@@ -70,6 +70,8 @@ def answers_in_words(results: Results) -> list[tuple[str, str, str]]:
     flown = use.loadings[0]
     least = results.minimum_power_speed
     with_battery = f"with {use.battery_energy_Wh:g} Wh, {100 * use.usable:.0f} % used"
+    if not use.power_train.measured:
+        with_battery += " (motor assumed, not measured)"
     if flown.endurance_at_slowest:
         slow = f"{flown.endurance_speed_mps.value:.1f} m/s or slower"
         note = "Power still falls at the slowest speed flown"

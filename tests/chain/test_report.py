@@ -1,10 +1,16 @@
 """The report opens in a real browser: nothing on the console, nothing asked of a network, the curve drawn."""
 
+import csv
+import html
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
+import msgspec
 import pytest
+
+from analysis.results import Results
 
 pytestmark = pytest.mark.xdist_group("chain")
 
@@ -41,3 +47,67 @@ def test_the_browser_would_have_said_so(flown: Path, tmp_path: Path) -> None:
     _, console = opened(page, tmp_path)
     assert any("Content Security Policy" in line for line in console)
     assert any("nothing is not defined" in line for line in console)
+
+
+@pytest.fixture(scope="module")
+def dom(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    if CHROMIUM is None:
+        pytest.skip("no Chromium here (Debian: apt-get install chromium)")
+    return opened(flown / "log.report" / "report.html", tmp_path_factory.mktemp("profile"))[0]
+
+
+@pytest.fixture(scope="module")
+def results(flown: Path) -> Results:
+    return msgspec.json.decode((flown / "log.report" / "results.json").read_bytes(), type=Results)
+
+
+def test_the_answers_come_before_the_first_drawing(dom: str, results: Results) -> None:
+    """In words and large: how slow for longest endurance, how fast for longest range, with this battery."""
+    assert results.use is not None
+    head = re.sub(
+        r"<[^>]+>", " ", re.sub(r"<(script|style).*?</\1>", "", dom.partition('class="main-svg"')[0], flags=re.S)
+    )
+    said = " ".join(head.split())
+    flown = results.use.loadings[0]
+    assert f"Longest endurance {flown.endurance_speed_mps.value:.1f} m/s" in said
+    assert f"{flown.endurance_s.value / 60:.0f} min (" in said and "74 Wh, 80 % used" in said
+    assert f"Longest range {flown.range_speed_mps.value:.1f} m/s ({flown.range_speed_mps.lo:.1f} to" in said
+
+
+@pytest.mark.parametrize("name", ["power", "methods", "loadings", "efficiency", "parts", "timeline", "polar", "fit-0"])
+def test_every_drawing_is_drawn(dom: str, name: str) -> None:
+    after = dom.partition(f'<div id="{name}"')[2]
+    own = after.split('class="plotly-graph-div')[1]  # up to the next drawing
+    assert 'class="main-svg"' in own
+
+
+def test_every_method_is_named_with_its_equations(dom: str, results: Results) -> None:
+    assert len(results.methods) >= 5
+    for method in results.methods:
+        assert html.escape(method.title, quote=False) in dom
+        assert html.escape(method.equations, quote=False) in dom
+    for disagreement in results.disagreements:
+        assert html.escape(disagreement.text, quote=False) in dom
+
+
+def test_what_was_not_flown_is_dashed(dom: str, results: Results) -> None:
+    """The highest level speed of the demonstration lies beyond its runs: both curves go there in dashes."""
+    assert results.use is not None and results.use.available.maximum_speed_extrapolated
+    power = dom.partition('<div id="power"')[2].split('class="plotly-graph-div')[1]
+    assert power.count("stroke-dasharray: 9px, 9px") >= 1, "power required beyond the fastest flown"
+    assert power.count("stroke-dasharray: 9px, 6px") >= 1, "power available there"
+
+
+def test_the_field_table_is_the_results(flown: Path, results: Results) -> None:
+    assert results.use is not None
+    with (flown / "log.report" / "field_table.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [float(row["speed_mps"]) for row in rows] == [row.speed_mps for row in results.use.field_table]
+    for row, known in zip(rows, results.use.field_table, strict=True):
+        assert float(row["range_m"]) == pytest.approx(known.endurance_s * known.speed_mps, rel=1e-3)
+        assert known.endurance_s * known.battery_W == pytest.approx(74 * 3600 * 0.8, rel=1e-9)
+        assert float(row["weight_N"]) == pytest.approx(results.test.weight_N, rel=1e-3)
+    text = (flown / "log.report" / "field_table.md").read_text("utf-8")
+    assert len([line for line in text.splitlines() if line.startswith("| ")]) == (
+        len(results.use.field_table) + len(results.use.loadings) + 4
+    )

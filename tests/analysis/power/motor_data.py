@@ -2,12 +2,19 @@
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import brentq
 
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
+from sim.air import Air, ambient
 from sim.propulsion import power_train, throttle_for
 
 RHO, STEP_S = 1.19, 0.2
+
+
+def height_of(air: Air, rho: float) -> float:
+    """The height [m] at which the simulator's air has a density."""
+    return float(brentq(lambda h: float(ambient(air, h).density) - rho, -1000, 4000))
 
 
 def steady_points(nexstar: Aircraft, propeller: Propeller, seconds: float = 20.0) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from motor_data import RHO, steady_points
+from motor_data import RHO, height_of, steady_points
 from scipy.optimize import brentq
 
 from analysis.power.answers import LevelFlight, answer, density_altitude_m, level_flight, longest
@@ -76,10 +76,11 @@ def test_one_speed_by_hand(propeller, at) -> None:
 
 
 def test_the_battery_gives_what_the_simulator_s_gives_in_trimmed_flight(nexstar, propeller, at) -> None:
-    """The curve takes thrust along the path (3.45); in trim it points up by alpha and carries weight: 3 % at most."""
+    """The curve takes thrust along the path (3.45); in trim it points up by alpha and carries weight. At 12 m/s and
+    8.6 deg, the first costs 1.1 % and the second saves about as much: 0.5 % are left.
+    """
     plant = plant_of(nexstar)
-    height = next(h for h in np.arange(0, 600, 1.0) if density(pressure_at(h), temperature_at(h)) <= RHO)
-    trimmer = Trimmer(plant, float(height))
+    trimmer = Trimmer(plant, height_of(plant.air, RHO))
     V = np.array([12.0, 14.0, 17.0, 20.0, 23.0])
     truth = []
     for v in V:
@@ -91,7 +92,7 @@ def test_the_battery_gives_what_the_simulator_s_gives_in_trimmed_flight(nexstar,
     train = power_train(steady_points(nexstar, propeller), nexstar.propulsion, propeller, (0.0, 0.0))
     numbers = joined(known(**POLAR, **NO_CORRECTION), train.numbers)
     found = level_flight(numbers.nudged(), train, propeller, at, RANGE_CL, V)
-    assert found.battery.value == pytest.approx(truth, rel=0.03)
+    assert found.battery.value == pytest.approx(truth, rel=0.01)
 
 
 def test_twice_the_energy_is_twice_the_way_and_thin_air_is_flown_faster(propeller, at) -> None:
