@@ -15,10 +15,10 @@ from analysis.channels import synchronise
 from analysis.path.reconstruct import reconstruct
 from analysis.power import curve, dynamic, output_error
 from analysis.questions import Questions
-from analysis.results import AircraftResult, ConditionResult, ParameterResult, Results
+from analysis.results import AircraftResult, ConditionResult, ParameterResult, PowerPoint, Results
 from analysis.runs import Found, Run, edit
 from analysis.runs.find import find
-from analysis.runs.kinds import LEVEL
+from analysis.runs.kinds import LEVEL, STEADY
 from analysis.stillness import still_segments, zero_of_attachment, zeros
 from analysis.use import Day, flight_data, interval_parts, thrust_coverage, use
 from flight.aircraft import Aircraft
@@ -78,32 +78,34 @@ def analyze(
     progress("finding runs")
     found = edit.taken(entries, air.table, str(runs_file)) if entries else find(air.table, still)
     runs = found.of(*LEVEL)
-    if not runs:
-        missed = [stretch for stretch in found.rejected if stretch.kind in LEVEL]
+    used = runs or found.of(STEADY)
+    if not used:
+        missed = [stretch for stretch in found.rejected if stretch.kind in (*LEVEL, STEADY)]
         raise InputError(f"{log.path}: no acceleration or deceleration to analyse{summary.nearest_miss(missed)}")
 
-    flown = pd.concat([air.table.iloc[run.rows] for run in runs])
+    flown = pd.concat([air.table.iloc[run.rows] for run in used])
+    flown_CL = summary.flown_lift(flown, aircraft)
+    test = curve.Condition(aircraft.mass.weight_N, float(flown["rho"].mean()), aircraft.geometry.wing_area_m2)
+    standard = curve.Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
     warnings += thrust_coverage(flown, propeller)
 
     progress("reconstructing the flight path")
     path = reconstruct(air.table, still)
-    progress(f"estimating drag from {len(runs)} runs")
-    estimate = dynamic.estimate_polar(air.table, path, runs, aircraft, propeller)
-    warnings += estimate.warnings
-    progress("checking by output error")
-    check = output_error.estimate_polar(air.table, runs, aircraft, zeroed=at_rest is not None)
+    progress(f"estimating drag from {len(used)} runs")
+    by_runs = dynamic.estimate_polar(air.table, path, runs, aircraft, propeller) if runs else None
+    progress("asking every other method")
+    asked = methods.every_method(air.table, path, found.runs, by_runs, flown_CL, aircraft, propeller, test)
+    estimate = by_runs or methods.leading(asked.answers, path)
+    warnings += estimate.warnings + methods.scatter(asked.one_by_one, test)
+    cross_check: list[PowerPoint] = []
+    if runs:
+        progress("checking by output error")
+        check = output_error.estimate_polar(air.table, runs, aircraft, zeroed=at_rest is not None, propeller=propeller)
+        cross_check = summary.points(check.polar, test, flown_CL)
+        warnings += summary.cross_check_said(estimate.polar, check, test, flown_CL)
 
-    progress("computing the curve")
-    flown_CL = summary.flown_lift(flown, aircraft)
-    test = curve.Condition(aircraft.mass.weight_N, float(flown["rho"].mean()), aircraft.geometry.wing_area_m2)
-    standard = curve.Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
-    warnings += summary.cross_check_said(estimate.polar, check, test, flown_CL)
     pressure_Pa, temperature_K = float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean())
     power_required = summary.points(estimate.polar, test, flown_CL, flown)
-    progress("asking every other method")
-    answers, disagreements = methods.every_method(
-        air.table, path, found.runs, estimate, flown_CL, aircraft, propeller, test
-    )
     progress("answering")
     data = flight_data(air.table, path, aircraft, propeller)
     day = Day(test, pressure_Pa, temperature_K)
@@ -131,13 +133,14 @@ def analyze(
         drag_polar=summary.drag_polar(estimate.polar, aircraft),
         power_required=power_required,
         power_required_standard=summary.points(estimate.polar, standard, flown_CL),
-        cross_check=summary.points(check.polar, test, flown_CL),
+        cross_check=cross_check,
         minimum_power_speed=summary.special(curve.minimum_power_lift, estimate.polar, test, flown_CL),
         best_range_speed=summary.special(curve.best_range_lift, estimate.polar, test, flown_CL),
         verdict=estimate.verdict,
         warnings=warnings,
-        methods=[methods.method_result(answer, test) for answer in answers],
-        disagreements=[methods.disagreement_result(one) for one in disagreements],
+        methods=[methods.method_result(answer, test) for answer in asked.answers],
+        one_by_one=[methods.method_result(answer, test) for answer in asked.one_by_one],
+        disagreements=[methods.disagreement_result(one) for one in asked.disagreements],
         interval_parts=interval_parts(estimate, test, np.array([point.speed_mps for point in power_required])),
         use=answered,
     )

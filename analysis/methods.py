@@ -1,13 +1,18 @@
 """Every method on one flight, and where they disagree, in the form that `results.json` has."""
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from analysis import summary
+from analysis.path.model import SHARED
 from analysis.path.reconstruct import Path
 from analysis.power import compare, curve, taken
-from analysis.power.direct import ACCELERATIONS, DECELERATIONS, DIRECT, FROM_SPEED
-from analysis.power.dynamic import DynamicEstimate
+from analysis.power.direct import ACCELERATIONS, DECELERATIONS, DIRECT, FROM_SPEED, ONE_RUN
+from analysis.power.dynamic import POLAR, THRUST, UNITS, DynamicEstimate
 from analysis.power.energy import ENERGY
 from analysis.power.forces import Blocks
 from analysis.power.method import Method, MethodEstimate, estimate, flown
@@ -16,37 +21,102 @@ from analysis.power.w_delta import W_DELTA, W_DELTA_SLOW
 from analysis.results import Disagreement, MethodPoint, MethodResult
 from analysis.runs.kinds import LEVEL, Run
 from flight.aircraft import Aircraft
+from flight.errors import InputError
 from flight.propeller import Propeller
 
 ALL: tuple[Method, ...] = (
     PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW, DIRECT, FROM_SPEED, ENERGY, ACCELERATIONS, DECELERATIONS,
 )  # fmt: skip
+SELDOM = 0.001  # chance of an alarm about scatter where there is nothing but noise
+FEWEST_RUNS = 3  # of one kind, to speak of their scatter
+
+
+class Asked(NamedTuple):
+    """What every method said of a flight. one_by_one: each acceleration and deceleration alone."""
+
+    answers: list[MethodEstimate]
+    one_by_one: list[MethodEstimate]
+    disagreements: list[compare.Disagreement]
 
 
 def every_method(
     table: pd.DataFrame,
     path: Path,
     runs: list[Run],
-    dynamic: DynamicEstimate,
+    dynamic: DynamicEstimate | None,
     dynamic_CL: tuple[float, float],
     aircraft: Aircraft,
     propeller: Propeller,
     at: curve.Condition,
-) -> tuple[list[MethodEstimate], list[compare.Disagreement]]:
-    """All of ALL over the runs of any kind, and the pairs that disagree at one weight and density.
+) -> Asked:
+    """All of ALL over the runs of any kind, each run alone, and the pairs that disagree at one weight and density.
 
-    table: as `air_data` leaves it. dynamic_CL: the lift coefficients that the dynamic method saw.
+    table: as `air_data` leaves it. dynamic_CL: the lift coefficients that the dynamic method saw; dynamic: None where
+    nothing was flown that it can use.
     """
     blocks = Blocks(table, path, aircraft, propeller)
     t = blocks.t_s
+    level = [run for run in runs if run.kind in LEVEL]
     changing = np.zeros(len(t), dtype=bool)
-    for run in runs:
-        if run.kind in LEVEL:
-            changing |= (t >= run.start_s) & (t <= run.end_s)
+    for run in level:
+        changing |= (t >= run.start_s) & (t <= run.end_s)
     errors = taken.found(blocks, path, changing)
     asked = flown(blocks, path, runs, errors)
     answers = [estimate(method, asked) for method in ALL]
-    return answers, compare.disagreements(dynamic, dynamic_CL, answers, errors, at)
+    one_by_one = [estimate(replace(ONE_RUN, title=run.name), replace(asked, runs=[run])) for run in level]
+    return Asked(answers, one_by_one, compare.disagreements(dynamic, dynamic_CL, answers, errors, at))
+
+
+def leading(answers: list[MethodEstimate], path: Path) -> DynamicEstimate:
+    """The curve of a flight without accelerations and decelerations: that of its steady points.
+
+    Raises InputError saying why when they do not make one.
+    """
+    (answer,) = (answer for answer in answers if answer.method is PIW_VIW_THREE)
+    if answer.polar is None:
+        raise InputError(
+            f"no acceleration or deceleration to analyse, and no curve from steady points: {answer.notes[0]}"
+        )
+    names = (*POLAR, *THRUST)
+    noise, systematic = np.zeros((5, 5)), np.zeros((5, 5))
+    noise[:3, :3], systematic[:3, :3] = answer.noise, answer.systematic
+    for i, name in enumerate(THRUST, start=3):
+        variance = taken.UNKNOWN[name] ** 2
+        systematic[i, i] = variance
+        systematic[:3, i] = systematic[i, :3] = answer.slopes[name] * variance
+    values = np.concatenate([answer.polar.A, [0.0, 0.0]])
+    errors = np.sqrt(np.diag(noise + systematic))
+    parameters = [(name, float(v), float(e), "") for name, v, e in zip(names, values, errors, strict=True)]
+    parameters += [(name, path.value(name), path.standard_error(name), UNITS.get(name, "")) for name in SHARED]
+    said = (
+        "No acceleration or deceleration was flown: the curve is that of the steady points, PIW-VIW with three terms."
+    )
+    verdict = "from steady points" if path.converged else "the path did not converge"
+    return DynamicEstimate(answer.polar, parameters, verdict, [said], [], values, noise, systematic)
+
+
+def scatter(one_by_one: list[MethodEstimate], at: curve.Condition) -> list[str]:
+    """Whether runs of one kind differ from each other by more than their noise, at a speed that all of them saw."""
+    said = []
+    for kind in LEVEL:
+        runs = [a for a in one_by_one if a.polar is not None and a.method.title.startswith(kind)]
+        if len(runs) < FEWEST_RUNS:
+            continue
+        low, high = max(a.flown_CL[0] for a in runs), min(a.flown_CL[1] for a in runs)
+        if low >= high:
+            continue
+        V = curve.speed_at([np.sqrt(low * high)], at)
+        power, error = np.array(
+            [curve.power_required(V, curve.Polar(a.polar.A, a.noise), at) for a in runs if a.polar is not None]
+        )[:, :, 0].T
+        mean = np.average(power, weights=error**-2)
+        surprise = np.sum(((power - mean) / error) ** 2)
+        if surprise > stats.chi2.isf(SELDOM, len(runs) - 1):
+            said.append(
+                f"The {len(runs)} {kind}s differ from each other by {100 * np.std(power, ddof=1) / mean:.1f} % at"
+                f" {V[0]:.1f} m/s, {np.sqrt(surprise / (len(runs) - 1)):.1f} times what their noise allows."
+            )
+    return said
 
 
 def method_result(answer: MethodEstimate, at: curve.Condition) -> MethodResult:

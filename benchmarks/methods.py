@@ -65,6 +65,7 @@ class Asked(NamedTuple):
     dynamic: dynamic.DynamicEstimate
     flown_CL: tuple[float, float]
     answers: list[MethodEstimate]
+    one_by_one: list[MethodEstimate]
     disagreements: list[compare.Disagreement]
     at: curve.Condition
 
@@ -116,10 +117,8 @@ def ask(aircraft: Aircraft, flown: Flown) -> Asked:
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
     flown_CL = summary.flown_lift(rows, aircraft)
     at = curve.Condition(aircraft.mass.weight_N, float(rows["rho"].mean()), aircraft.geometry.wing_area_m2)
-    answers, disagreements = methods.every_method(
-        flown.table, path, found.runs, estimate, flown_CL, aircraft, propeller, at
-    )
-    return Asked(estimate, flown_CL, answers, disagreements, at)
+    said = methods.every_method(flown.table, path, found.runs, estimate, flown_CL, aircraft, propeller, at)
+    return Asked(estimate, flown_CL, said.answers, said.one_by_one, said.disagreements, at)
 
 
 def compared(polar: Polar, flown_CL: tuple[float, float], V: np.ndarray, truth: np.ndarray, at) -> np.ndarray:
@@ -151,7 +150,8 @@ def main(
         truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
         rows = {"dynamic": (asked.dynamic.polar, asked.flown_CL)}
         rows |= {a.method.title: (a.polar, a.flown_CL) for a in asked.answers if a.polar is not None}
-        for title, (polar, flown_CL) in rows.items():
+        singles = [(a.polar, a.flown_CL) for a in asked.one_by_one if a.polar is not None]
+        for title, (polar, flown_CL) in [*rows.items(), *(("each run alone", one) for one in singles)]:
             gathered.setdefault(title, []).append(compared(polar, flown_CL, V, truth, asked.at))
         named.update(f"{one.first} - {one.second}: {one.culprit}" for one in asked.disagreements)
     console.print(

@@ -81,6 +81,11 @@ def from_speed(f: dict[str, Array]) -> tuple[Array, Array, Array]:
     return f["thrust"] * np.cos(a) - f["Vdot"] - g * sin_gamma, lift, qS
 
 
+def along_path(f: dict[str, Array]) -> tuple[Array, Array, Array]:
+    """Drag from the accelerometers, everything else from the path."""
+    return from_accelerometers(f, "alpha")
+
+
 def at_late_speed(f: dict[str, Array]) -> tuple[Array, Array, Array]:
     """Drag from the accelerometers along the path, dynamic pressure and thrust from airspeed as late as it comes."""
     return from_accelerometers(f, "alpha", "_late")
@@ -101,6 +106,14 @@ FROM_SPEED = Method(
     kinds=(*LEVEL, *LOADS),
     takes=("pitch", "thrust_scale", "thrust_slope"),
     problem=_problem(from_speed, ("alpha", "theta_felt", "bank", "Vdot", "ax", "az", "thrust", "qS")),
+)
+ONE_RUN = Method(
+    name="run",
+    title="one run alone, propeller table as it is",
+    equations="(2.16), (2.18)-(2.21) along the path",
+    kinds=LEVEL,
+    takes=("thrust_scale", "thrust_slope"),
+    problem=_problem(along_path, ("alpha", "ax", "az", "thrust", "qS")),
 )
 ACCELERATIONS, DECELERATIONS = (
     Method(

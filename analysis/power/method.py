@@ -117,7 +117,7 @@ def estimate(method: Method, flown: Flown) -> MethodEstimate:
 def _estimate(method: Method, flown: Flown) -> MethodEstimate:
     runs = [run for run in flown.runs if run.kind in method.kinds]
     if not runs:
-        raise InputError(f"the flight has no {' or '.join(method.kinds)}")
+        raise InputError(f"nothing of the kind was flown: {' or '.join(method.kinds)}")
 
     def asked(given: pd.DataFrame) -> Problem:
         return method.problem(given, runs, flown.aircraft)
