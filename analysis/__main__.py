@@ -100,7 +100,7 @@ def _propeller(name_or_path: str):
 
 
 def _print_summary(results, folder: Path) -> None:
-    from analysis.report.page import special_in_words
+    from analysis.report.page import answers_in_words
 
     console = Console()
     curve = Table(title=f"{results.aircraft.title}: power required", title_justify="left")
@@ -110,10 +110,10 @@ def _print_summary(results, folder: Path) -> None:
         interval = f"{point.power_lo_W:.1f} to {point.power_hi_W:.1f}"
         curve.add_row(f"{point.speed_mps:.1f}", f"{point.power_W:.1f}", interval)
     console.print(curve)
-    console.print(f"longest endurance at {special_in_words(results.minimum_power_speed)}")
-    console.print(f"longest range at     {special_in_words(results.best_range_speed)}")
-    for warning in results.warnings:
-        console.print(f"[yellow]note:[/yellow] {warning}")
+    for question, answer, note in answers_in_words(results):
+        console.print(f"[bold]{question}: {answer}[/bold]. {note}", highlight=False)
+    for warning in [*results.warnings, *(one.text for one in results.disagreements)]:
+        console.print(f"[yellow]note:[/yellow] {warning}", highlight=False)
     console.print(f"report: {folder / 'report.html'}")
 
 
