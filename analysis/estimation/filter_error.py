@@ -18,7 +18,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from analysis.estimation.climb import Point, climb, report
 from analysis.estimation.data import Segment
@@ -149,9 +148,9 @@ def estimate(
         for name in likelihood.intensities:
             bare, first = likelihood.without([name], point.theta)
             without, _, failed = climb(bare, bare.at(first), max_iterations, STEP_TOLERANCE)
-            ratio = np.nan if failed else max(0.0, 2 * (without.cost - point.cost))
+            ratio = math.nan if failed else max(0.0, 2 * (without.cost - point.cost))
             state = name.removeprefix("ln w(").removesuffix(")")
-            found[state] = found[state]._replace(p_value=float(stats.chi2.sf(ratio, 1) / 2))
+            found[state] = found[state]._replace(p_value=math.erfc(math.sqrt(ratio / 2)) / 2)
     return FilterFit(**(vars(fit) | {"verdict": _verdict(fit, found)}), process_noise=found)
 
 

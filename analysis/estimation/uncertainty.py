@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, stats
+from scipy import fft, special
 
 from analysis.estimation import coloring
 from analysis.estimation.fit import Fit
@@ -134,7 +134,7 @@ class Significance(NamedTuple):
 def t_tests(uncertainty: Uncertainty, level: float = 0.05) -> dict[str, Significance]:
     """Whether each free number differs from zero: t against Student's t of N - n_p degrees of freedom (4.3-4.5)."""
     fit = uncertainty.fit
-    critical = float(stats.t.ppf(1 - level / 2, max(1, fit.samples - len(fit.names))))
+    critical = float(special.stdtrit(max(1, fit.samples - len(fit.names)), 1 - level / 2))
     return {
         name: Significance(value / error, critical, bool(abs(value) > critical * error))
         for (name, error), value in zip(uncertainty.standard_errors.items(), fit.values.tolist(), strict=True)
@@ -163,7 +163,7 @@ def whiteness(fit: Fit, lags: int = 20) -> dict[str, Whiteness]:
         r = products[1:] / products[0]
         usable = pairs[1:] > 0
         Q = float((n * (n + 2) * r[usable] ** 2 / pairs[1:][usable]).sum())
-        result[name] = Whiteness(float(r[0]), float(stats.chi2.sf(Q, usable.sum())))
+        result[name] = Whiteness(float(r[0]), float(special.chdtrc(usable.sum(), Q)))
     return result
 
 

@@ -58,13 +58,13 @@ def test_one_run_in_60_ms_and_twenty_in_2_s():
     assert one < 0.060 and twenty < 2.0
 
 
-def test_a_hundred_times_faster_than_a_general_optimiser():
-    """scipy's trust-constr with finite differences on the same likelihood, to the same cost within 0.01."""
-    run = made_by_the_model("run", 1)
+def general_optimiser(run):
+    """scipy's trust-constr with finite differences on the same likelihood.
+
+    Its processor time [s], how many evaluations it took, and by how much its cost ends above ours.
+    """
     start = models.quick_start(NEXSTAR, run)
     fit = output_error.estimate(MODEL, run, start=start)
-    ours = processor_time_s(lambda: output_error.estimate(MODEL, run, start=start), 5)
-
     free = tuple(q for q in MODEL.parameters if q.free)
     plain = trace(MODEL, ())  # without sensitivities, as a general optimiser would have it
     U = np.column_stack([run.u[name] for name in MODEL.inputs])
@@ -86,10 +86,17 @@ def test_a_hundred_times_faster_than_a_general_optimiser():
         cost, np.array(theta0) / scale, method="trust-constr", jac="2-point", hess=optimize.BFGS(),
         options={"maxiter": 3000, "gtol": 1e-4, "xtol": 1e-6},
     )  # fmt: skip
-    theirs = time.process_time() - began
-    print(f"ours {ours:.3f} s, trust-constr {theirs:.1f} s, {best.nfev} evaluations")
-    assert cost(fit.values / scale) < best.fun + 0.01
-    assert theirs > 100 * ours or best.fun > cost(fit.values / scale) + 0.01
+    return time.process_time() - began, best.nfev, best.fun - cost(fit.values / scale)
+
+
+def test_a_hundred_times_faster_than_a_general_optimiser():
+    """To the same cost within 0.01, or it has not arrived at all."""
+    run = made_by_the_model("run", 1)
+    start = models.quick_start(NEXSTAR, run)
+    ours = processor_time_s(lambda: output_error.estimate(MODEL, run, start=start), 5)
+    theirs, _, above = general_optimiser(run)
+    assert above > -0.01
+    assert theirs > 100 * ours or above > 0.01
 
 
 def test_starts_off_by_a_factor_of_two_on_the_aircraft():

@@ -1,0 +1,226 @@
+"""The estimation engine measured: how fast, how honest on disturbed motion, and what shows CLq.
+
+    python benchmarks/estimation.py speed
+    python benchmarks/estimation.py statistics --seeds 240
+    python benchmarks/estimation.py significance
+
+docs/estimation.md quotes what these print.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import pandas as pd
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from analysis.estimation import filter_error, models, output_error, uncertainty
+from analysis.estimation.data import Segment
+from flight.aircraft import Aircraft, load_aircraft
+from sim.figures import runs
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
+import disturbed
+import test_speed_and_starts as timed
+
+CONSOLE = Console(width=120)
+NORMAL_95 = 1.959964
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def speed() -> None:
+    """Processor time of fits, of import and model build, and of a general optimiser on the same likelihood."""
+    table = Table("what", "measured", "wanted", box=None)
+    table.add_row("import and model build", f"{_import_s():.2f} s", "0.5 s")
+    run_s = [timed.made_by_the_model(f"run {i}", i) for i in range(20)]
+    start = models.quick_start(timed.NEXSTAR, run_s[0])
+
+    def fit(segments):
+        return output_error.estimate(timed.MODEL, segments, start=start)
+
+    fit(run_s[0])
+    one = timed.processor_time_s(lambda: fit(run_s[0]), 10)
+    table.add_row("500 samples, 2 states, 4 outputs, 12 parameters", f"{1e3 * one:.0f} ms", "60 ms")
+    table.add_row("20 such runs jointly", f"{timed.processor_time_s(lambda: fit(run_s), 2):.2f} s", "2 s")
+    theirs, evaluations, above = timed.general_optimiser(run_s[1])
+    table.add_row(
+        "trust-constr with finite differences, one run",
+        f"{theirs:.1f} s, {theirs / one:.0f} times ours, {evaluations} evaluations, cost {above:+.3f}",
+        "100 times ours",
+    )
+    segment = disturbed.linear_record(0)
+    filtered = timed.processor_time_s(
+        lambda: filter_error.estimate(disturbed.LINEAR, segment, disturbed.LINEAR_NOISE, tested=False), 5
+    )
+    table.add_row("filter error, 250 samples, 2 states, 12 numbers", f"{1e3 * filtered:.0f} ms", "")
+    CONSOLE.print(table)
+
+
+def _import_s() -> float:
+    """Processor time of a new Python that imports the engine, NumPy and all, builds and traces the aircraft's model."""
+    program = (
+        "import time; from analysis.estimation import models, output_error;"
+        "from analysis.estimation.simulation import trace;"
+        "from flight.aircraft import load_aircraft; m = models.pitch_and_height(load_aircraft('nexstar'));"
+        "trace(m, tuple(q.name for q in m.parameters if q.free)); print(time.process_time())"
+    )
+    ran = [
+        subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=_root())
+        for _ in range(3)
+    ]
+    return min(float(one.stdout) for one in ran)
+
+
+def _root() -> Path:
+    return Path(__file__).parents[1]
+
+
+@app.command()
+def statistics(
+    seeds: Annotated[int, typer.Option(help="Records of 10 s each are taken two at a time.")] = 240,
+) -> None:
+    """Filter error and output error on motion in turbulence: bias, scatter over the bound, coverage, per parameter."""
+    cases = (
+        (disturbed.LINEAR, disturbed.LINEAR_NOISE, disturbed.linear_record, disturbed.LINEAR_TRUTH),
+        (disturbed.NONLINEAR, disturbed.NONLINEAR_NOISE, disturbed.nonlinear_record, disturbed.NONLINEAR_TRUTH),
+    )
+    for model, noise, record, truth in cases:
+        gathered: dict[str, list] = {"filter error": [], "output error": []}
+        m, values = len(truth), np.array(list(truth.values()))
+        for seed in range(seeds):
+            segments = [record(2 * seed, name="one"), record(2 * seed + 1, name="two")]
+            for name, fit in (
+                ("filter error", filter_error.estimate(model, segments, noise, tested=False)),
+                ("output error", output_error.estimate(model, segments)),
+            ):
+                bound = np.diag(fit.covariance)[:m]
+                corrected = np.diag(uncertainty.morelli_klein(fit).covariance)[:m]
+                gathered[name].append((fit.values[:m] - values, bound, corrected))
+        table = Table(model.name, "", *truth, box=None)
+        for name, rows in gathered.items():
+            error, bound, corrected = (np.array(part) for part in zip(*rows, strict=True))
+            typical = np.sqrt(bound.mean(axis=0))
+            for what, row, form in (
+                ("bias / bound", error.mean(axis=0) / typical, "{:+.2f}"),
+                ("scatter / bound", error.std(axis=0) / typical, "{:.2f}"),
+                ("scatter", error.std(axis=0), "{:.3g}"),
+                ("bound covers, %", 100 * np.mean(np.abs(error) < NORMAL_95 * np.sqrt(bound), axis=0), "{:.0f}"),
+                (
+                    "corrected covers, %",
+                    100 * np.mean(np.abs(error) < NORMAL_95 * np.sqrt(corrected), axis=0),
+                    "{:.0f}",
+                ),
+            ):
+                table.add_row(name, what, *(form.format(x) for x in row))
+                name = ""
+        CONSOLE.print(table)
+
+
+class Limit(NamedTuple):
+    """SNR of q below which CLq is no longer significant; `flown` is that of the gyro's noise in Table 4.1 times factor.
+
+    NaN: not significant however quiet the gyro; 0: significant down to the noisiest one tried.
+    """
+
+    snr: float
+    flown: float
+    t_quiet: float  # t of CLq with the quietest gyro
+
+
+# Table 4.1, and a barometer's.
+NOISE = {"V": 0.29, "alpha": 0.008, "ax": 0.058, "az": 0.058, "h": 0.3}
+GYRO_RADPS = 0.005
+OCTAVES = range(-4, 8)  # of the gyro's noise: 0.0003 to 0.64 rad/s
+EVERY = 2  # the truth is at 50 Hz, the tray at 25
+
+
+def manoeuvres() -> dict[str, pd.DataFrame]:
+    """Case 3's, as flown: two runs and an elevator input, without its recovery."""
+    ramp, _, step = runs("case-3")
+    elevator = runs("case-3", kind="3-2-1-1")[0]
+    return {
+        "throttle ramp, height held": ramp,
+        "throttle step, height wanders": step,
+        "3-2-1-1 elevator": elevator[elevator["t_s"] < 7 * 0.3 + 4.0],
+    }
+
+
+def measured(run: pd.DataFrame, factor: float, gyro_radps: float, seed: int) -> Segment:
+    """A manoeuvre with the noise of Table 4.1 times `factor` on the outputs, and its own on the gyro."""
+    rng = np.random.default_rng(seed)
+    rows = run.iloc[::EVERY]
+    true = {name: rows[name].to_numpy() for name in rows.columns if name != "kind"}
+    inputs = {
+        "thrust": "thrust_N", "J": "advance_ratio", "elevator": "elevator_rad", "phi": "roll_rad", "p": "p_radps",
+        "r": "r_radps", "beta": "beta_rad", "rho": "density_kgpm3",
+    }  # fmt: skip
+    outputs = {
+        "V": "V_mps", "alpha": "alpha_rad", "ax": "specific_force_x_mps2", "az": "specific_force_z_mps2",
+        "h": "height_m",
+    }  # fmt: skip
+    q = true["q_radps"] + gyro_radps * rng.standard_normal(len(rows))
+    return Segment(
+        name="run",
+        t_s=true["t_s"],
+        u={name: true[column] for name, column in inputs.items()} | {"q": q},
+        z={
+            name: true[column] + factor * NOISE[name] * rng.standard_normal(len(rows))
+            for name, column in outputs.items()
+        },
+    )
+
+
+def t_of_CLq(aircraft: Aircraft, run: pd.DataFrame, factor: float, gyro_radps: float, seeds: int) -> float:
+    """Mean over seeds of CLq over its standard error (4.4, 4.5); CLq has no prior here."""
+    model = models.pitch_and_height(aircraft).changed(CLq={"start": 0.0, "prior_sigma": np.inf})
+    t = []
+    for seed in range(seeds):
+        segment = measured(run, factor, gyro_radps, seed)
+        CLq = output_error.estimate(model, segment, start=models.quick_start(aircraft, segment)).parameters["CLq"]
+        t.append(CLq.value / CLq.standard_error)
+    return float(np.mean(t))
+
+
+def significance_limit(aircraft: Aircraft, run: pd.DataFrame, factor: float, seeds: int = 6) -> Limit:
+    """From the quietest gyro on, the signal to noise of q (4.6, 4.7) at which mean t falls to 1.96, as Fig. 4.12."""
+    signal = float(run["q_radps"].var())
+    flown = signal / (factor * GYRO_RADPS) ** 2
+    before: tuple[float, float] | None = None
+    t_quiet = np.nan
+    for octave in OCTAVES:
+        ln_snr = float(np.log(signal / (GYRO_RADPS * 2.0**octave) ** 2))
+        t = t_of_CLq(aircraft, run, factor, GYRO_RADPS * 2.0**octave, seeds)
+        if before is None:
+            t_quiet = t
+            if t < NORMAL_95:
+                return Limit(np.nan, flown, t)
+        elif t < NORMAL_95:
+            share = (before[1] - NORMAL_95) / (before[1] - t)
+            return Limit(float(np.exp(before[0] + share * (ln_snr - before[0]))), flown, t_quiet)
+        before = ln_snr, t
+    return Limit(0.0, flown, t_quiet)
+
+
+@app.command()
+def significance(seeds: Annotated[int, typer.Option(help="Noise drawn anew so often.")] = 6) -> None:
+    """The signal to noise of pitch rate at which CLq becomes significant in case 3's manoeuvres (Fig. 4.12)."""
+    aircraft = load_aircraft("nexstar")
+    table = Table(
+        "manoeuvre", "all other noise", "CLq significant above SNR", "SNR flown", "t, quietest gyro", box=None
+    )
+    for name, run in manoeuvres().items():
+        for factor in (0.5, 1.0, 1.5):
+            limit = significance_limit(aircraft, run, factor, seeds)
+            shown = "never" if np.isnan(limit.snr) else f"{limit.snr:.2g}" if limit.snr else "always"
+            table.add_row(name, f"x {factor:g}", shown, f"{limit.flown:.0f}", f"{limit.t_quiet:.1f}")
+            name = ""
+    CONSOLE.print(table)
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,37 @@
+"""What it takes to see lift due to pitch rate (4.3-4.7): the trends of the source's Fig. 4.12, on simulated flights."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+import estimation
+
+from flight.aircraft import load_aircraft
+
+NEXSTAR = load_aircraft("nexstar")
+SEEDS = 3
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return estimation.manoeuvres()
+
+
+def test_the_quicker_the_manoeuvre_the_clearer_is_CLq(flown):
+    """With the gyro as it is: t grows from a slow run over a throttle step to an elevator input, several times."""
+    t = [estimation.t_of_CLq(NEXSTAR, run, 0.5, estimation.GYRO_RADPS / 2, SEEDS) for run in flown.values()]
+    slow, step, elevator = t
+    assert slow < 1.96 < step < elevator
+    assert elevator > 4 * step
+
+
+def test_the_more_noise_in_all_else_the_higher_the_limit(flown):
+    step = flown["throttle step, height wanders"]
+    quiet, loud = (estimation.significance_limit(NEXSTAR, step, factor, SEEDS) for factor in (0.5, 1.0))
+    assert loud.t_quiet == pytest.approx(quiet.t_quiet / 2, rel=0.4), "t goes with one over the noise"
+    assert quiet.snr < loud.snr < np.inf
+    noisy = estimation.significance_limit(NEXSTAR, step, 2.0, SEEDS)
+    assert np.isnan(noisy.snr), "with twice the noise in all else no gyro is quiet enough"
