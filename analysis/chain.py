@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import methods, recorded, summary
-from analysis.airdata import lines
+from analysis.airdata import lines, skew
 from analysis.airdata.air import air_data
 from analysis.channels import synchronise
 from analysis.path.reconstruct import reconstruct
@@ -91,6 +91,7 @@ def analyze(
 
     progress("reconstructing the flight path")
     path = reconstruct(air.table, still)
+    warnings += skew.notes(path)
     progress(f"estimating drag from {len(used)} runs")
     by_runs = dynamic.estimate_polar(air.table, path, runs, aircraft, propeller) if runs else None
     progress("asking every other method")

@@ -54,6 +54,7 @@ def air_data(
     sideslip = out["dp_beta_Pa"].to_numpy(dtype=float)
     if np.isnan(sideslip).all():
         notes.append("No sideslip pressure in this log: sideslip is not known; the other angles are those without it.")
+        out["dp_beta_Pa"] = 0.0
 
     dp_beta = np.nan_to_num(sideslip)  # where it is missing: straight flow, for the maps
     flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, out["q_c_Pa"].to_numpy())

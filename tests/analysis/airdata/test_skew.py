@@ -1,0 +1,91 @@
+"""Time shifts between channels: a probe that is late is found to be, one that is not raises no alarm."""
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.airdata import airspeed, skew
+from analysis.airdata.air import air_data
+from analysis.airdata.probe import calibrate, read_tunnel
+from analysis.path.reconstruct import reconstruct
+from analysis.stillness import still_segments, zeros
+from flight.aircraft import load_aircraft
+from flight.propeller import load_propeller
+from sim import fly as flying
+from sim.plan import load_plan
+from sim.sensors import TrayFelt, draw, load_budget
+from sim.tunnel import calibrate as tunnel_measurements
+from sim.tunnel import write_calibration
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+from estimators import felt_table
+
+NEXSTAR = load_aircraft("nexstar")
+LATE_S = 0.060
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory):
+    """Drawn errors, plan, table and probe of a whole calm test flight; the budget has no extra lag."""
+    path = tmp_path_factory.mktemp("tunnel") / "tunnel.csv"
+    write_calibration(path, tunnel_measurements(seed=0), replace=False)
+    budget = load_budget("bench")
+    errors = draw(dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0)), 2)
+    plan = load_plan("full-test-flight")
+    flown = flying.fly(NEXSTAR, plan, seed=2, deviations=errors.deviations)
+    return errors, flown, felt_table(TrayFelt(flown, errors), NEXSTAR), calibrate(read_tunnel(path), "tunnel.csv")
+
+
+def reconstructed(table, probe):
+    still = still_segments(table, 25.0)
+    air = air_data(table, NEXSTAR, probe, load_propeller(NEXSTAR.propulsion.propeller), zeros(table, still)).table
+    return air, reconstruct(air, still)
+
+
+@pytest.mark.slow
+def test_a_late_probe_is_found_and_an_early_alarm_is_not_raised(flight) -> None:
+    errors, flown, table, probe = flight
+    t = table.index.to_numpy()
+    late = table.assign(
+        **{name: np.interp(t - LATE_S, t, table[name]) for name in ("dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa")}
+    )
+    air, as_it_is = reconstructed(table, probe)
+    _, delayed = reconstructed(late, probe)
+    assert skew.notes(as_it_is) == []
+    assert any("The probe is" in note and "late against the IMU" in note for note in skew.notes(delayed))
+    found = {s.name: s for s in skew.skews(delayed)}
+    assert found["the probe"].learnt and found["GPS"].learnt
+    assert abs(found["the probe"].late_s - LATE_S) < 4 * found["the probe"].standard_error_s
+    assert abs(found["GPS"].late_s - errors.values.gps_latency_s) < 4 * found["GPS"].standard_error_s
+
+    # And what `calibrate airspeed` says of the same flight, whose legs go both ways.
+    speed = airspeed.calibrate(air, as_it_is)
+    assert abs(speed.scale - errors.values.V_scale) < 4 * speed.scale_error
+    truth = flown.truth[flown.truth["phase"] == "flight"]
+    wind = np.hypot(truth["wind_north_mps"], truth["wind_east_mps"]).mean()
+    assert speed.wind_mps == pytest.approx(wind, abs=0.3)
+    assert speed.wind_from_deg == pytest.approx(310, abs=5)
+    assert speed.notes == []
+
+
+@pytest.mark.slow
+def test_one_way_and_without_gps_say_what_they_cannot_know(flight) -> None:
+    _, _, table, probe = flight
+    one_leg = table.loc[95.0:190.0]
+    assert any("one direction" in note for note in airspeed.calibrate(*reconstructed(one_leg, probe)).notes)
+    deaf = table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan)
+    air, path = reconstructed(deaf, probe)
+    assert any("No GPS" in note for note in airspeed.calibrate(air, path).notes)
+    assert "does not show" in {s.name: s for s in skew.skews(path)}["GPS"].in_words()
+
+
+@pytest.mark.slow
+def test_a_dead_sideslip_transducer_leaves_a_path_that_knows_less(flight) -> None:
+    _, _, table, probe = flight
+    _, whole = reconstructed(table, probe)
+    _, without = reconstructed(table.assign(dp_beta_Pa=np.nan), probe)
+    assert without.converged and np.isfinite(without.states.to_numpy()).all()
+    assert without.standard_error("beta_bias") > 2 * whole.standard_error("beta_bias")
