@@ -34,9 +34,12 @@ picture: demo ## the README's picture: the head of the demo's report, by Chromiu
 test: $(READY) ## the whole test suite
 	$(BIN)/pytest -n auto --dist loadgroup
 
-bench: $(READY) ## how much CPU the drivers take of a tick, how fast the simulator flies
+bench: $(READY) ## how much CPU the drivers take of a tick, how fast the simulator flies and the engine fits
 	$(BIN)/python benchmarks/drivers.py
 	$(BIN)/python benchmarks/simulator.py
+	$(BIN)/python benchmarks/estimation.py speed
+	$(BIN)/python benchmarks/estimation.py statistics
+	$(BIN)/python benchmarks/estimation.py significance
 	$(BIN)/python benchmarks/daemon.py faults
 	$(BIN)/python benchmarks/daemon.py mend
 	$(BIN)/python benchmarks/daemon.py day

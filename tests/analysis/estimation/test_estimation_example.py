@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 TEXT = (Path(__file__).parents[3] / "docs" / "estimation-example.md").read_text("utf-8")
-CODE = re.search(r"```python\n(.*?)```", TEXT, re.DOTALL)[1]
+CODE, IN_TURBULENCE = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
 PRINTED = re.search(r"```text\n(.*?)```", TEXT, re.DOTALL)[1]
 
 
@@ -47,3 +47,16 @@ def test_what_it_says_of_the_flap_is_true(ran):
     fit = output_error.estimate(ran["wing"], ran["released"])
     assert "not identifiable: the data do not notice flap_effect" in fit.verdict.text
     assert "not identifiable: the data do not notice flap_effect" in TEXT
+
+
+def test_what_it_says_of_turbulence_is_true(ran, capsys):
+    exec(compile(IN_TURBULENCE, "docs/estimation-example.md", "exec"), ran)
+    assert "process noise of q is not significant" in capsys.readouterr().out
+    assert "process noise of q is not significant" in TEXT
+    still = ran["wing"].changed(flap_effect={"free": False})
+    from analysis.estimation import output_error
+
+    direct = output_error.estimate(still, ran["released"])
+    for name in ("stiffness", "damping", "theta_bias"):
+        estimate = direct.parameters[name]
+        assert abs(ran["fit"].parameters[name].value - estimate.value) < 0.5 * estimate.standard_error, name
