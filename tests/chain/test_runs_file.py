@@ -1,0 +1,47 @@
+"""`analyze` writes the runs it found as a file to edit, and takes one back."""
+
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+from running import command, done
+
+from analysis.results import Results
+
+pytestmark = pytest.mark.xdist_group("chain")
+
+
+def test_an_edited_file_of_runs_is_what_the_next_analysis_uses(flown: Path, tmp_path: Path) -> None:
+    """Without its first deceleration, and the acceleration begun half a second later."""
+    text = (flown / "log.report" / "runs.toml").read_text("utf-8")
+    entry = r'kind = "{}"\nstart = "([\d.]+) s"\nend = "[\d.]+ s"\nkeep = true'
+    dropped = re.search(entry.format("deceleration"), text)
+    shifted = re.search(entry.format("acceleration"), text)
+    assert dropped and shifted
+    later = float(shifted[1]) + 0.48
+    text = text.replace(dropped[0], dropped[0].replace("true", "false"))
+    text = text.replace(shifted[0], shifted[0].replace(shifted[1], f"{later:.2f}"))
+    (tmp_path / "mine.toml").write_text(text, "utf-8")
+    done("analyze", flown / "log.mcap", "--runs", tmp_path / "mine.toml", "-o", tmp_path / "report", "-q")
+    before, after = (
+        msgspec.json.decode((folder / "results.json").read_bytes(), type=Results)
+        for folder in (flown / "log.report", tmp_path / "report")
+    )
+    assert len(after.runs) == len(before.runs) - 1
+    assert float(dropped[1]) not in {round(run.start_s, 2) for run in after.runs}
+    (acceleration,) = (run for run in after.runs if run.kind == "acceleration")
+    assert acceleration.start_s == pytest.approx(later, abs=0.03)
+    assert any(stretch.reason == "left out by hand" for stretch in after.rejected)
+    assert len(after.one_by_one) == len(before.one_by_one) - 1
+
+
+def test_a_wrong_file_of_runs_is_one_line_and_nothing_is_written(flown: Path, tmp_path: Path) -> None:
+    """Every way to be wrong is in tests/analysis/test_runs_of_plans.py."""
+    path = tmp_path / "mine.toml"
+    path.write_text('[[run]]\nkind = "acceleration"\nend = "70 s"\n', "utf-8")
+    outcome = command("analyze", flown / "log.mcap", "--runs", path, "-o", tmp_path / "report")
+    assert outcome.returncode == 2
+    assert len(outcome.stderr.strip().splitlines()) == 1
+    assert "mine.toml" in outcome.stderr and "start is missing" in outcome.stderr
+    assert not (tmp_path / "report").exists()
