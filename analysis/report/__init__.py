@@ -22,9 +22,11 @@ def write_report(analysis: Analysis, folder: Path) -> None:
     drawings = {
         "power": figures.power_required(results),
         "methods": figures.methods(results),
-        "timeline": figures.timeline(analysis.table, analysis.runs, results.rejected),
+        "timeline": figures.timeline(analysis.table, analysis.found.runs, results.rejected),
         "polar": _polar(analysis),
     }
+    if any(method.power_required for method in results.one_by_one):
+        drawings["one_by_one"] = figures.one_by_one(results)
     if results.interval_parts:
         drawings["parts"] = figures.interval_parts(results)
     if results.use:

@@ -55,7 +55,7 @@ def _answer(calibration: ProbeCalibration, speeds: SpeedDependence, angle_scale_
     return (
         f"The slope of the angle of attack is known to <b>{100 * calibration.alpha_scale_sigma:.2f} %</b> (1 sigma: "
         + ", ".join(parts)
-        + "). It travels in the probe file, and the analysis carries it into the curve."
+        + "). It travels in the probe file, for the analysis to allow for."
     )
 
 

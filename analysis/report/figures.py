@@ -10,6 +10,7 @@ from plotly.subplots import make_subplots
 
 from analysis.results import Interval, MethodResult, PowerPoint, RejectedResult, Results, SpeedInterval, Use
 from analysis.runs import Run
+from analysis.runs.kinds import LEVEL
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
@@ -89,6 +90,8 @@ def _line(figure: go.Figure, points: Sequence[PowerPoint], name: str, colour: st
 
 def methods_of(results: Results) -> list[MethodResult]:
     """Every method there is, the one whose curve is the product first."""
+    if not any(run.kind in LEVEL for run in results.runs):
+        return list(results.methods)  # nothing but steady points: the curve is one of theirs
     ours = (
         MethodResult(
             name="dynamic", title="dynamic, two steps", equations="(3.45), path and forces",
@@ -145,6 +148,28 @@ def methods(results: Results) -> go.Figure:
     legend = {"traceorder": "reversed", "y": -0.16, "yanchor": "top"}
     figure.update_layout(legend=legend, margin={"b": 120})
     return figure
+
+
+def one_by_one(results: Results) -> go.Figure:
+    """Every run's own curve over that of all of them."""
+    figure = go.Figure()
+    V, _, lo, hi = _curve(results.power_required)
+    _band(figure, V, lo, hi, PALETTE[5], 0.3)
+    _line(figure, results.power_required, "all runs", PALETTE[5], 5)
+    named = set()
+    for method in results.one_by_one:
+        if method.power_required:
+            kind = next((kind for kind in KIND_COLOUR if kind in method.title), "run")
+            style = {"color": KIND_COLOUR.get(kind, PALETTE[3]), "width": 2}
+            V, P, _, _ = _curve(method.power_required)
+            figure.add_scatter(
+                x=_rounded(V), y=_rounded(P), mode="lines", line=style, name=kind, showlegend=kind not in named,
+                legendgroup=kind, hovertemplate=f"{method.title}: %{{y:.1f}} W<extra></extra>",
+            )  # fmt: skip
+            named.add(kind)
+    figure.update_xaxes(title="true airspeed, m/s")
+    figure.update_yaxes(title="power required, W", range=[0, 1.3 * float(np.max(hi))])
+    return _styled(figure, 460, hover="closest")
 
 
 def _title(method: MethodResult) -> str:

@@ -11,7 +11,7 @@ from plotly.offline import get_plotlyjs
 
 from analysis.report import field
 from analysis.report.figures import methods_of
-from analysis.results import Interval, Results, SpeedInterval, Use
+from analysis.results import Interval, PowerPoint, Results, SpeedInterval, Use
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
 from flight.units import GRAVITY_MPS2
 
@@ -21,7 +21,8 @@ _FEET_PER_SECOND, _KMPH = 1 / 0.3048, 3.6
 def render(results: Results, drawings: dict[str, go.Figure], fits: list[go.Figure]) -> str:
     """The page. `fits`: one figure a run.
 
-    `drawings` by name: "power", "methods", "timeline", "polar"; "parts", "loadings", "efficiency" where there are.
+    `drawings` by name: "power", "methods", "timeline", "polar"; where there are, "parts", "loadings", "efficiency" and
+    "one_by_one".
     """
     template = Template((resources.files("analysis") / "report" / "page.html").read_text("utf-8"))
     figures = {name: _embedded(figure, name) for name, figure in drawings.items()}
@@ -33,7 +34,7 @@ def render(results: Results, drawings: dict[str, go.Figure], fits: list[go.Figur
         power=figures["power"],
         below_power=_below_power(results),
         warnings="".join(f'<p class="warning">{html.escape(w)}</p>' for w in results.warnings),
-        methods=_methods(results, figures["methods"]),
+        methods=_methods(results, figures["methods"]) + _one_by_one(figures),
         use=_use(results, figures),
         parts=_parts(results, figures),
         timeline=figures["timeline"],
@@ -152,24 +153,42 @@ def _methods(results: Results, figure: str) -> str:
     if results.methods and not results.disagreements:
         said = "<p>No two methods differ by more than would be no surprise.</p>"
     rows = [
-        (m.title, m.equations, ", ".join(m.taken_as_measured), _range(m.power_required), "; ".join(m.notes))
+        (
+            m.title,
+            m.equations,
+            ", ".join(m.taken_as_measured).replace("_", " "),
+            *_ends(m.power_required),
+            "; ".join(m.notes),
+        )
         for m in methods_of(results)
     ]
     return (
         f"<h2>By every method</h2><section>{figure}</section>"
         "<p>Upright bars: 95 % intervals; a click on a name hides or shows a method. A method takes some things as"
         " sensors give them, so that it differs when one is off: its interval is as wide as such errors can be.</p>"
-        f"{said}" + _table(("method", "equations", "taken as measured", "power, W", "notes"), rows)
+        f"{said}" + _table(("method", "equations", "taken as measured", "slowest, W", "fastest, W", "notes"), rows)
     )
 
 
-def _range(points: Sequence) -> str:
+def _one_by_one(figures: dict[str, str]) -> str:
+    if "one_by_one" not in figures:
+        return ""
+    return (
+        f"<h2>Every run alone</h2><section>{figures['one_by_one']}</section>"
+        "<p>Each run fitted by itself, with the whole flight's path and the propeller's table as it is. Runs of one kind"
+        " scatter by noise and gusts; accelerations beside decelerations show a wrong table, or air data that lag.</p>"
+    )
+
+
+def _ends(points: Sequence[PowerPoint]) -> tuple[str, str]:
+    """Power with its interval at the slowest and at the fastest speed of a curve."""
     if not points:
-        return "no curve"
-    ends = (points[0], points[-1])
-    return ", ".join(
-        f"{p.power_W:.0f} ± {(p.power_hi_W - p.power_lo_W) / 2:.0f} at {p.speed_mps:.1f} m/s" for p in ends
+        return "no curve", ""
+    slow, fast = (
+        f"{p.power_W:.0f} ± {(p.power_hi_W - p.power_lo_W) / 2:.0f} at {p.speed_mps:.1f} m/s"
+        for p in (points[0], points[-1])
     )
+    return slow, fast
 
 
 def _use(results: Results, figures: dict[str, str]) -> str:
