@@ -36,6 +36,7 @@ SERVICE_CLIMB_MPS = 0.508  # 100 ft/min
 HEIGHTS_M = np.arange(0.0, 11_001.0, 250.0)  # of the standard troposphere
 FASTEST = 1.35  # times the fastest speed flown, up to which a highest level speed is sought
 SPEEDS = 161
+ROUNDS = 6  # each a tenth of the last in what it changes
 
 
 @dataclass(frozen=True)
@@ -136,14 +137,20 @@ def performance(
 
 
 def _climb(row: dict[str, Array], propeller: Blades, V: Array, rho, at: Condition) -> tuple[Array, Array, Array]:
-    """Speed of rotation, power available, rate of climb (T V - P_req)/W with level flight's drag; each (2m + 1, k)."""
+    """Speed of rotation, power available and rate of climb V sin(gamma), each (2m + 1, k).
+
+    In a steady climb sin(gamma) = (T - D)/W with lift W cos(gamma): found by going round.
+    """
     n = full_throttle_revps(propeller, V, rho, unloaded_revps=row["unloaded_revps"], revps_per_Nm=row["revps_per_Nm"])
     thrust, _ = thrust_and_power(
         propeller, V, n, rho, thrust_scale=row["thrust_scale"], thrust_slope=row["thrust_slope"]
     )
-    CL = lift_coefficient(V, Condition(at.weight_N, rho, at.wing_area_m2))
-    drag = rho * V**2 / 2 * at.wing_area_m2 * (row["A0"] + row["A1"] * CL + row["A2"] * CL**2)
-    return n, thrust * V, (thrust - drag) * V / at.weight_N
+    level_CL = lift_coefficient(V, Condition(at.weight_N, rho, at.wing_area_m2))
+    qS, sine = rho * V**2 / 2 * at.wing_area_m2, 0.0
+    for _ in range(ROUNDS):
+        CL = level_CL * np.sqrt(1 - np.square(sine))
+        sine = np.clip((thrust - qS * (row["A0"] + row["A1"] * CL + row["A2"] * CL**2)) / at.weight_N, -0.99, 0.99)
+    return n, thrust * V, V * sine
 
 
 def _last_crossing(x: Array, y: Array) -> float:

@@ -175,7 +175,7 @@ def _one_by_one(figures: dict[str, str]) -> str:
         return ""
     return (
         f"<h2>Every run alone</h2><section>{figures['one_by_one']}</section>"
-        "<p>Each run fitted by itself, with the whole flight's path and the propeller's table as it is. Runs of one kind"
+        "<p>Each run fitted by itself, with the whole flight's path and the propeller's table as it is. Runs of a kind"
         " scatter by noise and gusts; accelerations beside decelerations show a wrong table, or air data that lag.</p>"
     )
 
