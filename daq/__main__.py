@@ -19,6 +19,7 @@ from flight.messages import Event
 
 BAD_INPUT, FAILURE = 2, 1
 THREAD_STACK_BYTES = 512 * 1024
+UNIT_PRIORITY = 50  # CPUSchedulingPriority in systemd/flightpower-daq.service
 SWITCH_S = 0.001  # the sampling thread waits at most this long for another one that computes
 M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # malloc.h
 LARGE_BYTES = 128 * 1024
@@ -183,6 +184,17 @@ def prepare_process() -> None:
     libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT)
 
 
+def step_ahead() -> None:
+    """Take the real-time priority that the unit gives to `run`, where that is allowed.
+
+    Otherwise what else the machine does would look like a bus that hangs.
+    """
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(UNIT_PRIORITY))
+    except OSError:
+        return
+
+
 @app.command()
 def zero(
     config: Annotated[Path, typer.Option("--config", "-c", help="The tray.")],
@@ -200,6 +212,8 @@ def zero(
     from daq.zero import NotStill, measure, save
 
     tray, clock = load_tray(config), SystemClock()
+    prepare_process()
+    step_ahead()
     try:
         found = survey(tray, buses=LinuxBuses(), clock=clock, seconds=seconds, watched=True)
         new = measure(found.samples, ticks=found.ticks, seconds=seconds, unix_ns=clock.unix_ns())
@@ -232,7 +246,10 @@ def check(
     from daq.clock import SystemClock
     from daq.config import load_tray
 
-    report = checking.examine(load_tray(config), buses=LinuxBuses(), clock=SystemClock(), seconds=seconds, watched=True)
+    tray = load_tray(config)
+    prepare_process()
+    step_ahead()
+    report = checking.examine(tray, buses=LinuxBuses(), clock=SystemClock(), seconds=seconds, watched=True)
     if as_json:
         typer.echo(checking.as_json(report))
     else:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 RECEIVE_BYTES = 4096  # what the kernel keeps for a line (N_TTY_BUF_SIZE)
+IN_USE = "another program has it open"
 I2C_RETRIES = 0x0701  # linux/i2c-dev.h
 I2C_TIMEOUT = 0x0702  # in units of 10 ms
 I2C_RDWR = 0x0707
@@ -105,7 +106,7 @@ class LinuxSerial:
         except serial.SerialException as error:
             number = error.errno or errno.EIO
             if number == errno.EAGAIN:  # the lock is taken
-                raise OSError(errno.EBUSY, "another program has it open", device) from None
+                raise OSError(errno.EBUSY, IN_USE, device) from None
             raise OSError(number, os.strerror(number), device) from None
         except ValueError as error:  # a rate the line does not know
             raise OSError(errno.EINVAL, str(error), device) from None

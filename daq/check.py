@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from daq.bus import Buses
+from daq.bus import IN_USE, Buses
 from daq.clock import Clock
 from daq.config import Tray
 from daq.health import FINE
@@ -51,6 +51,7 @@ ADVICE = {
     Status.NO_DATA: "nothing arrives: TX and RX exchanged, baud rate, or it is not switched on",
 }
 NO_FIX = "no fix yet: give the antenna a view of the sky and wait a minute"
+STOP_IT = "stop what uses it: sudo systemctl stop flightpower-daq"
 BUS_ERRORS = (Status.NO_REPLY, Status.TIMEOUT, Status.CORRUPT)
 STANDING = "silent, as it is while the motor stands; run the motor to be sure"
 
@@ -131,6 +132,8 @@ def judge(topic: str, messages: list[Message], seconds: float, identity: str = "
     advice = "" if ok else ADVICE[next(iter(bad), Status.NO_DATA)]
     if topic == "/gps" and not ok and any(getattr(message, "fix_type", None) is not None for message in messages):
         advice = NO_FIX
+    if not ok and IN_USE in identity:
+        advice = STOP_IT
     if topic == "/rpm" and set(bad) <= {Status.NO_DATA} and not good:
         ok, advice = None, STANDING
     values = [_value(good, *shown) for shown in SHOWN[topic]]

@@ -296,6 +296,8 @@ def parse_tray(text: str, where: str, folder: Path) -> Tray:
 def _with_key(error: msgspec.ValidationError) -> str:
     """msgspec's "what - at `$.sensors[2].range_g`" as "sensors[2].range_g: what"."""
     what, _, key = str(error).partition(" - at `$.")
+    if number := re.fullmatch(r"Invalid enum value (\d+)", what):
+        what = f"{number[1]} (0x{int(number[1]):02x}) is not among the values it can have; see `daq config --example`"
     return f"{key.rstrip('`')}: {what}" if key else what
 
 

@@ -36,7 +36,7 @@ class Recorder:
         self.dropped = 0
         self.ticks = 0
         self.log = LogWriter(self.disk, chunk_bytes=NEVER_BY_SIZE, compressor=compressor)  # type: ignore[arg-type]
-        self._chunk_due_ns: int | None = None
+        self._chunk_due_ns = float("-inf")  # the first tick is on its way to the disk at once
         self._in_chunk = 0
 
     @property
@@ -50,8 +50,6 @@ class Recorder:
             self.log.write(sample.topic, sample.message, time_ns=sample.time_ns + self.offset_ns, tick=tick)
         self._in_chunk += len(samples)
         self.ticks += 1
-        if self._chunk_due_ns is None:
-            self._chunk_due_ns = now_ns + CHUNK_EVERY_NS
         if now_ns >= self._chunk_due_ns:
             self._close_chunk()
             self._chunk_due_ns = now_ns + CHUNK_EVERY_NS

@@ -173,6 +173,17 @@ def test_two_hours_leave_no_memory_and_no_drift_behind(tmp_path):
     assert abs(sizes[1] - sizes[0]) < 50_000
 
 
+@pytest.mark.parametrize("rate_Hz", [1, 2, 3, 25, 200])
+def test_nothing_waits_in_a_chunk_for_half_a_second(tmp_path, rate_Hz):
+    """A chunk is closed with its last message, so the time from its first to its last is how long that one waited."""
+    clock = SimulatedClock(unix_at_start_ns=10**18)
+    tray = parse_tray(f"rate_Hz = {rate_Hz}\n{TRANSDUCER}", "tray.toml", tmp_path)
+    path = record(tray, buses=OneBus(), clock=clock, until_ns=10 * SECOND_NS).path
+    with path.open("rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    assert max(chunk.message_end_time - chunk.message_start_time for chunk in chunks) < 0.5 * SECOND_NS
+
+
 def test_changes_of_file_leave_no_memory_in_use():
     """An hour on the simulated clock in 24 files, in a process of its own, weighed by the kernel.
 

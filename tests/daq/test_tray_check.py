@@ -9,6 +9,7 @@ from scripted_parts import HandClock
 from test_daemon import EXAMPLE, NoBuses, SteadyFelt, default_tray
 
 from daq import check
+from daq.bus import IN_USE
 from daq.config import parse_tray
 from daq.identity import autopilot_version, identity
 from daq.sensors.autopilot import is_autopilot
@@ -123,6 +124,12 @@ def test_every_status_that_is_not_a_measurement_has_advice():
         line = check.judge("/imu", [Imu(status=status)] * 10, 1.0)
         assert (line.ok is True and not line.advice) if status is Status.OK else (line.ok is False)
         assert line.advice or status in check.FINE
+
+
+def test_a_line_that_is_in_use_is_not_a_matter_of_wiring():
+    message = Gps(status=Status.NO_REPLY)
+    assert check.judge("/gps", [message] * 10, 1.0, f"ublox, /dev/ttyAMA0: {IN_USE}").advice == check.STOP_IT
+    assert check.judge("/gps", [message] * 10, 1.0, "ublox, /dev/ttyAMA0").advice != check.STOP_IT
 
 
 @pytest.mark.parametrize(("topic", "said"), [("/gps", check.NO_FIX), ("/rpm", check.STANDING)])
