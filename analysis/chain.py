@@ -18,7 +18,7 @@ from analysis.questions import Questions
 from analysis.results import AircraftResult, ConditionResult, ParameterResult, PowerPoint, Results
 from analysis.runs import Found, Run, edit
 from analysis.runs.find import find
-from analysis.runs.kinds import LEVEL, STEADY
+from analysis.runs.kinds import LEVEL, LOADS, STEADY
 from analysis.stillness import still_segments, zero_of_attachment, zeros
 from analysis.use import Day, flight_data, interval_parts, thrust_coverage, use
 from flight.aircraft import Aircraft
@@ -78,9 +78,9 @@ def analyze(
     progress("finding runs")
     found = edit.taken(entries, air.table, str(runs_file)) if entries else find(air.table, still)
     runs = found.of(*LEVEL)
-    used = runs or found.of(STEADY)
+    used = runs or found.of(STEADY, *LOADS)
     if not used:
-        missed = [stretch for stretch in found.rejected if stretch.kind in (*LEVEL, STEADY)]
+        missed = [stretch for stretch in found.rejected if stretch.kind in LEVEL]
         raise InputError(f"{log.path}: no acceleration or deceleration to analyse{summary.nearest_miss(missed)}")
 
     flown = pd.concat([air.table.iloc[run.rows] for run in used])
@@ -96,7 +96,7 @@ def analyze(
     by_runs = dynamic.estimate_polar(air.table, path, runs, aircraft, propeller) if runs else None
     progress("asking every other method")
     asked = methods.every_method(air.table, path, found.runs, by_runs, flown_CL, aircraft, propeller, test)
-    estimate = by_runs or methods.leading(asked.answers, path)
+    estimate, flown_CL = (by_runs, flown_CL) if by_runs else methods.leading(asked.answers, path, str(log.path))
     warnings += estimate.warnings + methods.scatter(asked.one_by_one, test)
     cross_check: list[PowerPoint] = []
     if runs:

@@ -11,7 +11,7 @@ from analysis import summary
 from analysis.path.model import SHARED
 from analysis.path.reconstruct import Path
 from analysis.power import compare, curve, taken
-from analysis.power.direct import ACCELERATIONS, DECELERATIONS, DIRECT, FROM_SPEED, ONE_RUN
+from analysis.power.direct import ACCELERATIONS, DECELERATIONS, DIRECT, FROM_SPEED, ONE_RUN, VARIED_LIFT
 from analysis.power.dynamic import POLAR, THRUST, UNITS, DynamicEstimate
 from analysis.power.energy import ENERGY
 from analysis.power.forces import Blocks
@@ -25,7 +25,8 @@ from flight.errors import InputError
 from flight.propeller import Propeller
 
 ALL: tuple[Method, ...] = (
-    PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW, DIRECT, FROM_SPEED, ENERGY, ACCELERATIONS, DECELERATIONS,
+    PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW, DIRECT, FROM_SPEED, VARIED_LIFT, ENERGY, ACCELERATIONS,
+    DECELERATIONS,
 )  # fmt: skip
 SELDOM = 0.001  # chance of an alarm about scatter where there is nothing but noise
 FEWEST_RUNS = 3  # of one kind, to speak of their scatter
@@ -67,15 +68,18 @@ def every_method(
     return Asked(answers, one_by_one, compare.disagreements(dynamic, dynamic_CL, answers, errors, at))
 
 
-def leading(answers: list[MethodEstimate], path: Path) -> DynamicEstimate:
-    """The curve of a flight without accelerations and decelerations: that of its steady points.
+def leading(answers: list[MethodEstimate], path: Path, where: str) -> tuple[DynamicEstimate, tuple[float, float]]:
+    """The curve of a flight without accelerations and decelerations, and the lift coefficients it holds for.
 
-    Raises InputError saying why when they do not make one.
+    That of its steady points, or else of its roller coasters and wind-up turns. Raises InputError, beginning with
+    `where`, saying why when they do not make one.
     """
-    (answer,) = (answer for answer in answers if answer.method is PIW_VIW_THREE)
-    if answer.polar is None:
+    by_method = {answer.method.name: answer for answer in answers}
+    candidates = [by_method[PIW_VIW_THREE.name], by_method[VARIED_LIFT.name]]
+    answer = next((one for one in candidates if one.polar is not None and one.polar.A[2] > 0), None)
+    if answer is None or answer.polar is None:
         raise InputError(
-            f"no acceleration or deceleration to analyse, and no curve from steady points: {answer.notes[0]}"
+            f"{where}: no acceleration or deceleration to analyse, and of what was flown instead, {why(candidates)}"
         )
     names = (*POLAR, *THRUST)
     noise, systematic = np.zeros((5, 5)), np.zeros((5, 5))
@@ -88,11 +92,15 @@ def leading(answers: list[MethodEstimate], path: Path) -> DynamicEstimate:
     errors = np.sqrt(np.diag(noise + systematic))
     parameters = [(name, float(v), float(e), "") for name, v, e in zip(names, values, errors, strict=True)]
     parameters += [(name, path.value(name), path.standard_error(name), UNITS.get(name, "")) for name in SHARED]
-    said = (
-        "No acceleration or deceleration was flown: the curve is that of the steady points, PIW-VIW with three terms."
-    )
-    verdict = "from steady points" if path.converged else "the path did not converge"
-    return DynamicEstimate(answer.polar, parameters, verdict, [said], [], values, noise, systematic)
+    said = f"No acceleration or deceleration was flown: the curve is that of another method, {answer.method.title}."
+    verdict = f"by {answer.method.title}" if path.converged else "the path did not converge"
+    estimate = DynamicEstimate(answer.polar, parameters, verdict, [said], [], values, noise, systematic)
+    return estimate, answer.flown_CL
+
+
+def why(answers: list[MethodEstimate]) -> str:
+    """Why these methods have no answer, each in a few words."""
+    return "; ".join(f"{answer.method.title}: {', '.join(answer.notes)}" for answer in answers)
 
 
 def scatter(one_by_one: list[MethodEstimate], at: curve.Condition) -> list[str]:

@@ -115,6 +115,14 @@ ONE_RUN = Method(
     takes=("thrust_scale", "thrust_slope"),
     problem=_problem(along_path, ("alpha", "ax", "az", "thrust", "qS")),
 )
+VARIED_LIFT = Method(
+    name="varied-lift",
+    title="roller coasters and wind-up turns",
+    equations="(2.16), (2.18)-(2.21) along the path",
+    kinds=LOADS,
+    takes=("thrust_scale", "thrust_slope"),
+    problem=_problem(along_path, ("alpha", "ax", "az", "thrust", "qS")),
+)
 ACCELERATIONS, DECELERATIONS = (
     Method(
         name=f"{kind}s",
