@@ -7,8 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.methods import every_method, leading
+from analysis.path.reconstruct import reconstruct
 from analysis.power import curve
+from analysis.runs.find import find
 from flight.aircraft import load_aircraft
+from flight.errors import InputError
+from flight.propeller import load_propeller
 from sim.sensors import load_budget
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
@@ -84,3 +89,25 @@ def with_steady_points() -> str:
         for share in (1.2, 1.5, 1.8, 2.1)
     )
     return f'{before}{holds}[[segment]]\nkind = "climb"{after}'
+
+
+def test_a_flight_of_manoeuvres_alone_has_a_curve_and_one_of_a_single_speed_has_none(probe) -> None:
+    """Lift varied at one speed: within its interval of the truth, and 10 % in the middle of what was seen."""
+    flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), 31), "manoeuvres", 0.0, 31)
+    path = reconstruct(flown.table, flown.still)
+    propeller = load_propeller(AIRCRAFT.propulsion.propeller)
+    rho = float(flown.truth["density_kgpm3"].iloc[0])
+    at = curve.Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
+    found = find(flown.table, flown.still)
+
+    def answers(*kinds: str):
+        return every_method(flown.table, path, found.of(*kinds), None, (0, 1), AIRCRAFT, propeller, at).answers
+
+    estimate, flown_CL = leading(answers("steady", "roller coaster", "wind-up turn"), path, "flight.mcap")
+    V = curve.speed_at(np.geomspace(flown_CL[0] * 1.1, flown_CL[1] / 1.1, 9), at)
+    power, error = curve.power_required(V, estimate.polar, at)
+    truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
+    assert np.all(np.abs(power - truth) < 1.96 * error)
+    assert abs(power[4] / truth[4] - 1) < 0.1
+    with pytest.raises(InputError, match=r"flight.mcap: no acceleration .* 3 different speeds are needed, there are 1"):
+        leading(answers("steady"), path, "flight.mcap")
