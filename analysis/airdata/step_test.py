@@ -90,9 +90,8 @@ def find_steps(t_s: Array, value: Array) -> tuple[list[Step], float]:
         size = abs(np.median(after) - np.median(before))
         settled = max(np.std(before), np.std(after)) < 3 * noise + 0.01 * size
         if size > CLEAR * noise and settled:
-            left = np.abs(value[start:end] - np.median(before)) > 4 * noise
-            last_quiet = max(int(np.argmax(left)) - 1, 0)
-            steps.append(Step(t_s[start:end], value[start:end], last_quiet))
+            quiet_still = np.abs(value[start:end] - np.median(before)) < 4 * noise
+            steps.append(Step(t_s[start:end], value[start:end], int(np.flatnonzero(quiet_still)[-1])))
             free = end + quiet // 2
     return steps, noise
 
