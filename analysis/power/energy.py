@@ -14,6 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 from analysis.power.direct import along_runs
 from analysis.power.method import Method
 from analysis.power.regression import Piece, TimeSeries
+from analysis.power.taken import lifted_mps
 from analysis.runs.kinds import LEVEL, Run
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
     """Work of drag since a run's start against its forms: integrals of qS V, qS V CL, qS V CL^2 (over mass)."""
     pieces = []
+    mean_V = float(np.mean([given.loc[run.start_s : run.end_s, "V"].mean() for run in runs]))
     columns = ("V_felt", "height_felt", "thrust_felt", "qS_felt", "alpha", "bank")
     for run, t, f in along_runs(given, runs, columns):
         V, h, T, qS, a, bank = (f[name] for name in columns)
@@ -33,7 +35,8 @@ def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
         X = np.stack([_integral(qS * V * CL**i, t) for i in range(3)], axis=1)
         # The energy at the start is not known better than at any other instant: only differences count.
         pieces.append(Piece(run.name, t, X - X.mean(axis=0), work - work.mean(), CL))
-    return TimeSeries(pieces)
+    seconds = sum(float(piece.t_s[-1] - piece.t_s[0]) for piece in pieces)
+    return TimeSeries(pieces, lifted_mps(given, seconds) / mean_V)
 
 
 def _integral(rate: Array, t: Array) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.path import gusts
 from analysis.path.reconstruct import Path
 from analysis.power import taken
 from analysis.power.covariance import FLOOR_RAD
@@ -93,8 +94,11 @@ def flown(blocks: Blocks, path: Path, runs: list[Run], errors: Mapping[str, take
     states = path.states.to_numpy()
 
     def given(errors: Mapping[str, float], states: Array = states, shared: Array = path.shared) -> pd.DataFrame:
-        return taken.given(blocks, states, shared, errors)
+        return taken.given(blocks, states, shared, errors, gust)
 
+    flying = np.isfinite(blocks.mean["V_mps"])
+    where = (float(np.nanmedian(blocks.mean[name][flying])) for name in ("height_m", "V_mps"))
+    gust = gusts.vertical(path.gust_mps, *where)
     directions = np.linalg.cholesky(path.covariance).T
     return Flown(
         blocks.aircraft,

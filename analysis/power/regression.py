@@ -50,9 +50,13 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class TimeSeries:
-    """Runs, sample by sample; neighbouring residuals are alike."""
+    """Runs, sample by sample; neighbouring residuals are alike.
+
+    direction : standard error [rad] of the mean direction of the air, which no residual shows: D = L tan(direction)
+    """
 
     pieces: Sequence[Piece]
+    direction: float = 0.0
 
     @property
     def CL(self) -> Array:
@@ -80,7 +84,9 @@ class TimeSeries:
             Segment(name=f"{i} {p.name}", t_s=p.t_s, u=dict(zip(inputs, p.X.T, strict=True)), z={"z": p.z})
             for i, p in enumerate(self.pieces)
         ]
-        return covariance.of_noise(output_error.estimate(model, segments))
+        C = covariance.of_noise(output_error.estimate(model, segments))
+        C[1, 1] += np.tan(self.direction) ** 2
+        return C
 
 
 @dataclass(frozen=True)

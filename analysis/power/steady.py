@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.power.method import Method
 from analysis.power.regression import THREE_TERM, TWO_TERM, Point, Points
+from analysis.power.taken import lifted_mps
 from analysis.runs.kinds import STEADY, Run
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
@@ -55,7 +56,9 @@ def steady_points(given: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> S
         gained = np.polyfit(t - t[0], V, 1)[0]
         excess = pull - f["Vdot"] - g * np.sin(f["gamma"])
         power = m * float((pull * V).mean() - gained * V.mean() - g * f["climb"].mean())
-        error = np.hypot(m * _error_of_mean((excess * V).to_numpy(), t[1] - t[0]), TABLE_SHARE * power)
+        shown = m * _error_of_mean((excess * V).to_numpy(), t[1] - t[0])
+        lifted = m * g * lifted_mps(given, t[-1] - t[0])
+        error = np.sqrt(shown**2 + lifted**2 + (TABLE_SHARE * power) ** 2)
         lift = m * float((g / np.cos(f["bank"]) - rise).mean())
         air = (float(f[name].mean()) for name in ("rho", "static_Pa", "temperature_K"))
         rows.append((V.mean(), power, error, lift, *air, run.start_s))

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.path.gusts import Wandering
 from analysis.path.model import SHARED
 from analysis.path.reconstruct import PRIOR_SIGMA, Path
 from analysis.power.forces import J_REFERENCE, THRUST_SCALE, THRUST_SLOPE, Blocks
@@ -48,6 +49,7 @@ CAUSES = {
     "propeller table": ("thrust_scale", "thrust_slope"),
 }
 
+STILL = Wandering(0.0, 1.0)
 LAG_IN_DOUBT_S = 0.3
 FEWEST_BLOCKS = 20
 ALIKE_BLOCKS = 4  # residuals of neighbouring blocks are alike for so long
@@ -102,7 +104,9 @@ def _thrust(f: pd.DataFrame) -> dict[str, Error]:
     return {name: Error(float(values[i]), float(errors[i])) for i, name in enumerate(doubt, start=3)}
 
 
-def given(blocks: Blocks, states: Array, shared: Array, errors: Mapping[str, float]) -> pd.DataFrame:
+def given(
+    blocks: Blocks, states: Array, shared: Array, errors: Mapping[str, float], gust: Wandering = STILL
+) -> pd.DataFrame:
     """What a method is given, a row a block; `errors` are taken out of what it takes as measured (none: as it comes).
 
     From the path of states (n, ·) with errors of its sensors shared (m,): V, alpha, gamma, climb, bank, Vdot, rho, J as
@@ -110,7 +114,8 @@ def given(blocks: Blocks, states: Array, shared: Array, errors: Mapping[str, flo
     As measured: alpha_felt [rad]; theta_felt [rad], attitude levelled by the accelerometer; V_felt [m/s] with qS_felt
     and thrust_felt that go with it, and the same with the path's scale of airspeed taken out (V_late: what is left is
     that it comes late); height_felt [m]; static_Pa, temperature_K of the air.
-    covered: the share of the block that the propeller's table reaches.
+    covered: the share of the block that the propeller's table reaches; gust_mps, gust_s: standard deviation of vertical
+    gusts and how long they last.
     """
     e = {name: errors.get(name, 0.0) for name in UNKNOWN}
     known = dict(zip(SHARED, shared, strict=True))
@@ -150,5 +155,16 @@ def given(blocks: Blocks, states: Array, shared: Array, errors: Mapping[str, flo
         "static_Pa": mean["static_Pa"],
         "temperature_K": mean["temperature_K"],
         "covered": mean["propeller_covered"],
+        "gust_mps": gust.sigma_mps,
+        "gust_s": gust.time_s,
     }
     return pd.DataFrame(columns, index=f.index)
+
+
+def lifted_mps(given: pd.DataFrame, seconds: float) -> float:
+    """Standard deviation of the mean vertical gust over so many seconds [m/s].
+
+    A balance of energy counts what it lifts, W w, as thrust power: the mean of a first-order process of deviation sigma
+    and time T is known to sigma sqrt(2 T/seconds).
+    """
+    return float(given["gust_mps"].iloc[0] * np.sqrt(min(1.0, 2 * given["gust_s"].iloc[0] / seconds)))

@@ -57,7 +57,7 @@ def flown(V, A, rho, gamma=0.0, weight_N=W) -> pd.DataFrame:
         "climb": V * np.sin(gamma), "bank": 0.0, "Vdot": Vdot, "rho": rho, "ax": forward / mass, "az": down / mass,
         "qS": qS / mass, "qS_felt": qS / mass, "thrust": thrust / mass, "thrust_felt": thrust / mass,
         "height_felt": height, "static_Pa": rho * GAS_CONSTANT_AIR * temperature_K, "temperature_K": temperature_K,
-        "covered": 1.0, "J": 0.5,
+        "covered": 1.0, "J": 0.5, "gust_mps": 0.0, "gust_s": 4.0,
     }  # fmt: skip
     return pd.DataFrame(columns, index=t)
 
