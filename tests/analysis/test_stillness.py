@@ -2,11 +2,14 @@
 
 import json
 
+import msgspec
 import numpy as np
 import pandas as pd
 import pytest
 
 from analysis.stillness import BLOCK_S, CHANNELS, still_segments, stretches, zero_of_attachment, zeros
+from daq import zero as daq_zero
+from daq.zero import Reading
 from flight.errors import InputError
 
 RATE_HZ = 25.0
@@ -93,6 +96,20 @@ def zero_file(**readings: float) -> bytes:
         "readings": found,
     }
     return json.dumps(whole).encode()
+
+
+def test_what_the_daemon_saves_is_what_the_analysis_reads() -> None:
+    one = {f: Reading(mean=k + 0.5, standard_deviation=0.1, samples=250) for k, f in enumerate(daq_zero.RATES)}
+    pressure = {daq_zero.DIFFERENCE: Reading(mean=-2.0, standard_deviation=0.5, samples=250)}
+    saved = daq_zero.Zero(
+        format=daq_zero.FORMAT,
+        taken_unix_ns=10**18,
+        seconds=10.0,
+        temperature_K={},
+        readings={"/imu": one, "/probe/beta": pressure},
+    )
+    found = zero_of_attachment(msgspec.json.encode(saved), "zero.json")
+    assert found == {"p_radps": 0.5, "q_radps": 1.5, "r_radps": 2.5, "dp_beta_Pa": -2.0}
 
 
 def test_without_rest_the_zero_of_the_log_is_used_and_what_it_lacks_is_said() -> None:

@@ -45,14 +45,21 @@ def reconstructed(table, probe):
     return air, reconstruct(air, still)
 
 
+@pytest.fixture(scope="module")
+def whole(flight):
+    """Air data and path of the flight as it is."""
+    _, _, table, probe = flight
+    return reconstructed(table, probe)
+
+
 @pytest.mark.slow
-def test_a_late_probe_is_found_and_an_early_alarm_is_not_raised(flight) -> None:
+def test_a_late_probe_is_found_and_an_early_alarm_is_not_raised(flight, whole) -> None:
     errors, flown, table, probe = flight
     t = table.index.to_numpy()
     late = table.assign(
         **{name: np.interp(t - LATE_S, t, table[name]) for name in ("dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa")}
     )
-    air, as_it_is = reconstructed(table, probe)
+    air, as_it_is = whole
     _, delayed = reconstructed(late, probe)
     assert skew.notes(as_it_is) == []
     assert any("The probe is" in note and "late against the IMU" in note for note in skew.notes(delayed))
@@ -83,9 +90,9 @@ def test_one_way_and_without_gps_say_what_they_cannot_know(flight) -> None:
 
 
 @pytest.mark.slow
-def test_a_dead_sideslip_transducer_leaves_a_path_that_knows_less(flight) -> None:
+def test_a_dead_sideslip_transducer_leaves_a_path_that_knows_less(flight, whole) -> None:
     _, _, table, probe = flight
-    _, whole = reconstructed(table, probe)
+    _, as_it_is = whole
     _, without = reconstructed(table.assign(dp_beta_Pa=np.nan), probe)
     assert without.converged and np.isfinite(without.states.to_numpy()).all()
-    assert without.standard_error("beta_bias") > 2 * whole.standard_error("beta_bias")
+    assert without.standard_error("beta_bias") > 2 * as_it_is.standard_error("beta_bias")
