@@ -28,7 +28,7 @@ from flight.propeller import Blades
 
 Array = NDArray[np.float64]
 
-FULL_THROTTLE = 0.97
+FULL_THROTTLE, STEADY_THROTTLE = 0.97, 0.005  # at least this; and within this of the highest that was flown
 SETTLING_S = 0.6  # after the stick: the controller's own ramp, and the motor's inertia
 SHORTEST_S, NEEDED_S = 1.0, 2.0
 SLOWING_SHARE = 0.5  # one standard deviation of the slope that the aircraft file's resistances give
@@ -57,7 +57,9 @@ def full_throttle(data: pd.DataFrame, propulsion: Propulsion, propeller: Blades)
     if data["throttle"].isna().all():
         return "The log does not say where the throttle stood."
     step_s = float(data.index[1] - data.index[0])
-    open_wide = (data["throttle"] >= FULL_THROTTLE) & data[["V", "n", "rho"]].notna().all(axis=1) & data["covered"]
+    # The stick's end may not be 1, but what stands a hundredth below it turns the motor a hundredth slower.
+    fully = max(FULL_THROTTLE, float(data["throttle"].max()) - STEADY_THROTTLE)
+    open_wide = (data["throttle"] >= fully) & data[["V", "n", "rho"]].notna().all(axis=1) & data["covered"]
     segments = []
     for rows in stretches(open_wide.to_numpy()):
         rows = slice(rows.start + round(SETTLING_S / step_s), rows.stop)

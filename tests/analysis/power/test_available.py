@@ -1,6 +1,7 @@
 """Full throttle against the simulator's motor and its trim."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from motor_data import RHO, full_throttle_run, height_of, steady_points
 
@@ -94,6 +95,17 @@ def test_power_available_equals_power_required_at_the_highest_speed(propeller, n
     CL = float(lift_coefficient(V, at))
     required = at.rho * V**3 / 2 * at.wing_area_m2 * (A["A0"] + A["A1"] * CL + A["A2"] * CL**2)
     assert np.interp(V, found.V, found.power.value) == pytest.approx(required, rel=0.002)
+
+
+def test_a_throttle_not_quite_open_is_not_taken_for_full(nexstar, propeller, motor) -> None:
+    """Climbing at 0.98 the motor turns 2 % slower: it must not pass for full throttle at that torque."""
+    run = full_throttle_run(nexstar, propeller)
+    nearly = run.iloc[:15].assign(throttle=0.98, n=0.98 * run["n"].iloc[:15])
+    both = pd.concat([run, nearly])
+    both.index = pd.Index(np.arange(len(both)) * 0.2, name="t_s")
+    found = full_throttle(both, nexstar.propulsion, propeller)
+    assert isinstance(found, FullThrottle)
+    assert found.numbers.values == pytest.approx(motor.numbers.values, rel=1e-6)
 
 
 def test_no_full_throttle_is_said_and_not_made_up(nexstar, propeller) -> None:
