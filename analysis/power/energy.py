@@ -14,16 +14,19 @@ from scipy.integrate import cumulative_trapezoid
 from analysis.power.direct import along_runs
 from analysis.power.method import Method
 from analysis.power.regression import Piece, TimeSeries
-from analysis.power.taken import lifted_mps
+from analysis.power.taken import ROUGH_MPS, lifted_mps
 from analysis.runs.kinds import LEVEL, Run
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
+from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
 
 def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
     """Work of drag since a run's start against its forms: integrals of qS V, qS V CL, qS V CL^2 (over mass)."""
+    if given["gust_mps"].iloc[0] > ROUGH_MPS:
+        raise InputError("too turbulent for a balance of energy: gusts come and go in speed as slowly as the run does")
     pieces = []
     mean_V = float(np.mean([given.loc[run.start_s : run.end_s, "V"].mean() for run in runs]))
     columns = ("V_felt", "height_felt", "thrust_felt", "qS_felt", "alpha", "bank")

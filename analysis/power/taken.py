@@ -51,6 +51,7 @@ CAUSES = {
 
 STILL = Wandering(0.0, 1.0)
 LAG_IN_DOUBT_S = 0.3
+ROUGH_MPS = 0.4  # of vertical gusts: W20 = 3 kt makes 0.15, 15 kt 0.8
 FEWEST_BLOCKS = 20
 ALIKE_BLOCKS = 4  # residuals of neighbouring blocks are alike for so long
 
@@ -64,12 +65,14 @@ def found(blocks: Blocks, path: Path, rows: NDArray[np.bool_]) -> dict[str, Erro
     """Every error of UNKNOWN, as path and forces along it show it. rows: the blocks in which speed changes.
 
     The path believes that air data are hardly late. Here that belief is taken back (a normal prior comes out of a
-    normal posterior as it went in), so that a lag beyond what tubes do is found, and is not taken for thrust.
+    normal posterior as it went in), so that a lag beyond what tubes do is found, and is not taken for thrust. Not in
+    rough air: how the aircraft answers to gusts looks like a lag of a third of a second there.
     """
     i = SHARED.index("air_data_lag")
     known = np.linalg.inv(path.covariance)
     free = known.copy()
-    free[i, i] += 1 / LAG_IN_DOUBT_S**2 - 1 / PRIOR_SIGMA["air_data_lag"] ** 2
+    if path.gust_mps < ROUGH_MPS:
+        free[i, i] += 1 / LAG_IN_DOUBT_S**2 - 1 / PRIOR_SIGMA["air_data_lag"] ** 2
     covariance = np.linalg.inv(free)
     shared = covariance @ known @ path.shared  # the prior's mean is zero
     states = path.states.to_numpy() + path.follow @ (shared - path.shared)

@@ -220,3 +220,22 @@ def test_steady_points_without_thrust_are_no_points() -> None:
         part["thrust"] = np.nan
     with pytest.raises(InputError, match="no steady point has thrust data"):
         answer(PIW_VIW_THREE, parts, "steady")
+
+
+def test_energy_is_refused_in_rough_air() -> None:
+    """Methods that integrate over a run are ruined by turbulence (method section 6): 0.8 m/s are W20 = 15 kt."""
+    parts = runs_of_speed(polar())
+    for part in parts:
+        part["gust_mps"] = 0.8
+    with pytest.raises(InputError, match="too turbulent"):
+        answer(ENERGY, parts, "acceleration")
+
+
+def test_a_steady_point_in_gusts_is_known_worse_by_what_they_lift() -> None:
+    """sigma sqrt(2 T/t) of vertical wind for 0.15 m/s, 4 s and a point of 11.8 s, times the weight: 4.7 W."""
+    parts = steady(polar())
+    calm = steady_points(*joined(parts, "steady"), AIRCRAFT).error
+    for part in parts:
+        part["gust_mps"] = 0.15
+    gusty = steady_points(pd.concat(parts), joined([p.copy() for p in steady(polar())], "steady")[1], AIRCRAFT).error
+    assert np.sqrt(gusty**2 - calm**2) == pytest.approx(0.15 * np.sqrt(2 * 4 / 11.8) * W, rel=1e-6)
