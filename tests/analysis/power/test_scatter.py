@@ -24,7 +24,7 @@ def runs(rng: np.random.Generator, kind: str, count: int, *, wider: float = 1.0)
 
 
 def test_noise_alone_raises_the_alarm_as_seldom_as_it_says() -> None:
-    """Five runs, 1000 times: SELDOM of them by chance, and no more than three standard errors of that share above it."""
+    """Five runs, 1000 times: SELDOM of them by chance, and no more than three standard errors of that share above."""
     rng = np.random.default_rng(5)
     alarms = sum(bool(scatter(runs(rng, "acceleration", 5), AT)) for _ in range(1000))
     assert alarms / 1000 <= SELDOM + 3 * np.sqrt(SELDOM / 1000)
