@@ -39,12 +39,14 @@ class Prior(NamedTuple):
 
 class Step(NamedTuple):
     """Corrections of the states (n, nx) and of the shared numbers (m,), the latter's covariance (m, m), how the states
-    follow a change of the shared numbers (n, nx, m), and ln det of the whole normal matrix."""
+    follow a change of the shared numbers (n, nx, m), by how much the cost falls if the equations are straight, and
+    ln det of the whole normal matrix."""
 
     states: Array
     shared: Array
     covariance: Array
     follow: Array
+    decrease: float
     log_determinant: float
 
 
@@ -98,7 +100,8 @@ def step(at: Linearised, prior: Prior, first: Array, shared: Array) -> Step:
     d_states = -(solved[:, 0] + solved[:, 1:] @ d_shared)
     log_determinant = 2 * float(np.sum(np.log(factor[0]))) + float(np.linalg.slogdet(schur)[1])
     follow = -solved[:, 1:].reshape(n, nx, m)
-    return Step(d_states.reshape(n, nx), d_shared, (covariance + covariance.T) / 2, follow, log_determinant)
+    decrease = -float(gradient.ravel() @ d_states + shared_gradient @ d_shared)
+    return Step(d_states.reshape(n, nx), d_shared, (covariance + covariance.T) / 2, follow, decrease, log_determinant)
 
 
 def _banded(diagonal: Array, below: Array) -> Array:

@@ -4,13 +4,14 @@ States at each instant: Euler angles, inertial velocity north-east-down, height 
 the whole flight: the mean wind, biases and scales of the sensors. Functions are written with NumPy and evaluated by
 CasADi over all instants at once, exact derivatives included.
 
-The aircraft answers to gusts: within a second it drifts along with them, and its motion then shows the gust, the flow
-at its nose does not. A scale error multiplies that flow, so what stands beside a scale has to be the flow at its nose as
-speed and lift dictate it, slow and free of gusts; beside the motion it would be a fit to what gusts do, and come out far
-off (docs/estimators.md has the figures). Hence `slow_V` and `slow_alpha`, given for each step from the path so far.
+The aircraft answers to gusts. It heaves with them within a second and turns its nose into them within two; only its
+speed is slow to follow. What a gust and the answer to it have in common would be taken for an error of a sensor, were it
+free to enter beside one (docs/estimators.md has the figures). Hence gusts are along the aircraft's own axes, their
+effect on the flow depends on the slow flow alone, and a scale stands beside what lift and inertia dictate: SLOW, given
+for each step, foreseen from the path before.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,15 +23,19 @@ from analysis.path.batch import Linearised
 from flight import motion
 from flight.atmosphere import GRAVITY_MPS2 as g
 
+if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: keep NumPy functions on symbols as they always were
+    ca.GlobalOptions.setNumpyMode(-1)
+
 Array = NDArray[np.float64]
 
 STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",
-          "wind_north", "wind_east", "wind_down")  # fmt: skip
+          "wind_north", "wind_east", "gust_u", "gust_v", "gust_w")  # fmt: skip
 SHARED = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_bias", "alpha_scale", "beta_bias",
-          "V_scale", "air_data_lag", "gps_latency", "wind_north_mean", "wind_east_mean")  # fmt: skip
-MOVE = ("p", "q", "r", "ax", "ay", "az", "dt", "stays", "stays_down")  # means between two instants; of gusts
+          "V_scale", "air_data_lag", "gps_latency")  # fmt: skip
+MOVE = ("p", "q", "r", "ax", "ay", "az", "dt", "stays", "stays_w")  # means between two instants; stays: of gusts
 SHOWN = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_down", "v_north", "v_east", "v_down")
-GIVEN = ("ax", "ay", "az", "slow_V", "slow_alpha", "slope_V", "slope_alpha")
+SLOW = ("slow_V", "slow_alpha", "gusts_across")  # as inertia and lift dictate them; variance of gusts, (m/s)^2
+GIVEN = ("ax", "ay", "az", "slope_V", "slope_alpha", *SLOW)
 
 
 def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
@@ -46,9 +51,28 @@ def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
         b.v_east - a.v_east - u.dt * force[1],
         b.v_down - a.v_down - u.dt * (force[2] + g),
         b.height - a.height + u.dt * (a.v_down + b.v_down) / 2,
-        b.wind_north - c.wind_north_mean - u.stays * (a.wind_north - c.wind_north_mean),
-        b.wind_east - c.wind_east_mean - u.stays * (a.wind_east - c.wind_east_mean),
-        b.wind_down - u.stays_down * a.wind_down,
+        b.wind_north - a.wind_north,
+        b.wind_east - a.wind_east,
+        b.gust_u - u.stays * a.gust_u,
+        b.gust_v - u.stays * a.gust_v,
+        b.gust_w - u.stays_w * a.gust_w,
+    )
+
+
+def flow(x: Any, s: Any) -> motion.Flow:
+    """Airspeed [m/s] and flow angles [rad] at state x; s: SLOW.
+
+    What a gust does to the flow is its part along and across the slow flow, and on average what its square does to the
+    speed. Along and across the quick flow, the gusts' own squares would look like an offset of angle of attack.
+    """
+    steady = x.v_north - x.wind_north, x.v_east - x.wind_east, x.v_down
+    u, v, w = motion.body_from_earth(*steady, x.phi, x.theta, x.psi)
+    V = np.sqrt(u**2 + v**2 + w**2 + 1e-6)  # never zero, for the derivative at rest
+    ca, sa = np.cos(s.slow_alpha), np.sin(s.slow_alpha)
+    return motion.Flow(
+        V - x.gust_u * ca - x.gust_w * sa - s.gusts_across / (2 * s.slow_V),
+        np.arctan2(w, np.sqrt(u**2 + 1e-6)) + (x.gust_u * sa - x.gust_w * ca) / s.slow_V,
+        np.arcsin(v / V) - x.gust_v / s.slow_V,
     )
 
 
@@ -58,16 +82,13 @@ def shown(x: Any, c: Any, v: Any) -> Sequence[Any]:
     An airspeed that reads high by a fraction has a dynamic pressure high by twice that, and angles are pressures over
     dynamic pressure: they then read low by as much. Pressures that come late are behind by their slope.
     """
-    air = x.v_north - x.wind_north, x.v_east - x.wind_east, x.v_down - x.wind_down
-    u, side, w = motion.body_from_earth(*air, x.phi, x.theta, x.psi)
-    V = np.sqrt(u**2 + side**2 + w**2 + 1e-6)  # never zero, for the derivative at rest
-    alpha, beta = np.arctan2(w, np.sqrt(u**2 + 1e-6)), np.arcsin(side / V)
+    V, alpha, beta = flow(x, v)
     bias_free = v.ax - c.ax_bias, v.ay - c.ay_bias, v.az - c.az_bias
     force = motion.earth_from_body(*bias_free, x.phi, x.theta, x.psi)
     return (
         V + c.V_scale * v.slow_V - c.air_data_lag * v.slope_V,
         alpha + (c.alpha_scale - 2 * c.V_scale) * v.slow_alpha - c.air_data_lag * v.slope_alpha + c.alpha_bias,
-        beta * (1 - 2 * c.V_scale) + c.beta_bias,
+        beta + c.beta_bias,
         x.height,
         x.v_north - c.gps_latency * force[0],
         x.v_east - c.gps_latency * force[1],
@@ -78,9 +99,18 @@ def shown(x: Any, c: Any, v: Any) -> Sequence[Any]:
     )
 
 
-class _Named:
-    def __init__(self, names: Sequence[str], vector: Any):
-        self.__dict__.update(zip(names, ca.vertsplit(vector), strict=True))
+class Named:
+    """Values by name: `x.theta`."""
+
+    def __init__(self, names: Sequence[str], values: Iterable[Any]):
+        self.__dict__.update(zip(names, values, strict=True))
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"no value is named {name!r}")
+
+
+def _symbols(names: Sequence[str], vector: Any) -> Named:
+    return Named(names, ca.vertsplit(vector))
 
 
 class Equations:
@@ -90,13 +120,13 @@ class Equations:
         self.n, nx, m = n, len(STATES), len(SHARED)
         a, b, c = ca.SX.sym("a", nx), ca.SX.sym("b", nx), ca.SX.sym("c", m)
         u, weight_p = ca.SX.sym("u", len(MOVE)), ca.SX.sym("w", nx)
-        moved = ca.vertcat(*process(_Named(STATES, a), _Named(STATES, b), _Named(SHARED, c), _Named(MOVE, u)))
+        moved = ca.vertcat(*process(_symbols(STATES, a), _symbols(STATES, b), _symbols(SHARED, c), _symbols(MOVE, u)))
         r = moved * weight_p
         jacobian = ca.jacobian(r, ca.vertcat(a, b, c))
         self._process = _Mapped([a, b, c, u, weight_p], r, jacobian, n - 1)
 
         z, weight_z, v = ca.SX.sym("z", len(SHOWN)), ca.SX.sym("w", len(SHOWN)), ca.SX.sym("v", len(GIVEN))
-        r = (ca.vertcat(*shown(_Named(STATES, a), _Named(SHARED, c), _Named(GIVEN, v))) - z) * weight_z
+        r = (ca.vertcat(*shown(_symbols(STATES, a), _symbols(SHARED, c), _symbols(GIVEN, v))) - z) * weight_z
         self._shown = _Mapped([a, c, z, weight_z, v], r, ca.jacobian(r, ca.vertcat(a, c)), n)
 
     def at(self, x: Array, shared: Array, data: "Data") -> Linearised:

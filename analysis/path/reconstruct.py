@@ -15,15 +15,16 @@ from scipy.signal import savgol_filter
 from analysis.airdata.air import LOW_M, bank_rad
 from analysis.path import gusts
 from analysis.path.batch import Prior, Step, cost, step
-from analysis.path.model import GIVEN, MOVE, SHARED, SHOWN, STATES, Data, Equations
+from analysis.path.model import GIVEN, MOVE, SHARED, SHOWN, SLOW, STATES, Data, Equations, Named
 from analysis.stillness import stretches
 
 Array = NDArray[np.float64]
 
 BLOCK = 5
-GUSTS_TRIED_MPS = (0.01, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
-SLOW_S = 3.0  # speed and angle of attack over longer than this follow lift, not gusts: the heave mode takes 0.3 s
-ITERATIONS = 12
+GUSTS_TRIED_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125, still air, to 3.2, a storm
+SLOW_S = 3.0  # over which speed and bank change slowly enough to be foreseen
+SLOWEST_MPS = 5.0
+ITERATIONS, QUICK = 12, 2  # at most; for a comparison of intensities
 FIRST_BLOCKS = 25  # a log that stands within its first five seconds began at rest
 CONVERGED = 0.02  # of a standard error of every shared number, in the last step
 
@@ -31,7 +32,7 @@ CONVERGED = 0.02  # of a standard error of every shared number, in the last step
 BENCH = {"p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "ax_mps2": 0.06, "ay_mps2": 0.06, "az_mps2": 0.06,
          "dp_alpha_Pa": 6.0, "dp_beta_Pa": 6.0, "q_c_Pa": 6.0, "static_Pa": 6.0}  # fmt: skip
 GYRO_SCALE, ACCEL_SCALE = 0.005, 0.002  # of what is measured, as if it were noise
-WIND_WALK_MPS, WIND_SPREAD_MPS = 0.02, 1.0  # in a second; about the mean: height, place and hour, without turbulence
+WIND_WALK_MPS = 0.02  # in a second: height, place and hour, without turbulence
 # GPS errors wander over a minute; the horizontal ones look like wind, and height itself is the barometer's.
 GPS_MPS, GPS_DOWN_MPS, REST_MPS = 0.3, 1.0, 0.1
 
@@ -39,7 +40,7 @@ PRIOR_SIGMA = {
     "p_bias": 0.002, "q_bias": 0.002, "r_bias": 0.002,  # about the zeros at rest
     "ax_bias": 0.3, "ay_bias": 0.3, "az_bias": 0.3,
     "alpha_bias": np.radians(1.5), "alpha_scale": 0.03, "beta_bias": np.radians(1.5), "V_scale": 0.02,
-    "air_data_lag": 0.012, "gps_latency": 0.2, "wind_north_mean": 8.0, "wind_east_mean": 8.0,
+    "air_data_lag": 0.012, "gps_latency": 0.2,
 }  # fmt: skip
 PRIOR_MEAN = {"gps_latency": 0.1}
 
@@ -50,6 +51,7 @@ class Path:
 
     states : by name, index t_s     shared, covariance : values (m,) and (m, m) in the order of SHARED
     follow : (n, nx, m) how the states move with the shared numbers, all else as measured
+    slow : (n, ·) SLOW, as `flow` wants it [m/s]
     gust_mps : standard deviation of vertical gusts
     residuals : rms of each of SHOWN, in standard deviations
     """
@@ -58,6 +60,7 @@ class Path:
     shared: Array
     covariance: Array
     follow: Array
+    slow: Array
     gust_mps: float
     residuals: dict[str, float]
     converged: bool
@@ -75,15 +78,34 @@ def reconstruct(table: pd.DataFrame, still: list[slice]) -> Path:
     table: as `air_data` leaves it. still: where the aircraft stood.
     """
     problem = _Problem(table, still)
-    x, shared = problem.start()
-    best = None
-    for gust in GUSTS_TRIED_MPS:
-        tried = problem.solve(x, shared, gust)
-        if best is not None and tried.evidence > best.evidence:
-            break  # the evidence has one maximum: it has been passed
-        best, x, shared = tried, tried.x, tried.shared
-    assert best is not None
-    return problem.path(best)
+    solution = problem.solve(*problem.start(), _FIRST_TRIED, ITERATIONS)
+    solution = problem.solve(solution.x, solution.shared, _most_probable(problem, solution), ITERATIONS)
+    return problem.path(solution)
+
+
+_FIRST_TRIED = GUSTS_TRIED_MPS[len(GUSTS_TRIED_MPS) // 2]
+
+
+def _most_probable(problem: "_Problem", first: "_Solution") -> float:
+    """The intensity of gusts with the greatest evidence [m/s]: downhill from the first, then by a parabola."""
+    start = GUSTS_TRIED_MPS.index(first.gust)
+    evidence = {start: first.evidence}
+    for direction in (-1, 1):
+        i, at = start, first
+        while 0 <= i + direction < len(GUSTS_TRIED_MPS):
+            at = problem.solve(at.x, at.shared, GUSTS_TRIED_MPS[i + direction], QUICK)
+            i += direction
+            evidence[i] = at.evidence
+            if at.evidence > evidence[i - direction]:
+                break  # there is one best: it has been passed
+        if i != start + direction:
+            break  # it went downhill this way
+    best = min(evidence, key=evidence.__getitem__)
+    if best - 1 not in evidence or best + 1 not in evidence:
+        return GUSTS_TRIED_MPS[best]
+    before, here, after = (evidence[best + i] for i in (-1, 0, 1))
+    vertex = (before - after) / (2 * (before - 2 * here + after))
+    return float(GUSTS_TRIED_MPS[best] * 2**vertex)
 
 
 @dataclass(frozen=True)
@@ -116,8 +138,6 @@ class _Problem:
         for rows in still:
             self._still[-(-rows.start // BLOCK) : rows.stop // BLOCK] = True
         self._move, self._move_sigma = self._integrated()
-        self._slow = {name: _slow_and_slope(self._mean[column], self._flying, BLOCK / self._rate_Hz)
-                      for name, column in (("V", "V_mps"), ("alpha", "alpha_rad"))}  # fmt: skip
         flown = self._flying if self._flying.any() else slice(None)
         self._cruise_mps = float(np.median(self._V_reference[flown]))
         self._cruise_height_m = float(np.nanmedian(self._mean["height_m"][flown]))
@@ -148,6 +168,7 @@ class _Problem:
         sigma[missing, :3] += 0.5 * dt  # nothing was measured: the aircraft may have done anything it usually does
         sigma[missing, 3:6] += 5.0 * dt
         sigma[:, 6] = 2e-3
+        sigma[:, 7:9] = WIND_WALK_MPS * np.sqrt(dt)
         return move, sigma
 
     def _in_gusts(self, sigma_w_mps: float) -> tuple[Array, Array]:
@@ -155,30 +176,36 @@ class _Problem:
         dt = BLOCK / self._rate_Hz
         move, sigma = self._move.copy(), self._move_sigma.copy()
         where = self._cruise_height_m, self._cruise_mps
-        calm = gusts.Wandering.of_walk(WIND_SPREAD_MPS, WIND_WALK_MPS)
-        along = gusts.horizontal(sigma_w_mps, *where).with_other(calm)
-        for name, states, wind in (
-            ("stays", slice(7, 9), along),
-            ("stays_down", slice(9, 10), gusts.vertical(sigma_w_mps, *where)),
-        ):
-            move[:, MOVE.index(name)] = wind.stays(dt)
-            sigma[:, states] = wind.sigma_mps * np.sqrt(1 - wind.stays(dt) ** 2)
+        along, down = gusts.horizontal(sigma_w_mps, *where), gusts.vertical(sigma_w_mps, *where)
+        for name, states, gust in (("stays", slice(9, 11), along), ("stays_w", slice(11, 12), down)):
+            move[:, MOVE.index(name)] = gust.stays(dt)
+            sigma[:, states] = gust.sigma_mps * np.sqrt(1 - gust.stays(dt) ** 2)
         return move, 1 / sigma
 
-    def _what_is_given(self, shared: Array) -> Array:
-        """GIVEN, with the slow flow as the sensors' errors are known by now."""
-        error = dict(zip(SHARED, shared, strict=True))
-        mean = self._mean
-        (slow_V, slope_V), (slow_alpha, slope_alpha) = self._slow["V"], self._slow["alpha"]
-        scale = 1 + error["V_scale"], 1 + error["alpha_scale"] - 2 * error["V_scale"]
+    def _what_is_given(self, x: Array, shared: Array, gust: float) -> Array:
+        """GIVEN, with the slow flow as path and sensors' errors are known by now."""
+        error, state = Named(SHARED, shared), Named(STATES, x.T)
+        mean, step_s = self._mean, BLOCK / self._rate_Hz
+        steady = np.sqrt(
+            (state.v_north - state.wind_north) ** 2 + (state.v_east - state.wind_east) ** 2 + state.v_down**2
+        )
+        alpha = (mean["alpha_rad"] - error.alpha_bias) / (1 + error.alpha_scale - 2 * error.V_scale)
+        V, slope_V = _foreseen(steady, self._flying, step_s), _slope(steady, self._flying, step_s)
+        V = np.maximum(V, SLOWEST_MPS)
+        felt_V = np.maximum(_foreseen(mean["V_mps"], self._flying, step_s) / (1 + error.V_scale), SLOWEST_MPS)
+        load = 1 / (felt_V**2 * np.cos(np.clip(_foreseen(state.phi, self._flying, step_s), -1.2, 1.2)))
+        slow_alpha, alpha_of_load = _as_lift_says(alpha, load, self._flying)
+        where = self._cruise_height_m, self._cruise_mps
+        sideways, down = gusts.horizontal(gust, *where), gusts.vertical(gust, *where)
         columns = {
+            "gusts_across": np.full(self._n, sideways.sigma_mps**2 + down.sigma_mps**2),
             "ax": np.nan_to_num(mean["ax_mps2"]),
             "ay": np.nan_to_num(mean["ay_mps2"]),
             "az": np.nan_to_num(mean["az_mps2"], nan=-9.8),
-            "slow_V": slow_V / scale[0],
-            "slow_alpha": (slow_alpha - error["alpha_bias"]) / scale[1],
-            "slope_V": slope_V / scale[0],
-            "slope_alpha": slope_alpha / scale[1],
+            "slow_V": V,
+            "slow_alpha": slow_alpha,
+            "slope_V": slope_V,
+            "slope_alpha": -2 * alpha_of_load * load * slope_V / V,
         }
         return np.column_stack([columns[name] for name in GIVEN])
 
@@ -260,19 +287,19 @@ class _Problem:
         self._first = x[0].copy()
         return x, self._prior_shared[0].copy()
 
-    def solve(self, x: Array, shared: Array, gust: float) -> _Solution:
-        """Gauss-Newton from a start to where it stands still, for one intensity of gusts."""
+    def solve(self, x: Array, shared: Array, gust: float, iterations: int) -> _Solution:
+        """Gauss-Newton from a start to where it stands still, or so often, for one intensity of gusts."""
         # Without GPS nothing shows the compass: north is then where the aircraft's nose pointed at first.
         heading = 3.0 if self._has_gps else 0.01
         velocity = 0.3 if self._still.any() and np.argmax(self._still) < FIRST_BLOCKS else 10.0
-        first_sigma = np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0, max(gust, 0.01)])
+        first_sigma = np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0, *[max(gust, 0.01)] * 3])
         mean, sigma = self._prior_shared
         latency = SHARED.index("gps_latency")
         x, shared, converged = x.copy(), shared.copy(), False
         move, process_weight = self._in_gusts(gust)
-        for _ in range(ITERATIONS):
+        for _ in range(iterations):
             moved = shared[latency]
-            data = Data(move, process_weight, *self._with_gps(float(moved)), self._what_is_given(shared))
+            data = Data(move, process_weight, *self._with_gps(float(moved)), self._what_is_given(x, shared, gust))
             remaining = shared.copy()
             remaining[latency] = 0.0
             prior_mean = mean.copy()
@@ -284,7 +311,7 @@ class _Problem:
             if np.max(np.abs(last.shared) / np.sqrt(np.diag(last.covariance))) < CONVERGED:
                 converged = True
                 break
-        evidence = cost(at, prior, x[0], remaining) + last.log_determinant
+        evidence = cost(at, prior, x[0] - last.states[0], remaining) - last.decrease + last.log_determinant
         evidence -= 2 * float(np.sum(np.log(process_weight)) + np.sum(np.log(data.weight[data.weight > 0])))
         return _Solution(x, shared, last, gust, evidence, at.measured, converged)
 
@@ -297,7 +324,8 @@ class _Problem:
         }
         states = pd.DataFrame(solution.x, index=pd.Index(self.t_s, name="t_s"), columns=list(STATES))
         last = solution.last
-        return Path(states, solution.shared, last.covariance, last.follow, solution.gust, rms, solution.converged)
+        slow = self._what_is_given(solution.x, solution.shared, solution.gust)[:, [GIVEN.index(name) for name in SLOW]]
+        return Path(states, solution.shared, last.covariance, last.follow, slow, solution.gust, rms, solution.converged)
 
 
 def block_mean(series: pd.Series, n: int) -> Array:
@@ -309,18 +337,44 @@ def block_mean(series: pd.Series, n: int) -> Array:
     return np.where(count > BLOCK // 2, total / np.maximum(count, 1), np.nan)
 
 
-def _slow_and_slope(values: Array, flying: NDArray[np.bool_], step_s: float) -> tuple[Array, Array]:
-    """Local quadratic over SLOW_S and its slope, in each stretch of flight; 0 elsewhere."""
-    window = 2 * round(SLOW_S / step_s / 2) + 1
-    slow, slope = np.zeros(len(values)), np.zeros(len(values))
+def _as_lift_says(alpha: Array, load: Array, flying: NDArray[np.bool_]) -> tuple[Array, float]:
+    """Angle of attack [rad] as a straight line over `load`, and the line's slope; 0 on the ground.
+
+    load : lift coefficient in steady flight, up to a factor.
+    """
+    seen = flying & np.isfinite(alpha)
+    if seen.sum() < 2 or np.ptp(load[seen]) == 0:
+        return np.zeros(len(alpha)), 0.0
+    slope, offset = np.polyfit(load[seen], alpha[seen], 1)
+    return np.where(flying, offset + slope * load, 0.0), float(slope)
+
+
+def _foreseen(values: Array, flying: NDArray[np.bool_], step_s: float) -> Array:
+    """What a straight line over the SLOW_S before leads one to expect; 0 on the ground.
+
+    Of the past only: a gust changes what comes after it, and what is foreseen must not know of it.
+    """
+    window = round(SLOW_S / step_s)
+    back = np.column_stack(
+        [np.ones(window), -np.arange(1.0, window + 1)]
+    )  # blocks before the one foreseen, newest first
+    weights = np.linalg.pinv(back)[0]
+    ahead = np.zeros(len(values))
     for rows in stretches(flying):
-        bridged = pd.Series(values[rows]).interpolate(limit_direction="both").to_numpy()
-        if len(bridged) >= window:
-            slow[rows] = savgol_filter(bridged, window, 2)
-            slope[rows] = savgol_filter(bridged, window, 2, deriv=1, delta=step_s)
-        else:
-            slow[rows] = np.mean(bridged)
-    return slow, slope
+        known = pd.Series(values[rows]).interpolate(limit_direction="both").to_numpy()
+        before = np.concatenate([np.full(window, known[0]), known[:-1]])  # at first nothing has changed yet
+        ahead[rows] = np.convolve(before, weights, mode="valid")
+    return ahead
+
+
+def _slope(values: Array, flying: NDArray[np.bool_], step_s: float) -> Array:
+    """Derivative by a local quadratic over SLOW_S; 0 on the ground and in stretches shorter than that."""
+    window = 2 * round(SLOW_S / step_s / 2) + 1
+    slope = np.zeros(len(values))
+    for rows in stretches(flying):
+        if rows.stop - rows.start >= window:
+            slope[rows] = savgol_filter(values[rows], window, 2, deriv=1, delta=step_s)
+    return slope
 
 
 def _smoothed(values: Array, width: int) -> Array:

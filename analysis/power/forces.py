@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.path.model import SHARED, STATES
+from analysis.path.model import SHARED, SLOW, STATES, Named, flow
 from analysis.path.reconstruct import Path, block_mean
-from flight import motion
 from flight.aerodynamics import stability_axes
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
@@ -33,6 +32,7 @@ class Blocks:
         self.mean = {name: block_mean(table[name], n) for name in table.columns}
         self.t_s = path.states.index.to_numpy()
         self.aircraft, self.propeller = aircraft, propeller
+        self._slow = Named(SLOW, path.slow.T)
 
     def forces(self, states: Array, shared: Array) -> pd.DataFrame:
         """A row a block, along a path of states (n, len(STATES)) with the sensors' errors shared (len(SHARED),).
@@ -40,16 +40,13 @@ class Blocks:
         CL, CD : (2.16) with the tabulated thrust taken out      qS, thrust : over mass [m/s^2]; the latter along V
         V, alpha, gamma, bank, climb : through the air [m/s, rad]        Vdot : [m/s^2]        n [rev/s], J, rho
         """
-        x = dict(zip(STATES, states.T, strict=True))
-        error = dict(zip(SHARED, shared, strict=True))
-        air = x["v_north"] - x["wind_north"], x["v_east"] - x["wind_east"], x["v_down"] - x["wind_down"]
-        u, v, w = motion.body_from_earth(*air, x["phi"], x["theta"], x["psi"])
-        V, alpha, _ = motion.flow_of(u, v, w)
+        x, error = Named(STATES, states.T), Named(SHARED, shared)
+        V, alpha, _ = flow(x, self._slow)
         m, rho = self.aircraft.mass_kg, self.mean["rho"]
         qS = rho * V**2 / 2 * self.aircraft.geometry.wing_area_m2
         n = np.where(self.mean["n_revps"] > 1, self.mean["n_revps"], np.nan)
         thrust, _ = self.propeller.thrust_and_power(V, n, rho)  # (3.48): J is of the whole airspeed
-        ax, az = self.mean["ax_mps2"] - error["ax_bias"], self.mean["az_mps2"] - error["az_bias"]
+        ax, az = self.mean["ax_mps2"] - error.ax_bias, self.mean["az_mps2"] - error.az_bias
         CL, CD = stability_axes((m * ax - thrust) / qS, m * az / qS, alpha)
         columns = {
             "CL": CL,
@@ -59,9 +56,9 @@ class Blocks:
             "J": V / (n * self.propeller.diameter_m),
             "V": V,
             "alpha": alpha,
-            "gamma": np.arcsin(-air[2] / V),
-            "bank": x["phi"],
-            "climb": -x["v_down"],
+            "gamma": np.arcsin(np.clip((x.gust_w - x.v_down) / V, -1, 1)),
+            "bank": x.phi,
+            "climb": -x.v_down,
             "Vdot": np.gradient(V, self.t_s),
             "n": n,
             "rho": rho,

@@ -60,6 +60,7 @@ def test_the_step_is_that_of_dense_least_squares(seed: int) -> None:
     assert got.covariance == pytest.approx(inverse[N * NX :, N * NX :], rel=1e-8, abs=10 * scale)
     assert got.log_determinant == pytest.approx(np.linalg.slogdet(J.T @ J)[1], rel=1e-9)
     assert cost(at, prior, first, shared) == pytest.approx(float(r @ r), rel=1e-12)
+    assert float(r @ r) - got.decrease == pytest.approx(float(np.sum((r + J @ expected) ** 2)), rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -9,12 +9,13 @@ import pytest
 
 from analysis.airdata.air import air_data
 from analysis.airdata.probe import calibrate, read_tunnel
-from analysis.path.model import SHARED, STATES, Data, Equations
+from analysis.path.model import GIVEN, MOVE, SHARED, SHOWN, STATES, Data, Equations
 from analysis.path.reconstruct import PRIOR_SIGMA, reconstruct
 from analysis.stillness import still_segments, zeros
 from flight.aircraft import load_aircraft
 from flight.propeller import load_propeller
 from sim import fly as flying
+from sim.air import Air
 from sim.plan import load_plan
 from sim.sensors import TrayFelt, draw, load_budget
 from sim.tunnel import calibrate as tunnel_measurements
@@ -33,13 +34,14 @@ def probe(tmp_path_factory: pytest.TempPathFactory):
     return calibrate(read_tunnel(path), "tunnel.csv")
 
 
-def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = ()):
+def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbulence_kt: float = 0.0):
     """Truth, drawn errors, air data and where it stood, of one flight with the study's budget."""
     aircraft = load_aircraft("nexstar")
     budget = load_budget("study")
     quiet = dataclasses.replace(budget.noise, vibration_mps2=0.0)  # the IMU's filter is not in this table
     drawn = draw(dataclasses.replace(budget, noise=quiet), seed)
-    flight = flying.fly(aircraft, load_plan(plan), seed=seed, deviations=drawn.deviations)
+    air = Air(**{**vars(load_plan(plan).air), "turbulence_mps": turbulence_kt * 0.514444})
+    flight = flying.fly(aircraft, dataclasses.replace(load_plan(plan), air=air), seed=seed, deviations=drawn.deviations)
     table = felt_table(TrayFelt(flight, drawn), aircraft)
     for name in without:
         table[name] = np.nan
@@ -74,6 +76,33 @@ def test_a_whole_calm_flight_is_found_again(probe, seed: int) -> None:
     assert path.gust_mps <= 0.05
 
 
+@pytest.mark.slow
+def test_gusts_do_not_pass_for_errors_of_sensors(probe) -> None:
+    """W20 = 15 kt: each error within what it says of itself, over flights, and none of them one-sided.
+
+    The aircraft answers to gusts; a smoother that takes the answer for a sensor's error is off by 0.6 deg on every
+    flight. z = error / standard error is then normal with unit variance: four flights lie within sqrt(4) 2.6 in sum and
+    within chi-square's 99.9 % in squares.
+    """
+    z = []
+    for seed in range(4):
+        _, drawn, air, still = flown(seed, probe, "full-test-flight", turbulence_kt=15.0)
+        path = reconstruct(air, still)
+        assert path.converged
+        assert 0.4 < path.gust_mps / (0.1 * 15 * 0.514444) < 1.6
+        slope = 1 + drawn.values.alpha_scale - 2 * drawn.values.V_scale
+        truth = {
+            "alpha_bias": (drawn.values.alpha_offset_rad + drawn.imu_rotation[0, 2]) * slope,
+            "alpha_scale": drawn.values.alpha_scale,
+            "V_scale": drawn.values.V_scale,
+        }
+        assert path.standard_error("alpha_bias") < np.radians(0.3)
+        assert path.standard_error("V_scale") < 0.6 * PRIOR_SIGMA["V_scale"]
+        z.append([(path.value(name) - value) / path.standard_error(name) for name, value in truth.items()])
+    assert np.all(np.abs(np.sum(z, axis=0)) < 2.6 * np.sqrt(4))
+    assert np.all(np.sum(np.square(z), axis=0) < 18.5)
+
+
 def test_without_gps_the_path_still_stands_and_knows_less(probe) -> None:
     gps = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
     _, _, air, still = flown(0, probe, "accel-decel")
@@ -104,8 +133,9 @@ def test_derivatives_are_those_of_the_equations() -> None:
     equations = Equations(n)
     x, shared = rng.normal(0, 0.1, (n, nx)), rng.normal(0, 0.01, m)
     x[:, 3] += 15.0
-    move = rng.normal(0, 0.3, (n - 1, 7))
-    data = Data(move, np.ones((n - 1, nx)), rng.normal(size=(n, 10)), np.ones((n, 10)), rng.normal(size=(n, 3)))
+    move, given = rng.normal(0, 0.3, (n - 1, len(MOVE))), rng.normal(size=(n, len(GIVEN)))
+    given[:, GIVEN.index("slow_V")] += 15.0
+    data = Data(move, np.ones((n - 1, nx)), rng.normal(size=(n, len(SHOWN))), np.ones((n, len(SHOWN))), given)
     at = equations.at(x, shared, data)
     h = 4e-6
     for j in range(nx):
