@@ -98,10 +98,11 @@ def tubing(
 ) -> None:
     """The lag of each pneumatic line, from a recorded step of pressure.
 
-    How to make one: start the daemon, at a tick rate of 100 Hz if you can. Pull a piece of soft tube over one port of
-    the probe, with a T-piece to a syringe and to a small balloon or a stretched film. Press to about half of the
-    transducer's range, wait two seconds, burst the film (or pull the tube off with a jerk), wait two seconds. Five
-    times or more for each line: what one burst leaves open, when it happened between two ticks, the others close.
+    How to make one: start the daemon, with rate_Hz = 100 in the tray if you can. Pull a piece of soft tube over one
+    port of the probe, with a T-piece to a syringe and to a small balloon or a stretched film. Press to about half
+    of the transducer's range, wait two seconds, burst the film (or pull the tube off with a jerk), wait two
+    seconds. Five times or more for each line: what one burst leaves open, when it happened between two ticks, the
+    others close.
 
     A lag below a third of a tick only gets an upper bound: such a line needs no correction at 25 Hz. What comes out is
     the tube's inner diameter that has the lag measured, for the aircraft file: length and cavity are as they stand
@@ -189,7 +190,8 @@ def airspeed(
     found = speeds.calibrate(air.table, reconstruct(air.table, still))
     half = speeds.NORMAL_95 * found.scale_error
     console = Console()
-    console.print(f"airspeed reads {100 * found.scale:+.2f} % high, ± {100 * half:.2f} % (95 %)")
+    side = "high" if found.scale >= 0 else "low"
+    console.print(f"airspeed reads {100 * abs(found.scale):.2f} ± {100 * half:.2f} % too {side} (95 % interval)")
     console.print(f"wind {found.wind_mps:.1f} m/s from {found.wind_from_deg:.0f} deg, mean of the flight")
     for note in found.notes + channels.notes + air.notes:
         console.print(f"note: {note}")

@@ -1,0 +1,34 @@
+"""`calibrate airspeed` on a log that the daemon recorded: wind and scale of the flight, within its own errors."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from running import command, done
+
+from sim.sensors import draw, load_budget
+
+pytestmark = pytest.mark.xdist_group("chain")
+
+
+def test_wind_and_scale_are_those_of_the_flight(flown: Path, tmp_path: Path) -> None:
+    """The demonstration goes one way only: the scale is known to a per cent or two, and that is said."""
+    outcome = done("calibrate", "airspeed", flown / "log.mcap", "-o", tmp_path / "airspeed.json")
+    assert "one direction" in outcome.stdout.replace("\n", " ")
+    found = json.loads((tmp_path / "airspeed.json").read_text())
+    true_scale = draw(load_budget("bench"), 0).values.V_scale
+    assert abs(found["scale"] - true_scale) < 4 * found["scale_error"]
+    truth = pd.read_parquet(flown / "truth.parquet", columns=["phase", "wind_north_mps", "wind_east_mps"])
+    north, east = truth.loc[truth["phase"] == "flight", ["wind_north_mps", "wind_east_mps"]].mean()
+    # Along the one heading an error of the scale at 18 m/s is one of the wind.
+    assert found["wind_mps"] == pytest.approx(np.hypot(north, east), abs=0.3 + 4 * 18 * found["scale_error"])
+    assert found["format"] == "flightpower-airspeed-1"
+
+
+def test_a_second_result_does_not_replace_the_first(flown: Path, tmp_path: Path) -> None:
+    (tmp_path / "airspeed.json").write_text("mine")
+    outcome = command("calibrate", "airspeed", flown / "log.mcap", "-o", tmp_path / "airspeed.json")
+    assert outcome.returncode == 2 and outcome.stderr.startswith("error: ") and "--replace" in outcome.stderr
+    assert (tmp_path / "airspeed.json").read_text() == "mine"
