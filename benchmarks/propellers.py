@@ -2,6 +2,7 @@
 
     .venv/bin/python benchmarks/propellers.py            # the table of docs/propellers.md
     .venv/bin/python benchmarks/propellers.py --draw     # and its figure, by Chromium
+    .venv/bin/python benchmarks/propellers.py --distorted wrong.csv   # the 12x8E, wrong by as much as these two differ
 
 Reads the files as downloaded, from ../shared/data/propellers.
 """
@@ -12,16 +13,20 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from flight.propeller import load_propeller
+from flight.propeller import Propeller, Row, load_propeller
 from sim.figures import picture
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data" / "propellers"
 J = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+ZERO_THRUST_J, RPM = 0.70, 6011.5  # of the 10x5E; at which the two are compared
 COLOURS = ("#004a99", "#c64b00", "#00735c", "#8a2f8f")
 
 
-def main(draw: Annotated[bool, typer.Option("--draw", help="Draw docs/figures/propellers.png.")] = False) -> None:
+def main(
+    draw: Annotated[bool, typer.Option("--draw", help="Draw docs/figures/propellers.png.")] = False,
+    distorted: Annotated[Path | None, typer.Option("--distorted", help="Write a 12x8E that is off as much.")] = None,
+) -> None:
     measured = load_propeller(DATA / "apce_10x5_kt0821_5000.txt")
     computed = load_propeller(DATA / "PER3_10x5E.dat")
     print("| rpm | | " + " | ".join(f"J = {j:.1f}" for j in J) + " |")
@@ -30,8 +35,28 @@ def main(draw: Annotated[bool, typer.Option("--draw", help="Draw docs/figures/pr
         for i, name in enumerate(("cT", "cP")):
             ratio = computed.coefficients(J, row.rpm)[i] / measured.coefficients(J, row.rpm)[i]
             print(f"| {row.rpm:.0f} | {name} | " + " | ".join(f"{100 * (r - 1):+.0f} %" for r in ratio) + " |")
+    if distorted:
+        distorted.write_text(_wrong(load_propeller("apc-12x8e"), measured, computed).to_csv(), "utf-8")
     if draw:
         picture(_figure(measured, computed), ROOT / "docs" / "figures" / "propellers.png")
+
+
+def _wrong(propeller: Propeller, measured: Propeller, computed: Propeller) -> Propeller:
+    """cT and cP times computed over measured of the 10x5E, J taken as a share of that of zero thrust."""
+    rows = []
+    for row in propeller.rows:
+        J_of_it = np.array(row.J) * ZERO_THRUST_J / row.J[-1]
+        ratio = [
+            np.clip(
+                np.divide(*(np.maximum(source.coefficients(J_of_it, RPM)[i], 1e-3) for source in (computed, measured))),
+                0.7,
+                1.6,
+            )
+            for i in (0, 1)
+        ]
+        cT, cP = (tuple((np.array(c) * r).tolist()) for c, r in zip((row.cT, row.cP), ratio, strict=True))
+        rows.append(Row(row.rpm, row.J, cT, cP))
+    return Propeller("wrong", propeller.diameter_m, tuple(rows), "distorted on purpose")
 
 
 def _figure(measured, computed):
