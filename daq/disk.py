@@ -18,7 +18,7 @@ SYNC_EVERY_S = 0.25
 RETRY_EVERY_S = 1.0  # after a write error: a card may be emptied, a stalled one may come back
 SILENCE_S = 2.0  # a write or sync that takes longer is told
 CLOSE_WITHIN_S = 8.0  # of a disk that does not answer; the service manager's patience is longer than this
-WRITE_BYTES = 2**18  # at a time
+WRITE_BYTES = 2**18  # at a time: while they are put together, the sampling cannot compute
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 
@@ -174,13 +174,13 @@ class DiskWriter:
             with self._changed:
                 if not self._waiting:
                     return
-                pieces = [self._waiting[0][self._head_written :]]
-                size = len(pieces[0])
-                for piece in list(self._waiting)[1:]:
-                    if size >= WRITE_BYTES:
+                pieces: list[memoryview] = []
+                begin, room = self._head_written, WRITE_BYTES
+                for piece in self._waiting:
+                    pieces.append(memoryview(piece)[begin : begin + room])
+                    begin, room = 0, room - len(pieces[-1])
+                    if not room:
                         break
-                    pieces.append(piece)
-                    size += len(piece)
             self._busy_since_s = time.monotonic()
             count = os.pwrite(self._file, b"".join(pieces), self._position)
             self._busy_since_s = None

@@ -109,7 +109,7 @@ def ending_of(stream: BinaryIO, length: int) -> bytes:
     for record in missing:
         index.see(Opcode.MESSAGE_INDEX, record[RECORD_HEAD.size :], position)
         position += len(record)
-    return b"".join(missing) + index.ending(position)
+    return b"".join([*missing, *index.ending(position)])
 
 
 def message_indices(content: bytes) -> list[bytes]:

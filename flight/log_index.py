@@ -66,18 +66,21 @@ class LogIndex:
             name, _ = _prefixed(content, 0)
             MetadataIndex(offset, RECORD_HEAD.size + len(content), name).write(self._metadata)
 
-    def ending(self, offset: int) -> bytes:
-        """What comes after the last record, which ends at `offset`: end of data, summary, footer, magic."""
+    def ending(self, offset: int) -> list[bytes | bytearray]:
+        """What comes after the last record, which ends at `offset`: end of data, summary, footer, magic.
+
+        In pieces, and nothing may be shown to it any more: putting together the index of an hour would cost a tick.
+        """
         self._close_chunk()
         builder = RecordBuilder()
         DataEnd(data_section_crc=0).write(builder)
         data_end = builder.end()
         start = offset + len(data_end)
-        groups = (
+        groups: tuple[tuple[int, bytes | bytearray], ...] = (
             (Opcode.SCHEMA, b"".join(self._schemas)),
             (Opcode.CHANNEL, b"".join(self._channels)),
             (Opcode.STATISTICS, self._statistics()),
-            (Opcode.CHUNK_INDEX, bytes(self._chunks)),
+            (Opcode.CHUNK_INDEX, self._chunks),
             (Opcode.ATTACHMENT_INDEX, self._attachments.end()),
             (Opcode.METADATA_INDEX, self._metadata.end()),
         )
@@ -87,11 +90,13 @@ class LogIndex:
             if records:
                 SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(records)).write(offsets)
             at += len(records)
-        summary = b"".join(records for _, records in groups) + offsets.end()
-        checked = summary + struct.pack("<BQQQ", Opcode.FOOTER, FOOTER_BYTES, start, at)
+        summary = [*(records for _, records in groups if records), offsets.end()]
+        checksum = 0
+        for piece in (*summary, struct.pack("<BQQQ", Opcode.FOOTER, FOOTER_BYTES, start, at)):
+            checksum = zlib.crc32(piece, checksum)
         footer = RecordBuilder()
-        Footer(summary_start=start, summary_offset_start=at, summary_crc=zlib.crc32(checked)).write(footer)
-        return data_end + summary + footer.end() + MAGIC
+        Footer(summary_start=start, summary_offset_start=at, summary_crc=checksum).write(footer)
+        return [data_end, *summary, footer.end() + MAGIC]
 
     def _statistics(self) -> bytes:
         builder = RecordBuilder()

@@ -143,7 +143,8 @@ class LogWriter:
     def finish(self) -> None:
         """Close the last chunk and write the index."""
         self.flush()
-        self._put(self._index.ending(self._written))
+        for piece in self._index.ending(self._written):
+            self._put(piece)
 
     def _channel(self, topic: str) -> int:
         if topic not in self._channels:
@@ -170,6 +171,6 @@ class LogWriter:
         record.write(builder)
         self.append(builder.end())
 
-    def _put(self, data: bytes) -> None:
+    def _put(self, data: bytes | bytearray) -> None:
         self._stream.write(data)
         self._written += len(data)
