@@ -46,15 +46,9 @@ def _wrong(propeller: Propeller, measured: Propeller, computed: Propeller) -> Pr
     rows = []
     for row in propeller.rows:
         J_of_it = np.array(row.J) * ZERO_THRUST_J / row.J[-1]
-        ratio = [
-            np.clip(
-                np.divide(*(np.maximum(source.coefficients(J_of_it, RPM)[i], 1e-3) for source in (computed, measured))),
-                0.7,
-                1.6,
-            )
-            for i in (0, 1)
-        ]
-        cT, cP = (tuple((np.array(c) * r).tolist()) for c, r in zip((row.cT, row.cP), ratio, strict=True))
+        above, below = (np.maximum(source.coefficients(J_of_it, RPM), 1e-3) for source in (computed, measured))
+        ratio = np.clip(above / below, 0.7, 1.6)  # near zero thrust the ratio has no meaning
+        cT, cP = (tuple(coefficient) for coefficient in (ratio * (row.cT, row.cP)).tolist())
         rows.append(Row(row.rpm, row.J, cT, cP))
     return Propeller("wrong", propeller.diameter_m, tuple(rows), "distorted on purpose")
 
