@@ -233,7 +233,7 @@ def trace_filter(
 
     # What the outputs show: y about x is offset + H x.
     H = ca.jacobian(y, x)
-    rows = [H[i, :] for i in range(ny)]
+    rows: list[Any] = [H[i, :] for i in range(ny)]
     shown = ca.vertcat(*(ca.vertcat(y[i] - rows[i] @ x, *rows[i].nonzeros()) for i in range(ny)))
     shown_now = call(shown, [x, p_free], [x, u0, p], [x, u0, p])
     x_now, packed_now, e, ln_s, at = x, packed, [], [], 0
@@ -262,11 +262,11 @@ def trace_filter(
     x_next = INTEGRATORS[integrator](lambda x, u: xdot(x, u, p), x, u_at, h)
     x_next = call(ca.densify(x_next), [x, p_free], [x, u0, u1, p, h], [x_now, u0, u1, p, h])
     middle = call(ca.densify(x + h / 2 * xdot(x, u0, p)), [x, p_free], [x, u0, p, h], [x_now, u_at(0), p, h])
-    slope = ca.jacobian(f, x)
+    slope: Any = ca.jacobian(f, x)
     A_now = call(ca.vertcat(*slope.nonzeros()), [x, p_free], [x, u0, p], [middle, u_at(0.5), p])
     values, one = sym("A", slope.nnz()), ca.SX.eye(nx)
     hA = h * ca.SX(slope.sparsity(), values)
-    Phi = one + hA @ (one + hA / 2 @ (one + hA / 3 @ (one + hA / 4)))
+    Phi: Any = one + hA @ (one + hA / 2 @ (one + hA / 3 @ (one + hA / 4)))
     Phi_now = call(ca.vertcat(*Phi.nonzeros()), [values], [values, h], [A_now, h])
     values = sym("Phi", Phi.nnz())
     F = ca.SX(Phi.sparsity(), values)

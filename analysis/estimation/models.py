@@ -118,11 +118,11 @@ def pitch_and_height(
         q = u.q - p.q_bias
         Vdot, alphadot, _ = _wind_axis_derivative(c, x.V, x.alpha, x.theta, q, u, p, J_ref)
         _, thetadot, _ = motion.attitude_derivative(u.phi, x.theta, u.p, q, u.r)
-        return Vdot, alphadot, thetadot, _climb_rate(x, u)
+        return Vdot, alphadot, thetadot, _climb_rate(x.V, x.alpha, x.theta, u)
 
     def outputs(x: Named, u: Named, p: Named) -> tuple[Any, ...]:
         y = (*_air_data(x, p), *_specific_force(c, x.V, x.alpha, u.q - p.q_bias, u, p, J_ref), x.h)
-        return (*y, _climb_rate(x, u)) if climb_rate else y
+        return (*y, _climb_rate(x.V, x.alpha, x.theta, u)) if climb_rate else y
 
     return Model(
         name="pitch_and_height",
@@ -147,7 +147,10 @@ GUST_LENGTHS_M = {"gust": 263.0, "gust_alpha": 100.0}
 
 
 def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5, gusts: bool = False) -> Model:
-    """States V, alpha, theta, h as in `pitch_and_height`, for runs whose every systematic error counts.
+    """States V, gamma, theta, h, for runs whose every systematic error counts; alpha = theta - gamma.
+
+    With alpha's place taken by gamma (the angle of the path, wings level) the gyro moves theta alone, and so does its
+    noise: process noise of theta is that of the gyro, whose effect on alpha and on lift then is the same.
 
     Thrust is that at the state's speed, thrust + thrust_per_speed (V - V_ref): a table read at an airspeed 3 % too high
     gives 9 % too little thrust at high speed. Airspeed has a scale, a bias and a lag; as angles are pressures over
@@ -155,24 +158,25 @@ def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
 
     gusts : two more states, along the flow (m/s) and across it (rad, `gust_alpha`), first order with GUST_LENGTHS_M,
     for `filter_error` with the noise of `gust_noise`. The air's motion is added to what the aircraft's own would be:
-    V + gust is what wing, propeller and probe feel, V and alpha what moves it over the ground. V_ref stands wherever
-    the speed only scales something, so that no scale can be learnt from how much it gusts.
+    V + gust is what wing, propeller and probe feel, V and alpha what moves it through the mean air. Scales of the air
+    data are not applied to gusts, so that none can be learnt from how forces follow gusts.
     """
     c = Constants.of(aircraft)
 
     def felt(x: Named, u: Named, p: Named) -> tuple[Any, ...]:
-        """V, alpha in the air and the specific force ax, az [m/s^2]."""
-        V, alpha = (x.V + x.gust, x.alpha + x.gust_alpha) if gusts else (x.V, x.alpha)
+        """Specific force ax, az [m/s^2]."""
+        still = x.theta - x.gamma
+        V, alpha = (x.V + x.gust, still + x.gust_alpha) if gusts else (x.V, still)
         thrust = u.thrust + u.thrust_per_speed * (V - u.V_ref)
         T = thrust * (1 + p.thrust_scale + p.thrust_slope * (u.J * V / u.V_ref - J_ref))
         CL = p.CL0 + p.CLa * alpha + p.CLde * u.elevator + p.CLq * _q_hat(c, u.q - p.q_bias, u.V_ref)
         CX, CZ = body_axes(CL, p.A0 + p.A1 * CL + p.A2 * CL**2, alpha)
         qS = u.rho * V**2 / 2 * c.S
-        return V, alpha, (qS * CX + T) / c.m, qS * CZ / c.m
+        return (qS * CX + T) / c.m, qS * CZ / c.m
 
     def moved(x: Named, u: Named, p: Named, ax: Any, az: Any) -> tuple[Any, Any]:
         """Vdot, alphadot from the specific force; no side force is felt."""
-        forward, right, down = motion.velocity_of(x.V, x.alpha, u.beta)
+        forward, right, down = motion.velocity_of(x.V, x.theta - x.gamma, u.beta)
         udot, vdot, wdot = motion.velocity_derivative(
             forward, right, down, u.p, u.q - p.q_bias, u.r, u.phi, x.theta, ax, 0.0, az
         )
@@ -180,29 +184,35 @@ def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
         return Vdot, (forward * wdot - down * udot) / (forward**2 + down**2)
 
     def dynamics(x: Named, u: Named, p: Named) -> tuple[Any, ...]:
-        _, _, ax, az = felt(x, u, p)
+        Vdot, alphadot = moved(x, u, p, *felt(x, u, p))
         _, thetadot, _ = motion.attitude_derivative(u.phi, x.theta, u.p, u.q - p.q_bias, u.r)
-        flight = (*moved(x, u, p, ax, az), thetadot, _climb_rate(x, u))
+        flight = (Vdot, thetadot - alphadot, thetadot, _climb_rate(x.V, x.theta - x.gamma, x.theta, u))
         return (*flight, *(-x[name] * u.V_ref / GUST_LENGTHS_M[name] for name in GUSTS)) if gusts else flight
 
     def outputs(x: Named, u: Named, p: Named) -> tuple[Any, ...]:
-        V, alpha, ax, az = felt(x, u, p)
+        ax, az = felt(x, u, p)
         Vdot, alphadot = moved(x, u, p, ax, az)
+        gust, gust_alpha = (x.gust, x.gust_alpha) if gusts else (0.0, 0.0)
         return (
-            (V - p.air_data_lag * Vdot) * (1 + p.V_scale) + p.V_bias,
-            (alpha - p.air_data_lag * alphadot) * (1 + p.alpha_scale - 2 * p.V_scale) + p.alpha_bias,
+            (x.V - p.air_data_lag * Vdot) * (1 + p.V_scale) + p.V_bias + gust,
+            (x.theta - x.gamma - p.air_data_lag * alphadot) * (1 + p.alpha_scale - 2 * p.V_scale)
+            + p.alpha_bias
+            + gust_alpha,
             ax + p.ax_bias,
             az + p.az_bias,
             x.h,
         )
 
     def initial_state(segment: Segment) -> Mapping[str, float]:
-        return {**level_flight_state(segment), **(dict.fromkeys(GUSTS, 0.0) if gusts else {})}
+        state = dict(level_flight_state(segment))
+        if {"theta", "alpha"} <= set(state):
+            state["gamma"] = state["theta"] - state["alpha"]
+        return {**state, **(dict.fromkeys(GUSTS, 0.0) if gusts else {})}
 
     lag = Parameter(name="air_data_lag", start=priors.air_data_lag_mean_s, prior_sigma=priors.air_data_lag_s, unit="s")
     return Model(
         name="level_run in gusts" if gusts else "level_run",
-        states=("V", "alpha", "theta", "h", *(GUSTS if gusts else ())),
+        states=("V", "gamma", "theta", "h", *(GUSTS if gusts else ())),
         inputs=("thrust", "thrust_per_speed", "V_ref", "J", "elevator", "q", "phi", "p", "r", "beta", "rho"),
         outputs=("V", "alpha", "ax", "az", "h"),
         parameters=(
@@ -245,7 +255,7 @@ def longitudinal(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
         Cm = p.Cm0 + p.Cma * x.alpha + p.Cmq * _q_hat(c, x.q, x.V) + p.Cmde * u.elevator
         M = u.rho * x.V**2 / 2 * c.S * c.chord * Cm
         _, qdot, _ = motion.rate_derivative(u.p, x.q, u.r, 0.0, M, 0.0, c.inertia)
-        return Vdot, alphadot, thetadot, qdot, _climb_rate(x, u)
+        return Vdot, alphadot, thetadot, qdot, _climb_rate(x.V, x.alpha, x.theta, u)
 
     def outputs(x: Named, u: Named, p: Named) -> tuple[Any, ...]:
         return (
@@ -435,7 +445,7 @@ def _air_data(x: Named, p: Named) -> tuple[Any, Any]:
     return x.V * (1 + p.V_scale) + p.V_bias, x.alpha * (1 + p.alpha_scale) + p.alpha_bias
 
 
-def _climb_rate(x: Named, u: Named) -> Any:
+def _climb_rate(V: Any, alpha: Any, theta: Any, u: Named) -> Any:
     """hdot in still air."""
-    forward, right, down = motion.velocity_of(x.V, x.alpha, u.beta)
-    return -motion.earth_from_body(forward, right, down, u.phi, x.theta, 0.0)[2]
+    forward, right, down = motion.velocity_of(V, alpha, u.beta)
+    return -motion.earth_from_body(forward, right, down, u.phi, theta, 0.0)[2]
