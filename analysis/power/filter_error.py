@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from analysis.estimation import filter_error, models, output_error
 from analysis.estimation.filter_error import FilterFit, ProcessNoise
-from analysis.power import covariance
-from analysis.power.curve import Polar
 from analysis.power.level_runs import OUTPUTS, priors, segments_of
 from analysis.runs import Run
 from flight.aircraft import Aircraft
@@ -52,23 +50,3 @@ def fitted(
 def _sample_noise(signal: Array) -> float:
     """Standard deviation of what is white: a sample's distance from the mean of its neighbours has 1.5 its variance."""
     return float(np.sqrt(np.nanmean((signal[1:-1] - (signal[:-2] + signal[2:]) / 2) ** 2) / 1.5))
-
-
-def polar_of(fit: FilterFit) -> Polar:
-    """The polar, with the covariance of noise, floor, and of the choice of runs.
-
-    Runs begin and end where measured speed turns, so where a gust along the flow is likely to be at an extreme: the
-    speed they gain or lose is overstated by about a standard deviation of such gusts, as if by a scale of airspeed.
-    The polar follows that scale as the fit's own covariance says.
-    """
-    polar = covariance.polar_of(fit)
-    along = next(noise for noise in models.gust_noise(_mean_speed(fit)) if noise.state == "gust")
-    sigma = fit.process_noise["gust"].value * np.sqrt(along.acted_s)
-    change = float(np.mean([np.ptp(piece.segment.u["V_ref"]) for piece in fit.pieces]))
-    where, scale = [fit.names.index(name) for name in ("A0", "A1", "A2")], fit.names.index("V_scale")
-    follows = fit.covariance[where, scale] / fit.covariance[scale, scale]
-    return Polar(polar.A, polar.covariance + (sigma / change) ** 2 * np.outer(follows, follows))
-
-
-def _mean_speed(fit: FilterFit) -> float:
-    return float(np.mean([piece.segment.u["V_ref"].mean() for piece in fit.pieces]))

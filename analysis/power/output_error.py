@@ -49,7 +49,7 @@ def estimate_polar(
     fit = fitted(table, runs, aircraft, propeller, zeroed=zeroed)
     if _disturbed(fit):
         by_filter = filter_error.fitted(table, runs, aircraft, propeller, zeroed=zeroed)
-        return CrossCheck(filter_error.polar_of(by_filter), str(by_filter.verdict), by_filter.verdict.ok, in_gusts=True)
+        return CrossCheck(covariance.polar_of(by_filter), str(by_filter.verdict), by_filter.verdict.ok, in_gusts=True)
     return CrossCheck(covariance.polar_of(fit), str(fit.verdict), fit.verdict.ok)
 
 
