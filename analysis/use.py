@@ -291,8 +291,8 @@ def _available(
     fastest = float(curve.speed_at(flown_CL[0], at))
     maximum = _interval(performance.maximum_speed)
     service, absolute = (
-        _interval(available.ceiling_m(row, propeller, at, flown_CL, climb))
-        for climb in (available.SERVICE_CLIMB_MPS, 0.0)
+        _interval(height)
+        for height in available.ceilings_m(row, propeller, at, flown_CL, (available.SERVICE_CLIMB_MPS, 0.0))
     )
     notes = []
     if maximum is None:

@@ -20,7 +20,7 @@ from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 
-SPEEDS = 241
+SPEEDS = 121
 
 
 def density_altitude_m(rho):

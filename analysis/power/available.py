@@ -33,9 +33,9 @@ SETTLING_S = 0.6  # after the stick: the controller's own ramp, and the motor's 
 SHORTEST_S, NEEDED_S = 1.0, 2.0
 SLOWING_SHARE = 0.5  # one standard deviation of the slope that the aircraft file's resistances give
 SERVICE_CLIMB_MPS = 0.508  # 100 ft/min
-HEIGHTS_M = np.arange(0.0, 11_001.0, 250.0)  # of the standard troposphere
+HEIGHTS_M = np.arange(0.0, 11_001.0, 500.0)  # of the standard troposphere
 FASTEST = 1.35  # times the fastest speed flown, up to which a highest level speed is sought
-SPEEDS = 161
+SPEEDS = 121
 ROUNDS = 6  # each a tenth of the last in what it changes
 
 
@@ -164,10 +164,14 @@ def _last_crossing(x: Array, y: Array) -> float:
     return float(x[i] + (x[i + 1] - x[i]) * y[i] / (y[i] - y[i + 1]))
 
 
-def ceiling_m(
-    row: dict[str, Array], propeller: Blades, at: Condition, flown_CL: tuple[float, float], climb_mps: float
-) -> Estimate:
-    """Density altitude [m] of the standard atmosphere at which the best climb has fallen to `climb_mps`.
+def ceilings_m(
+    row: dict[str, Array],
+    propeller: Blades,
+    at: Condition,
+    flown_CL: tuple[float, float],
+    climbs_mps: tuple[float, ...],
+) -> list[Estimate]:
+    """Density altitudes [m] of the standard atmosphere at which the best climb has fallen to each of `climbs_mps`.
 
     NaN above the troposphere. Lift coefficients stay those flown; the motor's voltage does not know the height.
     """
@@ -179,4 +183,4 @@ def ceiling_m(
     for i in range(n_rows):
         one = {name: values[i] for name, values in row.items()}
         best[i] = np.nanmax(_climb(one, propeller, V, rho, at)[2], axis=1)
-    return estimate([_last_crossing(HEIGHTS_M, left) for left in best - climb_mps])
+    return [estimate([_last_crossing(HEIGHTS_M, left) for left in best - climb]) for climb in climbs_mps]

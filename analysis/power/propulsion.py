@@ -9,6 +9,7 @@ In level flight thrust is drag (as in (3.45): thrust along the path), so a speed
 the shaft power, and that the battery's power, at any weight and density.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,7 +37,7 @@ SLOWLY_PER_S = 0.04  # change of motor speed a second, as a share of it, up to w
 SHORTEST_S, NEEDED_S = 3.0, 10.0  # of one stretch, and of all
 POINT_S = 5.0  # a measured point of efficiency is a mean over this
 TURNING_REVPS = 10.0
-HALVINGS = 48  # of the interval in which a speed of rotation is sought: to the last digit that matters
+HALVINGS = 18  # of the interval in which a speed of rotation is sought: to 0.001 rev/s, then a straight line
 
 
 def thrust_and_power(propeller: Blades, V, n, rho, *, thrust_scale=0.0, thrust_slope=0.0):
@@ -54,11 +55,11 @@ def revps_for(propeller: Blades, V, thrust_N, rho, *, thrust_scale=0.0, thrust_s
     V, thrust_N = np.broadcast_arrays(np.asarray(V, dtype=float), np.asarray(thrust_N, dtype=float))
     slowest = V / (3 * propeller.diameter_m)  # J = 3: no model propeller pulls there
 
-    def too_much(n: Array) -> NDArray[np.bool_]:
+    def excess(n: Array) -> Array:
         thrust, _ = thrust_and_power(propeller, V, n, rho, thrust_scale=thrust_scale, thrust_slope=thrust_slope)
-        return thrust > thrust_N
+        return thrust - thrust_N
 
-    return _bisected(too_much, slowest, 15 * slowest + 100.0)
+    return _root(excess, slowest, 15 * slowest + 100.0)
 
 
 def full_throttle_revps(propeller: Blades, V, rho, *, unloaded_revps, revps_per_Nm) -> Array:
@@ -66,22 +67,23 @@ def full_throttle_revps(propeller: Blades, V, rho, *, unloaded_revps, revps_per_
     V = np.asarray(V, dtype=float)
     shape = np.broadcast_shapes(V.shape, np.shape(rho), np.shape(unloaded_revps))
 
-    def too_fast(n: Array) -> NDArray[np.bool_]:
+    def excess(n: Array) -> Array:
         _, shaft = propeller.thrust_and_power(V, n, rho)
-        return n + revps_per_Nm * shaft / (2 * np.pi * n) > unloaded_revps
+        return n + revps_per_Nm * shaft / (2 * np.pi * n) - unloaded_revps
 
-    return _bisected(too_fast, np.full(shape, 1.0), np.broadcast_to(1.5 * unloaded_revps, shape).astype(float))
+    return _root(excess, np.full(shape, 1.0), np.broadcast_to(1.5 * unloaded_revps, shape).astype(float))
 
 
-def _bisected(beyond, low: Array, high: Array) -> Array:
-    """Where a rising condition turns true between low and high; NaN where it does not."""
-    found = beyond(high)
+def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """Where a rising function passes zero between low and high: halving, at last a straight line; NaN where nowhere."""
+    found = excess(high) > 0
     low, high = np.broadcast_arrays(low, high)
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        above = beyond(middle)
+        above = excess(middle) > 0
         low, high = np.where(above, low, middle), np.where(above, middle, high)
-    return np.where(found, (low + high) / 2, np.nan)
+    at_low, at_high = excess(low), excess(high)
+    return np.where(found, low - (high - low) * at_low / (at_high - at_low), np.nan)
 
 
 @dataclass(frozen=True)

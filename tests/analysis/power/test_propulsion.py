@@ -71,15 +71,15 @@ def test_what_a_propeller_that_speeds_up_stores_is_not_called_loss(nexstar, prop
 
 
 def test_intervals_cover_as_often_as_they_say(nexstar, propeller) -> None:
-    """60 flights: table off by 5 % in power, the meter by 2 %, noise of half an ampere that lasts 1 s.
+    """40 flights: table off by 5 % in power, the meter by 2 %, noise of half an ampere that lasts 1 s.
 
-    95 % within 3 standard errors of a binomial share of 60 x 5 points that err together: the effective number is 60.
+    95 % within 3 standard errors of a binomial share of 40 x 5 points that err together: the effective number is 40.
     """
     data = steady_points(nexstar, propeller)
     V, n, truth = elsewhere(nexstar, propeller)
     rng = np.random.default_rng(3)
     hits = []
-    for _ in range(60):
+    for _ in range(40):
         table_scale, meter = 1 + 0.05 * rng.standard_normal(), 1 + METER_SCALE * rng.standard_normal()
         off = replace_power(propeller, 1 / table_scale)
         noise = np.convolve(rng.standard_normal(len(data) + 4), np.ones(5) / np.sqrt(5), mode="valid") * 0.5 * 14
@@ -87,7 +87,7 @@ def test_intervals_cover_as_often_as_they_say(nexstar, propeller) -> None:
         train = power_train(seen, nexstar.propulsion, off, NO_CORRECTION)
         found = predicted(train, off, V, n)
         hits.append((found.lo <= truth) & (truth <= found.hi))
-    assert np.mean(hits) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / 60)
+    assert np.mean(hits) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / 40)
 
 
 def replace_power(propeller, factor):
