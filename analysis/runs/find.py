@@ -5,7 +5,7 @@ import pandas as pd
 
 from analysis.airdata.air import LOW_M
 from analysis.runs.elevator import find_3211
-from analysis.runs.kinds import FLYING, STANDING, STEPS_3211, Found, Run, measured
+from analysis.runs.kinds import FLYING, STANDING, STEPS_3211, Found, Rejected, Run, measured
 from analysis.runs.level import find_runs
 from analysis.runs.loads import find_loads
 from analysis.runs.steady import find_steady
@@ -39,12 +39,12 @@ def _whole(table: pd.DataFrame, still: list[slice]) -> list[Run]:
     ]
 
 
-def _within(stretch, steps: list[Run]) -> bool:
+def _within(stretch: Run | Rejected, steps: list[Run]) -> bool:
     return stretch.kind != STEPS_3211 and any(
         stretch.start_s < step.end_s and stretch.end_s > step.start_s and stretch.end_s - stretch.start_s < 10
         for step in steps
     )
 
 
-def _when(stretch) -> float:
+def _when(stretch: Run | Rejected) -> float:
     return stretch.start_s
