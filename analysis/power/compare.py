@@ -191,7 +191,7 @@ def _fault_in_words(cause: str, errors: Mapping[str, Error]) -> str:
     scale, slope = errors["thrust_scale"], errors["thrust_slope"]
     return (
         f"The propeller gives {_percent(scale, 'more', 'less')} thrust than its table says at J = {J_REFERENCE:g},"
-        f" changing by {10 * slope.value:+.1f} % for each 0.1 of J (or the motor's speed, or the aircraft's weight, is not what is said)."
+        f" changing by {10 * slope.value:+.1f} % for each 0.1 of J (or the motor's speed or the weight is wrong)."
     )
 
 
