@@ -11,6 +11,7 @@ quotes what this prints.
 import dataclasses
 import tempfile
 from collections import Counter
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -70,7 +71,9 @@ class Asked(NamedTuple):
     at: curve.Condition
 
 
+@lru_cache(maxsize=1)
 def tunnel_probe() -> ProbeCalibration:
+    """A probe calibrated in the simulated tunnel; the same for every flight."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "tunnel.csv"
         write_calibration(path, tunnel_measurements(seed=0), replace=False)
