@@ -132,12 +132,16 @@ class Significance(NamedTuple):
 
 
 def t_tests(uncertainty: Uncertainty, level: float = 0.05) -> dict[str, Significance]:
-    """Whether each free number differs from zero: t against Student's t of N - n_p degrees of freedom (4.3-4.5)."""
+    """Whether each free number differs from zero: t against Student's t of N - n_p degrees of freedom (4.3-4.5).
+
+    Logarithms of noises are left out: for them zero means nothing (see `filter_error.Intensity` instead).
+    """
     fit = uncertainty.fit
     critical = float(special.stdtrit(max(1, fit.samples - len(fit.names)), 1 - level / 2))
     return {
         name: Significance(value / error, critical, bool(abs(value) > critical * error))
         for (name, error), value in zip(uncertainty.standard_errors.items(), fit.values.tolist(), strict=True)
+        if not name.startswith(("ln w(", "ln v("))
     }
 
 

@@ -219,6 +219,34 @@ def test_segments_add_and_missing_samples_cost_information_and_nothing_else():
         assert estimate.standard_error > 0.95 * full.standard_error
 
 
+def test_an_unstable_aircraft_is_followed_over_a_record_that_is_not_cut():
+    """Positive Mal, held by feedback: an error doubles in 0.3 s, e^23 over the record, but for the filter, which corrects
+    itself at every sample."""
+    truth = LINEAR_TRUTH | {"Z0": 0.0, "M0": 0.0, "Mal": 12.0}
+    A = np.array([[truth["Zal"], 1.0], [truth["Mal"], truth["Mq"]]])
+    B = np.array([truth["Zde"], truth["Mde"]])
+    assert np.linalg.eigvals(A).real.max() > 2
+    rng = np.random.default_rng(8)
+    n, fine = 250, 40
+    wanted = 0.3 * np.sign(np.sin(2 * T_S)) + 0.15 * np.sign(np.sin(5.3 * T_S))
+    de, x = np.zeros(n), np.zeros((n, 2))
+    for k in range(n - 1):
+        de[k] = 3.0 * x[k, 0] + 0.6 * x[k, 1] + 0.2 * wanted[k]
+        now = x[k]
+        for _ in range(fine):  # Euler-Maruyama, the surface standing still over a step
+            h = STEP_S / fine
+            now = now + h * (A @ now + B * de[k]) + np.array([INTENSITY * np.sqrt(h), 0.0]) * rng.standard_normal(2)
+        x[k + 1] = now
+    de[-1] = de[-2]
+    z = x + SIGMA * rng.standard_normal((n, 2))
+    segment = Segment(name="run", t_s=T_S, u={"de": de}, z={"alpha": z[:, 0], "q": z[:, 1]})
+    model = LINEAR.changed(Mal={"start": 6.0}, Z0={"start": 0.0}, M0={"start": 0.0})
+    fit = filter_error.estimate(model, segment, LINEAR_NOISE, inputs="held", tested=False)
+    assert fit.verdict.ok
+    for name, value in truth.items():
+        assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].standard_error, name
+
+
 def test_priors_held_parameters_and_known_noises():
     segment = linear_record(6)
     plain = filter_error.estimate(LINEAR, segment, LINEAR_NOISE, tested=False)
