@@ -90,7 +90,8 @@ def analyze(
     warnings += thrust_coverage(flown, propeller)
 
     progress("reconstructing the flight path")
-    path = reconstruct(air.table, still)
+    path = reconstruct(air.table, still, alpha_scale_sigma=probe.alpha_scale_sigma)
+    warnings += summary.gusts_said(path, len(runs), str(log.path))
     warnings += skew.notes(path)
     progress(f"estimating drag from {len(used)} runs")
     by_runs = dynamic.estimate_polar(air.table, path, runs, aircraft, propeller) if runs else None

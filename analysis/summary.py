@@ -3,14 +3,17 @@
 import numpy as np
 import pandas as pd
 
+from analysis.path.reconstruct import Path
 from analysis.power import curve
 from analysis.power.output_error import CrossCheck
 from analysis.results import DragPolar, PowerPoint, RejectedResult, RunResult, SpeedInterval
 from analysis.runs import Rejected, Run
 from analysis.use import thrust_known
 from flight.aircraft import Aircraft
+from flight.errors import InputError
 
 CURVE_POINTS = 61
+UNCERTAIN_ALPHA_DEG, TURBULENT_MPS = 0.3, 0.3  # W20 = 6 kt and more, as the path finds it
 ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients between which the curve is drawn
 
 
@@ -110,3 +113,18 @@ def cross_check_said(
         f"Output error over the runs alone differs by {100 * (other[worst] / power[worst] - 1):+.0f} % at"
         f" {V[worst]:.1f} m/s, more than both intervals allow: look at the fits below."
     ]
+
+
+def gusts_said(path: Path, runs: int, log: str) -> list[str]:
+    """What turbulence leaves unknown, in words.
+
+    Raises InputError where all there is is one run, and gusts leave the angle of attack more uncertain than one run can
+    stand: a degree is 20 % of power near the stall (method section 6).
+    """
+    sigma_deg = float(np.degrees(path.standard_error("alpha_bias")))
+    if sigma_deg < UNCERTAIN_ALPHA_DEG or path.gust_mps < TURBULENT_MPS:
+        return []
+    said = f"vertical gusts of {path.gust_mps:.1f} m/s leave the angle of attack uncertain by {sigma_deg:.1f} deg"
+    if runs == 1:
+        raise InputError(f"{log}: one run alone, and {said}; fly more runs, longer, or on a calmer day")
+    return [f"In this air {said}: the interval is wide. A longer or a calmer flight makes it narrower."]

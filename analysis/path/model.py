@@ -5,8 +5,8 @@ the whole flight: the mean wind, biases and scales of the sensors. Functions are
 CasADi over all instants at once, exact derivatives included.
 
 The aircraft answers to gusts. It heaves with them within a second and turns its nose into them within two; only its
-speed is slow to follow. What a gust and the answer to it have in common would be taken for an error of a sensor, were it
-free to enter beside one (docs/estimators.md has the figures). Hence gusts are along the aircraft's own axes, their
+speed is slow to follow. What a gust and the answer to it have in common would be taken for an error of a sensor, were
+it free to enter beside one (docs/estimators.md has the figures). Hence gusts are along the aircraft's own axes, their
 effect on the flow depends on the slow flow alone, and a scale stands beside what lift and inertia dictate: SLOW, given
 for each step, foreseen from the path before.
 """

@@ -72,12 +72,13 @@ class Path:
         return float(np.sqrt(self.covariance[SHARED.index(name), SHARED.index(name)]))
 
 
-def reconstruct(table: pd.DataFrame, still: list[slice]) -> Path:
+def reconstruct(table: pd.DataFrame, still: list[slice], *, alpha_scale_sigma: float = 0.0) -> Path:
     """The most probable path of a whole flight.
 
-    table: as `air_data` leaves it. still: where the aircraft stood.
+    table: as `air_data` leaves it. still: where the aircraft stood. alpha_scale_sigma: standard deviation of the slope
+    of angle of attack in the probe's calibration, on top of what transducers and their place on the aircraft add.
     """
-    problem = _Problem(table, still)
+    problem = _Problem(table, still, alpha_scale_sigma)
     solution = problem.solve(*problem.start(), _FIRST_TRIED, ITERATIONS)
     solution = problem.solve(solution.x, solution.shared, _most_probable(problem, solution), ITERATIONS)
     return problem.path(solution)
@@ -120,7 +121,7 @@ class _Solution:
 
 
 class _Problem:
-    def __init__(self, table: pd.DataFrame, still: list[slice]):
+    def __init__(self, table: pd.DataFrame, still: list[slice], alpha_scale_sigma: float):
         self._rate_Hz = 1 / float(table.index[1] - table.index[0])
         self._noise = _noise_at_rest(table, still)
         self._n = len(table) // BLOCK
@@ -146,6 +147,8 @@ class _Problem:
             np.array([PRIOR_MEAN.get(name, 0.0) for name in SHARED]),
             np.array([PRIOR_SIGMA[name] for name in SHARED]),
         )
+        slope = SHARED.index("alpha_scale")
+        self._prior_shared[1][slope] = np.hypot(self._prior_shared[1][slope], alpha_scale_sigma)
 
     def _integrated(self) -> tuple[Array, Array]:
         """Means of rates and forces from each block's centre to the next, and the noise of the states they lead to."""
