@@ -182,10 +182,10 @@ def print_power(console: Console, gathered: dict[str, list[np.ndarray]], V: np.n
     for method, values in gathered.items():
         error, half = np.array(values).transpose(1, 0, 2)
         for name, row, form in (
-            ("95 % of errors below", np.percentile(np.abs(error), 95, axis=0), "{:.1f}"),
-            ("mean", error.mean(axis=0), "{:+.1f}"),
-            ("half width of intervals", np.median(half, axis=0), "{:.1f}"),
-            ("coverage, %", 100 * np.mean(np.abs(error) < half, axis=0), "{:.0f}"),
+            ("95 % of errors below", np.nanpercentile(np.abs(error), 95, axis=0), "{:.1f}"),
+            ("mean", np.nanmean(error, axis=0), "{:+.1f}"),
+            ("half width of intervals", np.nanmedian(half, axis=0), "{:.1f}"),
+            ("coverage, %", 100 * np.sum(np.abs(error) < half, axis=0) / np.isfinite(error).sum(axis=0), "{:.0f}"),
         ):
             table.add_row(method, name, *(form.format(x) for x in row))
             method = ""

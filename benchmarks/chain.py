@@ -1,0 +1,81 @@
+"""The whole chain over simulated flights: fakes, daemon, log, analysis; error and coverage of the curve in the results.
+
+    python benchmarks/chain.py --turbulence-kt 3 --flights 8
+
+Each flight is flown and recorded by `sim fly` and analysed by `analyze`, as a user would; compared is the curve of
+results.json with the simulator's truth at the speeds of benchmarks/estimators.py that were flown.
+"""
+
+import csv
+import json
+import subprocess
+import sysconfig
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from importlib import resources
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from estimators import print_power, speeds
+from rich.console import Console
+
+from flight.aircraft import load_aircraft
+
+SCRIPTS = Path(sysconfig.get_path("scripts"))
+
+
+def run(*command: object) -> None:
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{command}: {done.stderr}")
+
+
+def one_flight(folder: Path, plan: Path, errors: str, seed: int, hardware: bool, V: np.ndarray) -> np.ndarray:
+    """Error and half the interval in per cent of the truth (2, speeds); NaN where it was not flown."""
+    flags = [] if hardware else ["--no-hardware"]
+    run(SCRIPTS / "sim", "fly", "--plan", plan, "--errors", errors, "--seed", seed,
+        "--probe", folder.parent / "probe.json", "-o", folder, *flags)  # fmt: skip
+    run(SCRIPTS / "analyze", folder / "log.mcap", "--quiet")
+    points = json.loads((folder / "log.report" / "results.json").read_text("utf-8"))["power_required"]
+    flown, power, low, high = (
+        np.array([point[name] for point in points]) for name in ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
+    )
+    with (folder / "truth_power_required.csv").open() as file:
+        rows = [(float(row["speed_mps"]), float(row["power_W"])) for row in csv.DictReader(file)]
+    true = np.interp(V, *np.array(rows).T)
+    figures = np.stack([np.interp(V, flown, power) / true - 1, np.interp(V, flown, (high - low) / 2) / true])
+    return np.where((V > flown[0] - 0.2) & (V < flown[-1] + 0.2), 100 * figures, np.nan)
+
+
+def main(
+    plan: Annotated[str, typer.Option(help="Flight plan.")] = "full-test-flight",
+    errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
+    turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
+    flights: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 8,
+    hardware: Annotated[bool, typer.Option(help="Through fakes and daemon; or straight to the same log.")] = True,
+    jobs: Annotated[int, typer.Option(help="Flights at a time.")] = 2,
+) -> None:
+    V = speeds(load_aircraft("nexstar"))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        text = (resources.files("sim") / "plans" / f"{plan}.toml").read_text("utf-8")
+        text = text.replace("[air]\n", f'[air]\nturbulence = "{turbulence_kt} kt"\n')
+        (folder / "plan.toml").write_text(text, "utf-8")
+        run(SCRIPTS / "sim", "tunnel", "-o", folder / "tunnel.csv")
+        run(SCRIPTS / "calibrate", "probe", folder / "tunnel.csv", "-o", folder / "probe.json")
+        with ThreadPoolExecutor(jobs) as pool:
+            figures = list(
+                pool.map(
+                    lambda seed: one_flight(folder / str(seed), folder / "plan.toml", errors, seed, hardware, V),
+                    range(flights),
+                )
+            )
+    console = Console(width=120)
+    console.print(f"{errors}, {plan}, W20 = {turbulence_kt:g} kt, {flights} flights, the whole chain")
+    print_power(console, {"results.json": figures}, V)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,29 @@
+"""What is said of turbulence, and when one run alone is not believed."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.path.model import SHARED
+from analysis.path.reconstruct import Path
+from analysis.summary import gusts_said
+from flight.errors import InputError
+
+
+def path(gust_mps: float, alpha_sigma_deg: float) -> Path:
+    sigma = np.ones(len(SHARED))
+    sigma[SHARED.index("alpha_bias")] = np.radians(alpha_sigma_deg)
+    nothing = np.zeros((0, len(SHARED)))
+    return Path(pd.DataFrame(), np.zeros(len(SHARED)), np.diag(sigma**2), nothing, nothing, gust_mps, {}, True)
+
+
+def test_one_run_alone_in_strong_gusts_is_refused_with_the_reason() -> None:
+    with pytest.raises(InputError, match=r"log.mcap: one run alone, and vertical gusts of 0.8 m/s .* by 0.5 deg"):
+        gusts_said(path(0.8, 0.5), 1, "log.mcap")
+
+
+def test_more_runs_are_taken_with_a_warning_and_a_calm_flight_without_a_word() -> None:
+    (said,) = gusts_said(path(0.8, 0.5), 2, "log.mcap")
+    assert "0.5 deg" in said
+    assert gusts_said(path(0.8, 0.2), 1, "log.mcap") == []  # a long flight knows its angle of attack
+    assert gusts_said(path(0.02, 0.5), 1, "log.mcap") == []  # a short one in still air: its interval says enough
