@@ -386,8 +386,10 @@ def _smoothed(values: Array, width: int) -> Array:
 
 
 def _noise_at_rest(table: pd.DataFrame, still: list[slice]) -> dict[str, float]:
-    """Standard deviation of each channel while the aircraft stood, or what is usual where it never did."""
-    if not still:
-        return dict(BENCH)
-    spread = {name: np.sqrt(np.mean([table[name].iloc[s].var() for s in still])) for name in BENCH}
-    return {name: float(max(spread[name], 0.1 * usual)) for name, usual in BENCH.items()}
+    """Standard deviation of each channel while the aircraft stood; what is usual where that was not measured."""
+    noise = {}
+    for name, usual in BENCH.items():
+        variance = np.array([table[name].iloc[rows].var() for rows in still])
+        seen = variance[np.isfinite(variance)]
+        noise[name] = float(max(np.sqrt(seen.mean()), 0.1 * usual)) if len(seen) else usual
+    return noise

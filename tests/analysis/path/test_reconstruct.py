@@ -114,6 +114,17 @@ def test_without_gps_the_path_still_stands_and_knows_less(probe) -> None:
     assert np.isfinite(without.states.to_numpy()).all()
 
 
+def test_a_channel_that_was_silent_while_the_aircraft_stood_costs_nothing_but_its_noise(probe) -> None:
+    """Sideslip answers late: its noise cannot be seen at rest, so what is usual is taken; the path hardly moves."""
+    _, _, air, still = flown(0, probe, "accel-decel")
+    late = air.copy()
+    late.iloc[: still[0].stop, late.columns.get_loc("dp_beta_Pa")] = np.nan
+    whole, path = reconstruct(air, still), reconstruct(late, still)
+    assert path.converged
+    moved = (path.shared - whole.shared) / np.sqrt(np.diag(whole.covariance))
+    assert np.abs(moved).max() < 0.5
+
+
 def test_a_gap_of_the_imu_costs_its_own_seconds_only(probe) -> None:
     _, _, air, still = flown(0, probe, "accel-decel")
     holed = air.copy()
