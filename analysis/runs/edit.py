@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.runs import quality
-from analysis.runs.kinds import KINDS, STANDING, Found, Rejected, Run, measured
+from analysis.runs.kinds import KINDS, LEVEL, STANDING, Found, Rejected, Run, measured
 from analysis.runs.smooth import smooth
 from flight.errors import InputError
 from flight.units import read_table
@@ -21,7 +21,7 @@ HEAD = """\
 # Runs may be added. Lines that begin with # are remarks.
 """
 SMOOTHING_S = 2.2
-FEWEST_SAMPLES = 25
+FEWEST_SAMPLES = 60  # twelve of the five-sample blocks that estimators work on: fewer they would leave out, unsaid
 DROPPED = "left out by hand"
 
 
@@ -84,11 +84,13 @@ def load(path: Path) -> list[Entry]:
 def taken(entries: list[Entry], table: pd.DataFrame, where: str) -> Found:
     """The runs that a file keeps, measured anew. table: as `air_data` leaves it; `where` names the file in errors.
 
-    Raises InputError for a run outside the log, or one without the data that every method needs.
+    Raises InputError for a run outside the log, one without the data that every method needs, and for accelerations or
+    decelerations that overlap: what counts twice makes the interval too narrow.
     """
     now = smooth(table, SMOOTHING_S)
     last_s = float(table.index[-1])
-    runs, dropped = [], []
+    runs: list[Run] = []
+    dropped: list[Rejected] = []
     for i, entry in enumerate(entries, start=1):
         if not entry.keep:
             dropped.append(Rejected(entry.kind, entry.start_s, entry.end_s, DROPPED))
@@ -104,6 +106,9 @@ def taken(entries: list[Entry], table: pd.DataFrame, where: str) -> Found:
         lacks = "" if entry.kind == STANDING else quality.without_data(data)
         if lacks:
             raise InputError(f"{at}: {lacks}")
+        for other in runs if entry.kind in LEVEL else ():
+            if other.kind in LEVEL and other.rows.start < rows.stop - 1 and rows.start < other.rows.stop - 1:
+                raise InputError(f"{at}: overlaps the {other.name}")
         notes = () if entry.kind == STANDING else quality.notes(data, now.bank[rows])
         runs.append(measured(entry.kind, rows, table, now.V, notes))
     return Found(sorted(runs, key=lambda run: run.start_s), dropped)
