@@ -12,6 +12,8 @@ from analysis import methods, recorded, summary
 from analysis.airdata import lines, skew
 from analysis.airdata.air import air_data
 from analysis.channels import synchronise
+from analysis.path.consistency import Consistency, consistency
+from analysis.path.observability import learnt, notes
 from analysis.path.reconstruct import reconstruct
 from analysis.power import curve, dynamic, output_error
 from analysis.questions import Questions
@@ -41,6 +43,7 @@ class Analysis:
     polar: curve.Polar
     flown_CL: tuple[float, float]
     found: Found
+    consistency: Consistency
 
 
 def analyze(
@@ -93,6 +96,9 @@ def analyze(
     path = reconstruct(air.table, still, alpha_scale_sigma=probe.alpha_scale_sigma)
     warnings += summary.gusts_said(path, len(runs), str(log.path))
     warnings += skew.notes(path)
+    sensor_errors = learnt(air.table, path, alpha_scale_sigma=probe.alpha_scale_sigma)
+    warnings += notes(sensor_errors)
+    agreement = consistency(air.table, path)
     progress(f"estimating drag from {len(used)} runs")
     by_runs = dynamic.estimate_polar(air.table, path, runs, aircraft, propeller) if runs else None
     progress("asking every other method")
@@ -144,6 +150,7 @@ def analyze(
         one_by_one=[methods.method_result(answer, test) for answer in asked.one_by_one],
         disagreements=[methods.disagreement_result(one) for one in asked.disagreements],
         interval_parts=interval_parts(estimate, test, np.array([point.speed_mps for point in power_required])),
+        path=summary.path_result(path, agreement, sensor_errors),
         use=answered,
     )
-    return Analysis(results, air.table, runs, estimate, estimate.polar, flown_CL, found)
+    return Analysis(results, air.table, runs, estimate, estimate.polar, flown_CL, found, agreement)

@@ -71,6 +71,46 @@ class ParameterResult(msgspec.Struct, frozen=True, kw_only=True):
     unit: str
 
 
+class SensorError(msgspec.Struct, frozen=True, kw_only=True):
+    """What the flight says of one systematic error of the sensors, and what it lacked to say more."""
+
+    name: str
+    title: str
+    value: float
+    standard_error: float
+    assumed_sigma: float  # standard deviation before the flight was looked at
+    unit: str
+    determined: bool  # by this flight, and not only assumed before it
+    missing: list[str]  # what the flight lacked, where it did not determine it
+
+
+class Check(msgspec.Struct, frozen=True, kw_only=True):
+    """A difference that should be zero: its mean and scatter in flight."""
+
+    title: str
+    unit: str
+    mean: float
+    mean_standard_error: float
+    sigma: float
+
+
+class ConsistencyCheck(msgspec.Struct, frozen=True, kw_only=True):
+    """Whether channels agree with one another, as sensors come and with their errors and gusts taken out."""
+
+    before: Check
+    after: Check
+
+
+class PathResult(msgspec.Struct, frozen=True, kw_only=True):
+    """The flight path and what it says of the sensors."""
+
+    converged: bool
+    gust_mps: float  # vertical, 1 sigma
+    residuals: dict[str, float]  # by channel: rms from the path, in standard deviations of the channel's noise
+    checks: list[ConsistencyCheck]
+    sensor_errors: list[SensorError]
+
+
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     kind: str
     start_s: float
@@ -244,6 +284,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`
     disagreements: list[Disagreement] = []
     interval_parts: list[IntervalPart] = []  # of `power_required`
+    path: PathResult | None = None
     use: Use | None = None  # null where the propeller's table does not allow it
 
 

@@ -3,10 +3,22 @@
 import numpy as np
 import pandas as pd
 
+from analysis.path.consistency import ANGLES, SPEED, Consistency, spread
+from analysis.path.observability import Learnt
 from analysis.path.reconstruct import Path
 from analysis.power import curve
 from analysis.power.output_error import CrossCheck
-from analysis.results import DragPolar, PowerPoint, RejectedResult, RunResult, SpeedInterval
+from analysis.results import (
+    Check,
+    ConsistencyCheck,
+    DragPolar,
+    PathResult,
+    PowerPoint,
+    RejectedResult,
+    RunResult,
+    SensorError,
+    SpeedInterval,
+)
 from analysis.runs import Rejected, Run
 from analysis.use import thrust_known
 from flight.aircraft import Aircraft
@@ -87,6 +99,39 @@ def run_result(run: Run) -> RunResult:
 
 def rejected_result(stretch: Rejected) -> RejectedResult:
     return RejectedResult(kind=stretch.kind, start_s=stretch.start_s, end_s=stretch.end_s, reason=stretch.reason)
+
+
+_CHECKS = (
+    (ANGLES, "pitch attitude less angle of attack less climb angle, wings level", float(np.degrees(1.0)), "deg"),
+    (SPEED, "airspeed less GPS ground speed with the wind taken out", 1.0, "m/s"),
+)
+
+
+def path_result(path: Path, agreement: Consistency, errors: list[Learnt]) -> PathResult:
+    """What the flight says of its sensors."""
+    checks = []
+    for column, title, factor, unit in _CHECKS:
+        both = [spread(factor * differences[column]) for differences in agreement]
+        said = [
+            Check(title=title, unit=unit, mean=s.mean, mean_standard_error=s.standard_error, sigma=s.sigma)
+            for s in both
+            if s is not None
+        ]
+        if len(said) == len(both):
+            checks.append(ConsistencyCheck(before=said[0], after=said[1]))
+    return PathResult(
+        converged=path.converged,
+        gust_mps=path.gust_mps,
+        residuals=path.residuals,
+        checks=checks,
+        sensor_errors=[
+            SensorError(
+                name=e.name, title=e.title, value=e.value, standard_error=e.standard_error, assumed_sigma=e.prior_sigma,
+                unit=e.unit, determined=e.determined, missing=list(e.missing),
+            )
+            for e in errors
+        ],
+    )  # fmt: skip
 
 
 def nearest_miss(rejected: list[Rejected]) -> str:

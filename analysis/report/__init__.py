@@ -27,6 +27,8 @@ def write_report(analysis: Analysis, folder: Path) -> None:
     }
     if any(method.power_required for method in results.one_by_one):
         drawings["one_by_one"] = figures.one_by_one(results)
+    if any(differences.notna().any(axis=None) for differences in analysis.consistency):
+        drawings["consistency"] = figures.consistency(analysis.consistency)
     if results.interval_parts:
         drawings["parts"] = figures.interval_parts(results)
     if results.use:

@@ -8,6 +8,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from analysis.path.consistency import ANGLES, SPEED, Consistency
 from analysis.results import Interval, MethodResult, PowerPoint, RejectedResult, Results, SpeedInterval, Use
 from analysis.runs import Run
 from analysis.runs.kinds import LEVEL
@@ -366,6 +367,24 @@ def timeline(table: pd.DataFrame, runs: Sequence[Run], rejected: Sequence[Reject
         figure.add_scatter(x=[None], y=[None], mode="markers", marker=marker, name=kind, row=1, col=1)
     figure.update_xaxes(title="time since the log began, s", row=len(rows), col=1)
     return _styled(figure, 620)
+
+
+def consistency(agreement: Consistency) -> go.Figure:
+    """What should be zero over the flight, before and after the sensors' errors were taken out."""
+    degrees = float(np.degrees(1.0))
+    rows = ((ANGLES, "θ - α - γ, deg", degrees), (SPEED, "airspeed less GPS, m/s", 1.0))
+    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.06)
+    for i, (column, title, scale) in enumerate(rows, start=1):
+        for name, differences, colour in zip(("before", "after"), agreement, (GREY, BLUE), strict=True):
+            thin = differences[column].iloc[:: -(-len(differences) // POINTS_DRAWN)]
+            figure.add_scatter(
+                x=_rounded(thin.index.to_numpy()), y=_rounded(scale * thin.to_numpy()), mode="lines", row=i, col=1,
+                line={"color": colour, "width": 1.8}, name=name, legendgroup=name, showlegend=i == 1,
+            )  # fmt: skip
+        figure.add_hline(y=0, line={"color": INK, "width": 1}, row=i, col=1)
+        figure.update_yaxes(title=title, row=i, col=1)
+    figure.update_xaxes(title="time since the log began, s", row=len(rows), col=1)
+    return _styled(figure, 480)
 
 
 def fit(name: str, t_s: Array, measured: dict[str, Array], modelled: dict[str, Array]) -> go.Figure:

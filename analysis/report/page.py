@@ -1,6 +1,7 @@
 """Puts words, tables and drawings together into one HTML file; the answers come first."""
 
 import html
+import math
 from collections.abc import Sequence
 from importlib import resources
 from string import Template
@@ -21,8 +22,8 @@ _FEET_PER_SECOND, _KMPH = 1 / 0.3048, 3.6
 def render(results: Results, drawings: dict[str, go.Figure], fits: list[go.Figure]) -> str:
     """The page. `fits`: one figure a run.
 
-    `drawings` by name: "power", "methods", "timeline", "polar"; where there are, "parts", "loadings", "efficiency" and
-    "one_by_one".
+    `drawings` by name: "power", "methods", "timeline", "polar"; where there are, "parts", "loadings", "efficiency",
+    "one_by_one" and "consistency".
     """
     template = Template((resources.files("analysis") / "report" / "page.html").read_text("utf-8"))
     figures = {name: _embedded(figure, name) for name, figure in drawings.items()}
@@ -37,6 +38,7 @@ def render(results: Results, drawings: dict[str, go.Figure], fits: list[go.Figur
         methods=_methods(results, figures["methods"]) + _one_by_one(figures),
         use=_use(results, figures),
         parts=_parts(results, figures),
+        sensors=_sensors(results, figures),
         timeline=figures["timeline"],
         runs=_runs(results),
         rejected=_rejected(results),
@@ -272,6 +274,50 @@ def _rejected(results: Results) -> str:
     return "<h3>Looked like a run, and why it was not taken</h3>" + _table(
         ("like", "start, s", "length, s", "why"), rows
     )
+
+
+_CHANNELS = {
+    "V": "airspeed", "alpha": "angle of attack", "beta": "sideslip", "height": "barometer",
+    "gps_north": "GPS, north", "gps_east": "GPS, east", "gps_down": "GPS, down",
+}  # fmt: skip
+
+
+def _sensors(results: Results, figures: dict[str, str]) -> str:
+    """Whether the sensors agree with one another, and which of their errors the flight showed."""
+    path = results.path
+    if path is None:
+        return ""
+    checks = [
+        (check.before.title, *(f"{c.mean:+.2f} ± {c.sigma:.2f} {c.unit}" for c in (check.before, check.after)))
+        for check in path.checks
+    ]
+    noises = ", ".join(
+        f"{words} {path.residuals[name]:.1f}" for name, words in _CHANNELS.items() if name in path.residuals
+    )
+    errors = [
+        (
+            e.title,
+            f"{e.value:+.{_digits(e.standard_error)}f} ± {e.standard_error:.{_digits(e.standard_error)}f} {e.unit}",
+            f"± {e.assumed_sigma:.3g}",
+            "yes" if e.determined else "no: " + "; ".join(e.missing),
+        )
+        for e in path.sensor_errors
+    ]
+    return (
+        "<h2>Do the sensors agree?</h2><p>Each line should be zero. Before: as the sensors come; an offset is an error"
+        " of a sensor. After: with their errors, and gusts, taken out; what scatters then is noise.</p>"
+        + _table(("in flight, mean ± scatter", "before", "after"), checks)
+        + (f"<section>{figures['consistency']}</section>" if "consistency" in figures else "")
+        + f"<p>How far each channel lies from the flight path, in units of its own noise: {noises}. Well above 1:"
+        " something there is not understood. Below 1 is no harm: gusts follow it, or its noise was assumed large.</p>"
+        "<h3>What this flight says of its sensors</h3>"
+        + _table(("error of", "found (± 1 sigma)", "assumed before", "did the flight show it?"), errors)
+    )
+
+
+def _digits(sigma: float) -> int:
+    """Decimals that show two digits of a standard error."""
+    return max(0, 1 - math.floor(math.log10(sigma))) if sigma > 0 else 2
 
 
 def _summary(results: Results) -> str:

@@ -1,0 +1,169 @@
+"""Do sensors agree with one another once their errors are taken out, and which errors did a flight determine?"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_reconstruct import flown as fly
+
+from analysis.airdata.probe import calibrate, read_tunnel
+from analysis.path import observability
+from analysis.path.consistency import ANGLES, SPEED, consistency, spread
+from analysis.path.model import SHARED
+from analysis.path.observability import Flown, learnt, missing, notes
+from analysis.path.reconstruct import PRIOR_SIGMA, block_mean, reconstruct
+from analysis.summary import path_result
+from sim.tunnel import calibrate as tunnel_measurements
+from sim.tunnel import write_calibration
+
+GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
+WITHIN = 3.3  # standard errors: 99.9 %
+
+UP = """
+heading = "20 deg"
+[air]
+wind = "2 m/s"
+wind_from = "310 deg"
+[[segment]]
+kind = "stand"
+duration = "20 s"
+[[segment]]
+kind = "take-off"
+[[segment]]
+kind = "climb"
+height = "80 m"
+climb = "3 m/s"
+speed_over_stall = 1.6
+"""
+LEG = """
+[[segment]]
+kind = "hold"
+duration = "25 s"
+speed_over_stall = 1.6
+"""
+TURN = """
+[[segment]]
+kind = "turn"
+"""
+
+
+@pytest.fixture(scope="module")
+def probe(tmp_path_factory: pytest.TempPathFactory):
+    path = tmp_path_factory.mktemp("tunnel") / "tunnel.csv"
+    write_calibration(path, tunnel_measurements(seed=0), replace=False)
+    return calibrate(read_tunnel(path), "tunnel.csv")
+
+
+@pytest.fixture(scope="module")
+def whole(probe):
+    """A full test flight in calm air: the truth at the path's instants, the IMU's tilt, air data and path."""
+    truth, drawn, air, still = fly(0, probe, "full-test-flight")
+    path = reconstruct(air, still)
+    t = path.states.index.to_numpy()
+    true = {name: np.interp(t, truth["time_s"], truth[name]) for name in ("V_mps", "alpha_rad")}
+    return true, drawn.imu_rotation[0, 2], air, path
+
+
+@pytest.fixture(scope="module")
+def deaf(probe):
+    """A short flight on one heading in calm air, without GPS: air data and path."""
+    _, _, air, still = fly(0, probe, "accel-decel", without=GPS)
+    return air, reconstruct(air, still)
+
+
+@pytest.mark.slow
+def test_the_angles_agree_after_and_before_they_show_what_the_vane_was_off_by(whole) -> None:
+    """theta - alpha - gamma before is minus what alpha is off by, within the 0.1 deg a calm flight is good for.
+
+    Off by on average, in truth: the injected offset and slope, and the IMU's tilt, which is an offset too
+    (test_reconstruct).
+    """
+    true, tilt, air, path = whole
+    agreement = consistency(air, path)
+    before, after = (spread(differences[ANGLES]) for differences in agreement)
+    flew = agreement.before[ANGLES].notna().to_numpy()
+    error = tilt + np.nanmean((block_mean(air["alpha_rad"], len(flew)) - true["alpha_rad"])[flew])
+    assert abs(before.mean + error) < np.radians(0.1)
+    assert abs(before.mean) > WITHIN * before.standard_error, "an error of this size is seen at a glance"
+    assert abs(after.mean) < WITHIN * after.standard_error
+    assert after.sigma < before.sigma
+
+
+@pytest.mark.slow
+def test_airspeed_agrees_with_gps_after_and_before_it_shows_its_scale(whole) -> None:
+    """Before, airspeed is high by what it is off in truth, within the 0.3 % a calm flight is good for."""
+    true, _, air, path = whole
+    agreement = consistency(air, path)
+    before, after = (spread(differences[SPEED]) for differences in agreement)
+    flew = agreement.before[SPEED].notna().to_numpy()
+    V = true["V_mps"][flew]
+    error = np.nanmean(block_mean(air["V_mps"], len(flew))[flew] - V)
+    assert before.mean == pytest.approx(error, abs=0.003 * V.mean())
+    assert before.mean > 0.02 * V.mean(), "the scale drawn for this flight is 3 %"
+    assert abs(after.mean) < WITHIN * after.standard_error
+    assert after.sigma < before.sigma
+
+
+@pytest.mark.slow
+def test_a_full_test_flight_determines_every_error(whole) -> None:
+    _, _, air, path = whole
+    errors = learnt(air, path)
+    assert {error.name for error in errors} == set(SHARED)
+    assert [error.name for error in errors if not error.determined] == []
+    assert notes(errors) == []
+
+
+def test_without_gps_it_says_so(deaf) -> None:
+    air, path = deaf
+    latency = next(error for error in learnt(air, path) if error.name == "gps_latency")
+    assert not latency.determined
+    assert latency.missing == ("no GPS",)
+    said = path_result(path, consistency(air, path), learnt(air, path))
+    assert [check.before.unit for check in said.checks] == ["deg"], "nothing to compare airspeed with"
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_in_moving_air_turns_show_the_scale_of_airspeed_and_one_heading_does_not(
+    probe, tmp_path: Path, turns: bool
+) -> None:
+    """Two and a half minutes in W20 = 6 kt, with and without turns; all else alike.
+
+    In calm air one heading is enough: a change of speed is measured by accelerometers too.
+    """
+    plan = tmp_path / "plan.toml"
+    plan.write_text(UP + (LEG + TURN if turns else LEG) * 6, "utf-8")
+    _, _, air, still = fly(0, probe, str(plan), turbulence_kt=6.0)
+    errors = learnt(air, reconstruct(air, still))
+    scale = next(error for error in errors if error.name == "V_scale")
+    assert scale.determined == turns
+    assert any("one heading" in why for why in scale.missing) == (not turns)
+    assert any("scale of airspeed" in note for note in notes(errors)) == (not turns)
+    slope = next(error for error in errors if error.name == "alpha_scale")
+    assert any("one speed" in why for why in slope.missing), "held at one speed, with turns or without"
+
+
+def test_a_slope_known_from_the_tunnel_alone_is_judged_by_what_was_assumed(deaf) -> None:
+    """A probe of uncertain slope widens what was assumed, as it does in the reconstruction."""
+    air, path = deaf
+    slope = next(error for error in learnt(air, path, alpha_scale_sigma=0.04) if error.name == "alpha_scale")
+    assert slope.prior_sigma == pytest.approx(100 * np.hypot(PRIOR_SIGMA["alpha_scale"], 0.04))
+
+
+def test_whatever_was_not_determined_has_a_reason() -> None:
+    had_all = Flown(gps=True, sideslip=True, headings=0.0, speed_ratio=2.0, gust_mps=0.0)
+    had_nothing = Flown(gps=False, sideslip=False, headings=1.0, speed_ratio=1.0, gust_mps=2.0)
+    for name in observability.TITLES:
+        assert missing(name, had_all) == (observability._TOO_LITTLE,)
+        assert missing(name, had_nothing)
+    assert len(missing("beta_bias", had_nothing)) == 4
+
+
+def test_a_mean_of_what_wanders_is_less_certain_than_one_of_noise() -> None:
+    """White noise: sigma / sqrt(n). A wave of twice the batch's length: the batches' scatter, far more than that."""
+    t = np.arange(0, 400, 0.2)
+    white = pd.Series(np.random.default_rng(0).normal(0, 1, len(t)), index=t)
+    assert spread(white).standard_error == pytest.approx(1 / np.sqrt(len(t)), rel=0.5)  # of 20 batches: 16 %, 1 sigma
+    wave = pd.Series(np.sign(np.sin(np.pi * t / 20)), index=t)
+    assert spread(wave).standard_error > 5 * wave.std() / np.sqrt(len(t))
+    assert spread(white[:50]) is None, "one batch says nothing of the scatter between them"
