@@ -165,9 +165,11 @@ def _in_words(
     if culprit == UNEXPLAINED:
         return said + "Nothing that was found in the sensors or the propeller's table explains it."
     if LEFT_OVER.get(second.name) == culprit and culprit not in shares:
-        tilt = np.degrees(left / (at.weight_N * V))
+        # A nose held too high by the path turns lift into drag of the dynamic method: W V tilt above the energy's.
+        tilt = np.degrees(-left / (at.weight_N * V))
         return (
-            said + f"Airspeed, lag and thrust do not explain it: the path's pitch attitude is off by {tilt:+.2f} deg."
+            said + f"Airspeed, lag and thrust do not explain it: the path's pitch attitude is {abs(tilt):.2f} deg too"
+            f" {'high' if tilt > 0 else 'low'}."
         )
     explained = f" That accounts for {abs(shares[culprit]):.1f} W of it; {abs(left):.1f} W remain unexplained."
     return said + _fault_in_words(culprit, errors) + explained

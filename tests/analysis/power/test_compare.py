@@ -1,16 +1,20 @@
 """Where methods disagree, the fault that parts them is named: one single error at a time, and silence without one."""
 
+import dataclasses
+import re
 import sys
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from analysis.methods import every_method, leading
 from analysis.path.reconstruct import reconstruct
-from analysis.power import curve
+from analysis.power import curve, dynamic
 from analysis.runs.find import find
+from analysis.summary import flown_lift
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.propeller import load_propeller
@@ -50,6 +54,28 @@ def test_a_single_error_is_named_and_no_other(probe, seed: int, wrong, pair, cul
     for one in found:
         assert abs(one.difference_W) > one.allowed_W
         assert abs(one.shares_W["unexplained"]) < one.allowed_W, "what was found accounts for it"
+
+
+@pytest.mark.parametrize(("tilt_deg", "side"), [(1.5, "high"), (-1.5, "low")])
+def test_a_path_whose_pitch_is_wrong_is_shown_by_energy_with_size_and_sign(probe, tilt_deg: float, side: str) -> None:
+    """Nothing that was found explains what a path tilted by hand makes of drag; W V tilt gives the tilt back."""
+    flown = fly(AIRCRAFT, probe, drawn(load_budget("none"), 0), "accel-decel", 0.0, 0)
+    path = reconstruct(flown.table, flown.still)
+    states = path.states.assign(theta=path.states["theta"] + np.radians(tilt_deg))
+    tilted = dataclasses.replace(path, states=states)
+    propeller = load_propeller(AIRCRAFT.propulsion.propeller)
+    found = find(flown.table, flown.still)
+    level = found.of("acceleration", "deceleration")
+    estimate = dynamic.estimate_polar(flown.table, tilted, level, AIRCRAFT, propeller)
+    rows = pd.concat([flown.table.iloc[run.rows] for run in level])
+    at = curve.Condition(AIRCRAFT.mass.weight_N, float(rows["rho"].mean()), AIRCRAFT.geometry.wing_area_m2)
+    flown_CL = flown_lift(rows, AIRCRAFT)
+    said = every_method(flown.table, tilted, level, estimate, flown_CL, AIRCRAFT, propeller, at).disagreements
+    (one,) = (one for one in said if one.second == "energy")
+    assert one.culprit == "pitch attitude"
+    words = re.search(r"pitch attitude is ([\d.]+) deg too (high|low)", one.text)
+    assert words and words[2] == side
+    assert float(words[1]) == pytest.approx(abs(tilt_deg), rel=0.3)
 
 
 @pytest.mark.parametrize(("errors", "seed"), [("none", 0), ("bench", 20), ("bench", 21)])
