@@ -134,7 +134,7 @@ def performance(
     best = int(np.argmax(np.nan_to_num(climb[0], nan=-np.inf)))
     covered = propeller.covers(V / (n[0] * propeller.diameter_m), 60 * n[0])  # type: ignore[attr-defined]
     return Performance(
-        V, estimate(power), estimate(climb), covered, maximum, estimate(np.nanmax(climb, axis=1)), float(V[best])
+        V, estimate(power), estimate(climb), covered, maximum, estimate(np.fmax.reduce(climb, axis=1)), float(V[best])
     )
 
 
@@ -182,5 +182,5 @@ def ceilings_m(
     best = np.empty((n_rows, len(HEIGHTS_M)))
     for i in range(n_rows):
         one = {name: values[i] for name, values in row.items()}
-        best[i] = np.nanmax(_climb(one, propeller, V, rho, at)[2], axis=1)
+        best[i] = np.fmax.reduce(_climb(one, propeller, V, rho, at)[2], axis=1)
     return [estimate([_last_crossing(HEIGHTS_M, left) for left in best - climb]) for climb in climbs_mps]

@@ -1,5 +1,7 @@
 """Full throttle against the simulator's motor and its trim."""
 
+import warnings
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -86,6 +88,14 @@ def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(propeller, numb
     climb = performance(numbers.nudged(), propeller, up_there, flown_CL).best_climb
     assert float(climb.value) == pytest.approx(SERVICE_CLIMB_MPS, abs=0.01)
     assert absolute.value > h
+
+
+def test_a_weight_that_no_motor_could_carry_has_no_climb_and_makes_no_noise(propeller, numbers, at, flown_CL) -> None:
+    """At 100 times the weight even the slowest flight is faster than the motor turns the propeller."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = performance(numbers.nudged(), propeller, at._replace(weight_N=100 * at.weight_N), flown_CL)
+    assert np.isnan(found.best_climb.value) and np.isnan(found.maximum_speed.value)
 
 
 def test_power_available_equals_power_required_at_the_highest_speed(propeller, numbers, at, flown_CL) -> None:
