@@ -102,9 +102,9 @@ def spread(difference: pd.Series) -> Spread | None:
 
 
 def _averaged(values: Array, t: Array) -> Array:
-    """Means over CLIMB_S about each instant."""
+    """Means over CLIMB_S about each instant; NaN where any of it was not measured."""
     window = 2 * round(CLIMB_S / (t[1] - t[0]) / 2) + 1
-    return pd.Series(values).rolling(window, center=True, min_periods=window // 2).mean().to_numpy()
+    return pd.Series(values).rolling(window, center=True).mean().to_numpy()
 
 
 def _sooner(values: Array, t: Array, late_s: float) -> Array:

@@ -372,7 +372,7 @@ def timeline(table: pd.DataFrame, runs: Sequence[Run], rejected: Sequence[Reject
 def consistency(agreement: Consistency) -> go.Figure:
     """What should be zero over the flight, before and after the sensors' errors were taken out."""
     degrees = float(np.degrees(1.0))
-    rows = ((ANGLES, "θ - α - γ, deg", degrees), (SPEED, "airspeed less GPS, m/s", 1.0))
+    rows = ((ANGLES, "θ - α - γ, deg", degrees), (SPEED, "V - GPS, m/s", 1.0))
     figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.06)
     for i, (column, title, scale) in enumerate(rows, start=1):
         for name, differences, colour in zip(("before", "after"), agreement, (GREY, BLUE), strict=True):
@@ -384,7 +384,7 @@ def consistency(agreement: Consistency) -> go.Figure:
         figure.add_hline(y=0, line={"color": INK, "width": 1}, row=i, col=1)
         figure.update_yaxes(title=title, row=i, col=1)
     figure.update_xaxes(title="time since the log began, s", row=len(rows), col=1)
-    return _styled(figure, 480)
+    return _styled(figure, 520)
 
 
 def fit(name: str, t_s: Array, measured: dict[str, Array], modelled: dict[str, Array]) -> go.Figure:

@@ -278,7 +278,7 @@ def _rejected(results: Results) -> str:
 
 _CHANNELS = {
     "V": "airspeed", "alpha": "angle of attack", "beta": "sideslip", "height": "barometer",
-    "gps_north": "GPS, north", "gps_east": "GPS, east", "gps_down": "GPS, down",
+    "gps_north": "GPS north", "gps_east": "GPS east", "gps_down": "GPS down",
 }  # fmt: skip
 
 
@@ -288,7 +288,7 @@ def _sensors(results: Results, figures: dict[str, str]) -> str:
     if path is None:
         return ""
     checks = [
-        (check.before.title, *(f"{c.mean:+.2f} ± {c.sigma:.2f} {c.unit}" for c in (check.before, check.after)))
+        (check.before.title, *(f"{c.mean:+z.2f} ± {c.sigma:.2f} {c.unit}" for c in (check.before, check.after)))
         for check in path.checks
     ]
     noises = ", ".join(
@@ -304,7 +304,7 @@ def _sensors(results: Results, figures: dict[str, str]) -> str:
         for e in path.sensor_errors
     ]
     return (
-        "<h2>Do the sensors agree?</h2><p>Each line should be zero. Before: as the sensors come; an offset is an error"
+        "<h2>Do the sensors agree?</h2><p>Each should be zero. Before: as the sensors come; an offset is an error"
         " of a sensor. After: with their errors, and gusts, taken out; what scatters then is noise.</p>"
         + _table(("in flight, mean ± scatter", "before", "after"), checks)
         + (f"<section>{figures['consistency']}</section>" if "consistency" in figures else "")
