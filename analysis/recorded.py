@@ -39,9 +39,13 @@ def state_of(log: Log) -> list[str]:
 
 
 def silent_topics(table: pd.DataFrame) -> list[str]:
-    """What was lost in flight, for each topic that lost something the curve is made of."""
-    lost = table.loc[table["flying"], list(COLUMNS)].isna().mean()
-    by_topic = {topic: float(lost[name]) for name, (topic, _) in COLUMNS.items() if topic != "/battery"}
+    """What was lost in flight: each topic that carried none of its values for more than a moment."""
+    lost = table.loc[table["flying"], list(COLUMNS)].isna()
+    columns: dict[str, list[str]] = {}
+    for name, (topic, _) in COLUMNS.items():
+        if topic != "/battery":
+            columns.setdefault(topic, []).append(name)
+    by_topic = {topic: float(lost[names].all(axis=1).mean()) for topic, names in columns.items()}
     return [
         f"{topic} carried no value for {100 * share:.0f} % of the flight."
         for topic, share in by_topic.items()
