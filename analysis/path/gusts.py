@@ -19,20 +19,9 @@ class Wandering(NamedTuple):
     sigma_mps: float
     time_s: float
 
-    @classmethod
-    def of_walk(cls, spread_mps: float, walk_mps: float) -> "Wandering":
-        """One that walks `walk_mps` in the first second and in the long run stays within `spread_mps` of its mean."""
-        return cls(spread_mps, 2 * (spread_mps / walk_mps) ** 2)
-
     def stays(self, seconds: float) -> float:
         """What is left after so long of a deviation from the mean, as a fraction."""
         return float(np.exp(-seconds / self.time_s))
-
-    def with_other(self, other: "Wandering") -> "Wandering":
-        """The sum of two as one: with their variance, and as quick as both together at first."""
-        variance = self.sigma_mps**2 + other.sigma_mps**2
-        quick = self.sigma_mps**2 / self.time_s + other.sigma_mps**2 / other.time_s
-        return Wandering(float(np.sqrt(variance)), variance / quick)
 
 
 def vertical(sigma_w_mps: float, height_m: float, V: float) -> Wandering:

@@ -15,7 +15,7 @@ from analysis.power.curve import Polar
 from analysis.power.level_runs import priors, segments_of
 from analysis.runs import Run
 from flight.aircraft import Aircraft
-from flight.propeller import Propeller, load_propeller
+from flight.propeller import Propeller
 
 BLOCK = 2  # samples: 12.5 a second are ten a cycle of the short period
 # Correlation of neighbouring residuals of the vertical acceleration, which feels a gust first: 0.2 in still air (the
@@ -24,12 +24,11 @@ DISTURBED = 0.4
 
 
 class CrossCheck(NamedTuple):
-    """A polar, and how the estimation ended. in_gusts: the air moved, and filter error was used instead."""
+    """A polar, and how the estimation ended."""
 
     polar: Polar
     verdict: str
     converged: bool
-    in_gusts: bool = False
 
 
 def estimate_polar(
@@ -38,18 +37,16 @@ def estimate_polar(
     aircraft: Aircraft,
     *,
     zeroed: bool,
-    propeller: Propeller | None = None,
+    propeller: Propeller,
 ) -> CrossCheck:
     """Fit all runs at once; where residuals show that the air moved, by filter error with gusts as states.
 
-    table: as `air_data` leaves it. zeroed: the gyro's bias at rest was taken out. propeller: the one flown; when not
-    given, the one that the aircraft's file names.
+    table: as `air_data` leaves it. zeroed: the gyro's bias at rest was taken out. propeller: the one flown.
     """
-    propeller = propeller or load_propeller(aircraft.propulsion.propeller)
     fit = fitted(table, runs, aircraft, propeller, zeroed=zeroed)
     if _disturbed(fit):
         by_filter = filter_error.fitted(table, runs, aircraft, propeller, zeroed=zeroed)
-        return CrossCheck(covariance.polar_of(by_filter), str(by_filter.verdict), by_filter.verdict.ok, in_gusts=True)
+        return CrossCheck(covariance.polar_of(by_filter), str(by_filter.verdict), by_filter.verdict.ok)
     return CrossCheck(covariance.polar_of(fit), str(fit.verdict), fit.verdict.ok)
 
 

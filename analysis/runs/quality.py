@@ -33,9 +33,9 @@ def too_low(data: pd.DataFrame) -> str:
     return f"too low: down to {np.nanmin(data['height_m']):.0f} m above the ground, {LOW_M:.0f} m are needed"
 
 
-def without_data(data: pd.DataFrame, needed: tuple[str, ...] = NEEDED) -> str:
+def without_data(data: pd.DataFrame) -> str:
     """Which needed channel is missing for too long; empty if none."""
-    for name in needed:
+    for name in NEEDED:
         missing = float(data[name].isna().mean())
         if missing > LARGEST_GAP_SHARE:
             return f"no {spoken(name)} for {100 * missing:.0f} % of the time"
