@@ -7,6 +7,7 @@ from analysis.path.consistency import ANGLES, SPEED, Consistency, spread
 from analysis.path.observability import Learnt
 from analysis.path.reconstruct import Path
 from analysis.power import curve
+from analysis.power.method import ROBUST_RANGE
 from analysis.power.output_error import CrossCheck
 from analysis.results import (
     Check,
@@ -26,7 +27,6 @@ from flight.errors import InputError
 
 CURVE_POINTS = 61
 UNCERTAIN_ALPHA_DEG, TURBULENT_MPS = 0.3, 0.3  # W20 = 6 kt and more, as the path finds it
-ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients between which the curve is drawn
 
 
 def flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from analysis.airdata.air import LOW_M
 from analysis.path.reconstruct import Path
 from analysis.power import answers, available, curve, dynamic, propulsion
+from analysis.power.curve import NORMAL_95
 from analysis.power.forces import Blocks
-from analysis.power.propagation import NORMAL_95, Estimate, Numbers, joined
+from analysis.power.propagation import Estimate, Numbers, joined
 from analysis.questions import Questions
 from analysis.results import (
     AvailableResult,

@@ -25,7 +25,7 @@ from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
-ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients between which a curve of time series is drawn
+ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients between which a curve is drawn
 LEAST_LIFT_AT = 0.2  # standard deviation of CL_minD: what a form without it is off by (method section 2)
 
 

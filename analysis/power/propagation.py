@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
+from analysis.power.curve import NORMAL_95
+
 Array = NDArray[np.float64]
-NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True)
