@@ -24,11 +24,12 @@ DISTURBED = 0.4
 
 
 class CrossCheck(NamedTuple):
-    """A polar, and how the estimation ended."""
+    """A polar, and how the estimation ended. in_gusts: the air moved, and filter error was used instead."""
 
     polar: Polar
     verdict: str
     converged: bool
+    in_gusts: bool = False
 
 
 def estimate_polar(
@@ -46,7 +47,7 @@ def estimate_polar(
     fit = fitted(table, runs, aircraft, propeller, zeroed=zeroed)
     if _disturbed(fit):
         by_filter = filter_error.fitted(table, runs, aircraft, propeller, zeroed=zeroed)
-        return CrossCheck(covariance.polar_of(by_filter), str(by_filter.verdict), by_filter.verdict.ok)
+        return CrossCheck(covariance.polar_of(by_filter), str(by_filter.verdict), by_filter.verdict.ok, in_gusts=True)
     return CrossCheck(covariance.polar_of(fit), str(fit.verdict), fit.verdict.ok)
 
 
