@@ -108,9 +108,15 @@ def analyze(
     cross_check: list[PowerPoint] = []
     if runs:
         progress("checking by output error")
-        check = output_error.estimate_polar(air.table, runs, aircraft, zeroed=at_rest is not None, propeller=propeller)
-        cross_check = summary.points(check.polar, test, flown_CL)
-        warnings += summary.cross_check_said(estimate.polar, check, test, flown_CL)
+        try:
+            check = output_error.estimate_polar(
+                air.table, runs, aircraft, zeroed=at_rest is not None, propeller=propeller
+            )
+        except (InputError, np.linalg.LinAlgError) as error:
+            warnings.append(f"The cross-check by output error could not be made: {error}.")
+        else:
+            cross_check = summary.points(check.polar, test, flown_CL)
+            warnings += summary.cross_check_said(estimate.polar, check, test, flown_CL)
 
     pressure_Pa, temperature_K = float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean())
     power_required = summary.points(estimate.polar, test, flown_CL, flown)

@@ -299,6 +299,7 @@ class _Problem:
         mean, sigma = self._prior_shared
         latency = SHARED.index("gps_latency")
         x, shared, converged = x.copy(), shared.copy(), False
+        before = np.zeros(len(SHARED))
         move, process_weight = self._in_gusts(gust)
         for _ in range(iterations):
             moved = shared[latency]
@@ -309,12 +310,16 @@ class _Problem:
             prior_mean[latency] -= moved
             prior = Prior(self._first, first_sigma, prior_mean, sigma)
             at = self._equations.at(x, remaining, data)
-            last = step(at, prior, x[0], remaining)
-            x, shared = x + last.states, shared + last.shared
-            if np.max(np.abs(last.shared) / np.sqrt(np.diag(last.covariance))) < CONVERGED:
+            first = x[0]
+            last = step(at, prior, first, remaining)
+            moves = last.shared / np.sqrt(np.diag(last.covariance))
+            # To and fro, as where nothing shows the heading: the middle is better than either end.
+            share = 0.5 if moves @ before < -0.3 * (before @ before) else 1.0
+            x, shared, before = x + share * last.states, shared + share * last.shared, moves
+            if np.max(np.abs(moves)) < CONVERGED:
                 converged = True
                 break
-        evidence = cost(at, prior, x[0] - last.states[0], remaining) - last.decrease + last.log_determinant
+        evidence = cost(at, prior, first, remaining) - last.decrease + last.log_determinant
         evidence -= 2 * float(np.sum(np.log(process_weight)) + np.sum(np.log(data.weight[data.weight > 0])))
         return _Solution(x, shared, last, gust, evidence, at.measured, converged)
 

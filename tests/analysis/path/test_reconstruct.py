@@ -103,6 +103,17 @@ def test_gusts_do_not_pass_for_errors_of_sensors(probe) -> None:
     assert np.all(np.sum(np.square(z), axis=0) < 18.5)
 
 
+@pytest.mark.slow
+def test_a_long_flight_without_gps_settles_though_nothing_shows_its_heading(probe) -> None:
+    gps = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
+    _, drawn, air, still = flown(0, probe, "full-test-flight", without=gps)
+    path = reconstruct(air, still)
+    assert path.converged
+    slope = 1 + drawn.values.alpha_scale - 2 * drawn.values.V_scale
+    offset = (drawn.values.alpha_offset_rad + drawn.imu_rotation[0, 2]) * slope
+    assert path.value("alpha_bias") == pytest.approx(offset, abs=np.radians(0.1))
+
+
 def test_without_gps_the_path_still_stands_and_knows_less(probe) -> None:
     gps = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
     _, _, air, still = flown(0, probe, "accel-decel")
