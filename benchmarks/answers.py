@@ -6,42 +6,31 @@ Flies, lets the sensors feel (no buses, no counts), analyses, and compares with 
 aircraft, whose propeller, weight and battery meter are off by what the budget draws. docs/answers.md quotes it.
 """
 
-import dataclasses
-import tempfile
-from pathlib import Path
 from typing import Annotated
 
+import flights
 import numpy as np
 import typer
-from estimators import felt_table, speeds
+from estimators import speeds
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 from scipy.optimize import brentq
 
-from analysis.airdata.air import air_data
-from analysis.airdata.probe import calibrate, read_tunnel
 from analysis.path.reconstruct import reconstruct
 from analysis.power import answers, curve, dynamic, propulsion
 from analysis.power.propagation import Numbers, joined
 from analysis.questions import Questions
 from analysis.runs import find_runs
-from analysis.stillness import still_segments, zeros
 from analysis.use import Day, flight_data, use
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.propeller import load_propeller
-from sim import fly as flying
 from sim.air import ambient
-from sim.plan import load_plan
 from sim.plant import Deviations, plant_of
 from sim.propulsion import power_train
-from sim.sensors import TrayFelt, draw, load_budget
+from sim.sensors import load_budget
 from sim.trim import Trimmer
-from sim.tunnel import calibrate as tunnel_measurements
-from sim.tunnel import write_calibration
-
-TICK_S = 0.04
 
 
 def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarray, climb_V: float) -> np.ndarray:
@@ -69,20 +58,15 @@ def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarr
 
 def one_flight(aircraft: Aircraft, probe, errors: str, plan: str, seed: int, *, blind: bool) -> np.ndarray:
     """Estimate, half width of the interval and truth of each answer, (3, answers)."""
-    budget = load_budget(errors)
-    budget = dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0))
-    drawn = draw(budget, seed)
-    flight = flying.fly(aircraft, load_plan(plan), seed=seed, deviations=drawn.deviations)
-    felt = TrayFelt(flight, drawn)
-    table = felt_table(felt, aircraft)
+    drawn = flights.drawn(load_budget(errors), seed)
+    flight, felt, table = flights.flown(aircraft, drawn, plan, seed)
     t = table.index.to_numpy()
     table["battery_V"], table["battery_A"] = felt.battery(t)
     if blind:
         table["battery_A"] = np.nan
     table["throttle"] = np.interp(t, flight.truth["time_s"], flight.truth["throttle"])
     propeller = load_propeller(aircraft.propulsion.propeller)
-    still = still_segments(table, 1 / TICK_S)
-    air = air_data(table, aircraft, probe, propeller, zeros(table, still)).table
+    air, still, _ = flights.air_of(table, aircraft, probe)
     runs, _ = find_runs(air)
     path = reconstruct(air, still)
     estimate = dynamic.estimate_polar(air, path, runs, aircraft, propeller)
@@ -113,30 +97,22 @@ def _numbers(estimate, data, aircraft: Aircraft, propeller):
 def main(
     errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
     plan: Annotated[str, typer.Option(help="Flight plan.")] = "accel-decel",
-    flights: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 8,
+    count: Annotated[int, typer.Option("--flights", help="How many; seeds 0, 1, …")] = 8,
     first_seed: Annotated[int, typer.Option(help="The first seed.")] = 0,
     blind: Annotated[bool, typer.Option("--blind", help="Without battery data.")] = False,
 ) -> None:
     aircraft = load_aircraft("nexstar")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "tunnel.csv"
-        write_calibration(path, tunnel_measurements(seed=0), replace=False)
-        probe = calibrate(read_tunnel(path), "tunnel.csv")
+    probe = flights.tunnel_probe()
     console = Console(width=120)
-    seeds = track(range(first_seed, first_seed + flights), "flights", console=Console(stderr=True))
+    seeds = track(range(first_seed, first_seed + count), "flights", console=Console(stderr=True))
     value, half, truth = np.stack([one_flight(aircraft, probe, errors, plan, s, blind=blind) for s in seeds], axis=1)
     error, width = 100 * (value / truth - 1), 100 * half / truth
     names = [*(f"{v:.1f} m/s" for v in speeds(aircraft)[1:]), "top speed", "climb"]
     console.print(
-        f"{errors}, {plan}, {flights} flights from seed {first_seed}{', no battery data' if blind else ''}; in %"
+        f"{errors}, {plan}, {count} flights from seed {first_seed}{', no battery data' if blind else ''}; in %"
     )
     table = Table("", *names, box=None)
-    for name, row, form in (
-        ("95 % of errors below", np.percentile(np.abs(error), 95, axis=0), "{:.1f}"),
-        ("mean", error.mean(axis=0), "{:+.1f}"),
-        ("half width of intervals", np.median(width, axis=0), "{:.1f}"),
-        ("coverage, %", 100 * np.mean(np.abs(error) < width, axis=0), "{:.0f}"),
-    ):
+    for name, row, form in flights.error_rows(error, width):
         table.add_row(name, *(form.format(x) for x in row))
     console.print(table)
 

@@ -6,64 +6,31 @@ Flies, lets the sensors feel (no buses, no counts: this compares estimators, not
 the simulator's true curve at five speeds. docs/estimators.md quotes what this prints.
 """
 
-import dataclasses
-import pathlib
-import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from typing import Annotated, NamedTuple
 
+import flights
 import numpy as np
 import pandas as pd
 import typer
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-from scipy.interpolate import CubicSpline
 
-from analysis.airdata.air import air_data
-from analysis.airdata.probe import ProbeCalibration, calibrate, read_tunnel
+from analysis.airdata.probe import ProbeCalibration
 from analysis.path.reconstruct import Path, reconstruct
 from analysis.power import curve, dynamic, output_error
 from analysis.runs import find_runs
-from analysis.stillness import still_segments, zeros
 from flight.aircraft import Aircraft, load_aircraft
 from flight.propeller import load_propeller
-from sim import fly as flying
-from sim.plan import load_plan
 from sim.plant import plant_of
-from sim.sensors import TrayFelt, draw, load_budget
+from sim.sensors import load_budget
 from sim.sensors.budget import Errors
 from sim.trim import Trimmer
-from sim.tunnel import calibrate as tunnel_measurements
-from sim.tunnel import write_calibration
 
-KNOT_MPS = 0.514444
-TICK_S, FIFO_S, SAMPLES = 0.04, 0.005, 8
-GPS_S = 0.1
 OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
 HEIGHT_M = 100.0
 FLYING_M = 30.0
-
-
-def felt_table(felt: TrayFelt, aircraft: Aircraft) -> pd.DataFrame:
-    """What `analysis.channels.synchronise` would make of the flight's log, but for counts and jitter."""
-    t = np.arange(0, felt.duration_s, TICK_S)
-    fine = (t[:, None] + (np.arange(SAMPLES) - (SAMPLES - 1) / 2) * FIFO_S).ravel()
-    force, rate = (values.reshape(-1, SAMPLES, 3).mean(axis=1) for values in felt.imu(fine))
-    table = {f"a{axis}_mps2": force[:, i] for i, axis in enumerate("xyz")}
-    table |= {f"{axis}_radps": rate[:, i] for i, axis in enumerate("pqr")}
-    for name, column in (("alpha", "dp_alpha_Pa"), ("beta", "dp_beta_Pa"), ("airspeed", "q_c_Pa")):
-        table[column] = felt.differential_pressure_Pa(name, t)
-    table["static_Pa"] = felt.absolute_pressure_Pa("static", t)
-    table["static_temperature_K"] = felt.transducer_temperature_K("static", t)
-    table["n_revps"] = felt.motor_speed_revps(t)
-    pulses = felt.servo_pulses_us(t)[:, aircraft.elevator.channel - 1]
-    table["elevator_rad"] = np.array([aircraft.elevator.angle_of_pulse_rad(pulse) for pulse in pulses])
-    asked = np.arange(0, felt.duration_s, GPS_S)
-    velocity = felt.gps(asked).velocity_ned_mps
-    for i, axis in enumerate(("north", "east", "down")):
-        table[f"gps_{axis}_mps"] = CubicSpline(asked, velocity[:, i])(t)
-    return pd.DataFrame(table, index=pd.Index(t, name="t_s"))
 
 
 class Job(NamedTuple):
@@ -82,19 +49,10 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
     """By method: error and half the 95 % interval in per cent of the truth (2, speeds). By `path, …`: error and half
     the interval of one number that all runs share (2, 1), in the unit named."""
     aircraft, probe, errors, plan_name, turbulence_kt, seed, cross_check = job
-    budget = load_budget(errors)
-    # Vibration needs the part's own low-pass filter, which is a matter for the whole chain and not for this table.
-    budget = dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0))
-    drawn = draw(budget, seed)
-    plan = load_plan(plan_name)
-    if turbulence_kt:
-        plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=turbulence_kt * KNOT_MPS))
-    flight = flying.fly(aircraft, plan, seed=seed, deviations=drawn.deviations)
-    table = felt_table(TrayFelt(flight, drawn), aircraft)
-    propeller = load_propeller(aircraft.propulsion.propeller)
-    still = still_segments(table, 1 / TICK_S)
-    at_rest = zeros(table, still)
-    air = air_data(table, aircraft, probe, propeller, at_rest).table
+    drawn = flights.drawn(load_budget(errors), seed)
+    flown = flights.flown(aircraft, drawn, plan_name, seed, turbulence_kt)
+    flight, propeller = flown.flight, load_propeller(aircraft.propulsion.propeller)
+    air, still, at_rest = flights.air_of(flown.table, aircraft, probe)
     runs, _ = find_runs(air)
     rho = float(air.loc[air["flying"], "rho"].mean())
     at = curve.Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
@@ -150,29 +108,25 @@ def main(
     errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
     plan: Annotated[str, typer.Option(help="Flight plan.")] = "full-test-flight",
     turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
-    flights: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 20,
+    count: Annotated[int, typer.Option("--flights", help="How many; seeds 0, 1, …")] = 20,
     first_seed: Annotated[int, typer.Option(help="The first seed.")] = 0,
     cross_check: Annotated[bool, typer.Option(help="Output error too.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
     aircraft_name: Annotated[str, typer.Option("--aircraft", help="Aircraft.")] = "nexstar",
 ) -> None:
     aircraft = load_aircraft(aircraft_name)
-    with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder) / "tunnel.csv"
-        write_calibration(path, tunnel_measurements(seed=0), replace=False)
-        probe = calibrate(read_tunnel(path), "tunnel.csv")
     todo = [
-        Job(aircraft, probe, errors, plan, turbulence_kt, seed, cross_check)
-        for seed in range(first_seed, first_seed + flights)
+        Job(aircraft, flights.tunnel_probe(), errors, plan, turbulence_kt, seed, cross_check)
+        for seed in range(first_seed, first_seed + count)
     ]
     gathered: dict[str, list[np.ndarray]] = {}
     with ProcessPoolExecutor(jobs) as pool:
-        done = track(pool.map(one_flight, todo), "flights", total=flights, console=Console(stderr=True))
+        done = track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True))
         for figures in done:
             for name, values in figures.items():
                 gathered.setdefault(name, []).append(values)
     console = Console(width=120)
-    console.print(f"{errors}, {plan}, W20 = {turbulence_kt:g} kt, {flights} flights from seed {first_seed}")
+    console.print(f"{errors}, {plan}, W20 = {turbulence_kt:g} kt, {count} flights from seed {first_seed}")
     print_power(console, {k: v for k, v in gathered.items() if not k.startswith("path")}, speeds(aircraft))
     print_path(console, {k.removeprefix("path, "): v for k, v in gathered.items() if k.startswith("path")})
 
@@ -181,12 +135,7 @@ def print_power(console: Console, gathered: dict[str, list[np.ndarray]], V: np.n
     table = Table("power required, errors in %", "", *(f"{v:.1f} m/s" for v in V), box=None)
     for method, values in gathered.items():
         error, half = np.array(values).transpose(1, 0, 2)
-        for name, row, form in (
-            ("95 % of errors below", np.nanpercentile(np.abs(error), 95, axis=0), "{:.1f}"),
-            ("mean", np.nanmean(error, axis=0), "{:+.1f}"),
-            ("half width of intervals", np.nanmedian(half, axis=0), "{:.1f}"),
-            ("coverage, %", 100 * np.sum(np.abs(error) < half, axis=0) / np.isfinite(error).sum(axis=0), "{:.0f}"),
-        ):
+        for name, row, form in flights.error_rows(error, half):
             table.add_row(method, name, *(form.format(x) for x in row))
             method = ""
     console.print(table)

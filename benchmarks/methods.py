@@ -9,40 +9,31 @@ quotes what this prints.
 """
 
 import dataclasses
-import tempfile
 from collections import Counter
-from functools import lru_cache
-from pathlib import Path
 from typing import Annotated, NamedTuple
 
+import flights
 import numpy as np
 import pandas as pd
 import typer
-from estimators import KNOT_MPS, TICK_S, felt_table
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 from analysis import methods, summary
-from analysis.airdata.air import air_data
-from analysis.airdata.probe import ProbeCalibration, calibrate, read_tunnel
+from analysis.airdata.probe import ProbeCalibration
 from analysis.path.reconstruct import reconstruct
 from analysis.power import compare, curve, dynamic
 from analysis.power.curve import Polar
 from analysis.power.method import MethodEstimate
 from analysis.runs.find import find
 from analysis.runs.kinds import LEVEL
-from analysis.stillness import still_segments, zeros
 from flight.aircraft import Aircraft, load_aircraft
 from flight.propeller import load_propeller
-from sim import fly as flying
-from sim.plan import load_plan
 from sim.plant import plant_of
-from sim.sensors import TrayFelt, draw, load_budget
+from sim.sensors import load_budget
 from sim.sensors.budget import Budget, Errors
 from sim.trim import Trimmer
-from sim.tunnel import calibrate as tunnel_measurements
-from sim.tunnel import write_calibration
 
 OVER_STALL = (1.2, 1.4, 1.7, 2.0, 2.3)
 HEIGHT_M = 100.0
@@ -71,20 +62,9 @@ class Asked(NamedTuple):
     at: curve.Condition
 
 
-@lru_cache(maxsize=1)
-def tunnel_probe() -> ProbeCalibration:
-    """A probe calibrated in the simulated tunnel; the same for every flight."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "tunnel.csv"
-        write_calibration(path, tunnel_measurements(seed=0), replace=False)
-        return calibrate(read_tunnel(path), "tunnel.csv")
-
-
 def drawn(budget: Budget, seed: int, **wrong: float) -> Errors:
     """One day's errors, some of them not drawn but as given: names of `Systematic`, or `accel_x_bias`, `pitch_tilt`."""
-    # Vibration needs the part's own low-pass filter, which is a matter for the whole chain and not for this table.
-    quiet = dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0))
-    errors = draw(quiet, seed)
+    errors = flights.drawn(budget, seed)
     if "accel_x_bias" in wrong:
         errors = dataclasses.replace(errors, accel_bias=np.array([wrong.pop("accel_x_bias"), 0.0, 0.0]))
     if "pitch_tilt" in wrong:
@@ -96,15 +76,9 @@ def drawn(budget: Budget, seed: int, **wrong: float) -> Errors:
 def fly(
     aircraft: Aircraft, probe: ProbeCalibration, errors: Errors, plan_name: str, turbulence_kt: float, seed: int
 ) -> Flown:
-    plan = load_plan(plan_name)
-    if turbulence_kt:
-        plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=turbulence_kt * KNOT_MPS))
-    flight = flying.fly(aircraft, plan, seed=seed, deviations=errors.deviations)
-    table = felt_table(TrayFelt(flight, errors), aircraft)
+    flight, _, table = flights.flown(aircraft, errors, plan_name, seed, turbulence_kt)
     table["throttle"] = np.interp(table.index, flight.truth["time_s"], flight.truth["throttle"].fillna(0.0))
-    still = still_segments(table, 1 / TICK_S)
-    propeller = load_propeller(aircraft.propulsion.propeller)
-    air = air_data(table, aircraft, probe, propeller, zeros(table, still)).table
+    air, still, _ = flights.air_of(table, aircraft, probe)
     segments = flight.truth.groupby("segment").agg(
         kind=("kind", "first"), start_s=("time_s", "first"), end_s=("time_s", "last")
     )
@@ -136,18 +110,18 @@ def main(
     errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
     plan: Annotated[str, typer.Option(help="Flight plan.")] = "full-test-flight",
     turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
-    flights: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 12,
+    count: Annotated[int, typer.Option("--flights", help="How many; seeds 0, 1, …")] = 12,
     first_seed: Annotated[int, typer.Option(help="The first seed.")] = 0,
     wrong: Annotated[list[str] | None, typer.Option(help="NAME=VALUE: one error not drawn but as given.")] = None,
     aircraft_name: Annotated[str, typer.Option("--aircraft", help="Aircraft.")] = "nexstar",
 ) -> None:
-    aircraft, probe, budget = load_aircraft(aircraft_name), tunnel_probe(), load_budget(errors)
+    aircraft, probe, budget = load_aircraft(aircraft_name), flights.tunnel_probe(), load_budget(errors)
     given = {name: float(value) for name, _, value in (text.partition("=") for text in wrong or [])}
     V = np.array(OVER_STALL) * Trimmer(plant_of(aircraft), HEIGHT_M).V_stall
     gathered: dict[str, list[np.ndarray]] = {}
     named: Counter[str] = Counter()
     console = Console(width=140)
-    for seed in track(range(first_seed, first_seed + flights), "flights", console=Console(stderr=True)):
+    for seed in track(range(first_seed, first_seed + count), "flights", console=Console(stderr=True)):
         flown = fly(aircraft, probe, drawn(budget, seed, **given), plan, turbulence_kt, seed)
         asked = ask(aircraft, flown)
         truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
@@ -157,22 +131,12 @@ def main(
         for title, (polar, flown_CL) in [*rows.items(), *(("each run alone", one) for one in singles)]:
             gathered.setdefault(title, []).append(compared(polar, flown_CL, V, truth, asked.at))
         named.update(f"{one.first} - {one.second}: {one.culprit}" for one in asked.disagreements)
-    console.print(
-        f"{errors} {given or ''}, {plan}, W20 = {turbulence_kt:g} kt, {flights} flights from seed {first_seed}"
-    )
+    console.print(f"{errors} {given or ''}, {plan}, W20 = {turbulence_kt:g} kt, {count} flights from seed {first_seed}")
     table = Table("method", "", *(f"{v:.1f} m/s" for v in V), box=None)
     for title, values in gathered.items():
         error, half = np.array(values).transpose(1, 0, 2)
-        seen = np.isfinite(error).any(axis=0)
-        error, half = np.where(seen, error, 0.0), np.where(seen, half, 0.0)
-        covered = np.where(np.isfinite(error), np.abs(error) < half, np.nan)
-        for name, row, form in (
-            ("95 % of errors below", np.nanpercentile(np.abs(error), 95, axis=0), "{:.1f}"),
-            ("mean", np.nanmean(error, axis=0), "{:+.1f}"),
-            ("half width of intervals", np.nanmedian(half, axis=0), "{:.1f}"),
-            ("coverage, %", 100 * np.nanmean(covered, axis=0), "{:.0f}"),
-        ):
-            table.add_row(title, name, *(form.format(x) if ok else "-" for x, ok in zip(row, seen, strict=True)))
+        for name, row, form in flights.error_rows(error, half):
+            table.add_row(title, name, *(form.format(x) if np.isfinite(x) else "-" for x in row))
             title = ""
     console.print(table)
     console.print("disagreements named:")

@@ -16,7 +16,8 @@ from flight.errors import InputError
 from sim.sensors import load_budget
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-from methods import drawn, fly, tunnel_probe
+from flights import tunnel_probe
+from methods import drawn, fly
 
 # The segment of a plan, and the run that it should be found as.
 FOUND_AS = {

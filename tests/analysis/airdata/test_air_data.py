@@ -19,7 +19,7 @@ from sim.tunnel import calibrate as tunnel_measurements
 from sim.tunnel import write_calibration
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from estimators import felt_table
+from flights import felt_table
 
 NEXSTAR = load_aircraft("nexstar")
 IMU = ["ax_mps2", "ay_mps2", "az_mps2", "p_radps", "q_radps", "r_radps"]

@@ -22,7 +22,7 @@ from sim.tunnel import calibrate as tunnel_measurements
 from sim.tunnel import write_calibration
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from estimators import felt_table
+from flights import felt_table
 
 SEEDS = (0, 1, 2)
 

@@ -21,7 +21,8 @@ from flight.propeller import load_propeller
 from sim.sensors import load_budget
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from methods import Asked, ask, drawn, fly, tunnel_probe
+from flights import tunnel_probe
+from methods import Asked, ask, drawn, fly
 
 AIRCRAFT = load_aircraft("nexstar")
 

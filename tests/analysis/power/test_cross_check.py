@@ -11,6 +11,7 @@ from analysis.runs.find import find
 from sim.sensors import load_budget
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+import flights
 import methods
 
 SPEEDS_MPS = np.array([14.0, 17.0, 20.0])
@@ -18,7 +19,7 @@ SPEEDS_MPS = np.array([14.0, 17.0, 20.0])
 
 @pytest.fixture(scope="module")
 def flown(nexstar):
-    probe = methods.tunnel_probe()
+    probe = flights.tunnel_probe()
 
     def fly(seed, turbulence_kt, **wrong):
         errors = methods.drawn(load_budget("study"), seed, **wrong)

@@ -15,7 +15,8 @@ from flight.propeller import load_propeller
 from sim.sensors import load_budget
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from methods import drawn, fly, tunnel_probe
+from flights import tunnel_probe
+from methods import drawn, fly
 
 AIRCRAFT = load_aircraft("nexstar")
 WORST_W = 2 * FOOT_POUND_PER_SECOND_W  # what the source reports, mid-range

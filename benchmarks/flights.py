@@ -1,0 +1,116 @@
+"""Simulated flights as the analysis receives them, without buses, counts or log: what benchmarks and tests share."""
+
+import dataclasses
+import tempfile
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.interpolate import CubicSpline
+
+from analysis.airdata.air import air_data
+from analysis.airdata.probe import ProbeCalibration, calibrate, read_tunnel
+from analysis.stillness import Zeros, still_segments, zeros
+from flight.aircraft import Aircraft
+from flight.propeller import load_propeller
+from sim import fly as flying
+from sim.plan import load_plan
+from sim.sensors import TrayFelt, draw
+from sim.sensors.budget import Budget, Errors
+from sim.tunnel import calibrate as tunnel_measurements
+from sim.tunnel import write_calibration
+
+KNOT_MPS = 0.514444
+TICK_S, FIFO_S, SAMPLES = 0.04, 0.005, 8
+GPS_S = 0.1
+
+
+@lru_cache(maxsize=1)
+def tunnel_probe() -> ProbeCalibration:
+    """A probe calibrated in the simulated tunnel; the same for every flight."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "tunnel.csv"
+        write_calibration(path, tunnel_measurements(seed=0), replace=False)
+        return calibrate(read_tunnel(path), "tunnel.csv")
+
+
+def drawn(budget: Budget, seed: int) -> Errors:
+    """One day's errors, without vibration: that needs the part's own low-pass filter, a matter for the whole chain."""
+    return draw(dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0)), seed)
+
+
+class Flown(NamedTuple):
+    """A simulated flight and what its sensors felt."""
+
+    flight: flying.Flight
+    felt: TrayFelt
+    table: pd.DataFrame  # as `analysis.channels.synchronise` leaves it
+
+
+def flown(aircraft: Aircraft, errors: Errors, plan_name: str | Path, seed: int, turbulence_kt: float = 0.0) -> Flown:
+    """Fly a plan; turbulence of W20 in place of the plan's where it is not 0."""
+    plan = load_plan(plan_name)
+    if turbulence_kt:
+        plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=turbulence_kt * KNOT_MPS))
+    flight = flying.fly(aircraft, plan, seed=seed, deviations=errors.deviations)
+    felt = TrayFelt(flight, errors)
+    return Flown(flight, felt, felt_table(felt, aircraft))
+
+
+def felt_table(felt: TrayFelt, aircraft: Aircraft) -> pd.DataFrame:
+    """What `analysis.channels.synchronise` would make of the flight's log, but for counts and jitter."""
+    t = np.arange(0, felt.duration_s, TICK_S)
+    fine = (t[:, None] + (np.arange(SAMPLES) - (SAMPLES - 1) / 2) * FIFO_S).ravel()
+    force, rate = (values.reshape(-1, SAMPLES, 3).mean(axis=1) for values in felt.imu(fine))
+    table = {f"a{axis}_mps2": force[:, i] for i, axis in enumerate("xyz")}
+    table |= {f"{axis}_radps": rate[:, i] for i, axis in enumerate("pqr")}
+    for name, column in (("alpha", "dp_alpha_Pa"), ("beta", "dp_beta_Pa"), ("airspeed", "q_c_Pa")):
+        table[column] = felt.differential_pressure_Pa(name, t)
+    table["static_Pa"] = felt.absolute_pressure_Pa("static", t)
+    table["static_temperature_K"] = felt.transducer_temperature_K("static", t)
+    table["n_revps"] = felt.motor_speed_revps(t)
+    pulses = felt.servo_pulses_us(t)[:, aircraft.elevator.channel - 1]
+    table["elevator_rad"] = np.array([aircraft.elevator.angle_of_pulse_rad(pulse) for pulse in pulses])
+    asked = np.arange(0, felt.duration_s, GPS_S)
+    velocity = felt.gps(asked).velocity_ned_mps
+    for i, axis in enumerate(("north", "east", "down")):
+        table[f"gps_{axis}_mps"] = CubicSpline(asked, velocity[:, i])(t)
+    return pd.DataFrame(table, index=pd.Index(t, name="t_s"))
+
+
+class AirOf(NamedTuple):
+    """Air data, where the aircraft stood, and its zeros there."""
+
+    table: pd.DataFrame
+    still: list[slice]
+    at_rest: Zeros | None
+
+
+def air_of(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration) -> AirOf:
+    """The chain's steps up to the air data, for a table as `synchronise` leaves it."""
+    still = still_segments(table, 1 / TICK_S)
+    at_rest = zeros(table, still)
+    propeller = load_propeller(aircraft.propulsion.propeller)
+    return AirOf(air_data(table, aircraft, probe, propeller, at_rest).table, still, at_rest)
+
+
+def error_rows(error: np.ndarray, half: np.ndarray) -> Iterator[tuple[str, np.ndarray, str]]:
+    """Name, values and format of what is told of errors (flights, speeds) with the half widths of their intervals.
+
+    NaN is what a flight cannot say; a speed that none can say is NaN in every row.
+    """
+    covered = np.where(np.isfinite(error), np.abs(error) < half, np.nan)
+    known = np.isfinite(error).any(axis=0)
+    rows = (
+        ("95 % of errors below", np.nanpercentile(np.abs(error[:, known]), 95, axis=0), "{:.1f}"),
+        ("mean", np.nanmean(error[:, known], axis=0), "{:+.1f}"),
+        ("half width of intervals", np.nanmedian(half[:, known], axis=0), "{:.1f}"),
+        ("coverage, %", 100 * np.nanmean(covered[:, known], axis=0), "{:.0f}"),
+    )
+    for name, values, form in rows:
+        row = np.full(len(known), np.nan)
+        row[known] = values
+        yield name, row, form
