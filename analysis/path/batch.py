@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg import cholesky_banded, lapack
 
 Array = NDArray[np.float64]
 
@@ -37,15 +37,27 @@ class Prior(NamedTuple):
     shared_sigma: Array
 
 
+class Held(NamedTuple):
+    """What tells how the states move when the shared numbers are held elsewhere."""
+
+    factor: Array
+    border: Array
+
+    def follow(self, nx: int) -> Array:
+        """Change of each of `nx` states by each shared number, all else as measured, (n, nx, m)."""
+        moved = -_solved(self.factor, self.border, transposed=True)
+        return moved.reshape(-1, nx, moved.shape[1])
+
+
 class Step(NamedTuple):
-    """Corrections of the states (n, nx) and of the shared numbers (m,), the latter's covariance (m, m), how the states
-    follow a change of the shared numbers (n, nx, m), by how much the cost falls if the equations are straight, and
-    ln det of the whole normal matrix."""
+    """Corrections of the states (n, nx) and of the shared numbers (m,), the latter's covariance (m, m), what states do
+    when shared numbers are held, by how much the cost falls if the equations are straight, and ln det of the whole
+    normal matrix."""
 
     states: Array
     shared: Array
     covariance: Array
-    follow: Array
+    held: Held
     decrease: float
     log_determinant: float
 
@@ -68,40 +80,47 @@ def step(at: Linearised, prior: Prior, first: Array, shared: Array) -> Step:
     n, _, width = at.d_measured.shape
     nx = at.process.shape[1]
     m = width - nx
-    A, B, C = at.d_process[:, :, :nx], at.d_process[:, :, nx : 2 * nx], at.d_process[:, :, 2 * nx :]
-    H, G = at.d_measured[:, :, :nx], at.d_measured[:, :, nx:]
-    At, Bt, Ht = (M.transpose(0, 2, 1) for M in (A, B, H))
+    before, after, common = slice(nx), slice(nx, 2 * nx), slice(2 * nx, None)
+    moved, seen = _squared(at.d_process, at.process), _squared(at.d_measured, at.measured)
 
-    diagonal = Ht @ H
-    diagonal[:-1] += At @ A
-    diagonal[1:] += Bt @ B
+    diagonal = seen[:, :nx, :nx].copy()
+    diagonal[:-1] += moved[:, before, before]
+    diagonal[1:] += moved[:, after, after]
     diagonal[0] += np.diag(1 / prior.first_sigma**2)
-    below = Bt @ A
-    border = Ht @ G
-    border[:-1] += At @ C
-    border[1:] += Bt @ C
-    gradient = (Ht @ at.measured[:, :, None])[:, :, 0]
-    gradient[:-1] += (At @ at.process[:, :, None])[:, :, 0]
-    gradient[1:] += (Bt @ at.process[:, :, None])[:, :, 0]
-    gradient[0] += (first - prior.first_mean) / prior.first_sigma**2
-
-    flat_G, flat_C = G.reshape(-1, m), C.reshape(-1, m)
-    corner = flat_G.T @ flat_G + flat_C.T @ flat_C + np.diag(1 / prior.shared_sigma**2)
-    shared_gradient = flat_G.T @ at.measured.ravel() + flat_C.T @ at.process.ravel()
+    right = np.roll(seen[:, :nx, nx:], 1, axis=2)  # of states: the gradient, and the border of the shared numbers
+    right[:-1] += np.roll(moved[:, before, common], 1, axis=2)
+    right[1:] += np.roll(moved[:, after, common], 1, axis=2)
+    right[0, :, 0] += (first - prior.first_mean) / prior.first_sigma**2
+    corner = seen[:, nx:, nx:].sum(axis=0)[:m] + moved[:, common, common].sum(axis=0)[:m]
+    corner, shared_gradient = corner[:, :m], corner[:, m]
+    corner += np.diag(1 / prior.shared_sigma**2)
     shared_gradient += (shared - prior.shared_mean) / prior.shared_sigma**2
 
-    factor = cholesky_banded(_banded(diagonal, below), lower=True, overwrite_ab=True, check_finite=False)
-    border = border.reshape(n * nx, m)
-    right = np.concatenate([gradient.reshape(n * nx, 1), border], axis=1)
-    solved = cho_solve_banded((factor, True), right, overwrite_b=True, check_finite=False)
-    schur = corner - border.T @ solved[:, 1:]
+    factor = cholesky_banded(
+        _banded(diagonal, moved[:, after, before]), lower=True, overwrite_ab=True, check_finite=False
+    )
+    right = right.reshape(n * nx, 1 + m)
+    gradient = right[:, 0].copy()
+    half = _solved(factor, right)
+    schur = corner - half[:, 1:].T @ half[:, 1:]
     covariance = np.linalg.inv(schur)
-    d_shared = -covariance @ (shared_gradient - border.T @ solved[:, 0])
-    d_states = -(solved[:, 0] + solved[:, 1:] @ d_shared)
+    d_shared = -covariance @ (shared_gradient - half[:, 1:].T @ half[:, 0])
+    d_states = -_solved(factor, half[:, :1] + half[:, 1:] @ d_shared[:, None], transposed=True)[:, 0]
     log_determinant = 2 * float(np.sum(np.log(factor[0]))) + float(np.linalg.slogdet(schur)[1])
-    follow = -solved[:, 1:].reshape(n, nx, m)
-    decrease = -float(gradient.ravel() @ d_states + shared_gradient @ d_shared)
-    return Step(d_states.reshape(n, nx), d_shared, (covariance + covariance.T) / 2, follow, decrease, log_determinant)
+    decrease = -float(gradient @ d_states + shared_gradient @ d_shared)
+    held = Held(factor, half[:, 1:])
+    return Step(d_states.reshape(n, nx), d_shared, (covariance + covariance.T) / 2, held, decrease, log_determinant)
+
+
+def _squared(derivative: Array, residual: Array) -> Array:
+    """J^T (J, r) of each instant, for derivatives J (n, k, j) and residuals r (n, k): (n, j, j + 1)."""
+    both = np.concatenate([derivative, residual[:, :, None]], axis=2)
+    return derivative.transpose(0, 2, 1) @ both
+
+
+def _solved(factor: Array, right: Array, *, transposed: bool = False) -> Array:
+    """The solution of a triangular system with `factor` L, or with L^T."""
+    return lapack.dtbtrs(factor, right, uplo="L", trans="T" if transposed else "N")[0]
 
 
 def _banded(diagonal: Array, below: Array) -> Array:

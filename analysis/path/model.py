@@ -32,24 +32,29 @@ STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",
           "wind_north", "wind_east", "gust_u", "gust_v", "gust_w")  # fmt: skip
 SHARED = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_bias", "alpha_scale", "beta_bias",
           "V_scale", "air_data_lag", "gps_latency")  # fmt: skip
-MOVE = ("p", "q", "r", "ax", "ay", "az", "dt", "stays", "stays_w")  # means between two instants; stays: of gusts
+# Means between two instants; what they leave out of the change of angles and velocity; how much of gusts stays.
+MOVE = ("p", "q", "r", "ax", "ay", "az", "dt", "more_phi", "more_theta", "more_psi",
+        "more_north", "more_east", "more_down", "stays", "stays_w")  # fmt: skip
 SHOWN = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_down", "v_north", "v_east", "v_down")
 SLOW = ("slow_V", "slow_alpha", "gusts_across")  # as inertia and lift dictate them; variance of gusts, (m/s)^2
 GIVEN = ("ax", "ay", "az", "slope_V", "slope_alpha", *SLOW)
 
 
 def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
-    """State b minus what state a and the mean rates and specific forces u between them lead to; errors c."""
+    """State b minus what state a and the mean rates and specific forces u between them lead to; errors c.
+
+    Mean rates and forces at the mean attitude are not the mean of their effect: `within` gives what is missing.
+    """
     phi, theta, psi = (a.phi + b.phi) / 2, (a.theta + b.theta) / 2, (a.psi + b.psi) / 2
     turning = motion.attitude_derivative(phi, theta, u.p - c.p_bias, u.q - c.q_bias, u.r - c.r_bias)
     force = motion.earth_from_body(u.ax - c.ax_bias, u.ay - c.ay_bias, u.az - c.az_bias, phi, theta, psi)
     return (
-        b.phi - a.phi - u.dt * turning[0],
-        b.theta - a.theta - u.dt * turning[1],
-        b.psi - a.psi - u.dt * turning[2],
-        b.v_north - a.v_north - u.dt * force[0],
-        b.v_east - a.v_east - u.dt * force[1],
-        b.v_down - a.v_down - u.dt * (force[2] + g),
+        b.phi - a.phi - u.dt * turning[0] - u.more_phi,
+        b.theta - a.theta - u.dt * turning[1] - u.more_theta,
+        b.psi - a.psi - u.dt * turning[2] - u.more_psi,
+        b.v_north - a.v_north - u.dt * force[0] - u.more_north,
+        b.v_east - a.v_east - u.dt * force[1] - u.more_east,
+        b.v_down - a.v_down - u.dt * (force[2] + g) - u.more_down,
         b.height - a.height + u.dt * (a.v_down + b.v_down) / 2,
         b.wind_north - a.wind_north,
         b.wind_east - a.wind_east,

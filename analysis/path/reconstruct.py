@@ -17,14 +17,16 @@ from analysis.path import gusts
 from analysis.path.batch import Prior, Step, cost, step
 from analysis.path.model import GIVEN, MOVE, SHARED, SHOWN, SLOW, STATES, Data, Equations, Named
 from analysis.stillness import stretches
+from flight import motion
 
 Array = NDArray[np.float64]
 
 BLOCK = 5
+ADDED = slice(MOVE.index("more_phi"), MOVE.index("more_down") + 1)
 GUSTS_TRIED_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125, still air, to 3.2, a storm
 SLOW_S = 3.0  # over which speed and bank change slowly enough to be foreseen
 SLOWEST_MPS = 5.0
-ITERATIONS, QUICK = 12, 2  # at most; for a comparison of intensities
+ITERATIONS, QUICK = 12, 1  # at most; for a comparison of intensities, which are close to one another
 FIRST_BLOCKS = 25  # a log that stands within its first five seconds began at rest
 CONVERGED = 0.02  # of a standard error of every shared number, in the last step
 
@@ -154,14 +156,18 @@ class _Problem:
         """Means of rates and forces from each block's centre to the next, and the noise of the states they lead to."""
         dt = BLOCK / self._rate_Hz
         columns, missing = [], np.zeros(self._n - 1, dtype=bool)
+        between = slice(self._center[0], self._center[-1] + 1)
+        fine = []
         for name in ("p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2"):
             series = self._table[name]
             gap = series.isna().to_numpy()
             values = series.interpolate(limit_direction="both").fillna(0.0).to_numpy()
+            fine.append(values[between])
             total = np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2)])
             columns.append(np.diff(total[self._center]) / BLOCK)
             missing |= np.diff(np.cumsum(gap)[self._center]) > 0
-        move = np.column_stack([*columns, np.full(self._n - 1, dt), np.zeros((self._n - 1, 2))])
+        self._fine, self._fine_t_s = np.array(fine), self._table.index.to_numpy()[between]
+        move = np.column_stack([*columns, np.full(self._n - 1, dt), np.zeros((self._n - 1, 8))])
         rates, forces = np.abs(move[:, :3]), np.abs(move[:, 3:6])
         spread = np.sqrt(dt / self._rate_Hz)
         sigma = np.empty((self._n - 1, len(STATES)))
@@ -173,6 +179,21 @@ class _Problem:
         sigma[:, 6] = 2e-3
         sigma[:, 7:9] = WIND_WALK_MPS * np.sqrt(dt)
         return move, sigma
+
+    def _within(self, x: Array, shared: Array) -> Array:
+        """What turning between two instants adds to the change of angles and velocity, (n-1, 6).
+
+        The effect of rates and forces, integrated sample by sample along the attitude as it is known by now, less that
+        of their means at the mean attitude: coning and sculling, and the arc of a turn. Left out, a turn tilts the
+        whole path by a twentieth of a degree.
+        """
+        error = Named(SHARED, shared)
+        attitude = CubicSpline(self.t_s, x[:, :3])(self._fine_t_s).T
+        fine = _effect(attitude, self._fine, error)
+        total = np.concatenate([np.zeros((1, 6)), np.cumsum((fine[1:] + fine[:-1]) / 2, axis=0)])
+        samples = total[np.arange(self._n) * BLOCK]
+        mean = _effect(((x[1:, :3] + x[:-1, :3]) / 2).T, self._move[:, :6].T, error)
+        return (np.diff(samples, axis=0) / BLOCK - mean) * BLOCK / self._rate_Hz
 
     def _in_gusts(self, sigma_w_mps: float) -> tuple[Array, Array]:
         """MOVE, and the weights of the process, in turbulence of this intensity."""
@@ -303,6 +324,7 @@ class _Problem:
         move, process_weight = self._in_gusts(gust)
         for _ in range(iterations):
             moved = shared[latency]
+            move[:, ADDED] = self._within(x, shared)
             data = Data(move, process_weight, *self._with_gps(float(moved)), self._what_is_given(x, shared, gust))
             remaining = shared.copy()
             remaining[latency] = 0.0
@@ -333,7 +355,25 @@ class _Problem:
         states = pd.DataFrame(solution.x, index=pd.Index(self.t_s, name="t_s"), columns=list(STATES))
         last = solution.last
         slow = self._what_is_given(solution.x, solution.shared, solution.gust)[:, [GIVEN.index(name) for name in SLOW]]
-        return Path(states, solution.shared, last.covariance, last.follow, slow, solution.gust, rms, solution.converged)
+        return Path(
+            states,
+            solution.shared,
+            last.covariance,
+            last.held.follow(len(STATES)),
+            slow,
+            solution.gust,
+            rms,
+            solution.converged,
+        )
+
+
+def _effect(attitude: Array, moved: Array, error: Named) -> Array:
+    """Rates of the Euler angles and specific force in earth axes (n, 6), from rates and forces in body axes (6, n)."""
+    phi, theta, psi = attitude
+    p, q, r, ax, ay, az = moved
+    turning = motion.attitude_derivative(phi, theta, p - error.p_bias, q - error.q_bias, r - error.r_bias)
+    force = motion.earth_from_body(ax - error.ax_bias, ay - error.ay_bias, az - error.az_bias, phi, theta, psi)
+    return np.column_stack([*turning, *force])
 
 
 def block_mean(series: pd.Series, n: int) -> Array:
