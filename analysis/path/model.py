@@ -132,13 +132,14 @@ class Equations:
 
         z, weight_z, v = ca.SX.sym("z", len(SHOWN)), ca.SX.sym("w", len(SHOWN)), ca.SX.sym("v", len(GIVEN))
         r = (ca.vertcat(*shown(_symbols(STATES, a), _symbols(SHARED, c), _symbols(GIVEN, v))) - z) * weight_z
-        self._shown = _Mapped([a, c, z, weight_z, v], r, ca.jacobian(r, ca.vertcat(a, c)), n)
+        foreseen = ca.substitute(ca.jacobian(r, ca.vertcat(a, c)), a, b)
+        self._shown = _Mapped([a, b, c, z, weight_z, v], r, foreseen, n)
 
     def at(self, x: Array, shared: Array, data: "Data") -> Linearised:
         """Linearise at states x (n, nx) and shared numbers (m,)."""
         every = np.broadcast_to(shared, (self.n, len(shared)))
         moved = self._process(x[:-1], x[1:], every[:-1], data.move, data.process_weight)
-        seen = self._shown(x, every, data.shown, data.weight, data.given)
+        seen = self._shown(x, data.foreseen, every, data.shown, data.weight, data.given)
         return Linearised(*moved, *seen)
 
 
@@ -151,6 +152,7 @@ class Data:
     shown: Array  # (n, ny)
     weight: Array  # (n, ny)
     given: Array  # (n, ·)
+    foreseen: Array  # (n, nx)
 
 
 class _Mapped:

@@ -233,6 +233,13 @@ class _Problem:
         }
         return np.column_stack([columns[name] for name in GIVEN])
 
+    def _as_foreseen(self, x: Array) -> Array:
+        """Attitude and velocity as the past foretells them; the rest of the states as it is."""
+        foreseen = x.copy()
+        for i in range(6):
+            foreseen[:, i] = np.where(self._flying, _foreseen(x[:, i], self._flying, BLOCK / self._rate_Hz), x[:, i])
+        return foreseen
+
     def _what_is_shown(self) -> tuple[Array, Array]:
         """Measurements and 1/sigma of each block's mean; noise of the air data is constant in pascals."""
         mean, noise = self._mean, self._noise
@@ -325,7 +332,7 @@ class _Problem:
         for _ in range(iterations):
             moved = shared[latency]
             move[:, ADDED] = self._within(x, shared)
-            data = Data(move, process_weight, *self._with_gps(float(moved)), self._what_is_given(x, shared, gust))
+            data = Data(move, process_weight, *self._with_gps(float(moved)), self._what_is_given(x, shared, gust), self._as_foreseen(x))
             remaining = shared.copy()
             remaining[latency] = 0.0
             prior_mean = mean.copy()
