@@ -81,41 +81,45 @@ def step(at: Linearised, prior: Prior, first: Array, shared: Array) -> Step:
     nx = at.process.shape[1]
     m = width - nx
     before, after, common = slice(nx), slice(nx, 2 * nx), slice(2 * nx, None)
-    moved, seen = _squared(at.d_process, at.process), _squared(at.d_measured, at.measured)
+    moved, moved_gradient = _squared(at.d_process, at.process, 2 * nx)
+    seen, seen_gradient = _squared(at.d_measured, at.measured, nx)
 
-    diagonal = seen[:, :nx, :nx].copy()
+    diagonal = seen[:, :, :nx].copy()
     diagonal[:-1] += moved[:, before, before]
     diagonal[1:] += moved[:, after, after]
     diagonal[0] += np.diag(1 / prior.first_sigma**2)
-    right = np.roll(seen[:, :nx, nx:], 1, axis=2)  # of states: the gradient, and the border of the shared numbers
-    right[:-1] += np.roll(moved[:, before, common], 1, axis=2)
-    right[1:] += np.roll(moved[:, after, common], 1, axis=2)
-    right[0, :, 0] += (first - prior.first_mean) / prior.first_sigma**2
-    corner = seen[:, nx:, nx:].sum(axis=0)[:m] + moved[:, common, common].sum(axis=0)[:m]
-    corner, shared_gradient = corner[:, :m], corner[:, m]
-    corner += np.diag(1 / prior.shared_sigma**2)
+    border = seen[:, :, nx:].copy()
+    border[:-1] += moved[:, before, common]
+    border[1:] += moved[:, after, common]
+    gradient = seen_gradient
+    gradient[:-1] += moved_gradient[:, before]
+    gradient[1:] += moved_gradient[:, after]
+    gradient[0] += (first - prior.first_mean) / prior.first_sigma**2
+
+    flat = at.d_measured[:, :, nx:].reshape(-1, m), at.d_process[:, :, 2 * nx :].reshape(-1, m)
+    corner = flat[0].T @ flat[0] + flat[1].T @ flat[1] + np.diag(1 / prior.shared_sigma**2)
+    shared_gradient = flat[0].T @ at.measured.ravel() + flat[1].T @ at.process.ravel()
     shared_gradient += (shared - prior.shared_mean) / prior.shared_sigma**2
 
     factor = cholesky_banded(
         _banded(diagonal, moved[:, after, before]), lower=True, overwrite_ab=True, check_finite=False
     )
-    right = right.reshape(n * nx, 1 + m)
-    gradient = right[:, 0].copy()
+    right = np.concatenate([gradient.reshape(-1, 1), border.reshape(-1, m)], axis=1)
     half = _solved(factor, right)
     schur = corner - half[:, 1:].T @ half[:, 1:]
     covariance = np.linalg.inv(schur)
     d_shared = -covariance @ (shared_gradient - half[:, 1:].T @ half[:, 0])
     d_states = -_solved(factor, half[:, :1] + half[:, 1:] @ d_shared[:, None], transposed=True)[:, 0]
     log_determinant = 2 * float(np.sum(np.log(factor[0]))) + float(np.linalg.slogdet(schur)[1])
-    decrease = -float(gradient @ d_states + shared_gradient @ d_shared)
+    decrease = -float(gradient.ravel() @ d_states + shared_gradient @ d_shared)
     held = Held(factor, half[:, 1:])
     return Step(d_states.reshape(n, nx), d_shared, (covariance + covariance.T) / 2, held, decrease, log_determinant)
 
 
-def _squared(derivative: Array, residual: Array) -> Array:
-    """J^T (J, r) of each instant, for derivatives J (n, k, j) and residuals r (n, k): (n, j, j + 1)."""
-    both = np.concatenate([derivative, residual[:, :, None]], axis=2)
-    return derivative.transpose(0, 2, 1) @ both
+def _squared(derivative: Array, residual: Array, own: int) -> tuple[Array, Array]:
+    """J_x^T J and J_x^T r of each instant: derivatives J (n, k, j), the first `own` columns J_x, residuals r (n, k)."""
+    states = derivative[:, :, :own].transpose(0, 2, 1)
+    return states @ derivative, (states @ residual[:, :, None])[:, :, 0]
 
 
 def _solved(factor: Array, right: Array, *, transposed: bool = False) -> Array:

@@ -132,14 +132,15 @@ class Equations:
 
         z, weight_z, v = ca.SX.sym("z", len(SHOWN)), ca.SX.sym("w", len(SHOWN)), ca.SX.sym("v", len(GIVEN))
         r = (ca.vertcat(*shown(_symbols(STATES, a), _symbols(SHARED, c), _symbols(GIVEN, v))) - z) * weight_z
-        foreseen = ca.substitute(ca.jacobian(r, ca.vertcat(a, c)), a, b)
-        self._shown = _Mapped([a, b, c, z, weight_z, v], r, foreseen, n)
+        w = ca.SX.sym("v'", len(GIVEN))
+        foreseen = ca.substitute(ca.jacobian(r, ca.vertcat(a, c)), ca.vertcat(a, v), ca.vertcat(b, w))
+        self._shown = _Mapped([a, b, c, z, weight_z, v, w], r, foreseen, n)
 
     def at(self, x: Array, shared: Array, data: "Data") -> Linearised:
         """Linearise at states x (n, nx) and shared numbers (m,)."""
         every = np.broadcast_to(shared, (self.n, len(shared)))
         moved = self._process(x[:-1], x[1:], every[:-1], data.move, data.process_weight)
-        seen = self._shown(x, data.foreseen, every, data.shown, data.weight, data.given)
+        seen = self._shown(x, data.foreseen, every, data.shown, data.weight, data.given, data.given_foreseen)
         return Linearised(*moved, *seen)
 
 
@@ -152,7 +153,8 @@ class Data:
     shown: Array  # (n, ny)
     weight: Array  # (n, ny)
     given: Array  # (n, ·)
-    foreseen: Array  # (n, nx)
+    foreseen: Array  # (n, nx), states at which what is shown is differentiated,
+    given_foreseen: Array  # (n, ·), and what is given there
 
 
 class _Mapped:

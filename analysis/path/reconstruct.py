@@ -25,10 +25,12 @@ BLOCK = 5
 ADDED = slice(MOVE.index("more_phi"), MOVE.index("more_down") + 1)
 GUSTS_TRIED_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125, still air, to 3.2, a storm
 SLOW_S = 3.0  # over which speed and bank change slowly enough to be foreseen
+SLOPE_S = 1.0  # over which their slopes do
 SLOWEST_MPS = 5.0
-ITERATIONS, QUICK = 12, 1  # at most; for a comparison of intensities, which are close to one another
+ITERATIONS, QUICK = 40, 1  # at most; for a comparison of intensities, which are close to one another
 FIRST_BLOCKS = 25  # a log that stands within its first five seconds began at rest
-CONVERGED = 0.02  # of a standard error of every shared number, in the last step
+CONVERGED = 0.02  # of a standard error of every shared number, in the last step;
+NEAR = 0.5  # in the last step before the intensity of gusts is known
 
 # Standard deviations assumed where the log itself does not show them.
 BENCH = {"p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "ax_mps2": 0.06, "ay_mps2": 0.06, "az_mps2": 0.06,
@@ -81,7 +83,7 @@ def reconstruct(table: pd.DataFrame, still: list[slice], *, alpha_scale_sigma: f
     of angle of attack in the probe's calibration, on top of what transducers and their place on the aircraft add.
     """
     problem = _Problem(table, still, alpha_scale_sigma)
-    solution = problem.solve(*problem.start(), _FIRST_TRIED, ITERATIONS)
+    solution = problem.solve(*problem.start(), _FIRST_TRIED, ITERATIONS, NEAR)
     solution = problem.solve(solution.x, solution.shared, _most_probable(problem, solution), ITERATIONS)
     return problem.path(solution)
 
@@ -206,18 +208,19 @@ class _Problem:
             sigma[:, states] = gust.sigma_mps * np.sqrt(1 - gust.stays(dt) ** 2)
         return move, 1 / sigma
 
-    def _what_is_given(self, x: Array, shared: Array, gust: float) -> Array:
-        """GIVEN, with the slow flow as path and sensors' errors are known by now."""
+    def _what_is_given(self, x: Array, shared: Array, gust: float) -> tuple[Array, Array]:
+        """GIVEN, with the slow flow as path and sensors' errors are known by now; and as the past foretells it."""
         error, state = Named(SHARED, shared), Named(STATES, x.T)
         mean, step_s = self._mean, BLOCK / self._rate_Hz
         steady = np.sqrt(
             (state.v_north - state.wind_north) ** 2 + (state.v_east - state.wind_east) ** 2 + state.v_down**2
         )
         alpha = (mean["alpha_rad"] - error.alpha_bias) / (1 + error.alpha_scale - 2 * error.V_scale)
-        V, slope_V = _foreseen(steady, self._flying, step_s), _slope(steady, self._flying, step_s)
+        V, _ = _foreseen(steady, self._flying, step_s)
+        _, slope_foreseen = _foreseen(steady, self._flying, step_s, SLOPE_S)
         V = np.maximum(V, SLOWEST_MPS)
-        felt_V = np.maximum(_foreseen(mean["V_mps"], self._flying, step_s) / (1 + error.V_scale), SLOWEST_MPS)
-        load = 1 / (felt_V**2 * np.cos(np.clip(_foreseen(state.phi, self._flying, step_s), -1.2, 1.2)))
+        felt_V = np.maximum(_foreseen(mean["V_mps"], self._flying, step_s)[0] / (1 + error.V_scale), SLOWEST_MPS)
+        load = 1 / (felt_V**2 * np.cos(np.clip(_foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2)))
         slow_alpha, alpha_of_load = _as_lift_says(alpha, load, self._flying)
         where = self._cruise_height_m, self._cruise_mps
         sideways, down = gusts.horizontal(gust, *where), gusts.vertical(gust, *where)
@@ -228,16 +231,19 @@ class _Problem:
             "az": np.nan_to_num(mean["az_mps2"], nan=-9.8),
             "slow_V": V,
             "slow_alpha": slow_alpha,
-            "slope_V": slope_V,
-            "slope_alpha": -2 * alpha_of_load * load * slope_V / V,
         }
-        return np.column_stack([columns[name] for name in GIVEN])
+
+        def with_slope(slope_V: Array) -> Array:
+            slopes = {"slope_V": slope_V, "slope_alpha": -2 * alpha_of_load * load * slope_V / V}
+            return np.column_stack([(columns | slopes)[name] for name in GIVEN])
+
+        return with_slope(_slope(steady, self._flying, step_s)), with_slope(slope_foreseen)
 
     def _as_foreseen(self, x: Array) -> Array:
-        """Attitude and velocity as the past foretells them; the rest of the states as it is."""
-        foreseen = x.copy()
-        for i in range(6):
-            foreseen[:, i] = np.where(self._flying, _foreseen(x[:, i], self._flying, BLOCK / self._rate_Hz), x[:, i])
+        """The states, but heaving as the past foretells it: an aircraft heaves with a vertical gust within a step."""
+        foreseen, down = x.copy(), STATES.index("v_down")
+        ahead, _ = _foreseen(x[:, down], self._flying, BLOCK / self._rate_Hz)
+        foreseen[self._flying, down] = ahead[self._flying]
         return foreseen
 
     def _what_is_shown(self) -> tuple[Array, Array]:
@@ -318,7 +324,7 @@ class _Problem:
         self._first = x[0].copy()
         return x, self._prior_shared[0].copy()
 
-    def solve(self, x: Array, shared: Array, gust: float, iterations: int) -> _Solution:
+    def solve(self, x: Array, shared: Array, gust: float, iterations: int, enough: float = CONVERGED) -> _Solution:
         """Gauss-Newton from a start to where it stands still, or so often, for one intensity of gusts."""
         # Without GPS nothing shows the compass: north is then where the aircraft's nose pointed at first.
         heading = 3.0 if self._has_gps else 0.01
@@ -327,12 +333,15 @@ class _Problem:
         mean, sigma = self._prior_shared
         latency = SHARED.index("gps_latency")
         x, shared, converged = x.copy(), shared.copy(), False
-        before = np.zeros(len(SHARED))
+        before, share = np.zeros(len(SHARED)), 1.0
         move, process_weight = self._in_gusts(gust)
         for _ in range(iterations):
             moved = shared[latency]
             move[:, ADDED] = self._within(x, shared)
-            data = Data(move, process_weight, *self._with_gps(float(moved)), self._what_is_given(x, shared, gust), self._as_foreseen(x))
+            given, given_foreseen = self._what_is_given(x, shared, gust)
+            foreseen = self._as_foreseen(x)
+            shown = self._with_gps(float(moved))
+            data = Data(move, process_weight, *shown, given, foreseen, given_foreseen)
             remaining = shared.copy()
             remaining[latency] = 0.0
             prior_mean = mean.copy()
@@ -342,10 +351,10 @@ class _Problem:
             first = x[0]
             last = step(at, prior, first, remaining)
             moves = last.shared / np.sqrt(np.diag(last.covariance))
-            # To and fro, as where nothing shows the heading: the middle is better than either end.
-            share = 0.5 if moves @ before < -0.3 * (before @ before) else 1.0
+            # To and fro, as where nothing shows the heading: the middle is better than either end, from then on.
+            share = 0.5 if moves @ before < -0.3 * (before @ before) else share
             x, shared, before = x + share * last.states, shared + share * last.shared, moves
-            if np.max(np.abs(moves)) < CONVERGED:
+            if np.max(np.abs(moves)) < enough:
                 converged = True
                 break
         evidence = cost(at, prior, first, remaining) - last.decrease + last.log_determinant
@@ -361,7 +370,8 @@ class _Problem:
         }
         states = pd.DataFrame(solution.x, index=pd.Index(self.t_s, name="t_s"), columns=list(STATES))
         last = solution.last
-        slow = self._what_is_given(solution.x, solution.shared, solution.gust)[:, [GIVEN.index(name) for name in SLOW]]
+        given, _ = self._what_is_given(solution.x, solution.shared, solution.gust)
+        slow = given[:, [GIVEN.index(name) for name in SLOW]]
         return Path(
             states,
             solution.shared,
@@ -404,22 +414,21 @@ def _as_lift_says(alpha: Array, load: Array, flying: NDArray[np.bool_]) -> tuple
     return np.where(flying, offset + slope * load, 0.0), float(slope)
 
 
-def _foreseen(values: Array, flying: NDArray[np.bool_], step_s: float) -> Array:
-    """What a straight line over the SLOW_S before leads one to expect; 0 on the ground.
+def _foreseen(values: Array, flying: NDArray[np.bool_], step_s: float, over_s: float = SLOW_S) -> tuple[Array, Array]:
+    """What a straight line over so long before leads one to expect, and its slope; 0 on the ground.
 
     Of the past only: a gust changes what comes after it, and what is foreseen must not know of it.
     """
-    window = round(SLOW_S / step_s)
-    back = np.column_stack(
-        [np.ones(window), -np.arange(1.0, window + 1)]
-    )  # blocks before the one foreseen, newest first
-    weights = np.linalg.pinv(back)[0]
-    ahead = np.zeros(len(values))
+    window = round(over_s / step_s)
+    # Blocks before the one foreseen, newest first.
+    line = np.linalg.pinv(np.column_stack([np.ones(window), -step_s * np.arange(1.0, window + 1)]))
+    ahead = np.zeros((2, len(values)))
     for rows in stretches(flying):
         known = pd.Series(values[rows]).interpolate(limit_direction="both").to_numpy()
         before = np.concatenate([np.full(window, known[0]), known[:-1]])  # at first nothing has changed yet
-        ahead[rows] = np.convolve(before, weights, mode="valid")
-    return ahead
+        for found, weights in zip(ahead, line, strict=True):
+            found[rows] = np.convolve(before, weights, mode="valid")
+    return ahead[0], ahead[1]
 
 
 def _slope(values: Array, flying: NDArray[np.bool_], step_s: float) -> Array:
