@@ -23,6 +23,7 @@ from flight.errors import InputError
 from flight.units import to_si
 
 Array = NDArray[np.float64]
+PAIR_STEP = 0.01  # for the derivative of a polynomial: exact to its third order
 FORMAT = "flightpower-probe-1"
 ORDERS = range(1, 10)
 FOLDS = 10
@@ -68,6 +69,7 @@ class Flow(NamedTuple):
     alpha_rad: Array
     beta_rad: Array
     inside: NDArray[np.bool_]  # the calibration covers this point
+    V_per_pair: Array  # d ln V/d ln(pressure of the pair for angle of attack): a wrong angle takes a wrong q_c/qbar
 
 
 @dataclass(frozen=True)
@@ -255,7 +257,9 @@ def flow_at_probe(probe: ProbeCalibration, dp_alpha_Pa: Array, dp_beta_Pa: Array
     for angle, limits in ((alpha, probe.alpha_limits_rad), (beta, probe.beta_limits_rad)):
         if limits is not None:
             inside &= (angle > limits[0] - ROUNDING_RAD) & (angle < limits[1] + ROUNDING_RAD)
-    return Flow(q_c / probe.q_ratio(C_alpha, C_beta), alpha, beta, inside)
+    ratio = probe.q_ratio(C_alpha, C_beta)
+    less, more = (probe.q_ratio(C_alpha * factor, C_beta) for factor in (1 - PAIR_STEP, 1 + PAIR_STEP))
+    return Flow(q_c / ratio, alpha, beta, inside, -(more - less) / (4 * PAIR_STEP * ratio))
 
 
 def parse_probe(data: bytes, where: str) -> ProbeCalibration:

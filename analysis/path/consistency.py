@@ -77,7 +77,7 @@ def consistency(table: pd.DataFrame, path: Path) -> Consistency:
     quick = x.gust_u * ca + x.gust_w * sa + slow.gusts_across / (2 * slow.slow_V)
     slope = c.alpha_scale - 2 * c.V_scale
     after = differences(
-        _sooner(V, t, late) - c.V_scale * slow.slow_V + quick,
+        _sooner(V, t, late) - (c.V_scale + slow.V_per_pair * slope) * slow.slow_V + quick,
         _sooner(alpha, t, late)
         - c.alpha_bias
         - slope * slow.slow_alpha

@@ -36,7 +36,8 @@ SHARED = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_
 MOVE = ("p", "q", "r", "ax", "ay", "az", "dt", "more_phi", "more_theta", "more_psi",
         "more_north", "more_east", "more_down", "stays", "stays_w")  # fmt: skip
 SHOWN = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_down", "v_north", "v_east", "v_down")
-SLOW = ("slow_V", "slow_alpha", "gusts_across")  # as inertia and lift dictate them; variance of gusts, (m/s)^2
+# As inertia and lift dictate them; variance of gusts, (m/s)^2; d ln V/d ln(pressure of the pair for angle of attack).
+SLOW = ("slow_V", "slow_alpha", "gusts_across", "V_per_pair")
 GIVEN = ("ax", "ay", "az", "slope_V", "slope_alpha", *SLOW)
 
 
@@ -85,14 +86,16 @@ def shown(x: Any, c: Any, v: Any) -> Sequence[Any]:
     """What each of SHOWN would be at state x, with the sensors' errors c and what is given, v.
 
     An airspeed that reads high by a fraction has a dynamic pressure high by twice that, and angles are pressures over
-    dynamic pressure: they then read low by as much. Pressures that come late are behind by their slope.
+    dynamic pressure: they then read low by as much. An angle that reads low takes the wrong q_c/qbar from the probe's
+    calibration, and speed with it. Pressures that come late are behind by their slope.
     """
     V, alpha, beta = flow(x, v)
+    slope = c.alpha_scale - 2 * c.V_scale
     bias_free = v.ax - c.ax_bias, v.ay - c.ay_bias, v.az - c.az_bias
     force = motion.earth_from_body(*bias_free, x.phi, x.theta, x.psi)
     return (
-        V + c.V_scale * v.slow_V - c.air_data_lag * v.slope_V,
-        alpha + (c.alpha_scale - 2 * c.V_scale) * v.slow_alpha - c.air_data_lag * v.slope_alpha + c.alpha_bias,
+        V + (c.V_scale + v.V_per_pair * slope) * v.slow_V - c.air_data_lag * v.slope_V,
+        alpha + slope * v.slow_alpha - c.air_data_lag * v.slope_alpha + c.alpha_bias,
         beta + c.beta_bias,
         x.height,
         x.v_north - c.gps_latency * force[0],

@@ -222,6 +222,7 @@ class _Problem:
         felt_V = np.maximum(_foreseen(mean["V_mps"], self._flying, step_s)[0] / (1 + error.V_scale), SLOWEST_MPS)
         load = 1 / (felt_V**2 * np.cos(np.clip(_foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2)))
         slow_alpha, alpha_of_load = _as_lift_says(alpha, load, self._flying)
+        per_pair = _over_angle(alpha, mean["V_per_pair"], slow_alpha, self._flying)
         where = self._cruise_height_m, self._cruise_mps
         sideways, down = gusts.horizontal(gust, *where), gusts.vertical(gust, *where)
         columns = {
@@ -231,6 +232,7 @@ class _Problem:
             "az": np.nan_to_num(mean["az_mps2"], nan=-9.8),
             "slow_V": V,
             "slow_alpha": slow_alpha,
+            "V_per_pair": per_pair,
         }
 
         def with_slope(slope_V: Array) -> Array:
@@ -412,6 +414,14 @@ def _as_lift_says(alpha: Array, load: Array, flying: NDArray[np.bool_]) -> tuple
         return np.zeros(len(alpha)), 0.0
     slope, offset = np.polyfit(load[seen], alpha[seen], 1)
     return np.where(flying, offset + slope * load, 0.0), float(slope)
+
+
+def _over_angle(alpha: Array, values: Array, at: Array, flying: NDArray[np.bool_]) -> Array:
+    """`values` as a parabola over angle of attack, at other angles; 0 on the ground."""
+    seen = flying & np.isfinite(alpha) & np.isfinite(values)
+    if seen.sum() < 3 or np.ptp(alpha[seen]) == 0:
+        return np.zeros(len(alpha))
+    return np.where(flying, np.polyval(np.polyfit(alpha[seen], values[seen], 2), at), 0.0)
 
 
 def _foreseen(values: Array, flying: NDArray[np.bool_], step_s: float, over_s: float = SLOW_S) -> tuple[Array, Array]:
