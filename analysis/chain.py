@@ -14,6 +14,7 @@ from analysis.airdata.air import air_data
 from analysis.channels import synchronise
 from analysis.path.consistency import Consistency, consistency
 from analysis.path.observability import learnt, notes
+from analysis.path.reconstruct import Path as FlightPath
 from analysis.path.reconstruct import reconstruct
 from analysis.power import curve, dynamic, output_error
 from analysis.questions import Questions
@@ -43,6 +44,7 @@ class Analysis:
     polar: curve.Polar
     flown_CL: tuple[float, float]
     found: Found
+    path: FlightPath
     consistency: Consistency
 
 
@@ -159,4 +161,4 @@ def analyze(
         path=summary.path_result(path, agreement, sensor_errors),
         use=answered,
     )
-    return Analysis(results, air.table, runs, estimate, estimate.polar, flown_CL, found, agreement)
+    return Analysis(results, air.table, runs, estimate, estimate.polar, flown_CL, found, path, agreement)

@@ -18,6 +18,7 @@ from rich.progress import track
 from rich.table import Table
 
 from analysis.airdata.probe import ProbeCalibration
+from analysis.path.model import SHARED, STATES
 from analysis.path.reconstruct import Path, reconstruct
 from analysis.power import curve, dynamic, output_error
 from analysis.runs import find_runs
@@ -31,6 +32,7 @@ from sim.trim import Trimmer
 OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
 HEIGHT_M = 100.0
 FLYING_M = 30.0
+SLOW_MPS = 13.0  # 1.25 V_stall
 
 
 class Job(NamedTuple):
@@ -65,7 +67,7 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
         return 100 * np.stack([power / true_power - 1, curve.NORMAL_95 * error / true_power])
 
     path = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
-    figures = path_figures(path, drawn, flight.truth)
+    figures = path_figures(path, air, drawn, flight.truth)
     for name, kind in (("all runs", ""), ("one acceleration", "acceleration"), ("one deceleration", "deceleration")):
         chosen = [run for run in runs if run.kind.startswith(kind)]
         if kind:  # the longest, as one who has to choose would
@@ -77,27 +79,56 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
     return figures
 
 
-def path_figures(path: Path, drawn: Errors, truth: pd.DataFrame) -> dict[str, np.ndarray]:
-    """Errors of the path's shared numbers, and of mean pitch, which has no interval of its own.
+def path_figures(path: Path, air: pd.DataFrame, drawn: Errors, truth: pd.DataFrame) -> dict[str, np.ndarray]:
+    """Errors of what the path says of the sensors, and of its means over the flight, with half of their intervals.
 
-    Forces are taken in the IMU's axes: its tilt belongs to the offset of angle of attack, and to pitch.
+    Forces are taken in the IMU's axes: its tilt belongs to the offset of angle of attack, and to pitch. True of the
+    measured angle is the best line over the angle flown, which contains the calibration's curve; true of the scale of
+    airspeed is the drawn one and what the density is wrong by.
     """
     values, tilt = drawn.values, drawn.imu_rotation[0, 2]
-    slope = 1 + values.alpha_scale - 2 * values.V_scale
+    t, air_t = path.states.index.to_numpy(), air.index.to_numpy()
+    true = {name: np.interp(t, truth["time_s"], truth[name]) for name in truth.columns if truth[name].dtype == float}
+    high = true["height_m"] > FLYING_M
+    V, alpha, rho = (np.interp(air_t, truth["time_s"], truth[x]) for x in ("V_mps", "alpha_rad", "density_kgpm3"))
+    flown = air["flying"].to_numpy() & air["alpha_rad"].notna().to_numpy()
+    slope, offset = np.polyfit((alpha - tilt)[flown], air["alpha_rad"][flown], 1)
+    V_scale = (1 + values.V_scale) * np.sqrt((rho / air["rho"])[flown].mean()) - 1
     known = {
-        "alpha_bias": ((values.alpha_offset_rad + tilt) * slope, np.degrees(1), "deg"),
-        "alpha_scale": (values.alpha_scale, 100, "%"),
-        "V_scale": (values.V_scale, 100, "%"),
+        "alpha_bias": (offset, np.degrees(1), "deg"),
+        "alpha_scale": (slope - 1 + 2 * V_scale, 100, "%"),
+        "V_scale": (V_scale, 100, "%"),
         "gps_latency": (values.gps_latency_s, 1000, "ms"),
     }
-    t = path.states.index.to_numpy()
-    high = np.interp(t, truth["time_s"], truth["height_m"]) > FLYING_M
-    pitch = (path.states["theta"] - np.interp(t, truth["time_s"], truth["pitch_rad"]) + tilt)[high]
-    figures = {"path, pitch [deg]": np.array([[np.degrees(pitch.mean())], [np.nan]])}
-    for name, (true, factor, unit) in known.items():
-        half = curve.NORMAL_95 * path.standard_error(name)
-        figures[f"path, {name} [{unit}]"] = factor * np.array([[path.value(name) - true], [half]])
+    figures = {}
+    for name, (true_value, factor, unit) in known.items():
+        figures[f"path, {name} [{unit}]"] = factor * told(path.value(name) - true_value, path.standard_error(name))
+
+    means = {"theta": (true["pitch_rad"] - tilt, np.degrees(1), "deg")}
+    means |= {f"wind_{axis}": (true[f"wind_{axis}_mps"], 1.0, "m/s") for axis in ("north", "east")}
+    for name, (true_state, factor, unit) in means.items():
+        i = STATES.index(name)
+        own, shared = path.draws[:, high, i].mean(axis=1), path.follow[high, i].mean(axis=0)
+        error = np.sqrt(np.mean(own**2) + shared @ path.covariance @ shared)
+        off = np.mean((path.states[name] - true_state)[high])
+        figures[f"path, {name}, mean [{unit}]"] = factor * told(off, error)
+
+    slow = flown & (V < SLOW_MPS)
+    found = (air["alpha_rad"] - path.value("alpha_bias")) / (1 + path.value("alpha_scale") - 2 * path.value("V_scale"))
+    by = np.zeros(len(SHARED))
+    for name, change in (
+        ("alpha_bias", 1.0),
+        ("alpha_scale", found[slow].mean()),
+        ("V_scale", -2 * found[slow].mean()),
+    ):
+        by[SHARED.index(name)] = change
+    off = np.mean((found - alpha + tilt)[slow])
+    figures["path, angle of attack below 13 m/s [deg]"] = np.degrees(told(off, np.sqrt(by @ path.covariance @ by)))
     return figures
+
+
+def told(error: float, standard_error: float) -> np.ndarray:
+    return np.array([[error], [curve.NORMAL_95 * standard_error]])
 
 
 def speeds(aircraft: Aircraft) -> np.ndarray:
@@ -145,10 +176,7 @@ def print_path(console: Console, gathered: dict[str, list[np.ndarray]]) -> None:
     table = Table("path, errors", "rms", "mean", "stated, 1 sigma", "coverage, %", box=None)
     for name, values in gathered.items():
         error, half = np.array(values)[:, :, 0].T
-        stated = ("", "")
-        if np.isfinite(half).all():
-            covered = f"{100 * np.mean(np.abs(error) < half):.0f}"
-            stated = (f"{np.median(half) / curve.NORMAL_95:.3f}", covered)
+        stated = f"{np.median(half) / curve.NORMAL_95:.3f}", f"{100 * np.mean(np.abs(error) < half):.0f}"
         table.add_row(name, f"{np.sqrt(np.mean(error**2)):.3f}", f"{error.mean():+.3f}", *stated)
     console.print(table)
 

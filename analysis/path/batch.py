@@ -38,7 +38,7 @@ class Prior(NamedTuple):
 
 
 class Held(NamedTuple):
-    """What tells how the states move when the shared numbers are held elsewhere."""
+    """What tells how the states move when the shared numbers are held elsewhere, and how sure they are while held."""
 
     factor: Array
     border: Array
@@ -47,6 +47,11 @@ class Held(NamedTuple):
         """Change of each of `nx` states by each shared number, all else as measured, (n, nx, m)."""
         moved = -_solved(self.factor, self.border, transposed=True)
         return moved.reshape(-1, nx, moved.shape[1])
+
+    def draws(self, nx: int, count: int) -> Array:
+        """By how much each of `nx` states may be off though the shared numbers are right: draws, (count, n, nx)."""
+        white = np.random.default_rng(0).standard_normal((len(self.border), count))
+        return _solved(self.factor, white, transposed=True).T.reshape(count, -1, nx)
 
 
 class Step(NamedTuple):

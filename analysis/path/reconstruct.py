@@ -28,6 +28,7 @@ SLOW_S = 3.0  # over which speed and bank change slowly enough to be foreseen
 SLOPE_S = 1.0  # over which their slopes do
 SLOWEST_MPS = 5.0
 ITERATIONS, QUICK = 40, 1  # at most; for a comparison of intensities, which are close to one another
+DRAWS = 8  # of what states may be off by: enough for a standard error within a quarter
 FIRST_BLOCKS = 25  # a log that stands within its first five seconds began at rest
 CONVERGED = 0.02  # of a standard error of every shared number, in the last step;
 NEAR = 0.5  # in the last step before the intensity of gusts is known
@@ -55,6 +56,7 @@ class Path:
 
     states : by name, index t_s     shared, covariance : values (m,) and (m, m) in the order of SHARED
     follow : (n, nx, m) how the states move with the shared numbers, all else as measured
+    draws : (DRAWS, n, nx) by how much the states may be off though the shared numbers are right, one draw each
     slow : (n, ·) SLOW, as `flow` wants it [m/s]
     gust_mps : standard deviation of vertical gusts
     residuals : rms of each of SHOWN, in standard deviations
@@ -64,6 +66,7 @@ class Path:
     shared: Array
     covariance: Array
     follow: Array
+    draws: Array
     slow: Array
     gust_mps: float
     residuals: dict[str, float]
@@ -74,6 +77,12 @@ class Path:
 
     def standard_error(self, name: str) -> float:
         return float(np.sqrt(self.covariance[SHARED.index(name), SHARED.index(name)]))
+
+    def states_error(self) -> pd.DataFrame:
+        """Standard error of every state at every instant: its own, as far as draws tell, and that of shared numbers."""
+        own = np.sum(self.draws**2, axis=0) / len(self.draws)
+        shared = np.einsum("nxm,mk,nxk->nx", self.follow, self.covariance, self.follow)
+        return pd.DataFrame(np.sqrt(own + shared), index=self.states.index, columns=self.states.columns)
 
 
 def reconstruct(table: pd.DataFrame, still: list[slice], *, alpha_scale_sigma: float = 0.0) -> Path:
@@ -379,6 +388,7 @@ class _Problem:
             solution.shared,
             last.covariance,
             last.held.follow(len(STATES)),
+            last.held.draws(len(STATES), DRAWS),
             slow,
             solution.gust,
             rms,

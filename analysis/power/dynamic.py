@@ -85,6 +85,9 @@ def estimate_polar(
     for direction in np.linalg.cholesky(path.covariance).T:
         moved = fitted(states + path.follow @ direction, path.shared + direction).values - fit.values
         systematic += np.outer(moved, moved)
+    for draw in path.draws:
+        moved = fitted(states + draw, path.shared).values - fit.values
+        systematic += np.outer(moved, moved) / len(path.draws)
     whole = noise + systematic
     where = [fit.names.index(name) for name in POLAR]
     both = [fit.names.index(name) for name in POLAR + THRUST]

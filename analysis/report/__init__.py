@@ -3,18 +3,23 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from analysis import commands
 from analysis.chain import Analysis
+from analysis.path.model import STATES
+from analysis.path.reconstruct import Path as FlightPath
 from analysis.power.curve import NORMAL_95
 from analysis.report import field, figures, page
 from analysis.results import to_csv, to_json
 
 POLAR_POINTS = 60
+ANGLES = {"phi": "roll_rad", "theta": "pitch_rad", "psi": "yaw_rad", "height": "height_m"}
+PATH_COLUMNS = ANGLES | {name: f"{name}_mps" for name in STATES if name not in ANGLES}
 
 
 def write_report(analysis: Analysis, folder: Path) -> None:
-    """Write report.html, results.json, power_required.csv and field_table.md and .csv into `folder`.
+    """Write report.html, results.json, power_required.csv, path.csv and field_table.md and .csv into `folder`.
 
     Raises InputError when the folder cannot be written.
     """
@@ -38,6 +43,7 @@ def write_report(analysis: Analysis, folder: Path) -> None:
     html = page.render(results, drawings, fits)
     commands.write_file(folder / "results.json", to_json(results))
     commands.write_file(folder / "power_required.csv", to_csv(results))
+    commands.write_file(folder / "path.csv", _path(analysis.path))
     if results.use:
         commands.write_file(folder / "field_table.md", field.to_markdown(results, results.use))
         commands.write_file(folder / "field_table.csv", field.to_csv(results, results.use))
@@ -50,3 +56,10 @@ def _polar(analysis: Analysis):
     CD = powers @ analysis.polar.A
     half = NORMAL_95 * np.sqrt(np.einsum("ni,ij,nj->n", powers, analysis.polar.covariance, powers))
     return figures.polar(analysis.results, CL, CD, CD - half, CD + half)
+
+
+def _path(path: FlightPath) -> str:
+    """Every state of the flight path with its standard error, a line each 0.2 s."""
+    named = path.states.rename(columns=PATH_COLUMNS)
+    errors = path.states_error().rename(columns=PATH_COLUMNS).add_suffix("_error")
+    return str(pd.concat([named, errors], axis=1).to_csv(float_format="%.6g", lineterminator="\n"))

@@ -14,7 +14,7 @@ def path(gust_mps: float, alpha_sigma_deg: float) -> Path:
     sigma = np.ones(len(SHARED))
     sigma[SHARED.index("alpha_bias")] = np.radians(alpha_sigma_deg)
     nothing = np.zeros((0, len(SHARED)))
-    return Path(pd.DataFrame(), np.zeros(len(SHARED)), np.diag(sigma**2), nothing, nothing, gust_mps, {}, True)
+    return Path(pd.DataFrame(), np.zeros(len(SHARED)), np.diag(sigma**2), nothing, nothing, nothing, gust_mps, {}, True)
 
 
 def test_one_run_alone_in_strong_gusts_is_refused_with_the_reason() -> None:

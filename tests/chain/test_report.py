@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from analysis.results import Results
@@ -111,3 +112,14 @@ def test_the_field_table_is_the_results(flown: Path, results: Results) -> None:
     assert len([line for line in text.splitlines() if line.startswith("| ")]) == (
         len(results.use.field_table) + len(results.use.loadings) + 4
     )
+
+
+def test_the_path_is_written_with_the_error_of_every_state(flown: Path) -> None:
+    """Five lines a second; pitch is known to better than half a degree, and never to less than its gyro's noise."""
+    with (flown / "log.report" / "path.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert {"t_s", "pitch_rad", "pitch_rad_error", "v_down_mps", "wind_north_mps_error"} <= rows[0].keys()
+    times = [float(row["t_s"]) for row in rows]
+    assert np.allclose(np.diff(times), 0.2)
+    errors = np.array([float(row["pitch_rad_error"]) for row in rows])
+    assert np.all(errors > 1e-5) and np.median(errors) < np.radians(0.5)

@@ -71,3 +71,14 @@ def test_states_follow_the_shared_numbers_as_least_squares_says(seed: int) -> No
     free, held = J[:, : N * NX], J[:, N * NX :]
     follow = step(at, prior, first, shared).held.follow(NX).reshape(N * NX, M)
     assert follow == pytest.approx(-np.linalg.lstsq(free, held, rcond=None)[0], abs=1e-8)
+
+
+def test_draws_scatter_as_the_states_do_while_the_shared_numbers_are_held() -> None:
+    """Their covariance is the inverse of the states' own block; 4,000 draws know a variance within 2.2 %, 1 sigma."""
+    at, prior, first, shared = problem(0)
+    _, J = dense(at, prior, first, shared)
+    free = J[:, : N * NX]
+    draws = step(at, prior, first, shared).held.draws(NX, 4000).reshape(4000, N * NX)
+    own = np.linalg.inv(free.T @ free)
+    scale = np.sqrt(np.outer(np.diag(own), np.diag(own)))
+    assert np.abs(draws.T @ draws / 4000 - own).max() < 5 * np.sqrt(2 / 4000) * scale.max()
