@@ -86,7 +86,8 @@ def analyze(
     used = runs or found.of(STEADY, *LOADS)
     if not used:
         missed = [stretch for stretch in found.rejected if stretch.kind in LEVEL]
-        raise InputError(f"{log.path}: no acceleration or deceleration to analyse{summary.nearest_miss(missed)}")
+        why = summary.nearest_miss(missed, air.table)
+        raise InputError(f"{log.path}: no acceleration or deceleration to analyse{why}")
 
     flown = pd.concat([air.table.iloc[run.rows] for run in used])
     flown_CL = summary.flown_lift(flown, aircraft)
@@ -98,7 +99,7 @@ def analyze(
     path = reconstruct(air.table, still, alpha_scale_sigma=probe.alpha_scale_sigma)
     warnings += summary.gusts_said(path, len(runs), str(log.path))
     warnings += skew.notes(path)
-    sensor_errors = learnt(air.table, path, alpha_scale_sigma=probe.alpha_scale_sigma)
+    sensor_errors = learnt(air.table, path)
     warnings += notes(sensor_errors)
     agreement = consistency(air.table, path)
     progress(f"estimating drag from {len(used)} runs")

@@ -3,6 +3,8 @@
 import numpy as np
 import pandas as pd
 
+from analysis.airdata.air import FLYING_PA
+from analysis.channels import COLUMNS
 from analysis.path.consistency import ANGLES, SPEED, Consistency, spread
 from analysis.path.observability import Learnt
 from analysis.path.reconstruct import Path
@@ -26,6 +28,7 @@ from flight.aircraft import Aircraft
 from flight.errors import InputError
 
 CURVE_POINTS = 61
+PRESSURES = ("q_c_Pa", "dp_alpha_Pa", "static_Pa")  # without any of these nothing looks like flight
 UNCERTAIN_ALPHA_DEG, TURBULENT_MPS = 0.3, 0.3  # W20 = 6 kt and more, as the path finds it
 
 
@@ -134,8 +137,15 @@ def path_result(path: Path, agreement: Consistency, errors: list[Learnt]) -> Pat
     )  # fmt: skip
 
 
-def nearest_miss(rejected: list[Rejected]) -> str:
-    """Why there is no run, by the longest stretch that was not taken."""
+def nearest_miss(rejected: list[Rejected], table: pd.DataFrame) -> str:
+    """Why there is no run: by the longest stretch that was not taken, or since nothing looks like flight."""
+    if not table["flying"].any():
+        dead = sorted({COLUMNS[name][0] for name in PRESSURES if table[name].isna().all()})
+        if dead:
+            return f": {', '.join(dead)} showed nothing (a broken transducer or a blocked tube)"
+        return (
+            f": nothing in it is flight (dynamic pressure stayed below {FLYING_PA:g} Pa, or angles beyond the probe's)"
+        )
     if not rejected:
         return " (speed never changed steadily in level flight)"
     longest = max(rejected, key=lambda r: r.end_s - r.start_s)

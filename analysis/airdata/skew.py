@@ -11,7 +11,7 @@ turbulence of W20 = 3 kt and 120 to 134 ms at 15 kt, with errors of 3 to 8 ms an
 
 from typing import NamedTuple
 
-from analysis.path.reconstruct import PRIOR_SIGMA, Path
+from analysis.path.reconstruct import Path
 
 SIGNIFICANT = 3.0  # standard errors
 LEAST_S = 0.004  # a tenth of a tick changes nothing
@@ -43,7 +43,7 @@ class Skew(NamedTuple):
 def skews(path: Path) -> list[Skew]:
     """The shifts of a reconstructed flight."""
     return [
-        Skew(words, path.value(name), error, error < LEARNT * PRIOR_SIGMA[name])
+        Skew(words, path.value(name), error, error < LEARNT * path.assumed(name))
         for name, words in SHARED.items()
         for error in [path.standard_error(name)]
     ]

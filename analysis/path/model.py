@@ -1,14 +1,15 @@
 """The equations of the reconstruction: how states follow one another, and what each sensor shows of them.
 
-States at each instant: Euler angles, inertial velocity north-east-down, height and the wind, gusts included. Shared by
-the whole flight: the mean wind, biases and scales of the sensors. Functions are written with NumPy and evaluated by
+States at each instant: Euler angles, inertial velocity north-east-down, height, the slow wind and gusts. Shared by the
+whole flight: biases and scales of the sensors, and how late they are. Functions are written with NumPy and evaluated by
 CasADi over all instants at once, exact derivatives included.
 
 The aircraft answers to gusts. It heaves with them within a second and turns its nose into them within two; only its
 speed is slow to follow. What a gust and the answer to it have in common would be taken for an error of a sensor, were
 it free to enter beside one (docs/estimators.md has the figures). Hence gusts are along the aircraft's own axes, their
-effect on the flow depends on the slow flow alone, and a scale stands beside what lift and inertia dictate: SLOW, given
-for each step, foreseen from the path before.
+effect on the flow depends on the slow flow alone, a scale stands beside what lift and inertia dictate (SLOW, given for
+each step), and what is shown is differentiated where the past foretells the aircraft to be: residuals are exact, only
+their weights know nothing of the gust of the moment. In other words, instrumental variables.
 """
 
 from collections.abc import Iterable, Sequence

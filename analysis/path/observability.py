@@ -12,7 +12,7 @@ import pandas as pd
 
 from analysis.airdata.air import LOW_M
 from analysis.airdata.skew import LEARNT
-from analysis.path.reconstruct import PRIOR_SIGMA, Path, block_mean
+from analysis.path.reconstruct import Path, block_mean
 
 DEG, PERCENT, MILLI = float(np.degrees(1.0)), 100.0, 1000.0
 # In words, and the unit a reader thinks in.
@@ -109,13 +109,12 @@ def missing(name: str, had: Flown) -> tuple[str, ...]:
     return tuple(words for lacks, words, hidden in _LACKS if name in hidden and lacks(had)) or (_TOO_LITTLE,)
 
 
-def learnt(table: pd.DataFrame, path: Path, *, alpha_scale_sigma: float = 0.0) -> list[Learnt]:
-    """Each of SHARED, the ones that matter most first; arguments as for `reconstruct`, and its path."""
+def learnt(table: pd.DataFrame, path: Path) -> list[Learnt]:
+    """Each of SHARED, the ones that matter most first. table: what `reconstruct` made the path of."""
     had = flown(table, path)
-    prior = PRIOR_SIGMA | {"alpha_scale": float(np.hypot(PRIOR_SIGMA["alpha_scale"], alpha_scale_sigma))}
     out = []
     for name, (title, factor, unit) in TITLES.items():
-        sigma, before = path.standard_error(name), float(prior[name])
+        sigma, before = path.standard_error(name), path.assumed(name)
         determined = sigma < LEARNT * before
         lacked = () if determined else missing(name, had)
         value = factor * path.value(name)

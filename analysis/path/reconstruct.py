@@ -10,22 +10,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import savgol_filter
 
 from analysis.airdata.air import LOW_M, bank_rad
-from analysis.path import gusts
+from analysis.path import gusts, slow
 from analysis.path.batch import Prior, Step, cost, step
 from analysis.path.model import GIVEN, MOVE, SHARED, SHOWN, SLOW, STATES, Data, Equations, Named
-from analysis.stillness import stretches
 from flight import motion
+from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
 BLOCK = 5
 ADDED = slice(MOVE.index("more_phi"), MOVE.index("more_down") + 1)
 GUSTS_TRIED_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125, still air, to 3.2, a storm
-SLOW_S = 3.0  # over which speed and bank change slowly enough to be foreseen
-SLOPE_S = 1.0  # over which their slopes do
 SLOWEST_MPS = 5.0
 ITERATIONS, QUICK = 40, 1  # at most; for a comparison of intensities, which are close to one another
 DRAWS = 8  # of what states may be off by: enough for a standard error within a quarter
@@ -55,6 +52,7 @@ class Path:
     """The path and what was learnt on the way.
 
     states : by name, index t_s     shared, covariance : values (m,) and (m, m) in the order of SHARED
+    prior_sigma : (m,) standard deviations assumed beforehand
     follow : (n, nx, m) how the states move with the shared numbers, all else as measured
     draws : (DRAWS, n, nx) by how much the states may be off though the shared numbers are right, one draw each
     slow : (n, ·) SLOW, as `flow` wants it [m/s]
@@ -65,6 +63,7 @@ class Path:
     states: pd.DataFrame
     shared: Array
     covariance: Array
+    prior_sigma: Array
     follow: Array
     draws: Array
     slow: Array
@@ -78,6 +77,10 @@ class Path:
     def standard_error(self, name: str) -> float:
         return float(np.sqrt(self.covariance[SHARED.index(name), SHARED.index(name)]))
 
+    def assumed(self, name: str) -> float:
+        """Standard deviation before the flight."""
+        return float(self.prior_sigma[SHARED.index(name)])
+
     def states_error(self) -> pd.DataFrame:
         """Standard error of every state at every instant: its own, as far as draws tell, and that of shared numbers."""
         own = np.sum(self.draws**2, axis=0) / len(self.draws)
@@ -90,7 +93,17 @@ def reconstruct(table: pd.DataFrame, still: list[slice], *, alpha_scale_sigma: f
 
     table: as `air_data` leaves it. still: where the aircraft stood. alpha_scale_sigma: standard deviation of the slope
     of angle of attack in the probe's calibration, on top of what transducers and their place on the aircraft add.
+    Raises InputError where the log does not determine a path.
     """
+    try:
+        return _reconstructed(table, still, alpha_scale_sigma)
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "the flight path cannot be found: IMU and air data contradict each other or are missing for too long"
+        ) from None
+
+
+def _reconstructed(table: pd.DataFrame, still: list[slice], alpha_scale_sigma: float) -> Path:
     problem = _Problem(table, still, alpha_scale_sigma)
     solution = problem.solve(*problem.start(), _FIRST_TRIED, ITERATIONS, NEAR)
     solution = problem.solve(solution.x, solution.shared, _most_probable(problem, solution), ITERATIONS)
@@ -225,13 +238,13 @@ class _Problem:
             (state.v_north - state.wind_north) ** 2 + (state.v_east - state.wind_east) ** 2 + state.v_down**2
         )
         alpha = (mean["alpha_rad"] - error.alpha_bias) / (1 + error.alpha_scale - 2 * error.V_scale)
-        V, _ = _foreseen(steady, self._flying, step_s)
-        _, slope_foreseen = _foreseen(steady, self._flying, step_s, SLOPE_S)
+        V, _ = slow.foreseen(steady, self._flying, step_s)
+        _, slope_foreseen = slow.foreseen(steady, self._flying, step_s, slow.SLOPE_S)
         V = np.maximum(V, SLOWEST_MPS)
-        felt_V = np.maximum(_foreseen(mean["V_mps"], self._flying, step_s)[0] / (1 + error.V_scale), SLOWEST_MPS)
-        load = 1 / (felt_V**2 * np.cos(np.clip(_foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2)))
-        slow_alpha, alpha_of_load = _as_lift_says(alpha, load, self._flying)
-        per_pair = _over_angle(alpha, mean["V_per_pair"], slow_alpha, self._flying)
+        felt_V = np.maximum(slow.foreseen(mean["V_mps"], self._flying, step_s)[0] / (1 + error.V_scale), SLOWEST_MPS)
+        load = 1 / (felt_V**2 * np.cos(np.clip(slow.foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2)))
+        slow_alpha, alpha_of_load = slow.as_lift_says(alpha, load, self._flying)
+        per_pair = slow.over_angle(alpha, mean["V_per_pair"], slow_alpha, self._flying)
         where = self._cruise_height_m, self._cruise_mps
         sideways, down = gusts.horizontal(gust, *where), gusts.vertical(gust, *where)
         columns = {
@@ -248,12 +261,12 @@ class _Problem:
             slopes = {"slope_V": slope_V, "slope_alpha": -2 * alpha_of_load * load * slope_V / V}
             return np.column_stack([(columns | slopes)[name] for name in GIVEN])
 
-        return with_slope(_slope(steady, self._flying, step_s)), with_slope(slope_foreseen)
+        return with_slope(slow.slope(steady, self._flying, step_s)), with_slope(slope_foreseen)
 
     def _as_foreseen(self, x: Array) -> Array:
         """The states, but heaving as the past foretells it: an aircraft heaves with a vertical gust within a step."""
         foreseen, down = x.copy(), STATES.index("v_down")
-        ahead, _ = _foreseen(x[:, down], self._flying, BLOCK / self._rate_Hz)
+        ahead, _ = slow.foreseen(x[:, down], self._flying, BLOCK / self._rate_Hz)
         foreseen[self._flying, down] = ahead[self._flying]
         return foreseen
 
@@ -382,14 +395,15 @@ class _Problem:
         states = pd.DataFrame(solution.x, index=pd.Index(self.t_s, name="t_s"), columns=list(STATES))
         last = solution.last
         given, _ = self._what_is_given(solution.x, solution.shared, solution.gust)
-        slow = given[:, [GIVEN.index(name) for name in SLOW]]
+        flow_slow = given[:, [GIVEN.index(name) for name in SLOW]]
         return Path(
             states,
             solution.shared,
             last.covariance,
+            self._prior_shared[1],
             last.held.follow(len(STATES)),
             last.held.draws(len(STATES), DRAWS),
-            slow,
+            flow_slow,
             solution.gust,
             rms,
             solution.converged,
@@ -412,53 +426,6 @@ def block_mean(series: pd.Series, n: int) -> Array:
     count = present.sum(axis=1)
     total = np.where(present, blocks, 0.0).sum(axis=1)
     return np.where(count > BLOCK // 2, total / np.maximum(count, 1), np.nan)
-
-
-def _as_lift_says(alpha: Array, load: Array, flying: NDArray[np.bool_]) -> tuple[Array, float]:
-    """Angle of attack [rad] as a straight line over `load`, and the line's slope; 0 on the ground.
-
-    load : lift coefficient in steady flight, up to a factor.
-    """
-    seen = flying & np.isfinite(alpha)
-    if seen.sum() < 2 or np.ptp(load[seen]) == 0:
-        return np.zeros(len(alpha)), 0.0
-    slope, offset = np.polyfit(load[seen], alpha[seen], 1)
-    return np.where(flying, offset + slope * load, 0.0), float(slope)
-
-
-def _over_angle(alpha: Array, values: Array, at: Array, flying: NDArray[np.bool_]) -> Array:
-    """`values` as a parabola over angle of attack, at other angles; 0 on the ground."""
-    seen = flying & np.isfinite(alpha) & np.isfinite(values)
-    if seen.sum() < 3 or np.ptp(alpha[seen]) == 0:
-        return np.zeros(len(alpha))
-    return np.where(flying, np.polyval(np.polyfit(alpha[seen], values[seen], 2), at), 0.0)
-
-
-def _foreseen(values: Array, flying: NDArray[np.bool_], step_s: float, over_s: float = SLOW_S) -> tuple[Array, Array]:
-    """What a straight line over so long before leads one to expect, and its slope; 0 on the ground.
-
-    Of the past only: a gust changes what comes after it, and what is foreseen must not know of it.
-    """
-    window = round(over_s / step_s)
-    # Blocks before the one foreseen, newest first.
-    line = np.linalg.pinv(np.column_stack([np.ones(window), -step_s * np.arange(1.0, window + 1)]))
-    ahead = np.zeros((2, len(values)))
-    for rows in stretches(flying):
-        known = pd.Series(values[rows]).interpolate(limit_direction="both").to_numpy()
-        before = np.concatenate([np.full(window, known[0]), known[:-1]])  # at first nothing has changed yet
-        for found, weights in zip(ahead, line, strict=True):
-            found[rows] = np.convolve(before, weights, mode="valid")
-    return ahead[0], ahead[1]
-
-
-def _slope(values: Array, flying: NDArray[np.bool_], step_s: float) -> Array:
-    """Derivative by a local quadratic over SLOW_S; 0 on the ground and in stretches shorter than that."""
-    window = 2 * round(SLOW_S / step_s / 2) + 1
-    slope = np.zeros(len(values))
-    for rows in stretches(flying):
-        if rows.stop - rows.start >= window:
-            slope[rows] = savgol_filter(values[rows], window, 2, deriv=1, delta=step_s)
-    return slope
 
 
 def _smoothed(values: Array, width: int) -> Array:

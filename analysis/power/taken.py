@@ -72,7 +72,7 @@ def found(blocks: Blocks, path: Path, rows: NDArray[np.bool_]) -> dict[str, Erro
     known = np.linalg.inv(path.covariance)
     free = known.copy()
     if path.gust_mps < ROUGH_MPS:
-        free[i, i] += 1 / LAG_IN_DOUBT_S**2 - 1 / PRIOR_SIGMA["air_data_lag"] ** 2
+        free[i, i] += 1 / LAG_IN_DOUBT_S**2 - 1 / path.assumed("air_data_lag") ** 2
     covariance = np.linalg.inv(free)
     shared = covariance @ known @ path.shared  # the prior's mean is zero
     states = path.states.to_numpy() + path.follow @ (shared - path.shared)

@@ -40,17 +40,17 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Run], list[Rejected]]:
             if not is_one(n[rows]):
                 continue
             data = table.iloc[rows]
-            reason = why_not(data, now, rows, n[rows]) or quality.too_low(data) or quality.without_data(data)
+            reason = quality.without_data(data) or why_not(data, now, rows, n[rows]) or quality.too_low(data)
             if reason:
                 rejected.append(Rejected(kind, float(data.index[0]), float(data.index[-1]), reason))
             else:
-                words = (f"load factor {np.min(n[rows]):.1f} to {np.max(n[rows]):.1f}",)
+                words = (f"load factor {np.nanmin(n[rows]):.1f} to {np.nanmax(n[rows]):.1f}",)
                 runs.append(measured(kind, rows, table, now.V, words))
     return runs, rejected
 
 
 def _coasts(n: Array) -> bool:
-    return bool(np.max(n) > PULLED and np.min(n) < PUSHED)
+    return bool(np.any(n > PULLED) and np.any(n < PUSHED))
 
 
 def _no_coaster(data: pd.DataFrame, now: Smooth, rows: slice, n: Array) -> str:
@@ -61,26 +61,28 @@ def _no_coaster(data: pd.DataFrame, now: Smooth, rows: slice, n: Array) -> str:
 
 
 def _is_wound_up(n: Array) -> bool:
-    return bool(len(n) and np.max(n) > WOUND_UP)
+    return bool(np.any(n > WOUND_UP))
 
 
 def _no_wind_up(data: pd.DataFrame, now: Smooth, rows: slice, n: Array) -> str:
     t = data.index.to_numpy()
     if t[-1] - t[0] < SHORTEST_S:
         return f"too short: {t[-1] - t[0]:.1f} s, {SHORTEST_S:g} s are needed"
+    known = np.isfinite(n)
+    t, n = t[known], n[known]
     slope, level = np.polyfit(t - t[0], n, 1)
     explained = 1 - np.var(n - level - slope * (t - t[0])) / np.var(n)
     if slope < LOADING_PER_S or explained < LINEAR:
         return f"the load factor did not rise steadily: {slope:+.2f} a second, {100 * explained:.0f} % of it a line"
-    share = float(np.ptp(now.V[rows]) / np.mean(now.V[rows]))
+    share = float((np.nanmax(now.V[rows]) - np.nanmin(now.V[rows])) / np.nanmean(now.V[rows]))
     if share > LARGEST_SPEED_CHANGE:
         return f"speed changed by {100 * share:.0f} % of its mean, {100 * LARGEST_SPEED_CHANGE:.0f} % are allowed"
     return ""
 
 
 def _loading(rows: slice, n: Array) -> slice:
-    """The part of a turn up to its highest load factor."""
-    return slice(rows.start, rows.start + int(np.argmax(n[rows])) + 1)
+    """The part of a turn up to its highest load factor; NaN is none."""
+    return slice(rows.start, rows.start + int(np.argmax(np.nan_to_num(n[rows], nan=-np.inf))) + 1)
 
 
 def _bridged(flag: NDArray[np.bool_], longest: int) -> NDArray[np.bool_]:

@@ -57,6 +57,16 @@ def test_the_manoeuvres_of_the_literature_are_found_once_each_where_they_were_fl
         assert run.seconds > 0.3 * (end - start)
 
 
+def test_a_gap_in_the_imu_does_not_make_a_wind_up_turn_vanish_without_a_word(manoeuvres) -> None:
+    (whole,) = find(manoeuvres.table, manoeuvres.still).of("wind-up turn")
+    table = manoeuvres.table.copy()
+    middle = (whole.start_s + whole.end_s) / 2
+    table.loc[middle : middle + 0.6, ["ax_mps2", "ay_mps2", "az_mps2"]] = np.nan
+    found = find(table, manoeuvres.still)
+    said = [*found.of("wind-up turn"), *(r for r in found.rejected if r.kind == "wind-up turn")]
+    assert any(one.start_s < middle < one.end_s + 0.1 for one in said)
+
+
 def test_steady_points_are_found_in_every_long_hold_and_nowhere_else(probe) -> None:
     flight = flown(probe, "steady-points")
     steady = find(flight.table, flight.still).of("steady")

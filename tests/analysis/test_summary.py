@@ -6,7 +6,7 @@ import pytest
 
 from analysis.path.model import SHARED
 from analysis.path.reconstruct import Path
-from analysis.summary import gusts_said
+from analysis.summary import gusts_said, nearest_miss
 from flight.errors import InputError
 
 
@@ -14,7 +14,9 @@ def path(gust_mps: float, alpha_sigma_deg: float) -> Path:
     sigma = np.ones(len(SHARED))
     sigma[SHARED.index("alpha_bias")] = np.radians(alpha_sigma_deg)
     nothing = np.zeros((0, len(SHARED)))
-    return Path(pd.DataFrame(), np.zeros(len(SHARED)), np.diag(sigma**2), nothing, nothing, nothing, gust_mps, {}, True)
+    return Path(
+        pd.DataFrame(), np.zeros(len(SHARED)), np.diag(sigma**2), sigma, nothing, nothing, nothing, gust_mps, {}, True
+    )
 
 
 def test_one_run_alone_in_strong_gusts_is_refused_with_the_reason() -> None:
@@ -27,3 +29,10 @@ def test_more_runs_are_taken_with_a_warning_and_a_calm_flight_without_a_word() -
     assert "0.5 deg" in said
     assert gusts_said(path(0.8, 0.2), 1, "log.mcap") == []  # a long flight knows its angle of attack
     assert gusts_said(path(0.02, 0.5), 1, "log.mcap") == []  # a short one in still air: its interval says enough
+
+
+def test_a_log_in_which_nothing_flew_says_which_transducer_was_dead() -> None:
+    table = pd.DataFrame({"flying": [False] * 3, "q_c_Pa": [np.nan] * 3, "dp_alpha_Pa": 1.0, "static_Pa": 1e5})
+    assert nearest_miss([], table) == ": /probe/airspeed showed nothing (a broken transducer or a blocked tube)"
+    assert "nothing in it is flight" in nearest_miss([], table.assign(q_c_Pa=1.0))
+    assert "speed never changed" in nearest_miss([], table.assign(flying=True))

@@ -13,6 +13,7 @@ from analysis.path.model import GIVEN, MOVE, SHARED, SHOWN, STATES, Data, Equati
 from analysis.path.reconstruct import PRIOR_SIGMA, reconstruct
 from analysis.stillness import still_segments, zeros
 from flight.aircraft import load_aircraft
+from flight.errors import InputError
 from flight.propeller import load_propeller
 from sim import fly as flying
 from sim.air import Air
@@ -146,6 +147,27 @@ def test_a_gap_of_the_imu_costs_its_own_seconds_only(probe) -> None:
     elsewhere = (path.states.index < 35) | (path.states.index > 47)
     difference = np.degrees(path.states["theta"] - whole.states["theta"])[elsewhere]
     assert np.abs(difference).max() < 0.5
+
+
+def test_the_tunnels_doubt_about_the_slope_widens_what_is_assumed_and_what_is_known(probe) -> None:
+    _, _, air, still = flown(0, probe, "accel-decel")
+    sure, doubtful = reconstruct(air, still), reconstruct(air, still, alpha_scale_sigma=0.04)
+    assert doubtful.assumed("alpha_scale") == pytest.approx(np.hypot(PRIOR_SIGMA["alpha_scale"], 0.04))
+    assert doubtful.standard_error("alpha_scale") > sure.standard_error("alpha_scale")
+
+
+@pytest.mark.parametrize("missing", [["ax_mps2", "ay_mps2", "az_mps2"], ["V_mps", "alpha_rad", "beta_rad"]])
+def test_a_log_that_shows_too_little_is_refused_or_said_to_be_uncertain(probe, missing) -> None:
+    """No accelerometers, or no air data at all: no exception but an InputError, and no certainty."""
+    _, _, air, still = flown(0, probe, "accel-decel")
+    blind = air.copy()
+    blind[missing] = np.nan
+    try:
+        path = reconstruct(blind, still)
+    except InputError as error:
+        assert "path" in str(error)
+    else:
+        assert path.standard_error("alpha_bias") > np.radians(0.3)
 
 
 def test_derivatives_are_those_of_the_equations() -> None:

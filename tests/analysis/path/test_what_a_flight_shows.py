@@ -12,7 +12,7 @@ from analysis.path import observability
 from analysis.path.consistency import ANGLES, SPEED, consistency, spread
 from analysis.path.model import SHARED
 from analysis.path.observability import Flown, learnt, missing, notes
-from analysis.path.reconstruct import PRIOR_SIGMA, block_mean, reconstruct
+from analysis.path.reconstruct import block_mean, reconstruct
 from analysis.summary import path_result
 from sim.tunnel import calibrate as tunnel_measurements
 from sim.tunnel import write_calibration
@@ -141,13 +141,6 @@ def test_in_moving_air_turns_show_the_scale_of_airspeed_and_one_heading_does_not
     assert any("scale of airspeed" in note for note in notes(errors)) == (not turns)
     slope = next(error for error in errors if error.name == "alpha_scale")
     assert any("one speed" in why for why in slope.missing), "held at one speed, with turns or without"
-
-
-def test_a_slope_known_from_the_tunnel_alone_is_judged_by_what_was_assumed(deaf) -> None:
-    """A probe of uncertain slope widens what was assumed, as it does in the reconstruction."""
-    air, path = deaf
-    slope = next(error for error in learnt(air, path, alpha_scale_sigma=0.04) if error.name == "alpha_scale")
-    assert slope.prior_sigma == pytest.approx(100 * np.hypot(PRIOR_SIGMA["alpha_scale"], 0.04))
 
 
 def test_whatever_was_not_determined_has_a_reason() -> None:

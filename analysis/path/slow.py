@@ -1,0 +1,63 @@
+"""The slow flow: what the past foretells, and what lift dictates.
+
+An error of a sensor stands beside these and nothing quicker: what answers to a gust would take the gust for the error.
+"""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from analysis.stillness import stretches
+
+Array = NDArray[np.float64]
+
+SLOW_S = 3.0  # over which speed and bank change slowly enough to be foreseen
+SLOPE_S = 1.0  # over which their slopes do
+
+
+def as_lift_says(alpha: Array, load: Array, flying: NDArray[np.bool_]) -> tuple[Array, float]:
+    """Angle of attack [rad] as a straight line over `load`, and the line's slope; 0 on the ground.
+
+    load : lift coefficient in steady flight, up to a factor.
+    """
+    seen = flying & np.isfinite(alpha)
+    if seen.sum() < 2 or np.ptp(load[seen]) == 0:
+        return np.zeros(len(alpha)), 0.0
+    slope, offset = np.polyfit(load[seen], alpha[seen], 1)
+    return np.where(flying, offset + slope * load, 0.0), float(slope)
+
+
+def over_angle(alpha: Array, values: Array, at: Array, flying: NDArray[np.bool_]) -> Array:
+    """`values` as a parabola over angle of attack, at other angles; 0 on the ground."""
+    seen = flying & np.isfinite(alpha) & np.isfinite(values)
+    if seen.sum() < 3 or np.ptp(alpha[seen]) == 0:
+        return np.zeros(len(alpha))
+    return np.where(flying, np.polyval(np.polyfit(alpha[seen], values[seen], 2), at), 0.0)
+
+
+def foreseen(values: Array, flying: NDArray[np.bool_], step_s: float, over_s: float = SLOW_S) -> tuple[Array, Array]:
+    """What a straight line over so long before leads one to expect, and its slope; 0 on the ground.
+
+    Of the past only: a gust changes what comes after it, and what is foreseen must not know of it.
+    """
+    window = round(over_s / step_s)
+    # Blocks before the one foreseen, newest first.
+    line = np.linalg.pinv(np.column_stack([np.ones(window), -step_s * np.arange(1.0, window + 1)]))
+    ahead = np.zeros((2, len(values)))
+    for rows in stretches(flying):
+        known = pd.Series(values[rows]).interpolate(limit_direction="both").to_numpy()
+        before = np.concatenate([np.full(window, known[0]), known[:-1]])  # at first nothing has changed yet
+        for found, weights in zip(ahead, line, strict=True):
+            found[rows] = np.convolve(before, weights, mode="valid")
+    return ahead[0], ahead[1]
+
+
+def slope(values: Array, flying: NDArray[np.bool_], step_s: float) -> Array:
+    """Derivative by a local quadratic over SLOW_S; 0 on the ground and in stretches shorter than that."""
+    window = 2 * round(SLOW_S / step_s / 2) + 1
+    slope = np.zeros(len(values))
+    for rows in stretches(flying):
+        if rows.stop - rows.start >= window:
+            slope[rows] = savgol_filter(values[rows], window, 2, deriv=1, delta=step_s)
+    return slope
