@@ -1,6 +1,7 @@
 """The estimation engine measured: how fast, how honest on disturbed motion, and what shows CLq.
 
     python benchmarks/estimation.py speed
+    python benchmarks/estimation.py path
     python benchmarks/estimation.py statistics --seeds 240
     python benchmarks/estimation.py significance
 
@@ -12,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
+import flights
 import numpy as np
 import pandas as pd
 import typer
@@ -20,13 +22,16 @@ from rich.table import Table
 
 from analysis.estimation import filter_error, models, output_error, uncertainty
 from analysis.estimation.data import Segment
+from analysis.path.reconstruct import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from sim.figures import runs
+from sim.sensors import load_budget
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
 import disturbed
 import test_speed_and_starts as timed
 
+PLAN = "full-test-flight"
 CONSOLE = Console(width=120)
 NORMAL_95 = 1.959964
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -204,6 +209,19 @@ def significance_limit(aircraft: Aircraft, run: pd.DataFrame, factor: float, see
             return Limit(float(np.exp(before[0] + share * (ln_snr - before[0]))), flown, t_quiet)
         before = ln_snr, t
     return Limit(0.0, flown, t_quiet)
+
+
+@app.command()
+def path() -> None:
+    """Processor time of the flight path, for 20 minutes of flight, and its steps; the time grows with the length."""
+    aircraft, probe = load_aircraft("nexstar"), flights.tunnel_probe()
+    table = Table("full-test-flight in", "20 minutes of it take", "wanted", box=None)
+    for turbulence_kt in (0.0, 3.0, 15.0):
+        flown = flights.flown(aircraft, flights.drawn(load_budget("study"), 0), PLAN, 0, turbulence_kt)
+        air, still, _ = flights.air_of(flown.table, aircraft, probe)
+        one = timed.processor_time_s(lambda: reconstruct(air, still), 2)  # noqa: B023 -- called at once
+        table.add_row(f"W20 = {turbulence_kt:g} kt", f"{one * 1200 / float(air.index[-1]):.2f} s", "2 s")
+    CONSOLE.print(table)
 
 
 @app.command()

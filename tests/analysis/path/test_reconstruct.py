@@ -7,48 +7,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.airdata.air import air_data
-from analysis.airdata.probe import calibrate, read_tunnel
 from analysis.path.model import GIVEN, MOVE, SHARED, SHOWN, STATES, Data, Equations
 from analysis.path.reconstruct import PRIOR_SIGMA, reconstruct
-from analysis.stillness import still_segments, zeros
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
-from flight.propeller import load_propeller
-from sim import fly as flying
-from sim.air import Air
-from sim.plan import load_plan
-from sim.sensors import TrayFelt, draw, load_budget
-from sim.tunnel import calibrate as tunnel_measurements
-from sim.tunnel import write_calibration
+from sim.sensors import load_budget
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from flights import felt_table
+import flights
 
 SEEDS = (0, 1, 2)
 
 
 @pytest.fixture(scope="module")
-def probe(tmp_path_factory: pytest.TempPathFactory):
-    path = tmp_path_factory.mktemp("tunnel") / "tunnel.csv"
-    write_calibration(path, tunnel_measurements(seed=0), replace=False)
-    return calibrate(read_tunnel(path), "tunnel.csv")
+def probe():
+    return flights.tunnel_probe()
 
 
 def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbulence_kt: float = 0.0):
     """Truth, drawn errors, air data and where it stood, of one flight with the study's budget."""
-    aircraft = load_aircraft("nexstar")
-    budget = load_budget("study")
-    quiet = dataclasses.replace(budget.noise, vibration_mps2=0.0)  # the IMU's filter is not in this table
-    drawn = draw(dataclasses.replace(budget, noise=quiet), seed)
-    air = Air(**{**vars(load_plan(plan).air), "turbulence_mps": turbulence_kt * 0.514444})
-    flight = flying.fly(aircraft, dataclasses.replace(load_plan(plan), air=air), seed=seed, deviations=drawn.deviations)
-    table = felt_table(TrayFelt(flight, drawn), aircraft)
+    aircraft, drawn = load_aircraft("nexstar"), flights.drawn(load_budget("study"), seed)
+    flight, _, table = flights.flown(aircraft, drawn, plan, seed, turbulence_kt)
     for name in without:
         table[name] = np.nan
-    still = still_segments(table, 25.0)
-    propeller = load_propeller(aircraft.propulsion.propeller)
-    air = air_data(table, aircraft, probe, propeller, zeros(table, still)).table
+    air, still, _ = flights.air_of(table, aircraft, probe)
     return flight.truth, drawn, air, still
 
 
@@ -147,6 +129,18 @@ def test_a_gap_of_the_imu_costs_its_own_seconds_only(probe) -> None:
     elsewhere = (path.states.index < 35) | (path.states.index > 47)
     difference = np.degrees(path.states["theta"] - whole.states["theta"])[elsewhere]
     assert np.abs(difference).max() < 0.5
+
+
+def test_an_airspeed_transducer_at_the_end_of_its_range_costs_certainty_and_nothing_else(probe) -> None:
+    """Above 19 m/s it is clipped, so that neither speed nor angles are measured there; slow flight is as before."""
+    _, _, air, still = flown(0, probe, "accel-decel")
+    clipped = air.copy()
+    clipped.loc[air["V_mps"] > 19.0, ["V_mps", "alpha_rad", "beta_rad", "V_per_pair"]] = np.nan
+    whole, path = reconstruct(air, still), reconstruct(clipped, still)
+    assert path.converged and np.isfinite(path.states.to_numpy()).all()
+    for name in ("V_scale", "alpha_scale", "alpha_bias"):
+        assert path.standard_error(name) > whole.standard_error(name)
+        assert abs(path.value(name) - whole.value(name)) < 3 * path.standard_error(name)
 
 
 def test_the_tunnels_doubt_about_the_slope_widens_what_is_assumed_and_what_is_known(probe) -> None:
