@@ -3,7 +3,8 @@
 First the path over the whole flight, with the errors of its sensors; then, along the path, the forces of the runs are
 regressed on lift. All runs of a flight are fitted at once: they share the aerodynamics and the errors of the sensors.
 What the path could not determine is carried into the polar's covariance: each direction of the errors' covariance is
-followed through path and regression.
+followed through path and regression, and so are draws of what the states may be off by on their own, which no two runs
+share. Without the latter one deceleration covered 75 to 85 % at its slow end, with it 88 to 92 (W20 = 3 kt, 24 flights).
 """
 
 from dataclasses import dataclass
@@ -87,7 +88,7 @@ def estimate_polar(
         systematic += np.outer(moved, moved)
     for draw in path.draws:
         moved = fitted(states + draw, path.shared).values - fit.values
-        systematic += np.outer(moved, moved) / len(path.draws)
+        noise += np.outer(moved, moved) / len(path.draws)
     whole = noise + systematic
     where = [fit.names.index(name) for name in POLAR]
     both = [fit.names.index(name) for name in POLAR + THRUST]
