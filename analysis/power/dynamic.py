@@ -4,7 +4,7 @@ First the path over the whole flight, with the errors of its sensors; then, alon
 regressed on lift. All runs of a flight are fitted at once: they share the aerodynamics and the errors of the sensors.
 What the path could not determine is carried into the polar's covariance: each direction of the errors' covariance is
 followed through path and regression, and so are draws of what the states may be off by on their own, which no two runs
-share. Without the latter one deceleration covered 75 to 85 % at its slow end, with it 88 to 92 (W20 = 3 kt, 24 flights).
+share. Without these the interval of one deceleration covered 75 to 85 % at its slow end.
 """
 
 from dataclasses import dataclass
