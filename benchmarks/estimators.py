@@ -32,6 +32,7 @@ from sim.trim import Trimmer
 OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
 HEIGHT_M = 100.0
 FLYING_M = 30.0
+LEVEL_RAD = 0.15
 SLOW_MPS = 13.0  # 1.25 V_stall
 
 
@@ -89,7 +90,8 @@ def path_figures(path: Path, air: pd.DataFrame, drawn: Errors, truth: pd.DataFra
     values, tilt = drawn.values, drawn.imu_rotation[0, 2]
     t, air_t = path.states.index.to_numpy(), air.index.to_numpy()
     true = {name: np.interp(t, truth["time_s"], truth[name]) for name in truth.columns if truth[name].dtype == float}
-    high = true["height_m"] > FLYING_M
+    # In a bank the IMU's tilt about its other axes is in its pitch, too.
+    high = (true["height_m"] > FLYING_M) & (np.abs(true["roll_rad"]) < LEVEL_RAD)
     V, alpha, rho = (np.interp(air_t, truth["time_s"], truth[x]) for x in ("V_mps", "alpha_rad", "density_kgpm3"))
     flown = air["flying"].to_numpy() & air["alpha_rad"].notna().to_numpy()
     slope, offset = np.polyfit((alpha - tilt)[flown], air["alpha_rad"][flown], 1)
