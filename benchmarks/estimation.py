@@ -213,7 +213,7 @@ def significance_limit(aircraft: Aircraft, run: pd.DataFrame, factor: float, see
 
 @app.command()
 def path() -> None:
-    """Processor time of the flight path, for 20 minutes of flight, and its steps; the time grows with the length."""
+    """Processor time of the flight path, for 20 minutes of flight; the time grows with the length."""
     aircraft, probe = load_aircraft("nexstar"), flights.tunnel_probe()
     table = Table("full-test-flight in", "20 minutes of it take", "wanted", box=None)
     for turbulence_kt in (0.0, 3.0, 15.0):

@@ -89,10 +89,13 @@ def path_figures(path: Path, air: pd.DataFrame, drawn: Errors, truth: pd.DataFra
     """
     values, tilt = drawn.values, drawn.imu_rotation[0, 2]
     t, air_t = path.states.index.to_numpy(), air.index.to_numpy()
-    true = {name: np.interp(t, truth["time_s"], truth[name]) for name in truth.columns if truth[name].dtype == float}
+
+    def true(name: str, at: np.ndarray) -> np.ndarray:
+        return np.interp(at, truth["time_s"], truth[name])
+
     # In a bank the IMU's tilt about its other axes is in its pitch, too.
-    high = (true["height_m"] > FLYING_M) & (np.abs(true["roll_rad"]) < LEVEL_RAD)
-    V, alpha, rho = (np.interp(air_t, truth["time_s"], truth[x]) for x in ("V_mps", "alpha_rad", "density_kgpm3"))
+    high = (true("height_m", t) > FLYING_M) & (np.abs(true("roll_rad", t)) < LEVEL_RAD)
+    V, alpha, rho = (true(name, air_t) for name in ("V_mps", "alpha_rad", "density_kgpm3"))
     flown = air["flying"].to_numpy() & air["alpha_rad"].notna().to_numpy()
     slope, offset = np.polyfit((alpha - tilt)[flown], air["alpha_rad"][flown], 1)
     V_scale = (1 + values.V_scale) * np.sqrt((rho / air["rho"])[flown].mean()) - 1
@@ -106,8 +109,8 @@ def path_figures(path: Path, air: pd.DataFrame, drawn: Errors, truth: pd.DataFra
     for name, (true_value, factor, unit) in known.items():
         figures[f"path, {name} [{unit}]"] = factor * told(path.value(name) - true_value, path.standard_error(name))
 
-    means = {"theta": (true["pitch_rad"] - tilt, np.degrees(1), "deg")}
-    means |= {f"wind_{axis}": (true[f"wind_{axis}_mps"], 1.0, "m/s") for axis in ("north", "east")}
+    means = {"theta": (true("pitch_rad", t) - tilt, np.degrees(1), "deg")}
+    means |= {f"wind_{axis}": (true(f"wind_{axis}_mps", t), 1.0, "m/s") for axis in ("north", "east")}
     for name, (true_state, factor, unit) in means.items():
         i = STATES.index(name)
         own, shared = path.draws[:, high, i].mean(axis=1), path.follow[high, i].mean(axis=0)
@@ -117,13 +120,9 @@ def path_figures(path: Path, air: pd.DataFrame, drawn: Errors, truth: pd.DataFra
 
     slow = flown & (V < SLOW_MPS)
     found = (air["alpha_rad"] - path.value("alpha_bias")) / (1 + path.value("alpha_scale") - 2 * path.value("V_scale"))
-    by = np.zeros(len(SHARED))
-    for name, change in (
-        ("alpha_bias", 1.0),
-        ("alpha_scale", found[slow].mean()),
-        ("V_scale", -2 * found[slow].mean()),
-    ):
-        by[SHARED.index(name)] = change
+    mean = found[slow].mean()
+    changes = {"alpha_bias": 1.0, "alpha_scale": mean, "V_scale": -2 * mean}
+    by = np.array([changes.get(name, 0.0) for name in SHARED])
     off = np.mean((found - alpha + tilt)[slow])
     figures["path, angle of attack below 13 m/s [deg]"] = np.degrees(told(off, np.sqrt(by @ path.covariance @ by)))
     return figures

@@ -16,8 +16,7 @@ from flight.propeller import Propeller
 
 FLYING_PA = 30.0  # dynamic pressure above which there is flow enough to speak of angles: 7 m/s at sea level
 LOW_M = 20.0  # above the ground; below, wind changes with every metre, and ground effect begins
-COEFFICIENT_SMOOTHING_S = 0.2
-STEADY_S = 0.2  # gusts that last less pass the probe within a wing's chord
+SMOOTHING_S = 0.2  # of what quotients are made of: short against the seconds in which an aircraft's speed changes
 STUCK_PA, FEWEST_TO_JUDGE = 0.02, 250  # a tenth of a count of the finest transducer; samples
 COLD_S = 2.0  # after power-on
 LARGEST_UNMENTIONED_SHARE = 0.02
@@ -61,7 +60,8 @@ def air_data(
     # A quotient by a noisy number, and its root, are off on average: near the stall by 0.5 % of angle and 0.07 %
     # of speed. So the quotients take the mean, and speed is straight in what differs from it.
     step_s = table.index[1] - table.index[0]
-    steady = out["q_c_Pa"].rolling(max(1, round(STEADY_S / step_s)), center=True, min_periods=1).mean().to_numpy()
+    window = max(1, round(SMOOTHING_S / step_s))
+    steady = out["q_c_Pa"].rolling(window, center=True, min_periods=1).mean().to_numpy()
     flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, np.where(out["q_c_Pa"].notna(), steady, np.nan))
     quick = out["q_c_Pa"].to_numpy() / steady - 1
     flying = (flow.qbar_Pa > FLYING_PA) & flow.inside
@@ -74,7 +74,7 @@ def air_data(
 
     _move_imu(out, aircraft)
     CL = -aircraft.mass_kg * out["az_mps2"] / (flow.qbar_Pa * blank * aircraft.geometry.wing_area_m2)
-    CL = CL.rolling(max(1, round(COEFFICIENT_SMOOTHING_S / step_s)), center=True).mean()
+    CL = CL.rolling(window, center=True).mean()
     x_probe = aircraft.probe.position_m[0]
     out["flying"] = flying
     out["qbar_Pa"] = flow.qbar_Pa * (1 + quick) * blank

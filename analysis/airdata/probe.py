@@ -23,7 +23,7 @@ from flight.errors import InputError
 from flight.units import to_si
 
 Array = NDArray[np.float64]
-PAIR_STEP = 0.01  # for the derivative of a polynomial: exact to its third order
+PAIR_STEP = 0.01  # of a central difference, which is off by a sixth of its square times the third derivative
 FORMAT = "flightpower-probe-1"
 ORDERS = range(1, 10)
 FOLDS = 10

@@ -45,7 +45,7 @@ GIVEN = ("ax", "ay", "az", "slope_V", "slope_alpha", *SLOW)
 def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
     """State b minus what state a and the mean rates and specific forces u between them lead to; errors c.
 
-    Mean rates and forces at the mean attitude are not the mean of their effect: `within` gives what is missing.
+    Mean rates and forces at the mean attitude are not the mean of their effect: u's `more_` are what is missing.
     """
     phi, theta, psi = (a.phi + b.phi) / 2, (a.theta + b.theta) / 2, (a.psi + b.psi) / 2
     turning = motion.attitude_derivative(phi, theta, u.p - c.p_bias, u.q - c.q_bias, u.r - c.r_bias)

@@ -160,6 +160,7 @@ class _Problem:
         self._flying = (self._mean["height_m"] > LOW_M) & np.isfinite(V.to_numpy())
         smooth = V.interpolate(limit_direction="both").rolling(5, center=True, min_periods=1).mean()
         self._V_reference = np.maximum(smooth.fillna(5.0).to_numpy(), 5.0)
+        self._felt_V, _ = slow.foreseen(self._mean["V_mps"], self._flying, BLOCK / self._rate_Hz)
         self._has_gps = bool(table["gps_north_mps"].notna().any())
         self._still = np.zeros(self._n, dtype=bool)
         for rows in still:
@@ -191,7 +192,8 @@ class _Problem:
             columns.append(np.diff(total[self._center]) / BLOCK)
             missing |= np.diff(np.cumsum(gap)[self._center]) > 0
         self._fine, self._fine_t_s = np.array(fine), self._table.index.to_numpy()[between]
-        move = np.column_stack([*columns, np.full(self._n - 1, dt), np.zeros((self._n - 1, 8))])
+        move = np.column_stack([*columns, np.full(self._n - 1, dt)])
+        move = np.pad(move, ((0, 0), (0, len(MOVE) - move.shape[1])))  # the rest depends on path and gusts
         rates, forces = np.abs(move[:, :3]), np.abs(move[:, 3:6])
         spread = np.sqrt(dt / self._rate_Hz)
         sigma = np.empty((self._n - 1, len(STATES)))
@@ -241,7 +243,7 @@ class _Problem:
         V, _ = slow.foreseen(steady, self._flying, step_s)
         _, slope_foreseen = slow.foreseen(steady, self._flying, step_s, slow.SLOPE_S)
         V = np.maximum(V, SLOWEST_MPS)
-        felt_V = np.maximum(slow.foreseen(mean["V_mps"], self._flying, step_s)[0] / (1 + error.V_scale), SLOWEST_MPS)
+        felt_V = np.maximum(self._felt_V / (1 + error.V_scale), SLOWEST_MPS)
         load = 1 / (felt_V**2 * np.cos(np.clip(slow.foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2)))
         slow_alpha, alpha_of_load = slow.as_lift_says(alpha, load, self._flying)
         per_pair = slow.over_angle(alpha, mean["V_per_pair"], slow_alpha, self._flying)

@@ -79,16 +79,18 @@ def estimate_polar(
     def fitted(states: Array, shared: Array) -> output_error.Fit:
         return output_error.estimate(DRAG, _segments(blocks.forces(states, shared), runs))
 
+    def variance(states: Array, shared: Array) -> Array:
+        moved = fitted(states, shared).values - fit.values
+        return np.outer(moved, moved)
+
     states = path.states.to_numpy()
     fit = fitted(states, path.shared)
     noise = covariance.of_noise(fit)
     systematic = covariance.floor(fit)
     for direction in np.linalg.cholesky(path.covariance).T:
-        moved = fitted(states + path.follow @ direction, path.shared + direction).values - fit.values
-        systematic += np.outer(moved, moved)
+        systematic += variance(states + path.follow @ direction, path.shared + direction)
     for draw in path.draws:
-        moved = fitted(states + draw, path.shared).values - fit.values
-        noise += np.outer(moved, moved) / len(path.draws)
+        noise += variance(states + draw, path.shared) / len(path.draws)
     whole = noise + systematic
     where = [fit.names.index(name) for name in POLAR]
     both = [fit.names.index(name) for name in POLAR + THRUST]

@@ -14,8 +14,8 @@ from analysis.report import field, figures, page
 from analysis.results import to_csv, to_json
 
 POLAR_POINTS = 60
-ANGLES = {"phi": "roll_rad", "theta": "pitch_rad", "psi": "yaw_rad", "height": "height_m"}
-PATH_COLUMNS = ANGLES | {name: f"{name}_mps" for name in STATES if name not in ANGLES}
+PATH_COLUMNS = {name: f"{name}_mps" for name in STATES}
+PATH_COLUMNS |= {"phi": "roll_rad", "theta": "pitch_rad", "psi": "yaw_rad", "height": "height_m"}
 
 
 def write_report(analysis: Analysis, folder: Path) -> None:

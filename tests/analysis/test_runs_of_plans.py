@@ -1,12 +1,12 @@
 """Every kind of run is found where the simulator flew it, and a file of runs can be edited and taken back."""
 
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from methods import drawn, fly
 
 from analysis.runs import Found, edit
 from analysis.runs.find import find
@@ -14,10 +14,6 @@ from analysis.runs.quality import shaking
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from sim.sensors import load_budget
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-from flights import tunnel_probe
-from methods import drawn, fly
 
 # The segment of a plan, and the run that it should be found as.
 FOUND_AS = {
@@ -28,11 +24,6 @@ FOUND_AS = {
     "stand": "standing",
 }
 SETTLED_S = 15.0  # a hold that is longer has a steady part: getting to its speed takes up to 7 s, a point 8 s
-
-
-@pytest.fixture(scope="module")
-def probe():
-    return tunnel_probe()
 
 
 def flown(probe, plan: str, turbulence_kt: float = 0.0):

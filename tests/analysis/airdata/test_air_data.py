@@ -1,25 +1,14 @@
 """Air data of a flight that lacks something: what is left stays right, what is gone is said, and nothing breaks."""
 
-import dataclasses
-import sys
-from pathlib import Path
-
+import flights
 import numpy as np
 import pytest
 
 from analysis.airdata.air import air_data
-from analysis.airdata.probe import calibrate, read_tunnel
 from analysis.stillness import still_segments, zeros
 from flight.aircraft import load_aircraft
 from flight.propeller import load_propeller
-from sim import fly as flying
-from sim.plan import load_plan
-from sim.sensors import TrayFelt, draw, load_budget
-from sim.tunnel import calibrate as tunnel_measurements
-from sim.tunnel import write_calibration
-
-sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from flights import felt_table
+from sim.sensors import load_budget
 
 NEXSTAR = load_aircraft("nexstar")
 IMU = ["ax_mps2", "ay_mps2", "az_mps2", "p_radps", "q_radps", "r_radps"]
@@ -29,19 +18,10 @@ SPEED_MPS, ANGLE_RAD = 0.5, np.radians(1.0)
 
 
 @pytest.fixture(scope="module")
-def probe(tmp_path_factory: pytest.TempPathFactory):
-    path = tmp_path_factory.mktemp("tunnel") / "tunnel.csv"
-    write_calibration(path, tunnel_measurements(seed=0), replace=False)
-    return calibrate(read_tunnel(path), "tunnel.csv")
-
-
-@pytest.fixture(scope="module")
 def flown():
     """Truth and table of the demonstration flight, without the vibration that the part's own filter takes out."""
-    budget = load_budget("bench")
-    errors = draw(dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0)), 0)
-    flight = flying.fly(NEXSTAR, load_plan("accel-decel"), seed=0, deviations=errors.deviations)
-    return flight.truth, felt_table(TrayFelt(flight, errors), NEXSTAR)
+    flight, _, table = flights.flown(NEXSTAR, flights.drawn(load_budget("bench"), 0), "accel-decel", 0)
+    return flight.truth, table
 
 
 def result(table, probe):

@@ -1,47 +1,28 @@
 """Time shifts between channels: a probe that is late is found to be, one that is not raises no alarm."""
 
-import dataclasses
-import sys
-from pathlib import Path
-
+import flights
 import numpy as np
 import pytest
 
 from analysis.airdata import airspeed, skew
-from analysis.airdata.air import air_data
-from analysis.airdata.probe import calibrate, read_tunnel
 from analysis.path.reconstruct import reconstruct
-from analysis.stillness import still_segments, zeros
 from flight.aircraft import load_aircraft
-from flight.propeller import load_propeller
-from sim import fly as flying
-from sim.plan import load_plan
-from sim.sensors import TrayFelt, draw, load_budget
-from sim.tunnel import calibrate as tunnel_measurements
-from sim.tunnel import write_calibration
-
-sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from flights import felt_table
+from sim.sensors import load_budget
 
 NEXSTAR = load_aircraft("nexstar")
 LATE_S = 0.060
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory: pytest.TempPathFactory):
+def flight(probe):
     """Drawn errors, plan, table and probe of a whole calm test flight; the budget has no extra lag."""
-    path = tmp_path_factory.mktemp("tunnel") / "tunnel.csv"
-    write_calibration(path, tunnel_measurements(seed=0), replace=False)
-    budget = load_budget("bench")
-    errors = draw(dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0)), 2)
-    plan = load_plan("full-test-flight")
-    flown = flying.fly(NEXSTAR, plan, seed=2, deviations=errors.deviations)
-    return errors, flown, felt_table(TrayFelt(flown, errors), NEXSTAR), calibrate(read_tunnel(path), "tunnel.csv")
+    errors = flights.drawn(load_budget("bench"), 2)
+    flown, _, table = flights.flown(NEXSTAR, errors, "full-test-flight", 2)
+    return errors, flown, table, probe
 
 
 def reconstructed(table, probe):
-    still = still_segments(table, 25.0)
-    air = air_data(table, NEXSTAR, probe, load_propeller(NEXSTAR.propulsion.propeller), zeros(table, still)).table
+    air, still, _ = flights.air_of(table, NEXSTAR, probe)
     return air, reconstruct(air, still)
 
 

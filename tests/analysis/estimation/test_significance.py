@@ -1,13 +1,8 @@
 """What it takes to see lift due to pitch rate (4.3-4.7): the trends of the source's Fig. 4.12, on simulated flights."""
 
-import sys
-from pathlib import Path
-
+import estimation
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-import estimation
 
 from flight.aircraft import load_aircraft
 

@@ -1,9 +1,8 @@
 """The path against the simulator's truth, over flights whose sensors err in every way the study drew."""
 
 import dataclasses
-import sys
-from pathlib import Path
 
+import flights
 import numpy as np
 import pytest
 
@@ -13,15 +12,7 @@ from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from sim.sensors import load_budget
 
-sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-import flights
-
 SEEDS = (0, 1, 2)
-
-
-@pytest.fixture(scope="module")
-def probe():
-    return flights.tunnel_probe()
 
 
 def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbulence_kt: float = 0.0):

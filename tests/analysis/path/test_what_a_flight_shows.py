@@ -7,15 +7,12 @@ import pandas as pd
 import pytest
 from test_reconstruct import flown as fly
 
-from analysis.airdata.probe import calibrate, read_tunnel
 from analysis.path import observability
 from analysis.path.consistency import ANGLES, SPEED, consistency, spread
 from analysis.path.model import SHARED
 from analysis.path.observability import Flown, learnt, missing, notes
 from analysis.path.reconstruct import block_mean, reconstruct
 from analysis.summary import path_result
-from sim.tunnel import calibrate as tunnel_measurements
-from sim.tunnel import write_calibration
 
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
 WITHIN = 3.3  # standard errors: 99.9 %
@@ -46,13 +43,6 @@ TURN = """
 [[segment]]
 kind = "turn"
 """
-
-
-@pytest.fixture(scope="module")
-def probe(tmp_path_factory: pytest.TempPathFactory):
-    path = tmp_path_factory.mktemp("tunnel") / "tunnel.csv"
-    write_calibration(path, tunnel_measurements(seed=0), replace=False)
-    return calibrate(read_tunnel(path), "tunnel.csv")
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,13 @@
 
 import dataclasses
 import re
-import sys
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from methods import Asked, ask, drawn, fly
 
 from analysis.methods import every_method, leading
 from analysis.path.reconstruct import reconstruct
@@ -20,16 +20,7 @@ from flight.errors import InputError
 from flight.propeller import load_propeller
 from sim.sensors import load_budget
 
-sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from flights import tunnel_probe
-from methods import Asked, ask, drawn, fly
-
 AIRCRAFT = load_aircraft("nexstar")
-
-
-@pytest.fixture(scope="module")
-def probe():
-    return tunnel_probe()
 
 
 def asked(probe, seed: int, plan: str = "accel-decel", errors: str = "bench", **wrong: float) -> Asked:

@@ -1,8 +1,6 @@
 """The cross-check knows its own errors: wrong instruments and moving air are inside what it says of itself."""
 
-import sys
-from pathlib import Path
-
+import methods
 import numpy as np
 import pytest
 
@@ -10,17 +8,11 @@ from analysis.power import curve, output_error
 from analysis.runs.find import find
 from sim.sensors import load_budget
 
-sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-import flights
-import methods
-
 SPEEDS_MPS = np.array([14.0, 17.0, 20.0])
 
 
 @pytest.fixture(scope="module")
-def flown(nexstar):
-    probe = flights.tunnel_probe()
-
+def flown(nexstar, probe):
     def fly(seed, turbulence_kt, **wrong):
         errors = methods.drawn(load_budget("study"), seed, **wrong)
         return methods.fly(nexstar, probe, errors, "accel-decel", turbulence_kt, seed)

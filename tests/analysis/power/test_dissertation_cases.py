@@ -1,10 +1,8 @@
 """The source's cases 1 and 2 (its ch. 4): runs as good as they get; runs in which height wanders, rises or falls."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from methods import drawn, fly
 
 from analysis.path.reconstruct import reconstruct
 from analysis.power import curve, dynamic
@@ -14,18 +12,9 @@ from flight.atmosphere import FOOT_POUND_PER_SECOND_W
 from flight.propeller import load_propeller
 from sim.sensors import load_budget
 
-sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from flights import tunnel_probe
-from methods import drawn, fly
-
 AIRCRAFT = load_aircraft("nexstar")
 WORST_W = 2 * FOOT_POUND_PER_SECOND_W  # what the source reports, mid-range
 MID_RANGE_MPS = (13.0, 20.0)
-
-
-@pytest.fixture(scope="module")
-def probe():
-    return tunnel_probe()
 
 
 @pytest.mark.parametrize(
