@@ -33,9 +33,10 @@ STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",
           "wind_north", "wind_east", "gust_u", "gust_v", "gust_w")  # fmt: skip
 SHARED = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_bias", "alpha_scale", "beta_bias",
           "V_scale", "air_data_lag", "gps_latency")  # fmt: skip
-# Means between two instants; what they leave out of the change of angles and velocity; how much of gusts stays.
+# Means between two instants; what they leave out of the change of angles and velocity; by how much wind grows with
+# height; how much of gusts stays.
 MOVE = ("p", "q", "r", "ax", "ay", "az", "dt", "more_phi", "more_theta", "more_psi",
-        "more_north", "more_east", "more_down", "stays", "stays_w")  # fmt: skip
+        "more_north", "more_east", "more_down", "sheared", "stays", "stays_w")  # fmt: skip
 SHOWN = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_down", "v_north", "v_east", "v_down")
 # As inertia and lift dictate them; variance of gusts, (m/s)^2; d ln V/d ln(pressure of the pair for angle of attack).
 SLOW = ("slow_V", "slow_alpha", "gusts_across", "V_per_pair")
@@ -58,8 +59,8 @@ def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
         b.v_east - a.v_east - u.dt * force[1] - u.more_east,
         b.v_down - a.v_down - u.dt * (force[2] + g) - u.more_down,
         b.height - a.height + u.dt * (a.v_down + b.v_down) / 2,
-        b.wind_north - a.wind_north,
-        b.wind_east - a.wind_east,
+        b.wind_north - u.sheared * a.wind_north,
+        b.wind_east - u.sheared * a.wind_east,
         b.gust_u - u.stays * a.gust_u,
         b.gust_v - u.stays * a.gust_v,
         b.gust_w - u.stays_w * a.gust_w,

@@ -40,8 +40,8 @@ GPS_MPS, GPS_DOWN_MPS, REST_MPS = 0.3, 1.0, 0.1
 
 PRIOR_SIGMA = {
     "p_bias": 0.002, "q_bias": 0.002, "r_bias": 0.002,  # about the zeros at rest
-    "ax_bias": 0.3, "ay_bias": 0.3, "az_bias": 0.3,
-    "alpha_bias": np.radians(1.5), "alpha_scale": 0.03, "beta_bias": np.radians(1.5), "V_scale": 0.02,
+    "ax_bias": 0.19, "ay_bias": 0.19, "az_bias": 0.19,
+    "alpha_bias": np.radians(1.0), "alpha_scale": 0.03, "beta_bias": np.radians(1.0), "V_scale": 0.0125,
     "air_data_lag": 0.012, "gps_latency": 0.2,
 }  # fmt: skip
 PRIOR_MEAN = {"gps_latency": 0.1}
@@ -194,6 +194,8 @@ class _Problem:
         self._fine, self._fine_t_s = np.array(fine), self._table.index.to_numpy()[between]
         move = np.column_stack([*columns, np.full(self._n - 1, dt)])
         move = np.pad(move, ((0, 0), (0, len(MOVE) - move.shape[1])))  # the rest depends on path and gusts
+        profile = gusts.profile(_smoothed(self._mean["height_m"], 3))
+        move[:, MOVE.index("sheared")] = profile[1:] / profile[:-1]
         rates, forces = np.abs(move[:, :3]), np.abs(move[:, 3:6])
         spread = np.sqrt(dt / self._rate_Hz)
         sigma = np.empty((self._n - 1, len(STATES)))

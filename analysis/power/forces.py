@@ -17,7 +17,7 @@ from flight.propeller import Propeller
 Array = NDArray[np.float64]
 
 J_REFERENCE = 0.5
-THRUST_SCALE, THRUST_SLOPE = 0.03, 0.15  # standard deviations of what a propeller table is wrong by, over J too
+THRUST_SCALE, THRUST_SLOPE = 0.018, 0.15  # standard deviations of what a propeller table is wrong by, over J too
 
 
 class Blocks:

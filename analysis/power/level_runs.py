@@ -30,11 +30,11 @@ SHORTEST = 12  # blocks of a run
 
 # As a builder of trays knows them: standard deviations of one probe, one IMU, one propeller table out of many.
 PRIORS = Priors(
-    alpha_bias_rad=np.radians(1.5),
-    accelerometer_bias_mps2=0.32,  # bias of 0.3 m/s^2, and half a degree of misalignment under 1 g
-    V_scale=0.02,
+    alpha_bias_rad=np.radians(1.0),
+    accelerometer_bias_mps2=0.19,  # within 0.3 m/s^2, and half a degree of misalignment under 1 g
+    V_scale=0.0125,
     V_bias_mps=0.15,
-    thrust_scale=0.03,
+    thrust_scale=0.018,
 )
 UNZEROED_GYRO_RADPS = 0.02  # an MPU9250's zero-rate output at room temperature, as it comes
 

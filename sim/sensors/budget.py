@@ -1,7 +1,7 @@
-"""Error budgets: how much each sensor errs. A budget gives standard deviations; `draw` makes one day's errors of it.
+"""Error budgets: how much each sensor errs. A budget gives sizes; `draw` makes one day's errors of it.
 
-Shipped: `none`, `bench` (noise of Table 4.1, small residual errors; the default) and `harsh` (the full budget of the
-method's study, systematic errors drawn at random by the seed).
+Shipped: `none`, `bench` (noise of Table 4.1, small residual errors; the default), `study` (the budget of the method's
+study, systematic errors drawn at random by the seed) and `harsh` (that and what the study left out).
 """
 
 import tomllib
@@ -47,7 +47,8 @@ class Noise:
 
 @dataclass(frozen=True, kw_only=True)
 class Systematic:
-    """Standard deviations of what stays over a flight; each component is drawn normal, `lag` and latency uniform."""
+    """What stays over a flight: standard deviations of normal draws, or half widths where the budget draws `evenly`;
+    `lag` and latency are drawn evenly from zero up."""
 
     alpha_offset_rad: float = 0.0
     beta_offset_rad: float = 0.0
@@ -85,6 +86,7 @@ class Systematic:
 @dataclass(frozen=True, kw_only=True)
 class Budget:
     title: str = ""
+    evenly: bool = False  # systematic errors lie evenly within plus and minus their size, instead of normally
     noise: Noise = Noise()
     systematic: Systematic = Systematic()
 
@@ -123,7 +125,7 @@ class Errors:
         )
 
 
-UNIFORM = ("lag_s", "gps_latency_s")
+FROM_ZERO = ("lag_s", "gps_latency_s")
 AS_GIVEN = ("hysteresis", "gps_lost_s", "gps_lost_for_s")
 DIFFERENTIAL = ("alpha", "beta", "airspeed")
 
@@ -132,31 +134,32 @@ def draw(budget: Budget, seed: int) -> Errors:
     """The errors of one day. A pure function of budget and seed; each error has a stream of its own."""
     s = budget.systematic
 
-    def normal(name: str, n: int) -> Array:
-        return rng_of(seed, f"systematic {name}").standard_normal(n)
+    def of_size_one(name: str, n: int) -> Array:
+        rng = rng_of(seed, f"systematic {name}")
+        return rng.uniform(-1.0, 1.0, n) if budget.evenly else rng.standard_normal(n)
 
     values = {}
     for field in fields(Systematic):
         size = getattr(s, field.name)
         if field.name in AS_GIVEN:
             values[field.name] = size
-        elif field.name in UNIFORM:
+        elif field.name in FROM_ZERO:
             values[field.name] = size * float(rng_of(seed, f"systematic {field.name}").uniform())
         else:
-            values[field.name] = size * float(normal(field.name, 1)[0])
-    skew = normal("soft iron matrix", 9).reshape(3, 3)
-    zeros, drifts = normal("zeros", 3) * s.zero_Pa, normal("zero drifts", 3) * s.zero_drift_Pa
-    absolute = normal("absolute", 2) * s.absolute_Pa
+            values[field.name] = size * float(of_size_one(field.name, 1)[0])
+    skew = of_size_one("soft iron matrix", 9).reshape(3, 3)
+    zeros, drifts = of_size_one("zeros", 3) * s.zero_Pa, of_size_one("zero drifts", 3) * s.zero_drift_Pa
+    absolute = of_size_one("absolute", 2) * s.absolute_Pa
     return Errors(
         seed=seed,
         noise=budget.noise,
         values=Systematic(**values),
-        accel_bias=s.accel_bias_mps2 * normal("accel bias", 3),
-        accel_scale=s.accel_scale * normal("accel scale", 3),
-        gyro_bias=s.gyro_bias_radps * normal("gyro bias", 3),
-        gyro_scale=s.gyro_scale * normal("gyro scale", 3),
-        imu_rotation=_small_rotation(s.imu_misalignment_rad * normal("imu misalignment", 3)),
-        hard_iron=s.hard_iron_T * normal("hard iron", 3),
+        accel_bias=s.accel_bias_mps2 * of_size_one("accel bias", 3),
+        accel_scale=s.accel_scale * of_size_one("accel scale", 3),
+        gyro_bias=s.gyro_bias_radps * of_size_one("gyro bias", 3),
+        gyro_scale=s.gyro_scale * of_size_one("gyro scale", 3),
+        imu_rotation=_small_rotation(s.imu_misalignment_rad * of_size_one("imu misalignment", 3)),
+        hard_iron=s.hard_iron_T * of_size_one("hard iron", 3),
         soft_iron=np.eye(3) + s.soft_iron * (skew + skew.T) / 2,
         zero=dict(zip(DIFFERENTIAL, zeros.tolist(), strict=True)),
         zero_drift=dict(zip(DIFFERENTIAL, drifts.tolist(), strict=True)),

@@ -91,7 +91,7 @@ def test_the_whole_test_flight_is_what_it_says(nexstar):
     steady = [
         g.iloc[-750:] for _, g in flight.truth[flight.truth["kind"] == "hold"].groupby("segment") if len(g) > 1000
     ]
-    assert len(steady) == 5
+    assert len(steady) == 7
     for point in steady:
         assert np.std(point["V_mps"]) < 0.15 and np.ptp(point["height_m"]) < 0.5
 

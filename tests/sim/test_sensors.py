@@ -265,6 +265,15 @@ def test_draws_have_the_spread_that_the_budget_says(name, size, component):
     assert abs(np.mean(drawn)) < 4 * size / np.sqrt(len(drawn))
 
 
+def test_the_study_draws_evenly_within_its_sizes():
+    """Flat between its ends: the variance is a third of the square, with standard error size^2 sqrt(4/45/n)."""
+    budget = load_budget("study")
+    offsets = np.array([draw(budget, seed).values.alpha_offset_rad for seed in range(300)])
+    size = budget.systematic.alpha_offset_rad
+    assert np.abs(offsets).max() <= size == pytest.approx(np.radians(1.5))
+    assert np.mean(offsets**2) == pytest.approx(size**2 / 3, abs=4 * size**2 * np.sqrt(4 / 45 / 300))
+
+
 def test_lag_and_latency_are_drawn_evenly_up_to_their_longest():
     budget = Budget(systematic=Systematic(lag_s=0.02, gps_latency_s=0.3))
     lags = np.array([draw(budget, seed).values.lag_s for seed in range(300)])
@@ -331,7 +340,7 @@ def test_a_motor_that_stopped_with_its_propeller_anywhere_does_not_push(flight):
     assert np.all(felt._vibration(turns, np.zeros(50)) == 0)
 
 
-def test_the_harsh_budget_is_the_one_of_the_study():
+def test_the_harsh_budget_has_the_sizes_of_the_study():
     """method.md sec. 8."""
     s = load_budget("harsh").systematic
     found = (np.rad2deg(s.alpha_offset_rad), s.accel_bias_mps2, np.rad2deg(s.imu_misalignment_rad), s.gyro_bias_radps)
