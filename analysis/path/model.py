@@ -1,8 +1,8 @@
 """The equations of the reconstruction: how states follow one another, and what each sensor shows of them.
 
-States at each instant: Euler angles, inertial velocity north-east-down, height, the slow wind and gusts. Shared by the
-whole flight: biases and scales of the sensors, and how late they are. Functions are written with NumPy and evaluated by
-CasADi over all instants at once, exact derivatives included.
+States at each instant: Euler angles, inertial velocity north-east-down, height, the slow wind and gusts (the vertical
+one with what its filter remembers). Shared by the whole flight: biases and scales of the sensors, and how late they
+are. Functions are written with NumPy and evaluated by CasADi over all instants at once, exact derivatives included.
 
 The aircraft answers to gusts. It heaves with them within a second and turns its nose into them within two; only its
 speed is slow to follow. What a gust and the answer to it have in common would be taken for an error of a sensor, were
@@ -30,7 +30,7 @@ if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: keep NumPy functio
 Array = NDArray[np.float64]
 
 STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",
-          "wind_north", "wind_east", "gust_u", "gust_v", "gust_w")  # fmt: skip
+          "wind_north", "wind_east", "gust_u", "gust_v", "gust_w", "gust_w_twice")  # fmt: skip
 SHARED = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_bias", "alpha_scale", "beta_bias",
           "V_scale", "air_data_lag", "gps_latency")  # fmt: skip
 # Means between two instants; what they leave out of the change of angles and velocity; by how much wind grows with
@@ -51,6 +51,7 @@ def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
     phi, theta, psi = (a.phi + b.phi) / 2, (a.theta + b.theta) / 2, (a.psi + b.psi) / 2
     turning = motion.attitude_derivative(phi, theta, u.p - c.p_bias, u.q - c.q_bias, u.r - c.r_bias)
     force = motion.earth_from_body(u.ax - c.ax_bias, u.ay - c.ay_bias, u.az - c.az_bias, phi, theta, psi)
+    once_a, once_b = (x.gust_w_twice + (x.gust_w - x.gust_w_twice) / np.sqrt(3) for x in (a, b))  # gusts.Heaving
     return (
         b.phi - a.phi - u.dt * turning[0] - u.more_phi,
         b.theta - a.theta - u.dt * turning[1] - u.more_theta,
@@ -63,7 +64,8 @@ def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
         b.wind_east - u.sheared * a.wind_east,
         b.gust_u - u.stays * a.gust_u,
         b.gust_v - u.stays * a.gust_v,
-        b.gust_w - u.stays_w * a.gust_w,
+        once_b - u.stays_w * once_a,
+        b.gust_w_twice - u.stays_w * a.gust_w_twice - (1 - u.stays_w) * (once_a + once_b) / 2,
     )
 
 

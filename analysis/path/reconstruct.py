@@ -169,6 +169,10 @@ class _Problem:
         flown = self._flying if self._flying.any() else slice(None)
         self._cruise_mps = float(np.median(self._V_reference[flown]))
         self._cruise_height_m = float(np.nanmedian(self._mean["height_m"][flown]))
+        # Where gusts are met, as the past foretells it; on the ground, where none are seen, as in mid-flight.
+        up = self._flying[:-1]
+        self._gusty_V = np.where(up, np.maximum(self._felt_V[:-1], SLOWEST_MPS), self._cruise_mps)
+        self._gusty_height_m = np.where(up, self._mean["height_m"][:-1], self._cruise_height_m)
         self._shown, self._weight = self._what_is_shown()
         self._prior_shared = (
             np.array([PRIOR_MEAN.get(name, 0.0) for name in SHARED]),
@@ -227,11 +231,13 @@ class _Problem:
         """MOVE, and the weights of the process, in turbulence of this intensity."""
         dt = BLOCK / self._rate_Hz
         move, sigma = self._move.copy(), self._move_sigma.copy()
-        where = self._cruise_height_m, self._cruise_mps
-        along, down = gusts.horizontal(sigma_w_mps, *where), gusts.vertical(sigma_w_mps, *where)
-        for name, states, gust in (("stays", slice(9, 11), along), ("stays_w", slice(11, 12), down)):
-            move[:, MOVE.index(name)] = gust.stays(dt)
-            sigma[:, states] = gust.sigma_mps * np.sqrt(1 - gust.stays(dt) ** 2)
+        across = gusts.horizontal(sigma_w_mps, self._gusty_height_m, self._gusty_V)
+        down = gusts.vertical_step(sigma_w_mps, self._gusty_height_m, self._gusty_V, dt)
+        stays = across.stays(dt)
+        move[:, MOVE.index("stays")], move[:, MOVE.index("stays_w")] = stays, down.stays
+        new = across.sigma_mps * np.sqrt(1 - stays**2)
+        for name, size in (("u", new), ("v", new), ("w", down.sigma_once), ("w_twice", down.sigma_twice)):
+            sigma[:, STATES.index(f"gust_{name}")] = size
         return move, 1 / sigma
 
     def _what_is_given(self, x: Array, shared: Array, gust: float) -> tuple[Array, Array]:
@@ -249,10 +255,9 @@ class _Problem:
         load = 1 / (felt_V**2 * np.cos(np.clip(slow.foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2)))
         slow_alpha, alpha_of_load = slow.as_lift_says(alpha, load, self._flying)
         per_pair = slow.over_angle(alpha, mean["V_per_pair"], slow_alpha, self._flying)
-        where = self._cruise_height_m, self._cruise_mps
-        sideways, down = gusts.horizontal(gust, *where), gusts.vertical(gust, *where)
+        sideways = gusts.horizontal(gust, self._cruise_height_m, self._cruise_mps)
         columns = {
-            "gusts_across": np.full(self._n, sideways.sigma_mps**2 + down.sigma_mps**2),
+            "gusts_across": np.full(self._n, sideways.sigma_mps**2 + gust**2),
             "ax": np.nan_to_num(mean["ax_mps2"]),
             "ay": np.nan_to_num(mean["ay_mps2"]),
             "az": np.nan_to_num(mean["az_mps2"], nan=-9.8),
@@ -357,7 +362,7 @@ class _Problem:
         # Without GPS nothing shows the compass: north is then where the aircraft's nose pointed at first.
         heading = 3.0 if self._has_gps else 0.01
         velocity = 0.3 if self._still.any() and np.argmax(self._still) < FIRST_BLOCKS else 10.0
-        first_sigma = np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0, *[max(gust, 0.01)] * 3])
+        first_sigma = np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0, *[max(gust, 0.01)] * 4])
         mean, sigma = self._prior_shared
         latency = SHARED.index("gps_latency")
         x, shared, converged = x.copy(), shared.copy(), False

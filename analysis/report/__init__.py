@@ -60,6 +60,7 @@ def _polar(analysis: Analysis):
 
 def _path(path: FlightPath) -> str:
     """Every state of the flight path with its standard error, a line each 0.2 s."""
-    named = path.states.rename(columns=PATH_COLUMNS)
-    errors = path.states_error().rename(columns=PATH_COLUMNS).add_suffix("_error")
+    inner = "gust_w_twice"  # of the filter that makes vertical gusts
+    named = path.states.drop(columns=inner).rename(columns=PATH_COLUMNS)
+    errors = path.states_error().drop(columns=inner).rename(columns=PATH_COLUMNS).add_suffix("_error")
     return str(pd.concat([named, errors], axis=1).to_csv(float_format="%.6g", lineterminator="\n"))
