@@ -32,7 +32,7 @@ def test_horizontal_gusts_are_as_strong_and_as_long_as_in_the_standard() -> None
 def test_a_step_of_vertical_gusts_is_that_of_drydens_filter(height: float, V: float, step: float) -> None:
     """Against the exact solution of T w1' = n - w1, T w2' = w1 - w2 over a step: what stays, and the noise that is new.
 
-    The step takes w1 as straight: what stays is off by the square of step/T, new noise by the order of step/T of itself.
+    The step takes w1 as straight: what stays is off by (step/T)^2, new noise by the order of step/T of itself.
     """
     T, sigma = height / V, 0.7
     A = np.array([[-1.0, 0.0], [1.0, -1.0]]) / T
