@@ -86,8 +86,8 @@ def test_the_installed_daemon_records_from_device_files(tmp_path, seconds):
         "/rpm": 25,
         "/controls": 25,
     }.items():
-        # Bringing up takes up to 1.5 s; what a busy machine misses is said in /daq/tick, and is no part's fault.
-        assert len(good(topic)) >= 0.8 * per_s * (len(ticks) / 25 - 1.5), (topic, outcome.stderr)
+        # Bringing up takes up to 1.5 s; on a busy machine ticks are missed, which is said in /daq/tick.
+        assert len(good(topic)) >= 0.8 * per_s * (seconds - 2.5), (topic, outcome.stderr)
     imu = good("/imu")[-1]
     assert [imu.specific_force_x_mps2, imu.specific_force_y_mps2, imu.specific_force_z_mps2] == pytest.approx(
         FORCE_MPS2, abs=9.80665 / 4096
