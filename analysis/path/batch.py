@@ -107,9 +107,10 @@ def step(at: Linearised, prior: Prior, first: Array, shared: Array) -> Step:
     shared_gradient += (shared - prior.shared_mean) / prior.shared_sigma**2
 
     factor = cholesky_banded(
-        _banded(diagonal, moved[:, after, before]), lower=True, overwrite_ab=True, check_finite=False
+        _banded(diagonal, moved[:, before, after]), lower=True, overwrite_ab=True, check_finite=False
     )
-    right = np.concatenate([gradient.reshape(-1, 1), border.reshape(-1, m)], axis=1)
+    right = np.empty((1 + m, n * nx)).T  # column by column, as LAPACK has it
+    right[:, 0], right[:, 1:] = gradient.ravel(), border.reshape(-1, m)
     half = _solved(factor, right)
     schur = corner - half[:, 1:].T @ half[:, 1:]
     covariance = np.linalg.inv(schur)
@@ -132,13 +133,14 @@ def _solved(factor: Array, right: Array, *, transposed: bool = False) -> Array:
     return lapack.dtbtrs(factor, right, uplo="L", trans="T" if transposed else "N")[0]
 
 
-def _banded(diagonal: Array, below: Array) -> Array:
-    """Lower band storage of a block tridiagonal matrix: row i - j of column j."""
+def _banded(diagonal: Array, above: Array) -> Array:
+    """Lower band storage of a symmetric block tridiagonal matrix: row i - j of column j, in LAPACK's order of memory.
+
+    above : (n-1, nx, nx) blocks of row k and column k+1
+    """
     n, nx, _ = diagonal.shape
-    band = np.zeros((2 * nx, n * nx))
+    band = np.zeros((n, nx, 2 * nx))
     for j in range(nx):
-        for i in range(j, nx):
-            band[i - j, j::nx] = diagonal[:, i, j]
-        for i in range(nx):
-            band[nx + i - j, j : (n - 1) * nx : nx] = below[:, i, j]
-    return band
+        band[:, j, : nx - j] = diagonal[:, j, j:]
+        band[:-1, j, nx - j : 2 * nx - j] = above[:, j]
+    return band.reshape(n * nx, 2 * nx).T

@@ -1,8 +1,9 @@
 """How the wind changes while an aircraft flies through it: with height, and by turbulence.
 
 Dryden's spectra in the low-altitude form of MIL-F-8785C sec. 3.7.3.4.1, seen from an aircraft at speed V: a length L
-takes L/V to pass. Vertical gusts are the standard's second-order process. What they do next must come as a surprise:
-an aircraft's speed answers to what they did before, and a process too simple leaves some of that to be foreseen.
+takes L/V to pass. Gusts across the flight are the standard's second-order process. What they do next must come as a
+surprise: an aircraft's speed answers to what they did before, and a process too simple leaves some of that to be
+foreseen.
 """
 
 from typing import NamedTuple
@@ -23,20 +24,36 @@ class Wandering(NamedTuple):
     sigma_mps: float | Array
     time_s: float | Array
 
-    def stays(self, seconds: float) -> Array:
-        """What is left after so long of a deviation from the mean, as a fraction."""
-        return np.exp(np.asarray(-seconds / self.time_s))
+    def step(self, seconds: float) -> tuple[Array, Array]:
+        """What is left after so long of a deviation from the mean, as a fraction; sigma of what is new [m/s]."""
+        stays = np.exp(np.asarray(-seconds / self.time_s))
+        return stays, self.sigma_mps * np.sqrt(1 - stays**2)
 
 
-class Heaving(NamedTuple):
-    """A step of Dryden's vertical gusts w = w2 + sqrt3 (w1 - w2), where w1 is noise filtered once and w2 twice.
+class Swaying(NamedTuple):
+    """Dryden's gusts across the flight, g = g2 + sqrt3 (g1 - g2), where g1 is noise filtered once and g2 twice.
 
-    stays : what is left of w1 and w2 after the step     sigma_once, sigma_twice : of what is new in each [m/s]
+    T g1' = noise - g1, T g2' = g1 - g2: variances sigma^2/2 and sigma^2/4. T = L/V with the standard's L.
     """
 
-    stays: Array
-    sigma_once: Array
-    sigma_twice: Array
+    sigma_mps: float | Array
+    time_s: float | Array
+
+    def step(self, seconds: float) -> tuple[Array, Array, Array]:
+        """What is left after so long of g1 and g2; sigma of what is new in g1, and in g2 [m/s].
+
+        With g1 taken straight over the step, g2 misses the noise within it: (step/T)^3/12 of sigma^2.
+        """
+        d = np.asarray(seconds / self.time_s)
+        return np.exp(-d), self.sigma_mps * np.sqrt(-np.expm1(-2 * d) / 2), self.sigma_mps * np.sqrt(d**3 / 12)
+
+    def as_wandering(self) -> Wandering:
+        """The first-order process that agrees for slow and for quick changes.
+
+        Spectrum sigma^2 (T/pi) (1 + 3 x^2)/(1 + x^2)^2, x = omega T. Slow changes: sigma^2 T = 2 s^2 t; quick ones:
+        3 sigma^2/T = 2 s^2/t. Hence t = T/sqrt3, s^2 = sigma^2 sqrt3/2.
+        """
+        return Wandering(self.sigma_mps * (3**0.5 / 2) ** 0.5, self.time_s / 3**0.5)
 
 
 def profile(height_m: ArrayLike) -> Array:
@@ -47,31 +64,22 @@ def profile(height_m: ArrayLike) -> Array:
     return np.log(_in_layer(height_m) / ROUGHNESS_M)
 
 
-def vertical_step(sigma_w_mps: float, height_m: ArrayLike, V: ArrayLike, step_s: float) -> Heaving:
-    """Vertical gusts of intensity sigma_w from one instant to the next, at heights above the ground and speeds V [m/s].
-
-    T w1' = noise - w1, T w2' = w1 - w2: variances sigma^2/2 and sigma^2/4. With w1 taken straight over the step, w2
-    misses the noise within it: (step/T)^3/12 of sigma^2.
-    """
-    d = step_s * np.asarray(V) / _in_layer(height_m)
-    return Heaving(np.exp(-d), sigma_w_mps * np.sqrt(-np.expm1(-2 * d) / 2), sigma_w_mps * np.sqrt(d**3 / 12))
-
-
-def vertical(sigma_w_mps: float, height_m: ArrayLike, V: ArrayLike) -> Wandering:
-    """The first-order process that agrees with vertical gusts for slow and for quick changes.
-
-    Spectrum sigma^2 (T/pi) (1 + 3 x^2)/(1 + x^2)^2, x = omega T. Slow changes: sigma^2 T = 2 s^2 t; quick ones:
-    3 sigma^2/T = 2 s^2/t. Hence t = T/sqrt3, s^2 = sigma^2 sqrt3/2.
-    """
-    T = _in_layer(height_m) / np.asarray(V)
-    return Wandering(sigma_w_mps * (3**0.5 / 2) ** 0.5, T / 3**0.5)
-
-
-def horizontal(sigma_w_mps: float, height_m: ArrayLike, V: ArrayLike) -> Wandering:
-    """Horizontal gusts that go with vertical ones of sigma_w: L_u = h/s^1.2, sigma_u = sigma_w/s^0.4 (h in feet)."""
+def along(sigma_w_mps: float, height_m: ArrayLike, V: ArrayLike) -> Wandering:
+    """Gusts along the flight that go with vertical ones of sigma_w: L_u = h/s^1.2, sigma_u = sigma_w/s^0.4 (h in feet),
+    at heights above the ground and speeds V [m/s]."""
     h = _in_layer(height_m)
     shape = 0.177 + 0.000823 * h / FOOT_M
     return Wandering(sigma_w_mps / shape**0.4, h / shape**1.2 / np.asarray(V))
+
+
+def across(sigma_w_mps: float, height_m: ArrayLike, V: ArrayLike) -> Swaying:
+    """Lateral gusts that go with vertical ones of sigma_w: as strong and as long as those along the flight."""
+    return Swaying(*along(sigma_w_mps, height_m, V))
+
+
+def vertical(sigma_w_mps: float, height_m: ArrayLike, V: ArrayLike) -> Swaying:
+    """Vertical gusts: L_w = h."""
+    return Swaying(sigma_w_mps, _in_layer(height_m) / np.asarray(V))
 
 
 def _in_layer(height_m: ArrayLike) -> Array:

@@ -1,8 +1,9 @@
 """The equations of the reconstruction: how states follow one another, and what each sensor shows of them.
 
-States at each instant: Euler angles, inertial velocity north-east-down, height, the slow wind and gusts (the vertical
-one with what its filter remembers). Shared by the whole flight: biases and scales of the sensors, and how late they
-are. Functions are written with NumPy and evaluated by CasADi over all instants at once, exact derivatives included.
+States at each instant: Euler angles, inertial velocity north-east-down, height, the slow wind and gusts (those across
+the flight with what their filters remember). Shared by the whole flight: biases and scales of the sensors, how late
+they are. Functions are written with NumPy and evaluated by CasADi over all instants at once, with exact
+derivatives.
 
 The aircraft answers to gusts. It heaves with them within a second and turns its nose into them within two; only its
 speed is slow to follow. What a gust and the answer to it have in common would be taken for an error of a sensor, were
@@ -29,14 +30,15 @@ if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: keep NumPy functio
 
 Array = NDArray[np.float64]
 
+WITHIN = ("gust_v_twice", "gust_w_twice")  # what the filters that make gusts across the flight remember
 STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",
-          "wind_north", "wind_east", "gust_u", "gust_v", "gust_w", "gust_w_twice")  # fmt: skip
+          "wind_north", "wind_east", "gust_u", "gust_v", "gust_w", *WITHIN)  # fmt: skip
 SHARED = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_bias", "alpha_scale", "beta_bias",
           "V_scale", "air_data_lag", "gps_latency")  # fmt: skip
 # Means between two instants; what they leave out of the change of angles and velocity; by how much wind grows with
 # height; how much of gusts stays.
 MOVE = ("p", "q", "r", "ax", "ay", "az", "dt", "more_phi", "more_theta", "more_psi",
-        "more_north", "more_east", "more_down", "sheared", "stays", "stays_w")  # fmt: skip
+        "more_north", "more_east", "more_down", "sheared", "stays_u", "stays_v", "stays_w")  # fmt: skip
 SHOWN = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_down", "v_north", "v_east", "v_down")
 # As inertia and lift dictate them; variance of gusts, (m/s)^2; d ln V/d ln(pressure of the pair for angle of attack).
 SLOW = ("slow_V", "slow_alpha", "gusts_across", "V_per_pair")
@@ -51,7 +53,8 @@ def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
     phi, theta, psi = (a.phi + b.phi) / 2, (a.theta + b.theta) / 2, (a.psi + b.psi) / 2
     turning = motion.attitude_derivative(phi, theta, u.p - c.p_bias, u.q - c.q_bias, u.r - c.r_bias)
     force = motion.earth_from_body(u.ax - c.ax_bias, u.ay - c.ay_bias, u.az - c.az_bias, phi, theta, psi)
-    once_a, once_b = (x.gust_w_twice + (x.gust_w - x.gust_w_twice) / np.sqrt(3) for x in (a, b))  # gusts.Heaving
+    v_once, v_twice = _swaying(a.gust_v, a.gust_v_twice, b.gust_v, b.gust_v_twice, u.stays_v)
+    w_once, w_twice = _swaying(a.gust_w, a.gust_w_twice, b.gust_w, b.gust_w_twice, u.stays_w)
     return (
         b.phi - a.phi - u.dt * turning[0] - u.more_phi,
         b.theta - a.theta - u.dt * turning[1] - u.more_theta,
@@ -62,11 +65,18 @@ def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
         b.height - a.height + u.dt * (a.v_down + b.v_down) / 2,
         b.wind_north - u.sheared * a.wind_north,
         b.wind_east - u.sheared * a.wind_east,
-        b.gust_u - u.stays * a.gust_u,
-        b.gust_v - u.stays * a.gust_v,
-        once_b - u.stays_w * once_a,
-        b.gust_w_twice - u.stays_w * a.gust_w_twice - (1 - u.stays_w) * (once_a + once_b) / 2,
+        b.gust_u - u.stays_u * a.gust_u,
+        v_once,
+        w_once,
+        v_twice,
+        w_twice,
     )
+
+
+def _swaying(gust_a: Any, twice_a: Any, gust_b: Any, twice_b: Any, stays: Any) -> tuple[Any, Any]:
+    """What is new between two instants in a gust's noise filtered once, and twice (gusts.Swaying)."""
+    once_a, once_b = (twice + (gust - twice) / np.sqrt(3) for gust, twice in ((gust_a, twice_a), (gust_b, twice_b)))
+    return once_b - stays * once_a, twice_b - stays * twice_a - (1 - stays) * (once_a + once_b) / 2
 
 
 def flow(x: Any, s: Any) -> motion.Flow:
@@ -169,21 +179,21 @@ class _Mapped:
 
     def __init__(self, arguments: list[Any], r: Any, jacobian: Any, n: int):
         sparsity = jacobian.sparsity()
-        self._rows, self._columns = (np.array(i) for i in sparsity.get_triplet())
-        self._shape = (n, *jacobian.shape)
-        # get_triplet lists nonzeros as CasADi stores them: column by column.
-        function = ca.Function("f", arguments, [r, ca.vertcat(*jacobian.nonzeros())]).map(n)
+        rows, columns = (np.array(i) for i in sparsity.get_triplet())  # in the order in which CasADi stores nonzeros
+        outputs = ca.cse([r, ca.vertcat(*jacobian.nonzeros())])
         self._buffer: Any
-        self._buffer, self._run = function.buffer()
+        self._buffer, self._run = ca.Function("f", arguments, outputs).map(n).buffer()
         self._r, self._nonzeros = np.empty((n, r.shape[0])), np.empty((n, sparsity.nnz()))
         self._buffer.set_res(0, self._r.data)
         self._buffer.set_res(1, self._nonzeros.data)
+        self._shape, self._filled = (n, *jacobian.shape), rows * jacobian.shape[1] + columns
 
     def __call__(self, *arguments: Array) -> tuple[Array, Array]:
+        """Residuals (n, rows), and derivatives (n, rows, columns)."""
         kept = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
         for i, argument in enumerate(kept):
             self._buffer.set_arg(i, argument.data)
         self._run()
         jacobian = np.zeros(self._shape)
-        jacobian[:, self._rows, self._columns] = self._nonzeros
+        jacobian.reshape(self._shape[0], -1)[:, self._filled] = self._nonzeros
         return self._r.copy(), jacobian

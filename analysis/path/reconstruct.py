@@ -22,13 +22,14 @@ Array = NDArray[np.float64]
 
 BLOCK = 5
 ADDED = slice(MOVE.index("more_phi"), MOVE.index("more_down") + 1)
+GUSTS = [STATES.index(f"gust_{axis}") for axis in "uvw"]
 GUSTS_TRIED_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125, still air, to 3.2, a storm
 SLOWEST_MPS = 5.0
 ITERATIONS, QUICK = 40, 1  # at most; for a comparison of intensities, which are close to one another
 DRAWS = 8  # of what states may be off by: enough for a standard error within a quarter
 FIRST_BLOCKS = 25  # a log that stands within its first five seconds began at rest
 CONVERGED = 0.02  # of a standard error of every shared number, in the last step;
-NEAR = 0.5  # in the last step before the intensity of gusts is known
+NEAR = 5.0  # in the last step before the intensity of gusts is known: intensities differ by far more
 
 # Standard deviations assumed where the log itself does not show them.
 BENCH = {"p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "ax_mps2": 0.06, "ay_mps2": 0.06, "az_mps2": 0.06,
@@ -105,34 +106,36 @@ def reconstruct(table: pd.DataFrame, still: list[slice], *, alpha_scale_sigma: f
 
 def _reconstructed(table: pd.DataFrame, still: list[slice], alpha_scale_sigma: float) -> Path:
     problem = _Problem(table, still, alpha_scale_sigma)
-    solution = problem.solve(*problem.start(), _FIRST_TRIED, ITERATIONS, NEAR)
-    solution = problem.solve(solution.x, solution.shared, _most_probable(problem, solution), ITERATIONS)
-    return problem.path(solution)
+    first = problem.solve(*problem.start(), _FIRST_TRIED, ITERATIONS, NEAR)
+    gust, near = _most_probable(problem, first)
+    return problem.path(problem.solve(near.x, near.shared, gust, ITERATIONS))
 
 
 _FIRST_TRIED = GUSTS_TRIED_MPS[len(GUSTS_TRIED_MPS) // 2]
 
 
-def _most_probable(problem: "_Problem", first: "_Solution") -> float:
-    """The intensity of gusts with the greatest evidence [m/s]: downhill from the first, then by a parabola."""
+def _most_probable(problem: "_Problem", first: "_Solution") -> tuple[float, "_Solution"]:
+    """The intensity of gusts with the greatest evidence [m/s], downhill from the first, then by a parabola; and the
+    nearest of what was tried."""
     start = GUSTS_TRIED_MPS.index(first.gust)
-    evidence = {start: first.evidence}
-    for direction in (-1, 1):
-        i, at = start, first
+    tried = {start: first}
+    up_first = first.gusty > 1
+    for direction in (1, -1) if up_first else (-1, 1):
+        i = start
         while 0 <= i + direction < len(GUSTS_TRIED_MPS):
-            at = problem.solve(at.x, at.shared, GUSTS_TRIED_MPS[i + direction], QUICK)
+            last = tried[i]
             i += direction
-            evidence[i] = at.evidence
-            if at.evidence > evidence[i - direction]:
+            tried[i] = problem.solve(last.x, last.shared, GUSTS_TRIED_MPS[i], QUICK)
+            if tried[i].evidence > last.evidence:
                 break  # there is one best: it has been passed
         if i != start + direction:
             break  # it went downhill this way
-    best = min(evidence, key=evidence.__getitem__)
-    if best - 1 not in evidence or best + 1 not in evidence:
-        return GUSTS_TRIED_MPS[best]
-    before, here, after = (evidence[best + i] for i in (-1, 0, 1))
+    best = min(tried, key=lambda i: tried[i].evidence)
+    if best - 1 not in tried or best + 1 not in tried:
+        return GUSTS_TRIED_MPS[best], tried[best]
+    before, here, after = (tried[best + i].evidence for i in (-1, 0, 1))
     vertex = (before - after) / (2 * (before - 2 * here + after))
-    return float(GUSTS_TRIED_MPS[best] * 2**vertex)
+    return float(GUSTS_TRIED_MPS[best] * 2**vertex), tried[best]
 
 
 @dataclass(frozen=True)
@@ -142,6 +145,7 @@ class _Solution:
     last: Step
     gust: float
     evidence: float  # minus twice the log marginal likelihood
+    gusty: float  # rms of what is new in gusts over what it was taken to be
     measured: Array
     converged: bool
 
@@ -231,13 +235,14 @@ class _Problem:
         """MOVE, and the weights of the process, in turbulence of this intensity."""
         dt = BLOCK / self._rate_Hz
         move, sigma = self._move.copy(), self._move_sigma.copy()
-        across = gusts.horizontal(sigma_w_mps, self._gusty_height_m, self._gusty_V)
-        down = gusts.vertical_step(sigma_w_mps, self._gusty_height_m, self._gusty_V, dt)
-        stays = across.stays(dt)
-        move[:, MOVE.index("stays")], move[:, MOVE.index("stays_w")] = stays, down.stays
-        new = across.sigma_mps * np.sqrt(1 - stays**2)
-        for name, size in (("u", new), ("v", new), ("w", down.sigma_once), ("w_twice", down.sigma_twice)):
-            sigma[:, STATES.index(f"gust_{name}")] = size
+        where = sigma_w_mps, self._gusty_height_m, self._gusty_V
+        stays, new = gusts.along(*where).step(dt)
+        move[:, MOVE.index("stays_u")], sigma[:, STATES.index("gust_u")] = stays, new
+        for name, gust in (("v", gusts.across(*where)), ("w", gusts.vertical(*where))):
+            stays, once, twice = gust.step(dt)
+            move[:, MOVE.index(f"stays_{name}")] = stays
+            sigma[:, STATES.index(f"gust_{name}")] = once
+            sigma[:, STATES.index(f"gust_{name}_twice")] = twice
         return move, 1 / sigma
 
     def _what_is_given(self, x: Array, shared: Array, gust: float) -> tuple[Array, Array]:
@@ -255,7 +260,7 @@ class _Problem:
         load = 1 / (felt_V**2 * np.cos(np.clip(slow.foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2)))
         slow_alpha, alpha_of_load = slow.as_lift_says(alpha, load, self._flying)
         per_pair = slow.over_angle(alpha, mean["V_per_pair"], slow_alpha, self._flying)
-        sideways = gusts.horizontal(gust, self._cruise_height_m, self._cruise_mps)
+        sideways = gusts.across(gust, self._cruise_height_m, self._cruise_mps)
         columns = {
             "gusts_across": np.full(self._n, sideways.sigma_mps**2 + gust**2),
             "ax": np.nan_to_num(mean["ax_mps2"]),
@@ -362,7 +367,7 @@ class _Problem:
         # Without GPS nothing shows the compass: north is then where the aircraft's nose pointed at first.
         heading = 3.0 if self._has_gps else 0.01
         velocity = 0.3 if self._still.any() and np.argmax(self._still) < FIRST_BLOCKS else 10.0
-        first_sigma = np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0, *[max(gust, 0.01)] * 4])
+        first_sigma = np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0, *[max(gust, 0.01)] * 5])
         mean, sigma = self._prior_shared
         latency = SHARED.index("gps_latency")
         x, shared, converged = x.copy(), shared.copy(), False
@@ -392,7 +397,8 @@ class _Problem:
                 break
         evidence = cost(at, prior, first, remaining) - last.decrease + last.log_determinant
         evidence -= 2 * float(np.sum(np.log(process_weight)) + np.sum(np.log(data.weight[data.weight > 0])))
-        return _Solution(x, shared, last, gust, evidence, at.measured, converged)
+        gusty = float(np.sqrt(np.mean(at.process[:, GUSTS] ** 2)))
+        return _Solution(x, shared, last, gust, evidence, gusty, at.measured, converged)
 
     def path(self, solution: _Solution) -> Path:
         seen = self._weight > 0

@@ -98,7 +98,7 @@ def flown(blocks: Blocks, path: Path, runs: list[Run], errors: Mapping[str, take
 
     flying = np.isfinite(blocks.mean["V_mps"])
     where = (float(np.nanmedian(blocks.mean[name][flying])) for name in ("height_m", "V_mps"))
-    gust = gusts.vertical(path.gust_mps, *where)
+    gust = gusts.vertical(path.gust_mps, *where).as_wandering()
     directions = np.linalg.cholesky(path.covariance).T
     return Flown(
         blocks.aircraft,

@@ -7,7 +7,7 @@ import pandas as pd
 
 from analysis import commands
 from analysis.chain import Analysis
-from analysis.path.model import STATES
+from analysis.path.model import STATES, WITHIN
 from analysis.path.reconstruct import Path as FlightPath
 from analysis.power.curve import NORMAL_95
 from analysis.report import field, figures, page
@@ -60,7 +60,6 @@ def _polar(analysis: Analysis):
 
 def _path(path: FlightPath) -> str:
     """Every state of the flight path with its standard error, a line each 0.2 s."""
-    inner = "gust_w_twice"  # of the filter that makes vertical gusts
-    named = path.states.drop(columns=inner).rename(columns=PATH_COLUMNS)
-    errors = path.states_error().drop(columns=inner).rename(columns=PATH_COLUMNS).add_suffix("_error")
+    named = path.states.drop(columns=[*WITHIN]).rename(columns=PATH_COLUMNS)
+    errors = path.states_error().drop(columns=[*WITHIN]).rename(columns=PATH_COLUMNS).add_suffix("_error")
     return str(pd.concat([named, errors], axis=1).to_csv(float_format="%.6g", lineterminator="\n"))
