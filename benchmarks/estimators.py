@@ -31,7 +31,7 @@ from sim.trim import Trimmer
 
 OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
 HEIGHT_M = 100.0
-FLYING_M = 30.0
+FLYING_M = 25.0
 LEVEL_RAD = 0.15
 SLOW_MPS = 13.0  # 1.25 V_stall
 
