@@ -96,7 +96,10 @@ def analyze(
     warnings += thrust_coverage(flown, propeller)
 
     progress("reconstructing the flight path")
-    path = reconstruct(air.table, still, alpha_scale_sigma=probe.alpha_scale_sigma)
+    try:
+        path = reconstruct(air.table, still, alpha_scale_sigma=probe.alpha_scale_sigma)
+    except InputError as error:
+        raise InputError(f"{log.path}: {error}") from None
     warnings += summary.gusts_said(path, len(runs), str(log.path))
     warnings += skew.notes(path)
     sensor_errors = learnt(air.table, path)

@@ -2,8 +2,9 @@
 
     python benchmarks/chain.py --turbulence-kt 3 --flights 8
 
-Each flight is flown and recorded by `sim fly` and analysed by `analyze`, as a user would; compared is the curve of
-results.json with the simulator's truth at the speeds of benchmarks/estimators.py that were flown.
+Each flight is flown and recorded by `sim fly` and analysed by `analyze`, as a user would: all runs, and by an edited
+runs.toml the longest acceleration and the longest deceleration alone. Compared is the curve of results.json with the
+simulator's truth at the speeds of benchmarks/estimators.py that were flown.
 """
 
 import csv
@@ -11,6 +12,7 @@ import json
 import subprocess
 import sysconfig
 import tempfile
+import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from importlib import resources
 from pathlib import Path
@@ -26,25 +28,54 @@ from flight.aircraft import load_aircraft
 SCRIPTS = Path(sysconfig.get_path("scripts"))
 
 
+ALONE = {"one acceleration": "acceleration", "one deceleration": "deceleration"}
+
+
 def run(*command: object) -> None:
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{command}: {done.stderr}")
 
 
-def one_flight(folder: Path, plan: Path, errors: str, seed: int, hardware: bool, V: np.ndarray) -> np.ndarray:
-    """Error and half the interval in per cent of the truth (2, speeds); NaN where it was not flown."""
+def one_flight(
+    folder: Path, plan: Path, errors: str, seed: int, hardware: bool, V: np.ndarray
+) -> dict[str, np.ndarray]:
+    """By what was kept: error and half the interval, % of the truth (2, speeds); NaN where that was not flown."""
     flags = [] if hardware else ["--no-hardware"]
+    log, report = folder / "log.mcap", folder / "log.report"
     run(SCRIPTS / "sim", "fly", "--plan", plan, "--errors", errors, "--seed", seed,
         "--probe", folder.parent / "probe.json", "-o", folder, *flags)  # fmt: skip
-    run(SCRIPTS / "analyze", folder / "log.mcap", "--quiet")
-    points = json.loads((folder / "log.report" / "results.json").read_text("utf-8"))["power_required"]
+    run(SCRIPTS / "analyze", log, "--quiet")
+    with (folder / "truth_power_required.csv").open() as file:
+        truth = np.array([(float(row["speed_mps"]), float(row["power_W"])) for row in csv.DictReader(file)])
+    found = {"all runs": compared(report, truth, V)}
+    runs = tomllib.loads((report / "runs.toml").read_text("utf-8"))["run"]
+    for name, kind in ALONE.items():
+        edited = folder / f"{kind}.toml"
+        edited.write_text(alone(runs, kind), "utf-8")
+        run(SCRIPTS / "analyze", log, "--quiet", "--runs", edited, "-o", folder / kind)
+        found[name] = compared(folder / kind, truth, V)
+    log.unlink()
+    return found
+
+
+def alone(runs: list[dict], kind: str) -> str:
+    """The text of a runs.toml with the longest run of a kind and no other."""
+
+    def duration_s(run: dict) -> float:
+        start, end = (float(run[name].removesuffix(" s")) for name in ("start", "end"))
+        return end - start
+
+    one = max((run for run in runs if run["kind"] == kind and run["keep"]), key=duration_s)
+    return f'[[run]]\nkind = "{kind}"\nstart = "{one["start"]}"\nend = "{one["end"]}"\nkeep = true\n'
+
+
+def compared(report: Path, truth: np.ndarray, V: np.ndarray) -> np.ndarray:
+    points = json.loads((report / "results.json").read_text("utf-8"))["power_required"]
     flown, power, low, high = (
         np.array([point[name] for point in points]) for name in ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
     )
-    with (folder / "truth_power_required.csv").open() as file:
-        rows = [(float(row["speed_mps"]), float(row["power_W"])) for row in csv.DictReader(file)]
-    true = np.interp(V, *np.array(rows).T)
+    true = np.interp(V, *truth.T)
     figures = np.stack([np.interp(V, flown, power) / true - 1, np.interp(V, flown, (high - low) / 2) / true])
     return np.where((V > flown[0] - 0.2) & (V < flown[-1] + 0.2), 100 * figures, np.nan)
 
@@ -74,7 +105,7 @@ def main(
             )
     console = Console(width=120)
     console.print(f"{errors}, {plan}, W20 = {turbulence_kt:g} kt, {flights} flights, the whole chain")
-    print_power(console, {"results.json": figures}, V)
+    print_power(console, {name: [one[name] for one in figures] for name in figures[0]}, V)
 
 
 if __name__ == "__main__":

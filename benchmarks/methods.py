@@ -10,6 +10,7 @@ quotes what this prints.
 
 import dataclasses
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
 from typing import Annotated, NamedTuple
 
 import flights
@@ -106,6 +107,38 @@ def compared(polar: Polar, flown_CL: tuple[float, float], V: np.ndarray, truth: 
     return np.where(seen, 100 * np.stack([power / truth - 1, curve.NORMAL_95 * error / truth]), np.nan)
 
 
+class Job(NamedTuple):
+    """One flight to fly and to ask about."""
+
+    aircraft: Aircraft
+    probe: ProbeCalibration
+    errors: str
+    wrong: dict[str, float]
+    plan: str
+    turbulence_kt: float
+    seed: int
+
+
+def one_flight(job: Job) -> tuple[list[tuple[str, np.ndarray]], list[str]]:
+    """What each method said, compared with the truth, by its title; and what disagreements named."""
+    flown = fly(
+        job.aircraft, job.probe, drawn(load_budget(job.errors), job.seed, **job.wrong),
+        job.plan, job.turbulence_kt, job.seed,
+    )  # fmt: skip
+    asked = ask(job.aircraft, flown)
+    V = speeds(job.aircraft)
+    truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
+    said = [("dynamic", asked.dynamic.polar, asked.flown_CL)]
+    said += [(a.method.title, a.polar, a.flown_CL) for a in asked.answers if a.polar is not None]
+    said += [("each run alone", a.polar, a.flown_CL) for a in asked.one_by_one if a.polar is not None]
+    figures = [(title, compared(polar, flown_CL, V, truth, asked.at)) for title, polar, flown_CL in said]
+    return figures, [f"{one.first} - {one.second}: {one.culprit}" for one in asked.disagreements]
+
+
+def speeds(aircraft: Aircraft) -> np.ndarray:
+    return np.array(OVER_STALL) * Trimmer(plant_of(aircraft), HEIGHT_M).V_stall
+
+
 def main(
     errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
     plan: Annotated[str, typer.Option(help="Flight plan.")] = "full-test-flight",
@@ -114,23 +147,22 @@ def main(
     first_seed: Annotated[int, typer.Option(help="The first seed.")] = 0,
     wrong: Annotated[list[str] | None, typer.Option(help="NAME=VALUE: one error not drawn but as given.")] = None,
     aircraft_name: Annotated[str, typer.Option("--aircraft", help="Aircraft.")] = "nexstar",
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
 ) -> None:
-    aircraft, probe, budget = load_aircraft(aircraft_name), flights.tunnel_probe(), load_budget(errors)
+    aircraft, probe = load_aircraft(aircraft_name), flights.tunnel_probe()
     given = {name: float(value) for name, _, value in (text.partition("=") for text in wrong or [])}
-    V = np.array(OVER_STALL) * Trimmer(plant_of(aircraft), HEIGHT_M).V_stall
+    V = speeds(aircraft)
     gathered: dict[str, list[np.ndarray]] = {}
     named: Counter[str] = Counter()
     console = Console(width=140)
-    for seed in track(range(first_seed, first_seed + count), "flights", console=Console(stderr=True)):
-        flown = fly(aircraft, probe, drawn(budget, seed, **given), plan, turbulence_kt, seed)
-        asked = ask(aircraft, flown)
-        truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
-        rows = {"dynamic": (asked.dynamic.polar, asked.flown_CL)}
-        rows |= {a.method.title: (a.polar, a.flown_CL) for a in asked.answers if a.polar is not None}
-        singles = [(a.polar, a.flown_CL) for a in asked.one_by_one if a.polar is not None]
-        for title, (polar, flown_CL) in [*rows.items(), *(("each run alone", one) for one in singles)]:
-            gathered.setdefault(title, []).append(compared(polar, flown_CL, V, truth, asked.at))
-        named.update(f"{one.first} - {one.second}: {one.culprit}" for one in asked.disagreements)
+    todo = [
+        Job(aircraft, probe, errors, given, plan, turbulence_kt, seed) for seed in range(first_seed, first_seed + count)
+    ]
+    with ProcessPoolExecutor(jobs) as pool:
+        for figures, names in track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True)):
+            for title, values in figures:
+                gathered.setdefault(title, []).append(values)
+            named.update(names)
     console.print(f"{errors} {given or ''}, {plan}, W20 = {turbulence_kt:g} kt, {count} flights from seed {first_seed}")
     table = Table("method", "", *(f"{v:.1f} m/s" for v in V), box=None)
     for title, values in gathered.items():
