@@ -203,6 +203,7 @@ class _Flying:
                 targets = None
         drawn = noises.array() if white else None
         self.rows.append(airborne_rows(self.plant, states.array(), commands.array(), drawn, index, segment.kind))
+        self.energy_J = float(stepper.x[State._fields.index("energy")])
         self.t += step * self.dt
         self.seen = seen
 

@@ -54,6 +54,13 @@ def test_the_truth_is_one_motion_from_standing_to_standing(flight):
     assert np.allclose(rate("yaw_rad") * np.cos(theta), q * np.sin(phi) + r * np.cos(phi), atol=0.01)
 
 
+def test_the_battery_gives_all_flight_long_what_voltage_and_current_say(flight):
+    truth = flight.truth
+    power = (truth["battery_voltage_V"] * truth["battery_current_A"]).to_numpy()
+    assert np.all(np.diff(truth["battery_energy_J"]) >= 0)
+    assert truth["battery_energy_J"].iloc[-1] == pytest.approx(np.sum(power) * 0.02, rel=0.01)
+
+
 def test_what_nobody_knows_on_the_ground_is_nan(flight):
     truth = flight.truth
     assert truth.loc[truth["phase"] != "flight", "CL"].isna().all()
