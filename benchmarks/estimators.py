@@ -23,6 +23,7 @@ from analysis.path.reconstruct import Path, reconstruct
 from analysis.power import curve, dynamic, output_error
 from analysis.runs import find_runs
 from flight.aircraft import Aircraft, load_aircraft
+from flight.errors import InputError
 from flight.propeller import load_propeller
 from sim.plant import plant_of
 from sim.sensors import load_budget
@@ -31,7 +32,7 @@ from sim.trim import Trimmer
 
 OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
 HEIGHT_M = 100.0
-FLYING_M = 25.0
+FLYING_M = 30.0
 LEVEL_RAD = 0.15
 SLOW_MPS = 13.0  # 1.25 V_stall
 
@@ -50,10 +51,13 @@ class Job(NamedTuple):
 
 def one_flight(job: Job) -> dict[str, np.ndarray]:
     """By method: error and half the 95 % interval in per cent of the truth (2, speeds). By `path, …`: error and half
-    the interval of one number that all runs share (2, 1), in the unit named."""
+    the interval of one number that all runs share (2, 1), in the unit named. Empty where the flight ended too soon."""
     aircraft, probe, errors, plan_name, turbulence_kt, seed, cross_check = job
     drawn = flights.drawn(load_budget(errors), seed)
-    flown = flights.flown(aircraft, drawn, plan_name, seed, turbulence_kt)
+    try:
+        flown = flights.flown(aircraft, drawn, plan_name, seed, turbulence_kt)
+    except InputError:
+        return {}
     flight, propeller = flown.flight, load_propeller(aircraft.propulsion.propeller)
     air, still, at_rest = flights.air_of(flown.table, aircraft, probe)
     runs, _ = find_runs(air)
@@ -152,13 +156,15 @@ def main(
         for seed in range(first_seed, first_seed + count)
     ]
     gathered: dict[str, list[np.ndarray]] = {}
+    lost = 0
     with ProcessPoolExecutor(jobs) as pool:
         done = track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True))
         for figures in done:
+            lost += not figures
             for name, values in figures.items():
                 gathered.setdefault(name, []).append(values)
     console = Console(width=120)
-    console.print(f"{errors}, {plan}, W20 = {turbulence_kt:g} kt, {count} flights from seed {first_seed}")
+    console.print(f"{errors}, {plan}, W20 = {turbulence_kt:g} kt, {count} flights from seed {first_seed}, {lost} lost")
     print_power(console, {k: v for k, v in gathered.items() if not k.startswith("path")}, speeds(aircraft))
     print_path(console, {k.removeprefix("path, "): v for k, v in gathered.items() if k.startswith("path")})
 
