@@ -41,18 +41,12 @@ class Skew(NamedTuple):
 
 
 def skews(path: Path) -> list[Skew]:
-    """The shifts of a reconstructed flight, as the flight alone shows them.
-
-    The path believes beforehand that the probe is hardly late, and pulls towards that. What it believed is taken out
-    again: a normal prior leaves a normal posterior as it entered.
-    """
-    found = []
-    for name, words in SHARED.items():
-        value, error, assumed = path.value(name), path.standard_error(name), path.assumed(name)
-        learnt = error < LEARNT * assumed
-        flights_share = 1 - (error / assumed) ** 2 if learnt else 1.0
-        found.append(Skew(words, value / flights_share, error / flights_share**0.5, learnt))
-    return found
+    """The shifts of a reconstructed flight."""
+    return [
+        Skew(words, path.value(name), error, error < LEARNT * path.assumed(name))
+        for name, words in SHARED.items()
+        for error in [path.standard_error(name)]
+    ]
 
 
 def notes(path: Path) -> list[str]:
