@@ -26,8 +26,6 @@ from rich.console import Console
 from flight.aircraft import load_aircraft
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
-
-
 ALONE = {"one acceleration": "acceleration", "one deceleration": "deceleration"}
 
 
@@ -71,6 +69,7 @@ def alone(runs: list[dict], kind: str) -> str:
 
 
 def compared(report: Path, truth: np.ndarray, V: np.ndarray) -> np.ndarray:
+    """Error and half the interval, % of the truth (2, speeds). truth: speed [m/s] and power [W], (n, 2)."""
     points = json.loads((report / "results.json").read_text("utf-8"))["power_required"]
     flown, power, low, high = (
         np.array([point[name] for point in points]) for name in ("speed_mps", "power_W", "power_lo_W", "power_hi_W")

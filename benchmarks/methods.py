@@ -117,6 +117,7 @@ class Job(NamedTuple):
     plan: str
     turbulence_kt: float
     seed: int
+    V: np.ndarray  # speeds to compare at
 
 
 def one_flight(job: Job) -> tuple[list[tuple[str, np.ndarray]], list[str]]:
@@ -126,17 +127,12 @@ def one_flight(job: Job) -> tuple[list[tuple[str, np.ndarray]], list[str]]:
         job.plan, job.turbulence_kt, job.seed,
     )  # fmt: skip
     asked = ask(job.aircraft, flown)
-    V = speeds(job.aircraft)
-    truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
+    truth = np.interp(job.V, flown.truth["speed_mps"], flown.truth["power_W"])
     said = [("dynamic", asked.dynamic.polar, asked.flown_CL)]
     said += [(a.method.title, a.polar, a.flown_CL) for a in asked.answers if a.polar is not None]
     said += [("each run alone", a.polar, a.flown_CL) for a in asked.one_by_one if a.polar is not None]
-    figures = [(title, compared(polar, flown_CL, V, truth, asked.at)) for title, polar, flown_CL in said]
+    figures = [(title, compared(polar, flown_CL, job.V, truth, asked.at)) for title, polar, flown_CL in said]
     return figures, [f"{one.first} - {one.second}: {one.culprit}" for one in asked.disagreements]
-
-
-def speeds(aircraft: Aircraft) -> np.ndarray:
-    return np.array(OVER_STALL) * Trimmer(plant_of(aircraft), HEIGHT_M).V_stall
 
 
 def main(
@@ -151,12 +147,13 @@ def main(
 ) -> None:
     aircraft, probe = load_aircraft(aircraft_name), flights.tunnel_probe()
     given = {name: float(value) for name, _, value in (text.partition("=") for text in wrong or [])}
-    V = speeds(aircraft)
+    V = np.array(OVER_STALL) * Trimmer(plant_of(aircraft), HEIGHT_M).V_stall
     gathered: dict[str, list[np.ndarray]] = {}
     named: Counter[str] = Counter()
     console = Console(width=140)
     todo = [
-        Job(aircraft, probe, errors, given, plan, turbulence_kt, seed) for seed in range(first_seed, first_seed + count)
+        Job(aircraft, probe, errors, given, plan, turbulence_kt, seed, V)
+        for seed in range(first_seed, first_seed + count)
     ]
     with ProcessPoolExecutor(jobs) as pool:
         for figures, names in track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True)):

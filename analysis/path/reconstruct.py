@@ -119,8 +119,7 @@ def _most_probable(problem: "_Problem", first: "_Solution") -> tuple[float, "_So
     nearest of what was tried."""
     start = GUSTS_TRIED_MPS.index(first.gust)
     tried = {start: first}
-    up_first = first.gusty > 1
-    for direction in (1, -1) if up_first else (-1, 1):
+    for direction in (1, -1) if first.gusty > 1 else (-1, 1):
         i = start
         while 0 <= i + direction < len(GUSTS_TRIED_MPS):
             last = tried[i]
