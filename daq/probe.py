@@ -7,7 +7,9 @@ import msgspec
 
 from daq.config import read_text
 
-FORMAT = "flightpower-probe-1"
+FIRST_FORMAT = "flightpower-probe-1"
+FORMATS = (FIRST_FORMAT, "flightpower-probe-2")
+LEAST_SUM = 1e-3
 
 
 class Flow(NamedTuple):
@@ -17,14 +19,16 @@ class Flow(NamedTuple):
 
 
 class Surface(msgspec.Struct, frozen=True):
-    """sum of coefficient * C_alpha^i * C_beta^j."""
+    """(sum of coefficient * x^i * y^j)^exponent."""
 
     powers: list[tuple[int, int]]
     coefficients: list[float]
+    exponent: float = 1.0
 
-    def at(self, C_alpha: float, C_beta: float) -> float:
+    def at(self, x: float, y: float) -> float:
         terms = zip(self.powers, self.coefficients, strict=True)
-        return sum(coefficient * C_alpha**i * C_beta**j for (i, j), coefficient in terms)
+        total = sum(coefficient * x**i * y**j for (i, j), coefficient in terms)
+        return total if self.exponent == 1 else float(max(total, LEAST_SUM) ** self.exponent)
 
 
 class Probe(msgspec.Struct, frozen=True):
@@ -41,7 +45,10 @@ class Probe(msgspec.Struct, frozen=True):
         low_a, high_a = min(a for a, _ in self.hull), max(a for a, _ in self.hull)
         low_b, high_b = min(b for _, b in self.hull), max(b for _, b in self.hull)
         a, b = min(max(C_alpha, low_a), high_a), min(max(C_beta, low_b), high_b)
-        return Flow(self.alpha_rad.at(a, b), self.beta_rad.at(a, b), max(self.q_ratio.at(a, b), 0.1))
+        ratio = max(self.q_ratio.at(a, b), 0.1)
+        # The angles are maps of C_alpha and C_beta in the first format, of dp_alpha/qbar and dp_beta/qbar since.
+        x, y = (a, b) if self.format == FIRST_FORMAT else (a * ratio, b * ratio)
+        return Flow(self.alpha_rad.at(x, y), self.beta_rad.at(x, y), ratio)
 
 
 def load_probe(path: Path) -> Probe | None:
@@ -50,6 +57,6 @@ def load_probe(path: Path) -> Probe | None:
         probe = msgspec.json.decode(read_text(path), type=Probe)
     except msgspec.MsgspecError:
         return None
-    if probe.format != FORMAT or not probe.hull:
+    if probe.format not in FORMATS or not probe.hull:
         return None
     return probe

@@ -1,7 +1,9 @@
 """The five-port probe: a tunnel's measurements to smooth maps, and the maps to flow angles and dynamic pressure.
 
-C_alpha = dp_alpha/q_c and C_beta = dp_beta/q_c, with q_c = p_centre - p_static, do not depend on speed; polynomials in
-the two give alpha, beta and q_c/qbar. Nothing here knows how a probe works: the form comes from the tunnel alone.
+C_alpha = dp_alpha/q_c and C_beta = dp_beta/q_c, with q_c = p_centre - p_static, do not depend on speed. A polynomial in
+the two gives (qbar/q_c)^2, and polynomials in dp_alpha/qbar and dp_beta/qbar the angles. Why these: what the centre
+loses at an angle the pairs gain, so qbar^2 is nearly a sum of the squares of the three pressures. That takes a
+polynomial of second order, where q_c/qbar takes one of eighth. How nearly, and the rest, comes from the tunnel alone.
 """
 
 import csv
@@ -15,6 +17,7 @@ import msgspec
 import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 from scipy.stats import chi2
 
@@ -24,26 +27,30 @@ from flight.units import to_si
 
 Array = NDArray[np.float64]
 PAIR_STEP = 0.01  # of a central difference, which is off by a sixth of its square times the third derivative
-FORMAT = "flightpower-probe-1"
+FORMAT = "flightpower-probe-2"
+FIRST_FORMAT = "flightpower-probe-1"  # its angles are polynomials in C_alpha and C_beta, its q_c/qbar is one itself
 ORDERS = range(1, 10)
 FOLDS = 10
 SLOPE_RANGE_RAD = np.radians(10.0)  # flown angles: there the slope of alpha counts
 SPEED_STEP = 0.04
-NEARLY_AS_GOOD = 1.1
+LEAST_SUM = 1e-3
 ROUNDING_RAD = np.radians(0.5)  # noise beyond the last angle of the tunnel is no other angle
 
 
 class Surface(msgspec.Struct, frozen=True, kw_only=True):
-    """A polynomial in (C_alpha, C_beta): sum of coefficient * C_alpha^i * C_beta^j."""
+    """A polynomial in two variables, to a power: (sum of coefficient * x^i * y^j)^exponent."""
 
     powers: list[tuple[int, int]]
     coefficients: list[float]
-    residual_rms: float  # cross-validated
+    residual_rms: float  # cross-validated; of q_c/qbar as a fraction of it
     order: int
     tried_rms: list[float] = []  # cross-validated, of orders 1, 2, …
+    exponent: float = 1.0
 
-    def __call__(self, C_alpha: Array, C_beta: Array) -> Array:
-        return _terms(C_alpha, C_beta, self.powers) @ np.array(self.coefficients)
+    def __call__(self, x: Array, y: Array) -> Array:
+        sums: Array = _terms(x, y, self.powers) @ np.array(self.coefficients)
+        # Far outside of what was measured a sum may be anything; a power of it stays a number.
+        return sums if self.exponent == 1 else np.maximum(sums, LEAST_SUM) ** self.exponent
 
 
 class ProbeCalibration(msgspec.Struct, frozen=True, kw_only=True):
@@ -52,14 +59,21 @@ class ProbeCalibration(msgspec.Struct, frozen=True, kw_only=True):
     format: str
     source: str
     points: int
-    alpha_rad: Surface
+    alpha_rad: Surface  # over (dp_alpha, dp_beta)/qbar
     beta_rad: Surface
-    q_ratio: Surface  # q_c/qbar
+    q_ratio: Surface  # q_c/qbar, over (C_alpha, C_beta)
     alpha_scale_sigma: float  # relative standard error of alpha's slope over +-10 deg, the tunnel's own angles included
     hull: list[tuple[float, float]]  # corners of the calibrated region in (C_alpha, C_beta)
     # The measured region is hollow between its corners, the hull is not: the angles themselves are bounded too.
     alpha_limits_rad: tuple[float, float] | None = None
     beta_limits_rad: tuple[float, float] | None = None
+
+    def maps(self, C_alpha: Array, C_beta: Array) -> tuple[Array, Array, Array]:
+        """(alpha [rad], beta [rad], q_c/qbar)."""
+        ratio = self.q_ratio(C_alpha, C_beta)
+        per_C = 1.0 if self.format == FIRST_FORMAT else ratio
+        x, y = C_alpha * per_C, C_beta * per_C
+        return self.alpha_rad(x, y), self.beta_rad(x, y), ratio
 
 
 class Flow(NamedTuple):
@@ -141,18 +155,18 @@ def calibrate(tunnel: Tunnel, source: str = "", *, angle_scale_sigma: float = 0.
     if np.any(tunnel.q_c_Pa <= 0) or np.any(qbar <= 0):
         raise InputError(f"{source}: q_c and speed must be positive at every point")
     C_alpha, C_beta = tunnel.dp_alpha_Pa / tunnel.q_c_Pa, tunnel.dp_beta_Pa / tunnel.q_c_Pa
-    # Pressure noise is constant in pascals, so coefficients are worth as much as their dynamic pressure.
-    weight = tunnel.q_c_Pa / np.mean(tunnel.q_c_Pa)
-    alpha, alpha_covariance = _fit(C_alpha, C_beta, tunnel.alpha_rad, weight)
-    beta, _ = _fit(C_alpha, C_beta, tunnel.beta_rad, weight)
-    q_ratio, _ = _fit(C_alpha, C_beta, tunnel.q_c_Pa / qbar, weight)
+    q_ratio, *_ = _fit(C_alpha, C_beta, tunnel.q_c_Pa / qbar, qbar, exponent=-0.5)
+    ratio = q_ratio(C_alpha, C_beta)
+    x, y = C_alpha * ratio, C_beta * ratio
+    alpha, alpha_covariance, weight = _fit(x, y, tunnel.alpha_rad, qbar)
+    beta, *_ = _fit(x, y, tunnel.beta_rad, qbar)
     corners = np.column_stack([C_alpha, C_beta])[ConvexHull(np.column_stack([C_alpha, C_beta])).vertices]
-    by_coefficient = _slope_of(alpha, (float(C_alpha.min()), float(C_alpha.max())))
+    by_coefficient = _slope_of(alpha, (float(x.min()), float(x.max())))
     noise = np.sqrt(by_coefficient(alpha.powers) @ alpha_covariance @ by_coefficient(alpha.powers))
-    others = [_polynomial(C_alpha, C_beta, tunnel.alpha_rad, weight, order)[0] for order in _neighbours(alpha)]
+    others = [_polynomial(x, y, tunnel.alpha_rad, weight, order)[0] for order in _neighbours(alpha, len(qbar))]
     slope, *other_slopes = (by_coefficient(s.powers) @ np.array(s.coefficients) for s in (alpha, *others))
     form = max((abs(other - slope) for other in other_slopes), default=0.0)
-    with_speed = speed_dependence(tunnel, alpha(C_alpha, C_beta) - tunnel.alpha_rad, tunnel.alpha_rad)
+    with_speed = speed_dependence(tunnel, alpha(x, y) - tunnel.alpha_rad, tunnel.alpha_rad)
     return ProbeCalibration(
         format=FORMAT,
         source=source,
@@ -230,21 +244,22 @@ def _speeds(speed_mps: Array) -> NDArray[np.int64]:
     return group
 
 
-def _slope_of(alpha: Surface, C_range: tuple[float, float]) -> Callable[[list[tuple[int, int]]], Array]:
-    """What coefficients of given powers make of alpha's slope: of a straight line over SLOPE_RANGE at C_beta = 0.
+def _slope_of(alpha: Surface, x_range: tuple[float, float]) -> Callable[[list[tuple[int, int]]], Array]:
+    """What coefficients of given powers make of alpha's slope: of a straight line over SLOPE_RANGE without dp_beta.
 
     Relative to the slope of `alpha` itself, which is taken for one.
     """
-    C = np.linspace(*C_range, 401)
-    angle = alpha(C, np.zeros_like(C))
-    C, angle = C[np.abs(angle) <= SLOPE_RANGE_RAD], angle[np.abs(angle) <= SLOPE_RANGE_RAD]
+    x = np.linspace(*x_range, 401)
+    angle = alpha(x, np.zeros_like(x))
+    x, angle = x[np.abs(angle) <= SLOPE_RANGE_RAD], angle[np.abs(angle) <= SLOPE_RANGE_RAD]
     centred = angle - angle.mean()
-    return lambda powers: (centred / (centred @ centred)) @ _terms(C, np.zeros_like(C), powers)
+    return lambda powers: (centred / (centred @ centred)) @ _terms(x, np.zeros_like(x), powers)
 
 
-def _neighbours(surface: Surface) -> list[int]:
-    """Orders that cross-validation found hardly worse: an error of the form shows as their difference."""
-    good = [k for k, rms in enumerate(surface.tried_rms, start=1) if rms < NEARLY_AS_GOOD * surface.residual_rms]
+def _neighbours(surface: Surface, points: int) -> list[int]:
+    """Orders whose error is larger by less than an rms of so many points is known to: what they differ by is open."""
+    limit = surface.residual_rms * (1 + 1 / np.sqrt(2 * points))
+    good = [k for k, rms in enumerate(surface.tried_rms, start=1) if rms < limit]
     return [k for k in good if k != surface.order]
 
 
@@ -253,11 +268,10 @@ def flow_at_probe(probe: ProbeCalibration, dp_alpha_Pa: Array, dp_beta_Pa: Array
     q_c = np.where(q_c_Pa > 0, q_c_Pa, np.nan)
     C_alpha, C_beta = dp_alpha_Pa / q_c, dp_beta_Pa / q_c
     inside = _inside(np.array(probe.hull), C_alpha, C_beta)
-    alpha, beta = probe.alpha_rad(C_alpha, C_beta), probe.beta_rad(C_alpha, C_beta)
+    alpha, beta, ratio = probe.maps(C_alpha, C_beta)
     for angle, limits in ((alpha, probe.alpha_limits_rad), (beta, probe.beta_limits_rad)):
         if limits is not None:
             inside &= (angle > limits[0] - ROUNDING_RAD) & (angle < limits[1] + ROUNDING_RAD)
-    ratio = probe.q_ratio(C_alpha, C_beta)
     less, more = (probe.q_ratio(C_alpha * factor, C_beta) for factor in (1 - PAIR_STEP, 1 + PAIR_STEP))
     return Flow(q_c / ratio, alpha, beta, inside, -(more - less) / (4 * PAIR_STEP * ratio))
 
@@ -268,7 +282,7 @@ def parse_probe(data: bytes, where: str) -> ProbeCalibration:
         probe = msgspec.json.decode(data, type=ProbeCalibration)
     except msgspec.MsgspecError as error:
         raise InputError(f"{where}: not a probe calibration ({error})") from None
-    if probe.format != FORMAT:
+    if probe.format not in (FORMAT, FIRST_FORMAT):
         raise InputError(f"{where}: format {probe.format!r} is not understood here ({FORMAT} is)")
     return probe
 
@@ -277,30 +291,67 @@ def _powers(order: int) -> list[tuple[int, int]]:
     return [(i, total - i) for total in range(order + 1) for i in range(total, -1, -1)]
 
 
-def _terms(C_alpha: Array, C_beta: Array, powers: list[tuple[int, int]]) -> Array:
-    return np.stack([C_alpha**i * C_beta**j for i, j in powers], axis=-1)
+def _terms(x: Array, y: Array, powers: list[tuple[int, int]]) -> Array:
+    return np.stack([x**i * y**j for i, j in powers], axis=-1)
 
 
-def _fit(C_alpha: Array, C_beta: Array, target: Array, weight: Array) -> tuple[Surface, Array]:
+def _fit(x: Array, y: Array, target: Array, qbar_Pa: Array, exponent: float = 1.0) -> tuple[Surface, Array, Array]:
+    """The surface whose order predicts left-out points best, the covariance of its coefficients, and its weights.
+
+    exponent: of a surface other than a plain polynomial; its errors count as fractions of the target.
+    """
+    sums = target ** (1 / exponent)
+    unit = _unit(sums, exponent)
+    first, _ = _of_best_order(x, y, sums, _even(qbar_Pa) / unit)
+    smooth = structs.replace(first, exponent=1.0)(x, y)
+    unit = _unit(smooth, exponent)  # by the measured ones, those that happen to be small would count for more
+    weight = _even(1 / _noise((sums - smooth) / unit, qbar_Pa)) / unit
+    surface, covariance = _of_best_order(x, y, sums, weight)
+    return structs.replace(surface, exponent=exponent), covariance, weight
+
+
+def _unit(sums: Array, exponent: float) -> Array:
+    """By how much a sum changes for an error of one: of the target, or of a fraction of it where it is a power."""
+    return np.ones_like(sums) if exponent == 1 else np.abs(sums / exponent)
+
+
+def _even(weight: Array) -> Array:
+    """Weights whose mean square is one."""
+    return weight / np.sqrt(np.mean(weight**2))
+
+
+def _noise(residual: Array, qbar_Pa: Array) -> Array:
+    """Standard deviation of each point: the tunnel's settings, the same everywhere, and pressures, constant in pascals.
+
+    Maximum likelihood of the two variances, for normal residuals.
+    """
+    parts = np.stack([np.ones_like(qbar_Pa), (np.mean(qbar_Pa) / qbar_Pa) ** 2], axis=-1)
+    variance: Array = np.full_like(residual, np.mean(residual**2))
+    for _ in range(5):
+        variance = parts @ nnls(parts / variance[:, None], residual**2 / variance)[0]
+    return np.sqrt(variance)
+
+
+def _of_best_order(x: Array, y: Array, target: Array, weight: Array) -> tuple[Surface, Array]:
     """The polynomial whose order predicts left-out points best, and the covariance of its coefficients."""
     fold = np.random.default_rng(0).permutation(len(target)) % FOLDS
     best, best_rms, tried = 0, np.inf, []
     for order in ORDERS:
-        X = _terms(C_alpha, C_beta, _powers(order)) * weight[:, None]
+        X = _terms(x, y, _powers(order)) * weight[:, None]
         if X.shape[1] > 0.5 * len(target):
             break
-        rms = _left_out_rms(X, target * weight, fold) * float(np.sqrt(len(target) / np.sum(weight**2)))
+        rms = _left_out_rms(X, target * weight, fold)
         tried.append(rms)
         if rms < 0.99 * best_rms:  # a higher order has to earn its keep
             best, best_rms = order, rms
-    surface, covariance = _polynomial(C_alpha, C_beta, target, weight, best)
+    surface, covariance = _polynomial(x, y, target, weight, best)
     return structs.replace(surface, residual_rms=best_rms, tried_rms=tried), covariance
 
 
-def _polynomial(C_alpha: Array, C_beta: Array, target: Array, weight: Array, order: int) -> tuple[Surface, Array]:
+def _polynomial(x: Array, y: Array, target: Array, weight: Array, order: int) -> tuple[Surface, Array]:
     """The polynomial of an order, and the covariance of its coefficients whatever the noise of each point is (HC1)."""
     powers = _powers(order)
-    X = _terms(C_alpha, C_beta, powers) * weight[:, None]
+    X = _terms(x, y, powers) * weight[:, None]
     coefficients, *_ = np.linalg.lstsq(X, target * weight, rcond=None)
     residual = X @ coefficients - target * weight
     spread = np.linalg.pinv(X) * residual

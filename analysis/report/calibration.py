@@ -24,10 +24,11 @@ def render(tunnel: Tunnel, calibration: ProbeCalibration, *, angle_scale_sigma: 
     """One HTML file that opens anywhere without a network."""
     C_alpha, C_beta = tunnel.dp_alpha_Pa / tunnel.q_c_Pa, tunnel.dp_beta_Pa / tunnel.q_c_Pa
     ratio = tunnel.q_c_Pa / dynamic_pressure(tunnel)
+    alpha, beta, told = calibration.maps(C_alpha, C_beta)
     residuals = {
-        "alpha, deg": DEG * (calibration.alpha_rad(C_alpha, C_beta) - tunnel.alpha_rad),
-        "beta, deg": DEG * (calibration.beta_rad(C_alpha, C_beta) - tunnel.beta_rad),
-        "q<sub>c</sub>/q, %": 100 * (calibration.q_ratio(C_alpha, C_beta) / ratio - 1),
+        "alpha, deg": DEG * (alpha - tunnel.alpha_rad),
+        "beta, deg": DEG * (beta - tunnel.beta_rad),
+        "q<sub>c</sub>/q, %": 100 * (told / ratio - 1),
     }
     speeds = speed_dependence(tunnel, residuals["alpha, deg"] / DEG, tunnel.alpha_rad)
     template = Template((resources.files("analysis") / "report" / "calibration.html").read_text("utf-8"))
@@ -101,10 +102,10 @@ def _sections(tunnel: Tunnel, calibration: ProbeCalibration) -> go.Figure:
     """C_alpha over alpha and C_beta over beta, a colour a speed, and what the maps say: the source's Figs 5.8, 5.9."""
     figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.12)
     speeds = np.round(tunnel.speed_mps).astype(int)
-    for col, (angle, other, dp, surface, name) in enumerate(
+    for col, (angle, other, dp, name) in enumerate(
         (
-            (tunnel.alpha_rad, tunnel.beta_rad, tunnel.dp_alpha_Pa, calibration.alpha_rad, "alpha"),
-            (tunnel.beta_rad, tunnel.alpha_rad, tunnel.dp_beta_Pa, calibration.beta_rad, "beta"),
+            (tunnel.alpha_rad, tunnel.beta_rad, tunnel.dp_alpha_Pa, "alpha"),
+            (tunnel.beta_rad, tunnel.alpha_rad, tunnel.dp_beta_Pa, "beta"),
         ),
         start=1,
     ):
@@ -119,7 +120,7 @@ def _sections(tunnel: Tunnel, calibration: ProbeCalibration) -> go.Figure:
         if near.any():
             line = np.linspace(C[near].min(), C[near].max(), 80)
             zero = np.zeros_like(line)
-            told = surface(line, zero) if name == "alpha" else surface(zero, line)
+            told = calibration.maps(line, zero)[0] if name == "alpha" else calibration.maps(zero, line)[1]
             figure.add_scatter(
                 x=_rounded(DEG * told), y=_rounded(line), mode="lines", row=1, col=col, name="calibration",
                 showlegend=col == 1, line={"color": INK, "width": 1.5},
