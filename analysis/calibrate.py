@@ -101,8 +101,10 @@ def tubing(
     How to make one: start the daemon, with rate_Hz = 100 in the tray if you can. Pull a piece of soft tube over one
     port of the probe, with a T-piece to a syringe and to a small balloon or a stretched film. Press to about half
     of the transducer's range, wait two seconds, burst the film (or pull the tube off with a jerk), wait two
-    seconds. Five times or more for each line: what one burst leaves open, when it happened between two ticks, the
-    others close.
+    seconds. Eight times or more for each line, without an eye on the clock: what one burst leaves open, when it
+    happened between two ticks, the others close. All in one log; a balloon again and again, or the syringe pulled off.
+    When the interval is wider than 5 % either way, how many more such bursts would narrow it is printed: at 100 Hz
+    few logs want any, at 25 Hz a lag of half a tick takes about thirty.
 
     A lag below a third of a tick only gets an upper bound: such a line needs no correction at 25 Hz. What comes out is
     the tube's inner diameter that has the lag measured, for the aircraft file: length and cavity are as they stand
@@ -134,6 +136,10 @@ def tubing(
         )  # fmt: skip
         from_file = f"; by the aircraft file {1e3 * low_frequency_lag_s([line], gas):.1f} ms" if known and line else ""
         console.print(f"{topic}: lag {said}, from {lag.steps} steps{from_file}")
+        if lag.more_steps:
+            console.print(
+                f"  for 5 %: about {lag.more_steps} more bursts like these in the same log, or a log at a higher rate"
+            )
         if lag.misfit > MISFIT:
             console.print(
                 f"  the steps are not those of a line: {lag.misfit:.1f} times the noise is left. A slow leak?"

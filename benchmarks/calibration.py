@@ -1,6 +1,7 @@
 """How well calibrations find again what was simulated: the figures of docs/calibration.md.
 
 .venv/bin/python benchmarks/calibration.py probe --tunnels 200
+    .venv/bin/python benchmarks/calibration.py tubing --rate-Hz 25 --steps 40 --logs 200
 .venv/bin/python benchmarks/calibration.py tubing --rate-Hz 25 --steps 30 --logs 200
 """
 
@@ -9,17 +10,24 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.airdata.probe import Flow, ProbeCalibration, Tunnel, calibrate, flow_at_probe
+from analysis.airdata.step_test import find_steps, fit_lag, through
+from analysis.airdata.tubing import air, low_frequency_lag_s, response
+from flight.aircraft import Line
 from sim.sensors.probe import port_pressures
+from sim.sensors.tubing import lagged, time_constant_s
 from sim.tunnel import calibrate as tunnel_measurements
 
 Array = NDArray[np.float64]
 ANGLES_RAD = np.radians(np.linspace(-15, 15, 31))
 QBAR_PA = 200.0
+FINE_S, SIZE_PA, NOISE_PA = 2e-4, 400.0, 6.0
+SEA_LEVEL = air(101_325.0, 288.15)
 
 
 def simulated_tunnel(seed: int) -> Tunnel:
@@ -61,13 +69,61 @@ def probe(tunnels: int) -> None:
     print(f"slope of alpha off by {rms:.2f} % rms, {100 * np.median(stated):.2f} % stated; held {held} of {tunnels}")
 
 
+@lru_cache(maxsize=2)
+def _burst(line: Line, full: bool) -> tuple[Array, Array]:
+    """Pressure at the transducer around one burst: it rises for a second, stays for one and a half, is gone at once."""
+    t = np.arange(round(8 / FINE_S)) * FINE_S - 4
+    mouth = np.where(t < 0, SIZE_PA * np.clip(t + 2.5, 0.0, 1.0), 0.0)
+    if full:
+        f = np.fft.rfftfreq(len(t), FINE_S)
+        H = np.where(f < 1500, response([line], np.minimum(f, 1500.0), SEA_LEVEL), 0.0)
+        return t, np.fft.irfft(np.fft.rfft(mouth) * H, len(t))
+    return t, np.asarray(lagged(mouth, FINE_S, time_constant_s(line, SEA_LEVEL.pressure_Pa, 288.15)))
+
+
+def bursts(line: Line, *, full: bool, rate_Hz: float = 100.0, seed: int = 0, steps: int = 8) -> tuple[Array, Array]:
+    """A transducer's samples of bursts four seconds apart, at no particular instant of a tick: times [s], values [Pa].
+
+    full: through the line's whole response, which creeps and rings; else a first-order lag, as in the simulator.
+    """
+    rng = np.random.default_rng(seed)
+    instants = 3 + 4 * np.arange(steps) + rng.uniform(-0.2, 0.2, steps)
+    t = np.arange(rng.uniform(0, 1 / rate_Hz), 4 * steps + 3.9, 1 / rate_Hz)
+    around, pressure = _burst(line, full)
+    arrived = sum(np.interp(t - instant, around, pressure, left=0.0, right=0.0) for instant in instants)
+    return t, arrived + NOISE_PA * rng.standard_normal(len(t))
+
+
+def tubing(diameter_mm: float, rate_Hz: float, steps: int, logs: int) -> None:
+    line = Line(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
+    true_s, shape = low_frequency_lag_s([line], SEA_LEVEL), through(line, SEA_LEVEL)
+    found = [
+        fit_lag(*find_steps(*bursts(line, full=True, rate_Hz=rate_Hz, seed=seed, steps=steps)), shape)
+        for seed in range(logs)
+    ]
+    errors = 100 * (np.array([lag.lag_s for lag in found]) / true_s - 1)
+    held = sum(lag.lo_s < true_s < lag.hi_s for lag in found)
+    half = np.median([100 * (lag.hi_s - lag.lo_s) / (2 * lag.lag_s) for lag in found])
+    print(
+        f"{1e3 * true_s:.1f} ms at {rate_Hz:g} Hz from {steps} bursts: off by {np.sqrt(np.mean(errors**2)):.1f} % rms,"
+        f" {np.percentile(np.abs(errors), 95):.1f} % in 95 %, {np.abs(errors).max():.1f} % at most;"
+        f" interval ± {half:.1f} %, held {held} of {logs};"
+        f" more bursts wanted {np.percentile([lag.more_steps for lag in found], (5, 50, 95))}"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     command = commands.add_parser("probe", help="errors of the maps from simulated tunnels")
     command.add_argument("--tunnels", type=int, default=200)
-    options = parser.parse_args()
-    probe(options.tunnels)
+    command = commands.add_parser("tubing", help="errors of a line's lag from bursts of 400 Pa with 6 Pa of noise")
+    command.add_argument("--diameter-mm", type=float, default=0.4)
+    command.add_argument("--rate-Hz", type=float, default=25.0)
+    command.add_argument("--steps", type=int, default=8)
+    command.add_argument("--logs", type=int, default=200)
+    options = vars(parser.parse_args())
+    {"probe": probe, "tubing": tubing}[options.pop("command")](**options)
 
 
 if __name__ == "__main__":

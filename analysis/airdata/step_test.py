@@ -1,17 +1,20 @@
 """The lag of a pneumatic line from a recorded step of pressure: a balloon that bursts, a syringe that comes off.
 
-When the step happened is not known, only what the transducer saw of it at each tick. So each step brings its instant
-along as an unknown, besides the levels before and after it; the lag is what all steps of a line have in common. A lag
-that is short against a tick cannot be told from none: then only an upper bound comes out.
+When the step happened is not known, only what the transducer saw of it at each tick. So each step brings its levels
+along as unknowns, and its instant, of which it is known that it does not care for the ticks: any is as likely, and all
+count for as much as the samples leave them. (The best instant of each alone would do for many ticks to a lag; with few,
+a wrong lag finds one for every step.) The lag is what all steps of a line have in common. A lag that is short against a
+tick cannot be told from none: then only an upper bound comes out.
 
 The shape of the step matters as much as its length: of a tube that rings, or that pressure creeps through, an
 exponential tells a lag wrong by a third. So with the line's length and cavity given, the step is that of Bergh &
 Tijdeman's response with the diameter that has the lag in question.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +33,7 @@ LARGEST_CHANGE_S = 0.5  # a step that takes longer was no burst
 CLEAR = 12.0  # times the noise
 SHORTEST_LAG_S, LONGEST_LAG_S = 2e-4, 0.25
 LAGS, FINE, INSTANTS, ZOOMS = 61, 15, 33, 4
+WANTED = 0.05  # of a lag: half of the interval that suffices
 INTERVAL = float(chi2.ppf(0.95, 1))
 FLOOR = 0.02
 RESOLVED = 0.3  # of a tick: a shorter lag leaves nothing between two samples but its name
@@ -60,6 +64,12 @@ class Lag:
     def bounded(self) -> bool:
         """Whether the data say more than «shorter than»."""
         return self.lo_s > 0
+
+    @property
+    def more_steps(self) -> int:
+        """How many more such steps narrow the interval to WANTED: it goes with the square root of their number."""
+        half = (self.hi_s - self.lo_s) / (2 * self.lag_s)
+        return max(math.ceil(self.steps * ((half / WANTED) ** 2 - 1)), 0) if self.bounded else 0
 
 
 def find_steps(t_s: Array, value: Array) -> tuple[list[Step], float]:
@@ -102,7 +112,7 @@ def exponential(lag_s: float) -> Shape:
 
 
 def fit_lag(steps: list[Step], noise: float, shape_of: Callable[[float], Shape] = exponential) -> Lag:
-    """The lag that all steps share, by least squares, with the interval of its profile likelihood.
+    """The lag that all steps share, the likeliest, with the interval of its likelihood.
 
     shape_of: what a step looks like, by lag; `through(line, gas)` where the line's length and cavity are known.
     Raises InputError when there is no step.
@@ -110,24 +120,24 @@ def fit_lag(steps: list[Step], noise: float, shape_of: Callable[[float], Shape] 
     if not steps:
         raise InputError("no step of pressure found")
 
-    def cost_of(lags: Array) -> Array:
+    def misfits_of(lags: Array) -> list[list[Misfit]]:
         found = []
         for lag in lags:
             shape = shape_of(float(lag))
-            found.append(sum(_cost(step, lag, shape) for step in steps))
-        return np.array(found)
+            found.append([_misfit(step, lag, shape) for step in steps])
+        return found
 
     rough = np.geomspace(SHORTEST_LAG_S, LONGEST_LAG_S, LAGS)
-    rough_cost = cost_of(rough)
-    near = int(np.argmin(rough_cost))
+    rough_misfits = misfits_of(rough)
+    near = int(np.argmin(_unlikeliness(rough_misfits, _variance(rough_misfits, steps))))
     lags = np.geomspace(rough[max(near - 1, 0)], rough[min(near + 1, LAGS - 1)], FINE)
-    cost = cost_of(lags)
+    misfits = misfits_of(lags)
+    variance = _variance(misfits, steps)
+    cost = _unlikeliness(misfits, variance)
     best = int(np.argmin(cost))
-    degrees = sum(len(step.t_s) - 3 for step in steps) - 1
-    variance = max(float(cost[best]) / max(degrees, 1), 1e-12)
     everywhere = np.concatenate([rough, lags])
     order = np.argsort(everywhere)
-    profile = (np.concatenate([rough_cost, cost])[order] - cost[best]) / variance
+    profile = np.concatenate([_unlikeliness(rough_misfits, variance), cost])[order] - cost[best]
     lo, hi = _interval(everywhere[order], profile)
     lag_s = _least(lags, cost, best)
     # What nobody knows better, the tube's length, its cavity and the air in it, blurs every lag.
@@ -158,22 +168,48 @@ def through(line: Line, gas: Gas) -> Callable[[float], Shape]:
     return shape_of
 
 
-def _cost(step: Step, lag_s: float, shape: Shape) -> float:
-    """Least squares over the levels before and after and the instant, for a given lag."""
-    interval = float(np.median(np.diff(step.t_s)))
-    # It began after some sample that was still quiet; noise may hide the very beginning of a slow one.
-    low = step.t_s[max(step.last_quiet - 2, 0)] - 0.5 * lag_s
-    high = step.t_s[min(step.last_quiet + 2, len(step.t_s) - 1)]
-    best = np.inf
+class Misfit(NamedTuple):
+    """What a lag leaves of a step, for instants at which it may have happened, levels at their best."""
+
+    instants_s: Array  # (m,), ascending
+    squares: Array  # (m,), sums of them
+
+
+def _misfit(step: Step, lag_s: float, shape: Shape) -> Misfit:
+    """Closest instants where they fit best."""
+    # The next sample was quiet no more, or noise made it look so; and noise may hide the beginning of a slow step.
+    near_s = step.t_s[step.last_quiet : step.last_quiet + 3]
+    # A step that is short against a tick meets a sample half-way only if it happened just before.
+    just_before = (near_s[:, None] - lag_s * np.linspace(0, 4, 9)).ravel()
+    instants = np.unique(np.append(np.linspace(near_s[0] - lag_s, near_s[-1], INSTANTS), just_before))
+    reach = 2 * (near_s[-1] - near_s[0] + lag_s) / (INSTANTS - 1)
+    tried, squares = [], []
     for _ in range(ZOOMS):
-        instants = np.linspace(low, high, INSTANTS)
-        costs = _levels(step, shape(step.t_s[None, :] - instants[:, None]))
-        i = int(np.argmin(costs))
-        best = min(best, float(costs[i]))
-        low, high = instants[max(i - 1, 0)], instants[min(i + 1, INSTANTS - 1)]
-        if high - low < 1e-3 * min(lag_s, interval):
-            break
-    return best
+        tried.append(instants)
+        squares.append(_levels(step, shape(step.t_s[None, :] - instants[:, None])))
+        best = instants[np.argmin(squares[-1])]
+        instants = np.linspace(best - reach, best + reach, INSTANTS)
+        reach *= 4 / (INSTANTS - 1)
+    everywhere, first = np.unique(np.concatenate(tried), return_index=True)
+    return Misfit(everywhere, np.concatenate(squares)[first])
+
+
+def _variance(misfits: list[list[Misfit]], steps: list[Step]) -> float:
+    """Of a sample's noise, from what the best of all lags leaves."""
+    degrees = sum(len(step.t_s) - 3 for step in steps) - 1
+    least = min(sum(float(m.squares.min()) for m in of_lag) for of_lag in misfits)
+    return max(least / max(degrees, 1), 1e-12)
+
+
+def _unlikeliness(misfits: list[list[Misfit]], variance: float) -> Array:
+    """-2 log likelihood of each lag, over all instants of its steps."""
+
+    def of_step(misfit: Misfit) -> float:
+        least = float(misfit.squares.min())
+        likely = np.exp((least - misfit.squares) / (2 * variance))
+        return least / variance - 2 * float(np.log(np.trapezoid(likely, misfit.instants_s)))
+
+    return np.array([sum(of_step(misfit) for misfit in of_lag) for of_lag in misfits])
 
 
 def _levels(step: Step, g: Array) -> Array:

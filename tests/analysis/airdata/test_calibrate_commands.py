@@ -2,12 +2,13 @@
 
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from calibration import bursts
 from test_ground_calibrations import ANGLES, measured, session
-from test_tubing import bursts
 from typer.testing import CliRunner
 
 from analysis.airdata.tubing import air, low_frequency_lag_s
@@ -48,14 +49,18 @@ def run(*arguments: object):
 @pytest.fixture
 def pops(tmp_path: Path) -> Path:
     """Bursts over a line of 0.4 mm, where the aircraft file says 0.5 mm."""
+    return popped(tmp_path / "pops.mcap")
+
+
+def popped(path: Path, **options) -> Path:
     line = Line(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)
-    t, value = bursts(line, full=True)
+    t, value = bursts(line, full=True, **options)
     messages = [("/static", 0.0, AbsolutePressure(pressure_Pa=101_325.0, temperature_K=288.15))]
     messages += [
         ("/probe/alpha", s, DifferentialPressure(differential_pressure_Pa=p))
         for s, p in zip(t.tolist(), value.tolist(), strict=True)
     ]
-    return written(tmp_path / "pops.mcap", messages)
+    return written(path, messages)
 
 
 def test_tubing_finds_the_diameter_that_the_lag_belongs_to(pops: Path, tmp_path: Path) -> None:
@@ -63,6 +68,7 @@ def test_tubing_finds_the_diameter_that_the_lag_belongs_to(pops: Path, tmp_path:
     outcome = run("tubing", pops, "-o", tmp_path / "lines.toml")
     assert outcome.exit_code == 0, outcome.output
     assert "from 8 steps" in outcome.output and "/probe/beta: no step seen" in outcome.output
+    assert "more bursts" not in outcome.output
     text = load_aircraft("nexstar").text
     start, end = text.index("[probe.lines.alpha]"), text.index("[probe.lines.beta]")
     mended = parse_aircraft(text[:start] + (tmp_path / "lines.toml").read_text() + text[end:], "mine.toml")
@@ -71,6 +77,15 @@ def test_tubing_finds_the_diameter_that_the_lag_belongs_to(pops: Path, tmp_path:
     true = Line(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)
     gas = air(101_325.0, 288.15)
     assert low_frequency_lag_s([line], gas) == pytest.approx(low_frequency_lag_s([true], gas), rel=0.05)
+
+
+def test_too_few_bursts_for_five_per_cent_are_told_how_many_more(tmp_path: Path) -> None:
+    outcome = run("tubing", popped(tmp_path / "slow.mcap", rate_Hz=25.0), "-o", tmp_path / "lines.toml")
+    assert outcome.exit_code == 0, outcome.output
+    told = re.search(r"for 5 %: about (\d+) more bursts like these", outcome.output)
+    assert told is not None
+    # By the bound of Cramer and Rao 15 % for one burst: 1.96 x 15/5, squared, is 35 of them, 27 more than these 8.
+    assert 5 < int(told[1]) < 60
 
 
 def test_a_log_without_steps_changes_nothing(tmp_path: Path) -> None:
