@@ -90,11 +90,11 @@ def test_the_lag_of_a_simulated_step_is_found_within_five_per_cent(diameter_mm: 
 def test_at_25_Hz_as_many_bursts_as_are_asked_for_give_five_per_cent() -> None:
     """Half a tick of lag. What eight bursts ask for is told from eight, so it scatters; what it comes to must hold.
 
-    A log that asks for no more is within 5 % in 95 of 100 cases: of 20, fewer than 17 come in one case of sixty.
+    A log that asks for no more is within 5 % in 95 of 100 cases: of 12, fewer than 10 come in one case of fifty.
     """
     lag_s, shape = low_frequency_lag_s([NARROW], SEA_LEVEL), through(NARROW, SEA_LEVEL)
     found = []
-    for seed in range(20):
+    for seed in range(12):
         wanted = 8
         while True:
             lag = fit_lag(*find_steps(*bursts(NARROW, full=True, rate_Hz=25.0, seed=seed, steps=wanted)), shape)
@@ -102,8 +102,8 @@ def test_at_25_Hz_as_many_bursts_as_are_asked_for_give_five_per_cent() -> None:
                 break
             wanted = lag.steps + lag.more_steps
         found.append(lag)
-    assert sum(abs(lag.lag_s / lag_s - 1) < 0.05 for lag in found) >= 17
-    assert sum(lag.lo_s < lag_s < lag.hi_s for lag in found) >= 17
+    assert sum(abs(lag.lag_s / lag_s - 1) < 0.05 for lag in found) >= 10
+    assert sum(lag.lo_s < lag_s < lag.hi_s for lag in found) >= 10
     assert 20 < np.median([lag.steps for lag in found]) < 45, "the bound of Cramer and Rao is 35, without their phases"
 
 
