@@ -104,7 +104,7 @@ def test_at_25_Hz_as_many_bursts_as_are_asked_for_give_five_per_cent() -> None:
         found.append(lag)
     assert sum(abs(lag.lag_s / lag_s - 1) < 0.05 for lag in found) >= 10
     assert sum(lag.lo_s < lag_s < lag.hi_s for lag in found) >= 10
-    assert 20 < np.median([lag.steps for lag in found]) < 45, "the bound of Cramer and Rao is 35, without their phases"
+    assert 20 < np.median([lag.steps for lag in found]) < 45, "by the bound of Cramer and Rao 37"
 
 
 def test_a_lag_much_shorter_than_a_tick_gets_an_upper_bound_only() -> None:
