@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.airdata.air import LOW_M
 from analysis.path.reconstruct import Path
-from analysis.power import answers, available, curve, dynamic, propulsion
+from analysis.power import answers, available, balance, curve, dynamic, propulsion
 from analysis.power.curve import NORMAL_95
 from analysis.power.forces import Blocks
 from analysis.power.propagation import Estimate, Numbers, joined
@@ -57,10 +57,11 @@ class Day(NamedTuple):
 def flight_data(table: pd.DataFrame, path: Path, aircraft: Aircraft, propeller: Propeller) -> pd.DataFrame:
     """The power train's side of a flight along its path, five rows a second.
 
-    V [m/s], n [rev/s], rho, J, throttle (0 to 1), covered (by the table, well above the ground), battery_W; NaN gaps.
+    V [m/s], alpha [rad], CL, n [rev/s], rho, J, throttle (0 to 1), covered (by the table, well above the ground),
+    battery_W; NaN gaps.
     """
     blocks = Blocks(table, path, aircraft, propeller)
-    data = blocks.forces(path.states.to_numpy(), path.shared)[["V", "n", "rho", "J"]].copy()
+    data = blocks.forces(path.states.to_numpy(), path.shared)[["V", "alpha", "CL", "n", "rho", "J"]].copy()
     for name in ("throttle", "battery_V", "battery_A", "height_m"):
         data[name] = blocks.mean.get(name, np.nan)
     data["battery_W"] = data["battery_V"] * data["battery_A"]
@@ -112,6 +113,26 @@ def interval_parts(estimate: dynamic.DynamicEstimate, at: curve.Condition, V: Ar
     ]
 
 
+class Known(NamedTuple):
+    """What answers are computed of. motor : or why nothing is known of full throttle."""
+
+    numbers: Numbers
+    train: propulsion.PowerTrain
+    motor: available.FullThrottle | str
+
+
+def known(data: pd.DataFrame, estimate: dynamic.DynamicEstimate, aircraft: Aircraft, propeller: Propeller) -> Known:
+    """Polar and thrust as estimated, the power train, and the motor at full throttle. data : of `flight_data`"""
+    polar = Numbers((*dynamic.POLAR, *dynamic.THRUST), estimate.values, estimate.noise + estimate.systematic)
+    thrust = (float(estimate.values[3]), float(estimate.values[4]))
+    train = propulsion.power_train(data, aircraft.propulsion, propeller, thrust)
+    motor = available.full_throttle(data, aircraft.propulsion, propeller)
+    parts = [polar, balance.incidence(data), train.numbers]
+    if isinstance(motor, available.FullThrottle):
+        parts.append(motor.numbers)
+    return Known(joined(*parts), train, motor)
+
+
 def use(
     questions: Questions,
     data: pd.DataFrame,
@@ -126,17 +147,13 @@ def use(
     data : of `flight_data`     day : of the runs
     """
     test = day.test
-    polar = Numbers((*dynamic.POLAR, *dynamic.THRUST), estimate.values, estimate.noise + estimate.systematic)
-    thrust = (float(estimate.values[3]), float(estimate.values[4]))
-    train = propulsion.power_train(data, aircraft.propulsion, propeller, thrust)
-    motor = available.full_throttle(data, aircraft.propulsion, propeller)
-    known = motor if isinstance(motor, available.FullThrottle) else None
-    numbers = joined(polar, train.numbers, *([known.numbers] if known else []))
+    numbers, train, motor = known(data, estimate, aircraft, propeller)
+    full = isinstance(motor, available.FullThrottle)
     energy_Wh = questions.battery_Wh or aircraft.propulsion.battery_energy_Wh
     energy_J = 3600 * energy_Wh * questions.usable
 
     def answer(at: curve.Condition) -> answers.Answer:
-        return answers.answer(numbers, train, propeller, at, flown_CL, energy_J, full_throttle=known is not None)
+        return answers.answer(numbers, train, propeller, at, flown_CL, energy_J, full_throttle=full)
 
     flown = answer(test)
     if not np.isfinite(flown.flight.battery.value).any():

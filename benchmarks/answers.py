@@ -6,7 +6,8 @@ Flies, lets the sensors feel (no buses, no counts), analyses, and compares with 
 aircraft, whose propeller, weight and battery meter are off by what the budget draws. docs/answers.md quotes it.
 """
 
-from typing import Annotated
+from concurrent.futures import ProcessPoolExecutor
+from typing import Annotated, NamedTuple
 
 import flights
 import numpy as np
@@ -17,12 +18,12 @@ from rich.progress import track
 from rich.table import Table
 from scipy.optimize import brentq
 
+from analysis.airdata.probe import ProbeCalibration
 from analysis.path.reconstruct import reconstruct
-from analysis.power import answers, curve, dynamic, propulsion
-from analysis.power.propagation import Numbers, joined
+from analysis.power import answers, curve, dynamic
 from analysis.questions import Questions
 from analysis.runs import find_runs
-from analysis.use import Day, flight_data, use
+from analysis.use import Day, flight_data, known, use
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.propeller import load_propeller
@@ -56,10 +57,23 @@ def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarr
     return np.array([*powers, trimmer.V_max, low])
 
 
-def one_flight(aircraft: Aircraft, probe, errors: str, plan: str, seed: int, *, blind: bool) -> np.ndarray:
+class Job(NamedTuple):
+    """One flight to fly and to ask about."""
+
+    aircraft: Aircraft
+    probe: ProbeCalibration
+    errors: str
+    plan: str
+    turbulence_kt: float
+    seed: int
+    blind: bool
+
+
+def one_flight(job: Job) -> np.ndarray:
     """Estimate, half width of the interval and truth of each answer, (3, answers)."""
+    aircraft, probe, errors, plan, turbulence_kt, seed, blind = job
     drawn = flights.drawn(load_budget(errors), seed)
-    flight, felt, table = flights.flown(aircraft, drawn, plan, seed)
+    flight, felt, table = flights.flown(aircraft, drawn, plan, seed, turbulence_kt)
     t = table.index.to_numpy()
     table["battery_V"], table["battery_A"] = felt.battery(t)
     if blind:
@@ -79,7 +93,7 @@ def one_flight(aircraft: Aircraft, probe, errors: str, plan: str, seed: int, *, 
     found = use(Questions(), data, estimate, aircraft, propeller, Day(at, 1e5, 288.0), flown_CL)
     assert found is not None and found.available.maximum_speed_mps and found.available.best_climb_mps
     V = speeds(aircraft)[1:]
-    numbers, train = _numbers(estimate, data, aircraft, propeller)
+    numbers, train, _ = known(data, estimate, aircraft, propeller)
     level = answers.level_flight(numbers.nudged(), train, propeller, at, flown_CL, V)
     top, climb = found.available.maximum_speed_mps, found.available.best_climb_mps
     value = np.array([*level.battery.value, top.value, climb.value])
@@ -88,28 +102,27 @@ def one_flight(aircraft: Aircraft, probe, errors: str, plan: str, seed: int, *, 
     return np.stack([value, half, truth_of(aircraft, drawn.deviations, rho, V, climb_V)])
 
 
-def _numbers(estimate, data, aircraft: Aircraft, propeller):
-    polar = Numbers((*dynamic.POLAR, *dynamic.THRUST), estimate.values, estimate.noise + estimate.systematic)
-    train = propulsion.power_train(data, aircraft.propulsion, propeller, tuple(estimate.values[3:].tolist()))
-    return joined(polar, train.numbers), train
-
-
 def main(
     errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
     plan: Annotated[str, typer.Option(help="Flight plan.")] = "accel-decel",
     count: Annotated[int, typer.Option("--flights", help="How many; seeds 0, 1, …")] = 8,
     first_seed: Annotated[int, typer.Option(help="The first seed.")] = 0,
+    turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
     blind: Annotated[bool, typer.Option("--blind", help="Without battery data.")] = False,
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
 ) -> None:
     aircraft = load_aircraft("nexstar")
     probe = flights.tunnel_probe()
     console = Console(width=120)
-    seeds = track(range(first_seed, first_seed + count), "flights", console=Console(stderr=True))
-    value, half, truth = np.stack([one_flight(aircraft, probe, errors, plan, s, blind=blind) for s in seeds], axis=1)
+    todo = [Job(aircraft, probe, errors, plan, turbulence_kt, s, blind) for s in range(first_seed, first_seed + count)]
+    with ProcessPoolExecutor(jobs) as pool:
+        done = track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True))
+        value, half, truth = np.stack(list(done), axis=1)
     error, width = 100 * (value / truth - 1), 100 * half / truth
     names = [*(f"{v:.1f} m/s" for v in speeds(aircraft)[1:]), "top speed", "climb"]
     console.print(
-        f"{errors}, {plan}, {count} flights from seed {first_seed}{', no battery data' if blind else ''}; in %"
+        f"{errors}, {plan}, W20 = {turbulence_kt:g} kt, {count} flights from seed {first_seed}"
+        f"{', no battery data' if blind else ''}; in %"
     )
     table = Table("", *names, box=None)
     for name, row, form in flights.error_rows(error, width):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.power.available import Performance, performance
+from analysis.power.balance import drag, level_thrust
 from analysis.power.curve import Condition, lift_coefficient, speed_at
 from analysis.power.propagation import Estimate, Numbers, estimate
 from analysis.power.propulsion import PowerTrain, revps_for, thrust_and_power
@@ -33,7 +34,7 @@ def density_altitude_m(rho):
 class LevelFlight:
     """Steady level flight at speeds V (k,), one weight and density; NaN where the propeller cannot give the thrust.
 
-    required : drag times speed [W]     shaft : the propeller takes [W]     battery : the battery gives [W]
+    required : drag at lift = weight times speed [W]     shaft : the propeller takes [W]     battery : gives [W]
     inside : both lift coefficient and advance ratio were flown or tabulated
     """
 
@@ -56,28 +57,27 @@ def level_flight(
     flown_CL: tuple[float, float],
     V: Array,
 ) -> LevelFlight:
-    """From speed to drag, speed of rotation, shaft power and the battery's power.
+    """From speed to thrust, speed of rotation, shaft power and the battery's power.
 
-    row : nudged numbers (2m + 1, 1): A0, A1, A2, thrust_scale, thrust_slope and those of `train`
+    row : nudged numbers (2m + 1, 1): A0, A1, A2, thrust_scale, thrust_slope, alpha_0, alpha_CL and those of `train`
     """
-    CL = lift_coefficient(V, at)
-    drag = at.rho * V**2 / 2 * at.wing_area_m2 * (row["A0"] + row["A1"] * CL + row["A2"] * CL**2)
-    thrust = {name: row[name] for name in ("thrust_scale", "thrust_slope")}
-    n = revps_for(propeller, V, drag, at.rho, **thrust)
+    CL, thrust = lift_coefficient(V, at), level_thrust(row, V, at)
+    correction = {name: row[name] for name in ("thrust_scale", "thrust_slope")}
+    n = revps_for(propeller, V, thrust, at.rho, **correction)
     _, shaft = thrust_and_power(propeller, V, n, at.rho)
     losses = {name: row[name] for name in ("shaft_scale", "friction", "copper", "meter_scale")}
     battery = train.battery_power(shaft, n, **losses)
-    turned, required = shaft * row["shaft_scale"] / (1 + row["meter_scale"]), drag * V
+    turned, useful = shaft * row["shaft_scale"] / (1 + row["meter_scale"]), thrust * V
     J = V / (n[0] * propeller.diameter_m)
     inside = propeller.covers(J, 60 * n[0]) & (CL >= flown_CL[0] * (1 - 1e-9)) & (CL <= flown_CL[1] * (1 + 1e-9))
     return LevelFlight(
         V,
-        estimate(required),
+        estimate(drag(row, V, CL, at) * V),
         estimate(turned),
         estimate(battery),
-        estimate(required / turned),
+        estimate(useful / turned),
         estimate(turned / battery),
-        estimate(required / battery),
+        estimate(useful / battery),
         inside,
         battery,
     )
@@ -146,7 +146,7 @@ def answer(
     full_throttle: bool,
     speeds: int = SPEEDS,
 ) -> Answer:
-    """numbers : A0, A1, A2, thrust_scale, thrust_slope, those of `train`; with full_throttle, those of the motor."""
+    """numbers : as `level_flight` has them; with full_throttle, those of the motor too."""
     row = numbers.nudged()
     V = np.linspace(speed_at(flown_CL[1], at), speed_at(flown_CL[0], at), speeds)
     flight = level_flight(row, train, propeller, at, flown_CL, V)

@@ -1,11 +1,11 @@
 """Power available at full throttle, and what follows from it: highest level speed, rate of climb, ceiling (Fig. 1.2).
 
 Model: at full throttle a brushless motor turns at a speed that falls in proportion to its torque, n = n_0 - c Q, since
-the voltage left for its back-EMF falls with its current. n_0 and c are fitted to the flight's own full-throttle
-stretches, Q being the propeller's table at the measured n; the balance with the propeller then gives n, thrust and
-power at any speed and density. Limits: n_0 is that of the battery's charge in those stretches (an empty battery has
-less), and of a motor that is neither hotter nor colder; the table knows Reynolds number by speed of rotation alone, so
-that thin air's is left out.
+the voltage left for its back-EMF falls with its current; just below full throttle n_0 is less in proportion. n_0 and c
+are fitted to the flight's own full-throttle stretches, Q being the propeller's table at the measured n; the balance
+with the propeller then gives n, thrust and power at any speed and density. Limits: n_0 is that of the battery's charge
+in those stretches (an empty battery has less), and of a motor that is neither hotter nor colder; the table knows
+Reynolds number by speed of rotation alone, so that thin air's is left out.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,8 @@ from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.power import covariance
-from analysis.power.curve import Condition, lift_coefficient, speed_at
+from analysis.power.balance import climb_of
+from analysis.power.curve import Condition, speed_at
 from analysis.power.propagation import Estimate, Numbers, estimate
 from analysis.power.propulsion import full_throttle_revps, thrust_and_power
 from analysis.stillness import stretches
@@ -36,7 +37,6 @@ SERVICE_CLIMB_MPS = 0.508  # 100 ft/min
 HEIGHTS_M = np.arange(0.0, 11_001.0, 500.0)  # of the standard troposphere
 FASTEST = 1.35  # times the fastest speed flown, up to which a highest level speed is sought
 SPEEDS = 121
-ROUNDS = 6  # each a tenth of the last in what it changes
 
 
 @dataclass(frozen=True)
@@ -57,19 +57,20 @@ def full_throttle(data: pd.DataFrame, propulsion: Propulsion, propeller: Blades)
     if data["throttle"].isna().all():
         return "The log does not say where the throttle stood."
     step_s = float(data.index[1] - data.index[0])
-    # The stick's end may not be 1, but what stands a hundredth below it turns the motor a hundredth slower.
-    fully = max(FULL_THROTTLE, float(data["throttle"].max()) - STEADY_THROTTLE)
-    open_wide = (data["throttle"] >= fully) & data[["V", "n", "rho"]].notna().all(axis=1) & data["covered"]
+    # What stands a hundredth below full turns the motor a hundredth slower; so little below, in proportion.
+    full = float(data["throttle"].max())
+    open_wide = data["throttle"] >= max(FULL_THROTTLE, full - STEADY_THROTTLE)
+    open_wide &= data[["V", "n", "rho"]].notna().all(axis=1) & data["covered"]
     segments = []
     for rows in stretches(open_wide.to_numpy()):
         rows = slice(rows.start + round(SETTLING_S / step_s), rows.stop)
         if (rows.stop - rows.start) * step_s < SHORTEST_S:
             continue
         piece = data.iloc[rows]
-        V, n, rho = (piece[name].to_numpy() for name in ("V", "n", "rho"))
+        V, n, rho, throttle = (piece[name].to_numpy() for name in ("V", "n", "rho", "throttle"))
         _, shaft = propeller.thrust_and_power(V, n, rho)
         torque = shaft / (2 * np.pi * n) + 2 * np.pi * propulsion.propeller_inertia_kgm2 * np.gradient(n, step_s)
-        u = {"torque": torque, "V": V}
+        u = {"torque": torque, "throttle": throttle / full, "V": V}
         segments.append(Segment(name=f"{piece.index[0]:.1f} s", t_s=piece.index.to_numpy(), u=u, z={"n": n}))
     seconds = sum(len(segment) * segment.step_s for segment in segments)
     if seconds < NEEDED_S:
@@ -80,9 +81,9 @@ def full_throttle(data: pd.DataFrame, propulsion: Propulsion, propeller: Blades)
     fit = output_error.estimate(
         Model(
             name="full throttle",
-            inputs=("torque",),
+            inputs=("torque", "throttle"),
             outputs=("n",),
-            output_function=lambda x, u, p: (p.unloaded_revps - p.revps_per_Nm * u.torque,),
+            output_function=lambda x, u, p: (p.unloaded_revps * u.throttle - p.revps_per_Nm * u.torque,),
             parameters=(
                 Parameter(name="unloaded_revps", start=unloaded, unit="rev/s"),
                 Parameter(name="revps_per_Nm", start=slowing, prior_sigma=SLOWING_SHARE * slowing + 1e-3),
@@ -124,11 +125,12 @@ def performance(
 ) -> Performance:
     """Power available, climb and highest level speed.
 
-    row : nudged numbers (2m + 1, 1): A0, A1, A2, thrust_scale, thrust_slope, unloaded_revps, revps_per_Nm
+    row : nudged numbers (2m + 1, 1): A0, A1, A2, thrust_scale, thrust_slope, alpha_0, alpha_CL, unloaded_revps,
+    revps_per_Nm
     """
     slowest, fastest = speed_at(flown_CL[1], at), speed_at(flown_CL[0], at)
     V = np.linspace(slowest, FASTEST * fastest, speeds)
-    n, power, climb = _climb(row, propeller, V, at.rho, at)
+    n, power, climb = _climb(row, propeller, V, at)
     # The highest level speed is where what is left turns from a climb to a descent for the last time.
     maximum = estimate([_last_crossing(V, left) for left in climb])
     best = int(np.argmax(np.nan_to_num(climb[0], nan=-np.inf)))
@@ -138,21 +140,15 @@ def performance(
     )
 
 
-def _climb(row: dict[str, Array], propeller: Blades, V: Array, rho, at: Condition) -> tuple[Array, Array, Array]:
-    """Speed of rotation, power available and rate of climb V sin(gamma), each (2m + 1, k).
-
-    In a steady climb sin(gamma) = (T - D)/W with lift W cos(gamma): found by going round.
-    """
-    n = full_throttle_revps(propeller, V, rho, unloaded_revps=row["unloaded_revps"], revps_per_Nm=row["revps_per_Nm"])
-    thrust, _ = thrust_and_power(
-        propeller, V, n, rho, thrust_scale=row["thrust_scale"], thrust_slope=row["thrust_slope"]
+def _climb(row: dict[str, Array], propeller: Blades, V: Array, at: Condition) -> tuple[Array, Array, Array]:
+    """Speed of rotation, power available T V cos(alpha) (3.47) and rate of climb V sin(gamma), each (2m + 1, k)."""
+    n = full_throttle_revps(
+        propeller, V, at.rho, unloaded_revps=row["unloaded_revps"], revps_per_Nm=row["revps_per_Nm"]
     )
-    level_CL = lift_coefficient(V, Condition(at.weight_N, rho, at.wing_area_m2))
-    qS, sine = rho * V**2 / 2 * at.wing_area_m2, 0.0
-    for _ in range(ROUNDS):
-        CL = level_CL * np.sqrt(1 - np.square(sine))
-        sine = np.clip((thrust - qS * (row["A0"] + row["A1"] * CL + row["A2"] * CL**2)) / at.weight_N, -0.99, 0.99)
-    return n, thrust * V, V * sine
+    scale, slope = row["thrust_scale"], row["thrust_slope"]
+    thrust, _ = thrust_and_power(propeller, V, n, at.rho, thrust_scale=scale, thrust_slope=slope)
+    sine, along = climb_of(row, thrust, V, at)
+    return n, along * V, V * sine
 
 
 def _last_crossing(x: Array, y: Array) -> float:
@@ -177,10 +173,11 @@ def ceilings_m(
     """
     rho = density(pressure_at(HEIGHTS_M), temperature_at(HEIGHTS_M))[:, None]
     CL = np.linspace(flown_CL[1], flown_CL[0], 25)
-    V = speed_at(CL, Condition(at.weight_N, rho, at.wing_area_m2))
+    there = at._replace(rho=rho)
+    V = speed_at(CL, there)
     n_rows = len(row["A0"])
     best = np.empty((n_rows, len(HEIGHTS_M)))
     for i in range(n_rows):
         one = {name: values[i] for name, values in row.items()}
-        best[i] = np.fmax.reduce(_climb(one, propeller, V, rho, at)[2], axis=1)
+        best[i] = np.fmax.reduce(_climb(one, propeller, V, there)[2], axis=1)
     return [estimate([_last_crossing(HEIGHTS_M, left) for left in best - climb]) for climb in climbs_mps]

@@ -5,8 +5,8 @@ Thrust and shaft power come from speed of rotation and the propeller's table (3.
 of the battery, what lies between shaft and battery is fitted to them; where it has not, it is what the aircraft file
 says of the motor, with wide margins, and the result says so.
 
-In level flight thrust is drag (as in (3.45): thrust along the path), so a speed determines the speed of rotation, that
-the shaft power, and that the battery's power, at any weight and density.
+In level flight drag determines thrust (see `balance`), so a speed determines the speed of rotation, that the shaft
+power, and that the battery's power, at any weight and density.
 """
 
 from collections.abc import Callable

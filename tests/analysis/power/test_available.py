@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
-from motor_data import RHO, full_throttle_run, height_of, steady_points
+from motor_data import RHO, at_throttle, full_throttle_run, height_of, incidence_of, steady_points
 
 from analysis.power.available import (
     SERVICE_CLIMB_MPS,
@@ -36,7 +36,7 @@ def numbers(nexstar, motor) -> Numbers:
     """The simulator's own polar, and the motor as it was found."""
     aero = plant_of(nexstar).aero
     A0, A1, A2 = aero.CD0 + aero.K * aero.CL_minD**2, -2 * aero.K * aero.CL_minD, aero.K
-    return joined(known(A0=A0, A1=A1, A2=A2, thrust_scale=0.0, thrust_slope=0.0), motor.numbers)
+    return joined(known(A0=A0, A1=A1, A2=A2, thrust_scale=0.0, thrust_slope=0.0), incidence_of(nexstar), motor.numbers)
 
 
 @pytest.fixture(scope="module")
@@ -63,11 +63,11 @@ def test_the_motor_turns_as_the_simulator_s_at_other_speeds_and_densities(nexsta
 
 
 def test_highest_level_speed_and_climb_are_those_of_trimmed_flight(nexstar, propeller, numbers, at, flown_CL) -> None:
-    """Trim knows that thrust carries some of the weight and points up by alpha, less than a per cent of climb."""
+    """Thrust carries some of the weight and points up by alpha in both; motor and lift of the sideslip leave 0.1 %."""
     found = performance(numbers.nudged(), propeller, at, flown_CL)
     plant = plant_of(nexstar)
     trimmer = Trimmer(plant, height_of(plant.air, RHO))
-    assert float(found.maximum_speed.value) == pytest.approx(trimmer.V_max, rel=0.003)
+    assert float(found.maximum_speed.value) == pytest.approx(trimmer.V_max, rel=0.001)
     low, high = 0.0, 8.0
     for _ in range(20):  # the steepest trim at that speed that full throttle sustains
         climb = (low + high) / 2
@@ -76,7 +76,7 @@ def test_highest_level_speed_and_climb_are_those_of_trimmed_flight(nexstar, prop
             low = climb
         except InputError:
             high = climb
-    assert float(found.best_climb.value) == pytest.approx(low, rel=0.01)
+    assert float(found.best_climb.value) == pytest.approx(low, rel=0.002)
 
 
 def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(propeller, numbers, at, flown_CL) -> None:
@@ -116,6 +116,22 @@ def test_a_throttle_not_quite_open_is_not_taken_for_full(nexstar, propeller, mot
     found = full_throttle(both, nexstar.propulsion, propeller)
     assert isinstance(found, FullThrottle)
     assert found.numbers.values == pytest.approx(motor.numbers.values, rel=1e-6)
+
+
+def test_a_throttle_a_little_below_full_counts_for_what_it_is(nexstar, propeller) -> None:
+    """A slow climb at 0.996, within which a controller may hold it: at 12 m/s full throttle is known to 0.01 %.
+
+    Taken for full, it makes full throttle 0.08 % slower, and that climb 0.3 %.
+    """
+    climb, run = at_throttle(nexstar, propeller, np.full(30, 13.0), 0.996), full_throttle_run(nexstar, propeller, 40.0)
+    both = pd.concat([climb, climb[:5].assign(throttle=0.5), run])
+    both.index = pd.Index(np.arange(len(both)) * 0.2, name="t_s")
+    found = full_throttle(both, nexstar.propulsion, propeller)
+    assert isinstance(found, FullThrottle)
+    V = np.array([12.0, 18.0])
+    row = dict(zip(found.numbers.names, found.numbers.values, strict=True))
+    true = at_throttle(nexstar, propeller, V, 1.0)["n"].to_numpy()
+    assert full_throttle_revps(propeller, V, RHO, **row) == pytest.approx(true, rel=1e-4)
 
 
 def test_no_full_throttle_is_said_and_not_made_up(nexstar, propeller) -> None:
