@@ -120,12 +120,20 @@ def _compared(first: Side, second: Side, errors: Mapping[str, Error], at: Condit
     shares[UNEXPLAINED] = difference - sum(shares.values())
     culprit = max(shares, key=lambda cause: shares[cause] * np.sign(difference))
     allowed = float(SURE * error[worst])
-    if culprit == UNEXPLAINED:
-        if abs(shares[UNEXPLAINED]) <= allowed:
-            return None  # what was found is small, and what it leaves would be no surprise
+    if culprit == UNEXPLAINED and abs(shares[UNEXPLAINED]) > allowed:
         culprit = LEFT_OVER.get(second.name, UNEXPLAINED)
+    elif culprit == UNEXPLAINED:
+        # What is left over would be no surprise: a fault that was surely found is named, though it be the smaller part.
+        surely = [cause for cause in shares if _surely_found(cause, errors) and shares[cause] * difference > 0]
+        if not surely:
+            return None
+        culprit = max(surely, key=lambda cause: abs(shares[cause]))
     text = _in_words(first, second, float(V[worst]), difference, float(power[0]), culprit, shares, errors, at)
     return Disagreement(first.name, second.name, float(V[worst]), difference, allowed, culprit, shares, text)
+
+
+def _surely_found(cause: str, errors: Mapping[str, Error]) -> bool:
+    return any(abs(errors[name].value) > SURE * errors[name].standard_error for name in taken.CAUSES.get(cause, ()))
 
 
 def _allowed(first: Side, second: Side) -> Array:

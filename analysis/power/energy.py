@@ -14,7 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 from analysis.power.direct import along_runs
 from analysis.power.method import Method
 from analysis.power.regression import Piece, TimeSeries
-from analysis.power.taken import ROUGH_MPS, lifted_mps
+from analysis.power.taken import ROUGH_MPS
 from analysis.runs.kinds import LEVEL, Run
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
@@ -28,7 +28,6 @@ def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
     if given["gust_mps"].iloc[0] > ROUGH_MPS:
         raise InputError("too turbulent for a balance of energy: gusts come and go in speed as slowly as the run does")
     pieces = []
-    mean_V = float(np.mean([given.loc[run.start_s : run.end_s, "V"].mean() for run in runs]))
     columns = ("V_felt", "height_felt", "thrust_felt", "qS_felt", "alpha", "bank")
     for run, t, f in along_runs(given, runs, columns):
         V, h, T, qS, a, bank = (f[name] for name in columns)
@@ -37,9 +36,28 @@ def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
         work = _integral(T * np.cos(a) * V, t) - kept
         X = np.stack([_integral(qS * V * CL**i, t) for i in range(3)], axis=1)
         # The energy at the start is not known better than at any other instant: only differences count.
-        pieces.append(Piece(run.name, t, X - X.mean(axis=0), work - work.mean(), CL))
-    seconds = sum(float(piece.t_s[-1] - piece.t_s[0]) for piece in pieces)
-    return TimeSeries(pieces, lifted_mps(given, seconds) / mean_V)
+        gusts = _work_of_gusts(given, t, V)
+        pieces.append(Piece(run.name, t, X - X.mean(axis=0), work - work.mean(), CL, gusts))
+    return TimeSeries(pieces)
+
+
+def _work_of_gusts(given: pd.DataFrame, t: Array, V: Array) -> Array:
+    """Covariance (n, n) of what gusts add to the balance over a run, about its mean [(m^2/s^2)^2].
+
+    Air that rises lifts, g w a second; air that comes on faster adds V times the change of its speed.
+    """
+    apart = np.abs(t[:, None] - t)
+    vertical, along = (_alike(given, name, apart) for name in ("gust", "gust_along"))
+    lifted = np.tril(np.full_like(apart, t[1] - t[0]))
+    centre = np.eye(len(t)) - 1 / len(t)
+    work = centre @ lifted * g, centre * V
+    return work[0] @ vertical @ work[0].T + work[1] @ along @ work[1].T
+
+
+def _alike(given: pd.DataFrame, name: str, apart_s: Array) -> Array:
+    """Covariance of first-order gusts at instants apart_s (n, n) from each other."""
+    sigma, time_s = (float(given[f"{name}_{unit}"].iloc[0]) for unit in ("mps", "s"))
+    return sigma**2 * np.exp(-apart_s / time_s)
 
 
 def _integral(rate: Array, t: Array) -> Array:

@@ -94,11 +94,11 @@ def flown(blocks: Blocks, path: Path, runs: list[Run], errors: Mapping[str, take
     states = path.states.to_numpy()
 
     def given(errors: Mapping[str, float], states: Array = states, shared: Array = path.shared) -> pd.DataFrame:
-        return taken.given(blocks, states, shared, errors, gust)
+        return taken.given(blocks, states, shared, errors, vertical, along)
 
     flying = np.isfinite(blocks.mean["V_mps"])
-    where = (float(np.nanmedian(blocks.mean[name][flying])) for name in ("height_m", "V_mps"))
-    gust = gusts.vertical(path.gust_mps, *where).as_wandering()
+    where = [float(np.nanmedian(blocks.mean[name][flying])) for name in ("height_m", "V_mps")]
+    vertical, along = gusts.vertical(path.gust_mps, *where).as_wandering(), gusts.along(path.gust_mps, *where)
     directions = np.linalg.cholesky(path.covariance).T
     return Flown(
         blocks.aircraft,

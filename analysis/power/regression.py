@@ -39,24 +39,24 @@ class Problem(Protocol):
 
 
 class Piece(NamedTuple):
-    """One run: X (n, 3) A = z (n,), at times t_s (n,), flown at lift coefficients CL (n,)."""
+    """One run: X (n, 3) A = z (n,), at times t_s (n,), flown at lift coefficients CL (n,).
+
+    unseen : covariance (n, n) of what z is off by and the fit mostly swallows, so that residuals do not show it
+    """
 
     name: str
     t_s: Array
     X: Array
     z: Array
     CL: Array
+    unseen: Array | None = None
 
 
 @dataclass(frozen=True)
 class TimeSeries:
-    """Runs, sample by sample; neighbouring residuals are alike.
-
-    direction : standard error [rad] of the mean direction of the air, which no residual shows: D = L tan(direction)
-    """
+    """Runs, sample by sample; neighbouring residuals are alike."""
 
     pieces: Sequence[Piece]
-    direction: float = 0.0
 
     @property
     def CL(self) -> Array:
@@ -70,7 +70,7 @@ class TimeSeries:
         return A / scale
 
     def noise(self) -> Array:
-        """Covariance (3, 3) of A for coloured residuals."""
+        """Covariance (3, 3) of A for coloured residuals, and of what they do not show."""
         names = ("A0", "A1", "A2")
         inputs = ("X0", "X1", "X2")
         model = Model(
@@ -85,8 +85,8 @@ class TimeSeries:
             for i, p in enumerate(self.pieces)
         ]
         C = covariance.of_noise(output_error.estimate(model, segments))
-        C[1, 1] += np.tan(self.direction) ** 2
-        return C
+        gain = np.linalg.inv(sum(p.X.T @ p.X for p in self.pieces))
+        return C + sum(gain @ p.X.T @ p.unseen @ p.X @ gain for p in self.pieces if p.unseen is not None)
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,9 @@ CAUSES = {
 
 STILL = Wandering(0.0, 1.0)
 LAG_IN_DOUBT_S = 0.3
+# How the aircraft answers to gusts looks like a lag: 0.04 s in W20 = 3 kt (gusts of 0.15 m/s), 0.13 to 0.3 s in 15 kt
+# (0.8 m/s), without the path's belief. Three times that is beyond doubt.
+GUSTS_FEIGN_S_PER_MPS = 1.0
 ROUGH_MPS = 0.4  # of vertical gusts: W20 = 3 kt makes 0.15, 15 kt 0.8
 FEWEST_BLOCKS = 20
 ALIKE_BLOCKS = 4  # residuals of neighbouring blocks are alike for so long
@@ -65,16 +68,13 @@ def found(blocks: Blocks, path: Path, rows: NDArray[np.bool_]) -> dict[str, Erro
     """Every error of UNKNOWN, as path and forces along it show it. rows: the blocks in which speed changes.
 
     The path believes that air data are hardly late. Here that belief is taken back (a normal prior comes out of a
-    normal posterior as it went in), so that a lag beyond what tubes do is found, and is not taken for thrust. Not in
-    rough air: how the aircraft answers to gusts looks like a lag of a third of a second there.
+    normal posterior as it went in), so that a lag beyond what tubes do is found, and is not taken for thrust. What
+    gusts could feign is left as the path has it.
     """
     i = SHARED.index("air_data_lag")
-    known = np.linalg.inv(path.covariance)
-    free = known.copy()
-    if path.gust_mps < ROUGH_MPS:
-        free[i, i] += 1 / LAG_IN_DOUBT_S**2 - 1 / path.assumed("air_data_lag") ** 2
-    covariance = np.linalg.inv(free)
-    shared = covariance @ known @ path.shared  # the prior's mean is zero
+    shared, covariance = _without_belief(path, i)
+    if abs(shared[i]) < GUSTS_FEIGN_S_PER_MPS * path.gust_mps:
+        shared, covariance = path.shared, path.covariance
     states = path.states.to_numpy() + path.follow @ (shared - path.shared)
     spread = np.sqrt(np.diag(covariance))
     errors = {
@@ -88,6 +88,15 @@ def found(blocks: Blocks, path: Path, rows: NDArray[np.bool_]) -> dict[str, Erro
         }.items()
     }
     return errors | _thrust(blocks.forces(states, shared)[rows])
+
+
+def _without_belief(path: Path, i: int) -> tuple[Array, Array]:
+    """The sensors' errors and their covariance, had the path believed of the error i no more than LAG_IN_DOUBT_S."""
+    known = np.linalg.inv(path.covariance)
+    free = known.copy()
+    free[i, i] += 1 / LAG_IN_DOUBT_S**2 - 1 / path.assumed(SHARED[i]) ** 2
+    covariance = np.linalg.inv(free)
+    return covariance @ known @ path.shared, covariance  # the prior's mean is zero
 
 
 def _thrust(f: pd.DataFrame) -> dict[str, Error]:
@@ -108,7 +117,12 @@ def _thrust(f: pd.DataFrame) -> dict[str, Error]:
 
 
 def given(
-    blocks: Blocks, states: Array, shared: Array, errors: Mapping[str, float], gust: Wandering = STILL
+    blocks: Blocks,
+    states: Array,
+    shared: Array,
+    errors: Mapping[str, float],
+    gust: Wandering = STILL,
+    along: Wandering = STILL,
 ) -> pd.DataFrame:
     """What a method is given, a row a block; `errors` are taken out of what it takes as measured (none: as it comes).
 
@@ -118,7 +132,7 @@ def given(
     and thrust_felt that go with it, and the same with the path's scale of airspeed taken out (V_late: what is left is
     that it comes late); height_felt [m]; static_Pa, temperature_K of the air.
     covered: the share of the block that the propeller's table reaches; gust_mps, gust_s: standard deviation of vertical
-    gusts and how long they last.
+    gusts and how long they last; gust_along_mps, gust_along_s: the same of gusts along the flight.
     """
     e = {name: errors.get(name, 0.0) for name in UNKNOWN}
     known = dict(zip(SHARED, shared, strict=True))
@@ -160,6 +174,8 @@ def given(
         "covered": mean["propeller_covered"],
         "gust_mps": gust.sigma_mps,
         "gust_s": gust.time_s,
+        "gust_along_mps": along.sigma_mps,
+        "gust_along_s": along.time_s,
     }
     return pd.DataFrame(columns, index=f.index)
 

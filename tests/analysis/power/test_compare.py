@@ -12,7 +12,8 @@ from methods import Asked, ask, drawn, fly
 
 from analysis.methods import every_method, leading
 from analysis.path.reconstruct import reconstruct
-from analysis.power import curve, dynamic
+from analysis.power import curve, dynamic, taken
+from analysis.power.forces import Blocks
 from analysis.runs.find import find
 from analysis.summary import flown_lift
 from flight.aircraft import load_aircraft
@@ -23,8 +24,8 @@ from sim.sensors import load_budget
 AIRCRAFT = load_aircraft("nexstar")
 
 
-def asked(probe, seed: int, plan: str = "accel-decel", errors: str = "bench", **wrong: float) -> Asked:
-    return ask(AIRCRAFT, fly(AIRCRAFT, probe, drawn(load_budget(errors), seed, **wrong), plan, 0.0, seed))
+def asked(probe, seed: int, plan: str = "accel-decel", errors: str = "bench", W20_kt: float = 0.0, **wrong) -> Asked:
+    return ask(AIRCRAFT, fly(AIRCRAFT, probe, drawn(load_budget(errors), seed, **wrong), plan, W20_kt, seed))
 
 
 # One error each, several times what a careful installation leaves (`taken.CAREFUL`); every case flies another seed.
@@ -46,6 +47,30 @@ def test_a_single_error_is_named_and_no_other(probe, seed: int, wrong, pair, cul
     for one in found:
         assert abs(one.difference_W) > one.allowed_W
         assert abs(one.shares_W["unexplained"]) < one.allowed_W, "what was found accounts for it"
+
+
+@pytest.mark.parametrize(("seed", "wrong", "culprit"),
+    [(14, {"lag_s": 0.2}, "air-data lag"), (15, {"thrust_scale": -0.07}, "propeller table")],
+)  # fmt: skip
+def test_lag_and_thrust_are_told_apart_in_gusts_of_3_kt(probe, seed: int, wrong, culprit: str) -> None:
+    found = asked(probe, seed, W20_kt=3.0, **wrong).disagreements
+    (one,) = (one for one in found if (one.first, one.second) == ("decelerations", "accelerations"))
+    assert one.culprit == culprit
+
+
+def test_what_gusts_feign_is_taken_for_no_lag_and_no_thrust(probe) -> None:
+    """A whole flight in 3 kt, where a lag of 14 ms looked like 76 and thrust 2.3 % too much, five standard errors."""
+    errors = drawn(load_budget("study"), 1)
+    flown = fly(AIRCRAFT, probe, errors, "full-test-flight", 3.0, 1)
+    path = reconstruct(flown.table, flown.still, alpha_scale_sigma=probe.alpha_scale_sigma)
+    blocks = Blocks(flown.table, path, AIRCRAFT, load_propeller(AIRCRAFT.propulsion.propeller))
+    rows = np.zeros(len(blocks.t_s), dtype=bool)
+    for run in find(flown.table, flown.still).of("acceleration", "deceleration"):
+        rows |= (blocks.t_s >= run.start_s) & (blocks.t_s <= run.end_s)
+    found = taken.found(blocks, path, rows)
+    lag, thrust = found["lag"], found["thrust_scale"]
+    assert abs(lag.value - errors.values.lag_s) < 3 * lag.standard_error
+    assert abs(thrust.value - errors.values.thrust_scale) < 3 * thrust.standard_error
 
 
 @pytest.mark.parametrize(("tilt_deg", "side"), [(1.5, "high"), (-1.5, "low")])
