@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from analysis import commands
+from analysis.intervals import NORMAL_95
 from flight.errors import InputError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode="markdown")
@@ -194,7 +195,7 @@ def airspeed(
     if not air.table["flying"].any():
         raise InputError(f"{log}: nothing was flown in this log")
     found = speeds.calibrate(air.table, reconstruct(air.table, still))
-    half = speeds.NORMAL_95 * found.scale_error
+    half = NORMAL_95 * found.scale_error
     console = Console()
     side = "high" if found.scale >= 0 else "low"
     console.print(f"airspeed reads {100 * abs(found.scale):.2f} ± {100 * half:.2f} % too {side} (95 % interval)")

@@ -8,6 +8,7 @@ import pandas as pd
 from scipy import stats
 
 from analysis import summary
+from analysis.intervals import NORMAL_95
 from analysis.path.model import SHARED
 from analysis.path.reconstruct import Path
 from analysis.power import compare, curve, taken
@@ -146,7 +147,7 @@ def _point(point, at: curve.Condition) -> MethodPoint:
     """A steady point at another weight and density: the same lift and drag coefficients."""
     V = float(curve.speed_at(point.CL, at))
     unit = at.rho * V**3 * at.wing_area_m2 / 2
-    power, half = unit * point.CD, curve.NORMAL_95 * unit * point.CD_error
+    power, half = unit * point.CD, NORMAL_95 * unit * point.CD_error
     return MethodPoint(
         speed_mps=V, power_W=power, power_lo_W=power - half, power_hi_W=power + half, start_s=point.start_s
     )

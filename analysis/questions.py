@@ -8,6 +8,7 @@ from flight.errors import InputError
 from flight.units import GRAVITY_MPS2, to_si
 
 USABLE = 0.8  # of a battery's energy: what lithium polymer is commonly flown down to
+HEAVIEST_KG = 1000.0  # far beyond what a small aircraft could be asked to carry
 HIGHEST_M = 11_000.0  # the standard troposphere
 
 
@@ -55,14 +56,15 @@ def _number(option: str, text: str, wanted: str, largest: float = math.inf) -> f
 
 def _weight_N(text: str) -> float:
     wanted = InputError(
-        f'--weights {text.strip()!r}: should be masses or weights above zero, such as "3.8 kg, 9.5 lbf"'
+        f"--weights {text.strip()!r}: should be masses or weights above zero and below {HEAVIEST_KG:.0f} kg,"
+        ' such as "3.8 kg, 9.5 lbf"'
     )
     for unit, newtons in (("kg", GRAVITY_MPS2), ("N", 1.0)):
         try:
             value = newtons * to_si(_spaced(text), unit, "--weights")
         except InputError:
             continue
-        if not (math.isfinite(value) and value > 0):
+        if not 0 < value < HEAVIEST_KG * GRAVITY_MPS2:
             raise wanted
         return value
     raise wanted

@@ -54,7 +54,10 @@ class Disagreement(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SpeedInterval(msgspec.Struct, frozen=True, kw_only=True):
-    """A speed with its 95 % interval; `inside_flown_range` is false where it is an extrapolation."""
+    """A speed with its 95 % interval; `lo_mps` is null where that has no lower end.
+
+    `inside_flown_range` is false where it is an extrapolation.
+    """
 
     speed_mps: float | None
     lo_mps: float | None

@@ -5,6 +5,7 @@ import pandas as pd
 
 from analysis.airdata.air import FLYING_PA
 from analysis.channels import COLUMNS
+from analysis.intervals import NORMAL_95
 from analysis.path.consistency import ANGLES, SPEED, Consistency, spread
 from analysis.path.observability import Learnt
 from analysis.path.reconstruct import Path
@@ -48,7 +49,7 @@ def points(
     """
     V = np.linspace(curve.speed_at(flown_CL[1], at), curve.speed_at(flown_CL[0], at), CURVE_POINTS)
     power, error = curve.power_required(V, polar, at)
-    half = curve.NORMAL_95 * error
+    half = NORMAL_95 * error
     known = np.ones(len(V), dtype=bool) if flown is None else thrust_known(flown, V)
     return [
         PowerPoint(
@@ -69,7 +70,7 @@ def special(lift_of, polar: curve.Polar, at: curve.Condition, flown_CL: tuple[fl
         return SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
     speed, lo, hi = curve.special_speed(lift_of, polar, at)
     return SpeedInterval(
-        speed_mps=speed, lo_mps=lo, hi_mps=hi, inside_flown_range=bool(flown_CL[0] <= CL <= flown_CL[1])
+        speed_mps=speed, lo_mps=lo or None, hi_mps=hi, inside_flown_range=bool(flown_CL[0] <= CL <= flown_CL[1])
     )
 
 
@@ -160,7 +161,7 @@ def cross_check_said(
         return [f"The cross-check by output error did not end well: {check.verdict}."]
     V = np.linspace(curve.speed_at(flown_CL[1], at), curve.speed_at(flown_CL[0], at), CURVE_POINTS)
     (power, error), (other, other_error) = (curve.power_required(V, p, at) for p in (polar, check.polar))
-    excess = np.abs(other - power) / (curve.NORMAL_95 * np.hypot(error, other_error))
+    excess = np.abs(other - power) / (NORMAL_95 * np.hypot(error, other_error))
     worst = int(np.argmax(excess))
     if excess[worst] <= 1:
         return []

@@ -12,9 +12,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.air import LOW_M
+from analysis.intervals import NORMAL_95
 from analysis.path.reconstruct import Path
 from analysis.power import answers, available, balance, curve, dynamic, propulsion
-from analysis.power.curve import NORMAL_95
 from analysis.power.forces import Blocks
 from analysis.power.propagation import Estimate, Numbers, joined
 from analysis.questions import Questions

@@ -22,6 +22,7 @@ from rich.table import Table
 
 from analysis.estimation import filter_error, models, output_error, uncertainty
 from analysis.estimation.data import Segment
+from analysis.intervals import NORMAL_95
 from analysis.path.reconstruct import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from sim.figures import runs
@@ -33,7 +34,6 @@ import test_speed_and_starts as timed
 
 PLAN = "full-test-flight"
 CONSOLE = Console(width=120)
-NORMAL_95 = 1.959964
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 

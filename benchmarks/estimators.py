@@ -18,6 +18,7 @@ from rich.progress import track
 from rich.table import Table
 
 from analysis.airdata.probe import ProbeCalibration
+from analysis.intervals import NORMAL_95
 from analysis.path.model import SHARED, STATES
 from analysis.path.reconstruct import Path, reconstruct
 from analysis.power import curve, dynamic, output_error
@@ -25,13 +26,10 @@ from analysis.runs import find_runs
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.propeller import load_propeller
-from sim.plant import plant_of
 from sim.sensors import load_budget
 from sim.sensors.budget import Errors
-from sim.trim import Trimmer
 
 OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
-HEIGHT_M = 100.0
 FLYING_M = 30.0
 LEVEL_RAD = 0.15
 SLOW_MPS = 13.0  # 1.25 V_stall
@@ -69,7 +67,7 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
 
     def compared(polar: curve.Polar) -> np.ndarray:
         power, error = curve.power_required(V, polar, at)
-        return 100 * np.stack([power / true_power - 1, curve.NORMAL_95 * error / true_power])
+        return 100 * np.stack([power / true_power - 1, NORMAL_95 * error / true_power])
 
     path = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
     figures = path_figures(path, air, drawn, flight.truth)
@@ -133,11 +131,11 @@ def path_figures(path: Path, air: pd.DataFrame, drawn: Errors, truth: pd.DataFra
 
 
 def told(error: float, standard_error: float) -> np.ndarray:
-    return np.array([[error], [curve.NORMAL_95 * standard_error]])
+    return np.array([[error], [NORMAL_95 * standard_error]])
 
 
 def speeds(aircraft: Aircraft) -> np.ndarray:
-    return np.array(OVER_STALL) * Trimmer(plant_of(aircraft), HEIGHT_M).V_stall
+    return np.array(OVER_STALL) * flights.stall_mps(aircraft)
 
 
 def main(
@@ -183,7 +181,7 @@ def print_path(console: Console, gathered: dict[str, list[np.ndarray]]) -> None:
     table = Table("path, errors", "rms", "mean", "stated, 1 sigma", "coverage, %", box=None)
     for name, values in gathered.items():
         error, half = np.array(values)[:, :, 0].T
-        stated = f"{np.median(half) / curve.NORMAL_95:.3f}", f"{100 * np.mean(np.abs(error) < half):.0f}"
+        stated = f"{np.median(half) / NORMAL_95:.3f}", f"{100 * np.mean(np.abs(error) < half):.0f}"
         table.add_row(name, f"{np.sqrt(np.mean(error**2)):.3f}", f"{error.mean():+.3f}", *stated)
     console.print(table)
 

@@ -18,14 +18,17 @@ from flight.aircraft import Aircraft
 from flight.propeller import load_propeller
 from sim import fly as flying
 from sim.plan import load_plan
+from sim.plant import plant_of
 from sim.sensors import TrayFelt, draw
 from sim.sensors.budget import Budget, Errors
+from sim.trim import Trimmer
 from sim.tunnel import calibrate as tunnel_measurements
 from sim.tunnel import write_calibration
 
 KNOT_MPS = 0.514444
 TICK_S, FIFO_S, SAMPLES = 0.04, 0.005, 8
 GPS_S = 0.1
+HEIGHT_M = 40.0  # of the whole test flight
 
 
 @lru_cache(maxsize=1)
@@ -40,6 +43,11 @@ def tunnel_probe() -> ProbeCalibration:
 def drawn(budget: Budget, seed: int) -> Errors:
     """One day's errors, without vibration: that needs the part's own low-pass filter, a matter for the whole chain."""
     return draw(dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0)), seed)
+
+
+def stall_mps(aircraft: Aircraft) -> float:
+    """Stalling speed at the height of the whole test flight [m/s]."""
+    return Trimmer(plant_of(aircraft), HEIGHT_M).V_stall
 
 
 class Flown(NamedTuple):

@@ -23,6 +23,7 @@ from rich.table import Table
 
 from analysis import methods, summary
 from analysis.airdata.probe import ProbeCalibration
+from analysis.intervals import NORMAL_95
 from analysis.path.reconstruct import reconstruct
 from analysis.power import compare, curve, dynamic
 from analysis.power.curve import Polar
@@ -31,13 +32,10 @@ from analysis.runs.find import find
 from analysis.runs.kinds import LEVEL
 from flight.aircraft import Aircraft, load_aircraft
 from flight.propeller import load_propeller
-from sim.plant import plant_of
 from sim.sensors import load_budget
 from sim.sensors.budget import Budget, Errors
-from sim.trim import Trimmer
 
 OVER_STALL = (1.2, 1.4, 1.7, 2.0, 2.3)
-HEIGHT_M = 100.0
 
 
 class Flown(NamedTuple):
@@ -104,7 +102,7 @@ def compared(polar: Polar, flown_CL: tuple[float, float], V: np.ndarray, truth: 
     power, error = curve.power_required(V, polar, at)
     CL = curve.lift_coefficient(V, at)
     seen = (CL >= 0.98 * flown_CL[0]) & (CL <= 1.02 * flown_CL[1])
-    return np.where(seen, 100 * np.stack([power / truth - 1, curve.NORMAL_95 * error / truth]), np.nan)
+    return np.where(seen, 100 * np.stack([power / truth - 1, NORMAL_95 * error / truth]), np.nan)
 
 
 class Job(NamedTuple):
@@ -147,7 +145,7 @@ def main(
 ) -> None:
     aircraft, probe = load_aircraft(aircraft_name), flights.tunnel_probe()
     given = {name: float(value) for name, _, value in (text.partition("=") for text in wrong or [])}
-    V = np.array(OVER_STALL) * Trimmer(plant_of(aircraft), HEIGHT_M).V_stall
+    V = np.array(OVER_STALL) * flights.stall_mps(aircraft)
     gathered: dict[str, list[np.ndarray]] = {}
     named: Counter[str] = Counter()
     console = Console(width=140)

@@ -8,7 +8,6 @@ import pandas as pd
 from analysis.path.reconstruct import Path
 
 ONE_WAY = 0.75  # length of the mean heading vector: above, nearly all was flown in one direction
-NORMAL_95 = 1.96
 MOST_OF_PRIOR = 0.7  # an error that hardly shrank from what was assumed beforehand was not measured
 PRIOR = 0.02
 

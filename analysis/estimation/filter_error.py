@@ -27,6 +27,7 @@ from analysis.estimation.model import Model
 from analysis.estimation.noise import Whitened
 from analysis.estimation.problem import Number, Problem, free_names
 from analysis.estimation.simulation import InputRule, Integrator, Response
+from analysis.intervals import NORMAL_95
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -35,7 +36,6 @@ REACH = math.log(1e3)  # how far an intensity may go from its start before it co
 # Of a standard error: where noises are among the numbers, each step gains a factor of three or four, no more.
 STEP_TOLERANCE = 1e-3
 SMALLEST_PART = 1e-9  # of an output's rms: noise below it is rounding
-NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.intervals import NORMAL_95
 from analysis.power import curve, taken
 from analysis.power.curve import Condition, Polar
 from analysis.power.dynamic import DynamicEstimate
@@ -197,7 +198,7 @@ def _fault_in_words(cause: str, errors: Mapping[str, Error]) -> str:
         return f"The airspeed reads {_percent(errors['airspeed_scale'])}."
     if cause == "air-data lag":
         lag = errors["lag"]
-        return f"The air data come {lag.value:.3f} ± {1.96 * lag.standard_error:.3f} s late."
+        return f"The air data come {lag.value:.3f} ± {NORMAL_95 * lag.standard_error:.3f} s late."
     scale, slope = errors["thrust_scale"], errors["thrust_slope"]
     return (
         f"The propeller gives {_percent(scale, 'more', 'less')} thrust than its table says at J = {J_REFERENCE:g},"
@@ -206,10 +207,10 @@ def _fault_in_words(cause: str, errors: Mapping[str, Error]) -> str:
 
 
 def _degrees(error: Error) -> str:
-    value, half = np.degrees(error.value), np.degrees(1.96 * error.standard_error)
+    value, half = np.degrees(error.value), np.degrees(NORMAL_95 * error.standard_error)
     return f"{abs(value):.2f} ± {half:.2f} deg too {'high' if value > 0 else 'low'}"
 
 
 def _percent(error: Error, more: str = "high", less: str = "low") -> str:
-    half = 196 * error.standard_error
+    half = 100 * NORMAL_95 * error.standard_error
     return f"{100 * abs(error.value):.1f} ± {half:.1f} % {more if error.value > 0 else less}"

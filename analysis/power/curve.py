@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-NORMAL_95 = 1.959964
 DRAWS = 4000
 
 
@@ -77,7 +76,7 @@ class SpeedWithInterval(NamedTuple):
 def special_speed(lift_of, polar: Polar, at: Condition, seed: int = 0) -> SpeedWithInterval:
     """The speed belonging to a C_L that `lift_of(A)` computes, and its 95 % interval by draws of the polar.
 
-    Draws in which there is no such speed (the curve has no minimum) count as unbounded on the slow side.
+    Draws in which there is no such speed (the curve has no minimum) count as unbounded on the slow side: 0.
     """
     draws = np.random.default_rng(seed).multivariate_normal(polar.A, polar.covariance, DRAWS, method="eigh")
     CL = np.array([lift_of(A) for A in draws])

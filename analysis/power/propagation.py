@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
-from analysis.power.curve import NORMAL_95
+from analysis.intervals import NORMAL_95
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from scipy import stats
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
+from analysis.intervals import NORMAL_95
 from analysis.power import covariance
-from analysis.power.curve import NORMAL_95
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ import pandas as pd
 
 from analysis import commands
 from analysis.chain import Analysis
+from analysis.intervals import NORMAL_95
 from analysis.path.model import STATES, WITHIN
 from analysis.path.reconstruct import Path as FlightPath
-from analysis.power.curve import NORMAL_95
 from analysis.report import field, figures, page
 from analysis.results import to_csv, to_json
 

@@ -55,10 +55,11 @@ def render(results: Results, drawings: dict[str, go.Figure], fits: list[go.Figur
 
 
 def special_in_words(special: SpeedInterval) -> str:
-    """ "13.2 m/s (12.9 to 13.5)", or why there is none."""
-    if special.speed_mps is None:
+    """ "13.2 m/s (12.9 to 13.5)", "(up to 13.5)" where the interval has no lower end, or why there is none."""
+    lo, hi = special.lo_mps, special.hi_mps
+    if special.speed_mps is None or hi is None:
         return "not found: the curve has no such point"
-    text = f"{special.speed_mps:.1f} m/s ({special.lo_mps:.1f} to {special.hi_mps:.1f})"
+    text = f"{special.speed_mps:.1f} m/s ({f'{lo:.1f}' if lo else 'up'} to {hi:.1f})"
     return text if special.inside_flown_range else text + ", outside the flown range: an extrapolation"
 
 

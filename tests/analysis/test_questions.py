@@ -29,9 +29,9 @@ def test_a_share_that_is_none(text: str) -> None:
         parse_questions(usable=text)
 
 
-@pytest.mark.parametrize("text", ["4", "0 kg", "-1 kg", "4 m", "3.8 kg,", "nan kg", "heavy"])
+@pytest.mark.parametrize("text", ["4", "0 kg", "-1 kg", "4 m", "3.8 kg,", "nan kg", "heavy", "1e6 N", "1000 kg"])
 def test_a_weight_that_is_none(text: str) -> None:
-    with pytest.raises(InputError, match=r"--weights.*above zero"):
+    with pytest.raises(InputError, match=r"--weights.*above zero and below 1000 kg"):
         parse_questions(weights=text)
 
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from analysis import summary
+from analysis.power.curve import Condition, Polar, minimum_power_lift
 from analysis.report import figures, page
 from analysis.results import (
     AircraftResult,
@@ -125,3 +127,12 @@ def test_a_flight_of_steady_points_alone_shows_their_methods_alone(results: Resu
 
     steady = replace(results, runs=[replace(results.runs[0], kind="steady")], cross_check=[])
     assert [method.name for method in figures.methods_of(steady)] == ["piw-viw", "w-delta"]
+
+
+def test_a_speed_whose_interval_has_no_lower_end_says_so() -> None:
+    """A curve may have its minimum anywhere below: no speed of 0 m/s is claimed."""
+    polar = Polar(np.array([0.03, 0.0, 0.004]), np.diag([0.004, 0.01, 0.004]) ** 2)
+    at = Condition(37.7, 1.2, 0.46)
+    special = summary.special(minimum_power_lift, polar, at, (0.2, 10.0))
+    assert special.lo_mps is None and special.speed_mps and special.hi_mps
+    assert page.special_in_words(special) == f"{special.speed_mps:.1f} m/s (up to {special.hi_mps:.1f})"

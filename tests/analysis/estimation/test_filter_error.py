@@ -25,10 +25,10 @@ from analysis.estimation import filter_error, models, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise
 from analysis.estimation.innovations import trace_filter
+from analysis.intervals import NORMAL_95
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 
-NORMAL_95 = 1.959964
 NONE = ProcessNoise(state="alpha", start=0.0, free=False)
 
 

@@ -7,13 +7,13 @@ from scipy.signal import lfilter
 from analysis.estimation import output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
+from analysis.intervals import NORMAL_95
 from flight.errors import InputError
 
 STEP_S, N = 0.04, 300
 T_S = np.arange(N) * STEP_S
 DE = np.deg2rad(3) * np.select([(T_S > 1) & (T_S < 2.2), (T_S >= 2.2) & (T_S < 3), (T_S > 5) & (T_S < 6)], [1, -1, 0.7])
 SIGMA = np.array([0.003, 0.005])
-NORMAL_95 = 1.959964
 
 SHORT_PERIOD = Model(
     name="short period",

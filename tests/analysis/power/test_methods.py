@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.intervals import NORMAL_95
 from analysis.power import curve, regression
 from analysis.power.direct import DIRECT, FROM_SPEED
 from analysis.power.energy import ENERGY
@@ -188,7 +189,7 @@ def test_points_intervals_cover_as_often_as_they_say_however_few_points() -> Non
     for _ in range(500):
         problem = regression.Points(X, X @ A + sigma * rng.standard_normal(6), sigma, regression.THREE_TERM, CL)
         error = problem.values() - A
-        hits += abs(X[2] @ error) < curve.NORMAL_95 * np.sqrt(X[2] @ problem.noise() @ X[2])
+        hits += abs(X[2] @ error) < NORMAL_95 * np.sqrt(X[2] @ problem.noise() @ X[2])
     assert hits / 500 > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 500)
 
 
@@ -270,5 +271,5 @@ def test_what_gusts_add_to_the_balance_of_energy_is_in_its_interval() -> None:
         given, runs = joined(parts, "acceleration")
         problem = ENERGY.problem(given, runs, AIRCRAFT)
         power, error = curve.power_required(V, curve.Polar(problem.values(), problem.noise()), at)
-        hits.append(np.abs(power - true) < curve.NORMAL_95 * error)
+        hits.append(np.abs(power - true) < NORMAL_95 * error)
     assert np.mean(hits, axis=0).min() > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 100)
