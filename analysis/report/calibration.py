@@ -1,18 +1,15 @@
 """The page of a probe's calibration: how well the maps fit, where they hold, and whether speed matters."""
 
 import html
-from importlib import resources
-from string import Template
 
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
-from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
 from analysis.airdata.probe import ProbeCalibration, SpeedDependence, Tunnel, dynamic_pressure, speed_dependence
 from analysis.report.figures import BLUE, INK, PALETTE, RED, _rounded, _styled
-from analysis.report.page import _embedded, _table
+from analysis.report.page import _embedded, _table, filled
 
 Array = NDArray[np.float64]
 DEG = float(np.degrees(1.0))
@@ -31,11 +28,10 @@ def render(tunnel: Tunnel, calibration: ProbeCalibration, *, angle_scale_sigma: 
         "q<sub>c</sub>/q, %": 100 * (told / ratio - 1),
     }
     speeds = speed_dependence(tunnel, residuals["alpha, deg"] / DEG, tunnel.alpha_rad)
-    template = Template((resources.files("analysis") / "report" / "calibration.html").read_text("utf-8"))
-    return template.substitute(
+    return filled(
+        "calibration.html",
         title="Probe calibration",
         source=html.escape(f"{calibration.source}, {calibration.points} points"),
-        plotly_js=get_plotlyjs(),
         answer=_answer(calibration, speeds, angle_scale_sigma),
         quality=_quality(calibration, residuals),
         residuals=_embedded(_maps(tunnel, residuals), "residuals"),

@@ -25,12 +25,11 @@ def render(results: Results, drawings: dict[str, go.Figure], fits: list[go.Figur
     `drawings` by name: "power", "methods", "timeline", "polar"; where there are, "parts", "loadings", "efficiency",
     "one_by_one" and "consistency".
     """
-    template = Template((resources.files("analysis") / "report" / "page.html").read_text("utf-8"))
     figures = {name: _embedded(figure, name) for name, figure in drawings.items()}
-    return template.substitute(
+    return filled(
+        "page.html",
         title=html.escape(f"{results.aircraft.title}: power required"),
         condition=html.escape(_condition(results)),
-        plotly_js=get_plotlyjs(),
         cards=_cards(results),
         power=figures["power"],
         below_power=_below_power(results),
@@ -52,6 +51,13 @@ def render(results: Results, drawings: dict[str, go.Figure], fits: list[go.Figur
         fits="".join(_embedded(figure, f"fit-{i}") for i, figure in enumerate(fits)),
         software=html.escape(f"flightpower {results.software_version}, from {results.log}"),
     )
+
+
+def filled(template: str, *, title: str, **parts: str) -> str:
+    """A page of this folder below the head that all have in common: one file that opens without a network."""
+    folder = resources.files("analysis") / "report"
+    head, page = (Template((folder / name).read_text("utf-8")) for name in ("head.html", template))
+    return page.substitute(head=head.substitute(title=title, plotly_js=get_plotlyjs()), title=title, **parts)
 
 
 def special_in_words(special: SpeedInterval) -> str:
