@@ -128,6 +128,7 @@ def main(
     for name, row, form in flights.error_rows(error, width):
         table.add_row(name, *(form.format(x) for x in row))
     console.print(table)
+    print("", flights.as_markdown(plan, error, width), sep="\n")
 
 
 if __name__ == "__main__":

@@ -105,6 +105,17 @@ def air_of(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration) -> 
     return AirOf(air_data(table, aircraft, probe, propeller, at_rest).table, still, at_rest)
 
 
+def as_markdown(title: str, error: np.ndarray, half: np.ndarray) -> str:
+    """A row of docs/methods.md: 95 % of errors below, median half widths in brackets; coverage. Known speeds alone."""
+    known = np.isfinite(error).any(axis=0)
+    below, _, widths, covered = (values[known] for _, values, _ in error_rows(error, half))
+
+    def listed(values: np.ndarray, form: str) -> str:
+        return " / ".join(form.format(x) for x in values)
+
+    return f"| {title} | {listed(below, '{:.1f}')} ({listed(widths, '{:.0f}')}) | {listed(covered, '{:.0f}')} |"
+
+
 def error_rows(error: np.ndarray, half: np.ndarray) -> Iterator[tuple[str, np.ndarray, str]]:
     """Name, values and format of what is told of errors (flights, speeds) with the half widths of their intervals.
 

@@ -160,12 +160,15 @@ def main(
             named.update(names)
     console.print(f"{errors} {given or ''}, {plan}, W20 = {turbulence_kt:g} kt, {count} flights from seed {first_seed}")
     table = Table("method", "", *(f"{v:.1f} m/s" for v in V), box=None)
+    rows = []
     for title, values in gathered.items():
         error, half = np.array(values).transpose(1, 0, 2)
+        rows.append(flights.as_markdown(title, error, half))
         for name, row, form in flights.error_rows(error, half):
             table.add_row(title, name, *(form.format(x) if np.isfinite(x) else "-" for x in row))
             title = ""
     console.print(table)
+    print("", *rows, "", sep="\n")
     console.print("disagreements named:")
     for text, count in named.most_common():
         console.print(f"  {count:3d} x {text}")
