@@ -11,7 +11,7 @@ from analysis import summary
 from analysis.intervals import NORMAL_95
 from analysis.path.model import SHARED
 from analysis.path.reconstruct import Path
-from analysis.power import compare, curve, taken
+from analysis.power import as_measured, compare, curve
 from analysis.power.direct import ACCELERATIONS, DECELERATIONS, DIRECT, FROM_SPEED, ONE_RUN, VARIED_LIFT
 from analysis.power.dynamic import POLAR, THRUST, UNITS, DynamicEstimate
 from analysis.power.energy import ENERGY
@@ -62,7 +62,7 @@ def every_method(
     changing = np.zeros(len(t), dtype=bool)
     for run in level:
         changing |= (t >= run.start_s) & (t <= run.end_s)
-    errors = taken.found(blocks, path, changing)
+    errors = as_measured.found(blocks, path, changing)
     asked = flown(blocks, path, runs, errors)
     answers = [estimate(method, asked) for method in ALL]
     one_by_one = [estimate(replace(ONE_RUN, title=run.name), replace(asked, runs=[run])) for run in level]
@@ -86,7 +86,7 @@ def leading(answers: list[MethodEstimate], path: Path, where: str) -> tuple[Dyna
     noise, systematic = np.zeros((5, 5)), np.zeros((5, 5))
     noise[:3, :3], systematic[:3, :3] = answer.noise, answer.systematic
     for i, name in enumerate(THRUST, start=3):
-        variance = taken.UNKNOWN[name] ** 2
+        variance = as_measured.UNKNOWN[name] ** 2
         systematic[i, i] = variance
         systematic[:3, i] = systematic[i, :3] = answer.slopes[name] * variance
     values = np.concatenate([answer.polar.A, [0.0, 0.0]])

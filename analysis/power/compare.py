@@ -1,6 +1,6 @@
 """Where two methods disagree, by how much, and what that points at.
 
-Each pair differs in what it takes as measured (`taken`), so only certain faults can part it: dynamic and direct the
+Each pair differs in what it takes as measured, so only certain faults can part it: dynamic and direct the
 alignment of the angle of attack; dynamic and speed the pitch attitude; dynamic and energy the airspeed or, if nothing
 that was found explains it, the pitch attitude of the path; accelerations and decelerations lag or thrust; dynamic and
 steady points the propeller's table. The culprit is the cause that accounts for most of the gap, by what path and
@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.intervals import NORMAL_95
-from analysis.power import curve, taken
+from analysis.power import as_measured, curve
+from analysis.power.as_measured import Error
 from analysis.power.curve import Condition, Polar
 from analysis.power.dynamic import DynamicEstimate
 from analysis.power.forces import J_REFERENCE
 from analysis.power.method import MethodEstimate
-from analysis.power.taken import Error
 
 Array = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ def disagreements(
     errors: Mapping[str, Error],
     at: Condition,
 ) -> list[Disagreement]:
-    """All pairs that disagree, at one weight and density. errors: as `taken.found` has them."""
+    """All pairs that disagree, at one weight and density. errors: as `as_measured.found` has them."""
     sides = {answer.method.name: _side(answer) for answer in answers if answer.polar is not None}
     if dynamic is not None:
         whole = dynamic.noise + dynamic.systematic
@@ -114,7 +114,7 @@ def _compared(first: Side, second: Side, errors: Mapping[str, Error], at: Condit
     power, _ = curve.power_required(here, Polar(first.A, NOTHING), at)
     shares = {
         cause: float(curve.power_required(here, Polar(_of(second, cause) - _of(first, cause), NOTHING), at)[0][0])
-        for cause in taken.CAUSES
+        for cause in as_measured.CAUSES
         if cause in first.faults or cause in second.faults
     }
     difference = float(gap[worst])
@@ -134,7 +134,8 @@ def _compared(first: Side, second: Side, errors: Mapping[str, Error], at: Condit
 
 
 def _surely_found(cause: str, errors: Mapping[str, Error]) -> bool:
-    return any(abs(errors[name].value) > SURE * errors[name].standard_error for name in taken.CAUSES.get(cause, ()))
+    found = [errors[name] for name in as_measured.CAUSES.get(cause, ())]
+    return any(abs(error.value) > SURE * error.standard_error for error in found)
 
 
 def _allowed(first: Side, second: Side) -> Array:
@@ -142,7 +143,7 @@ def _allowed(first: Side, second: Side) -> Array:
     C = first.noise + second.noise
     for name in set(first.slopes) | set(second.slopes):
         slope = second.slopes.get(name, np.zeros(3)) - first.slopes.get(name, np.zeros(3))
-        C = C + np.outer(slope, slope) * taken.CAREFUL[name] ** 2
+        C = C + np.outer(slope, slope) * as_measured.CAREFUL[name] ** 2
     if first.moves is not None and second.moves is not None:
         moves = second.moves - first.moves
         C = C + moves @ moves.T

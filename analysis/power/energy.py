@@ -11,10 +11,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
+from analysis.power.as_measured import ROUGH_MPS
 from analysis.power.direct import along_runs
 from analysis.power.method import Method
 from analysis.power.regression import Piece, TimeSeries
-from analysis.power.taken import ROUGH_MPS
 from analysis.runs.kinds import LEVEL, Run
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g

@@ -1,8 +1,8 @@
 """What all methods have in common: what each is, how it is asked, and what it answers.
 
-A method is a pure function from what it is given (`taken.given`) and the runs it uses to a linear problem for the drag
-polar; solving it, its noise, and what it is off by because of what it takes as measured and because of the path are the
-same for all of them, and here.
+A method is a pure function from what it is given (`as_measured.given`) and the runs it uses to a linear problem for the
+drag polar; solving it, its noise, and what it is off by because of what it takes as measured and because of the path
+are the same for all of them, and here.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.path import gusts
 from analysis.path.reconstruct import Path
-from analysis.power import taken
+from analysis.power import as_measured
 from analysis.power.covariance import FLOOR_RAD
 from analysis.power.curve import Polar
 from analysis.power.forces import Blocks
@@ -33,7 +33,7 @@ LEAST_LIFT_AT = 0.2  # standard deviation of CL_minD: what a form without it is 
 class Method:
     """One way to power required.
 
-    kinds : of runs it uses        takes : what it takes as measured, names of `taken.UNKNOWN`
+    kinds : of runs it uses        takes : what it takes as measured, names of `as_measured.UNKNOWN`
     problem : (given, runs, aircraft) to a problem; raises InputError where the runs do not allow one
     points : (given, runs, aircraft) to what it measured point by point; most methods have none
     two_term : its form has no CL_minD
@@ -56,7 +56,7 @@ class MethodEstimate:
     noise, systematic : the two parts of the polar's covariance (3, 3); systematic is what all runs share
     slopes : by how much A (3,) moves with each error of what is taken as measured
     moves : (3, ·) by how much with each independent error of the path, of one standard error
-    faults : by how much each cause of `taken.CAUSES` has moved A (3,), by what path and dynamic method found of it
+    faults : by how much each of `as_measured.CAUSES` has moved A (3,), by what path and dynamic method found of it
     polar : None where there is no answer; `notes` then say why
     """
 
@@ -77,8 +77,8 @@ class Flown:
     """What methods are asked about: one flight's runs, and what they are given of it.
 
     as_is : as measured and along the path         moved : along the path moved by each independent error of it
-    shifted : with each error of `taken.UNKNOWN` supposed to be of that size     corrected : with what was found of
-    each cause of `taken.CAUSES` taken out
+    shifted : with each error of `as_measured.UNKNOWN` supposed to be of that size     corrected : with what was found
+    of each of `as_measured.CAUSES` taken out
     """
 
     aircraft: Aircraft
@@ -89,12 +89,12 @@ class Flown:
     corrected: dict[str, pd.DataFrame]
 
 
-def flown(blocks: Blocks, path: Path, runs: list[Run], errors: Mapping[str, taken.Error]) -> Flown:
-    """Everything that methods are asked about a flight, once for all of them. errors: as `taken.found` has them."""
+def flown(blocks: Blocks, path: Path, runs: list[Run], errors: Mapping[str, as_measured.Error]) -> Flown:
+    """Everything that methods are asked about a flight, once for all of them. errors: of `as_measured.found`."""
     states = path.states.to_numpy()
 
     def given(errors: Mapping[str, float], states: Array = states, shared: Array = path.shared) -> pd.DataFrame:
-        return taken.given(blocks, states, shared, errors, vertical, along)
+        return as_measured.given(blocks, states, shared, errors, vertical, along)
 
     flying = np.isfinite(blocks.mean["V_mps"])
     where = [float(np.nanmedian(blocks.mean[name][flying])) for name in ("height_m", "V_mps")]
@@ -105,8 +105,8 @@ def flown(blocks: Blocks, path: Path, runs: list[Run], errors: Mapping[str, take
         runs,
         given({}),
         [given({}, states + path.follow @ d, path.shared + d) for d in directions],
-        {name: given({name: size}) for name, size in taken.UNKNOWN.items()},
-        {cause: given({name: errors[name].value for name in names}) for cause, names in taken.CAUSES.items()},
+        {name: given({name: size}) for name, size in as_measured.UNKNOWN.items()},
+        {cause: given({name: errors[name].value for name in names}) for cause, names in as_measured.CAUSES.items()},
     )
 
 
@@ -129,14 +129,14 @@ def _estimate(method: Method, flown: Flown) -> MethodEstimate:
     problem = asked(flown.as_is)
     A, noise = problem.values(), problem.noise()
     moves = np.stack([asked(given).values() - A for given in flown.moved], axis=1)
-    slopes = {name: (asked(flown.shifted[name]).values() - A) / taken.UNKNOWN[name] for name in method.takes}
-    systematic = moves @ moves.T + sum(_outer(slope * taken.UNKNOWN[name]) for name, slope in slopes.items())
+    slopes = {name: (asked(flown.shifted[name]).values() - A) / as_measured.UNKNOWN[name] for name in method.takes}
+    systematic = moves @ moves.T + sum(_outer(slope * as_measured.UNKNOWN[name]) for name, slope in slopes.items())
     systematic[1, 1] += np.tan(FLOOR_RAD) ** 2
     if method.two_term:
         systematic += _missing_term(problem, A)
     faults = {
         cause: A - asked(flown.corrected[cause]).values()
-        for cause, names in taken.CAUSES.items()
+        for cause, names in as_measured.CAUSES.items()
         if set(names) & set(method.takes)
     }
     points = method.points(flown.as_is, runs, flown.aircraft) if method.points else []

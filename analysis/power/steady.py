@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.power.as_measured import lifted_mps
 from analysis.power.method import Method
 from analysis.power.regression import THREE_TERM, TWO_TERM, Point, Points
-from analysis.power.taken import lifted_mps
 from analysis.runs.kinds import STEADY, Run
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g

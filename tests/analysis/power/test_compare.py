@@ -12,7 +12,7 @@ from methods import Asked, ask, drawn, fly
 
 from analysis.methods import every_method, leading
 from analysis.path.reconstruct import reconstruct
-from analysis.power import curve, dynamic, taken
+from analysis.power import as_measured, curve, dynamic
 from analysis.power.forces import Blocks
 from analysis.runs.find import find
 from analysis.summary import flown_lift
@@ -28,7 +28,7 @@ def asked(probe, seed: int, plan: str = "accel-decel", errors: str = "bench", W2
     return ask(AIRCRAFT, fly(AIRCRAFT, probe, drawn(load_budget(errors), seed, **wrong), plan, W20_kt, seed))
 
 
-# One error each, several times what a careful installation leaves (`taken.CAREFUL`); every case flies another seed.
+# One error each, several times what a careful installation leaves (as_measured.CAREFUL); every case flies another seed.
 @pytest.mark.parametrize(
     ("seed", "wrong", "pair", "culprit"),
     [
@@ -67,7 +67,7 @@ def test_what_gusts_feign_is_taken_for_no_lag_and_no_thrust(probe) -> None:
     rows = np.zeros(len(blocks.t_s), dtype=bool)
     for run in find(flown.table, flown.still).of("acceleration", "deceleration"):
         rows |= (blocks.t_s >= run.start_s) & (blocks.t_s <= run.end_s)
-    found = taken.found(blocks, path, rows)
+    found = as_measured.found(blocks, path, rows)
     lag, thrust = found["lag"], found["thrust_scale"]
     assert abs(lag.value - errors.values.lag_s) < 3 * lag.standard_error
     assert abs(thrust.value - errors.values.thrust_scale) < 3 * thrust.standard_error
