@@ -16,6 +16,7 @@ from analysis.path.consistency import Consistency, consistency
 from analysis.path.observability import learnt, notes
 from analysis.path.reconstruct import Path as FlightPath
 from analysis.path.reconstruct import reconstruct
+from analysis.performance import Day, flight_data, interval_parts, thrust_coverage, use
 from analysis.power import curve, dynamic, output_error
 from analysis.questions import Questions
 from analysis.results import AircraftResult, ConditionResult, ParameterResult, PowerPoint, Results
@@ -23,7 +24,6 @@ from analysis.runs import Found, Run, edit
 from analysis.runs.find import find
 from analysis.runs.kinds import LEVEL, LOADS, STEADY
 from analysis.stillness import still_segments, zero_of_attachment, zeros
-from analysis.use import Day, flight_data, interval_parts, thrust_coverage, use
 from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.errors import InputError

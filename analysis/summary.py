@@ -9,6 +9,7 @@ from analysis.intervals import NORMAL_95
 from analysis.path.consistency import ANGLES, SPEED, Consistency, spread
 from analysis.path.observability import Learnt
 from analysis.path.reconstruct import Path
+from analysis.performance import thrust_known
 from analysis.power import curve
 from analysis.power.method import ROBUST_RANGE
 from analysis.power.output_error import CrossCheck
@@ -24,7 +25,6 @@ from analysis.results import (
     SpeedInterval,
 )
 from analysis.runs import Rejected, Run
-from analysis.use import thrust_known
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 

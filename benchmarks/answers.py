@@ -20,10 +20,10 @@ from scipy.optimize import brentq
 
 from analysis.airdata.probe import ProbeCalibration
 from analysis.path.reconstruct import reconstruct
+from analysis.performance import Day, flight_data, known, use
 from analysis.power import answers, curve, dynamic
 from analysis.questions import Questions
 from analysis.runs import find_runs
-from analysis.use import Day, flight_data, known, use
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.propeller import load_propeller

@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.performance import Day, _cases, _cost, _one_change, thrust_coverage, thrust_known
 from analysis.power.curve import Condition
 from analysis.questions import Questions
 from analysis.results import Interval, Loading
-from analysis.use import Day, _cases, _cost, _one_change, thrust_coverage, thrust_known
 from flight.errors import InputError
 from flight.propeller import load_propeller
 
