@@ -250,6 +250,37 @@ class RollerCoaster:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Porpoise:
+    """Stick to and fro about level flight, height held on average, ever a little quicker.
+
+    Angle of attack swings so fast that neither speed nor gusts follow: what the probe says of it shows its slope.
+    """
+
+    duration_s: float
+    elevator_rad: float = radians(12)
+    first_period_s: float = 1.8
+    last_period_s: float = 1.3
+    speed_mps: float | None = None
+    speed_over_stall: float | None = None
+    speed_of_max: float | None = None
+    kind = "porpoise"
+
+    def fly(self, seen: Seen, craft: Craft) -> Story:
+        speed = chosen_speed(craft, self.speed_mps, self.speed_over_stall, self.speed_of_max)
+        first, last = 2 * pi / self.first_period_s, 2 * pi / self.last_period_s
+        for i in range(_steps(self.duration_s, craft)):
+            t = i * craft.dt
+            phase = first * t + (last - first) * t**2 / (2 * self.duration_s)
+            seen = yield Targets(
+                height_m=craft.height_m,
+                speed_mps=speed,
+                heading_rad=craft.heading_rad,
+                elevator_rad=self.elevator_rad * sin(phase),
+            )
+        craft.speed_mps = speed
+
+
+@dataclass(frozen=True, kw_only=True)
 class WindUpTurn:
     """Load factor rising by `load_rate` per second at constant speed, by ever more bank."""
 
@@ -329,6 +360,6 @@ def _recover(seen: Seen, craft: Craft) -> Story:
 
 
 AIRBORNE: dict[str, type] = {
-    kind.kind: kind for kind in (Hold, Climb, Run, Turn, RollerCoaster, WindUpTurn, Steps3211, Manual)
+    kind.kind: kind for kind in (Hold, Climb, Run, Turn, RollerCoaster, Porpoise, WindUpTurn, Steps3211, Manual)
 }
 GROUND: dict[str, type] = {kind.kind: kind for kind in (Stand, TakeOff, Land)}

@@ -172,6 +172,18 @@ def test_the_roller_coaster_and_the_wind_up_turn_pull_what_they_should(nexstar):
     assert np.sum(np.abs(np.diff(elevator)) > np.deg2rad(3)) == 3  # 3, 2, 1, 1
 
 
+def test_a_porpoising_aircraft_swings_its_angle_of_attack_but_hardly_its_speed_and_height(nexstar):
+    plan = parse_plan('[[segment]]\nkind = "porpoise"\nduration = "20 s"\nspeed_over_stall = 1.5\n', "porpoise")
+    truth = fly(nexstar, plan).truth.query("time_s > 2")
+    alpha = np.rad2deg(truth["alpha_rad"])
+    assert np.ptp(alpha) > 6
+    assert np.ptp(truth["V_mps"]) < 0.05 * truth["V_mps"].mean()
+    assert np.ptp(truth["height_m"]) < 2
+    crossings = np.flatnonzero(np.diff(np.sign(alpha - alpha.mean()))) * 0.02
+    assert np.diff(crossings)[:4].mean() == pytest.approx(1.8 / 2, rel=0.1)  # half periods
+    assert np.diff(crossings)[-4:].mean() == pytest.approx(1.3 / 2, rel=0.1)
+
+
 def test_a_sluggish_pilot_holds_height_worse_than_a_good_one(nexstar):
     hold = '[[segment]]\nkind = "hold"\nduration = "5 s"\nspeed_over_stall = 1.3\n'
     run = '[[segment]]\nkind = "run"\nthrottle = 1.0\nspeed_of_max = 0.95\nramp = "0 s"\n'
