@@ -237,6 +237,7 @@ class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     directory: str = "logs"
     aircraft: str | None = None
     probe_calibration: str | None = None
+    magnetometer_calibration: str | None = None
     files: Files = Files()
     arm: Arm | None = None
     telemetry: Telemetry | None = None
@@ -283,7 +284,8 @@ def parse_tray(text: str, where: str, folder: Path) -> Tray:
         rate_Hz=file.rate_Hz,
         directory=str(folder / file.directory),
         aircraft=_resolve_name(file.aircraft, folder),
-        probe_calibration=str(folder / file.probe_calibration) if file.probe_calibration else None,
+        probe_calibration=_resolve(file.probe_calibration, folder),
+        magnetometer_calibration=_resolve(file.magnetometer_calibration, folder),
         files=file.files,
         arm=file.arm,
         telemetry=file.telemetry,
@@ -299,6 +301,10 @@ def _with_key(error: msgspec.ValidationError) -> str:
     if number := re.fullmatch(r"Invalid enum value (\d+)", what):
         what = f"{number[1]} (0x{int(number[1]):02x}) is not among the values it can have; see `daq config --example`"
     return f"{key.rstrip('`')}: {what}" if key else what
+
+
+def _resolve(path: str | None, folder: Path) -> str | None:
+    return str(folder / path) if path else None
 
 
 def _resolve_name(aircraft: str | None, folder: Path) -> str | None:

@@ -19,6 +19,7 @@ class Luggage(NamedTuple):
     aircraft: Aircraft | None
     propeller: str | None
     probe: str | None
+    magnetometer: str | None
     zero: str | None
 
 
@@ -26,7 +27,9 @@ def pack(tray: Tray) -> Luggage:
     """Read what the tray names. Raises InputError naming the file that is missing or malformed."""
     aircraft = load_aircraft(tray.aircraft) if tray.aircraft else None
     propeller = None if aircraft is None else propeller_text(aircraft.propulsion.propeller)
-    return Luggage(tray.text, aircraft, propeller, probe_text(tray.probe_calibration), zero_text(tray.zero))
+    probe = calibration_text(tray.probe_calibration, "probe")
+    magnetometer = calibration_text(tray.magnetometer_calibration, "magnetometer")
+    return Luggage(tray.text, aircraft, propeller, probe, magnetometer, zero_text(tray.zero))
 
 
 def stow(
@@ -45,6 +48,7 @@ def stow(
         ("aircraft.toml", luggage.aircraft.text if luggage.aircraft else None, "application/toml"),
         ("propeller.csv", luggage.propeller, "text/csv"),
         ("probe.json", luggage.probe, "application/json"),
+        ("magnetometer.json", luggage.magnetometer, "application/json"),
         ("zero.json", luggage.zero, "application/json"),
     ):
         if text is not None:
@@ -79,17 +83,17 @@ def propeller_text(name_or_path: str) -> str:
     return read_text(Path(name_or_path))
 
 
-def probe_text(path: str | None) -> str | None:
-    """The probe calibration; only that it is a JSON object is checked here."""
+def calibration_text(path: str | None, of: str) -> str | None:
+    """A calibration of the probe or the magnetometer; only that it is a JSON object is checked here."""
     if path is None:
         return None
     text = read_text(Path(path))
     try:
         calibration = json.loads(text)
     except ValueError as error:
-        raise InputError(f"{path}: not a probe calibration ({error})") from None
+        raise InputError(f"{path}: not a {of} calibration ({error})") from None
     if not isinstance(calibration, dict):
-        raise InputError(f"{path}: not a probe calibration (not a JSON object)")
+        raise InputError(f"{path}: not a {of} calibration (not a JSON object)")
     return text
 
 

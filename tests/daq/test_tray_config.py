@@ -38,12 +38,14 @@ def test_the_example_is_the_default_tray(example):
 
 def test_paths_count_from_the_file(tmp_path):
     names = 'directory="logs"\naircraft="mine.toml"\nprobe_calibration="/p.json"\n'
+    names += 'magnetometer_calibration="m.json"\n'
     text = names + '[[sensors]]\ndriver="ublox"\nport="/dev/x"'
     (tmp_path / "t.toml").write_text(text)
     tray = load_tray(tmp_path / "t.toml")
     assert tray.directory == str(tmp_path / "logs")
     assert tray.aircraft == str(tmp_path / "mine.toml")
     assert tray.probe_calibration == "/p.json"
+    assert tray.magnetometer_calibration == str(tmp_path / "m.json")
 
 
 IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
