@@ -39,6 +39,9 @@ COLUMNS = {
     "gps_north_mps": ("/gps", "velocity_north_mps"),
     "gps_east_mps": ("/gps", "velocity_east_mps"),
     "gps_down_mps": ("/gps", "velocity_down_mps"),
+    "mag_x_T": ("/mag", "field_x_T"),
+    "mag_y_T": ("/mag", "field_y_T"),
+    "mag_z_T": ("/mag", "field_z_T"),
     "battery_V": ("/battery", "voltage_V"),
     "battery_A": ("/battery", "current_A"),
 }

@@ -2,6 +2,7 @@
 
 import pandas as pd
 
+from analysis.airdata.magnetometer import MagnetometerCalibration, parse_magnetometer
 from analysis.airdata.probe import ProbeCalibration, parse_probe
 from analysis.channels import COLUMNS
 from flight.aircraft import Aircraft, parse_aircraft
@@ -10,6 +11,7 @@ from flight.log_reader import Log
 from flight.propeller import Propeller, parse_propeller
 
 LARGEST_UNMENTIONED_LOSS = 0.02
+OPTIONAL = ("/battery", "/mag")  # a tray without them lacks nothing
 
 
 def aircraft_of(log: Log) -> Aircraft:
@@ -30,6 +32,12 @@ def probe_of(log: Log) -> ProbeCalibration:
     return parse_probe(_attachment(log, "probe.json", remedy), "probe.json")
 
 
+def magnetometer_of(log: Log) -> MagnetometerCalibration | None:
+    """The magnetometer's calibration in a log, None if there is none. Raises InputError when it is malformed."""
+    data = log.attachments.get("magnetometer.json")
+    return None if data is None else parse_magnetometer(data, f"{log.path}: magnetometer.json")
+
+
 def state_of(log: Log) -> list[str]:
     """What a reader should know of the log as a file."""
     said = [f"The log is torn ({log.torn}); what came before is used."] if log.torn else []
@@ -43,7 +51,7 @@ def silent_topics(table: pd.DataFrame) -> list[str]:
     lost = table.loc[table["flying"], list(COLUMNS)].isna()
     columns: dict[str, list[str]] = {}
     for name, (topic, _) in COLUMNS.items():
-        if topic != "/battery":
+        if topic not in OPTIONAL:
             columns.setdefault(topic, []).append(name)
     by_topic = {topic: float(lost[names].all(axis=1).mean()) for topic, names in columns.items()}
     return [

@@ -3,10 +3,16 @@
 The earth's field has one strength whichever way the aircraft points. Magnets aboard add a constant vector (hard iron),
 steel and currents' loops stretch the field (soft iron): A (m - b) has one length again, |A (m - b)| = F. A rotation in
 A cannot be seen by lengths alone, so A is symmetric; its mean diagonal is one, so that F is in tesla.
+
+In flight the field that is left shows the heading (`compass`), as well as its strength lets one believe.
 """
+
+from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
@@ -20,6 +26,12 @@ HARD_IRON_T, SOFT_IRON = 30e-6, 0.05
 FIELD_T, FIELD_SIGMA_T = 48e-6, 10e-6  # anywhere on earth it is 22 to 67 uT (World Magnetic Model)
 EARTH_T = (18e-6, 75e-6)
 FEWEST = 100
+# In flight: what the current of a motor adds, and iron that lies elsewhere than it did when the field was calibrated;
+LEFT_T = 1e-6
+TILT_RAD = np.radians(0.5)  # of the tray on the aircraft, and of the attitude that levels the field;
+SAMPLE_OFF = 0.1  # of the field's strength, so far from the usual one: a moment's iron, a damaged sample;
+FIELD_OFF, MOST_OFF = 0.1, 0.1  # no place on one day: the usual strength from the calibration's; share of the samples;
+WORST_RAD = np.radians(10.0)  # of heading, beyond which nothing is gained by it.
 CORRELATED = 5  # neighbouring samples share the errors of the model: count so many as one
 
 
@@ -41,6 +53,86 @@ class MagnetometerCalibration(msgspec.Struct, frozen=True, kw_only=True):
     def corrected(self, field_T: Array) -> Array:
         """Flux density without the aircraft's own iron; (n, 3) to (n, 3)."""
         return (field_T - np.array(self.hard_iron_T)) @ np.array(self.soft_iron).T
+
+
+class Compass(NamedTuple):
+    """Flux density in body axes without the aircraft's iron (n, 3), NaN where it is not to be trusted, and its error
+    across the field (1 sigma), both [T]. The error lasts: it is a function of heading and of the motor's current."""
+
+    field_T: Array
+    error_T: float
+
+
+def parse_magnetometer(data: bytes, where: str) -> MagnetometerCalibration:
+    """The calibration of a `magnetometer.json`. Raises InputError naming `where`."""
+    try:
+        found = msgspec.json.decode(data, type=MagnetometerCalibration)
+    except msgspec.MsgspecError as error:
+        raise InputError(f"{where}: not a magnetometer calibration ({error})") from None
+    if found.format != FORMAT:
+        raise InputError(f"{where}: format {found.format!r} is not understood here ({FORMAT} is)")
+    if len(found.soft_iron) != 3:
+        raise InputError(f"{where}: not a magnetometer calibration (soft_iron has {len(found.soft_iron)} rows, not 3)")
+    if not EARTH_T[0] < found.field_T < EARTH_T[1]:
+        raise InputError(f"{where}: a field of {1e6 * found.field_T:.0f} uT is nowhere on earth")
+    return found
+
+
+def load_magnetometer(path: Path) -> MagnetometerCalibration:
+    """The calibration of a file. Raises InputError naming it."""
+    try:
+        return parse_magnetometer(path.read_bytes(), str(path))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[Compass | None, list[str]]:
+    """The earth's field in flight; None where there is none to be trusted, and why. table: as `air_data` leaves it.
+
+    Its strength tells how far to trust it: what iron leaves over across the field is seen in the strength by as much as
+    the field is level. On the ground cars and reinforced concrete are near: not used.
+    """
+    field = calibration.corrected(table.reindex(columns=[f"mag_{axis}_T" for axis in "xyz"]).to_numpy(dtype=float))
+    field[~table["flying"].to_numpy(dtype=bool)] = np.nan
+    strength = np.linalg.norm(field, axis=1)
+    seen = np.isfinite(strength)
+    if seen.sum() < FEWEST:
+        return None, [f"{_NOT_USED}: it is calibrated, but showed nothing in flight."]
+    F, usual = calibration.field_T, float(np.median(strength[seen]))
+    if abs(usual / F - 1) > FIELD_OFF:
+        why = f"the field in flight has {1e6 * usual:.0f} uT, and {1e6 * F:.0f} uT in its calibration"
+        return None, [f"{_NOT_USED}: {why}. {_AGAIN}"]
+    off = seen & (np.abs(strength / usual - 1) > SAMPLE_OFF)
+    field[off] = np.nan
+    share = float(off.sum() / seen.sum())
+    level_T = float(np.nanmedian(np.hypot(field[:, 0], field[:, 1])))
+    step_s = float(table.index[1] - table.index[0])
+    second = max(1, round(1 / step_s))
+    varies_T = pd.Series(np.where(off, np.nan, strength)).rolling(second, min_periods=1).mean().std()
+    error_T = float(
+        np.sqrt(
+            LEFT_T**2
+            + np.sum(np.square(calibration.hard_iron_error_T))
+            + (calibration.soft_iron_error * F) ** 2
+            + (TILT_RAD * F) ** 2
+            + (varies_T * usual / level_T) ** 2
+        )
+    )
+    if share > MOST_OFF or error_T > WORST_RAD * level_T:
+        why = f"the strength of its field varies by {1e6 * float(np.std(strength[seen])):.1f} uT in flight"
+        return None, [f"{_NOT_USED}: {why}, and it would be one and the same. {_AGAIN}"]
+    notes = []
+    if share > LARGEST_UNMENTIONED_SHARE:
+        notes.append(
+            f"The strength of the magnetometer's field is off by more than {100 * SAMPLE_OFF:.0f} % for"
+            f" {100 * share:.0f} % of the flight: left out there."
+        )
+    return Compass(field, error_T), notes
+
+
+LARGEST_UNMENTIONED_SHARE = 0.02
+_NOT_USED = "The magnetometer is not used"
+_AGAIN = "Calibrate it again, in the aircraft as it flies."
 
 
 def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
