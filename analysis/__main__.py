@@ -40,6 +40,10 @@ def analyze(
             "--runs", help="Runs to use: the runs.toml that an analysis wrote, edited (keep, start, end, kind)."
         ),
     ] = None,
+    magnetometer: Annotated[
+        Path | None,
+        typer.Option("--magnetometer", help="Magnetometer calibration to use instead of the one the log carries."),
+    ] = None,
     battery_Wh: Annotated[
         str | None, typer.Option("--battery-Wh", help="Energy of the battery [Wh]; default: the aircraft file's.")
     ] = None,
@@ -61,9 +65,10 @@ def analyze(
 ) -> None:
     """From a log to power required: report.html, results.json, power_required.csv, and a table for the field.
 
-    A log carries all it needs: the aircraft file, the propeller table and the probe's calibration. The curve is drawn
-    over the speeds flown in accelerations and decelerations, with a 95 % interval. With it come endurance and range on
-    a battery, climb and highest speed at full throttle, and what more weight or thinner air costs.
+    A log carries all it needs: the aircraft file, the propeller table, the calibrations of probe and magnetometer.
+    The curve is drawn over the speeds flown in accelerations and decelerations, with a 95 % interval. With it come
+    endurance and range on a battery, climb and highest speed at full throttle, and what more weight or thinner air
+    costs.
 
     Exit code 0: done. 2: the input cannot be used; one line on stderr says why, and nothing was written.
     """
@@ -78,6 +83,7 @@ def analyze(
         # What can be refused is refused before the second that the numerical libraries take to load.
         recorded, override = read_log(log), load_aircraft(aircraft) if aircraft else None
         other = _propeller(propeller) if propeller else None
+        from analysis.airdata.magnetometer import load_magnetometer
         from analysis.chain import analyze as run_chain
         from analysis.report import write_report
         from analysis.runs.edit import to_toml
@@ -85,7 +91,11 @@ def analyze(
         def say(text: str) -> None:
             status.update(text + " …")
 
-        analysis = run_chain(recorded, override, say, propeller=other, questions=questions, runs_file=runs)
+        of_compass = load_magnetometer(magnetometer) if magnetometer else None
+        analysis = run_chain(
+            recorded, override, say, propeller=other, questions=questions, runs_file=runs,
+            magnetometer_calibration=of_compass,
+        )  # fmt: skip
         status.update("drawing the report …")
         write_report(analysis, folder)
         commands.write_file(folder / "runs.toml", to_toml(analysis.found, log.name))

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 
 from analysis import methods, recorded, summary
-from analysis.airdata import lines, skew
+from analysis.airdata import lines, magnetometer, skew
 from analysis.airdata.air import air_data
 from analysis.channels import synchronise
 from analysis.path.consistency import Consistency, consistency
-from analysis.path.observability import learnt, notes
+from analysis.path.observability import heading_said, learnt, notes
 from analysis.path.reconstruct import Path as FlightPath
 from analysis.path.reconstruct import reconstruct
 from analysis.performance import Day, flight_data, interval_parts, thrust_coverage, use
@@ -56,11 +56,12 @@ def analyze(
     propeller: Propeller | None = None,
     questions: Questions = Questions(),
     runs_file: Path | None = None,
+    magnetometer_calibration: magnetometer.MagnetometerCalibration | None = None,
 ) -> Analysis:
     """A log to power required.
 
-    aircraft, propeller: to use instead of those the log carries. questions: what the curve is to answer.
-    runs_file: runs to use instead of those found (`runs.edit`).
+    aircraft, propeller, magnetometer_calibration: to use instead of those the log carries. questions: what the curve is
+    to answer. runs_file: runs to use instead of those found (`runs.edit`).
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
     entries = edit.load(runs_file) if runs_file else None
@@ -68,6 +69,7 @@ def analyze(
     propeller = propeller or recorded.propeller_of(log, aircraft)
     propeller = propeller.beyond(aircraft.propulsion.beyond_zero_thrust)
     probe = recorded.probe_of(log)
+    of_compass = magnetometer_calibration or recorded.magnetometer_of(log)
     warnings = recorded.state_of(log)
 
     progress("synchronising")
@@ -78,7 +80,8 @@ def analyze(
     still = still_segments(table, channels.rate_Hz)
     at_rest = zeros(table, still, zero_of_attachment(log.attachments.get("zero.json"), f"{log.path}: zero.json"))
     air = air_data(table, aircraft, probe, propeller, at_rest)
-    warnings += air.notes + recorded.silent_topics(air.table)
+    compass, said_of_compass = magnetometer.compass(air.table, of_compass) if of_compass else (None, [])
+    warnings += air.notes + recorded.silent_topics(air.table) + said_of_compass
 
     progress("finding runs")
     found = edit.taken(entries, air.table, str(runs_file)) if entries else find(air.table, still)
@@ -97,11 +100,12 @@ def analyze(
 
     progress("reconstructing the flight path")
     try:
-        path = reconstruct(air.table, still, alpha_scale_sigma=probe.alpha_scale_sigma)
+        path = reconstruct(air.table, still, alpha_scale_sigma=probe.alpha_scale_sigma, compass=compass)
     except InputError as error:
         raise InputError(f"{log.path}: {error}") from None
     warnings += summary.gusts_said(path, len(runs), str(log.path))
     warnings += skew.notes(path)
+    warnings += heading_said(air.table, path, calibrated=of_compass is not None)
     sensor_errors = learnt(air.table, path)
     warnings += notes(sensor_errors)
     agreement = consistency(air.table, path)

@@ -83,6 +83,8 @@ def felt_table(felt: TrayFelt, aircraft: Aircraft) -> pd.DataFrame:
     pulses = felt.servo_pulses_us(t)[:, aircraft.elevator.channel - 1]
     table["elevator_rad"] = np.array([aircraft.elevator.angle_of_pulse_rad(pulse) for pulse in pulses])
     asked = np.arange(0, felt.duration_s, GPS_S)
+    magnetic = felt.magnetic_field_T(t)
+    table |= {f"mag_{axis}_T": magnetic[:, i] for i, axis in enumerate("xyz")}
     velocity = felt.gps(asked).velocity_ned_mps
     for i, axis in enumerate(("north", "east", "down")):
         table[f"gps_{axis}_mps"] = CubicSpline(asked, velocity[:, i])(t)

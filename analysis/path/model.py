@@ -34,15 +34,16 @@ WITHIN = ("gust_v_twice", "gust_w_twice")  # what the filters that make gusts ac
 STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",
           "wind_north", "wind_east", "gust_u", "gust_v", "gust_w", *WITHIN)  # fmt: skip
 SHARED = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_bias", "alpha_scale", "beta_bias",
-          "V_scale", "air_data_lag", "gps_latency")  # fmt: skip
+          "V_scale", "air_data_lag", "gps_latency", "heading_bias")  # fmt: skip
 # Means between two instants; what they leave out of the change of angles and velocity; by how much wind grows with
 # height; how much of gusts stays.
 MOVE = ("p", "q", "r", "ax", "ay", "az", "dt", "more_phi", "more_theta", "more_psi",
         "more_north", "more_east", "more_down", "sheared", "stays_u", "stays_v", "stays_w")  # fmt: skip
-SHOWN = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_down", "v_north", "v_east", "v_down")
+SHOWN = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_down", "v_north", "v_east", "v_down", "compass")
 # As inertia and lift dictate them; variance of gusts, (m/s)^2; d ln V/d ln(pressure of the pair for angle of attack).
 SLOW = ("slow_V", "slow_alpha", "gusts_across", "V_per_pair")
-GIVEN = ("ax", "ay", "az", "slope_V", "slope_alpha", *SLOW)
+FIELD = ("field_ahead", "field_right")  # of the earth, measured, and levelled by the attitude as it is known by now [T]
+GIVEN = ("ax", "ay", "az", "slope_V", "slope_alpha", *SLOW, *FIELD)
 
 
 def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
@@ -102,6 +103,10 @@ def shown(x: Any, c: Any, v: Any) -> Sequence[Any]:
     An airspeed that reads high by a fraction has a dynamic pressure high by twice that, and angles are pressures over
     dynamic pressure: they then read low by as much. An angle that reads low takes the wrong q_c/qbar from the probe's
     calibration, and speed with it. Pressures that come late are behind by their slope.
+
+    Across magnetic north the earth has no field. How it was levelled is given: residuals know of the attitude, and
+    change with it more than with the heading where the field is steep, but they show the heading alone. Else what iron
+    leaves in the field would bank the aircraft.
     """
     V, alpha, beta = flow(x, v)
     slope = c.alpha_scale - 2 * c.V_scale
@@ -118,6 +123,7 @@ def shown(x: Any, c: Any, v: Any) -> Sequence[Any]:
         x.v_north,
         x.v_east,
         x.v_down,
+        v.field_ahead * np.sin(x.psi + c.heading_bias) + v.field_right * np.cos(x.psi + c.heading_bias),
     )
 
 

@@ -23,6 +23,7 @@ TITLES: dict[str, tuple[str, float, str]] = {
     "beta_bias": ("offset of sideslip", DEG, "deg"),
     "air_data_lag": ("lag of the probe", MILLI, "ms"),
     "gps_latency": ("latency of GPS", MILLI, "ms"),
+    "heading_bias": ("offset of the compass, declination included", DEG, "deg"),
     "ax_bias": ("bias of the accelerometer, forward", 1.0, "m/s²"),
     "ay_bias": ("bias of the accelerometer, right", 1.0, "m/s²"),
     "az_bias": ("bias of the accelerometer, down", 1.0, "m/s²"),
@@ -31,6 +32,7 @@ TITLES: dict[str, tuple[str, float, str]] = {
     "r_bias": ("bias of the yaw gyro", DEG, "deg/s"),
 }
 MATTERS = ("alpha_bias", "alpha_scale", "V_scale")  # for the power curve, of which a flight may fail to determine them
+FAR_OFF, DOUBTFUL = 3.0, 2.0  # of the compass: standard deviations of its offset, and of its error about that
 ONE_HEADING = 0.7  # length of the mean of unit vectors along the headings: 1 is one heading, 0 to and fro
 ONE_SPEED = 1.25  # fastest over slowest: a quarter faster is a third less lift coefficient
 GUSTY_MPS = 0.1  # vertical, 1 sigma: W20 = 2 kt
@@ -87,7 +89,7 @@ _AIR = frozenset({"alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data
 _ACROSS = frozenset({"V_scale", "beta_bias", "ay_bias", "r_bias"})
 # What may lack, in words with what to do about it, and what then stays unknown.
 _LACKS: tuple[tuple[Callable[[Flown], bool], str, frozenset[str]], ...] = (
-    (lambda f: not f.gps, "no GPS", _ACROSS | {"gps_latency"}),
+    (lambda f: not f.gps, "no GPS", _ACROSS | {"gps_latency", "heading_bias"}),
     (lambda f: not f.sideslip, "sideslip was not measured", frozenset({"beta_bias"})),
     (
         lambda f: f.headings > ONE_HEADING,
@@ -110,10 +112,15 @@ def missing(name: str, had: Flown) -> tuple[str, ...]:
 
 
 def learnt(table: pd.DataFrame, path: Path) -> list[Learnt]:
-    """Each of SHARED, the ones that matter most first. table: what `reconstruct` made the path of."""
+    """Each of SHARED, the ones that matter most first; nothing of a compass where none was used.
+
+    table: what `reconstruct` made the path of.
+    """
     had = flown(table, path)
     out = []
     for name, (title, factor, unit) in TITLES.items():
+        if name == "heading_bias" and "compass" not in path.residuals:
+            continue
         sigma, before = path.standard_error(name), path.assumed(name)
         determined = sigma < LEARNT * before
         lacked = () if determined else missing(name, had)
@@ -125,3 +132,25 @@ def learnt(table: pd.DataFrame, path: Path) -> list[Learnt]:
 def notes(errors: list[Learnt]) -> list[str]:
     """What a reader of the power curve should know: errors it rests on that the flight did not determine."""
     return [error.in_words() for error in errors if error.name in MATTERS and not error.determined]
+
+
+def heading_said(table: pd.DataFrame, path: Path, *, calibrated: bool) -> list[str]:
+    """What a flight knows of its heading, where that is less than usual. calibrated: whether the magnetometer was."""
+    gps, left = flown(table, path).gps, path.residuals.get("compass")
+    if left is not None:
+        off = path.value("heading_bias")
+        if left > DOUBTFUL or abs(off) > FAR_OFF * path.assumed("heading_bias"):
+            against = "GPS" if gps else "the gyros"
+            return [
+                f"The magnetometer contradicts {against}: its heading is off by {DEG * off:+.0f} deg,"
+                f" and about that by {left:.1f} times its error. Is it mounted as the tray's file has it?"
+            ]
+        held = DEG * float(np.median(path.states_error()["psi"]))
+        said = f"No GPS: the magnetometer held the heading, to {held:.1f} deg (1 sigma) of magnetic north."
+        return [] if gps else [said]
+    if gps:
+        return []
+    said = "No GPS: the heading was not determined; it is counted from where the nose pointed at first."
+    if not calibrated and "mag_x_T" in table and table["mag_x_T"].notna().any():
+        said += " A magnetometer was recorded, but not its calibration; `analyze --magnetometer` takes one."
+    return [said]

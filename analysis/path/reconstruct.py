@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from analysis.airdata.air import LOW_M, bank_rad
+from analysis.airdata.magnetometer import Compass
 from analysis.path import gusts, slow
 from analysis.path.batch import Prior, Step, cost, step
 from analysis.path.model import GIVEN, MOVE, SHARED, SHOWN, SLOW, STATES, Data, Equations, Named
@@ -44,8 +45,15 @@ PRIOR_SIGMA = {
     "ax_bias": 0.19, "ay_bias": 0.19, "az_bias": 0.19,
     "alpha_bias": np.radians(1.0), "alpha_scale": 0.03, "beta_bias": np.radians(1.0), "V_scale": 0.0125,
     "air_data_lag": 0.012, "gps_latency": 0.2,
+    "heading_bias": np.radians(10.0),  # declination where people live, and how the tray sits
 }  # fmt: skip
 PRIOR_MEAN = {"gps_latency": 0.1}
+# Without GPS, north is the compass's; without either, where the nose pointed at first. So well:
+NORTH_RAD = 0.01
+# The iron left in a field is a function of heading, and motor current of speed: they come again with every leg, and a
+# longer flight does not average them out. However long it is, its blocks together count as so many measurements.
+INDEPENDENT_HEADINGS = 4
+COMPASS_S = 10.0  # over which the compass is averaged to begin with
 
 
 @dataclass(frozen=True)
@@ -89,23 +97,25 @@ class Path:
         return pd.DataFrame(np.sqrt(own + shared), index=self.states.index, columns=self.states.columns)
 
 
-def reconstruct(table: pd.DataFrame, still: list[slice], *, alpha_scale_sigma: float = 0.0) -> Path:
+def reconstruct(
+    table: pd.DataFrame, still: list[slice], *, alpha_scale_sigma: float = 0.0, compass: Compass | None = None
+) -> Path:
     """The most probable path of a whole flight.
 
     table: as `air_data` leaves it. still: where the aircraft stood. alpha_scale_sigma: standard deviation of the slope
     of angle of attack in the probe's calibration, on top of what transducers and their place on the aircraft add.
+    compass: the earth's field, sample by sample, where a calibrated magnetometer saw it.
     Raises InputError where the log does not determine a path.
     """
     try:
-        return _reconstructed(table, still, alpha_scale_sigma)
+        return _reconstructed(_Problem(table, still, alpha_scale_sigma, compass))
     except np.linalg.LinAlgError:
         raise InputError(
             "the flight path cannot be found: IMU and air data contradict each other or are missing for too long"
         ) from None
 
 
-def _reconstructed(table: pd.DataFrame, still: list[slice], alpha_scale_sigma: float) -> Path:
-    problem = _Problem(table, still, alpha_scale_sigma)
+def _reconstructed(problem: "_Problem") -> Path:
     first = problem.solve(*problem.start(), _FIRST_TRIED, ITERATIONS, NEAR)
     gust, near = _most_probable(problem, first)
     return problem.path(problem.solve(near.x, near.shared, gust, ITERATIONS))
@@ -150,7 +160,7 @@ class _Solution:
 
 
 class _Problem:
-    def __init__(self, table: pd.DataFrame, still: list[slice], alpha_scale_sigma: float):
+    def __init__(self, table: pd.DataFrame, still: list[slice], alpha_scale_sigma: float, compass: Compass | None):
         self._rate_Hz = 1 / float(table.index[1] - table.index[0])
         self._noise = _noise_at_rest(table, still)
         self._n = len(table) // BLOCK
@@ -165,6 +175,7 @@ class _Problem:
         self._V_reference = np.maximum(smooth.fillna(5.0).to_numpy(), 5.0)
         self._felt_V, _ = slow.foreseen(self._mean["V_mps"], self._flying, BLOCK / self._rate_Hz)
         self._has_gps = bool(table["gps_north_mps"].notna().any())
+        self._field_T = _blocks_of(compass, self._n)
         self._still = np.zeros(self._n, dtype=bool)
         for rows in still:
             self._still[-(-rows.start // BLOCK) : rows.stop // BLOCK] = True
@@ -176,13 +187,17 @@ class _Problem:
         up = self._flying[:-1]
         self._gusty_V = np.where(up, np.maximum(self._felt_V[:-1], SLOWEST_MPS), self._cruise_mps)
         self._gusty_height_m = np.where(up, self._mean["height_m"][:-1], self._cruise_height_m)
-        self._shown, self._weight = self._what_is_shown()
+        self._headings = float(np.sqrt(max(self._flying.sum() / INDEPENDENT_HEADINGS, 1.0)))
+        self._shown, self._weight = self._what_is_shown(compass.error_T if compass else np.inf)
+        self._has_compass = bool(self._weight[:, SHOWN.index("compass")].any())
         self._prior_shared = (
             np.array([PRIOR_MEAN.get(name, 0.0) for name in SHARED]),
             np.array([PRIOR_SIGMA[name] for name in SHARED]),
         )
         slope = SHARED.index("alpha_scale")
         self._prior_shared[1][slope] = np.hypot(self._prior_shared[1][slope], alpha_scale_sigma)
+        if not self._has_gps:
+            self._prior_shared[1][SHARED.index("heading_bias")] = NORTH_RAD
 
     def _integrated(self) -> tuple[Array, Array]:
         """Means of rates and forces from each block's centre to the next, and the noise of the states they lead to."""
@@ -209,6 +224,8 @@ class _Problem:
         sigma[:, :3] = np.hypot([self._noise[f"{a}_radps"] * spread for a in "pqr"], GYRO_SCALE * rates * dt) + 1e-5
         noise = [self._noise[f"a{a}_mps2"] * spread for a in "xyz"]
         sigma[:, 3:6] = np.hypot(noise, ACCEL_SCALE * forces * dt) + 1e-4
+        # North and east alike: the body's axes stand for the earth's here, and the nose must not turn to suit them.
+        sigma[:, 3:5] = np.sqrt(np.mean(sigma[:, 3:5] ** 2, axis=1, keepdims=True))
         sigma[missing, :3] += 0.5 * dt  # nothing was measured: the aircraft may have done anything it usually does
         sigma[missing, 3:6] += 5.0 * dt
         sigma[:, 6] = 2e-3
@@ -259,6 +276,7 @@ class _Problem:
         load = 1 / (felt_V**2 * np.cos(np.clip(slow.foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2)))
         slow_alpha, alpha_of_load = slow.as_lift_says(alpha, load, self._flying)
         per_pair = slow.over_angle(alpha, mean["V_per_pair"], slow_alpha, self._flying)
+        ahead, right = self._levelled(state.phi, state.theta)
         sideways = gusts.across(gust, self._cruise_height_m, self._cruise_mps)
         columns = {
             "gusts_across": np.full(self._n, sideways.sigma_mps**2 + gust**2),
@@ -268,6 +286,8 @@ class _Problem:
             "slow_V": V,
             "slow_alpha": slow_alpha,
             "V_per_pair": per_pair,
+            "field_ahead": np.nan_to_num(ahead),
+            "field_right": np.nan_to_num(right),
         }
 
         def with_slope(slope_V: Array) -> Array:
@@ -283,7 +303,7 @@ class _Problem:
         foreseen[self._flying, down] = ahead[self._flying]
         return foreseen
 
-    def _what_is_shown(self) -> tuple[Array, Array]:
+    def _what_is_shown(self, field_error_T: float) -> tuple[Array, Array]:
         """Measurements and 1/sigma of each block's mean; noise of the air data is constant in pascals."""
         mean, noise = self._mean, self._noise
         rho = pd.Series(mean["rho"]).interpolate(limit_direction="both").to_numpy()
@@ -300,18 +320,21 @@ class _Problem:
             "gps_north": np.full(self._n, GPS_MPS),
             "gps_east": np.full(self._n, GPS_MPS),
             "gps_down": np.full(self._n, GPS_DOWN_MPS),
+            "compass": np.full(self._n, field_error_T * self._headings),
         }
         zero = np.zeros(self._n)
         values = {
             "V": mean["V_mps"], "alpha": mean["alpha_rad"], "beta": mean["beta_rad"], "height": mean["height_m"],
             "v_north": zero, "v_east": zero, "v_down": zero,
             "gps_north": zero, "gps_east": zero, "gps_down": zero,
+            "compass": 0.0 * self._field_T[:, 0],
         }  # fmt: skip
         everywhere = np.ones(self._n, dtype=bool)
         used = {
             "V": self._flying, "alpha": self._flying, "beta": self._flying, "height": everywhere,
             "v_north": self._still, "v_east": self._still, "v_down": self._still,
             "gps_north": everywhere, "gps_east": everywhere, "gps_down": everywhere,
+            "compass": self._flying,
         }  # fmt: skip
         shown, weight = np.zeros((self._n, len(SHOWN))), np.zeros((self._n, len(SHOWN)))
         for i, name in enumerate(SHOWN):
@@ -355,16 +378,34 @@ class _Problem:
                 heading = np.interp(np.arange(n), np.flatnonzero(fast), fast_track)
             x[:, 3], x[:, 4] = north, east
         else:
+            if self._has_compass:
+                heading = heading + self._compass_beside(heading, x)
             speed = np.where(self._flying, self._V_reference, 0.0)
             x[:, 3], x[:, 4] = speed * np.cos(heading), speed * np.sin(heading)
         x[:, 2], x[:, 5], x[:, 6] = heading, -climb, _smoothed(mean["height_m"], 3)
         self._first = x[0].copy()
-        return x, self._prior_shared[0].copy()
+        shared = self._prior_shared[0].copy()
+        if self._has_gps and self._has_compass:
+            beside = self._compass_beside(heading, x)[self._flying]
+            shared[SHARED.index("heading_bias")] = np.angle(np.mean(np.exp(1j * beside)))
+        return x, shared
+
+    def _levelled(self, phi: Array, theta: Array) -> tuple[Array, Array]:
+        """The field ahead and to the right, level."""
+        x, y, z = self._field_T.T
+        ahead, right, _ = motion.earth_from_body(x, y, z, phi, theta, 0.0)
+        return ahead, right
+
+    def _compass_beside(self, heading: Array, x: Array) -> Array:
+        """By how much the compass reads more than these headings, the nearest turn of it; level as states x are."""
+        ahead, right = self._levelled(x[:, 0], x[:, 1])
+        beside = np.arctan2(-right, ahead) - heading
+        width = round(COMPASS_S / (self.t_s[1] - self.t_s[0]))
+        return np.unwrap(np.arctan2(_smoothed(np.sin(beside), width), _smoothed(np.cos(beside), width)))
 
     def solve(self, x: Array, shared: Array, gust: float, iterations: int, enough: float = CONVERGED) -> _Solution:
         """Gauss-Newton from a start to where it stands still, or so often, for one intensity of gusts."""
-        # Without GPS nothing shows the compass: north is then where the aircraft's nose pointed at first.
-        heading = 3.0 if self._has_gps else 0.01
+        heading = 3.0 if self._has_gps or self._has_compass else NORTH_RAD
         velocity = 0.3 if self._still.any() and np.argmax(self._still) < FIRST_BLOCKS else 10.0
         first_sigma = np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0, *[max(gust, 0.01)] * 5])
         mean, sigma = self._prior_shared
@@ -406,6 +447,8 @@ class _Problem:
             for i, name in enumerate(SHOWN)
             if seen[:, i].any()
         }
+        if "compass" in rms:
+            rms["compass"] *= self._headings
         states = pd.DataFrame(solution.x, index=pd.Index(self.t_s, name="t_s"), columns=list(STATES))
         last = solution.last
         given, _ = self._what_is_given(solution.x, solution.shared, solution.gust)
@@ -431,6 +474,12 @@ def _effect(attitude: Array, moved: Array, error: Named) -> Array:
     turning = motion.attitude_derivative(phi, theta, p - error.p_bias, q - error.q_bias, r - error.r_bias)
     force = motion.earth_from_body(ax - error.ax_bias, ay - error.ay_bias, az - error.az_bias, phi, theta, psi)
     return np.column_stack([*turning, *force])
+
+
+def _blocks_of(compass: Compass | None, n: int) -> Array:
+    if compass is None:
+        return np.full((n, 3), np.nan)
+    return np.column_stack([block_mean(pd.Series(part), n) for part in compass.field_T.T])
 
 
 def block_mean(series: pd.Series, n: int) -> Array:

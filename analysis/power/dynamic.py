@@ -31,7 +31,7 @@ THRUST = ("thrust_scale", "thrust_slope")  # thrust is the table's times 1 + sca
 SHORTEST = 10  # blocks of a run
 UNITS = {
     "p_bias": "rad/s", "q_bias": "rad/s", "r_bias": "rad/s", "ax_bias": "m/s^2", "ay_bias": "m/s^2", "az_bias": "m/s^2",
-    "alpha_bias": "rad", "beta_bias": "rad", "gps_latency": "s",
+    "alpha_bias": "rad", "beta_bias": "rad", "heading_bias": "rad", "gps_latency": "s",
 }  # fmt: skip
 
 

@@ -285,7 +285,7 @@ def _rejected(results: Results) -> str:
 
 _CHANNELS = {
     "V": "airspeed", "alpha": "angle of attack", "beta": "sideslip", "height": "barometer",
-    "gps_north": "GPS north", "gps_east": "GPS east", "gps_down": "GPS down",
+    "gps_north": "GPS north", "gps_east": "GPS east", "gps_down": "GPS down", "compass": "compass",
 }  # fmt: skip
 
 

@@ -99,7 +99,7 @@ def test_airspeed_agrees_with_gps_after_and_before_it_shows_its_scale(whole) -> 
 def test_a_full_test_flight_determines_every_error(whole) -> None:
     _, _, air, path = whole
     errors = learnt(air, path)
-    assert {error.name for error in errors} == set(SHARED)
+    assert {error.name for error in errors} == set(SHARED) - {"heading_bias"}, "it had no compass"
     assert [error.name for error in errors if not error.determined] == []
     assert notes(errors) == []
 
