@@ -1,14 +1,11 @@
 """Whatever a user hands over by mistake: one clear line on stderr, exit code 2, nothing written."""
 
-import io
 from pathlib import Path
 
 import pytest
-from running import command
+from running import command, rewritten
 
 from flight.aircraft import load_aircraft
-from flight.log_reader import read_log
-from flight.log_writer import LogWriter
 
 pytestmark = pytest.mark.xdist_group("chain")
 
@@ -54,22 +51,6 @@ def test_a_log_torn_before_its_first_message(flown: Path, tmp_path: Path) -> Non
     refused(path, naming="torn.mcap", cause="holds no message", folder=tmp_path)
 
 
-def rewritten(flown: Path, path: Path, *, without_topic: str = "", without_attachment: str = "") -> None:
-    """The same log with something left out."""
-    log, out = read_log(flown / "log.mcap"), io.BytesIO()
-    writer = LogWriter(out)
-    for name, data in log.attachments.items():
-        if name != without_attachment:
-            writer.attach(name, data, "text/plain", 0)
-    for name, values in log.metadata.items():
-        writer.describe(name, values)
-    for topic, entries in log.entries.items():
-        for entry in entries if topic != without_topic else ():
-            writer.write(topic, entry.message, time_ns=entry.time_ns, tick=entry.tick)
-    writer.finish()
-    path.write_bytes(out.getvalue())
-
-
 @pytest.mark.parametrize("topic", ["/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm"])
 def test_a_log_without_a_needed_topic(flown: Path, tmp_path: Path, topic: str) -> None:
     rewritten(flown, tmp_path / "flight.mcap", without_topic=topic)
@@ -100,6 +81,17 @@ def test_a_wrong_aircraft_file(flown: Path, tmp_path: Path, old: str, new: str, 
     refused(
         flown / "log.mcap", "--aircraft", tmp_path / "mine.toml", "-o", tmp_path / "report",
         naming="mine.toml", cause=cause, folder=tmp_path,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("content", "cause"), [("{", "not a magnetometer calibration"), (None, "cannot be read")])
+def test_a_wrong_magnetometer_calibration(flown: Path, tmp_path: Path, content: str | None, cause: str) -> None:
+    mine = tmp_path / "mine.json"
+    if content is not None:
+        mine.write_text(content)
+    refused(
+        flown / "log.mcap", "--magnetometer", mine, "-o", tmp_path / "report",
+        naming="mine.json", cause=cause, folder=tmp_path,
     )  # fmt: skip
 
 
