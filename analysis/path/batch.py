@@ -14,6 +14,8 @@ from scipy.linalg import cholesky_banded, lapack
 
 Array = NDArray[np.float64]
 
+CHUNK = 64  # instants
+
 
 class Linearised(NamedTuple):
     """Residuals in units of their standard deviations, and their derivatives.
@@ -86,19 +88,23 @@ def step(at: Linearised, prior: Prior, first: Array, shared: Array) -> Step:
     nx = at.process.shape[1]
     m = width - nx
     before, after, common = slice(nx), slice(nx, 2 * nx), slice(2 * nx, None)
-    moved, moved_gradient = _squared(at.d_process, at.process, 2 * nx)
     seen, seen_gradient = _squared(at.d_measured, at.measured, nx)
 
     diagonal = seen[:, :, :nx].copy()
-    diagonal[:-1] += moved[:, before, before]
-    diagonal[1:] += moved[:, after, after]
     diagonal[0] += np.diag(1 / prior.first_sigma**2)
     border = seen[:, :, nx:].copy()
-    border[:-1] += moved[:, before, common]
-    border[1:] += moved[:, after, common]
+    above = np.empty((n - 1, nx, nx))
     gradient = seen_gradient
-    gradient[:-1] += moved_gradient[:, before]
-    gradient[1:] += moved_gradient[:, after]
+    for start in range(0, n - 1, CHUNK):  # what does not outlive a chunk stays in the processor's cache
+        here, there = slice(start, min(start + CHUNK, n - 1)), slice(start + 1, min(start + CHUNK, n - 1) + 1)
+        moved, moved_gradient = _squared(at.d_process[here], at.process[here], 2 * nx)
+        diagonal[here] += moved[:, before, before]
+        diagonal[there] += moved[:, after, after]
+        above[here] = moved[:, before, after]
+        border[here] += moved[:, before, common]
+        border[there] += moved[:, after, common]
+        gradient[here] += moved_gradient[:, before]
+        gradient[there] += moved_gradient[:, after]
     gradient[0] += (first - prior.first_mean) / prior.first_sigma**2
 
     flat = at.d_measured[:, :, nx:].reshape(-1, m), at.d_process[:, :, 2 * nx :].reshape(-1, m)
@@ -106,12 +112,10 @@ def step(at: Linearised, prior: Prior, first: Array, shared: Array) -> Step:
     shared_gradient = flat[0].T @ at.measured.ravel() + flat[1].T @ at.process.ravel()
     shared_gradient += (shared - prior.shared_mean) / prior.shared_sigma**2
 
-    factor = cholesky_banded(
-        _banded(diagonal, moved[:, before, after]), lower=True, overwrite_ab=True, check_finite=False
-    )
+    factor = cholesky_banded(_banded(diagonal, above), lower=True, overwrite_ab=True, check_finite=False)
     right = np.empty((1 + m, n * nx)).T  # column by column, as LAPACK has it
     right[:, 0], right[:, 1:] = gradient.ravel(), border.reshape(-1, m)
-    half = _solved(factor, right)
+    half = _solved(factor, right, overwrite=True)
     schur = corner - half[:, 1:].T @ half[:, 1:]
     covariance = np.linalg.inv(schur)
     d_shared = -covariance @ (shared_gradient - half[:, 1:].T @ half[:, 0])
@@ -128,9 +132,9 @@ def _squared(derivative: Array, residual: Array, own: int) -> tuple[Array, Array
     return states @ derivative, (states @ residual[:, :, None])[:, :, 0]
 
 
-def _solved(factor: Array, right: Array, *, transposed: bool = False) -> Array:
-    """The solution of a triangular system with `factor` L, or with L^T."""
-    return lapack.dtbtrs(factor, right, uplo="L", trans="T" if transposed else "N")[0]
+def _solved(factor: Array, right: Array, *, transposed: bool = False, overwrite: bool = False) -> Array:
+    """The solution of a triangular system with `factor` L, or with L^T; in place of `right` where that may go."""
+    return lapack.dtbtrs(factor, right, uplo="L", trans="T" if transposed else "N", overwrite_b=overwrite)[0]
 
 
 def _banded(diagonal: Array, above: Array) -> Array:
