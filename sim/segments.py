@@ -271,7 +271,7 @@ class Porpoise:
         for i in range(_steps(self.duration_s, craft)):
             t = i * craft.dt
             phase = first * t + (last - first) * t**2 / (2 * self.duration_s)
-            seen = yield Targets(
+            yield Targets(
                 height_m=craft.height_m,
                 speed_mps=speed,
                 heading_rad=craft.heading_rad,
