@@ -40,10 +40,12 @@ SHARED = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_
 MOVE = ("p", "q", "r", "ax", "ay", "az", "dt", "more_phi", "more_theta", "more_psi",
         "more_north", "more_east", "more_down", "sheared", "stays_u", "stays_v", "stays_w")  # fmt: skip
 SHOWN = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_down", "v_north", "v_east", "v_down", "compass")
-# As inertia and lift dictate them; variance of gusts, (m/s)^2; d ln V/d ln(pressure of the pair for angle of attack).
+# As the past foretells them; variance of gusts, (m/s)^2; d ln V/d ln(pressure of the pair for angle of attack).
 SLOW = ("slow_V", "slow_alpha", "gusts_across", "V_per_pair")
 FIELD = ("field_ahead", "field_right")  # of the earth, measured, and levelled by the attitude as it is known by now [T]
-GIVEN = ("ax", "ay", "az", "slope_V", "slope_alpha", *SLOW, *FIELD)
+# The angle that the slope multiplies, its derivative, and by how much its mean over a block is beside its middle.
+ANGLE = ("alpha", "slope_alpha", "bent_alpha")
+GIVEN = ("ax", "ay", "az", "slope_V", *ANGLE, *SLOW, *FIELD)
 
 
 def process(a: Any, b: Any, c: Any, u: Any) -> Sequence[Any]:
@@ -114,7 +116,7 @@ def shown(x: Any, c: Any, v: Any) -> Sequence[Any]:
     force = motion.earth_from_body(*bias_free, x.phi, x.theta, x.psi)
     return (
         V + (c.V_scale + v.V_per_pair * slope) * v.slow_V - c.air_data_lag * v.slope_V,
-        alpha + slope * v.slow_alpha - c.air_data_lag * v.slope_alpha + c.alpha_bias,
+        alpha + v.bent_alpha + slope * v.alpha - c.air_data_lag * v.slope_alpha + c.alpha_bias,
         beta + c.beta_bias,
         x.height,
         x.v_north - c.gps_latency * force[0],

@@ -187,6 +187,7 @@ class _Problem:
         up = self._flying[:-1]
         self._gusty_V = np.where(up, np.maximum(self._felt_V[:-1], SLOWEST_MPS), self._cruise_mps)
         self._gusty_height_m = np.where(up, self._mean["height_m"][:-1], self._cruise_height_m)
+        self._gusts_stay = gusts.vertical(1.0, self._gusty_height_m, self._gusty_V).step(BLOCK / self._rate_Hz)[0]
         self._headings = float(np.sqrt(max(self._flying.sum() / INDEPENDENT_HEADINGS, 1.0)))
         self._shown, self._weight = self._what_is_shown(compass.error_T if compass else np.inf)
         self._has_compass = bool(self._weight[:, SHOWN.index("compass")].any())
@@ -274,9 +275,8 @@ class _Problem:
         V = np.maximum(V, SLOWEST_MPS)
         felt_V = np.maximum(self._felt_V / (1 + error.V_scale), SLOWEST_MPS)
         load = 1 / (felt_V**2 * np.cos(np.clip(slow.foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2)))
-        slow_alpha, alpha_of_load = slow.as_lift_says(alpha, load, self._flying)
-        per_pair = slow.over_angle(alpha, mean["V_per_pair"], slow_alpha, self._flying)
-        ahead, right = self._levelled(state.phi, state.theta)
+        slow_alpha, angle, angle_foretold = self._angle(state, alpha, load, load * slope_foreseen / V)
+        field_ahead, field_right = self._levelled(state.phi, state.theta)
         sideways = gusts.across(gust, self._cruise_height_m, self._cruise_mps)
         columns = {
             "gusts_across": np.full(self._n, sideways.sigma_mps**2 + gust**2),
@@ -285,16 +285,39 @@ class _Problem:
             "az": np.nan_to_num(mean["az_mps2"], nan=-9.8),
             "slow_V": V,
             "slow_alpha": slow_alpha,
-            "V_per_pair": per_pair,
-            "field_ahead": np.nan_to_num(ahead),
-            "field_right": np.nan_to_num(right),
+            "V_per_pair": slow.over_angle(alpha, mean["V_per_pair"], slow_alpha, self._flying),
+            "field_ahead": np.nan_to_num(field_ahead),
+            "field_right": np.nan_to_num(field_right),
         }
 
-        def with_slope(slope_V: Array) -> Array:
-            slopes = {"slope_V": slope_V, "slope_alpha": -2 * alpha_of_load * load * slope_V / V}
-            return np.column_stack([(columns | slopes)[name] for name in GIVEN])
+        def given(slope_V: Array, quick: dict[str, Array]) -> Array:
+            return np.column_stack([(columns | {"slope_V": slope_V} | quick)[name] for name in GIVEN])
 
-        return with_slope(slow.slope(steady, self._flying, step_s)), with_slope(slope_foreseen)
+        return given(slow.slope(steady, self._flying, step_s), angle), given(slope_foreseen, angle_foretold)
+
+    def _angle(
+        self, state: Named, alpha: Array, load: Array, loading: Array
+    ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+        """Angle of attack as the past foretells it (n,); ANGLE as it is; and ANGLE as the past foretells it.
+
+        alpha : as measured     load, loading : lift coefficient foreseen and its derivative, up to a factor
+        The past is what lift dictates, and the aircraft's own swinging some blocks before: a stick that goes to and
+        fro is foretold, what a gust does now is not.
+        """
+        flying = self._flying
+        steady = state.v_north - state.wind_north, state.v_east - state.wind_east, state.v_down
+        u, _, w = motion.body_from_earth(*steady, state.phi, state.theta, state.psi)
+        flown = np.where(flying, np.arctan2(w, u), 0.0)
+        bent = np.zeros(self._n)
+        bent[1:-1] = np.diff(flown, 2) / 24  # a parabola's mean over a block, less its middle
+        seen = pd.Series(np.where(flying, alpha, np.nan)).interpolate(limit_direction="both").fillna(0.0)
+        now = np.column_stack([seen, CubicSpline(self.t_s, seen)(self.t_s, 1)]) * flying[:, None]
+        past = np.column_stack([np.ones(self._n), load, loading, slow.before(flown, flying)])
+        foretold = slow.foretold(now, past, self._gusts_stay, flying)
+        is_now, is_foretold = (
+            {"alpha": angle[:, 0], "slope_alpha": angle[:, 1], "bent_alpha": bent * flying} for angle in (now, foretold)
+        )
+        return foretold[:, 0], is_now, is_foretold
 
     def _as_foreseen(self, x: Array) -> Array:
         """The states, but heaving as the past foretells it: an aircraft heaves with a vertical gust within a step."""

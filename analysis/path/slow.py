@@ -14,18 +14,7 @@ Array = NDArray[np.float64]
 
 SLOW_S = 3.0  # over which speed and bank change slowly enough to be foreseen
 SLOPE_S = 1.0  # over which their slopes do
-
-
-def as_lift_says(alpha: Array, load: Array, flying: NDArray[np.bool_]) -> tuple[Array, float]:
-    """Angle of attack [rad] as a straight line over `load`, and the line's slope; 0 on the ground.
-
-    load : lift coefficient in steady flight, up to a factor.
-    """
-    seen = flying & np.isfinite(alpha)
-    if seen.sum() < 2 or np.ptp(load[seen]) == 0:
-        return np.zeros(len(alpha)), 0.0
-    slope, offset = np.polyfit(load[seen], alpha[seen], 1)
-    return np.where(flying, offset + slope * load, 0.0), float(slope)
+MEMORY = range(2, 8)  # blocks in which a movement of the stick shows that is still to come
 
 
 def over_angle(alpha: Array, values: Array, at: Array, flying: NDArray[np.bool_]) -> Array:
@@ -51,6 +40,26 @@ def foreseen(values: Array, flying: NDArray[np.bool_], step_s: float, over_s: fl
         for found, weights in zip(ahead, line, strict=True):
             found[rows] = np.convolve(before, weights, mode="valid")
     return ahead[0], ahead[1]
+
+
+def foretold(now: Array, past: Array, stays: Array, flying: NDArray[np.bool_]) -> Array:
+    """`now` (n, m) as far as it is a combination of what is known of the `past` (n, k); 0 on the ground.
+
+    stays : (n-1,) what is left of a gust one step later. The combination is that of least squares of what is *new* in
+    both beside a gust: so much of `now` a smoother sees that takes gusts for noise, and no more.
+    """
+    both = flying[1:] & flying[:-1]
+    new_now, new_past = (values[1:][both] - stays[both, None] * values[:-1][both] for values in (now, past))
+    return np.where(flying[:, None], past @ np.linalg.lstsq(new_past, new_now, rcond=None)[0], 0.0)
+
+
+def before(values: Array, flying: NDArray[np.bool_]) -> Array:
+    """`values` of MEMORY blocks before, (n, ·), newest first; 0 where the aircraft did not fly then.
+
+    The last block is left out: means of neighbouring blocks share what is new in a gust between their middles.
+    """
+    flown = np.where(flying, values, 0.0)
+    return np.column_stack([np.concatenate([np.zeros(lag), flown[:-lag]]) for lag in MEMORY])
 
 
 def slope(values: Array, flying: NDArray[np.bool_], step_s: float) -> Array:
