@@ -101,7 +101,12 @@ _LACKS: tuple[tuple[Callable[[Flown], bool], str, frozenset[str]], ...] = (
         "nearly one speed throughout; fly slow and fast",
         frozenset({"alpha_scale", "air_data_lag", "V_scale"}),
     ),
-    (lambda f: f.gust_mps > GUSTY_MPS, "gusts hide it; fly longer, or on a calmer day", _AIR),
+    (lambda f: f.gust_mps > GUSTY_MPS, "gusts hide it; fly longer, or on a calmer day", _AIR - {"alpha_scale"}),
+    (
+        lambda f: f.gust_mps > GUSTY_MPS,
+        "gusts hide it; porpoise for a minute (stick to and fro, 1.5 s a cycle), or fly on a calmer day",
+        frozenset({"alpha_scale"}),
+    ),
 )
 _TOO_LITTLE = "too short a flight, or too little happened in it"
 

@@ -5,13 +5,14 @@ import pandas as pd
 
 from analysis.airdata.air import LOW_M
 from analysis.runs.elevator import find_3211
-from analysis.runs.kinds import FLYING, STANDING, STEPS_3211, Found, Rejected, Run, measured
+from analysis.runs.kinds import FLYING, PORPOISING, STANDING, STEPS_3211, Found, Rejected, Run, measured
 from analysis.runs.level import find_runs
 from analysis.runs.loads import find_loads
 from analysis.runs.steady import find_steady
 from analysis.stillness import stretches
 
 SHORTEST_FLIGHT_S = 10.0
+SLACK_S = 3.0  # in which the stick comes to rest after porpoising
 
 
 def find(table: pd.DataFrame, still: list[slice]) -> Found:
@@ -23,6 +24,12 @@ def find(table: pd.DataFrame, still: list[slice]) -> Found:
         # What an elevator input does to the load factor is no roller coaster.
         runs += [run for run in some if not _within(run, steps)]
         rejected += [stretch for stretch in others if not _within(stretch, steps)]
+    porpoising = [run for run in runs if run.kind == PORPOISING]
+    rejected = [
+        r
+        for r in rejected
+        if not any(p.start_s - SLACK_S < r.start_s and r.end_s < p.end_s + SLACK_S for p in porpoising)
+    ]
     return Found(sorted(runs, key=_when), sorted(rejected, key=_when))
 
 

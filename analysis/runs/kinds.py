@@ -7,11 +7,12 @@ import pandas as pd
 
 ACCELERATION, DECELERATION, STEADY = "acceleration", "deceleration", "steady"
 ROLLER_COASTER, WIND_UP_TURN, STEPS_3211 = "roller coaster", "wind-up turn", "3-2-1-1"
+PORPOISING = "porpoising"  # no method's: what it shows is the slope of angle of attack, to the flight path
 STANDING, FLYING = "standing", "flying"
 
 LEVEL = (ACCELERATION, DECELERATION)  # the dynamic method's
 LOADS = (ROLLER_COASTER, WIND_UP_TURN)  # lift varies at about one speed
-KINDS = (*LEVEL, STEADY, *LOADS, STEPS_3211, STANDING, FLYING)
+KINDS = (*LEVEL, STEADY, *LOADS, STEPS_3211, PORPOISING, STANDING, FLYING)
 
 END_S = 0.4  # over which the height at a run's ends is averaged
 

@@ -1,11 +1,11 @@
-"""Finds the manoeuvres in which lift varies at about one speed: roller coasters and wind-up turns."""
+"""Finds the manoeuvres in which lift varies at about one speed: roller coasters, porpoising and wind-up turns."""
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.runs import quality
-from analysis.runs.kinds import ROLLER_COASTER, WIND_UP_TURN, Rejected, Run, measured
+from analysis.runs.kinds import PORPOISING, ROLLER_COASTER, WIND_UP_TURN, Rejected, Run, measured
 from analysis.runs.smooth import Smooth, load_factor, smooth
 from analysis.stillness import stretches
 
@@ -17,6 +17,7 @@ AWAY = 0.15  # from a load factor of 1: a manoeuvre lasts while it is further aw
 PAUSE_S = 1.0  # … or comes back to it for no longer than this
 PULLED, PUSHED = 1.25, 0.75  # a roller coaster goes beyond both
 SHORTEST_S, LONGEST_S = 2.5, 40.0
+PORPOISED = 8  # times up or down in one go are no roller coaster any more
 WINGS_LEVEL_RAD = np.radians(25)
 BANKED_RAD = np.radians(15)
 WOUND_UP = 1.4  # load factor that a wind-up turn reaches
@@ -26,7 +27,7 @@ LARGEST_SPEED_CHANGE = 0.2
 
 
 def find_loads(table: pd.DataFrame) -> tuple[list[Run], list[Rejected]]:
-    """Both kinds in order of time, and the rejected stretches. `table` as `air_data` leaves it."""
+    """All three kinds, and the rejected stretches. `table` as `air_data` leaves it."""
     now, n = smooth(table, SMOOTHING_S), load_factor(table, LOAD_SMOOTHING_S)
     flying = table["flying"].to_numpy() & np.isfinite(now.V)
     runs: list[Run] = []
@@ -40,17 +41,29 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Run], list[Rejected]]:
             if not is_one(n[rows]):
                 continue
             data = table.iloc[rows]
+            if kind == ROLLER_COASTER and _swings(n[rows]) >= PORPOISED:
+                runs.append(measured(PORPOISING, rows, table, now.V, _between(n[rows])))
+                continue
             reason = quality.without_data(data) or why_not(data, now, rows, n[rows]) or quality.too_low(data)
             if reason:
                 rejected.append(Rejected(kind, float(data.index[0]), float(data.index[-1]), reason))
             else:
-                words = (f"load factor {np.nanmin(n[rows]):.1f} to {np.nanmax(n[rows]):.1f}",)
-                runs.append(measured(kind, rows, table, now.V, words))
+                runs.append(measured(kind, rows, table, now.V, _between(n[rows])))
     return runs, rejected
 
 
 def _coasts(n: Array) -> bool:
     return bool(np.any(n > PULLED) and np.any(n < PUSHED))
+
+
+def _swings(n: Array) -> int:
+    """How often the load factor went from pushed to pulled or back."""
+    side = np.where(n > PULLED, 1, np.where(n < PUSHED, -1, 0))
+    return int(np.count_nonzero(np.diff(side[side != 0])))
+
+
+def _between(n: Array) -> tuple[str]:
+    return (f"load factor {np.nanmin(n):.1f} to {np.nanmax(n):.1f}",)
 
 
 def _no_coaster(data: pd.DataFrame, now: Smooth, rows: slice, n: Array) -> str:

@@ -58,6 +58,19 @@ def test_a_gap_in_the_imu_does_not_make_a_wind_up_turn_vanish_without_a_word(man
     assert any(one.start_s < middle < one.end_s + 0.1 for one in said)
 
 
+def test_porpoising_is_found_as_such_and_is_neither_a_roller_coaster_nor_a_3211(probe, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.toml"
+    text = (Path("sim/plans/manoeuvres.toml")).read_text("utf-8")
+    plan.write_text(text.replace('"roller-coaster"', '"porpoise"\nduration = "30 s"'), "utf-8")
+    flight = flown(probe, str(plan))
+    found, segments = find(flight.table, flight.still), flight.segments
+    start, end = segments.loc[segments["kind"] == "porpoise", ["start_s", "end_s"]].iloc[0]
+    (run,) = found.of("porpoising")
+    assert (run.start_s, run.end_s) == (pytest.approx(start, abs=2), pytest.approx(end, abs=2))
+    assert not found.of("roller coaster") and len(found.of("3-2-1-1")) == 1
+    assert not [stretch for stretch in found.rejected if start < stretch.start_s < end]
+
+
 def test_steady_points_are_found_in_every_long_hold_and_nowhere_else(probe) -> None:
     flight = flown(probe, "steady-points")
     steady = find(flight.table, flight.still).of("steady")

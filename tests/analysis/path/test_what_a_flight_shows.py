@@ -39,6 +39,7 @@ kind = "hold"
 duration = "25 s"
 speed_over_stall = 1.6
 """
+PORPOISE = LEG.replace('"hold"', '"porpoise"')
 TURN = """
 [[segment]]
 kind = "turn"
@@ -131,6 +132,30 @@ def test_in_moving_air_turns_show_the_scale_of_airspeed_and_one_heading_does_not
     assert any("scale of airspeed" in note for note in notes(errors)) == (not turns)
     slope = next(error for error in errors if error.name == "alpha_scale")
     assert any("one speed" in why for why in slope.missing), "held at one speed, with turns or without"
+
+
+def test_in_gusts_porpoising_shows_the_slope_of_angle_of_attack(probe, tmp_path: Path) -> None:
+    """Two and a half minutes in W20 = 10 kt at one speed, 50 s of them porpoising or not.
+
+    Gusts of sigma 0.5 m/s, 80 m long, against 3 deg rms at 4.1 rad/s for 50 s: 3 sigma^2/(V omega)^2/L over the
+    integral of the angle's square is 1.6 % squared at best, where 3 % are assumed and 2.4 % count as determined.
+    """
+    slopes = []
+    for legs in (6 * LEG, 2 * LEG + 2 * PORPOISE + 2 * LEG):
+        plan = tmp_path / "plan.toml"
+        plan.write_text(UP + legs, "utf-8")
+        truth, _, air, still = fly(0, probe, str(plan), turbulence_kt=10.0)
+        path = reconstruct(air, still)
+        flown = air["alpha_rad"].notna() & air["flying"]
+        true_alpha = np.interp(air.index, truth["time_s"], truth["alpha_rad"])[flown]
+        shown = np.polyfit(true_alpha, air["alpha_rad"][flown], 1)[0] - 1
+        assert abs(path.value("alpha_scale") - 2 * path.value("V_scale") - shown) < WITHIN * np.hypot(
+            path.standard_error("alpha_scale"), 2 * path.standard_error("V_scale")
+        )
+        slopes.append(next(error for error in learnt(air, path) if error.name == "alpha_scale"))
+    without, porpoised = slopes
+    assert not without.determined and any("porpoise" in why for why in without.missing)
+    assert porpoised.determined
 
 
 def test_whatever_was_not_determined_has_a_reason() -> None:
