@@ -13,8 +13,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.air import LOW_M
+from analysis.path.blocks import block_mean
 from analysis.path.model import SHARED, SLOW, STATES, Named
-from analysis.path.reconstruct import Path, block_mean
+from analysis.path.reconstruct import Path
 from flight.motion import earth_from_body
 
 Array = NDArray[np.float64]

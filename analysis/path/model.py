@@ -8,8 +8,8 @@ derivatives.
 The aircraft answers to gusts. It heaves with them within a second and turns its nose into them within two; only its
 speed is slow to follow. What a gust and the answer to it have in common would be taken for an error of a sensor, were
 it free to enter beside one (docs/estimators.md has the figures). Hence gusts are along the aircraft's own axes, their
-effect on the flow depends on the slow flow alone, a scale stands beside what lift and inertia dictate (SLOW, given for
-each step), and what is shown is differentiated where the past foretells the aircraft to be: residuals are exact, only
+effect on the flow depends on the slow flow alone, a scale stands beside what the past foretells (given for each step),
+and what is shown is differentiated where the past foretells the aircraft to be: residuals are exact, only
 their weights know nothing of the gust of the moment. In other words, instrumental variables.
 """
 
@@ -40,7 +40,7 @@ SHARED = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_
 MOVE = ("p", "q", "r", "ax", "ay", "az", "dt", "more_phi", "more_theta", "more_psi",
         "more_north", "more_east", "more_down", "sheared", "stays_u", "stays_v", "stays_w")  # fmt: skip
 SHOWN = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_down", "v_north", "v_east", "v_down", "compass")
-# As the past foretells them; variance of gusts, (m/s)^2; d ln V/d ln(pressure of the pair for angle of attack).
+# The flow as the past foretells it; variance of gusts, (m/s)^2; d ln V/d ln(pressure of the pair for angle of attack).
 SLOW = ("slow_V", "slow_alpha", "gusts_across", "V_per_pair")
 FIELD = ("field_ahead", "field_right")  # of the earth, measured, and levelled by the attitude as it is known by now [T]
 # The angle that the slope multiplies, its derivative, and by how much its mean over a block is beside its middle.

@@ -12,7 +12,8 @@ import pandas as pd
 
 from analysis.airdata.air import LOW_M
 from analysis.airdata.skew import LEARNT
-from analysis.path.reconstruct import Path, block_mean
+from analysis.path.blocks import block_mean
+from analysis.path.reconstruct import Path
 
 DEG, PERCENT, MILLI = float(np.degrees(1.0)), 100.0, 1000.0
 # In words, and the unit a reader thinks in.

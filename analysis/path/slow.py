@@ -1,4 +1,4 @@
-"""The slow flow: what the past foretells, and what lift dictates.
+"""The slow flow: what the past foretells.
 
 An error of a sensor stands beside these and nothing quicker: what answers to a gust would take the gust for the error.
 """

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from analysis.path.gusts import Wandering
 from analysis.path.model import SHARED
-from analysis.path.reconstruct import PRIOR_SIGMA, Path
+from analysis.path.problem import PRIOR_SIGMA
+from analysis.path.reconstruct import Path
 from analysis.power.forces import J_REFERENCE, THRUST_SCALE, THRUST_SLOPE, Blocks
 from flight.atmosphere import GRAVITY_MPS2 as g
 

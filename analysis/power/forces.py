@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.path.blocks import block_mean
 from analysis.path.model import SHARED, SLOW, STATES, Named, flow
-from analysis.path.reconstruct import Path, block_mean
+from analysis.path.reconstruct import Path
 from flight.aerodynamics import stability_axes
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller

@@ -8,7 +8,8 @@ from analysis.airdata.air import LOW_M
 from analysis.airdata.magnetometer import calibrate, compass
 from analysis.path.model import GIVEN, MOVE, SHARED, SHOWN, STATES, Data, Equations
 from analysis.path.observability import heading_said, learnt
-from analysis.path.reconstruct import PRIOR_SIGMA, reconstruct
+from analysis.path.problem import PRIOR_SIGMA
+from analysis.path.reconstruct import reconstruct
 from flight.motion import body_from_earth, earth_from_body
 from sim.sensors.tray import DIP_RAD, FIELD_T
 

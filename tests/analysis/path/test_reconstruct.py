@@ -8,7 +8,8 @@ import pytest
 
 from analysis.airdata.air import LOW_M
 from analysis.path.model import GIVEN, MOVE, SHARED, SHOWN, STATES, Data, Equations
-from analysis.path.reconstruct import PRIOR_SIGMA, reconstruct
+from analysis.path.problem import PRIOR_SIGMA
+from analysis.path.reconstruct import reconstruct
 from analysis.power.forces import THRUST_SCALE, THRUST_SLOPE
 from flight.aircraft import load_aircraft
 from flight.errors import InputError

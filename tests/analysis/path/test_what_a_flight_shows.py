@@ -8,10 +8,11 @@ import pytest
 from test_reconstruct import flown as fly
 
 from analysis.path import observability
+from analysis.path.blocks import block_mean
 from analysis.path.consistency import ANGLES, SPEED, consistency, spread
 from analysis.path.model import SHARED
 from analysis.path.observability import Flown, learnt, missing, notes
-from analysis.path.reconstruct import block_mean, reconstruct
+from analysis.path.reconstruct import reconstruct
 from analysis.summary import path_result
 
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
@@ -137,7 +138,7 @@ def test_in_moving_air_turns_show_the_scale_of_airspeed_and_one_heading_does_not
 def test_in_gusts_porpoising_shows_the_slope_of_angle_of_attack(probe, tmp_path: Path) -> None:
     """Two and a half minutes in W20 = 10 kt at one speed, 50 s of them porpoising or not.
 
-    Gusts of sigma 0.5 m/s, 80 m long, against 3 deg rms at 4.1 rad/s for 50 s: 3 sigma^2/(V omega)^2/L over the
+    Gusts of sigma 0.5 m/s, 80 m long, against 3 deg rms at 4.1 rad/s for 50 s: 3 sigma^2/(V omega^2 L) over the
     integral of the angle's square is 1.6 % squared at best, where 3 % are assumed and 2.4 % count as determined.
     """
     slopes = []
