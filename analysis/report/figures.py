@@ -353,12 +353,19 @@ def timeline(table: pd.DataFrame, runs: Sequence[Run], rejected: Sequence[Reject
         )
         figure.update_yaxes(title=title, row=i, col=1)
     shades = [(run.kind, run.start_s, run.end_s) for run in runs if run.kind not in ("standing", "flying")]
-    for kind, start, end in shades:
-        colour = KIND_COLOUR.get(kind, PALETTE[3])
-        figure.add_vrect(x0=start, x1=end, fillcolor=colour, opacity=FILL.get(kind, 0.18), line_width=0)
-    for stretch in rejected:
-        style = {"color": GREY, "width": 1.5, "dash": "dot"}
-        figure.add_vrect(x0=stretch.start_s, x1=stretch.end_s, fillcolor="rgba(0,0,0,0.04)", line=style)
+    bands = [
+        {"x0": start, "x1": end, "fillcolor": KIND_COLOUR.get(kind, PALETTE[3]), "opacity": FILL.get(kind, 0.18),
+         "line": {"width": 0}}
+        for kind, start, end in shades
+    ] + [
+        {"x0": stretch.start_s, "x1": stretch.end_s, "fillcolor": "rgba(0,0,0,0.04)",
+         "line": {"color": GREY, "width": 1.5, "dash": "dot"}}
+        for stretch in rejected
+    ]  # fmt: skip
+    # All at once: `add_vrect` looks through every shape again for each, a minute of a flight's report.
+    axes = ["" if i == 1 else str(i) for i in range(1, len(rows) + 1)]
+    places = [{"type": "rect", "xref": f"x{i}", "yref": f"y{i} domain", "y0": 0, "y1": 1} for i in axes]
+    figure.update_layout(shapes=[place | band for band in bands for place in places])
     present = {kind: KIND_COLOUR.get(kind, PALETTE[3]) for kind, _, _ in shades}
     if rejected:
         present["rejected"] = GREY
