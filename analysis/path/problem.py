@@ -181,7 +181,8 @@ class Problem:
         _, slope_foreseen = slow.foreseen(steady, self._flying, step_s, slow.SLOPE_S)
         V = np.maximum(V, SLOWEST_MPS)
         felt_V = np.maximum(self._felt_V / (1 + error.V_scale), SLOWEST_MPS)
-        load = 1 / (felt_V**2 * np.cos(np.clip(slow.foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2)))
+        cos_bank = np.cos(np.clip(slow.foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2))
+        load = 1 / (felt_V**2 * cos_bank)
         slow_alpha, angle, angle_foretold = self._angle(state, alpha, load, load * slope_foreseen / V)
         field_ahead, field_right = self._levelled(state.phi, state.theta)
         sideways = gusts.across(gust, self._cruise_height_m, self._cruise_mps)
@@ -192,7 +193,8 @@ class Problem:
             "az": np.nan_to_num(mean["az_mps2"], nan=-9.8),
             "slow_V": V,
             "slow_alpha": slow_alpha,
-            "V_per_pair": slow.over_angle(alpha, mean["V_per_pair"], slow_alpha, self._flying),
+            # Over what lift takes at the inertial speed: beside airspeed nothing may stand that airspeed showed before.
+            "V_per_pair": slow.parabola(mean["V_per_pair"], 1 / (V**2 * cos_bank), self._flying),
             "field_ahead": np.nan_to_num(field_ahead),
             "field_right": np.nan_to_num(field_right),
         }

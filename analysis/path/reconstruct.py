@@ -1,6 +1,6 @@
 """The flight path and the errors of its sensors, over the whole flight at once: the most probable ones."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -127,18 +127,12 @@ def _solve(
     problem: Problem, x: Array, shared: Array, gust: float, iterations: int, enough: float = CONVERGED
 ) -> _Solution:
     """Gauss-Newton from a start to where it stands still, or so often, for one intensity of gusts."""
-    first_sigma, (mean, sigma) = problem.begun(gust), problem.prior
-    latency = SHARED.index("gps_latency")
     x, shared, converged = x.copy(), shared.copy(), False
     before, share = np.zeros(len(SHARED)), 1.0
     moving = problem.in_gusts(gust)
     for _ in range(iterations):
         data = problem.data(x, shared, gust, *moving)
-        # GPS is moved by the latency known by now: what is left of it is to be found.
-        remaining, prior_mean = shared.copy(), mean.copy()
-        remaining[latency] = 0.0
-        prior_mean[latency] -= shared[latency]
-        prior = Prior(problem.first, first_sigma, prior_mean, sigma)
+        remaining, prior = _remaining(problem, shared, gust)
         at = problem.equations.at(x, remaining, data)
         first = x[0]
         last = step(at, prior, first, remaining)
@@ -153,6 +147,26 @@ def _solve(
     evidence -= 2 * float(np.sum(np.log(data.process_weight)) + np.sum(np.log(data.weight[data.weight > 0])))
     gusty = float(np.sqrt(np.mean(at.process[:, GUSTS] ** 2)))
     return _Solution(x, shared, last, gust, evidence, gusty, at.measured, converged)
+
+
+def _remaining(problem: Problem, shared: Array, gust: float) -> tuple[Array, Prior]:
+    """What is to be found of the shared numbers, and its prior: GPS has been moved by the latency known by now."""
+    mean, sigma = problem.prior
+    known = np.where(np.array(SHARED) == "gps_latency", shared, 0.0)
+    return shared - known, Prior(problem.first, problem.begun(gust), mean - known, sigma)
+
+
+def _following(problem: Problem, solution: _Solution) -> Array:
+    """How the states move with the shared numbers, (n, nx, m).
+
+    What an error of a sensor does to the path it does by the flow as it is. The search and the covariance have it
+    beside the flow foretold, which changes alike but is less.
+    """
+    x, shared, gust = solution.x, solution.shared, solution.gust
+    data = problem.data(x, shared, gust, *problem.in_gusts(gust))
+    remaining, prior = _remaining(problem, shared, gust)
+    at = problem.equations.at(x, remaining, replace(data, given_foreseen=data.given))
+    return step(at, prior, x[0], remaining).held.follow(len(STATES))
 
 
 def _path(problem: Problem, solution: _Solution) -> Path:
@@ -173,7 +187,7 @@ def _path(problem: Problem, solution: _Solution) -> Path:
         solution.shared,
         last.covariance,
         problem.prior[1],
-        last.held.follow(len(STATES)),
+        _following(problem, solution),
         last.held.draws(len(STATES), DRAWS),
         flow_slow,
         solution.gust,

@@ -17,12 +17,12 @@ SLOPE_S = 1.0  # over which their slopes do
 MEMORY = range(2, 8)  # blocks in which a movement of the stick shows that is still to come
 
 
-def over_angle(alpha: Array, values: Array, at: Array, flying: NDArray[np.bool_]) -> Array:
-    """`values` as a parabola over angle of attack, at other angles; 0 on the ground."""
-    seen = flying & np.isfinite(alpha) & np.isfinite(values)
-    if seen.sum() < 3 or np.ptp(alpha[seen]) == 0:
-        return np.zeros(len(alpha))
-    return np.where(flying, np.polyval(np.polyfit(alpha[seen], values[seen], 2), at), 0.0)
+def parabola(values: Array, over: Array, flying: NDArray[np.bool_]) -> Array:
+    """`values` as a parabola over another quantity; 0 on the ground."""
+    seen = flying & np.isfinite(values)
+    if seen.sum() < 3 or np.ptp(over[seen]) == 0:
+        return np.zeros(len(values))
+    return np.where(flying, np.polyval(np.polyfit(over[seen], values[seen], 2), over), 0.0)
 
 
 def foreseen(values: Array, flying: NDArray[np.bool_], step_s: float, over_s: float = SLOW_S) -> tuple[Array, Array]:
