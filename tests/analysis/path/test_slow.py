@@ -1,8 +1,12 @@
 """What may stand beside a sensor's error: what the past foretells, and nothing that a gust has just done."""
 
 import numpy as np
+import pytest
+from test_reconstruct import flown as fly
 
 from analysis.path import slow
+from analysis.path.model import GIVEN
+from analysis.path.problem import Problem
 
 STAYS = 0.93  # of a gust in 0.2 s: 40 m long, at 14 m/s
 N = 6000
@@ -56,3 +60,14 @@ def test_on_the_ground_nothing_is_foretold_and_nothing_remembered() -> None:
     assert np.array_equal(past[60], values[60 - np.array(slow.MEMORY)])
     foretold = slow.foretold(values[:, None], past, np.full(99, STAYS), flying)
     assert not foretold[~flying].any() and foretold[60:].any()
+
+
+@pytest.mark.parametrize("name", ["slow_V", "V_per_pair", "slope_V"])
+def test_beside_airspeed_stands_nothing_that_airspeed_shows(probe, name: str) -> None:
+    """Gusts along the flight last: what airspeed showed a block ago is in what it shows now."""
+    _, _, air, still = fly(0, probe, "accel-decel")
+    gusty = air.assign(V_mps=air["V_mps"] + np.random.default_rng(0).normal(0, 1.0, len(air)))
+    x, shared = Problem(air, still, 0.0, None).start()
+    calm, rough = (Problem(table, still, 0.0, None).what_is_given(x, shared, 0.2)[1] for table in (air, gusty))
+    i = GIVEN.index(name)
+    assert calm[:, i].any() and np.array_equal(calm[:, i], rough[:, i])
