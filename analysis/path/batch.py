@@ -43,16 +43,26 @@ class Held(NamedTuple):
     """What tells how the states move when the shared numbers are held elsewhere, and how sure they are while held."""
 
     factor: Array
-    border: Array
 
-    def follow(self, nx: int) -> Array:
-        """Change of each of `nx` states by each shared number, all else as measured, (n, nx, m)."""
-        moved = -_solved(self.factor, self.border, transposed=True)
-        return moved.reshape(-1, nx, moved.shape[1])
+    def follow(self, at: Linearised) -> Array:
+        """Change of each state by each shared number, all else as measured, (n, nx, m).
+
+        at : may have other derivatives by the shared numbers than those that `step` had.
+        """
+        n, nx = len(at.measured), at.process.shape[1]
+        m = at.d_measured.shape[2] - nx
+        tied = _across(at.d_process, 2 * nx)
+        border = np.empty((m, n * nx)).T  # column by column, as LAPACK has it
+        by_state = border.reshape(n, nx, m)
+        by_state[:] = _across(at.d_measured, nx)
+        by_state[:-1] += tied[:, :nx]
+        by_state[1:] += tied[:, nx:]
+        half = _solved(self.factor, border, overwrite=True)
+        return -_solved(self.factor, half, transposed=True).reshape(n, nx, m)
 
     def draws(self, nx: int, count: int) -> Array:
         """By how much each of `nx` states may be off though the shared numbers are right: draws, (count, n, nx)."""
-        white = np.random.default_rng(0).standard_normal((len(self.border), count))
+        white = np.random.default_rng(0).standard_normal((self.factor.shape[1], count))
         return _solved(self.factor, white, transposed=True).T.reshape(count, -1, nx)
 
 
@@ -122,8 +132,13 @@ def step(at: Linearised, prior: Prior, first: Array, shared: Array) -> Step:
     d_states = -_solved(factor, half[:, :1] + half[:, 1:] @ d_shared[:, None], transposed=True)[:, 0]
     log_determinant = 2 * float(np.sum(np.log(factor[0]))) + float(np.linalg.slogdet(schur)[1])
     decrease = -float(gradient.ravel() @ d_states + shared_gradient @ d_shared)
-    held = Held(factor, half[:, 1:])
-    return Step(d_states.reshape(n, nx), d_shared, (covariance + covariance.T) / 2, held, decrease, log_determinant)
+    covariance = (covariance + covariance.T) / 2
+    return Step(d_states.reshape(n, nx), d_shared, covariance, Held(factor), decrease, log_determinant)
+
+
+def _across(derivative: Array, own: int) -> Array:
+    """J_x^T J_c of each instant: the first `own` columns of the derivatives, and the others."""
+    return derivative[:, :, :own].transpose(0, 2, 1) @ derivative[:, :, own:]
 
 
 def _squared(derivative: Array, residual: Array, own: int) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ GUSTS = [STATES.index(f"gust_{axis}") for axis in "uvw"]
 GUSTS_TRIED_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125, still air, to 3.2, a storm
 _FIRST_TRIED = GUSTS_TRIED_MPS[len(GUSTS_TRIED_MPS) // 2]
 ITERATIONS, QUICK = 40, 1  # at most; for a comparison of intensities, which are close to one another
-DRAWS = 8  # of what states may be off by: enough for a standard error within a quarter
+DRAWS = 16  # of what states may be off by: enough for a standard error within a sixth
 CONVERGED = 0.02  # of a standard error of every shared number, in the last step;
 NEAR = 5.0  # in the last step before the intensity of gusts is known: intensities differ by far more
 
@@ -164,9 +164,8 @@ def _following(problem: Problem, solution: _Solution) -> Array:
     """
     x, shared, gust = solution.x, solution.shared, solution.gust
     data = problem.data(x, shared, gust, *problem.in_gusts(gust))
-    remaining, prior = _remaining(problem, shared, gust)
-    at = problem.equations.at(x, remaining, replace(data, given_foreseen=data.given))
-    return step(at, prior, x[0], remaining).held.follow(len(STATES))
+    remaining, _ = _remaining(problem, shared, gust)
+    return solution.last.held.follow(problem.equations.at(x, remaining, replace(data, given_foreseen=data.given)))
 
 
 def _path(problem: Problem, solution: _Solution) -> Path:

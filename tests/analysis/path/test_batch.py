@@ -69,7 +69,7 @@ def test_states_follow_the_shared_numbers_as_least_squares_says(seed: int) -> No
     at, prior, first, shared = problem(seed)
     _, J = dense(at, prior, first, shared)
     free, held = J[:, : N * NX], J[:, N * NX :]
-    follow = step(at, prior, first, shared).held.follow(NX).reshape(N * NX, M)
+    follow = step(at, prior, first, shared).held.follow(at).reshape(N * NX, M)
     assert follow == pytest.approx(-np.linalg.lstsq(free, held, rcond=None)[0], abs=1e-8)
 
 
