@@ -1,6 +1,7 @@
 """The flight path and the errors of its sensors, over the whole flight at once: the most probable ones."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.airdata.magnetometer import Compass
 from analysis.path.batch import Prior, Step, cost, step
-from analysis.path.model import GIVEN, SHARED, SHOWN, SLOW, STATES
+from analysis.path.model import GIVEN, SHARED, SHOWN, SLOW, STATES, Data
 from analysis.path.problem import Problem
 from flight.errors import InputError
 
@@ -82,6 +83,14 @@ def reconstruct(
         ) from None
 
 
+class _Point(NamedTuple):
+    """Where the equations were linearised."""
+
+    x: Array
+    remaining: Array
+    data: Data
+
+
 @dataclass(frozen=True)
 class _Solution:
     x: Array
@@ -92,6 +101,7 @@ class _Solution:
     gusty: float  # rms of what is new in gusts over what it was taken to be
     measured: Array
     converged: bool
+    stepped_from: _Point
 
 
 def _reconstructed(problem: Problem) -> Path:
@@ -133,7 +143,8 @@ def _solve(
     for _ in range(iterations):
         data = problem.data(x, shared, gust, *moving)
         remaining, prior = _remaining(problem, shared, gust)
-        at = problem.equations.at(x, remaining, data)
+        point = _Point(x, remaining, data)
+        at = problem.equations.at(*point)
         first = x[0]
         last = step(at, prior, first, remaining)
         moves = last.shared / np.sqrt(np.diag(last.covariance))
@@ -146,7 +157,7 @@ def _solve(
     evidence = cost(at, prior, first, remaining) - last.decrease + last.log_determinant
     evidence -= 2 * float(np.sum(np.log(data.process_weight)) + np.sum(np.log(data.weight[data.weight > 0])))
     gusty = float(np.sqrt(np.mean(at.process[:, GUSTS] ** 2)))
-    return _Solution(x, shared, last, gust, evidence, gusty, at.measured, converged)
+    return _Solution(x, shared, last, gust, evidence, gusty, at.measured, converged, point)
 
 
 def _remaining(problem: Problem, shared: Array, gust: float) -> tuple[Array, Prior]:
@@ -156,16 +167,15 @@ def _remaining(problem: Problem, shared: Array, gust: float) -> tuple[Array, Pri
     return shared - known, Prior(problem.first, problem.begun(gust), mean - known, sigma)
 
 
-def _following(problem: Problem, solution: _Solution) -> Array:
+def _following(problem: Problem, last: Step, at: _Point) -> Array:
     """How the states move with the shared numbers, (n, nx, m).
 
     What an error of a sensor does to the path it does by the flow as it is. The search and the covariance have it
-    beside the flow foretold, which changes alike but is less.
+    beside the flow foretold, which changes alike but is less. Taken where the step was: elsewhere the heading, where
+    next to nothing holds it, would turn with every error.
     """
-    x, shared, gust = solution.x, solution.shared, solution.gust
-    data = problem.data(x, shared, gust, *problem.in_gusts(gust))
-    remaining, _ = _remaining(problem, shared, gust)
-    return solution.last.held.follow(problem.equations.at(x, remaining, replace(data, given_foreseen=data.given)))
+    exact = replace(at.data, given_foreseen=at.data.given)
+    return last.held.follow(problem.equations.at(at.x, at.remaining, exact))
 
 
 def _path(problem: Problem, solution: _Solution) -> Path:
@@ -186,7 +196,7 @@ def _path(problem: Problem, solution: _Solution) -> Path:
         solution.shared,
         last.covariance,
         problem.prior[1],
-        _following(problem, solution),
+        _following(problem, last, solution.stepped_from),
         last.held.draws(len(STATES), DRAWS),
         flow_slow,
         solution.gust,
