@@ -52,9 +52,6 @@ CAUSES = {
 
 STILL = Wandering(0.0, 1.0)
 LAG_IN_DOUBT_S = 0.3
-# How the aircraft answers to gusts looks like a lag: 0.04 s in W20 = 3 kt (gusts of 0.15 m/s), 0.13 to 0.3 s in 15 kt
-# (0.8 m/s), without the path's belief. Three times that is beyond doubt.
-GUSTS_FEIGN_S_PER_MPS = 1.0
 ROUGH_MPS = 0.4  # of vertical gusts: W20 = 3 kt makes 0.15, 15 kt 0.8
 FEWEST_BLOCKS = 20
 ALIKE_BLOCKS = 4  # residuals of neighbouring blocks are alike for so long
@@ -69,13 +66,10 @@ def found(blocks: Blocks, path: Path, rows: NDArray[np.bool_]) -> dict[str, Erro
     """Every error of UNKNOWN, as path and forces along it show it. rows: the blocks in which speed changes.
 
     The path believes that air data are hardly late. Here that belief is taken back (a normal prior comes out of a
-    normal posterior as it went in), so that a lag beyond what tubes do is found, and is not taken for thrust. What
-    gusts could feign is left as the path has it.
+    normal posterior as it went in), so that a lag beyond what tubes do is found, and is not taken for thrust.
     """
     i = SHARED.index("air_data_lag")
     shared, covariance = _without_belief(path, i)
-    if abs(shared[i]) < GUSTS_FEIGN_S_PER_MPS * path.gust_mps:
-        shared, covariance = path.shared, path.covariance
     states = path.states.to_numpy() + path.follow @ (shared - path.shared)
     spread = np.sqrt(np.diag(covariance))
     errors = {
