@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.channels import COLUMNS
-from flight.errors import InputError
+from flight.json_file import decoded
 
 Array = NDArray[np.float64]
 
@@ -119,12 +119,7 @@ def zero_of_attachment(data: bytes | None, where: str) -> dict[str, float] | Non
     """
     if data is None:
         return None
-    try:
-        zero = msgspec.json.decode(data, type=_ZeroFile)
-    except msgspec.MsgspecError as error:
-        raise InputError(f"{where}: not a still-air zero ({error})") from None
-    if zero.format != ZERO_FORMAT:
-        raise InputError(f"{where}: format {zero.format!r} is not understood here ({ZERO_FORMAT} is)")
+    zero = decoded(data, _ZeroFile, (ZERO_FORMAT,), where, "a still-air zero")
     found = {}
     for name in CHANNELS:
         topic, field = COLUMNS[name]

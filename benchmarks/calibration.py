@@ -1,23 +1,24 @@
 """How well calibrations find again what was simulated: the figures of docs/calibration.md.
 
-.venv/bin/python benchmarks/calibration.py probe --tunnels 200
-    .venv/bin/python benchmarks/calibration.py tubing --rate-Hz 25 --steps 40 --logs 200
-.venv/bin/python benchmarks/calibration.py tubing --rate-Hz 25 --steps 30 --logs 200
+python benchmarks/calibration.py probe --tunnels 200
+python benchmarks/calibration.py tubing --rate-Hz 25 --steps 36 --logs 60
 """
 
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import argparse
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
+import typer
 from numpy.typing import NDArray
 
 from analysis.airdata.probe import Flow, ProbeCalibration, Tunnel, calibrate, flow_at_probe
 from analysis.airdata.step_test import find_steps, fit_lag, through
 from analysis.airdata.tubing import air, low_frequency_lag_s, response
+from analysis.intervals import NORMAL_95
 from flight.aircraft import Line
 from sim.sensors.probe import port_pressures
 from sim.sensors.tubing import lagged, time_constant_s
@@ -28,6 +29,7 @@ ANGLES_RAD = np.radians(np.linspace(-15, 15, 31))
 QBAR_PA = 200.0
 FINE_S, SIZE_PA, NOISE_PA = 2e-4, 400.0, 6.0
 SEA_LEVEL = air(101_325.0, 288.15)
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 def simulated_tunnel(seed: int) -> Tunnel:
@@ -55,7 +57,9 @@ def _measured(calibration: ProbeCalibration, alpha_rad: Array, beta_rad: Array) 
     return flow_at_probe(calibration, ports.lower_minus_upper, ports.right_minus_left, ports.centre - ports.static)
 
 
-def probe(tunnels: int) -> None:
+@app.command()
+def probe(tunnels: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 200) -> None:
+    """Errors of the maps from simulated tunnels."""
     calibrations = [calibrate(simulated_tunnel(seed)) for seed in range(tunnels)]
     worst = np.array([probe_errors(c) for c in calibrations])
     print("largest error within +-15 deg:  in half of the tunnels, in 95 %, in all")
@@ -64,7 +68,7 @@ def probe(tunnels: int) -> None:
         print(f"{name:20} {half:.3f} {most:.3f} {errors.max():.3f}")
     slopes = np.array([slope_error(c) for c in calibrations])
     stated = np.array([c.alpha_scale_sigma for c in calibrations])
-    held = int(np.sum(np.abs(slopes) < 1.96 * stated))
+    held = int(np.sum(np.abs(slopes) < NORMAL_95 * stated))
     rms = 100 * np.sqrt(np.mean(slopes**2))
     print(f"slope of alpha off by {rms:.2f} % rms, {100 * np.median(stated):.2f} % stated; held {held} of {tunnels}")
 
@@ -108,7 +112,14 @@ def bound(line: Line, rate_Hz: float, steps: int) -> float:
     return float(1 / np.sqrt(steps * np.mean(information)))
 
 
-def tubing(diameter_mm: float, rate_Hz: float, steps: int, logs: int) -> None:
+@app.command()
+def tubing(
+    diameter_mm: Annotated[float, typer.Option("--diameter-mm", help="Of the line, 0.9 m long.")] = 0.4,
+    rate_Hz: Annotated[float, typer.Option("--rate-Hz", help="Of the log.")] = 25.0,
+    steps: Annotated[int, typer.Option(help="Bursts in a log.")] = 8,
+    logs: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 200,
+) -> None:
+    """Errors of a line's lag from bursts of 400 Pa with 6 Pa of noise."""
     line = Line(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
     true_s, shape = low_frequency_lag_s([line], SEA_LEVEL), through(line, SEA_LEVEL)
     found = [
@@ -127,19 +138,5 @@ def tubing(diameter_mm: float, rate_Hz: float, steps: int, logs: int) -> None:
     )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    commands = parser.add_subparsers(dest="command", required=True)
-    command = commands.add_parser("probe", help="errors of the maps from simulated tunnels")
-    command.add_argument("--tunnels", type=int, default=200)
-    command = commands.add_parser("tubing", help="errors of a line's lag from bursts of 400 Pa with 6 Pa of noise")
-    command.add_argument("--diameter-mm", type=float, default=0.4)
-    command.add_argument("--rate-Hz", type=float, default=25.0)
-    command.add_argument("--steps", type=int, default=8)
-    command.add_argument("--logs", type=int, default=200)
-    options = vars(parser.parse_args())
-    {"probe": probe, "tubing": tubing}[options.pop("command")](**options)
-
-
 if __name__ == "__main__":
-    main()
+    app()

@@ -16,6 +16,7 @@ import msgspec
 from daq.disk import sync_directory
 from daq.sensors import Sample
 from flight.errors import InputError
+from flight.json_file import decoded
 from flight.messages import DifferentialPressure, Imu, Rpm, Status
 
 FORMAT = "flightpower-zero-1"
@@ -132,13 +133,7 @@ def restless(name: str, values: list[float], kind: Kind) -> list[str]:
 
 def parse_zero(text: str, where: str) -> Zero:
     """A zero.json; raises InputError naming `where`."""
-    try:
-        zero = msgspec.json.decode(text, type=Zero)
-    except msgspec.MsgspecError as error:
-        raise InputError(f"{where}: not a zero ({error}); take a new one with `daq zero`, or delete it") from None
-    if zero.format != FORMAT:
-        raise InputError(f"{where}: format {zero.format!r} is not understood here ({FORMAT} is)")
-    return zero
+    return decoded(text, Zero, (FORMAT,), where, "a zero", "; take a new one with `daq zero`, or delete it")
 
 
 def save(zero: Zero, path: Path) -> None:

@@ -16,7 +16,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from analysis.airdata.air import LARGEST_UNMENTIONED_SHARE
 from flight.errors import InputError
+from flight.json_file import decoded
 
 Array = NDArray[np.float64]
 
@@ -65,12 +67,7 @@ class Compass(NamedTuple):
 
 def parse_magnetometer(data: bytes, where: str) -> MagnetometerCalibration:
     """The calibration of a `magnetometer.json`. Raises InputError naming `where`."""
-    try:
-        found = msgspec.json.decode(data, type=MagnetometerCalibration)
-    except msgspec.MsgspecError as error:
-        raise InputError(f"{where}: not a magnetometer calibration ({error})") from None
-    if found.format != FORMAT:
-        raise InputError(f"{where}: format {found.format!r} is not understood here ({FORMAT} is)")
+    found = decoded(data, MagnetometerCalibration, (FORMAT,), where, "a magnetometer calibration")
     if len(found.soft_iron) != 3:
         raise InputError(f"{where}: not a magnetometer calibration (soft_iron has {len(found.soft_iron)} rows, not 3)")
     if not EARTH_T[0] < found.field_T < EARTH_T[1]:
@@ -130,7 +127,6 @@ def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[
     return Compass(field, error_T), notes
 
 
-LARGEST_UNMENTIONED_SHARE = 0.02
 _NOT_USED = "The magnetometer is not used"
 _AGAIN = "Calibrate it again, in the aircraft as it flies."
 

@@ -23,6 +23,7 @@ from scipy.stats import chi2
 
 from flight.atmosphere import density
 from flight.errors import InputError
+from flight.json_file import decoded
 from flight.units import to_si
 
 Array = NDArray[np.float64]
@@ -278,13 +279,7 @@ def flow_at_probe(probe: ProbeCalibration, dp_alpha_Pa: Array, dp_beta_Pa: Array
 
 def parse_probe(data: bytes, where: str) -> ProbeCalibration:
     """The calibration of a `probe.json`. Raises InputError naming `where`."""
-    try:
-        probe = msgspec.json.decode(data, type=ProbeCalibration)
-    except msgspec.MsgspecError as error:
-        raise InputError(f"{where}: not a probe calibration ({error})") from None
-    if probe.format not in (FORMAT, FIRST_FORMAT):
-        raise InputError(f"{where}: format {probe.format!r} is not understood here ({FORMAT} is)")
-    return probe
+    return decoded(data, ProbeCalibration, (FORMAT, FIRST_FORMAT), where, "a probe calibration")
 
 
 def _powers(order: int) -> list[tuple[int, int]]:

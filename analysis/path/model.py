@@ -9,8 +9,8 @@ The aircraft answers to gusts. It heaves with them within a second and turns its
 speed is slow to follow. What a gust and the answer to it have in common would be taken for an error of a sensor, were
 it free to enter beside one (docs/estimators.md has the figures). Hence gusts are along the aircraft's own axes, their
 effect on the flow depends on the slow flow alone, a scale stands beside what the past foretells (given for each step),
-and what is shown is differentiated where the past foretells the aircraft to be: residuals are exact, only
-their weights know nothing of the gust of the moment. In other words, instrumental variables.
+and what is shown is differentiated where the past foretells the aircraft to be: residuals are exact, only their weights
+know nothing of the gust of the moment. In other words, instrumental variables.
 """
 
 from collections.abc import Iterable, Sequence

@@ -183,7 +183,7 @@ class Problem:
         felt_V = np.maximum(self._felt_V / (1 + error.V_scale), SLOWEST_MPS)
         cos_bank = np.cos(np.clip(slow.foreseen(state.phi, self._flying, step_s)[0], -1.2, 1.2))
         load = 1 / (felt_V**2 * cos_bank)
-        slow_alpha, angle, angle_foretold = self._angle(state, alpha, load, load * slope_foreseen / V)
+        angle, angle_foretold = self._angle(state, alpha, load, load * slope_foreseen / V)
         field_ahead, field_right = self._levelled(state.phi, state.theta)
         sideways = gusts.across(gust, self._cruise_height_m, self._cruise_mps)
         columns = {
@@ -192,7 +192,7 @@ class Problem:
             "ay": np.nan_to_num(mean["ay_mps2"]),
             "az": np.nan_to_num(mean["az_mps2"], nan=-9.8),
             "slow_V": V,
-            "slow_alpha": slow_alpha,
+            "slow_alpha": angle_foretold["alpha"],
             # Over what lift takes at the inertial speed: beside airspeed nothing may stand that airspeed showed before.
             "V_per_pair": slow.parabola(mean["V_per_pair"], 1 / (V**2 * cos_bank), self._flying),
             "field_ahead": np.nan_to_num(field_ahead),
@@ -206,8 +206,8 @@ class Problem:
 
     def _angle(
         self, state: Named, alpha: Array, load: Array, loading: Array
-    ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-        """Angle of attack as the past foretells it (n,); ANGLE as it is; and ANGLE as the past foretells it.
+    ) -> tuple[dict[str, Array], dict[str, Array]]:
+        """ANGLE as it is, and as the past foretells it.
 
         alpha : as measured     load, loading : lift coefficient foreseen and its derivative, up to a factor
         The past is what lift dictates, and the aircraft's own swinging some blocks before: a stick that goes to and
@@ -226,7 +226,7 @@ class Problem:
         is_now, is_foretold = (
             {"alpha": angle[:, 0], "slope_alpha": angle[:, 1], "bent_alpha": bent * flying} for angle in (now, foretold)
         )
-        return foretold[:, 0], is_now, is_foretold
+        return is_now, is_foretold
 
     def _as_foreseen(self, x: Array) -> Array:
         """The states, but heaving as the past foretells it: an aircraft heaves with a vertical gust within a step."""

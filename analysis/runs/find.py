@@ -25,11 +25,7 @@ def find(table: pd.DataFrame, still: list[slice]) -> Found:
         runs += [run for run in some if not _within(run, steps)]
         rejected += [stretch for stretch in others if not _within(stretch, steps)]
     porpoising = [run for run in runs if run.kind == PORPOISING]
-    rejected = [
-        r
-        for r in rejected
-        if not any(p.start_s - SLACK_S < r.start_s and r.end_s < p.end_s + SLACK_S for p in porpoising)
-    ]
+    rejected = [stretch for stretch in rejected if not _part_of(stretch, porpoising)]
     return Found(sorted(runs, key=_when), sorted(rejected, key=_when))
 
 
@@ -51,6 +47,10 @@ def _within(stretch: Run | Rejected, steps: list[Run]) -> bool:
         stretch.start_s < step.end_s and stretch.end_s > step.start_s and stretch.end_s - stretch.start_s < 10
         for step in steps
     )
+
+
+def _part_of(stretch: Rejected, runs: list[Run]) -> bool:
+    return any(run.start_s - SLACK_S < stretch.start_s and stretch.end_s < run.end_s + SLACK_S for run in runs)
 
 
 def _when(stretch: Run | Rejected) -> float:
