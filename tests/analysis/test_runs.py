@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from analysis.runs import SMOOTHING_S, find_runs
+from analysis.runs.legs import turning_points
 
 RATE_HZ = 25.0
 
@@ -63,6 +64,23 @@ def test_an_acceleration_and_a_deceleration_are_found_where_they_are() -> None:
         assert run.lowest_speed_mps == pytest.approx(12, abs=0.5)
         assert run.highest_speed_mps == pytest.approx(23, abs=0.5)
         assert run.altitude_change_m == pytest.approx(0, abs=0.3)
+
+
+@pytest.mark.parametrize("period_s", [3.0, 5.0, 8.0])
+def test_gusts_do_not_cut_a_run_in_two(period_s: float) -> None:
+    """Speed waves by 1.2 m/s, sigma of horizontal gusts with W20 = 15 kt: it falls within a run that accelerates."""
+    speed = up_and_down(seconds=18.0)
+    runs, _ = find_runs(flight(speed + 1.2 * np.sin(2 * np.pi * np.arange(len(speed)) / RATE_HZ / period_s)))
+    for kind, start in (("acceleration", 8.0), ("deceleration", 34.0)):
+        (run,) = (run for run in runs if run.kind == kind and run.end_s > start and run.start_s < start + 18)
+        # A wave may hide the change at either end until speed has gone beyond it.
+        assert min(run.end_s, start + 18) - max(run.start_s, start) > 18 - period_s
+
+
+def test_speed_turns_where_it_comes_back_and_not_where_it_wavers() -> None:
+    V = np.array([10.0, 10.6, 10.1, 14.0, 13.2, 18.0, 17.1, 12.0, 12.9, 11.0, 15.0])
+    assert turning_points(V) == [0, 5, 9, 10]
+    assert turning_points(np.array([12.0, 12.9, 12.1, 12.8])) == []
 
 
 def test_steady_flight_has_no_run() -> None:

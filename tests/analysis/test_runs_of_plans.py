@@ -82,6 +82,28 @@ def test_steady_points_are_found_in_every_long_hold_and_nowhere_else(probe) -> N
         assert run.highest_speed_mps < 1.06 * run.lowest_speed_mps
 
 
+@pytest.mark.parametrize("turbulence_kt", [0.0, 3.0, 15.0])
+def test_each_acceleration_and_deceleration_flown_is_found_as_one(probe, turbulence_kt: float) -> None:
+    """In gusts, too, that change the sign of what speed does every few seconds."""
+    flight = flown(probe, "full-test-flight", turbulence_kt)
+    found = find(flight.table, flight.still).of("acceleration", "deceleration")
+    segments = flight.segments[flight.segments["kind"] == "run"]
+    assert len(segments) == 11
+    shares = []
+    for i, (_, segment) in enumerate(segments.iterrows()):
+        kind = "deceleration" if i % 2 else "acceleration"
+        (run,) = (
+            r for r in found if r.kind == kind and r.end_s > segment.start_s + 2 and r.start_s < segment.end_s - 2
+        )
+        V = flight.table["V_mps"].loc[segment.start_s : segment.end_s].rolling(25, center=True, min_periods=1).mean()
+        done = (V - V.iloc[0]) / (V.iloc[-1] - V.iloc[0])
+        # A twentieth of the change at either end is none yet, and what noise and gusts of 0.25 m/s add to that.
+        first, last = done.index[done < 0.1].max(), done.index[done > 0.9].min()
+        shares.append((min(run.end_s, last) - max(run.start_s, first)) / (last - first))
+    # With 15 kt, sigma 1.2 m/s, a gust may have done at either end what throttle does then.
+    assert min(shares) == pytest.approx(1) or (turbulence_kt == 15 and np.mean(shares) > 0.8)
+
+
 def test_standing_and_flying_are_what_the_aircraft_did(manoeuvres) -> None:
     found, segments = find(manoeuvres.table, manoeuvres.still), manoeuvres.segments
     (flying,) = found.of("flying")
