@@ -8,7 +8,8 @@ from analysis.estimation.output_error import Fit
 from analysis.power.curve import Polar
 
 Array = NDArray[np.float64]
-FLOOR_RAD = np.radians(0.05)
+# The method's study had 0.05 deg, for errors twice as large. Calm intervals without any cover 92 to 100 % in simulation.
+FLOOR_RAD = np.radians(0.02)
 
 
 def of_noise(fit: Fit) -> Array:
