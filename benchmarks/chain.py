@@ -4,7 +4,8 @@
 
 Each flight is flown and recorded by `sim fly` and analysed by `analyze`, as a user would: all runs, and by an edited
 runs.toml the longest acceleration and the longest deceleration alone. Compared is the curve of results.json with the
-simulator's truth at the speeds of benchmarks/estimators.py that were flown.
+simulator's truth at the speeds of benchmarks/estimators.py that were flown; beside it stands what the same flights give
+without sensors' buses, counts and log ("direct"), as benchmarks/estimators.py has them, and by how much the two differ.
 """
 
 import csv
@@ -13,14 +14,15 @@ import subprocess
 import sysconfig
 import tempfile
 import tomllib
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
 
+import estimators
 import numpy as np
 import typer
-from estimators import print_power, speeds
+from flights import tunnel_probe
 from rich.console import Console
 
 from flight.aircraft import load_aircraft
@@ -87,7 +89,8 @@ def main(
     hardware: Annotated[bool, typer.Option(help="Through fakes and daemon; or straight to the same log.")] = True,
     jobs: Annotated[int, typer.Option(help="Flights at a time.")] = 2,
 ) -> None:
-    V = speeds(load_aircraft("nexstar"))
+    aircraft = load_aircraft("nexstar")
+    V = estimators.speeds(aircraft)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         text = (resources.files("sim") / "plans" / f"{plan}.toml").read_text("utf-8")
@@ -102,9 +105,24 @@ def main(
                     range(flights),
                 )
             )
+        todo = [
+            estimators.Job(aircraft, tunnel_probe(), errors, plan, turbulence_kt, seed, False)
+            for seed in range(flights)
+        ]
+        with ProcessPoolExecutor(jobs) as processes:
+            direct = list(processes.map(estimators.one_flight, todo))
     console = Console(width=120)
     console.print(f"{errors}, {plan}, W20 = {turbulence_kt:g} kt, {flights} flights, the whole chain")
-    print_power(console, {name: [one[name] for one in figures] for name in figures[0]}, V)
+    rows = {}
+    for name in figures[0]:
+        rows[name] = [one[name] for one in figures]
+        rows[f"{name}, direct"] = [one[name] for one in direct]
+    estimators.print_power(console, rows, V)
+    for name in figures[0]:
+        apart = np.array([one[name][0] - other[name][0] for one, other in zip(figures, direct, strict=True)])
+        flown = np.isfinite(apart).any(axis=0)
+        rms = " / ".join(f"{value:.2f}" for value in np.sqrt(np.nanmean(apart[:, flown] ** 2, axis=0)))
+        console.print(f"{name}, chain less direct, rms: {rms} %")
 
 
 if __name__ == "__main__":
