@@ -12,8 +12,7 @@ Array = NDArray[np.float64]
 # A leg is over when speed has come back by a share of itself, gusts of W20 = 15 kt and a pilot who holds a speed stay
 # within it; and by a share of what the leg has gained.
 OF_SPEED, OF_GAIN = 0.12, 0.25
-# At either end: nearer than this to its first or last speed, by a share of that or of the leg's change, it is held.
-HELD, ARRIVED = 0.05, 0.05
+HELD = 0.05  # nearer than this to its first or last speed, by a share of that, a leg is still or already holding it
 
 
 def turning_points(V: Array) -> list[int]:
@@ -44,8 +43,7 @@ def on_the_way(V: Array, changing: NDArray[np.bool_]) -> slice:
     V : (n,) speeds from one turning point to the next     changing : (n,) whether speed changes, the leg's way
     From the last row near its first speed to the first near its last one, and as far beyond as speed goes on changing.
     """
-    change = abs(V[-1] - V[0])
-    first, last = (np.abs(V - V[end]) <= max(HELD * V[end], ARRIVED * change) for end in (0, -1))
+    first, last = (np.abs(V - V[end]) <= HELD * V[end] for end in (0, -1))
     begin = int(np.flatnonzero(first)[-1])
     end = begin + int(np.flatnonzero(last[begin:])[0])
     still = np.flatnonzero(~changing[:begin])
