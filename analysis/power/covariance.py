@@ -8,7 +8,7 @@ from analysis.estimation.output_error import Fit
 from analysis.power.curve import Polar
 
 Array = NDArray[np.float64]
-# The method's study had 0.05 deg, for errors twice as large. Calm intervals without any cover 92 to 100 % in simulation.
+# The method's study had 0.05 deg, for errors twice as large. In simulation calm intervals cover without any.
 FLOOR_RAD = np.radians(0.02)
 
 
