@@ -52,7 +52,6 @@ CAUSES = {
 
 STILL = Wandering(0.0, 1.0)
 LAG_IN_DOUBT_S = 0.3
-ROUGH_MPS = 0.4  # of vertical gusts: W20 = 3 kt makes 0.15, 15 kt 0.8
 FEWEST_BLOCKS = 20
 ALIKE_BLOCKS = 4  # residuals of neighbouring blocks are alike for so long
 

@@ -11,7 +11,6 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from analysis.power.as_measured import ROUGH_MPS
 from analysis.power.direct import along_runs
 from analysis.power.method import Method
 from analysis.power.regression import Piece, TimeSeries
@@ -21,6 +20,7 @@ from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
+ROUGH_MPS = 0.4  # of vertical gusts: W20 = 3 kt makes 0.15, 15 kt 0.8
 
 
 def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
