@@ -29,8 +29,6 @@ from flight.aircraft import load_aircraft
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
 ALONE = {"one acceleration": "acceleration", "one deceleration": "deceleration"}
-
-
 REFUSED = 2  # the exit code of a command that refuses its input
 
 

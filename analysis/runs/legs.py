@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# A leg is over when speed has come back by a share of itself, gusts of W20 = 15 kt and a pilot who holds a speed stay
-# within it; and by a share of what the leg has gained.
+# A leg is over when speed has come back by both of these: a share of itself, within which who holds it stays and
+# gusts of W20 = 15 kt mostly do; and a share of what the leg has gained.
 OF_SPEED, OF_GAIN = 0.12, 0.25
 HELD = 0.05  # nearer than this to its first or last speed, by a share of that, a leg is still or already holding it
 

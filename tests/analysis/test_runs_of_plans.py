@@ -97,7 +97,7 @@ def test_each_acceleration_and_deceleration_flown_is_found_as_one(probe, turbule
         )
         V = flight.table["V_mps"].loc[segment.start_s : segment.end_s].rolling(25, center=True, min_periods=1).mean()
         done = (V - V.iloc[0]) / (V.iloc[-1] - V.iloc[0])
-        # A twentieth of the change at either end is none yet, and what noise and gusts of 0.25 m/s add to that.
+        # Within a twentieth of the speed at an end it is held: of the change that is a tenth at the fast end.
         first, last = done.index[done < 0.1].max(), done.index[done > 0.9].min()
         shares.append((min(run.end_s, last) - max(run.start_s, first)) / (last - first))
     # With 15 kt, sigma 1.2 m/s, a gust may have done at either end what throttle does then.
