@@ -98,7 +98,11 @@ def analyze(
         )  # fmt: skip
         status.update("drawing the report …")
         write_report(analysis, folder)
-        commands.write_file(folder / "runs.toml", to_toml(analysis.found, log.name))
+        listed = folder / "runs.toml"
+        of_hand = runs is not None and listed.exists() and listed.samefile(runs)  # with the remarks of who edited it
+        kept = None if of_hand else commands.write_kept(listed, to_toml(analysis.found, log.name))
+    if kept:
+        errors.print(f"note: {listed} is new; what stood there before is {kept.name}", highlight=False)
     if not quiet:
         _print_summary(analysis.results, folder)
 

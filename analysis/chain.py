@@ -84,9 +84,13 @@ def analyze(
     warnings += air.notes + recorded.silent_topics(air.table) + said_of_compass
 
     progress("finding runs")
-    found = edit.taken(entries, air.table, str(runs_file)) if entries else find(air.table, still)
+    found = find(air.table, still)
+    if entries:
+        found = edit.taken(entries, air.table, found.rejected, str(runs_file))
     runs = found.of(*LEVEL)
     used = runs or found.of(STEADY, *LOADS)
+    if not used and runs_file:
+        raise InputError(f"{runs_file}: keeps no run to analyse: none is {', '.join((*LEVEL, STEADY, *LOADS))}")
     if not used:
         missed = [stretch for stretch in found.rejected if stretch.kind in LEVEL]
         why = summary.nearest_miss(missed, air.table)
@@ -111,25 +115,32 @@ def analyze(
     agreement = consistency(air.table, path)
     progress(f"estimating drag from {len(used)} runs")
     by_runs = dynamic.estimate_polar(air.table, path, runs, aircraft, propeller) if runs else None
+    absurd = curve.absurd(by_runs.polar, flown_CL) if by_runs else ""
+    if absurd:
+        whence = "one run alone" if len(runs) == 1 else f"these {len(runs)} runs"
+        raise InputError(f"{log.path}: by {whence} {absurd}; keep or fly more runs, longer, over more speeds")
     progress("asking every other method")
     asked = methods.every_method(air.table, path, found.runs, by_runs, flown_CL, aircraft, propeller, test)
     estimate, flown_CL = (by_runs, flown_CL) if by_runs else methods.leading(asked.answers, path, str(log.path))
     warnings += estimate.warnings + methods.scatter(asked.one_by_one, test)
     cross_check: list[PowerPoint] = []
+    cross_check_by = "output error"
     if runs:
-        progress("checking by output error")
+        progress("checking by the runs alone")
         try:
             check = output_error.estimate_polar(
                 air.table, runs, aircraft, zeroed=at_rest is not None, propeller=propeller
             )
         except (InputError, np.linalg.LinAlgError) as error:
-            warnings.append(f"The cross-check by output error could not be made: {error}.")
+            warnings.append(f"The cross-check over the runs alone could not be made: {error}.")
         else:
-            cross_check = summary.points(check.polar, test, flown_CL)
+            cross_check_by = check.by
+            if check.converged:
+                cross_check = summary.points(check.polar, test, flown_CL, (flown, test))
             warnings += summary.cross_check_said(estimate.polar, check, test, flown_CL)
 
     pressure_Pa, temperature_K = float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean())
-    power_required = summary.points(estimate.polar, test, flown_CL, flown)
+    power_required = summary.points(estimate.polar, test, flown_CL, (flown, test))
     progress("answering")
     data = flight_data(air.table, path, aircraft, propeller)
     day = Day(test, pressure_Pa, temperature_K)
@@ -156,8 +167,9 @@ def analyze(
         ],
         drag_polar=summary.drag_polar(estimate.polar, aircraft),
         power_required=power_required,
-        power_required_standard=summary.points(estimate.polar, standard, flown_CL),
+        power_required_standard=summary.points(estimate.polar, standard, flown_CL, (flown, test)),
         cross_check=cross_check,
+        cross_check_by=cross_check_by,
         minimum_power_speed=summary.special(curve.minimum_power_lift, estimate.polar, test, flown_CL),
         best_range_speed=summary.special(curve.best_range_lift, estimate.polar, test, flown_CL),
         verdict=estimate.verdict,

@@ -2,11 +2,15 @@
 
 import sys
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
+from typing import TypeVar
 
 import typer
 
 from flight.errors import InputError
+
+T = TypeVar("T")
 
 
 def run(app: typer.Typer) -> None:
@@ -28,8 +32,22 @@ def write_file(path: Path, data: str | bytes) -> None:
     _said(path, lambda: draft.replace(path))
 
 
-def _said(path: Path, step: Callable[[], object]) -> None:
+def write_kept(path: Path, data: str) -> Path | None:
+    """Write a file of ours that people edit. Another text that stood there is kept under the first free number,
+    `runs-1.toml`; returns that."""
+    before = _said(path, lambda: path.read_bytes() if path.exists() else b"")
+    if before == data.encode():
+        return None
+    kept = None
+    if before:
+        kept = next(p for i in count(1) if not (p := path.with_stem(f"{path.stem}-{i}")).exists())
+        write_file(kept, before)
+    write_file(path, data)
+    return kept
+
+
+def _said(path: Path, step: Callable[[], T]) -> T:
     try:
-        step()
+        return step()
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None

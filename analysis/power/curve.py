@@ -46,6 +46,18 @@ def speed_at(CL: ArrayLike, at: Condition) -> Array:
     return np.sqrt(2 * at.weight_N / (at.rho * np.asarray(CL) * at.wing_area_m2))
 
 
+def absurd(polar: Polar, flown_CL: tuple[float, float]) -> str:
+    """Why a polar is no aircraft's over the lift coefficients flown, in words; empty where it may be one."""
+    CL = np.linspace(*flown_CL, 61)
+    if not np.isfinite(polar.covariance).all():
+        return "the lift coefficients flown are too much alike to tell one's drag from another's"
+    if polar.A[2] <= 0:
+        return "drag does not rise with lift"
+    if np.min(polar.A @ [np.ones_like(CL), CL, CL**2]) <= 0:
+        return "drag comes out below zero"
+    return ""
+
+
 def power_required(V: ArrayLike, polar: Polar, at: Condition) -> tuple[Array, Array]:
     """Power required in level flight (3.45) and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
     V = np.asarray(V, dtype=float)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.runs import quality
-from analysis.runs.kinds import KINDS, LEVEL, STANDING, Found, Rejected, Run, measured
+from analysis.runs.kinds import KINDS, LEVEL, WHOLE, Found, Rejected, Run, measured
 from analysis.runs.smooth import smooth
 from flight.errors import InputError
 from flight.units import read_table
@@ -23,6 +23,7 @@ HEAD = """\
 SMOOTHING_S = 2.2
 FEWEST_SAMPLES = 60  # twelve of the five-sample blocks that estimators work on: fewer they would leave out, unsaid
 DROPPED = "left out by hand"
+ROUNDED_S = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,9 +82,11 @@ def load(path: Path) -> list[Entry]:
     return entries
 
 
-def taken(entries: list[Entry], table: pd.DataFrame, where: str) -> Found:
-    """The runs that a file keeps, measured anew. table: as `air_data` leaves it; `where` names the file in errors.
+def taken(entries: list[Entry], table: pd.DataFrame, rejected: list[Rejected], where: str) -> Found:
+    """The runs that a file keeps, measured anew, and why the others are left out.
 
+    table: as `air_data` leaves it. rejected: what the software would not take, so that its reasons stay.
+    where: names the file in errors.
     Raises InputError for a run outside the log, one without the data that every method needs, and for accelerations or
     decelerations that overlap: what counts twice makes the interval too narrow.
     """
@@ -93,7 +96,8 @@ def taken(entries: list[Entry], table: pd.DataFrame, where: str) -> Found:
     dropped: list[Rejected] = []
     for i, entry in enumerate(entries, start=1):
         if not entry.keep:
-            dropped.append(Rejected(entry.kind, entry.start_s, entry.end_s, DROPPED))
+            reason = next((stretch.reason for stretch in rejected if _is(entry, stretch)), DROPPED)
+            dropped.append(Rejected(entry.kind, entry.start_s, entry.end_s, reason))
             continue
         at = f"{where}: run {i} ({entry.kind}, {entry.start_s:g} to {entry.end_s:g} s)"
         if entry.start_s > last_s or entry.end_s > last_s + 1:
@@ -103,12 +107,18 @@ def taken(entries: list[Entry], table: pd.DataFrame, where: str) -> Found:
         if rows.stop - rows.start < FEWEST_SAMPLES:
             raise InputError(f"{at}: only {rows.stop - rows.start} samples; {FEWEST_SAMPLES} are needed")
         data = table.iloc[rows]
-        lacks = "" if entry.kind == STANDING else quality.without_data(data)
+        lacks = "" if entry.kind in WHOLE else quality.without_data(data)
         if lacks:
             raise InputError(f"{at}: {lacks}")
         for other in runs if entry.kind in LEVEL else ():
             if other.kind in LEVEL and other.rows.start < rows.stop - 1 and rows.start < other.rows.stop - 1:
                 raise InputError(f"{at}: overlaps the {other.name}")
-        notes = () if entry.kind == STANDING else quality.notes(data, now.bank[rows])
+        notes = () if entry.kind in WHOLE else quality.notes(data, now.bank[rows])
         runs.append(measured(entry.kind, rows, table, now.V, notes))
     return Found(sorted(runs, key=lambda run: run.start_s), dropped)
+
+
+def _is(entry: Entry, stretch: Rejected) -> bool:
+    """Whether an entry is that stretch, its times rounded as the file has them."""
+    apart = max(abs(entry.start_s - stretch.start_s), abs(entry.end_s - stretch.end_s))
+    return entry.kind == stretch.kind and apart < ROUNDED_S

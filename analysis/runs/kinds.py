@@ -12,6 +12,7 @@ STANDING, FLYING = "standing", "flying"
 
 LEVEL = (ACCELERATION, DECELERATION)  # the dynamic method's
 LOADS = (ROLLER_COASTER, WIND_UP_TURN)  # lift varies at about one speed
+WHOLE = (PORPOISING, STANDING, FLYING)  # no method's, so that nothing is asked of their data
 KINDS = (*LEVEL, STEADY, *LOADS, STEPS_3211, PORPOISING, STANDING, FLYING)
 
 END_S = 0.4  # over which the height at a run's ends is averaged
@@ -66,6 +67,7 @@ def measured(kind: str, rows: slice, table: pd.DataFrame, V: np.ndarray, notes: 
     few = max(1, round(END_S / step_s))
     height, speed = table["height_m"].to_numpy()[rows], V[rows]
     flown = np.isfinite(speed).any() and np.isfinite(height).any()
+    height = height[np.isfinite(height)]
     return Run(
         kind,
         rows,
@@ -73,11 +75,6 @@ def measured(kind: str, rows: slice, table: pd.DataFrame, V: np.ndarray, notes: 
         float(table.index[rows.stop - 1]),
         float(np.nanmin(speed)) if flown else 0.0,
         float(np.nanmax(speed)) if flown else 0.0,
-        float(_mean(height[-few:]) - _mean(height[:few])) if flown else 0.0,
+        float(height[-few:].mean() - height[:few].mean()) if flown else 0.0,
         notes,
     )
-
-
-def _mean(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else float("nan")

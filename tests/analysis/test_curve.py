@@ -6,6 +6,7 @@ import pytest
 from analysis.power.curve import (
     Condition,
     Polar,
+    absurd,
     best_range_lift,
     classic_form,
     lift_coefficient,
@@ -84,3 +85,18 @@ def test_interval_of_a_special_speed_covers_as_often_as_it_says() -> None:
 def test_a_polar_without_a_minimum_has_no_special_speed() -> None:
     assert np.isnan(minimum_power_lift(np.array([0.05, 0.0, -0.01])))
     assert np.isnan(best_range_lift(np.array([0.05, 0.0, -0.01])))
+
+
+@pytest.mark.parametrize(
+    ("A", "variance", "said"),
+    [
+        ([0.045, -0.02, 0.065], 1e-6, ""),
+        ([-0.01, 0.02, 0.065], 1e-6, ""),  # a parabola that is sound over what was flown
+        ([0.045, 0.1, -0.02], 1e-6, "does not rise"),
+        ([-0.05, -0.02, 0.065], 1e-6, "below zero"),
+        ([0.045, -0.02, 0.065], np.nan, "too much alike"),
+    ],
+)
+def test_a_polar_that_is_no_aircraft_s_is_known(A: list[float], variance: float, said: str) -> None:
+    found = absurd(Polar(np.array(A), variance * np.eye(3)), (0.3, 1.1))
+    assert (said in found) and bool(found) == bool(said)

@@ -155,7 +155,7 @@ def test_runs_can_be_dropped_kept_and_shifted(manoeuvres, tmp_path: Path) -> Non
 def taken_back(text: str, table: pd.DataFrame, folder: Path) -> Found:
     path = folder / "runs.toml"
     path.write_text(text, "utf-8")
-    return edit.taken(edit.load(path), table, "runs.toml")
+    return edit.taken(edit.load(path), table, [], "runs.toml")
 
 
 ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
@@ -197,3 +197,20 @@ def test_elevator_steps_that_are_no_3211_are_rejected_with_their_times(manoeuvre
     found = find(table, manoeuvres.still)
     assert not found.of("3-2-1-1")
     assert any("1.0, 1.0 s are no 3-2-1-1" in stretch.reason for stretch in found.rejected)
+
+
+def test_a_file_taken_back_as_it_was_written_changes_nothing_and_keeps_every_reason(manoeuvres, tmp_path: Path) -> None:
+    """Not even where the motor stood for a twentieth of the flight, which no run but the whole flight contains."""
+    table = manoeuvres.table.copy()
+    found = find(table, manoeuvres.still)
+    (whole,) = found.of("flying")
+    used = [run for run in found.runs if run.kind not in ("flying", "standing", "porpoising")]
+    free = np.ones(len(table), dtype=bool)
+    for run in used:
+        free[run.rows] = False
+    table.loc[free & (table.index.to_numpy() > whole.start_s), "thrust_N"] = np.nan
+    assert table["thrust_N"].iloc[whole.rows].isna().mean() > 0.05
+    (tmp_path / "runs.toml").write_text(edit.to_toml(found, "log.mcap"), "utf-8")
+    back = edit.taken(edit.load(tmp_path / "runs.toml"), table, found.rejected, "runs.toml")
+    assert [(run.kind, run.rows) for run in back.runs] == [(run.kind, run.rows) for run in found.runs]
+    assert found.rejected and [stretch.reason for stretch in back.rejected] == [r.reason for r in found.rejected]

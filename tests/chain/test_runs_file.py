@@ -45,3 +45,25 @@ def test_a_wrong_file_of_runs_is_one_line_and_nothing_is_written(flown: Path, tm
     assert len(outcome.stderr.strip().splitlines()) == 1
     assert "mine.toml" in outcome.stderr and "start is missing" in outcome.stderr
     assert not (tmp_path / "report").exists()
+
+
+def test_a_run_too_short_to_tell_is_refused_and_not_drawn(flown: Path, tmp_path: Path) -> None:
+    """2.4 s of one acceleration: what a parabola makes of it falls with lift."""
+    path = tmp_path / "short.toml"
+    path.write_text('[[run]]\nkind = "acceleration"\nstart = "38 s"\nend = "40.4 s"\n', "utf-8")
+    outcome = command("analyze", flown / "log.mcap", "--runs", path, "-o", tmp_path / "report")
+    assert outcome.returncode == 2
+    assert "by one run alone drag" in outcome.stderr and "keep or fly more runs" in outcome.stderr
+    assert not (tmp_path / "report").exists()
+
+
+def test_an_edited_file_of_runs_in_the_report_s_folder_is_not_lost(flown: Path, tmp_path: Path) -> None:
+    report, mine = tmp_path / "report", tmp_path / "report" / "runs.toml"
+    done("analyze", flown / "log.mcap", "-o", report, "-q")
+    edited = mine.read_text("utf-8") + "# my remark\n"
+    mine.write_text(edited, "utf-8")
+    done("analyze", flown / "log.mcap", "--runs", mine, "-o", report, "-q")
+    assert mine.read_text("utf-8") == edited
+    outcome = command("analyze", flown / "log.mcap", "-o", report, "-q")
+    assert outcome.returncode == 0
+    assert (report / "runs-1.toml").read_text("utf-8") == edited and "# my remark" not in mine.read_text("utf-8")
