@@ -159,7 +159,8 @@ def use(
     if not np.isfinite(flown.flight.battery.value).any():
         return None
     cases = _cases(questions, day)
-    loadings = [_loading("as flown", flown)] + [_loading(title, answer(at)) for title, at in cases]
+    others = [(title, answer(at)) for title, at in cases]
+    loadings = [_loading("as flown", flown)] + [_loading(title, other) for title, other in others if other.flies]
     alone = [other for other in loadings[1:] if _one_change(loadings[0], other)]
     return Use(
         battery_energy_Wh=energy_Wh,
@@ -169,6 +170,11 @@ def use(
         loadings=loadings,
         costs=[_cost(loadings[0], other) for other in alone or loadings[1:]],
         field_table=_field_table(numbers, train, propeller, test, flown, energy_J, flown_CL),
+        too_much=[
+            f"{title}: more than full throttle holds level, at the lift coefficients flown."
+            for title, other in others
+            if not other.flies
+        ],
     )
 
 
@@ -218,6 +224,7 @@ def _sure(value: Estimate) -> Interval:
 
 def _loading(title: str, answer: answers.Answer) -> Loading:
     performance = answer.performance
+    maximum = _interval(performance.maximum_speed) if performance else None
     return Loading(
         title=title,
         weight_N=answer.at.weight_N,
@@ -227,12 +234,23 @@ def _loading(title: str, answer: answers.Answer) -> Loading:
         endurance_speed_mps=_sure(answer.endurance.speed_mps),
         endurance_power_W=float(answer.endurance.power_W.value),
         endurance_at_slowest=answer.endurance.at_slowest,
+        endurance_at_fastest=answer.endurance.at_fastest,
         range_m=_sure(answer.range.gives),
         range_speed_mps=_sure(answer.range.speed_mps),
         range_power_W=float(answer.range.power_W.value),
-        maximum_speed_mps=_interval(performance.maximum_speed) if performance else None,
+        range_at_slowest=answer.range.at_slowest,
+        range_at_fastest=answer.range.at_fastest,
+        maximum_speed_mps=maximum,
         best_climb_mps=_interval(performance.best_climb) if performance else None,
+        extrapolated=not (answer.endurance.inside and answer.range.inside and _covers(performance, maximum)),
     )
+
+
+def _covers(performance: available.Performance | None, speed: Interval | None) -> bool:
+    """Whether the propeller's table covers full throttle at a speed; what is not known is not outside of it."""
+    if performance is None or speed is None:
+        return True
+    return bool(performance.covered[np.argmin(np.abs(performance.V - speed.value))])
 
 
 def _one_change(flown: Loading, other: Loading) -> bool:
@@ -313,10 +331,15 @@ def _available(
         for height in available.ceilings_m(row, propeller, at, flown_CL, (available.SERVICE_CLIMB_MPS, 0.0))
     )
     notes = []
+    covered = _covers(performance, maximum)
     if maximum is None:
-        notes.append(f"No highest level speed: power is left over up to {performance.V[-1]:.1f} m/s.")
+        left = np.nanmax(performance.climb.value) > 0
+        why = f"power is left over up to {performance.V[-1]:.1f} m/s" if left else "full throttle is too little for any"
+        notes.append(f"No highest level speed: {why}.")
     elif maximum.value > fastest:
         notes.append(f"The highest level speed lies beyond the fastest flown, {fastest:.1f} m/s: an extrapolation.")
+    if not covered:
+        notes.append("The highest level speed lies outside the propeller's table: an extrapolation.")
     if service is not None:
         notes.append(
             "The ceiling assumes the battery's charge of the runs and lift coefficients as flown; Reynolds numbers of"
@@ -342,7 +365,7 @@ def _available(
         ],
         climb_mps=[float(performance.climb.value[i]) for i in drawn],
         maximum_speed_mps=maximum,
-        maximum_speed_extrapolated=maximum is not None and maximum.value > fastest,
+        maximum_speed_extrapolated=maximum is not None and (maximum.value > fastest or not covered),
         best_climb_mps=_interval(performance.best_climb),
         best_climb_speed_mps=performance.best_climb_speed,
         service_ceiling_m=service,

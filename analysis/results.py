@@ -156,7 +156,7 @@ class DragPolar(msgspec.Struct, frozen=True, kw_only=True):
     K: float
     CL_minD: float
     oswald_efficiency: float
-    maximum_lift_to_drag: float
+    maximum_lift_to_drag: float | None  # null where drag at no lift comes out negative: there is none
 
 
 class IntervalPart(msgspec.Struct, frozen=True, kw_only=True):
@@ -173,6 +173,9 @@ class Interval(msgspec.Struct, frozen=True, kw_only=True):
     value: float
     lo: float
     hi: float
+
+    def times(self, factor: float) -> "Interval":
+        return Interval(value=factor * self.value, lo=factor * self.lo, hi=factor * self.hi)
 
 
 class EfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
@@ -229,12 +232,16 @@ class Loading(msgspec.Struct, frozen=True, kw_only=True):
     endurance_s: Interval
     endurance_speed_mps: Interval
     endurance_power_W: float  # from the battery
-    endurance_at_slowest: bool  # the best speed lies at or below the slowest flown
+    endurance_at_slowest: bool  # the best speed lies at or below the slowest flown,
+    endurance_at_fastest: bool = False  # or at or above the fastest
     range_m: Interval
     range_speed_mps: Interval
     range_power_W: float
+    range_at_slowest: bool = False
+    range_at_fastest: bool = False
     maximum_speed_mps: Interval | None
     best_climb_mps: Interval | None
+    extrapolated: bool = False  # one of these speeds lies outside the propeller's table
 
 
 class FieldRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -259,6 +266,7 @@ class Use(msgspec.Struct, frozen=True, kw_only=True):
     loadings: list[Loading]
     costs: list[str]  # of one change alone, where such were asked for
     field_table: list[FieldRow]
+    too_much: list[str] = []  # weights and airs asked for in which full throttle does not hold level flight
 
 
 class Results(msgspec.Struct, frozen=True, kw_only=True):
@@ -278,7 +286,8 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     drag_polar: DragPolar
     power_required: list[PowerPoint]  # at the test's weight and density, over the flown range
     power_required_standard: list[PowerPoint]  # at the standard weight and sea-level density
-    cross_check: list[PowerPoint]  # the same by output error over the runs alone, at the test's weight and density
+    cross_check: list[PowerPoint]  # the same over the runs alone, at the test's weight and density, by
+    cross_check_by: str = "output error"  # or filter error, where the air moved
     minimum_power_speed: SpeedInterval  # longest endurance, at the test's weight and density
     best_range_speed: SpeedInterval
     verdict: str  # of the estimation: "converged", or what was wrong

@@ -41,16 +41,22 @@ def flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
 
 
 def points(
-    polar: curve.Polar, at: curve.Condition, flown_CL: tuple[float, float], flown: pd.DataFrame | None = None
+    polar: curve.Polar,
+    at: curve.Condition,
+    flown_CL: tuple[float, float],
+    flown: tuple[pd.DataFrame, curve.Condition] | None = None,
 ) -> list[PowerPoint]:
     """A curve over a range of lift coefficients.
 
-    flown: rows of the runs; what then rests on a continued propeller table is marked as extrapolated.
+    flown: rows of the runs, flown at a condition; what rests on a continued propeller table is marked as extrapolated.
     """
     V = np.linspace(curve.speed_at(flown_CL[1], at), curve.speed_at(flown_CL[0], at), CURVE_POINTS)
     power, error = curve.power_required(V, polar, at)
     half = NORMAL_95 * error
-    known = np.ones(len(V), dtype=bool) if flown is None else thrust_known(flown, V)
+    known = np.ones(len(V), dtype=bool)
+    if flown:
+        rows, there = flown
+        known = thrust_known(rows, curve.speed_at(curve.lift_coefficient(V, at), there))
     return [
         PowerPoint(
             speed_mps=float(v),
@@ -76,7 +82,7 @@ def special(lift_of, polar: curve.Polar, at: curve.Condition, flown_CL: tuple[fl
 
 def drag_polar(polar: curve.Polar, aircraft: Aircraft) -> DragPolar:
     A0, A1, A2 = (float(a) for a in polar.A)
-    classic = curve.classic_form(polar.A, aircraft.aspect_ratio)
+    classic, best = curve.classic_form(polar.A, aircraft.aspect_ratio), curve.maximum_lift_to_drag(polar.A)
     return DragPolar(
         A0=A0,
         A1=A1,
@@ -85,7 +91,7 @@ def drag_polar(polar: curve.Polar, aircraft: Aircraft) -> DragPolar:
         K=classic.K,
         CL_minD=classic.CL_minD,
         oswald_efficiency=classic.oswald,
-        maximum_lift_to_drag=curve.maximum_lift_to_drag(polar.A),
+        maximum_lift_to_drag=best if np.isfinite(best) else None,
     )
 
 
@@ -158,7 +164,7 @@ def cross_check_said(
 ) -> list[str]:
     """Whether curve and cross-check differ by more than both their intervals allow, and where most."""
     if not check.converged:
-        return [f"The cross-check by output error did not end well: {check.verdict}."]
+        return [f"The cross-check by {check.by} did not end well, and is left out: {check.verdict}."]
     V = np.linspace(curve.speed_at(flown_CL[1], at), curve.speed_at(flown_CL[0], at), CURVE_POINTS)
     (power, error), (other, other_error) = (curve.power_required(V, p, at) for p in (polar, check.polar))
     excess = np.abs(other - power) / (NORMAL_95 * np.hypot(error, other_error))
@@ -166,7 +172,7 @@ def cross_check_said(
     if excess[worst] <= 1:
         return []
     return [
-        f"Output error over the runs alone differs by {100 * (other[worst] / power[worst] - 1):+.0f} % at"
+        f"{check.by.capitalize()} over the runs alone differs by {100 * (other[worst] / power[worst] - 1):+.0f} % at"
         f" {V[worst]:.1f} m/s, more than both intervals allow: look at the fits below."
     ]
 

@@ -106,7 +106,11 @@ class Propeller(Blades):
         self.name, self.diameter_m, self.source = name, diameter_m, source
         self.beyond_zero_thrust = beyond_zero_thrust
         self.rows = tuple(sorted(rows, key=lambda row: row.rpm))
+        if not (np.isfinite(diameter_m) and diameter_m > 0):
+            raise InputError(f"propeller {name}: a diameter of {diameter_m:g} m is none")
         for row in self.rows:
+            if not np.isfinite([row.rpm, *row.J, *row.cT, *row.cP]).all():
+                raise InputError(f"propeller {name}: not a number at {row.rpm:g} rpm")
             if len(row.J) < 2 or np.any(np.diff(row.J) <= 0):
                 raise InputError(f"propeller {name}: J must rise through at least two points at {row.rpm:g} rpm")
         self._rpm = np.array([row.rpm for row in self.rows])
@@ -289,11 +293,13 @@ def parse_propeller(text: str, name: str) -> Propeller:
 def parse_csv(text: str, name: str) -> Propeller:
     """Our own format: `# diameter_m = …`, a header `rpm,J,cT,cP`, a line a point."""
     comments = [line.lstrip("# ") for line in text.splitlines() if line.startswith("#")]
-    diameter = next(
-        (re.match(r"diameter_m\s*=\s*([\d.eE+-]+)", c) for c in comments if c.startswith("diameter_m")), None
-    )
+    diameter = next((re.match(r"diameter_m\s*=\s*(\S+)", c) for c in comments if c.startswith("diameter_m")), None)
     if diameter is None:
         raise InputError(f"propeller {name}: no line `# diameter_m = …`")
+    try:
+        diameter_m = float(diameter[1])
+    except ValueError:
+        raise InputError(f"propeller {name}: diameter_m = {diameter[1]} is not a number") from None
     points: dict[float, list[tuple[float, float, float]]] = {}
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     try:
@@ -303,7 +309,7 @@ def parse_csv(text: str, name: str) -> Propeller:
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"propeller {name}: not a table of rpm,J,cT,cP ({error})") from None
     source = "\n".join(c for c in comments if not c.startswith("diameter_m"))
-    return Propeller(name, float(diameter[1]), _rows(points), source)
+    return Propeller(name, diameter_m, _rows(points), source)
 
 
 def parse_apc(text: str, name: str) -> Propeller:

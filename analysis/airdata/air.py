@@ -148,7 +148,7 @@ def bank_rad(table: pd.DataFrame, time_constant_s: float = 3.0) -> NDArray[np.fl
     """Bank angle in near-straight flight from the lateral balance, quick parts from the roll rate.
 
     (3.7) solved for phi with v = V beta: g cos(theta) sin(phi) = vdot - p w + r u - ay. It never takes the
-    accelerometer for the vertical. Blended with the integral of p at `time_constant_s`; NaN is carried over.
+    accelerometer for the vertical. Blended with the integral of p at `time_constant_s`; in gaps it returns to level.
     """
     step_s = float(table.index[1] - table.index[0])
     V, alpha, beta = (table[c].to_numpy() for c in ("V_mps", "alpha_rad", "beta_rad"))

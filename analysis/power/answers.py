@@ -85,21 +85,26 @@ def level_flight(
 
 @dataclass(frozen=True)
 class Optimum:
-    """The best speed within the speeds flown, what it gives, and whether it lies at the end of them."""
+    """The best speed within the speeds flown, what it gives, whether it lies at the end of them, and whether the
+    propeller's table covers it."""
 
     speed_mps: Estimate
     gives: Estimate  # endurance [s] or range [m]
     power_W: Estimate  # from the battery, at the estimate's speed
     at_slowest: bool
     at_fastest: bool
+    inside: bool
 
 
-def longest(flight: LevelFlight, energy_J: float, *, range_wanted: bool) -> Optimum:
-    """Longest endurance, or range, with an energy [J] from the battery, in still air.
+def longest(
+    flight: LevelFlight, energy_J: float, holds: NDArray[np.bool_] | bool = True, *, range_wanted: bool
+) -> Optimum:
+    """Longest endurance, or range, with an energy [J] from the battery, in still air, where the motor `holds` level.
 
     The optimum of each row of nudged numbers: what it gives is known better than where it is.
     """
-    tops = [_top(flight.V, energy_J / power * (flight.V if range_wanted else 1.0)) for power in flight.battery_rows]
+    wanted = np.where(holds, flight.V if range_wanted else 1.0, np.nan)
+    tops = [_top(flight.V, energy_J / power * wanted) for power in flight.battery_rows]
     speed, gives = (estimate(values) for values in zip(*tops, strict=True))
     here = [np.interp(float(speed.value), flight.V, power) for power in flight.battery_rows]
     margin = 1.01 * (flight.V[1] - flight.V[0])
@@ -109,6 +114,7 @@ def longest(flight: LevelFlight, energy_J: float, *, range_wanted: bool) -> Opti
         estimate(here),
         bool(speed.value <= flight.V[0] + margin),
         bool(speed.value >= flight.V[-1] - margin),
+        bool(flight.inside[np.argmin(np.abs(flight.V - speed.value))]),
     )
 
 
@@ -126,9 +132,10 @@ def _top(x: Array, y: Array) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Answer:
-    """All that is said of one weight and density."""
+    """All that is said of one weight and density. flies : level, at some of the speeds flown"""
 
     at: Condition
+    flies: bool
     flight: LevelFlight
     endurance: Optimum
     range: Optimum
@@ -150,10 +157,15 @@ def answer(
     row = numbers.nudged()
     V = np.linspace(speed_at(flown_CL[1], at), speed_at(flown_CL[0], at), speeds)
     flight = level_flight(row, train, propeller, at, flown_CL, V)
+    full = performance(row, propeller, at, flown_CL) if full_throttle else None
+    holds = ~(np.interp(V, full.V, full.climb.value) < 0) if full else np.ones(len(V), dtype=bool)
+    flies = bool((holds & np.isfinite(flight.battery.value)).any())
+    where = holds if flies else np.ones(len(V), dtype=bool)
     return Answer(
         at,
+        flies,
         flight,
-        longest(flight, energy_J, range_wanted=False),
-        longest(flight, energy_J, range_wanted=True),
-        performance(row, propeller, at, flown_CL) if full_throttle else None,
+        longest(flight, energy_J, where, range_wanted=False),
+        longest(flight, energy_J, where, range_wanted=True),
+        full,
     )

@@ -132,7 +132,7 @@ def performance(
     V = np.linspace(slowest, FASTEST * fastest, speeds)
     n, power, climb = _climb(row, propeller, V, at)
     # The highest level speed is where what is left turns from a climb to a descent for the last time.
-    maximum = estimate([_last_crossing(V, left) for left in climb])
+    maximum = estimate(_last_crossings(V, climb))
     best = int(np.argmax(np.nan_to_num(climb[0], nan=-np.inf)))
     covered = propeller.covers(V / (n[0] * propeller.diameter_m), 60 * n[0])  # type: ignore[attr-defined]
     return Performance(
@@ -149,6 +149,21 @@ def _climb(row: dict[str, Array], propeller: Blades, V: Array, at: Condition) ->
     thrust, _ = thrust_and_power(propeller, V, n, at.rho, thrust_scale=scale, thrust_slope=slope)
     sine, along = climb_of(row, thrust, V, at)
     return n, along * V, V * sine
+
+
+def _last_crossings(x: Array, rows: Array) -> Array:
+    """Where each of `rows` (2m + 1, k), of nudged numbers, falls through zero for the last time.
+
+    To first order where only the estimate does so within x: its interval may reach beyond. NaN where not even that.
+    """
+    crossings = np.array([_last_crossing(x, row) for row in rows])
+    here = crossings[0]
+    if np.isfinite(here):
+        i = min(int(np.searchsorted(x, here)), len(x) - 1)
+        slope = (rows[0, i] - rows[0, i - 1]) / (x[i] - x[i - 1])
+        nearby = here - np.array([np.interp(here, x, row) for row in rows]) / slope
+        crossings = np.where(np.isfinite(crossings), crossings, nearby)
+    return crossings
 
 
 def _last_crossing(x: Array, y: Array) -> float:
@@ -180,4 +195,4 @@ def ceilings_m(
     for i in range(n_rows):
         one = {name: values[i] for name, values in row.items()}
         best[i] = np.fmax.reduce(_climb(one, propeller, V, there)[2], axis=1)
-    return [estimate([_last_crossing(HEIGHTS_M, left) for left in best - climb]) for climb in climbs_mps]
+    return [estimate(_last_crossings(HEIGHTS_M, best - climb)) for climb in climbs_mps]

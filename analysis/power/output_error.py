@@ -31,6 +31,10 @@ class CrossCheck(NamedTuple):
     converged: bool
     in_gusts: bool = False
 
+    @property
+    def by(self) -> str:
+        return "filter error" if self.in_gusts else "output error"
+
 
 def estimate_polar(
     table: pd.DataFrame,

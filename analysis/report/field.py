@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Sequence
 
-from analysis.results import Interval, Loading, Results, Use
+from analysis.results import Interval, Results, Use
 from flight.units import GRAVITY_MPS2
 
 SPEEDS = ("speed, m/s", "power required, W", "from the battery, W", "endurance, min", "range, km", "climb, m/s")
@@ -29,12 +29,12 @@ def speed_rows(use: Use) -> list[list[str]]:
 def loading_rows(use: Use) -> list[list[str]]:
     return [
         [
-            case.title,
+            f"{case.title}{MARK if case.extrapolated else ''}",
             f"{case.weight_N / GRAVITY_MPS2:.2f}",
             f"{case.endurance_s.value / 60:.0f}",
-            endurance_speed(case),
+            _best(case.endurance_speed_mps, case.endurance_at_slowest, case.endurance_at_fastest),
             f"{case.range_m.value / 1000:.1f}",
-            f"{case.range_speed_mps.value:.1f}",
+            _best(case.range_speed_mps, case.range_at_slowest, case.range_at_fastest),
             _of(case.maximum_speed_mps),
             _of(case.best_climb_mps),
         ]
@@ -42,9 +42,14 @@ def loading_rows(use: Use) -> list[list[str]]:
     ]
 
 
-def endurance_speed(case: Loading) -> str:
-    """ "11.6", or "≤ 11.6" where power still falls at the slowest speed flown."""
-    return ("≤ " if case.endurance_at_slowest else "") + f"{case.endurance_speed_mps.value:.1f}"
+def _best(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
+    """ "11.6"; "≤ 11.6" or "≥ 24.0" where the best lies at an end of the speeds flown."""
+    return ("≤ " if at_slowest else "≥ " if at_fastest else "") + f"{speed.value:.1f}"
+
+
+def starred(use: Use) -> bool:
+    """Whether any line bears MARK."""
+    return any(row.extrapolated for row in use.field_table) or any(case.extrapolated for case in use.loadings)
 
 
 def _of(interval: Interval | None) -> str:
@@ -66,9 +71,12 @@ def assumption(use: Use) -> str:
 
 def to_markdown(results: Results, use: Use) -> str:
     parts = [f"# {heading(results, use)}", _markdown(SPEEDS, speed_rows(use)), _markdown(LOADINGS, loading_rows(use))]
-    if any(row.extrapolated for row in use.field_table):
+    if starred(use):
         parts.append("\\* outside the propeller's table: an extrapolation.")
-    parts.append("Level flight in still air, true airspeed. Climb and top speed at full throttle. ≤: or slower.")
+    parts += use.too_much
+    parts.append(
+        "Level flight in still air, true airspeed. Climb and top speed at full throttle. ≤: or slower, ≥: or faster."
+    )
     if assumption(use):
         parts.append(assumption(use))
     return "\n\n".join(parts) + "\n"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from analysis.path.consistency import ANGLES, SPEED, Consistency
-from analysis.results import Interval, MethodResult, PowerPoint, RejectedResult, Results, SpeedInterval, Use
+from analysis.results import MethodResult, PowerPoint, RejectedResult, Results, SpeedInterval, Use
 from analysis.runs import Run
 from analysis.runs.kinds import LEVEL
 from flight.units import GRAVITY_MPS2
@@ -92,14 +92,15 @@ def _line(figure: go.Figure, points: Sequence[PowerPoint], name: str, colour: st
 def methods_of(results: Results) -> list[MethodResult]:
     """Every method there is, the one whose curve is the product first."""
     if not any(run.kind in LEVEL for run in results.runs):
-        return list(results.methods)  # nothing but steady points: the curve is one of theirs
+        polar = results.drag_polar  # the curve is that of one of them
+        return sorted(results.methods, key=lambda m: m.drag_polar != [polar.A0, polar.A1, polar.A2])
     ours = (
         MethodResult(
             name="dynamic", title="dynamic, two steps", equations="(3.45), path and forces",
             power_required=results.power_required,
         ),
         MethodResult(
-            name="output-error", title="output error", equations="(3.24-3.45), runs alone",
+            name="cross-check", title=f"{results.cross_check_by}, runs alone", equations="(3.24-3.45)",
             power_required=results.cross_check,
         ),
     )  # fmt: skip
@@ -263,8 +264,8 @@ def loadings(use: Use) -> go.Figure:
         name += " (as flown)" if as_flown else ""
         mass = np.array([case.weight_N / GRAVITY_MPS2 for case in cases])
         for column, values, form in (
-            (1, [_scaled(case.endurance_s, 1 / 60) for case in cases], "%{y:.0f} min"),
-            (2, [_scaled(case.range_m, 1e-3) for case in cases], "%{y:.1f} km"),
+            (1, [case.endurance_s.times(1 / 60) for case in cases], "%{y:.0f} min"),
+            (2, [case.range_m.times(1e-3) for case in cases], "%{y:.1f} km"),
         ):
             value, lo, hi = np.array([(v.value, v.lo, v.hi) for v in values]).T
             colour = PALETTE[i % len(PALETTE)]
@@ -279,10 +280,6 @@ def loadings(use: Use) -> go.Figure:
     figure.update_yaxes(title="endurance, min", col=1)
     figure.update_yaxes(title="range, km", col=2)
     return _styled(figure, 420)
-
-
-def _scaled(interval: Interval, factor: float) -> Interval:
-    return Interval(value=factor * interval.value, lo=factor * interval.lo, hi=factor * interval.hi)
 
 
 def efficiency(use: Use) -> go.Figure:

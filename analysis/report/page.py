@@ -16,6 +16,7 @@ from analysis.results import Interval, PowerPoint, Results, SpeedInterval, Use
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
 from flight.units import GRAVITY_MPS2
 
+BEYOND_TABLE = "Outside the propeller's table: an extrapolation."
 _FEET_PER_SECOND, _KMPH = 1 / 0.3048, 3.6
 
 
@@ -82,25 +83,23 @@ def answers_in_words(results: Results) -> list[tuple[str, str, str]]:
     with_battery = f"with {use.battery_energy_Wh:g} Wh, {100 * use.usable:.0f} % used"
     if not use.power_train.measured:
         with_battery += " (motor assumed, not measured)"
+    note = f" {BEYOND_TABLE}" if flown.extrapolated else ""
     if flown.endurance_at_slowest:
-        slow = f"{flown.endurance_speed_mps.value:.1f} m/s or slower"
-        note = "Power still falls at the slowest speed flown"
+        note += " Power still falls at the slowest speed flown"
         if least.speed_mps is not None:
             note += f"; least is reckoned at {least.speed_mps:.1f} m/s, not flown. Mind the stall."
         else:
             note += "."
-    else:
-        slow, note = _of(flown.endurance_speed_mps, "m/s", 1), ""
     answers = [
         (
             "Longest endurance",
-            slow,
-            f"{_of(_times(flown.endurance_s, 1 / 60), 'min', 0)} {with_battery}. {note}".strip(),
+            _best(flown.endurance_speed_mps, flown.endurance_at_slowest, flown.endurance_at_fastest),
+            f"{_of(flown.endurance_s.times(1 / 60), 'min', 0)} {with_battery}.{note}",
         ),
         (
             "Longest range",
-            _of(flown.range_speed_mps, "m/s", 1),
-            f"{_of(_times(flown.range_m, 1e-3), 'km', 1)} {with_battery}, in still air.",
+            _best(flown.range_speed_mps, flown.range_at_slowest, flown.range_at_fastest),
+            f"{_of(flown.range_m.times(1e-3), 'km', 1)} {with_battery}, in still air.",
         ),
     ]
     available = use.available
@@ -111,13 +110,16 @@ def answers_in_words(results: Results) -> list[tuple[str, str, str]]:
         climb = _of(available.best_climb_mps, "m/s", 1) if available.best_climb_mps else "not known"
         note = f"Climbs {climb} at {available.best_climb_speed_mps:.0f} m/s."
         if available.maximum_speed_extrapolated:
-            note += " Faster than was flown: an extrapolation."
+            note += " Beyond what was flown, or the propeller's table: an extrapolation."
         answers.append(("Full throttle, level", _of(top, "m/s", 1) if top else "not found", note))
     return answers
 
 
-def _times(interval: Interval, factor: float) -> Interval:
-    return Interval(value=factor * interval.value, lo=factor * interval.lo, hi=factor * interval.hi)
+def _best(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
+    """ "13.5 m/s (13.2 to 13.9)"; at an end of what was flown the best may lie beyond."""
+    if at_slowest or at_fastest:
+        return f"{speed.value:.1f} m/s or {'slower' if at_slowest else 'faster'}"
+    return _of(speed, "m/s", 1)
 
 
 def _of(interval: Interval, unit: str, digits: int) -> str:
@@ -204,11 +206,11 @@ def _use(results: Results, figures: dict[str, str]) -> str:
     use = results.use
     if use is None:
         return ""
-    costs = "".join(f"<li>{html.escape(cost)}</li>" for cost in use.costs)
+    costs = "".join(f"<li>{html.escape(cost)}</li>" for cost in (*use.costs, *use.too_much))
     notes = " ".join((use.available.basis, _ceiling(use), *use.available.notes, use.available.reason))
     conditions = (
         f"{field.heading(results, use)}. Level flight, still air, true airspeed; climb and top speed at full throttle;"
-        f" ≤: or slower, as power still falls at the slowest speed flown. {field.assumption(use)}"
+        f" ≤, ≥: or slower, or faster: the best lies at an end of the speeds flown. {field.assumption(use)}"
     )
     return (
         f"<h2>What more weight or thinner air costs</h2><section>{figures['loadings']}</section>"
@@ -242,7 +244,7 @@ def _ceiling(use: Use) -> str:
 
 
 def _starred(use: Use) -> str:
-    return "<p>* extrapolated</p>" if any(row.extrapolated for row in use.field_table) else ""
+    return f"<p>* {BEYOND_TABLE}</p>" if field.starred(use) else ""
 
 
 def _parts(results: Results, figures: dict[str, str]) -> str:
@@ -328,14 +330,14 @@ def _digits(sigma: float) -> int:
 
 
 def _summary(results: Results) -> str:
-    polar = results.drag_polar
+    polar, best = results.drag_polar, results.drag_polar.maximum_lift_to_drag
     rows = (
         ("Least power required at", special_in_words(results.minimum_power_speed)),
         ("Least drag at", special_in_words(results.best_range_speed) + _why_not_there(results)),
         (
             "Drag polar",
             f"C<sub>D0</sub> {polar.CD0:.4f}, Oswald e {polar.oswald_efficiency:.2f}, "
-            f"(L/D)<sub>max</sub> {polar.maximum_lift_to_drag:.1f}",
+            f"(L/D)<sub>max</sub> {'–' if best is None else f'{best:.1f}'}",
         ),
         ("From", f"{_counted(results)}; estimation {html.escape(results.verdict)}"),
     )

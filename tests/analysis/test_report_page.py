@@ -127,6 +127,9 @@ def test_a_flight_of_steady_points_alone_shows_their_methods_alone(results: Resu
 
     steady = replace(results, runs=[replace(results.runs[0], kind="steady")], cross_check=[])
     assert [method.name for method in figures.methods_of(steady)] == ["piw-viw", "w-delta"]
+    polar = steady.drag_polar
+    leads = replace(steady.methods[1], drag_polar=[polar.A0, polar.A1, polar.A2])
+    assert figures.methods_of(replace(steady, methods=[steady.methods[0], leads]))[0].name == "w-delta"
 
 
 def test_a_speed_whose_interval_has_no_lower_end_says_so() -> None:

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from motor_data import RHO, height_of, incidence_of, steady_points
+from motor_data import RHO, full_throttle_run, height_of, incidence_of, steady_points
 from scipy.optimize import brentq
 
 from analysis.power.answers import LevelFlight, answer, density_altitude_m, level_flight, longest
+from analysis.power.available import FullThrottle, full_throttle
 from analysis.power.curve import Condition, lift_coefficient, speed_at
 from analysis.power.propagation import Estimate, Numbers, joined, known
 from analysis.power.propulsion import PowerTrain, power_train
@@ -137,3 +138,18 @@ def test_what_lies_outside_lift_or_table_is_not_called_inside(propeller, at) -> 
     found = level_flight(numbers.nudged(), LOSSLESS, propeller, at, CL, V)
     assert found.inside.tolist() == [False, True, False]
     assert lift_coefficient(V, at) == pytest.approx([0.95, 0.6, 0.25])
+
+
+def test_too_heavy_for_full_throttle_does_not_fly(nexstar, propeller, at) -> None:
+    """Four times the weight needs eight times the power at the same lift coefficient (2.3), 4^1.5."""
+    aero = plant_of(nexstar).aero
+    polar = {"A0": aero.CD0 + aero.K * aero.CL_minD**2, "A1": -2 * aero.K * aero.CL_minD, "A2": aero.K}
+    motor = full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller)
+    assert isinstance(motor, FullThrottle)
+    numbers = joined(known(**polar, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.numbers, motor.numbers)
+    light, heavy = (
+        answer(numbers, LOSSLESS, propeller, at._replace(weight_N=W), RANGE_CL, 1e5, full_throttle=True)
+        for W in (at.weight_N, 4 * at.weight_N)
+    )
+    assert light.flies and light.performance is not None and light.performance.best_climb.value > 0
+    assert not heavy.flies and heavy.performance is not None and heavy.performance.best_climb.value < 0

@@ -1,6 +1,7 @@
 """Full throttle against the simulator's motor and its trim."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -8,6 +9,7 @@ import pytest
 from motor_data import RHO, at_throttle, full_throttle_run, height_of, incidence_of, steady_points
 
 from analysis.power.available import (
+    FASTEST,
     SERVICE_CLIMB_MPS,
     FullThrottle,
     ceilings_m,
@@ -140,3 +142,17 @@ def test_no_full_throttle_is_said_and_not_made_up(nexstar, propeller) -> None:
     assert "0 s of settled full throttle" in full_throttle(part, nexstar.propulsion, propeller)
     unknown = part.assign(throttle=np.nan)
     assert "where the throttle stood" in full_throttle(unknown, nexstar.propulsion, propeller)
+
+
+def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(propeller, numbers, at, flown_CL) -> None:
+    """Drag known to 3 %: speed to 1 %. Where that reaches beyond the search it is taken to first order, to a tenth."""
+    variance = numbers.covariance.copy()
+    variance[0, 0] = (0.03 * numbers.values[0]) ** 2
+    unsure = replace(numbers, covariance=variance).nudged()
+    whole = performance(unsure, propeller, at, flown_CL).maximum_speed
+    V, error = float(whole.value), float(whole.standard_error)
+    assert 0.1 < error < 0.4
+    fastest = float(lift_coefficient((V + 0.5 * error) / FASTEST, at))
+    near = performance(unsure, propeller, at, (fastest, flown_CL[1])).maximum_speed
+    assert float(near.value) == pytest.approx(V, abs=0.02)
+    assert float(near.standard_error) == pytest.approx(error, rel=0.1)
