@@ -109,8 +109,9 @@ def answers_in_words(results: Results) -> list[tuple[str, str, str]]:
         top = available.maximum_speed_mps
         climb = _of(available.best_climb_mps, "m/s", 1) if available.best_climb_mps else "not known"
         note = f"Climbs {climb} at {available.best_climb_speed_mps:.0f} m/s."
-        if available.maximum_speed_extrapolated:
-            note += " Beyond what was flown, or the propeller's table: an extrapolation."
+        if top and available.maximum_speed_extrapolated:
+            faster = top.value > results.power_required[-1].speed_mps
+            note += " Faster than was flown: an extrapolation." if faster else f" {BEYOND_TABLE}"
         answers.append(("Full throttle, level", _of(top, "m/s", 1) if top else "not found", note))
     return answers
 
