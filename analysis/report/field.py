@@ -44,7 +44,8 @@ def loading_rows(use: Use) -> list[list[str]]:
 
 def _best(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
     """ "11.6"; "≤ 11.6" or "≥ 24.0" where the best lies at an end of the speeds flown."""
-    return ("≤ " if at_slowest else "≥ " if at_fastest else "") + f"{speed.value:.1f}"
+    sign = "≤\u00a0" if at_slowest else "≥\u00a0" if at_fastest else ""  # not to be broken in two lines
+    return f"{sign}{speed.value:.1f}"
 
 
 def starred(use: Use) -> bool:
