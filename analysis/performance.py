@@ -84,17 +84,21 @@ def thrust_known(flown: pd.DataFrame, V: Array) -> NDArray[np.bool_]:
 def thrust_coverage(flown: pd.DataFrame, propeller: Propeller) -> list[str]:
     """A warning where the propeller's table leaves out some of the runs.
 
-    flown : rows of the runs, columns J and propeller_covered. Raises InputError where it leaves out most of them.
+    flown : rows of the runs, columns J, n_revps and propeller_covered.
+    Raises InputError where it leaves out most of them.
     """
     outside = 1 - float(flown["propeller_covered"].mean())
     if outside <= LARGEST_UNMENTIONED_SHARE:
         return []
-    slowest, fastest = np.nanpercentile(flown["J"], (2.5, 97.5))
-    table = max(row.J[-1] for row in propeller.rows)
-    text = (
-        f"propeller {propeller.name}: {100 * outside:.0f} % of the runs lie outside its table, which goes to"
-        f" J = {table:.2f} (flown: {slowest:.2f} to {fastest:.2f})"
-    )
+    largest_J = max(row.J[-1] for row in propeller.rows)
+    if (flown["J"][~flown["propeller_covered"]] > largest_J).mean() > 0.5:
+        low, high = np.nanpercentile(flown["J"], (2.5, 97.5))
+        whereof = f"goes to J = {largest_J:.2f} (flown: {low:.2f} to {high:.2f})"
+    else:
+        low, high = np.nanpercentile(60 * flown["n_revps"], (2.5, 97.5))
+        rpm = propeller.rows[0].rpm, propeller.rows[-1].rpm
+        whereof = f"goes from {rpm[0]:.0f} to {rpm[1]:.0f} rpm (flown: {low:.0f} to {high:.0f})"
+    text = f"propeller {propeller.name}: {100 * outside:.0f} % of the runs lie outside its table, which {whereof}"
     if outside > LARGEST_SHARE_CONTINUED:
         raise InputError(f"{text}; is it the propeller that was flown?")
     rest = "thrust is continued there as a straight line, and the curve is dashed where it rests on little else"

@@ -16,7 +16,8 @@ DAY = Day(TEST, 100_000.0, 290.0)
 
 
 def flown(J: np.ndarray, covered: np.ndarray) -> pd.DataFrame:
-    return pd.DataFrame({"V_mps": np.linspace(12, 24, len(J)), "J": J, "propeller_covered": covered})
+    V, n = np.linspace(12, 24, len(J)), np.linspace(50, 140, len(J))
+    return pd.DataFrame({"V_mps": V, "J": J, "n_revps": n, "propeller_covered": covered})
 
 
 def test_a_table_that_holds_all_of_the_runs_needs_no_word() -> None:
@@ -28,6 +29,13 @@ def test_a_table_that_leaves_out_some_is_warned_of_with_both_ranges() -> None:
     data = flown(np.linspace(0.5, 1.1, 100), np.arange(100) < 70)
     (warning,) = thrust_coverage(data, load_propeller("apc-12x8e"))
     assert "30 % of the runs" in warning and "J = 0.88" in warning and "0.52 to 1.08" in warning
+
+
+def test_a_table_that_is_left_by_speed_of_rotation_says_so() -> None:
+    """J is inside it all the time."""
+    data = flown(np.linspace(0.4, 0.6, 100), np.arange(100) >= 20)
+    (warning,) = thrust_coverage(data, load_propeller("apc-12x8e"))
+    assert "20 % of the runs" in warning and "rpm (flown: 3135 to 8265)" in warning
 
 
 def test_a_propeller_that_was_not_flown_is_refused() -> None:
