@@ -25,6 +25,7 @@ import typer
 from flights import tunnel_probe
 from rich.console import Console
 
+from analysis.power import curve
 from flight.aircraft import load_aircraft
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
@@ -75,12 +76,17 @@ def alone(runs: list[dict], kind: str) -> str:
 
 def compared(report: Path, truth: np.ndarray, V: np.ndarray) -> np.ndarray:
     """Error and half the interval, % of the truth (2, speeds). truth: speed [m/s] and power [W], (n, 2)."""
-    points = json.loads((report / "results.json").read_text("utf-8"))["power_required"]
-    flown, power, low, high = (
-        np.array([point[name] for point in points]) for name in ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
+    results = json.loads((report / "results.json").read_text("utf-8"))
+    flown, power, high = (
+        np.array([point[name] for point in results["power_required"]])
+        for name in ("speed_mps", "power_W", "power_hi_W")
     )
+    # The curve itself: between its points it is no straight line, nor level beyond the last.
+    at = curve.Condition(*results["test"].values(), results["aircraft"]["wing_area_m2"])
+    A = np.array([results["drag_polar"][name] for name in ("A0", "A1", "A2")])
+    found, _ = curve.power_required(V, curve.Polar(A, np.zeros((3, 3))), at)
     true = np.interp(V, *truth.T)
-    figures = np.stack([np.interp(V, flown, power) / true - 1, np.interp(V, flown, (high - low) / 2) / true])
+    figures = np.stack([found / true - 1, np.interp(V, flown, high / power - 1) * found / true])
     return np.where((V > flown[0] - 0.2) & (V < flown[-1] + 0.2), 100 * figures, np.nan)
 
 

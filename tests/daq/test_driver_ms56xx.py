@@ -174,3 +174,22 @@ def test_absurd_readings_in_a_row_are_another_part(which):
 @pytest.mark.parametrize(("rate_Hz", "code"), [(25, 0x8), (90, 0x8), (100, 0x6), (150, 0x6), (200, 0x4)])
 def test_as_much_oversampling_as_fits_into_a_tick(rate_Hz, code):
     assert oversampling_code(1 / rate_Hz) == code
+
+
+def test_while_the_part_warms_up_pressure_is_compensated_at_the_temperature_of_its_own_moment():
+    """D2 rises by 800 counts a second (0.027 K) and D1 so that pressure stays. A count of either is 0.02 Pa or less.
+
+    Compensated with the last temperature, half a second old on average, pressure is 2.8 Pa low and saws by 5.
+    """
+    part, sensor = started()
+    d1, d2 = part.d1, part.d2
+    _, constant_Pa = compensate(MS5611, part.prom, d1, d2)
+    pressures = []
+    for _ in range(750):
+        part.d2 = round(d2 + 800 * (part.now_ns - TICK_NS) / 1e9)  # when what is read now was started
+        at, more = (compensate(MS5611, part.prom, d1 + step, part.d2)[1] for step in (0, 10_000))
+        part.d1 = round(d1 + 10_000 * (constant_Pa - at) / (more - at))
+        pressures += [sample.message.pressure_Pa for sample in sensor.read(part.now_ns)]
+        part.now_ns += TICK_NS
+    late = [pressure for pressure in pressures[100:] if pressure is not None]
+    assert late == pytest.approx([constant_Pa] * len(late), abs=0.05)
