@@ -4,7 +4,7 @@ The commands are the same, scale factors and place of the checksum differ. A con
 waited for: one is started at the end of each tick's reading and read at the next tick. About once a second it is the
 temperature's turn; that tick has no pressure and says `busy`. In between the temperature goes on as it went in the last
 seconds: uncompensated, pressure changes by some 250 Pa with a kelvin, and while the electronics warm up a temperature
-half a second old made it 4.5 Pa too low, 0.4 m of height that wore off within ten minutes and looked like a climb.
+half a second old made it 4.5 Pa too low, 0.4 m of height that wore off within ten minutes and looked like a descent.
 """
 
 from collections import deque
