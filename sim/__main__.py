@@ -182,7 +182,7 @@ def _parts(felt, seed: int, craft: Aircraft):
     import numpy as np
 
     from daq.sensors.ak8963 import sensitivity
-    from daq.sensors.ms56xx import MS5611, MS5805, Variant, compensate
+    from daq.sensors.ms56xx import MS5611, MS5805, Trend, Variant, compensate
     from hw_fakes.clock import SimulatedClock
     from hw_fakes.ms56xx import MS56xx, pressure_counts, temperature_counts
     from hw_fakes.tray import FakeTray
@@ -195,10 +195,10 @@ def _parts(felt, seed: int, craft: Aircraft):
             d2 = temperature_counts(part.part, part.prom, temperature_K)
             return pressure_counts(part.part, part.prom, pressure_Pa, d2), d2
 
-        def decoded(d1: int, d2: int) -> tuple[float, float]:
+        def decoded(d1: int, d2: float) -> tuple[float, float]:
             return compensate(variant, tuple(part.prom), d1, d2)
 
-        return Barometer(part.conversion_ns(HIGHEST_OVERSAMPLING), counts, decoded)
+        return Barometer(part.conversion_ns(HIGHEST_OVERSAMPLING), counts, decoded, Trend)
 
     return Parts(
         imu_clock_error=tray.imu.clock_error,

@@ -80,11 +80,12 @@ BATTERY_PERIOD_NS, BATTERY_ARRIVES_NS, CELLS = 500_000_000, round(90 * 10e9 / 57
 @dataclass(frozen=True)
 class Barometer:
     """One individual. conversion_ns: how long it takes; counts: (D1, D2) for pressure [Pa] and temperature [K];
-    decoded: temperature [0.01 degC] and pressure [Pa] of (D1, D2)."""
+    decoded: temperature [0.01 degC] and pressure [Pa] of (D1, D2); trend: how the driver carries D2 on in between."""
 
     conversion_ns: int
     counts: Callable[[float, float], tuple[int, int]]
-    decoded: Callable[[int, int], tuple[float, float]]
+    decoded: Callable[[int, float], tuple[float, float]]
+    trend: Callable[[], Any]  # add(time_ns, D2), at(time_ns)
 
 
 @dataclass(frozen=True)
@@ -232,14 +233,15 @@ def _barometer(felt: Felt, turns: Turns, name: str, part: Barometer) -> Iterator
     at_s = np.rint(middle_s / TEMPERATURE_GRID_S) * TEMPERATURE_GRID_S
     kelvin = felt.transducer_temperature_K(name, at_s).tolist()
     now = getattr(turns, name).tolist()
-    D2, due_ns, of_temperature = 0, 0, True
+    D2, due_ns, of_temperature, trend = 0, 0, True, part.trend()
     for tick in range(2, len(now)):
         D1, fresh = part.counts(pressure[tick - 1], kelvin[tick - 1])
         message, time_ns = AbsolutePressure(status=Status.BUSY), now[tick]
         if of_temperature:
             D2, due_ns = fresh, now[tick] + SECOND_NS
+            trend.add(now[tick - 1] + CONVERSION_NS // 2, D2)
         else:
-            centi_degC, value = part.decoded(D1, D2)
+            centi_degC, value = part.decoded(D1, trend.at(now[tick - 1] + CONVERSION_NS // 2))
             message = AbsolutePressure(
                 pressure_counts=D1, temperature_counts=D2, pressure_Pa=value, temperature_K=centi_degC / 100 + 273.15
             )

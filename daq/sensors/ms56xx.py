@@ -60,6 +60,27 @@ MS5611 = Variant("MS5611", 8, 7, 0, 16, 15, 2.0**-31, 5 / 2, 5 / 4, 7.0, 11 / 2)
 MS5805 = Variant("MS5805", 7, 0, 12, 17, 16, 11 * 2.0**-35, 31 / 8, 63 / 32, 0.0, 0.0)
 
 
+class Trend:
+    """Counts of the temperature after its last conversion, on the line through the oldest kept and the last."""
+
+    def __init__(self) -> None:
+        self._kept: deque[tuple[int, int]] = deque(maxlen=TREND_OF)  # middle of the conversion [ns], counts
+
+    @property
+    def last(self) -> int | None:
+        return self._kept[-1][1] if self._kept else None
+
+    def add(self, time_ns: int, counts: int) -> None:
+        if self._kept and abs(counts - self.at(time_ns)) > JUMP_COUNTS:
+            self._kept.clear()
+        self._kept.append((time_ns, counts))
+
+    def at(self, time_ns: int) -> float:
+        (first_ns, first), (last_ns, last) = self._kept[0], self._kept[-1]
+        slope = (last - first) / (last_ns - first_ns) if last_ns > first_ns else 0.0
+        return last + slope * (time_ns - last_ns)
+
+
 class MS56xx:
     """A barometer of the family, writing to `topic`. period_s: of the ticks; as much oversampling as fits is taken."""
 
@@ -71,7 +92,7 @@ class MS56xx:
         self._prom: tuple[int, ...] = ()
         self._running: int | None = None  # START_PRESSURE or START_TEMPERATURE
         self._started_ns = 0
-        self._temperatures: deque[tuple[int, int]] = deque(maxlen=TREND_OF)  # middle of the conversion [ns], counts
+        self._temperatures = Trend()
         self._temperature_due_ns = 0
         self._implausible = 0
 
@@ -90,7 +111,7 @@ class MS56xx:
         sample = Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
         if self._running is not None:
             sample = self._finish(now_ns)
-        temperature_next = not self._temperatures or now_ns >= self._temperature_due_ns
+        temperature_next = self._temperatures.last is None or now_ns >= self._temperature_due_ns
         command = START_TEMPERATURE if temperature_next else START_PRESSURE
         self._bus.write(self._address, bytes([command | self._code]))
         self._running, self._started_ns = command, now_ns
@@ -102,33 +123,25 @@ class MS56xx:
             raise SensorFailure(Status.FAULT, f"{self._variant.name} forgot a conversion: was its supply interrupted?")
         middle_ns = self._started_ns + CONVERSION_NS[self._code] // 2
         if self._running == START_TEMPERATURE:
-            if self._temperatures and abs(counts - self._temperature_at(middle_ns)) > JUMP_COUNTS:
-                self._temperatures.clear()
-            self._temperatures.append((middle_ns, counts))
+            self._temperatures.add(middle_ns, counts)
             self._temperature_due_ns = now_ns + TEMPERATURE_EVERY_NS
             return Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
-        centi_degC, pressure_Pa = compensate(self._variant, self._prom, counts, self._temperature_at(middle_ns))
+        centi_degC, pressure_Pa = compensate(self._variant, self._prom, counts, self._temperatures.at(middle_ns))
         if not plausible(centi_degC, pressure_Pa):
             self._implausible += 1
             self._temperature_due_ns = now_ns  # one of the two is wrong,
-            self._temperatures.clear()  # and no trend goes through it
+            self._temperatures = Trend()  # and no trend goes through it
             if self._implausible >= IMPLAUSIBLE_LIMIT:
                 raise SensorFailure(Status.CORRUPT, f"{self._variant.name}: what it measures cannot be")
             return Sample(self._topic, now_ns, AbsolutePressure(status=Status.CORRUPT))
         self._implausible = 0
         message = AbsolutePressure(
             pressure_counts=counts,
-            temperature_counts=self._temperatures[-1][1],
+            temperature_counts=self._temperatures.last,
             pressure_Pa=pressure_Pa,
             temperature_K=centi_degC / 100 + ZERO_DEGC_K,
         )
         return Sample(self._topic, middle_ns, message)
-
-    def _temperature_at(self, time_ns: int) -> float:
-        """Counts of the temperature at a time after the last, on the line through the oldest and the last kept."""
-        (first_ns, first), (last_ns, last) = self._temperatures[0], self._temperatures[-1]
-        slope = (last - first) / (last_ns - first_ns) if last_ns > first_ns else 0.0
-        return last + slope * (time_ns - last_ns)
 
 
 def plausible(centi_degC: float, pressure_Pa: float) -> bool:
