@@ -1,4 +1,4 @@
-"""From a log to power required: air data, flight path, runs, estimates, curve, report.
+"""From a log to power required: air data, trajectory, maneuvers, drag polar, performance, report.
 
 Imports only `flight` of ours.
 """

@@ -19,11 +19,13 @@ from rich.table import Table
 from scipy.optimize import brentq
 
 from analysis.airdata.probe import ProbeCalibration
-from analysis.path.reconstruct import reconstruct
-from analysis.performance import Day, flight_data, known, use
-from analysis.power import answers, curve, dynamic
-from analysis.questions import Questions
-from analysis.runs import find_runs
+from analysis.drag import dynamic
+from analysis.drag import polar as curve
+from analysis.maneuvers.find_level import find_runs
+from analysis.performance import endurance_range as answers
+from analysis.performance.request import Request
+from analysis.results.performance import Day, flight_data, known, use
+from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.propeller import load_propeller
@@ -82,15 +84,15 @@ def one_flight(job: Job) -> np.ndarray:
     propeller = load_propeller(aircraft.propulsion.propeller)
     air, still, _ = flights.air_of(table, aircraft, probe)
     runs, _ = find_runs(air)
-    path = reconstruct(air, still)
-    estimate = dynamic.estimate_polar(air, path, runs, aircraft, propeller)
+    trajectory = reconstruct(air, still)
+    estimate = dynamic.estimate_polar(air, trajectory, runs, aircraft, propeller)
     flown = np.concatenate([air["V_mps"].to_numpy()[run.rows] for run in runs])
     rho = float(np.nanmean(np.concatenate([air["rho"].to_numpy()[run.rows] for run in runs])))
     at = curve.Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
     slow, fast = np.nanpercentile(flown, (1, 99))
     flown_CL = float(curve.lift_coefficient(fast, at)), float(curve.lift_coefficient(slow, at))
-    data = flight_data(air, path, aircraft, propeller)
-    found = use(Questions(), data, estimate, aircraft, propeller, Day(at, 1e5, 288.0), flown_CL)
+    data = flight_data(air, trajectory, aircraft, propeller)
+    found = use(Request(), data, estimate, aircraft, propeller, Day(at, 1e5, 288.0), flown_CL)
     assert found is not None and found.available.maximum_speed_mps and found.available.best_climb_mps
     V = speeds(aircraft)[1:]
     numbers, train, _ = known(data, estimate, aircraft, propeller)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from analysis.airdata.probe import Flow, ProbeCalibration, Tunnel, calibrate, flow_at_probe
 from analysis.airdata.step_test import find_steps, fit_lag, through
 from analysis.airdata.tubing import air, low_frequency_lag_s, response
-from analysis.intervals import NORMAL_95
+from analysis.estimation.intervals import NORMAL_95
 from flight.aircraft import Line
 from sim.sensors.probe import port_pressures
 from sim.sensors.tubing import lagged, time_constant_s

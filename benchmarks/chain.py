@@ -25,7 +25,7 @@ import typer
 from flights import tunnel_probe
 from rich.console import Console
 
-from analysis.power import curve
+from analysis.drag import polar as curve
 from flight.aircraft import load_aircraft
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))

@@ -112,7 +112,7 @@ def print_ticks(paths: list[Path]) -> None:
     from flight.log_reader import read_log
     from flight.messages import Status
 
-    logs = [read_log(path) for path in paths]
+    logs = [read_log(trajectory) for trajectory in paths]
     ticks = [entry for log in logs for entry in log.entries["/daq/tick"]]
     late_us = sorted(entry.message.late_ns / 1e3 for entry in ticks)
     missed = sum(entry.message.missed for entry in ticks)
@@ -133,7 +133,7 @@ def print_ticks(paths: list[Path]) -> None:
         entries = [entry for log in logs for entry in log.entries.get(topic, [])]
         bad = sum(e.message.status not in (Status.OK, Status.BUSY, Status.STARTING) for e in entries)
         print(f"  {topic:16} {len(entries):7} messages, {bad} without measurement")
-    size = sum(path.stat().st_size for path in paths)
+    size = sum(trajectory.stat().st_size for trajectory in paths)
     print(f"{size / 1e6:.2f} MB of log, {size / max(1, len(ticks)):.0f} bytes a tick")
 
 
@@ -242,8 +242,8 @@ def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None
         wall_s = time.monotonic() - begin_s
         count = worst_ns = 0
         expected = 0
-        for path in done.paths:
-            log = read_log(path)
+        for trajectory in done.paths:
+            log = read_log(trajectory)
             assert not log.torn
             for entry in log.entries["/daq/tick"]:
                 assert entry.tick == expected
@@ -286,14 +286,14 @@ def mend(hours: float = 1.0) -> None:
             opcode, length = RECORD_HEAD.unpack_from(data, at)
             first = first or (at if opcode == Opcode.CHUNK else 0)
             at = end = at + RECORD_HEAD.size + length
-        path = Path(folder) / "log-0009.mcap"
-        with path.open("wb") as stream:
+        trajectory = Path(folder) / "log-0009.mcap"
+        with trajectory.open("wb") as stream:
             stream.write(data[:first])
             for _ in range(round(hours * 60)):
                 stream.write(data[first:end])
             stream.write(data[first : first + 1000])
         begin_s = time.perf_counter()
-        done = complete(path)
+        done = complete(trajectory)
         assert done is not None
         print(f"{done.kept_bytes / 1e6:.1f} MB kept, {done.cut_bytes} bytes cut: {time.perf_counter() - begin_s:.2f} s")
 

@@ -20,10 +20,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from analysis.estimation import filter_error, models, output_error, uncertainty
+from analysis.estimation import aircraft_models as models
+from analysis.estimation import filter_error, output_error, uncertainty
 from analysis.estimation.data import Segment
-from analysis.intervals import NORMAL_95
-from analysis.path.reconstruct import reconstruct
+from analysis.estimation.intervals import NORMAL_95
+from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from sim.figures import runs
 from sim.sensors import load_budget
@@ -212,7 +213,7 @@ def significance_limit(aircraft: Aircraft, run: pd.DataFrame, factor: float, see
 
 
 @app.command()
-def path() -> None:
+def trajectory() -> None:
     """Processor time of the flight path, for 20 minutes of flight; the time grows with the length."""
     aircraft, probe = load_aircraft("nexstar"), flights.tunnel_probe()
     table = Table("full-test-flight in", "20 minutes of it take", "wanted", box=None)

@@ -18,11 +18,13 @@ from rich.progress import track
 from rich.table import Table
 
 from analysis.airdata.probe import ProbeCalibration
-from analysis.intervals import NORMAL_95
-from analysis.path.model import SHARED, STATES
-from analysis.path.reconstruct import Path, reconstruct
-from analysis.power import curve, dynamic, output_error
-from analysis.runs import find_runs
+from analysis.drag import cross_check as output_error
+from analysis.drag import dynamic
+from analysis.drag import polar as curve
+from analysis.estimation.intervals import NORMAL_95
+from analysis.maneuvers.find_level import find_runs
+from analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.propeller import load_propeller
@@ -69,20 +71,22 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
         power, error = curve.power_required(V, polar, at)
         return 100 * np.stack([power / true_power - 1, NORMAL_95 * error / true_power])
 
-    path = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
-    figures = path_figures(path, air, drawn, flight.truth)
+    trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
+    figures = path_figures(trajectory, air, drawn, flight.truth)
     for name, kind in (("all runs", ""), ("one acceleration", "acceleration"), ("one deceleration", "deceleration")):
         chosen = [run for run in runs if run.kind.startswith(kind)]
         if kind:  # the longest, as one who has to choose would
             chosen = sorted(chosen, key=lambda run: run.start_s - run.end_s)[:1]
-        figures[name] = compared(dynamic.estimate_polar(air, path, chosen, aircraft, propeller).polar)
+        figures[name] = compared(dynamic.estimate_polar(air, trajectory, chosen, aircraft, propeller).polar)
     if cross_check:
         integrated = output_error.estimate_polar(air, runs, aircraft, zeroed=at_rest is not None, propeller=propeller)
         figures["output error"] = compared(integrated.polar)
     return figures
 
 
-def path_figures(path: Path, air: pd.DataFrame, drawn: Errors, truth: pd.DataFrame) -> dict[str, np.ndarray]:
+def path_figures(
+    trajectory: Trajectory, air: pd.DataFrame, drawn: Errors, truth: pd.DataFrame
+) -> dict[str, np.ndarray]:
     """Errors of what the path says of the sensors, and of its means over the flight, with half of their intervals.
 
     Forces are taken in the IMU's axes: its tilt belongs to the offset of angle of attack, and to pitch. True of the
@@ -90,7 +94,7 @@ def path_figures(path: Path, air: pd.DataFrame, drawn: Errors, truth: pd.DataFra
     airspeed is the drawn one and what the density is wrong by.
     """
     values, tilt = drawn.values, drawn.imu_rotation[0, 2]
-    t, air_t = path.states.index.to_numpy(), air.index.to_numpy()
+    t, air_t = trajectory.states.index.to_numpy(), air.index.to_numpy()
 
     def true(name: str, at: np.ndarray) -> np.ndarray:
         return np.interp(at, truth["time_s"], truth[name])
@@ -109,24 +113,30 @@ def path_figures(path: Path, air: pd.DataFrame, drawn: Errors, truth: pd.DataFra
     }
     figures = {}
     for name, (true_value, factor, unit) in known.items():
-        figures[f"path, {name} [{unit}]"] = factor * told(path.value(name) - true_value, path.standard_error(name))
+        figures[f"path, {name} [{unit}]"] = factor * told(
+            trajectory.value(name) - true_value, trajectory.standard_error(name)
+        )
 
     means = {"theta": (true("pitch_rad", t) - tilt, np.degrees(1), "deg")}
     means |= {f"wind_{axis}": (true(f"wind_{axis}_mps", t), 1.0, "m/s") for axis in ("north", "east")}
     for name, (true_state, factor, unit) in means.items():
         i = STATES.index(name)
-        own, shared = path.draws[:, high, i].mean(axis=1), path.follow[high, i].mean(axis=0)
-        error = np.sqrt(np.mean(own**2) + shared @ path.covariance @ shared)
-        off = np.mean((path.states[name] - true_state)[high])
+        own, shared = trajectory.draws[:, high, i].mean(axis=1), trajectory.state_sensitivity[high, i].mean(axis=0)
+        error = np.sqrt(np.mean(own**2) + shared @ trajectory.covariance @ shared)
+        off = np.mean((trajectory.states[name] - true_state)[high])
         figures[f"path, {name}, mean [{unit}]"] = factor * told(off, error)
 
     slow = flown & (V < SLOW_MPS)
-    found = (air["alpha_rad"] - path.value("alpha_bias")) / (1 + path.value("alpha_scale") - 2 * path.value("V_scale"))
+    found = (air["alpha_rad"] - trajectory.value("alpha_bias")) / (
+        1 + trajectory.value("alpha_scale") - 2 * trajectory.value("V_scale")
+    )
     mean = found[slow].mean()
     changes = {"alpha_bias": 1.0, "alpha_scale": mean, "V_scale": -2 * mean}
-    by = np.array([changes.get(name, 0.0) for name in SHARED])
+    by = np.array([changes.get(name, 0.0) for name in SENSOR_ERRORS])
     off = np.mean((found - alpha + tilt)[slow])
-    figures["path, angle of attack below 13 m/s [deg]"] = np.degrees(told(off, np.sqrt(by @ path.covariance @ by)))
+    figures["path, angle of attack below 13 m/s [deg]"] = np.degrees(
+        told(off, np.sqrt(by @ trajectory.covariance @ by))
+    )
     return figures
 
 

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from analysis.airdata.air import air_data
 from analysis.airdata.probe import ProbeCalibration, calibrate, read_tunnel
-from analysis.stillness import Zeros, still_segments, zeros
+from analysis.signals.rest import Zeros, rest_segments, zeros
 from flight.aircraft import Aircraft
 from flight.propeller import load_propeller
 from sim import fly as flying
@@ -35,9 +35,9 @@ HEIGHT_M = 40.0  # of the whole test flight
 def tunnel_probe() -> ProbeCalibration:
     """A probe calibrated in the simulated tunnel; the same for every flight."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "tunnel.csv"
-        write_calibration(path, tunnel_measurements(seed=0), replace=False)
-        return calibrate(read_tunnel(path), "tunnel.csv")
+        trajectory = Path(folder) / "tunnel.csv"
+        write_calibration(trajectory, tunnel_measurements(seed=0), replace=False)
+        return calibrate(read_tunnel(trajectory), "tunnel.csv")
 
 
 def drawn(budget: Budget, seed: int) -> Errors:
@@ -55,7 +55,7 @@ class Flown(NamedTuple):
 
     flight: flying.Flight
     felt: TrayFelt
-    table: pd.DataFrame  # as `analysis.channels.synchronise` leaves it
+    table: pd.DataFrame  # as `analysis.channels.synchronize` leaves it
 
 
 def flown(aircraft: Aircraft, errors: Errors, plan_name: str | Path, seed: int, turbulence_kt: float = 0.0) -> Flown:
@@ -69,7 +69,7 @@ def flown(aircraft: Aircraft, errors: Errors, plan_name: str | Path, seed: int, 
 
 
 def felt_table(felt: TrayFelt, aircraft: Aircraft) -> pd.DataFrame:
-    """What `analysis.channels.synchronise` would make of the flight's log, but for counts and jitter."""
+    """What `analysis.channels.synchronize` would make of the flight's log, but for counts and jitter."""
     t = np.arange(0, felt.duration_s, TICK_S)
     fine = (t[:, None] + (np.arange(SAMPLES) - (SAMPLES - 1) / 2) * FIFO_S).ravel()
     force, rate = (values.reshape(-1, SAMPLES, 3).mean(axis=1) for values in felt.imu(fine))
@@ -100,8 +100,8 @@ class AirOf(NamedTuple):
 
 
 def air_of(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration) -> AirOf:
-    """The chain's steps up to the air data, for a table as `synchronise` leaves it."""
-    still = still_segments(table, 1 / TICK_S)
+    """The chain's steps up to the air data, for a table as `synchronize` leaves it."""
+    still = rest_segments(table, 1 / TICK_S)
     at_rest = zeros(table, still)
     propeller = load_propeller(aircraft.propulsion.propeller)
     return AirOf(air_data(table, aircraft, probe, propeller, at_rest).table, still, at_rest)

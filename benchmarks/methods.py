@@ -21,15 +21,16 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from analysis import methods, summary
 from analysis.airdata.probe import ProbeCalibration
-from analysis.intervals import NORMAL_95
-from analysis.path.reconstruct import reconstruct
-from analysis.power import compare, curve, dynamic
-from analysis.power.curve import Polar
-from analysis.power.method import MethodEstimate
-from analysis.runs.find import find
-from analysis.runs.kinds import LEVEL
+from analysis.drag import comparison as compare
+from analysis.drag import dynamic, methods
+from analysis.drag import polar as curve
+from analysis.drag.method import MethodEstimate
+from analysis.drag.polar import Polar
+from analysis.estimation.intervals import NORMAL_95
+from analysis.maneuvers.find import find
+from analysis.maneuvers.kinds import LEVEL_RUNS
+from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.propeller import load_propeller
 from sim.sensors import load_budget
@@ -87,14 +88,14 @@ def fly(
 def ask(aircraft: Aircraft, flown: Flown) -> Asked:
     propeller = load_propeller(aircraft.propulsion.propeller)
     found = find(flown.table, flown.still)
-    level = found.of(*LEVEL)
-    path = reconstruct(flown.table, flown.still)
-    estimate = dynamic.estimate_polar(flown.table, path, level, aircraft, propeller)
+    level = found.of(*LEVEL_RUNS)
+    trajectory = reconstruct(flown.table, flown.still)
+    estimate = dynamic.estimate_polar(flown.table, trajectory, level, aircraft, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
-    flown_CL = summary.flown_lift(rows, aircraft)
+    flown_CL = curve.flown_lift(rows, aircraft)
     at = curve.Condition(aircraft.mass.weight_N, float(rows["rho"].mean()), aircraft.geometry.wing_area_m2)
-    said = methods.every_method(flown.table, path, found.runs, estimate, flown_CL, aircraft, propeller, at)
-    return Asked(estimate, flown_CL, said.answers, said.one_by_one, said.disagreements, at)
+    said = methods.every_method(flown.table, trajectory, found.maneuvers, estimate, flown_CL, aircraft, propeller, at)
+    return Asked(estimate, flown_CL, said.by_method, said.one_by_one, said.disagreements, at)
 
 
 def compared(polar: Polar, flown_CL: tuple[float, float], V: np.ndarray, truth: np.ndarray, at) -> np.ndarray:

@@ -7,15 +7,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.probe import ProbeCalibration, flow_at_probe
-from analysis.channels import COLUMNS
-from analysis.stillness import Zeros
+from analysis.signals.rest import Zeros
+from analysis.signals.synchronize import COLUMNS
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2, density, height_at, temperature_at
 from flight.motion import felt_off_center
 from flight.propeller import Propeller
 
 FLYING_PA = 30.0  # dynamic pressure above which there is flow enough to speak of angles: 7 m/s at sea level
-LOW_M = 20.0  # above the ground; below, wind changes with every metre, and ground effect begins
+LEAST_HEIGHT_M = 20.0  # above the ground; below, wind changes with every metre, and ground effect begins
 SMOOTHING_S = 0.2  # of what quotients are made of: short against the seconds in which an aircraft's speed changes
 STUCK_PA, FEWEST_TO_JUDGE = 0.02, 250  # a tenth of a count of the finest transducer; samples
 COLD_S = 2.0  # after power-on

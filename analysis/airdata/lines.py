@@ -1,6 +1,6 @@
 """Takes out of the measured pressures what the probe's lines did to them.
 
-Nearly all of it is a delay, which `synchronise` takes out with all the others. What is left, slow waves passing a
+Nearly all of it is a delay, which `synchronize` takes out with all the others. What is left, slow waves passing a
 little better than quick ones, is divided out where a line is so long and narrow that it is worth the noise
 (docs/calibration.md).
 """
@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.tubing import ComplexArray, Gas, air, low_frequency_lag_s, response
-from analysis.stillness import stretches
+from analysis.signals.stretches import stretches
 from flight.aircraft import Aircraft, Line
 from flight.atmosphere import SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
 from flight.log_reader import Log

@@ -1,1 +1,1 @@
-"""Maximum-likelihood estimation: general, it knows models and data; the aircraft's own models are in `models`."""
+"""Maximum-likelihood estimation for any model and data; `aircraft_models` holds the models of aircraft."""

@@ -3,15 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flight.errors import InputError
-
-if TYPE_CHECKING:
-    from analysis.estimation.model import Model
 
 Array = NDArray[np.float64]
 
@@ -80,23 +76,6 @@ def _vector(values: ArrayLike, what: str) -> Array:
     if array.ndim != 1:
         raise InputError(f"{what}: should be one-dimensional, has shape {array.shape}")
     return array
-
-
-def inputs_of(model: "Model", segment: Segment) -> Array:
-    """(n, inputs) in the model's order; InputError names an input the segment does not have."""
-    return _stack(model.inputs, segment.u, len(segment), f"segment {segment.name}: input", model.name)
-
-
-def measurements_of(model: "Model", segment: Segment) -> Array:
-    """(n, outputs) in the model's order, NaN where missing; InputError names an output the segment does not have."""
-    return _stack(model.outputs, segment.z, len(segment), f"segment {segment.name}: output", model.name)
-
-
-def _stack(names: tuple[str, ...], signals: Mapping[str, Array], n: int, what: str, model: str) -> Array:
-    for name in names:
-        if name not in signals:
-            raise InputError(f"{what} {name}, which model {model} needs, is missing")
-    return np.column_stack([signals[name] for name in names]) if names else np.zeros((n, 0))
 
 
 def split(segment: Segment, parts: int) -> tuple[Segment, ...]:

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation import output_error
-from analysis.estimation.data import Segment, inputs_of, measurements_of
+from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Named
+from analysis.estimation.problem import inputs_of, measurements_of
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

@@ -19,15 +19,15 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.climb import Point, climb, report
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit, Piece, Status, Verdict
 from analysis.estimation.innovations import Filter, Innovations, trace_filter
+from analysis.estimation.intervals import NORMAL_95
 from analysis.estimation.model import Model
 from analysis.estimation.noise import Whitened
+from analysis.estimation.optimizer import Point, climb, report
 from analysis.estimation.problem import Number, Problem, free_names
 from analysis.estimation.simulation import InputRule, Integrator, Response
-from analysis.intervals import NORMAL_95
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

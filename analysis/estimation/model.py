@@ -9,12 +9,10 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from analysis.estimation.data import Segment
 from flight.errors import InputError
-
-if TYPE_CHECKING:
-    from analysis.estimation.data import Segment
 
 
 class Named:
@@ -88,7 +86,7 @@ class Model:
     states: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
     dynamics: ModelFunction | None = None
-    initial_state: "Callable[[Segment], Mapping[str, float]] | None" = None
+    initial_state: Callable[[Segment], Mapping[str, float]] | None = None
 
     def __post_init__(self) -> None:
         for kind, names in (

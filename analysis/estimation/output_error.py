@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.estimation import noise as noise_model
-from analysis.estimation.climb import Point, climb, report
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Estimate as Estimate
 from analysis.estimation.fit import Fit as Fit
@@ -21,6 +20,7 @@ from analysis.estimation.fit import Piece as Piece
 from analysis.estimation.fit import Status as Status
 from analysis.estimation.fit import Verdict as Verdict
 from analysis.estimation.model import Model
+from analysis.estimation.optimizer import Point, climb, report
 from analysis.estimation.problem import Problem, free_names
 from analysis.estimation.simulation import InputRule, Integrator, Response, Simulator, trace
 from flight.errors import InputError

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.data import Segment, inputs_of, measurements_of
+from analysis.estimation.data import Segment
 from analysis.estimation.model import Model
 from flight.errors import InputError
 
@@ -138,3 +138,20 @@ def initial_state_of(model: Model, segment: Segment) -> Array:
                 raise InputError(f"segment {segment.name}: no starting value for state {state}; give it in x0")
             guess[state] = measured[0]
     return np.array([guess[state] for state in model.states], dtype=float)
+
+
+def inputs_of(model: Model, segment: Segment) -> Array:
+    """(n, inputs) in the model's order; InputError names an input the segment does not have."""
+    return _stack(model.inputs, segment.u, len(segment), f"segment {segment.name}: input", model.name)
+
+
+def measurements_of(model: Model, segment: Segment) -> Array:
+    """(n, outputs) in the model's order, NaN where missing; InputError names an output the segment does not have."""
+    return _stack(model.outputs, segment.z, len(segment), f"segment {segment.name}: output", model.name)
+
+
+def _stack(names: tuple[str, ...], signals: Mapping[str, Array], n: int, what: str, model: str) -> Array:
+    for name in names:
+        if name not in signals:
+            raise InputError(f"{what} {name}, which model {model} needs, is missing")
+    return np.column_stack([signals[name] for name in names]) if names else np.zeros((n, 0))

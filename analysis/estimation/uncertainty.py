@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, special
 
-from analysis.estimation import coloring
+from analysis.estimation import colored_residuals as coloring
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Named
 from flight.errors import InputError

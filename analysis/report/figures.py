@@ -8,10 +8,9 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from analysis.path.consistency import ANGLES, SPEED, Consistency
-from analysis.results import MethodResult, PowerPoint, RejectedResult, Results, SpeedInterval, Use
-from analysis.runs import Run
-from analysis.runs.kinds import LEVEL
+from analysis.maneuvers.kinds import LEVEL_RUNS, Run
+from analysis.results.schema import MethodResult, PowerPoint, RejectedResult, Results, SpeedInterval, Use
+from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
@@ -91,7 +90,7 @@ def _line(figure: go.Figure, points: Sequence[PowerPoint], name: str, colour: st
 
 def methods_of(results: Results) -> list[MethodResult]:
     """Every method there is, the one whose curve is the product first."""
-    if not any(run.kind in LEVEL for run in results.runs):
+    if not any(run.kind in LEVEL_RUNS for run in results.runs):
         polar = results.drag_polar  # the curve is that of one of them
         return sorted(results.methods, key=lambda m: m.drag_polar != [polar.A0, polar.A1, polar.A2])
     ours = (

@@ -12,7 +12,7 @@ from plotly.offline import get_plotlyjs
 
 from analysis.report import field
 from analysis.report.figures import methods_of
-from analysis.results import Interval, PowerPoint, Results, SpeedInterval, Use
+from analysis.results.schema import Interval, PowerPoint, Results, SpeedInterval, Use
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
 from flight.units import GRAVITY_MPS2
 

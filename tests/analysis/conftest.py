@@ -1,9 +1,12 @@
-"""What tests of the analysis fly with: benchmarks/flights.py, and the probe of the simulated tunnel."""
+"""Simulated flights (benchmarks/flights.py), the probe of the simulated tunnel, and an aircraft with its propeller."""
 
 import sys
 from pathlib import Path
 
 import pytest
+
+from flight.aircraft import Aircraft, load_aircraft
+from flight.propeller import Propeller, load_propeller
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import flights
@@ -12,3 +15,13 @@ import flights
 @pytest.fixture(scope="session")
 def probe():
     return flights.tunnel_probe()
+
+
+@pytest.fixture(scope="session")
+def nexstar() -> Aircraft:
+    return load_aircraft("nexstar")
+
+
+@pytest.fixture(scope="session")
+def propeller(nexstar: Aircraft) -> Propeller:
+    return load_propeller(nexstar.propulsion.propeller)

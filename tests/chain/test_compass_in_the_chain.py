@@ -9,7 +9,7 @@ import pytest
 from running import done, rewritten
 
 from analysis.airdata.magnetometer import MagnetometerCalibration
-from analysis.results import Results
+from analysis.results.schema import Results
 
 pytestmark = pytest.mark.xdist_group("chain")
 

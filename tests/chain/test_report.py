@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.results import Results
+from analysis.results.schema import Results
 
 pytestmark = pytest.mark.xdist_group("chain")
 

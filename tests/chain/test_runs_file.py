@@ -7,7 +7,7 @@ import msgspec
 import pytest
 from running import command, done
 
-from analysis.results import Results
+from analysis.results.schema import Results
 
 pytestmark = pytest.mark.xdist_group("chain")
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from analysis.airdata.air import air_data
-from analysis.stillness import still_segments, zeros
+from analysis.signals.rest import rest_segments, zeros
 from flight.aircraft import load_aircraft
 from flight.propeller import load_propeller
 from sim.sensors import load_budget
@@ -25,7 +25,7 @@ def flown():
 
 
 def result(table, probe):
-    still = still_segments(table, 25.0)
+    still = rest_segments(table, 25.0)
     return air_data(table, NEXSTAR, probe, load_propeller(NEXSTAR.propulsion.propeller), zeros(table, still))
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.estimation import models, output_error, uncertainty
+from analysis.estimation import aircraft_models as models
+from analysis.estimation import output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.simulation import trace
 from flight import motion

@@ -21,11 +21,12 @@ from disturbed import (
     nonlinear_record,
 )
 
-from analysis.estimation import filter_error, models, output_error, uncertainty
+from analysis.estimation import aircraft_models as models
+from analysis.estimation import filter_error, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise
 from analysis.estimation.innovations import trace_filter
-from analysis.intervals import NORMAL_95
+from analysis.estimation.intervals import NORMAL_95
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 

@@ -6,8 +6,8 @@ from scipy.signal import lfilter
 
 from analysis.estimation import output_error, uncertainty
 from analysis.estimation.data import Segment
+from analysis.estimation.intervals import NORMAL_95
 from analysis.estimation.model import Model, Parameter
-from analysis.intervals import NORMAL_95
 from flight.errors import InputError
 
 STEP_S, N = 0.04, 300

@@ -1,0 +1,75 @@
+"""A log to air data: synchronized channels, line lags and zeros taken out, speed and flow angles at the CG."""
+
+from typing import NamedTuple
+
+import pandas as pd
+
+from analysis.airdata import lines, magnetometer
+from analysis.airdata.air import air_data
+from analysis.airdata.magnetometer import Compass, MagnetometerCalibration
+from analysis.airdata.probe import ProbeCalibration
+from analysis.signals.rest import rest_segments, zeros
+from analysis.signals.synchronize import COLUMNS, synchronize
+from flight.aircraft import Aircraft
+from flight.log_reader import Log
+from flight.propeller import Propeller
+
+LARGEST_UNMENTIONED_LOSS = 0.02
+OPTIONAL_TOPICS = ("/battery", "/mag")
+
+
+class FlightData(NamedTuple):
+    """The measurements of one flight.
+
+    table : of `air_data`, index t_s        rest : rows in which the aircraft stood still
+    zeroed : whether zeros at rest were subtracted        compass : None where no calibrated magnetometer can be used
+    notes : what was lost, assumed or corrected, in sentences
+    """
+
+    table: pd.DataFrame
+    rest: list[slice]
+    zeroed: bool
+    compass: Compass | None
+    notes: list[str]
+
+
+def flight_data(
+    log: Log,
+    aircraft: Aircraft,
+    propeller: Propeller,
+    probe: ProbeCalibration,
+    magnetometer_calibration: MagnetometerCalibration | None = None,
+    zero: dict[str, float] | None = None,
+) -> FlightData:
+    """All measurements of a log on one time base, in SI units, at the centre of gravity.
+
+    zero: by channel, what `daq zero` measured before the flight.
+    Raises InputError when a topic that nothing can replace is missing or never carried a value.
+    """
+    gas = lines.air_in(log)
+    channels = synchronize(log, lines.lags_s(aircraft, gas))
+    table, line_notes = lines.sharpened(channels.table, aircraft, gas)
+    rest = rest_segments(table, channels.rate_Hz)
+    at_rest = zeros(table, rest, zero)
+    air = air_data(table, aircraft, probe, propeller, at_rest)
+    notes = channels.notes + line_notes + air.notes + silent_topics(air.table)
+    compass = None
+    if magnetometer_calibration:
+        compass, compass_notes = magnetometer.compass(air.table, magnetometer_calibration)
+        notes += compass_notes
+    return FlightData(air.table, rest, at_rest is not None, compass, notes)
+
+
+def silent_topics(table: pd.DataFrame) -> list[str]:
+    """What was lost in flight: each topic that carried none of its values for more than a moment."""
+    lost = table.loc[table["flying"], list(COLUMNS)].isna()
+    columns: dict[str, list[str]] = {}
+    for name, (topic, _) in COLUMNS.items():
+        if topic not in OPTIONAL_TOPICS:
+            columns.setdefault(topic, []).append(name)
+    by_topic = {topic: float(lost[names].all(axis=1).mean()) for topic, names in columns.items()}
+    return [
+        f"{topic} carried no value for {100 * share:.0f} % of the flight."
+        for topic, share in by_topic.items()
+        if share > LARGEST_UNMENTIONED_LOSS
+    ]

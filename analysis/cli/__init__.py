@@ -1,0 +1,1 @@
+"""The commands `analyze` and `calibrate`: arguments, messages and exit codes; no computation."""

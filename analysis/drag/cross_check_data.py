@@ -1,0 +1,93 @@
+"""Runs as the estimators that integrate the equations of motion want them, and what they know of the sensors before."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.airdata.air import bank_rad
+from analysis.estimation.aircraft_models import Priors
+from analysis.estimation.data import Segment
+from analysis.maneuvers.kinds import Run
+from flight.propeller import Propeller
+
+Array = NDArray[np.float64]
+
+INPUTS = {
+    "elevator": "elevator_rad",
+    "q": "q_radps",
+    "p": "p_radps",
+    "r": "r_radps",
+    "beta": "beta_rad",
+    "rho": "rho",
+}
+OUTPUTS = {"V": "V_mps", "alpha": "alpha_rad", "ax": "ax_mps2", "az": "az_mps2", "h": "height_m"}
+SMOOTHING_S = 0.5  # of the speed at which thrust is read from the table; the model goes on from there
+SPEED_STEP_MPS = 0.3  # for the slope of thrust over speed
+LEAST_SPEED_MPS = 5.0
+SHORTEST = 12  # blocks of a run
+
+# As a builder of trays knows them: standard deviations of one probe, one IMU, one propeller table out of many.
+PRIORS = Priors(
+    alpha_bias_rad=np.radians(1.0),
+    accelerometer_bias_mps2=0.19,  # within 0.3 m/s^2, and half a degree of misalignment under 1 g
+    V_scale=0.0125,
+    V_bias_mps=0.15,
+    thrust_scale=0.018,
+)
+UNZEROED_GYRO_RADPS = 0.02  # an MPU9250's zero-rate output at room temperature, as it comes
+
+
+def priors(*, zeroed: bool) -> Priors:
+    """What is known of the sensors. zeroed: the gyro's bias at rest was taken out."""
+    return PRIORS if zeroed else replace(PRIORS, gyro_bias_radps=UNZEROED_GYRO_RADPS)
+
+
+def segments_of(table: pd.DataFrame, runs: list[Run], propeller: Propeller, *, block: int) -> list[Segment]:
+    """Inputs and outputs of `models.level_run`, means over `block` samples. table: as `air_data` leaves it.
+
+    Small gaps in inputs are bridged, blocks without a sample of an output are left out; runs of fewer than SHORTEST
+    blocks too.
+    """
+    step_s = float(table.index[1] - table.index[0])
+    width = max(1, round(SMOOTHING_S / step_s))
+    V_ref = table["V_mps"].interpolate(limit_direction="both").rolling(width, center=True, min_periods=1).mean()
+    V_ref = V_ref.fillna(LEAST_SPEED_MPS).clip(lower=LEAST_SPEED_MPS)
+    n, rho = table["n_revps"].where(table["n_revps"] > 1), table["rho"]
+
+    def thrust(V: pd.Series) -> pd.Series:
+        return propeller.thrust_and_power(V, n, rho)[0]
+
+    signals = {name: table[column] for name, column in INPUTS.items()}
+    signals["thrust"] = thrust(V_ref)
+    signals["thrust_per_speed"] = (thrust(V_ref + SPEED_STEP_MPS) - thrust(V_ref - SPEED_STEP_MPS)) / (
+        2 * SPEED_STEP_MPS
+    )
+    signals["J"] = V_ref / (n * propeller.diameter_m)
+    signals["V_ref"] = V_ref
+    signals["phi"] = pd.Series(bank_rad(table), index=table.index)
+    segments = []
+    for run in runs:
+        count = (run.rows.stop - run.rows.start) // block
+        if count < SHORTEST:
+            continue
+        rows = slice(run.rows.start, run.rows.start + count * block)
+        segments.append(
+            Segment(
+                name=run.name,
+                t_s=table.index.to_numpy()[rows].reshape(count, block).mean(axis=1),
+                u={name: _means(_filled(signal.iloc[rows]), block) for name, signal in signals.items()},
+                z={name: _means(table[column].iloc[rows], block) for name, column in OUTPUTS.items()},
+            )
+        )
+    return segments
+
+
+def _means(signal: pd.Series, block: int) -> Array:
+    return signal.groupby(np.arange(len(signal)) // block).mean().to_numpy()
+
+
+def _filled(signal: pd.Series) -> pd.Series:
+    """Without gaps: linear across them; zero where nothing was ever measured."""
+    return signal.interpolate(limit_direction="both").fillna(0.0)

@@ -1,0 +1,125 @@
+"""What a drag polar says about power: the curve, its interval, and the speeds for longest endurance and range.
+
+The polar is C_D = A0 + A1 C_L + A2 C_L^2, in which power is linear, so that intervals of the curve are exact.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from flight.aircraft import Aircraft
+
+Array = NDArray[np.float64]
+DRAWS = 4000
+ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients between which a curve is drawn
+
+
+class Condition(NamedTuple):
+    """What the aircraft weighs [N] and flies in [kg/m^3]."""
+
+    weight_N: float
+    rho: float
+    wing_area_m2: float
+
+
+class Polar(NamedTuple):
+    """C_D = A0 + A1 C_L + A2 C_L^2 with the covariance (3, 3) of the three."""
+
+    A: Array
+    covariance: Array
+
+
+class Classic(NamedTuple):
+    """The same polar in the textbook's form (3.36), (1.4)."""
+
+    CD0: float  # at the C_L of least drag
+    K: float
+    CL_minD: float
+    oswald: float
+
+
+def flown_condition(flown: pd.DataFrame, aircraft: Aircraft) -> Condition:
+    """Weight of the aircraft and mean density of the air. flown: rows of `air_data`."""
+    return Condition(aircraft.mass.weight_N, float(flown["rho"].mean()), aircraft.geometry.wing_area_m2)
+
+
+def flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
+    """Range of lift coefficients at which lift would equal weight at the speeds flown: what the curve is drawn over."""
+    CL = 2 * aircraft.mass.weight_N / (flown["rho"] * flown["V_mps"] ** 2 * aircraft.geometry.wing_area_m2)
+    low, high = np.percentile(CL.dropna(), ROBUST_RANGE)
+    return float(low), float(high)
+
+
+def lift_coefficient(V: ArrayLike, at: Condition) -> Array:
+    """C_L at which lift equals weight at true airspeed V [m/s]."""
+    return 2 * at.weight_N / (at.rho * np.square(V) * at.wing_area_m2)
+
+
+def speed_at(CL: ArrayLike, at: Condition) -> Array:
+    """True airspeed [m/s] at which lift equals weight at C_L."""
+    return np.sqrt(2 * at.weight_N / (at.rho * np.asarray(CL) * at.wing_area_m2))
+
+
+def unphysical(polar: Polar, flown_CL: tuple[float, float]) -> str:
+    """Why a polar is no aircraft's over the lift coefficients flown, in words; empty where it may be one."""
+    CL = np.linspace(*flown_CL, 61)
+    if not np.isfinite(polar.covariance).all():
+        return "the lift coefficients flown are too much alike to tell one's drag from another's"
+    if polar.A[2] <= 0:
+        return "drag does not rise with lift"
+    if np.min(polar.A @ [np.ones_like(CL), CL, CL**2]) <= 0:
+        return "drag comes out below zero"
+    return ""
+
+
+def power_required(V: ArrayLike, polar: Polar, at: Condition) -> tuple[Array, Array]:
+    """Power required in level flight (3.45) and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
+    V = np.asarray(V, dtype=float)
+    CL = lift_coefficient(V, at)
+    gradient = (at.rho * V**3 * at.wing_area_m2 / 2)[:, None] * np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+    return gradient @ polar.A, np.sqrt(np.einsum("ni,ij,nj->n", gradient, polar.covariance, gradient))
+
+
+def minimum_power_lift(A: Array) -> float:
+    """C_L of least power: C_D/C_L^1.5 least, A2 C_L^2 - A1 C_L - 3 A0 = 0; 3 CD0 = CDi if A1 = 0 (1.6). NaN if none."""
+    A0, A1, A2 = A
+    root = A1**2 + 12 * A0 * A2
+    return float((A1 + np.sqrt(root)) / (2 * A2)) if root >= 0 and A2 > 0 and A0 > 0 else np.nan
+
+
+def best_range_lift(A: Array) -> float:
+    """C_L of least drag at constant weight: C_D/C_L least, A2 C_L^2 = A0; CD0 = CDi if A1 = 0 (1.10). NaN if none."""
+    A0, _, A2 = A
+    return float(np.sqrt(A0 / A2)) if A0 > 0 and A2 > 0 else np.nan
+
+
+class SpeedWithInterval(NamedTuple):
+    speed_mps: float
+    lo_mps: float
+    hi_mps: float
+
+
+def optimum_speed(lift_of, polar: Polar, at: Condition, seed: int = 0) -> SpeedWithInterval:
+    """The speed belonging to a C_L that `lift_of(A)` computes, and its 95 % interval by draws of the polar.
+
+    Draws in which there is no such speed (the curve has no minimum) count as unbounded on the slow side: 0.
+    """
+    draws = np.random.default_rng(seed).multivariate_normal(polar.A, polar.covariance, DRAWS, method="eigh")
+    CL = np.array([lift_of(A) for A in draws])
+    speed = np.where(np.isfinite(CL), speed_at(np.where(CL > 0, CL, np.nan), at), 0.0)
+    lo, hi = np.nanpercentile(speed, [2.5, 97.5])
+    return SpeedWithInterval(float(speed_at(lift_of(polar.A), at)), float(lo), float(hi))
+
+
+def classic_form(A: Array, aspect_ratio: float) -> Classic:
+    """CD0, K, CL_minD and Oswald's e of a polar (3.36)."""
+    A0, A1, A2 = A
+    CL_minD = -A1 / (2 * A2)
+    return Classic(float(A0 - A2 * CL_minD**2), float(A2), float(CL_minD), float(1 / (np.pi * A2 * aspect_ratio)))
+
+
+def maximum_lift_to_drag(A: Array) -> float:
+    CL = best_range_lift(A)
+    return float(CL / (A[0] + A[1] * CL + A[2] * CL**2))

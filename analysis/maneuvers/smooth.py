@@ -1,0 +1,46 @@
+"""Speed, its slope and the climb rate, as smooth as finding runs needs them."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from analysis.airdata.air import bank_rad
+from analysis.signals.stretches import stretches
+from flight.atmosphere import GRAVITY_MPS2
+
+Array = NDArray[np.float64]
+
+
+class Smooth(NamedTuple):
+    """Each (n,), a value a row of the table; NaN (Vdot, climb: zero or NaN) where nothing was measured."""
+
+    V: Array  # [m/s]
+    Vdot: Array  # [m/s^2]
+    climb: Array  # [m/s]
+    bank: Array  # [rad]
+    step_s: float
+
+
+def smooth(table: pd.DataFrame, over_s: float) -> Smooth:
+    """Each by a local quadratic over `over_s` seconds; the bank as `bank_rad` has it."""
+    step_s = float(table.index[1] - table.index[0])
+    window = 2 * round(over_s / step_s / 2) + 1
+    V = np.full(len(table), np.nan)
+    Vdot, climb = V.copy(), V.copy()
+    raw_V, raw_h = table["V_mps"].to_numpy(), table["height_m"].to_numpy()
+    for rows in stretches(np.isfinite(raw_V) & np.isfinite(raw_h)):
+        if rows.stop - rows.start >= window:
+            V[rows] = savgol_filter(raw_V[rows], window, 2)
+            Vdot[rows] = savgol_filter(raw_V[rows], window, 2, deriv=1, delta=step_s)
+            climb[rows] = savgol_filter(raw_h[rows], window, 2, deriv=1, delta=step_s)
+    return Smooth(V, np.nan_to_num(Vdot), climb, bank_rad(table), step_s)
+
+
+def load_factor(table: pd.DataFrame, over_s: float) -> Array:
+    """Specific force upwards over gravity, averaged over `over_s` seconds [-]: 1 in level flight."""
+    step_s = float(table.index[1] - table.index[0])
+    window = max(1, round(over_s / step_s))
+    return (-table["az_mps2"] / GRAVITY_MPS2).rolling(window, center=True, min_periods=1).mean().to_numpy()

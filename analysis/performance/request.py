@@ -1,0 +1,87 @@
+"""What a user may ask of the curve, from the command line: read and refused before anything is computed."""
+
+import math
+import re
+from dataclasses import dataclass
+
+from flight.errors import InputError
+from flight.units import GRAVITY_MPS2, to_si
+
+USABLE = 0.8  # of a battery's energy: what lithium polymer is commonly flown down to
+HEAVIEST_KG = 1000.0  # far beyond what a small aircraft could be asked to carry
+HIGHEST_M = 11_000.0  # the standard troposphere
+
+
+@dataclass(frozen=True)
+class Request:
+    """None: the aircraft file's battery. Empty: weights and density altitudes around those of the flight."""
+
+    battery_Wh: float | None = None
+    usable: float = USABLE
+    weights_N: tuple[float, ...] = ()
+    density_altitudes_m: tuple[float, ...] = ()
+
+
+def parse_request(
+    battery_Wh: str | None = None,
+    usable: str | None = None,
+    weights: str | None = None,
+    density_altitudes: str | None = None,
+) -> Request:
+    """Request from the options' text: numbers, and lists such as "3.8 kg, 4.1 kg" and "0 m, 5000 ft".
+
+    Raises InputError naming the option and what it should be.
+    """
+    return Request(
+        battery_Wh=None
+        if battery_Wh is None
+        else _number("--battery-Wh", battery_Wh, "watt hours above zero, such as 74"),
+        usable=USABLE if usable is None else _number("--usable", usable, "a share between 0 and 1, such as 0.8", 1.0),
+        weights_N=() if weights is None else tuple(_weight_N(text) for text in weights.split(",")),
+        density_altitudes_m=()
+        if density_altitudes is None
+        else tuple(_height_m(text) for text in density_altitudes.split(",")),
+    )
+
+
+def _number(option: str, text: str, wanted: str, largest: float = math.inf) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (0 < value <= largest and math.isfinite(value)):
+        raise InputError(f"{option} {text}: should be {wanted}")
+    return value
+
+
+def _weight_N(text: str) -> float:
+    wanted = InputError(
+        f"--weights {text.strip()!r}: should be masses or weights above zero and below {HEAVIEST_KG:.0f} kg,"
+        ' such as "3.8 kg, 9.5 lbf"'
+    )
+    for unit, newtons in (("kg", GRAVITY_MPS2), ("N", 1.0)):
+        try:
+            value = newtons * to_si(_spaced(text), unit, "--weights")
+        except InputError:
+            continue
+        if not 0 < value < HEAVIEST_KG * GRAVITY_MPS2:
+            raise wanted
+        return value
+    raise wanted
+
+
+def _spaced(text: str) -> str:
+    """ "3.8 kg" of "3.8kg"."""
+    return re.sub(r"^\s*([-+.\d]+)\s*", r"\1 ", text).strip()
+
+
+def _height_m(text: str) -> float:
+    try:
+        value = to_si(_spaced(text), "m", "--density-altitudes")
+    except InputError:
+        value = math.nan
+    if not abs(value) < HIGHEST_M:
+        raise InputError(
+            f'--density-altitudes {text.strip()!r}: should be heights below {HIGHEST_M:.0f} m, such as "0 m, 5000 ft"'
+        )
+    return value

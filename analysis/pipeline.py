@@ -1,0 +1,103 @@
+"""From a log to results: the order of the steps."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from analysis import log_contents
+from analysis.airdata.from_log import flight_data
+from analysis.airdata.magnetometer import MagnetometerCalibration
+from analysis.drag.estimate import DragEstimates, estimate
+from analysis.drag.polar import flown_condition, flown_lift
+from analysis.drag.thrust_coverage import thrust_coverage
+from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
+from analysis.maneuvers.selection import select
+from analysis.performance.request import Request
+from analysis.results.assemble import assemble
+from analysis.results.performance import performance_result
+from analysis.results.schema import Results
+from analysis.results.trajectory import path_result
+from analysis.trajectory.consistency import Consistency, consistency
+from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
+from analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flight.aircraft import Aircraft
+from flight.log_reader import Log
+from flight.propeller import Propeller
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """The results, and what the report draws beside them."""
+
+    results: Results
+    table: pd.DataFrame
+    maneuvers: Maneuvers
+    trajectory: Trajectory
+    consistency: Consistency
+    drag: DragEstimates
+
+
+def analyze(
+    log: Log,
+    aircraft: Aircraft | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    *,
+    propeller: Propeller | None = None,
+    request: Request = Request(),
+    runs_file: Path | None = None,
+    magnetometer_calibration: MagnetometerCalibration | None = None,
+) -> Analysis:
+    """Power required and performance from a log.
+
+    aircraft, propeller, magnetometer_calibration: instead of those in the log. request: battery, weights and density
+    altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.toml_file`).
+    Raises InputError when the log lacks something that nothing can replace, or holds no run.
+    """
+    name = str(log.path)
+    contents = log_contents.contents(log, aircraft, propeller, magnetometer_calibration)
+    aircraft, propeller = contents.aircraft, contents.propeller
+
+    progress("synchronizing")
+    data = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+    table = data.table
+
+    progress("finding runs")
+    maneuvers = select(table, data.rest, name, runs_file)
+    flown = pd.concat([table.iloc[run.rows] for run in maneuvers.level_runs or maneuvers.of(*FOR_DRAG)])
+    at, flown_CL = flown_condition(flown, aircraft), flown_lift(flown, aircraft)
+    coverage_warnings = thrust_coverage(flown, propeller)
+
+    progress("reconstructing the trajectory")
+    trajectory = reconstruct(
+        table, data.rest, alpha_scale_sigma=contents.probe.alpha_scale_sigma, compass=data.compass, log=name
+    )
+    sensor_errors = sensor_error_estimates(table, trajectory)
+    runs, calibrated = len(maneuvers.level_runs), contents.magnetometer is not None
+    trajectory_warnings = trajectory_notes(
+        table, trajectory, sensor_errors, runs, magnetometer_calibrated=calibrated, log=name
+    )
+    agreement = consistency(table, trajectory)
+
+    progress(f"estimating drag from {runs or len(maneuvers.of(*FOR_DRAG))} runs")
+    drag = estimate(
+        table, trajectory, maneuvers, aircraft, propeller, at, flown_CL,
+        zeroed=data.zeroed, log=name, progress=progress,
+    )  # fmt: skip
+
+    progress("computing performance")
+    use = performance_result(request, table, trajectory, drag, aircraft, propeller, at, flown)
+    results = assemble(
+        log=name,
+        aircraft=aircraft,
+        propeller=propeller,
+        flown=flown,
+        at=at,
+        maneuvers=maneuvers,
+        drag=drag,
+        path=path_result(trajectory, agreement, sensor_errors),
+        use=use,
+        warnings=contents.notes + data.notes + coverage_warnings + trajectory_warnings + drag.warnings,
+    )
+    return Analysis(results, table, maneuvers, trajectory, agreement, drag)

@@ -1,0 +1,1 @@
+"""Estimates put into the documented form of `results.json` (docs/results.md)."""

@@ -1,0 +1,105 @@
+"""Everything that an analysis found, in the form of `results.json`."""
+
+from importlib.metadata import version
+
+import numpy as np
+import pandas as pd
+
+from analysis.drag.estimate import DragEstimates
+from analysis.drag.polar import Condition, best_range_lift, minimum_power_lift
+from analysis.maneuvers.kinds import Maneuvers
+from analysis.results import curves, methods
+from analysis.results.schema import (
+    AircraftResult,
+    ConditionResult,
+    ParameterResult,
+    PathResult,
+    RejectedResult,
+    Results,
+    RunResult,
+    Use,
+)
+from flight.aircraft import Aircraft
+from flight.atmosphere import SEA_LEVEL_DENSITY
+from flight.propeller import Propeller
+
+
+def assemble(
+    *,
+    log: str,
+    aircraft: Aircraft,
+    propeller: Propeller,
+    flown: pd.DataFrame,
+    at: Condition,
+    maneuvers: Maneuvers,
+    drag: DragEstimates,
+    path: PathResult,
+    use: Use | None,
+    warnings: list[str],
+) -> Results:
+    """The whole of `results.json`.
+
+    flown: rows of `air_data` within the maneuvers analysed. at: weight and density of the flight.
+    """
+    polar, flown_CL = drag.main.polar, drag.flown_CL
+    standard = Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
+    power_required = curves.points(polar, at, flown_CL, (flown, at))
+    check = drag.cross_check
+    return Results(
+        software_version=version("flightpower"),
+        log=log,
+        aircraft=AircraftResult(
+            name=aircraft.name,
+            title=aircraft.title,
+            wing_area_m2=aircraft.geometry.wing_area_m2,
+            span_m=aircraft.geometry.span_m,
+            propeller=propeller.name,
+        ),
+        test=ConditionResult(weight_N=at.weight_N, air_density_kgpm3=at.rho),
+        standard=ConditionResult(weight_N=standard.weight_N, air_density_kgpm3=standard.rho),
+        air_temperature_K=float(flown["temperature_K"].mean()),
+        air_pressure_Pa=float(flown["static_Pa"].mean()),
+        runs=_runs(maneuvers),
+        rejected=_rejected(maneuvers),
+        parameters=[
+            ParameterResult(name=name, value=value, standard_error=error, unit=unit)
+            for name, value, error, unit in drag.main.parameters
+        ],
+        drag_polar=curves.drag_polar(polar, aircraft),
+        power_required=power_required,
+        power_required_standard=curves.points(polar, standard, flown_CL, (flown, at)),
+        cross_check=curves.points(check.polar, at, flown_CL, (flown, at)) if check and check.converged else [],
+        cross_check_by=check.by if check else "output error",
+        minimum_power_speed=curves.optimum(minimum_power_lift, polar, at, flown_CL),
+        best_range_speed=curves.optimum(best_range_lift, polar, at, flown_CL),
+        verdict=drag.main.verdict,
+        warnings=warnings,
+        methods=[methods.method_result(answer, at) for answer in drag.methods],
+        one_by_one=[methods.method_result(answer, at) for answer in drag.one_by_one],
+        disagreements=[methods.disagreement_result(one) for one in drag.disagreements],
+        interval_parts=curves.interval_parts(drag.main, at, np.array([point.speed_mps for point in power_required])),
+        path=path,
+        use=use,
+    )
+
+
+def _runs(maneuvers: Maneuvers) -> list[RunResult]:
+    return [
+        RunResult(
+            kind=run.kind,
+            start_s=run.start_s,
+            end_s=run.end_s,
+            lowest_speed_mps=run.lowest_speed_mps,
+            highest_speed_mps=run.highest_speed_mps,
+            altitude_change_m=run.altitude_change_m,
+            notes=list(run.notes),
+        )
+        for run in maneuvers.maneuvers
+    ]
+
+
+def _rejected(maneuvers: Maneuvers) -> list[RejectedResult]:
+    return [
+        RejectedResult(kind=one.kind, start_s=one.start_s, end_s=one.end_s, reason=one.reason)
+        for one in maneuvers.rejected
+    ]

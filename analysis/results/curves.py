@@ -1,0 +1,96 @@
+"""Curves with their intervals, optimum speeds and the drag polar in the form of `results.json`."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.drag.dynamic import DynamicEstimate
+from analysis.drag.polar import (
+    Condition,
+    Polar,
+    classic_form,
+    lift_coefficient,
+    maximum_lift_to_drag,
+    optimum_speed,
+    power_required,
+    speed_at,
+)
+from analysis.drag.thrust_coverage import thrust_known
+from analysis.estimation.intervals import NORMAL_95
+from analysis.results.schema import DragPolar, IntervalPart, PowerPoint, SpeedInterval
+from flight.aircraft import Aircraft
+
+Array = NDArray[np.float64]
+
+CURVE_POINTS = 61
+
+
+def points(
+    polar: Polar,
+    at: Condition,
+    flown_CL: tuple[float, float],
+    flown: tuple[pd.DataFrame, Condition] | None = None,
+) -> list[PowerPoint]:
+    """A curve over a range of lift coefficients.
+
+    flown: rows of the runs, flown at a condition; what rests on a continued propeller table is marked as extrapolated.
+    """
+    V = np.linspace(speed_at(flown_CL[1], at), speed_at(flown_CL[0], at), CURVE_POINTS)
+    power, error = power_required(V, polar, at)
+    half = NORMAL_95 * error
+    known = np.ones(len(V), dtype=bool)
+    if flown:
+        rows, there = flown
+        known = thrust_known(rows, speed_at(lift_coefficient(V, at), there))
+    return [
+        PowerPoint(
+            speed_mps=float(v),
+            power_W=float(p),
+            power_lo_W=float(p - h),
+            power_hi_W=float(p + h),
+            extrapolated=not sure,
+        )
+        for v, p, h, sure in zip(V, power, half, known.tolist(), strict=True)
+    ]
+
+
+def optimum(
+    lift_of: Callable[[Array], float], polar: Polar, at: Condition, flown_CL: tuple[float, float]
+) -> SpeedInterval:
+    """The speed of least power or of best range, whichever `lift_of` gives the lift coefficient of."""
+    CL = lift_of(polar.A)
+    if not np.isfinite(CL):
+        return SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
+    speed, lo, hi = optimum_speed(lift_of, polar, at)
+    return SpeedInterval(
+        speed_mps=speed, lo_mps=lo or None, hi_mps=hi, inside_flown_range=bool(flown_CL[0] <= CL <= flown_CL[1])
+    )
+
+
+def drag_polar(polar: Polar, aircraft: Aircraft) -> DragPolar:
+    A0, A1, A2 = (float(a) for a in polar.A)
+    classic, best = classic_form(polar.A, aircraft.aspect_ratio), maximum_lift_to_drag(polar.A)
+    return DragPolar(
+        A0=A0,
+        A1=A1,
+        A2=A2,
+        CD0=classic.CD0,
+        K=classic.K,
+        CL_minD=classic.CL_minD,
+        oswald_efficiency=classic.oswald,
+        maximum_lift_to_drag=best if np.isfinite(best) else None,
+    )
+
+
+def interval_parts(estimate: DynamicEstimate, at: Condition, V: Array) -> list[IntervalPart]:
+    """How much of the curve's interval is noise, and how much what all runs share."""
+    (_, noise), (_, systematic) = (
+        power_required(V, Polar(estimate.polar.A, covariance[:3, :3]), at)
+        for covariance in (estimate.noise, estimate.systematic)
+    )
+    return [
+        IntervalPart(speed_mps=float(v), noise_W=float(NORMAL_95 * n), systematic_W=float(NORMAL_95 * s))
+        for v, n, s in zip(V, noise, systematic, strict=True)
+    ]

@@ -1,0 +1,46 @@
+"""The estimates of all methods in the form of `results.json`."""
+
+from analysis.drag.comparison import Disagreement as FoundDisagreement
+from analysis.drag.method import MethodEstimate
+from analysis.drag.polar import Condition, speed_at
+from analysis.drag.regression import Point
+from analysis.estimation.intervals import NORMAL_95
+from analysis.results.curves import points
+from analysis.results.schema import Disagreement, MethodPoint, MethodResult
+
+
+def method_result(answer: MethodEstimate, at: Condition) -> MethodResult:
+    """A method's curve over the lift coefficients it saw, and its points, at one weight and density."""
+    polar = answer.polar
+    return MethodResult(
+        name=answer.method.name,
+        title=answer.method.title,
+        equations=answer.method.equations,
+        taken_as_measured=list(answer.method.takes),
+        drag_polar=[] if polar is None else polar.A.tolist(),
+        power_required=[] if polar is None else points(polar, at, answer.flown_CL),
+        points=[_point(point, at) for point in answer.points],
+        notes=list(answer.notes),
+    )
+
+
+def _point(point: Point, at: Condition) -> MethodPoint:
+    """A steady point at another weight and density: the same lift and drag coefficients."""
+    V = float(speed_at(point.CL, at))
+    unit = at.rho * V**3 * at.wing_area_m2 / 2
+    power, half = unit * point.CD, NORMAL_95 * unit * point.CD_error
+    return MethodPoint(
+        speed_mps=V, power_W=power, power_lo_W=power - half, power_hi_W=power + half, start_s=point.start_s
+    )
+
+
+def disagreement_result(found: FoundDisagreement) -> Disagreement:
+    return Disagreement(
+        methods=(found.first, found.second),
+        speed_mps=found.speed_mps,
+        difference_W=found.difference_W,
+        allowed_W=found.allowed_W,
+        culprit=found.culprit,
+        shares_W=found.shares_W,
+        text=found.text,
+    )

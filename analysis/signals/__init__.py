@@ -1,0 +1,1 @@
+"""Log to synchronized channels, and where the aircraft stood still."""

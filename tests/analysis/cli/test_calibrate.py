@@ -1,0 +1,179 @@
+"""The commands that calibrate from a log: what they print, what they refuse, and that they replace nothing unasked."""
+
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from calibration import bursts
+from typer.testing import CliRunner
+
+from analysis.airdata.tubing import air, low_frequency_lag_s
+from analysis.cli.calibrate import app
+from flight.aircraft import Line, load_aircraft, parse_aircraft
+from flight.errors import InputError
+from flight.log_writer import LogWriter
+from flight.messages import AbsolutePressure, Controls, DifferentialPressure, Magnetometer
+from sim.tunnel import calibrate as simulated
+from sim.tunnel import write_calibration
+from tests.analysis.airdata.test_ground_calibrations import ANGLES, measured, session
+
+NARROW_TEXT = '[probe.lines.alpha]\nlength = "0.9 m"\ndiameter = "0.5 mm"\ncavity = "20 mm^3"\n'
+
+
+def aircraft_text() -> str:
+    """The Nexstar with an alpha line that is said to be narrow."""
+    text = load_aircraft("nexstar").text
+    start, end = text.index("[probe.lines.alpha]"), text.index("[probe.lines.beta]")
+    return text[:start] + NARROW_TEXT + text[end:]
+
+
+def written(path: Path, messages) -> Path:
+    """A log of (topic, seconds, message)."""
+    out = io.BytesIO()
+    writer = LogWriter(out)
+    writer.attach("aircraft.toml", aircraft_text().encode(), "application/toml", 0)
+    for k, (topic, seconds, message) in enumerate(messages):
+        writer.write(topic, message, time_ns=round(seconds * 1e9) + 10**18, tick=k)
+    writer.finish()
+    path.write_bytes(out.getvalue())
+    return path
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.fixture
+def pops(tmp_path: Path) -> Path:
+    """Bursts over a line of 0.4 mm, where the aircraft file says 0.5 mm."""
+    return popped(tmp_path / "pops.mcap")
+
+
+def popped(path: Path, **options) -> Path:
+    line = Line(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)
+    t, value = bursts(line, full=True, **options)
+    messages = [("/static", 0.0, AbsolutePressure(pressure_Pa=101_325.0, temperature_K=288.15))]
+    messages += [
+        ("/probe/alpha", s, DifferentialPressure(differential_pressure_Pa=p))
+        for s, p in zip(t.tolist(), value.tolist(), strict=True)
+    ]
+    return written(path, messages)
+
+
+def test_tubing_finds_the_diameter_that_the_lag_belongs_to(pops: Path, tmp_path: Path) -> None:
+    """Lag within 5 %; the fourth root of that, and a little more for the tube's own volume, in the diameter."""
+    outcome = run("tubing", pops, "-o", tmp_path / "lines.toml")
+    assert outcome.exit_code == 0, outcome.output
+    assert "from 8 steps" in outcome.output and "/probe/beta: no step seen" in outcome.output
+    assert "more bursts" not in outcome.output
+    text = load_aircraft("nexstar").text
+    start, end = text.index("[probe.lines.alpha]"), text.index("[probe.lines.beta]")
+    mended = parse_aircraft(text[:start] + (tmp_path / "lines.toml").read_text() + text[end:], "mine.toml")
+    line = mended.probe.lines["alpha"]
+    assert line.diameter_m == pytest.approx(0.4e-3, rel=0.02)
+    true = Line(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)
+    gas = air(101_325.0, 288.15)
+    assert low_frequency_lag_s([line], gas) == pytest.approx(low_frequency_lag_s([true], gas), rel=0.05)
+
+
+def test_too_few_bursts_for_five_per_cent_are_told_how_many_more(tmp_path: Path) -> None:
+    outcome = run("tubing", popped(tmp_path / "slow.mcap", rate_Hz=25.0), "-o", tmp_path / "lines.toml")
+    assert outcome.exit_code == 0, outcome.output
+    told = re.search(r"for 5 %: about (\d+) more bursts like these", outcome.output)
+    assert told is not None
+    # By the bound of Cramer and Rao 15.5 % for one burst: 1.96 x 15.5/5, squared, is 37 of them, 29 more than these 8.
+    assert 5 < int(told[1]) < 60
+
+
+def test_a_log_without_steps_changes_nothing(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    quiet = [("/probe/alpha", k / 25, DifferentialPressure(differential_pressure_Pa=rng.normal())) for k in range(500)]
+    outcome = run("tubing", written(tmp_path / "quiet.mcap", quiet))
+    assert outcome.exit_code == 0 and "Nothing to change" in outcome.output
+
+
+@pytest.fixture
+def protractor(tmp_path: Path) -> Path:
+    t, pulse = session()
+    messages = [
+        ("/controls", s, Controls(pulse_us=[1500, round(p), 1000, 1500]))
+        for s, p in zip(t, pulse.tolist(), strict=True)
+    ]
+    return written(tmp_path / "protractor.mcap", messages)
+
+
+def test_surfaces_lists_positions_first_and_then_takes_the_angles(protractor: Path, tmp_path: Path) -> None:
+    listed = run("surfaces", protractor)
+    assert "5:" in listed.output and "Now give --angles" in listed.output
+    angles = " ".join(f"{a}" for a in ANGLES)
+    outcome = run("surfaces", protractor, "--angles", angles, "-o", tmp_path / "elevator.toml")
+    assert outcome.exit_code == 0, outcome.output
+    assert '"-22.0 deg"' in (tmp_path / "elevator.toml").read_text()
+
+
+def test_the_magnetometer_s_result_is_a_small_versioned_file(tmp_path: Path) -> None:
+    field, hard, _ = measured(1, by_hand=True)
+    messages = [
+        ("/mag", k / 25, Magnetometer(field_x_T=x, field_y_T=y, field_z_T=z))
+        for k, (x, y, z) in enumerate(field.tolist())
+    ]
+    outcome = run("magnetometer", written(tmp_path / "turned.mcap", messages), "-o", tmp_path / "mag.json")
+    assert outcome.exit_code == 0, outcome.output
+    found = json.loads((tmp_path / "mag.json").read_text())
+    assert found["format"] == "flightpower-magnetometer-1"
+    assert found["hard_iron_T"] == pytest.approx(hard.tolist(), abs=0.5e-6)
+
+
+def test_the_probe_s_page_needs_no_network_and_shows_what_it_should(tmp_path: Path) -> None:
+    write_calibration(tmp_path / "tunnel.csv", simulated(seed=0))
+    outcome = run("probe", tmp_path / "tunnel.csv", "-o", tmp_path / "probe.json", "--angle-scale", "1")
+    assert outcome.exit_code == 0, outcome.output
+    page = (tmp_path / "probe.html").read_text("utf-8")
+    assert "default-src 'none'" in page and 'src="http' not in page
+    for name in ("residuals", "sections", "speed", "hull", "orders"):
+        assert f'id="{name}"' in page
+    assert "one calibration for all of them" in page
+    assert json.loads((tmp_path / "probe.json").read_text())["alpha_scale_sigma"] > 0.01
+
+
+def test_nothing_is_replaced_unasked(pops: Path, protractor: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    write_calibration(tmp_path / "tunnel.csv", simulated(seed=0))
+    for arguments in (
+        ("tubing", pops, "-o", mine),
+        ("surfaces", protractor, "--angles", "0", "-o", mine),
+        ("magnetometer", protractor, "-o", mine),
+        ("airspeed", protractor, "-o", mine),
+        ("probe", tmp_path / "tunnel.csv", "-o", mine),
+        ("probe", tmp_path / "tunnel.csv", "-o", tmp_path / "new.json", "--report", mine),
+    ):
+        mine.write_text("mine")
+        outcome = run(*arguments)
+        assert isinstance(outcome.exception, InputError) and "--replace" in str(outcome.exception)
+        assert mine.read_text() == "mine" and not (tmp_path / "new.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "cause"),
+    [
+        (("surfaces", "LOG", "--angles", "0 1"), "2 angles for 5 positions"),
+        (("surfaces", "LOG", "--angles", "up down"), "'up' is not an angle"),
+        (("surfaces", "LOG", "--channel", "9"), "no pulse of servo output 9"),
+        (("surfaces", "LOG", "--channel", "0"), "count from 1"),
+        (("magnetometer", "LOG"), "no magnetometer"),
+        (("airspeed", "LOG"), "no topic /imu"),
+        (("tubing", "missing.mcap"), "cannot be read"),
+        (("probe", "missing.csv"), "cannot be read"),
+        (("probe", "missing.csv", "--angle-scale", "50"), "--angle-scale"),
+    ],
+)
+def test_bad_input_is_one_clear_error(protractor: Path, arguments, cause: str, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    outcome = run(*(protractor if a == "LOG" else a for a in arguments))
+    assert isinstance(outcome.exception, InputError), outcome.output
+    assert cause in str(outcome.exception) and "\n" not in str(outcome.exception)
+    assert sorted(tmp_path.iterdir()) == before

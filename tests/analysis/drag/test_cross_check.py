@@ -1,0 +1,49 @@
+"""The cross-check knows its own errors: wrong instruments and moving air are inside what it says of itself."""
+
+import methods
+import numpy as np
+import pytest
+
+from analysis.drag import cross_check as output_error
+from analysis.drag import polar as curve
+from analysis.maneuvers.find import find
+from sim.sensors import load_budget
+
+SPEEDS_MPS = np.array([14.0, 17.0, 20.0])
+
+
+@pytest.fixture(scope="module")
+def flown(nexstar, probe):
+    def fly(seed, turbulence_kt, **wrong):
+        errors = methods.drawn(load_budget("study"), seed, **wrong)
+        return methods.fly(nexstar, probe, errors, "accel-decel", turbulence_kt, seed)
+
+    return fly
+
+
+def asked(flight, aircraft, propeller):
+    """The cross-check, and how far its power is off in its own standard errors and in per cent."""
+    runs = find(flight.table, flight.still).of("acceleration", "deceleration")
+    check = output_error.estimate_polar(flight.table, runs, aircraft, zeroed=True, propeller=propeller)
+    rho = float(np.mean([flight.table["rho"].iloc[run.rows].mean() for run in runs]))
+    at = curve.Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
+    power, error = curve.power_required(SPEEDS_MPS, check.polar, at)
+    truth = np.interp(SPEEDS_MPS, flight.truth["speed_mps"], flight.truth["power_W"])
+    return check, (power - truth) / error, 100 * (power / truth - 1)
+
+
+@pytest.mark.parametrize("V_scale", [-0.04, 0.04])
+def test_an_airspeed_that_is_wrong_is_not_a_thrust_that_is(flown, nexstar, propeller, V_scale):
+    """Twice the error of a usual probe. Thrust read from the table at 4 % too high a speed would be 9 to 12 % low."""
+    check, deviation, per_cent = asked(flown(1, 0.0, V_scale=V_scale, thrust_scale=0.0), nexstar, propeller)
+    assert check.converged and not check.in_gusts
+    assert np.abs(deviation).max() < 3
+    assert np.abs(per_cent).max() < 6
+
+
+def test_air_that_moves_is_noticed_and_allowed_for(flown, nexstar, propeller):
+    check, deviation, _ = asked(flown(2, 3.0), nexstar, propeller)
+    assert check.converged and check.in_gusts
+    assert np.abs(deviation).max() < 3
+    still, _, _ = asked(flown(2, 0.0), nexstar, propeller)
+    assert np.all(np.diag(check.polar.covariance) > np.diag(still.polar.covariance)), "moving air costs certainty"

@@ -1,0 +1,102 @@
+"""Known answers about power required (method section 1), and its interval."""
+
+import numpy as np
+import pytest
+
+from analysis.drag.polar import (
+    Condition,
+    Polar,
+    best_range_lift,
+    classic_form,
+    lift_coefficient,
+    maximum_lift_to_drag,
+    minimum_power_lift,
+    optimum_speed,
+    power_required,
+    speed_at,
+    unphysical,
+)
+
+NEXSTAR = Condition(weight_N=37.68, rho=1.225, wing_area_m2=0.4636)
+NO_DOUBT = np.zeros((3, 3))
+
+
+def test_symmetric_polar_gives_the_closed_form_of_1_5() -> None:
+    CD0, K = 0.045, 0.065
+    V = np.linspace(11, 25, 30)
+    q = NEXSTAR.rho * V**2 / 2
+    expected = q * V * NEXSTAR.wing_area_m2 * CD0 + K * NEXSTAR.weight_N**2 * V / (q * NEXSTAR.wing_area_m2)
+    power, _ = power_required(V, Polar(np.array([CD0, 0, K]), NO_DOUBT), NEXSTAR)
+    assert power == pytest.approx(expected, rel=1e-12)
+
+
+def test_least_power_is_three_parts_induced_to_one_part_parasite() -> None:
+    A = np.array([0.045, 0.0, 0.065])
+    CL = minimum_power_lift(A)
+    assert A[2] * CL**2 == pytest.approx(3 * A[0], rel=1e-12)  # (1.6)
+    assert A[2] * best_range_lift(A) ** 2 == pytest.approx(A[0], rel=1e-12)  # (1.10)
+    ratio = speed_at(minimum_power_lift(A), NEXSTAR) / speed_at(best_range_lift(A), NEXSTAR)
+    assert ratio == pytest.approx(3**-0.25, rel=1e-12)
+
+
+@pytest.mark.parametrize("CL_minD", [0.0, 0.15, 0.4])
+def test_special_speeds_are_the_minima_of_the_curve_itself(CL_minD: float) -> None:
+    CD0, K = 0.045, 0.065
+    A = np.array([CD0 + K * CL_minD**2, -2 * K * CL_minD, K])
+    V = np.linspace(8, 30, 200_001)
+    power, _ = power_required(V, Polar(A, NO_DOUBT), NEXSTAR)
+    grid = V[1] - V[0]
+    assert speed_at(minimum_power_lift(A), NEXSTAR) == pytest.approx(V[np.argmin(power)], abs=2 * grid)
+    assert speed_at(best_range_lift(A), NEXSTAR) == pytest.approx(V[np.argmin(power / V)], abs=2 * grid)
+    CL = lift_coefficient(V, NEXSTAR)
+    assert maximum_lift_to_drag(A) == pytest.approx(np.max(CL / (A[0] + A[1] * CL + A[2] * CL**2)), rel=1e-9)
+
+
+def test_classic_form_gives_back_what_the_polar_was_made_of() -> None:
+    CD0, K, CL_minD, aspect_ratio = 0.045, 0.065, 0.15, 6.58
+    classic = classic_form(np.array([CD0 + K * CL_minD**2, -2 * K * CL_minD, K]), aspect_ratio)
+    assert classic == pytest.approx((CD0, K, CL_minD, 1 / (np.pi * K * aspect_ratio)), rel=1e-12)
+
+
+def test_power_scales_exactly_with_weight_and_density() -> None:
+    """PIW and VIW (2.3, 2.5): P sqrt(sigma)/W^1.5 is one function of V sqrt(sigma/W)."""
+    polar = Polar(np.array([0.0465, -0.0195, 0.065]), NO_DOUBT)
+    heavy = Condition(weight_N=1.3 * NEXSTAR.weight_N, rho=0.8 * NEXSTAR.rho, wing_area_m2=NEXSTAR.wing_area_m2)
+    V = np.linspace(11, 25, 20)
+    power, _ = power_required(V, polar, NEXSTAR)
+    scaled, _ = power_required(V * np.sqrt(1.3 / 0.8), polar, heavy)
+    assert scaled == pytest.approx(power * 1.3**1.5 / np.sqrt(0.8), rel=1e-12)
+
+
+def test_interval_of_a_special_speed_covers_as_often_as_it_says() -> None:
+    """500 polars drawn about the truth; 95 % +- 3 standard errors of a binomial share (2.9 %)."""
+    truth = np.array([0.0465, -0.0195, 0.065])
+    sigma = np.array([0.001, 0.002, 0.002])
+    covariance = np.diag(sigma**2)
+    true_speed = speed_at(minimum_power_lift(truth), NEXSTAR)
+    rng = np.random.default_rng(1)
+    hits = 0
+    for estimate in rng.multivariate_normal(truth, covariance, 500):
+        speed = optimum_speed(minimum_power_lift, Polar(estimate, covariance), NEXSTAR)
+        hits += speed.lo_mps <= true_speed <= speed.hi_mps
+    assert hits / 500 == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 500))
+
+
+def test_a_polar_without_a_minimum_has_no_special_speed() -> None:
+    assert np.isnan(minimum_power_lift(np.array([0.05, 0.0, -0.01])))
+    assert np.isnan(best_range_lift(np.array([0.05, 0.0, -0.01])))
+
+
+@pytest.mark.parametrize(
+    ("A", "variance", "said"),
+    [
+        ([0.045, -0.02, 0.065], 1e-6, ""),
+        ([-0.01, 0.02, 0.065], 1e-6, ""),  # a parabola that is sound over what was flown
+        ([0.045, 0.1, -0.02], 1e-6, "does not rise"),
+        ([-0.05, -0.02, 0.065], 1e-6, "below zero"),
+        ([0.045, -0.02, 0.065], np.nan, "too much alike"),
+    ],
+)
+def test_a_polar_that_is_no_aircraft_s_is_known(A: list[float], variance: float, said: str) -> None:
+    found = unphysical(Polar(np.array(A), variance * np.eye(3)), (0.3, 1.1))
+    assert (said in found) and bool(found) == bool(said)

@@ -1,0 +1,40 @@
+"""Runs that differ by more than their noise are spoken of, and noise is not."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.drag.direct import ONE_RUN
+from analysis.drag.method import MethodEstimate
+from analysis.drag.methods import SELDOM, scatter
+from analysis.drag.polar import Condition, Polar
+
+AT = Condition(37.68, 1.2, 0.4636)
+TRUTH = np.array([0.0465, -0.0195, 0.065])
+NOISE = np.diag([0.001, 0.002, 0.002]) ** 2
+
+
+def runs(rng: np.random.Generator, kind: str, count: int, *, wider: float = 1.0) -> list[MethodEstimate]:
+    """Single runs whose polars scatter `wider` times as much as their noise says."""
+    drawn = rng.multivariate_normal(TRUTH, NOISE * wider**2, count)
+    return [
+        MethodEstimate(replace(ONE_RUN, title=f"{kind} at {i} s"), Polar(A, NOISE), NOISE, flown_CL=(0.3, 1.0))
+        for i, A in enumerate(drawn)
+    ]
+
+
+def test_noise_alone_raises_the_alarm_as_seldom_as_it_says() -> None:
+    """Five runs, 1000 times: SELDOM of them by chance, and no more than three standard errors of that share above."""
+    rng = np.random.default_rng(5)
+    alarms = sum(bool(scatter(runs(rng, "acceleration", 5), AT)) for _ in range(1000))
+    assert alarms / 1000 <= SELDOM + 3 * np.sqrt(SELDOM / 1000)
+
+
+def test_runs_that_scatter_four_times_their_noise_are_spoken_of() -> None:
+    rng = np.random.default_rng(6)
+    (said,) = scatter([*runs(rng, "acceleration", 8, wider=4), *runs(rng, "deceleration", 8)], AT)
+    assert "8 accelerations differ" in said
+
+
+def test_two_runs_are_too_few_to_speak_of() -> None:
+    assert scatter(runs(np.random.default_rng(7), "acceleration", 2, wider=9), AT) == []

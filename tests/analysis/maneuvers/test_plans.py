@@ -1,0 +1,217 @@
+"""Every kind of run is found where the simulator flew it, and a file of runs can be edited and taken back."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from methods import drawn, fly
+
+from analysis.maneuvers import toml_file as edit
+from analysis.maneuvers.find import find
+from analysis.maneuvers.kinds import Maneuvers
+from analysis.maneuvers.quality import shaking
+from flight.aircraft import load_aircraft
+from flight.errors import InputError
+from sim.sensors import load_budget
+
+# The segment of a plan, and the run that it should be found as.
+FOUND_AS = {
+    "hold": "steady",
+    "roller-coaster": "roller coaster",
+    "wind-up-turn": "wind-up turn",
+    "3-2-1-1": "3-2-1-1",
+    "stand": "standing",
+}
+SETTLED_S = 15.0  # a hold that is longer has a steady part: getting to its speed takes up to 7 s, a point 8 s
+
+
+def flown(probe, plan: str, turbulence_kt: float = 0.0):
+    errors = drawn(load_budget("bench"), 0)
+    return fly(load_aircraft("nexstar"), probe, errors, plan, turbulence_kt, 0)
+
+
+@pytest.fixture(scope="module")
+def manoeuvres(probe):
+    return flown(probe, "manoeuvres")
+
+
+def test_the_manoeuvres_of_the_literature_are_found_once_each_where_they_were_flown(manoeuvres) -> None:
+    found = find(manoeuvres.table, manoeuvres.still)
+    segments = manoeuvres.segments
+    for kind in ("roller-coaster", "wind-up-turn", "3-2-1-1"):
+        start, end = segments.loc[segments["kind"] == kind, ["start_s", "end_s"]].iloc[0]
+        (run,) = found.of(FOUND_AS[kind])
+        # Each begins when its load factor or its elevator has moved, and its segment ends with some recovery.
+        assert start - 0.5 < run.start_s < start + 3
+        assert run.end_s < end + 0.5
+        assert run.seconds > 0.3 * (end - start)
+
+
+def test_a_gap_in_the_imu_does_not_make_a_wind_up_turn_vanish_without_a_word(manoeuvres) -> None:
+    (whole,) = find(manoeuvres.table, manoeuvres.still).of("wind-up turn")
+    table = manoeuvres.table.copy()
+    middle = (whole.start_s + whole.end_s) / 2
+    table.loc[middle : middle + 0.6, ["ax_mps2", "ay_mps2", "az_mps2"]] = np.nan
+    found = find(table, manoeuvres.still)
+    said = [*found.of("wind-up turn"), *(r for r in found.rejected if r.kind == "wind-up turn")]
+    assert any(one.start_s < middle < one.end_s + 0.1 for one in said)
+
+
+def test_porpoising_is_found_as_such_and_is_neither_a_roller_coaster_nor_a_3211(probe, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.toml"
+    text = (Path("sim/plans/manoeuvres.toml")).read_text("utf-8")
+    plan.write_text(text.replace('"roller-coaster"', '"porpoise"\nduration = "30 s"'), "utf-8")
+    flight = flown(probe, str(plan))
+    found, segments = find(flight.table, flight.still), flight.segments
+    start, end = segments.loc[segments["kind"] == "porpoise", ["start_s", "end_s"]].iloc[0]
+    (run,) = found.of("porpoising")
+    assert (run.start_s, run.end_s) == (pytest.approx(start, abs=2), pytest.approx(end, abs=2))
+    assert not found.of("roller coaster") and len(found.of("3-2-1-1")) == 1
+    assert not [stretch for stretch in found.rejected if start < stretch.start_s < end]
+
+
+def test_steady_points_are_found_in_every_long_hold_and_nowhere_else(probe) -> None:
+    flight = flown(probe, "steady-points")
+    steady = find(flight.table, flight.still).of("steady")
+    segments = flight.segments
+    holds = segments[(segments["kind"] == "hold") & (segments["end_s"] - segments["start_s"] > SETTLED_S)]
+    assert len(steady) == len(holds)
+    for run, (_, hold) in zip(steady, holds.iterrows(), strict=True):
+        assert min(run.end_s, hold["end_s"]) - max(run.start_s, hold["start_s"]) > 0.75 * (hold.end_s - hold.start_s)
+        assert run.highest_speed_mps < 1.06 * run.lowest_speed_mps
+
+
+@pytest.mark.parametrize("turbulence_kt", [0.0, 3.0, 15.0])
+def test_each_acceleration_and_deceleration_flown_is_found_as_one(probe, turbulence_kt: float) -> None:
+    """In gusts, too, that change the sign of what speed does every few seconds."""
+    flight = flown(probe, "full-test-flight", turbulence_kt)
+    found = find(flight.table, flight.still).of("acceleration", "deceleration")
+    segments = flight.segments[flight.segments["kind"] == "run"]
+    assert len(segments) == 11
+    shares = []
+    for i, (_, segment) in enumerate(segments.iterrows()):
+        kind = "deceleration" if i % 2 else "acceleration"
+        (run,) = (
+            r for r in found if r.kind == kind and r.end_s > segment.start_s + 2 and r.start_s < segment.end_s - 2
+        )
+        V = flight.table["V_mps"].loc[segment.start_s : segment.end_s].rolling(25, center=True, min_periods=1).mean()
+        done = (V - V.iloc[0]) / (V.iloc[-1] - V.iloc[0])
+        # Within a twentieth of the speed at an end it is held: of the change that is a tenth at the fast end.
+        first, last = done.index[done < 0.1].max(), done.index[done > 0.9].min()
+        shares.append((min(run.end_s, last) - max(run.start_s, first)) / (last - first))
+    # With 15 kt, sigma 1.2 m/s, a gust may have done at either end what throttle does then.
+    assert min(shares) == pytest.approx(1) or (turbulence_kt == 15 and np.mean(shares) > 0.8)
+
+
+def test_standing_and_flying_are_what_the_aircraft_did(manoeuvres) -> None:
+    found, segments = find(manoeuvres.table, manoeuvres.still), manoeuvres.segments
+    (flying,) = found.of("flying")
+    take_off, land = (segments[segments["kind"] == kind].iloc[0] for kind in ("take-off", "land"))
+    assert take_off["start_s"] < flying.start_s < take_off["end_s"]
+    assert land["start_s"] - 5 < flying.end_s < land["end_s"]
+    first = found.of("standing")[0]
+    assert first.end_s == pytest.approx(take_off["start_s"], abs=2)
+
+
+def test_turbulence_is_noted_and_grows_with_the_wind(probe) -> None:
+    """Dryden gusts scale with W20; an accelerometer's own noise is 0.006 of gravity (Table 4.1)."""
+    calm, rough = flown(probe, "accel-decel"), flown(probe, "accel-decel", 15.0)
+    notes = [note for run in find(rough.table, rough.still).maneuvers for note in run.notes]
+    assert any("turbulence" in note for note in notes)
+    shakes = [shaking(flight.table.loc[60.0:90.0]) for flight in (calm, rough)]
+    assert shakes[0] < 0.02
+    assert shakes[1] > 5 * shakes[0]
+
+
+def test_a_throttle_step_is_noted_and_a_ramp_is_not(probe) -> None:
+    flight = flown(probe, "throttle-step")
+    accelerations = find(flight.table, flight.still).of("acceleration")
+    assert ["throttle" in " ".join(run.notes) for run in accelerations] == [True, False]
+
+
+def test_a_file_of_runs_taken_back_unchanged_gives_the_same_runs(manoeuvres, tmp_path: Path) -> None:
+    found = find(manoeuvres.table, manoeuvres.still)
+    again = taken_back(edit.to_toml(found, "log.mcap"), manoeuvres.table, tmp_path)
+    assert [(run.kind, run.rows) for run in again.maneuvers] == [(run.kind, run.rows) for run in found.maneuvers]
+    assert len(again.rejected) == len(found.rejected)
+
+
+def test_runs_can_be_dropped_kept_and_shifted(manoeuvres, tmp_path: Path) -> None:
+    text = edit.to_toml(find(manoeuvres.table, manoeuvres.still), "log.mcap")
+    only = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
+    (run,) = taken_back(
+        only + "[[run]]\nkind='steady'\nstart='70 s'\nend='80 s'\nkeep=false", manoeuvres.table, tmp_path
+    ).maneuvers
+    assert (run.kind, run.start_s, run.end_s) == (
+        "acceleration",
+        pytest.approx(60, abs=0.04),
+        pytest.approx(68, abs=0.04),
+    )
+    everything = taken_back(text.replace("keep = false", "keep = true"), manoeuvres.table, tmp_path)
+    assert not everything.rejected
+
+
+def taken_back(text: str, table: pd.DataFrame, folder: Path) -> Maneuvers:
+    path = folder / "runs.toml"
+    path.write_text(text, "utf-8")
+    return edit.taken(edit.load(path), table, [], "runs.toml")
+
+
+ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "cause"),
+    [
+        ("", "has no [[run]]"),
+        ("[[run]", "not valid TOML"),
+        ("runs = 1\n" + ONE, "unknown key 'runs'"),
+        (ONE.replace("acceleration", "speeding"), "kind: 'speeding' is none of acceleration"),
+        (ONE.replace('"60 s"', "60"), "give a number with a unit"),
+        (ONE.replace("60 s", "60 m"), "cannot be read as a quantity in s"),
+        (ONE.replace("60 s", "70 s"), "must lie before end"),
+        (ONE.replace("60 s", "-1 s"), "must lie before end"),
+        (ONE + "colour = 1", "unknown key 'colour'"),
+        (ONE.replace('end = "68 s"', ""), "end is missing"),
+        (ONE + "keep = false", "keeps no run"),
+        (ONE.replace("60", "9000").replace("68", "9010"), "the log ends at"),
+        (ONE.replace("60 s", "67.9 s"), "samples"),
+        (ONE.replace("60 s", "66 s"), "51 samples; 60 are needed"),
+        (ONE + ONE.replace("60 s", "67 s").replace("68 s", "72 s"), "overlaps the acceleration at 60 s"),
+        (ONE.replace("60 s", "5 s"), "no V for"),
+    ],
+)
+def test_a_wrong_file_of_runs_is_refused_in_one_line(manoeuvres, tmp_path: Path, text: str, cause: str) -> None:
+    with pytest.raises(InputError, match=re.escape(cause)) as refused:
+        taken_back(text, manoeuvres.table, tmp_path)
+    assert "\n" not in str(refused.value) and "runs.toml" in str(refused.value)
+
+
+def test_elevator_steps_that_are_no_3211_are_rejected_with_their_times(manoeuvres) -> None:
+    table = manoeuvres.table.copy()
+    start = next(run.start_s for run in find(table, manoeuvres.still).maneuvers if run.kind == "3-2-1-1")
+    t = table.index.to_numpy() - start
+    doublet = np.radians(3) * (((t > 0) & (t < 1)).astype(float) - ((t >= 1) & (t < 2)))
+    table.loc[(t > -1) & (t < 8), "elevator_rad"] = doublet[(t > -1) & (t < 8)]
+    found = find(table, manoeuvres.still)
+    assert not found.of("3-2-1-1")
+    assert any("1.0, 1.0 s are no 3-2-1-1" in stretch.reason for stretch in found.rejected)
+
+
+def test_a_file_taken_back_as_it_was_written_changes_nothing_and_keeps_every_reason(manoeuvres, tmp_path: Path) -> None:
+    """Not even where the motor stood for a twentieth of the flight, which no run but the whole flight contains."""
+    table = manoeuvres.table.copy()
+    found = find(table, manoeuvres.still)
+    (whole,) = found.of("flying")
+    used = [run for run in found.maneuvers if run.kind not in ("flying", "standing", "porpoising")]
+    free = np.ones(len(table), dtype=bool)
+    for run in used:
+        free[run.rows] = False
+    table.loc[free & (table.index.to_numpy() > whole.start_s), "thrust_N"] = np.nan
+    assert table["thrust_N"].iloc[whole.rows].isna().mean() > 0.05
+    (tmp_path / "runs.toml").write_text(edit.to_toml(found, "log.mcap"), "utf-8")
+    back = edit.taken(edit.load(tmp_path / "runs.toml"), table, found.rejected, "runs.toml")
+    assert [(run.kind, run.rows) for run in back.maneuvers] == [(run.kind, run.rows) for run in found.maneuvers]
+    assert found.rejected and [stretch.reason for stretch in back.rejected] == [r.reason for r in found.rejected]

@@ -1,0 +1,63 @@
+"""A flight's power train without the flight: speeds and motor speeds, and what the simulator's motor then takes."""
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import brentq
+
+from analysis.performance.propagation import Numbers, known
+from flight.aircraft import Aircraft
+from flight.propeller import Propeller
+from sim.air import Air, ambient
+from sim.plant import plant_of
+from sim.propulsion import power_train, throttle_for
+
+RHO, STEP_S = 1.19, 0.2
+
+
+def height_of(air: Air, rho: float) -> float:
+    """The height [m] at which the simulator's air has a density."""
+    return float(brentq(lambda h: float(ambient(air, h).density) - rho, -1000, 4000))
+
+
+def incidence_of(nexstar: Aircraft) -> Numbers:
+    """The simulator's own angle of attack over lift, with the elevator that trims."""
+    aero = plant_of(nexstar).aero
+    slope = 1 / (aero.CLa - aero.CLde * aero.Cma / aero.Cmde)
+    return known(alpha_0=-slope * (aero.CL0 - aero.CLde * aero.Cm0 / aero.Cmde), alpha_CL=slope)
+
+
+def steady_points(nexstar: Aircraft, propeller: Propeller, seconds: float = 20.0) -> pd.DataFrame:
+    """Steady points one after the other: five speeds, each at the motor speed of some advance ratio."""
+    V = np.repeat([12.0, 14.0, 16.5, 19.5, 22.5], round(seconds / STEP_S))
+    n = V / (np.repeat([0.56, 0.62, 0.66, 0.66, 0.62], round(seconds / STEP_S)) * propeller.diameter_m)
+    throttle = throttle_for(nexstar.propulsion, propeller, V=V, n=n, rho=RHO)
+    return recorded(nexstar, propeller, V, n, throttle)
+
+
+def full_throttle_run(nexstar: Aircraft, propeller: Propeller, seconds: float = 8.0) -> pd.DataFrame:
+    """An acceleration at full throttle: the motor where its torque and the propeller's balance, at every speed."""
+    return at_throttle(nexstar, propeller, np.linspace(12.0, 24.0, round(seconds / STEP_S)), 1.0)
+
+
+def at_throttle(nexstar: Aircraft, propeller: Propeller, V, throttle: float) -> pd.DataFrame:
+    """The motor where its torque and the propeller's balance, at speeds V (n,) one after the other."""
+    low, high = np.full_like(V, 20.0), np.full_like(V, 200.0)
+    for _ in range(60):
+        n = (low + high) / 2
+        train = power_train(nexstar.propulsion, propeller, V=V, n=n, throttle=throttle, rho=RHO)
+        faster = train.motor_acceleration > 0
+        low, high = np.where(faster, n, low), np.where(faster, high, n)
+    return recorded(nexstar, propeller, V, (low + high) / 2, np.full_like(V, throttle))
+
+
+def recorded(nexstar: Aircraft, propeller: Propeller, V, n, throttle) -> pd.DataFrame:
+    train = power_train(nexstar.propulsion, propeller, V=V, n=n, throttle=throttle, rho=RHO)
+    columns = {
+        "V": V,
+        "n": n,
+        "rho": np.full_like(V, RHO),
+        "throttle": throttle,
+        "covered": propeller.covers(V / (n * propeller.diameter_m), 60 * n),
+        "battery_W": train.voltage * train.current,
+    }
+    return pd.DataFrame(columns, index=pd.Index(np.arange(len(V)) * STEP_S, name="t_s"))

@@ -1,0 +1,61 @@
+"""Steady flight in which every force is added up again along the path and across it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.drag.polar import Condition, lift_coefficient
+from analysis.performance.balance import climb_of, drag, incidence, level_thrust
+
+AT = Condition(37.7, 1.19, 0.4636)
+ROW = {name: np.array([[x]]) for name, x in
+       {"A0": 0.0465, "A1": -0.0195, "A2": 0.065, "alpha_0": -0.075, "alpha_CL": 0.235}.items()}  # fmt: skip
+V = np.linspace(11.5, 25.0, 20)
+
+
+def forces(thrust: np.ndarray, sine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What is left over along the path and across it [N], at the angle of attack that carries what thrust does not."""
+    qS = AT.rho * V**2 / 2 * AT.wing_area_m2
+    low, high = np.full_like(thrust, 0.0), np.full_like(thrust, 3.0)
+
+    def across(CL: np.ndarray) -> np.ndarray:
+        return qS * CL + thrust * np.sin(-0.075 + 0.235 * CL) - AT.weight_N * np.sqrt(1 - sine**2)
+
+    for _ in range(60):
+        CL = (low + high) / 2
+        low, high = np.where(across(CL) < 0, CL, low), np.where(across(CL) < 0, high, CL)
+    along = thrust * np.cos(-0.075 + 0.235 * CL) - drag(ROW, V, CL, AT) - AT.weight_N * sine
+    return along, across(CL)
+
+
+def test_in_level_flight_nothing_is_left_over() -> None:
+    thrust = level_thrust(ROW, V, AT)
+    assert np.abs(forces(thrust, np.zeros_like(thrust))).max() < 1e-6 * AT.weight_N
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 0.8])
+def test_in_a_climb_and_in_a_glide_nothing_is_left_over(share: float) -> None:
+    """From a glide to a climb of 45 deg."""
+    thrust = np.full((1, len(V)), share * AT.weight_N)
+    sine, along_path = climb_of(ROW, thrust, V, AT)
+    assert np.abs(forces(thrust, sine)).max() < 1e-3 * AT.weight_N
+    assert np.all(along_path <= thrust)
+
+
+def test_thrust_that_carries_weight_saves_drag_at_low_speed() -> None:
+    """At 11.5 m/s and 9.6 deg it carries 2 % of the weight: thrust is 0.7 % below drag over cos(alpha)."""
+    CL = lift_coefficient(V, AT)
+    alone = drag(ROW, V, CL, AT) / np.cos(-0.075 + 0.235 * CL)
+    saved = 1 - level_thrust(ROW, V, AT) / alone
+    assert 0.005 < saved[0, 0] < 0.03
+    assert abs(saved[0, -1]) < 0.001
+
+
+def test_incidence_is_the_line_that_was_flown() -> None:
+    CL = np.linspace(0.2, 1.1, 60)
+    data = pd.DataFrame({"CL": CL, "alpha": -0.075 + 0.235 * CL, "covered": True})
+    data.loc[5, "alpha"], data.loc[9, "CL"] = np.nan, np.nan
+    data.loc[20, ["alpha", "covered"]] = 1.0, False  # what the table does not know
+    found = incidence(data)
+    assert found.names == ("alpha_0", "alpha_CL")
+    assert found.values == pytest.approx([-0.075, 0.235])

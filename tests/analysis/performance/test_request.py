@@ -1,0 +1,41 @@
+"""What a user may ask, with units; what cannot be meant is refused in one line that names the option."""
+
+import pytest
+
+from analysis.performance.request import USABLE, Request, parse_request
+from flight.errors import InputError
+
+
+def test_nothing_asked_is_the_default() -> None:
+    assert parse_request() == Request(battery_Wh=None, usable=USABLE, weights_N=(), density_altitudes_m=())
+
+
+def test_units_are_understood() -> None:
+    asked = parse_request("74", "0.7", "3.8 kg, 9lbf,40 N", "0 m, 5000 ft, -200m")
+    assert asked.battery_Wh == 74.0 and asked.usable == 0.7
+    assert asked.weights_N == pytest.approx((3.8 * 9.80665, 9 * 4.4482216, 40.0))
+    assert asked.density_altitudes_m == pytest.approx((0.0, 1524.0, -200.0))
+
+
+@pytest.mark.parametrize("text", ["0", "-5", "nan", "inf", "seventy", "", "74 Wh"])
+def test_an_energy_that_is_none(text: str) -> None:
+    with pytest.raises(InputError, match=r"--battery-Wh.*watt hours above zero"):
+        parse_request(battery_Wh=text)
+
+
+@pytest.mark.parametrize("text", ["0", "1.01", "80", "most"])
+def test_a_share_that_is_none(text: str) -> None:
+    with pytest.raises(InputError, match=r"--usable.*between 0 and 1"):
+        parse_request(usable=text)
+
+
+@pytest.mark.parametrize("text", ["4", "0 kg", "-1 kg", "4 m", "3.8 kg,", "nan kg", "heavy", "1e6 N", "1000 kg"])
+def test_a_weight_that_is_none(text: str) -> None:
+    with pytest.raises(InputError, match=r"--weights.*above zero and below 1000 kg"):
+        parse_request(weights=text)
+
+
+@pytest.mark.parametrize("text", ["1000", "12 km", "3 kg", "nan m", "high"])
+def test_a_height_that_is_none(text: str) -> None:
+    with pytest.raises(InputError, match=r"--density-altitudes.*below 11000 m"):
+        parse_request(density_altitudes=text)

@@ -1,0 +1,19 @@
+"""The results' form is documented as it is."""
+
+from pathlib import Path
+
+import msgspec
+
+from analysis.results.schema import Results, schema
+
+DOCS = Path(__file__).parents[3] / "docs"
+
+
+def test_the_schema_in_the_docs_is_the_code_s() -> None:
+    assert (DOCS / "results.schema.json").read_bytes() == schema(), "run: python -m analysis.results.schema"
+
+
+def test_every_field_is_explained() -> None:
+    text = (DOCS / "results.md").read_text("utf-8")
+    for field in msgspec.structs.fields(Results):
+        assert f"`{field.name}`" in text, field.name

@@ -1,0 +1,157 @@
+"""Zeros come from standing still, or from what was measured before; what they moved is told and taken out."""
+
+import json
+
+import msgspec
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.signals.rest import BLOCK_S, CHANNELS, rest_segments, zero_of_attachment, zeros
+from analysis.signals.stretches import stretches
+from daq import zero as daq_zero
+from daq.zero import Reading
+from flight.errors import InputError
+
+RATE_HZ = 25.0
+BIAS = {"p_radps": 0.01, "q_radps": -0.02, "r_radps": 0.005, "dp_alpha_Pa": 1.5, "dp_beta_Pa": -0.8, "q_c_Pa": 2.2}
+NOISE = {"p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "dp_alpha_Pa": 1.0, "dp_beta_Pa": 1.0, "q_c_Pa": 1.0}
+
+
+def log_table(seed: int = 0, drift: dict[str, float] | None = None) -> pd.DataFrame:
+    """20 s standing, 60 s flying, 10 s standing; zeros as in BIAS, noise as in NOISE.
+
+    drift: by how much a zero moves, evenly, from the log's beginning to its end.
+    """
+    rng = np.random.default_rng(seed)
+    n = round(90 * RATE_HZ)
+    t = np.arange(n) / RATE_HZ
+    flying = (t >= 20) & (t < 80)
+    table = {name: BIAS[name] + rng.normal(0, NOISE[name], n) for name in CHANNELS}
+    table["q_c_Pa"] = table["q_c_Pa"] + np.where(flying, 150 + 20 * np.sin(t), 0)
+    table["q_radps"] = table["q_radps"] + np.where(flying, 0.1 * np.sin(3 * t), 0)
+    for name in ("ax_mps2", "ay_mps2", "az_mps2"):
+        table[name] = rng.normal(0, 0.06, n) + np.where(flying, np.sin(5 * t), 0)
+    for name, change in (drift or {}).items():
+        table[name] = table[name] + change * t / t[-1]
+    table["n_revps"] = np.where(flying, 100.0, np.nan)
+    return pd.DataFrame(table, index=pd.Index(t, name="t_s"))
+
+
+def test_both_stands_are_found_and_nothing_else() -> None:
+    table = log_table()
+    found = [(table.index[s.start], table.index[s.stop - 1]) for s in rest_segments(table, RATE_HZ)]
+    assert len(found) == 2
+    assert found[0][0] < 1.5 and 18 < found[0][1] < 20
+    assert 80 < found[1][0] < 82 and found[1][1] > 88.5
+
+
+def test_zeros_lie_within_four_of_their_own_standard_errors() -> None:
+    """The errors come from 25 or so means over a second: each is good to 4 / sqrt(2 * 24) in four of its own sigmas."""
+    for seed in range(20):
+        table = log_table(seed)
+        rest = zeros(table, rest_segments(table, RATE_HZ))
+        assert rest is not None
+        expected = np.sqrt(rest.seconds * RATE_HZ)
+        for name in CHANNELS:
+            assert abs(rest.value[name] - BIAS[name]) < 4 * rest.standard_error[name]
+            blocks = rest.seconds / BLOCK_S - 2
+            assert rest.standard_error[name] == pytest.approx(NOISE[name] / expected, rel=4 / np.sqrt(2 * blocks))
+            assert abs(rest.drift[name]) < 5 * rest.drift_error[name]
+        assert rest.moved == {} and rest.notes == []
+
+
+def test_a_drift_is_told_and_taken_out_along_a_line() -> None:
+    """3 Pa over the log, 0.4 deg/s of the gyro: found within four standard errors, and gone at every instant."""
+    drift = {"q_c_Pa": 3.0, "q_radps": np.radians(0.4)}
+    table = log_table(drift=drift)
+    t = table.index.to_numpy()
+    rest = zeros(table, rest_segments(table, RATE_HZ))
+    assert rest is not None and set(rest.moved) == set(drift)
+    assert any("/probe/airspeed moved by +2" in note and "linearly" in note for note in rest.notes)
+    assert any("gyro q moved by +0.3" in note for note in rest.notes)
+    for name, change in drift.items():
+        true = BIAS[name] + change * t / t[-1]
+        flown = (t > 20) & (t < 80)
+        assert np.max(np.abs(rest.at(name, t) - true)[flown]) < 4 * rest.drift_error[name]
+    assert np.ptp(rest.at("dp_alpha_Pa", t)) == 0
+
+
+def zero_file(**readings: float) -> bytes:
+    """As `daq zero` writes it."""
+    pressure = "differential_pressure_Pa"
+    of = {
+        "dp_alpha_Pa": ("/probe/alpha", pressure),
+        "q_c_Pa": ("/probe/airspeed", pressure),
+        "q_radps": ("/imu", "angular_rate_y_radps"),
+    }
+    found: dict = {}
+    for name, mean in readings.items():
+        topic, field = of[name]
+        found.setdefault(topic, {})[field] = {"mean": mean, "standard_deviation": 0.1, "samples": 250}
+    whole = {
+        "format": "flightpower-zero-1",
+        "taken_unix_ns": 1,
+        "seconds": 10.0,
+        "temperature_K": {},
+        "readings": found,
+    }
+    return json.dumps(whole).encode()
+
+
+def test_what_the_daemon_saves_is_what_the_analysis_reads() -> None:
+    one = {f: Reading(mean=k + 0.5, standard_deviation=0.1, samples=250) for k, f in enumerate(daq_zero.RATES)}
+    pressure = {daq_zero.DIFFERENCE: Reading(mean=-2.0, standard_deviation=0.5, samples=250)}
+    saved = daq_zero.Zero(
+        format=daq_zero.FORMAT,
+        taken_unix_ns=10**18,
+        seconds=10.0,
+        temperature_K={},
+        readings={"/imu": one, "/probe/beta": pressure},
+    )
+    found = zero_of_attachment(msgspec.json.encode(saved), "zero.json")
+    assert found == {"p_radps": 0.5, "q_radps": 1.5, "r_radps": 2.5, "dp_beta_Pa": -2.0}
+
+
+def test_without_rest_the_zero_of_the_log_is_used_and_what_it_lacks_is_said() -> None:
+    table = log_table().iloc[round(25 * RATE_HZ) : round(75 * RATE_HZ)]
+    taken = zero_of_attachment(zero_file(dp_alpha_Pa=1.5, q_c_Pa=2.2), "zero.json")
+    rest = zeros(table, rest_segments(table, RATE_HZ), taken)
+    assert rest is not None
+    assert rest.value["dp_alpha_Pa"] == 1.5 and rest.value["q_c_Pa"] == 2.2 and rest.value["r_radps"] == 0.0
+    assert "daq zero" in rest.notes[0] and "gyro r" in rest.notes[1] and "/probe/beta" in rest.notes[1]
+
+
+def test_a_zero_that_disagrees_with_the_log_s_own_rest_is_said() -> None:
+    table = log_table()
+    still = rest_segments(table, RATE_HZ)
+    near = zeros(table, still, zero_of_attachment(zero_file(q_c_Pa=2.0, q_radps=-0.021), "zero.json"))
+    far = zeros(table, still, zero_of_attachment(zero_file(q_c_Pa=-6.0, q_radps=0.02), "zero.json"))
+    assert near is not None and far is not None
+    assert near.notes == []
+    assert len(far.notes) == 2 and "/probe/airspeed" in far.notes[1] and "-6.00 Pa" in far.notes[1]
+    assert far.value == near.value
+
+
+def test_something_else_than_a_zero_is_refused() -> None:
+    for data in (b"{", b"[]", zero_file().replace(b"zero-1", b"zero-9")):
+        with pytest.raises(InputError, match=r"zero\.json"):
+            zero_of_attachment(data, "zero.json")
+    assert zero_of_attachment(None, "zero.json") is None
+
+
+def test_a_log_that_ends_in_flight_does_not_know_its_drift() -> None:
+    table = log_table(drift={"q_c_Pa": 3.0}).iloc[: round(60 * RATE_HZ)]
+    rest = zeros(table, rest_segments(table, RATE_HZ))
+    assert rest is not None and rest.moved == {}
+    assert any("only before the flight" in note for note in rest.notes)
+
+
+def test_a_flight_without_a_stand_has_no_zeros() -> None:
+    table = log_table().iloc[round(25 * RATE_HZ) : round(75 * RATE_HZ)]
+    assert zeros(table, rest_segments(table, RATE_HZ)) is None
+
+
+def test_stretches_are_the_runs_of_true() -> None:
+    assert stretches(np.array([True, False, True, True])) == [slice(0, 1), slice(2, 4)]
+    assert stretches(np.zeros(3, dtype=bool)) == []

@@ -1,0 +1,120 @@
+"""Synchronisation: what was measured is found again at its instant, and nothing is invented in a gap."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.signals.synchronize import NEEDED, on_grid, synchronize
+from flight.log_reader import Entry, Log
+from flight.messages import TYPE_OF_TOPIC, AbsolutePressure, DifferentialPressure, Imu, Rpm, Status
+
+GRID = np.arange(0, 10, 0.04)
+
+
+def signal(t):
+    return np.sin(2 * np.pi * 0.5 * t)
+
+
+def test_a_channel_sampled_late_and_unevenly_lands_on_the_grid() -> None:
+    rng = np.random.default_rng(3)
+    taken = GRID + 0.013 + rng.uniform(-0.004, 0.004, len(GRID))
+    inside = slice(2, -2)
+    # A cubic spline over steps h errs by at most (5/384) h^4 max|f''''| (de Boor), here 4e-6; twice that for uneven h.
+    bound = 2 * 5 / 384 * 0.048**4 * np.pi**4
+    assert on_grid(GRID, taken, signal(taken))[inside] == pytest.approx(signal(GRID)[inside], abs=bound)
+
+
+def test_a_gap_stays_a_gap() -> None:
+    kept = (GRID < 4) | (GRID > 5)
+    out = on_grid(GRID, GRID[kept], signal(GRID[kept]))
+    assert np.isnan(out[(GRID > 4.01) & (GRID < 4.99)]).all()
+    assert np.isfinite(out[kept]).all()
+
+
+def test_two_lost_samples_are_bridged_and_three_are_not() -> None:
+    for lost, bridged in ((2, True), (3, False)):
+        kept = np.ones(len(GRID), dtype=bool)
+        kept[100 : 100 + lost] = False
+        out = on_grid(GRID, GRID[kept], signal(GRID[kept]))
+        assert np.isfinite(out[100 : 100 + lost]).all() == bridged
+
+
+def test_nothing_is_known_before_the_first_and_after_the_last_sample() -> None:
+    out = on_grid(GRID, GRID[50:200], signal(GRID[50:200]))
+    assert np.isnan(out[:50]).all()
+    assert np.isnan(out[200:]).all()
+
+
+SECONDS = 20.0
+SOUND = {
+    "/imu": Imu(
+        specific_force_x_mps2=0.0, specific_force_y_mps2=0.0, specific_force_z_mps2=-9.8,
+        angular_rate_x_radps=0.0, angular_rate_y_radps=0.0, angular_rate_z_radps=0.0, group_delay_s=0.01,
+    ),
+    "/static": AbsolutePressure(pressure_Pa=101_325.0, temperature_K=288.15),
+    "/probe/alpha": DifferentialPressure(differential_pressure_Pa=3.0),
+    "/probe/beta": DifferentialPressure(differential_pressure_Pa=3.0),
+    "/probe/airspeed": DifferentialPressure(differential_pressure_Pa=150.0),
+    "/rpm": Rpm(motor_speed_revps=100.0),
+}  # fmt: skip
+
+
+def log_of(status_at=lambda topic, t_s: Status.OK) -> Log:
+    """A log of constant readings; `status_at` says which of them failed, and how (None: no message at all)."""
+    log = Log(Path("flight.mcap"), metadata={"flightpower": {"tick_rate_Hz": "25"}})
+    for topic, message in SOUND.items():
+        for tick in range(round(SECONDS * 25)):
+            status = status_at(topic, tick / 25)
+            if status is not None:
+                sent = message if status is Status.OK else TYPE_OF_TOPIC[topic](status=status)
+                log.entries.setdefault(topic, []).append(Entry(10**18 + tick * 40_000_000, tick, sent))
+    return log
+
+
+def test_a_sound_log_has_nothing_to_say() -> None:
+    channels = synchronize(log_of())
+    assert channels.notes == []
+    assert channels.rate_Hz == 25.0
+    assert channels.table[["ax_mps2", "dp_beta_Pa"]].notna().mean().min() > 0.99
+
+
+def test_clipping_is_said_and_left_out() -> None:
+    """Five seconds of twenty at the end of the range: a bound is no measurement."""
+    clipped = synchronize(
+        log_of(lambda topic, t: Status.SATURATED if topic == "/probe/alpha" and 5 <= t < 10 else Status.OK)
+    )
+    assert clipped.table.loc[5.1:9.9, "dp_alpha_Pa"].isna().all()
+    assert any("/probe/alpha was at the end of its range for 25.0 % of the log" in note for note in clipped.notes)
+
+
+@pytest.mark.parametrize("lost", [None, Status.TIMEOUT], ids=["no message", "timeouts"])
+def test_a_long_gap_is_said_with_its_place(lost) -> None:
+    holed = synchronize(log_of(lambda topic, t: lost if topic == "/static" and 8 < t < 13 else Status.OK))
+    assert holed.table.loc[8.1:12.9, "static_Pa"].isna().all()
+    assert holed.table["ax_mps2"].notna().mean() > 0.99
+    assert holed.notes == ["/static has a gap of 5.0 s from 8 s on: nothing is invented there."]
+
+
+def test_a_topic_that_may_be_missing_is_missing_without_ado() -> None:
+    assert "/probe/beta" not in NEEDED
+    without = synchronize(log_of(lambda topic, t: None if topic == "/probe/beta" else Status.OK))
+    assert without.table["dp_beta_Pa"].isna().all()
+
+
+def test_a_motor_that_speeds_up_is_not_found_to_lag() -> None:
+    """4 rev/s in a second, as in an acceleration. Ten electrical periods of seven pole pairs are timed, 11 to 18 ms,
+    and ticks find the newest: dated to the tick, speed was 16 ms late, 0.06 rev/s. What a tick finds is between
+    nothing and 18 ms old: 0.02 rev/s rms, and a tenth of that on average."""
+    log = log_of(lambda topic, t: None if topic == "/rpm" else Status.OK)
+    pulses = np.arange(1.0, 1300.0) * 10 / 7  # revolutions turned
+    speed, more = 80.0, 4.0
+    pulse_s = (np.sqrt(speed**2 + 2 * more * pulses) - speed) / more
+    for tick in range(25, round((pulse_s[-1]) * 25)):
+        newest = np.searchsorted(pulse_s, tick / 25) - 1
+        period_s = pulse_s[newest] - pulse_s[newest - 1]
+        rpm = Rpm(period_us=round(1e6 * period_s), motor_speed_revps=10 / 7 / period_s)
+        log.entries.setdefault("/rpm", []).append(Entry(10**18 + tick * 40_000_000, tick, rpm))
+    found = synchronize(log).table["n_revps"].loc[2:14]
+    off = found - (speed + more * found.index.to_numpy())
+    assert abs(off.mean()) < 0.004 and off.std() < 0.03

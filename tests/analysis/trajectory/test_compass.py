@@ -1,0 +1,199 @@
+"""What a calibrated magnetometer does for the path, and what it must not do, against the simulator's truth."""
+
+import numpy as np
+import pytest
+from test_reconstruction import flown as fly
+
+from analysis.airdata.air import LEAST_HEIGHT_M
+from analysis.airdata.magnetometer import calibrate, compass
+from analysis.trajectory.data import PRIOR_SIGMA
+from analysis.trajectory.equations import GIVEN, MOVE, SENSOR_ERRORS, SHOWN, STATES, Data, Equations
+from analysis.trajectory.observability import heading_notes, sensor_error_estimates
+from analysis.trajectory.reconstruction import reconstruct
+from flight.motion import body_from_earth, earth_from_body
+from sim.sensors.tray import DIP_RAD, FIELD_T
+
+GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
+MAG = [f"mag_{axis}_T" for axis in "xyz"]
+WITHIN = 3.0  # standard errors
+GUSTY_KT = 6.0
+
+
+def turned_by_hand(drawn):
+    """The magnetometer's calibration, from a minute of turning the aircraft about on the ground."""
+    t = np.linspace(0, 60, 1500)
+    attitude = np.pi * np.sin(t / 3.7), 1.3 * np.sin(t / 2.7 + 1), t / 1.75
+    body = np.column_stack(body_from_earth(FIELD_T * np.cos(DIP_RAD), 0.0, FIELD_T * np.sin(DIP_RAD), *attitude))
+    noise = drawn.noise.magnetic_T * np.random.default_rng(0).normal(size=body.shape)
+    return calibrate(body @ drawn.soft_iron.T + drawn.hard_iron + noise, "turned by hand")
+
+
+def heading_error(trajectory, truth):
+    """What the path's heading is off by in flight, and its standard error [deg]."""
+    t = trajectory.states.index.to_numpy()
+    true = np.interp(t, truth["time_s"], np.unwrap(truth["yaw_rad"]))
+    high = np.interp(t, truth["time_s"], truth["height_m"]) > LEAST_HEIGHT_M
+    off = (trajectory.states["psi"].to_numpy() - true + np.pi) % (2 * np.pi) - np.pi
+    return np.degrees(off)[high], np.degrees(trajectory.states_error()["psi"].to_numpy())[high]
+
+
+def iron(air, field_T):
+    """The same flight with iron that came aboard after the magnetometer was calibrated."""
+    return air.assign(**{name: air[name] + b for name, b in zip(MAG, field_T, strict=True)})
+
+
+@pytest.fixture(scope="module")
+def heard(probe):
+    """A short flight in gusts with GPS: calibration of the magnetometer, air data, where it stood, the path without a
+    compass, and the truth."""
+    truth, drawn, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT)
+    return turned_by_hand(drawn), air, still, reconstruct(air, still), truth
+
+
+@pytest.fixture(scope="module")
+def deaf(probe):
+    """The same without GPS."""
+    truth, drawn, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT, without=GPS)
+    return turned_by_hand(drawn), air, still, reconstruct(air, still), truth
+
+
+def test_level_across_north_the_earth_has_no_field_and_that_shows_the_heading_alone() -> None:
+    """At any attitude: nothing across magnetic north, its change with the heading is the level field, with bank and
+    pitch none, though the field is steep: what iron leaves over must not bank the aircraft."""
+    rng = np.random.default_rng(0)
+    n, level_T, declination = 50, FIELD_T * np.cos(DIP_RAD), 0.2
+    x = np.zeros((n, len(STATES)))
+    x[:, :3] = rng.uniform(-1, 1, (n, 3)) * (1.0, 0.5, np.pi)
+    north = level_T * np.cos(declination), level_T * np.sin(declination), FIELD_T * np.sin(DIP_RAD)
+    body = body_from_earth(*north, *x[:, :3].T)
+    given = np.ones((n, len(GIVEN)))
+    for name, part in zip(("field_ahead", "field_right"), earth_from_body(*body, x[:, 0], x[:, 1], 0.0), strict=False):
+        given[:, GIVEN.index(name)] = part
+    shared = np.zeros(len(SENSOR_ERRORS))
+    shared[
+        SENSOR_ERRORS.index("heading_bias")
+    ] = -declination  # magnetic north lies to the east: the compass reads less
+    nothing = np.zeros((n, len(SHOWN)))
+    process = np.zeros((n - 1, len(MOVE))), np.ones((n - 1, len(STATES)))
+    at = Equations(n).at(x, shared, Data(*process, nothing, nothing + 1.0, given, x, given))
+    row = SHOWN.index("compass")
+    assert np.abs(at.measured[:, row]).max() < 1e-12 * FIELD_T
+    slope = at.d_measured[:, row] / level_T
+    assert slope[:, STATES.index("psi")] == pytest.approx(np.ones(n))
+    assert slope[:, len(STATES) + SENSOR_ERRORS.index("heading_bias")] == pytest.approx(np.ones(n))
+    assert np.count_nonzero(slope) == 2 * n
+
+
+def test_without_gps_it_holds_the_heading(deaf) -> None:
+    """Half the uncertainty or less, and the true heading (the simulator's declination is zero) within it all along."""
+    calibration, air, still, alone, truth = deaf
+    field, said = compass(air, calibration)
+    trajectory = reconstruct(air, still, compass=field)
+    assert trajectory.converged and said == []
+    off, error = heading_error(trajectory, truth)
+    assert np.abs(off / error).max() < WITHIN
+    assert error.mean() < 0.5 * heading_error(alone, truth)[1].mean()
+    assert trajectory.standard_error("r_bias") < 0.8 * alone.standard_error("r_bias")
+    assert 0 < trajectory.residuals["compass"] < 1
+
+
+@pytest.mark.parametrize("left_uT", [(2.0, -2.0, 2.0), (-3.0, 0.0, -3.0)])
+def test_iron_that_moved_since_the_calibration_stays_within_what_is_said_of_it(deaf, left_uT) -> None:
+    """3 uT of 22 level ones are 8 deg. Pitch and bank do not follow: 0.1 deg would be 2 % of power near the stall."""
+    calibration, air, still, alone, truth = deaf
+    field, _ = compass(iron(air, 1e-6 * np.array(left_uT)), calibration)
+    trajectory = reconstruct(air, still, compass=field)
+    off, error = heading_error(trajectory, truth)
+    assert np.abs(off / error).max() < WITHIN
+    for angle in ("phi", "theta"):
+        assert np.degrees(np.abs(trajectory.states[angle] - alone.states[angle])).max() < 0.05
+    assert abs(trajectory.value("alpha_bias") - alone.value("alpha_bias")) < 0.1 * alone.standard_error("alpha_bias")
+
+
+@pytest.mark.parametrize("left_uT", [(0.0, 0.0, 0.0), (-3.0, 3.0, 3.0)])
+def test_with_gps_it_changes_nothing_even_with_iron_left_in_it(heard, left_uT) -> None:
+    calibration, air, still, alone, _ = heard
+    field, _ = compass(iron(air, 1e-6 * np.array(left_uT)), calibration)
+    trajectory = reconstruct(air, still, compass=field)
+    assert trajectory.converged
+    moved = dict(
+        zip(
+            SENSOR_ERRORS,
+            (trajectory.sensor_errors - alone.sensor_errors) / np.sqrt(np.diag(alone.covariance)),
+            strict=True,
+        )
+    )
+    moved.pop("heading_bias")
+    assert max(map(abs, moved.values())) < 0.05
+    for angle in ("phi", "theta", "psi"):
+        assert np.degrees(np.abs(trajectory.states[angle] - alone.states[angle])).max() < 0.1
+
+
+def test_with_gps_the_declination_is_found(heard) -> None:
+    """Magnetic north 12 deg to the west: the compass reads as much more. What is assumed pulls by a fiftieth of it."""
+    calibration, air, still, alone, truth = heard
+    declination = np.radians(-12.0)
+    level = FIELD_T * np.cos(DIP_RAD) * np.array([np.cos(declination), np.sin(declination)])
+    attitude = [np.interp(air.index, truth["time_s"], np.unwrap(truth[f"{a}_rad"])) for a in ("roll", "pitch", "yaw")]
+    field, _ = compass(air, calibration)
+    field.field_T[:] = np.column_stack(body_from_earth(*level, FIELD_T * np.sin(DIP_RAD), *attitude))
+    trajectory = reconstruct(air, still, compass=field)
+    assert trajectory.converged
+    off = np.degrees(trajectory.value("heading_bias")) - 12.0
+    assert abs(off) < WITHIN * np.degrees(trajectory.standard_error("heading_bias")) < 6.0
+    assert np.degrees(np.abs(trajectory.states["psi"] - alone.states["psi"])).max() < 0.1
+    assert heading_notes(air, trajectory, calibrated=True) == []
+
+
+def test_a_board_mounted_back_to_front_is_noticed_and_spoils_nothing(heard) -> None:
+    """Levelled the wrong way it wanders by tens of degrees, too. The heading follows by less than a degree, and what
+    power rests on not at all."""
+    calibration, air, still, alone, _ = heard
+    field, _ = compass(air, calibration)
+    trajectory = reconstruct(air, still, compass=field._replace(field_T=field.field_T * (-1, -1, 1)))
+    assert trajectory.converged
+    assert np.degrees(abs(trajectory.value("heading_bias"))) == pytest.approx(180, abs=15)
+    assert np.degrees(np.abs(trajectory.states["psi"] - alone.states["psi"])).max() < 1.0
+    for name in ("alpha_bias", "alpha_scale", "V_scale"):
+        assert abs(trajectory.value(name) - alone.value(name)) < 0.05 * alone.standard_error(name)
+    (said,) = heading_notes(air, trajectory, calibrated=True)
+    assert "contradicts GPS" in said and "mounted" in said
+
+
+def test_an_uncalibrated_one_is_not_used_and_only_where_gps_is_missing_that_is_said(heard, deaf) -> None:
+    for (_, air, still, alone, _), gps in ((heard, True), (deaf, False)):
+        trajectory = reconstruct(iron(air, (15e-6, 0.0, 0.0)), still)
+        assert np.array_equal(trajectory.states, alone.states) and np.array_equal(
+            trajectory.sensor_errors, alone.sensor_errors
+        )
+        assert trajectory.standard_error("heading_bias") == pytest.approx(trajectory.assumed("heading_bias"))
+        said = heading_notes(air, trajectory, calibrated=False)
+        assert len(said) == (0 if gps else 1)
+        assert all("not determined" in note and "not its calibration" in note for note in said)
+        bare = air.drop(columns=MAG)
+        assert not any("agnetometer" in note for note in heading_notes(bare, trajectory, calibrated=False))
+
+
+def test_what_a_flight_shows_of_the_compass(heard, deaf) -> None:
+    """With GPS its offset; without, that north is the compass's; and nothing at all of one that was not used."""
+    for (calibration, air, still, alone, _), gps in ((heard, True), (deaf, False)):
+        trajectory = reconstruct(air, still, compass=compass(air, calibration)[0])
+        offset = next(error for error in sensor_error_estimates(air, trajectory) if error.name == "heading_bias")
+        assert offset.determined == gps
+        assert offset.missing == (() if gps else ("no GPS",))
+        assert (trajectory.assumed("heading_bias") == PRIOR_SIGMA["heading_bias"]) == gps
+        assert all("held the heading" in note for note in heading_notes(air, trajectory, calibrated=True))
+        assert len(heading_notes(air, trajectory, calibrated=True)) == (0 if gps else 1)
+        assert "heading_bias" not in {error.name for error in sensor_error_estimates(air, alone)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("turbulence_kt", [0.0, GUSTY_KT])
+def test_twenty_minutes_without_gps_stay_on_their_heading(probe, turbulence_kt: float) -> None:
+    truth, drawn, air, still = fly(0, probe, "full-test-flight", without=GPS, turbulence_kt=turbulence_kt)
+    field, _ = compass(iron(air, (1e-6, -1e-6, 1e-6)), turned_by_hand(drawn))
+    trajectory = reconstruct(air, still, compass=field)
+    assert trajectory.converged
+    off, error = heading_error(trajectory, truth)
+    assert np.abs(off / error).max() < WITHIN
+    assert error.max() < 5.0

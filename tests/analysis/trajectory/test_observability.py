@@ -1,0 +1,180 @@
+"""Do sensors agree with one another once their errors are taken out, and which errors did a flight determine?"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_reconstruction import flown as fly
+
+from analysis.results.trajectory import path_result
+from analysis.trajectory import observability
+from analysis.trajectory.blocks import block_mean
+from analysis.trajectory.consistency import ANGLES, SPEED, consistency, spread
+from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.observability import Flown, missing, sensor_error_estimates, sensor_error_notes
+from analysis.trajectory.reconstruction import reconstruct
+
+GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
+WITHIN = 3.3  # standard errors: 99.9 %
+
+UP = """
+heading = "20 deg"
+[air]
+wind = "2 m/s"
+wind_from = "310 deg"
+[[segment]]
+kind = "stand"
+duration = "20 s"
+[[segment]]
+kind = "take-off"
+[[segment]]
+kind = "climb"
+height = "80 m"
+climb = "3 m/s"
+speed_over_stall = 1.6
+"""
+LEG = """
+[[segment]]
+kind = "hold"
+duration = "25 s"
+speed_over_stall = 1.6
+"""
+PORPOISE = LEG.replace('"hold"', '"porpoise"')
+TURN = """
+[[segment]]
+kind = "turn"
+"""
+
+
+@pytest.fixture(scope="module")
+def whole(probe):
+    """A full test flight in calm air: the truth at the path's instants, the IMU's tilt, air data and path."""
+    truth, drawn, air, still = fly(0, probe, "full-test-flight")
+    trajectory = reconstruct(air, still)
+    t = trajectory.states.index.to_numpy()
+    true = {name: np.interp(t, truth["time_s"], truth[name]) for name in ("V_mps", "alpha_rad")}
+    return true, drawn.imu_rotation[0, 2], air, trajectory
+
+
+@pytest.fixture(scope="module")
+def deaf(probe):
+    """A short flight on one heading in calm air, without GPS: air data and path."""
+    _, _, air, still = fly(0, probe, "accel-decel", without=GPS)
+    return air, reconstruct(air, still)
+
+
+@pytest.mark.slow
+def test_the_angles_agree_after_and_before_they_show_what_the_vane_was_off_by(whole) -> None:
+    """theta - alpha - gamma before is minus what alpha is off by, within the 0.1 deg a calm flight is good for.
+
+    Off by on average, in truth: the injected offset and slope, and the IMU's tilt, which is an offset too
+    (test_reconstruct).
+    """
+    true, tilt, air, trajectory = whole
+    agreement = consistency(air, trajectory)
+    before, after = (spread(differences[ANGLES]) for differences in agreement)
+    flew = agreement.before[ANGLES].notna().to_numpy()
+    error = tilt + np.nanmean((block_mean(air["alpha_rad"], len(flew)) - true["alpha_rad"])[flew])
+    assert abs(before.mean + error) < np.radians(0.1)
+    assert abs(before.mean) > WITHIN * before.standard_error, "an error of this size is seen at a glance"
+    assert abs(after.mean) < WITHIN * after.standard_error
+    assert after.sigma < before.sigma
+
+
+@pytest.mark.slow
+def test_airspeed_agrees_with_gps_after_and_before_it_shows_its_scale(whole) -> None:
+    """Before, airspeed is off by what it is off in truth, within the 0.3 % a calm flight is good for."""
+    true, _, air, trajectory = whole
+    agreement = consistency(air, trajectory)
+    before, after = (spread(differences[SPEED]) for differences in agreement)
+    flew = agreement.before[SPEED].notna().to_numpy()
+    V = true["V_mps"][flew]
+    error = np.nanmean(block_mean(air["V_mps"], len(flew))[flew] - V)
+    assert before.mean == pytest.approx(error, abs=0.003 * V.mean())
+    assert abs(error) > 0.008 * V.mean(), "the scale drawn for this flight is 1 % low"
+    assert abs(after.mean) < WITHIN * after.standard_error
+    assert after.sigma < before.sigma
+
+
+@pytest.mark.slow
+def test_a_full_test_flight_determines_every_error(whole) -> None:
+    _, _, air, trajectory = whole
+    errors = sensor_error_estimates(air, trajectory)
+    assert {error.name for error in errors} == set(SENSOR_ERRORS) - {"heading_bias"}, "it had no compass"
+    assert [error.name for error in errors if not error.determined] == []
+    assert sensor_error_notes(errors) == []
+
+
+def test_without_gps_it_says_so(deaf) -> None:
+    air, trajectory = deaf
+    latency = next(error for error in sensor_error_estimates(air, trajectory) if error.name == "gps_latency")
+    assert not latency.determined
+    assert latency.missing == ("no GPS",)
+    said = path_result(trajectory, consistency(air, trajectory), sensor_error_estimates(air, trajectory))
+    assert [check.before.unit for check in said.checks] == ["deg"], "nothing to compare airspeed with"
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_in_moving_air_turns_show_the_scale_of_airspeed_and_one_heading_does_not(
+    probe, tmp_path: Path, turns: bool
+) -> None:
+    """Two and a half minutes in W20 = 6 kt, with and without turns; all else alike.
+
+    In calm air one heading is enough: a change of speed is measured by accelerometers too.
+    """
+    plan = tmp_path / "plan.toml"
+    plan.write_text(UP + (LEG + TURN if turns else LEG) * 6, "utf-8")
+    _, _, air, still = fly(0, probe, str(plan), turbulence_kt=6.0)
+    errors = sensor_error_estimates(air, reconstruct(air, still))
+    scale = next(error for error in errors if error.name == "V_scale")
+    assert scale.determined == turns
+    assert any("one heading" in why for why in scale.missing) == (not turns)
+    assert any("scale of airspeed" in note for note in sensor_error_notes(errors)) == (not turns)
+    slope = next(error for error in errors if error.name == "alpha_scale")
+    assert any("one speed" in why for why in slope.missing), "held at one speed, with turns or without"
+
+
+def test_in_gusts_porpoising_shows_the_slope_of_angle_of_attack(probe, tmp_path: Path) -> None:
+    """Two and a half minutes in W20 = 10 kt at one speed, 50 s of them porpoising or not.
+
+    Gusts of sigma 0.5 m/s, 80 m long, against 3 deg rms at 4.1 rad/s for 50 s: 3 sigma^2/(V omega^2 L) over the
+    integral of the angle's square is 1.6 % squared at best, where 3 % are assumed and 2.4 % count as determined.
+    """
+    slopes = []
+    for legs in (6 * LEG, 2 * LEG + 2 * PORPOISE + 2 * LEG):
+        plan = tmp_path / "plan.toml"
+        plan.write_text(UP + legs, "utf-8")
+        truth, _, air, still = fly(0, probe, str(plan), turbulence_kt=10.0)
+        trajectory = reconstruct(air, still)
+        flown = air["alpha_rad"].notna() & air["flying"]
+        true_alpha = np.interp(air.index, truth["time_s"], truth["alpha_rad"])[flown]
+        shown = np.polyfit(true_alpha, air["alpha_rad"][flown], 1)[0] - 1
+        assert abs(trajectory.value("alpha_scale") - 2 * trajectory.value("V_scale") - shown) < WITHIN * np.hypot(
+            trajectory.standard_error("alpha_scale"), 2 * trajectory.standard_error("V_scale")
+        )
+        slopes.append(next(error for error in sensor_error_estimates(air, trajectory) if error.name == "alpha_scale"))
+    without, porpoised = slopes
+    assert not without.determined and any("porpoise" in why for why in without.missing)
+    assert porpoised.determined
+    surest = 1 / np.hypot(1 / 1.6, 1 / 3.0)  # percent: the bound and what was assumed, together
+    assert porpoised.standard_error > surest
+
+
+def test_whatever_was_not_determined_has_a_reason() -> None:
+    had_all = Flown(gps=True, sideslip=True, headings=0.0, speed_ratio=2.0, gust_mps=0.0)
+    had_nothing = Flown(gps=False, sideslip=False, headings=1.0, speed_ratio=1.0, gust_mps=2.0)
+    for name in observability.TITLES:
+        assert missing(name, had_all) == (observability._TOO_LITTLE,)
+        assert missing(name, had_nothing)
+    assert len(missing("beta_bias", had_nothing)) == 4
+
+
+def test_a_mean_of_what_wanders_is_less_certain_than_one_of_noise() -> None:
+    """White noise: sigma / sqrt(n). A wave of twice the batch's length: the batches' scatter, far more than that."""
+    t = np.arange(0, 400, 0.2)
+    white = pd.Series(np.random.default_rng(0).normal(0, 1, len(t)), index=t)
+    assert spread(white).standard_error == pytest.approx(1 / np.sqrt(len(t)), rel=0.5)  # of 20 batches: 16 %, 1 sigma
+    wave = pd.Series(np.sign(np.sin(np.pi * t / 20)), index=t)
+    assert spread(wave).standard_error > 5 * wave.std() / np.sqrt(len(t))
+    assert spread(white[:50]) is None, "one batch says nothing of the scatter between them"

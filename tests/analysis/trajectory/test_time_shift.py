@@ -1,0 +1,94 @@
+"""Time shifts between channels: a probe that is late is found to be, one that is not raises no alarm."""
+
+import flights
+import numpy as np
+import pytest
+
+from analysis.trajectory import airspeed_scale as airspeed
+from analysis.trajectory import time_shift as skew
+from analysis.trajectory.reconstruction import reconstruct
+from flight.aircraft import load_aircraft
+from sim.sensors import load_budget
+
+NEXSTAR = load_aircraft("nexstar")
+LATE_S = 0.060
+
+
+@pytest.fixture(scope="module")
+def flight(probe):
+    """Drawn errors, plan, table and probe of a whole calm test flight; the budget has no extra lag."""
+    errors = flights.drawn(load_budget("bench"), 2)
+    flown, _, table = flights.flown(NEXSTAR, errors, "full-test-flight", 2)
+    return errors, flown, table, probe
+
+
+def reconstructed(table, probe):
+    air, still, _ = flights.air_of(table, NEXSTAR, probe)
+    return air, reconstruct(air, still)
+
+
+@pytest.fixture(scope="module")
+def whole(flight):
+    """Air data and path of the flight as it is."""
+    _, _, table, probe = flight
+    return reconstructed(table, probe)
+
+
+@pytest.fixture(scope="module")
+def delayed(flight):
+    """Trajectory of the same flight with a probe that is late."""
+    _, _, table, probe = flight
+    t = table.index.to_numpy()
+    late = table.assign(
+        **{name: np.interp(t - LATE_S, t, table[name]) for name in ("dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa")}
+    )
+    return reconstructed(late, probe)[1]
+
+
+@pytest.mark.slow
+def test_a_delay_of_the_probe_is_found_to_a_twentieth(whole, delayed) -> None:
+    """Beside the same flight as it is, so that noise cancels: 5 %, what a calibration of the tubes is asked for. It
+    comes out 4 % small, which is more than its standard error: docs/estimators.md, what is known to be missing."""
+    as_it_is, late = ({s.name: s for s in skew.skews(trajectory)}["the probe"] for trajectory in (whole[1], delayed))
+    assert abs(as_it_is.late_s) < 4 * as_it_is.standard_error_s
+    assert late.late_s - as_it_is.late_s == pytest.approx(LATE_S, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_late_probe_is_found_and_an_early_alarm_is_not_raised(flight, whole, delayed) -> None:
+    errors, flown, _, _ = flight
+    air, as_it_is = whole
+    assert skew.notes(as_it_is) == []
+    assert any("The probe is" in note and "late against the IMU" in note for note in skew.notes(delayed))
+    found = {s.name: s for s in skew.skews(delayed)}
+    assert found["the probe"].learnt and found["GPS"].learnt
+    assert abs(found["GPS"].late_s - errors.values.gps_latency_s) < 4 * found["GPS"].standard_error_s
+
+    # And what `calibrate airspeed` says of the same flight, whose legs go both ways.
+    speed = airspeed.calibrate(air, as_it_is)
+    assert abs(speed.scale - errors.values.V_scale) < 4 * speed.scale_error
+    truth = flown.truth[flown.truth["phase"] == "flight"]
+    wind = np.hypot(truth["wind_north_mps"], truth["wind_east_mps"]).mean()
+    assert speed.wind_mps == pytest.approx(wind, abs=0.3)
+    assert speed.wind_from_deg == pytest.approx(310, abs=5)
+    assert speed.notes == []
+
+
+@pytest.mark.slow
+def test_one_way_and_without_gps_say_what_they_cannot_know(flight) -> None:
+    _, _, table, probe = flight
+    one_leg = table.loc[95.0:190.0]
+    assert any("one direction" in note for note in airspeed.calibrate(*reconstructed(one_leg, probe)).notes)
+    deaf = table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan)
+    air, trajectory = reconstructed(deaf, probe)
+    assert any("No GPS" in note for note in airspeed.calibrate(air, trajectory).notes)
+    assert "does not show" in {s.name: s for s in skew.skews(trajectory)}["GPS"].in_words()
+
+
+@pytest.mark.slow
+def test_a_dead_sideslip_transducer_leaves_a_path_that_knows_less(flight, whole) -> None:
+    _, _, table, probe = flight
+    _, as_it_is = whole
+    _, without = reconstructed(table.assign(dp_beta_Pa=np.nan), probe)
+    assert without.converged and np.isfinite(without.states.to_numpy()).all()
+    assert without.standard_error("beta_bias") > 2 * as_it_is.standard_error("beta_bias")

@@ -1,0 +1,99 @@
+"""The house stands as drawn: who may import whom, and what the aircraft's computer is spared."""
+
+import ast
+import subprocess
+import sys
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+ALLOWED = {
+    "flight": set(),
+    "daq": {"flight"},
+    "sim": {"flight"},
+    "hw_fakes": {"flight", "sim"},
+    "analysis": {"flight"},
+}
+# The one place where simulator, fake hardware and daemon meet: the command line that flies.
+ALLOWED_IN_FILE = {"sim/__main__.py": {"flight", "hw_fakes", "daq"}}
+
+
+def imported_packages(path: Path) -> set[str]:
+    """Top-level packages a file imports, anywhere in it."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.add(node.module.split(".")[0])
+    return names
+
+
+@pytest.mark.parametrize("package", ALLOWED)
+def test_a_floor_imports_only_what_it_may(package: str) -> None:
+    files = sorted((ROOT / package).rglob("*.py"))
+    assert files, f"{package} has no code"
+    for path in files:
+        name = path.relative_to(ROOT).as_posix()
+        allowed = ALLOWED_IN_FILE.get(name, ALLOWED[package]) | {package}
+        strangers = (imported_packages(path) & set(ALLOWED)) - allowed
+        assert not strangers, f"{name} imports {strangers}"
+
+
+@pytest.mark.parametrize("module", ["daq.__main__", "daq.daemon"])
+def test_the_daemon_needs_nothing_of_the_laptop(module: str) -> None:
+    heavy = ["numpy", "scipy", "pandas", "casadi", "plotly", "pyarrow"]
+    code = f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert loaded.strip() == "[]"
+
+
+def imports_in(path: Path) -> set[str]:
+    """Modules of ours that a file imports, as dotted names that may end in a name of the module."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    return {name for name in names if name.split(".")[0] in ALLOWED}
+
+
+def import_graph() -> dict[str, set[str]]:
+    """Which of our files imports which, by dotted name; a package stands for its `__init__.py`."""
+    files = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for package in ALLOWED
+        for path in (ROOT / package).rglob("*.py")
+    }
+    return {
+        name: {other for other in imports_in(path) if other in files and other != name} for name, path in files.items()
+    }
+
+
+def folders(graph: dict[str, set[str]]) -> dict[str, set[str]]:
+    """The same for folders; a file at the root of a top-level package is a node of its own."""
+
+    def folder(name: str) -> str:
+        parts = name.split(".")
+        return ".".join(parts[:2]) if len(parts) > 2 or (ROOT / Path(*parts)).is_dir() else name
+
+    out: dict[str, set[str]] = {}
+    for name, others in graph.items():
+        out.setdefault(folder(name), set()).update(folder(other) for other in others)
+    return {name: others - {name} for name, others in out.items()}
+
+
+@pytest.mark.parametrize("of", [import_graph, lambda: folders(import_graph())], ids=["files", "folders"])
+def test_imports_make_no_circle(of) -> None:
+    try:
+        tuple(TopologicalSorter(of()).static_order())
+    except CycleError as error:
+        pytest.fail(f"imports go in a circle: {' -> '.join(error.args[1])}")
+
+
+def test_the_root_of_analysis_holds_the_pipeline_and_what_every_room_uses() -> None:
+    files = {path.name for path in (ROOT / "analysis").glob("*.py")}
+    assert files == {"__init__.py", "pipeline.py", "log_contents.py", "files.py"}
