@@ -6,6 +6,8 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 # The matrices here are small: a pool of threads in every test process costs more than it gives.
 export OPENBLAS_NUM_THREADS := 1
+# Some tests mount file systems. Without root they run in a user namespace, or are skipped where there is none.
+IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null && echo unshare -Urm; })
 
 .DEFAULT_GOAL := help
 .PHONY: help demo picture test bench soak lint types check constraints clean
@@ -32,7 +34,7 @@ picture: demo ## the README's picture: the head of the demo's report, by Chromiu
 		"file://$(CURDIR)/out/demo/log.report/report.html"
 
 test: $(READY) ## the whole test suite
-	$(BIN)/pytest -n auto --dist loadgroup
+	$(IN_NAMESPACE) $(BIN)/pytest -n auto --dist loadgroup
 
 bench: $(READY) ## how much CPU the drivers take of a tick, how fast the simulator flies and the engine fits
 	$(BIN)/python benchmarks/drivers.py
