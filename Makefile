@@ -6,18 +6,20 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 # The matrices here are small: a pool of threads in every test process costs more than it gives.
 export OPENBLAS_NUM_THREADS := 1
+# Some tests mount file systems. Without root they run in a user namespace, or are skipped where there is none.
+IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null && echo unshare -Urm; })
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench soak lint types check clean
+.PHONY: help demo picture test bench soak lint types check constraints clean
 
 help: ## what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-$(READY): pyproject.toml
+$(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed; try: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11" >&2; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "Python's venv module is missing; on Debian: sudo apt-get install python3-venv" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
 demo: $(READY) ## fly, record and analyse a simulated Nexstar; the report lands in out/demo
@@ -32,7 +34,7 @@ picture: demo ## the README's picture: the head of the demo's report, by Chromiu
 		"file://$(CURDIR)/out/demo/log.report/report.html"
 
 test: $(READY) ## the whole test suite
-	$(BIN)/pytest -n auto --dist loadgroup
+	$(IN_NAMESPACE) $(BIN)/pytest -n auto --dist loadgroup
 
 bench: $(READY) ## how much CPU the drivers take of a tick, how fast the simulator flies and the engine fits
 	$(BIN)/python benchmarks/drivers.py
@@ -57,6 +59,13 @@ types: $(READY) ## mypy
 	$(BIN)/mypy
 
 check: lint types test ## lint, types, test
+
+constraints: ## renew constraints.txt: the newest versions that pyproject.toml allows, then run `make check`
+	rm -rf build/constraints && $(PYTHON) -m venv build/constraints
+	build/constraints/bin/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	sed -n '/^#/p' constraints.txt > build/constraints.txt
+	build/constraints/bin/pip freeze --exclude-editable --exclude pip --exclude setuptools >> build/constraints.txt
+	mv build/constraints.txt constraints.txt && rm -rf build/constraints
 
 clean: ## remove what was made, except what was recorded in out/
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

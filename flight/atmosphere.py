@@ -5,7 +5,7 @@ Written with NumPy functions: floats, arrays and CasADi symbols pass through.
 
 import numpy as np
 
-from flight.units import GRAVITY_MPS2
+from flight.units import GRAVITY_MPS2 as GRAVITY_MPS2
 
 GAS_CONSTANT_AIR = 287.05287  # specific, J/(kg K)
 SEA_LEVEL_PRESSURE_PA = 101325.0

@@ -1,0 +1,52 @@
+"""Skips that are not expected fail the run: `pytest --expected-skips FILE`, as continuous integration does.
+
+A line of the file is a pattern (`*` and `?`) for "test id: reason"; empty lines and lines with # in front are ignored.
+"""
+
+from fnmatch import fnmatchcase
+
+import pytest
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--expected-skips", metavar="FILE", help="fail when a test is skipped that FILE does not list")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    file = config.getoption("--expected-skips")
+    if file is None or hasattr(config, "workerinput"):
+        return
+    try:
+        lines = (config.rootpath / file).read_text("utf-8").splitlines()
+    except OSError as error:
+        raise pytest.UsageError(f"--expected-skips {file}: cannot be read ({error.strerror})") from None
+    patterns = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+    config.pluginmanager.register(SkipWatch(patterns), "skip-watch")
+
+
+class SkipWatch:
+    def __init__(self, expected: list[str]):
+        self.expected = expected
+        self.unexpected: list[str] = []
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.look_at(report)
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        self.look_at(report)
+
+    def look_at(self, report: pytest.TestReport | pytest.CollectReport) -> None:
+        """Note a skip; an expected failure (xfail) is none."""
+        if report.skipped and not hasattr(report, "wasxfail") and isinstance(report.longrepr, tuple):
+            skip = f"{report.nodeid}: {report.longrepr[2].removeprefix('Skipped: ')}"
+            if not any(fnmatchcase(skip, pattern) for pattern in self.expected):
+                self.unexpected.append(skip)
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        if self.unexpected and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        for skip in self.unexpected:
+            terminalreporter.write_line(f"ERROR: skipped, and not in --expected-skips: {skip}", red=True)

@@ -1,0 +1,68 @@
+"""What is installed: every import is declared, every package says that it is typed and brings its files along."""
+
+import ast
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+# Each package and the extras with any one of which it has to work; none: what the aircraft's computer installs.
+EXTRAS: dict[str, tuple[str, ...]] = {
+    "daq": (),
+    "flight": ("analysis", "sim"),
+    "analysis": ("analysis",),
+    "sim": ("sim",),
+    "hw_fakes": ("sim",),
+}
+IMPORTED_AS = {"pyserial": "serial"}  # where that is not the distribution's name
+
+
+def declared(*extras: str) -> set[str]:
+    """Names under which the base's dependencies and those of the extras are imported."""
+    optional = PROJECT["project"]["optional-dependencies"]
+    wanted = PROJECT["project"]["dependencies"] + [line for extra in extras for line in optional[extra]]
+    names = [re.split(r"[^\w-]", line)[0] for line in wanted]
+    return {IMPORTED_AS.get(name, name.replace("-", "_")) for name in names}
+
+
+def foreign_imports(path: Path, at_import: bool) -> set[str]:
+    """Packages of others that a file imports: when it is imported itself, or anywhere in it."""
+    tree = ast.parse(path.read_text("utf-8"))
+    names: set[str] = set()
+    for node in tree.body if at_import else ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.add(node.module.split(".")[0])
+    return names - sys.stdlib_module_names - EXTRAS.keys()
+
+
+@pytest.mark.parametrize("package", EXTRAS)
+def test_a_package_imports_only_what_is_declared(package: str) -> None:
+    """An import inside a function may need another extra, which the command then says."""
+    allowed = set.intersection(*(declared(extra) for extra in EXTRAS[package])) if EXTRAS[package] else declared()
+    for path in sorted((ROOT / package).rglob("*.py")):
+        assert foreign_imports(path, at_import=True) <= allowed, path
+        assert foreign_imports(path, at_import=False) <= declared("analysis", "sim"), path
+
+
+@pytest.mark.parametrize("folder", ["tests", "benchmarks"])
+def test_tests_and_benchmarks_import_only_what_the_developers_extra_has(folder: str) -> None:
+    own = {path.stem for name in ("tests", "benchmarks") for path in (ROOT / name).rglob("*.py")}
+    for path in sorted((ROOT / folder).rglob("*.py")):
+        assert foreign_imports(path, at_import=False) - own <= declared("analysis", "sim", "dev"), path
+
+
+@pytest.mark.parametrize("package", EXTRAS)
+def test_every_file_of_a_package_is_installed(package: str) -> None:
+    patterns = PROJECT["tool"]["setuptools"]["package-data"]
+    installed = {
+        file for pattern in patterns["*"] + patterns.get(package, []) for file in (ROOT / package).glob(pattern)
+    }
+    present = {file for file in (ROOT / package).rglob("*") if file.is_file() and "__pycache__" not in file.parts}
+    assert ROOT / package / "py.typed" in present
+    assert {file for file in present if file.suffix != ".py"} <= installed
