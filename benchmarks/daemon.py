@@ -199,7 +199,7 @@ def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None
 
     Memory is weighed a simulated minute after each change of file, when the disk's thread has nothing left to do.
     """
-    from daq import disk
+    from daq import disk_writer
     from daq.__main__ import prepare_process
     from daq.config import parse_tray
     from daq.daemon import record
@@ -224,7 +224,7 @@ def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None
     memory: list[tuple[float, int]] = []
     clock = SimulatedClock(unix_at_start_ns=10**18)
     # A sync lasts minutes of simulated time, and what waits for it is memory in use: here the disk is infinitely fast.
-    disk.SYNC_EVERY_S = 0.0
+    disk_writer.SYNC_EVERY_S = 0.0
     os.fdatasync = lambda file: None
 
     def progress(elapsed_s: float) -> None:
@@ -271,7 +271,7 @@ def mend(hours: float = 1.0) -> None:
 
     from daq.config import parse_tray
     from daq.daemon import record
-    from daq.salvage import complete
+    from daq.log_recovery import recover
     from flight.log_index import RECORD_HEAD
     from hw_fakes.clock import SimulatedClock
     from hw_fakes.tray import FakeTray
@@ -293,7 +293,7 @@ def mend(hours: float = 1.0) -> None:
                 stream.write(data[first:end])
             stream.write(data[first : first + 1000])
         begin_s = time.perf_counter()
-        done = complete(path)
+        done = recover(path)
         assert done is not None
         print(f"{done.kept_bytes / 1e6:.1f} MB kept, {done.cut_bytes} bytes cut: {time.perf_counter() - begin_s:.2f} s")
 

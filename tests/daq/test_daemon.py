@@ -12,7 +12,7 @@ import pytest
 from scripted_parts import HandClock
 
 from daq.config import parse_tray
-from daq.daemon import NothingToRead, record
+from daq.daemon import NoDeviceOpened, record
 from flight.errors import InputError
 from flight.log_reader import read_log
 from flight.messages import TYPE_OF_TOPIC, Status, schema_of
@@ -231,7 +231,7 @@ class NoBuses:
 
 def test_when_nothing_can_be_opened_it_says_so_and_leaves_no_log(tmp_path):
     tray = parse_tray(EXAMPLE.read_text(), "tray.toml", tmp_path)
-    with pytest.raises(NothingToRead, match="/dev/i2c-1"):
+    with pytest.raises(NoDeviceOpened, match="/dev/i2c-1"):
         record(tray, buses=NoBuses(), clock=HandClock())
     assert not (tmp_path / "logs").exists()
 

@@ -238,8 +238,8 @@ def test_changes_of_file_leave_no_memory_in_use():
 
 def test_when_the_card_is_full_at_power_on_it_says_so_and_waits_for_room(tmp_path, monkeypatch):
     free = [0]
-    monkeypatch.setattr("daq.keeper.free_bytes", lambda _: free[0])
-    monkeypatch.setattr("daq.keeper.LOOK_EVERY_S", 0.001)
+    monkeypatch.setattr("daq.disk_space.free_bytes", lambda _: free[0])
+    monkeypatch.setattr("daq.disk_space.CHECK_EVERY_S", 0.001)
     clock = SimulatedClock(unix_at_start_ns=10**18)
     tray = parse_tray(TRANSDUCER, "tray.toml", tmp_path)
     events, lines = [], []
@@ -247,7 +247,7 @@ def test_when_the_card_is_full_at_power_on_it_says_so_and_waits_for_room(tmp_pat
     def progress(elapsed_s):
         if elapsed_s >= 100.0:
             free[0] = 10**12
-            time.sleep(0.002)  # of the real clock, for the keeper's thread
+            time.sleep(0.002)  # of the real clock, for the disk space thread
 
     recording = record(
         tray, buses=OneBus(), clock=clock, until_ns=300 * SECOND_NS, progress=progress,
@@ -255,7 +255,7 @@ def test_when_the_card_is_full_at_power_on_it_says_so_and_waits_for_room(tmp_pat
     )  # fmt: skip
     assert "recording stops" in events[0]
     assert "NOT RECORDING: the card is full" in lines[50]
-    assert any("there is room again" in text for text in events)
+    assert any("are free again: recording resumes" in text for text in events)
     first = read_log(recording.path).entries["/daq/tick"][0]
     assert first.tick >= 100 * 25
     with pytest.raises(InputError, match="recording stops"):
@@ -274,5 +274,5 @@ def test_the_status_line_says_how_it_goes(tmp_path):
     )  # fmt: skip
     assert len(lines) == 6
     assert lines[-1].startswith("recording log-0001.mcap, 5 s, 126 ticks, 0 missed, ")
-    assert lines[-1].endswith("GB free; all well")
+    assert lines[-1].endswith("GB free; all sensors ok")
     assert "starting" in lines[0]

@@ -17,11 +17,11 @@ from mcap.reader import make_reader
 from scripted_parts import counter_frame
 from test_daemon import SteadyFelt, default_tray, fly
 
-from daq import disk as disk_module
+from daq import disk_writer as disk_module
 from daq.clock import SystemClock
 from daq.daemon import record
+from daq.log_recovery import recover, recover_unfinished
 from daq.recorder import Recorder
-from daq.salvage import complete, complete_unfinished
 from flight.errors import InputError
 from flight.log_reader import read_log
 from hw_fakes.tray import FakeTray
@@ -59,7 +59,7 @@ def test_the_statistics_of_a_mended_log_count_every_message(flight, tmp_path):
     after = fifth.chunk_start_offset + fifth.chunk_length
     for cut in (after, after + 1, after + fifth.message_index_length // 2, ends[4][0], ends[4][0] + 30):
         path.write_bytes(data[:cut])
-        complete(path)
+        recover(path)
         assert path.read_bytes()[: ends[4][0]] == data[: ends[4][0]]
         with path.open("rb") as stream:
             reader = make_reader(stream, validate_crcs=True)
@@ -81,28 +81,28 @@ def test_a_cut_anywhere_costs_less_than_a_second(flight, tmp_path, zeros):
         before = read_log(path)
         latest_ns = max(entry.time_ns for entries in before.entries.values() for entry in entries)
         assert latest_ns >= closed_ns
-        done = complete(path)
+        done = recover(path)
         assert done is not None and path.read_bytes()[: done.kept_bytes] == data[: done.kept_bytes]
         after = read_log(path)
         assert not after.torn and len(after.entries["/imu"]) == len(before.entries["/imu"])
         with path.open("rb") as stream:
             stock = [message.log_time for _, _, message in make_reader(stream).iter_messages()]
         assert max(stock) >= closed_ns
-        assert complete(path) is None  # nothing left to do
+        assert recover(path) is None  # nothing left to do
 
 
 def test_a_finished_log_and_a_stranger_are_left_alone(flight, tmp_path):
     data, _ = flight
     for name, content in (("log-0001.mcap", data), ("log-0002.mcap", b"no log at all" * 10), ("log-0003.mcap", b"")):
         (tmp_path / name).write_bytes(content)
-    assert complete_unfinished(tmp_path) == []
+    assert recover_unfinished(tmp_path) == []
     assert (tmp_path / "log-0001.mcap").read_bytes() == data
     assert (tmp_path / "log-0002.mcap").read_bytes() == b"no log at all" * 10
 
 
 def test_a_log_that_is_being_recorded_is_left_alone(tmp_path):
     recorder = Recorder(lambda _: tmp_path / "log-0001.mcap", offset_ns=0)
-    assert complete_unfinished(tmp_path) == []
+    assert recover_unfinished(tmp_path) == []
     recorder.finish()
     recorder.disk.close()
 
@@ -124,7 +124,7 @@ def test_what_never_held_a_message_says_so(flight, tmp_path):
     path = tmp_path / "log-0001.mcap"
     shutil.copyfile("/dev/null", path)
     path.write_bytes(data[:200])
-    complete(path)
+    recover(path)
     with pytest.raises(InputError, match="holds no message"):
         read_log(path)
 
@@ -172,7 +172,7 @@ def test_a_killed_daemons_file_cut_anywhere_costs_less_than_a_second(killed, tmp
     data, _ = killed
     path = tmp_path / "log-0001.mcap"
     path.write_bytes(data)
-    complete(path)
+    recover(path)
     with path.open("rb") as stream:
         chunks = make_reader(stream).get_summary().chunk_indexes
     draw = random.Random(20160514)
@@ -183,7 +183,7 @@ def test_a_killed_daemons_file_cut_anywhere_costs_less_than_a_second(killed, tmp
         if cut < chunks[0].chunk_start_offset + chunks[0].chunk_length:
             continue  # the power went in the first second
         assert going_ns - readable_until_ns(path) < SECOND_NS
-        complete(path)
+        recover(path)
         with path.open("rb") as stream:
             stock_ns = max(message.log_time for _, _, message in make_reader(stream).iter_messages())
         assert stock_ns == readable_until_ns(path) and going_ns - stock_ns < SECOND_NS
@@ -210,7 +210,7 @@ def test_only_what_was_synced_is_left_and_that_is_all_but_a_second(tmp_path, mon
     clock = SystemClock()
     fake = FakeTray(SteadyFelt(), clock)
     tray = default_tray(tmp_path, fake)
-    recording = record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 5 * SECOND_NS, watched=True)
+    recording = record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 5 * SECOND_NS, threaded=True)
     first = read_log(recording.path)
     offset_ns = int(first.metadata["flightpower"]["start_unix_ns"]) - int(
         first.metadata["flightpower"]["start_monotonic_ns"]
@@ -231,7 +231,7 @@ def test_only_what_was_synced_is_left_and_that_is_all_but_a_second(tmp_path, mon
         there_ns = times_ns[0] - 1  # before the first chunk is closed there is nothing
         if len(content) > data_begin:
             there_ns = readable_until_ns(path) - offset_ns
-            complete(path)
+            recover(path)
             with path.open("rb") as stream:
                 assert max(m.log_time for _, _, m in make_reader(stream).iter_messages()) - offset_ns == there_ns
         lost = [time_ns for time_ns in times_ns if there_ns < time_ns <= next_ns]
@@ -244,7 +244,7 @@ def test_a_mended_log_has_its_index_again(flight, tmp_path):
     data, ends = flight
     path = tmp_path / "log-0001.mcap"
     path.write_bytes(data[: ends[5][0] + 100])
-    complete(path)
+    recover(path)
     with path.open("rb") as stream:
         summary = make_reader(stream, validate_crcs=True).get_summary()
     assert len(summary.chunk_indexes) == 6 and summary.statistics.chunk_count == 6
@@ -257,10 +257,10 @@ def test_a_power_cut_while_mending_costs_nothing(flight, tmp_path):
     torn = data[: ends[5][0] + 100]
     path = tmp_path / "log-0001.mcap"
     path.write_bytes(torn)
-    whole = complete(path)
+    whole = recover(path)
     mended = path.read_bytes()
     for cut in range(whole.kept_bytes, len(mended), 97):
         path.write_bytes(mended[:cut] + torn[cut:])
-        complete(path)
+        recover(path)
         assert path.read_bytes()[: whole.kept_bytes] == mended[: whole.kept_bytes]
         assert not read_log(path).torn
