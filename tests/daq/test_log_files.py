@@ -326,6 +326,21 @@ def test_stop_means_stop_and_say_so_and_go_on_when_there_is_room(tmp_path, monke
     assert ticks_of(tmp_path / "log-0002.mcap") == list(range(70, 110))
 
 
+def test_recording_resumes_only_when_a_quarter_more_than_the_kept_space_is_free(tmp_path, monkeypatch):
+    """Otherwise a card at its limit would stop and start the recording, each time with a new file."""
+    free = 0
+    monkeypatch.setattr("daq.disk_space.free_bytes", lambda _: free)
+    space = DiskSpace(tmp_path, 1_000_000, "stop")
+    sufficient = {}
+    for free in (1_000_000, 999_999, 1_000_001, 1_100_000, 1_249_999, 1_250_000, 1_000_000):
+        space.check()
+        sufficient[free] = space.sufficient
+    assert [bytes_free for bytes_free, enough in sufficient.items() if not enough] == [
+        999_999, 1_000_001, 1_100_000, 1_249_999,
+    ]  # fmt: skip
+    assert [event.severity for event in space.events()] == ["error", "info"]
+
+
 def test_the_oldest_finished_logs_go_first_and_only_they(tmp_path, monkeypatch):
     for number in (3, 5, 9):
         finished_log(tmp_path / f"log-{number:04d}.mcap")

@@ -100,6 +100,29 @@ def test_a_finished_log_and_a_stranger_are_left_alone(flight, tmp_path):
     assert (tmp_path / "log-0002.mcap").read_bytes() == b"no log at all" * 10
 
 
+@pytest.mark.parametrize("from_the_end", [1, 2, 3, 4])
+def test_a_chunk_that_never_reached_the_card_is_removed_although_later_ones_did(flight, tmp_path, from_the_end):
+    """Unsynced data may reach the card in any order, and up to four chunks are written within a second.
+
+    Everything before the damaged chunk is kept, and the completed log is readable to its end.
+    """
+    data, ends = flight
+    path = tmp_path / "log-0001.mcap"
+    path.write_bytes(data)
+    with path.open("rb") as stream:
+        chunk = make_reader(stream).get_summary().chunk_indexes[-from_the_end]
+    middle = chunk.chunk_start_offset + chunk.chunk_length // 2
+    unfinished = bytearray(data[: ends[-1][0]])
+    unfinished[middle : middle + 16] = bytes(16)
+    path.write_bytes(unfinished)
+    recovered = recover(path)
+    assert recovered is not None and recovered.kept_bytes == chunk.chunk_start_offset
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        latest_ns = max(message.log_time for _, _, message in reader.iter_messages())
+    assert latest_ns == ends[-from_the_end - 1][1] and not read_log(path).torn
+
+
 def test_a_log_that_is_being_recorded_is_left_alone(tmp_path):
     recorder = Recorder(lambda _: tmp_path / "log-0001.mcap", offset_ns=0)
     assert recover_unfinished(tmp_path) == []

@@ -6,6 +6,8 @@ import threading
 import pytest
 from scripted_parts import HandClock
 
+from daq import sampling_loop
+from daq.bus_worker import NO_READINGS
 from daq.sampling_loop import cycles, grid_ticks
 from daq.sensor_health import SensorHealth, SensorState
 from daq.sensor_supervisor import SensorSupervisor
@@ -157,6 +159,32 @@ def run(clock, supervisors, ticks, act=lambda number: None):
         found.append(cycle)
         act(cycle.tick.number + 1)
     return found
+
+
+class WorkerWithDeadline:
+    """Reads nothing; keeps the deadlines that it was given."""
+
+    def __init__(self):
+        self.deadlines_ns = []
+
+    def start_reading(self):
+        pass
+
+    def collect(self, deadline_ns):
+        self.deadlines_ns.append(deadline_ns)
+        return NO_READINGS
+
+
+def test_readings_are_waited_for_until_80_percent_of_the_tick_even_if_it_began_late(monkeypatch):
+    """The rest of the tick is for encoding; a later deadline would delay the next tick whenever a bus hangs."""
+    clock, worker = HandClock(), WorkerWithDeadline()
+    sleep_until_ns = clock.sleep_until_ns
+    clock.sleep_until_ns = lambda due_ns: sleep_until_ns(due_ns + 5_000_000)  # each tick begins 5 ms late
+    monkeypatch.setattr(sampling_loop, "bus_workers", lambda *_, **__: [worker])
+    start_ns = clock.ns
+    run(clock, [], 3)
+    into_the_tick = [(deadline_ns - start_ns) / TICK_NS - i for i, deadline_ns in enumerate(worker.deadlines_ns)]
+    assert into_the_tick == pytest.approx([0.8] * 3)
 
 
 def test_a_dead_sensor_costs_its_own_data_only():
