@@ -81,7 +81,7 @@ def test_any_line_has_a_meaning(line):
 def test_datagrams_are_a_stream_and_the_speaker_is_answered():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
         peer.bind(("127.0.0.1", 0))
-        peer.settimeout(5)
+        peer.settimeout(60)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
             number = probe.getsockname()[1]

@@ -20,6 +20,7 @@ from flight.log_reader import read_log
 from flight.messages import Imu
 
 TICK_NS = 40_000_000
+GIVE_UP_S = 60.0  # on something that hangs; generous, because the machine may be busy
 NO_LIMITS = FileLimits(10**18, 10**18)
 
 
@@ -29,7 +30,7 @@ def ticks_of(path: Path) -> list[int]:
     return [entry.tick for entry in log.entries["/imu"]]
 
 
-def wait_for(condition, seconds=5.0):
+def wait_for(condition, seconds=GIVE_UP_S):
     """Until `condition` holds; fails when it does not come true in time."""
     deadline = time.monotonic() + seconds
     while not condition():
@@ -77,16 +78,20 @@ class RecordingSession:
 
 
 class FaultyDisk:
-    """The calls of the disk's thread, some of which fail; `calls` may be slowed down by `hold`."""
+    """The system calls of the disk thread, some of which fail. A write hangs while `hold` is cleared.
+
+    `gave_up`: a write hung for GIVE_UP_S, which happens only if the caller waits for the disk.
+    """
 
     def __init__(self, monkeypatch):
         self.write_error = self.sync_error = self.open_error = 0
         self.hold = threading.Event()
         self.hold.set()
+        self.gave_up = False
         pwrite, fdatasync, open_ = os.pwrite, os.fdatasync, os.open
 
         def write(file, data, at):
-            self.hold.wait()
+            self.gave_up |= not self.hold.wait(GIVE_UP_S)
             if self.write_error:
                 raise OSError(self.write_error, os.strerror(self.write_error))
             return pwrite(file, bytes(data[: 1 + len(data) // 2]), at)  # a disk may take less than it is given
@@ -105,6 +110,7 @@ class FaultyDisk:
         monkeypatch.setattr(disk_module.os, "fdatasync", sync)
         monkeypatch.setattr(disk_module.os, "open", opening)
         monkeypatch.setattr(disk_module, "RETRY_EVERY_S", 0.01)
+        monkeypatch.setattr(disk_module, "SLOW_CALL_S", GIVE_UP_S)  # a busy machine is not a slow disk
 
 
 @pytest.fixture
@@ -237,26 +243,21 @@ def test_a_disk_that_stays_broken_costs_data_but_never_time(tmp_path, faulty):
     session = RecordingSession(tmp_path)
     session.run(1)
     faulty.hold.clear()  # a card that hangs in a write
-    slowest_s = 0.0
-    noise = [os.urandom(200).hex() for _ in range(64)]
     while not session.files.dropped:
-        begin_s = time.perf_counter()
         now_ns = session.tick * TICK_NS
         session.events += session.files.update(now_ns)
         samples = [Sample("/imu", now_ns, Imu(accel_x_counts=float(i))) for i in range(100)]
         session.files._current.log._chunk += os.urandom(2**20)  # what zstd cannot make small
         session.files.write(samples, tick=session.tick, now_ns=now_ns)
         session.tick += 1
-        slowest_s = max(slowest_s, time.perf_counter() - begin_s)
-    del noise
     assert session.files._current.disk.backlog_bytes < BACKLOG_BYTES + 16 * 2**20
-    assert slowest_s < 0.5  # packing some MiB; the wait for the disk would be for ever
+    assert not faulty.gave_up  # all this happened while one write was hanging
     session.run(1)
     assert "messages are being lost" in session.texts[-1]
     faulty.hold.set()
 
 
-def test_a_disk_that_hangs_is_told_and_does_not_hold_up_the_end(tmp_path, faulty, monkeypatch):
+def test_a_disk_that_hangs_is_reported_and_does_not_delay_the_end(tmp_path, faulty, monkeypatch):
     monkeypatch.setattr(disk_module, "SLOW_CALL_S", 0.05)
     session = RecordingSession(tmp_path)
     session.run(50)
@@ -264,9 +265,8 @@ def test_a_disk_that_hangs_is_told_and_does_not_hold_up_the_end(tmp_path, faulty
     session.run_until(lambda: "does not answer" in session.files.error)
     session.run(1)
     assert "does not answer" in session.texts[-1]
-    begin_s = time.monotonic()
     session.files._current.disk.close(within_s=0.2)
-    assert time.monotonic() - begin_s < 2
+    assert not faulty.gave_up  # it returned while the write was hanging
     assert "does not answer" in session.files.error
     faulty.hold.set()
 
@@ -279,9 +279,8 @@ def test_a_sync_that_fails_is_not_believed_later(tmp_path, faulty):
     wait_for(lambda: disk.broken)
     faulty.sync_error = 0
     disk.write(b"and another")
-    time.sleep(0.05)
-    assert disk.error and b"".join(disk.unsaved()) == b"half a second of a flightand another"
-    disk.give_up()
+    disk.close()  # tries once more
+    assert disk.done and disk.error and b"".join(disk.unsaved()) == b"half a second of a flightand another"
 
 
 class Card:
