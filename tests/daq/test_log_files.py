@@ -1,6 +1,7 @@
 """Log files: nothing is overwritten, data are soon on the disk, failures of the disk are survived and reported."""
 
 import errno
+import fcntl
 import os
 import threading
 import time
@@ -365,3 +366,28 @@ def test_the_oldest_finished_logs_go_first_and_only_they(tmp_path, monkeypatch):
     assert "no finished log is left to delete, and recording stops" in session.texts[-1]
     assert torn.exists() and (tmp_path / "log-0010.mcap").exists()
     session.files.close()
+
+
+def test_a_finished_log_that_a_process_still_holds_is_not_deleted(tmp_path, monkeypatch):
+    """A copying program may hold a lock, and `log_recovery` does while it completes a log."""
+    path = tmp_path / "log-0001.mcap"
+    finished_log(path)
+    Card(monkeypatch, tmp_path, 0)
+    space = DiskSpace(tmp_path, 10**6, "delete_oldest")
+    with path.open("rb") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        space.check()
+        assert path.exists()
+    space.check()
+    assert not path.exists()
+
+
+def test_dropped_messages_of_earlier_files_stay_counted(tmp_path):
+    session = RecordingSession(tmp_path)
+    session.run(10)
+    session.files._current.dropped = 7
+    session.run(1, new_file=True)
+    session.run(5)
+    assert session.files.dropped == 7
+    session.files.close()
+    assert session.files.dropped == 7

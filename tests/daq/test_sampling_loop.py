@@ -8,7 +8,7 @@ from scripted_parts import HandClock
 
 from daq import sampling_loop
 from daq.bus_worker import NO_READINGS
-from daq.sampling_loop import cycles, grid_ticks
+from daq.sampling_loop import cycles, grid_ticks, time_message
 from daq.sensor_health import SensorHealth, SensorState
 from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample, SensorFailure
@@ -275,3 +275,25 @@ def test_parts_may_be_deaf_at_power_on_without_anybody_being_told():
     health = SensorHealth("imu")
     assert [health.failed("Remote I/O error", i * 500_000_000) for i in range(4)] == [None] * 4
     assert health.failed("Remote I/O error", 2_500_000_000).severity == "error"
+
+
+def test_gps_time_runs_on_from_the_latest_solution():
+    clock = HandClock()
+    solution = (1_463_218_201_000_000_000, clock.ns)
+    clock.ns += 700_000_000
+    assert time_message(clock, solution).gps_utc_ns == 1_463_218_201_700_000_000
+
+
+def test_skipped_readings_count_as_errors():
+    clock = HandClock()
+    supervised = supervisor(Sensor(clock))
+    statuses(supervised, clock, 3)
+    supervised.skip(clock.ns)
+    assert supervised.errors == 1
+
+
+def test_single_stale_readings_with_good_ones_between_are_not_degraded():
+    health = SensorHealth("mag")
+    for tick in range(100):
+        health.read([Status.OK if tick % 10 else Status.STALE], tick * TICK_NS)
+    assert health.state is SensorState.OK

@@ -8,9 +8,11 @@ from test_daemon import SteadyFelt, default_tray
 
 from daq.daemon import record
 from daq.dry_run import dry_run
+from daq.sensors import Sample
 from daq.still_air_zero import NotStill, parse_zero, save_zero, zero_from_samples
 from flight.errors import InputError
 from flight.log_reader import read_log
+from flight.messages import DifferentialPressure
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.tray import FakeTray
 
@@ -82,9 +84,19 @@ def test_a_zero_taken_in_still_air_is_what_the_parts_are_off(tmp_path):
         (StandingFelt(pressure=lambda t: 20 * np.sin(2 * np.pi * 0.3 * t)), "/probe/airspeed differential"),
         (StandingFelt(pressure=lambda t: 0.7 * t), "drifts"),
         (StandingFelt(pressure=lambda t: 100 + 0 * t), "cover the probe"),
+        (StandingFelt(pressure=lambda t: -100 + 0 * t), "cover the probe"),
         (StandingFelt(motor=100.0), "the motor is running"),
     ],
-    ids=["hand on the wing", "turning", "slow turn", "gusts", "rising wind", "steady wind", "motor"],
+    ids=[
+        "hand on the wing",
+        "turning",
+        "slow turn",
+        "gusts",
+        "rising wind",
+        "steady wind",
+        "wind from behind",
+        "motor",
+    ],
 )
 def test_what_was_not_still_is_refused_with_what_to_do(tmp_path, felt, said):
     with pytest.raises(NotStill) as refused:
@@ -129,3 +141,16 @@ def save_and_read(tmp_path) -> str:
 def test_a_tray_without_anything_to_zero_says_so():
     with pytest.raises(NotStill, match="no differential transducer"):
         zero_from_samples([], ticks=100, seconds=4.0, unix_ns=0)
+
+
+@pytest.mark.parametrize(("measured", "enough"), [(90, True), (89, False)])
+def test_nine_tenths_of_the_ticks_must_have_a_measurement(measured, enough):
+    samples = [
+        Sample("/probe/alpha", tick, DifferentialPressure(differential_pressure_Pa=1.0)) for tick in range(measured)
+    ]
+    if enough:
+        zero = zero_from_samples(samples, ticks=100, seconds=4.0, unix_ns=0)
+        assert zero.readings["/probe/alpha"]["differential_pressure_Pa"].samples == measured
+    else:
+        with pytest.raises(NotStill, match="89 measurements in 100 ticks"):
+            zero_from_samples(samples, ticks=100, seconds=4.0, unix_ns=0)

@@ -17,6 +17,7 @@ from daq.config import TelemetryConfig, parse_tray
 from daq.probe_calibration import PolynomialMap, ProbeMaps
 from daq.sampling_loop import Cycle, GridTick
 from daq.sensors import Sample
+from daq.still_air_zero import Zero, ZeroReading
 from daq.telemetry import MavlinkEncoder, Snapshot, TelemetryLink, airspeed_mps
 from flight.errors import InputError
 from flight.messages import AbsolutePressure, DifferentialPressure, Event, Gps, Rpm, Status
@@ -249,3 +250,16 @@ def test_a_line_that_a_sensor_has_is_refused(tmp_path):
         parse_tray(text, "tray.toml", tmp_path)
     with pytest.raises(InputError, match="udp:HOST:PORT"):
         tray(tmp_path, "udp:14550")
+
+
+def test_the_zero_is_subtracted_before_anything_is_sent():
+    """30 Pa at alpha and 150 Pa of dynamic pressure, of which 6 and 10 Pa are the transducers' zeros."""
+
+    def reading(mean):
+        return {"differential_pressure_Pa": ZeroReading(mean=mean, standard_deviation=0.1, samples=250)}
+
+    readings = {"/probe/alpha": reading(6.0), "/probe/airspeed": reading(10.0)}
+    zero = Zero(format="flightpower-zero-1", taken_unix_ns=0, seconds=10.0, temperature_K={}, readings=readings)
+    values = named(MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9"), None, zero), READINGS)
+    assert values["dpa_per_qc"] == pytest.approx((30 - 6) / (150 - 10))
+    assert values["dpb_per_qc"] == pytest.approx(-15 / (150 - 10))  # without a zero of its own

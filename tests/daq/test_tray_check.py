@@ -143,3 +143,9 @@ def test_what_is_normal_on_the_ground_is_told_as_such(topic, said):
     message = Gps(status=Status.NO_DATA, fix_type=0) if topic == "/gps" else TYPE_OF_TOPIC[topic](status=Status.NO_DATA)
     line = tray_check.check_topic(topic, [message] * 10, 1.0)
     assert line.advice == said and line.ok is (None if topic == "/rpm" else False)
+
+
+@pytest.mark.parametrize(("good", "ok"), [(95, True), (94, False)])
+def test_a_sensor_that_loses_more_than_a_twentieth_of_its_readings_is_not_fit(good, ok):
+    messages = [Imu()] * good + [Imu(status=Status.NO_REPLY)] * (100 - good)
+    assert tray_check.check_topic("/imu", messages, 4.0).ok is ok
