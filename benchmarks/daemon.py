@@ -112,7 +112,7 @@ def print_ticks(paths: list[Path]) -> None:
     from flight.log_reader import read_log
     from flight.messages import Status
 
-    logs = [read_log(trajectory) for trajectory in paths]
+    logs = [read_log(path) for path in paths]
     ticks = [entry for log in logs for entry in log.entries["/daq/tick"]]
     late_us = sorted(entry.message.late_ns / 1e3 for entry in ticks)
     missed = sum(entry.message.missed for entry in ticks)
@@ -133,7 +133,7 @@ def print_ticks(paths: list[Path]) -> None:
         entries = [entry for log in logs for entry in log.entries.get(topic, [])]
         bad = sum(e.message.status not in (Status.OK, Status.BUSY, Status.STARTING) for e in entries)
         print(f"  {topic:16} {len(entries):7} messages, {bad} without measurement")
-    size = sum(trajectory.stat().st_size for trajectory in paths)
+    size = sum(path.stat().st_size for path in paths)
     print(f"{size / 1e6:.2f} MB of log, {size / max(1, len(ticks)):.0f} bytes a tick")
 
 
@@ -199,7 +199,7 @@ def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None
 
     Memory is weighed a simulated minute after each change of file, when the disk's thread has nothing left to do.
     """
-    from daq import disk
+    from daq import disk_writer
     from daq.__main__ import prepare_process
     from daq.config import parse_tray
     from daq.daemon import record
@@ -224,7 +224,7 @@ def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None
     memory: list[tuple[float, int]] = []
     clock = SimulatedClock(unix_at_start_ns=10**18)
     # A sync lasts minutes of simulated time, and what waits for it is memory in use: here the disk is infinitely fast.
-    disk.SYNC_EVERY_S = 0.0
+    disk_writer.SYNC_EVERY_S = 0.0
     os.fdatasync = lambda file: None
 
     def progress(elapsed_s: float) -> None:
@@ -242,8 +242,8 @@ def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None
         wall_s = time.monotonic() - begin_s
         count = worst_ns = 0
         expected = 0
-        for trajectory in done.paths:
-            log = read_log(trajectory)
+        for path in done.paths:
+            log = read_log(path)
             assert not log.torn
             for entry in log.entries["/daq/tick"]:
                 assert entry.tick == expected
@@ -271,7 +271,7 @@ def mend(hours: float = 1.0) -> None:
 
     from daq.config import parse_tray
     from daq.daemon import record
-    from daq.salvage import complete
+    from daq.log_recovery import recover
     from flight.log_index import RECORD_HEAD
     from hw_fakes.clock import SimulatedClock
     from hw_fakes.tray import FakeTray
@@ -286,14 +286,14 @@ def mend(hours: float = 1.0) -> None:
             opcode, length = RECORD_HEAD.unpack_from(data, at)
             first = first or (at if opcode == Opcode.CHUNK else 0)
             at = end = at + RECORD_HEAD.size + length
-        trajectory = Path(folder) / "log-0009.mcap"
-        with trajectory.open("wb") as stream:
+        path = Path(folder) / "log-0009.mcap"
+        with path.open("wb") as stream:
             stream.write(data[:first])
             for _ in range(round(hours * 60)):
                 stream.write(data[first:end])
             stream.write(data[first : first + 1000])
         begin_s = time.perf_counter()
-        done = complete(trajectory)
+        done = recover(path)
         assert done is not None
         print(f"{done.kept_bytes / 1e6:.1f} MB kept, {done.cut_bytes} bytes cut: {time.perf_counter() - begin_s:.2f} s")
 

@@ -13,8 +13,8 @@ from statistics import fmean, quantiles
 
 import typer
 
-from daq import wiring
 from daq.config import parse_tray
+from daq.driver_factory import driver_factory
 from flight.aircraft import load_aircraft
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.tray import FakeTray
@@ -68,7 +68,7 @@ def measure(seconds: float) -> tuple[dict[str, list[float]], list[float]]:
     fake = FakeTray(felt, clock, 0, pole_pairs=aircraft.propulsion.pole_pairs)
     tray = parse_tray(EXAMPLE.read_text("utf-8"), str(EXAMPLE), Path(tempfile.gettempdir()))
     buses = TimedBuses(fake, spent_ns)
-    drivers = {table.name: wiring.maker(table, tray, buses, aircraft)() for table in tray.sensors}
+    drivers = {table.name: driver_factory(table, tray, buses, aircraft)() for table in tray.sensors}
     for driver in drivers.values():
         for wait_s in driver.start():
             clock.advance_ns(round(wait_s * 1e9))

@@ -35,9 +35,9 @@ HEIGHT_M = 40.0  # of the whole test flight
 def tunnel_probe() -> ProbeCalibration:
     """A probe calibrated in the simulated tunnel; the same for every flight."""
     with tempfile.TemporaryDirectory() as folder:
-        trajectory = Path(folder) / "tunnel.csv"
-        write_calibration(trajectory, tunnel_measurements(seed=0), replace=False)
-        return calibrate(read_tunnel(trajectory), "tunnel.csv")
+        path = Path(folder) / "tunnel.csv"
+        write_calibration(path, tunnel_measurements(seed=0), replace=False)
+        return calibrate(read_tunnel(path), "tunnel.csv")
 
 
 def drawn(budget: Budget, seed: int) -> Errors:

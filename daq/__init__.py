@@ -1,4 +1,4 @@
-"""The daemon on the aircraft: reads the tray on a fixed grid and never loses what it read.
+"""The daemon on the aircraft: reads the sensors of the tray on a fixed time grid and records them.
 
-Runs on a Raspberry Pi with few, light dependencies; imports only `flight` of ours, and no NumPy.
+Runs on a Raspberry Pi. Imports of this project only `flight`, and not NumPy.
 """

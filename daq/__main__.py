@@ -1,4 +1,4 @@
-"""The command `daq`: record the tray, say whether it is fit to fly, look into a log, print an example tray."""
+"""The command `daq`: record the tray, check it before flight, take its zero, summarise a log, print an example."""
 
 import ctypes
 import gc
@@ -13,37 +13,37 @@ from typing import Annotated
 
 import typer
 
-from daq.notify import ALIVE, READY, STOPPING, notify
+from daq.systemd_notify import ALIVE, READY, STOPPING, notify
 from flight.errors import InputError
 from flight.messages import Event
 
 BAD_INPUT, FAILURE = 2, 1
 THREAD_STACK_BYTES = 512 * 1024
 UNIT_PRIORITY = 50  # CPUSchedulingPriority in systemd/flightpower-daq.service
-SWITCH_S = 0.001  # the sampling thread waits at most this long for another one that computes
+SWITCH_S = 0.001  # the sampling thread waits at most this long for another computing thread
 M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # malloc.h
 LARGE_BYTES = 128 * 1024
-MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # sys/mman.h; the last: what is touched, not all that is mapped
+MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # sys/mman.h; ONFAULT locks pages when they are first used
 
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    help="""Records the sensors of the tray on a fixed grid of ticks into a log (MCAP) that `analyze` reads.
+    help="""Records the sensors of the tray at a fixed rate into a log (MCAP) that `analyze` reads.
 
-    First time: `daq config --example > tray.toml`, edit it, `daq check --config tray.toml`, then
+    To begin: `daq config --example > tray.toml`, edit it, `daq check --config tray.toml`, then
     `daq run --config tray.toml`; stop with Ctrl-C.
 
-    Leaves with 0 when all is well, 1 when something failed while running, 2 when input or configuration is wrong.
+    Exit code: 0 on success, 1 when something failed while running, 2 when input or configuration is wrong.
     """,
 )
 
 
 @app.command()
 def run(
-    config: Annotated[Path, typer.Option("--config", "-c", help="The tray: which sensors, where, how fast.")],
+    config: Annotated[Path, typer.Option("--config", "-c", help="The tray file: sensors, buses, rates.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The log; otherwise the next free log-NNNN.mcap.")
+        Path | None, typer.Option("--output", "-o", help="The log; by default the next free log-NNNN.mcap.")
     ] = None,
     duration_s: Annotated[
         float | None,
@@ -51,19 +51,19 @@ def run(
     ] = None,
     record_bus: Annotated[
         Path | None,
-        typer.Option(help="Also write every transaction of the buses to this file, to be played back in a test."),
+        typer.Option(help="Also write every bus transaction to this file, to replay it in a test."),
     ] = None,
 ) -> None:
-    """Record until SIGTERM or Ctrl-C, which finish the file properly. SIGHUP begins a new one.
+    """Record until SIGTERM or Ctrl-C, which finish the log. SIGHUP starts a new log.
 
-    A sensor that fails is logged as failed and tried again twice a second; the others go on. Events go to stderr and
-    into the log.
+    A sensor that fails is logged as failed and restarted twice a second; the others are not affected. Events are
+    written to stderr and into the log.
     """
     from daq.bus import LinuxBuses
     from daq.bus_recording import BusRecording
     from daq.clock import SystemClock
     from daq.config import load_tray
-    from daq.daemon import NothingToRead, record
+    from daq.daemon import NoDeviceOpened, record
     from daq.telemetry import TelemetryLink
 
     tray = load_tray(config)
@@ -71,7 +71,7 @@ def run(
     had_terminal = has_terminal()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    # A hang-up asks for a new file, unless it is the terminal that has gone: then nobody could stop us any more.
+    # SIGHUP requests a new file. If the terminal has closed, it ends the recording: nobody could stop it any more.
     signal.signal(signal.SIGHUP, lambda *_: (stop if had_terminal and not has_terminal() else new_file).set())
     clock = SystemClock()
     bus_recording = BusRecording(record_bus, clock) if record_bus else None
@@ -86,9 +86,9 @@ def run(
         terminal.show(line)
         ready = True
 
-    def tell(event: Event) -> None:
+    def on_event(event: Event) -> None:
         terminal.clear()
-        show(event)
+        show_event(event)
 
     try:
         recording = record(
@@ -99,14 +99,14 @@ def run(
             until_ns=None if duration_s is None else clock.now_ns() + round(duration_s * 1e9),
             stop=stop,
             new_file=new_file,
-            watched=True,
+            threaded=True,
             listener=link,
             bus_recording=bus_recording,
             report=report,
-            on_event=tell,
+            on_event=on_event,
         )
-    except NothingToRead as error:
-        complain(f"daq: {error}")
+    except NoDeviceOpened as error:
+        print_error(f"daq: {error}")
         raise typer.Exit(FAILURE) from None
     finally:
         notify(STOPPING)
@@ -114,33 +114,35 @@ def run(
         if link is not None:
             link.close()
         if bus_recording is not None and (cause := bus_recording.close()):
-            complain(f"daq: the end of the bus recording is missing: {cause}")
+            print_error(f"daq: the end of the bus recording is missing: {cause}")
     faults = ", ".join(f"{name} {count}" for name, count in recording.errors.items() if count)
     logs = ", ".join(str(path) for path in recording.paths) or "no log"
-    complain(f"{logs}: {recording.ticks} ticks, {recording.missed} missed; without measurement: {faults or 'none'}")
+    print_error(
+        f"{logs}: {recording.ticks} ticks, {recording.missed} missed; messages without measurement: {faults or 'none'}"
+    )
     if recording.write_error:
-        complain(f"daq: a part of the recording is missing: {recording.write_error}")
-        # Not `Exit`: a thread that waits for a dead disk must not keep the process.
+        print_error(f"daq: a part of the recording is missing: {recording.write_error}")
+        # Not `Exit`: a thread that waits for a failed disk would keep the process alive.
         sys.stderr.flush()
         os._exit(FAILURE)
 
 
-def complain(line: str) -> None:
-    """A line on stderr; nobody may be there any more to read it."""
+def print_error(line: str) -> None:
+    """Print a line to stderr, which may be closed."""
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:
         return
 
 
-def show(event: Event) -> None:
-    """An event, for the journal: <n> is the priority that systemd takes off again (sd-daemon(3))."""
+def show_event(event: Event) -> None:
+    """Print an event. Under systemd the prefix <n> is its priority in the journal (sd-daemon(3))."""
     priority = {"error": "<3>", "warning": "<4>"}.get(event.severity, "<6>")
-    complain(f"{priority if 'JOURNAL_STREAM' in os.environ else ''}{event.text}")
+    print_error(f"{priority if 'JOURNAL_STREAM' in os.environ else ''}{event.text}")
 
 
 def has_terminal() -> bool:
-    """Whether somebody sits at a terminal that we belong to."""
+    """Whether the process has a controlling terminal."""
     try:
         os.close(os.open("/dev/tty", os.O_RDONLY | os.O_NOCTTY))
     except OSError:
@@ -149,7 +151,7 @@ def has_terminal() -> bool:
 
 
 class StatusLine:
-    """One line at the bottom of a terminal that is written over once a second; nothing where there is no terminal."""
+    """A line on the terminal that is overwritten once a second. Does nothing when stderr is not a terminal."""
 
     def __init__(self) -> None:
         self._on = sys.stderr.isatty()
@@ -170,24 +172,24 @@ class StatusLine:
 
 
 def prepare_process() -> None:
-    """Keep the collector of reference cycles off what lives for ever, our memory off the swap, and threads small."""
+    """Set up for low latency: no garbage collection of permanent objects, locked memory, small thread stacks."""
     gc.collect()
     gc.freeze()
-    threading.stack_size(THREAD_STACK_BYTES)  # locked memory is used memory
+    threading.stack_size(THREAD_STACK_BYTES)  # all of a thread's stack is locked in memory
     sys.setswitchinterval(SWITCH_S)
     libc = ctypes.CDLL(None)
     if hasattr(libc, "mallopt"):  # glibc
-        libc.mallopt(M_ARENA_MAX, 1)  # one heap for all threads: a heap each would grow with each
-        # What is large goes back to the system when it is freed; left to itself, glibc keeps ever larger blocks.
+        libc.mallopt(M_ARENA_MAX, 1)  # one heap for all threads, instead of a growing one for each
+        # Large blocks are returned to the system when freed; by default, glibc keeps larger and larger ones.
         libc.mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
-    # Refused without the right to (LimitMEMLOCK): then it is not.
+    # Fails without the permission (LimitMEMLOCK); then memory is not locked.
     libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT)
 
 
-def step_ahead() -> None:
-    """Take the real-time priority that the unit gives to `run`, where that is allowed.
+def raise_priority() -> None:
+    """Use the real-time priority that the systemd unit gives to `run`, if permitted.
 
-    Otherwise what else the machine does would look like a bus that hangs.
+    Without it, other programs' load can look like a hanging bus.
     """
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(UNIT_PRIORITY))
@@ -200,60 +202,62 @@ def zero(
     config: Annotated[Path, typer.Option("--config", "-c", help="The tray.")],
     seconds: Annotated[float, typer.Option(min=4.0, help="How long to measure.")] = 10.0,
 ) -> None:
-    """Take the still-air zero of pressure differences and gyroscopes; it travels in every log from then on.
+    """Take the still-air zero of pressure differences and gyroscopes, to be attached to every later log.
 
-    The probe covered, the aircraft at rest, the motor off, everything switched on for some minutes. Leaves with 1, and
-    keeps an older zero as it was, when it was not still.
+    Cover the probe, leave the aircraft at rest with the motor off, everything switched on for some minutes. If the
+    readings are not steady, the exit code is 1 and an existing zero is kept.
     """
     from daq.bus import LinuxBuses
     from daq.clock import SystemClock
     from daq.config import load_tray
-    from daq.survey import survey
-    from daq.zero import NotStill, measure, save
+    from daq.dry_run import dry_run
+    from daq.still_air_zero import NotStill, save_zero, zero_from_samples
 
     tray, clock = load_tray(config), SystemClock()
     prepare_process()
-    step_ahead()
+    raise_priority()
     try:
-        found = survey(tray, buses=LinuxBuses(), clock=clock, seconds=seconds, watched=True)
-        new = measure(found.samples, ticks=found.ticks, seconds=seconds, unix_ns=clock.unix_ns())
+        readings = dry_run(tray, buses=LinuxBuses(), clock=clock, seconds=seconds, threaded=True)
+        new = zero_from_samples(readings.samples, ticks=readings.ticks, seconds=seconds, unix_ns=clock.unix_ns())
     except NotStill as error:
         for line in str(error).splitlines():
-            typer.echo(f"daq: no zero: {line}", err=True)
+            typer.echo(f"daq: no zero taken: {line}", err=True)
         raise typer.Exit(FAILURE) from None
-    save(new, Path(tray.zero))
+    save_zero(new, Path(tray.zero))
     for topic, fields in new.readings.items():
         for name, reading in fields.items():
             typer.echo(f"{topic:16} {name:28} {reading.mean: .5g} ± {reading.standard_deviation:.2g}")
-    typer.echo(f"{tray.zero}: travels in every log from now on")
+    typer.echo(f"{tray.zero}: attached to every log from now on")
 
 
 @app.command()
 def check(
     config: Annotated[Path, typer.Option("--config", "-c", help="The tray.")],
-    seconds: Annotated[float, typer.Option(min=1.0, help="How long to look.")] = 5.0,
-    as_json: Annotated[bool, typer.Option("--json", help="For machines.")] = False,
+    seconds: Annotated[float, typer.Option(min=1.0, help="How long to read.")] = 5.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Is the tray fit to fly? Reads every sensor for a few seconds; leaves with 1 when something is wrong.
+    """Check whether the tray is fit to fly: read every sensor for a few seconds. Exit code 1 if a check fails.
 
-    Stop the service first: two readers on one bus disturb each other.
+    Stop the service first: two programs on one bus disturb each other.
     """
     from rich.console import Console
     from rich.table import Table
 
-    from daq import check as checking
+    from daq import tray_check as checking
     from daq.bus import LinuxBuses
     from daq.clock import SystemClock
     from daq.config import load_tray
 
     tray = load_tray(config)
     prepare_process()
-    step_ahead()
-    report = checking.examine(tray, buses=LinuxBuses(), clock=SystemClock(), seconds=seconds, watched=True)
+    raise_priority()
+    report = checking.check_tray(tray, buses=LinuxBuses(), clock=SystemClock(), seconds=seconds, threaded=True)
     if as_json:
         typer.echo(checking.as_json(report))
     else:
-        table = Table("", "topic", "part", "Hz", "value ± scatter", "bus errors", "trouble, and what to do", box=None)
+        table = Table(
+            "", "topic", "part", "Hz", "value ± standard deviation", "bus errors", "problem and advice", box=None
+        )
         for line in report.lines:
             mark = {True: "[green]ok", False: "[bold red]BAD", None: "[yellow]?"}[line.ok]
             trouble = "\n".join(filter(None, (line.trouble, line.advice)))
@@ -270,12 +274,12 @@ def check(
 
 
 @app.command()
-def info(log: Annotated[Path, typer.Argument(help="A log, finished or torn.")]) -> None:
-    """What is in a log: its topics, their rates and how many readings failed, and what travels along."""
+def info(log: Annotated[Path, typer.Argument(help="A log; may be unfinished.")]) -> None:
+    """Summarise a log: topics, rates, failed readings and attachments."""
     from rich.console import Console
     from rich.table import Table
 
-    from daq.summary import summarise
+    from daq.log_summary import summarise
 
     summary = summarise(log)
     console = Console()
@@ -290,22 +294,22 @@ def info(log: Annotated[Path, typer.Argument(help="A log, finished or torn.")]) 
 @app.command()
 def config(
     example: Annotated[bool, typer.Option("--example", help="Print an example tray with every sensor.")] = False,
-    check: Annotated[Path | None, typer.Option("--check", help="Say whether this tray file is right.")] = None,
-    unit: Annotated[Path | None, typer.Option("--unit", help="Print what systemd has to know of this tray.")] = None,
+    check: Annotated[Path | None, typer.Option("--check", help="Check this tray file.")] = None,
+    unit: Annotated[Path | None, typer.Option("--unit", help="Print the systemd drop-in for this tray.")] = None,
 ) -> None:
-    """Print an example configuration, or check one."""
+    """Print an example configuration, check one, or print its systemd drop-in."""
     if unit is not None:
         from daq.config import load_tray
-        from daq.unit import drop_in
+        from daq.systemd_unit import unit_drop_in
 
-        typer.echo(drop_in(load_tray(unit)), nl=False)
+        typer.echo(unit_drop_in(load_tray(unit)), nl=False)
         return
     if check is not None:
-        from daq import luggage
+        from daq.attachments import load_attachments
         from daq.config import load_tray
 
         tray = load_tray(check)
-        luggage.pack(tray)
+        load_attachments(tray)
         typer.echo(f"{check}: {len(tray.sensors)} sensors at {tray.rate_Hz:g} Hz")
     elif example:
         typer.echo(resources.files("daq").joinpath("tray.example.toml").read_text("utf-8"), nl=False)
@@ -314,7 +318,7 @@ def config(
 
 
 def main() -> None:
-    """Entry point: wrong input is one line on stderr and exit code 2."""
+    """Entry point. Wrong input gives one line on stderr and exit code 2."""
     try:
         app()
     except InputError as error:

@@ -1,51 +1,54 @@
-"""Access to I2C and serial devices: the interfaces drivers are written against, and the real ones.
+"""Access to I2C and serial devices: the interfaces that drivers use, and their implementation on Linux.
 
-The only importer of smbus2 and pyserial. Every transfer takes a bounded time. A transfer that fails raises OSError with
-the kernel's number: 121 (EREMOTEIO) or 6 (ENXIO) when nothing acknowledged, 110 (ETIMEDOUT) when the bus hung,
-5 (EIO) when less came than was asked for.
+The only module that imports smbus2 and pyserial. Every transfer takes a bounded time. A failed transfer raises OSError
+with the kernel's number: 121 (EREMOTEIO) or 6 (ENXIO) without acknowledge, 110 (ETIMEDOUT) when the bus hangs,
+5 (EIO) when fewer bytes than requested were transferred.
 """
 
 import errno
 import fcntl
 import os
 import socket
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
-RECEIVE_BYTES = 4096  # what the kernel keeps for a line (N_TTY_BUF_SIZE)
+T = TypeVar("T")
+
+RECEIVE_BYTES = 4096  # the kernel's buffer of a serial line (N_TTY_BUF_SIZE)
 IN_USE = "another program has it open"
 I2C_RETRIES = 0x0701  # linux/i2c-dev.h
 I2C_TIMEOUT = 0x0702  # in units of 10 ms
 I2C_RDWR = 0x0707
-TRANSFERS = 128  # kept ready: some thirty of the default tray, the FIFO's by their length
+PREPARED_TRANSFERS = 128  # kept; the default tray needs about thirty, and one more for each length of FIFO read
 
 
 class I2CBus(Protocol):
-    """One I2C bus. A driver is given a bus and an address; it does not own either."""
+    """One I2C bus, shared by several drivers."""
 
     def write(self, address: int, data: bytes) -> None:
-        """One message to the device."""
+        """Write one message to the device."""
 
     def read(self, address: int, count: int) -> bytes:
-        """One bare read message of `count` bytes: no register is written before it."""
+        """Read one message of `count` bytes, without writing a register address before it."""
 
     def write_read(self, address: int, data: bytes, count: int) -> bytes:
-        """A write and a read joined by a repeated start: how registers are read."""
+        """A write and a read joined by a repeated start, as registers are read."""
 
 
 class BytePort(Protocol):
-    """A stream of bytes in both directions: serial line, pseudo-terminal, UDP."""
+    """A byte stream in both directions: serial line, pseudo-terminal or UDP."""
 
     def read_available(self) -> bytes:
-        """What has arrived since the last call, perhaps nothing; never waits."""
+        """The bytes that have arrived since the last call. May be empty; never waits."""
 
     def write(self, data: bytes) -> None:
-        """Hand over `data`; never waits longer than the port's write timeout."""
+        """Send `data`. Waits at most for the port's write timeout."""
 
 
 class Buses(Protocol):
-    """Where a tray's devices hang: opens the buses and ports that the configuration names."""
+    """Opens the buses and ports that the configuration names."""
 
     def i2c(self, device: str) -> I2CBus: ...
 
@@ -53,17 +56,17 @@ class Buses(Protocol):
 
 
 class LinuxI2C:
-    """/dev/i2c-N through smbus2, each transfer bounded by `timeout_ms` (rounded up to 10 ms). For one thread at a time.
+    """/dev/i2c-N through smbus2, with a timeout for each transfer (rounded up to 10 ms). For one thread at a time.
 
-    The same transfers come every tick, and preparing one costs more than doing it: they are prepared once.
+    The same transfers are repeated every tick. Preparing one takes longer than the transfer, so prepared ones are kept.
     """
 
     def __init__(self, device: str, timeout_ms: int = 20):
         from smbus2 import SMBus
 
-        self._prepared = lru_cache(TRANSFERS)(_prepare)
+        self._prepared = lru_cache(PREPARED_TRANSFERS)(_prepare)
         self._bus = SMBus(device)
-        assert self._bus.fd is not None  # it was just opened
+        assert self._bus.fd is not None  # set when the bus is opened
         fcntl.ioctl(self._bus.fd, I2C_TIMEOUT, -(-timeout_ms // 10))
         fcntl.ioctl(self._bus.fd, I2C_RETRIES, 0)
 
@@ -77,7 +80,7 @@ class LinuxI2C:
         return bytes(self._do(address, data, count))
 
     def _do(self, address: int, data: bytes, count: int) -> Any:
-        """The last message of the transfer. One that was not whole left an old reading in it, and is an error."""
+        """The last message of the transfer. Raises OSError if incomplete: it then holds an old reading."""
         request, messages = self._prepared(address, data, count)
         if fcntl.ioctl(self._bus.fd, I2C_RDWR, request) != len(messages):  # type: ignore[arg-type]  # it is open
             raise OSError(errno.EIO, os.strerror(errno.EIO))
@@ -85,7 +88,7 @@ class LinuxI2C:
 
 
 def _prepare(address: int, data: bytes, count: int) -> tuple[Any, list[Any]]:
-    """What ioctl(I2C_RDWR) is given for a write, a read, or both joined by a repeated start; and the messages in it."""
+    """The argument of ioctl(I2C_RDWR) for a write, a read, or both joined by a repeated start; and its messages."""
     from smbus2 import i2c_msg
     from smbus2.smbus2 import i2c_rdwr_ioctl_data
 
@@ -96,7 +99,7 @@ def _prepare(address: int, data: bytes, count: int) -> tuple[Any, list[Any]]:
 
 
 class LinuxSerial:
-    """A serial line through pyserial, raw, opened without waiting."""
+    """A serial line through pyserial, in raw mode, non-blocking."""
 
     def __init__(self, device: str, baud: int):
         import serial
@@ -105,36 +108,36 @@ class LinuxSerial:
             self._port = serial.Serial(device, baud, timeout=0, write_timeout=0.02, exclusive=True)
         except serial.SerialException as error:
             number = error.errno or errno.EIO
-            if number == errno.EAGAIN:  # the lock is taken
+            if number == errno.EAGAIN:  # another process holds the lock
                 raise OSError(errno.EBUSY, IN_USE, device) from None
             raise OSError(number, os.strerror(number), device) from None
-        except ValueError as error:  # a rate the line does not know
+        except ValueError as error:  # a baud rate that the line does not support
             raise OSError(errno.EINVAL, str(error), device) from None
 
     def read_available(self) -> bytes:
-        # As much as there is. Asking first how much that is would take the line's lock for writing, behind whoever is
-        # just filling it in the kernel: 200 ms were seen.
-        return self._guard(lambda: self._port.read(RECEIVE_BYTES))
+        # Read without asking for the number of bytes first: that takes a lock which the kernel holds while it fills the
+        # buffer, and has been seen to take 200 ms.
+        return self._translate_errors(lambda: bytes(self._port.read(RECEIVE_BYTES)))
 
     def write(self, data: bytes) -> None:
-        self._guard(lambda: self._port.write(data))
+        self._translate_errors(lambda: self._port.write(data))
 
     def close(self) -> None:
         self._port.close()
 
-    def _guard(self, transfer):
+    def _translate_errors(self, transfer: Callable[[], T]) -> T:
         import serial
 
         try:
             return transfer()
         except serial.SerialTimeoutException:
             raise OSError(errno.ETIMEDOUT, f"{self._port.port}: write timed out") from None
-        except serial.SerialException as error:  # pyserial's own kind for a line that was unplugged
+        except serial.SerialException as error:  # raised by pyserial for an unplugged adapter
             raise OSError(errno.EIO, f"{self._port.port}: {error}") from None
 
 
 class UdpPort:
-    """Datagrams as a stream: `udp:HOST:PORT` is listened on, and answered to whoever spoke last."""
+    """UDP datagrams as a stream: receives on `udp:HOST:PORT`, sends to the address of the latest datagram."""
 
     def __init__(self, host: str, port: int):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -160,7 +163,7 @@ class UdpPort:
 
 
 class PulseFiles:
-    """`rcio:DIRECTORY`: text files ch0, ch1, … with a pulse width [us] each, read as one line; nothing is written."""
+    """`rcio:DIRECTORY`: text files ch0, ch1, … with one pulse width [us] each, read as one line. Read only."""
 
     def __init__(self, directory: str):
         self._files = [path.open("rb", buffering=0) for path in sorted(Path(directory).glob("ch*"), key=_number)]
@@ -191,10 +194,10 @@ OpenPort = LinuxSerial | UdpPort | PulseFiles
 
 
 class LinuxBuses:
-    """The real thing: device files of this machine.
+    """The device files of this computer.
 
-    A bus is opened once, for all its parts. A port is opened afresh each time it is asked for, the one before closed:
-    that is how a line comes back that was unplugged.
+    A bus is opened once and shared by its drivers. A port is closed and opened again on each call, so that an adapter
+    that was unplugged works again.
     """
 
     def __init__(self) -> None:

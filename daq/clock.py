@@ -1,20 +1,20 @@
-"""Time as the loop sees it: a monotonic count of nanoseconds, and a way to wait for a point on it."""
+"""The clock of the sampling loop: monotonic time in nanoseconds, and waiting for a point in time."""
 
 import time
 from typing import Protocol
 
 
 class Clock(Protocol):
-    """What the loop needs of a clock. A simulated one waits in no time."""
+    """What the sampling loop needs of a clock. A simulated clock advances instead of waiting."""
 
     def now_ns(self) -> int:
-        """Monotonic time [ns]; its zero means nothing."""
+        """Monotonic time [ns], from an arbitrary zero."""
 
     def sleep_until_ns(self, due_ns: int) -> None:
-        """Return at `due_ns`, at once if that has passed."""
+        """Return at `due_ns`; at once if that has passed."""
 
     def unix_ns(self) -> int:
-        """The system's idea of Unix time [ns]; may be wrong and may jump."""
+        """Unix time of the system clock [ns]; may be wrong and may jump."""
 
 
 class SystemClock:
@@ -24,7 +24,7 @@ class SystemClock:
         return time.monotonic_ns()
 
     def sleep_until_ns(self, due_ns: int) -> None:
-        # time.sleep restarts after a signal and never returns early (PEP 475); lateness is the kernel's.
+        # time.sleep resumes after a signal and never returns early (PEP 475).
         remaining_ns = due_ns - time.monotonic_ns()
         if remaining_ns > 0:
             time.sleep(remaining_ns / 1e9)

@@ -1,4 +1,4 @@
-"""The tray's configuration: TOML to frozen structs, refused with file and key when something is wrong."""
+"""The configuration of the tray: a TOML file, validated into frozen structs. Errors name file and key."""
 
 import re
 from pathlib import Path
@@ -7,14 +7,14 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 from msgspec import Meta
 
-from daq.keeper import Policy
+from daq.disk_space import FullDiskPolicy
 from daq.sensors import honeywell, ms45xxdo
 from daq.sensors.axes import Axes, parse_axes
-from daq.sensors.bridge import Transfer
+from daq.sensors.bridge import TransferFunction
 from flight.errors import InputError
 
 Address = Annotated[int, Meta(ge=0x03, le=0x77)]
-ZERO = "zero.json"
+ZERO_FILE = "zero.json"
 Baud = Annotated[int, Meta(ge=1200)]
 
 
@@ -24,13 +24,13 @@ def _check_udp(port: str) -> None:
 
 
 def parse_port(port: str) -> tuple[str, int]:
-    """Host and number of udp:HOST:PORT."""
+    """Host and port number of udp:HOST:PORT."""
     _, host, number = port.split(":")
     return host, int(number)
 
 
-class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, tag_field="driver"):
-    """Base of all sensor tables; `topics` is what the sensor writes."""
+class _SensorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, tag_field="driver"):
+    """Base of all sensor tables. topics: the topics that the sensor writes."""
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -38,27 +38,27 @@ class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
     @property
     def name(self) -> str:
-        """How events and tables call the sensor: its first topic."""
+        """Name of the sensor in events and tables: its first topic."""
         return self.topics[0].strip("/").replace("/", "-")
 
     @property
-    def lane(self) -> str:
-        """The bus or port it hangs on."""
+    def device(self) -> str:
+        """The bus or port that the sensor is connected to."""
         raise NotImplementedError
 
-    may_hang: ClassVar[bool] = False  # whether reading it waits for the part
+    blocking: ClassVar[bool] = False  # whether a read waits for the sensor's answer
 
 
-class _OnBus(_Table, frozen=True):
+class _BusSensorConfig(_SensorConfig, frozen=True):
     bus: str
-    may_hang: ClassVar[bool] = True
+    blocking: ClassVar[bool] = True
 
     @property
-    def lane(self) -> str:
+    def device(self) -> str:
         return self.bus
 
 
-class _OnPort(_Table, frozen=True):
+class _PortSensorConfig(_SensorConfig, frozen=True):
     port: str  # a serial device, or udp:HOST:PORT
     baud: Baud
 
@@ -66,11 +66,11 @@ class _OnPort(_Table, frozen=True):
         _check_udp(self.port)
 
     @property
-    def lane(self) -> str:
+    def device(self) -> str:
         return self.port
 
 
-class Mpu9250(_OnBus, frozen=True, tag="mpu9250"):
+class Mpu9250Config(_BusSensorConfig, frozen=True, tag="mpu9250"):
     address: Address = 0x68
     range_g: Literal[2, 4, 8, 16] = 8
     range_dps: Literal[250, 500, 1000, 2000] = 500
@@ -86,8 +86,8 @@ class Mpu9250(_OnBus, frozen=True, tag="mpu9250"):
         return parse_axes(self.axes)
 
 
-class Ak8963(_OnBus, frozen=True, tag="ak8963"):
-    axes: tuple[str, str, str] = ("x", "y", "z")  # of the MPU9250 around it
+class Ak8963Config(_BusSensorConfig, frozen=True, tag="ak8963"):
+    axes: tuple[str, str, str] = ("x", "y", "z")  # of the MPU9250 that contains it
     address: ClassVar[int] = 0x0C
     topics: ClassVar[tuple[str, ...]] = ("/mag",)
 
@@ -99,7 +99,7 @@ class Ak8963(_OnBus, frozen=True, tag="ak8963"):
         return parse_axes(self.axes)
 
 
-class _Barometer(_OnBus, frozen=True):
+class _BarometerConfig(_BusSensorConfig, frozen=True):
     address: Literal[0x76, 0x77]
     measures: Literal["baro", "static"]
 
@@ -108,17 +108,17 @@ class _Barometer(_OnBus, frozen=True):
         return (f"/{self.measures}",)
 
 
-class Ms5611(_Barometer, frozen=True, tag="ms5611"):
+class Ms5611Config(_BarometerConfig, frozen=True, tag="ms5611"):
     address: Literal[0x76, 0x77] = 0x77
     measures: Literal["baro", "static"] = "baro"
 
 
-class Ms5805(_Barometer, frozen=True, tag="ms5805"):
+class Ms5805Config(_BarometerConfig, frozen=True, tag="ms5805"):
     address: Literal[0x76] = 0x76
     measures: Literal["baro", "static"] = "static"
 
 
-class _Transducer(_OnBus, frozen=True):
+class _TransducerConfig(_BusSensorConfig, frozen=True):
     part: str
     measures: Literal["alpha", "beta", "airspeed"]
     reversed_ports: bool = False
@@ -126,7 +126,7 @@ class _Transducer(_OnBus, frozen=True):
     def __post_init__(self) -> None:
         self._decoded()
 
-    def _decoded(self) -> tuple[int, Transfer]:
+    def _decoded(self) -> tuple[int, TransferFunction]:
         raise NotImplementedError
 
     @property
@@ -134,7 +134,7 @@ class _Transducer(_OnBus, frozen=True):
         return self._decoded()[0]
 
     @property
-    def transfer(self) -> Transfer:
+    def transfer(self) -> TransferFunction:
         return self._decoded()[1]
 
     @property
@@ -142,36 +142,36 @@ class _Transducer(_OnBus, frozen=True):
         return (f"/probe/{self.measures}",)
 
 
-class Ms45xxDo(_Transducer, frozen=True, tag="ms45xxdo"):
-    def _decoded(self) -> tuple[int, Transfer]:
+class Ms45xxDoConfig(_TransducerConfig, frozen=True, tag="ms45xxdo"):
+    def _decoded(self) -> tuple[int, TransferFunction]:
         return ms45xxdo.decode_part(self.part)
 
 
-class Honeywell(_Transducer, frozen=True, tag="honeywell"):
-    def _decoded(self) -> tuple[int, Transfer]:
+class HoneywellConfig(_TransducerConfig, frozen=True, tag="honeywell"):
+    def _decoded(self) -> tuple[int, TransferFunction]:
         return honeywell.decode_part(self.part)
 
 
-class UBlox(_OnPort, frozen=True, tag="ublox"):
+class UBloxConfig(_PortSensorConfig, frozen=True, tag="ublox"):
     baud: Baud = 38400
     rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 10.0
     topics: ClassVar[tuple[str, ...]] = ("/gps",)
 
 
-class UBloxDdc(_OnBus, frozen=True, tag="ublox_ddc"):
+class UBloxDdcConfig(_BusSensorConfig, frozen=True, tag="ublox_ddc"):
     address: Address = 0x42
     rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 5.0
     topics: ClassVar[tuple[str, ...]] = ("/gps",)
 
 
-class EscCounter(_OnPort, frozen=True, tag="esc_counter"):
+class EscCounterConfig(_PortSensorConfig, frozen=True, tag="esc_counter"):
     baud: Baud = 115200
     framed: bool = False
     pole_pairs: Annotated[int, Meta(ge=1, le=50)] | None = None
     topics: ClassVar[tuple[str, ...]] = ("/rpm",)
 
 
-class Autopilot(_OnPort, frozen=True, tag="autopilot"):
+class AutopilotConfig(_PortSensorConfig, frozen=True, tag="autopilot"):
     baud: Baud = 57600
     rpm: bool = False  # take motor speed from its RPM or RAW_RPM
 
@@ -184,32 +184,41 @@ class Autopilot(_OnPort, frozen=True, tag="autopilot"):
         return "autopilot"
 
 
-class Navio2(_Table, frozen=True, tag="navio2"):
+class Navio2Config(_SensorConfig, frozen=True, tag="navio2"):
     port: str = "rcio:/sys/kernel/rcio/rcin"
     topics: ClassVar[tuple[str, ...]] = ("/controls",)
 
     @property
-    def lane(self) -> str:
+    def device(self) -> str:
         return self.port
 
 
-_Pressure = Ms5611 | Ms5805 | Ms45xxDo | Honeywell
-SensorTable = Mpu9250 | Ak8963 | _Pressure | UBlox | UBloxDdc | EscCounter | Autopilot | Navio2
+_PressureConfig = Ms5611Config | Ms5805Config | Ms45xxDoConfig | HoneywellConfig
+SensorConfig = (
+    Mpu9250Config
+    | Ak8963Config
+    | _PressureConfig
+    | UBloxConfig
+    | UBloxDdcConfig
+    | EscCounterConfig
+    | AutopilotConfig
+    | Navio2Config
+)
 
 
-class Files(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How long a log may get, and what happens when the card is nearly full."""
+class FilesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """When a new log is started, and what happens when the card is nearly full."""
 
     new_after_min: Annotated[float, Meta(gt=0)] = 60.0
     new_after_MB: Annotated[float, Meta(ge=1)] = 256.0
     keep_free_MB: Annotated[float, Meta(ge=0)] = 100.0
-    when_full: Policy = "stop"
+    when_full: FullDiskPolicy = "stop"
 
 
-class Arm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A switch on the transmitter, seen as a pulse width on /controls.
+class ArmSwitchConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A switch on the transmitter, read as a pulse width on /controls.
 
-    seen_at: the receiver's channels (RC_CHANNELS, or a Navio2's inputs), or the autopilot's servo outputs.
+    seen_at: among the receiver's channels (RC_CHANNELS, or a Navio2's inputs) or the autopilot's servo outputs.
     """
 
     channel: Annotated[int, Meta(ge=1, le=18)]
@@ -218,7 +227,7 @@ class Arm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
     action: Literal["mark", "record"] = "mark"
 
 
-class Telemetry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class TelemetryConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """MAVLink to a ground station."""
 
     to: str  # udp:HOST:PORT, or a serial device
@@ -231,38 +240,38 @@ class Telemetry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What may stand in a tray file."""
+    """The contents of a tray file."""
 
     rate_Hz: Annotated[float, Meta(ge=1, le=200)] = 25.0
     directory: str = "logs"
     aircraft: str | None = None
     probe_calibration: str | None = None
     magnetometer_calibration: str | None = None
-    files: Files = Files()
-    arm: Arm | None = None
-    telemetry: Telemetry | None = None
-    sensors: Annotated[tuple[SensorTable, ...], Meta(min_length=1)]
+    files: FilesConfig = FilesConfig()
+    arm: ArmSwitchConfig | None = None
+    telemetry: TelemetryConfig | None = None
+    sensors: Annotated[tuple[SensorConfig, ...], Meta(min_length=1)]
 
 
 class Tray(TrayFile, frozen=True, kw_only=True):
-    """What is recorded, how fast, and where it goes. Its paths no longer count from the tray file."""
+    """The configuration of a recording. Relative paths have been resolved against the tray file's folder."""
 
-    text: str  # the file itself, to travel in the log
-    zero: str  # where `daq zero` puts its result: beside the tray file
+    text: str  # of the file, for the log's attachment
+    zero: str  # path of the still-air zero, beside the tray file
 
 
 def load_tray(path: str | Path) -> Tray:
-    """The tray of a file.
+    """Read a tray file.
 
-    Raises InputError naming file and key when it cannot be read, is malformed, has an unknown key, or puts two sensors
-    on one address or one topic.
+    Raises InputError naming file and key when the file cannot be read, is malformed, has an unknown key, or has two
+    sensors at one address or on one topic.
     """
     path = Path(path)
     return parse_tray(read_text(path), str(path), path.parent)
 
 
 def read_text(path: Path) -> str:
-    """A text file; raises InputError when it cannot be read."""
+    """The content of a text file. Raises InputError when it cannot be read."""
     try:
         return path.read_text("utf-8")
     except OSError as error:
@@ -272,14 +281,14 @@ def read_text(path: Path) -> str:
 
 
 def parse_tray(text: str, where: str, folder: Path) -> Tray:
-    """The tray of a file's text; `where` names it in errors, relative paths count from `folder`."""
+    """Parse a tray file's text. where: its name in errors. folder: base of relative paths."""
     try:
         file = msgspec.toml.decode(text, type=TrayFile)
     except msgspec.ValidationError as error:
         raise InputError(f"{where}: {_with_key(error)}") from None
     except msgspec.DecodeError as error:
         raise InputError(f"{where}: not valid TOML ({error})") from None
-    _refuse_collisions(file, where)
+    _reject_conflicts(file, where)
     return Tray(
         rate_Hz=file.rate_Hz,
         directory=str(folder / file.directory),
@@ -291,15 +300,15 @@ def parse_tray(text: str, where: str, folder: Path) -> Tray:
         telemetry=file.telemetry,
         sensors=file.sensors,
         text=text,
-        zero=str(folder / ZERO),
+        zero=str(folder / ZERO_FILE),
     )
 
 
 def _with_key(error: msgspec.ValidationError) -> str:
-    """msgspec's "what - at `$.sensors[2].range_g`" as "sensors[2].range_g: what"."""
+    """Turn msgspec's "what - at `$.sensors[2].range_g`" into "sensors[2].range_g: what"."""
     what, _, key = str(error).partition(" - at `$.")
     if number := re.fullmatch(r"Invalid enum value (\d+)", what):
-        what = f"{number[1]} (0x{int(number[1]):02x}) is not among the values it can have; see `daq config --example`"
+        what = f"{number[1]} (0x{int(number[1]):02x}) is not one of the permitted values; see `daq config --example`"
     return f"{key.rstrip('`')}: {what}" if key else what
 
 
@@ -308,29 +317,33 @@ def _resolve(path: str | None, folder: Path) -> str | None:
 
 
 def _resolve_name(aircraft: str | None, folder: Path) -> str | None:
-    """A bare name is a shipped aircraft; anything else is a path."""
+    """A name without suffix is a shipped aircraft; anything else is a path."""
     return str(folder / aircraft) if aircraft and Path(aircraft).suffix else aircraft
 
 
-def _refuse_collisions(tray: TrayFile, where: str) -> None:
-    places: dict[tuple[str, int], str] = {}
+def _reject_conflicts(tray: TrayFile, where: str) -> None:
+    labels: dict[tuple[str, int], str] = {}
     topics: dict[str, str] = {}
     for i, sensor in enumerate(tray.sensors):
         label = f"sensors[{i}] ({_driver(sensor)})"
-        place = (sensor.lane, sensor.address if isinstance(sensor, _OnBus) else 0)
-        if place in places:
-            at = f"address 0x{place[1]:02x} of {sensor.lane}" if isinstance(sensor, _OnBus) else f"port {sensor.lane}"
-            raise InputError(f"{where}: {places[place]} and {label} are both on {at}; two parts cannot share it")
-        places[place] = label
+        place = (sensor.device, sensor.address if isinstance(sensor, _BusSensorConfig) else 0)
+        if place in labels:
+            at = (
+                f"address 0x{place[1]:02x} of {sensor.device}"
+                if isinstance(sensor, _BusSensorConfig)
+                else f"port {sensor.device}"
+            )
+            raise InputError(f"{where}: {labels[place]} and {label} are both on {at}; change one of them")
+        labels[place] = label
         for topic in sensor.topics:
             if topic in topics:
                 raise InputError(f"{where}: {topics[topic]} and {label} would both write {topic}")
             topics[topic] = label
     if tray.arm is not None and "/controls" not in topics:
-        raise InputError(f"{where}: arm: no sensor writes /controls, where the switch would be seen")
-    if tray.telemetry is not None and tray.telemetry.to in {sensor.lane for sensor in tray.sensors}:
-        raise InputError(f"{where}: telemetry.to: a sensor is on {tray.telemetry.to} already")
+        raise InputError(f"{where}: arm: no sensor writes /controls, which the switch is read from")
+    if tray.telemetry is not None and tray.telemetry.to in {sensor.device for sensor in tray.sensors}:
+        raise InputError(f"{where}: telemetry.to: {tray.telemetry.to} is already used by a sensor")
 
 
-def _driver(sensor: SensorTable) -> str:
+def _driver(sensor: SensorConfig) -> str:
     return str(type(sensor).__struct_config__.tag)

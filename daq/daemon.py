@@ -1,24 +1,25 @@
-"""Recording: a tray, its buses and a clock, to log files. The same on the aircraft and on a simulated clock."""
+"""Records a tray into log files: on the aircraft with a real clock, in tests with a simulated one."""
 
 import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from daq import luggage, wiring
-from daq.arm import ArmSwitch
+from daq.arm_switch import ArmSwitch
+from daq.attachments import Attachments, load_attachments, write_attachments
 from daq.bus import Buses
 from daq.bus_recording import BusRecording
 from daq.clock import Clock
-from daq.config import SensorTable, Tray
-from daq.health import State
-from daq.keeper import Keeper
-from daq.logbook import Limits, Logbook, numbered, parts_of
-from daq.loop import Stop, Turn, turns
+from daq.config import SensorConfig, Tray
+from daq.disk_space import DiskSpace
+from daq.driver_factory import DriverFactory, driver_factory
+from daq.log_files import FileLimits, LogFiles, numbered_names, part_names
+from daq.log_recovery import recover_unfinished
 from daq.recorder import Recorder
-from daq.salvage import complete_unfinished
+from daq.sampling_loop import Cycle, StopFlag, cycles
+from daq.sensor_health import SensorState
+from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample
-from daq.station import Station
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.messages import Event
@@ -27,14 +28,14 @@ REPORT_EVERY_NS = 1_000_000_000
 OWN_TOPICS = ("/time", "/daq/tick", "/daq/event")
 
 
-class Recording(NamedTuple):
-    """What became of a recording."""
+class RecordingResult(NamedTuple):
+    """The logs and counts of a finished recording."""
 
     paths: list[Path]  # the logs, in order
-    ticks: int  # that were done
-    missed: int  # that were skipped
-    errors: dict[str, int]  # messages without measurement, by sensor
-    write_error: str  # why a part of it may be missing; empty when it is all there
+    ticks: int  # ticks recorded
+    missed: int  # ticks skipped
+    errors: dict[str, int]  # messages without a measurement, by sensor
+    write_error: str  # why a part of the recording may be missing; empty when it is complete
 
     @property
     def path(self) -> Path:
@@ -42,40 +43,41 @@ class Recording(NamedTuple):
         return self.paths[0]
 
 
-class NothingToRead(Exception):
-    """Not one of the tray's buses and ports can be opened."""
+class NoDeviceOpened(Exception):
+    """None of the tray's buses and ports can be opened."""
 
 
-class Listener(Protocol):
-    """Somebody who is told every turn, in the sampling thread: it must not wait and must not raise."""
+class CycleListener(Protocol):
+    """Receives every cycle. Called from the sampling thread: must not wait and must not raise."""
 
-    def hear(self, turn: Turn, events: list[Event]) -> None: ...
+    def hear(self, cycle: Cycle, events: list[Event]) -> None: ...
 
 
-def stations(
+def sensor_supervisors(
     tray: Tray, buses: Buses, aircraft: Aircraft | None, bus_recording: BusRecording | None = None
-) -> list[Station]:
-    """A place in the loop for each of the tray's sensors, in the tray's order.
+) -> list[SensorSupervisor]:
+    """One supervisor for each sensor of the tray, in the tray's order.
 
-    Raises InputError when the configuration lacks something.
+    Raises InputError when the configuration is incomplete.
     """
 
-    def maker(table: SensorTable) -> wiring.Maker:
+    def make(table: SensorConfig) -> DriverFactory:
         if bus_recording is None:
-            return wiring.maker(table, tray, buses, aircraft)
-        ear = bus_recording.sensor(table.name)
-        return ear.maker(wiring.maker(table, tray, ear.buses(buses), aircraft))
+            return driver_factory(table, tray, buses, aircraft)
+        recording = bus_recording.sensor(table.name)
+        return recording.driver_factory(driver_factory(table, tray, recording.buses(buses), aircraft))
 
     return [
-        Station(table.name, table.lane, table.topics, maker(table), may_hang=table.may_hang) for table in tray.sensors
+        SensorSupervisor(table.name, table.device, table.topics, make(table), blocking=table.blocking)
+        for table in tray.sensors
     ]
 
 
-def open_all(places: list[Station], now_ns: int) -> None:
-    """Open the buses and ports; raises NothingToRead when not one can be."""
-    causes = [place.open(now_ns) for place in places]
+def open_devices(supervisors: list[SensorSupervisor], now_ns: int) -> None:
+    """Open the buses and ports. Raises NoDeviceOpened when none can be opened."""
+    causes = [supervisor.open(now_ns) for supervisor in supervisors]
     if all(causes):
-        raise NothingToRead(f"none of the tray's buses and ports can be opened: {'; '.join(sorted(set(causes)))}")
+        raise NoDeviceOpened(f"none of the tray's buses and ports can be opened: {'; '.join(sorted(set(causes)))}")
 
 
 def record(
@@ -85,141 +87,153 @@ def record(
     clock: Clock,
     log_path: str | Path | None = None,
     until_ns: int | None = None,
-    stop: Stop | None = None,
+    stop: StopFlag | None = None,
     new_file: threading.Event | None = None,
-    watched: bool = False,
-    listener: Listener | None = None,
+    threaded: bool = False,
+    listener: CycleListener | None = None,
     bus_recording: BusRecording | None = None,
     progress: Callable[[float], None] | None = None,
     report: Callable[[str], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
-) -> Recording:
-    """Record the tray to new logs until `until_ns` (the clock's time [ns]) or until `stop` is set.
+) -> RecordingResult:
+    """Record the tray into new logs until `until_ns` (monotonic time of `clock`) or until `stop` is set.
 
-    log_path: of the first log; the next free name in the tray's directory when not given. new_file: set by whoever
-    wants a new log begun. watched: see `turns`. bus_recording: is given every transaction of the buses. progress: told
-    how long it has been going on [s], once a second of the clock, from the sampling thread; so are report of a line
-    that says how it goes, and on_event of each event.
-    Raises InputError before anything is written (configuration, files that cannot be read, a log that exists), and
-    NothingToRead when no bus and no port can be opened.
+    log_path: the first log; by default the next free log-NNNN.mcap in the tray's directory. new_file: when set, a new
+    log is started and the flag is cleared. threaded: see `cycles`. bus_recording: receives every bus transaction.
+    Called from the sampling thread: progress, once a second of the clock, with the elapsed time [s]; report, as often,
+    with a status line; on_event, with each event.
+    Raises InputError before anything is written (wrong configuration, unreadable file, existing log), and
+    NoDeviceOpened when no bus and no port can be opened.
     """
-    bags = luggage.pack(tray)
-    places = stations(tray, buses, bags.aircraft, bus_recording)
+    attachments = load_attachments(tray)
+    supervisors = sensor_supervisors(tray, buses, attachments.aircraft, bus_recording)
     if bus_recording is not None:
-        bus_recording.begin(tray.text, bags.aircraft)
+        bus_recording.begin(tray.text, attachments.aircraft)
     start_ns = clock.now_ns()
-    open_all(places, start_ns)
+    open_devices(supervisors, start_ns)
     path = Path(log_path) if log_path is not None else None
     directory = Path(tray.directory) if path is None else path.parent
-    name = numbered(directory) if path is None else parts_of(path)
-    news = salvage_events(directory) if path is None else []
-    keeper = Keeper(directory, round(tray.files.keep_free_MB * 1e6), tray.files.when_full)
-    keeper.look()
-    if path is not None and not keeper.room:
-        raise InputError(f"{path}: {keeper.events()[0].text}")
+    name = numbered_names(directory) if path is None else part_names(path)
+    pending_events = recovery_events(directory) if path is None else []
+    disk_space = DiskSpace(directory, round(tray.files.keep_free_MB * 1e6), tray.files.when_full)
+    disk_space.check()
+    if path is not None and not disk_space.sufficient:
+        raise InputError(f"{path}: {disk_space.events()[0].text}")
 
-    def begin(recorder: Recorder, number: int, now_ns: int, before: Path | None) -> None:
-        at_start(recorder, bags, places, rate_Hz=tray.rate_Hz, start_ns=now_ns, number=number, before=before)
+    def begin(recorder: Recorder, number: int, now_ns: int, previous: Path | None) -> None:
+        write_header(
+            recorder, attachments, supervisors, rate_Hz=tray.rate_Hz, start_ns=now_ns, number=number, previous=previous
+        )
 
     offset_ns = clock.unix_ns() - start_ns
-    limits = Limits(round(tray.files.new_after_min * 60e9), round(tray.files.new_after_MB * 1e6))
-    book = Logbook(name, begin, offset_ns=offset_ns, limits=limits, keeper=keeper)
-    switch = ArmSwitch(tray.arm)
-    if keeper.room and switch.recording:
-        book.open(start_ns)
-    keeper.start()
+    limits = FileLimits(round(tray.files.new_after_min * 60e9), round(tray.files.new_after_MB * 1e6))
+    log_files = LogFiles(name, begin, offset_ns=offset_ns, limits=limits, disk_space=disk_space)
+    arm_switch = ArmSwitch(tray.arm)
+    if disk_space.sufficient and arm_switch.recording:
+        log_files.open(start_ns)
+    disk_space.start()
     tell = on_event or (lambda event: None)
     ticks = missed = 0
     report_ns = start_ns
     try:
-        for turn in turns(
-            places,
+        for cycle in cycles(
+            supervisors,
             rate_Hz=tray.rate_Hz,
             clock=clock,
             stop=stop or threading.Event(),
             until_ns=until_ns,
-            watched=watched,
+            threaded=threaded,
         ):
-            ticks, missed = ticks + 1, missed + turn.beat.missed
-            asked = new_file is not None and new_file.is_set()
-            if asked and new_file is not None:
+            ticks, missed = ticks + 1, missed + cycle.tick.missed
+            new_file_requested = new_file is not None and new_file.is_set()
+            if new_file_requested and new_file is not None:
                 new_file.clear()
-            switched = switch.look(turn.samples)
-            events = news + turn.events + switched
-            events += book.attend(turn.now_ns, wanted=switch.recording, new_file=asked)
-            news = []
+            events = pending_events + cycle.events + arm_switch.update(cycle.samples)
+            events += log_files.update(cycle.now_ns, wanted=arm_switch.recording, new_file=new_file_requested)
+            pending_events = []
             for event in events:
                 tell(event)
-            book.write(
-                turn.samples + [Sample("/daq/event", turn.now_ns, event) for event in events],
-                tick=turn.beat.number,
-                now_ns=turn.now_ns,
+            log_files.write(
+                cycle.samples + [Sample("/daq/event", cycle.now_ns, event) for event in events],
+                tick=cycle.tick.number,
+                now_ns=cycle.now_ns,
             )
             if listener is not None:
-                listener.hear(turn, events)
-            if turn.now_ns >= report_ns:
-                report_ns += REPORT_EVERY_NS * (1 + (turn.now_ns - report_ns) // REPORT_EVERY_NS)
-                elapsed_s = (turn.now_ns - start_ns) / 1e9
+                listener.hear(cycle, events)
+            if cycle.now_ns >= report_ns:
+                report_ns += REPORT_EVERY_NS * (1 + (cycle.now_ns - report_ns) // REPORT_EVERY_NS)
+                elapsed_s = (cycle.now_ns - start_ns) / 1e9
                 if progress is not None:
                     progress(elapsed_s)
                 if report is not None:
-                    report(status_line(elapsed_s, ticks, missed, places, book, keeper, armed=switch.recording))
+                    armed = arm_switch.recording
+                    report(status_line(elapsed_s, ticks, missed, supervisors, log_files, disk_space, armed=armed))
     finally:
-        write_error = book.close()
-    if book.dropped:
-        write_error = write_error or f"the disk did not keep up, and {book.dropped} messages were dropped"
-    if not keeper.room:
-        write_error = write_error or f"there was no room left at {directory}"
-    return Recording(book.paths, ticks, missed, {place.name: place.errors for place in places}, write_error)
+        write_error = log_files.close()
+    if log_files.dropped:
+        write_error = write_error or f"the disk was too slow, and {log_files.dropped} messages were dropped"
+    if not disk_space.sufficient:
+        write_error = write_error or f"the disk of {directory} was full"
+    errors = {supervisor.name: supervisor.errors for supervisor in supervisors}
+    return RecordingResult(log_files.paths, ticks, missed, errors, write_error)
 
 
-def at_start(
+def write_header(
     recorder: Recorder,
-    bags: luggage.Luggage,
-    places: list[Station],
+    attachments: Attachments,
+    supervisors: list[SensorSupervisor],
     *,
     rate_Hz: float,
     start_ns: int,
     number: int,
-    before: Path | None,
+    previous: Path | None,
 ) -> None:
-    """What stands at the start of a log: the luggage, and every topic, also those on which nothing may ever come."""
-    luggage.stow(
+    """Start a log: write the attachments, and declare every topic, even if no message ever arrives on it."""
+    write_attachments(
         recorder.log,
-        bags,
+        attachments,
         rate_Hz=rate_Hz,
         start_unix_ns=start_ns + recorder.offset_ns,
         start_monotonic_ns=start_ns,
         part=number + 1,
-        before=before.name if before else "",
+        previous_log=previous.name if previous else "",
     )
-    for topic in [*(topic for place in places for topic in place.topics), *OWN_TOPICS]:
+    for topic in [*(topic for supervisor in supervisors for topic in supervisor.topics), *OWN_TOPICS]:
         recorder.log.declare(topic)
 
 
 def status_line(
-    elapsed_s: float, ticks: int, missed: int, places: list[Station], book: Logbook, keeper: Keeper, *, armed: bool
+    elapsed_s: float,
+    ticks: int,
+    missed: int,
+    supervisors: list[SensorSupervisor],
+    log_files: LogFiles,
+    disk_space: DiskSpace,
+    *,
+    armed: bool,
 ) -> str:
-    """How it goes, in one line for people."""
-    bad = [f"{place.name} {place.health.state}" for place in places if place.health.state is not State.OK]
-    if book.recording:
-        what = f"recording {book.path.name if book.path else 'to memory'}"
+    """The state of the recording in one line."""
+    failing = [f"{each.name} {each.health.state}" for each in supervisors if each.health.state is not SensorState.OK]
+    if log_files.recording:
+        state = f"recording {log_files.path.name if log_files.path else 'to memory'}"
     else:
-        what = "NOT RECORDING: the card is full" if armed else "waiting for the arm switch"
-    trouble = f"{book.error}; " if book.error else ""
-    room = "" if keeper.free_bytes < 0 else f", {keeper.free_bytes / 1e9:.1f} GB free"
-    return f"{what}, {elapsed_s:.0f} s, {ticks} ticks, {missed} missed{room}; {trouble}{', '.join(bad) or 'all well'}"
+        state = "NOT RECORDING: the card is full" if armed else "waiting for the arm switch"
+    error = f"{log_files.error}; " if log_files.error else ""
+    free = "" if disk_space.free_bytes < 0 else f", {disk_space.free_bytes / 1e9:.1f} GB free"
+    sensors = ", ".join(failing) or "all sensors ok"
+    return f"{state}, {elapsed_s:.0f} s, {ticks} ticks, {missed} missed{free}; {error}{sensors}"
 
 
-def salvage_events(directory: Path) -> list[Event]:
-    """Complete what earlier power cuts left unfinished in `directory`; that it fails is no reason not to record."""
+def recovery_events(directory: Path) -> list[Event]:
+    """Complete the logs that power cuts left unfinished in `directory`. A failure does not prevent recording."""
     try:
-        done = complete_unfinished(directory)
+        recovered = recover_unfinished(directory)
     except OSError as error:
         return [Event(severity="warning", sensor="daq", text=f"an unfinished log could not be completed: {error}")]
     return [
         Event(
-            sensor="daq", text=f"{path} was unfinished and is complete now: {kept} bytes kept, {cut} torn ones cut off"
+            sensor="daq",
+            text=f"{path} was unfinished and has been completed: {kept} bytes kept, {cut} damaged bytes removed",
         )
-        for path, kept, cut in done
+        for path, kept, cut in recovered
     ]

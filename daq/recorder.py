@@ -1,4 +1,4 @@
-"""One log file being recorded: encoded and packed by the sampling thread, written by the disk's."""
+"""One log file: messages are encoded by the sampling thread and written by the disk thread."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,21 +6,21 @@ from pathlib import Path
 from mcap.opcode import Opcode
 from zstandard import ZstdCompressor
 
-from daq.disk import DiskWriter
+from daq.disk_writer import DiskWriter
 from daq.sensors import Sample
 from flight.log_writer import LogWriter
 
-CHUNK_EVERY_NS = 400_000_000  # of the log's time: what a power cut can cost, together with the disk's SYNC_EVERY_S
-BACKLOG_BYTES = 8 * 2**20  # several minutes of the default tray
-NEVER_BY_SIZE = 2**30  # chunks are closed by time
+CHUNK_EVERY_NS = 400_000_000  # of the log's time; with the disk's SYNC_EVERY_S, the most that a power cut can cost
+BACKLOG_BYTES = 8 * 2**20  # several minutes of the default tray; messages are dropped beyond it
+NEVER_BY_SIZE = 2**30  # chunks are closed by time, not by size
 
 
 class Recorder:
-    """A log file being recorded.
+    """Writes one log file.
 
-    name, wait: as of `DiskWriter`. offset_ns: Unix time minus monotonic time, fixed for the whole recording.
-    compressor: as of `LogWriter`.
-    When the disk does not keep up, whole chunks are left out, so that the file stays sound; `dropped` counts messages.
+    name, wait: see `DiskWriter`. offset_ns: Unix time minus monotonic time, fixed for the whole recording.
+    compressor: see `LogWriter`.
+    When the disk is too slow, whole chunks are dropped, so that the file stays valid; `dropped` counts their messages.
     """
 
     def __init__(
@@ -36,16 +36,16 @@ class Recorder:
         self.dropped = 0
         self.ticks = 0
         self.log = LogWriter(self.disk, chunk_bytes=NEVER_BY_SIZE, compressor=compressor)  # type: ignore[arg-type]
-        self._chunk_due_ns = float("-inf")  # the first tick is on its way to the disk at once
+        self._chunk_due_ns = float("-inf")  # the first tick is written at once
         self._in_chunk = 0
 
     @property
     def path(self) -> Path | None:
-        """Where it is; None until it is open."""
+        """Path of the file; None until it is open."""
         return self.disk.path
 
     def write(self, samples: list[Sample], *, tick: int, now_ns: int) -> None:
-        """Add a tick's messages; closes the chunk when it is old enough."""
+        """Add a tick's messages. Closes the chunk when it is old enough."""
         for sample in samples:
             self.log.write(sample.topic, sample.message, time_ns=sample.time_ns + self.offset_ns, tick=tick)
         self._in_chunk += len(samples)
@@ -55,17 +55,17 @@ class Recorder:
             self._chunk_due_ns = now_ns + CHUNK_EVERY_NS
 
     def take_over(self, other: "Recorder") -> None:
-        """Add the chunks that `other` did not get onto its disk. Both have declared the same topics in order."""
+        """Add the chunks that `other` could not write. Both must have declared the same topics in the same order."""
         other._close_chunk()
         for piece in other.disk.unsaved():
             if piece[0] == Opcode.CHUNK:
                 self.log.append(piece)
 
     def finish(self) -> None:
-        """Hand over the last chunk and the index; returns before the disk has them."""
+        """Queue the last chunk and the index for writing. Returns before they are on the disk."""
         self._close_chunk()
         self.log.finish()
-        self.disk.retire()
+        self.disk.finish()
 
     def _close_chunk(self) -> None:
         if not self._in_chunk:

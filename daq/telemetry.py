@@ -1,7 +1,7 @@
-"""What the pilot's ground station sees in flight: MAVLink, a few messages a second, from a process of its own.
+"""Telemetry for the pilot's ground station: MAVLink, a few messages a second, sent by a separate process.
 
-The daemon only puts the latest readings into a pipe (`TelemetryLink`), and what does not fit is left out: neither a
-slow radio nor a mistake in here can hold up a tick. The other end of the pipe is this module run as a program.
+The daemon writes the latest readings into a pipe (`TelemetryLink`) and discards them when the pipe is full, so neither
+a slow radio nor an error in this module delays a tick. The other end of the pipe is this module, run as a program.
 """
 
 import math
@@ -19,25 +19,26 @@ from typing import Any
 
 import msgspec
 
-from daq.config import Telemetry, Tray, parse_port
-from daq.loop import Turn
-from daq.probe import Probe, load_probe
-from daq.zero import DIFFERENCE, Zero, parse_zero
+from daq.bus import LinuxSerial
+from daq.config import TelemetryConfig, Tray, parse_port
+from daq.probe_calibration import ProbeMaps, load_probe_maps
+from daq.sampling_loop import Cycle
+from daq.still_air_zero import DIFFERENCE, Zero, parse_zero
 from flight.messages import Event, Status
 
 RESTART_AFTER_S = 5.0
-SPEED_OF_HEARTBEAT_S = 1.0
+HEARTBEAT_PERIOD_S = 1.0
 TEXT_BYTES = 50  # of a STATUSTEXT
-NEWEST_EVENTS = 20  # kept while the pipe is full
-EVENTS_A_LINE = 4  # a line has to fit into PIPE_BUF
+KEPT_EVENTS = 20  # the latest events are kept while the pipe is full
+EVENTS_PER_LINE = 4  # a line has to fit into PIPE_BUF
 GAS_CONSTANT = 287.05287  # of air [J/(kg K)] (ISO 2533)
 SEVERITIES = {"error": 3, "warning": 4, "info": 6}  # MAV_SEVERITY
 TOPICS = ("/gps", "/static", "/rpm", "/controls", "/probe/alpha", "/probe/beta", "/probe/airspeed", "/attitude")
-FRESH_S = 2.0  # a reading older than this is not shown
+MAX_AGE_S = 2.0  # older readings are not sent
 
 
 class Snapshot(msgspec.Struct, kw_only=True):
-    """What goes through the pipe, a line of JSON each: the latest good messages by topic, and what happened."""
+    """One line of JSON in the pipe: the latest good messages by topic, their ages, and the new events."""
 
     elapsed_s: float
     messages: dict[str, dict[str, Any]] = {}
@@ -46,17 +47,17 @@ class Snapshot(msgspec.Struct, kw_only=True):
 
 
 class TelemetryLink:
-    """The daemon's end. Satisfies `daq.daemon.Listener`."""
+    """The daemon's end of the pipe. Satisfies `daq.daemon.CycleListener`."""
 
-    def __init__(self, telemetry: Telemetry, tray: Tray):
+    def __init__(self, telemetry: TelemetryConfig, tray: Tray):
         self._period_ns = round(1e9 / telemetry.rate_Hz)
         self._due_ns: int | None = None
         self._start_ns = 0
         self._latest: dict[str, tuple[int, Any]] = {}
-        self._events: deque[Event] = deque(maxlen=NEWEST_EVENTS)
+        self._events: deque[Event] = deque(maxlen=KEPT_EVENTS)
         self._encoder = msgspec.json.Encoder()
-        self._theirs, self._ours = os.pipe2(os.O_CLOEXEC)
-        os.set_blocking(self._ours, False)
+        self._read_end, self._write_end = os.pipe2(os.O_CLOEXEC)
+        os.set_blocking(self._write_end, False)
         self._command = [
             sys.executable,
             "-m",
@@ -65,41 +66,41 @@ class TelemetryLink:
             tray.probe_calibration or "",
             tray.zero if Path(tray.zero).exists() else "",
         ]
-        self._process: subprocess.Popen | None = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._keep_alive, name="telemetry", daemon=True)
         self._thread.start()
 
-    def hear(self, turn: Turn, events: list[Event]) -> None:
-        """Remember what this turn brought; hand it on when it is time to."""
-        for topic, time_ns, message in turn.samples:
+    def hear(self, cycle: Cycle, events: list[Event]) -> None:
+        """Keep this cycle's good messages and events; write them to the pipe when a line is due."""
+        for topic, time_ns, message in cycle.samples:
             if topic in TOPICS and message.status is Status.OK:
                 self._latest[topic] = (time_ns, message)
         self._events.extend(events)
         if self._due_ns is None:
-            self._due_ns = self._start_ns = turn.now_ns
-        if turn.now_ns < self._due_ns:
+            self._due_ns = self._start_ns = cycle.now_ns
+        if cycle.now_ns < self._due_ns:
             return
-        self._due_ns += self._period_ns * (1 + (turn.now_ns - self._due_ns) // self._period_ns)
-        events = list(self._events)[:EVENTS_A_LINE]
+        self._due_ns += self._period_ns * (1 + (cycle.now_ns - self._due_ns) // self._period_ns)
+        events = list(self._events)[:EVENTS_PER_LINE]
         line = self._encoder.encode(
             {
-                "elapsed_s": (turn.now_ns - self._start_ns) / 1e9,
+                "elapsed_s": (cycle.now_ns - self._start_ns) / 1e9,
                 "messages": {topic: message for topic, (_, message) in self._latest.items()},
-                "ages_s": {topic: (turn.now_ns - at_ns) / 1e9 for topic, (at_ns, _) in self._latest.items()},
+                "ages_s": {topic: (cycle.now_ns - at_ns) / 1e9 for topic, (at_ns, _) in self._latest.items()},
                 "events": events,
             }
         )
         try:
-            if len(line) < select.PIPE_BUF:  # up to there a write is whole or not at all (pipe(7))
-                os.write(self._ours, line + b"\n")
-        except OSError:  # full: nobody reads at the moment
+            if len(line) < select.PIPE_BUF:  # such a write is atomic (pipe(7))
+                os.write(self._write_end, line + b"\n")
+        except OSError:  # the pipe is full
             return
         for _ in events:
             self._events.popleft()
 
     def close(self) -> None:
-        """Let the other process end; does not wait long for it."""
+        """End the other process; waits 1 s at most before killing it."""
         self._closing.set()
         process = self._process
         if process is not None:
@@ -109,24 +110,26 @@ class TelemetryLink:
             except subprocess.TimeoutExpired:
                 process.kill()
         self._thread.join(1.0)
-        os.close(self._ours)
-        os.close(self._theirs)
+        os.close(self._write_end)
+        os.close(self._read_end)
 
     def _keep_alive(self) -> None:
-        """Start the other process, and again when it has ended; it waits the rest of the time."""
+        """Start the other process, and start it again whenever it has ended."""
         while not self._closing.is_set():
             try:
-                self._process = subprocess.Popen(self._command, stdin=self._theirs, stdout=subprocess.DEVNULL)
+                self._process = subprocess.Popen(self._command, stdin=self._read_end, stdout=subprocess.DEVNULL)
                 self._process.wait()
             except OSError as error:
-                self._events.append(Event(severity="warning", sensor="telemetry", text=f"cannot start: {error}"))
+                self._events.append(
+                    Event(severity="warning", sensor="telemetry", text=f"telemetry cannot be started: {error}")
+                )
             self._closing.wait(RESTART_AFTER_S)
 
 
-class GroundLink:
-    """Turns snapshots into MAVLink packets for one ground station."""
+class MavlinkEncoder:
+    """Encodes snapshots as MAVLink packets for one ground station."""
 
-    def __init__(self, telemetry: Telemetry, probe: Probe | None, zero: Zero | None):
+    def __init__(self, telemetry: TelemetryConfig, probe: ProbeMaps | None, zero: Zero | None):
         from pymavlink.dialects.v20 import common as mavlink
 
         self._mavlink: Any = mavlink
@@ -137,14 +140,14 @@ class GroundLink:
         self._heartbeat_s: float | None = None
 
     def packets(self, snapshot: Snapshot) -> Iterator[bytes]:
-        """What to send for a snapshot."""
+        """The packets for a snapshot."""
         for message in self._messages(snapshot):
             yield message.pack(self._link)
 
     def _messages(self, snapshot: Snapshot) -> Iterator[Any]:
         m, link = self._mavlink, self._link
         boot_ms = round(snapshot.elapsed_s * 1e3) & 0xFFFFFFFF
-        if self._heartbeat_s is None or snapshot.elapsed_s - self._heartbeat_s >= SPEED_OF_HEARTBEAT_S:
+        if self._heartbeat_s is None or snapshot.elapsed_s - self._heartbeat_s >= HEARTBEAT_PERIOD_S:
             self._heartbeat_s = snapshot.elapsed_s
             yield link.heartbeat_encode(
                 m.MAV_TYPE_ONBOARD_CONTROLLER, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE
@@ -152,7 +155,7 @@ class GroundLink:
         for event in snapshot.events:
             text = event.text.encode("ascii", "replace")[:TEXT_BYTES]
             yield link.statustext_encode(SEVERITIES.get(event.severity, 6), text)
-        fresh = {topic: values for topic, values in snapshot.messages.items() if snapshot.ages_s[topic] <= FRESH_S}
+        fresh = {topic: values for topic, values in snapshot.messages.items() if snapshot.ages_s[topic] <= MAX_AGE_S}
         gps, static, controls = fresh.get("/gps", {}), fresh.get("/static", {}), fresh.get("/controls", {})
         if gps.get("latitude_deg") is not None:
             yield self._position(gps, boot_ms)
@@ -189,7 +192,7 @@ class GroundLink:
         )
 
     def _flow(self, fresh: dict[str, dict[str, Any]]) -> dict[str, float]:
-        """Flow angles [deg] and dynamic pressure; without a calibration, the ratios that say what is measured."""
+        """Flow angles [deg] and dynamic pressure. Without a calibration, pressure ratios instead of angles."""
         alpha, beta, q_c = (
             self._difference(fresh, topic) for topic in ("/probe/alpha", "/probe/beta", "/probe/airspeed")
         )
@@ -207,32 +210,32 @@ class GroundLink:
         }
 
     def _difference(self, fresh: dict[str, dict[str, Any]], topic: str) -> float | None:
-        value = fresh.get(topic, {}).get(DIFFERENCE)
+        value: float | None = fresh.get(topic, {}).get(DIFFERENCE)
         if value is None or self._zero is None or topic not in self._zero.readings:
             return value
         return value - self._zero.readings[topic][DIFFERENCE].mean
 
 
 def airspeed_mps(qbar_Pa: float | None, static_Pa: float | None, temperature_K: float | None) -> float:
-    """True airspeed, V = sqrt(2 qbar/rho) with rho = p/(R T) [m/s]; 0 where something is missing."""
+    """True airspeed, V = sqrt(2 qbar/rho) with rho = p/(R T) [m/s]; 0 if an argument is missing."""
     if not qbar_Pa or qbar_Pa < 0 or not static_Pa or not temperature_K:
         return 0.0
     return math.sqrt(2 * qbar_Pa * GAS_CONSTANT * temperature_K / static_Pa)
 
 
 def course_deg(north: float, east: float) -> float:
-    """Direction over ground, 0 to 360 degrees."""
+    """Course over ground, 0 to 360 degrees."""
     return math.degrees(math.atan2(east, north)) % 360
 
 
 def main(arguments: list[str]) -> None:
-    """Read snapshots from standard input until it ends, and send what they say. A line that is down is tried again."""
-    step_back()
-    telemetry = msgspec.json.decode(arguments[0], type=Telemetry)
-    probe = load_probe(Path(arguments[1])) if arguments[1] else None
+    """Read snapshots from standard input until it ends, and send them. A port that fails is opened again."""
+    drop_priority()
+    telemetry = msgspec.json.decode(arguments[0], type=TelemetryConfig)
+    probe = load_probe_maps(Path(arguments[1])) if arguments[1] else None
     zero = parse_zero(Path(arguments[2]).read_text("utf-8"), arguments[2]) if arguments[2] else None
-    ground = GroundLink(telemetry, probe, zero)
-    port: Any = None
+    ground = MavlinkEncoder(telemetry, probe, zero)
+    port: LinuxSerial | UdpSender | None = None
     decoder = msgspec.json.Decoder(Snapshot)
     for lines in newest_lines(0):
         snapshot = decoder.decode(lines[-1])
@@ -248,8 +251,8 @@ def main(arguments: list[str]) -> None:
             time.sleep(1.0)
 
 
-def step_back() -> None:
-    """Leave the daemon's real-time priority to the daemon; where that is not allowed there was none."""
+def drop_priority() -> None:
+    """Give up the real-time priority inherited from the daemon, if there is one."""
     try:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     except OSError:
@@ -257,7 +260,7 @@ def step_back() -> None:
 
 
 def newest_lines(file: int) -> Iterator[list[bytes]]:
-    """Whole lines as they come, as many as have gathered each time."""
+    """Whole lines as they arrive: each item holds all lines that have accumulated."""
     rest = b""
     while data := os.read(file, 2**16):
         *lines, rest = (rest + data).split(b"\n")
@@ -266,7 +269,7 @@ def newest_lines(file: int) -> Iterator[list[bytes]]:
 
 
 class UdpSender:
-    """Datagrams to one address."""
+    """Sends datagrams to one address."""
 
     def __init__(self, host: str, port: int):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -276,14 +279,12 @@ class UdpSender:
     def write(self, data: bytes) -> None:
         try:
             self._socket.send(data)
-        except (BlockingIOError, ConnectionRefusedError):  # nobody listens yet: that is no reason to stop
+        except (BlockingIOError, ConnectionRefusedError):  # no receiver yet
             return
 
 
-def open_port(telemetry: Telemetry) -> Any:
-    """The line or socket to the ground station; raises OSError."""
-    from daq.bus import LinuxSerial
-
+def open_port(telemetry: TelemetryConfig) -> LinuxSerial | UdpSender:
+    """Open the serial line or socket to the ground station. Raises OSError."""
     if telemetry.to.startswith("udp:"):
         return UdpSender(*parse_port(telemetry.to))
     return LinuxSerial(telemetry.to, telemetry.baud)

@@ -151,8 +151,8 @@ def _believed_unix_ns(now: datetime) -> int:
 
 
 def _write_straight(output: Path, felt, seed: int, craft: Aircraft, told) -> None:
+    from daq.attachments import load_attachments, write_attachments
     from daq.config import load_tray
-    from daq.luggage import pack, stow
     from flight.log_writer import LogWriter
     from hw_fakes.tray import FIRST_FLIGHT
     from sim.straight import write_straight
@@ -162,7 +162,9 @@ def _write_straight(output: Path, felt, seed: int, craft: Aircraft, told) -> Non
     try:
         with (output / LOG).open("xb") as stream:
             log = LogWriter(stream)
-            stow(log, pack(tray), rate_Hz=tray.rate_Hz, start_unix_ns=start_unix_ns, start_monotonic_ns=0)
+            write_attachments(
+                log, load_attachments(tray), rate_Hz=tray.rate_Hz, start_unix_ns=start_unix_ns, start_monotonic_ns=0
+            )
             write_straight(
                 log,
                 felt,
@@ -182,7 +184,7 @@ def _parts(felt, seed: int, craft: Aircraft):
     import numpy as np
 
     from daq.sensors.ak8963 import sensitivity
-    from daq.sensors.ms56xx import MS5611, MS5805, Trend, Variant, compensate
+    from daq.sensors.ms56xx import MS5611, MS5805, BarometerVariant, TemperatureTrend, compensate
     from hw_fakes.clock import SimulatedClock
     from hw_fakes.ms56xx import MS56xx, pressure_counts, temperature_counts
     from hw_fakes.tray import FakeTray
@@ -190,7 +192,7 @@ def _parts(felt, seed: int, craft: Aircraft):
 
     tray = FakeTray(felt, SimulatedClock(), seed)
 
-    def barometer(part: MS56xx, variant: Variant) -> Barometer:
+    def barometer(part: MS56xx, variant: BarometerVariant) -> Barometer:
         def counts(pressure_Pa: float, temperature_K: float) -> tuple[int, int]:
             d2 = temperature_counts(part.part, part.prom, temperature_K)
             return pressure_counts(part.part, part.prom, pressure_Pa, d2), d2
@@ -198,7 +200,7 @@ def _parts(felt, seed: int, craft: Aircraft):
         def decoded(d1: int, d2: float) -> tuple[float, float]:
             return compensate(variant, tuple(part.prom), d1, d2)
 
-        return Barometer(part.conversion_ns(HIGHEST_OVERSAMPLING), counts, decoded, Trend)
+        return Barometer(part.conversion_ns(HIGHEST_OVERSAMPLING), counts, decoded, TemperatureTrend)
 
     return Parts(
         imu_clock_error=tray.imu.clock_error,

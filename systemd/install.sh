@@ -1,9 +1,9 @@
 #!/bin/sh
-# Installs the daemon as a service. Can be run again at any time: after an update, or after the tray file has changed.
-# An existing tray file is never touched, and logs are left where they are.
+# Installs the daemon as a service. Run it again after an update or a change of the tray file.
+# An existing tray file and existing logs are not changed.
 #
 #   sudo systemd/install.sh            # from a checkout
-#   DESTDIR=/tmp/root DAQ=.venv/bin/daq systemd/install.sh   # only the files, into another root, with another daq
+#   DESTDIR=/tmp/root DAQ=.venv/bin/daq systemd/install.sh   # install only the files into another root, using another daq
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
@@ -13,7 +13,7 @@ units=$root/etc/systemd/system
 tray=$root/etc/flightpower/tray.toml
 
 if [ -z "$root" ] && [ "$(id -u)" -ne 0 ]; then
-    echo "install.sh: this needs root: sudo $0" >&2
+    echo "install.sh: must be run as root: sudo $0" >&2
     exit 1
 fi
 
@@ -31,10 +31,10 @@ install -d -m 0755 "$root/etc/flightpower"
 if [ ! -e "$tray" ]; then
     "$daq" config --example | sed 's|^directory = "logs"|directory = "/var/lib/flightpower"|' > "$tray.new"
     mv "$tray.new" "$tray"
-    echo "install.sh: $tray is the example: edit it, then run this again"
+    echo "install.sh: $tray is the example tray: edit it, then run this script again"
 fi
 
-# The sandbox opens exactly the devices of this tray.
+# The sandbox permits only the devices of this tray.
 install -d -m 0755 "$units/flightpower-daq.service.d"
 "$daq" config --unit "$tray" > "$units/flightpower-daq.service.d/tray.conf.new"
 mv "$units/flightpower-daq.service.d/tray.conf.new" "$units/flightpower-daq.service.d/tray.conf"
@@ -45,5 +45,5 @@ if [ -z "$root" ]; then
     systemctl daemon-reload
     systemctl enable flightpower-daq.service
     systemctl restart --no-block flightpower-daq.service
-    echo "install.sh: started; look at it with: systemctl status flightpower-daq"
+    echo "install.sh: the service was started; see: systemctl status flightpower-daq"
 fi

@@ -1,12 +1,12 @@
 #!/bin/sh
-# Takes the service off this computer. Can be run again. Logs in /var/lib/flightpower and the tray in /etc/flightpower
-# stay, unless it is called with --purge-tray; logs are never deleted by this script.
+# Removes the service from this computer. Can be run again. The tray file in /etc/flightpower is deleted only with
+# --purge-tray. Logs in /var/lib/flightpower are never deleted by this script.
 set -eu
 
 root=${DESTDIR:-}
 
 if [ -z "$root" ] && [ "$(id -u)" -ne 0 ]; then
-    echo "uninstall.sh: this needs root: sudo $0" >&2
+    echo "uninstall.sh: must be run as root: sudo $0" >&2
     exit 1
 fi
 
@@ -17,7 +17,7 @@ fi
 rm -f "$root/etc/systemd/system/flightpower-daq.service"
 rm -f "$root/etc/systemd/system/flightpower-daq.service.d/tray.conf"
 if [ -d "$root/etc/systemd/system/flightpower-daq.service.d" ]; then
-    # What somebody else has put there stays.
+    # Other drop-ins are kept.
     rmdir --ignore-fail-on-non-empty "$root/etc/systemd/system/flightpower-daq.service.d"
 fi
 rm -f "$root/etc/udev/rules.d/60-flightpower.rules"

@@ -1,8 +1,8 @@
-"""Drivers, one file a device: transaction, bit fields and conversion apart.
+"""Drivers, one file for each device, with transactions, bit fields and conversions in separate functions.
 
-A driver is made over an open bus or port that it does not own, knows nothing of other sensors, never sleeps and never
-catches an I/O error. What the part says (stale, fault, saturated) is data; OSError and `SensorFailure` rise to the
-loop, which makes a new driver and brings the part up again.
+A driver uses an open bus or port that it does not own. It is independent of other sensors, never sleeps and never
+catches an I/O error. States reported by the part (stale, fault, saturated) are data. OSError and `SensorFailure` are
+raised to `daq.sensor_supervisor`, which makes a new driver and starts the part again.
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from flight.messages import Message, Status
 
 
 class Sample(NamedTuple):
-    """A message on its topic, with when the measurement was made (monotonic [ns])."""
+    """A message, its topic, and the time of the measurement (monotonic [ns])."""
 
     topic: str
     time_ns: int
@@ -20,17 +20,17 @@ class Sample(NamedTuple):
 
 
 class Sensor(Protocol):
-    """What the loop needs of a driver."""
+    """The interface of a driver."""
 
     def start(self) -> Iterator[float]:
-        """Bring the part up; each value is how long [s] to wait before going on. Called once in a driver's life."""
+        """Start the part. Each value is the time [s] to wait before the next step. Called once per driver object."""
 
     def read(self, now_ns: int) -> list[Sample]:
-        """What there is at this tick, perhaps nothing. now_ns: monotonic time at the start of this sensor's turn."""
+        """This tick's messages; may be empty. now_ns: monotonic time at which this sensor's reading begins."""
 
 
 class SensorFailure(Exception):
-    """The part answers, but not as it should: it has to be brought up again. `status` goes into the log."""
+    """The part answers incorrectly and has to be started again. `status` is logged."""
 
     def __init__(self, status: Status, text: str):
         super().__init__(text)
@@ -42,4 +42,4 @@ def wrong_device(expected: str, found: str) -> SensorFailure:
 
 
 def brown_out(part: str) -> SensorFailure:
-    return SensorFailure(Status.FAULT, f"{part} is back at its power-on defaults: was its supply interrupted?")
+    return SensorFailure(Status.FAULT, f"{part} is back at its power-on defaults: check its supply for interruptions")

@@ -1,6 +1,6 @@
 """Asahi Kasei AK8963, the magnetometer inside the MPU-9250. Numbers in brackets: datasheet MS1356-E-02.
 
-Reached at its own address once the MPU-9250 has opened its bypass.
+It has an I2C address of its own, accessible after the MPU-9250 has opened its bypass.
 """
 
 import struct
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from daq.bus import I2CBus
 from daq.sensors import Sample, SensorFailure, brown_out, wrong_device
-from daq.sensors.axes import ALONG_THE_BODY, Axes, turned
+from daq.sensors.axes import BODY_AXES, Axes, to_body_axes
 from flight.messages import Magnetometer, Status
 
 WIA, ST1, CNTL1, CNTL2, ASAX = 0x00, 0x02, 0x0A, 0x0B, 0x10  # [8.2]
@@ -18,16 +18,16 @@ SOFT_RESET = 0x01
 DATA_READY, OVERFLOW = 0x01, 0x08  # [8.3.2, 8.3.6]
 TESLA_PER_COUNT = 4912e-6 / 32760  # at 16 bits [8.3.5]
 
-MODE_CHANGE_S = 0.1  # 100 us is asked for [6.3]; drivers that wait less than 100 ms report parts that do not wake up
-BYPASS_OPENS_S = 0.25  # the MPU-9250 is reset and configured meanwhile
+MODE_CHANGE_S = 0.1  # the datasheet requires 100 us [6.3]; with less than 100 ms, some parts are reported not to start
+BYPASS_OPENS_S = 0.25  # meanwhile the MPU-9250 is reset and configured
 BLOCK = struct.Struct("<B3hBB")  # ST1, x y z, ST2, CNTL1: ST2 must be read, or the part stops updating [6.4.3]
-STALE_LIMIT = 12  # readings at 100 Hz cannot fail to be there this often
+STALE_LIMIT = 12  # more stale reads in a row than this mean that the 100 Hz conversion has stopped
 
 
-class AK8963:
-    """The part on `bus`. axes: how the MPU-9250 around it sits in the aircraft."""
+class AK8963Driver:
+    """The part on `bus`. axes: mounting of the MPU-9250 that contains it, see `daq.sensors.axes`."""
 
-    def __init__(self, bus: I2CBus, address: int = 0x0C, *, axes: Axes = ALONG_THE_BODY):
+    def __init__(self, bus: I2CBus, address: int = 0x0C, *, axes: Axes = BODY_AXES):
         self._bus, self._address = bus, address
         self._axes = axes
         self._sensitivity = (1.0, 1.0, 1.0)
@@ -44,7 +44,7 @@ class AK8963:
         yield MODE_CHANGE_S
         fuse = self._bus.write_read(self._address, bytes([ASAX]), 3)
         if fuse in (b"\x00\x00\x00", b"\xff\xff\xff"):
-            raise SensorFailure(Status.CORRUPT, "AK8963: its sensitivity memory cannot be read")
+            raise SensorFailure(Status.CORRUPT, "AK8963: the sensitivity memory cannot be read")
         x, y, z = fuse
         self._sensitivity = (sensitivity(x), sensitivity(y), sensitivity(z))
         self._bus.write(self._address, bytes([CNTL1, POWER_DOWN]))
@@ -63,7 +63,7 @@ class AK8963:
                 raise SensorFailure(Status.STALE, "AK8963 has stopped measuring")
             return [Sample("/mag", now_ns, Magnetometer(status=Status.STALE))]
         self._stale = 0
-        field_x, field_y, field_z = turned(field_T((x, y, z), self._sensitivity), self._axes)
+        field_x, field_y, field_z = to_body_axes(field_T((x, y, z), self._sensitivity), self._axes)
         message = Magnetometer(
             status=Status.SATURATED if status2 & OVERFLOW else Status.OK,
             x_counts=x,
@@ -77,11 +77,11 @@ class AK8963:
 
 
 def sensitivity(fuse: int) -> float:
-    """Factor on an axis from its fuse byte [8.3.11]."""
+    """Scale factor of an axis from its fuse byte [8.3.11]."""
     return (fuse - 128) / 256 + 1
 
 
 def field_T(counts: tuple[int, int, int], sensitivities: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Flux density [T] along the accelerometer's axes: x and y change places, z points the other way (PS 9.1)."""
+    """Flux density [T] along the accelerometer's axes: x and y are exchanged, z is reversed (PS-MPU-9250A-01, 9.1)."""
     x, y, z = (n * s * TESLA_PER_COUNT for n, s in zip(counts, sensitivities, strict=True))
     return y, x, -z

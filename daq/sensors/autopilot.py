@@ -1,9 +1,7 @@
-"""An autopilot that speaks MAVLink: pulse widths to the servos and from the sticks, its own attitude, battery, if
-wanted motor speed.
+"""MAVLink autopilot: servo and stick pulse widths, attitude, battery, and optionally motor speed.
 
-Parsing is pymavlink's (ArduPilot's dialect, which contains the common one; protocol 2, which also understands 1). The
-streams that are needed are asked for (SET_MESSAGE_INTERVAL) when a heartbeat is first heard, and again when they stay
-away.
+Parsed by pymavlink (ArduPilot's dialect, which contains the common one; protocol 2, which also reads protocol 1). The
+required messages are requested (SET_MESSAGE_INTERVAL) after the first heartbeat, and again when they stop.
 """
 
 import math
@@ -18,8 +16,8 @@ from flight.aircraft import Aircraft
 from flight.messages import Attitude, Battery, Controls, Message, Rpm, Status
 
 SILENCE_NS = 500_000_000
-BATTERY_SILENCE_NS = 3_000_000_000  # it is sent a few times a second at most
-ASK_AGAIN_NS = 2_000_000_000
+BATTERY_SILENCE_NS = 3_000_000_000  # sent a few times a second at most
+REQUEST_AGAIN_NS = 2_000_000_000
 OUR_SYSTEM, OUR_COMPONENT = 255, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 BATTERY_RATE_HZ = 2.0
 UNKNOWN_MILLIVOLT = 0xFFFF
@@ -27,13 +25,13 @@ UNUSED_CHANNEL = 0xFFFF
 PULSE_LOW_US, PULSE_SPAN_US = 1000.0, 1000.0
 
 
-class Autopilot:
+class AutopilotDriver:
     """The autopilot on `port`.
 
-    aircraft: turns pulse widths into angles; without it only pulse widths are logged. rate_Hz: asked for of attitude
-    and pulse widths. rpm: also take motor speed, from RPM (ArduPilot, its first sensor) or RAW_RPM (index 0).
+    aircraft: converts pulse widths into angles; without it only pulse widths are logged. rate_Hz: requested rate of
+    attitude and pulse widths. rpm: also read motor speed, from RPM (ArduPilot, first sensor) or RAW_RPM (index 0).
 
-    What the sticks say goes into the next message on /controls, once.
+    Stick positions are added to the next message on /controls, once.
     """
 
     def __init__(self, port: BytePort, *, aircraft: Aircraft | None, rate_Hz: float, rpm: bool = False):
@@ -46,17 +44,17 @@ class Autopilot:
         if rpm:
             self._silence_ns["/rpm"] = SILENCE_NS
         self._last_ns: dict[str, int] = {}
-        self._asked_ns: int | None = None
+        self._requested_ns: int | None = None
         self._has_battery_status = False
         self._sticks: list[int] | None = None
-        self._damaged = False  # bytes that were no message, since one of ours was understood
+        self._damaged = False  # damaged bytes were received since the last valid message
 
     def start(self) -> Iterator[float]:
         """Nothing to wait for."""
         yield 0.0
 
     def read(self, now_ns: int) -> list[Sample]:
-        """The latest of each kind that has arrived; `no_data` for a kind that stays away too long."""
+        """The latest message on each topic. `no_data`, or `corrupt` after damaged bytes, when one is overdue."""
         newest: dict[str, Message] = {}
         system = None
         for received in self._link.parse_buffer(self._port.read_available()) or ():
@@ -71,9 +69,11 @@ class Autopilot:
             elif now_ns - self._last_ns[topic] >= limit_ns:
                 newest[topic] = SILENT[topic](status=Status.CORRUPT if self._damaged else Status.NO_DATA)
                 silent = True
-        if system is not None and (self._asked_ns is None or (silent and now_ns - self._asked_ns >= ASK_AGAIN_NS)):
-            self._ask(system)
-            self._asked_ns = now_ns
+        if system is not None and (
+            self._requested_ns is None or (silent and now_ns - self._requested_ns >= REQUEST_AGAIN_NS)
+        ):
+            self._request_messages(system)
+            self._requested_ns = now_ns
         return [Sample(topic, now_ns, message) for topic, message in newest.items()]
 
     def _take(self, received: Any, newest: dict[str, Message]) -> None:
@@ -95,7 +95,7 @@ class Autopilot:
         elif kind == "RAW_RPM" and received.index == 0 and "/rpm" in self._silence_ns:
             newest["/rpm"] = motor_speed(received.frequency)
 
-    def _ask(self, system: int) -> None:
+    def _request_messages(self, system: int) -> None:
         wanted = {
             mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._rate_Hz,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rate_Hz,
@@ -121,29 +121,29 @@ SILENT: dict[str, type[Message]] = {"/controls": Controls, "/attitude": Attitude
 
 
 def is_autopilot(received: Any) -> bool:
-    """Whether this is an autopilot's heartbeat; it also passes on those of ground stations and cameras."""
-    return received.get_type() == "HEARTBEAT" and received.autopilot != mavlink.MAV_AUTOPILOT_INVALID
+    """Whether this is the autopilot's own heartbeat, not one that it forwards from a ground station or camera."""
+    return bool(received.get_type() == "HEARTBEAT" and received.autopilot != mavlink.MAV_AUTOPILOT_INVALID)
 
 
 def pulses_us(received: Any) -> list[int]:
-    """Pulse widths of outputs 1 to 8, or to 16 when the autopilot uses them."""
+    """Pulse widths of outputs 1 to 8, or 1 to 16 if any output above 8 is used."""
     pulses = [getattr(received, f"servo{i}_raw") for i in range(1, 17)]
     return pulses if any(pulses[8:]) else pulses[:8]
 
 
 def sticks_us(received: Any) -> list[int]:
-    """Pulse widths of the receiver's channels; 0 for one that is not used."""
+    """Pulse widths of the receiver's channels; 0 for an unused channel."""
     pulses = [getattr(received, f"chan{i}_raw") for i in range(1, min(received.chancount, 18) + 1)]
     return [0 if pulse == UNUSED_CHANNEL else pulse for pulse in pulses]
 
 
 def motor_speed(rpm: float) -> Rpm:
-    """A speed in revolutions a minute; negative, or no number, is the protocol's "not measured"."""
+    """The message for a speed in rev/min. A negative or non-finite value means "not measured"."""
     return Rpm(motor_speed_revps=rpm / 60) if 0 <= rpm < math.inf else Rpm(status=Status.NO_DATA)
 
 
 def controls(pulse_us: list[int], aircraft: Aircraft | None) -> Controls:
-    """Surface angles by the aircraft file's tables. A pulse of 0 is an output that is off: no angle."""
+    """Surface angles from the aircraft file's tables. A pulse of 0 is an output that is off and has no angle."""
     message = Controls(pulse_us=pulse_us)
     if aircraft is None:
         return message
@@ -162,13 +162,13 @@ def controls(pulse_us: list[int], aircraft: Aircraft | None) -> Controls:
 
 
 def battery(received: Any) -> Battery:
-    """Voltage is the sum over cells (a pack measured as a whole stands in the first)."""
+    """The voltage is the sum over all cells. A pack measured as a whole is reported as the first cell."""
     cells = [cell for cell in received.voltages if cell != UNKNOWN_MILLIVOLT]
     return _battery(sum(cells) if cells else UNKNOWN_MILLIVOLT, received.current_battery)
 
 
 def _battery(millivolt: int, centiampere: int) -> Battery:
-    """-1 and 65535 are the protocol's "not measured"."""
+    """A current of -1 and a voltage of 65535 mean "not measured"."""
     voltage_V = None if millivolt == UNKNOWN_MILLIVOLT else millivolt / 1e3
     current_A = None if centiampere < 0 else centiampere / 1e2
     if voltage_V is None and current_A is None:

@@ -1,22 +1,22 @@
-"""Motor speed from the microcontroller that times the speed controller's commutation pulses, at 115200 baud.
+"""Motor speed from a microcontroller that times the commutation pulses of the speed controller, at 115200 baud.
 
-A decade counter divides the pulses, so that a period sent is ten electrical periods.
+A decade counter divides the pulses, so that each transmitted period is ten electrical periods.
 
 Legacy frame, 4 bytes: 'x', period in microseconds (3 bytes, most significant first). The letter also occurs in the
-data. A frame is sent in one go (0.35 ms), so what follows a pause of the line begins with one: that is how the frames
-of a motor that spins up are found, whose periods differ by half. In a stream without pauses, frames are believed once
-three in a row agree in place and in size.
+data. A frame is sent without interruption (0.35 ms), so the first byte after a pause of the line starts a frame. This
+locates frames while the motor accelerates and successive periods differ by half. In a stream without pauses, frames
+are accepted once three in a row agree in position and period.
 
-Framed variant, 8 bytes, for those who can program the microcontroller:
+Framed variant, 8 bytes, for a microcontroller that can be programmed:
 
     0    0xA5       start of frame
     1    sequence   counts frames modulo 256
-    2    flags      bit 0: no pulse for 0.5 s, the motor stands; the period is then 0
+    2    flags      bit 0: no pulse for 0.5 s, the motor is stopped; the period is then 0
     3-6  period     microseconds for ten electrical periods, most significant byte first
     7    CRC-8      of bytes 1 to 6: polynomial 0x07, initial value 0, not reflected, no final XOR
 
-Send it with each new period, but not more often than every 10 ms, and every 0.5 s while the motor stands. Silence of
-the legacy variant may be a standing motor or a broken wire, and is logged as `no_data`, not as zero.
+It is sent with each new period, at most every 10 ms, and every 0.5 s while the motor is stopped. Silence of the legacy
+variant can be a stopped motor or a broken wire, and is logged as `no_data`, not as zero speed.
 """
 
 from collections.abc import Iterator
@@ -27,17 +27,17 @@ from daq.sensors import Sample
 from flight.messages import Rpm, Status
 
 LEGACY_SILENCE_NS = 500_000_000
-PAUSE_NS = 25_000_000  # no frame is torn by as much: USB adapters hold bytes back for up to 16 ms
-FRAMED_SILENCE_NS = 1_200_000_000  # two frames of a standing motor, and a little
-PULSES = 10  # electrical periods to a period that is sent
+PAUSE_NS = 25_000_000  # longer than any gap within a frame: USB adapters delay bytes by up to 16 ms
+FRAMED_SILENCE_NS = 1_200_000_000  # a little more than two frames of a stopped motor
+PULSES = 10  # electrical periods in a transmitted period
 # Ten electrical periods between 300 us and 1 s: a two-pole motor at 2 million rpm, a 14-pole one at 90 rpm.
 SHORTEST_US, LONGEST_US = 300, 1_000_000
-AGREEMENT = 1.25  # between neighbouring frames, while looking for where frames begin
+MAX_PERIOD_RATIO = 1.25  # of neighbouring frames, while searching for the start of frames
 LEGACY_BYTES, FRAMED_BYTES = 4, 8
-LETTER, SYNC, STANDING = ord("x"), 0xA5, 0x01
+LETTER, SYNC, MOTOR_STOPPED = ord("x"), 0xA5, 0x01
 
 
-class EscCounter:
+class EscCounterDriver:
     """The counter on `port`. framed: the variant with sequence and CRC."""
 
     def __init__(self, port: BytePort, *, pole_pairs: int, framed: bool = False):
@@ -46,15 +46,15 @@ class EscCounter:
         self._parser: LegacyParser | FramedParser = FramedParser() if framed else LegacyParser()
         self._silence_ns = FRAMED_SILENCE_NS if framed else LEGACY_SILENCE_NS
         self._last_ns: int | None = None
-        self._quiet_since_ns: int | None = None  # when the line was last seen to carry something
-        self._rejected = 0  # by the parser, when it last found something
+        self._quiet_since_ns: int | None = None  # when bytes were last received
+        self._rejected = 0  # bytes rejected by the parser up to the last valid frame
 
     def start(self) -> Iterator[float]:
-        """Nothing to set."""
+        """Nothing to configure."""
         yield 0.0
 
     def read(self, now_ns: int) -> list[Sample]:
-        """The latest period, when there is a new one; `no_data`, or `corrupt`, when there was none for too long."""
+        """The latest period, if new. After a long silence `no_data`, or `corrupt` if bytes were rejected."""
         if self._last_ns is None:
             self._last_ns = now_ns
         data = self._port.read_available()
@@ -77,16 +77,16 @@ class EscCounter:
 
 
 def motor_speed_revps(period_us: int, pole_pairs: int) -> float:
-    """Speed of the shaft [rev/s] from the time of ten electrical periods; 0 stands for no pulses."""
+    """Shaft speed [rev/s] from the duration of ten electrical periods. A period of 0 means no pulses."""
     return 0.0 if period_us == 0 else PULSES * 1e6 / (period_us * pole_pairs)
 
 
 class LegacyParser:
     """Finds the frames of the legacy stream.
 
-    Where frames begin is learnt from a pause, or from three neighbours that agree, if no other place would do as well
-    (a period with an 'x' inside can imitate one for a while); it is forgotten when a frame does not fit. `rejected`
-    counts bytes that were no part of a frame.
+    The start of frames is found after a pause, or from three successive frames that agree, if only one start is
+    possible (a period that contains an 'x' can look like a frame). It is discarded when a frame is implausible.
+    `rejected` counts bytes outside frames.
     """
 
     def __init__(self) -> None:
@@ -96,7 +96,7 @@ class LegacyParser:
         self.rejected = 0
 
     def pause(self) -> None:
-        """Nothing has come for a while: what comes next begins with a frame, and what was begun is not finished."""
+        """The line was silent: the next byte starts a frame, and an incomplete frame is discarded."""
         self._buffer.clear()
         self._locked = self._after_pause = True
 
@@ -105,12 +105,12 @@ class LegacyParser:
         self._buffer += data
         periods: list[int] = []
         while True:
-            if not self._locked and not self._find():
+            if not self._locked and not self._find_start():
                 return periods
             if len(self._buffer) < LEGACY_BYTES:
                 return periods
             period = self._period_at(0)
-            # The first period after a stand lasts as long as the motor stood: in its place, but not a speed.
+            # The first period after a stop includes the time of the stop: a valid frame, but not a speed.
             if period is None and not (self._after_pause and self._buffer[0] == LETTER):
                 self._locked = False
                 self._reject(1)
@@ -120,8 +120,8 @@ class LegacyParser:
                 periods.append(period)
             del self._buffer[:LEGACY_BYTES]
 
-    def _find(self) -> bool:
-        """Move to where frames begin, if that can be told."""
+    def _find_start(self) -> bool:
+        """Move to the start of frames. Returns whether it was found."""
         while len(self._buffer) >= 4 * LEGACY_BYTES - 1:
             starts = [start for start in range(LEGACY_BYTES) if self._agrees(start)]
             if len(starts) == 1:
@@ -138,7 +138,7 @@ class LegacyParser:
     def _agrees(self, start: int) -> bool:
         periods = [self._period_at(start + i * LEGACY_BYTES) for i in range(3)]
         known = [period for period in periods if period is not None]
-        return len(known) == 3 and all(max(a, b) <= AGREEMENT * min(a, b) for a, b in pairwise(known))
+        return len(known) == 3 and all(max(a, b) <= MAX_PERIOD_RATIO * min(a, b) for a, b in pairwise(known))
 
     def _period_at(self, start: int) -> int | None:
         frame = self._buffer[start : start + LEGACY_BYTES]
@@ -149,7 +149,7 @@ class LegacyParser:
 class FramedParser:
     """Finds the frames of the variant with CRC.
 
-    `lost` counts gaps in the sequence, `rejected` bytes that were no part of a frame.
+    `lost` counts frames missing in the sequence, `rejected` bytes outside frames.
     """
 
     def __init__(self) -> None:
@@ -158,16 +158,16 @@ class FramedParser:
         self.lost = self.rejected = 0
 
     def pause(self) -> None:
-        """Nothing to learn from it: each frame is checked by itself."""
+        """Not needed: each frame has its own start byte and CRC."""
 
     def feed(self, data: bytes) -> list[int]:
-        """Periods [us] of the frames that `data` completes; 0 for a standing motor."""
+        """Periods [us] of the frames that `data` completes; 0 for a stopped motor."""
         self._buffer += data
         periods: list[int] = []
         while len(self._buffer) >= FRAMED_BYTES:
             frame = self._buffer[:FRAMED_BYTES]
             period = int.from_bytes(frame[3:7], "big")
-            plausible = period == 0 if frame[2] & STANDING else period >= SHORTEST_US
+            plausible = period == 0 if frame[2] & MOTOR_STOPPED else period >= SHORTEST_US
             if frame[0] != SYNC or crc8(bytes(frame[1:7])) != frame[7] or not plausible:
                 del self._buffer[:1]
                 self.rejected += 1

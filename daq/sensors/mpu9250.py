@@ -3,9 +3,8 @@
 Numbers in brackets are sections of the register map, RM-MPU-9250A-00 rev. 1.4; PS is the product specification
 PS-MPU-9250A-01.
 
-By default samples are taken at 200 Hz into the part's FIFO and averaged over a tick, so that motor vibration does not
-alias into 25 Hz samples. The magnetometer inside (AK8963) is reached through the bypass that is opened here, and has
-its own driver.
+By default the part samples at 200 Hz into its FIFO, and the samples are averaged over a tick, so that motor vibration
+does not alias into 25 Hz samples. The magnetometer inside (AK8963) has its own driver; this one opens the bypass to it.
 """
 
 import math
@@ -15,7 +14,7 @@ from typing import NamedTuple
 
 from daq.bus import I2CBus
 from daq.sensors import Sample, SensorFailure, brown_out, wrong_device
-from daq.sensors.axes import ALONG_THE_BODY, Axes, turned
+from daq.sensors.axes import BODY_AXES, Axes, to_body_axes
 from flight.messages import Imu, Status
 from flight.units import GRAVITY_MPS2
 
@@ -23,14 +22,14 @@ SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2 = 0x19, 0x1A, 0x1B
 FIFO_EN, INT_PIN_CFG, ACCEL_XOUT_H = 0x23, 0x37, 0x3B  # [4.13, 4.20, 4.23]
 USER_CTRL, PWR_MGMT_1, FIFO_COUNTH, FIFO_R_W, WHO_AM_I = 0x6A, 0x6B, 0x72, 0x74, 0x75  # [4.33 to 4.38]
 
-IDENTITIES = (0x71, 0x73)  # MPU-9250 [4.38]; 0x73 is the MPU-9255, the same in all that is used here
+IDENTITIES = (0x71, 0x73)  # MPU-9250 [4.38] and MPU-9255, which have the same registers
 H_RESET, CLOCK_AUTO = 0x80, 0x01
 FIFO_ON, FIFO_RESET = 0x40, 0x04
 FIFO_ALL = 0x80 | 0x70 | 0x08  # temperature, gyroscope x y z, accelerometer
-STOP_WHEN_FULL = 0x40  # CONFIG: whole samples stay whole
+STOP_WHEN_FULL = 0x40  # CONFIG: new samples do not overwrite old ones
 BYPASS = 0x02
 
-RESET_S = 0.1  # after H_RESET; the datasheet is silent, 100 ms is what drivers take
+RESET_S = 0.1  # after H_RESET; not in the datasheet, 100 ms is usual in drivers
 GYRO_START_S = 0.05  # 35 ms typical from sleep (PS 3.1)
 FIFO_BYTES = 512
 SAMPLE = struct.Struct(">7h")  # accelerometer x y z, temperature, gyroscope x y z, in the registers' order
@@ -38,7 +37,7 @@ SAMPLE_RATE_HZ = 200.0
 SAMPLE_RATE_DIVIDER = 4  # 1 kHz / (1 + 4) [4.4]
 
 # DLPF_CFG, A_DLPF_CFG and their delays [4.5, 4.8]. The pairs are chosen so that both delays agree within about 2 ms;
-# the mean is logged for both.
+# their mean is logged.
 FIFO_FILTERS = (4, 3)  # gyroscope 20 Hz, accelerometer 41 Hz
 FIFO_FILTER_DELAY_S = (9.90e-3 + 11.80e-3) / 2
 SINGLE_FILTERS = (6, 5)  # gyroscope 5 Hz, accelerometer 10 Hz: single samples need narrow filters
@@ -52,15 +51,15 @@ FULL_COUNT = 32767
 
 
 class Counts(NamedTuple):
-    """One sample, or the mean of several, in the chip's axes."""
+    """One sample, or the mean of several, in chip axes."""
 
     samples: int
     values: tuple[float, ...]  # (7,) as in SAMPLE
     saturated: bool
 
 
-class MPU9250:
-    """The part on `bus` at `address`. axes: how the chip sits in the aircraft, see `daq.sensors.axes`."""
+class MPU9250Driver:
+    """The part on `bus` at `address`. axes: mounting of the chip, see `daq.sensors.axes`."""
 
     def __init__(
         self,
@@ -70,16 +69,16 @@ class MPU9250:
         range_g: int = 8,
         range_dps: int = 500,
         fifo: bool = True,
-        axes: Axes = ALONG_THE_BODY,
+        axes: Axes = BODY_AXES,
     ):
         self._bus, self._address = bus, address
         self._range_g, self._range_dps = range_g, range_dps
         self._fifo = fifo
         self._axes = axes
-        self._torn = False  # a burst that failed half way leaves part of a sample at the FIFO's head
+        self._partial_sample = False  # a failed burst may leave part of a sample at the FIFO's head
 
     def start(self) -> Iterator[float]:
-        """Reset, identify, configure. Raises SensorFailure when it is another part, or does not keep its settings."""
+        """Reset, identify and configure. Raises SensorFailure for another part or a refused setting."""
         identity = self._bus.write_read(self._address, bytes([WHO_AM_I]), 1)[0]
         if identity not in IDENTITIES:
             raise wrong_device("MPU-9250", f"WHO_AM_I is 0x{identity:02x}")
@@ -106,7 +105,7 @@ class MPU9250:
             self._restart_fifo()
 
     def read(self, now_ns: int) -> list[Sample]:
-        """Mean of the FIFO since the last tick, or one sample; averaging and filter delay stand in the message."""
+        """Mean of the FIFO since the last tick, or one sample. The message has their number and delay."""
         message = self._read_fifo() if self._fifo else self._read_once()
         return [Sample("/imu", now_ns, message)]
 
@@ -117,32 +116,32 @@ class MPU9250:
         return self._message(counts, SINGLE_FILTER_DELAY_S)
 
     def _read_fifo(self) -> Imu:
-        # USER_CTRL to FIFO_COUNTL in one transfer: a part that lost its supply, or another part, betrays itself beside
-        # the count.
+        # USER_CTRL to FIFO_COUNTL in one transfer: the settings read with the count reveal a loss of supply or another
+        # part.
         block = self._bus.write_read(self._address, bytes([USER_CTRL]), FIFO_COUNTH + 2 - USER_CTRL)
         if (block[0], block[1]) != (FIFO_ON, CLOCK_AUTO):  # USER_CTRL, PWR_MGMT_1
             raise brown_out("MPU-9250")
-        if self._torn:
+        if self._partial_sample:
             self._restart_fifo()
             return Imu(status=Status.STALE)
         waiting = int.from_bytes(block[-2:], "big") & 0x1FFF
-        if waiting > FIFO_BYTES - SAMPLE.size:  # full: what was dropped is unknown, so is the time of the rest
+        if waiting > FIFO_BYTES - SAMPLE.size:  # full: samples were lost, and the time of the others is unknown
             self._restart_fifo()
             return Imu(status=Status.CORRUPT)
         if waiting < SAMPLE.size:
             return Imu(status=Status.STALE)
         size = waiting - waiting % SAMPLE.size
-        self._torn = True
+        self._partial_sample = True
         counts = mean(self._bus.write_read(self._address, bytes([FIFO_R_W]), size))
-        self._torn = False
+        self._partial_sample = False
         return self._message(counts, FIFO_FILTER_DELAY_S + counts.samples / 2 / SAMPLE_RATE_HZ)
 
     def _message(self, counts: Counts, group_delay_s: float) -> Imu:
         ax, ay, az, temperature, gx, gy, gz = counts.values
         per_mps2 = accel_scale_mps2(self._range_g)
         per_radps = gyro_scale_radps(self._range_dps)
-        fx, fy, fz = turned((ax * per_mps2, ay * per_mps2, az * per_mps2), self._axes)
-        p, q, r = turned((gx * per_radps, gy * per_radps, gz * per_radps), self._axes)
+        fx, fy, fz = to_body_axes((ax * per_mps2, ay * per_mps2, az * per_mps2), self._axes)
+        p, q, r = to_body_axes((gx * per_radps, gy * per_radps, gz * per_radps), self._axes)
         return Imu(
             status=Status.SATURATED if counts.saturated else Status.OK,
             samples=counts.samples,
@@ -166,17 +165,17 @@ class MPU9250:
     def _restart_fifo(self) -> None:
         self._write(USER_CTRL, FIFO_RESET)
         self._write(USER_CTRL, FIFO_ON)
-        self._torn = False
+        self._partial_sample = False
 
     def _write(self, register: int, *values: int) -> None:
         self._bus.write(self._address, bytes([register, *values]))
 
 
 def mean(data: bytes) -> Counts:
-    """Mean of whole samples (14 bytes each), and whether any of them touched the end of the range."""
+    """Mean of whole samples (14 bytes each), and whether any of them reached the end of the range."""
     rows = list(SAMPLE.iter_unpack(data))
     motion = [abs(value) for row in rows for value in row[:3] + row[4:]]
-    # Not a tuple of a generator: Python makes that longer than needed, cuts it, and keeps 2,000 of such ends for later.
+    # Not a tuple of a generator: Python over-allocates and shrinks it, and keeps up to 2,000 of the freed tuples.
     means = [sum(column) / len(rows) for column in zip(*rows, strict=True)]
     return Counts(len(rows), tuple(means), max(motion) >= FULL_COUNT)
 

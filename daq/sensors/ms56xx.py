@@ -1,10 +1,11 @@
 """TE barometers of one family: MS5611-01BA03 and MS5805-02BA01 (datasheets of these names).
 
-The commands are the same, scale factors and place of the checksum differ. A conversion takes up to 9 ms and is never
-waited for: one is started at the end of each tick's reading and read at the next tick. About once a second it is the
-temperature's turn; that tick has no pressure and says `busy`. In between the temperature goes on as it went in the last
-seconds: uncompensated, pressure changes by some 250 Pa with a kelvin, and while the electronics warm up a temperature
-half a second old made it 4.5 Pa too low, 0.4 m of height that wore off within ten minutes and looked like a descent.
+The commands are the same; scale factors and position of the checksum differ. A conversion takes up to 9 ms and is never
+waited for: it is started at the end of each tick's reading and read at the next tick. About once a second the
+temperature is converted instead of the pressure; that tick has status `busy` and no pressure. In between, the
+temperature is extrapolated from the last seconds: uncompensated, the pressure changes by some 250 Pa per kelvin. While
+the electronics warmed up, a temperature half a second old made it 4.5 Pa too low, or 0.4 m of height, an error that
+decayed within ten minutes and looked like a descent.
 """
 
 from collections import deque
@@ -20,19 +21,19 @@ RESET_S = 0.004  # the PROM is reloaded in 2.8 ms
 PROM_WORDS = 8
 # Longest conversion [ns] for the codes added to the start commands: oversampling 256, 512, 1024, 2048, 4096.
 CONVERSION_NS = {0x0: 600_000, 0x2: 1_170_000, 0x4: 2_280_000, 0x6: 4_540_000, 0x8: 9_040_000}
-MARGIN_NS = 1_500_000  # for the transfers, and a tick that comes early after a late one
+MARGIN_NS = 1_500_000  # for the transfers, and a short interval after a late tick
 TEMPERATURE_EVERY_NS = 1_000_000_000
-TREND_OF = 10  # temperatures: so many seconds make their noise a tenth in what is added
-JUMP_COUNTS = 3000  # 0.1 K off the trend: no warming up does that in a second, and a new trend begins
+TREND_LENGTH = 10  # temperatures: over as many seconds, the slope adds a tenth of their noise
+JUMP_COUNTS = 3000  # a step of 0.1 K off the trend is not warming; a new trend is started
 ZERO_DEGC_K = 273.15
-# No part of the family measures beyond these (10 to 2000 mbar, -40 to 85 degC), nor is it ever so on a flight.
+# Beyond the measuring range of the family (10 to 2000 mbar, -40 to 85 degC).
 PLAUSIBLE_PA, PLAUSIBLE_CENTI_DEGC = (1e3, 2e5), (-5000.0, 9000.0)
-IMPLAUSIBLE_LIMIT = 3  # in a row: then it is not a bit that the bus turned over
+IMPLAUSIBLE_LIMIT = 3  # in a row: then the cause is not a single bit error on the bus
 
 
 @dataclass(frozen=True)
-class Variant:
-    """What differs within the family.
+class BarometerVariant:
+    """What differs between the parts of the family.
 
     OFF = C2 2^off_shift + C4 dT / 2^(23 - off_shift), SENS = C1 2^sens_shift + C3 dT / 2^(23 - sens_shift); below
     20 degC T2 = t2 dT^2, OFF2 = off2 (TEMP - 2000)^2, SENS2 likewise; below -15 degC OFF2 += off3 (TEMP + 1500)^2.
@@ -40,7 +41,7 @@ class Variant:
 
     name: str
     prom_words: int
-    crc_word: int  # where the CRC stands, and how far up in that word
+    crc_word: int  # PROM word with the CRC, and position of its lowest bit
     crc_shift: int
     off_shift: int
     sens_shift: int
@@ -52,19 +53,19 @@ class Variant:
 
 
 # Datasheet MS5611-01BA03, figures 2 and 3; PROM table on p. 9.
-MS5611 = Variant("MS5611", 8, 7, 0, 16, 15, 2.0**-31, 5 / 2, 5 / 4, 7.0, 11 / 2)
+MS5611 = BarometerVariant("MS5611", 8, 7, 0, 16, 15, 2.0**-31, 5 / 2, 5 / 4, 7.0, 11 / 2)
 # Datasheet MS5805-02BA01, p. 8-9: seven words of PROM (112 bits) with the CRC in the first four bits of word 0, not in
 # the last word as in the MS5611. Linux agrees: drivers/iio/pressure/ms5637.c serves the MS5805 with seven words, and in
 # drivers/iio/common/ms_sensors/ms_sensors_i2c.c ms_sensors_tp_crc_valid_112 takes the CRC from bits 15 to 12 of word 0,
 # ms_sensors_tp_crc_valid_128 (parts of eight words) from the last bits of word 7.
-MS5805 = Variant("MS5805", 7, 0, 12, 17, 16, 11 * 2.0**-35, 31 / 8, 63 / 32, 0.0, 0.0)
+MS5805 = BarometerVariant("MS5805", 7, 0, 12, 17, 16, 11 * 2.0**-35, 31 / 8, 63 / 32, 0.0, 0.0)
 
 
-class Trend:
-    """Counts of the temperature after its last conversion, on the line through the oldest kept and the last."""
+class TemperatureTrend:
+    """Extrapolates temperature counts along the line through the oldest kept conversion and the latest."""
 
     def __init__(self) -> None:
-        self._kept: deque[tuple[int, int]] = deque(maxlen=TREND_OF)  # middle of the conversion [ns], counts
+        self._kept: deque[tuple[int, int]] = deque(maxlen=TREND_LENGTH)  # middle of the conversion [ns], counts
 
     @property
     def last(self) -> int | None:
@@ -81,10 +82,10 @@ class Trend:
         return last + slope * (time_ns - last_ns)
 
 
-class MS56xx:
-    """A barometer of the family, writing to `topic`. period_s: of the ticks; as much oversampling as fits is taken."""
+class MS56xxDriver:
+    """A barometer of the family, writing to `topic`. period_s: tick period, which limits the oversampling."""
 
-    def __init__(self, bus: I2CBus, address: int, variant: Variant, *, topic: str, period_s: float):
+    def __init__(self, bus: I2CBus, address: int, variant: BarometerVariant, *, topic: str, period_s: float):
         self._bus, self._address = bus, address
         self._variant = variant
         self._topic = topic
@@ -92,12 +93,12 @@ class MS56xx:
         self._prom: tuple[int, ...] = ()
         self._running: int | None = None  # START_PRESSURE or START_TEMPERATURE
         self._started_ns = 0
-        self._temperatures = Trend()
+        self._temperatures = TemperatureTrend()
         self._temperature_due_ns = 0
         self._implausible = 0
 
     def start(self) -> Iterator[float]:
-        """Reset and read the calibration. Raises SensorFailure when its checksum is wrong."""
+        """Reset the part and read its calibration. Raises SensorFailure when the checksum is wrong."""
         self._bus.write(self._address, bytes([RESET]))
         yield RESET_S
         words = []
@@ -107,7 +108,9 @@ class MS56xx:
 
     def read(self, now_ns: int) -> list[Sample]:
         if self._running is not None and now_ns - self._started_ns < CONVERSION_NS[self._code]:
-            return [Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))]  # a tick that came too soon
+            return [
+                Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
+            ]  # the conversion is still running
         sample = Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
         if self._running is not None:
             sample = self._finish(now_ns)
@@ -119,8 +122,10 @@ class MS56xx:
 
     def _finish(self, now_ns: int) -> Sample:
         counts = int.from_bytes(self._bus.write_read(self._address, bytes([READ_ADC]), 3), "big")
-        if counts == 0:  # no conversion was running: the part lost its supply, or was reset (MS5611 datasheet p. 11)
-            raise SensorFailure(Status.FAULT, f"{self._variant.name} forgot a conversion: was its supply interrupted?")
+        if counts == 0:  # no conversion was running: the supply failed or the part was reset (MS5611 datasheet p. 11)
+            raise SensorFailure(
+                Status.FAULT, f"{self._variant.name} lost a conversion: check its supply for interruptions"
+            )
         middle_ns = self._started_ns + CONVERSION_NS[self._code] // 2
         if self._running == START_TEMPERATURE:
             self._temperatures.add(middle_ns, counts)
@@ -129,10 +134,10 @@ class MS56xx:
         centi_degC, pressure_Pa = compensate(self._variant, self._prom, counts, self._temperatures.at(middle_ns))
         if not plausible(centi_degC, pressure_Pa):
             self._implausible += 1
-            self._temperature_due_ns = now_ns  # one of the two is wrong,
-            self._temperatures = Trend()  # and no trend goes through it
+            self._temperature_due_ns = now_ns  # pressure or temperature is wrong: measure the temperature again
+            self._temperatures = TemperatureTrend()
             if self._implausible >= IMPLAUSIBLE_LIMIT:
-                raise SensorFailure(Status.CORRUPT, f"{self._variant.name}: what it measures cannot be")
+                raise SensorFailure(Status.CORRUPT, f"{self._variant.name}: measurements outside the part's range")
             return Sample(self._topic, now_ns, AbsolutePressure(status=Status.CORRUPT))
         self._implausible = 0
         message = AbsolutePressure(
@@ -145,20 +150,20 @@ class MS56xx:
 
 
 def plausible(centi_degC: float, pressure_Pa: float) -> bool:
-    """Whether it can be a measurement at all."""
+    """Whether temperature and pressure are within the measuring range."""
     low_Pa, high_Pa = PLAUSIBLE_PA
     low, high = PLAUSIBLE_CENTI_DEGC
     return low_Pa <= pressure_Pa <= high_Pa and low <= centi_degC <= high
 
 
 def oversampling_code(period_s: float) -> int:
-    """The longest conversion that is over within a tick."""
+    """The code of the longest conversion that fits into a tick."""
     fitting = [code for code, duration_ns in CONVERSION_NS.items() if duration_ns + MARGIN_NS < period_s * 1e9]
     return max(fitting, default=0)
 
 
 def crc4(words: tuple[int, ...]) -> int:
-    """The family's checksum (AN520 p. 5); the place of the checksum itself has to be zero in `words`."""
+    """The family's checksum (AN520 p. 5); the bits of the checksum must be zero in `words`."""
     remainder = 0
     for word in (words + (0,) * PROM_WORDS)[:PROM_WORDS]:
         for byte in (word >> 8, word & 0xFF):
@@ -168,18 +173,18 @@ def crc4(words: tuple[int, ...]) -> int:
     return remainder >> 12
 
 
-def check_prom(words: tuple[int, ...], variant: Variant) -> tuple[int, ...]:
-    """`words` when their checksum is right. An all-zero PROM would pass it, and is refused as well."""
+def check_prom(words: tuple[int, ...], variant: BarometerVariant) -> tuple[int, ...]:
+    """Return `words` if their checksum is right. An all-zero PROM has a valid checksum and is rejected too."""
     found = words[variant.crc_word] >> variant.crc_shift & 0xF
     bare = list(words)
-    # AN520 takes the whole low byte of the MS5611's last word out of the sum, not only the four bits.
+    # AN520 clears the whole low byte of the MS5611's last word, not only the four bits of the CRC.
     bare[variant.crc_word] &= 0xFF00 if variant.crc_shift == 0 else ~(0xF << variant.crc_shift)
     if not any(words[1:7]) or crc4(tuple(bare)) != found:
-        raise SensorFailure(Status.CORRUPT, f"{variant.name}: the checksum of its calibration memory is wrong")
+        raise SensorFailure(Status.CORRUPT, f"{variant.name}: wrong checksum of the calibration memory")
     return words
 
 
-def compensate(variant: Variant, prom: tuple[int, ...], d1: int, d2: float) -> tuple[float, float]:
+def compensate(variant: BarometerVariant, prom: tuple[int, ...], d1: int, d2: float) -> tuple[float, float]:
     """Temperature [0.01 degC] and pressure [Pa] from the counts D1, D2 and PROM words, second order included."""
     c1, c2, c3, c4, c5, c6 = prom[1:7]
     dT = d2 - c5 * 2**8

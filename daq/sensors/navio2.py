@@ -1,6 +1,6 @@
-"""Receiver inputs of a Navio2 without autopilot: pulse widths that its kernel driver keeps in text files.
+"""Receiver inputs of a Navio2 without autopilot: pulse widths that its kernel driver provides in text files.
 
-What the sticks say, not the servos: right as long as nothing stands between them.
+These are stick positions. They equal the servo positions only if the receiver drives the servos directly.
 """
 
 from collections.abc import Iterator
@@ -11,28 +11,28 @@ from daq.sensors.autopilot import controls
 from flight.aircraft import Aircraft
 from flight.messages import Controls, Status
 
-PLAUSIBLE_US = range(700, 2301)  # what a receiver can send; 0 stands for no signal
+PLAUSIBLE_US = range(700, 2301)  # range of a receiver; 0 means no signal
 
 
-class Navio2Receiver:
-    """The receiver on `port`, which gives a line of pulse widths [us], channels 1, 2, …, at each reading."""
+class Navio2Driver:
+    """The receiver on `port`, which returns a line of pulse widths [us] of channels 1, 2, … at each read."""
 
     def __init__(self, port: BytePort, *, aircraft: Aircraft | None):
         self._port = port
         self._aircraft = aircraft
 
     def start(self) -> Iterator[float]:
-        """Nothing to set."""
+        """Nothing to configure."""
         yield 0.0
 
     def read(self, now_ns: int) -> list[Sample]:
-        """The latest line; `no_data` without signal, `corrupt` when it is not a line of pulse widths."""
+        """The latest pulse widths. `no_data` without signal, `corrupt` if the line cannot be parsed."""
         lines = self._port.read_available().splitlines()
         return [Sample("/controls", now_ns, message(lines[-1] if lines else b"", self._aircraft))]
 
 
 def message(line: bytes, aircraft: Aircraft | None) -> Controls:
-    """What a line of pulse widths means. A channel without signal is 0 and has no angle."""
+    """The message for a line of pulse widths. A channel without signal is 0 and has no angle."""
     try:
         pulses = [int(word) for word in line.split()]
     except ValueError:

@@ -1,8 +1,8 @@
 """u-blox M8 receiver: UBX NAV-PVT over a byte stream (protocol: u-blox 8 / M8 Receiver Description, UBX-13003221).
 
-Framing and resynchronisation are here, pyubx2 knows the fields. The receiver is configured while the loop goes on: one
-command at a time, the next when this one is acknowledged. When solutions stay away the configuration is sent again,
-which is what a receiver needs that lost its supply.
+This module does framing and resynchronisation; pyubx2 decodes the fields. The receiver is configured while the sampling
+loop runs: one command at a time, the next after an acknowledge. When solutions stop, the configuration is sent again,
+because the receiver loses it when its supply is interrupted.
 """
 
 import calendar
@@ -19,21 +19,21 @@ from flight.messages import Gps, Status
 SYNC = b"\xb5\x62"
 OVERHEAD = 8  # sync, class, id, length, checksum
 PVT_PAYLOAD = 92
-LONGEST_PAYLOAD = 1024  # what claims to be longer than anything we ask for is not a frame
+LONGEST_PAYLOAD = 1024  # longer than any requested message: not a frame
 NAV_PVT, ACK_ACK, ACK_NAK = b"\x01\x07", b"\x05\x01", b"\x05\x00"
 FACTORY_BAUD = 9600
 SWITCH_S = 0.1  # CFG-PRT lasts 29 ms at 9600 baud, and the receiver takes a moment to change
-FRAME_LASTS_NS = 300_000_000  # what begins like a frame and is not over by then, was none: 100 bytes last 0.1 s at 9600
+MAX_FRAME_NS = 300_000_000  # a frame incomplete for this long is discarded; 100 bytes take 0.1 s at 9600 baud
 ACK_TIMEOUT_NS = 1_000_000_000
 SILENCE_NS = 1_500_000_000  # no solution for this long is `no_data`; a receiver without fix still sends solutions
 WITH_POSITION = (2, 3, 4)  # fixType: 2D, 3D, GNSS with dead reckoning
 
 
-class UBlox:
+class UBloxDriver:
     """The receiver on `port`. rate_Hz: of the solutions, 1 to 10. baud: of the port, None on I2C.
 
-    reopen: opens the same port at another rate. With it, a receiver that still speaks (or has fallen back to) its
-    factory rate is first told to use ours.
+    reopen: opens the same port at another rate. With it, a receiver at its factory rate (new, or after a loss of
+    supply) is first set to `baud`.
     """
 
     def __init__(
@@ -50,24 +50,24 @@ class UBlox:
         self._silences = 0
         self._commands = configuration(rate_Hz, baud)
         self._buffer = bytearray()
-        self._begun_ns = 0  # when what stands in it began, at the latest
+        self._begun_ns = 0  # latest time at which the first frame in the buffer can have begun
         self._to_send: list[bytes] = []
         self._sent_ns: int | None = None
         self._last_ns: int | None = None
         self._corrupt = False
-        self.refused: list[str] = []  # commands the receiver said no to
+        self.refused: list[str] = []  # commands that the receiver rejected
 
     def start(self) -> Iterator[float]:
-        """Bring the receiver to our baud rate; the rest of the configuration goes out tick by tick."""
+        """Set the receiver's baud rate. The rest of the configuration is sent in `read`."""
         self._to_send = list(self._commands)
         if self._reopen is not None and self._baud not in (None, FACTORY_BAUD):
-            self._reopen(FACTORY_BAUD).write(self._commands[0])  # to a receiver at our rate this is noise
+            self._reopen(FACTORY_BAUD).write(self._commands[0])  # ignored by a receiver at another rate
             yield SWITCH_S
             self._port = self._reopen(self._baud)
         yield 0.0
 
     def read(self, now_ns: int) -> list[Sample]:
-        """Every solution that has arrived since the last tick; `no_data` each 1.5 s of silence."""
+        """Every solution that has arrived since the last tick. `no_data` after each 1.5 s of silence."""
         if self._last_ns is None:
             self._last_ns = self._begun_ns = now_ns
         frames, rejected = self._take(now_ns)
@@ -90,12 +90,12 @@ class UBlox:
         return samples
 
     def _take(self, now_ns: int) -> tuple[list[bytes], int]:
-        """As `take_frames`, of what has arrived. A frame that was begun long ago does not hold up what follows it."""
+        """Read the port and take frames out of the buffer. A frame incomplete for too long is discarded."""
         self._buffer += self._port.read_available()
         frames, rejected = take_frames(self._buffer)
         if frames or rejected or not self._buffer:
             self._begun_ns = now_ns
-        elif now_ns - self._begun_ns >= FRAME_LASTS_NS:
+        elif now_ns - self._begun_ns >= MAX_FRAME_NS:
             del self._buffer[:1]
             frames, rejected = take_frames(self._buffer)
             rejected += 1
@@ -103,11 +103,14 @@ class UBlox:
         return frames, rejected
 
     def _silence(self, now_ns: int) -> Gps:
-        """Configure the receiver again; after the second time in a row, bring it up from its factory rate."""
+        """Configure the receiver again. The second time in a row, fail: it is restarted from its factory rate."""
         status = Status.CORRUPT if self._corrupt else Status.NO_DATA
         self._silences += 1
         if self._silences > 1 and self._reopen is not None:
-            raise SensorFailure(status, "the receiver is silent" if status is Status.NO_DATA else "damaged data only")
+            raise SensorFailure(
+                status,
+                "the receiver sends nothing" if status is Status.NO_DATA else "the receiver sends only damaged data",
+            )
         self._last_ns, self._corrupt = now_ns, False
         self._to_send, self._sent_ns = list(self._commands), None
         return Gps(status=status)
@@ -162,9 +165,9 @@ def checksum(body: bytes) -> bytes:
 
 
 def take_frames(buffer: bytearray) -> tuple[list[bytes], int]:
-    """Take whole, valid frames out of `buffer`; what may still become one stays in it.
+    """Take complete, valid frames out of `buffer`; an incomplete one stays in it.
 
-    Returns them, and how many times something looked like a frame and was not.
+    Returns the frames, and the number of invalid ones.
     """
     frames: list[bytes] = []
     rejected = 0
@@ -193,7 +196,7 @@ def take_frames(buffer: bytearray) -> tuple[list[bytes], int]:
 
 
 def solution(frame: bytes) -> Gps:
-    """The message of a NAV-PVT frame. Without a fix only time, fix type and number of satellites stand in it."""
+    """The message of a NAV-PVT frame. Without a fix it has only time, fix type and number of satellites."""
     if len(frame) != PVT_PAYLOAD + OVERHEAD:
         return Gps(status=Status.CORRUPT)
     try:
@@ -222,6 +225,6 @@ def solution(frame: bytes) -> Gps:
 
 
 def utc_of(pvt: Any) -> int:
-    """Unix time [ns] of a solution; raises ValueError for a date there is not."""
+    """Unix time [ns] of a solution. Raises ValueError for an invalid date."""
     date = (pvt.year, pvt.month, pvt.day, pvt.hour, pvt.min, pvt.second)
-    return calendar.timegm(date) * 1_000_000_000 + pvt.nano
+    return calendar.timegm(date) * 1_000_000_000 + int(pvt.nano)

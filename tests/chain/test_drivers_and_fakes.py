@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from daq.sensors import honeywell, ms45xxdo, ms56xx
-from daq.sensors.ak8963 import AK8963
-from daq.sensors.autopilot import Autopilot
-from daq.sensors.bridge import BridgeTransducer
-from daq.sensors.esc_counter import EscCounter
-from daq.sensors.mpu9250 import MPU9250
-from daq.sensors.ublox import UBlox
+from daq.sensors.ak8963 import AK8963Driver
+from daq.sensors.autopilot import AutopilotDriver
+from daq.sensors.bridge import BridgeTransducerDriver
+from daq.sensors.esc_counter import EscCounterDriver
+from daq.sensors.mpu9250 import MPU9250Driver
+from daq.sensors.ublox import UBloxDriver
 from daq.sensors.ublox_ddc import DdcPort
 from flight.aircraft import load_aircraft
 from flight.messages import Status
@@ -77,7 +77,7 @@ I2C = "/dev/i2c-1"
 def test_specific_force(range_g):
     levels = [[f * range_g * G, -f * range_g * G, 0.1 * f] for f in (-0.99, -0.5, -0.1, 0.0, 0.3, 0.7, 0.99)]
     felt = AnalyticFelt(force_mps2=staircase(levels))
-    samples = run(lambda tray: MPU9250(tray.i2c(I2C), range_g=range_g), felt, 14)
+    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), range_g=range_g), felt, 14)
     for level, m in settled(samples, levels):
         seen = (m.specific_force_x_mps2, m.specific_force_y_mps2, m.specific_force_z_mps2)
         assert seen == pytest.approx(level, abs=range_g / 32768 * G)
@@ -87,7 +87,7 @@ def test_specific_force(range_g):
 def test_angular_rate(range_dps):
     levels = [np.radians([f * range_dps, -f * range_dps, 3.0 * f]).tolist() for f in (-0.99, -0.5, 0.0, 0.3, 0.99)]
     felt = AnalyticFelt(rate_radps=staircase(levels))
-    samples = run(lambda tray: MPU9250(tray.i2c(I2C), range_dps=range_dps), felt, 10)
+    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), range_dps=range_dps), felt, 10)
     for level, m in settled(samples, levels):
         seen = (m.angular_rate_x_radps, m.angular_rate_y_radps, m.angular_rate_z_radps)
         assert seen == pytest.approx(level, abs=math.radians(range_dps / 32750))
@@ -100,7 +100,7 @@ def test_the_logged_delay_is_the_one_that_was_made(fifo):
     felt = AnalyticFelt(
         force_mps2=lambda t: np.outer(t, [1.0, 0.5, -1.0]), rate_radps=lambda t: np.outer(t, [0.1, -0.1, 0.2])
     )
-    samples = run(lambda tray: MPU9250(tray.i2c(I2C), fifo=fifo), felt, 10)
+    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), fifo=fifo), felt, 10)
     late_s = [t_s - m.group_delay_s - m.specific_force_x_mps2 for t_s, (_, _, m) in samples[5:]]
     assert np.mean(np.abs(late_s)) < 5e-3 + 2.2e-3
     late_s = [t_s - m.group_delay_s - m.angular_rate_x_radps / 0.1 for t_s, (_, _, m) in samples[5:]]
@@ -108,13 +108,15 @@ def test_the_logged_delay_is_the_one_that_was_made(fifo):
 
 
 def test_beyond_the_range_is_called_saturated():
-    samples = run(lambda tray: MPU9250(tray.i2c(I2C), range_g=2), AnalyticFelt(force_mps2=constant([30.0, 0, 0])), 1)
+    samples = run(
+        lambda tray: MPU9250Driver(tray.i2c(I2C), range_g=2), AnalyticFelt(force_mps2=constant([30.0, 0, 0])), 1
+    )
     assert {sample.message.status for _, sample in samples[3:]} == {Status.SATURATED}
 
 
 def test_imu_temperature():
     levels = [250.0, 294.15, 300.0, 358.0]
-    samples = run(lambda tray: MPU9250(tray.i2c(I2C)), AnalyticFelt(imu_K=staircase(levels)), 8)
+    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C)), AnalyticFelt(imu_K=staircase(levels)), 8)
     for level, m in settled(samples, levels):
         assert m.temperature_K == pytest.approx(level, abs=1 / 333.87)
 
@@ -123,10 +125,10 @@ def test_magnetic_field():
     levels = [[20e-6, -3e-6, 45e-6], [-65e-6, 65e-6, -65e-6], [0.0, 0.0, 0.0], [1000e-6, -500e-6, 300e-6]]
 
     def make(tray):
-        imu = MPU9250(tray.i2c(I2C))
+        imu = MPU9250Driver(tray.i2c(I2C))
         for _ in imu.start():
             tray.i2c(I2C)._pass_time(20_000)  # 0.45 s: a driver does not own the clock either
-        return AK8963(tray.i2c(I2C))
+        return AK8963Driver(tray.i2c(I2C))
 
     samples = run(make, AnalyticFelt(field_T=staircase(levels)), 9)
     for level, m in settled(samples, levels):
@@ -143,7 +145,7 @@ def test_barometers_over_pressure_and_temperature(variant, which, seed):
         absolute_Pa=staircase([p for p, _ in levels], 3.0), transducer_K=staircase([T for _, T in levels], 3.0)
     )
     samples = run(
-        lambda tray: ms56xx.MS56xx(tray.i2c(I2C), which, variant, topic="/baro", period_s=0.04), felt, 72, seed
+        lambda tray: ms56xx.MS56xxDriver(tray.i2c(I2C), which, variant, topic="/baro", period_s=0.04), felt, 72, seed
     )
     for (pascal, kelvin), m in settled(samples, levels, 3.0, after_s=2.0):
         assert m.pressure_Pa == pytest.approx(pascal, abs=0.1)
@@ -152,7 +154,9 @@ def test_barometers_over_pressure_and_temperature(variant, which, seed):
 
 def test_a_barometers_sample_is_dated_at_the_middle_of_its_conversion():
     felt = AnalyticFelt(absolute_Pa=lambda t: 90e3 + 1000.0 * t)
-    samples = run(lambda tray: ms56xx.MS56xx(tray.i2c(I2C), 0x77, ms56xx.MS5611, topic="/baro", period_s=0.04), felt, 9)
+    samples = run(
+        lambda tray: ms56xx.MS56xxDriver(tray.i2c(I2C), 0x77, ms56xx.MS5611, topic="/baro", period_s=0.04), felt, 9
+    )
     late_s = [t_s - (s.message.pressure_Pa - 90e3) / 1000 for t_s, s in samples if s.message.status is Status.OK]
     # Half of what typical and longest conversion differ by, the 1 ms grid, and the transfer that starts it.
     assert np.max(np.abs(late_s)) < 0.41e-3 + 0.5e-3 + 0.1e-3
@@ -170,7 +174,9 @@ def test_pressure_differences(number, maker, top_Pa, which):
     address, transfer = maker.decode_part(number)
     levels = (np.array([-1, -0.9, -0.5, -0.01, 0, 0.01, 0.3, 0.8, 1]) * top_Pa).tolist()
     felt = AnalyticFelt(differential_Pa=staircase(levels), transducer_K=staircase(np.linspace(250, 350, 9)))
-    samples = run(lambda tray: BridgeTransducer(tray.i2c(I2C), address, transfer, topic=f"/probe/{which}"), felt, 18)
+    samples = run(
+        lambda tray: BridgeTransducerDriver(tray.i2c(I2C), address, transfer, topic=f"/probe/{which}"), felt, 18
+    )
     count_Pa = 2 * top_Pa / (0.8 * 16383)
     for (level, kelvin), m in settled(samples, list(zip(levels, np.linspace(250, 350, 9), strict=True))):
         assert m.differential_pressure_Pa == pytest.approx(level, abs=count_Pa)
@@ -182,7 +188,9 @@ def test_a_pinned_bridge_is_called_saturated(number, maker, top_Pa, which):
     address, transfer = maker.decode_part(number)
     for sign in (-1, 1):
         felt = AnalyticFelt(differential_Pa=constant(sign * 2 * top_Pa))
-        samples = run(lambda tray: BridgeTransducer(tray.i2c(I2C), address, transfer, topic=f"/probe/{which}"), felt, 1)
+        samples = run(
+            lambda tray: BridgeTransducerDriver(tray.i2c(I2C), address, transfer, topic=f"/probe/{which}"), felt, 1
+        )
         assert {sample.message.status for _, sample in samples} == {Status.SATURATED}
 
 
@@ -198,8 +206,8 @@ def test_navigation_solutions(on_i2c):
 
     def make(tray):
         if on_i2c:
-            return UBlox(DdcPort(tray.i2c(I2C)), baud=None)
-        return UBlox(tray.port("/dev/ttyAMA0", 38400))
+            return UBloxDriver(DdcPort(tray.i2c(I2C)), baud=None)
+        return UBloxDriver(tray.port("/dev/ttyAMA0", 38400))
 
     samples = run(make, felt, 12, utc_at_start=start, geoid_m=-33.0, gps_on_i2c=on_i2c)
     fixes = [(t_s, s.message) for t_s, s in samples if s.message.status is Status.OK]
@@ -224,7 +232,7 @@ def test_motor_speed(framed, pole_pairs):
     levels = [20.0, 50.0, 100.0, 170.0]
     felt = AnalyticFelt(motor_revps=staircase(levels))
     samples = run(
-        lambda tray: EscCounter(tray.port("/dev/ttyUSB0", 115200), pole_pairs=pole_pairs, framed=framed),
+        lambda tray: EscCounterDriver(tray.port("/dev/ttyUSB0", 115200), pole_pairs=pole_pairs, framed=framed),
         felt, 8, pole_pairs=pole_pairs, rpm_with_crc=framed,
     )  # fmt: skip
     for level, m in settled(samples, levels):
@@ -235,7 +243,9 @@ def test_the_framed_counter_tells_a_standing_motor_from_silence():
     felt = AnalyticFelt(motor_revps=constant(0.0))
     for framed, said in ((True, {(Status.OK, 0.0)}), (False, {(Status.NO_DATA, None)})):
         samples = run(
-            lambda tray, framed=framed: EscCounter(tray.port("/dev/ttyUSB0", 115200), pole_pairs=7, framed=framed),
+            lambda tray, framed=framed: EscCounterDriver(
+                tray.port("/dev/ttyUSB0", 115200), pole_pairs=7, framed=framed
+            ),
             felt, 6, rpm_with_crc=framed,
         )  # fmt: skip
         assert {(s.message.status, s.message.motor_speed_revps) for _, s in samples} == said
@@ -247,7 +257,9 @@ def test_what_the_autopilot_tells():
     rows = [[1500, aircraft.elevator.pulse_of_angle_us(a), 1300, 1500, 1000, 1000, 1000, 1000] for a in angles]
     felt = AnalyticFelt(pulses_us=staircase(rows), motor_revps=staircase([0.0, 20.0, 60.0, 120.0, 170.0]))
     samples = run(
-        lambda tray: Autopilot(tray.port("/dev/ttyUSB1", 57600), aircraft=aircraft, rate_Hz=25, rpm=True), felt, 10
+        lambda tray: AutopilotDriver(tray.port("/dev/ttyUSB1", 57600), aircraft=aircraft, rate_Hz=25, rpm=True),
+        felt,
+        10,
     )
     by_topic = {t: [(t_s, s) for t_s, s in samples if s.topic == t] for t in {s.topic for _, s in samples}}
     elevator = aircraft.elevator
@@ -292,7 +304,7 @@ def scatter(values):
 
 def test_noise_of_a_resting_imu_is_what_the_budget_says_and_its_filter_leaves(resting):
     felt, noise = resting
-    messages = [s.message for _, s in run(lambda tray: MPU9250(tray.i2c(I2C)), felt, 58)][10:]
+    messages = [s.message for _, s in run(lambda tray: MPU9250Driver(tray.i2c(I2C)), felt, 58)][10:]
     for name, sigma, corner_Hz in (
         ("specific_force", noise.accel_mps2, 41.0),
         ("angular_rate", noise.gyro_radps, 20.0),
@@ -307,12 +319,12 @@ def test_noise_of_a_resting_imu_is_what_the_budget_says_and_its_filter_leaves(re
 def test_noise_of_resting_pressures_is_what_the_budget_says(resting):
     felt, noise = resting
     address, transfer = ms45xxdo.decode_part("MS4515DO-DS5AJ002DP")
-    samples = run(lambda tray: BridgeTransducer(tray.i2c(I2C), address, transfer, topic="/probe/alpha"), felt, 58)
+    samples = run(lambda tray: BridgeTransducerDriver(tray.i2c(I2C), address, transfer, topic="/probe/alpha"), felt, 58)
     found, error = scatter([s.message.differential_pressure_Pa for _, s in samples if s.message.status is Status.OK])
     assert found == pytest.approx(noise.alpha_Pa, rel=error)
     for which, variant, place in (("baro", ms56xx.MS5611, 0x77), ("static", ms56xx.MS5805, 0x76)):
         samples = run(
-            lambda tray, variant=variant, place=place: ms56xx.MS56xx(
+            lambda tray, variant=variant, place=place: ms56xx.MS56xxDriver(
                 tray.i2c(I2C), place, variant, topic="/baro", period_s=0.04
             ), felt, 58,
         )  # fmt: skip

@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from daq.bus import LinuxBuses
-from daq.sensors.autopilot import Autopilot
+from daq.sensors.autopilot import AutopilotDriver
 from flight.messages import Status
 from hw_fakes.pty import PtyServer
 from hw_fakes.tray import AUTOPILOT_PORT, FakeTray
@@ -67,7 +67,7 @@ def test_the_driver_talks_with_an_autopilot_of_pymavlink():
     """Over UDP, as an autopilot's telemetry or a simulation of one comes."""
     with_free_port = LinuxBuses().port("udp:127.0.0.1:0", 0)
     number = with_free_port._socket.getsockname()[1]
-    sensor = Autopilot(with_free_port, aircraft=None, rate_Hz=25, rpm=True)
+    sensor = AutopilotDriver(with_free_port, aircraft=None, rate_Hz=25, rpm=True)
     for _ in sensor.start():
         pass
     vehicle = mavutil.mavlink_connection(f"udpout:127.0.0.1:{number}", dialect="ardupilotmega", source_system=1)

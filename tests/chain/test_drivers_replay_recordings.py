@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from daq import wiring
 from daq.bus_recording import BusRecording
 from daq.config import parse_tray
 from daq.daemon import record
-from daq.sensors.esc_counter import EscCounter
-from daq.sensors.mpu9250 import MPU9250
-from daq.sensors.ms56xx import MS5611, MS56xx
+from daq.driver_factory import driver_factory
+from daq.sensors.esc_counter import EscCounterDriver
+from daq.sensors.mpu9250 import MPU9250Driver
+from daq.sensors.ms56xx import MS5611, MS56xxDriver
 from flight.aircraft import parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log
@@ -43,7 +43,7 @@ def drivers(recording: Recording):
     tray = parse_tray(recording.tray, "recorded tray", Path())
     aircraft = parse_aircraft(recording.aircraft, "recorded aircraft") if recording.aircraft else None
     return [
-        (table.name, table.topics, lambda buses, table=table: wiring.maker(table, tray, buses, aircraft)())
+        (table.name, table.topics, lambda buses, table=table: driver_factory(table, tray, buses, aircraft)())
         for table in tray.sensors
     ]
 
@@ -102,12 +102,12 @@ def test_the_file_is_lines_of_json_that_belong_to_one_sensor_each(bench):
 @pytest.mark.parametrize(
     ("sensor", "changed"),
     [
-        ("imu", lambda buses: MPU9250(buses.i2c("/dev/i2c-1"), range_g=16)),  # another byte
-        ("imu", lambda buses: MPU9250(buses.i2c("/dev/i2c-1"), address=0x69)),  # another place
-        ("imu", lambda buses: MPU9250(buses.i2c("/dev/i2c-1"), fifo=False)),  # another way of reading
-        ("imu", lambda buses: MPU9250(buses.i2c("/dev/i2c-7"))),  # another bus
-        ("baro", lambda buses: MS56xx(buses.i2c("/dev/i2c-1"), 0x77, MS5611, topic="/baro", period_s=0.01)),
-        ("rpm", lambda buses: EscCounter(buses.port("/dev/ttyUSB0", 9600), pole_pairs=7)),
+        ("imu", lambda buses: MPU9250Driver(buses.i2c("/dev/i2c-1"), range_g=16)),  # another byte
+        ("imu", lambda buses: MPU9250Driver(buses.i2c("/dev/i2c-1"), address=0x69)),  # another place
+        ("imu", lambda buses: MPU9250Driver(buses.i2c("/dev/i2c-1"), fifo=False)),  # another way of reading
+        ("imu", lambda buses: MPU9250Driver(buses.i2c("/dev/i2c-7"))),  # another bus
+        ("baro", lambda buses: MS56xxDriver(buses.i2c("/dev/i2c-1"), 0x77, MS5611, topic="/baro", period_s=0.01)),
+        ("rpm", lambda buses: EscCounterDriver(buses.port("/dev/ttyUSB0", 9600), pole_pairs=7)),
     ],
 )
 def test_a_driver_that_does_something_else_is_objected_to(bench, sensor, changed):
@@ -115,12 +115,12 @@ def test_a_driver_that_does_something_else_is_objected_to(bench, sensor, changed
         list(replay(load_recording(bench[0]), sensor, changed))
 
 
-class Lazy(MPU9250):
+class Lazy(MPU9250Driver):
     def read(self, now_ns):
         return []
 
 
-class Eager(MPU9250):
+class Eager(MPU9250Driver):
     def read(self, now_ns):
         super().read(now_ns)
         return super().read(now_ns)

@@ -12,12 +12,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from daq.sensors import SensorFailure, honeywell, ms45xxdo, ms56xx
-from daq.sensors.ak8963 import AK8963
-from daq.sensors.autopilot import Autopilot
-from daq.sensors.bridge import BridgeTransducer
-from daq.sensors.esc_counter import EscCounter
-from daq.sensors.mpu9250 import MPU9250
-from daq.sensors.ublox import UBlox
+from daq.sensors.ak8963 import AK8963Driver
+from daq.sensors.autopilot import AutopilotDriver
+from daq.sensors.bridge import BridgeTransducerDriver
+from daq.sensors.esc_counter import EscCounterDriver
+from daq.sensors.mpu9250 import MPU9250Driver
+from daq.sensors.ublox import UBloxDriver
 from daq.sensors.ublox_ddc import DdcPort
 from flight.aircraft import load_aircraft
 from flight.messages import Status
@@ -70,32 +70,32 @@ class Wire:
 
 def bridge(decode_part, number):
     address, transfer = decode_part(number)
-    return lambda wire: BridgeTransducer(wire.i2c(I2C_BUS), address, transfer, topic="/probe/alpha")
+    return lambda wire: BridgeTransducerDriver(wire.i2c(I2C_BUS), address, transfer, topic="/probe/alpha")
 
 
 def barometer(variant, address):
-    return lambda wire: ms56xx.MS56xx(wire.i2c(I2C_BUS), address, variant, topic="/baro", period_s=0.04)
+    return lambda wire: ms56xx.MS56xxDriver(wire.i2c(I2C_BUS), address, variant, topic="/baro", period_s=0.04)
 
 
 def magnetometer(wire):
     bus = wire.i2c(I2C_BUS)
     bus.write(0x68, b"\x37\x02")  # the bypass, which the driver of the IMU opens
-    return AK8963(bus)
+    return AK8963Driver(bus)
 
 
 MAKERS = {
-    "imu": lambda wire: MPU9250(wire.i2c(I2C_BUS)),
-    "imu, single reads": lambda wire: MPU9250(wire.i2c(I2C_BUS), fifo=False),
+    "imu": lambda wire: MPU9250Driver(wire.i2c(I2C_BUS)),
+    "imu, single reads": lambda wire: MPU9250Driver(wire.i2c(I2C_BUS), fifo=False),
     "magnetometer": magnetometer,
     "ms5611": barometer(ms56xx.MS5611, 0x77),
     "ms5805": barometer(ms56xx.MS5805, 0x76),
     "ms4515do": bridge(ms45xxdo.decode_part, "MS4515DO-DS5AJ002DP"),
     "ssc": bridge(honeywell.decode_part, "SSCDRRN005ND2A5"),
-    "ublox": lambda wire: UBlox(wire.port(GPS_PORT, 38400), reopen=lambda baud: wire.port(GPS_PORT, baud)),
-    "ublox on i2c": lambda wire: UBlox(DdcPort(wire.i2c(I2C_BUS)), baud=None),
-    "counter": lambda wire: EscCounter(wire.port(ESC_PORT, 115200), pole_pairs=7),
-    "framed counter": lambda wire: EscCounter(wire.port(ESC_PORT, 115200), pole_pairs=7, framed=True),
-    "autopilot": lambda wire: Autopilot(wire.port(AUTOPILOT_PORT, 57600), aircraft=NEXSTAR, rate_Hz=25, rpm=True),
+    "ublox": lambda wire: UBloxDriver(wire.port(GPS_PORT, 38400), reopen=lambda baud: wire.port(GPS_PORT, baud)),
+    "ublox on i2c": lambda wire: UBloxDriver(DdcPort(wire.i2c(I2C_BUS)), baud=None),
+    "counter": lambda wire: EscCounterDriver(wire.port(ESC_PORT, 115200), pole_pairs=7),
+    "framed counter": lambda wire: EscCounterDriver(wire.port(ESC_PORT, 115200), pole_pairs=7, framed=True),
+    "autopilot": lambda wire: AutopilotDriver(wire.port(AUTOPILOT_PORT, 57600), aircraft=NEXSTAR, rate_Hz=25, rpm=True),
 }
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from daq import wiring
 from daq.config import load_tray
+from daq.driver_factory import driver_factory
 from flight.aircraft import load_aircraft
 from flight.log_reader import read_log
 from flight.messages import Status
@@ -99,7 +99,7 @@ def test_the_installed_daemon_records_from_device_files(tmp_path, seconds):
     recording = load_recording(tmp_path / "bench.jsonl")
     tray, nexstar = load_tray(tmp_path / "tray.toml"), load_aircraft("nexstar")
     for table in tray.sensors:
-        turns = replay(recording, table.name, lambda buses, table=table: wiring.maker(table, tray, buses, nexstar)())
+        turns = replay(recording, table.name, lambda buses, table=table: driver_factory(table, tray, buses, nexstar)())
         played = [sample for turn in turns for sample in turn.samples]
         for topic in table.topics:
             # What came after its tick's deadline is not in the log.

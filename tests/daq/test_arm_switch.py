@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from test_daemon import SteadyFelt, default_tray
 
-from daq.arm import ArmSwitch
-from daq.config import Arm
+from daq.arm_switch import ArmSwitch
+from daq.config import ArmSwitchConfig
 from daq.daemon import record
 from daq.sensors import Sample
 from flight.log_reader import read_log
@@ -22,30 +22,30 @@ def texts(switch, *pulses_us):
         # The servo on the same channel stands on the other side.
         heard = Controls(pulse_us=[1500, 2500 - pulse], stick_pulse_us=[1500, pulse]) if pulse is not None else None
         message = heard or Controls(status=Status.NO_DATA)
-        found += [event.text for event in switch.look([Sample("/controls", 0, message)])]
+        found += [event.text for event in switch.update([Sample("/controls", 0, message)])]
     return found
 
 
 def test_it_tells_when_it_is_moved_and_not_when_it_trembles():
-    switch = ArmSwitch(Arm(channel=2, above_us=1600))
+    switch = ArmSwitch(ArmSwitchConfig(channel=2, above_us=1600))
     assert texts(switch, 1000, 1000, 1900, 1601, 1590, 1570, 1900) == ["armed"]
     assert texts(switch, 1500, 1590) == ["disarmed"]
 
 
 def test_on_an_output_it_does_not_look_at_the_sticks():
-    switch = ArmSwitch(Arm(channel=2, seen_at="servos"))
+    switch = ArmSwitch(ArmSwitchConfig(channel=2, seen_at="servos"))
     assert texts(switch, 1900, 800, 1900) == ["armed", "disarmed"]  # the output at 600, 1700, 600 us
     servos_only = [Sample("/controls", 0, Controls(pulse_us=[1500, 1900]))]
-    assert [event.text for event in switch.look(servos_only)] == ["armed"]
-    assert ArmSwitch(Arm(channel=2)).look(servos_only) == []
+    assert [event.text for event in switch.update(servos_only)] == ["armed"]
+    assert ArmSwitch(ArmSwitchConfig(channel=2)).update(servos_only) == []
 
 
 def test_without_signal_it_stays_where_it_was():
-    switch = ArmSwitch(Arm(channel=2, action="record"))
+    switch = ArmSwitch(ArmSwitchConfig(channel=2, action="record"))
     assert not switch.recording
     assert texts(switch, None, 0, 1900, None, 0) == ["armed"]
     assert switch.recording
-    assert ArmSwitch(None).recording and ArmSwitch(Arm(channel=2)).recording
+    assert ArmSwitch(None).recording and ArmSwitch(ArmSwitchConfig(channel=2)).recording
 
 
 class SwitchedFelt(SteadyFelt):

@@ -6,7 +6,7 @@ import pytest
 from scripted_parts import RegisterBus, bring_up
 
 from daq.sensors import SensorFailure
-from daq.sensors.ak8963 import AK8963, field_T, sensitivity
+from daq.sensors.ak8963 import AK8963Driver, field_T, sensitivity
 from flight.messages import Status
 
 
@@ -21,7 +21,7 @@ def measured(bus: RegisterBus, x: int, y: int, z: int, *, ready: int = 1, status
 
 def test_full_scale_is_4912_microtesla_and_the_axes_become_those_of_the_body():
     bus = registers()
-    sensor = AK8963(bus)
+    sensor = AK8963Driver(bus)
     bring_up(sensor)
     measured(bus, 32760, 100, -200)
     ((topic, _, message),) = sensor.read(0)
@@ -40,7 +40,7 @@ def test_sensitivity_of_the_fuse_memory():
 
 def test_status_2_is_read_with_the_data_every_time():
     bus = registers()
-    sensor = AK8963(bus)
+    sensor = AK8963Driver(bus)
     bring_up(sensor)
     measured(bus, 1, 2, 3)
     asked = []
@@ -52,14 +52,14 @@ def test_status_2_is_read_with_the_data_every_time():
 
 def test_a_mode_is_only_left_through_power_down():
     bus = registers()
-    bring_up(AK8963(bus))
+    bring_up(AK8963Driver(bus))
     modes = [data[1] & 0xF for _, data in bus.written if data[0] == 0x0A]
     assert modes == [0xF, 0x0, 0x6]
 
 
 def test_overflow_of_the_sensor_is_saturation():
     bus = registers()
-    sensor = AK8963(bus)
+    sensor = AK8963Driver(bus)
     bring_up(sensor)
     measured(bus, 30000, 30000, 0, status2=0x18)
     assert sensor.read(0)[0].message.status is Status.SATURATED
@@ -67,7 +67,7 @@ def test_overflow_of_the_sensor_is_saturation():
 
 def test_nothing_new_is_stale_and_a_part_that_stopped_is_brought_up_again():
     bus = registers()
-    sensor = AK8963(bus)
+    sensor = AK8963Driver(bus)
     bring_up(sensor)
     measured(bus, 1, 2, 3, ready=0)
     assert sensor.read(0)[0].message.status is Status.STALE
@@ -78,7 +78,7 @@ def test_nothing_new_is_stale_and_a_part_that_stopped_is_brought_up_again():
 
 def test_a_lost_supply_is_noticed():
     bus = registers()
-    sensor = AK8963(bus)
+    sensor = AK8963Driver(bus)
     bring_up(sensor)
     bus.registers[0x0C][0x0A] = 0
     with pytest.raises(SensorFailure, match="supply"):
@@ -88,4 +88,4 @@ def test_a_lost_supply_is_noticed():
 @pytest.mark.parametrize("bus", [RegisterBus({0x0C: {0x00: 0x00}}), registers(fuse=(0, 0, 0))])
 def test_a_wrong_part_or_an_unreadable_fuse_memory_is_refused(bus):
     with pytest.raises(SensorFailure):
-        bring_up(AK8963(bus))
+        bring_up(AK8963Driver(bus))

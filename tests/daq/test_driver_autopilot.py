@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_parts import ScriptedPort, bring_up, pieces
 
-from daq.sensors.autopilot import Autopilot, battery, controls, motor_speed
+from daq.sensors.autopilot import AutopilotDriver, battery, controls, motor_speed
 from flight.aircraft import load_aircraft
 from flight.messages import Rpm, Status
 
@@ -34,9 +34,9 @@ def heartbeat() -> bytes:
     return packed(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3))
 
 
-def autopilot(**options) -> tuple[ScriptedPort, Autopilot]:
+def autopilot(**options) -> tuple[ScriptedPort, AutopilotDriver]:
     port = ScriptedPort()
-    sensor = Autopilot(port, aircraft=NEXSTAR, rate_Hz=25, **options)
+    sensor = AutopilotDriver(port, aircraft=NEXSTAR, rate_Hz=25, **options)
     bring_up(sensor)
     return port, sensor
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scripted_parts import ScriptedPort, bring_up, pieces
 
-from daq.sensors.esc_counter import EscCounter, FramedParser, LegacyParser, crc8, motor_speed_revps
+from daq.sensors.esc_counter import EscCounterDriver, FramedParser, LegacyParser, crc8, motor_speed_revps
 from flight.messages import Status
 
 TICK_NS = 40_000_000
@@ -112,14 +112,14 @@ def test_a_damaged_frame_of_the_variant_is_dropped():
         assert FramedParser().feed(damaged + framed(2, 8000)) == [8000]
 
 
-def counter(**options) -> tuple[ScriptedPort, EscCounter]:
+def counter(**options) -> tuple[ScriptedPort, EscCounterDriver]:
     port = ScriptedPort()
-    sensor = EscCounter(port, pole_pairs=7, **options)
+    sensor = EscCounterDriver(port, pole_pairs=7, **options)
     bring_up(sensor)
     return port, sensor
 
 
-def statuses(sensor: EscCounter, ticks: int) -> list[Status]:
+def statuses(sensor: EscCounterDriver, ticks: int) -> list[Status]:
     return [sample.message.status for tick in range(ticks) for sample in sensor.read(tick * TICK_NS)]
 
 

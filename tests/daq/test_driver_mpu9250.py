@@ -8,7 +8,7 @@ from scripted_parts import RegisterBus, bring_up
 
 from daq.sensors import SensorFailure
 from daq.sensors.axes import parse_axes
-from daq.sensors.mpu9250 import MPU9250
+from daq.sensors.mpu9250 import MPU9250Driver
 from flight.messages import Imu, Status
 
 ADDRESS = 0x68
@@ -42,14 +42,14 @@ class Chip(RegisterBus):
         return super().write_read(address, data, count)
 
 
-def started(**options) -> tuple[Chip, MPU9250]:
+def started(**options) -> tuple[Chip, MPU9250Driver]:
     chip = Chip()
-    sensor = MPU9250(chip, ADDRESS, **options)
+    sensor = MPU9250Driver(chip, ADDRESS, **options)
     bring_up(sensor)
     return chip, sensor
 
 
-def read(sensor: MPU9250) -> Imu:
+def read(sensor: MPU9250Driver) -> Imu:
     (sample,) = sensor.read(123)
     assert sample.topic == "/imu" and sample.time_ns == 123
     return sample.message
@@ -133,16 +133,16 @@ def test_a_part_back_at_its_defaults_is_not_read_as_if_configured(fifo):
 
 def test_another_part_at_the_address_is_refused():
     with pytest.raises(SensorFailure) as refused:
-        bring_up(MPU9250(Chip(identity=0x68), ADDRESS))
+        bring_up(MPU9250Driver(Chip(identity=0x68), ADDRESS))
     assert refused.value.status is Status.WRONG_DEVICE
-    bring_up(MPU9250(Chip(identity=0x73), ADDRESS))
+    bring_up(MPU9250Driver(Chip(identity=0x73), ADDRESS))
 
 
 def test_a_part_that_does_not_take_its_settings_is_refused():
     chip = Chip()
     chip.hook = lambda address, data: chip.registers[ADDRESS].update({0x1C: 0})
     with pytest.raises(SensorFailure, match="settings"):
-        bring_up(MPU9250(chip, ADDRESS))
+        bring_up(MPU9250Driver(chip, ADDRESS))
 
 
 def test_single_reads_take_the_narrow_filters_and_say_so():

@@ -7,7 +7,7 @@ from pyubx2 import GET, SET, UBXMessage, UBXReader
 from scripted_parts import ScriptedPort, bring_up, pieces
 
 from daq.sensors import SensorFailure
-from daq.sensors.ublox import ACK_ACK, ACK_NAK, UBlox, configuration, frame_of, solution, take_frames
+from daq.sensors.ublox import ACK_ACK, ACK_NAK, UBloxDriver, configuration, frame_of, solution, take_frames
 from flight.messages import Gps, Status
 
 TICK_NS = 40_000_000
@@ -65,7 +65,7 @@ def test_commands_are_what_the_protocol_description_says():
 @given(st.binary(max_size=300), st.lists(st.integers(0, 10_000), max_size=8))
 def test_any_bytes_in_any_pieces_never_raise(noise, cuts):
     port = ScriptedPort()
-    sensor = UBlox(port)
+    sensor = UBloxDriver(port)
     bring_up(sensor)
     port.incoming = pieces(noise, cuts)
     for tick in range(len(port.incoming) + 1):
@@ -85,7 +85,7 @@ def test_frames_after_garbage_are_found(noise, cuts):
 def test_what_only_looks_like_a_frame_does_not_hold_up_what_follows():
     """Two bytes of noise before an acknowledgement make it the head of 261 bytes, of which no more will come."""
     port = ScriptedPort()
-    sensor = UBlox(port)
+    sensor = UBloxDriver(port)
     bring_up(sensor)
     commands = configuration(10, 38400)
     port.incoming = [b"", b"\xb5\x62" + frame_of(ACK_ACK, commands[0][2:4])]
@@ -101,7 +101,7 @@ def test_a_frame_with_a_right_checksum_and_a_wrong_inside_is_corrupt_not_fatal(p
 
 def test_configuration_goes_on_only_when_acknowledged():
     port = ScriptedPort()
-    sensor = UBlox(port)
+    sensor = UBloxDriver(port)
     bring_up(sensor)
     sent = []
     for tick in range(10):
@@ -114,7 +114,7 @@ def test_configuration_goes_on_only_when_acknowledged():
 
 def test_an_unacknowledged_command_is_repeated_and_a_refused_one_is_remembered():
     port = ScriptedPort()
-    sensor = UBlox(port)
+    sensor = UBloxDriver(port)
     bring_up(sensor)
     for tick in range(60):  # PVT keeps coming: the receiver is there, it only does not acknowledge
         port.incoming.append(PVT)
@@ -128,7 +128,7 @@ def test_an_unacknowledged_command_is_repeated_and_a_refused_one_is_remembered()
 
 def test_silence_is_said_and_the_receiver_configured_again():
     port = ScriptedPort()
-    sensor = UBlox(port)
+    sensor = UBloxDriver(port)
     bring_up(sensor)
     for command in configuration(10, 38400):
         port.incoming.append(frame_of(ACK_ACK, command[2:4]))
@@ -139,7 +139,7 @@ def test_silence_is_said_and_the_receiver_configured_again():
 
 def test_damaged_solutions_are_corrupt_rather_than_silent():
     port = ScriptedPort()
-    sensor = UBlox(port)
+    sensor = UBloxDriver(port)
     bring_up(sensor)
     damaged = PVT[:20] + bytes([PVT[20] ^ 1]) + PVT[21:]
     samples = []
@@ -169,17 +169,17 @@ class Line:
 @pytest.mark.parametrize("baud", [9600, 38400])
 def test_a_receiver_at_its_factory_rate_or_at_ours_ends_up_at_ours(baud):
     line = Line(baud)
-    sensor = UBlox(line.open(38400), reopen=line.open)
+    sensor = UBloxDriver(line.open(38400), reopen=line.open)
     assert bring_up(sensor) < 0.5
     assert sensor.read(0)[0].message.status is Status.OK and line.baud == 38400
 
 
 def test_a_receiver_that_falls_back_to_its_factory_rate_is_brought_up_again():
     line = Line(38400)
-    sensor = UBlox(line.open(38400), reopen=line.open)
+    sensor = UBloxDriver(line.open(38400), reopen=line.open)
     bring_up(sensor)
     sensor.read(0)
     line.baud = 9600
-    with pytest.raises(SensorFailure, match="silent"):
+    with pytest.raises(SensorFailure, match="sends nothing"):
         for tick in range(100):
             sensor.read(tick * TICK_NS)

@@ -8,7 +8,7 @@ import tty
 import pytest
 
 from daq.bus import LinuxBuses, LinuxI2C
-from daq.station import status_of
+from daq.sensor_supervisor import status_of
 from flight.messages import Status
 from hw_fakes import fuse_i2c
 from hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C

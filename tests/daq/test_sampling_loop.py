@@ -6,10 +6,12 @@ import threading
 import pytest
 from scripted_parts import HandClock
 
-from daq.health import Health, State
-from daq.loop import every, turns
+from daq import sampling_loop
+from daq.bus_worker import NO_READINGS
+from daq.sampling_loop import cycles, grid_ticks, time_message
+from daq.sensor_health import SensorHealth, SensorState
+from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample, SensorFailure
-from daq.station import Station
 from flight.messages import Gps, Imu, Magnetometer, Rpm, Status
 
 TICK_NS = 40_000_000
@@ -35,18 +37,18 @@ class Sensor:
         return [Sample(self.topic, now_ns, self.message())]
 
 
-def beats(clock, count, stop=None, until_ns=None):
-    """The first `count` beats; the caller acts between them."""
-    ticker = every(TICK_NS, clock, stop or threading.Event(), until_ns)
-    for _, beat in zip(range(count), ticker, strict=False):
-        yield beat
+def first_ticks(clock, count, stop=None, until_ns=None):
+    """The first `count` ticks; the caller acts between them."""
+    ticker = grid_ticks(TICK_NS, clock, stop or threading.Event(), until_ns)
+    for _, tick in zip(range(count), ticker, strict=False):
+        yield tick
 
 
 def test_the_grid_does_not_drift():
     clock = HandClock()
     start_ns = clock.ns
-    for beat in beats(clock, 1000):
-        assert clock.ns == start_ns + beat.number * TICK_NS
+    for tick in first_ticks(clock, 1000):
+        assert clock.ns == start_ns + tick.number * TICK_NS
         clock.ns += 7_654_321  # work
 
 
@@ -54,11 +56,11 @@ def test_a_stall_costs_the_ticks_it_lasted_and_is_not_made_up_for():
     clock = HandClock()
     start_ns = clock.ns
     seen = []
-    for beat in beats(clock, 4):
-        seen.append(beat)
-        if beat.number == 1:
+    for tick in first_ticks(clock, 4):
+        seen.append(tick)
+        if tick.number == 1:
             clock.ns += 3 * TICK_NS + 1
-    assert [(beat.number, beat.missed) for beat in seen] == [(0, 0), (1, 0), (5, 3), (6, 0)]
+    assert [(tick.number, tick.missed) for tick in seen] == [(0, 0), (1, 0), (5, 3), (6, 0)]
     assert clock.ns == start_ns + 6 * TICK_NS
 
 
@@ -66,24 +68,24 @@ def test_lateness_is_what_the_clock_woke_us_too_late():
     clock = HandClock()
     plain = clock.sleep_until_ns
     clock.sleep_until_ns = lambda due_ns: plain(due_ns + 250_000)
-    assert [beat.late_ns for beat in beats(clock, 3)] == [250_000] * 3
+    assert [tick.late_ns for tick in first_ticks(clock, 3)] == [250_000] * 3
 
 
 def test_the_loop_ends_when_told_and_at_the_given_time():
     clock, stop = HandClock(), threading.Event()
-    assert len(list(every(TICK_NS, clock, stop, clock.ns + 10 * TICK_NS))) == 10
+    assert len(list(grid_ticks(TICK_NS, clock, stop, clock.ns + 10 * TICK_NS))) == 10
     stop.set()
-    assert list(every(TICK_NS, clock, stop)) == []
+    assert list(grid_ticks(TICK_NS, clock, stop)) == []
 
 
-def station(sensor, lane="bus", name="imu"):
-    return Station(name, lane, (sensor.topic,), lambda: sensor)
+def supervisor(sensor, device="bus", name="imu"):
+    return SensorSupervisor(name, device, (sensor.topic,), lambda: sensor)
 
 
-def statuses(place, clock, ticks):
+def statuses(supervised, clock, ticks):
     found = []
     for _ in range(ticks):
-        found += [sample.message.status for sample in place.turn(clock.ns)]
+        found += [sample.message.status for sample in supervised.read(clock.ns)]
         clock.ns += TICK_NS
     return found
 
@@ -93,8 +95,8 @@ def test_bringing_up_waits_without_holding_up_the_loop():
     sensor = Sensor(clock)
     sensor.waits = (0.1, 0.05)
     before_ns = clock.ns
-    assert statuses(station(sensor), clock, 7) == [Status.STARTING] * 5 + [Status.OK] * 2
-    assert clock.ns == before_ns + 7 * TICK_NS  # turns took no time
+    assert statuses(supervisor(sensor), clock, 7) == [Status.STARTING] * 5 + [Status.OK] * 2
+    assert clock.ns == before_ns + 7 * TICK_NS  # reading took no time
 
 
 @pytest.mark.parametrize(
@@ -110,26 +112,26 @@ def test_bringing_up_waits_without_holding_up_the_loop():
 def test_a_failure_is_logged_with_null_values_and_the_sensor_comes_back(trouble, status):
     clock = HandClock()
     sensor = Sensor(clock)
-    place = station(sensor)
-    assert statuses(place, clock, 3) == [Status.OK] * 3
+    supervised = supervisor(sensor)
+    assert statuses(supervised, clock, 3) == [Status.OK] * 3
     sensor.trouble = trouble
-    failed = [place.turn(clock.ns + i * TICK_NS)[0].message for i in range(20)]
+    failed = [supervised.read(clock.ns + i * TICK_NS)[0].message for i in range(20)]
     clock.ns += 20 * TICK_NS
     assert failed == [Imu(status=status)] * 20
     assert sensor.started > 1
     sensor.trouble = None
-    assert Status.OK in statuses(place, clock, 25)  # a second
+    assert Status.OK in statuses(supervised, clock, 25)  # a second
 
 
 def test_a_glitch_of_one_transfer_costs_one_reading_and_no_new_start():
     clock = HandClock()
     sensor = Sensor(clock)
-    place = station(sensor)
-    statuses(place, clock, 3)
+    supervised = supervisor(sensor)
+    statuses(supervised, clock, 3)
     sensor.trouble = OSError(errno.EREMOTEIO, "")
-    assert statuses(place, clock, 1) == [Status.NO_REPLY]
+    assert statuses(supervised, clock, 1) == [Status.NO_REPLY]
     sensor.trouble = None
-    assert statuses(place, clock, 3) == [Status.OK] * 3
+    assert statuses(supervised, clock, 3) == [Status.OK] * 3
     assert sensor.started == 1
 
 
@@ -143,28 +145,54 @@ def test_a_port_that_cannot_be_opened_is_tried_again():
             raise FileNotFoundError(errno.ENOENT, "No such file or directory", "/dev/ttyUSB0")
         return sensor
 
-    place = Station("rpm", "/dev/ttyUSB0", ("/rpm",), make)
-    assert "/dev/ttyUSB0" in place.open(clock.ns)
-    assert set(statuses(place, clock, 20)) == {Status.NO_REPLY}
+    supervised = SensorSupervisor("rpm", "/dev/ttyUSB0", ("/rpm",), make)
+    assert "/dev/ttyUSB0" in supervised.open(clock.ns)
+    assert set(statuses(supervised, clock, 20)) == {Status.NO_REPLY}
     there = True
-    assert Status.OK in statuses(place, clock, 14)
+    assert Status.OK in statuses(supervised, clock, 14)
 
 
-def run(clock, places, ticks, act=lambda number: None):
+def run(clock, supervisors, ticks, act=lambda number: None):
     end_ns = clock.ns + ticks * TICK_NS
     found = []
-    for turn in turns(places, rate_Hz=25, clock=clock, stop=threading.Event(), until_ns=end_ns):
-        found.append(turn)
-        act(turn.beat.number + 1)
+    for cycle in cycles(supervisors, rate_Hz=25, clock=clock, stop=threading.Event(), until_ns=end_ns):
+        found.append(cycle)
+        act(cycle.tick.number + 1)
     return found
+
+
+class WorkerWithDeadline:
+    """Reads nothing; keeps the deadlines that it was given."""
+
+    def __init__(self):
+        self.deadlines_ns = []
+
+    def start_reading(self):
+        pass
+
+    def collect(self, deadline_ns):
+        self.deadlines_ns.append(deadline_ns)
+        return NO_READINGS
+
+
+def test_readings_are_waited_for_until_80_percent_of_the_tick_even_if_it_began_late(monkeypatch):
+    """The rest of the tick is for encoding; a later deadline would delay the next tick whenever a bus hangs."""
+    clock, worker = HandClock(), WorkerWithDeadline()
+    sleep_until_ns = clock.sleep_until_ns
+    clock.sleep_until_ns = lambda due_ns: sleep_until_ns(due_ns + 5_000_000)  # each tick begins 5 ms late
+    monkeypatch.setattr(sampling_loop, "bus_workers", lambda *_, **__: [worker])
+    start_ns = clock.ns
+    run(clock, [], 3)
+    into_the_tick = [(deadline_ns - start_ns) / TICK_NS - i for i, deadline_ns in enumerate(worker.deadlines_ns)]
+    assert into_the_tick == pytest.approx([0.8] * 3)
 
 
 def test_a_dead_sensor_costs_its_own_data_only():
     clock = HandClock()
     good, dead = Sensor(clock, Magnetometer, "/mag"), Sensor(clock)
     dead.trouble = OSError(errno.EREMOTEIO, "")
-    found = run(clock, [station(dead), station(good, name="mag")], 50)
-    assert [t.beat.missed for t in found] == [0] * 50
+    found = run(clock, [supervisor(dead), supervisor(good, name="mag")], 50)
+    assert [t.tick.missed for t in found] == [0] * 50
     assert all(s.message.status is Status.OK for t in found for s in t.samples if s.topic == "/mag")
 
 
@@ -174,18 +202,20 @@ def test_a_hanging_bus_is_tried_once_a_tick_and_other_buses_keep_their_ticks():
     for sensor in hanging:
         sensor.trouble = OSError(errno.ETIMEDOUT, "")
     other = Sensor(clock, Rpm, "/rpm", cost_ns=1_000_000)
-    places = [station(sensor, name=sensor.topic) for sensor in hanging] + [station(other, lane="tty", name="rpm")]
-    found = run(clock, places, 50)
-    assert sum(t.beat.missed for t in found) == 0
-    assert max(t.beat.late_ns for t in found) == 0
+    supervisors = [supervisor(sensor, name=sensor.topic) for sensor in hanging] + [
+        supervisor(other, device="tty", name="rpm")
+    ]
+    found = run(clock, supervisors, 50)
+    assert sum(t.tick.missed for t in found) == 0
+    assert max(t.tick.late_ns for t in found) == 0
     assert sum(s.topic == "/rpm" and s.message.status is Status.OK for t in found for s in t.samples) == 50
     assert {s.message.status for t in found for s in t.samples if s.topic == "/baro"} == {Status.TIMEOUT}
 
 
-def test_each_turn_says_how_long_every_sensor_took():
+def test_each_tick_logs_how_long_every_sensor_took():
     clock = HandClock()
-    found = run(clock, [station(Sensor(clock, cost_ns=3_000_000))], 3)
-    ticks = [sample.message for turn in found for sample in turn.samples if sample.topic == "/daq/tick"]
+    found = run(clock, [supervisor(Sensor(clock, cost_ns=3_000_000))], 3)
+    ticks = [sample.message for cycle in found for sample in cycle.samples if sample.topic == "/daq/tick"]
     assert [tick.duration_ns for tick in ticks] == [{"imu": 3_000_000}] * 3
 
 
@@ -197,8 +227,8 @@ def test_time_is_paired_once_a_second_and_a_jump_of_the_system_clock_stays_in_th
         if number == 50:
             clock.unix_offset_ns += 10**18
 
-    found = run(clock, [station(gps, name="gps")], 100, jump)
-    times = [sample.message for turn in found for sample in turn.samples if sample.topic == "/time"]
+    found = run(clock, [supervisor(gps, name="gps")], 100, jump)
+    times = [sample.message for cycle in found for sample in cycle.samples if sample.topic == "/time"]
     assert len(times) == 4
     assert times[2].system_ns - times[1].system_ns == 10**18 + 10**9
     assert times[2].monotonic_ns - times[1].monotonic_ns == 10**9
@@ -215,14 +245,14 @@ def test_events_tell_of_failure_and_recovery_once():
         if number == 500:
             sensor.trouble = None
 
-    events = [event for turn in run(clock, [station(sensor)], 700, act) for event in turn.events]
+    events = [event for cycle in run(clock, [supervisor(sensor)], 700, act) for event in cycle.events]
     assert [event.severity for event in events] == ["info", "error", "info"]
     assert events[1].text == "imu failed: Remote I/O error"
     assert events[2].text == "imu works"
 
 
 def test_a_flapping_sensor_does_not_flood_the_log():
-    health = Health("imu")
+    health = SensorHealth("imu")
     events = []
     for tick in range(25 * 60):  # a minute, changing every second
         now_ns = tick * TICK_NS
@@ -234,14 +264,36 @@ def test_a_flapping_sensor_does_not_flood_the_log():
 
 
 def test_a_sensor_that_only_says_stale_is_degraded_not_failed():
-    health = Health("probe-alpha")
+    health = SensorHealth("probe-alpha")
     health.read([Status.OK], 0)
     events = [health.read([Status.STALE], tick * TICK_NS) for tick in range(1, 300)]
-    assert health.state is State.DEGRADED
+    assert health.state is SensorState.DEGRADED
     assert [event.severity for event in events if event] == ["warning"]
 
 
 def test_parts_may_be_deaf_at_power_on_without_anybody_being_told():
-    health = Health("imu")
+    health = SensorHealth("imu")
     assert [health.failed("Remote I/O error", i * 500_000_000) for i in range(4)] == [None] * 4
     assert health.failed("Remote I/O error", 2_500_000_000).severity == "error"
+
+
+def test_gps_time_runs_on_from_the_latest_solution():
+    clock = HandClock()
+    solution = (1_463_218_201_000_000_000, clock.ns)
+    clock.ns += 700_000_000
+    assert time_message(clock, solution).gps_utc_ns == 1_463_218_201_700_000_000
+
+
+def test_skipped_readings_count_as_errors():
+    clock = HandClock()
+    supervised = supervisor(Sensor(clock))
+    statuses(supervised, clock, 3)
+    supervised.skip(clock.ns)
+    assert supervised.errors == 1
+
+
+def test_single_stale_readings_with_good_ones_between_are_not_degraded():
+    health = SensorHealth("mag")
+    for tick in range(100):
+        health.read([Status.OK if tick % 10 else Status.STALE], tick * TICK_NS)
+    assert health.state is SensorState.OK

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from daq.config import parse_tray
-from daq.unit import drop_in
+from daq.systemd_unit import unit_drop_in
 
 ROOT = Path(__file__).parents[2]
 UNIT = ROOT / "systemd" / "flightpower-daq.service"
@@ -43,7 +43,7 @@ def merged(folder: Path, text: str) -> Path:
 @needs_systemd
 @pytest.mark.parametrize("of", [example, lambda: tray(UDP)], ids=["example", "telemetry over UDP"])
 def test_the_unit_exposes_next_to_nothing(tmp_path, of):
-    path = merged(tmp_path, drop_in(of()))
+    path = merged(tmp_path, unit_drop_in(of()))
     done = subprocess.run(
         ["systemd-analyze", "security", "--offline=yes", "--no-pager", str(path)], capture_output=True, text=True
     )
@@ -53,13 +53,13 @@ def test_the_unit_exposes_next_to_nothing(tmp_path, of):
 
 @needs_systemd
 def test_the_unit_is_verified(tmp_path):
-    path = merged(tmp_path, drop_in(example()))
+    path = merged(tmp_path, unit_drop_in(example()))
     done = subprocess.run(["systemd-analyze", "verify", "--man=no", str(path)], capture_output=True, text=True)
     assert done.returncode == 0 and done.stderr == "", done.stderr
 
 
 def test_the_sandbox_opens_exactly_the_trays_devices():
-    lines = drop_in(example()).splitlines()
+    lines = unit_drop_in(example()).splitlines()
     allowed = [line.removeprefix("DeviceAllow=") for line in lines if line.startswith("DeviceAllow=")]
     assert allowed == ["", "/dev/i2c-1 rw", "/dev/ttyAMA0 rw", "char-ttyUSB rw"]
     assert not any("Network" in line or "Address" in line for line in lines)
@@ -68,7 +68,7 @@ def test_the_sandbox_opens_exactly_the_trays_devices():
 
 
 def test_telemetry_over_udp_reaches_its_host_and_no_other():
-    lines = drop_in(tray(UDP)).splitlines()
+    lines = unit_drop_in(tray(UDP)).splitlines()
     assert [line for line in lines if line.startswith("IPAddressAllow=")] == [
         "IPAddressAllow=",
         "IPAddressAllow=192.168.4.2",

@@ -7,10 +7,12 @@ import pytest
 from test_daemon import SteadyFelt, default_tray
 
 from daq.daemon import record
-from daq.survey import survey
-from daq.zero import NotStill, measure, parse_zero, save
+from daq.dry_run import dry_run
+from daq.sensors import Sample
+from daq.still_air_zero import NotStill, parse_zero, save_zero, zero_from_samples
 from flight.errors import InputError
 from flight.log_reader import read_log
+from flight.messages import DifferentialPressure
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.tray import FakeTray
 
@@ -55,8 +57,8 @@ class StandingFelt(SteadyFelt):
 def taken(tmp_path, felt, **changes):
     clock = SimulatedClock(unix_at_start_ns=10**18)
     fake = FakeTray(felt, clock)
-    found = survey(default_tray(tmp_path, fake, **changes), buses=fake, clock=clock, seconds=SECONDS)
-    return measure(found.samples, ticks=found.ticks, seconds=SECONDS, unix_ns=clock.unix_ns())
+    readings = dry_run(default_tray(tmp_path, fake, **changes), buses=fake, clock=clock, seconds=SECONDS)
+    return zero_from_samples(readings.samples, ticks=readings.ticks, seconds=SECONDS, unix_ns=clock.unix_ns())
 
 
 def test_a_zero_taken_in_still_air_is_what_the_parts_are_off(tmp_path):
@@ -76,15 +78,25 @@ def test_a_zero_taken_in_still_air_is_what_the_parts_are_off(tmp_path):
 @pytest.mark.parametrize(
     ("felt", "said"),
     [
-        (StandingFelt(rate=lambda t: 0.1 * np.sin(2 * np.pi * 1.5 * t)), "/imu angular_rate_y_radps moves"),
-        (StandingFelt(rate=lambda t: 0.15 + 0 * t), "too much for a zero"),
+        (StandingFelt(rate=lambda t: 0.1 * np.sin(2 * np.pi * 1.5 * t)), "/imu angular_rate_y_radps is not steady"),
+        (StandingFelt(rate=lambda t: 0.15 + 0 * t), "limit 0.09"),
         (StandingFelt(rate=lambda t: 0.003 * t), "/imu angular_rate_y_radps drifts"),
         (StandingFelt(pressure=lambda t: 20 * np.sin(2 * np.pi * 0.3 * t)), "/probe/airspeed differential"),
         (StandingFelt(pressure=lambda t: 0.7 * t), "drifts"),
         (StandingFelt(pressure=lambda t: 100 + 0 * t), "cover the probe"),
-        (StandingFelt(motor=100.0), "the motor turns"),
+        (StandingFelt(pressure=lambda t: -100 + 0 * t), "cover the probe"),
+        (StandingFelt(motor=100.0), "the motor is running"),
     ],
-    ids=["hand on the wing", "turning", "slow turn", "gusts", "rising wind", "steady wind", "motor"],
+    ids=[
+        "hand on the wing",
+        "turning",
+        "slow turn",
+        "gusts",
+        "rising wind",
+        "steady wind",
+        "wind from behind",
+        "motor",
+    ],
 )
 def test_what_was_not_still_is_refused_with_what_to_do(tmp_path, felt, said):
     with pytest.raises(NotStill) as refused:
@@ -98,7 +110,7 @@ def test_a_dead_transducer_is_no_zero(tmp_path):
 
 
 def test_it_travels_in_every_log_and_the_readings_stay_raw(tmp_path):
-    save(taken(tmp_path, StandingFelt()), tmp_path / "zero.json")
+    save_zero(taken(tmp_path, StandingFelt()), tmp_path / "zero.json")
     clock = SimulatedClock(unix_at_start_ns=10**18)
     fake = FakeTray(StandingFelt(), clock)
     recording = record(default_tray(tmp_path, fake), buses=fake, clock=clock, until_ns=clock.now_ns() + 4 * 10**9)
@@ -121,11 +133,24 @@ def test_a_broken_zero_is_refused_before_anything_is_written(tmp_path):
 
 
 def save_and_read(tmp_path) -> str:
-    save(taken(tmp_path, StandingFelt()), tmp_path / "zero.json")
+    save_zero(taken(tmp_path, StandingFelt()), tmp_path / "zero.json")
     assert [path.name for path in tmp_path.glob("zero*")] == ["zero.json"]
     return (tmp_path / "zero.json").read_text()
 
 
 def test_a_tray_without_anything_to_zero_says_so():
     with pytest.raises(NotStill, match="no differential transducer"):
-        measure([], ticks=100, seconds=4.0, unix_ns=0)
+        zero_from_samples([], ticks=100, seconds=4.0, unix_ns=0)
+
+
+@pytest.mark.parametrize(("measured", "enough"), [(90, True), (89, False)])
+def test_nine_tenths_of_the_ticks_must_have_a_measurement(measured, enough):
+    samples = [
+        Sample("/probe/alpha", tick, DifferentialPressure(differential_pressure_Pa=1.0)) for tick in range(measured)
+    ]
+    if enough:
+        zero = zero_from_samples(samples, ticks=100, seconds=4.0, unix_ns=0)
+        assert zero.readings["/probe/alpha"]["differential_pressure_Pa"].samples == measured
+    else:
+        with pytest.raises(NotStill, match="89 measurements in 100 ticks"):
+            zero_from_samples(samples, ticks=100, seconds=4.0, unix_ns=0)

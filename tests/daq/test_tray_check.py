@@ -8,10 +8,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_parts import HandClock
 from test_daemon import EXAMPLE, NoBuses, SteadyFelt, default_tray
 
-from daq import check
+from daq import tray_check
 from daq.bus import IN_USE
 from daq.config import parse_tray
-from daq.identity import autopilot_version, identity
+from daq.part_identity import autopilot_version, identify
 from daq.sensors.autopilot import is_autopilot
 from flight.messages import TYPE_OF_TOPIC, Gps, Imu, Status
 from hw_fakes.clock import SimulatedClock
@@ -22,12 +22,12 @@ from hw_fakes.tray import FakeTray
 def test_a_tray_that_works_is_fit_to_fly(tmp_path):
     clock = SimulatedClock()
     fake = FakeTray(SteadyFelt(), clock)
-    report = check.examine(default_tray(tmp_path, fake), buses=fake, clock=clock)
+    report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock)
     assert all(line.ok for line in report.lines), report.lines
     values = {line.topic: line.values for line in report.lines}
     assert values["/probe/airspeed"] == ["309.94 ± 0 Pa"]  # 310 Pa to a count, 0.19 Pa
-    assert report.fit == (report.free_s >= check.ENOUGH_ROOM_S)
-    machine = json.loads(check.as_json(report))
+    assert report.fit == (report.free_s >= tray_check.MINIMUM_FREE_S)
+    machine = json.loads(tray_check.as_json(report))
     assert machine["missed"] == 0 and machine["fit"] == report.fit
     assert {line["topic"] for line in machine["lines"]} == set(values) and machine["facts"][0]["ok"]
 
@@ -35,12 +35,15 @@ def test_a_tray_that_works_is_fit_to_fly(tmp_path):
 def test_every_part_says_who_it_is_and_where(tmp_path):
     clock = SimulatedClock()
     fake = FakeTray(SteadyFelt(), clock)
-    report = check.examine(default_tray(tmp_path, fake), buses=fake, clock=clock, seconds=2)
+    report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock, seconds=2)
     identity = {line.topic: line.identity for line in report.lines}
     assert identity["/imu"] == "MPU-9250, 0x68 on /dev/i2c-1"
     assert identity["/mag"] == "AK8963, 0x0c on /dev/i2c-1"
     assert identity["/static"].startswith("MS5805 with C1 ")
-    assert identity["/probe/beta"] == "MS4515DO-DS5AK002DP (answers; it has no identity), 0x46 on /dev/i2c-1"
+    assert (
+        identity["/probe/beta"]
+        == "MS4515DO-DS5AK002DP (answers; the part has no identity register), 0x46 on /dev/i2c-1"
+    )
     version = "u-blox ROM CORE 3.01 (107888), hardware 00080000, FWVER=SPG 3.01, PROTVER=18.00"
     assert identity["/gps"] == f"{version}, /dev/ttyAMA0"
     assert identity["/attitude"] == "ardupilotmega 4.5.7, fixed wing, system 1, /dev/ttyUSB1"
@@ -50,7 +53,7 @@ def test_every_part_says_who_it_is_and_where(tmp_path):
     assert "3 ± 0 dimensional fix" in gps.values
     texts = [fact.text for fact in report.facts]
     assert any("50 of 50 ticks at 25 Hz" in text for text in texts)
-    assert any("h of log at" in text for text in texts) and any("can be written" in text for text in texts)
+    assert any("h of recording at" in text for text in texts) and any("is writable" in text for text in texts)
 
 
 def asked(driver: str, port, extra="", **options):
@@ -59,7 +62,7 @@ def asked(driver: str, port, extra="", **options):
     fake = FakeTray(SteadyFelt(), clock, **options)
     clock.advance_ns(2 * 10**9)
     table = parse_tray(f'[[sensors]]\ndriver="{driver}"\n{port}\n{extra}', "tray.toml", Path()).sensors[0]
-    return identity(table, fake, clock)
+    return identify(table, fake, clock)
 
 
 def test_a_counter_that_speaks_the_other_variant_is_told():
@@ -74,7 +77,7 @@ def test_a_receiver_on_the_bus_says_who_it_is():
 @pytest.mark.parametrize(
     ("driver", "port", "said"),
     [
-        ("ublox", "/dev/ttyAMA0", "u-blox (does not tell its version), /dev/ttyAMA0"),
+        ("ublox", "/dev/ttyAMA0", "u-blox (no answer to MON-VER), /dev/ttyAMA0"),
         ("esc_counter", "/dev/ttyUSB0", "pulse counter (no frames), /dev/ttyUSB0"),
         ("autopilot", "/dev/ttyUSB1", "autopilot (no heartbeat), /dev/ttyUSB1"),
         ("autopilot", "/dev/ttyUSB7", "autopilot, /dev/ttyUSB7: No such file or directory"),
@@ -95,25 +98,25 @@ def test_bus_errors_are_counted_and_a_glitch_is_no_reason_to_stay_on_the_ground(
     clock = SimulatedClock()
     fault = Fault(kind="no_acknowledge", device="alpha", start_s=4.0, duration_s=0.05)
     fake = FakeTray(SteadyFelt(), clock, faults=[fault])
-    report = check.examine(default_tray(tmp_path, fake), buses=fake, clock=clock)
+    report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock)
     alpha = next(line for line in report.lines if line.topic == "/probe/alpha")
     assert alpha.bus_errors in (1, 2) and alpha.ok and "no_reply" in alpha.trouble
     assert all(line.bus_errors == 0 for line in report.lines if line.topic != "/probe/alpha")
 
 
-@pytest.mark.parametrize(("free", "said"), [(10**6, "move logs away"), (10**12, "can be written")])
+@pytest.mark.parametrize(("free", "said"), [(10**6, "move logs to another disk"), (10**12, "is writable")])
 def test_a_card_without_room_is_not_fit(tmp_path, monkeypatch, free, said):
-    monkeypatch.setattr(check, "free_bytes", lambda _: free)
+    monkeypatch.setattr(tray_check, "free_bytes", lambda _: free)
     clock = SimulatedClock()
     fake = FakeTray(SteadyFelt(), clock)
-    report = check.examine(default_tray(tmp_path, fake), buses=fake, clock=clock, seconds=1)
+    report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock, seconds=1)
     assert any(said in fact.text for fact in report.facts)
     assert report.fit is (free > 10**9)
 
 
 def test_nothing_there_is_not_fit_and_every_line_has_advice(tmp_path):
     tray = parse_tray(EXAMPLE.read_text(), "tray.toml", tmp_path)
-    report = check.examine(tray, buses=NoBuses(), clock=HandClock())
+    report = tray_check.check_tray(tray, buses=NoBuses(), clock=HandClock())
     assert not report.fit
     assert len(report.lines) == len(TYPE_OF_TOPIC) - 3
     assert all(line.ok is False and line.advice for line in report.lines)
@@ -121,19 +124,28 @@ def test_nothing_there_is_not_fit_and_every_line_has_advice(tmp_path):
 
 def test_every_status_that_is_not_a_measurement_has_advice():
     for status in Status:
-        line = check.judge("/imu", [Imu(status=status)] * 10, 1.0)
+        line = tray_check.check_topic("/imu", [Imu(status=status)] * 10, 1.0)
         assert (line.ok is True and not line.advice) if status is Status.OK else (line.ok is False)
-        assert line.advice or status in check.FINE
+        assert line.advice or status in tray_check.GOOD_STATUSES
+
+
+STOP_SERVICE = tray_check.STOP_SERVICE
 
 
 def test_a_line_that_is_in_use_is_not_a_matter_of_wiring():
     message = Gps(status=Status.NO_REPLY)
-    assert check.judge("/gps", [message] * 10, 1.0, f"ublox, /dev/ttyAMA0: {IN_USE}").advice == check.STOP_IT
-    assert check.judge("/gps", [message] * 10, 1.0, "ublox, /dev/ttyAMA0").advice != check.STOP_IT
+    assert tray_check.check_topic("/gps", [message] * 10, 1.0, f"ublox, /dev/ttyAMA0: {IN_USE}").advice == STOP_SERVICE
+    assert tray_check.check_topic("/gps", [message] * 10, 1.0, "ublox, /dev/ttyAMA0").advice != STOP_SERVICE
 
 
-@pytest.mark.parametrize(("topic", "said"), [("/gps", check.NO_FIX), ("/rpm", check.STANDING)])
+@pytest.mark.parametrize(("topic", "said"), [("/gps", tray_check.NO_FIX), ("/rpm", tray_check.MOTOR_STOPPED)])
 def test_what_is_normal_on_the_ground_is_told_as_such(topic, said):
     message = Gps(status=Status.NO_DATA, fix_type=0) if topic == "/gps" else TYPE_OF_TOPIC[topic](status=Status.NO_DATA)
-    line = check.judge(topic, [message] * 10, 1.0)
+    line = tray_check.check_topic(topic, [message] * 10, 1.0)
     assert line.advice == said and line.ok is (None if topic == "/rpm" else False)
+
+
+@pytest.mark.parametrize(("good", "ok"), [(95, True), (94, False)])
+def test_a_sensor_that_loses_more_than_a_twentieth_of_its_readings_is_not_fit(good, ok):
+    messages = [Imu()] * good + [Imu(status=Status.NO_REPLY)] * (100 - good)
+    assert tray_check.check_topic("/imu", messages, 4.0).ok is ok

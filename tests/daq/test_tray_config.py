@@ -60,7 +60,10 @@ IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
         ("rate_Hz = 500\n" + IMU, "rate_Hz"),
         (IMU + "range_g = 3", "sensors[0].range_g"),
         (IMU + 'address = "0x68"', "sensors[0].address"),
-        ('[[sensors]]\ndriver="ms5611"\nbus="b"\naddress=0x75', "sensors[0].address: 117 (0x75) is not among"),
+        (
+            '[[sensors]]\ndriver="ms5611"\nbus="b"\naddress=0x75',
+            "sensors[0].address: 117 (0x75) is not one of",
+        ),
         (IMU + 'axes = ["x", "y", "-z"]', "right-handed"),
         (IMU + '[[sensors]]\ndriver="bmp280"', "sensors[1].driver: Invalid value 'bmp280'"),
         ('[[sensors]]\nbus="/dev/i2c-1"', "sensors[0]: Object missing required field `driver`"),
@@ -69,7 +72,7 @@ IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
         ("rate_Hz = ", "not valid TOML"),
         (
             '[[sensors]]\ndriver="honeywell"\nbus="b"\npart="SSC"\nmeasures="alpha"',
-            "sensors[0]: 'SSC' is not understood",
+            "sensors[0]: 'SSC' is not a supported part number",
         ),
         ('[[sensors]]\ndriver="autopilot"\nport="udp:14550"', "udp:HOST:PORT"),
     ],

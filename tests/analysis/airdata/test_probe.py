@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.airdata.probe import Tunnel, calibrate, flow_at_probe, parse_probe, read_tunnel, speed_dependence
-from daq.probe import load_probe
+from daq.probe_calibration import load_probe_maps
 from flight.atmosphere import density
 from flight.errors import InputError
 
@@ -149,7 +149,7 @@ def test_the_daemon_shows_what_the_analysis_finds(tmp_path: Path) -> None:
     calibration = calibrate(tunnel())
     path = tmp_path / "probe.json"
     path.write_bytes(msgspec.json.encode(calibration))
-    shown = load_probe(path)
+    shown = load_probe_maps(path)
     assert shown is not None
     for C_alpha, C_beta in ((0.0, 0.0), (0.9, -0.4), (-1.2, 1.1)):
         expected = [float(x[0]) for x in calibration.maps(np.array([C_alpha]), np.array([C_beta]))]

@@ -9,8 +9,8 @@ import pytest
 
 from analysis.signals.rest import BLOCK_S, CHANNELS, rest_segments, zero_of_attachment, zeros
 from analysis.signals.stretches import stretches
-from daq import zero as daq_zero
-from daq.zero import Reading
+from daq import still_air_zero as daq_zero
+from daq.still_air_zero import ZeroReading
 from flight.errors import InputError
 
 RATE_HZ = 25.0
@@ -100,8 +100,8 @@ def zero_file(**readings: float) -> bytes:
 
 
 def test_what_the_daemon_saves_is_what_the_analysis_reads() -> None:
-    one = {f: Reading(mean=k + 0.5, standard_deviation=0.1, samples=250) for k, f in enumerate(daq_zero.RATES)}
-    pressure = {daq_zero.DIFFERENCE: Reading(mean=-2.0, standard_deviation=0.5, samples=250)}
+    one = {f: ZeroReading(mean=k + 0.5, standard_deviation=0.1, samples=250) for k, f in enumerate(daq_zero.RATES)}
+    pressure = {daq_zero.DIFFERENCE: ZeroReading(mean=-2.0, standard_deviation=0.5, samples=250)}
     saved = daq_zero.Zero(
         format=daq_zero.FORMAT,
         taken_unix_ns=10**18,

@@ -1,6 +1,7 @@
-"""The logs of one recording: starts a new file when one is long enough, when asked to, or when the disk fails.
+"""The log files of one recording: a new file is started when the current one is large or old enough, on request, or
+when the disk fails.
 
-Ticks, time and topics run on from file to file, and each file is complete by itself.
+Tick numbers, time and topics continue from file to file. Each file can be read by itself.
 """
 
 import time
@@ -10,30 +11,30 @@ from typing import NamedTuple
 
 from zstandard import ZstdCompressor
 
-from daq.disk import CLOSE_WITHIN_S
-from daq.keeper import Keeper, number_of
+from daq.disk_space import DiskSpace, log_number
+from daq.disk_writer import CLOSE_WITHIN_S
 from daq.recorder import BACKLOG_BYTES, Recorder
 from daq.sensors import Sample
 from flight.errors import InputError
 from flight.messages import Event
 
-GIVE_UP_AFTER_S = 3.0  # on a file that cannot be written, for another reason than a full disk
-BACK_OFF = 2  # the next one is given this much longer …
-LONGEST_S = 60.0  # … up to here, so that a dying card is not littered with files
+GIVE_UP_AFTER_S = 3.0  # a file that cannot be written (unless the disk is full) is replaced after this time
+BACK_OFF_FACTOR = 2  # each further file gets this many times longer,
+MAX_PATIENCE_S = 60.0  # at most this, so that a failing card does not fill with files
 
 
-class Limits(NamedTuple):
-    """When a file is long enough."""
+class FileLimits(NamedTuple):
+    """A new file is started when the current one reaches either limit."""
 
     duration_ns: int
     size_bytes: int
 
 
-class Logbook:
-    """Where a recording goes. Nothing in here waits for the disk, except the first file's creation and `close`.
+class LogFiles:
+    """The files of a recording. Only `open` and `close` wait for the disk.
 
-    name: path of file number 0, 1, …; begin: puts into a new file what stands at its start, told its number, its
-    monotonic time [ns] and the file before it. Raises InputError when the first file cannot be created.
+    name: path of file number 0, 1, …; begin: writes the header of a new file, given the recorder, the file's number,
+    its start in monotonic time [ns] and the path of the previous file. limits: when a new file is started.
     """
 
     def __init__(
@@ -42,12 +43,12 @@ class Logbook:
         begin: Callable[[Recorder, int, int, Path | None], None],
         *,
         offset_ns: int,
-        limits: Limits,
-        keeper: Keeper,
+        limits: FileLimits,
+        disk_space: DiskSpace,
     ):
         self._name, self._begin = name, begin
-        self._offset_ns, self._limits, self._keeper = offset_ns, limits, keeper
-        self._compressor = ZstdCompressor()  # one for all files: two at a change of file would be half a megabyte more
+        self._offset_ns, self._limits, self._disk_space = offset_ns, limits, disk_space
+        self._compressor = ZstdCompressor()  # shared by all files: a second one would take half a megabyte more
         self._current: Recorder | None = None
         self._closing: dict[int, Recorder] = {}  # finished and still being written, by file number
         self._attempts = 0  # names used so far
@@ -55,12 +56,12 @@ class Logbook:
         self._began_ns = 0
         self._previous: Path | None = None
         self._patience_s = GIVE_UP_AFTER_S
-        self._announced = True  # whether the path of the current file was told
-        self._told_error = ""
-        self._dropped_before = 0  # messages, of files that are no longer current
-        self._told_dropped = 0
+        self._announced = True  # whether the path of the current file has been reported
+        self._reported_error = ""
+        self._dropped_before = 0  # messages dropped from earlier files
+        self._reported_dropped = 0
         self._losing = False
-        self._paths: dict[int, Path] = {}  # by file number, as far as they are known
+        self._paths: dict[int, Path] = {}  # by file number; a file without a path is not open yet
 
     def open(self, now_ns: int) -> None:
         """Start the first file; raises InputError when it cannot be created."""
@@ -88,55 +89,55 @@ class Logbook:
 
     @property
     def error(self) -> str:
-        """Why the disk does not take data at the moment; empty when it does."""
+        """Why the disk cannot be written at the moment; empty when it can."""
         return "" if self._current is None else self._current.disk.error
 
     @property
     def dropped(self) -> int:
-        """Messages that had to be left out."""
+        """Number of messages that were not recorded."""
         return self._dropped_before + (self._current.dropped if self._current else 0)
 
     @property
-    def _behind(self) -> bool:
+    def _backlog_full(self) -> bool:
         return self._current is not None and self._current.disk.backlog_bytes > BACKLOG_BYTES
 
     def write(self, samples: list[Sample], *, tick: int, now_ns: int) -> None:
-        """Add a tick's messages; nothing happens while there is no file."""
+        """Add a tick's messages. Does nothing while no file is open."""
         if self._current is not None:
             self._current.write(samples, tick=tick, now_ns=now_ns)
 
-    def attend(self, now_ns: int, *, wanted: bool = True, new_file: bool = False) -> list[Event]:
-        """Once a tick: open, change or close the file as it is due; what a person should know of it.
+    def update(self, now_ns: int, *, wanted: bool = True, new_file: bool = False) -> list[Event]:
+        """Open, change or close the file as required; call once a tick. Returns the events to report.
 
-        wanted: whether there should be a recording at all. new_file: somebody asks for a new one.
+        wanted: whether to record at all. new_file: start a new file now.
         """
-        current, wanted = self._current, wanted and self._keeper.room
+        current, wanted = self._current, wanted and self._disk_space.sufficient
         if current is None:
             if wanted:
                 self._start(now_ns)
         elif not wanted:
-            self._retire()
+            self._finish_current()
         elif current.disk.broken or current.disk.failing_s > self._patience_s:
-            self._replace(now_ns)
-        elif current.ticks and (new_file or self._long_enough(current, now_ns)):
-            self._retire()
+            self._replace_current(now_ns)
+        elif current.ticks and (new_file or self._reached_limit(current, now_ns)):
+            self._finish_current()
             self._start(now_ns)
         for number, recorder in list(self._closing.items()):
-            self._note(number, recorder)
+            self._note_path(number, recorder)
             if recorder.disk.done:
                 del self._closing[number]
-        return self._keeper.events() + self._events()
+        return self._disk_space.events() + self._events()
 
     def close(self) -> str:
-        """Finish the file and wait for the disk; why the end of the log may be missing, or nothing."""
-        self._keeper.stop()
+        """Finish the file and wait for the disk. Returns why the end of the log may be missing, or an empty string."""
+        self._disk_space.stop()
         if self._current is not None:
-            self._retire()
+            self._finish_current()
         error = ""
         deadline_s = time.monotonic() + CLOSE_WITHIN_S
         for number, recorder in self._closing.items():
             recorder.disk.close(max(0.1, deadline_s - time.monotonic()))
-            self._note(number, recorder)
+            self._note_path(number, recorder)
             error = error or recorder.disk.error
         return error
 
@@ -152,55 +153,55 @@ class Logbook:
         self._begin(recorder, self._files, now_ns, self._previous)
         self._current, self._files, self._began_ns, self._announced = recorder, self._files + 1, now_ns, False
 
-    def _retire(self) -> None:
+    def _finish_current(self) -> None:
         assert self._current is not None
         self._current.finish()
         self._closing[self._files - 1] = self._current
-        self._leave()
+        self._leave_current()
 
-    def _replace(self, now_ns: int) -> None:
-        """Leave a file that cannot be continued, and take what did not reach the disk to a new one."""
+    def _replace_current(self, now_ns: int) -> None:
+        """Start a new file with the data that could not be written to the current one."""
         failed = self._current
         assert failed is not None
-        self._leave()
+        self._leave_current()
         self._start(now_ns)
         assert self._current is not None
         self._current.take_over(failed)
         failed.disk.give_up()
-        self._patience_s = min(BACK_OFF * self._patience_s, LONGEST_S)
+        self._patience_s = min(BACK_OFF_FACTOR * self._patience_s, MAX_PATIENCE_S)
 
-    def _leave(self) -> None:
+    def _leave_current(self) -> None:
         assert self._current is not None
-        self._note(self._files - 1, self._current)
+        self._note_path(self._files - 1, self._current)
         self._previous = self._current.path
         self._dropped_before += self._current.dropped
         self._current = None
 
-    def _long_enough(self, current: Recorder, now_ns: int) -> bool:
+    def _reached_limit(self, current: Recorder, now_ns: int) -> bool:
         return now_ns - self._began_ns >= self._limits.duration_ns or current.log.size_bytes >= self._limits.size_bytes
 
-    def _note(self, number: int, recorder: Recorder) -> None:
+    def _note_path(self, number: int, recorder: Recorder) -> None:
         if recorder.path is not None:
             self._paths[number] = recorder.path
 
     def _events(self) -> list[Event]:
         events = []
-        error, before = self.error, self._told_error
+        error, before = self.error, self._reported_error
         if self.path is not None and not self._announced:
             self._announced = True
             self._paths[self._files - 1] = self.path
             events.append(_event("info", f"recording {self.path}"))
         if error and not before:
-            events.append(_event("error", f"cannot write the log, keeping it in memory: {error}"))
-        if self.dropped > self._told_dropped and not self._losing:
+            events.append(_event("error", f"the log cannot be written and is kept in memory: {error}"))
+        if self.dropped > self._reported_dropped and not self._losing:
             self._losing = True
-            events.append(_event("error", "the disk does not keep up and memory is full: messages are being lost"))
-        if (before or self._losing) and not error and not self._behind:
-            lost = self.dropped - self._told_dropped
-            self._losing, self._told_dropped, self._patience_s = False, self.dropped, GIVE_UP_AFTER_S
+            events.append(_event("error", "the disk is too slow and the memory is full: messages are being lost"))
+        if (before or self._losing) and not error and not self._backlog_full:
+            lost = self.dropped - self._reported_dropped
+            self._losing, self._reported_dropped, self._patience_s = False, self.dropped, GIVE_UP_AFTER_S
             text = f"{lost} messages were lost" if lost else "nothing was lost"
             events.append(_event("info", f"the log is being written again, {text}"))
-        self._told_error = error
+        self._reported_error = error
         return events
 
 
@@ -208,18 +209,18 @@ def _event(severity: str, text: str) -> Event:
     return Event(severity=severity, sensor="daq", text=text)
 
 
-def numbered(directory: Path) -> Callable[[int], Path]:
-    """Names log-NNNN.mcap past whatever is there. Raises InputError when the directory cannot be made or read."""
+def numbered_names(directory: Path) -> Callable[[int], Path]:
+    """Names log-NNNN.mcap after the highest number in use. Raises InputError if the directory is unusable."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        # Also what somebody is about to rename or copy counts: log-0007.mcap.part
-        taken = [number_of(Path(path.name.partition(".mcap")[0] + ".mcap")) for path in directory.glob("log-*.mcap*")]
+        # Names such as log-0007.mcap.part count too: somebody is copying or renaming that log.
+        taken = [log_number(Path(path.name.partition(".mcap")[0] + ".mcap")) for path in directory.glob("log-*.mcap*")]
     except OSError as error:
         raise InputError(f"{directory}: cannot be used for logs ({error.strerror or error})") from None
     first = max(taken, default=0) + 1
     return lambda number: directory / f"log-{max(first, 1) + number:04d}.mcap"
 
 
-def parts_of(path: Path) -> Callable[[int], Path]:
-    """Names for a recording whose first file has a name of its own: log.mcap, log-part2.mcap, …"""
+def part_names(path: Path) -> Callable[[int], Path]:
+    """Names for a recording whose first file is given: log.mcap, log-part2.mcap, …"""
     return lambda number: path if number == 0 else path.with_name(f"{path.stem}-part{number + 1}{path.suffix}")

@@ -1,4 +1,4 @@
-"""What travels in a log beside the messages, so that `analyze log.mcap` needs nothing else."""
+"""The files attached to a log beside its messages, so that `analyze log.mcap` needs nothing else."""
 
 import json
 from importlib import metadata, resources
@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from daq.config import Tray, read_text
-from daq.zero import parse_zero
+from daq.still_air_zero import parse_zero
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.log_writer import LogWriter
 
 
-class Luggage(NamedTuple):
-    """The files that go along, as they are."""
+class Attachments(NamedTuple):
+    """The texts of the attached files, unchanged; None for a file that the tray does not name."""
 
     tray: str
     aircraft: Aircraft | None
@@ -23,33 +23,36 @@ class Luggage(NamedTuple):
     zero: str | None
 
 
-def pack(tray: Tray) -> Luggage:
-    """Read what the tray names. Raises InputError naming the file that is missing or malformed."""
+def load_attachments(tray: Tray) -> Attachments:
+    """Read the files that the tray names. Raises InputError naming a file that is missing or malformed."""
     aircraft = load_aircraft(tray.aircraft) if tray.aircraft else None
     propeller = None if aircraft is None else propeller_text(aircraft.propulsion.propeller)
     probe = calibration_text(tray.probe_calibration, "probe")
     magnetometer = calibration_text(tray.magnetometer_calibration, "magnetometer")
-    return Luggage(tray.text, aircraft, propeller, probe, magnetometer, zero_text(tray.zero))
+    return Attachments(tray.text, aircraft, propeller, probe, magnetometer, zero_text(tray.zero))
 
 
-def stow(
+def write_attachments(
     log: LogWriter,
-    luggage: Luggage,
+    attachments: Attachments,
     *,
     rate_Hz: float,
     start_unix_ns: int,
     start_monotonic_ns: int,
     part: int = 1,
-    before: str = "",
+    previous_log: str = "",
 ) -> None:
-    """Put everything into a new log, the `part`-th of a recording; `before` is the name of the one before it."""
+    """Write all attachments and the metadata `flightpower` into a new log.
+
+    part: number of the log within its recording, from 1. previous_log: file name of the part before it.
+    """
     for name, text, media_type in (
-        ("tray.toml", luggage.tray, "application/toml"),
-        ("aircraft.toml", luggage.aircraft.text if luggage.aircraft else None, "application/toml"),
-        ("propeller.csv", luggage.propeller, "text/csv"),
-        ("probe.json", luggage.probe, "application/json"),
-        ("magnetometer.json", luggage.magnetometer, "application/json"),
-        ("zero.json", luggage.zero, "application/json"),
+        ("tray.toml", attachments.tray, "application/toml"),
+        ("aircraft.toml", attachments.aircraft.text if attachments.aircraft else None, "application/toml"),
+        ("propeller.csv", attachments.propeller, "text/csv"),
+        ("probe.json", attachments.probe, "application/json"),
+        ("magnetometer.json", attachments.magnetometer, "application/json"),
+        ("zero.json", attachments.zero, "application/json"),
     ):
         if text is not None:
             log.attach(name, text.encode(), media_type, start_unix_ns)
@@ -58,15 +61,15 @@ def stow(
         "tick_rate_Hz": f"{rate_Hz:g}",
         "start_unix_ns": str(start_unix_ns),
         "start_monotonic_ns": str(start_monotonic_ns),
-        "aircraft": luggage.aircraft.name if luggage.aircraft else "",
+        "aircraft": attachments.aircraft.name if attachments.aircraft else "",
         "part": str(part),
-        "previous_log": before,
+        "previous_log": previous_log,
     }
     log.describe("flightpower", facts)
 
 
 def version() -> str:
-    """Of this software."""
+    """The version of this software."""
     try:
         return metadata.version("flightpower")
     except metadata.PackageNotFoundError:
@@ -74,7 +77,7 @@ def version() -> str:
 
 
 def propeller_text(name_or_path: str) -> str:
-    """The file of a propeller: one that is shipped, or a path, as `flight.propeller` (which needs NumPy) finds it."""
+    """The table of a shipped propeller or of a file, found as in `flight.propeller` (which needs NumPy)."""
     shipped = resources.files("flight") / "data" / "propellers" / f"{name_or_path}.csv"
     if Path(name_or_path).suffix == "" and shipped.is_file():
         return shipped.read_text("utf-8")
@@ -84,7 +87,7 @@ def propeller_text(name_or_path: str) -> str:
 
 
 def calibration_text(path: str | None, of: str) -> str | None:
-    """A calibration of the probe or the magnetometer; only that it is a JSON object is checked here."""
+    """The calibration file of the probe or the magnetometer. Checked only for being a JSON object."""
     if path is None:
         return None
     text = read_text(Path(path))
@@ -98,7 +101,7 @@ def calibration_text(path: str | None, of: str) -> str | None:
 
 
 def zero_text(path: str) -> str | None:
-    """The still-air zero beside the tray file, if one was taken."""
+    """The still-air zero beside the tray file; None if none was taken."""
     if not Path(path).exists():
         return None
     text = read_text(Path(path))

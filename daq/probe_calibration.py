@@ -1,4 +1,4 @@
-"""The probe's calibration in plain numbers, for telemetry: the analysis has the same maps on arrays."""
+"""The probe calibration evaluated for single readings, for telemetry. The analysis has the same maps for arrays."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -9,16 +9,18 @@ from daq.config import read_text
 
 FIRST_FORMAT = "flightpower-probe-1"
 FORMATS = (FIRST_FORMAT, "flightpower-probe-2")
-LEAST_SUM = 1e-3
+MIN_SUM = 1e-3
 
 
-class Flow(NamedTuple):
+class FlowAngles(NamedTuple):
+    """Angles of attack and sideslip, and the ratio of measured to true dynamic pressure."""
+
     alpha_rad: float
     beta_rad: float
     q_ratio: float  # q_c/qbar
 
 
-class Surface(msgspec.Struct, frozen=True):
+class PolynomialMap(msgspec.Struct, frozen=True):
     """(sum of coefficient * x^i * y^j)^exponent."""
 
     powers: list[tuple[int, int]]
@@ -28,33 +30,33 @@ class Surface(msgspec.Struct, frozen=True):
     def at(self, x: float, y: float) -> float:
         terms = zip(self.powers, self.coefficients, strict=True)
         total = sum(coefficient * x**i * y**j for (i, j), coefficient in terms)
-        return total if self.exponent == 1 else float(max(total, LEAST_SUM) ** self.exponent)
+        return total if self.exponent == 1 else float(max(total, MIN_SUM) ** self.exponent)
 
 
-class Probe(msgspec.Struct, frozen=True):
+class ProbeMaps(msgspec.Struct, frozen=True):
     """The maps of a `probe.json` from C_alpha = dp_alpha/q_c, C_beta = dp_beta/q_c."""
 
     format: str
-    alpha_rad: Surface
-    beta_rad: Surface
-    q_ratio: Surface
+    alpha_rad: PolynomialMap
+    beta_rad: PolynomialMap
+    q_ratio: PolynomialMap
     hull: list[tuple[float, float]]
 
-    def flow(self, C_alpha: float, C_beta: float) -> Flow:
-        """Flow angles and q_c/qbar. Beyond the calibrated region its nearest corner's box is taken: for display."""
+    def flow(self, C_alpha: float, C_beta: float) -> FlowAngles:
+        """Flow angles and q_c/qbar. For display: inputs are limited to the bounding box of the calibration."""
         low_a, high_a = min(a for a, _ in self.hull), max(a for a, _ in self.hull)
         low_b, high_b = min(b for _, b in self.hull), max(b for _, b in self.hull)
         a, b = min(max(C_alpha, low_a), high_a), min(max(C_beta, low_b), high_b)
         ratio = max(self.q_ratio.at(a, b), 0.1)
-        # The angles are maps of C_alpha and C_beta in the first format, of dp_alpha/qbar and dp_beta/qbar since.
+        # In the first format the angles are functions of C_alpha and C_beta, later of dp_alpha/qbar and dp_beta/qbar.
         x, y = (a, b) if self.format == FIRST_FORMAT else (a * ratio, b * ratio)
-        return Flow(self.alpha_rad.at(x, y), self.beta_rad.at(x, y), ratio)
+        return FlowAngles(self.alpha_rad.at(x, y), self.beta_rad.at(x, y), ratio)
 
 
-def load_probe(path: Path) -> Probe | None:
-    """The calibration of a file, None when it is of another kind; raises InputError when it cannot be read."""
+def load_probe_maps(path: Path) -> ProbeMaps | None:
+    """The maps of a calibration file; None if it has another format. Raises InputError when it cannot be read."""
     try:
-        probe = msgspec.json.decode(read_text(path), type=Probe)
+        probe = msgspec.json.decode(read_text(path), type=ProbeMaps)
     except msgspec.MsgspecError:
         return None
     if probe.format not in FORMATS or not probe.hull:

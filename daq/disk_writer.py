@@ -1,8 +1,8 @@
-"""A file on its way to the disk: written and synced by a thread of its own that does nothing but I/O.
+"""Writes and syncs a file in a thread of its own that only does I/O.
 
 Python threads that compute delay each other; a thread that waits for a slow SD card does not delay the sampling.
-What was handed over is kept until it is synced, because after a failed sync nobody knows what is on the card (on Linux
-the kernel then forgets the pages and reports the error once; see fsync(2), "NOTES" and "ERRORS").
+Data are kept in memory until they are synced, because after a failed sync the content of the card is unknown: Linux
+discards the pages and reports the error once (fsync(2), "NOTES" and "ERRORS").
 """
 
 import errno
@@ -15,32 +15,32 @@ from collections.abc import Callable
 from pathlib import Path
 
 SYNC_EVERY_S = 0.25
-RETRY_EVERY_S = 1.0  # after a write error: a card may be emptied, a stalled one may come back
-SILENCE_S = 2.0  # a write or sync that takes longer is told
-CLOSE_WITHIN_S = 8.0  # of a disk that does not answer; the service manager's patience is longer than this
-WRITE_BYTES = 2**18  # at a time: while they are put together, the sampling cannot compute
+RETRY_EVERY_S = 1.0  # after a write error: space may be freed, a stalled card may recover
+SLOW_CALL_S = 2.0  # a write or sync that takes longer is reported
+CLOSE_WITHIN_S = 8.0  # for a disk that does not answer; TimeoutStopSec of the systemd unit is longer
+WRITE_BYTES = 2**18  # per call: while these bytes are joined, the sampling thread cannot run
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 
 class DiskWriter:
-    """A new file that is written and synced in the background. Satisfies what `LogWriter` asks of a stream.
+    """A new file, written and synced in the background. Can be the stream of a `LogWriter`.
 
-    name: its path, and the next one to try when there is something already; that is never touched. With `wait` the file
-    is created before this returns, with the first name or OSError; without, in the background, where that is tried
-    until it succeeds.
+    name: path for attempt 0, 1, …; an existing file is never overwritten. With `wait`, the file is created with the
+    first name before this returns; raises OSError if that fails. Without, the background thread tries until it
+    succeeds, with the next name if one exists already.
     """
 
     def __init__(self, name: Callable[[int], Path], *, wait: bool = True):
         self._name, self._attempt = name, 0
-        self.path: Path | None = None  # once it is open
+        self.path: Path | None = None  # None until the file is open
         self._file = -1
         self._error = ""
         self._errno = 0
         self._failing_since_s: float | None = None
-        self._busy_since_s: float | None = None  # the call that the thread is in
-        self.broken = False  # a sync failed: this file cannot be trusted with more
-        self._waiting: deque[bytes] = deque()  # not written yet; the first perhaps in part
-        self._head_written = 0  # bytes of the first that are
+        self._busy_since_s: float | None = None  # start of the write or sync that has not returned yet
+        self.broken = False  # a sync failed: nothing more is written to this file
+        self._waiting: deque[bytes] = deque()  # not written yet, or the first one in part
+        self._head_written = 0  # bytes of the first one that are written
         self._unsynced: deque[bytes] = deque()
         self._position = 0
         self._backlog_bytes = 0
@@ -53,25 +53,25 @@ class DiskWriter:
 
     @property
     def error(self) -> str:
-        """What is wrong with the disk at the moment; empty when it takes data."""
+        """Why the disk cannot be written at the moment; empty when it can."""
         busy_s = self._busy_since_s
-        if busy_s is not None and time.monotonic() - busy_s > SILENCE_S:
+        if busy_s is not None and time.monotonic() - busy_s > SLOW_CALL_S:
             return f"{self.path or 'a new file'}: the disk does not answer"
         return self._error
 
     @property
     def failing_s(self) -> float:
-        """For how long it has refused data for another reason than being full; 0 when it does not."""
+        """For how long writing has failed [s], for another reason than a full disk; 0 when it works."""
         since_s = self._failing_since_s
         return 0.0 if since_s is None or self._errno in FULL else time.monotonic() - since_s
 
     @property
     def backlog_bytes(self) -> int:
-        """Handed over and not written yet."""
+        """Number of bytes not written yet."""
         return self._backlog_bytes
 
     def write(self, data: bytes) -> int:
-        """Hand over; never waits."""
+        """Queue data for writing. Never waits."""
         with self._changed:
             self._waiting.append(data)
             self._backlog_bytes += len(data)
@@ -79,34 +79,34 @@ class DiskWriter:
         return len(data)
 
     def unsaved(self) -> list[bytes]:
-        """What was handed over and is not known to be on the disk, in pieces as they came."""
+        """The data not known to be on the disk, in the pieces given to `write`."""
         with self._changed:
             return [*self._unsynced, *self._waiting]
 
-    def retire(self) -> None:
-        """Write what is left, sync, close, without waiting for it."""
+    def finish(self) -> None:
+        """Write the remaining data, sync and close, in the background."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
 
     def give_up(self) -> None:
-        """Close without writing what is left."""
+        """Close without writing the remaining data."""
         with self._changed:
             self._closing = self._given_up = True
             self._changed.notify_all()
 
     def close(self, within_s: float = CLOSE_WITHIN_S) -> None:
-        """`retire`, and wait for it: as long as the disk takes data, at most `within_s` when it does not.
+        """Finish the file and wait for the disk: at most `within_s` without progress.
 
-        After an error there is one more try. `error` says so when the end of the file is missing.
+        After an error there is one more attempt. Afterwards `error` is set if the end of the file is missing.
         """
-        self.retire()
-        left, since_s = self._backlog_bytes, time.monotonic()
+        self.finish()
+        remaining, progress_s = self._backlog_bytes, time.monotonic()
         while self._thread.is_alive():
             self._thread.join(0.1)
-            if self._backlog_bytes != left:
-                left, since_s = self._backlog_bytes, time.monotonic()
-            if time.monotonic() - since_s > within_s:
+            if self._backlog_bytes != remaining:
+                remaining, progress_s = self._backlog_bytes, time.monotonic()
+            if time.monotonic() - progress_s > within_s:
                 self._error = self.error or f"{self.path}: the disk does not answer"
                 self.give_up()
                 return
@@ -126,8 +126,8 @@ class DiskWriter:
                 if self._given_up:
                     break
             try:
-                if self.broken:  # what is handed over is kept for another file
-                    raise OSError(self._errno, "a sync failed, and the file is not continued")
+                if self.broken:  # the data are kept for another file
+                    raise OSError(self._errno, "a sync failed, nothing more is written to this file")
                 if self._file < 0:
                     self._open()
                 self._write_some()
@@ -152,7 +152,7 @@ class DiskWriter:
             os.close(self._file)
 
     def _open(self, *, take_next: bool = True) -> None:
-        """Create the file, and make its name survive a power cut."""
+        """Create the file and sync its directory entry."""
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
         while self._file < 0:
             path = self._name(self._attempt)
@@ -164,22 +164,22 @@ class DiskWriter:
                     raise
                 self._attempt += 1
         self.path = path
-        fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # so that nobody takes it for an unfinished one
+        fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # marks the file as being written, see log_recovery
         sync_directory(path.parent)
         self._busy_since_s = None
 
     def _write_some(self) -> None:
-        """Write what waits, and move what the disk has accepted to what is to be synced."""
+        """Write the waiting data and move what the disk has accepted to the unsynced data."""
         while True:
             with self._changed:
                 if not self._waiting:
                     return
                 pieces: list[memoryview] = []
-                begin, room = self._head_written, WRITE_BYTES
+                begin, capacity = self._head_written, WRITE_BYTES
                 for piece in self._waiting:
-                    pieces.append(memoryview(piece)[begin : begin + room])
-                    begin, room = 0, room - len(pieces[-1])
-                    if not room:
+                    pieces.append(memoryview(piece)[begin : begin + capacity])
+                    begin, capacity = 0, capacity - len(pieces[-1])
+                    if not capacity:
                         break
             self._busy_since_s = time.monotonic()
             count = os.pwrite(self._file, b"".join(pieces), self._position)
@@ -209,7 +209,7 @@ class DiskWriter:
 
 
 def sync_directory(directory: Path) -> None:
-    """Make a new name in `directory` survive a power cut."""
+    """Sync a directory, so that a new file name in it survives a power cut."""
     handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(handle)

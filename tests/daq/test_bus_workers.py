@@ -1,7 +1,7 @@
-"""Buses and lines that hang, on a real clock: they cost their own data, and no tick of anybody else.
+"""Buses and serial lines that hang, on a real clock: they cost their own data and no tick of other sensors.
 
-That nobody waits for them is shown without a stopwatch: what hangs comes back only after ticks have gone by meanwhile.
-How late ticks are, and that none is missed, is a matter of the machine too: `benchmarks/daemon.py soak` measures it.
+That the loop does not wait for them is shown without measuring time: a read that hangs returns only after the loop has
+done further ticks. Lateness and missed ticks also depend on the machine: `benchmarks/daemon.py soak` measures them.
 """
 
 import errno
@@ -11,18 +11,18 @@ import threading
 import pytest
 
 from daq.clock import SystemClock
-from daq.loop import turns
+from daq.sampling_loop import cycles
+from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample
-from daq.station import Station
 from flight.messages import Imu, Rpm, Status
 
 RATE_HZ = 50.0
-IN_VAIN_S = 10.0  # something hangs for as long as this only if the loop waits for it
+GIVE_UP_S = 60.0  # a read hangs for as long as this only if the loop waits for it
 
 
 @pytest.fixture(autouse=True)
 def real_time():
-    """As the unit runs it: ahead of what else this machine does. Without the right to, as good as it goes."""
+    """Use the real-time priority of the systemd unit, if permitted."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
     except PermissionError:
@@ -33,7 +33,7 @@ def real_time():
 
 
 class Part:
-    """Answers at once, or as `trouble` says."""
+    """Answers at once, unless `trouble` hangs or raises."""
 
     def __init__(self, topic, message):
         self.topic, self.message = topic, message
@@ -48,11 +48,11 @@ class Part:
 
 
 class Ticks:
-    """How far the loop is."""
+    """The number of the loop's latest tick."""
 
     def __init__(self):
         self._number, self._changed = 0, threading.Condition()
-        self.waited_in_vain = 0
+        self.gave_up = 0
 
     def tell(self, number):
         with self._changed:
@@ -63,40 +63,42 @@ class Ticks:
         """Hang until the loop has done `count` more ticks."""
         with self._changed:
             until = self._number + count
-            patience_s = 0.0 if self.waited_in_vain else IN_VAIN_S
-            self.waited_in_vain += not self._changed.wait_for(lambda: self._number >= until, patience_s)
+            patience_s = 0.0 if self.gave_up else GIVE_UP_S
+            self.gave_up += not self._changed.wait_for(lambda: self._number >= until, patience_s)
 
 
 def run(act, ticks=150):
-    """Two parts on a bus and one on a line; `act` is told each tick before its turn. The turns, by their number."""
+    """Run two parts on a bus and one on a line; `act` is called before each tick. Returns the cycles by tick number."""
     imu, baro, rpm = Part("/imu", Imu), Part("/mag", Imu), Part("/rpm", Rpm)
-    places = [
-        Station("imu", "i2c-1", ("/imu",), lambda: imu, may_hang=True),
-        Station("rpm", "tty", ("/rpm",), lambda: rpm),
-        Station("mag", "i2c-1", ("/mag",), lambda: baro, may_hang=True),
+    supervisors = [
+        SensorSupervisor("imu", "i2c-1", ("/imu",), lambda: imu, blocking=True),
+        SensorSupervisor("rpm", "tty", ("/rpm",), lambda: rpm),
+        SensorSupervisor("mag", "i2c-1", ("/mag",), lambda: baro, blocking=True),
     ]
     clock, progress = SystemClock(), Ticks()
     found = {}
     until_ns = clock.now_ns() + round(ticks / RATE_HZ * 1e9)
-    for turn in turns(places, rate_Hz=RATE_HZ, clock=clock, stop=threading.Event(), until_ns=until_ns, watched=True):
-        found[turn.beat.number] = turn
-        progress.tell(turn.beat.number)
-        act(turn.beat.number + 1, imu, rpm, progress)
-    assert not progress.waited_in_vain
-    assert sum(turn.beat.missed for turn in found.values()) == max(found) + 1 - len(found)
+    for cycle in cycles(
+        supervisors, rate_Hz=RATE_HZ, clock=clock, stop=threading.Event(), until_ns=until_ns, threaded=True
+    ):
+        found[cycle.tick.number] = cycle
+        progress.tell(cycle.tick.number)
+        act(cycle.tick.number + 1, imu, rpm, progress)
+    assert not progress.gave_up
+    assert sum(cycle.tick.missed for cycle in found.values()) == max(found) + 1 - len(found)
     return found
 
 
 def statuses(found, topic, begin=0, end=10**9):
-    turns_between = (turn for number, turn in found.items() if begin <= number < end)
-    return [s.message.status for turn in turns_between for s in turn.samples if s.topic == topic]
+    selected = (cycle for number, cycle in found.items() if begin <= number < end)
+    return [s.message.status for cycle in selected for s in cycle.samples if s.topic == topic]
 
 
 def assert_each_tick_has_its_message(found, topics=("/imu", "/mag")):
-    assert all([s.topic for s in turn.samples].count(topic) == 1 for turn in found.values() for topic in topics)
+    assert all([s.topic for s in cycle.samples].count(topic) == 1 for cycle in found.values() for topic in topics)
 
 
-def test_what_a_line_brings_late_is_logged_late_and_once():
+def test_late_readings_of_a_line_are_logged_late_and_once():
     """A line that holds up its reader for five ticks: its next reading comes after them, with its own time."""
 
     asked_at = []
@@ -108,7 +110,7 @@ def test_what_a_line_brings_late_is_logged_late_and_once():
 
     found = run(act, ticks=80)
     assert_each_tick_has_its_message(found)
-    times_ns = {number: [s.time_ns for s in turn.samples if s.topic == "/rpm"] for number, turn in found.items()}
+    times_ns = {number: [s.time_ns for s in cycle.samples if s.topic == "/rpm"] for number, cycle in found.items()}
     in_order = [time_ns for times in times_ns.values() for time_ns in times]
     assert in_order == sorted(set(in_order))
     numbers = list(found)
@@ -134,12 +136,12 @@ def test_a_transfer_longer_than_a_tick_costs_no_tick():
     assert set(statuses(found, "/rpm")) == {Status.OK}
 
 
-def test_a_bus_that_never_returns_is_told_and_left_alone():
+def test_a_bus_that_hangs_is_reported_and_not_read_until_it_returns():
     release = threading.Event()
 
     def act(number, imu, rpm, progress):
         if number >= 20:
-            imu.trouble = lambda: release.wait(IN_VAIN_S)
+            imu.trouble = lambda: release.wait(GIVE_UP_S)
         if number >= 100:
             imu.trouble = lambda: None
             release.set()
@@ -149,8 +151,8 @@ def test_a_bus_that_never_returns_is_told_and_left_alone():
     assert set(statuses(found, "/imu", 22, 100)) == {Status.TIMEOUT}
     assert Status.OK in statuses(found, "/imu", 102)
     assert set(statuses(found, "/rpm")) == {Status.OK}
-    texts = [event.text for turn in found.values() for event in turn.events]
-    assert "i2c-1 hangs: it gave no answer for 0.5 s" in texts and "i2c-1 answers again" in texts
+    texts = [event.text for cycle in found.values() for event in cycle.events]
+    assert "i2c-1 hangs: no answer for 0.5 s" in texts and "i2c-1 answers again" in texts
 
 
 def test_a_healthy_tray_is_read_in_the_order_of_its_bus():
@@ -159,5 +161,5 @@ def test_a_healthy_tray_is_read_in_the_order_of_its_bus():
     for topic in ("/imu", "/mag", "/rpm"):
         assert Status.OK in statuses(found, topic)
         assert set(statuses(found, topic)) <= {Status.OK, Status.TIMEOUT}  # a busy machine may hold up a bus
-    for turn in found.values():
-        assert [s.topic for s in turn.samples if s.topic in ("/imu", "/mag")] == ["/imu", "/mag"]
+    for cycle in found.values():
+        assert [s.topic for s in cycle.samples if s.topic in ("/imu", "/mag")] == ["/imu", "/mag"]

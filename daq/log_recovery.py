@@ -1,7 +1,7 @@
-"""Completing logs that a power cut left unfinished, so that any MCAP reader opens them, and quickly.
+"""Completes logs that a power cut left unfinished, so that any MCAP reader opens them without scanning the file.
 
-Nothing that can be read is touched: what is cut off is the torn record at the end, and in its place comes the index
-that a finished log has. A last chunk whose message indices are torn gets them anew.
+Readable records are not changed. The damaged record at the end is replaced by the index of a finished log. If the
+message indices of the last chunk are damaged, they are written again.
 """
 
 import fcntl
@@ -17,29 +17,31 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Chunk
 
-from daq.disk import sync_directory
+from daq.disk_writer import sync_directory
 from flight.log_index import MAGIC, RECORD_HEAD, LogIndex
 from flight.log_writer import INDEX_ENTRY, MESSAGE_HEAD, message_index
 
-LONGEST_RECORD = 2**31
-# What was synced is whole: a power cut can only hurt the last second, two or three chunks. Checking the checksums of
-# ten times as many costs little; of all of them, it would cost seconds of the flight after next power-on.
-SUSPECT_CHUNKS = 32
+MAX_RECORD_BYTES = 2**31
+# Synced data are intact: a power cut can only damage the last second, two or three chunks. Verifying the checksums of
+# ten times as many takes little time; verifying all would delay the recording after power-on by seconds.
+VERIFIED_CHUNKS = 32
 
 
-class Salvaged(NamedTuple):
+class RecoveredLog(NamedTuple):
+    """A log that was completed, the bytes kept of it, and the damaged bytes removed from its end."""
+
     path: Path
     kept_bytes: int
     cut_bytes: int
 
 
-def complete_unfinished(directory: Path) -> list[Salvaged]:
-    """Complete each unfinished log of `directory` that nobody is writing; raises OSError when it cannot be."""
-    return [done for path in sorted(directory.glob("log-*.mcap")) if (done := complete(path)) is not None]
+def recover_unfinished(directory: Path) -> list[RecoveredLog]:
+    """Complete every unfinished log in `directory` that no process is writing. Raises OSError on I/O errors."""
+    return [done for path in sorted(directory.glob("log-*.mcap")) if (done := recover(path)) is not None]
 
 
-def complete(path: Path) -> Salvaged | None:
-    """Complete one log, if it needs it. A file that does not begin like a log is left alone."""
+def recover(path: Path) -> RecoveredLog | None:
+    """Complete one log if it is unfinished; otherwise return None. A file that is not a log is not changed."""
     with path.open("r+b") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -50,7 +52,7 @@ def complete(path: Path) -> Salvaged | None:
             stream.seek(-len(MAGIC), os.SEEK_END)
             if stream.read() == MAGIC:
                 return None
-        kept = sound_length(stream)
+        kept = intact_length(stream)
         if kept <= len(MAGIC):
             return None
         ending = ending_of(stream, kept)
@@ -60,42 +62,42 @@ def complete(path: Path) -> Salvaged | None:
         stream.flush()
         os.fsync(stream.fileno())
     sync_directory(path.parent)
-    return Salvaged(path, kept, size - kept)
+    return RecoveredLog(path, kept, size - kept)
 
 
-def sound_length(stream: BinaryIO) -> int:
-    """How many bytes of a log are whole records, counted from its start; 0 if it is not one.
+def intact_length(stream: BinaryIO) -> int:
+    """Length in bytes of the intact records at the start of a log; 0 if the file is not a log.
 
-    The last chunks are believed only if their checksums are right, message indices only if a sound record stands behind
-    them (they carry none).
+    The last VERIFIED_CHUNKS chunks count as intact only if their checksums are right. Message indices have no checksum
+    and count only if an intact record follows them.
     """
     stream.seek(0)
     if stream.read(len(MAGIC)) != MAGIC:
         return 0
     size = stream.seek(0, os.SEEK_END)
-    whole = position = len(MAGIC)
-    tail: deque[tuple[int, int]] = deque(maxlen=SUSPECT_CHUNKS)  # begin and end of chunks
+    intact = position = len(MAGIC)
+    tail: deque[tuple[int, int]] = deque(maxlen=VERIFIED_CHUNKS)  # begin and end of chunks
     stream.seek(position)
     while len(head := stream.read(RECORD_HEAD.size)) == RECORD_HEAD.size:
         opcode, length = RECORD_HEAD.unpack(head)
         end = position + RECORD_HEAD.size + length
-        if opcode in (0, Opcode.DATA_END) or length > LONGEST_RECORD or end > size:
+        if opcode in (0, Opcode.DATA_END) or length > MAX_RECORD_BYTES or end > size:
             break
         if opcode == Opcode.CHUNK:
             tail.append((position, end))
         if opcode != Opcode.MESSAGE_INDEX:
-            whole = end
+            intact = end
         stream.seek(end)
         position = end
     for begin, end in tail:
         stream.seek(begin + RECORD_HEAD.size)
-        if not chunk_is_sound(stream.read(end - begin - RECORD_HEAD.size)):
+        if not chunk_is_intact(stream.read(end - begin - RECORD_HEAD.size)):
             return begin
-    return whole
+    return intact
 
 
 def ending_of(stream: BinaryIO, length: int) -> bytes:
-    """What makes a finished log of the first `length` bytes of one, which are whole records."""
+    """The bytes to append to the first `length` bytes of a log, which are intact records, to make it a finished log."""
     index = LogIndex()
     position = len(MAGIC)
     stream.seek(position)
@@ -113,8 +115,8 @@ def ending_of(stream: BinaryIO, length: int) -> bytes:
 
 
 def message_indices(content: bytes) -> list[bytes]:
-    """The message index records that belong behind a sound chunk, one for each channel in it."""
-    _, data = unpacked(content)
+    """The message index records of an intact chunk, one for each channel in it."""
+    _, data = decompressed(content)
     entries: dict[int, bytearray] = {}
     at = 0
     while at < len(data):
@@ -126,16 +128,16 @@ def message_indices(content: bytes) -> list[bytes]:
     return [message_index(channel, these) for channel, these in entries.items()]
 
 
-def unpacked(content: bytes) -> tuple[Chunk, bytes]:
-    """A chunk and what is in it, decompressed."""
+def decompressed(content: bytes) -> tuple[Chunk, bytes]:
+    """A chunk and its decompressed data."""
     chunk = Chunk.read(ReadDataStream(io.BytesIO(content)))
     return chunk, zstandard.decompress(chunk.data, chunk.uncompressed_size) if chunk.compression else chunk.data
 
 
-def chunk_is_sound(content: bytes) -> bool:
-    """Whether a chunk can be decompressed to what its checksum says."""
+def chunk_is_intact(content: bytes) -> bool:
+    """Whether a chunk can be decompressed and its checksum is right."""
     try:
-        chunk, data = unpacked(content)
-    except Exception:  # whatever a torn chunk makes the two decoders say
+        chunk, data = decompressed(content)
+    except Exception:  # a damaged chunk makes the decoders raise various exceptions
         return False
     return len(data) == chunk.uncompressed_size and chunk.uncompressed_crc in (0, zlib.crc32(data))

@@ -1,4 +1,4 @@
-"""Telling systemd how we are (sd_notify(3)): one datagram to the socket it names; nothing happens without systemd."""
+"""Service notifications to systemd (sd_notify(3)): one datagram to $NOTIFY_SOCKET. Does nothing without systemd."""
 
 import os
 import socket
@@ -7,7 +7,7 @@ READY, ALIVE, STOPPING = "READY=1", "WATCHDOG=1", "STOPPING=1"
 
 
 def notify(*states: str) -> None:
-    """Send states such as READY or "STATUS=recording"; a socket that cannot be reached is no reason to stop."""
+    """Send states such as READY or "STATUS=recording". Errors of the socket are ignored."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
         return

@@ -1,15 +1,17 @@
-"""What a log holds, in numbers: for `daq info`."""
+"""The contents of a log in numbers: for `daq info`."""
 
 from collections import Counter
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from daq.health import FINE
+from daq.sensor_health import GOOD_STATUSES
 from flight.log_reader import Entry, Log, read_log
 
 
 class TopicSummary(NamedTuple):
+    """Message count, rate and failures of one topic."""
+
     topic: str
     messages: int
     rate_Hz: float
@@ -17,12 +19,14 @@ class TopicSummary(NamedTuple):
 
 
 class Summary(NamedTuple):
+    """General lines of text, and one row for each topic."""
+
     lines: list[str]
     topics: list[TopicSummary]
 
 
 def summarise(path: Path) -> Summary:
-    """Raises InputError when the log cannot be read."""
+    """Summarise a log. Raises InputError when it cannot be read."""
     log = read_log(path)
     times_ns = [time_ns for entries in log.entries.values() for time_ns in (e.time_ns for e in entries)]
     begin_ns, end_ns = min(times_ns), max(times_ns)
@@ -33,11 +37,11 @@ def summarise(path: Path) -> Summary:
         f"{path}: {duration_s:.1f} s from {begin:%Y-%m-%d %H:%M:%S} (system clock, UTC)",
         f"aircraft {facts.get('aircraft') or 'not given'}, {facts.get('tick_rate_Hz', '?')} Hz, "
         f"software {facts.get('version', '?')}",
-        f"travelling along: {', '.join(log.attachments) or 'nothing'}",
+        f"attachments: {', '.join(log.attachments) or 'none'}",
         _ticks(log),
     ]
     if log.torn:
-        lines.append(f"the file is unfinished, everything up to where it is torn was read ({log.torn})")
+        lines.append(f"the file is unfinished; it was read up to the damaged record ({log.torn})")
     if log.undecodable:
         lines.append(f"{log.undecodable} messages cannot be decoded")
     return Summary(lines, [_topic(topic, entries, duration_s) for topic, entries in sorted(log.entries.items())])
@@ -50,12 +54,12 @@ def _ticks(log: Log) -> str:
     if not late_ms:
         return "no ticks"
     return (
-        f"{len(ticks)} ticks, {missed} missed; late by {late_ms[len(late_ms) // 2]:.2f} ms in the middle, "
-        f"{late_ms[-1]:.2f} ms at worst"
+        f"{len(ticks)} ticks, {missed} missed; late by {late_ms[len(late_ms) // 2]:.2f} ms (median), "
+        f"{late_ms[-1]:.2f} ms (maximum)"
     )
 
 
 def _topic(topic: str, entries: list[Entry], duration_s: float) -> TopicSummary:
     statuses = Counter(entry.message.status for entry in entries)
-    failures = ", ".join(f"{status} {n}" for status, n in statuses.most_common() if status not in FINE)
+    failures = ", ".join(f"{status} {n}" for status, n in statuses.most_common() if status not in GOOD_STATUSES)
     return TopicSummary(topic, len(entries), len(entries) / duration_s if duration_s else 0.0, failures)

@@ -1,0 +1,146 @@
+"""Reads the sensors of one bus, or of the serial ports, one after the other, without holding up the other buses.
+
+A transfer on a hanging bus takes as long as its timeout, which is longer than a tick at 100 Hz, and a faulty bus driver
+in the kernel may take longer than its timeout. A non-blocking read of a serial line has been seen to take 300 ms on a
+busy machine. So buses and ports are read by threads of their own, which mostly wait for I/O. Readings that a bus has
+not delivered by the deadline are lost for that tick. Bytes that a serial line delivers late are logged late. In both
+cases nothing new is started on that bus until the pending read has returned.
+"""
+
+import threading
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from daq.clock import Clock
+from daq.sensor_supervisor import SensorSupervisor
+from daq.sensors import Sample
+from flight.messages import Event
+
+HANG_REPORT_NS = 500_000_000  # a bus that has not returned for this long is reported as hanging
+
+
+class BusReadings(NamedTuple):
+    """The readings of one bus, or of the ports, in one tick."""
+
+    samples: list[Sample]
+    events: list[Event]
+    durations_ns: dict[str, int]  # by sensor
+
+
+NO_READINGS = BusReadings([], [], {})
+
+
+class BusWorker:
+    """Reads its sensors in order, in the caller's thread. After a timeout the other sensors on that bus are skipped."""
+
+    def __init__(self, supervisors: Sequence[SensorSupervisor], clock: Clock):
+        self.name = ", ".join(dict.fromkeys(supervisor.device for supervisor in supervisors))
+        self._supervisors = supervisors
+        self._clock = clock
+
+    def start_reading(self) -> None:
+        """Start reading for this tick, where that runs in another thread."""
+
+    def collect(self, deadline_ns: int) -> BusReadings:
+        """This tick's readings. Only workers with a thread keep `deadline_ns` (monotonic)."""
+        return self._read()
+
+    def _read(self) -> BusReadings:
+        samples: list[Sample] = []
+        events: list[Event] = []
+        durations: dict[str, int] = {}
+        begin_ns = self._clock.now_ns()
+        hung: set[str] = set()
+        for supervisor in self._supervisors:
+            if supervisor.device in hung:
+                samples += supervisor.skip(begin_ns)
+                continue
+            samples += supervisor.read(begin_ns)
+            if supervisor.timed_out:
+                hung.add(supervisor.device)
+            if supervisor.events:
+                events += supervisor.events
+                supervisor.events.clear()
+            end_ns = self._clock.now_ns()
+            durations[supervisor.name] = end_ns - begin_ns
+            begin_ns = end_ns
+        return BusReadings(samples, events, durations)
+
+
+class ThreadedBusWorker(BusWorker):
+    """Reads in a thread of its own, for a real clock: `collect` keeps its deadline even if the bus hangs.
+
+    blocking: whether a read waits for the sensors' answers, as on a bus. Then a tick without an answer is a timeout,
+    and an answer that comes after the deadline is discarded. Where it is False (serial ports), a read returns only
+    what has arrived, and late readings are passed on.
+    """
+
+    def __init__(self, supervisors: Sequence[SensorSupervisor], clock: Clock, *, blocking: bool):
+        super().__init__(supervisors, clock)
+        self._blocking = blocking
+        self._go, self._done = threading.Lock(), threading.Lock()  # used as signals: acquire waits, release signals
+        self._go.acquire()
+        self._done.acquire()
+        self._busy = False  # a read that missed its deadline has not returned yet
+        self._started_ns = 0
+        self._result = NO_READINGS
+        self._late = NO_READINGS
+        self._hang_reported = False
+        self._thread = threading.Thread(target=self._work, name=f"bus worker {self.name}", daemon=True)
+        self._thread.start()
+
+    def start_reading(self) -> None:
+        if self._busy and self._done.acquire(blocking=False):
+            self._take_late()
+        if not self._busy:
+            self._started_ns = self._clock.now_ns()
+            self._go.release()
+
+    def collect(self, deadline_ns: int) -> BusReadings:
+        wait_s = max(0.0, (deadline_ns - self._clock.now_ns()) / 1e9)
+        late, self._late = self._late, NO_READINGS
+        if not self._busy and self._done.acquire(timeout=wait_s):
+            result = self._result
+            return BusReadings(late.samples + result.samples, late.events + result.events, result.durations_ns)
+        self._busy = True
+        now_ns = self._clock.now_ns()
+        hangs = now_ns - self._started_ns > HANG_REPORT_NS
+        samples, events = late.samples, late.events
+        if hangs and not self._hang_reported:
+            self._hang_reported = True
+            text = f"{self.name} hangs: no answer for 0.5 s"
+            events = [*events, Event(severity="error", sensor="daq", text=text)]
+        if self._blocking or hangs:
+            skipped = [sample for supervisor in self._supervisors for sample in supervisor.skip(now_ns)]
+            samples = [*samples, *skipped]
+        return BusReadings(samples, events, {})
+
+    def _take_late(self) -> None:
+        """Take over a read that returned after its deadline."""
+        self._busy = False
+        events = self._result.events
+        if self._hang_reported:
+            self._hang_reported = False
+            events = [*events, Event(sensor="daq", text=f"{self.name} answers again")]
+        self._late = BusReadings([] if self._blocking else self._result.samples, events, {})
+
+    def _work(self) -> None:
+        while True:
+            self._go.acquire()
+            self._result = self._read()
+            self._done.release()
+
+
+def bus_workers(supervisors: Sequence[SensorSupervisor], clock: Clock, *, threaded: bool) -> list[BusWorker]:
+    """Workers for all sensors, in their order. threaded: one thread for each bus, and one for all ports together."""
+    if not threaded:
+        return [BusWorker(group, clock) for group in _by_device(supervisors)]
+    buses = _by_device([supervisor for supervisor in supervisors if supervisor.blocking])
+    ports = [supervisor for supervisor in supervisors if not supervisor.blocking]
+    workers = [ThreadedBusWorker(group, clock, blocking=True) for group in buses]
+    return [*workers, *([ThreadedBusWorker(ports, clock, blocking=False)] if ports else [])]
+
+
+def _by_device(supervisors: Sequence[SensorSupervisor]) -> list[list[SensorSupervisor]]:
+    devices = dict.fromkeys(supervisor.device for supervisor in supervisors)
+    return [[supervisor for supervisor in supervisors if supervisor.device == device] for device in devices]

@@ -1,0 +1,75 @@
+"""Makes the driver of a configured sensor on its bus or port."""
+
+from collections.abc import Callable
+
+from daq import config
+from daq.bus import Buses
+from daq.config import SensorConfig, Tray
+from daq.sensors import Sensor
+from daq.sensors.ak8963 import AK8963Driver
+from daq.sensors.autopilot import AutopilotDriver
+from daq.sensors.bridge import BridgeTransducerDriver
+from daq.sensors.esc_counter import EscCounterDriver
+from daq.sensors.mpu9250 import MPU9250Driver
+from daq.sensors.ms56xx import MS5611, MS5805, MS56xxDriver
+from daq.sensors.navio2 import Navio2Driver
+from daq.sensors.ublox import UBloxDriver
+from daq.sensors.ublox_ddc import DdcPort
+from flight.aircraft import Aircraft
+from flight.errors import InputError
+
+DriverFactory = Callable[[], Sensor]
+
+
+def driver_factory(table: SensorConfig, tray: Tray, buses: Buses, aircraft: Aircraft | None) -> DriverFactory:
+    """A function that opens the sensor's bus or port and returns a new driver on it. That function raises OSError.
+
+    Raises InputError when the configuration lacks something that the driver needs.
+    """
+    period_s = 1 / tray.rate_Hz
+    match table:
+        case config.Mpu9250Config():
+            return lambda: MPU9250Driver(
+                buses.i2c(table.bus),
+                table.address,
+                range_g=table.range_g,
+                range_dps=table.range_dps,
+                fifo=table.sampling == "fifo",
+                axes=table.parsed_axes,
+            )
+        case config.Ak8963Config():
+            return lambda: AK8963Driver(buses.i2c(table.bus), table.address, axes=table.parsed_axes)
+        case config.Ms5611Config() | config.Ms5805Config():
+            variant = MS5611 if isinstance(table, config.Ms5611Config) else MS5805
+            topic = table.topics[0]
+            return lambda: MS56xxDriver(buses.i2c(table.bus), table.address, variant, topic=topic, period_s=period_s)
+        case config.Ms45xxDoConfig() | config.HoneywellConfig():
+            return lambda: BridgeTransducerDriver(
+                buses.i2c(table.bus),
+                table.address,
+                table.transfer,
+                topic=table.topics[0],
+                reversed_ports=table.reversed_ports,
+            )
+        case config.UBloxConfig():
+            return lambda: UBloxDriver(
+                buses.port(table.port, table.baud),
+                rate_Hz=table.rate_Hz,
+                baud=table.baud,
+                reopen=lambda baud: buses.port(table.port, baud),
+            )
+        case config.UBloxDdcConfig():
+            return lambda: UBloxDriver(DdcPort(buses.i2c(table.bus), table.address), rate_Hz=table.rate_Hz, baud=None)
+        case config.Navio2Config():
+            return lambda: Navio2Driver(buses.port(table.port, 0), aircraft=aircraft)
+        case config.EscCounterConfig():
+            pole_pairs = table.pole_pairs or (aircraft.propulsion.pole_pairs if aircraft else None)
+            if pole_pairs is None:
+                raise InputError("the pulse counter needs pole_pairs, or an aircraft whose file gives them")
+            return lambda: EscCounterDriver(
+                buses.port(table.port, table.baud), pole_pairs=pole_pairs, framed=table.framed
+            )
+        case config.AutopilotConfig():
+            return lambda: AutopilotDriver(
+                buses.port(table.port, table.baud), aircraft=aircraft, rate_Hz=tray.rate_Hz, rpm=table.rpm
+            )

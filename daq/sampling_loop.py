@@ -1,0 +1,100 @@
+"""The sampling loop: reads every sensor once a tick. Ticks lie on an absolute time grid."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Protocol
+
+from daq.bus_worker import bus_workers
+from daq.clock import Clock
+from daq.sensor_supervisor import SensorSupervisor
+from daq.sensors import Sample
+from flight.messages import Event, Gps, Tick, Time
+
+TIME_EVERY_NS = 1_000_000_000
+DEADLINE_TICKS = 0.8  # readings have to be there by then; the rest of the tick is for encoding them
+
+
+class StopFlag(Protocol):
+    """Ends the loop when set: a `threading.Event`, or anything like it."""
+
+    def is_set(self) -> bool: ...
+
+
+class GridTick(NamedTuple):
+    """One tick of the grid: its number, how late it began [ns], how many ticks were skipped just before it."""
+
+    number: int
+    late_ns: int
+    missed: int
+
+
+class Cycle(NamedTuple):
+    """Everything that was read in one tick."""
+
+    tick: GridTick
+    now_ns: int  # monotonic time at which reading began
+    samples: list[Sample]
+    events: list[Event]
+
+
+def grid_ticks(period_ns: int, clock: Clock, stop: StopFlag, until_ns: int | None = None) -> Iterator[GridTick]:
+    """Ticks on a fixed grid that starts now. Missed ticks are counted and skipped, not repeated.
+
+    until_ns: monotonic time of the end; a tick at exactly this time is not produced.
+    """
+    start_ns, number, missed = clock.now_ns(), 0, 0
+    while not stop.is_set():
+        due_ns = start_ns + number * period_ns
+        if until_ns is not None and due_ns >= until_ns:
+            return
+        clock.sleep_until_ns(due_ns)
+        yield GridTick(number, clock.now_ns() - due_ns, missed)
+        following = max(number + 1, -((start_ns - clock.now_ns()) // period_ns))
+        number, missed = following, following - number - 1
+
+
+def cycles(
+    supervisors: Sequence[SensorSupervisor],
+    *,
+    rate_Hz: float,
+    clock: Clock,
+    stop: StopFlag,
+    until_ns: int | None = None,
+    threaded: bool = False,
+) -> Iterator[Cycle]:
+    """Read all sensors at each tick. Every cycle ends with /daq/tick; /time is added once a second.
+
+    threaded: buses and ports are read by threads of their own, within DEADLINE_TICKS; needs a real clock.
+    """
+    time_due_ns = clock.now_ns()
+    period_ns = round(1e9 / rate_Hz)
+    gps_utc: tuple[int, int] | None = None  # (UTC, monotonic) of the latest solution with date and time
+    workers = bus_workers(supervisors, clock, threaded=threaded)
+    for tick in grid_ticks(period_ns, clock, stop, until_ns):
+        begin_ns = clock.now_ns()
+        deadline_ns = begin_ns - tick.late_ns + round(DEADLINE_TICKS * period_ns)
+        samples: list[Sample] = []
+        events: list[Event] = []
+        durations: dict[str, int] = {}
+        for worker in workers:
+            worker.start_reading()
+        for worker in workers:
+            readings = worker.collect(deadline_ns)
+            samples += readings.samples
+            events += readings.events
+            durations |= readings.durations_ns
+        for sample in samples:
+            if isinstance(sample.message, Gps) and sample.message.utc_ns is not None:
+                gps_utc = (sample.message.utc_ns, sample.time_ns)
+        if begin_ns >= time_due_ns:
+            time_due_ns += TIME_EVERY_NS * (1 + (begin_ns - time_due_ns) // TIME_EVERY_NS)
+            samples.append(Sample("/time", clock.now_ns(), time_message(clock, gps_utc)))
+        message = Tick(late_ns=tick.late_ns, missed=tick.missed, duration_ns=durations)
+        samples.append(Sample("/daq/tick", begin_ns, message))
+        yield Cycle(tick, begin_ns, samples, events)
+
+
+def time_message(clock: Clock, gps_utc: tuple[int, int] | None) -> Time:
+    """One instant on every clock. GPS time is extrapolated from the latest solution, late by the receiver's latency."""
+    now_ns = clock.now_ns()
+    utc_ns = None if gps_utc is None else gps_utc[0] + now_ns - gps_utc[1]
+    return Time(monotonic_ns=now_ns, system_ns=clock.unix_ns(), gps_utc_ns=utc_ns)

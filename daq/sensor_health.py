@@ -1,0 +1,89 @@
+"""The state of a sensor, derived from its statuses, and the events that report changes of state."""
+
+import enum
+from collections import Counter
+
+from flight.messages import Event, Status
+
+
+class SensorState(enum.StrEnum):
+    STARTING = "starting"
+    OK = "ok"
+    DEGRADED = "degraded"  # it answers, but without measurements
+    FAILED = "failed"  # it does not answer, or is another part than configured
+    RECOVERING = "recovering"  # it answers again, but not yet for RECOVERED_AFTER_NS
+
+
+GOOD_STATUSES = frozenset({Status.OK, Status.BUSY})
+EVENT_SPACING_NS = 5_000_000_000  # at least, between two events of one sensor
+RECOVERED_AFTER_NS = 500_000_000  # of good readings after a failure
+STARTUP_NS = 2_000_000_000  # failures are not reported at power-on: the magnetometer has to wait for the IMU
+DEGRADED_AFTER_NS = 500_000_000  # of readings without a measurement; single stale readings are normal
+SEVERITY = {SensorState.DEGRADED: "warning", SensorState.FAILED: "error"}
+
+
+class SensorHealth:
+    """Tracks the state of one sensor: counts its statuses and reports changes of state, with limited frequency."""
+
+    def __init__(self, sensor: str):
+        self.sensor = sensor
+        self.state = SensorState.STARTING
+        self.statuses: Counter[Status] = Counter()
+        self._cause = ""
+        self._first_ns: int | None = None  # time of the first failure
+        self._good_since_ns: int | None = None
+        self._bad_since_ns: int | None = None
+        self._reported = SensorState.STARTING
+        self._reported_ns: int | None = None
+        self._unreported = 0
+
+    @property
+    def errors(self) -> int:
+        """Number of messages without a measurement, not counting those during startup."""
+        return sum(
+            n for status, n in self.statuses.items() if status not in GOOD_STATUSES and status is not Status.STARTING
+        )
+
+    def failed(self, cause: str, now_ns: int) -> Event | None:
+        """The driver raised an error."""
+        self._good_since_ns = None
+        self._cause = cause
+        self._first_ns = now_ns if self._first_ns is None else self._first_ns
+        if self.state is SensorState.STARTING and now_ns - self._first_ns < STARTUP_NS:
+            return None
+        return self._move(SensorState.FAILED, now_ns)
+
+    def read(self, statuses: list[Status], now_ns: int) -> Event | None:
+        """The driver returned messages with these statuses; the list may be empty."""
+        if not statuses:
+            return self._event(now_ns)
+        if GOOD_STATUSES.issuperset(statuses):
+            self._bad_since_ns = None
+            self._good_since_ns = now_ns if self._good_since_ns is None else self._good_since_ns
+            recovered = self.state is SensorState.STARTING or now_ns - self._good_since_ns >= RECOVERED_AFTER_NS
+            if self.state is SensorState.OK or recovered:
+                return self._move(SensorState.OK, now_ns)
+            return self._move(SensorState.RECOVERING, now_ns)
+        self._good_since_ns = None
+        self._bad_since_ns = now_ns if self._bad_since_ns is None else self._bad_since_ns
+        if now_ns - self._bad_since_ns >= DEGRADED_AFTER_NS:
+            self._cause = ", ".join(sorted({status for status in statuses if status not in GOOD_STATUSES}))
+            return self._move(SensorState.DEGRADED, now_ns)
+        return self._event(now_ns)
+
+    def _move(self, state: SensorState, now_ns: int) -> Event | None:
+        if state is not self.state:
+            self.state = state
+            self._unreported += 1
+        return self._event(now_ns)
+
+    def _event(self, now_ns: int) -> Event | None:
+        """An event if a change is unreported and the last event is at least EVENT_SPACING_NS old."""
+        if self.state is self._reported or self.state is SensorState.RECOVERING:
+            return None
+        if self._reported_ns is not None and now_ns - self._reported_ns < EVENT_SPACING_NS:
+            return None
+        more = f" ({self._unreported} changes since the last report)" if self._unreported > 2 else ""
+        text = "works" if self.state is SensorState.OK else f"{self.state}: {self._cause}"
+        self._reported, self._reported_ns, self._unreported = self.state, now_ns, 0
+        return Event(severity=SEVERITY.get(self.state, "info"), sensor=self.sensor, text=f"{self.sensor} {text}{more}")

@@ -1,0 +1,48 @@
+"""The tray's drop-in of the systemd unit: the devices and network addresses that the sandbox permits."""
+
+import re
+
+from daq.config import Tray, parse_port
+
+# systemd ignores a path that does not exist when the service starts, as that of a USB adapter may not. USB serial lines
+# are therefore permitted by device class, all others by path.
+DEVICE_CLASSES = {r"/dev/ttyUSB\d+": "char-ttyUSB", r"/dev/ttyACM\d+": "char-ttyACM"}
+BY_NAME = ("/dev/serial/", "/dev/flightpower/")  # symbolic links to USB serial lines of either class
+ANY_HOST = "0.0.0.0"
+
+
+def unit_drop_in(tray: Tray) -> str:
+    """A drop-in for flightpower-daq.service."""
+    names = [sensor.device for sensor in tray.sensors] + ([tray.telemetry.to] if tray.telemetry else [])
+    devices = sorted({device for name in names for device in _devices(name)})
+    hosts = sorted({parse_port(name)[0] for name in names if name.startswith("udp:")})
+    lines = [
+        "# Made by install.sh from the tray file. Run install.sh again when the tray file has changed.",
+        "[Service]",
+    ]
+    lines += ["DeviceAllow=", *(f"DeviceAllow={device} rw" for device in devices)]
+    if hosts:
+        lines += ["PrivateNetwork=no", "RestrictAddressFamilies=AF_UNIX AF_INET"]
+        # A port that listens on all interfaces may receive from any address.
+        lines += [
+            "IPAddressAllow=",
+            *(f"IPAddressAllow={'any' if host == ANY_HOST else _address(host)}" for host in hosts),
+        ]
+    if any(name.startswith("rcio:") for name in names):
+        lines += ["# The receiver's files are in /sys.", "ProcSubset=all"]
+    return "\n".join(lines) + "\n"
+
+
+def _devices(device: str) -> list[str]:
+    if device.startswith(("udp:", "rcio:")):
+        return []
+    if device.startswith(BY_NAME):
+        return sorted(DEVICE_CLASSES.values())
+    return [next((name for pattern, name in DEVICE_CLASSES.items() if re.fullmatch(pattern, device)), device)]
+
+
+def _address(host: str) -> str:
+    """The value of IPAddressAllow: a numeric address or localhost; for other host names any."""
+    if host == "localhost" or re.fullmatch(r"[\d.]+", host):
+        return host
+    return "any"

@@ -1,0 +1,173 @@
+"""Checks whether the tray is fit to fly: reads it for a few seconds and judges every topic, with advice."""
+
+import tempfile
+from collections import Counter
+from pathlib import Path
+from statistics import fmean, stdev
+from typing import NamedTuple
+
+import msgspec
+
+from daq.bus import IN_USE, Buses
+from daq.clock import Clock
+from daq.config import Tray
+from daq.disk_space import free_bytes
+from daq.dry_run import DryRun, dry_run
+from daq.part_identity import identify
+from daq.sensor_health import GOOD_STATUSES
+from flight.messages import Message, Status
+
+MINIMUM_GOOD_FRACTION = 0.95  # of a topic's messages must carry a measurement
+BYTES_PER_S = 16_000  # log of the default tray at 25 Hz: 550 to 640 bytes a tick
+MINIMUM_FREE_S = 2 * 3600.0  # of recording
+# The values shown for each topic: field, factor to the displayed unit, unit.
+SHOWN_FIELDS: dict[str, tuple[tuple[str, float, str], ...]] = {
+    "/imu": (("specific_force_z_mps2", 1, "m/s2 down"), ("angular_rate_y_radps", 57.29578, "deg/s pitch")),
+    "/mag": (("field_x_T", 1e6, "uT forward"),),
+    "/baro": (("pressure_Pa", 0.01, "hPa"),),
+    "/static": (("pressure_Pa", 0.01, "hPa"),),
+    "/probe/alpha": (("differential_pressure_Pa", 1, "Pa"),),
+    "/probe/beta": (("differential_pressure_Pa", 1, "Pa"),),
+    "/probe/airspeed": (("differential_pressure_Pa", 1, "Pa"),),
+    "/gps": (
+        ("satellites", 1, "satellites"),
+        ("horizontal_accuracy_m", 1, "m accuracy"),
+        ("fix_type", 1, "dimensional fix"),
+    ),
+    "/rpm": (("motor_speed_revps", 60, "rpm"),),
+    "/controls": (("elevator_rad", 57.29578, "deg elevator"), ("throttle", 100, "% throttle")),
+    "/attitude": (("pitch_rad", 57.29578, "deg pitch"),),
+    "/battery": (("voltage_V", 1, "V"),),
+}
+ADVICE = {
+    Status.STARTING: "the part does not start: check its supply",
+    Status.STALE: "no new measurements: switch its supply off and on",
+    Status.FAULT: "the part reports a fault: switch its supply off and on",
+    Status.SATURATED: "end of the measuring range: check for blocked or exchanged tubes, or an open bridge",
+    Status.NO_REPLY: "no answer: check wiring, supply, address and device name (i2cdetect -y 1, ls /dev/tty*)",
+    Status.TIMEOUT: "the bus hangs: unplug its parts one by one until it works",
+    Status.CORRUPT: "damaged data: check baud rate, ground and cable length",
+    Status.WRONG_DEVICE: "another part answers at this address: compare the tray file with the wiring",
+    Status.NO_DATA: "nothing arrives: check TX and RX, baud rate and supply",
+}
+NO_FIX = "no fix yet: give the antenna a clear view of the sky and wait a minute"
+STOP_SERVICE = "stop the program that uses it: sudo systemctl stop flightpower-daq"
+BUS_ERRORS = (Status.NO_REPLY, Status.TIMEOUT, Status.CORRUPT)
+MOTOR_STOPPED = "no frames, which is normal while the motor is stopped; run the motor to check"
+
+
+class TopicCheck(NamedTuple):
+    """The result for one topic. ok: None where it cannot be decided."""
+
+    topic: str
+    identity: str  # which part answers, and where
+    ok: bool | None
+    rate_Hz: float  # of messages with a measurement
+    values: list[str]  # mean and standard deviation
+    bus_errors: int  # transfers that failed
+    trouble: str  # statuses without a measurement, with their number
+    advice: str
+
+
+class SystemCheck(NamedTuple):
+    """The result for something other than a sensor."""
+
+    ok: bool
+    text: str
+
+
+class TrayCheck(NamedTuple):
+    """The result for the whole tray."""
+
+    lines: list[TopicCheck]
+    missed: int  # ticks
+    late_ms: float  # of the latest tick
+    free_s: float  # recording time for which there is space on the disk
+    facts: list[SystemCheck]
+
+    @property
+    def fit(self) -> bool:
+        return all(line.ok is not False for line in self.lines) and all(fact.ok for fact in self.facts)
+
+
+def check_tray(tray: Tray, *, buses: Buses, clock: Clock, seconds: float = 5.0, threaded: bool = False) -> TrayCheck:
+    """Read the whole tray for `seconds` after it has settled, without recording. threaded: see `cycles`.
+
+    Raises InputError when the configuration is incomplete.
+    """
+    readings = dry_run(tray, buses=buses, clock=clock, seconds=seconds, threaded=threaded)
+    messages: dict[str, list[Message]] = {topic: [] for table in tray.sensors for topic in table.topics}
+    for topic, _, message in readings.samples:
+        if topic in messages:
+            messages[topic].append(message)
+    identities: dict[str, str] = {}
+    for table in tray.sensors:
+        identities |= dict.fromkeys(table.topics, identify(table, buses, clock))
+    lines = [check_topic(topic, these, seconds, identities[topic]) for topic, these in messages.items()]
+    usable_bytes = free_bytes(Path(tray.directory)) - tray.files.keep_free_MB * 1e6
+    free_s = max(usable_bytes, 0.0) / (BYTES_PER_S * tray.rate_Hz / 25)
+    return TrayCheck(lines, readings.missed, readings.late_ms, free_s, system_checks(tray, readings, free_s))
+
+
+def system_checks(tray: Tray, readings: DryRun, free_s: float) -> list[SystemCheck]:
+    """Check the sampling loop, the free space, the log directory and the still-air zero."""
+    expected = readings.ticks + readings.missed
+    loop = f"{readings.ticks} of {expected} ticks at {tray.rate_Hz:g} Hz, at most {readings.late_ms:.1f} ms late"
+    space = f"space for {free_s / 3600:.1f} h of recording at {tray.directory}"
+    writable = is_writable(Path(tray.directory))
+    return [
+        SystemCheck(
+            not readings.missed, loop if not readings.missed else f"{loop}: stop other programs on this computer"
+        ),
+        SystemCheck(
+            free_s >= MINIMUM_FREE_S, space if free_s >= MINIMUM_FREE_S else f"{space}: move logs to another disk"
+        ),
+        SystemCheck(writable, f"{tray.directory} is writable" if writable else f"{tray.directory} is not writable"),
+        SystemCheck(True, f"still-air zero: {tray.zero if Path(tray.zero).exists() else 'not taken (see `daq zero`)'}"),
+    ]
+
+
+def check_topic(topic: str, messages: list[Message], seconds: float, identity: str = "") -> TopicCheck:
+    """Judge a topic from the messages of `seconds`."""
+    statuses = Counter(message.status for message in messages)
+    good = [message for message in messages if message.status is Status.OK]
+    bad = {status: n for status, n in statuses.most_common() if status not in GOOD_STATUSES}
+    trouble = ", ".join(f"{status} {n}" for status, n in bad.items())
+    fine = sum(statuses[status] for status in GOOD_STATUSES)
+    ok: bool | None = bool(good) and fine >= MINIMUM_GOOD_FRACTION * len(messages)
+    advice = "" if ok else ADVICE[next(iter(bad), Status.NO_DATA)]
+    if topic == "/gps" and not ok and any(getattr(message, "fix_type", None) is not None for message in messages):
+        advice = NO_FIX
+    if not ok and IN_USE in identity:
+        advice = STOP_SERVICE
+    if topic == "/rpm" and set(bad) <= {Status.NO_DATA} and not good:
+        ok, advice = None, MOTOR_STOPPED
+    values = [_value(good, *shown) for shown in SHOWN_FIELDS[topic]]
+    bus_errors = sum(statuses[status] for status in BUS_ERRORS)
+    return TopicCheck(topic, identity, ok, len(good) / seconds, values, bus_errors, trouble, advice)
+
+
+def _value(messages: list[Message], field: str, factor: float, unit: str) -> str:
+    values = [getattr(message, field) * factor for message in messages if getattr(message, field) is not None]
+    if not values:
+        return ""
+    scatter = f" ± {stdev(values):.2g}" if len(values) > 1 else ""
+    return f"{fmean(values):.5g}{scatter} {unit}"
+
+
+def is_writable(directory: Path) -> bool:
+    """Whether files can be created in the directory, or the directory itself if it does not exist yet."""
+    while not directory.exists() and directory != directory.parent:
+        directory = directory.parent
+    try:
+        with tempfile.TemporaryFile(dir=directory):
+            return True
+    except OSError:
+        return False
+
+
+def as_json(report: TrayCheck) -> str:
+    """The fields of the check as JSON, with `fit`."""
+    lines = [line._asdict() for line in report.lines]
+    facts_ = [fact._asdict() for fact in report.facts]
+    return msgspec.json.encode({**report._asdict(), "lines": lines, "facts": facts_, "fit": report.fit}).decode()
