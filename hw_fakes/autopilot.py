@@ -2,6 +2,7 @@
 
 import heapq
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -48,7 +49,7 @@ class Autopilot:
         heapq.heapify(self._due)
         self._link = mavlink.MAVLink(None)  # what it hears
         self._link.robust_parsing = True
-        self._replies: list[tuple[int, bytes]] = []
+        self._replies: list[tuple[int, Any]] = []  # when each is sent [ns], and the message, not numbered yet
         self._blocks = Blocks(self._values, GRID_S, length=64)
 
     def output(self, until_ns: int) -> Iterable[tuple[int, bytes]]:
@@ -57,21 +58,22 @@ class Autopilot:
         while self._due and self._due[0][0] * 1_000_000 <= until_ns:
             at_ms, name = self._due[0]
             heapq.heapreplace(self._due, (at_ms + self._period_ms[name], name))
-            sent.append((at_ms * 1_000_000, self._encode(name, at_ms)))
-        return sorted(sent, key=lambda item: item[0])
+            sent.append((at_ms * 1_000_000, self._message(name, at_ms)))
+        # MAVLink numbers the messages of a link in the order in which they are sent.
+        return [(at_ns, self._packed(message)) for at_ns, message in sorted(sent, key=lambda item: item[0])]
 
     def receive(self, data: bytes, at_ns: int) -> None:
         for message in self._link.parse_buffer(data) or ():
             if message.get_type() == "COMMAND_LONG" and message.target_system in (0, self._mav.srcSystem):
                 result = self._command(message, at_ns)
                 answer = mavlink.MAVLink_command_ack_message(message.command, result)
-                self._replies.append((at_ns + REPLY_NS, self._packed(answer)))
+                self._replies.append((at_ns + REPLY_NS, answer))
 
     def _command(self, message, at_ns: int) -> int:
         if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
             if int(message.param1) != mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
                 return mavlink.MAV_RESULT_DENIED
-            self._replies.append((at_ns + REPLY_NS, self._packed(VERSION)))
+            self._replies.append((at_ns + REPLY_NS, VERSION))
             return mavlink.MAV_RESULT_ACCEPTED
         if message.command != mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
             return mavlink.MAV_RESULT_UNSUPPORTED
@@ -94,13 +96,13 @@ class Autopilot:
         pulses, speed = self._felt.servo_pulses_us(t_s), self._felt.motor_speed_revps(t_s)
         return np.column_stack([attitude, rates, voltage, current, pulses, speed])
 
-    def _encode(self, name: str, at_ms: int) -> bytes:
+    def _message(self, name: str, at_ms: int) -> Any:
         row = self._blocks.row(round(at_ms * 1e-3 / GRID_S)).tolist()
         voltage_mV, current_cA = round(row[6] * 1e3), round(row[7] * 1e2)
         pulses = [round(pulse) for pulse in row[8:16]]
         match name:
             case "HEARTBEAT":
-                message = mavlink.MAVLink_heartbeat_message(
+                return mavlink.MAVLink_heartbeat_message(
                     mavlink.MAV_TYPE_FIXED_WING,
                     mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
                     mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED | mavlink.MAV_MODE_FLAG_SAFETY_ARMED,
@@ -109,21 +111,21 @@ class Autopilot:
                     3,
                 )
             case "ATTITUDE":
-                message = mavlink.MAVLink_attitude_message(at_ms, *row[0:6])
+                return mavlink.MAVLink_attitude_message(at_ms, *row[0:6])
             case "SERVO_OUTPUT_RAW":
-                message = mavlink.MAVLink_servo_output_raw_message(at_ms * 1000 % 2**32, 0, *pulses)
+                return mavlink.MAVLink_servo_output_raw_message(at_ms * 1000 % 2**32, 0, *pulses)
             case "RC_CHANNELS":
                 unused = [UNKNOWN_U16] * 10
-                message = mavlink.MAVLink_rc_channels_message(at_ms, 8, *pulses, *unused, 200)
+                return mavlink.MAVLink_rc_channels_message(at_ms, 8, *pulses, *unused, 200)
             case "RPM":
-                message = mavlink.MAVLink_rpm_message(60 * row[16], UNMEASURED_RPM)
+                return mavlink.MAVLink_rpm_message(60 * row[16], UNMEASURED_RPM)
             case "SYS_STATUS":
-                message = mavlink.MAVLink_sys_status_message(
+                return mavlink.MAVLink_sys_status_message(
                     0, 0, 0, 500, voltage_mV, current_cA, UNKNOWN_PERCENT, 0, 0, 0, 0, 0, 0
                 )
             case _:
                 cells = [voltage_mV // self._cells] * self._cells + [UNKNOWN_U16] * (10 - self._cells)
-                message = mavlink.MAVLink_battery_status_message(
+                return mavlink.MAVLink_battery_status_message(
                     0,
                     mavlink.MAV_BATTERY_FUNCTION_ALL,
                     mavlink.MAV_BATTERY_TYPE_LIPO,
@@ -134,9 +136,9 @@ class Autopilot:
                     -1,
                     UNKNOWN_PERCENT,
                 )
-        return self._packed(message)
 
-    def _packed(self, message) -> bytes:
+    def _packed(self, message: Any) -> bytes:
+        """The message's bytes, with the link's next sequence number."""
         data = bytes(message.pack(self._mav))
         self._mav.seq = (self._mav.seq + 1) % 256
         return data
