@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from daq.sensors import SensorFailure, honeywell, ms45xxdo, ms56xx
@@ -124,7 +124,7 @@ class Place:
 
 
 @pytest.mark.parametrize("name", MAKERS)
-@settings(max_examples=15, deadline=5000)
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(noise=st.binary(min_size=1, max_size=700), ticks=st.integers(1, 12))
 def test_any_bytes_and_then_sound_ones(name, noise, ticks):
     clock = SimulatedClock(start_ns=5_000_000_000)
@@ -140,7 +140,7 @@ def test_any_bytes_and_then_sound_ones(name, noise, ticks):
 
 
 @pytest.mark.parametrize("name", MAKERS)
-@settings(max_examples=15, deadline=5000)
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(noise=st.binary(min_size=1, max_size=700))
 @example(noise=b"\xb5\x62")  # half a frame of a receiver, which a whole one follows
 def test_any_bytes_while_it_is_brought_up(name, noise):
@@ -165,7 +165,7 @@ TRANSFERS = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=5000)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(TRANSFERS)
 def test_a_fake_part_answers_any_transfer_or_does_not_acknowledge(transfers):
     clock = SimulatedClock(start_ns=5_000_000_000)
@@ -184,7 +184,7 @@ def test_a_fake_part_answers_any_transfer_or_does_not_acknowledge(transfers):
 
 
 @pytest.mark.parametrize(("device", "baud"), [(GPS_PORT, 38400), (ESC_PORT, 115200), (AUTOPILOT_PORT, 57600)])
-@settings(max_examples=60, deadline=5000)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(noise=st.lists(st.binary(max_size=100), max_size=8))
 def test_a_fake_part_on_a_line_hears_a_command_after_any_bytes(device, baud, noise):
     clock = SimulatedClock(start_ns=5_000_000_000)
