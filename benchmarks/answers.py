@@ -73,9 +73,9 @@ def one_flight(job: Job) -> np.ndarray:
     """Estimate, half width of the interval and truth of each answer, (3, answers)."""
     aircraft, probe, errors, plan, turbulence_kt, seed, blind = job
     drawn = flights.drawn(load_budget(errors), seed)
-    flight, felt, table = flights.flown(aircraft, drawn, plan, seed, turbulence_kt)
+    flight, sensor_truth, table = flights.flown(aircraft, drawn, plan, seed, turbulence_kt)
     t = table.index.to_numpy()
-    table["battery_V"], table["battery_A"] = felt.battery(t)
+    table["battery_V"], table["battery_A"] = sensor_truth.battery(t)
     if blind:
         table["battery_A"] = np.nan
     table["throttle"] = np.interp(t, flight.truth["time_s"], flight.truth["throttle"])

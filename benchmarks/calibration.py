@@ -21,7 +21,7 @@ from analysis.airdata.tubing import air, low_frequency_lag_s, response
 from analysis.intervals import NORMAL_95
 from flight.aircraft import Line
 from sim.sensors.probe import port_pressures
-from sim.sensors.tubing import lagged, time_constant_s
+from sim.sensors.tubing import first_order_lag, time_constant_s
 from sim.tunnel import calibrate as tunnel_measurements
 
 Array = NDArray[np.float64]
@@ -82,7 +82,7 @@ def _burst(line: Line, full: bool) -> tuple[Array, Array]:
         f = np.fft.rfftfreq(len(t), FINE_S)
         H = np.where(f < 1500, response([line], np.minimum(f, 1500.0), SEA_LEVEL), 0.0)
         return t, np.fft.irfft(np.fft.rfft(mouth) * H, len(t))
-    return t, np.asarray(lagged(mouth, FINE_S, time_constant_s(line, SEA_LEVEL.pressure_Pa, 288.15)))
+    return t, np.asarray(first_order_lag(mouth, FINE_S, time_constant_s(line, SEA_LEVEL.pressure_Pa, 288.15)))
 
 
 def bursts(line: Line, *, full: bool, rate_Hz: float = 100.0, seed: int = 0, steps: int = 8) -> tuple[Array, Array]:

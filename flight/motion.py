@@ -123,7 +123,7 @@ def wind_axis_derivative(V, alpha, beta, phi, theta, p, q, r, *, CL, CD, CY, T, 
     return Vdot, alphadot, betadot
 
 
-def felt_off_center(ax, ay, az, p, q, r, pdot, qdot, rdot, position_m):
+def specific_force_at(ax, ay, az, p, q, r, pdot, qdot, rdot, position_m):
     """Specific force at `position_m` (x, y, z from the centre of gravity), given that at the centre.
 
     a + omegadot x r + omega x (omega x r); body axes throughout.

@@ -46,7 +46,7 @@ class Row:
     cP: tuple[float, ...]
 
 
-class Blades:
+class PropellerModel:
     """What thrust and power follow from: coefficients over advance ratio and speed of rotation, and what is beyond.
 
     beyond_zero_thrust: "windmill", the flow pulls back on the blades and drives them; "fold", they fold, and neither
@@ -83,7 +83,7 @@ class Blades:
         return -rho * V**2 / 2 * share * self.diameter_m**2
 
 
-class Propeller(Blades):
+class Propeller(PropellerModel):
     """cT(J, rpm) and cP(J, rpm), linear between the table's points.
 
     Beyond the last J of a row the last segment is continued as a straight line, which takes thrust and power through
@@ -148,7 +148,7 @@ class Propeller(Blades):
 
 
 @dataclass(frozen=True)
-class Cell(Blades):
+class Cell(PropellerModel):
     """One cell of a propeller's table, where cT and cP are bilinear: (a + b J) + (c + d J) rpm; beyond it, continued.
 
     A few products instead of the whole table, for whoever knows in which cell J and rpm are (see `Cells`).

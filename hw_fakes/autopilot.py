@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from hw_fakes.blocks import Blocks
-from sim.felt import Array, Felt
+from hw_fakes.sample_blocks import SampleBlocks
+from sim.sensor_truth import Array, SensorTruth
 
 BAUD = 57600  # the usual setting of a telemetry port
 PERIOD_MS = {
@@ -32,7 +32,7 @@ VERSION = mavlink.MAVLink_autopilot_version_message(
 )
 
 
-class Autopilot:
+class FakeAutopilot:
     """Sends on its own, and more or less of it when asked (SET_MESSAGE_INTERVAL).
 
     Stick positions equal the servo outputs: it is flown by hand. cells: of the battery; they share its voltage equally.
@@ -40,8 +40,8 @@ class Autopilot:
 
     baud = BAUD
 
-    def __init__(self, felt: Felt, cells: int = CELLS):
-        self._felt = felt
+    def __init__(self, sensor_truth: SensorTruth, cells: int = CELLS):
+        self._sensor_truth = sensor_truth
         self._cells = cells
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         self._period_ms = dict(PERIOD_MS)
@@ -50,7 +50,7 @@ class Autopilot:
         self._link = mavlink.MAVLink(None)  # what it hears
         self._link.robust_parsing = True
         self._replies: list[tuple[int, Any]] = []  # when each is sent [ns], and the message, not numbered yet
-        self._blocks = Blocks(self._values, GRID_S, length=64)
+        self._blocks = SampleBlocks(self._values, GRID_S, length=64)
 
     def output(self, until_ns: int) -> Iterable[tuple[int, bytes]]:
         sent = [reply for reply in self._replies if reply[0] <= until_ns]
@@ -90,10 +90,10 @@ class Autopilot:
 
     def _values(self, t_s: Array) -> np.ndarray:
         """Rows: roll pitch yaw and their rates, voltage, current, eight pulse widths, motor speed."""
-        attitude = self._felt.autopilot_attitude_rad(t_s)
+        attitude = self._sensor_truth.autopilot_attitude_rad(t_s)
         rates = np.gradient(np.unwrap(attitude, axis=0), GRID_S, axis=0)
-        voltage, current = self._felt.battery(t_s)
-        pulses, speed = self._felt.servo_pulses_us(t_s), self._felt.motor_speed_revps(t_s)
+        voltage, current = self._sensor_truth.battery(t_s)
+        pulses, speed = self._sensor_truth.servo_pulses_us(t_s), self._sensor_truth.motor_speed_revps(t_s)
         return np.column_stack([attitude, rates, voltage, current, pulses, speed])
 
     def _message(self, name: str, at_ms: int) -> Any:

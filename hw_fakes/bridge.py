@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_fakes.blocks import Blocks
 from hw_fakes.i2c import no_acknowledge
-from sim.felt import Array, Felt
+from hw_fakes.sample_blocks import SampleBlocks
+from sim.sensor_truth import Array, SensorTruth
 
 FULL_COUNT = 2**14 - 1
 UPDATE_NS = 500_000
@@ -23,7 +23,7 @@ BLOCK_LENGTH = 2000  # one second
 
 
 @dataclass(frozen=True)
-class Part:
+class BridgeType:
     """A pressure range and how it lies in the counts.
 
     low_counts, high_counts: at the ends of the range. first_data_ns: from power-on to the first data.
@@ -38,11 +38,11 @@ class Part:
 
 
 # Type A of TE is 10 to 90 % of 2^14 - 1; transfer function A of Honeywell is given in counts.
-MS4515DO_DS5A002DP = Part(2 * INCH_OF_WATER_4C_PA, 0.1 * FULL_COUNT, 0.9 * FULL_COUNT, 8_400_000, True)
-SSCDRRN005ND2A5 = Part(5 * INCH_OF_WATER_4C_PA, 1638, 14746, 5_000_000, False)
+MS4515DO_DS5A002DP = BridgeType(2 * INCH_OF_WATER_4C_PA, 0.1 * FULL_COUNT, 0.9 * FULL_COUNT, 8_400_000, True)
+SSCDRRN005ND2A5 = BridgeType(5 * INCH_OF_WATER_4C_PA, 1638, 14746, 5_000_000, False)
 
 
-def frames(part: Part, pressure_Pa: Array, temperature_K: Array) -> np.ndarray:
+def frames(part: BridgeType, pressure_Pa: Array, temperature_K: Array) -> np.ndarray:
     """Frames (n,) as 32-bit words with status 0, for the port 1 minus port 2 pressure and the bridge's temperature.
 
     Pressure beyond the counts is pinned at 0 or 16383.
@@ -54,22 +54,24 @@ def frames(part: Part, pressure_Pa: Array, temperature_K: Array) -> np.ndarray:
     return pressure.astype(int) << 16 | np.clip(temperature, 0, TEMPERATURE_COUNTS).astype(int) << 5
 
 
-class Bridge:
+class FakeBridge:
     """A transducer at its address.
 
-    which: what it measures, in `sim.felt.Felt`'s words ("alpha", "beta", "airspeed"). now_ns: the time that is 0 where
-    `felt` begins [ns]. powered_ns: since when it has had power. `fault`, once set, stays until `power_cycle`, as in the
-    part. `frozen_ns`, while set, is the instant after which there are no updates.
+    which: its name in `sim.sensor_truth.SensorTruth` ("alpha", "beta", "airspeed"). now_ns: gives the time since the
+    start of `sensor_truth` [ns]. powered_ns: when its supply came on, on that clock. `fault`, once set, stays until
+    `power_cycle`, as in the part. `frozen_ns`, while set, is the time after which there are no updates.
     """
 
-    def __init__(self, part: Part, which: str, felt: Felt, now_ns: Callable[[], int], powered_ns: int = 0):
+    def __init__(
+        self, part: BridgeType, which: str, sensor_truth: SensorTruth, now_ns: Callable[[], int], powered_ns: int = 0
+    ):
         def fetch(t_s: Array) -> np.ndarray:
-            temperature_K = np.interp(t_s, t_s[[0, -1]], felt.transducer_temperature_K(which, t_s[[0, -1]]))
-            return frames(part, felt.differential_pressure_Pa(which, t_s), temperature_K)
+            temperature_K = np.interp(t_s, t_s[[0, -1]], sensor_truth.transducer_temperature_K(which, t_s[[0, -1]]))
+            return frames(part, sensor_truth.differential_pressure_Pa(which, t_s), temperature_K)
 
         self._part = part
         self._now_ns = now_ns
-        self._blocks = Blocks(fetch, UPDATE_NS * 1e-9, length=BLOCK_LENGTH)
+        self._blocks = SampleBlocks(fetch, UPDATE_NS * 1e-9, length=BLOCK_LENGTH)
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:

@@ -22,7 +22,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from sim.felt import Felt
+from sim.sensor_truth import SensorTruth
 
 BAUD = 115200
 DECADE = 10
@@ -55,13 +55,13 @@ def crc8(data: bytes) -> int:
     return crc
 
 
-class EscCounter:
+class FakeEscCounter:
     """The counter on its serial line. pole_pairs: of the motor. with_crc: the framed variant."""
 
     baud = BAUD
 
-    def __init__(self, felt: Felt, pole_pairs: int, with_crc: bool = False):
-        self._felt = felt
+    def __init__(self, sensor_truth: SensorTruth, pole_pairs: int, with_crc: bool = False):
+        self._sensor_truth = sensor_truth
         self._pulses_per_rev = pole_pairs / DECADE
         self._with_crc = with_crc
         self._ready: list[tuple[int, bytes]] = []
@@ -85,7 +85,7 @@ class EscCounter:
         """Pulses of the next second: the motor's angle passes multiples of ten electrical turns."""
         t_s = (self._block * BLOCK_STEPS + np.arange(BLOCK_STEPS + 1)).astype(np.float64) * STEP_S
         self._block += 1
-        rate_Hz = np.maximum(self._felt.motor_speed_revps(t_s), 0.0) * self._pulses_per_rev
+        rate_Hz = np.maximum(self._sensor_truth.motor_speed_revps(t_s), 0.0) * self._pulses_per_rev
         phase = self._phase + np.concatenate([[0.0], np.cumsum((rate_Hz[:-1] + rate_Hz[1:]) * STEP_S / 2)])
         whole = np.arange(np.floor(self._phase) + 1, np.floor(phase[-1]) + 1)
         self._phase = float(phase[-1])

@@ -93,11 +93,11 @@ def load_faults(path: str | Path) -> tuple[Fault, ...]:
         raise InputError(f"{path}: only [[fault]] tables are understood")
     faults = tuple(read_table(Fault, entry, f"{path}: fault {i + 1}") for i, entry in enumerate(entries))
     for i, fault in enumerate(faults):
-        check(fault, f"{path}: fault {i + 1}")
+        check_fault(fault, f"{path}: fault {i + 1}")
     return faults
 
 
-def check(fault: Fault, where: str) -> None:
+def check_fault(fault: Fault, where: str) -> None:
     """Raises InputError unless the fault can happen to its device."""
     if fault.kind not in DEVICES_OF_KIND:
         raise InputError(f"{where}: unknown kind {fault.kind!r}; known: {', '.join(DEVICES_OF_KIND)}")
@@ -125,7 +125,7 @@ class PartFault:
         event(int(at_ns))
 
 
-def inside(fault: Fault, part) -> PartFault | None:
+def part_fault(fault: Fault, part) -> PartFault | None:
     """The fault as it happens inside `part`, or None when it happens on the wire."""
 
     def nothing(at_ns: int) -> None:
@@ -213,28 +213,28 @@ class FaultyBus:
     def _reply(self, address: int, data: bytes, count: int, ask: Callable[[], bytes]) -> bytes:
         kinds = {fault.kind: fault for fault in self._at_the_wire(address)}
         if "wrong_device" in kinds:
-            return stranger(data, count)
+            return memory_chip_reply(data, count)
         question = (address, data, count)
         if "stuck_value" in kinds and question in self._seen:
             return self._seen[question]
         reply = self._seen[question] = ask()
-        return hit(reply, kinds["bit_flips"].rate, self._draw) if "bit_flips" in kinds else reply
+        return flip_bits(reply, kinds["bit_flips"].rate, self._draw) if "bit_flips" in kinds else reply
 
 
-def stranger(data: bytes, count: int) -> bytes:
+def memory_chip_reply(data: bytes, count: int) -> bytes:
     """What a memory chip at the address would answer: consecutive bytes from the place it was pointed to."""
     start = data[0] if data else 0
     return bytes((start + i) % 256 for i in range(count))
 
 
-def hit(data: bytes, rate: float, draw: np.random.Generator) -> bytes:
+def flip_bits(data: bytes, rate: float, draw: np.random.Generator) -> bytes:
     """`data` with one bit turned over in each byte that chance (`rate` a byte) hits."""
     struck = draw.random(len(data)) < rate
     bits = 1 << draw.integers(0, 8, len(data))
-    return bytes(byte ^ int(bit) if hit_ else byte for byte, hit_, bit in zip(data, struck, bits, strict=True))
+    return bytes(byte ^ int(bit) if struck_ else byte for byte, struck_, bit in zip(data, struck, bits, strict=True))
 
 
-class Line(Protocol):
+class SerialLine(Protocol):
     baud: int
 
     def read_available(self) -> bytes: ...
@@ -251,7 +251,12 @@ class FaultyPort:
     """
 
     def __init__(
-        self, line: Line, faults: Sequence[Fault], parts: Iterable[PartFault], now_ns: Callable[[], int], seed: int
+        self,
+        line: SerialLine,
+        faults: Sequence[Fault],
+        parts: Iterable[PartFault],
+        now_ns: Callable[[], int],
+        seed: int,
     ):
         self._line = line
         self._faults = faults
@@ -275,7 +280,7 @@ class FaultyPort:
             return b""
         for fault in active:
             if fault.kind == "checksum_errors":
-                data = hit(data, fault.rate, self._draw)
+                data = flip_bits(data, fault.rate, self._draw)
         return data
 
     def write(self, data: bytes) -> None:

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from flight.atmosphere import GRAVITY_MPS2
-from hw_fakes.blocks import Blocks
 from hw_fakes.i2c import no_acknowledge
-from sim.felt import Array, Felt
+from hw_fakes.sample_blocks import SampleBlocks
+from sim.sensor_truth import Array, SensorTruth
 
 # Register addresses (RM sec. 3).
 SELF_TEST_X_GYRO, SELF_TEST_X_ACCEL = 0x00, 0x0D
@@ -79,15 +79,15 @@ GYRO_START_UP_S = 35e-3  # from sleep (PS sec. 3.1); the outputs read zero until
 CLOCK_TOLERANCE = 0.01  # sample rate with the gyroscope's oscillator (PS sec. 3.4.2)
 
 
-class MPU9250:
+class FakeMPU9250:
     """The part at its address; `bypass` tells whether the magnetometer inside is on the outer bus.
 
-    now_ns: the time that is 0 where `felt` begins [ns]. seed: draws factory trim and clock error. powered_ns: since
-    when it has had power.
+    now_ns: gives the time since the start of `sensor_truth` [ns]. seed: draws factory trim and clock error.
+    powered_ns: when its supply came on, on that clock.
     """
 
-    def __init__(self, felt: Felt, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
-        self._felt = felt
+    def __init__(self, sensor_truth: SensorTruth, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
+        self._sensor_truth = sensor_truth
         self._now_ns = now_ns
         draw = np.random.default_rng(seed)
         self._factory_trim = draw.integers(0x40, 0xC0, 6, dtype=np.uint8)
@@ -201,7 +201,7 @@ class MPU9250:
         self._done = 0  # samples since the origin
         self._latched_count = len(self._fifo)
         period_s = self._period_ns * 1e-9
-        self._blocks = Blocks(self._sample, period_s, now_ns * 1e-9 + period_s)
+        self._blocks = SampleBlocks(self._sample, period_s, now_ns * 1e-9 + period_s)
 
     def _sample_rate_Hz(self) -> float:
         """RM sec. 4.4 and 4.5: the divider works only on the 1 kHz that the filters 1 to 6 put out."""
@@ -246,13 +246,13 @@ class MPU9250:
         step_s = self._period_ns * 1e-9 / stride
         inside_s = t_s[0] + np.arange(1 - stride, (n - 1) * stride + 1) * step_s
         accel, gyro = (LowPass(*settings, step_s) for settings in self._filters())
-        accel_s, gyro_s = accel.felt_at(inside_s), gyro.felt_at(inside_s)
-        force, rate = self._felt.imu(np.concatenate([accel_s, gyro_s]))
+        accel_s, gyro_s = accel.input_times(inside_s), gyro.input_times(inside_s)
+        force, rate = self._sensor_truth.imu(np.concatenate([accel_s, gyro_s]))
         force = accel.filtered(force[: len(accel_s)])[stride - 1 :: stride]
         rate = gyro.filtered(rate[len(accel_s) :])[stride - 1 :: stride]
         accel_scale = ACCEL_COUNTS_PER_G[self._registers[ACCEL_CONFIG] >> 3 & 3] / GRAVITY_MPS2
         gyro_scale = GYRO_COUNTS_PER_DPS[self._registers[GYRO_CONFIG] >> 3 & 3] * 180 / np.pi
-        temperature_K = self._felt.imu_temperature_K(t_s)
+        temperature_K = self._sensor_truth.imu_temperature_K(t_s)
         values = np.empty((n, 7))
         values[:, 0:3] = force * accel_scale
         values[:, 3] = (temperature_K - TEMPERATURE_ZERO_K) * TEMPERATURE_COUNTS_PER_K
@@ -289,14 +289,14 @@ class LowPass:
         # y[k] = p y[k-1] + (1 - p) x[k] follows a ramp p/(1 - p) steps late.
         self._pure_s = delay_s - self._pole / (1 - self._pole) * step_s
 
-    def felt_at(self, t_s: Array) -> Array:
-        """Instants at which to ask what is felt, for outputs at `t_s` (n,), evenly spaced: some more than n."""
+    def input_times(self, t_s: Array) -> Array:
+        """Times [s] of the inputs needed for outputs at `t_s` (n,), evenly spaced; more than n, for the warm-up."""
         before = t_s[0] + np.arange(-self._warm_up, 0) * self._step_s
         return np.concatenate([before, t_s]) - self._pure_s
 
-    def filtered(self, felt: Array) -> Array:
-        """Outputs (n, m) for the values felt at those instants."""
+    def filtered(self, values: Array) -> Array:
+        """Outputs (n, m) for the inputs (k, m) at `input_times`."""
         if not self._warm_up:
-            return felt
-        rest = felt[:1] * self._pole
-        return np.asarray(lfilter([1 - self._pole], [1.0, -self._pole], felt, axis=0, zi=rest)[0])[self._warm_up :]
+            return values
+        rest = values[:1] * self._pole
+        return np.asarray(lfilter([1 - self._pole], [1.0, -self._pole], values, axis=0, zi=rest)[0])[self._warm_up :]

@@ -12,7 +12,7 @@ POLL_S = 0.002
 BAUD_OF_CODE = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
 
 
-class Port(Protocol):
+class SerialPort(Protocol):
     """The computer's end of the line, such as `hw_fakes.port.FakePort`."""
 
     baud: int
@@ -29,7 +29,7 @@ class PtyServer:
     kernel's buffer of a real line is full. Use it as a context manager. The part's clock has to be a real one.
     """
 
-    def __init__(self, port: Port):
+    def __init__(self, port: SerialPort):
         self._port = port
         self._ours, self._theirs = os.openpty()  # holding theirs open keeps the line alive between two openings
         tty.setraw(self._theirs)

@@ -9,8 +9,8 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from hw_fakes.blocks import Blocks
-from sim.felt import Array, Felt
+from hw_fakes.sample_blocks import SampleBlocks
+from sim.sensor_truth import Array, SensorTruth
 
 SYNC = b"\xb5\x62"
 NAV, ACK, CFG, MON, NMEA = 0x01, 0x05, 0x06, 0x0A, 0xF0  # message classes
@@ -69,7 +69,7 @@ def nmea(sentence: str) -> bytes:
     return f"${sentence}*{checksum:02X}\r\n".encode()
 
 
-class UbloxM8:
+class FakeUbloxM8:
     """The receiver, as the port sees it that the computer hangs on: its UART1, or DDC (I2C, `hw_fakes.ublox_ddc`).
 
     utc_at_start: true time at instant 0. geoid_m: height of the geoid above the ellipsoid. baud: what a
@@ -78,14 +78,14 @@ class UbloxM8:
 
     def __init__(
         self,
-        felt: Felt,
+        sensor_truth: SensorTruth,
         utc_at_start: datetime,
         geoid_m: float = 0.0,
         baud: int = 38400,
         powered_ns: int = 0,
         port_id: int = PORT_UART1,
     ):
-        self._felt = felt
+        self._sensor_truth = sensor_truth
         self._utc_at_start = utc_at_start
         self._geoid_m = geoid_m
         self._kept_baud = baud
@@ -105,7 +105,7 @@ class UbloxM8:
     def _set_period(self, period_ms: int, now_ns: int) -> None:
         self._period_ms = period_ms
         self._epoch = now_ns // (period_ms * 1_000_000) + 1
-        self._blocks = Blocks(self._solutions, period_ms * 1e-3, length=max(1, 2000 // period_ms))
+        self._blocks = SampleBlocks(self._solutions, period_ms * 1e-3, length=max(1, 2000 // period_ms))
 
     # --- what it sends ---
 
@@ -133,7 +133,7 @@ class UbloxM8:
 
     def _solutions(self, t_s: Array) -> np.ndarray:
         """Rows: valid at, fix, latitude, longitude, height, velocity north east down, accuracies h v speed."""
-        g = self._felt.gps(t_s)
+        g = self._sensor_truth.gps(t_s)
         return np.column_stack(
             [
                 g.valid_at_s,

@@ -5,19 +5,19 @@ Receiver description UBX-13003221, section "DDC port". That the receiver stretch
 
 from collections.abc import Callable
 
-from hw_fakes.ublox import UbloxM8
+from hw_fakes.ublox import FakeUbloxM8
 
 ADDRESS = 0x42
 WAITING_HIGH, WAITING_LOW, STREAM = 0xFD, 0xFE, 0xFF
 NOTHING = 0xFF  # what a register without anything behind it reads as
 BUFFER_BYTES = 4096  # of messages that wait; what does not fit is lost whole
-GIVEN_UP_NS = 1_500_000_000  # a port that nobody touches for so long is emptied (CFG-PRT, extendedTxTimeout not set)
+EMPTIED_AFTER_NS = 1_500_000_000  # without any access the buffer is cleared (CFG-PRT, extendedTxTimeout not set)
 
 
-class Ddc:
+class FakeUbloxDdc:
     """The receiver at 0x42. now_ns: the time that is 0 where the simulation begins [ns]."""
 
-    def __init__(self, receiver: UbloxM8, now_ns: Callable[[], int]):
+    def __init__(self, receiver: FakeUbloxM8, now_ns: Callable[[], int]):
         self._receiver = receiver
         self._now_ns = now_ns
         self._register = STREAM
@@ -60,10 +60,10 @@ class Ddc:
     def _catch_up(self) -> None:
         """Let wait what the receiver has sent since it was last touched."""
         now_ns = self._now_ns()
-        if now_ns - self._touched_ns > GIVEN_UP_NS:
+        if now_ns - self._touched_ns > EMPTIED_AFTER_NS:
             self._waiting.clear()
         for sent_ns, data in self._receiver.output(now_ns):
-            wanted = sent_ns - self._touched_ns <= GIVEN_UP_NS and now_ns - self._touched_ns <= GIVEN_UP_NS
+            wanted = sent_ns - self._touched_ns <= EMPTIED_AFTER_NS and now_ns - self._touched_ns <= EMPTIED_AFTER_NS
             if wanted and len(self._waiting) + len(data) <= BUFFER_BYTES:
                 self._waiting += data
         self._touched_ns = now_ns

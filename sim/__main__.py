@@ -25,7 +25,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_
 
 HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
-OURS = (TRUTH, CURVE, TRAY, LOG)
+OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
 
 AircraftOption = Annotated[str, typer.Option(help="Name of a shipped aircraft, or a file.")]
 ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
@@ -58,7 +58,7 @@ def fly(
     from hw_fakes.faults import load_faults
     from sim import fly as flying
     from sim.plan import load_plan
-    from sim.sensors import TrayFelt, draw, load_budget
+    from sim.sensors import FlightSensorTruth, draw, load_budget
     from sim.truth import write_truth
 
     if no_hardware and (real_time or faults is not None):
@@ -67,13 +67,13 @@ def fly(
     schedule = load_faults(faults) if faults is not None else ()
     if probe is not None and not probe.is_file():
         raise InputError(f"{probe}: no such probe calibration; make one with `calibrate probe`")
-    _claim(output, replace)
+    _check_output(output, replace)
     drawn = draw(budget, seed)
     with _progress("flying") as told:
         flight = flying.fly(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=told)
     try:
         output.mkdir(parents=True, exist_ok=True)
-        for name in OURS:
+        for name in OUTPUT_FILES:
             (output / name).unlink(missing_ok=True)
         metadata = {**flight.metadata, "errors": drawn.as_dict()}
         write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
@@ -81,20 +81,20 @@ def fly(
         (output / TRAY).write_text(_tray_text(output, aircraft, craft, probe), "utf-8")
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
-    felt = TrayFelt(flight, drawn)
+    sensor_truth = FlightSensorTruth(flight, drawn)
     with _progress("recording", flight.duration_s) as told:
         if no_hardware:
-            _write_straight(output, felt, seed, craft, told)
+            _write_straight(output, sensor_truth, seed, craft, told)
         else:
-            _record(output, felt, seed, craft, schedule, real_time, told)
+            _record(output, sensor_truth, seed, craft, schedule, real_time, told)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
 
 
-def _claim(output: Path, replace: bool) -> None:
+def _check_output(output: Path, replace: bool) -> None:
     """Refuse to write over anything that is not a simulation made earlier and given up."""
     if output.exists() and not output.is_dir():
         raise InputError(f"{output}: is not a directory")
-    taken = [name for name in OURS if (output / name).exists()]
+    taken = [name for name in OUTPUT_FILES if (output / name).exists()]
     if not taken:
         return
     if not replace:
@@ -125,22 +125,22 @@ def _tray_text(output: Path, name: str, craft: Aircraft, probe: Path | None) -> 
     return "\n".join(lines) + "\n"
 
 
-def _record(output: Path, felt, seed: int, craft: Aircraft, faults: tuple, real_time: bool, told) -> None:
+def _record(output: Path, sensor_truth, seed: int, craft: Aircraft, faults: tuple, real_time: bool, told) -> None:
     from daq.clock import SystemClock
     from daq.config import load_tray
     from daq.daemon import record
     from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import FIRST_FLIGHT, FakeTray
+    from hw_fakes.tray import UTC_AT_START, FakeTray
 
-    clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=_believed_unix_ns(FIRST_FLIGHT))
+    clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=_believed_unix_ns(UTC_AT_START))
     start_ns = clock.now_ns()
-    tray = FakeTray(felt, clock, seed, pole_pairs=craft.propulsion.pole_pairs, faults=faults)
+    tray = FakeTray(sensor_truth, clock, seed, pole_pairs=craft.propulsion.pole_pairs, faults=faults)
     record(
         load_tray(output / TRAY),
         buses=tray,
         clock=clock,
         log_path=output / LOG,
-        until_ns=start_ns + int(felt.duration_s * 1e9),
+        until_ns=start_ns + int(sensor_truth.duration_s * 1e9),
         progress=told,
     )
 
@@ -150,26 +150,26 @@ def _believed_unix_ns(now: datetime) -> int:
     return int((now.timestamp() - 60) * 1e9)
 
 
-def _write_straight(output: Path, felt, seed: int, craft: Aircraft, told) -> None:
+def _write_straight(output: Path, sensor_truth, seed: int, craft: Aircraft, told) -> None:
     from daq.config import load_tray
     from daq.luggage import pack, stow
     from flight.log_writer import LogWriter
-    from hw_fakes.tray import FIRST_FLIGHT
-    from sim.straight import write_straight
+    from hw_fakes.tray import UTC_AT_START
+    from sim.direct_log import write_direct_log
 
     tray = load_tray(output / TRAY)
-    start_unix_ns = _believed_unix_ns(FIRST_FLIGHT)
+    start_unix_ns = _believed_unix_ns(UTC_AT_START)
     try:
         with (output / LOG).open("xb") as stream:
             log = LogWriter(stream)
             stow(log, pack(tray), rate_Hz=tray.rate_Hz, start_unix_ns=start_unix_ns, start_monotonic_ns=0)
-            write_straight(
+            write_direct_log(
                 log,
-                felt,
+                sensor_truth,
                 craft,
-                _parts(felt, seed, craft),
+                _parts(sensor_truth, seed, craft),
                 start_unix_ns=start_unix_ns,
-                utc_at_start_ns=int(FIRST_FLIGHT.timestamp() * 1e9),
+                utc_at_start_ns=int(UTC_AT_START.timestamp() * 1e9),
                 progress=told,
             )
             log.finish()
@@ -177,20 +177,20 @@ def _write_straight(output: Path, felt, seed: int, craft: Aircraft, told) -> Non
         raise InputError(f"{output / LOG}: cannot be written ({error.strerror or error})") from None
 
 
-def _parts(felt, seed: int, craft: Aircraft):
+def _parts(sensor_truth, seed: int, craft: Aircraft):
     """The individuals of the fake tray, as far as they show in a log."""
     import numpy as np
 
     from daq.sensors.ak8963 import sensitivity
     from daq.sensors.ms56xx import MS5611, MS5805, Trend, Variant, compensate
     from hw_fakes.clock import SimulatedClock
-    from hw_fakes.ms56xx import MS56xx, pressure_counts, temperature_counts
+    from hw_fakes.ms56xx import FakeMS56xx, pressure_counts, temperature_counts
     from hw_fakes.tray import FakeTray
-    from sim.straight import Barometer, Parts
+    from sim.direct_log import BarometerPart, IndividualParts
 
-    tray = FakeTray(felt, SimulatedClock(), seed)
+    tray = FakeTray(sensor_truth, SimulatedClock(), seed)
 
-    def barometer(part: MS56xx, variant: Variant) -> Barometer:
+    def barometer(part: FakeMS56xx, variant: Variant) -> BarometerPart:
         def counts(pressure_Pa: float, temperature_K: float) -> tuple[int, int]:
             d2 = temperature_counts(part.part, part.prom, temperature_K)
             return pressure_counts(part.part, part.prom, pressure_Pa, d2), d2
@@ -198,9 +198,9 @@ def _parts(felt, seed: int, craft: Aircraft):
         def decoded(d1: int, d2: float) -> tuple[float, float]:
             return compensate(variant, tuple(part.prom), d1, d2)
 
-        return Barometer(part.conversion_ns(HIGHEST_OVERSAMPLING), counts, decoded, Trend)
+        return BarometerPart(part.conversion_ns(HIGHEST_OVERSAMPLING), counts, decoded, Trend)
 
-    return Parts(
+    return IndividualParts(
         imu_clock_error=tray.imu.clock_error,
         mag_sensitivity=np.array([sensitivity(int(byte)) for byte in tray.magnetometer.adjustment]),
         barometers={"baro": barometer(tray.baro, MS5611), "static": barometer(tray.static, MS5805)},

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Pose:
+class EndState:
     """Where, how fast and which way: north, east, down [m] and roll, pitch, yaw [rad], with two derivatives."""
 
     position: Array
@@ -28,7 +28,7 @@ class Pose:
     attitude_rate: Array
 
     @classmethod
-    def at_rest(cls, position: Array, attitude: Array) -> "Pose":
+    def at_rest(cls, position: Array, attitude: Array) -> "EndState":
         return cls(position, np.zeros(3), np.zeros(3), attitude, np.zeros(3))
 
 
@@ -58,7 +58,7 @@ def quintic(duration_s: float, start: tuple[float, float, float], end: tuple[flo
     return Polynomial([x0, v0, a0 / 2, *np.linalg.solve(matrix, rest)])
 
 
-def move(start: Pose, end: Pose, duration_s: float, t: Array) -> Motion:
+def move(start: EndState, end: EndState, duration_s: float, t: Array) -> Motion:
     """The motion from `start` to `end` at times t (n,) since its start."""
     position = [
         quintic(

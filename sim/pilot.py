@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
-from sim.plant import Commands, Plant, Seen
+from sim.plant import Commands, Observation, Plant
 from sim.trim import Trimmer
 
 MAX_BANK_RAD = 0.8
@@ -66,7 +66,7 @@ PILOTS = {
 }
 
 
-class Knowledge(NamedTuple):
+class TrimPoint(NamedTuple):
     """What holds the aircraft in level trim at some airspeed."""
 
     alpha: float
@@ -76,23 +76,23 @@ class Knowledge(NamedTuple):
     throttle: float
 
 
-class Schedule:
+class TrimSchedule:
     """Level trim against airspeed: linear between points that stand at equal distances, held beyond the ends."""
 
-    def __init__(self, low: float, high: float, rows: Sequence[Knowledge]):
+    def __init__(self, low: float, high: float, rows: Sequence[TrimPoint]):
         self._low, self._per_mps = low, (len(rows) - 1) / (high - low)
         self._high, self._last = high, len(rows) - 2
         self._rows = rows
         self._rises = [between(a, b, 1.0, -1.0) for a, b in pairwise(rows)]
 
-    def at(self, V: float) -> Knowledge:
+    def at(self, V: float) -> TrimPoint:
         position = (V - self._low) * self._per_mps
         i = min(max(int(position), 0), self._last)
         share = min(max(position - i, 0.0), 1.0)
         # Written out: it runs three times in every step of a flight.
         alpha, elevator, aileron, rudder, throttle = self._rows[i]
         d_alpha, d_elevator, d_aileron, d_rudder, d_throttle = self._rises[i]
-        return Knowledge(
+        return TrimPoint(
             alpha + share * d_alpha,
             elevator + share * d_elevator,
             aileron + share * d_aileron,
@@ -100,24 +100,24 @@ class Schedule:
             throttle + share * d_throttle,
         )
 
-    def known(self, share: float, elsewhere: Knowledge) -> "Schedule":
+    def known(self, share: float, elsewhere: TrimPoint) -> "TrimSchedule":
         """What somebody knows of it who is drawn towards one trim; all of it when share is 1."""
-        return Schedule(self._low, self._high, [between(elsewhere, row, share, 1 - share) for row in self._rows])
+        return TrimSchedule(self._low, self._high, [between(elsewhere, row, share, 1 - share) for row in self._rows])
 
 
-def schedule_of(trimmer: Trimmer, points: int = 25) -> Schedule:
+def schedule_of(trimmer: Trimmer, points: int = 25) -> TrimSchedule:
     """Level trims from just above the stall to just below the highest speed."""
     low, high = 1.04 * trimmer.V_stall, 0.999 * trimmer.V_max
     rows = []
     for i in range(points):
         trim = trimmer.solve(V=low + i * (high - low) / (points - 1), climb=0.0)
         z = trim.unknowns
-        rows.append(Knowledge(z.alpha, z.elevator, z.aileron, z.rudder, trim.throttle))
-    return Schedule(low, high, rows)
+        rows.append(TrimPoint(z.alpha, z.elevator, z.aileron, z.rudder, trim.throttle))
+    return TrimSchedule(low, high, rows)
 
 
-def between(a: Knowledge, b: Knowledge, b_share: float, a_share: float) -> Knowledge:
-    return Knowledge(*(a_share * x + b_share * y for x, y in zip(a, b, strict=True)))
+def between(a: TrimPoint, b: TrimPoint, b_share: float, a_share: float) -> TrimPoint:
+    return TrimPoint(*(a_share * x + b_share * y for x, y in zip(a, b, strict=True)))
 
 
 class Pilot:
@@ -142,7 +142,7 @@ class Pilot:
         self._speed: float | None = None  # the speed asked for, on its way to the one wanted
         self._stick = 0.0  # elevator asked for last, without what a segment adds
 
-    def fly(self, seen: Seen, want: Targets) -> Commands:
+    def fly(self, seen: Observation, want: Targets) -> Commands:
         """Commands for the next step."""
         gains, dt, k = self._gains, self._dt, self._gains.skill
         V = max(seen.V, 5.0)
@@ -197,7 +197,7 @@ class Pilot:
         (e0, e1), (a0, a1), (r0, r1) = self._travel
         return Commands(min(max(elevator, e0), e1), min(max(aileron, a0), a1), min(max(rudder, r0), r1), throttle)
 
-    def _bank_wanted(self, seen: Seen, want: Targets, V: float) -> float:
+    def _bank_wanted(self, seen: Observation, want: Targets, V: float) -> float:
         if want.bank_rad is not None:
             return want.bank_rad
         if want.heading_rad is None:
@@ -206,7 +206,7 @@ class Pilot:
         bank = self._gains.heading * error * min(V / self._V_reference, 2.0)
         return copysign(min(abs(bank), MAX_BANK_RAD), bank)
 
-    def _throttle_for(self, seen: Seen, want: Targets) -> float:
+    def _throttle_for(self, seen: Observation, want: Targets) -> float:
         if want.throttle is not None:
             self._throttle_integral, self._speed = 0.0, None
             return min(max(want.throttle, 0.0), 1.0)
@@ -236,6 +236,6 @@ def pilot_named(name: str) -> Gains:
     return PILOTS[name]
 
 
-def wrapped(angle: float) -> float:
+def wrap_angle(angle: float) -> float:
     """An angle in (-pi, pi]."""
     return pi - (pi - angle) % (2 * pi)

@@ -22,12 +22,12 @@ from flight.motion import (
     rate_derivative,
     velocity_derivative,
 )
-from flight.propeller import Blades, Cell, Cells, Place, Propeller, load_propeller
+from flight.propeller import Cell, Cells, Place, Propeller, PropellerModel, load_propeller
 from sim.air import Air, Gust, GustStates, ambient, dryden, mean_wind
-from sim.propulsion import SLOWEST_REVPS, PowerTrain, power_train
+from sim.propulsion import SLOWEST_REVPS, PowerTrainState, power_train
 
 
-class State(NamedTuple):
+class AircraftState(NamedTuple):
     """Everything that has a derivative, SI and radians."""
 
     north: Any
@@ -57,8 +57,8 @@ class State(NamedTuple):
     gust_r: Any
 
 
-FIRST_GUST = State._fields.index("gust_u")
-MOTOR = State._fields.index("motor")
+FIRST_GUST = AircraftState._fields.index("gust_u")
+MOTOR = AircraftState._fields.index("motor")
 
 
 class Commands(NamedTuple):
@@ -84,7 +84,7 @@ class Deviations:
 NO_DEVIATIONS = Deviations()
 
 
-class Instant(NamedTuple):
+class FlightCondition(NamedTuple):
     """Everything that follows from a state and commands: what the truth file holds beside the state."""
 
     V: Any
@@ -104,7 +104,7 @@ class Instant(NamedTuple):
     Cn: Any
     specific_force: tuple[Any, Any, Any]  # body axes, at the centre of gravity
     angular_acceleration: tuple[Any, Any, Any]
-    train: PowerTrain
+    train: PowerTrainState
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class Plant:
 
     aircraft: Aircraft
     aero: Aerodynamics
-    propeller: Blades
+    propeller: PropellerModel
     air: Air
     deviations: Deviations = NO_DEVIATIONS
 
@@ -127,8 +127,8 @@ class Plant:
         return Inertia(m.Ix_kgm2, m.Iy_kgm2, m.Iz_kgm2, m.Ixz_kgm2, self.aircraft.propulsion.propeller_inertia_kgm2)
 
     def instant(
-        self, x: State, commands: Commands, white=(0.0, 0.0, 0.0, 0.0), *, motor_held: bool = False
-    ) -> tuple[Instant, GustStates]:
+        self, x: AircraftState, commands: Commands, white=(0.0, 0.0, 0.0, 0.0), *, motor_held: bool = False
+    ) -> tuple[FlightCondition, GustStates]:
         """Flow, forces and accelerations at a state, and the rates of change of the gust filters.
 
         `motor_held`: as if something kept the motor at its speed, whatever the throttle; trim is solved that way.
@@ -182,7 +182,7 @@ class Plant:
         )
         over_ground = earth_from_body(x.u, x.v, x.w, x.phi, x.theta, x.psi)
         return (
-            Instant(
+            FlightCondition(
                 V=V,
                 alpha=alpha,
                 beta=beta,
@@ -205,7 +205,7 @@ class Plant:
             gust_rates,
         )
 
-    def _gusts(self, x: State, wind_body, white) -> tuple[GustStates, Gust]:
+    def _gusts(self, x: AircraftState, wind_body, white) -> tuple[GustStates, Gust]:
         if self.air.turbulence_mps == 0:
             # Zeros of the state's own kind, so that nothing has to be computed for a calm day.
             return GustStates(*(0 * v for v in x[FIRST_GUST:])), Gust(*(0 * v for v in x[FIRST_GUST : FIRST_GUST + 6]))
@@ -220,14 +220,14 @@ class Plant:
             W20_mps=self.air.turbulence_mps,
         )
 
-    def derivative(self, x: State, commands: Commands, white=(0.0, 0.0, 0.0, 0.0)) -> State:
+    def derivative(self, x: AircraftState, commands: Commands, white=(0.0, 0.0, 0.0, 0.0)) -> AircraftState:
         """Rates of change of every state (3.6-3.14), with servos and motor."""
         now, gust_rates = self.instant(x, commands, white)
         north, east, down = now.ground_velocity
         udot, vdot, wdot = velocity_derivative(x.u, x.v, x.w, x.p, x.q, x.r, x.phi, x.theta, *now.specific_force)
         phidot, thetadot, psidot = attitude_derivative(x.phi, x.theta, x.p, x.q, x.r)
         pdot, qdot, rdot = now.angular_acceleration
-        return State(
+        return AircraftState(
             north,
             east,
             down,
@@ -261,7 +261,7 @@ def plant_of(aircraft: Aircraft, air: Air | None = None, deviations: Deviations 
     return Plant(aircraft, aerodynamics_of(aircraft), propeller, air or Air(), deviations)
 
 
-class Seen(NamedTuple):
+class Observation(NamedTuple):
     """What the pilot sees of the aircraft, and the time loop of a flight that goes wrong."""
 
     V: float
@@ -278,8 +278,8 @@ class Seen(NamedTuple):
     load_factor: float
 
 
-def seen_of(x: State, now: Instant) -> Seen:
-    return Seen(
+def observation_of(x: AircraftState, now: FlightCondition) -> Observation:
+    return Observation(
         now.V,
         now.alpha,
         now.beta,
@@ -295,22 +295,22 @@ def seen_of(x: State, now: Instant) -> Seen:
     )
 
 
-def add(x: State, rate: State, dt: float) -> State:
-    return State(*(a + dt * b for a, b in zip(x, rate, strict=True)))
+def add(x: AircraftState, rate: AircraftState, dt: float) -> AircraftState:
+    return AircraftState(*(a + dt * b for a, b in zip(x, rate, strict=True)))
 
 
-def euler(f: Callable[[State], State], x: State, dt: float) -> State:
+def euler(f: Callable[[AircraftState], AircraftState], x: AircraftState, dt: float) -> AircraftState:
     """One step of the source's integrator (3.44)."""
     return add(x, f(x), dt)
 
 
-def rk4(f: Callable[[State], State], x: State, dt: float) -> State:
+def rk4(f: Callable[[AircraftState], AircraftState], x: AircraftState, dt: float) -> AircraftState:
     """One step of the classical fourth-order Runge-Kutta method."""
     k1 = f(x)
     k2 = f(add(x, k1, dt / 2))
     k3 = f(add(x, k2, dt / 2))
     k4 = f(add(x, k3, dt))
-    mean = State(*((a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(k1, k2, k3, k4, strict=True)))
+    mean = AircraftState(*((a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(k1, k2, k3, k4, strict=True)))
     return add(x, mean, dt)
 
 
@@ -325,13 +325,13 @@ class Stepper:
 
     def __init__(self, plant: Plant, dt: float, integrator: str = "rk4"):
         assert isinstance(plant.propeller, Propeller)
-        self.x = np.zeros(len(State._fields))
+        self.x = np.zeros(len(AircraftState._fields))
         self.commands = np.zeros(4)
         self.white = np.zeros(4)
         self._cell = np.zeros(8)
         self._buffers: list[Any] = []  # kept alive as long as the functions on them
-        self._next = np.zeros(len(State._fields))
-        self._seen = np.zeros(len(Seen._fields))
+        self._next = np.zeros(len(AircraftState._fields))
+        self._seen = np.zeros(len(Observation._fields))
         self._in_cell, self._in_table = (
             self._bound(compile_step(plant, dt, integrator, cell=c)) for c in (True, False)
         )
@@ -340,15 +340,15 @@ class Stepper:
         self._diameter_m = plant.propeller.diameter_m
         self._place: Place = (0, 0)
 
-    def start(self, x: State, commands: Commands) -> Seen:
+    def start(self, x: AircraftState, commands: Commands) -> Observation:
         """Put the aircraft into a state; what is seen there."""
         self.x[:], self.commands[:] = x, commands
         now, _ = self._plant.instant(x, commands)
-        seen = Seen(*(float(value) for value in seen_of(x, now)))
+        seen = Observation(*(float(value) for value in observation_of(x, now)))
         self._place = self._place_at(seen.V, x.motor)
         return seen
 
-    def step(self) -> Seen:
+    def step(self) -> Observation:
         """One step on; what is seen then.
 
         The propeller's table is most of what there is to compute, and a step rarely leaves a cell of it: each is done
@@ -361,7 +361,7 @@ class Stepper:
             self._in_table()
             self._place = self._place_at(self._seen.item(0), self._next.item(MOTOR))
         self.x[:] = self._next
-        return Seen._make(self._seen.tolist())
+        return Observation._make(self._seen.tolist())
 
     def _place_at(self, V: float, motor: float) -> Place:
         n = max(motor, SLOWEST_REVPS)
@@ -386,18 +386,18 @@ def compile_step(plant: Plant, dt: float, integrator: str = "rk4", *, cell: bool
     import casadi as ca
 
     ca.GlobalOptions.setNumpyMode(-1)
-    inputs = [ca.SX.sym("x", len(State._fields)), ca.SX.sym("c", 4), ca.SX.sym("n", 4), ca.SX.sym("p", 8)]
+    inputs = [ca.SX.sym("x", len(AircraftState._fields)), ca.SX.sym("c", 4), ca.SX.sym("n", 4), ca.SX.sym("p", 8)]
     x, c, n, numbers = (ca.vertsplit(symbols) for symbols in inputs)
     if cell:
         propeller = plant.propeller
         plant = replace(plant, propeller=Cell(propeller.diameter_m, propeller.beyond_zero_thrust, numbers))
     commands = Commands(*c)
-    after = INTEGRATORS[integrator](lambda s: plant.derivative(s, commands, n), State(*x), dt)
+    after = INTEGRATORS[integrator](lambda s: plant.derivative(s, commands, n), AircraftState(*x), dt)
     now, _ = plant.instant(after, commands)
-    results = ca.cse([ca.vertcat(*after), ca.vertcat(*seen_of(after, now))])
+    results = ca.cse([ca.vertcat(*after), ca.vertcat(*observation_of(after, now))])
     return ca.Function("step", inputs, results)
 
 
-def replace_air(plant: Plant, air: Air) -> Plant:
+def in_still_air(plant: Plant, air: Air) -> Plant:
     """The same aircraft in other air, still: without the updraft among its deviations."""
     return replace(plant, air=air, deviations=replace(plant.deviations, updraft_mps=0.0))

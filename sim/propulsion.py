@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flight.aircraft import Propulsion
-from flight.propeller import Blades
+from flight.propeller import PropellerModel
 
 # Below this a propeller has no meaningful advance ratio: its thrust goes over to that of standing blades, and the
 # motor's friction is faded out so that it can stop.
 SLOWEST_REVPS = 5.0
 
 
-class PowerTrain(NamedTuple):
+class PowerTrainState(NamedTuple):
     """What the power train does at one instant, SI."""
 
     thrust: Any  # [N]
@@ -32,7 +32,7 @@ def torque_constant(propulsion: Propulsion) -> float:
 
 
 def power_train(
-    propulsion: Propulsion, propeller: Blades, *, V, n, throttle, rho, thrust_scale=1.0, thrust_slope_J=0.0
+    propulsion: Propulsion, propeller: PropellerModel, *, V, n, throttle, rho, thrust_scale=1.0, thrust_slope_J=0.0
 ):
     """Thrust, torque balance and currents at airspeed V [m/s], n [rev/s], throttle 0 to 1.
 
@@ -58,10 +58,10 @@ def power_train(
     acceleration = (k * motor_current - friction - load) / (2 * np.pi * propulsion.propeller_inertia_kgm2)
     battery_current = throttle * motor_current
     voltage = propulsion.battery_voltage_V - battery_current * propulsion.battery_resistance_ohm
-    return PowerTrain(thrust, shaft_power, load, acceleration, voltage, battery_current)
+    return PowerTrainState(thrust, shaft_power, load, acceleration, voltage, battery_current)
 
 
-def throttle_for(propulsion: Propulsion, propeller: Blades, *, V, n, rho):
+def throttle_for(propulsion: Propulsion, propeller: PropellerModel, *, V, n, rho):
     """The throttle that holds n [rev/s] at airspeed V [m/s], elementwise.
 
     Zero where the propeller windmills faster than asked, infinite where the battery cannot sustain it.

@@ -13,7 +13,7 @@ from flight.errors import InputError
 from flight.motion import body_from_earth, flow_of, velocity_derivative
 from sim.air import ambient, mean_wind
 from sim.ground import Motion
-from sim.plant import Commands, Plant, State
+from sim.plant import AircraftState, Commands, Plant
 from sim.propulsion import power_train, throttle_for
 from sim.trim import Trimmer, power_required
 
@@ -24,7 +24,7 @@ METADATA_KEY = b"flightpower"
 
 def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array | None, index: int, kind: str) -> Columns:
     """Columns of a segment flown: states (n, n_states), commands (n, 4) and, in turbulence, white noises (n, 4)."""
-    x, c = State(*states.T), Commands(*commands.T)
+    x, c = AircraftState(*states.T), Commands(*commands.T)
     noises = (0.0, 0.0, 0.0, 0.0) if white is None else tuple(white.T)
     now, _ = plant.instant(x, c, noises)
     udot, vdot, wdot = velocity_derivative(x.u, x.v, x.w, x.p, x.q, x.r, x.phi, x.theta, *now.specific_force)
@@ -116,7 +116,7 @@ def kinematic_rows(
     plant: Plant,
     motion: Motion,
     share: Array,
-    state: State | None,
+    state: AircraftState | None,
     commands: Commands | None,
     energy_J: float,
     dt: float,
@@ -217,7 +217,7 @@ def table_of(parts: Sequence[Columns], dt: float) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _gusts(plant: Plant, state: State | None, commands: Commands | None) -> dict[str, float]:
+def _gusts(plant: Plant, state: AircraftState | None, commands: Commands | None) -> dict[str, float]:
     """The gust at the end of the motion that is in the air; it dies away towards the ground."""
     names = ("gust_u_mps", "gust_v_mps", "gust_w_mps", "gust_p_radps", "gust_q_radps", "gust_r_radps")
     if state is None or commands is None:
@@ -226,7 +226,7 @@ def _gusts(plant: Plant, state: State | None, commands: Commands | None) -> dict
     return {name: float(value) for name, value in zip(names, now.gust, strict=True)}
 
 
-def _upwash(plant: Plant, state: State, commands: Commands | None) -> float:
+def _upwash(plant: Plant, state: AircraftState, commands: Commands | None) -> float:
     assert commands is not None
     now, _ = plant.instant(state, commands)
     return float(plant.aircraft.probe.upwash_per_CL_rad * now.CL)

@@ -28,7 +28,7 @@ HEADER = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tunnel:
+class WindTunnel:
     """The grid that is measured, and how well the tunnel measures it (standard deviations)."""
 
     speeds_mps: tuple[float, ...] = (12.0, 18.0, 25.0, 32.0)
@@ -41,7 +41,7 @@ class Tunnel:
     temperature_K: float = 294.0
 
 
-def calibrate(tunnel: Tunnel = Tunnel(), seed: int = 0) -> pd.DataFrame:
+def calibrate(tunnel: WindTunnel = WindTunnel(), seed: int = 0) -> pd.DataFrame:
     """The calibration as a table with the columns of `HEADER`, a row a point."""
     n = round(tunnel.largest_angle_deg / tunnel.step_deg)
     angles = np.arange(-n, n + 1) * tunnel.step_deg

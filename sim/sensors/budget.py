@@ -84,7 +84,7 @@ class Systematic:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Budget:
+class ErrorBudget:
     title: str = ""
     evenly: bool = False  # systematic errors lie evenly within plus and minus their size, instead of normally
     noise: Noise = Noise()
@@ -92,7 +92,7 @@ class Budget:
 
 
 @dataclass(frozen=True)
-class Errors:
+class DrawnErrors:
     """One day's errors. Vectors are per axis or per line; `values` holds the scalars of `Systematic`, drawn."""
 
     seed: int
@@ -130,7 +130,7 @@ AS_GIVEN = ("hysteresis", "gps_lost_s", "gps_lost_for_s")
 DIFFERENTIAL = ("alpha", "beta", "airspeed")
 
 
-def draw(budget: Budget, seed: int) -> Errors:
+def draw(budget: ErrorBudget, seed: int) -> DrawnErrors:
     """The errors of one day. A pure function of budget and seed; each error has a stream of its own."""
     s = budget.systematic
 
@@ -150,7 +150,7 @@ def draw(budget: Budget, seed: int) -> Errors:
     skew = of_size_one("soft iron matrix", 9).reshape(3, 3)
     zeros, drifts = of_size_one("zeros", 3) * s.zero_Pa, of_size_one("zero drifts", 3) * s.zero_drift_Pa
     absolute = of_size_one("absolute", 2) * s.absolute_Pa
-    return Errors(
+    return DrawnErrors(
         seed=seed,
         noise=budget.noise,
         values=Systematic(**values),
@@ -179,7 +179,7 @@ def shipped_budgets() -> list[str]:
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
-def load_budget(name_or_path: str | Path) -> Budget:
+def load_budget(name_or_path: str | Path) -> ErrorBudget:
     """A budget shipped with the package, by name, or one from a file.
 
     Raises InputError naming file and key when it is missing, malformed or has a wrong unit.
@@ -199,4 +199,4 @@ def load_budget(name_or_path: str | Path) -> Budget:
         table: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"errors {name_or_path}: not valid TOML ({error})") from None
-    return read_table(Budget, table, f"errors {name_or_path}")
+    return read_table(ErrorBudget, table, f"errors {name_or_path}")

@@ -1,4 +1,4 @@
-"""The tray: every sensor of the aircraft on one simulated flight, behind the interface `sim.felt.Felt`."""
+"""Inputs of every sensor of the tray on one simulated flight; implements `sim.sensor_truth.SensorTruth`."""
 
 from functools import cached_property
 
@@ -9,13 +9,13 @@ from scipy.interpolate import CubicSpline
 
 from flight.aircraft import Aircraft, Line, Surface
 from flight.atmosphere import GRAVITY_MPS2
-from flight.motion import body_from_earth, felt_off_center
-from sim.felt import GpsSolution
+from flight.motion import body_from_earth, specific_force_at
 from sim.fly import Flight
-from sim.sensors.budget import DIFFERENTIAL, Errors
+from sim.sensor_truth import GpsSolution
+from sim.sensors.budget import DIFFERENTIAL, DrawnErrors
 from sim.sensors.noise import GRID_HZ, gauss_markov, white
 from sim.sensors.probe import flow_at_probe, port_pressures
-from sim.sensors.tubing import lagged, time_constant_s
+from sim.sensors.tubing import first_order_lag, time_constant_s
 
 Array = NDArray[np.float64]
 
@@ -37,10 +37,10 @@ NEUTRAL_US, THROTTLE_LOW_US, THROTTLE_HIGH_US = 1500.0, 1000.0, 2000.0
 DEFAULT_LINE = Line(length_m=0.0, diameter_m=1e-3, cavity_m3=0.0)
 
 
-class TrayFelt:
+class FlightSensorTruth:
     """What each sensor feels on `flight`, with one day's `errors`."""
 
-    def __init__(self, flight: Flight, errors: Errors):
+    def __init__(self, flight: Flight, errors: DrawnErrors):
         self._flight, self._errors = flight, errors
         self._aircraft: Aircraft = flight.aircraft
         self._truth: pd.DataFrame = flight.truth
@@ -51,7 +51,7 @@ class TrayFelt:
         t, e = self._clipped(t_s), self._errors
         ax, ay, az, p, q, r, pdot, qdot, rdot, turns, speed = self._imu_spline(t).T
         position = self._aircraft.imu_position_m
-        force = np.column_stack(felt_off_center(ax, ay, az, p, q, r, pdot, qdot, rdot, position))
+        force = np.column_stack(specific_force_at(ax, ay, az, p, q, r, pdot, qdot, rdot, position))
         force += self._vibration(turns, speed)[:, None]
         rates = np.column_stack([p, q, r])
         force = force @ e.imu_rotation.T * (1 + e.accel_scale) + e.accel_bias
@@ -214,10 +214,10 @@ class TrayFelt:
         dt = float(self._t[1] - self._t[0])
         ax, ay, az = (truth[f"specific_force_{axis}_mps2"].to_numpy() for axis in "xyz")
         phi, theta, psi = (truth[name].to_numpy() for name in ("roll_rad", "pitch_rad", "yaw_rad"))
-        pitch_felt = np.arcsin(np.clip(ax / GRAVITY_MPS2, -1.0, 1.0))
-        roll_felt = np.arctan2(-ay, np.maximum(-az, 0.1 * GRAVITY_MPS2))
-        roll = phi + lagged(roll_felt - phi, dt, ATTITUDE_FILTER_S)
-        pitch = theta + lagged(pitch_felt - theta, dt, ATTITUDE_FILTER_S)
+        pitch_from_force = np.arcsin(np.clip(ax / GRAVITY_MPS2, -1.0, 1.0))
+        roll_from_force = np.arctan2(-ay, np.maximum(-az, 0.1 * GRAVITY_MPS2))
+        roll = phi + first_order_lag(roll_from_force - phi, dt, ATTITUDE_FILTER_S)
+        pitch = theta + first_order_lag(pitch_from_force - theta, dt, ATTITUDE_FILTER_S)
         return np.column_stack([roll, pitch, np.unwrap(psi)]) + e.values.attitude_rad
 
     # Pneumatics: everything between the ports and the transducers, once for the flight.
@@ -248,7 +248,7 @@ class TrayFelt:
 
         def through(name: str, x: Array) -> Array:
             line = self._aircraft.probe.lines.get(name, DEFAULT_LINE)
-            return lagged(x, PNEUMATIC_DT_S, time_constant_s(line, pressure, kelvin) + e.lag_s)
+            return first_order_lag(x, PNEUMATIC_DT_S, time_constant_s(line, pressure, kelvin) + e.lag_s)
 
         static_line = through("static", static + ports.static + e.static_position * q_bar)
         centre_line = through("airspeed", static + ports.centre)

@@ -21,7 +21,7 @@ def time_constant_s(line: Line, pressure_Pa: float, temperature_K: float) -> flo
     return float(resistance * (line.cavity_m3 + tube / 2) / pressure_Pa)
 
 
-def lagged(x: Array, dt: float, tau_s: float) -> Array:
+def first_order_lag(x: Array, dt: float, tau_s: float) -> Array:
     """Response of a first-order lag to x (n,), linear between its samples; exact, starting in equilibrium."""
     if tau_s <= 0 or len(x) == 0:
         return x

@@ -20,7 +20,7 @@ os.environ["MAVLINK20"] = "1"  # mavutil looks for it when it is imported
 from pymavlink import mavutil
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
-from analytic_felt import AnalyticFelt
+from analytic_sensor_truth import AnalyticSensorTruth
 
 pytest.importorskip("serial")
 PATIENCE_S = 60.0  # so that a test that hangs ends
@@ -60,7 +60,7 @@ def until(found):
 
 def test_the_fake_autopilot_talks_with_a_ground_station_of_pymavlink():
     clock = ReadersClock()
-    tray = FakeTray(AnalyticFelt(), clock)
+    tray = FakeTray(AnalyticSensorTruth(), clock)
     with PtyServer(tray.port(AUTOPILOT_PORT, 57600)) as server:
         clock.path = server.path
         station = mavutil.mavlink_connection(server.path, baud=57600, dialect="ardupilotmega", source_system=255)

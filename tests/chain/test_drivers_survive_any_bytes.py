@@ -25,7 +25,7 @@ from hw_fakes.clock import SimulatedClock
 from hw_fakes.tray import AUTOPILOT_PORT, ESC_PORT, GPS_PORT, I2C_BUS, FakeTray
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
-from analytic_felt import AnalyticFelt
+from analytic_sensor_truth import AnalyticSensorTruth
 
 TICK_NS = 40_000_000
 RECOVERY_TICKS = 50
@@ -129,7 +129,7 @@ class Place:
 def test_any_bytes_and_then_sound_ones(name, noise, ticks):
     clock = SimulatedClock(start_ns=5_000_000_000)
     options = {"rpm_with_crc": name == "framed counter", "gps_on_i2c": name == "ublox on i2c"}
-    wire = Wire(FakeTray(AnalyticFelt(), clock, 1, **options))
+    wire = Wire(FakeTray(AnalyticSensorTruth(), clock, 1, **options))
     place = Place(MAKERS[name], wire, clock)
     assert place.measures_within(2 * RECOVERY_TICKS)
     wire.noise = noise
@@ -146,7 +146,7 @@ def test_any_bytes_and_then_sound_ones(name, noise, ticks):
 def test_any_bytes_while_it_is_brought_up(name, noise):
     clock = SimulatedClock(start_ns=5_000_000_000)
     options = {"rpm_with_crc": name == "framed counter", "gps_on_i2c": name == "ublox on i2c"}
-    wire = Wire(FakeTray(AnalyticFelt(), clock, 1, **options))
+    wire = Wire(FakeTray(AnalyticSensorTruth(), clock, 1, **options))
     wire.noise = noise
     place = Place(MAKERS[name], wire, clock)
     assert all(status in Status for _ in range(5) for status in place.tick())
@@ -169,7 +169,7 @@ TRANSFERS = st.lists(
 @given(TRANSFERS)
 def test_a_fake_part_answers_any_transfer_or_does_not_acknowledge(transfers):
     clock = SimulatedClock(start_ns=5_000_000_000)
-    bus = FakeTray(AnalyticFelt(), clock, 1, gps_on_i2c=True).i2c(I2C_BUS)
+    bus = FakeTray(AnalyticSensorTruth(), clock, 1, gps_on_i2c=True).i2c(I2C_BUS)
     for address, data, count, wait_ns in transfers:
         clock.advance_ns(wait_ns)
         try:
@@ -188,7 +188,7 @@ def test_a_fake_part_answers_any_transfer_or_does_not_acknowledge(transfers):
 @given(noise=st.lists(st.binary(max_size=100), max_size=8))
 def test_a_fake_part_on_a_line_hears_a_command_after_any_bytes(device, baud, noise):
     clock = SimulatedClock(start_ns=5_000_000_000)
-    tray = FakeTray(AnalyticFelt(), clock, 1)
+    tray = FakeTray(AnalyticSensorTruth(), clock, 1)
     port = tray.port(device, baud)
     for piece in noise:
         port.write(piece)

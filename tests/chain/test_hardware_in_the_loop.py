@@ -24,7 +24,7 @@ from hw_fakes.replay import load_recording, replay
 from hw_fakes.tray import I2C_BUS, PORTS, FakeTray
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
-from analytic_felt import AnalyticFelt, constant
+from analytic_sensor_truth import AnalyticSensorTruth, constant
 
 EXAMPLE = Path(__file__).parents[2] / "daq" / "tray.example.toml"
 DAQ = Path(sysconfig.get_path("scripts")) / "daq"
@@ -61,13 +61,13 @@ class RealClock:
 @pytest.mark.parametrize("messages", [30, pytest.param(500, marks=pytest.mark.slow)])
 def test_the_installed_daemon_records_from_device_files(tmp_path, messages):
     """It records until each topic has so many good messages, however long that takes."""
-    felt = AnalyticFelt(
+    sensor_truth = AnalyticSensorTruth(
         force_mps2=constant(FORCE_MPS2),
         differential_Pa=constant(DIFFERENCE_PA),
         absolute_Pa=constant(STATIC_PA),
         motor_revps=constant(MOTOR_REVPS),
     )
-    fake = FakeTray(felt, RealClock(), 4)
+    fake = FakeTray(sensor_truth, RealClock(), 4)
     text = EXAMPLE.read_text()
     with ExitStack() as stack:
         try:

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
-from analytic_felt import AnalyticFelt
+from analytic_sensor_truth import AnalyticSensorTruth
 
 from hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C
 from hw_fakes.tray import FakeTray
@@ -22,7 +22,7 @@ class RealClock:
 
 @pytest.fixture
 def device(tmp_path):
-    bus = FakeTray(AnalyticFelt(), RealClock()).i2c("/dev/i2c-1")
+    bus = FakeTray(AnalyticSensorTruth(), RealClock()).i2c("/dev/i2c-1")
     try:
         served = FuseI2C(bus, tmp_path / "i2c-1")
     except OSError as error:

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from analytic_felt import AnalyticFelt, constant, sine
+from analytic_sensor_truth import AnalyticSensorTruth, constant, sine
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from hw_fakes import esc_counter
@@ -173,7 +173,7 @@ def test_transfers_take_their_time_on_the_clock(bus_of, clock):
 
 def test_pyserial_reads_a_pseudo_terminal():
     serial = pytest.importorskip("serial")
-    tray = FakeTray(AnalyticFelt(), RealClock())
+    tray = FakeTray(AnalyticSensorTruth(), RealClock())
     with PtyServer(tray.port(ESC, 115200)) as server, serial.Serial(server.path, 115200, timeout=0) as line:
         data, give_up = b"", time.monotonic() + GIVE_UP_S
         while len(data) < 80 and time.monotonic() < give_up:
@@ -185,7 +185,7 @@ def test_pyserial_reads_a_pseudo_terminal():
 
 def test_a_receiver_is_configured_over_a_pseudo_terminal():
     serial = pytest.importorskip("serial")
-    tray = FakeTray(AnalyticFelt(), RealClock())
+    tray = FakeTray(AnalyticSensorTruth(), RealClock())
     with PtyServer(tray.port("/dev/ttyAMA0", 9600)) as server, serial.Serial(server.path, 38400, timeout=0.05) as line:
         # The server looks at the line's speed after bytes have arrived and before it passes them on.
         line.write(bytes.fromhex("b562060806006400010001007a12"))

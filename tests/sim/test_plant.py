@@ -10,24 +10,24 @@ from scipy.spatial.transform import Rotation
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.propeller import Propeller, Row
 from sim.air import Air
-from sim.plant import Commands, Plant, State, Stepper, rk4, servo_rate
+from sim.plant import AircraftState, Commands, Plant, Stepper, rk4, servo_rate
 from sim.trim import Trimmer
 
 SPIN = 120.0  # rev/s
 
 
-def tumbling(**changes) -> State:
-    zeros = dict.fromkeys(State._fields, 0.0)
+def tumbling(**changes) -> AircraftState:
+    zeros = dict.fromkeys(AircraftState._fields, 0.0)
     motion = dict(down=-500.0, u=20.0, v=-3.0, w=2.0, phi=0.3, theta=0.2, psi=1.0, p=1.5, q=0.4, r=-0.3, motor=SPIN)
-    return State(**{**zeros, **motion, **changes})
+    return AircraftState(**{**zeros, **motion, **changes})
 
 
-def integrate(plant: Plant, x: State, commands: Commands, dt: float, n: int) -> State:
+def integrate(plant: Plant, x: AircraftState, commands: Commands, dt: float, n: int) -> AircraftState:
     stepper = Stepper(plant, dt)
     stepper.start(x, commands)
     for _ in range(n):
         stepper.step()
-    return State(*stepper.x.tolist())
+    return AircraftState(*stepper.x.tolist())
 
 
 def test_without_air_energy_and_momentum_are_kept(plant):
@@ -70,7 +70,7 @@ def test_a_glide_comes_down_by_drag_over_lift(plant, trimmer):
     stepper.start(start, trim.commands)
     for _ in range(500):
         stepper.step()
-    end = State(*stepper.x)
+    end = AircraftState(*stepper.x)
     assert (end.down - start.down) / (end.north - start.north) == pytest.approx(now.CD / now.CL, rel=2e-3)
     assert trim.unknowns.climb / np.sqrt(V**2 - trim.unknowns.climb**2) == pytest.approx(-now.CD / now.CL, rel=1e-6)
 
@@ -128,7 +128,7 @@ def test_the_compiled_step_is_the_plain_one(plant, trimmer):
     seen = stepper.step()
     plain = rk4(lambda s: windy.derivative(s, commands, white), x, 0.02)
     assert np.allclose(stepper.x, [float(v) for v in plain], rtol=1e-12, atol=1e-12)
-    assert seen == pytest.approx(stepper.start(State(*stepper.x.tolist()), commands), rel=1e-12)
+    assert seen == pytest.approx(stepper.start(AircraftState(*stepper.x.tolist()), commands), rel=1e-12)
 
 
 def test_a_servo_has_rate_travel_and_lag(nexstar):

@@ -10,7 +10,7 @@ from flight.aircraft import load_aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
 from sim.modes import modes
-from sim.plant import Deviations, State, Stepper, plant_of
+from sim.plant import AircraftState, Deviations, Stepper, plant_of
 from sim.trim import RESIDUAL_LIMIT, Trimmer, power_required
 
 AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs")
@@ -25,7 +25,7 @@ def test_trim_leaves_no_residual_from_stall_to_top_speed(name):
         x = trim.state()
         rate = trimmer.plant.derivative(x, trim.commands)
         # Nothing changes but the place, the battery, and nothing at all in the motor.
-        for field in set(State._fields) - {"north", "east", "energy"}:
+        for field in set(AircraftState._fields) - {"north", "east", "energy"}:
             assert abs(getattr(rate, field)) < 1e-6, field
 
 

@@ -22,7 +22,7 @@ class GpsSolution(NamedTuple):
     speed_accuracy_mps: Array
 
 
-class Felt(Protocol):
+class SensorTruth(Protocol):
     """Physical input of every sensor as a pure function of time since power-on `t_s` (n,), errors and noise included.
 
     Asked twice for the same instants it gives the same values: noise is a function of seed, channel and sample time.

@@ -4,7 +4,7 @@ Decoded values are those of the default tray on the simulated clock, to within o
 time), taken at the same instants, in the same steps. So this module knows three things that are written elsewhere too,
 in the fake parts and the drivers, and a test holds them together: when a part is read (the daemon's tick, and the time
 that transfers take on the bus before it), the part's steps, and the IMU's low-pass filter. What moves the instants of
-one individual part is given as `Parts`.
+one individual part is given as `IndividualParts`.
 
 The first two seconds, in which the daemon brings the parts up, are left out; so are its own topics, and the sticks.
 """
@@ -35,7 +35,7 @@ from flight.messages import (
     Status,
     Time,
 )
-from sim.felt import Felt
+from sim.sensor_truth import SensorTruth
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -78,7 +78,7 @@ BATTERY_PERIOD_NS, BATTERY_ARRIVES_NS, CELLS = 500_000_000, round(90 * 10e9 / 57
 
 
 @dataclass(frozen=True)
-class Barometer:
+class BarometerPart:
     """One individual. conversion_ns: how long it takes; counts: (D1, D2) for pressure [Pa] and temperature [K];
     decoded: temperature [0.01 degC] and pressure [Pa] of (D1, D2); trend: how the driver carries D2 on in between."""
 
@@ -89,12 +89,12 @@ class Barometer:
 
 
 @dataclass(frozen=True)
-class Parts:
+class IndividualParts:
     """What differs between two parts of a kind."""
 
     imu_clock_error: float  # its samples come so much too fast
     mag_sensitivity: Array  # (3,), chip axes
-    barometers: dict[str, Barometer]
+    barometers: dict[str, BarometerPart]
     pole_pairs: int
 
 
@@ -102,17 +102,17 @@ def _seconds(ns: Any) -> Array:
     return np.asarray(ns, dtype=np.float64) * 1e-9
 
 
-class Said(NamedTuple):
+class TimedMessage(NamedTuple):
     tick: int
     time_ns: int  # since the start
     topic: str
     message: Message
 
 
-class Turns:
+class ReadTimes:
     """When each part's turn is in each tick [ns since the start], (n,): one after the other on the bus."""
 
-    def __init__(self, duration_s: float, parts: Parts):
+    def __init__(self, duration_s: float, parts: IndividualParts):
         self.tick_ns: Ints = np.arange(int(np.ceil(duration_s * 1e9 / TICK_NS))) * TICK_NS
         self.imu_period_ns = 1e9 / IMU_RATE_HZ / (1 + parts.imu_clock_error)
         done = np.maximum(self.tick_ns - IMU_SINCE_NS, 0) / self.imu_period_ns
@@ -131,11 +131,11 @@ class Turns:
         return range(FIRST_TICK, len(self.tick_ns))
 
 
-def write_straight(
+def write_direct_log(
     log: LogWriter,
-    felt: Felt,
+    sensor_truth: SensorTruth,
     aircraft: Aircraft,
-    parts: Parts,
+    parts: IndividualParts,
     *,
     start_unix_ns: int,
     utc_at_start_ns: int,
@@ -145,31 +145,31 @@ def write_straight(
 
     start_unix_ns: what the computer takes for Unix time at the start; utc_at_start_ns: what it is.
     """
-    turns = Turns(felt.duration_s, parts)
-    solutions = list(_gps(felt, turns, utc_at_start_ns))
-    streams = [_imu(felt, turns), _mag(felt, turns, parts)]
-    streams += [_barometer(felt, turns, name, parts.barometers[name]) for name in ("baro", "static")]
-    streams += [_bridge(felt, turns, name) for name in BRIDGES]
+    read_times = ReadTimes(sensor_truth.duration_s, parts)
+    solutions = list(_gps(sensor_truth, read_times, utc_at_start_ns))
+    streams = [_imu(sensor_truth, read_times), _mag(sensor_truth, read_times, parts)]
+    streams += [_barometer(sensor_truth, read_times, name, parts.barometers[name]) for name in ("baro", "static")]
+    streams += [_bridge(sensor_truth, read_times, name) for name in BRIDGES]
     streams += [
-        (said for said in solutions if said.tick >= FIRST_TICK),
-        _rpm(felt, turns, parts),
-        _autopilot(felt, turns, aircraft),
-        _battery(felt, turns),
+        (timed for timed in solutions if timed.tick >= FIRST_TICK),
+        _rpm(sensor_truth, read_times, parts),
+        _autopilot(sensor_truth, read_times, aircraft),
+        _battery(sensor_truth, read_times),
     ]
-    streams.append(_time(turns, solutions, start_unix_ns))
-    for i, said in enumerate(heapq.merge(*streams, key=lambda said: said.tick)):
-        log.write(said.topic, said.message, time_ns=said.time_ns + start_unix_ns, tick=said.tick)
+    streams.append(_time(read_times, solutions, start_unix_ns))
+    for i, timed in enumerate(heapq.merge(*streams, key=lambda timed: timed.tick)):
+        log.write(timed.topic, timed.message, time_ns=timed.time_ns + start_unix_ns, tick=timed.tick)
         if progress is not None and i % 4096 == 0:
-            progress(said.time_ns / 1e9)
+            progress(timed.time_ns / 1e9)
 
 
-def _imu(felt: Felt, turns: Turns) -> Iterator[Said]:
-    total = int(turns.imu_done[-1])
+def _imu(sensor_truth: SensorTruth, read_times: ReadTimes) -> Iterator[TimedMessage]:
+    total = int(read_times.imu_done[-1])
     starts = range(0, total, IMU_CHUNK)
-    counts = np.concatenate([_imu_counts(felt, turns, a, min(a + IMU_CHUNK, total)) for a in starts])
+    counts = np.concatenate([_imu_counts(sensor_truth, read_times, a, min(a + IMU_CHUNK, total)) for a in starts])
     delay_s = (ACCEL_FILTER[1] + GYRO_FILTER[1]) / 2
-    for tick in turns.ticks():
-        taken = counts[turns.imu_done[tick - 1] : turns.imu_done[tick]]
+    for tick in read_times.ticks():
+        taken = counts[read_times.imu_done[tick - 1] : read_times.imu_done[tick]]
         mean = taken.mean(axis=0)
         saturated = np.abs(taken[:, [0, 1, 2, 4, 5, 6]]).max() >= 32767
         message = Imu(
@@ -183,16 +183,16 @@ def _imu(felt: Felt, turns: Turns) -> Iterator[Said]:
             **_xyz("specific_force_{}_mps2", mean[:3] * ACCEL_MPS2),
             **_xyz("angular_rate_{}_radps", mean[4:] * GYRO_RADPS),
         )
-        yield Said(tick, int(turns.tick_ns[tick]), "/imu", message)
+        yield TimedMessage(tick, int(read_times.tick_ns[tick]), "/imu", message)
 
 
 def _xyz(name: str, values: Any) -> dict[str, Any]:
     return {name.format(axis): value for axis, value in zip("xyz", values.tolist(), strict=True)}
 
 
-def _imu_counts(felt: Felt, turns: Turns, first: int, stop: int) -> Array:
+def _imu_counts(sensor_truth: SensorTruth, read_times: ReadTimes, first: int, stop: int) -> Array:
     """Samples `first` to `stop`, counts (n, 7): specific force, temperature, angular rate."""
-    step_s = turns.imu_period_ns * 1e-9 / IMU_STRIDE
+    step_s = read_times.imu_period_ns * 1e-9 / IMU_STRIDE
     since_s = IMU_SINCE_NS * 1e-9
     values = np.empty((stop - first, 7))
     for which, (corner_Hz, delay_s), count, columns in (
@@ -203,36 +203,38 @@ def _imu_counts(felt: Felt, turns: Turns, first: int, stop: int) -> Array:
         known = int(np.ceil(10 / (2 * np.pi * corner_Hz * step_s))) + IMU_STRIDE  # ten time constants before
         inside = np.arange(first * IMU_STRIDE + 1 - known, stop * IMU_STRIDE + 1)
         # The low-pass follows a ramp pole / (1 - pole) steps late; the rest of the delay is a pure one.
-        felt_s = np.asarray(since_s + inside * step_s - (delay_s - pole / (1 - pole) * step_s), dtype=np.float64)
-        x = felt.imu(felt_s)[which]
+        input_s = np.asarray(since_s + inside * step_s - (delay_s - pole / (1 - pole) * step_s), dtype=np.float64)
+        x = sensor_truth.imu(input_s)[which]
         y = lfilter([1 - pole], [1.0, -pole], x, axis=0, zi=x[:1] * pole)[0]
         values[:, columns] = y[known + IMU_STRIDE - 1 :: IMU_STRIDE] / count
-    t_s = _seconds(IMU_SINCE_NS + np.arange(first + 1, stop + 1) * turns.imu_period_ns)
-    values[:, 3] = (felt.imu_temperature_K(t_s) - IMU_ZERO_K) / IMU_KELVIN
+    t_s = _seconds(IMU_SINCE_NS + np.arange(first + 1, stop + 1) * read_times.imu_period_ns)
+    values[:, 3] = (sensor_truth.imu_temperature_K(t_s) - IMU_ZERO_K) / IMU_KELVIN
     return np.clip(np.rint(values), -32768, 32767)
 
 
-def _mag(felt: Felt, turns: Turns, parts: Parts) -> Iterator[Said]:
-    since_ns = int(turns.mag[MAG_TICK]) + 3 * I2C_BYTE_NS
-    ticks = np.array(turns.ticks())
-    finished = (turns.mag[ticks] - since_ns - MAG_LASTS_NS) // MAG_PERIOD_NS
-    field = felt.magnetic_field_T(_seconds(since_ns + MAG_LASTS_NS / 2 + finished * MAG_PERIOD_NS))
+def _mag(sensor_truth: SensorTruth, read_times: ReadTimes, parts: IndividualParts) -> Iterator[TimedMessage]:
+    since_ns = int(read_times.mag[MAG_TICK]) + 3 * I2C_BYTE_NS
+    ticks = np.array(read_times.ticks())
+    finished = (read_times.mag[ticks] - since_ns - MAG_LASTS_NS) // MAG_PERIOD_NS
+    field = sensor_truth.magnetic_field_T(_seconds(since_ns + MAG_LASTS_NS / 2 + finished * MAG_PERIOD_NS))
     # The chip's x and y change places with the body's, its z points the other way (PS-MPU-9250A sec. 9.1).
     counts = np.rint(field[:, [1, 0, 2]] * [1, 1, -1] / MAG_T / parts.mag_sensitivity).astype(int)
     decoded = (counts * parts.mag_sensitivity * MAG_T)[:, [1, 0, 2]] * [1, 1, -1]
     for tick, count, value in zip(ticks.tolist(), counts, decoded, strict=True):
         message = Magnetometer(**_xyz("{}_counts", count), **_xyz("field_{}_T", value))
-        yield Said(tick, int(turns.mag[tick]), "/mag", message)
+        yield TimedMessage(tick, int(read_times.mag[tick]), "/mag", message)
 
 
-def _barometer(felt: Felt, turns: Turns, name: str, part: Barometer) -> Iterator[Said]:
+def _barometer(
+    sensor_truth: SensorTruth, read_times: ReadTimes, name: str, part: BarometerPart
+) -> Iterator[TimedMessage]:
     """The driver's two kinds of conversion, one a tick; the result of each is read in the tick that follows."""
-    began = (getattr(turns, name) + 8 * I2C_BYTE_NS)[:-1]
+    began = (getattr(read_times, name) + 8 * I2C_BYTE_NS)[:-1]
     middle_s = _seconds(began + part.conversion_ns / 2)
-    pressure = felt.absolute_pressure_Pa(name, np.rint(middle_s / PRESSURE_GRID_S) * PRESSURE_GRID_S).tolist()
+    pressure = sensor_truth.absolute_pressure_Pa(name, np.rint(middle_s / PRESSURE_GRID_S) * PRESSURE_GRID_S).tolist()
     at_s = np.rint(middle_s / TEMPERATURE_GRID_S) * TEMPERATURE_GRID_S
-    kelvin = felt.transducer_temperature_K(name, at_s).tolist()
-    now = getattr(turns, name).tolist()
+    kelvin = sensor_truth.transducer_temperature_K(name, at_s).tolist()
+    now = getattr(read_times, name).tolist()
     D2, due_ns, of_temperature, trend = 0, 0, True, part.trend()
     for tick in range(2, len(now)):
         D1, fresh = part.counts(pressure[tick - 1], kelvin[tick - 1])
@@ -248,18 +250,18 @@ def _barometer(felt: Felt, turns: Turns, name: str, part: Barometer) -> Iterator
             time_ns = now[tick - 1] + CONVERSION_NS // 2
         of_temperature = now[tick] >= due_ns
         if tick >= FIRST_TICK:
-            yield Said(tick, time_ns, f"/{name}", message)
+            yield TimedMessage(tick, time_ns, f"/{name}", message)
 
 
-def _bridge(felt: Felt, turns: Turns, name: str) -> Iterator[Said]:
-    ticks = np.array(turns.ticks())
+def _bridge(sensor_truth: SensorTruth, read_times: ReadTimes, name: str) -> Iterator[TimedMessage]:
+    ticks = np.array(read_times.ticks())
     range_Pa, low, high = BRIDGES[name]
-    turn = getattr(turns, name)[ticks]
+    turn = getattr(read_times, name)[ticks]
     t_s = _seconds(turn // BRIDGE_UPDATE_NS * BRIDGE_UPDATE_NS)
     per_count = 2 * range_Pa / (high - low)
-    pressure = np.rint(low + (felt.differential_pressure_Pa(name, t_s) + range_Pa) / per_count)
+    pressure = np.rint(low + (sensor_truth.differential_pressure_Pa(name, t_s) + range_Pa) / per_count)
     pressure = np.clip(pressure, 0, 16383).astype(int)
-    kelvin = np.rint((felt.transducer_temperature_K(name, t_s) - BRIDGE_ZERO_K) / BRIDGE_KELVIN).astype(int)
+    kelvin = np.rint((sensor_truth.transducer_temperature_K(name, t_s) - BRIDGE_ZERO_K) / BRIDGE_KELVIN).astype(int)
     for tick, time_ns, p, T in zip(ticks.tolist(), turn.tolist(), pressure.tolist(), kelvin.tolist(), strict=True):
         message = DifferentialPressure(
             status=Status.SATURATED if p in (0, 16383) else Status.OK,
@@ -268,20 +270,20 @@ def _bridge(felt: Felt, turns: Turns, name: str) -> Iterator[Said]:
             differential_pressure_Pa=(p - low) * per_count - range_Pa,
             temperature_K=T * BRIDGE_KELVIN + BRIDGE_ZERO_K,
         )
-        yield Said(tick, time_ns, f"/probe/{name}", message)
+        yield TimedMessage(tick, time_ns, f"/probe/{name}", message)
 
 
-def _arrivals(turns: Turns, arrived_ns: Ints) -> Ints:
+def _arrivals(read_times: ReadTimes, arrived_ns: Ints) -> Ints:
     """The tick in which something that arrived at these instants is read."""
-    return np.searchsorted(turns.serial, arrived_ns)
+    return np.searchsorted(read_times.serial, arrived_ns)
 
 
-def _gps(felt: Felt, turns: Turns, utc_at_start_ns: int) -> Iterator[Said]:
-    sent_ns: Ints = np.arange(turns.tick_ns[-1] // GPS_PERIOD_NS + 1) * GPS_PERIOD_NS
-    ticks = _arrivals(turns, sent_ns + GPS_ARRIVES_NS)
-    found = felt.gps(_seconds(sent_ns))
+def _gps(sensor_truth: SensorTruth, read_times: ReadTimes, utc_at_start_ns: int) -> Iterator[TimedMessage]:
+    sent_ns: Ints = np.arange(read_times.tick_ns[-1] // GPS_PERIOD_NS + 1) * GPS_PERIOD_NS
+    ticks = _arrivals(read_times, sent_ns + GPS_ARRIVES_NS)
+    found = sensor_truth.gps(_seconds(sent_ns))
     for i, tick in enumerate(ticks.tolist()):
-        if tick >= len(turns.serial):
+        if tick >= len(read_times.serial):
             return
         valid_us = round(found.valid_at_s[i] * 1e6)
         utc_ns = utc_at_start_ns + valid_us * 1000
@@ -307,13 +309,13 @@ def _gps(felt: Felt, turns: Turns, utc_at_start_ns: int) -> Iterator[Said]:
             )
         else:
             message = Gps(status=Status.NO_DATA, itow_ms=itow_ms, fix_type=0, satellites=2)
-        yield Said(tick, int(turns.serial[tick]), "/gps", message)
+        yield TimedMessage(tick, int(read_times.serial[tick]), "/gps", message)
 
 
-def _rpm(felt: Felt, turns: Turns, parts: Parts) -> Iterator[Said]:
+def _rpm(sensor_truth: SensorTruth, read_times: ReadTimes, parts: IndividualParts) -> Iterator[TimedMessage]:
     """Every tenth commutation pulse; the newest period of a tick."""
-    t_s = np.arange(int(turns.serial[-1] * 1e-9 / RPM_GRID_S) + 2).astype(np.float64) * RPM_GRID_S
-    rate_Hz = np.maximum(felt.motor_speed_revps(t_s), 0.0) * parts.pole_pairs / 10
+    t_s = np.arange(int(read_times.serial[-1] * 1e-9 / RPM_GRID_S) + 2).astype(np.float64) * RPM_GRID_S
+    rate_Hz = np.maximum(sensor_truth.motor_speed_revps(t_s), 0.0) * parts.pole_pairs / 10
     phase = np.concatenate([[0.0], np.cumsum((rate_Hz[:-1] + rate_Hz[1:]) * RPM_GRID_S / 2)])
     pulses_s = np.interp(np.arange(1, np.floor(phase[-1]) + 1), phase, t_s)
     periods_us = np.rint(np.diff(pulses_s) * 1e6).astype(int).tolist()
@@ -323,29 +325,29 @@ def _rpm(felt: Felt, turns: Turns, parts: Parts) -> Iterator[Said]:
             sent.append((at_ns, period_us))
     newest: dict[int, int] = {}
     arrived = np.array([at_ns + RPM_ARRIVES_NS for at_ns, _ in sent], dtype=np.int64)
-    for tick, (_, period_us) in zip(_arrivals(turns, arrived).tolist(), sent, strict=True):
+    for tick, (_, period_us) in zip(_arrivals(read_times, arrived).tolist(), sent, strict=True):
         newest[tick] = period_us
     last_ns = 0
-    for tick in turns.ticks():
-        now_ns = int(turns.serial[tick])
+    for tick in read_times.ticks():
+        now_ns = int(read_times.serial[tick])
         period_us = newest.get(tick, 0)
         if period_us:
             last_ns = now_ns
             speed = 10 * 1e6 / (period_us * parts.pole_pairs)
-            yield Said(tick, now_ns, "/rpm", Rpm(period_us=period_us, motor_speed_revps=speed))
+            yield TimedMessage(tick, now_ns, "/rpm", Rpm(period_us=period_us, motor_speed_revps=speed))
         elif now_ns - last_ns >= RPM_SILENCE_NS:
-            yield Said(tick, now_ns, "/rpm", Rpm(status=Status.NO_DATA))
+            yield TimedMessage(tick, now_ns, "/rpm", Rpm(status=Status.NO_DATA))
 
 
-def _autopilot(felt: Felt, turns: Turns, aircraft: Aircraft) -> Iterator[Said]:
-    sent_s = _seconds(turns.tick_ns - AUTOPILOT_EARLIER_NS)
-    pulses = np.rint(felt.servo_pulses_us(sent_s)).astype(int).tolist()
-    attitude = felt.autopilot_attitude_rad(sent_s).astype(np.float32).tolist()
+def _autopilot(sensor_truth: SensorTruth, read_times: ReadTimes, aircraft: Aircraft) -> Iterator[TimedMessage]:
+    sent_s = _seconds(read_times.tick_ns - AUTOPILOT_EARLIER_NS)
+    pulses = np.rint(sensor_truth.servo_pulses_us(sent_s)).astype(int).tolist()
+    attitude = sensor_truth.autopilot_attitude_rad(sent_s).astype(np.float32).tolist()
     surfaces = (aircraft.elevator, aircraft.aileron, aircraft.rudder)
-    for tick in turns.ticks():
-        now_ns, pulse_us = int(turns.serial[tick]), pulses[tick]
+    for tick in read_times.ticks():
+        now_ns, pulse_us = int(read_times.serial[tick]), pulses[tick]
         roll, pitch, yaw = attitude[tick]
-        yield Said(tick, now_ns, "/attitude", Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw))
+        yield TimedMessage(tick, now_ns, "/attitude", Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw))
         elevator, aileron, rudder = (s.angle_of_pulse_rad(pulse_us[s.channel - 1]) for s in surfaces)
         throttle = (pulse_us[aircraft.propulsion.throttle_channel - 1] - 1000) / 1000
         message = Controls(
@@ -355,30 +357,30 @@ def _autopilot(felt: Felt, turns: Turns, aircraft: Aircraft) -> Iterator[Said]:
             rudder_rad=rudder,
             throttle=min(max(throttle, 0.0), 1.0),
         )
-        yield Said(tick, now_ns, "/controls", message)
+        yield TimedMessage(tick, now_ns, "/controls", message)
 
 
-def _battery(felt: Felt, turns: Turns) -> Iterator[Said]:
-    sent_ns: Ints = np.arange(AUTOPILOT_SINCE_NS, int(turns.tick_ns[-1]), BATTERY_PERIOD_NS)
-    voltage, current = felt.battery(_seconds(sent_ns))
-    for i, tick in enumerate(_arrivals(turns, sent_ns + BATTERY_ARRIVES_NS).tolist()):
-        if FIRST_TICK <= tick < len(turns.serial):
+def _battery(sensor_truth: SensorTruth, read_times: ReadTimes) -> Iterator[TimedMessage]:
+    sent_ns: Ints = np.arange(AUTOPILOT_SINCE_NS, int(read_times.tick_ns[-1]), BATTERY_PERIOD_NS)
+    voltage, current = sensor_truth.battery(_seconds(sent_ns))
+    for i, tick in enumerate(_arrivals(read_times, sent_ns + BATTERY_ARRIVES_NS).tolist()):
+        if FIRST_TICK <= tick < len(read_times.serial):
             cell_mV, centiampere = round(voltage[i] * 1e3) // CELLS, round(current[i] * 1e2)
             message = Battery(
                 voltage_V=cell_mV * CELLS / 1e3, current_A=centiampere / 1e2 if centiampere >= 0 else None
             )
-            yield Said(tick, int(turns.serial[tick]), "/battery", message)
+            yield TimedMessage(tick, int(read_times.serial[tick]), "/battery", message)
 
 
-def _time(turns: Turns, solutions: list[Said], start_unix_ns: int) -> Iterator[Said]:
-    latest = {said.tick: said for said in solutions}
-    gps: Said | None = None
-    for tick in range(len(turns.serial)):
+def _time(read_times: ReadTimes, solutions: list[TimedMessage], start_unix_ns: int) -> Iterator[TimedMessage]:
+    latest = {timed.tick: timed for timed in solutions}
+    gps: TimedMessage | None = None
+    for tick in range(len(read_times.serial)):
         gps = latest.get(tick, gps)
         if tick >= FIRST_TICK and tick % (SECOND_NS // TICK_NS) == 0:
-            now_ns = int(turns.serial[tick])
+            now_ns = int(read_times.serial[tick])
             utc_ns = None
             if gps is not None and isinstance(gps.message, Gps) and gps.message.utc_ns is not None:
                 utc_ns = gps.message.utc_ns + now_ns - gps.time_ns
             message = Time(monotonic_ns=now_ns, system_ns=now_ns + start_unix_ns, gps_utc_ns=utc_ns)
-            yield Said(tick, now_ns, "/time", message)
+            yield TimedMessage(tick, now_ns, "/time", message)
