@@ -67,7 +67,7 @@ def analyze(
     entries = edit.load(runs_file) if runs_file else None
     aircraft = aircraft or recorded.aircraft_of(log)
     propeller = propeller or recorded.propeller_of(log, aircraft)
-    propeller = propeller.beyond(aircraft.propulsion.beyond_zero_thrust)
+    propeller = propeller.with_beyond_zero_thrust(aircraft.propulsion.beyond_zero_thrust)
     probe = recorded.probe_of(log)
     of_compass = magnetometer_calibration or recorded.magnetometer_of(log)
     warnings = recorded.state_of(log)

@@ -8,7 +8,8 @@ from analysis.channels import COLUMNS
 from flight.aircraft import Aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
-from flight.propeller import Propeller, parse_propeller
+from flight.propeller import Propeller
+from flight.propeller_files import parse_propeller
 
 LARGEST_UNMENTIONED_LOSS = 0.02
 OPTIONAL = ("/battery", "/mag")  # a tray without them lacks nothing

@@ -26,7 +26,7 @@ from analysis.questions import Questions
 from analysis.runs import find_runs
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.air import ambient
 from sim.plant import Deviations, plant_of
 from sim.propulsion import power_train
@@ -45,7 +45,7 @@ def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarr
         now = power_train(
             aircraft.propulsion, propeller, V=v, n=trim.unknowns.motor, throttle=trim.throttle, rho=trimmer.density
         )
-        powers.append(float(now.voltage * now.current))
+        powers.append(float(now.battery_voltage_V * now.battery_current_A))
     low, high = 0.0, 15.0
     for _ in range(20):
         climb = (low + high) / 2

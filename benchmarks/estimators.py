@@ -25,7 +25,7 @@ from analysis.power import curve, dynamic, output_error
 from analysis.runs import find_runs
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
 from sim.sensors.budget import DrawnErrors
 

@@ -15,7 +15,7 @@ from analysis.airdata.air import air_data
 from analysis.airdata.probe import ProbeCalibration, calibrate, read_tunnel
 from analysis.stillness import Zeros, still_segments, zeros
 from flight.aircraft import Aircraft
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim import fly as flying
 from sim.plan import load_plan
 from sim.plant import plant_of

@@ -31,7 +31,7 @@ from analysis.power.method import MethodEstimate
 from analysis.runs.find import find
 from analysis.runs.kinds import LEVEL
 from flight.aircraft import Aircraft, load_aircraft
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
 from sim.sensors.budget import DrawnErrors, ErrorBudget
 

@@ -54,7 +54,7 @@ class Propulsion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surface:
+class ControlSurface:
     """A control surface: its servo channel and the measured table from pulse width to angle."""
 
     channel: int
@@ -84,7 +84,7 @@ def _interpolate(x: float, xs: tuple[float, ...], ys: tuple[float, ...]) -> floa
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class PneumaticLine:
     """One pneumatic line of the probe: tube and the transducer's cavity."""
 
     length_m: float
@@ -93,12 +93,12 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Probe:
+class ProbeInstallation:
     """The five-port probe: where its tip is, and what the aircraft does to the air there."""
 
     position_m: Position  # from the centre of gravity, body axes
     upwash_per_CL_rad: float = 0.0  # alpha at the probe minus alpha = this times CL
-    lines: dict[str, Line] = field(default_factory=dict)
+    lines: dict[str, PneumaticLine] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,10 +108,10 @@ class Aircraft:
     geometry: Geometry
     mass: Mass
     propulsion: Propulsion
-    elevator: Surface
-    aileron: Surface
-    rudder: Surface
-    probe: Probe
+    elevator: ControlSurface
+    aileron: ControlSurface
+    rudder: ControlSurface
+    probe: ProbeInstallation
     imu_position_m: Position = (0.0, 0.0, 0.0)
     source: str = ""
     aerodynamics: dict[str, object] | None = None
@@ -154,7 +154,7 @@ def parse_aircraft(text: str, where: str) -> Aircraft:
     aerodynamics = table.pop("aerodynamics", None)
     aircraft = units.read_table(Aircraft, {**table, "aerodynamics": aerodynamics or {}, "text": text}, where)
     for name in ("elevator", "aileron", "rudder"):
-        surface: Surface = getattr(aircraft, name)
+        surface: ControlSurface = getattr(aircraft, name)
         rising = all(a < b for a, b in zip(surface.pulse_us, surface.pulse_us[1:], strict=False))
         if len(surface.pulse_us) != len(surface.angle_rad) or len(surface.pulse_us) < 2 or not rising:
             raise InputError(f"{where}: {name}: pulse_us must rise, and have as many entries as angle (two or more)")

@@ -39,7 +39,7 @@ class LogIndex:
         self._last_ns = 0
         self._open: _OpenChunk | None = None
 
-    def see(self, opcode: int, content: bytes | memoryview, offset: int) -> None:
+    def add(self, opcode: int, content: bytes | memoryview, offset: int) -> None:
         """A record's content (without its head), and where in the file its head begins."""
         if opcode == Opcode.MESSAGE_INDEX:
             if self._open is not None:
@@ -66,7 +66,7 @@ class LogIndex:
             name, _ = _prefixed(content, 0)
             MetadataIndex(offset, RECORD_HEAD.size + len(content), name).write(self._metadata)
 
-    def ending(self, offset: int) -> list[bytes | bytearray]:
+    def end_of_file(self, offset: int) -> list[bytes | bytearray]:
         """What comes after the last record, which ends at `offset`: end of data, summary, footer, magic.
 
         In pieces, and nothing may be shown to it any more: putting together the index of an hour would cost a tick.

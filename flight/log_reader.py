@@ -16,7 +16,7 @@ from flight.log_writer import PROFILE
 from flight.messages import TYPE_OF_TOPIC, Message
 
 
-class Entry(NamedTuple):
+class LogEntry(NamedTuple):
     """One message of a topic, with when it was taken (Unix time) and in which tick."""
 
     time_ns: int
@@ -29,7 +29,7 @@ class Log:
     """A whole log in memory."""
 
     path: Path
-    entries: dict[str, list[Entry]] = field(default_factory=dict)
+    entries: dict[str, list[LogEntry]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     undecodable: int = 0
@@ -62,7 +62,7 @@ def read_log(path: str | Path) -> Log:
 
 def _read(path: Path, reader: StreamReader) -> Log:
     log = Log(path)
-    decoders: dict[int, tuple[list[Entry], msgspec.json.Decoder]] = {}
+    decoders: dict[int, tuple[list[LogEntry], msgspec.json.Decoder]] = {}
     kinds = {kind: msgspec.json.Decoder(kind) for kind in set(TYPE_OF_TOPIC.values())}
     try:
         for record in reader.records:
@@ -70,7 +70,7 @@ def _read(path: Path, reader: StreamReader) -> Log:
                 if record.channel_id in decoders:
                     entries, decoder = decoders[record.channel_id]
                     try:
-                        entries.append(Entry(record.log_time, record.sequence, decoder.decode(record.data)))
+                        entries.append(LogEntry(record.log_time, record.sequence, decoder.decode(record.data)))
                     except msgspec.MsgspecError:
                         log.undecodable += 1
             elif isinstance(record, Channel):

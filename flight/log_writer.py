@@ -136,14 +136,14 @@ class LogWriter:
         while at < len(records):
             opcode, length = RECORD_HEAD.unpack_from(records, at)
             begin = at + RECORD_HEAD.size
-            self._index.see(opcode, view[begin : begin + length], self._written + at)
+            self._index.add(opcode, view[begin : begin + length], self._written + at)
             at = begin + length
         self._put(records)
 
     def finish(self) -> None:
         """Close the last chunk and write the index."""
         self.flush()
-        for piece in self._index.ending(self._written):
+        for piece in self._index.end_of_file(self._written):
             self._put(piece)
 
     def _channel(self, topic: str) -> int:

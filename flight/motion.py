@@ -21,7 +21,7 @@ class Inertia(NamedTuple):
     Ip: float = 0.0
 
 
-class Flow(NamedTuple):
+class Airflow(NamedTuple):
     """Airspeed [m/s] and flow angles [rad]."""
 
     V: Any
@@ -29,10 +29,10 @@ class Flow(NamedTuple):
     beta: Any
 
 
-def flow_of(u, v, w) -> Flow:
+def flow_of(u, v, w) -> Airflow:
     """Airspeed and flow angles from the velocity relative to the air in body axes (3.18-3.20)."""
     V = np.sqrt(u**2 + v**2 + w**2)
-    return Flow(V, np.arctan2(w, u), np.arcsin(v / V))
+    return Airflow(V, np.arctan2(w, u), np.arcsin(v / V))
 
 
 def velocity_of(V, alpha, beta):

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flight.aerodynamics import Aerodynamics, aerodynamics_of, body_axes, coefficients
-from flight.aircraft import Aircraft, Surface
+from flight.aircraft import Aircraft, ControlSurface
 from flight.atmosphere import GRAVITY_MPS2
 from flight.motion import (
     Inertia,
@@ -22,7 +22,8 @@ from flight.motion import (
     rate_derivative,
     velocity_derivative,
 )
-from flight.propeller import Cell, Cells, Place, Propeller, PropellerModel, load_propeller
+from flight.propeller import CellIndex, Propeller, PropellerModel, TableCell, TableCells
+from flight.propeller_files import load_propeller
 from sim.air import Air, Gust, GustStates, ambient, dryden, mean_wind
 from sim.propulsion import SLOWEST_REVPS, PowerTrainState, power_train
 
@@ -166,10 +167,10 @@ class Plant:
             thrust_slope_J=self.deviations.thrust_slope_J,
         )
         qS = rho * V**2 / 2 * S
-        force = ((CX * qS + train.thrust) / m, C.CY * qS / m, CZ * qS / m)
+        force = ((CX * qS + train.thrust_N) / m, C.CY * qS / m, CZ * qS / m)
         # The motor turns the propeller clockwise, seen from behind: the aircraft is turned the other way.
-        gained = 0.0 if motor_held else self.inertia.Ip * 2 * np.pi * train.motor_acceleration
-        reaction = -(train.load + gained)
+        gained = 0.0 if motor_held else self.inertia.Ip * 2 * np.pi * train.motor_acceleration_revps2
+        reaction = -(train.propeller_torque_Nm + gained)
         turning = rate_derivative(
             x.p,
             x.q,
@@ -243,13 +244,13 @@ class Plant:
             servo_rate(self.aircraft.elevator, x.elevator, commands.elevator),
             servo_rate(self.aircraft.aileron, x.aileron, commands.aileron),
             servo_rate(self.aircraft.rudder, x.rudder, commands.rudder),
-            now.train.motor_acceleration,
-            now.train.voltage * now.train.current,
+            now.train.motor_acceleration_revps2,
+            now.train.battery_voltage_V * now.train.battery_current_A,
             *gust_rates,
         )
 
 
-def servo_rate(surface: Surface, angle, command):
+def servo_rate(surface: ControlSurface, angle, command):
     """Rate of a surface [rad/s]: a first-order lag towards the command, limited in travel and in rate."""
     within = np.clip(command, min(surface.angle_rad), max(surface.angle_rad))
     return np.clip((within - angle) / surface.lag_s, -surface.rate_radps, surface.rate_radps)
@@ -257,7 +258,9 @@ def servo_rate(surface: Surface, angle, command):
 
 def plant_of(aircraft: Aircraft, air: Air | None = None, deviations: Deviations = NO_DEVIATIONS) -> Plant:
     """The plant of an aircraft file. Raises InputError without [aerodynamics] or propeller table."""
-    propeller = load_propeller(aircraft.propulsion.propeller).beyond(aircraft.propulsion.beyond_zero_thrust)
+    propeller = load_propeller(aircraft.propulsion.propeller).with_beyond_zero_thrust(
+        aircraft.propulsion.beyond_zero_thrust
+    )
     return Plant(aircraft, aerodynamics_of(aircraft), propeller, air or Air(), deviations)
 
 
@@ -336,16 +339,16 @@ class Stepper:
             self._bound(compile_step(plant, dt, integrator, cell=c)) for c in (True, False)
         )
         self._plant = plant
-        self._cells = Cells(plant.propeller)
+        self._cells = TableCells(plant.propeller)
         self._diameter_m = plant.propeller.diameter_m
-        self._place: Place = (0, 0)
+        self._index: CellIndex = (0, 0)
 
     def start(self, x: AircraftState, commands: Commands) -> Observation:
         """Put the aircraft into a state; what is seen there."""
         self.x[:], self.commands[:] = x, commands
         now, _ = self._plant.instant(x, commands)
         seen = Observation(*(float(value) for value in observation_of(x, now)))
-        self._place = self._place_at(seen.V, x.motor)
+        self._index = self._cell_index(seen.V, x.motor)
         return seen
 
     def step(self) -> Observation:
@@ -354,18 +357,18 @@ class Stepper:
         The propeller's table is most of what there is to compute, and a step rarely leaves a cell of it: each is done
         with the cell alone, and done again with the whole table when it ended in another one.
         """
-        self._cell[:] = self._cells.numbers(self._place)
+        self._cell[:] = self._cells.numbers(self._index)
         self._in_cell()
-        place = self._place_at(self._seen.item(0), self._next.item(MOTOR))
-        if place != self._place:
+        index = self._cell_index(self._seen.item(0), self._next.item(MOTOR))
+        if index != self._index:
             self._in_table()
-            self._place = self._place_at(self._seen.item(0), self._next.item(MOTOR))
+            self._index = self._cell_index(self._seen.item(0), self._next.item(MOTOR))
         self.x[:] = self._next
         return Observation._make(self._seen.tolist())
 
-    def _place_at(self, V: float, motor: float) -> Place:
+    def _cell_index(self, V: float, motor: float) -> CellIndex:
         n = max(motor, SLOWEST_REVPS)
-        return self._cells.place(V / (n * self._diameter_m), 60 * n)
+        return self._cells.index(V / (n * self._diameter_m), 60 * n)
 
     def _bound(self, function) -> Callable[[], None]:
         """The function on our buffers."""
@@ -390,7 +393,7 @@ def compile_step(plant: Plant, dt: float, integrator: str = "rk4", *, cell: bool
     x, c, n, numbers = (ca.vertsplit(symbols) for symbols in inputs)
     if cell:
         propeller = plant.propeller
-        plant = replace(plant, propeller=Cell(propeller.diameter_m, propeller.beyond_zero_thrust, numbers))
+        plant = replace(plant, propeller=TableCell(propeller.diameter_m, propeller.beyond_zero_thrust, numbers))
     commands = Commands(*c)
     after = INTEGRATORS[integrator](lambda s: plant.derivative(s, commands, n), AircraftState(*x), dt)
     now, _ = plant.instant(after, commands)

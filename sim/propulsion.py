@@ -16,14 +16,14 @@ SLOWEST_REVPS = 5.0
 
 
 class PowerTrainState(NamedTuple):
-    """What the power train does at one instant, SI."""
+    """What the power train does at one instant."""
 
-    thrust: Any  # [N]
-    shaft_power: Any  # taken by the propeller [W]
-    load: Any  # torque of the air on the propeller [N m]
-    motor_acceleration: Any  # [rev/s^2]
-    voltage: Any  # of the battery under load [V]
-    current: Any  # from the battery [A]
+    thrust_N: Any
+    shaft_power_W: Any  # taken by the propeller
+    propeller_torque_Nm: Any  # of the air on the propeller
+    motor_acceleration_revps2: Any
+    battery_voltage_V: Any  # at its terminals, under load
+    battery_current_A: Any
 
 
 def torque_constant(propulsion: Propulsion) -> float:
@@ -44,21 +44,21 @@ def power_train(
     thrust_scale (1 + thrust_slope_J (J - 0.5)).
     """
     n_air = np.maximum(n, SLOWEST_REVPS)
-    thrust, shaft_power = propeller.thrust_and_power(V, n_air, rho)
+    thrust_N, shaft_power_W = propeller.thrust_and_power(V, n_air, rho)
     J = V / (n_air * propeller.diameter_m)
-    thrust = thrust * thrust_scale * (1 + thrust_slope_J * (J - 0.5))
+    thrust_N = thrust_N * thrust_scale * (1 + thrust_slope_J * (J - 0.5))
     turning = np.clip(n / SLOWEST_REVPS, 0, 1)
-    thrust = turning * thrust + (1 - turning) * propeller.standing_thrust(V, rho)
-    load = shaft_power / (2 * np.pi * n_air)
+    thrust_N = turning * thrust_N + (1 - turning) * propeller.standing_thrust(V, rho)
+    torque_Nm = shaft_power_W / (2 * np.pi * n_air)
 
     k = torque_constant(propulsion)
     resistance = propulsion.motor_resistance_ohm + throttle**2 * propulsion.battery_resistance_ohm
     motor_current = np.maximum((throttle * propulsion.battery_voltage_V - 2 * np.pi * n * k) / resistance, 0)
     friction = k * propulsion.motor_no_load_current_A * turning
-    acceleration = (k * motor_current - friction - load) / (2 * np.pi * propulsion.propeller_inertia_kgm2)
+    acceleration = (k * motor_current - friction - torque_Nm) / (2 * np.pi * propulsion.propeller_inertia_kgm2)
     battery_current = throttle * motor_current
     voltage = propulsion.battery_voltage_V - battery_current * propulsion.battery_resistance_ohm
-    return PowerTrainState(thrust, shaft_power, load, acceleration, voltage, battery_current)
+    return PowerTrainState(thrust_N, shaft_power_W, torque_Nm, acceleration, voltage, battery_current)
 
 
 def throttle_for(propulsion: Propulsion, propeller: PropellerModel, *, V, n, rho):
@@ -66,9 +66,9 @@ def throttle_for(propulsion: Propulsion, propeller: PropellerModel, *, V, n, rho
 
     Zero where the propeller windmills faster than asked, infinite where the battery cannot sustain it.
     """
-    _, shaft_power = propeller.thrust_and_power(V, n, rho)
+    _, shaft_power_W = propeller.thrust_and_power(V, n, rho)
     k = torque_constant(propulsion)
-    current = np.maximum(shaft_power / (2 * np.pi * n) / k + propulsion.motor_no_load_current_A, 0.0)
+    current = np.maximum(shaft_power_W / (2 * np.pi * n) / k + propulsion.motor_no_load_current_A, 0.0)
     resistance, sagging = propulsion.motor_resistance_ohm, propulsion.battery_resistance_ohm
     motor_voltage = np.where(current > 0, 2 * np.pi * n * k + current * resistance, 0.0)
     # throttle U - emf = i (R_m + throttle^2 R_b): the smaller root is the one that the battery can sustain.

@@ -83,10 +83,10 @@ def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array | N
         "throttle": c.throttle,
         "motor_speed_revps": x.motor,
         "advance_ratio": now.V / (np.maximum(x.motor, 1e-3) * plant.propeller.diameter_m),
-        "thrust_N": now.train.thrust,
-        "shaft_power_W": now.train.shaft_power,
-        "battery_voltage_V": now.train.voltage,
-        "battery_current_A": now.train.current,
+        "thrust_N": now.train.thrust_N,
+        "shaft_power_W": now.train.shaft_power_W,
+        "battery_voltage_V": now.train.battery_voltage_V,
+        "battery_current_A": now.train.battery_current_A,
         "battery_energy_J": x.energy,
         "CL": now.CL,
         "CD": now.CD,
@@ -241,10 +241,10 @@ def _steady_train(plant: Plant, V: Array, n: Array, rho: Array) -> dict[str, Arr
     train = power_train(propulsion, propeller, V=V, n=n, throttle=throttle, rho=rho)
     return {
         "throttle": throttle,
-        "thrust_N": np.where(turning, train.thrust, 0.0),
-        "shaft_power_W": np.where(turning, train.shaft_power, 0.0),
-        "battery_voltage_V": train.voltage,
-        "battery_current_A": train.current,
+        "thrust_N": np.where(turning, train.thrust_N, 0.0),
+        "shaft_power_W": np.where(turning, train.shaft_power_W, 0.0),
+        "battery_voltage_V": train.battery_voltage_V,
+        "battery_current_A": train.battery_current_A,
     }
 
 

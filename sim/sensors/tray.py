@@ -7,7 +7,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from flight.aircraft import Aircraft, Line, Surface
+from flight.aircraft import Aircraft, ControlSurface, PneumaticLine
 from flight.atmosphere import GRAVITY_MPS2
 from flight.motion import body_from_earth, specific_force_at
 from sim.fly import Flight
@@ -34,7 +34,7 @@ SERVO_OUTPUTS = 8
 # The budget's vibration is that of cruise; the force of an imbalance grows with the square of the speed.
 CRUISE_REVPS = 100.0
 NEUTRAL_US, THROTTLE_LOW_US, THROTTLE_HIGH_US = 1500.0, 1000.0, 2000.0
-DEFAULT_LINE = Line(length_m=0.0, diameter_m=1e-3, cavity_m3=0.0)
+DEFAULT_LINE = PneumaticLine(length_m=0.0, diameter_m=1e-3, cavity_m3=0.0)
 
 
 class FlightSensorTruth:
@@ -284,8 +284,8 @@ def with_hysteresis(x: Array, fraction: float) -> Array:
     return y
 
 
-def _pulses(surface: Surface, angle: Array) -> Array:
-    """Pulse widths [us] for angles; `Surface.pulse_of_angle_us` for arrays."""
+def _pulses(surface: ControlSurface, angle: Array) -> Array:
+    """Pulse widths [us] for angles; `ControlSurface.pulse_of_angle_us` for arrays."""
     angles, pulses = np.array(surface.angle_rad), np.array(surface.pulse_us)
     order = np.argsort(angles)
     return np.interp(angle, angles[order], pulses[order])

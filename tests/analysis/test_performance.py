@@ -9,7 +9,7 @@ from analysis.power.curve import Condition
 from analysis.questions import Questions
 from analysis.results import Interval, Loading
 from flight.errors import InputError
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 
 TEST = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)
 DAY = Day(TEST, 100_000.0, 290.0)

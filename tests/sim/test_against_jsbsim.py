@@ -93,7 +93,7 @@ def test_our_trim_is_trimmed_there(standard_plant, other, over_stall):
         V, alpha, power = state(fdm)
         assert trim.unknowns.V == pytest.approx(V, rel=0.01)
         assert trim.unknowns.alpha == pytest.approx(alpha, abs=np.deg2rad(0.2))
-        assert now.train.thrust * trim.unknowns.V == pytest.approx(power, rel=0.01)
+        assert now.train.thrust_N * trim.unknowns.V == pytest.approx(power, rel=0.01)
     assert fdm["position/h-sl-ft"] * FT == pytest.approx(100.0, abs=1.0)
 
 

@@ -66,7 +66,7 @@ def test_a_glide_comes_down_by_drag_over_lift(plant, trimmer):
     stepper = Stepper(trimmer.plant, 0.02)
     start = trim.state()
     now, _ = trimmer.plant.instant(start, trim.commands)
-    assert now.train.thrust == pytest.approx(0.0, abs=1e-6)
+    assert now.train.thrust_N == pytest.approx(0.0, abs=1e-6)
     stepper.start(start, trim.commands)
     for _ in range(500):
         stepper.step()
@@ -149,10 +149,10 @@ def test_deviations_change_what_they_say(plant, trimmer):
         return off, off.instant(x, c)[0]
 
     _, now = changed(thrust_scale=0.03)
-    assert now.train.thrust == pytest.approx(1.03 * base.train.thrust)
+    assert now.train.thrust_N == pytest.approx(1.03 * base.train.thrust_N)
     J = trim.unknowns.V / (trim.unknowns.motor * plant.propeller.diameter_m)
     _, now = changed(thrust_slope_J=0.2)
-    assert now.train.thrust == pytest.approx((1 + 0.2 * (J - 0.5)) * base.train.thrust)
+    assert now.train.thrust_N == pytest.approx((1 + 0.2 * (J - 0.5)) * base.train.thrust_N)
     heavy, now = changed(weight_scale=0.1)
     assert heavy.mass_kg == pytest.approx(1.1 * trimmer.plant.mass_kg)
     assert now.specific_force[2] == pytest.approx(base.specific_force[2] / 1.1)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight.aircraft import Line
+from flight.aircraft import PneumaticLine
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
 from sim.sensors import FlightSensorTruth, draw, load_budget
@@ -96,8 +96,8 @@ def test_a_probe_on_a_boom_sees_the_rotation():
 
 def test_lag_of_real_tubing():
     """method.md sec. 6: 0.5 ms for 2 ft of 1/16 in, 20 ms for 3 ft of 0.02 in, at sea level with a small cavity."""
-    wide = Line(length_m=2 * FOOT, diameter_m=INCH / 16, cavity_m3=100e-9)
-    narrow = Line(length_m=3 * FOOT, diameter_m=0.02 * INCH, cavity_m3=100e-9)
+    wide = PneumaticLine(length_m=2 * FOOT, diameter_m=INCH / 16, cavity_m3=100e-9)
+    narrow = PneumaticLine(length_m=3 * FOOT, diameter_m=0.02 * INCH, cavity_m3=100e-9)
     assert 0.3e-3 < time_constant_s(wide, 101325, 288) < 0.8e-3
     assert 15e-3 < time_constant_s(narrow, 101325, 288) < 30e-3
 

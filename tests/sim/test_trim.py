@@ -70,7 +70,7 @@ def test_required_power_is_that_of_the_polar(plant, trimmer):
         flown, _, _ = power_required(
             plant, np.array([one]), density=trimmer.density, weight_N=now.CL * one**2 * trimmer.density / 2 * S
         )
-        assert now.train.thrust * np.cos(now.alpha) * one == pytest.approx(flown[0], rel=1e-3)
+        assert now.train.thrust_N * np.cos(now.alpha) * one == pytest.approx(flown[0], rel=1e-3)
         assert flown[0] == pytest.approx(P, rel=0.05)
 
 

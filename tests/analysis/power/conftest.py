@@ -3,7 +3,8 @@
 import pytest
 
 from flight.aircraft import Aircraft, load_aircraft
-from flight.propeller import Propeller, load_propeller
+from flight.propeller import Propeller
+from flight.propeller_files import load_propeller
 
 
 @pytest.fixture(scope="package")

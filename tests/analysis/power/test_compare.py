@@ -18,7 +18,7 @@ from analysis.runs.find import find
 from analysis.summary import flown_lift
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
 
 AIRCRAFT = load_aircraft("nexstar")

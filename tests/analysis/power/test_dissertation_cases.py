@@ -9,7 +9,7 @@ from analysis.power import curve, dynamic
 from analysis.runs import find_runs
 from flight.aircraft import load_aircraft
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
 
 AIRCRAFT = load_aircraft("nexstar")
