@@ -3,6 +3,7 @@
 The top floor, where simulator, fake hardware and daemon meet; nothing imports it.
 """
 
+import math
 import shutil
 import sys
 import time
@@ -16,7 +17,6 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
@@ -237,56 +237,13 @@ def trim(
 
     Any two of airspeed, climb and motor speed give the third.
     """
-    import numpy as np
-
     from sim.plant import plant_of
-    from sim.trim import Trimmer, power_required
+    from sim.tables import trim_table
+    from sim.trim import Trimmer
 
-    plant = plant_of(load_aircraft(aircraft))
-    trimmer = Trimmer(plant, height)
-    motor = {} if rpm is None else {"motor": rpm / 60}
-    asked: list[dict[str, float]]
-    if speed is not None:
-        asked = [{"V": speed, **(motor or {"climb": climb})}]
-    elif motor:
-        asked = [{**motor, "climb": climb}]
-    else:
-        speeds = np.linspace(1.05 * trimmer.V_stall, 0.999 * trimmer.V_max, 10)
-        asked = [{"V": float(V), "climb": climb} for V in speeds]
-    table = Table(title=f"{plant.aircraft.title}, {height:.0f} m, {bank:.0f} deg of bank")
-    for heading in (
-        "V [m/s]",
-        "climb [m/s]",
-        "alpha [deg]",
-        "elevator [deg]",
-        "pitch [deg]",
-        "rpm",
-        "throttle",
-        "J",
-        "P_req [W]",
-    ):
-        table.add_column(heading, justify="right")
-    for given in asked:
-        try:
-            trimmed = trimmer.solve(bank_rad=float(np.deg2rad(bank)), start=None, **given)
-        except InputError:
-            if len(asked) == 1:
-                raise
-            continue  # the table shows what can be flown
-        z = trimmed.unknowns
-        power, _, _ = power_required(plant, np.array([z.V]), density=trimmer.density)
-        J = z.V / (z.motor * plant.propeller.diameter_m)
-        table.add_row(
-            f"{z.V:.2f}",
-            f"{z.climb:+.2f}",
-            f"{np.rad2deg(z.alpha):.2f}",
-            f"{np.rad2deg(z.elevator):.2f}",
-            f"{np.rad2deg(z.theta):.2f}",
-            f"{60 * z.motor:.0f}",
-            f"{trimmed.throttle:.3f}",
-            f"{J:.3f}",
-            f"{power[0]:.1f}",
-        )
+    trimmer = Trimmer(plant_of(load_aircraft(aircraft)), height)
+    motor_revps = None if rpm is None else rpm / 60
+    table = trim_table(trimmer, bank_rad=math.radians(bank), climb_mps=climb, speed_mps=speed, motor_revps=motor_revps)
     console = Console()
     console.print(table)
     console.print(f"stall {trimmer.V_stall:.2f} m/s, highest level speed {trimmer.V_max:.2f} m/s")
@@ -299,29 +256,13 @@ def show_modes(
     speed: Annotated[float | None, typer.Option(help="Airspeed [m/s]; 1.6 times the stall speed otherwise.")] = None,
 ) -> None:
     """Short period, phugoid, dutch roll, roll and spiral about level trim."""
-    import numpy as np
-
-    from sim.modes import modes
     from sim.plant import plant_of
+    from sim.tables import modes_table
     from sim.trim import Trimmer
 
     trimmer = Trimmer(plant_of(load_aircraft(aircraft)), height)
     V = speed if speed is not None else 1.6 * trimmer.V_stall
-    found = modes(trimmer.plant, trimmer.solve(V=V, climb=0.0))
-    table = Table(title=f"{trimmer.plant.aircraft.title}, {V:.2f} m/s, {height:.0f} m")
-    for heading in ("mode", "eigenvalue [1/s]", "frequency [Hz]", "damping", "period [s]", "time constant [s]"):
-        table.add_column(heading, justify="left" if heading == "mode" else "right")
-    for mode in found:
-        swings = bool(mode.eigenvalue.imag)
-        table.add_row(
-            mode.name,
-            f"{mode.eigenvalue:.3f}" if swings else f"{mode.eigenvalue.real:.4f}",
-            f"{mode.natural_frequency_radps / (2 * np.pi):.3f}" if swings else "",
-            f"{mode.damping:.3f}" if swings else "",
-            f"{mode.period_s:.2f}" if swings else "",
-            f"{mode.time_constant_s:.2f}",
-        )
-    Console().print(table)
+    Console().print(modes_table(trimmer, V))
 
 
 @app.command()

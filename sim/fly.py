@@ -13,10 +13,12 @@ from flight.errors import InputError
 from flight.motion import earth_from_body, velocity_derivative
 from sim.air import mean_wind
 from sim.ground import EndState, move, stand
+from sim.integration import Observation, Stepper
 from sim.pilot import Pilot
 from sim.plan import DT_S, Plan
-from sim.plant import NO_DEVIATIONS, AircraftState, Commands, Deviations, Observation, Plant, Stepper, plant_of
-from sim.segments import GROUND, FlightContext
+from sim.plan_segment import FlightContext
+from sim.plant import NO_DEVIATIONS, AircraftState, Commands, Deviations, Plant, plant_of
+from sim.segments import GROUND
 from sim.trim import Trim, Trimmer
 from sim.truth import Columns, airborne_rows, kinematic_rows, power_required_table, table_of
 

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
-from sim.plant import Commands, Observation, Plant
+from sim.integration import Observation
+from sim.plant import Commands, Plant
 from sim.trim import Trimmer
 
 MAX_BANK_RAD = 0.8

@@ -1,60 +1,19 @@
-"""The segments a plan is composed of. Each is a small story told to the pilot: what to hold, and until when.
+"""The segments of a plan. Each tells the pilot what to hold, and until when (`sim.plan_segment.PlanSegment`)."""
 
-`fly` is a generator: it yields `Targets`, is sent what was `Seen` a step later, and returns when the segment is over.
-"""
-
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import acos, cos, pi, radians, sin
-from typing import Protocol
+from math import cos, pi, sin
 
 from flight.errors import InputError
+from sim.integration import Observation
+from sim.manoeuvres import MultistepSegment, PorpoiseSegment, RollerCoasterSegment, WindUpTurnSegment
 from sim.pilot import Targets, wrap_angle
-from sim.plant import Observation
+from sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
 
-SegmentTargets = Generator[Targets, Observation, None]
-
-LEVEL_OFF_S = 10.0  # at most, after a climb
-RECOVERY_S = 8.0  # after a manoeuvre
+LEVEL_OFF_S = 10.0  # longest, after a climb
 ROLL_OUT_S = 5.0
-EXCURSION_SHARE = 0.75  # of a run's change of speed, by which its change of height is over
-PROGRESS_LAG_S = 1.0  # of the notion how far a run has come
-
-
-@dataclass
-class FlightContext:
-    """What a segment may know: the limits of the aircraft, the step, and where the last segment left off."""
-
-    V_stall: float
-    V_max: float
-    dt: float
-    height_m: float
-    heading_rad: float
-    speed_mps: float
-    throttle: float = 0.0
-
-
-class PlanSegment(Protocol):
-    kind: str
-
-    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets: ...
-
-
-def chosen_speed(
-    context: FlightContext, speed_mps: float | None, over_stall: float | None, of_max: float | None
-) -> float:
-    """The speed a segment asks for, in any of three ways; the present one when in none."""
-    if speed_mps is not None:
-        return speed_mps
-    if over_stall is not None:
-        return over_stall * context.V_stall
-    if of_max is not None:
-        return of_max * context.V_max
-    return context.speed_mps
-
-
-def _steps(duration_s: float, context: FlightContext) -> int:
-    return max(1, round(duration_s / context.dt))
+EXCURSION_SHARE = 0.75  # the change of height is complete at this share of the run's change of speed
+PROGRESS_LAG_S = 1.0  # time constant of the lag on the share of the run that is done
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +57,7 @@ class HoldSegment:
 
     def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
         speed = chosen_speed(context, self.speed_mps, self.speed_over_stall, self.speed_of_max)
-        for i in range(_steps(self.duration_s, context)):
+        for i in range(steps_in(self.duration_s, context)):
             offset, rate = _wander(i * context.dt, self.wander_m, self.wander_period_s)
             seen = yield Targets(
                 height_m=context.height_m + offset,
@@ -145,7 +104,7 @@ class ClimbSegment:
                 height_m=target, climb_mps=up * self.climb_mps, speed_mps=speed, heading_rad=context.heading_rad
             )
         context.height_m, context.speed_mps = self.height_m, speed
-        for _ in range(_steps(LEVEL_OFF_S, context)):
+        for _ in range(steps_in(LEVEL_OFF_S, context)):
             if abs(seen.height - self.height_m) < 0.5 and abs(seen.climb) < 0.2:
                 break
             seen = yield Targets(height_m=self.height_m, speed_mps=speed, heading_rad=context.heading_rad)
@@ -174,7 +133,7 @@ class RunSegment:
         until = chosen_speed(context, self.speed_mps, self.speed_over_stall, self.speed_of_max)
         faster = until > seen.V
         first = context.throttle
-        steps = _steps(self.longest_s, context)
+        steps = steps_in(self.longest_s, context)
         offset, x, begun_at = 0.0, 0.0, seen.V
         for i in range(steps):
             t = i * context.dt
@@ -222,106 +181,9 @@ class TurnSegment:
             turned += wrap_angle(seen.psi - before)
             before = seen.psi
         context.heading_rad = wrap_angle(context.heading_rad + self.angle_rad)
-        for _ in range(_steps(ROLL_OUT_S, context)):
+        for _ in range(steps_in(ROLL_OUT_S, context)):
             seen = yield Targets(height_m=context.height_m, speed_mps=speed, heading_rad=context.heading_rad)
         context.speed_mps = speed
-
-
-@dataclass(frozen=True, kw_only=True)
-class RollerCoasterSegment:
-    """Load factor up and down between two values (pushover and pull-up), at `load_rate` per second.
-
-    The literature's 0.1 g/s would put so slow an aircraft on its tail: the path turns by g/V (dn)^2 / load_rate.
-    """
-
-    lowest: float = 0.4
-    highest: float = 1.6
-    load_rate: float = 1.0
-    cycles: int = 2
-    kind = "roller-coaster"
-
-    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
-        _check_load(self.highest, seen, context)
-        load, throttle = 1.0, context.throttle
-        for goal in [self.highest, self.lowest] * self.cycles + [1.0]:
-            while abs(goal - load) > 1e-9:
-                step = self.load_rate * context.dt
-                load += min(max(goal - load, -step), step)
-                seen = yield Targets(load_factor=load, throttle=throttle, bank_rad=0.0)
-        yield from _recover(seen, context)
-
-
-@dataclass(frozen=True, kw_only=True)
-class PorpoiseSegment:
-    """Stick to and fro about level flight, height held on average, ever a little quicker.
-
-    Angle of attack swings so fast that neither speed nor gusts follow: what the probe says of it shows its slope.
-    """
-
-    duration_s: float
-    elevator_rad: float = radians(12)
-    first_period_s: float = 1.8
-    last_period_s: float = 1.3
-    speed_mps: float | None = None
-    speed_over_stall: float | None = None
-    speed_of_max: float | None = None
-    kind = "porpoise"
-
-    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
-        speed = chosen_speed(context, self.speed_mps, self.speed_over_stall, self.speed_of_max)
-        first, last = 2 * pi / self.first_period_s, 2 * pi / self.last_period_s
-        for i in range(_steps(self.duration_s, context)):
-            t = i * context.dt
-            phase = first * t + (last - first) * t**2 / (2 * self.duration_s)
-            yield Targets(
-                height_m=context.height_m,
-                speed_mps=speed,
-                heading_rad=context.heading_rad,
-                elevator_rad=self.elevator_rad * sin(phase),
-            )
-        context.speed_mps = speed
-
-
-@dataclass(frozen=True, kw_only=True)
-class WindUpTurnSegment:
-    """Load factor rising by `load_rate` per second at constant speed, by ever more bank."""
-
-    highest: float = 1.8
-    load_rate: float = 0.1
-    kind = "wind-up-turn"
-
-    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
-        _check_load(self.highest, seen, context)
-        load, speed = 1.0, context.speed_mps
-        while load < self.highest:
-            load += self.load_rate * context.dt
-            seen = yield Targets(height_m=context.height_m, speed_mps=speed, bank_rad=acos(1 / load))
-        context.heading_rad = seen.psi
-        yield from _recover(seen, context)
-
-
-@dataclass(frozen=True, kw_only=True)
-class MultistepSegment:
-    """Elevator steps of 3, 2, 1 and 1 units of time, alternating, about trim; `units = [1, 1]` is a doublet."""
-
-    units: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
-    amplitude_rad: float = radians(3)
-    unit_s: float = 0.4
-    rest_s: float = 4.0
-    kind = "3-2-1-1"
-
-    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
-        throttle = context.throttle
-        sign = 1.0
-        for units in self.units:
-            for _ in range(_steps(units * self.unit_s, context)):
-                seen = yield Targets(
-                    hold_elevator=True, elevator_rad=sign * self.amplitude_rad, throttle=throttle, bank_rad=0.0
-                )
-            sign = -sign
-        for _ in range(_steps(self.rest_s, context)):
-            seen = yield Targets(hold_elevator=True, throttle=throttle, bank_rad=0.0)
-        yield from _recover(seen, context)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -335,7 +197,7 @@ class ManualSegment:
     def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
         if len(self.times) != len(self.throttles) or len(self.times) < 2 or sorted(set(self.times)) != list(self.times):
             raise InputError("manual: times must rise, and have as many entries as throttles (two or more)")
-        for i in range(_steps(self.times[-1], context)):
+        for i in range(steps_in(self.times[-1], context)):
             throttle = _linear(i * context.dt, self.times, self.throttles)
             seen = yield Targets(height_m=context.height_m, throttle=throttle, heading_rad=context.heading_rad)
         context.speed_mps = seen.V
@@ -346,19 +208,6 @@ def _linear(t: float, times: Sequence[float], values: Sequence[float]) -> float:
         if t <= b:
             return ya + (yb - ya) * (t - a) / (b - a)
     return values[-1]
-
-
-def _check_load(highest: float, seen: Observation, context: FlightContext) -> None:
-    limit = (seen.V / context.V_stall) ** 2
-    if highest >= limit:
-        raise InputError(f"a load factor of {highest:.2f} stalls it at {seen.V:.1f} m/s; the limit is {limit:.2f}")
-
-
-def _recover(seen: Observation, context: FlightContext) -> SegmentTargets:
-    """Back to level flight at the height where the manoeuvre left us."""
-    context.height_m = seen.height
-    for _ in range(_steps(RECOVERY_S, context)):
-        seen = yield Targets(height_m=context.height_m, speed_mps=context.speed_mps, heading_rad=context.heading_rad)
 
 
 AIRBORNE: dict[str, type] = {

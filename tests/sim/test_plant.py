@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.propeller import Propeller, Row
 from sim.air import Air
-from sim.plant import AircraftState, Commands, Plant, Stepper, rk4, servo_rate
+from sim.integration import Stepper, rk4
+from sim.plant import AircraftState, Commands, Plant, servo_rate
 from sim.trim import Trimmer
 
 SPIN = 120.0  # rev/s

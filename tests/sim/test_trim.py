@@ -9,8 +9,9 @@ from flight.aerodynamics import drag_coefficient
 from flight.aircraft import load_aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
+from sim.integration import Stepper
 from sim.modes import modes
-from sim.plant import AircraftState, Deviations, Stepper, plant_of
+from sim.plant import AircraftState, Deviations, plant_of
 from sim.trim import RESIDUAL_LIMIT, Trimmer, power_required
 
 AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs")
