@@ -1,7 +1,6 @@
 """Thrust and power of a propeller from tables of cT and cP over advance ratio, at several speeds of rotation (3.48).
 
-`Propeller` is physics, written with NumPy functions (floats, arrays and CasADi symbols pass through).
-`flight.propeller_files` reads the tables.
+The functions accept floats, arrays and CasADi symbols. `flight.propeller_files` reads the tables.
 """
 
 import io
@@ -14,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.errors import InputError
+from flight.number import Number
 
 WINDMILL, FOLD = "windmill", "fold"
 BEYOND_ZERO_THRUST = (WINDMILL, FOLD)
-# Drag areas over the square of the diameter. Folded blades lie along the nacelle: two of 0.07 by 0.5 diameters, wetted
-# on both sides, with the friction of a turbulent plate (0.011; Hoerner, Fluid-Dynamic Drag, ch. 2). Standing blades are
-# flat plates across the flow (drag coefficient 1.2; Hoerner ch. 3) with half of that area in its way: at the pitch of a
-# model propeller they stand at some 30 deg.
+# Drag areas over the square of the diameter. Folded blades lie along the nacelle: two blades of 0.07 by 0.5 diameters,
+# wetted on both sides, with the friction coefficient of a turbulent plate (0.011; Hoerner, Fluid-Dynamic Drag, ch. 2).
+# Blades of a stopped propeller are flat plates across the flow (drag coefficient 1.2; Hoerner ch. 3) with half of that
+# area as frontal area: the pitch angle of a model propeller is some 30 deg.
 FOLDED_DRAG = 2 * 2 * 0.07 * 0.5 * 0.011
 STANDING_DRAG = 2 * 0.07 * 0.5 * 0.5 * 1.2
 
@@ -36,38 +36,38 @@ class Row:
 
 
 class PropellerModel:
-    """What thrust and power follow from: coefficients over advance ratio and speed of rotation, and what is beyond.
+    """Thrust and power from cT and cP over advance ratio and speed of rotation, also beyond zero thrust.
 
-    beyond_zero_thrust: "windmill", the flow pulls back on the blades and drives them; "fold", they fold, and neither
-    pull back (but for a little friction) nor drive the motor.
+    beyond_zero_thrust: "windmill": the flow drives the blades, thrust and power become negative; "fold": the blades
+    fold, thrust is a small friction drag and power is zero.
     """
 
     diameter_m: Any
     beyond_zero_thrust: str
 
-    def table(self, J, rpm):
-        """(cT, cP) with the blades open, elementwise."""
+    def table(self, J: Number, rpm: Number) -> tuple[Number, Number]:
+        """(cT, cP) of the unfolded propeller, elementwise. rpm: speed of rotation [1/min]."""
         raise NotImplementedError
 
-    def coefficients(self, J, rpm):
-        """(cT, cP) at advance ratio J and speed of rotation `rpm`, elementwise."""
+    def coefficients(self, J: Number, rpm: Number) -> tuple[Number, Number]:
+        """(cT, cP) at advance ratio J [-] and speed of rotation `rpm` [1/min], elementwise; folded blades included."""
         cT, cP = self.table(J, rpm)
         if self.beyond_zero_thrust == FOLD:
             # A drag D = q f is cT = -J^2 f / (2 D^2).
             return np.maximum(cT, -FOLDED_DRAG / 2 * J**2), np.maximum(cP, 0)
         return cT, cP
 
-    def thrust_and_power(self, V, n, rho):
+    def thrust_and_power(self, V: Number, n: Number, rho: Number) -> tuple[Number, Number]:
         """Thrust [N] and shaft power [W] at axial speed V [m/s], n [rev/s], rho [kg/m^3] (3.48).
 
-        n must be positive: a stopped propeller has no advance ratio (see `standing_thrust`).
+        Elementwise. n must be positive: a stopped propeller has no advance ratio (see `standing_thrust`).
         """
         D = self.diameter_m
         cT, cP = self.coefficients(V / (n * D), 60 * n)
         return cT * rho * n**2 * D**4, cP * rho * n**3 * D**5
 
-    def standing_thrust(self, V, rho):
-        """Thrust [N] of the propeller when it stands: minus the drag of its blades, elementwise."""
+    def standing_thrust(self, V: Number, rho: Number) -> Number:
+        """Thrust [N] of the stopped propeller: minus the drag of its blades, elementwise. V [m/s], rho [kg/m^3]."""
         share = FOLDED_DRAG if self.beyond_zero_thrust == FOLD else STANDING_DRAG
         return -rho * V**2 / 2 * share * self.diameter_m**2
 
@@ -75,9 +75,8 @@ class PropellerModel:
 class Propeller(PropellerModel):
     """cT(J, rpm) and cP(J, rpm), linear between the table's points.
 
-    Beyond the last J of a row the last segment is continued as a straight line, which takes thrust and power through
-    zero into windmilling; below the first J and outside the range of rpm the nearest value is held. `covers` says
-    whether a point lies inside the table.
+    Beyond the last J of a row the last segment is extrapolated linearly, through zero thrust into windmilling. Below
+    the first J and outside the range of rpm the nearest value is used. `covers` tells whether a point is in the table.
     """
 
     def __init__(
@@ -96,17 +95,19 @@ class Propeller(PropellerModel):
         self.beyond_zero_thrust = beyond_zero_thrust
         self.rows = tuple(sorted(rows, key=lambda row: row.rpm))
         if not (np.isfinite(diameter_m) and diameter_m > 0):
-            raise InputError(f"propeller {name}: a diameter of {diameter_m:g} m is none")
+            raise InputError(f"propeller {name}: the diameter must be positive, is {diameter_m:g} m")
         for row in self.rows:
             if not np.isfinite([row.rpm, *row.J, *row.cT, *row.cP]).all():
                 raise InputError(f"propeller {name}: not a number at {row.rpm:g} rpm")
             if len(row.J) < 2 or np.any(np.diff(row.J) <= 0):
-                raise InputError(f"propeller {name}: J must rise through at least two points at {row.rpm:g} rpm")
+                raise InputError(
+                    f"propeller {name}: the row at {row.rpm:g} rpm needs at least two points with ascending J"
+                )
         self._rpm = np.array([row.rpm for row in self.rows])
         self._knots = sorted({J for row in self.rows for J in row.J[:-1]})
         self._slope_changes = [(_slope_changes(row.J, row.cT), _slope_changes(row.J, row.cP)) for row in self.rows]
 
-    def table(self, J, rpm):
+    def table(self, J: Number, rpm: Number) -> tuple[Number, Number]:
         hinges = {knot: np.maximum(J - knot, 0) for knot in self._knots}  # shared by all rows
         cT, cP = 0.0, 0.0
         for weight, row, (cT_changes, cP_changes) in zip(
@@ -120,8 +121,8 @@ class Propeller(PropellerModel):
         """The same table with another behaviour beyond zero thrust."""
         return Propeller(self.name, self.diameter_m, self.rows, self.source, behaviour)
 
-    def covers(self, J, rpm):
-        """True where (J, rpm) lies inside the table, so that nothing was held or continued; elementwise."""
+    def covers(self, J: Number, rpm: Number) -> Number:
+        """True where (J, rpm) lies inside the table, without extrapolation; elementwise."""
         J_max = np.interp(rpm, self._rpm, [row.J[-1] for row in self.rows])
         J_min = np.interp(rpm, self._rpm, [row.J[0] for row in self.rows])
         return (J_min <= J) & (J <= J_max) & (self._rpm[0] <= rpm) & (rpm <= self._rpm[-1])
@@ -140,7 +141,7 @@ class Propeller(PropellerModel):
 
 @dataclass(frozen=True)
 class TableCell(PropellerModel):
-    """One cell of a propeller's table, where cT and cP are bilinear: (a + b J) + (c + d J) rpm; beyond it, continued.
+    """One cell of a propeller's table, where cT and cP are bilinear: (a + b J) + (c + d J) rpm; extrapolated outside.
 
     It takes a few products instead of the whole table, where the cell of J and rpm is known (see `TableCells`).
     """
@@ -149,7 +150,7 @@ class TableCell(PropellerModel):
     beyond_zero_thrust: str
     numbers: Any  # a, b, c, d of cT, then those of cP
 
-    def table(self, J, rpm):
+    def table(self, J: Number, rpm: Number) -> tuple[Number, Number]:
         a, b, c, d, e, f, g, h = self.numbers
         return (a + b * J) + (c + d * J) * rpm, (e + f * J) + (g + h * J) * rpm
 
@@ -170,15 +171,16 @@ class TableCells:
 
     def numbers(self, index: CellIndex) -> NDArray[np.float64]:
         """(8,)."""
-        return self._numbers[index]
+        found: NDArray[np.float64] = self._numbers[index]
+        return found
 
 
 def _spans(knots: list[float]) -> list[tuple[float, float]]:
-    """The intervals between knots, and one beyond either end."""
+    """The intervals between knots, and one more at each end."""
     return [(knots[0] - 1.0, knots[0]), *pairwise(knots), (knots[-1], knots[-1] + 1.0)]
 
 
-def _bilinear(propeller: Propeller, J, rpm) -> NDArray[np.float64]:
+def _bilinear(propeller: Propeller, J: Number, rpm: Number) -> NDArray[np.float64]:
     """Numbers (n, m, 8) of the bilinear functions through the table's values at the corners of n times m cells.
 
     J : (n, 1, 2, 1), rpm : (1, m, 1, 2), the sides of the cells.
@@ -191,24 +193,24 @@ def _bilinear(propeller: Propeller, J, rpm) -> NDArray[np.float64]:
     return np.ascontiguousarray(solved.swapaxes(2, 3).reshape(n, m, 8))
 
 
-def _interpolation_weights(x, knots):
-    """Weights of linear interpolation, one for each knot; held at the ends. x may be a symbol."""
+def _interpolation_weights(x: Number, knots: Number) -> Number:
+    """Weights of linear interpolation at x, one for each knot; constant beyond the ends. x may be a CasADi symbol."""
     if len(knots) == 1:
         return [1.0]
-    position = 0.0  # of x on a scale where knot i stands at i
+    position = 0.0  # of x on a scale on which knot i is at i
     for low, high in pairwise(knots):
         position = position + np.clip((x - low) / (high - low), 0, 1)
     return [np.maximum(1 - np.abs(position - i), 0) for i in range(len(knots))]
 
 
 def _slope_changes(knots: tuple[float, ...], values: tuple[float, ...]) -> dict[float, float]:
-    """By how much the slope changes at each knot but the last, beyond which it stays."""
+    """The change of slope at each knot but the last, beyond which the slope is constant."""
     slopes = np.diff(values) / np.diff(knots)
     return dict(zip(knots[:-1], np.diff(slopes, prepend=0.0).tolist(), strict=True))
 
 
-def _piecewise_linear(hinges, first, slope_changes: dict[float, float]):
-    """Linear interpolation as a sum of hinges max(x - knot, 0); held below the first knot, continued above the last."""
+def _piecewise_linear(hinges: Number, first: Number, slope_changes: dict[float, float]) -> Number:
+    """Interpolation as a sum of hinges max(x - knot, 0): constant below the first knot, linear beyond the last."""
     result = first
     for knot, change in slope_changes.items():
         result = result + change * hinges[knot]

@@ -15,15 +15,15 @@ from flight.errors import InputError
 from flight.propeller import Propeller, Row
 
 INCH_M = 0.0254
-LARGEST_INCHES = 40.0  # UIUC gives a few small propellers in millimetres (E-Flite 130x70): above this it is those
-SAME_RPM = 0.01  # tests of a tunnel at speeds of rotation closer than this are one
+LARGEST_INCHES = 40.0  # larger numbers are millimetres: UIUC names a few small propellers so (E-Flite 130x70)
+SAME_RPM = 0.01  # relative difference of speeds of rotation below which two tests are put into one row
 UIUC_NAME = re.compile(r"(?P<name>.+_(?P<size>\d+(?:\.\d+)?)x\d+(?:\.\d+)?[^_]*)_(?P<test>.+)\.txt")
 
 
 def load_propeller(name_or_path: str | Path) -> Propeller:
-    """A propeller shipped with the package, by name, or one from files as they are downloaded.
+    """A propeller shipped with the package, by its name, or one from files as downloaded.
 
-    A file is our CSV, APC's `PER3`, or any of a propeller's UIUC tables, whose siblings are read along with it; so is a
+    A path is our CSV, APC's `PER3`, one UIUC table (the others of that propeller in its folder are read too), or a
     folder with the UIUC tables of one propeller.
     Raises InputError when there is no such propeller or a file cannot be read.
     """
@@ -55,9 +55,9 @@ def _load_uiuc(folder: Path, name: str = "") -> Propeller:
     tests = [(found, path) for path in sorted(folder.glob("*.txt")) if (found := UIUC_NAME.fullmatch(path.name))]
     names = sorted({found["name"] for found, _ in tests if name in ("", found["name"])})
     if not names:
-        raise InputError(f"{folder}: holds no UIUC tables, which are named like apce_10x5_kt0821_5000.txt")
+        raise InputError(f"{folder}: no UIUC table here; their names are like apce_10x5_kt0821_5000.txt")
     if len(names) > 1:
-        raise InputError(f"{folder}: holds tables of {', '.join(names)}; give one file of the one that was flown")
+        raise InputError(f"{folder}: tables of {', '.join(names)} here; give one file of the propeller that was flown")
     texts: dict[float, str] = {}
     static, size = None, 0.0
     for found, path in tests:
@@ -77,17 +77,20 @@ def _is_uiuc(text: str) -> bool:
 
 
 def parse_propeller(text: str, name: str) -> Propeller:
-    """A propeller from the text of one file, in our own format or in APC's."""
+    """A propeller from the text of one file, in our own format or in APC's. Raises InputError otherwise."""
     if _is_uiuc(text):
         raise InputError(
-            f"propeller {name}: one UIUC table alone says neither diameter nor speed of rotation; make one table of all"
-            " of them by `python -m flight.propeller_files FOLDER > mine.csv`"
+            f"propeller {name}: a UIUC table contains neither diameter nor speed of rotation; convert all its tables by"
+            " `python -m flight.propeller_files FOLDER > mine.csv`"
         )
     return parse_apc(text, name) if "PROP RPM" in text else parse_csv(text, name)
 
 
 def parse_csv(text: str, name: str) -> Propeller:
-    """Our own format: `# diameter_m = …`, a header `rpm,J,cT,cP`, a line a point."""
+    """Our own format: `# diameter_m = …`, a header `rpm,J,cT,cP`, one line a point.
+
+    Raises InputError when the text is not such a table.
+    """
     comments = [line.lstrip("# ") for line in text.splitlines() if line.startswith("#")]
     diameter = next((re.match(r"diameter_m\s*=\s*(\S+)", c) for c in comments if c.startswith("diameter_m")), None)
     if diameter is None:
@@ -112,7 +115,7 @@ def parse_apc(text: str, name: str) -> Propeller:
     """APC's computed performance file (`PER3_*.dat`): blocks headed `PROP RPM = …`, columns V J Pe Ct Cp …"""
     size = re.search(r"^\s*(\d+(?:\.\d+)?)x\d", text)
     if size is None:
-        raise InputError(f"propeller {name}: the first line does not start with a size such as 12x8E")
+        raise InputError(f"propeller {name}: the first line must start with a size such as 12x8E")
     points: dict[float, list[tuple[float, float, float]]] = {}
     rpm = None
     for line in text.splitlines():
@@ -125,17 +128,19 @@ def parse_apc(text: str, name: str) -> Propeller:
             try:
                 point = (float(numbers[1]), float(numbers[3]), float(numbers[4]))
             except ValueError:
-                raise InputError(f"propeller {name}: not numbers at {rpm:g} rpm: {line.strip()}") from None
-            if np.isfinite(point).all():  # the computation did not converge where it prints NaN
+                raise InputError(
+                    f"propeller {name}: a line at {rpm:g} rpm has values that are not numbers: {line.strip()}"
+                ) from None
+            if np.isfinite(point).all():  # NaN where the computation did not converge
                 points.setdefault(rpm, []).append(point)
     return Propeller(name, float(size[1]) * INCH_M, _rows(points), f"APC {text.split()[0]} computed performance data")
 
 
 def parse_uiuc(texts: dict[float, str], name: str, diameter_m: float, static: str | None = None) -> Propeller:
-    """UIUC wind-tunnel tables `J CT CP eta`, one text for each speed of rotation [rpm] (it stands in the file name).
+    """UIUC wind-tunnel tables `J CT CP eta`, one text for each speed of rotation [1/min], known from the file name.
 
-    Two tests at one speed of rotation, one at low and one at high J, make one row. static : the table `RPM CT CP`
-    measured without wind, which gives the rows that lie within its speeds their point at J = 0.
+    Two tests at one speed of rotation, one at low and one at high J, form one row. static: the table `RPM CT CP`
+    measured without wind; rows within its range of speeds get their point at J = 0 from it.
     """
     tests = sorted((rpm, _columns(text, ("J", "CT", "CP"), name)) for rpm, text in texts.items())
     still = _columns(static, ("RPM", "CT", "CP"), name) if static else []
@@ -156,18 +161,18 @@ def parse_uiuc(texts: dict[float, str], name: str, diameter_m: float, static: st
 def _columns(text: str, header: tuple[str, str, str], name: str) -> list[tuple[float, float, float]]:
     lines = [line.split() for line in text.splitlines() if line.strip()]
     if not lines or tuple(lines[0][:3]) != header:
-        raise InputError(f"propeller {name}: a UIUC table starts with the line `{' '.join(header)}`")
+        raise InputError(f"propeller {name}: a UIUC table must start with the line `{' '.join(header)}`")
     try:
         points = [(float(first), float(cT), float(cP)) for first, cT, cP, *_ in lines[1:]]
     except ValueError as error:
         raise InputError(f"propeller {name}: not a UIUC table of {', '.join(header)} ({error})") from None
     if not points:
-        raise InputError(f"propeller {name}: a UIUC table without a line of numbers")
+        raise InputError(f"propeller {name}: the UIUC table has no line of numbers")
     return points
 
 
 def _rows(points: dict[float, list[tuple[float, float, float]]]) -> tuple[Row, ...]:
-    """Rows in ascending J; what was measured twice at one J is averaged."""
+    """Rows in ascending J; repeated measurements at one J are averaged."""
     rows = []
     for rpm, table in points.items():
         at: dict[float, list[tuple[float, float]]] = {}

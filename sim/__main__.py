@@ -84,7 +84,7 @@ def fly(
     sensor_truth = FlightSensorTruth(flight, drawn)
     with _progress("recording", flight.duration_s) as told:
         if no_hardware:
-            _write_straight(output, sensor_truth, seed, craft, told)
+            _write_without_hardware(output, sensor_truth, seed, craft, told)
         else:
             _record(output, sensor_truth, seed, craft, schedule, real_time, told)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
@@ -150,7 +150,7 @@ def _believed_unix_ns(now: datetime) -> int:
     return int((now.timestamp() - 60) * 1e9)
 
 
-def _write_straight(output: Path, sensor_truth, seed: int, craft: Aircraft, told) -> None:
+def _write_without_hardware(output: Path, sensor_truth, seed: int, craft: Aircraft, told) -> None:
     from daq.config import load_tray
     from daq.luggage import pack, stow
     from flight.log_writer import LogWriter
@@ -186,7 +186,7 @@ def _parts(sensor_truth, seed: int, craft: Aircraft):
     from hw_fakes.clock import SimulatedClock
     from hw_fakes.ms56xx import FakeMS56xx, pressure_counts, temperature_counts
     from hw_fakes.tray import FakeTray
-    from sim.direct_log import BarometerPart, IndividualParts
+    from sim.direct_log_timing import BarometerPart, IndividualParts
 
     tray = FakeTray(sensor_truth, SimulatedClock(), seed)
 
