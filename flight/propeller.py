@@ -95,7 +95,7 @@ class Propeller(PropellerModel):
         self.beyond_zero_thrust = beyond_zero_thrust
         self.rows = tuple(sorted(rows, key=lambda row: row.rpm))
         if not (np.isfinite(diameter_m) and diameter_m > 0):
-            raise InputError(f"propeller {name}: the diameter must be positive, is {diameter_m:g} m")
+            raise InputError(f"propeller {name}: a diameter of {diameter_m:g} m is not positive")
         for row in self.rows:
             if not np.isfinite([row.rpm, *row.J, *row.cT, *row.cP]).all():
                 raise InputError(f"propeller {name}: not a number at {row.rpm:g} rpm")

@@ -69,7 +69,8 @@ class FakeAutopilot:
                 answer = mavlink.MAVLink_command_ack_message(message.command, result)
                 self._replies.append((at_ns + REPLY_NS, answer))
 
-    def _command(self, message, at_ns: int) -> int:
+    def _command(self, message: Any, at_ns: int) -> Any:
+        """Do what a COMMAND_LONG asks for; the MAV_RESULT."""
         if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
             if int(message.param1) != mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
                 return mavlink.MAV_RESULT_DENIED

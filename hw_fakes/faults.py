@@ -21,7 +21,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -125,13 +125,13 @@ class PartFault:
         event(int(at_ns))
 
 
-def part_fault(fault: Fault, part) -> PartFault | None:
+def part_fault(fault: Fault, part: Any) -> PartFault | None:
     """The fault as it happens inside `part`, or None when it happens on the wire."""
 
     def nothing(at_ns: int) -> None:
         return None
 
-    def set_attribute(name: str, value):
+    def set_attribute(name: str, value: object) -> Callable[[int], None]:
         return lambda at_ns: setattr(part, name, value)
 
     match fault.kind:

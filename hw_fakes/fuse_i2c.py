@@ -95,7 +95,7 @@ class FuseI2C:
             self._thread.join()
 
     def _call(self, name: str, *arguments: object) -> int:
-        result = getattr(self._libc, name)(*arguments)
+        result: int = getattr(self._libc, name)(*arguments)
         if result < 0:
             number = ctypes.get_errno()
             raise OSError(number, os.strerror(number), str(self.path))
@@ -179,7 +179,7 @@ class FuseI2C:
             self._store(pid, at, reply)
         if written is not None:
             self._bus.write(*written)
-        return count
+        return int(count)
 
     # --- the caller's memory ---
 
@@ -191,7 +191,7 @@ class FuseI2C:
     def _store(self, pid: int, at: int, data: bytes) -> None:
         self._move("process_vm_writev", pid, at, ctypes.create_string_buffer(data, len(data)), len(data))
 
-    def _move(self, name: str, pid: int, at: int, buffer: ctypes.Array, length: int) -> None:
+    def _move(self, name: str, pid: int, at: int, buffer: "ctypes.Array[ctypes.c_char]", length: int) -> None:
         if length == 0:
             return
         ours = IoVec(ctypes.addressof(buffer), length)

@@ -27,7 +27,8 @@ class SampleBlocks:
     def row(self, index: int) -> np.ndarray:
         """Row number `index`."""
         block, offset = divmod(index, self._length)
-        return self._block(block)[offset]
+        found: np.ndarray = self._block(block)[offset]
+        return found
 
     def rows(self, first: int, stop: int) -> np.ndarray:
         """Rows `first` up to, not including, `stop`."""

@@ -6,7 +6,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from hw_fakes import bridge, ms56xx, ublox_ddc
 from hw_fakes.ak8963 import FakeAK8963
@@ -31,6 +31,7 @@ ADDRESSES = {
     "beta": 0x46,
     "airspeed": 0x28,
 }
+Device = TypeVar("Device")
 UTC_AT_START = datetime(2016, 5, 14, 9, 30, tzinfo=UTC)
 
 
@@ -120,7 +121,7 @@ class FakeTray:
             by_address[None] = [fault for fault in by_address.get(None, []) if fault.device == BUS]
             parts = {addresses[name]: these for name, these in self._parts_faults.items() if name in addresses}
             bus = FaultyBus(bus, by_address, parts, now_ns, seed_of("bus"), spend_ns)
-        self.buses = {I2C_BUS: bus}
+        self.buses: dict[str, I2CBus] = {I2C_BUS: bus}
         self.serial_devices: dict[str, SerialDevice] = {device: getattr(self, name) for name, device in ports.items()}
 
     def i2c(self, device: str) -> I2CBus:
@@ -143,7 +144,7 @@ class FakeTray:
         return self.magnetometer if address == ADDRESSES["magnetometer"] and self.imu.bypass else None
 
 
-def _present(devices: dict, device: str):
+def _present(devices: dict[str, Device], device: str) -> Device:
     try:
         return devices[device]
     except KeyError:

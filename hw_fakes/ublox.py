@@ -160,7 +160,7 @@ class FakeUbloxM8:
         )
 
     def _solution(self) -> list[float]:
-        solution = self._blocks.row(self._epoch).tolist()
+        solution: list[float] = self._blocks.row(self._epoch).tolist()
         solution[1] = solution[1] and not self.fix_lost
         return solution
 

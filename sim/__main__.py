@@ -7,12 +7,12 @@ import math
 import shutil
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -20,6 +20,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
+
+if TYPE_CHECKING:
+    from hw_fakes.faults import Fault
+    from sim.direct_log_timing import IndividualParts
+    from sim.sensor_truth import SensorTruth
+
+Report = Callable[[float], None]  # is told how many seconds are done
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
 
@@ -69,8 +76,8 @@ def fly(
         raise InputError(f"{probe}: no such probe calibration; make one with `calibrate probe`")
     _check_output(output, replace)
     drawn = draw(budget, seed)
-    with _progress("flying") as told:
-        flight = flying.fly(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=told)
+    with _progress("flying") as report:
+        flight = flying.fly(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
     try:
         output.mkdir(parents=True, exist_ok=True)
         for name in OUTPUT_FILES:
@@ -82,11 +89,11 @@ def fly(
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
     sensor_truth = FlightSensorTruth(flight, drawn)
-    with _progress("recording", flight.duration_s) as told:
+    with _progress("recording", flight.duration_s) as report:
         if no_hardware:
-            _write_without_hardware(output, sensor_truth, seed, craft, told)
+            _write_without_hardware(output, sensor_truth, seed, craft, report)
         else:
-            _record(output, sensor_truth, seed, craft, schedule, real_time, told)
+            _record(output, sensor_truth, seed, craft, schedule, real_time, report)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
 
 
@@ -125,7 +132,15 @@ def _tray_text(output: Path, name: str, craft: Aircraft, probe: Path | None) -> 
     return "\n".join(lines) + "\n"
 
 
-def _record(output: Path, sensor_truth, seed: int, craft: Aircraft, faults: tuple, real_time: bool, told) -> None:
+def _record(
+    output: Path,
+    sensor_truth: "SensorTruth",
+    seed: int,
+    craft: Aircraft,
+    faults: "tuple[Fault, ...]",
+    real_time: bool,
+    report: Report,
+) -> None:
     from daq.clock import SystemClock
     from daq.config import load_tray
     from daq.daemon import record
@@ -141,7 +156,7 @@ def _record(output: Path, sensor_truth, seed: int, craft: Aircraft, faults: tupl
         clock=clock,
         log_path=output / LOG,
         until_ns=start_ns + int(sensor_truth.duration_s * 1e9),
-        progress=told,
+        progress=report,
     )
 
 
@@ -150,7 +165,9 @@ def _believed_unix_ns(now: datetime) -> int:
     return int((now.timestamp() - 60) * 1e9)
 
 
-def _write_without_hardware(output: Path, sensor_truth, seed: int, craft: Aircraft, told) -> None:
+def _write_without_hardware(
+    output: Path, sensor_truth: "SensorTruth", seed: int, craft: Aircraft, report: Report
+) -> None:
     from daq.config import load_tray
     from daq.luggage import pack, stow
     from flight.log_writer import LogWriter
@@ -170,14 +187,14 @@ def _write_without_hardware(output: Path, sensor_truth, seed: int, craft: Aircra
                 _parts(sensor_truth, seed, craft),
                 start_unix_ns=start_unix_ns,
                 utc_at_start_ns=int(UTC_AT_START.timestamp() * 1e9),
-                progress=told,
+                progress=report,
             )
             log.finish()
     except OSError as error:
         raise InputError(f"{output / LOG}: cannot be written ({error.strerror or error})") from None
 
 
-def _parts(sensor_truth, seed: int, craft: Aircraft):
+def _parts(sensor_truth: "SensorTruth", seed: int, craft: Aircraft) -> "IndividualParts":
     """The individuals of the fake tray, as far as they show in a log."""
     import numpy as np
 
@@ -287,7 +304,7 @@ def plot(
 
 
 @contextmanager
-def _progress(what: str, total_s: float | None = None) -> Iterator:
+def _progress(what: str, total_s: float | None = None) -> Iterator[Report]:
     """A function to be told how many seconds are done; the bar shows after two seconds, on stderr."""
     bar = Progress(
         TextColumn(what),
@@ -300,7 +317,7 @@ def _progress(what: str, total_s: float | None = None) -> Iterator:
     task = bar.add_task(what, total=total_s)
     begun, shown = time.monotonic(), False
 
-    def told(seconds: float) -> None:
+    def report(seconds: float) -> None:
         nonlocal shown
         if not shown and time.monotonic() - begun > 2:
             bar.start()
@@ -308,7 +325,7 @@ def _progress(what: str, total_s: float | None = None) -> Iterator:
         bar.update(task, completed=seconds)
 
     try:
-        yield told
+        yield report
     finally:
         if shown:
             bar.stop()

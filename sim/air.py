@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flight.atmosphere import density, pressure_at, temperature_at
+from flight.number import Number
 
 FOOT_M = 0.3048
 # MIL-F-8785C sec. 3.7.3.4: the wind at 20 ft names the day; roughness length 0.15 ft for all but the terminal phase.
@@ -44,14 +45,16 @@ class Ambient(NamedTuple):
     density: Any
 
 
-def ambient(air: Air, height_m) -> Ambient:
+def ambient(air: Air, height_m: Number) -> Ambient:
     """The still air at a height above the ground [m]."""
     T = temperature_at(height_m, air.ground_temperature_K)
     p = pressure_at(height_m, ground_pressure_Pa=air.ground_pressure_Pa, ground_temperature_K=air.ground_temperature_K)
     return Ambient(p, T, density(p, T))
 
 
-def mean_wind(air: Air, north_m, east_m, height_m, updraft_mps=0.0):
+def mean_wind(
+    air: Air, north_m: Number, east_m: Number, height_m: Number, updraft_mps: Number = 0.0
+) -> tuple[Number, Number, Number]:
     """(north, east, down) [m/s]: logarithmic profile (MIL-F-8785C sec. 3.7.3.4), steady updraft and one thermal.
 
     Zero at the ground. The thermal is a Gaussian column.
@@ -97,7 +100,7 @@ class Scales(NamedTuple):
     L_w: Any
 
 
-def dryden_scales(W20_mps, height_m) -> Scales:
+def dryden_scales(W20_mps: Number, height_m: Number) -> Scales:
     """Low-altitude intensities and lengths (MIL-F-8785C sec. 3.7.3.4.1); lateral as longitudinal."""
     h_ft = np.clip(height_m, LOWEST_M, HIGHEST_M) / FOOT_M
     shape = 0.177 + 0.000823 * h_ft
@@ -105,7 +108,9 @@ def dryden_scales(W20_mps, height_m) -> Scales:
     return Scales(sigma_w / np.power(shape, 0.4), sigma_w, h_ft / np.power(shape, 1.2) * FOOT_M, h_ft * FOOT_M)
 
 
-def dryden(states: GustStates, white, *, V, height_m, span_m: float, W20_mps: float) -> tuple[GustStates, Gust]:
+def dryden(
+    states: GustStates, white: Number, *, V: Number, height_m: Number, span_m: float, W20_mps: float
+) -> tuple[GustStates, Gust]:
     """Rates of change of the shaping filters, and the gusts they give (MIL-F-8785C sec. 3.7.1.2, Dryden form).
 
     white : four noises of unit two-sided intensity [1/sqrt(s)], for u, v, w and p (held over a step of dt: standard

@@ -12,7 +12,7 @@ from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.motion import earth_from_body, velocity_derivative
 from sim.air import mean_wind
-from sim.ground import EndState, move, stand
+from sim.ground import EndState, Motion, move, stand
 from sim.integration import Observation, Stepper
 from sim.pilot import Pilot
 from sim.plan import DT_S, Plan
@@ -111,7 +111,7 @@ class _FlightSimulation:
         }
         return Flight(self.aircraft, self.plan, self.plant, self.seed, truth, table, metadata)
 
-    def _fly_segment(self, segment, index: int) -> None:
+    def _fly_segment(self, segment: Any, index: int) -> None:
         where = f"plan {self.plan.name}: segment {index + 1} ({segment.kind})"
         if segment.kind in ("stand", "take-off") and self.airborne:
             raise InputError(f"{where}: the aircraft is in the air; land first")
@@ -127,7 +127,7 @@ class _FlightSimulation:
             self._check_speed(segment, where)
             self._segment(segment, index, where)
 
-    def _check_speed(self, segment, where: str) -> None:
+    def _check_speed(self, segment: Any, where: str) -> None:
         """A plan that asks for what cannot be trimmed says so before it is flown."""
         low, high = self.trimmer.V_stall, self.trimmer.V_max
         for value, unit in (
@@ -174,7 +174,7 @@ class _FlightSimulation:
             north=float(position[0]), east=float(position[1]), down=float(position[2]), energy=self.energy_J
         )
 
-    def _segment(self, segment, index: int, where: str) -> None:
+    def _segment(self, segment: Any, index: int, where: str) -> None:
         stepper, pilot, context, white = self.stepper, self.pilot, self.context, self.white
         states, commands, noises = _GrowingTable(len(AircraftState._fields)), _GrowingTable(4), _GrowingTable(4)
         seen = self.seen
@@ -209,12 +209,12 @@ class _FlightSimulation:
         self.t += step * self.dt
         self.seen = seen
 
-    def _stand(self, segment, index: int) -> None:
+    def _stand(self, segment: Any, index: int) -> None:
         n = round(segment.duration_s / self.dt)
         motion = stand(self.pose.position, self.pose.attitude, n)
         self._kinematic(motion, np.zeros(n), None, None, index, "stand")
 
-    def _take_off(self, segment, index: int) -> None:
+    def _take_off(self, segment: Any, index: int) -> None:
         context, T = self.context, segment.duration_s
         V = segment.speed_over_stall * self.trimmer.V_stall
         trim = self._trim_at(V, segment.height_m)
@@ -232,7 +232,7 @@ class _FlightSimulation:
         self._kinematic(motion, share, None, trim, index, "take-off")
         self._start_airborne(trim, position)
 
-    def _land(self, segment, index: int) -> None:
+    def _land(self, segment: Any, index: int) -> None:
         x = AircraftState(*self.stepper.x.tolist())
         commands = Commands(*self.stepper.commands.tolist())
         now, _ = self.plant.instant(x, commands)
@@ -257,8 +257,18 @@ class _FlightSimulation:
         self._kinematic(motion, share, (x, commands), None, index, "land")
         self.pose, self.airborne = goal, False
 
-    def _kinematic(self, motion, share: Array, last, trim: Trim | None, index: int, kind: str) -> None:
+    def _kinematic(
+        self,
+        motion: Motion,
+        share: Array,
+        last: tuple[AircraftState, Commands] | None,
+        trim: Trim | None,
+        index: int,
+        kind: str,
+    ) -> None:
         """Rows of prescribed motion; controls and motor are `share` of those in the air at its end."""
+        state: AircraftState | None
+        commands: Commands | None
         if last is not None:
             state, commands = last
         elif trim is not None:

@@ -118,7 +118,7 @@ class Stepper:
         n = max(motor, SLOWEST_REVPS)
         return self._cells.index(V / (n * self._diameter_m), 60 * n)
 
-    def _bound(self, function) -> Callable[[], None]:
+    def _bound(self, function: Any) -> Callable[[], None]:
         """The function on our buffers."""
         buffer, run = function.buffer()
         for i, array in enumerate((self.x, self.commands, self.white, self._cell)):
@@ -126,10 +126,11 @@ class Stepper:
         for i, array in enumerate((self._next, self._seen)):
             buffer.set_res(i, array.data)
         self._buffers.append(buffer)
-        return run
+        step: Callable[[], None] = run
+        return step
 
 
-def compile_step(plant: Plant, dt: float, integrator: str = "rk4", *, cell: bool = False):
+def compile_step(plant: Plant, dt: float, integrator: str = "rk4", *, cell: bool = False) -> Any:
     """A CasADi function (x, commands, white, numbers) -> (x after dt, seen there).
 
     cell: the propeller is the cell of its table whose `numbers` (8,) are given; otherwise it is the whole table.

@@ -10,6 +10,7 @@ from itertools import pairwise
 from math import asin, atan2, copysign, cos, pi, sin, sqrt
 from typing import NamedTuple
 
+from flight.aircraft import ControlSurface
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
 from sim.integration import Observation
@@ -227,7 +228,7 @@ class Pilot:
         return min(max(throttle, 0.0), 1.0)
 
 
-def _surfaces(plant: Plant):
+def _surfaces(plant: Plant) -> tuple[ControlSurface, ControlSurface, ControlSurface]:
     return plant.aircraft.elevator, plant.aircraft.aileron, plant.aircraft.rudder
 
 

@@ -20,6 +20,7 @@ from flight.motion import (
     rate_derivative,
     velocity_derivative,
 )
+from flight.number import Number
 from flight.propeller import PropellerModel
 from flight.propeller_files import load_propeller
 from sim.air import Air, Gust, GustStates, ambient, dryden, mean_wind
@@ -126,7 +127,7 @@ class Plant:
         return Inertia(m.Ix_kgm2, m.Iy_kgm2, m.Iz_kgm2, m.Ixz_kgm2, self.aircraft.propulsion.propeller_inertia_kgm2)
 
     def instant(
-        self, x: AircraftState, commands: Commands, white=(0.0, 0.0, 0.0, 0.0), *, motor_held: bool = False
+        self, x: AircraftState, commands: Commands, white: Number = (0.0, 0.0, 0.0, 0.0), *, motor_held: bool = False
     ) -> tuple[FlightCondition, GustStates]:
         """Flow, forces and accelerations at a state, and the rates of change of the gust filters.
 
@@ -204,7 +205,7 @@ class Plant:
             gust_rates,
         )
 
-    def _gusts(self, x: AircraftState, wind_body, white) -> tuple[GustStates, Gust]:
+    def _gusts(self, x: AircraftState, wind_body: Number, white: Number) -> tuple[GustStates, Gust]:
         if self.air.turbulence_mps == 0:
             # Zeros of the state's own kind, so that nothing has to be computed for a calm day.
             return GustStates(*(0 * v for v in x[FIRST_GUST:])), Gust(*(0 * v for v in x[FIRST_GUST : FIRST_GUST + 6]))
@@ -219,7 +220,7 @@ class Plant:
             W20_mps=self.air.turbulence_mps,
         )
 
-    def derivative(self, x: AircraftState, commands: Commands, white=(0.0, 0.0, 0.0, 0.0)) -> AircraftState:
+    def derivative(self, x: AircraftState, commands: Commands, white: Number = (0.0, 0.0, 0.0, 0.0)) -> AircraftState:
         """Rates of change of every state (3.6-3.14), with servos and motor."""
         now, gust_rates = self.instant(x, commands, white)
         north, east, down = now.ground_velocity
@@ -248,7 +249,7 @@ class Plant:
         )
 
 
-def servo_rate(surface: ControlSurface, angle, command):
+def servo_rate(surface: ControlSurface, angle: Number, command: Number) -> Number:
     """Rate of a surface [rad/s]: a first-order lag towards the command, limited in travel and in rate."""
     within = np.clip(command, min(surface.angle_rad), max(surface.angle_rad))
     return np.clip((within - angle) / surface.lag_s, -surface.rate_radps, surface.rate_radps)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flight.aircraft import Propulsion
+from flight.number import Number
 from flight.propeller import PropellerModel
 
 # Below this a propeller has no meaningful advance ratio: its thrust goes over to that of standing blades, and the
@@ -32,8 +33,16 @@ def torque_constant(propulsion: Propulsion) -> float:
 
 
 def power_train(
-    propulsion: Propulsion, propeller: PropellerModel, *, V, n, throttle, rho, thrust_scale=1.0, thrust_slope_J=0.0
-):
+    propulsion: Propulsion,
+    propeller: PropellerModel,
+    *,
+    V: Number,
+    n: Number,
+    throttle: Number,
+    rho: Number,
+    thrust_scale: Number = 1.0,
+    thrust_slope_J: Number = 0.0,
+) -> PowerTrainState:
     """Thrust, torque balance and currents at airspeed V [m/s], n [rev/s], throttle 0 to 1.
 
     The speed controller is an ideal step-down converter: motor voltage = throttle times battery voltage, and battery
@@ -61,7 +70,7 @@ def power_train(
     return PowerTrainState(thrust_N, shaft_power_W, torque_Nm, acceleration, voltage, battery_current)
 
 
-def throttle_for(propulsion: Propulsion, propeller: PropellerModel, *, V, n, rho):
+def throttle_for(propulsion: Propulsion, propeller: PropellerModel, *, V: Number, n: Number, rho: Number) -> Number:
     """The throttle that holds n [rev/s] at airspeed V [m/s], elementwise.
 
     Zero where the propeller windmills faster than asked, infinite where the battery cannot sustain it.

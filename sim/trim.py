@@ -15,6 +15,7 @@ from flight.aerodynamics import lift_and_drag
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
 from flight.motion import velocity_derivative, velocity_of
+from flight.number import Number
 from sim.air import Air, ambient
 from sim.plant import AircraftState, Commands, Plant, in_still_air
 from sim.propulsion import throttle_for
@@ -82,12 +83,12 @@ class Trim:
         return Commands(z.elevator, z.aileron, z.rudder, self.throttle)
 
 
-def turn_rates(turn, phi, theta):
+def turn_rates(turn: Number, phi: Number, theta: Number) -> tuple[Number, Number, Number]:
     """Body rates of a steady turn of the heading (3.12-3.14 inverted)."""
     return -turn * np.sin(theta), turn * np.sin(phi) * np.cos(theta), turn * np.cos(phi) * np.cos(theta)
 
 
-def residuals(plant: Plant, z: TrimUnknowns, height_m: float):
+def residuals(plant: Plant, z: TrimUnknowns, height_m: float) -> tuple[Number, ...]:
     """The eight equations, in m/s^2, rad/s^2 and m/s; zero in trim."""
     u, v, w = velocity_of(z.V, z.alpha, z.beta)
     p, q, r = turn_rates(z.turn, z.phi, z.theta)
@@ -251,7 +252,9 @@ class Trimmer:
         return bool(throttle_for(propulsion, self.plant.propeller, V=V, n=z.motor, rho=self.density) <= 1)
 
 
-def power_required(plant: Plant, V, *, density, weight_N: float | None = None):
+def power_required(
+    plant: Plant, V: Number, *, density: Number, weight_N: float | None = None
+) -> tuple[Number, Number, Number]:
     """The truth to find: P_req(V) = D V with lift equal to weight and pitching moment zero; also CL and CD.
 
     V : (n,) true airspeed [m/s], not below the stall. Returns power [W], CL, CD, each (n,).

@@ -9,6 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flight.aircraft import Position
+from flight.number import Number
+
 Array = NDArray[np.float64]
 
 PORT_ANGLE_RAD = np.pi / 4
@@ -26,12 +29,12 @@ class PortPressures(NamedTuple):
     static: Array
 
 
-def hemisphere_Cp(cosine):
+def hemisphere_Cp(cosine: Number) -> Number:
     """Pressure coefficient where the surface normal makes this cosine with the flow, windward side."""
     return 1 - 9 / 4 * (1 - np.maximum(cosine, 0.0) ** 2)
 
 
-def port_pressures(dynamic_pressure_Pa, alpha_rad, beta_rad) -> PortPressures:
+def port_pressures(dynamic_pressure_Pa: Number, alpha_rad: Number, beta_rad: Number) -> PortPressures:
     """Pressures at the ports of a probe that meets the flow at these angles; elementwise."""
     q = np.asarray(dynamic_pressure_Pa)
     x = np.cos(alpha_rad) * np.cos(beta_rad)
@@ -46,7 +49,9 @@ def port_pressures(dynamic_pressure_Pa, alpha_rad, beta_rad) -> PortPressures:
     )
 
 
-def flow_at_probe(V, alpha, beta, p, q, r, position_m, upwash_rad):
+def flow_at_probe(
+    V: Number, alpha: Number, beta: Number, p: Number, q: Number, r: Number, position_m: Position, upwash_rad: Number
+) -> tuple[Number, Number, Number]:
     """(V, alpha, beta) at the probe's tip: those at the centre of gravity, with rotation of the aircraft and upwash."""
     x, y, z = position_m
     u = V * np.cos(alpha) * np.cos(beta) + q * z - r * y

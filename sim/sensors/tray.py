@@ -156,13 +156,15 @@ class FlightSensorTruth:
     # How the truth becomes a function of time.
 
     def _clipped(self, t_s: Array) -> Array:
-        return np.clip(np.asarray(t_s, dtype=float), 0.0, self.duration_s)
+        clipped: Array = np.clip(np.asarray(t_s, dtype=float), 0.0, self.duration_s)
+        return clipped
 
     def _spline(self, columns: list[str]) -> CubicSpline:
         return CubicSpline(self._t, self._truth[columns].to_numpy(dtype=float))
 
     def _linear(self, column: str, t_s: Array) -> Array:
-        return np.interp(self._clipped(t_s), self._t, self._truth[column].to_numpy(dtype=np.float64))
+        values: Array = np.interp(self._clipped(t_s), self._t, self._truth[column].to_numpy(dtype=np.float64))
+        return values
 
     @cached_property
     def _imu_spline(self) -> CubicSpline:
@@ -288,4 +290,5 @@ def _pulses(surface: ControlSurface, angle: Array) -> Array:
     """Pulse widths [us] for angles; `ControlSurface.pulse_of_angle_us` for arrays."""
     angles, pulses = np.array(surface.angle_rad), np.array(surface.pulse_us)
     order = np.argsort(angles)
-    return np.interp(angle, angles[order], pulses[order])
+    found: Array = np.interp(angle, angles[order], pulses[order])
+    return found
