@@ -1,6 +1,6 @@
 """The command line of the simulator: `sim fly`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
 
-The top floor, where simulator, fake hardware and daemon meet; nothing imports it.
+It connects simulator, fake hardware and daemon; no module imports it.
 """
 
 import math
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from sim.direct_log_timing import IndividualParts
     from sim.sensor_truth import SensorTruth
 
-Report = Callable[[float], None]  # is told how many seconds are done
+Report = Callable[[float], None]  # takes how many seconds are done
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
 
@@ -37,7 +37,7 @@ OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
 AircraftOption = Annotated[str, typer.Option(help="Name of a shipped aircraft, or a file.")]
 ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
 SeedOption = Annotated[
-    int, typer.Option(min=0, help="Draws turbulence, noise and errors; the same seed, the same flight.")
+    int, typer.Option(min=0, help="Draws turbulence, noise and errors. The same seed gives the same flight.")
 ]
 
 
@@ -51,17 +51,17 @@ def fly(
     probe: Annotated[Path | None, typer.Option(help="Probe calibration to put into the log.")] = None,
     faults: Annotated[
         Path | None,
-        typer.Option(help="What goes wrong with the fake sensors, and when: a file as in docs/fake-tray.md."),
+        typer.Option(help="Faults of the fake sensors and their times: a file as in docs/fake-tray.md."),
     ] = None,
     real_time: Annotated[
-        bool, typer.Option("--real-time", help="Record at the pace of the clock on the wall.")
+        bool, typer.Option("--real-time", help="Record in real time.")
     ] = False,
     no_hardware: Annotated[
-        bool, typer.Option("--no-hardware", help="Write the log without fake sensors and daemon: the same, and fast.")
+        bool, typer.Option("--no-hardware", help="Write the log directly, without fake sensors and daemon; faster.")
     ] = False,
     replace: ReplaceOption = False,
 ) -> None:
-    """Fly a plan, write the truth, and let the daemon record it through the fake tray."""
+    """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors."""
     from hw_fakes.faults import load_faults
     from sim import fly as flying
     from sim.plan import load_plan
@@ -69,11 +69,11 @@ def fly(
     from sim.truth import write_truth
 
     if no_hardware and (real_time or faults is not None):
-        raise InputError("--no-hardware: there are no sensors to fail and no clock to wait for")
+        raise InputError("--no-hardware excludes --faults and --real-time")
     craft, flight_plan, budget = load_aircraft(aircraft), load_plan(plan), load_budget(errors)
     schedule = load_faults(faults) if faults is not None else ()
     if probe is not None and not probe.is_file():
-        raise InputError(f"{probe}: no such probe calibration; make one with `calibrate probe`")
+        raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
     _check_output(output, replace)
     drawn = draw(budget, seed)
     with _progress("flying") as report:
@@ -98,20 +98,20 @@ def fly(
 
 
 def _check_output(output: Path, replace: bool) -> None:
-    """Refuse to write over anything that is not a simulation made earlier and given up."""
+    """Raise InputError if writing would replace something else than an earlier simulation."""
     if output.exists() and not output.is_dir():
-        raise InputError(f"{output}: is not a directory")
+        raise InputError(f"{output}: not a directory; give another one")
     taken = [name for name in OUTPUT_FILES if (output / name).exists()]
     if not taken:
         return
     if not replace:
-        raise InputError(f"{output}: already holds {taken[0]}; give another directory, or --replace")
+        raise InputError(f"{output}: already contains {taken[0]}; give another directory, or --replace")
     if not (output / TRUTH).exists():
-        raise InputError(f"{output}: holds a log without {TRUTH}: not a simulated flight, and not to be replaced")
+        raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another directory")
 
 
 def _tray_text(output: Path, name: str, craft: Aircraft, probe: Path | None) -> str:
-    """The daemon's example tray for this flight; files it needs are copied beside it: the directory can move."""
+    """The daemon's example tray, changed for this flight. Files it needs are copied, so the directory can be moved."""
     text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
     if Path(name).is_file():
         (output / "aircraft.toml").write_text(craft.text, "utf-8")
@@ -161,7 +161,7 @@ def _record(
 
 
 def _believed_unix_ns(now: datetime) -> int:
-    """A Pi without a real-time clock believes what it believed when it was switched off: a minute ago."""
+    """Unix time [ns] of a Pi without a real-time clock after booting: that of its shutdown a minute ago."""
     return int((now.timestamp() - 60) * 1e9)
 
 
@@ -195,7 +195,7 @@ def _write_without_hardware(
 
 
 def _parts(sensor_truth: "SensorTruth", seed: int, craft: Aircraft) -> "IndividualParts":
-    """The individuals of the fake tray, as far as they show in a log."""
+    """Properties of the individual fake parts that affect a log."""
     import numpy as np
 
     from daq.sensors.ak8963 import sensitivity
@@ -288,24 +288,24 @@ def plot(
     output: Annotated[Path, typer.Option("--output", "-o", help="HTML file to write.")],
     replace: ReplaceOption = False,
 ) -> None:
-    """Draw what a flight was: speeds, height, angles, controls, power. Needs the [analysis] extra for plotly."""
+    """Plot a flight: speed, height, angles, controls, power. Needs plotly, from the extra [analysis]."""
     from sim.plot import figure
     from sim.truth import read_truth
 
     if output.exists() and not replace:
-        raise InputError(f"{output}: exists already; give another name, or --replace")
+        raise InputError(f"{output}: already exists; give another name, or --replace")
     table, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
     drawn = figure(table, metadata)
     try:
         drawn.write_html(output, include_plotlyjs=True)
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
-    print(f"{output}: {len(table)} instants", file=sys.stderr)
+    print(f"{output}: {len(table)} samples", file=sys.stderr)
 
 
 @contextmanager
 def _progress(what: str, total_s: float | None = None) -> Iterator[Report]:
-    """A function to be told how many seconds are done; the bar shows after two seconds, on stderr."""
+    """A function that takes the seconds done; it shows a progress bar on stderr after two seconds."""
     bar = Progress(
         TextColumn(what),
         BarColumn(),
@@ -332,7 +332,7 @@ def _progress(what: str, total_s: float | None = None) -> Iterator[Report]:
 
 
 def main() -> None:
-    """Entry point: a wrong input is one line on stderr and exit code 2."""
+    """Entry point: a wrong input gives one line on stderr and exit code 2."""
     try:
         app()
     except InputError as error:

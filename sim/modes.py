@@ -16,7 +16,7 @@ LATERAL = ("v", "p", "r", "phi")
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode. Frequencies are zero for an aperiodic one; a negative time constant means it grows."""
+    """One mode. An aperiodic mode has an infinite period; a negative time constant means divergence."""
 
     name: str
     eigenvalue: complex

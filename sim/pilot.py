@@ -1,7 +1,7 @@
 """The pilot: altitude to elevator, speed to throttle, bank and heading to aileron and rudder.
 
-A trim schedule is what a pilot knows of the aircraft; the loops correct what is left. `Gains.skill` detunes them into
-the pilots of the source: well tuned, low gain, high gain, gains scheduled with speed or not.
+Feed-forward comes from a trim schedule; feedback loops correct the rest. `Gains.skill` scales the feedback gains, which
+gives the pilots of the source: well tuned, low gain, high gain, with and without gains scheduled over speed.
 """
 
 from collections.abc import Sequence
@@ -21,41 +21,41 @@ MAX_BANK_RAD = 0.8
 MAX_GAMMA_RAD = 0.35
 MAX_SPEED_CHANGE_MPS2 = 1.0
 STALL_MARGIN_RAD, STALL_PUSH = 0.035, 1.5
-MAX_GAMMA_RATE_RADPS = 0.12  # nobody rotates into a climb in one sample
+MAX_GAMMA_RATE_RADPS = 0.12  # limit on the rate of the commanded flight-path angle
 
 
 class Targets(NamedTuple):
-    """What a segment of the plan asks for. Throttle, when given, wins over speed; bank wins over heading."""
+    """Commanded values of a segment. Throttle, when given, has priority over speed, and bank over heading."""
 
     height_m: float | None = None
-    climb_mps: float = 0.0  # asked for beside the height loop, or alone when height is None
+    climb_mps: float = 0.0  # added to the height loop's; alone when height is None
     speed_mps: float | None = None
     throttle: float | None = None
     heading_rad: float | None = None
     bank_rad: float | None = None
     load_factor: float | None = None  # replaces the height loop: roller coaster, wind-up turn
-    elevator_rad: float = 0.0  # added to what the pilot does: 3-2-1-1 inputs
-    hold_elevator: bool = False  # stick frozen at its trim: free response
+    elevator_rad: float = 0.0  # added to the pilot's: 3-2-1-1 inputs
+    hold_elevator: bool = False  # elevator constant, for a free response
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gains:
     """[pilot] of a plan."""
 
-    height_per_s: float = 0.45  # asked climb per height error
-    climb: float = 0.9  # flight-path angle asked again per flight-path error
+    height_per_s: float = 0.45  # commanded climb per height error
+    climb: float = 0.9  # flight-path angle added per flight-path error
     climb_integral_per_s: float = 0.25
     pitch: float = 0.8  # elevator per pitch error
     pitch_rate_s: float = 0.12  # elevator per pitch rate
     speed_per_m: float = 0.12  # throttle per speed error
     speed_integral: float = 0.03
-    acceleration_s2_per_m: float = 0.15  # throttle per asked change of speed
+    acceleration_s2_per_m: float = 0.15  # throttle per commanded acceleration
     bank: float = 0.5
     bank_rate_s: float = 0.08
     heading: float = 1.2  # bank per heading error
     yaw_rate_s: float = 0.15
-    skill: float = 1.0  # multiplies all feedback: below one sluggish, above one nervous
-    feedforward: float = 1.0  # how much of the trim schedule the pilot knows
+    skill: float = 1.0  # factor on all feedback gains
+    feedforward: float = 1.0  # share of the trim schedule used; 0: the trim of cruise at all speeds
     scheduled: bool = True  # elevator and aileron gains fall with dynamic pressure
 
 
@@ -69,7 +69,7 @@ PILOTS = {
 
 
 class TrimPoint(NamedTuple):
-    """What holds the aircraft in level trim at some airspeed."""
+    """Level trim at one airspeed [rad, throttle 0 to 1]."""
 
     alpha: float
     elevator: float
@@ -79,7 +79,7 @@ class TrimPoint(NamedTuple):
 
 
 class TrimSchedule:
-    """Level trim against airspeed: linear between points that stand at equal distances, held beyond the ends."""
+    """Level trim over airspeed: linear between equidistant points, constant beyond the ends."""
 
     def __init__(self, low: float, high: float, rows: Sequence[TrimPoint]):
         self._low, self._per_mps = low, (len(rows) - 1) / (high - low)
@@ -91,7 +91,7 @@ class TrimSchedule:
         position = (V - self._low) * self._per_mps
         i = min(max(int(position), 0), self._last)
         share = min(max(position - i, 0.0), 1.0)
-        # Written out: it runs three times in every step of a flight.
+        # Written out for speed: three calls in every step of a flight.
         alpha, elevator, aileron, rudder, throttle = self._rows[i]
         d_alpha, d_elevator, d_aileron, d_rudder, d_throttle = self._rises[i]
         return TrimPoint(
@@ -103,7 +103,7 @@ class TrimSchedule:
         )
 
     def known(self, share: float, elsewhere: TrimPoint) -> "TrimSchedule":
-        """What somebody knows of it who is drawn towards one trim; all of it when share is 1."""
+        """The schedule mixed with one trim point: share 1 gives the schedule, share 0 that point everywhere."""
         return TrimSchedule(self._low, self._high, [between(elsewhere, row, share, 1 - share) for row in self._rows])
 
 
@@ -123,7 +123,7 @@ def between(a: TrimPoint, b: TrimPoint, b_share: float, a_share: float) -> TrimP
 
 
 class Pilot:
-    """Flies the targets, `dt` apart. Has a memory: the integrals of its loops."""
+    """Turns targets into commands every `dt` [s]. Its state is the integrals of its loops and the last commands."""
 
     def __init__(self, plant: Plant, trimmer: Trimmer, gains: Gains, dt: float):
         self._gains, self._dt = gains, dt
@@ -133,16 +133,16 @@ class Pilot:
         self._damping = -plant.aero.Cmq / plant.aero.Cmde * plant.aircraft.geometry.chord_m / 2
         schedule = schedule_of(trimmer)
         self._slowest = schedule.at(0.0)
-        # At worst a pilot knows the one trim of cruise.
+        # Without feed-forward the pilot uses the trim of cruise at all speeds.
         self._known = schedule.known(gains.feedforward, schedule.at(self._V_reference))
         self._gamma_integral = 0.0
         self._throttle_integral = 0.0
         self._bank_integral = 0.0
         self._load_integral = 0.0
-        self._gamma = 0.0  # the flight-path angle asked for last
+        self._gamma = 0.0  # the last commanded flight-path angle
         self._throttle = 0.0
-        self._speed: float | None = None  # the speed asked for, on its way to the one wanted
-        self._stick = 0.0  # elevator asked for last, without what a segment adds
+        self._speed: float | None = None  # the commanded speed, rate-limited towards the target
+        self._stick = 0.0  # the last commanded elevator, without the segment's addition
 
     def fly(self, seen: Observation, want: Targets) -> Commands:
         """Commands for the next step."""
@@ -181,7 +181,7 @@ class Pilot:
             elevator += k * stiffness * gains.pitch_rate_s * (seen.q - q_steady)
         self._stick = elevator
         elevator += want.elevator_rad
-        # Nobody holds the stick back in a stall: beyond the slowest trim it is eased forward, the more the deeper.
+        # Stall recovery: beyond the angle of attack of the slowest trim, elevator down in proportion to the excess.
         elevator = max(
             elevator, self._slowest.elevator + STALL_PUSH * (seen.alpha - self._slowest.alpha - STALL_MARGIN_RAD)
         )

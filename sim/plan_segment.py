@@ -1,4 +1,4 @@
-"""What all segments of a plan share: the interface, what a segment knows, and how it asks for a speed."""
+"""What all segments of a plan share: the interface, the context, and the choice of speed."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class PlanSegment(Protocol):
 def chosen_speed(
     context: FlightContext, speed_mps: float | None, over_stall: float | None, of_max: float | None
 ) -> float:
-    """The speed a segment asks for, in any of three ways; the present one when in none."""
+    """The speed of a segment [m/s], given in any of three ways; the present speed without any."""
     if speed_mps is not None:
         return speed_mps
     if over_stall is not None:
