@@ -1,7 +1,7 @@
 """Asahi Kasei AK8963, the magnetometer inside the MPU-9250, on its own small register map.
 
-Sections are those of the AK8963 datasheet (MS1356-E-02). Its axes differ from those of the accelerometer and gyroscope
-beside it: x and y change places and z points the other way (PS-MPU-9250A-01 sec. 9.1).
+Sections are those of the AK8963 datasheet (MS1356-E-02). Its axes differ from those of the accelerometer and
+gyroscope: x and y are exchanged and z is reversed (PS-MPU-9250A-01 sec. 9.1).
 """
 
 from collections.abc import Callable
@@ -42,10 +42,10 @@ BODY_TO_CHIP = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
 class FakeAK8963:
-    """The part at 0x0C, see `hw_fakes.mpu9250.FakeMPU9250`. seed: draws the fuse ROM's sensitivities.
+    """The part at 0x0C, behind `hw_fakes.mpu9250.FakeMPU9250`. seed: draws the sensitivities in the fuse ROM.
 
-    A mode written without passing through power-down and its 100 us is ignored; the datasheet forbids it and does not
-    say what happens.
+    A change of mode that does not pass through 100 us of power-down is ignored; the datasheet forbids it and does not
+    state the effect.
     """
 
     def __init__(self, sensor_truth: SensorTruth, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
@@ -133,7 +133,7 @@ class FakeAK8963:
         return value
 
     def _catch_up(self, now_ns: int) -> None:
-        """Finish the measurements that ended since the part was last touched."""
+        """Finish the measurements that ended since the last access."""
         since_ns = now_ns - self._mode_since_ns - MEASUREMENT_NS
         if since_ns < 0:
             return

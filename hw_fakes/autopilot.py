@@ -1,4 +1,4 @@
-"""An autopilot that speaks MAVLink 2 on a serial line, encoded by pymavlink."""
+"""An autopilot that sends MAVLink 2 on a serial line, encoded by pymavlink."""
 
 import heapq
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ PERIOD_MS = {
 }
 ON_REQUEST = ("RPM",)
 NAME_OF_ID = {getattr(mavlink, f"MAVLINK_MSG_ID_{name}"): name for name in (*PERIOD_MS, *ON_REQUEST)}
-GRID_MS = 20  # of the physical values and of the sending; divides every period above
+GRID_MS = 20  # sampling of the values and times of sending; divides every period above
 GRID_S = GRID_MS * 1e-3
 REPLY_NS = 2_000_000
 CELLS = 4
@@ -33,9 +33,9 @@ VERSION = mavlink.MAVLink_autopilot_version_message(
 
 
 class FakeAutopilot:
-    """Sends on its own, and more or less of it when asked (SET_MESSAGE_INTERVAL).
+    """Sends its messages periodically; SET_MESSAGE_INTERVAL changes the periods.
 
-    Stick positions equal the servo outputs: it is flown by hand. cells: of the battery; they share its voltage equally.
+    Stick positions equal the servo outputs, as in manual flight. cells: of the battery, all at the same voltage.
     """
 
     baud = BAUD
@@ -47,7 +47,7 @@ class FakeAutopilot:
         self._period_ms = dict(PERIOD_MS)
         self._due = [(period_ms, name) for name, period_ms in PERIOD_MS.items()]
         heapq.heapify(self._due)
-        self._link = mavlink.MAVLink(None)  # what it hears
+        self._link = mavlink.MAVLink(None)  # parser of received bytes
         self._link.robust_parsing = True
         self._replies: list[tuple[int, Any]] = []  # when each is sent [ns], and the message, not numbered yet
         self._blocks = SampleBlocks(self._values, GRID_S, length=64)
@@ -82,7 +82,7 @@ class FakeAutopilot:
         if name is None or (name in ON_REQUEST and interval_us == 0):
             return mavlink.MAV_RESULT_DENIED
         self._due = [(at_ms, other) for at_ms, other in self._due if other != name]
-        if interval_us >= 0:  # -1 stops it, 0 is what it does of itself
+        if interval_us >= 0:  # -1 stops the message, 0 restores its default period
             wanted_ms = interval_us / 1e3 or PERIOD_MS[name]
             self._period_ms[name] = GRID_MS * max(1, round(wanted_ms / GRID_MS))
             self._due.append(((at_ns // (GRID_MS * 1_000_000) + 1) * GRID_MS, name))

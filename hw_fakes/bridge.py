@@ -1,7 +1,8 @@
 """Piezo bridges with a signal conditioner: TE MS4515DO / MS4525DO and Honeywell SSC, the same four bytes.
 
 Status in the first two bits, 14 bits of pressure, 11 bits of temperature (TE "Interfacing to MEAS digital pressure
-modules" sec. 2; Honeywell 008201-3-EN). An update every half millisecond; one that was read already is marked stale.
+modules" sec. 2; Honeywell 008201-3-EN). The value is updated every half millisecond; the same value is marked stale
+when it is read again.
 """
 
 from collections.abc import Callable
@@ -24,10 +25,10 @@ BLOCK_LENGTH = 2000  # one second
 
 @dataclass(frozen=True)
 class BridgeType:
-    """A pressure range and how it lies in the counts.
+    """One type of transducer: pressure range and output counts.
 
     low_counts, high_counts: at the ends of the range. first_data_ns: from power-on to the first data.
-    repeated_start_hurts: the MS4515DO does not acknowledge the transfer after one.
+    repeated_start_hurts: after a repeated start the part does not acknowledge the next transfer (MS4515DO).
     """
 
     range_Pa: float
@@ -75,7 +76,7 @@ class FakeBridge:
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply gone and back; clears a latched fault."""
+        """Supply off and on; clears a latched fault."""
         self._first_data_ns = at_ns + self._part.first_data_ns
         self._last_read = -1
         self._deaf = False
@@ -83,7 +84,7 @@ class FakeBridge:
         self.frozen_ns: int | None = None
 
     def write(self, data: bytes) -> None:
-        """In its normal mode the part measures by itself: a write does nothing, an empty one upsets it."""
+        """No effect, as the part measures continuously; after an empty write an MS4515DO misses the next transfer."""
         self._listen()
         self._deaf = self._part.repeated_start_hurts and not data
 
@@ -98,7 +99,7 @@ class FakeBridge:
             status = STALE if index == self._last_read else NORMAL
             self._last_read = index
         frame = (word | (FAULT if self.fault else status) << 30).to_bytes(4, "big")
-        return (frame + b"\xff" * count)[:count]  # clocked on, nobody pulls the line down
+        return (frame + b"\xff" * count)[:count]  # beyond the frame the line stays high
 
     def write_read(self, data: bytes, count: int) -> bytes:
         self.write(data)

@@ -1,9 +1,9 @@
 """InvenSense MPU-9250: accelerometer, gyroscope, thermometer and FIFO behind a register map.
 
 Sections are those of the register map RM-MPU-9250A-00 (rev. 1.4) and of the product specification PS-MPU-9250A-01.
-Bias, noise and misalignment are in what the simulator says the part feels; range, quantisation, saturation and the
-digital low-pass filter are made here. The filter works on what the part feels every millisecond, before the divider
-takes some of its outputs: vibration above the divided rate folds into the samples, as far as the filter lets it.
+Bias, noise and misalignment are in the simulator's sensor inputs; range, quantisation, saturation and the digital
+low-pass filter are here. The filter works on inputs every millisecond, before the divider selects some of its outputs:
+vibration above half the divided rate is aliased into the samples, attenuated by the filter.
 
 The chip's axes are the body's (x forward, y right, z down: mounted with its top to the ground).
 """
@@ -46,9 +46,9 @@ FIFO_COLUMNS = ((0x08, (0, 1, 2)), (0x80, (3,)), (0x40, (4,)), (0x20, (5,)), (0x
 ACCEL_COUNTS_PER_G = (16384, 8192, 4096, 2048)  # PS sec. 3.2, by ACCEL_FS_SEL
 GYRO_COUNTS_PER_DPS = (131, 65.5, 32.8, 16.4)  # PS sec. 3.1, by GYRO_FS_SEL
 TEMPERATURE_COUNTS_PER_K, TEMPERATURE_ZERO_K = 333.87, 273.15 + 21  # PS sec. 3.4.2
-# Filters by DLPF_CFG and A_DLPF_CFG: corner [Hz] (None: wider than we can sample) and delay [s].
-# The gyroscope's delays are those of a first-order low-pass at its corner and 2 ms more, to 0.4 ms: so that is what it
-# is here. The accelerometer's leave more over; the datasheet does not say what of.
+# Filters by DLPF_CFG and A_DLPF_CFG: corner frequency [Hz] (None: above the sampling rate) and delay [s].
+# The gyroscope's delays equal those of a first-order low-pass at its corner plus 2 ms, to 0.4 ms, which is the model
+# here. The accelerometer's exceed it by more; the datasheet does not explain why.
 GYRO_FILTERS = (
     (None, 0.97e-3),
     (184.0, 2.9e-3),
@@ -72,7 +72,7 @@ ACCEL_FILTERS = (
 )  # RM sec. 4.7
 ACCEL_WITHOUT_FILTER = (None, 0.75e-3)
 INTERNAL_RATE_HZ = 1e3  # of the filters
-WARM_UP = 10  # time constants: what a filter started from rest does not know yet is 5e-5 of a change
+WARM_UP = 10  # time constants, after which the start of the filter still counts 5e-5
 
 START_UP_NS = 11_000_000  # registers can be read and written (PS sec. 3.3.2, typical)
 GYRO_START_UP_S = 35e-3  # from sleep (PS sec. 3.1); the outputs read zero until then
@@ -95,7 +95,7 @@ class FakeMPU9250:
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply gone and back: registers at their defaults, deaf for the start-up time."""
+        """Supply off and on: registers at their defaults, no acknowledge during the start-up time."""
         self._registers = bytearray(REGISTER_COUNT)
         self._ready_ns = at_ns + START_UP_NS
         self._reset(self._ready_ns)
@@ -154,7 +154,7 @@ class FakeMPU9250:
         self._restart_sampling(now_ns)
 
     def _write_register(self, address: int, value: int, now_ns: int) -> None:
-        self._catch_up(now_ns)  # what was sampled so far, was sampled with the old settings
+        self._catch_up(now_ns)  # samples up to now have the old settings
         if address in READ_ONLY:
             return
         before = self._registers[address]
@@ -214,7 +214,7 @@ class FakeMPU9250:
         return 1e3 / (1 + self._registers[SMPLRT_DIV])
 
     def _catch_up(self, now_ns: int) -> None:
-        """Do what the part did by itself since it was last touched."""
+        """Compute the samples since the last access."""
         done = int((now_ns - self._origin_ns) / self._period_ns)
         if done <= self._done or self._registers[PWR_MGMT_1] & SLEEP:
             return
@@ -238,7 +238,7 @@ class FakeMPU9250:
         else:
             first = max(first, stop - at_most)
             self._fifo += self._blocks.rows(first, stop)[:, columns].tobytes()
-            del self._fifo[:-FIFO_SIZE]  # byte by byte: what is left need not begin with a whole sample
+            del self._fifo[:-FIFO_SIZE]  # by bytes: the rest need not begin with a whole sample
 
     def _sample(self, t_s: Array) -> np.ndarray:
         """Counts (n, 7), big-endian: specific force x y z, temperature, angular rate x y z."""
@@ -265,7 +265,7 @@ class FakeMPU9250:
         return np.clip(np.rint(values), -32768, 32767).astype(">i2")
 
     def _stride(self) -> int:
-        """Outputs of the filters to each sample; above 1 kHz they are taken as they come."""
+        """Filter outputs per sample; 1 at sample rates above 1 kHz."""
         return max(1, round(INTERNAL_RATE_HZ / self._sample_rate_Hz()))
 
     def _filters(self) -> tuple[tuple[float | None, float], tuple[float | None, float]]:
@@ -277,7 +277,7 @@ class FakeMPU9250:
 
 
 class LowPass:
-    """A first-order low-pass and as much pure delay as makes up the whole delay of slow changes.
+    """A first-order low-pass and a pure delay; together they have the given delay at low frequency.
 
     corner_Hz: -3 dB, None for a pure delay. step_s: between two of its outputs.
     """

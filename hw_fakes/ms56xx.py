@@ -1,6 +1,6 @@
-"""TE MS5611-01BA03 and MS5805-02BA01: PROM, conversions that take their time, and the compensation backwards.
+"""TE MS5611-01BA03 and MS5805-02BA01: PROM, conversion times, and the inverse of the compensation.
 
-The two speak the same commands with other scale factors (MS5611 datasheet p. 7-11; MS5805 datasheet p. 6-9):
+The two have the same commands and different scale factors (MS5611 datasheet p. 7-11; MS5805 datasheet p. 6-9):
 
 - The MS5611 has eight PROM words, the CRC in the last four bits of word 7. The MS5805 has seven, the CRC in the first
   four bits of word 0.
@@ -31,7 +31,7 @@ CONVERSION_NS = {
 }
 FULL_COUNT = 2**24 - 1
 PRESSURE_GRID_S = 1e-3
-TEMPERATURE_GRID_S = 0.1  # a thermometer in a housing is slow
+TEMPERATURE_GRID_S = 0.1  # temperature changes slowly
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class SecondOrder:
 
 @dataclass(frozen=True)
 class MS56xxType:
-    """What tells one member of the family from another."""
+    """The differences between the members of the family."""
 
     typical: tuple[int, ...]  # C1 … C6 of the datasheet's example
     prom_words: int
@@ -104,7 +104,7 @@ def draw_prom(part: MS56xxType, seed: int) -> list[int]:
     words[0] = int(draw.integers(1, 0x1000))
     words[1:7] = [int(c * (1 + 0.03 * np.clip(draw.standard_normal(), -3, 3))) for c in part.typical]
     if part.prom_words == 8:
-        words[7] = int(draw.integers(0, 0x100)) << 8  # serial code; AN520 takes the low byte out of the sum
+        words[7] = int(draw.integers(0, 0x100)) << 8  # serial code; AN520 leaves the low byte out of the checksum
     words[part.crc_in_word] |= crc4(words) << part.crc_shift
     return words[: part.prom_words]
 
@@ -173,7 +173,7 @@ class FakeMS56xx:
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply gone and back."""
+        """Supply off and on."""
         self._ready_ns = at_ns + RELOAD_NS
         self._conversion: tuple[int, int, int] | None = None  # command, start, end
         self._spoilt = False

@@ -4,8 +4,8 @@
     for turn in replay(recording, "imu", make):
         turn.samples, turn.failure
 
-`make` gets the recorded buses and makes the driver. Whatever the driver does that is not what was recorded next
-(another byte, another order, something more or less) raises `RecordingMismatch`. A transfer that failed fails again.
+`make` takes the recorded buses and makes the driver. Any access of the driver that differs from the next recorded one
+raises `RecordingMismatch`. A transfer that failed in the recording fails again.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,20 +18,20 @@ import msgspec
 from flight.errors import InputError
 
 FORMAT = "flightpower-bus-recording-1"  # described in daq/bus_recording.py
-REPLY = ("t_ns", "received", "errno", "error")  # of a line: what came of it, the rest is what was done
+REPLY = ("t_ns", "received", "errno", "error")  # keys of a line with the result; the others describe the access
 
 
 class RecordingMismatch(AssertionError):
-    """The driver did something else than what was recorded."""
+    """The driver did not do what was recorded."""
 
 
 class EndOfRecording(Exception):
-    """The recording is over."""
+    """The recording has no more lines."""
 
 
 @dataclass(frozen=True)
 class RecordedTransfers:
-    """What was recorded. tray, aircraft: the texts of the files; lines: by sensor, in order."""
+    """A recording. tray, aircraft: texts of the files; lines: by sensor, in order."""
 
     tray: str
     aircraft: str | None
@@ -39,13 +39,13 @@ class RecordedTransfers:
 
 
 def load_recording(path: str | Path) -> RecordedTransfers:
-    """Raises InputError when the file cannot be read or is not a recording. A torn last line is left out."""
+    """Raises InputError when the file cannot be read or is not a recording. A torn last line is ignored."""
     try:
         first, *others = Path(path).read_bytes().splitlines(keepends=True)
         head = msgspec.json.decode(first)
         lines = [msgspec.json.decode(line) for line in others if line.endswith(b"\n")]
         if head["format"] != FORMAT:
-            raise InputError(f"{path}: not a bus recording of this kind ({head['format']})")
+            raise InputError(f"{path}: not a bus recording in a supported format ({head['format']})")
         by_sensor: dict[str, list[dict[str, Any]]] = {}
         for line in lines:
             by_sensor.setdefault(line["sensor"], []).append(line)
@@ -131,17 +131,17 @@ class ReplayPort:
 
 
 class Reading(NamedTuple):
-    """One reading of the driver: what it gave, or what it raised (also while it was made or brought up)."""
+    """One reading of the driver: its samples, or the exception it raised (also while it was made or started)."""
 
-    now_ns: int | None  # None for a bringing up that failed
+    now_ns: int | None  # None for a start that failed
     samples: list[Any]
     failure: Exception | None
 
 
 def replay(recording: RecordedTransfers, sensor: str, make: Callable[[ReplayBuses], Any]) -> Iterator[Reading]:
-    """Let drivers live through what was recorded of `sensor`; raises RecordingMismatch where they behave differently.
+    """Play the recording of `sensor` back to its driver; raises RecordingMismatch where the driver differs from it.
 
-    make: from buses to a driver (`daq.sensors.Sensor`), called whenever one was made.
+    make: from buses to a driver (`daq.sensors.Sensor`), called wherever the recording made one.
     """
     playback = Playback(recording.lines.get(sensor, []))
     buses = ReplayBuses(playback)
@@ -165,7 +165,7 @@ def replay(recording: RecordedTransfers, sensor: str, make: Callable[[ReplayBuse
             return
         except RecordingMismatch:
             raise
-        except Exception as error:  # what the daemon would log, and make a new driver for
+        except Exception as error:  # the daemon would log this and make a new driver
             failure = error
         left_out = playback.peek()
         if left_out is not None and left_out["do"] not in ("make", "turn"):

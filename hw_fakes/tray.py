@@ -1,4 +1,4 @@
-"""The default tray: every sensor of the aircraft on its bus or line, driven by what the simulator says it feels."""
+"""The default tray: every sensor of the aircraft on its bus or line, driven by the simulator's sensor inputs."""
 
 import errno
 import os
@@ -36,9 +36,9 @@ UTC_AT_START = datetime(2016, 5, 14, 9, 30, tzinfo=UTC)
 
 
 class TrayClock(Protocol):
-    """What the tray needs of a clock; `hw_fakes.clock.SimulatedClock` and `daq.clock.SystemClock` have it.
+    """The part of a clock that the tray uses; `hw_fakes.clock.SimulatedClock` and `daq.clock.SystemClock` have it.
 
-    A clock with `advance_ns` is told how long each transfer on the bus takes.
+    If the clock has `advance_ns`, it is called with the duration of each bus transfer.
     """
 
     def now_ns(self) -> int: ...

@@ -53,9 +53,7 @@ def fly(
         Path | None,
         typer.Option(help="Faults of the fake sensors and their times: a file as in docs/fake-tray.md."),
     ] = None,
-    real_time: Annotated[
-        bool, typer.Option("--real-time", help="Record in real time.")
-    ] = False,
+    real_time: Annotated[bool, typer.Option("--real-time", help="Record in real time.")] = False,
     no_hardware: Annotated[
         bool, typer.Option("--no-hardware", help="Write the log directly, without fake sensors and daemon; faster.")
     ] = False,

@@ -114,7 +114,7 @@ def dryden(
     """Rates of change of the shaping filters, and the gusts they give (MIL-F-8785C sec. 3.7.1.2, Dryden form).
 
     white: four noises of unit two-sided intensity [1/sqrt(s)], for u, v, w and p; constant over a step of dt, they are
-    standard normal numbers over sqrt(dt). V: airspeed [m/s]. The filters have the spectra of the standard for frequencies
+    standard normal numbers over sqrt(dt). V: airspeed [m/s]. The filters have the standard's spectra for frequencies
     s = j Omega V: first order in u and p, (1 + sqrt3 T s)/(1 + T s)^2 in v and w. q and r follow from w and v.
     """
     sigma_u, sigma_w, L_u, L_w = dryden_scales(W20_mps, height_m)

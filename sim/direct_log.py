@@ -1,12 +1,12 @@
-"""The log of a flight straight from what the sensors feel, without fake parts and daemon, at many times the pace.
+"""Writes the log of a simulated flight directly from the sensor inputs, without fake hardware and daemon; much faster.
 
-Decoded values are those of the default tray on the simulated clock, to within one count: the same noise (a function of
-time), taken at the same instants, in the same steps. So this module knows three things that are written elsewhere too,
-in the fake parts and the drivers, and a test holds them together: when a part is read (the daemon's tick, and the time
-that transfers take on the bus before it), the part's steps, and the IMU's low-pass filter. What moves the instants of
-one individual part is given as `IndividualParts`.
+Decoded values equal those of the default tray on the simulated clock to within one count: same noise (a function of
+time), same sample times, same quantisation. Three things are therefore defined here as well as in the fakes and the
+drivers, and a test compares both: when a part is read (the daemon's tick plus the bus transfers before it), the
+quantisation of each part, and the IMU's low-pass filter. `IndividualParts` has what differs between parts of a kind.
 
-The first two seconds, in which the daemon brings the parts up, are left out; so are its own topics, and the sticks.
+The log has no messages of the first two seconds, in which the daemon starts the parts, no topics of the daemon itself,
+and no stick positions.
 """
 
 import heapq

@@ -22,8 +22,8 @@ IMU_SINCE_NS, IMU_RATE_HZ = 120_225_000, 200.0
 
 @dataclass(frozen=True)
 class BarometerPart:
-    """One individual. conversion_ns: how long it takes; counts: (D1, D2) for pressure [Pa] and temperature [K];
-    decoded: temperature [0.01 degC] and pressure [Pa] of (D1, D2); trend: how the driver carries D2 on in between."""
+    """One barometer. conversion_ns: duration of a conversion; counts: (D1, D2) from pressure [Pa] and temperature [K];
+    decoded: temperature [0.01 degC] and pressure [Pa] from (D1, D2); trend: the driver's extrapolation of D2."""
 
     conversion_ns: int
     counts: Callable[[float, float], tuple[int, int]]
@@ -35,7 +35,7 @@ class BarometerPart:
 class IndividualParts:
     """What differs between two parts of a kind."""
 
-    imu_clock_error: float  # its samples come so much too fast
+    imu_clock_error: float  # relative error of its sample rate
     mag_sensitivity: Array  # (3,), chip axes
     barometers: dict[str, BarometerPart]
     pole_pairs: int
@@ -53,7 +53,7 @@ class TimedMessage(NamedTuple):
 
 
 class ReadTimes:
-    """When each part's turn is in each tick [ns since the start], (n,): one after the other on the bus."""
+    """The time at which each part is read in each tick [ns since the start], (n,): one after the other on the bus."""
 
     def __init__(self, duration_s: float, parts: IndividualParts):
         self.tick_ns: Ints = np.arange(int(np.ceil(duration_s * 1e9 / TICK_NS))) * TICK_NS

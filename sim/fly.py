@@ -1,4 +1,4 @@
-"""Flies a plan: the time loop of pilot and aircraft, and the truth it leaves behind."""
+"""Flies a plan: the time loop of pilot and aircraft, and the table of true values."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ from sim.truth import Columns, airborne_rows, kinematic_rows, power_required_tab
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-# Beyond these the flight has come apart, or the step is too long for it.
+# Beyond these limits the flight diverges, or the time step is too long.
 MAX_RATE_RADPS = 20.0
 MIN_AIRSPEED_MPS = 3.0
 RECORD_BLOCK = 4096
@@ -33,7 +33,7 @@ RECORD_BLOCK = 4096
 
 @dataclass
 class Flight:
-    """A flight flown: the truth at every step, and what it was flown with."""
+    """A simulated flight: the truth at every step, with aircraft, plan and seed."""
 
     aircraft: Aircraft
     plan: Plan
@@ -57,9 +57,9 @@ def fly(
     dt: float = DT_S,
     progress: Progress | None = None,
 ) -> Flight:
-    """Fly `plan` with `aircraft`; `seed` draws the turbulence. `progress` is told the time flown [s].
+    """Fly `plan` with `aircraft`; `seed` draws the turbulence. `progress` is called with the time flown [s].
 
-    Raises InputError when the plan asks for what the aircraft cannot do, or when the flight diverges.
+    Raises InputError when the aircraft cannot fly what the plan contains, or when the flight diverges.
     """
     plant = plant_of(aircraft, plan.air, deviations)
     return _FlightSimulation(aircraft, plan, plant, seed, dt, progress or (lambda _: None)).fly()
@@ -114,9 +114,9 @@ class _FlightSimulation:
     def _fly_segment(self, segment: Any, index: int) -> None:
         where = f"plan {self.plan.name}: segment {index + 1} ({segment.kind})"
         if segment.kind in ("stand", "take-off") and self.airborne:
-            raise InputError(f"{where}: the aircraft is in the air; land first")
+            raise InputError(f"{where}: the aircraft is in the air; put a segment 'land' before")
         if segment.kind not in ("stand", "take-off") and not self.airborne:
-            raise InputError(f"{where}: the aircraft is on the ground; take off first")
+            raise InputError(f"{where}: the aircraft is on the ground; put a segment 'take-off' before")
         if segment.kind == "stand":
             self._stand(segment, index)
         elif segment.kind == "take-off":
@@ -128,7 +128,7 @@ class _FlightSimulation:
             self._segment(segment, index, where)
 
     def _check_speed(self, segment: Any, where: str) -> None:
-        """A plan that asks for what cannot be trimmed says so before it is flown."""
+        """Raise InputError before the flight when a segment's speed or climb cannot be trimmed."""
         low, high = self.trimmer.V_stall, self.trimmer.V_max
         for value, unit in (
             (getattr(segment, "speed_mps", None), 1.0),
@@ -221,7 +221,7 @@ class _FlightSimulation:
         context.height_m, context.speed_mps, context.heading_rad = segment.height_m, V, self.pose.attitude[2]
         there = self._airborne_state(trim, np.array([0.0, 0.0, -segment.height_m]))
         velocity = np.array(earth_from_body(there.u, there.v, there.w, there.phi, there.theta, there.psi))
-        # Half the final speed on average: the distance that keeps the quintic from swinging back.
+        # The mean speed is half the final speed; with that distance the quintic does not overshoot.
         position = self.pose.position + velocity * T / 2 * np.array([1.0, 1.0, 0.0])
         position[2] = -segment.height_m
         attitude = np.array([there.phi, there.theta, there.psi])
@@ -266,7 +266,7 @@ class _FlightSimulation:
         index: int,
         kind: str,
     ) -> None:
-        """Rows of prescribed motion; controls and motor are `share` of those in the air at its end."""
+        """Rows of prescribed motion; controls and motor speed are `share` times those at its airborne end."""
         state: AircraftState | None
         commands: Commands | None
         if last is not None:
@@ -297,7 +297,7 @@ def smooth_step(x: Array) -> Array:
 
 
 class _GrowingTable:
-    """Rows of a growing table."""
+    """A table to which rows are appended."""
 
     def __init__(self, width: int):
         self._data = np.empty((RECORD_BLOCK, width))

@@ -13,7 +13,7 @@ from sim.propulsion import SLOWEST_REVPS
 
 
 class Observation(NamedTuple):
-    """What the pilot sees of the aircraft, and the time loop of a flight that goes wrong."""
+    """What the pilot observes; the time loop detects divergence by it."""
 
     V: float
     alpha: float
@@ -69,9 +69,10 @@ INTEGRATORS = {"euler": euler, "rk4": rk4}
 
 
 class Stepper:
-    """One compiled integration step, called through fixed buffers: a few microseconds.
+    """One compiled integration step on fixed buffers; takes a few microseconds.
 
-    `start` somewhere, write `commands` (4,) and `white` (4,), call `step`: `x` (n_states,) moves on.
+    Call `start`; then, for each step, write `commands` (4,) and `white` (4,) and call `step`, which updates `x`
+    (n_states,).
     """
 
     def __init__(self, plant: Plant, dt: float, integrator: str = "rk4"):
@@ -92,7 +93,7 @@ class Stepper:
         self._index: CellIndex = (0, 0)
 
     def start(self, x: AircraftState, commands: Commands) -> Observation:
-        """Put the aircraft into a state; what is seen there."""
+        """Set the state; the observation there."""
         self.x[:], self.commands[:] = x, commands
         now, _ = self._plant.instant(x, commands)
         seen = Observation(*(float(value) for value in observation_of(x, now)))
@@ -100,10 +101,10 @@ class Stepper:
         return seen
 
     def step(self) -> Observation:
-        """One step on; what is seen then.
+        """Advance by one step; the observation after it.
 
-        The propeller's table is most of what there is to compute, and a step rarely leaves a cell of it: each is done
-        with the cell alone, and done again with the whole table when it ended in another one.
+        The propeller's table dominates the cost, and a step rarely leaves a cell of it. So each step is computed with
+        one cell, and again with the whole table when it ended in another cell.
         """
         self._cell[:] = self._cells.numbers(self._index)
         self._in_cell()
@@ -119,7 +120,7 @@ class Stepper:
         return self._cells.index(V / (n * self._diameter_m), 60 * n)
 
     def _bound(self, function: Any) -> Callable[[], None]:
-        """The function on our buffers."""
+        """The function bound to the buffers of this object."""
         buffer, run = function.buffer()
         for i, array in enumerate((self.x, self.commands, self.white, self._cell)):
             buffer.set_arg(i, array.data)

@@ -15,7 +15,8 @@ RECOVERY_S = 8.0
 class RollerCoasterSegment:
     """Load factor up and down between two values (pushover and pull-up), at `load_rate` per second.
 
-    The literature's 0.1 g/s would put so slow an aircraft on its tail: the path turns by g/V (dn)^2 / load_rate.
+    The 0.1 g/s of the literature is too slow for so slow an aircraft: the path would turn by g/V (dn)^2 / load_rate,
+    until the aircraft stands on its tail.
     """
 
     lowest: float = 0.4
@@ -37,9 +38,9 @@ class RollerCoasterSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class PorpoiseSegment:
-    """Stick to and fro about level flight, height held on average, ever a little quicker.
+    """Elevator oscillation about level flight with rising frequency; mean height is held.
 
-    Angle of attack swings so fast that neither speed nor gusts follow: what the probe says of it shows its slope.
+    Angle of attack oscillates faster than speed and gusts change, so that the slope of the probe can be identified.
     """
 
     duration_s: float
@@ -68,7 +69,7 @@ class PorpoiseSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class WindUpTurnSegment:
-    """Load factor rising by `load_rate` per second at constant speed, by ever more bank."""
+    """Load factor rising by `load_rate` per second at constant speed, by increasing bank."""
 
     highest: float = 1.8
     load_rate: float = 0.1
@@ -111,11 +112,13 @@ class MultistepSegment:
 def _check_load(highest: float, seen: Observation, context: FlightContext) -> None:
     limit = (seen.V / context.V_stall) ** 2
     if highest >= limit:
-        raise InputError(f"a load factor of {highest:.2f} stalls it at {seen.V:.1f} m/s; the limit is {limit:.2f}")
+        raise InputError(
+            f"a load factor of {highest:.2f} stalls the aircraft at {seen.V:.1f} m/s; the limit is {limit:.2f}"
+        )
 
 
 def _recover(seen: Observation, context: FlightContext) -> SegmentTargets:
-    """Back to level flight at the height where the manoeuvre left us."""
+    """Level flight at the height at the end of the manoeuvre."""
     context.height_m = seen.height
     for _ in range(steps_in(RECOVERY_S, context)):
         seen = yield Targets(height_m=context.height_m, speed_mps=context.speed_mps, heading_rad=context.heading_rad)

@@ -28,7 +28,7 @@ from sim.propulsion import PowerTrainState, power_train
 
 
 class AircraftState(NamedTuple):
-    """Everything that has a derivative, SI and radians."""
+    """The state vector; SI units and radians."""
 
     north: Any
     east: Any
@@ -62,7 +62,7 @@ MOTOR = AircraftState._fields.index("motor")
 
 
 class Commands(NamedTuple):
-    """What the pilot asks of the servos [rad] and of the speed controller (0 to 1)."""
+    """Commanded surface angles [rad] and throttle (0 to 1)."""
 
     elevator: Any
     aileron: Any
@@ -72,20 +72,20 @@ class Commands(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Deviations:
-    """How the aircraft of the day departs from its file; the analysis cannot see these directly."""
+    """Differences of the simulated aircraft from its file, which no sensor measures."""
 
-    thrust_scale: float = 0.0  # cT is (1 + this) times the table's
-    thrust_slope_J: float = 0.0  # and tilted over advance ratio about J = 0.5
-    weight_scale: float = 0.0  # the aircraft weighs (1 + this) times what the file says
+    thrust_scale: float = 0.0  # cT is (1 + thrust_scale) times the table's
+    thrust_slope_J: float = 0.0  # and times (1 + thrust_slope_J (J - 0.5))
+    weight_scale: float = 0.0  # weight is (1 + weight_scale) times the file's
     updraft_mps: float = 0.0
-    CD_quartic: float = 0.0  # drag beyond the parabola: CD += this times (CL - CL_minD)^4
+    CD_quartic: float = 0.0  # added to the polar: CD += CD_quartic (CL - CL_minD)^4
 
 
 NO_DEVIATIONS = Deviations()
 
 
 class FlightCondition(NamedTuple):
-    """Everything that follows from a state and commands: what the truth file holds beside the state."""
+    """Everything that follows from a state and commands; the truth file has it beside the state."""
 
     V: Any
     alpha: Any
@@ -109,7 +109,7 @@ class FlightCondition(NamedTuple):
 
 @dataclass(frozen=True)
 class Plant:
-    """An aircraft in the air of the day."""
+    """An aircraft in the air of one flight."""
 
     aircraft: Aircraft
     aero: Aerodynamics
@@ -131,7 +131,7 @@ class Plant:
     ) -> tuple[FlightCondition, GustStates]:
         """Flow, forces and accelerations at a state, and the rates of change of the gust filters.
 
-        `motor_held`: as if something kept the motor at its speed, whatever the throttle; trim is solved that way.
+        `motor_held`: the motor speed is constant, whatever the throttle; for trim.
         """
         geometry, aero = self.aircraft.geometry, self.aero
         b, c, S, m = geometry.span_m, geometry.chord_m, geometry.wing_area_m2, self.mass_kg
@@ -167,7 +167,7 @@ class Plant:
         )
         qS = rho * V**2 / 2 * S
         force = ((CX * qS + train.thrust_N) / m, C.CY * qS / m, CZ * qS / m)
-        # The motor turns the propeller clockwise, seen from behind: the aircraft is turned the other way.
+        # The propeller turns clockwise seen from behind, so its reaction torque rolls the aircraft left. qS: force [N].
         gained = 0.0 if motor_held else self.inertia.Ip * 2 * np.pi * train.motor_acceleration_revps2
         reaction = -(train.propeller_torque_Nm + gained)
         turning = rate_derivative(
@@ -207,9 +207,9 @@ class Plant:
 
     def _gusts(self, x: AircraftState, wind_body: Number, white: Number) -> tuple[GustStates, Gust]:
         if self.air.turbulence_mps == 0:
-            # Zeros of the state's own kind, so that nothing has to be computed for a calm day.
+            # Zeros of the state's own type (CasADi symbols too), so that calm air costs nothing.
             return GustStates(*(0 * v for v in x[FIRST_GUST:])), Gust(*(0 * v for v in x[FIRST_GUST : FIRST_GUST + 6]))
-        # The gust filters run at the airspeed without gusts: multiplied by the gusty one they would feed on themselves.
+        # The gust filters use the airspeed without gusts; with it the gusts would feed back into themselves.
         V_mean = np.sqrt((x.u - wind_body[0]) ** 2 + (x.v - wind_body[1]) ** 2 + (x.w - wind_body[2]) ** 2)
         return dryden(
             GustStates(*x[FIRST_GUST:]),

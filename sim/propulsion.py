@@ -1,6 +1,6 @@
 """Propeller, brushless motor, speed controller and battery.
 
-Written with NumPy functions: floats, arrays and CasADi symbols pass through.
+The functions accept floats, arrays and CasADi symbols.
 """
 
 from typing import Any, NamedTuple
@@ -11,8 +11,8 @@ from flight.aircraft import Propulsion
 from flight.number import Number
 from flight.propeller import PropellerModel
 
-# Below this a propeller has no meaningful advance ratio: its thrust goes over to that of standing blades, and the
-# motor's friction is faded out so that it can stop.
+# Below this speed the advance ratio means nothing: thrust changes linearly to that of stopped blades, and the motor's
+# friction decreases to zero, so that it can stop.
 SLOWEST_REVPS = 5.0
 
 
@@ -46,10 +46,10 @@ def power_train(
     """Thrust, torque balance and currents at airspeed V [m/s], n [rev/s], throttle 0 to 1.
 
     The speed controller is an ideal step-down converter: motor voltage = throttle times battery voltage, and battery
-    current = throttle times motor current; it freewheels rather than brakes, so that current never flows back. The
-    motor is a resistance, a back-EMF and a friction worth its no-load current.
+    current = throttle times motor current; it freewheels and does not brake, so current never flows back. The
+    motor is a resistance, a back-EMF and a friction torque equal to that of its no-load current.
 
-    thrust_scale, thrust_slope_J : how the real propeller departs from its table: cT times
+    thrust_scale, thrust_slope_J : deviation of the propeller from its table: cT is multiplied by
     thrust_scale (1 + thrust_slope_J (J - 0.5)).
     """
     n_air = np.maximum(n, SLOWEST_REVPS)
@@ -73,14 +73,14 @@ def power_train(
 def throttle_for(propulsion: Propulsion, propeller: PropellerModel, *, V: Number, n: Number, rho: Number) -> Number:
     """The throttle that holds n [rev/s] at airspeed V [m/s], elementwise.
 
-    Zero where the propeller windmills faster than asked, infinite where the battery cannot sustain it.
+    Zero where the propeller windmills faster than n, infinite where the battery cannot give the power.
     """
     _, shaft_power_W = propeller.thrust_and_power(V, n, rho)
     k = torque_constant(propulsion)
     current = np.maximum(shaft_power_W / (2 * np.pi * n) / k + propulsion.motor_no_load_current_A, 0.0)
     resistance, sagging = propulsion.motor_resistance_ohm, propulsion.battery_resistance_ohm
     motor_voltage = np.where(current > 0, 2 * np.pi * n * k + current * resistance, 0.0)
-    # throttle U - emf = i (R_m + throttle^2 R_b): the smaller root is the one that the battery can sustain.
+    # throttle U - emf = i (R_m + throttle^2 R_b): the smaller root is the stable one.
     discriminant = propulsion.battery_voltage_V**2 - 4 * current * sagging * motor_voltage
     root = np.sqrt(np.maximum(discriminant, 0.0))
     return np.where(discriminant >= 0, 2 * motor_voltage / (propulsion.battery_voltage_V + root), np.inf)

@@ -44,13 +44,13 @@ class LandSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class HoldSegment:
-    """Hold height, heading and speed: settling, and steady points for PIW-VIW."""
+    """Hold height, heading and speed: to settle, and as steady points for PIW-VIW."""
 
     duration_s: float
     speed_mps: float | None = None
     speed_over_stall: float | None = None
     speed_of_max: float | None = None
-    wander_m: float = 0.0  # altitude following a sum of three sines of this amplitude
+    wander_m: float = 0.0  # amplitude of a height error made of three sines
     wander_period_s: float = 12.0
     bank_rad: float | None = None  # an unintended gentle turn
     kind = "hold"
@@ -72,7 +72,7 @@ class HoldSegment:
 
 
 def _wander(t: float, amplitude: float, period: float) -> tuple[float, float]:
-    """A sum of three sines with incommensurable periods, and its rate."""
+    """A sum of three sines with incommensurable periods [m], and its rate [m/s]."""
     if amplitude == 0.0:
         return 0.0, 0.0
     offset = rate = 0.0
@@ -112,10 +112,10 @@ class ClimbSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class RunSegment:
-    """An acceleration or deceleration: throttle from where it is along a ramp to `throttle`, height held.
+    """An acceleration or deceleration: the throttle moves along a ramp to `throttle`, height is held.
 
-    It ends at the speed asked for, or after `longest`, whichever is first. `wander` and `end_higher` are the source's
-    case 2: height wanders and returns, or the run ends higher or lower.
+    It ends at the given speed, or after `longest`, whichever is first. `wander` and `end_higher` make the source's case
+    2: height deviates and returns, or the run ends higher or lower.
     """
 
     throttle: float
@@ -138,8 +138,8 @@ class RunSegment:
         for i in range(steps):
             t = i * context.dt
             ramp = min(t / self.ramp_s, 1.0) if self.ramp_s > 0 else 1.0
-            # How much of the excursion is done, by speed, smoothly. Half a sine of that wanders and returns; half a
-            # cosine ends at another height.
+            # x: share of the height excursion that is done, a lagged function of speed. Half a sine of x returns to
+            # the first height; half a cosine ends at another one.
             done = min(max((seen.V - begun_at) / (until - begun_at) / EXCURSION_SHARE, 0.0), 1.0)
             advance = (done - x) / PROGRESS_LAG_S
             x += advance * context.dt
@@ -175,7 +175,7 @@ class TurnSegment:
         speed = chosen_speed(context, self.speed_mps, self.speed_over_stall, self.speed_of_max)
         side = 1.0 if self.angle_rad >= 0 else -1.0
         turned, before = 0.0, seen.psi
-        # The last of the turn is left to the heading loop, which rolls out.
+        # The heading loop flies the last 0.35 rad and rolls out.
         while abs(turned) < abs(self.angle_rad) - 0.35:
             seen = yield Targets(height_m=context.height_m, speed_mps=speed, bank_rad=side * self.bank_rad)
             turned += wrap_angle(seen.psi - before)
@@ -196,7 +196,7 @@ class ManualSegment:
 
     def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
         if len(self.times) != len(self.throttles) or len(self.times) < 2 or sorted(set(self.times)) != list(self.times):
-            raise InputError("manual: times must rise, and have as many entries as throttles (two or more)")
+            raise InputError("manual: times must be ascending and have as many entries as throttles, two or more")
         for i in range(steps_in(self.times[-1], context)):
             throttle = _linear(i * context.dt, self.times, self.throttles)
             seen = yield Targets(height_m=context.height_m, throttle=throttle, heading_rad=context.heading_rad)

@@ -1,8 +1,8 @@
-"""Trimmed flight: level, climbing, descending, turning; the limits of what can be trimmed; the true curve.
+"""Trimmed flight: level, climbing, descending, turning; limits of trim; the true power-required curve.
 
 Eleven unknowns (airspeed, flow angles, attitude, controls, motor speed, climb, turn), eight equations (six
-accelerations, the climb, the ball in the middle), so three of them must be given: the turn's bank and any two of
-airspeed, climb and motor speed.
+accelerations, the rate of climb, no side force), so three must be given: the bank angle and any two of airspeed, climb
+and motor speed.
 """
 
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ class Trim:
     def state(
         self, *, heading_rad: float = 0.0, wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ) -> AircraftState:
-        """The state of the plant that flies this, at the origin, in a given mean wind and without gusts."""
+        """The state of the aircraft in this trim, at the origin, in a given mean wind [m/s] and without gusts."""
         from flight.motion import body_from_earth
 
         z = self.unknowns
@@ -126,7 +126,7 @@ class Trimmer:
         import casadi as ca
 
         ca.GlobalOptions.setNumpyMode(-1)
-        # Trim is flight relative to the air: wind and turbulence play no part, a steady updraft would.
+        # Trim is relative to the air, so wind and turbulence are left out; so is a steady updraft.
         self.plant = in_still_air(
             plant,
             Air(ground_pressure_Pa=plant.air.ground_pressure_Pa, ground_temperature_K=plant.air.ground_temperature_K),
@@ -169,7 +169,7 @@ class Trimmer:
             if norm < 1e-12 or not np.isfinite(norm):
                 break
             step = np.linalg.lstsq(J[:, free], -r[:, 0], rcond=None)[0]
-            # Halve a step that leads uphill: the propeller's table has corners, the stall a fold.
+            # Halve a step that increases the residual: the propeller's table has corners and lift has a maximum.
             for scale in 0.5 ** np.arange(12):
                 trial = z.copy()
                 trial[free] += scale * step
@@ -255,7 +255,7 @@ class Trimmer:
 def power_required(
     plant: Plant, V: Number, *, density: Number, weight_N: float | None = None
 ) -> tuple[Number, Number, Number]:
-    """The truth to find: P_req(V) = D V with lift equal to weight and pitching moment zero; also CL and CD.
+    """The true P_req(V) = D V with lift equal to weight and zero pitching moment; also CL and CD.
 
     V : (n,) true airspeed [m/s], not below the stall. Returns power [W], CL, CD, each (n,).
     """

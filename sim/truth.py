@@ -1,4 +1,4 @@
-"""The truth of a flight as a table: every state, force, coefficient and thrust, and the true power-required curve."""
+"""The true values of a flight as a table: states, forces, coefficients, thrust; and the true power-required curve."""
 
 import json
 from collections.abc import Sequence
@@ -135,7 +135,7 @@ def kinematic_rows(
     phi, theta, psi = motion.attitude.T
     u, v, w = motion.body_velocity.T
     wind_body = body_from_earth(wind[0], wind[1], wind[2], phi, theta, psi)
-    # Standing in still air the flow has no direction: a speed too small to matter gives it one.
+    # At zero airspeed the flow angles are undefined; 1e-9 m/s defines them.
     gusts = _gusts(plant, state, commands)
     flow = flow_of(
         u - wind_body[0] - share * gusts["gust_u_mps"] + 1e-9,
@@ -218,7 +218,7 @@ def table_of(parts: Sequence[Columns], dt: float) -> pd.DataFrame:
 
 
 def _gusts(plant: Plant, state: AircraftState | None, commands: Commands | None) -> dict[str, float]:
-    """The gust at the end of the motion that is in the air; it dies away towards the ground."""
+    """The gust at the airborne end of the motion; it decreases to zero at the ground."""
     names = ("gust_u_mps", "gust_v_mps", "gust_w_mps", "gust_p_radps", "gust_q_radps", "gust_r_radps")
     if state is None or commands is None:
         return dict.fromkeys(names, 0.0)

@@ -1,6 +1,6 @@
 """The five-port probe: pressures at its ports by potential flow over a hemisphere.
 
-One port faces the flow, two pairs stand at 45 deg above, below, right and left. Cp = 1 - (9/4) sin^2 of the angle from
+One port is at the tip, two pairs are at 45 deg above, below, right and left. Cp = 1 - (9/4) sin^2 of the angle from
 the stagnation point. The ring of static ports further back reads low in cross-flow.
 """
 
@@ -35,7 +35,7 @@ def hemisphere_Cp(cosine: Number) -> Number:
 
 
 def port_pressures(dynamic_pressure_Pa: Number, alpha_rad: Number, beta_rad: Number) -> PortPressures:
-    """Pressures at the ports of a probe that meets the flow at these angles; elementwise."""
+    """Port pressures from dynamic pressure [Pa] and flow angles at the probe [rad]; elementwise."""
     q = np.asarray(dynamic_pressure_Pa)
     x = np.cos(alpha_rad) * np.cos(beta_rad)
     y = np.sin(beta_rad)
@@ -52,7 +52,7 @@ def port_pressures(dynamic_pressure_Pa: Number, alpha_rad: Number, beta_rad: Num
 def flow_at_probe(
     V: Number, alpha: Number, beta: Number, p: Number, q: Number, r: Number, position_m: Position, upwash_rad: Number
 ) -> tuple[Number, Number, Number]:
-    """(V, alpha, beta) at the probe's tip: those at the centre of gravity, with rotation of the aircraft and upwash."""
+    """(V, alpha, beta) at the probe's tip, from those at the centre of gravity, body rates [rad/s] and upwash [rad]."""
     x, y, z = position_m
     u = V * np.cos(alpha) * np.cos(beta) + q * z - r * y
     v = V * np.sin(beta) + r * x - p * z

@@ -80,6 +80,8 @@ def test_a_chunk_is_closed_by_the_message_that_fills_it(data):
 
 def test_checksums_are_right(data):
     assert list(StreamReader(io.BytesIO(data), validate_crcs=True).records)
+    for chunk in chunks(data):
+        assert struct.unpack_from("<QQQI", data, chunk.chunk_start_offset + 9)[3] != 0  # 0 means: not checked
     footer = len(data) - MAGIC_BYTES - FOOTER_BYTES
     start, offsets, checksum = struct.unpack_from("<QQI", data, footer + 9)
     assert zlib.crc32(data[start : footer + FOOTER_BYTES - 4]) == checksum
