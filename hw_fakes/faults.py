@@ -27,7 +27,7 @@ import numpy as np
 
 from flight.errors import InputError
 from flight.units import read_table
-from hw_fakes.i2c import no_acknowledge
+from hw_fakes.i2c import I2CBus, no_acknowledge
 
 BRIDGES = ("alpha", "beta", "airspeed")
 BAROMETERS = ("baro", "static")
@@ -149,14 +149,6 @@ def part_fault(fault: Fault, part: Any) -> PartFault | None:
         case "no_fix":
             return PartFault(fault, set_attribute("fix_lost", True), set_attribute("fix_lost", False))
     return None
-
-
-class I2CBus(Protocol):
-    def write(self, address: int, data: bytes) -> None: ...
-
-    def read(self, address: int, count: int) -> bytes: ...
-
-    def write_read(self, address: int, data: bytes, count: int) -> bytes: ...
 
 
 class FaultyBus:

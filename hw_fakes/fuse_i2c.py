@@ -14,7 +14,8 @@ import struct
 import threading
 import time
 from pathlib import Path
-from typing import Protocol
+
+from hw_fakes.i2c import I2CBus
 
 # linux/i2c-dev.h and linux/i2c.h
 I2C_RETRIES, I2C_TIMEOUT, I2C_SLAVE, I2C_FUNCS, I2C_SLAVE_FORCE, I2C_RDWR = (
@@ -46,14 +47,6 @@ ROOT = 1
 MNT_DETACH = 2
 # Errors of opening /dev/fuse or mounting without FUSE or permission; any other error is a defect of this module.
 UNAVAILABLE = frozenset({errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.EPERM, errno.EACCES})
-
-
-class I2CBus(Protocol):
-    def write(self, address: int, data: bytes) -> None: ...
-
-    def read(self, address: int, count: int) -> bytes: ...
-
-    def write_read(self, address: int, data: bytes, count: int) -> bytes: ...
 
 
 class FuseI2C:

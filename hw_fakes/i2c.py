@@ -20,6 +20,16 @@ class I2CDevice(Protocol):
         """A write and a read joined by a repeated start."""
 
 
+class I2CBus(Protocol):
+    """The same interface as `daq.bus.I2CBus`, which `hw_fakes` does not import."""
+
+    def write(self, address: int, data: bytes) -> None: ...
+
+    def read(self, address: int, count: int) -> bytes: ...
+
+    def write_read(self, address: int, data: bytes, count: int) -> bytes: ...
+
+
 def no_acknowledge(address: int | None = None) -> OSError:
     """The error of Linux without an acknowledge: 121 (Remote I/O error)."""
     where = "" if address is None else f" at 0x{address:02x}"

@@ -130,7 +130,7 @@ class ReplayPort:
         self._playback.play(do="write", sent=data.hex())
 
 
-class Reading(NamedTuple):
+class ReplayedReading(NamedTuple):
     """One reading of the driver: its samples, or the exception it raised (also while it was made or started)."""
 
     now_ns: int | None  # None for a start that failed
@@ -138,7 +138,7 @@ class Reading(NamedTuple):
     failure: Exception | None
 
 
-def replay(recording: RecordedTransfers, sensor: str, make: Callable[[ReplayBuses], Any]) -> Iterator[Reading]:
+def replay(recording: RecordedTransfers, sensor: str, make: Callable[[ReplayBuses], Any]) -> Iterator[ReplayedReading]:
     """Play the recording of `sensor` back to its driver; raises RecordingMismatch where the driver differs from it.
 
     make: from buses to a driver (`daq.sensors.Sensor`), called wherever the recording made one.
@@ -171,4 +171,4 @@ def replay(recording: RecordedTransfers, sensor: str, make: Callable[[ReplayBuse
         if left_out is not None and left_out["do"] not in ("make", "turn"):
             raise RecordingMismatch(f"{sensor}: nothing where {left_out} was recorded")
         if failure is not None or now_ns is not None:
-            yield Reading(now_ns, samples, failure)
+            yield ReplayedReading(now_ns, samples, failure)

@@ -12,8 +12,8 @@ from hw_fakes import bridge, ms56xx, ublox_ddc
 from hw_fakes.ak8963 import FakeAK8963
 from hw_fakes.autopilot import FakeAutopilot
 from hw_fakes.esc_counter import FakeEscCounter
-from hw_fakes.faults import BUS, Fault, FaultyBus, FaultyPort, I2CBus, PartFault, check_fault, part_fault
-from hw_fakes.i2c import FakeI2CBus, I2CDevice
+from hw_fakes.faults import BUS, Fault, FaultyBus, FaultyPort, PartFault, check_fault, part_fault
+from hw_fakes.i2c import FakeI2CBus, I2CBus, I2CDevice
 from hw_fakes.mpu9250 import FakeMPU9250
 from hw_fakes.port import FakePort, SerialDevice
 from hw_fakes.ublox import PORT_DDC, PORT_UART1, FakeUbloxM8
