@@ -8,7 +8,8 @@ from analysis.signals.rest import zero_of_attachment
 from flight.aircraft import Aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
-from flight.propeller import Propeller, parse_propeller
+from flight.propeller import Propeller
+from flight.propeller_files import parse_propeller
 
 
 class LogContents(NamedTuple):
@@ -40,7 +41,7 @@ def contents(
     propeller = propeller or propeller_of(log, aircraft)
     return LogContents(
         aircraft,
-        propeller.beyond(aircraft.propulsion.beyond_zero_thrust),
+        propeller.with_beyond_zero_thrust(aircraft.propulsion.beyond_zero_thrust),
         probe_of(log),
         magnetometer or magnetometer_of(log),
         zero_of_attachment(log.attachments.get("zero.json"), f"{log.path}: zero.json"),

@@ -28,7 +28,7 @@ from analysis.results.performance import Day, flight_data, known, use
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.air import ambient
 from sim.plant import Deviations, plant_of
 from sim.propulsion import power_train
@@ -47,7 +47,7 @@ def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarr
         now = power_train(
             aircraft.propulsion, propeller, V=v, n=trim.unknowns.motor, throttle=trim.throttle, rho=trimmer.density
         )
-        powers.append(float(now.voltage * now.current))
+        powers.append(float(now.battery_voltage_V * now.battery_current_A))
     low, high = 0.0, 15.0
     for _ in range(20):
         climb = (low + high) / 2
@@ -75,9 +75,9 @@ def one_flight(job: Job) -> np.ndarray:
     """Estimate, half width of the interval and truth of each answer, (3, answers)."""
     aircraft, probe, errors, plan, turbulence_kt, seed, blind = job
     drawn = flights.drawn(load_budget(errors), seed)
-    flight, felt, table = flights.flown(aircraft, drawn, plan, seed, turbulence_kt)
+    flight, sensor_truth, table = flights.flown(aircraft, drawn, plan, seed, turbulence_kt)
     t = table.index.to_numpy()
-    table["battery_V"], table["battery_A"] = felt.battery(t)
+    table["battery_V"], table["battery_A"] = sensor_truth.battery(t)
     if blind:
         table["battery_A"] = np.nan
     table["throttle"] = np.interp(t, flight.truth["time_s"], flight.truth["throttle"])

@@ -19,9 +19,9 @@ from analysis.airdata.probe import Flow, ProbeCalibration, Tunnel, calibrate, fl
 from analysis.airdata.step_test import find_steps, fit_lag, through
 from analysis.airdata.tubing import air, low_frequency_lag_s, response
 from analysis.estimation.intervals import NORMAL_95
-from flight.aircraft import Line
+from flight.aircraft import PneumaticLine
 from sim.sensors.probe import port_pressures
-from sim.sensors.tubing import lagged, time_constant_s
+from sim.sensors.tubing import first_order_lag, time_constant_s
 from sim.tunnel import calibrate as tunnel_measurements
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ def probe(tunnels: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")
 
 
 @lru_cache(maxsize=2)
-def _burst(line: Line, full: bool) -> tuple[Array, Array]:
+def _burst(line: PneumaticLine, full: bool) -> tuple[Array, Array]:
     """Pressure at the transducer around one burst: it rises for a second, stays for one and a half, is gone at once."""
     t = np.arange(round(8 / FINE_S)) * FINE_S - 4
     mouth = np.where(t < 0, SIZE_PA * np.clip(t + 2.5, 0.0, 1.0), 0.0)
@@ -82,10 +82,12 @@ def _burst(line: Line, full: bool) -> tuple[Array, Array]:
         f = np.fft.rfftfreq(len(t), FINE_S)
         H = np.where(f < 1500, response([line], np.minimum(f, 1500.0), SEA_LEVEL), 0.0)
         return t, np.fft.irfft(np.fft.rfft(mouth) * H, len(t))
-    return t, np.asarray(lagged(mouth, FINE_S, time_constant_s(line, SEA_LEVEL.pressure_Pa, 288.15)))
+    return t, np.asarray(first_order_lag(mouth, FINE_S, time_constant_s(line, SEA_LEVEL.pressure_Pa, 288.15)))
 
 
-def bursts(line: Line, *, full: bool, rate_Hz: float = 100.0, seed: int = 0, steps: int = 8) -> tuple[Array, Array]:
+def bursts(
+    line: PneumaticLine, *, full: bool, rate_Hz: float = 100.0, seed: int = 0, steps: int = 8
+) -> tuple[Array, Array]:
     """A transducer's samples of bursts four seconds apart, at no particular instant of a tick: times [s], values [Pa].
 
     full: through the line's whole response, which creeps and rings; else a first-order lag, as in the simulator.
@@ -98,7 +100,7 @@ def bursts(line: Line, *, full: bool, rate_Hz: float = 100.0, seed: int = 0, ste
     return t, arrived + NOISE_PA * rng.standard_normal(len(t))
 
 
-def bound(line: Line, rate_Hz: float, steps: int) -> float:
+def bound(line: PneumaticLine, rate_Hz: float, steps: int) -> float:
     """Cramer and Rao's, of the lag's relative standard error: of each burst instant and levels unknown, any phase."""
     lag_s, shape_of, small, early = low_frequency_lag_s([line], SEA_LEVEL), through(line, SEA_LEVEL), 1e-3, 1e-4
     longer, shape, shorter = (shape_of(lag_s * factor) for factor in (1 + small, 1.0, 1 - small))
@@ -120,7 +122,7 @@ def tubing(
     logs: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 200,
 ) -> None:
     """Errors of a line's lag from bursts of 400 Pa with 6 Pa of noise."""
-    line = Line(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
+    line = PneumaticLine(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
     true_s, shape = low_frequency_lag_s([line], SEA_LEVEL), through(line, SEA_LEVEL)
     found = [
         fit_lag(*find_steps(*bursts(line, full=True, rate_Hz=rate_Hz, seed=seed, steps=steps)), shape)

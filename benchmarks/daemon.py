@@ -140,7 +140,7 @@ def print_ticks(paths: list[Path]) -> None:
 @app.command()
 def faults() -> None:
     """Every fault of the schedule: ticks lost, and how the other sensors fared meanwhile (simulated clock)."""
-    from analytic_felt import AnalyticFelt
+    from analytic_sensor_truth import AnalyticSensorTruth
 
     from daq.config import parse_tray
     from daq.daemon import record
@@ -165,7 +165,7 @@ def faults() -> None:
             with tempfile.TemporaryDirectory() as folder:
                 clock = SimulatedClock(start_ns=3_000_000_000)
                 fault = Fault(kind=kind, device=device, start_s=start_s, duration_s=lasts_s, rate=0.05)
-                fake = FakeTray(AnalyticFelt(), clock, 2, faults=[fault])
+                fake = FakeTray(AnalyticSensorTruth(), clock, 2, faults=[fault])
                 tray = parse_tray(EXAMPLE.read_text(), "tray.toml", Path(folder))
                 begin_ns = clock.now_ns()
                 done = record(tray, buses=fake, clock=clock, until_ns=begin_ns + seconds * 10**9)
@@ -266,7 +266,7 @@ def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None
 @app.command()
 def mend(hours: float = 1.0) -> None:
     """How long the next start takes to complete a log of the default tray that a power cut left."""
-    from analytic_felt import AnalyticFelt
+    from analytic_sensor_truth import AnalyticSensorTruth
     from mcap.opcode import Opcode
 
     from daq.config import parse_tray
@@ -278,7 +278,7 @@ def mend(hours: float = 1.0) -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         clock = SimulatedClock()
-        fake = FakeTray(AnalyticFelt(), clock, 2)
+        fake = FakeTray(AnalyticSensorTruth(), clock, 2)
         tray = parse_tray(EXAMPLE.read_text(), "tray.toml", Path(folder))
         data = record(tray, buses=fake, clock=clock, until_ns=60 * 10**9).path.read_bytes()
         at, first, end = 8, 0, 0
@@ -306,7 +306,7 @@ def resident_KiB() -> int:
 @app.command(hidden=True)
 def serve(folder: Path, rate: float = 25.0, file_min: float = 4.0) -> None:
     """The fake tray on device files, until SIGTERM."""
-    from analytic_felt import AnalyticFelt, sine
+    from analytic_sensor_truth import AnalyticSensorTruth, sine
 
     from hw_fakes.fuse_i2c import FuseI2C
     from hw_fakes.pty import PtyServer
@@ -316,7 +316,7 @@ def serve(folder: Path, rate: float = 25.0, file_min: float = 4.0) -> None:
         def now_ns(self) -> int:
             return time.monotonic_ns()
 
-    fake = FakeTray(AnalyticFelt(differential_Pa=sine(100.0, 20.0, 0.5)), RealClock(), 4)
+    fake = FakeTray(AnalyticSensorTruth(differential_Pa=sine(100.0, 20.0, 0.5)), RealClock(), 4)
     text = EXAMPLE.read_text().replace("rate_Hz = 25 ", f"rate_Hz = {rate:g} ", 1)
     text = text.replace("new_after_min = 60 ", f"new_after_min = {file_min:g} ")
     stop = []

@@ -20,7 +20,7 @@ from hw_fakes.clock import SimulatedClock
 from hw_fakes.tray import FakeTray
 from sim.fly import fly
 from sim.plan import load_plan
-from sim.sensors import TrayFelt, draw, load_budget
+from sim.sensors import FlightSensorTruth, draw, load_budget
 
 EXAMPLE = Path(__file__).resolve().parent.parent / "daq" / "tray.example.toml"
 LIMIT_US = 1000.0  # a tick, for the whole tray
@@ -63,9 +63,11 @@ def measure(seconds: float) -> tuple[dict[str, list[float]], list[float]]:
     """CPU time [us] at each tick: of each driver, and of all fake parts together."""
     aircraft = load_aircraft("nexstar")
     errors = draw(load_budget("bench"), 0)
-    felt = TrayFelt(fly(aircraft, load_plan("accel-decel"), seed=0, deviations=errors.deviations), errors)
+    sensor_truth = FlightSensorTruth(
+        fly(aircraft, load_plan("accel-decel"), seed=0, deviations=errors.deviations), errors
+    )
     clock, spent_ns = SimulatedClock(), [0]
-    fake = FakeTray(felt, clock, 0, pole_pairs=aircraft.propulsion.pole_pairs)
+    fake = FakeTray(sensor_truth, clock, 0, pole_pairs=aircraft.propulsion.pole_pairs)
     tray = parse_tray(EXAMPLE.read_text("utf-8"), str(EXAMPLE), Path(tempfile.gettempdir()))
     buses = TimedBuses(fake, spent_ns)
     drivers = {table.name: driver_factory(table, tray, buses, aircraft)() for table in tray.sensors}

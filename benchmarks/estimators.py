@@ -27,9 +27,9 @@ from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
-from sim.sensors.budget import Errors
+from sim.sensors.budget import DrawnErrors
 
 OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
 FLYING_M = 30.0
@@ -85,7 +85,7 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
 
 
 def path_figures(
-    trajectory: Trajectory, air: pd.DataFrame, drawn: Errors, truth: pd.DataFrame
+    trajectory: Trajectory, air: pd.DataFrame, drawn: DrawnErrors, truth: pd.DataFrame
 ) -> dict[str, np.ndarray]:
     """Errors of what the path says of the sensors, and of its means over the flight, with half of their intervals.
 

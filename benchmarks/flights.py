@@ -15,12 +15,12 @@ from analysis.airdata.air import air_data
 from analysis.airdata.probe import ProbeCalibration, calibrate, read_tunnel
 from analysis.signals.rest import Zeros, rest_segments, zeros
 from flight.aircraft import Aircraft
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim import fly as flying
 from sim.plan import load_plan
 from sim.plant import plant_of
-from sim.sensors import TrayFelt, draw
-from sim.sensors.budget import Budget, Errors
+from sim.sensors import FlightSensorTruth, draw
+from sim.sensors.budget import DrawnErrors, ErrorBudget
 from sim.trim import Trimmer
 from sim.tunnel import calibrate as tunnel_measurements
 from sim.tunnel import write_calibration
@@ -40,7 +40,7 @@ def tunnel_probe() -> ProbeCalibration:
         return calibrate(read_tunnel(path), "tunnel.csv")
 
 
-def drawn(budget: Budget, seed: int) -> Errors:
+def drawn(budget: ErrorBudget, seed: int) -> DrawnErrors:
     """One day's errors, without vibration: that needs the part's own low-pass filter, a matter for the whole chain."""
     return draw(dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0)), seed)
 
@@ -51,41 +51,43 @@ def stall_mps(aircraft: Aircraft) -> float:
 
 
 class Flown(NamedTuple):
-    """A simulated flight and what its sensors felt."""
+    """A simulated flight and what its sensors measure, errors included."""
 
     flight: flying.Flight
-    felt: TrayFelt
+    sensor_truth: FlightSensorTruth
     table: pd.DataFrame  # as `analysis.channels.synchronize` leaves it
 
 
-def flown(aircraft: Aircraft, errors: Errors, plan_name: str | Path, seed: int, turbulence_kt: float = 0.0) -> Flown:
+def flown(
+    aircraft: Aircraft, errors: DrawnErrors, plan_name: str | Path, seed: int, turbulence_kt: float = 0.0
+) -> Flown:
     """Fly a plan; turbulence of W20 in place of the plan's where it is not 0."""
     plan = load_plan(plan_name)
     if turbulence_kt:
         plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=turbulence_kt * KNOT_MPS))
     flight = flying.fly(aircraft, plan, seed=seed, deviations=errors.deviations)
-    felt = TrayFelt(flight, errors)
-    return Flown(flight, felt, felt_table(felt, aircraft))
+    sensor_truth = FlightSensorTruth(flight, errors)
+    return Flown(flight, sensor_truth, sensor_table(sensor_truth, aircraft))
 
 
-def felt_table(felt: TrayFelt, aircraft: Aircraft) -> pd.DataFrame:
+def sensor_table(sensor_truth: FlightSensorTruth, aircraft: Aircraft) -> pd.DataFrame:
     """What `analysis.channels.synchronize` would make of the flight's log, but for counts and jitter."""
-    t = np.arange(0, felt.duration_s, TICK_S)
+    t = np.arange(0, sensor_truth.duration_s, TICK_S)
     fine = (t[:, None] + (np.arange(SAMPLES) - (SAMPLES - 1) / 2) * FIFO_S).ravel()
-    force, rate = (values.reshape(-1, SAMPLES, 3).mean(axis=1) for values in felt.imu(fine))
+    force, rate = (values.reshape(-1, SAMPLES, 3).mean(axis=1) for values in sensor_truth.imu(fine))
     table = {f"a{axis}_mps2": force[:, i] for i, axis in enumerate("xyz")}
     table |= {f"{axis}_radps": rate[:, i] for i, axis in enumerate("pqr")}
     for name, column in (("alpha", "dp_alpha_Pa"), ("beta", "dp_beta_Pa"), ("airspeed", "q_c_Pa")):
-        table[column] = felt.differential_pressure_Pa(name, t)
-    table["static_Pa"] = felt.absolute_pressure_Pa("static", t)
-    table["static_temperature_K"] = felt.transducer_temperature_K("static", t)
-    table["n_revps"] = felt.motor_speed_revps(t)
-    pulses = felt.servo_pulses_us(t)[:, aircraft.elevator.channel - 1]
+        table[column] = sensor_truth.differential_pressure_Pa(name, t)
+    table["static_Pa"] = sensor_truth.absolute_pressure_Pa("static", t)
+    table["static_temperature_K"] = sensor_truth.transducer_temperature_K("static", t)
+    table["n_revps"] = sensor_truth.motor_speed_revps(t)
+    pulses = sensor_truth.servo_pulses_us(t)[:, aircraft.elevator.channel - 1]
     table["elevator_rad"] = np.array([aircraft.elevator.angle_of_pulse_rad(pulse) for pulse in pulses])
-    asked = np.arange(0, felt.duration_s, GPS_S)
-    magnetic = felt.magnetic_field_T(t)
+    asked = np.arange(0, sensor_truth.duration_s, GPS_S)
+    magnetic = sensor_truth.magnetic_field_T(t)
     table |= {f"mag_{axis}_T": magnetic[:, i] for i, axis in enumerate("xyz")}
-    velocity = felt.gps(asked).velocity_ned_mps
+    velocity = sensor_truth.gps(asked).velocity_ned_mps
     for i, axis in enumerate(("north", "east", "down")):
         table[f"gps_{axis}_mps"] = CubicSpline(asked, velocity[:, i])(t)
     return pd.DataFrame(table, index=pd.Index(t, name="t_s"))

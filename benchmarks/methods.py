@@ -32,9 +32,9 @@ from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import LEVEL_RUNS
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
-from sim.sensors.budget import Budget, Errors
+from sim.sensors.budget import DrawnErrors, ErrorBudget
 
 OVER_STALL = (1.2, 1.4, 1.7, 2.0, 2.3)
 
@@ -62,7 +62,7 @@ class Asked(NamedTuple):
     at: curve.Condition
 
 
-def drawn(budget: Budget, seed: int, **wrong: float) -> Errors:
+def drawn(budget: ErrorBudget, seed: int, **wrong: float) -> DrawnErrors:
     """One day's errors, some of them not drawn but as given: names of `Systematic`, or `accel_x_bias`, `pitch_tilt`."""
     errors = flights.drawn(budget, seed)
     if "accel_x_bias" in wrong:
@@ -74,7 +74,7 @@ def drawn(budget: Budget, seed: int, **wrong: float) -> Errors:
 
 
 def fly(
-    aircraft: Aircraft, probe: ProbeCalibration, errors: Errors, plan_name: str, turbulence_kt: float, seed: int
+    aircraft: Aircraft, probe: ProbeCalibration, errors: DrawnErrors, plan_name: str, turbulence_kt: float, seed: int
 ) -> Flown:
     flight, _, table = flights.flown(aircraft, errors, plan_name, seed, turbulence_kt)
     table["throttle"] = np.interp(table.index, flight.truth["time_s"], flight.truth["throttle"].fillna(0.0))

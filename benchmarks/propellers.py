@@ -13,7 +13,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from flight.propeller import Propeller, Row, load_propeller
+from flight.propeller import Propeller, Row
+from flight.propeller_files import load_propeller
 from sim.figures import picture
 
 ROOT = Path(__file__).resolve().parents[1]

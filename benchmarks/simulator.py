@@ -23,7 +23,7 @@ import numpy as np
 from flight.aircraft import load_aircraft
 from sim.fly import fly
 from sim.plan import DT_S, load_plan
-from sim.sensors import TrayFelt, draw, load_budget
+from sim.sensors import FlightSensorTruth, draw, load_budget
 
 PLAN = "full-test-flight"
 PRESSURES = {"absolute_pressure_Pa": ("baro", "static"), "differential_pressure_Pa": ("alpha", "beta", "airspeed")}
@@ -45,14 +45,14 @@ def once() -> tuple[float, float, float]:
     begun = time.process_time()
     flight = fly(aircraft, plan, deviations=errors.deviations)
     flown = time.process_time()
-    felt = TrayFelt(flight, errors)
+    sensor_truth = FlightSensorTruth(flight, errors)
     t_s = np.arange(0.0, flight.duration_s, DT_S)
     for name in REST:
-        getattr(felt, name)(t_s)
+        getattr(sensor_truth, name)(t_s)
     for name, transducers in PRESSURES.items():
         for which in transducers:
-            getattr(felt, name)(which, t_s)
-            felt.transducer_temperature_K(which, t_s)
+            getattr(sensor_truth, name)(which, t_s)
+            sensor_truth.transducer_temperature_K(which, t_s)
     return flight.duration_s, flown - begun, time.process_time() - flown
 
 

@@ -77,7 +77,7 @@ def version() -> str:
 
 
 def propeller_text(name_or_path: str) -> str:
-    """The table of a shipped propeller or of a file, found as in `flight.propeller` (which needs NumPy)."""
+    """The file of a propeller: one that is shipped, or a path, found as in `flight.propeller_files`, without NumPy."""
     shipped = resources.files("flight") / "data" / "propellers" / f"{name_or_path}.csv"
     if Path(name_or_path).suffix == "" and shipped.is_file():
         return shipped.read_text("utf-8")

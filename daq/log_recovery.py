@@ -105,13 +105,13 @@ def ending_of(stream: BinaryIO, length: int) -> bytes:
     while position < length:
         opcode, size = RECORD_HEAD.unpack(stream.read(RECORD_HEAD.size))
         content = stream.read(size)
-        index.see(opcode, content, position)
+        index.add(opcode, content, position)
         position += RECORD_HEAD.size + size
     missing = message_indices(content) if opcode == Opcode.CHUNK else []
     for record in missing:
-        index.see(Opcode.MESSAGE_INDEX, record[RECORD_HEAD.size :], position)
+        index.add(Opcode.MESSAGE_INDEX, record[RECORD_HEAD.size :], position)
         position += len(record)
-    return b"".join([*missing, *index.ending(position)])
+    return b"".join([*missing, *index.end_of_file(position)])
 
 
 def message_indices(content: bytes) -> list[bytes]:

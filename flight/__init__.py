@@ -1,6 +1,6 @@
-"""The ground floor: what both sides of the log mean by a message, an aircraft, the air, a propeller and motion.
+"""What all other packages share: log messages, the aircraft file, atmosphere, propeller and equations of motion.
 
-Imports nothing of ours. Modules that the daemon uses (`messages`, `log_writer`, `log_reader`, `aircraft`, `units`,
-`errors`) need no NumPy; the physics (`atmosphere`, `aerodynamics`, `motion`, `propeller`) is written with NumPy
-functions, so that numbers, arrays and CasADi symbols pass through alike.
+It imports no other package of this project. Modules that the daemon uses (`messages`, `log_writer`, `log_reader`,
+`log_index`, `json_file`, `aircraft`, `units`, `errors`) need no NumPy. The physics (`atmosphere`, `aerodynamics`,
+`motion`, `propeller`) is written with NumPy functions and accepts floats, arrays and CasADi symbols.
 """

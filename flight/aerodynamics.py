@@ -1,8 +1,7 @@
 """The aerodynamic model: coefficients from the state of flight (3.35, 3.36 and the lateral counterparts).
 
-Written with NumPy functions: floats, arrays and CasADi symbols pass through, so that simulator, trim and estimator
-mean the same by a coefficient. Angles in radians; derivatives per radian; rates made dimensionless with b/2V and
-cbar/2V.
+Simulator, trim and estimator use this one definition; the functions accept floats, arrays and CasADi symbols. Angles
+are in radians, derivatives per radian; rates are made dimensionless with b/2V and cbar/2V.
 """
 
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ import numpy as np
 
 from flight.aircraft import Aircraft
 from flight.errors import InputError
+from flight.number import Number
 from flight.units import read_table
 
 
@@ -59,22 +59,22 @@ class Coefficients(NamedTuple):
     Cn: Any
 
 
-def drag_coefficient(CL, *, CD0, K, CL_minD):
+def drag_coefficient(CL: Number, *, CD0: Number, K: Number, CL_minD: Number) -> Number:
     """Parabolic drag polar (3.36)."""
     return CD0 + K * (CL - CL_minD) ** 2
 
 
-def stalled_fraction(alpha, aero: Aerodynamics):
-    """0 in attached flow, 1 when fully separated: a smooth step at the stall angle, either side."""
+def stalled_fraction(alpha: Number, aero: Aerodynamics) -> Number:
+    """0 in attached flow, 1 when fully separated; a smooth step at the positive and at the negative stall angle."""
     above = np.tanh((alpha - aero.stall_angle_rad) / aero.stall_width_rad)
     below = np.tanh((alpha + aero.stall_angle_rad) / aero.stall_width_rad)
     return 1 + (above - below) / 2
 
 
-def lift_and_drag(aero: Aerodynamics, alpha, elevator, q_hat=0.0):
-    """CL (3.35, with CLq) and CD (3.36); beyond the stall they go over to those of a flat plate.
+def lift_and_drag(aero: Aerodynamics, alpha: Number, elevator: Number, q_hat: Number = 0.0) -> tuple[Number, Number]:
+    """(CL, CD): (3.35) with CLq and (3.36); beyond the stall they change to those of a flat plate.
 
-    alpha, elevator [rad]; q_hat = q cbar/2V [-].
+    alpha, elevator [rad]; q_hat = q cbar/2V [-]. Elementwise.
     """
     attached_CL = aero.CL0 + aero.CLa * alpha + aero.CLde * elevator + aero.CLq * q_hat
     attached_CD = drag_coefficient(attached_CL, CD0=aero.CD0, K=aero.K, CL_minD=aero.CL_minD)
@@ -85,8 +85,19 @@ def lift_and_drag(aero: Aerodynamics, alpha, elevator, q_hat=0.0):
     return CL, CD
 
 
-def coefficients(aero: Aerodynamics, *, alpha, beta, p_hat, q_hat, r_hat, elevator, aileron, rudder) -> Coefficients:
-    """All six coefficients at a state of flight.
+def coefficients(
+    aero: Aerodynamics,
+    *,
+    alpha: Number,
+    beta: Number,
+    p_hat: Number,
+    q_hat: Number,
+    r_hat: Number,
+    elevator: Number,
+    aileron: Number,
+    rudder: Number,
+) -> Coefficients:
+    """All six coefficients at one flight condition, elementwise.
 
     alpha, beta, elevator, aileron, rudder [rad]; p_hat = p b/2V, q_hat = q cbar/2V, r_hat = r b/2V [-].
     Signs: elevator trailing edge down positive (more lift, nose down), aileron positive rolls right,
@@ -103,21 +114,21 @@ def coefficients(aero: Aerodynamics, *, alpha, beta, p_hat, q_hat, r_hat, elevat
     )
 
 
-def body_axes(CL, CD, alpha):
+def body_axes(CL: Number, CD: Number, alpha: Number) -> tuple[Number, Number]:
     """(CX, CZ) from (CL, CD), (3.41) and (3.42)."""
     return CL * np.sin(alpha) - CD * np.cos(alpha), -CL * np.cos(alpha) - CD * np.sin(alpha)
 
 
-def stability_axes(CX, CZ, alpha):
+def stability_axes(CX: Number, CZ: Number, alpha: Number) -> tuple[Number, Number]:
     """(CL, CD) from (CX, CZ), (2.16): the inverse of `body_axes`."""
     return CX * np.sin(alpha) - CZ * np.cos(alpha), -CX * np.cos(alpha) - CZ * np.sin(alpha)
 
 
 def aerodynamics_of(aircraft: Aircraft) -> Aerodynamics:
-    """The model in the aircraft file's [aerodynamics], for the simulator.
+    """The aerodynamic model in the section [aerodynamics] of the aircraft file; only the simulator uses it.
 
     Raises InputError when the section is missing or malformed.
     """
     if not aircraft.aerodynamics:
-        raise InputError(f"{aircraft.name}: the aircraft file has no [aerodynamics], which flying a simulation needs")
+        raise InputError(f"{aircraft.name}: the aircraft file has no section [aerodynamics]; the simulator needs it")
     return read_table(Aerodynamics, aircraft.aerodynamics, f"{aircraft.name}: aerodynamics")

@@ -1,8 +1,8 @@
-"""The aircraft file: what is known of an aircraft before it flies, in TOML with units.
+"""The aircraft file: what is known of an aircraft before its flight, in TOML with units.
 
-`load_aircraft("nexstar")` or a path. Keys are the fields' names without their unit: `span = "5.73 ft"` is `span_m`.
-The section [aerodynamics] is what the simulator flies; a real aircraft's file need not have it, and the analysis never
-reads it.
+`load_aircraft` takes the name of a shipped aircraft or a path. A key is the field's name without its unit:
+`span = "5.73 ft"` becomes `span_m`. Only the simulator reads the section [aerodynamics]; the file of a real aircraft
+does not need it, and the analysis does not use it.
 """
 
 import tomllib
@@ -50,12 +50,15 @@ class Propulsion:
     battery_resistance_ohm: float
     battery_energy_Wh: float
     throttle_channel: int = 3
-    beyond_zero_thrust: str = "windmill"  # or "fold": what the propeller does when the flow would drive it
+    beyond_zero_thrust: str = "windmill"  # or "fold": behaviour of the propeller at negative thrust
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surface:
-    """A control surface: its servo channel and the measured table from pulse width to angle."""
+class ControlSurface:
+    """A control surface: its servo channel and the measured table from pulse width to angle.
+
+    rate_radps and lag_s describe the servo in the simulator.
+    """
 
     channel: int
     pulse_us: tuple[float, ...]  # ascending
@@ -64,11 +67,11 @@ class Surface:
     lag_s: float = 0.02
 
     def angle_of_pulse_rad(self, pulse_us: float) -> float:
-        """Surface angle [rad] for a pulse width [us], linear between the table's points, held at its ends."""
+        """Surface angle [rad] at a pulse width [us]: linear interpolation, constant beyond the ends of the table."""
         return _interpolate(pulse_us, self.pulse_us, self.angle_rad)
 
     def pulse_of_angle_us(self, angle_rad: float) -> float:
-        """The inverse of `angle_of_pulse_rad`."""
+        """Pulse width [us] at a surface angle [rad]; the inverse of `angle_of_pulse_rad`."""
         if self.angle_rad[0] > self.angle_rad[-1]:
             return _interpolate(angle_rad, self.angle_rad[::-1], self.pulse_us[::-1])
         return _interpolate(angle_rad, self.angle_rad, self.pulse_us)
@@ -84,8 +87,8 @@ def _interpolate(x: float, xs: tuple[float, ...], ys: tuple[float, ...]) -> floa
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
-    """One pneumatic line of the probe: tube and the transducer's cavity."""
+class PneumaticLine:
+    """One pneumatic line of the probe: the tube and the cavity of the transducer at its end."""
 
     length_m: float
     diameter_m: float
@@ -93,12 +96,12 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Probe:
-    """The five-port probe: where its tip is, and what the aircraft does to the air there."""
+class ProbeInstallation:
+    """Installation of the five-port probe: position of its tip, upwash there, and its pneumatic lines."""
 
     position_m: Position  # from the centre of gravity, body axes
-    upwash_per_CL_rad: float = 0.0  # alpha at the probe minus alpha = this times CL
-    lines: dict[str, Line] = field(default_factory=dict)
+    upwash_per_CL_rad: float = 0.0  # (alpha at the probe - alpha of the aircraft) / CL
+    lines: dict[str, PneumaticLine] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,14 +111,14 @@ class Aircraft:
     geometry: Geometry
     mass: Mass
     propulsion: Propulsion
-    elevator: Surface
-    aileron: Surface
-    rudder: Surface
-    probe: Probe
+    elevator: ControlSurface
+    aileron: ControlSurface
+    rudder: ControlSurface
+    probe: ProbeInstallation
     imu_position_m: Position = (0.0, 0.0, 0.0)
     source: str = ""
     aerodynamics: dict[str, object] | None = None
-    text: str = field(default="", repr=False)  # the file itself, to travel in the log
+    text: str = field(default="", repr=False)  # text of the file, which the log contains
 
     @property
     def mass_kg(self) -> float:
@@ -127,9 +130,9 @@ class Aircraft:
 
 
 def load_aircraft(name_or_path: str | Path) -> Aircraft:
-    """An aircraft shipped with the package, by name, or one from a file.
+    """An aircraft shipped with the package, by its name, or one from a file.
 
-    Raises InputError naming the file and the key when it is missing, malformed, or has a wrong unit.
+    Raises InputError, which names file and key, when something is missing, malformed, or has a wrong unit.
     """
     shipped = resources.files("flight") / "data" / "aircraft"
     path = Path(name_or_path)
@@ -146,7 +149,7 @@ def load_aircraft(name_or_path: str | Path) -> Aircraft:
 
 
 def parse_aircraft(text: str, where: str) -> Aircraft:
-    """The aircraft of a file's text; `where` names it in errors."""
+    """The aircraft described by the text of a file. `where` names the file in the InputErrors that are raised."""
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -154,10 +157,12 @@ def parse_aircraft(text: str, where: str) -> Aircraft:
     aerodynamics = table.pop("aerodynamics", None)
     aircraft = units.read_table(Aircraft, {**table, "aerodynamics": aerodynamics or {}, "text": text}, where)
     for name in ("elevator", "aileron", "rudder"):
-        surface: Surface = getattr(aircraft, name)
+        surface: ControlSurface = getattr(aircraft, name)
         rising = all(a < b for a, b in zip(surface.pulse_us, surface.pulse_us[1:], strict=False))
         if len(surface.pulse_us) != len(surface.angle_rad) or len(surface.pulse_us) < 2 or not rising:
-            raise InputError(f"{where}: {name}: pulse_us must rise, and have as many entries as angle (two or more)")
+            raise InputError(
+                f"{where}: {name}: pulse_us must be ascending and have as many entries as angle, two or more"
+            )
     for key, value in (
         ("mass.weight", aircraft.mass.weight_N),
         ("mass.standard_weight", aircraft.mass.standard_weight_N),

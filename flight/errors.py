@@ -1,9 +1,9 @@
-"""The one exception whose message is meant for the person at the keyboard."""
+"""The exception whose message is meant for the user."""
 
 
 class InputError(Exception):
-    """Something given to us cannot be used: a file, a setting, a log.
+    """An input cannot be used: a file, a setting, a log.
 
-    The message is one line that says what is wrong, where, and what to do; the commands print it on stderr and
-    leave with exit code 2, without a traceback and without having written anything.
+    The message is one line: what is wrong, where, and what to do. The commands print it on stderr and exit with
+    code 2, without a traceback and without having written a file.
     """

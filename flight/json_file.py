@@ -1,4 +1,4 @@
-"""Small JSON files that say of what format they are: calibrations and zeros, beside a log or within it."""
+"""Small JSON files with a field `format`: calibrations and transducer zeros, as files or attached to a log."""
 
 from typing import Protocol, TypeVar
 
@@ -7,26 +7,27 @@ import msgspec
 from flight.errors import InputError
 
 
-class _Named(Protocol):
+class _HasFormat(Protocol):
     @property
     def format(self) -> str: ...
 
 
-File = TypeVar("File", bound=_Named)
+File = TypeVar("File", bound=_HasFormat)
 
 
 def decoded(
     data: bytes | str, kind: type[File], formats: tuple[str, ...], where: str, of: str, remedy: str = ""
 ) -> File:
-    """The content of such a file, in one of the formats, the newest first.
+    """The content of a JSON file as the struct `kind`.
 
-    Raises InputError naming `where`: that it is not `of` ("a probe calibration") and the remedy, or of a format
-    unknown here.
+    formats: those that are accepted, the newest first. where: names the file in errors. of: what it should be, such
+    as "a probe calibration". remedy: appended to the message.
+    Raises InputError when the file is not `of`, or its format is not accepted.
     """
     try:
         found = msgspec.json.decode(data, type=kind)
     except msgspec.MsgspecError as error:
         raise InputError(f"{where}: not {of} ({error}){remedy}") from None
     if found.format not in formats:
-        raise InputError(f"{where}: format {found.format!r} is not understood here ({formats[0]} is)")
+        raise InputError(f"{where}: format {found.format!r} is not supported; expected {formats[0]!r}")
     return found

@@ -1,7 +1,7 @@
-"""The index at a log's end, gathered while its records pass by: when they are written, or when a torn log is mended.
+"""The index at the end of a log, collected record by record, while a log is written or a torn one is repaired.
 
-Only a few bytes a chunk are kept (some 200), already in the form in which they will be written, so that a log of any
-length is finished in no time. Record layouts: MCAP specification 1.0, "Records".
+Only some 200 bytes a chunk are kept, already encoded, so that a long log is finished as quickly as a short one.
+Record layouts: MCAP specification 1.0, "Records".
 """
 
 import struct
@@ -22,9 +22,9 @@ FOOTER_BYTES = 8 + 8 + 4
 
 
 class LogIndex:
-    """Shown every record of a log's data section in turn; gives the bytes that end the file.
+    """Takes every record of a log's data section in order; gives the bytes that end the file.
 
-    Schemas and channels are only seen outside chunks, which is where `LogWriter` puts them.
+    Schemas and channels inside chunks are not indexed; `LogWriter` writes them outside.
     """
 
     def __init__(self) -> None:
@@ -39,8 +39,8 @@ class LogIndex:
         self._last_ns = 0
         self._open: _OpenChunk | None = None
 
-    def see(self, opcode: int, content: bytes | memoryview, offset: int) -> None:
-        """A record's content (without its head), and where in the file its head begins."""
+    def add(self, opcode: int, content: bytes | memoryview, offset: int) -> None:
+        """Add one record. content: without the record's head; offset: of the head in the file [bytes]."""
         if opcode == Opcode.MESSAGE_INDEX:
             if self._open is not None:
                 channel, size = MESSAGE_INDEX_HEAD.unpack_from(content)
@@ -66,10 +66,10 @@ class LogIndex:
             name, _ = _prefixed(content, 0)
             MetadataIndex(offset, RECORD_HEAD.size + len(content), name).write(self._metadata)
 
-    def ending(self, offset: int) -> list[bytes | bytearray]:
-        """What comes after the last record, which ends at `offset`: end of data, summary, footer, magic.
+    def end_of_file(self, offset: int) -> list[bytes | bytearray]:
+        """What follows the last record, which ends at `offset`: end of data, summary, footer, magic bytes.
 
-        In pieces, and nothing may be shown to it any more: putting together the index of an hour would cost a tick.
+        In pieces, because joining the index of an hour would take longer than a tick. Call `add` no more afterwards.
         """
         self._close_chunk()
         builder = RecordBuilder()
@@ -111,7 +111,7 @@ class LogIndex:
             metadata_count=self._counts["metadata"],
             schema_count=len(self._schemas),
         ).write(builder)
-        return builder.end()
+        return bytes(builder.end())
 
     def _close_chunk(self) -> None:
         if self._open is not None:
@@ -120,7 +120,7 @@ class LogIndex:
 
 
 class _OpenChunk:
-    """A chunk whose message indices are still passing by."""
+    """A chunk whose message index records are still being added."""
 
     def __init__(self, content: bytes | memoryview, offset: int):
         self._start = offset
@@ -156,6 +156,6 @@ def _attachment_index(content: bytes | memoryview, offset: int) -> AttachmentInd
 
 
 def _prefixed(content: bytes | memoryview, at: int) -> tuple[str, int]:
-    """A string with its length before it, and where it ends."""
+    """A string that is preceded by its length, and the position after it."""
     (length,) = struct.unpack_from("<I", content, at)
     return str(bytes(content[at + 4 : at + 4 + length]), "utf-8"), at + 4 + length

@@ -1,8 +1,8 @@
-"""Reads a log back into messages, also one that a power cut left unfinished."""
+"""Reads a log into messages, also one that a power cut left unfinished."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 from mcap.exceptions import McapError
@@ -16,8 +16,8 @@ from flight.log_writer import PROFILE
 from flight.messages import TYPE_OF_TOPIC, Message
 
 
-class Entry(NamedTuple):
-    """One message of a topic, with when it was taken (Unix time) and in which tick."""
+class LogEntry(NamedTuple):
+    """One message of a topic, the Unix time at which it was taken, and the number of its tick."""
 
     time_ns: int
     tick: int
@@ -29,18 +29,18 @@ class Log:
     """A whole log in memory."""
 
     path: Path
-    entries: dict[str, list[Entry]] = field(default_factory=dict)
+    entries: dict[str, list[LogEntry]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     undecodable: int = 0
-    torn: str = ""  # why reading stopped before the end, if it did
+    torn: str = ""  # why reading stopped before the end; empty for a complete log
 
 
 def read_log(path: str | Path) -> Log:
-    """Every message, attachment and metadata record of an MCAP file, up to its end or to where it is torn.
+    """Every message, attachment and metadata record of an MCAP file, up to its end or to the first torn record.
 
-    Topics we do not know are passed over; a message that cannot be decoded is counted in `undecodable`.
-    Raises InputError when the file is missing, empty, not MCAP, not written by us, or holds no message.
+    Unknown topics are ignored; a message that cannot be decoded is counted in `undecodable`.
+    Raises InputError when the file is missing, empty, not MCAP, not written by this program, or has no message.
     """
     path = Path(path)
     try:
@@ -49,20 +49,20 @@ def read_log(path: str | Path) -> Log:
             if not start:
                 raise InputError(f"{path}: the file is empty")
             if start != MAGIC[: len(start)] or len(start) < len(MAGIC):
-                raise InputError(f"{path}: not an MCAP file (it does not start like one)")
+                raise InputError(f"{path}: not an MCAP file (wrong first bytes)")
             stream.seek(0)
             log = _read(path, StreamReader(stream, record_size_limit=256 * 2**20))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     if not any(log.entries.values()):
-        cause = f"it is torn: {log.torn}" if log.torn else "it is finished, but nothing was recorded"
+        cause = f"it is torn: {log.torn}" if log.torn else "it is complete, but nothing was recorded"
         raise InputError(f"{path}: holds no message ({cause})")
     return log
 
 
 def _read(path: Path, reader: StreamReader) -> Log:
     log = Log(path)
-    decoders: dict[int, tuple[list[Entry], msgspec.json.Decoder]] = {}
+    decoders: dict[int, tuple[list[LogEntry], msgspec.json.Decoder[Any]]] = {}
     kinds = {kind: msgspec.json.Decoder(kind) for kind in set(TYPE_OF_TOPIC.values())}
     try:
         for record in reader.records:
@@ -70,7 +70,7 @@ def _read(path: Path, reader: StreamReader) -> Log:
                 if record.channel_id in decoders:
                     entries, decoder = decoders[record.channel_id]
                     try:
-                        entries.append(Entry(record.log_time, record.sequence, decoder.decode(record.data)))
+                        entries.append(LogEntry(record.log_time, record.sequence, decoder.decode(record.data)))
                     except msgspec.MsgspecError:
                         log.undecodable += 1
             elif isinstance(record, Channel):
@@ -89,6 +89,6 @@ def _read(path: Path, reader: StreamReader) -> Log:
         raise
     except (McapError, EOFError, ValueError, KeyError, ArithmeticError) as error:
         log.torn = f"{type(error).__name__}: {error}".rstrip(": ")
-    except Exception as error:  # zstandard's and struct's errors: whatever a torn chunk makes a decoder say
+    except Exception as error:  # errors of zstandard and struct, and whatever else a decoder raises on a torn chunk
         log.torn = f"{type(error).__name__}: {error}"
     return log

@@ -1,10 +1,10 @@
 """Writes a log: MCAP, one topic a sensor, JSON messages with a JSON Schema, zstd chunks.
 
-The tray, the aircraft file, the propeller table, the probe calibration and the software version travel in the file,
-as attachments and metadata, so that `analyze log.mcap` needs nothing else.
+Tray, aircraft file, propeller table, probe calibration and software version are attached to the log, so that
+`analyze log.mcap` needs no other file.
 
-The chunks are put together here and not by mcap's own Writer, because that keeps the index of a log as objects (20 MB
-an hour of the default tray) and writes it in one go, which would cost ticks when a file is finished in flight.
+This module builds the chunks itself. mcap's own Writer keeps the index as objects (20 MB an hour of the default tray)
+and writes it at once, which would cost ticks when a file is finished in flight.
 """
 
 import json
@@ -34,21 +34,21 @@ INDEX_ENTRY = struct.Struct("<QQ")  # log time, place in the uncompressed chunk
 
 @cache
 def schema_text(kind: type[Message]) -> bytes:
-    """The JSON Schema of a message type, as it stands in the file."""
+    """The JSON Schema of a message type, as written to the file."""
     return json.dumps(schema_of(kind)).encode()
 
 
 def message_index(channel: int, entries: bytearray) -> bytes:
-    """The record that says where in the chunk before it a channel's messages are; entries: packed INDEX_ENTRY."""
+    """The record with the positions of a channel's messages in the chunk before it; entries: packed INDEX_ENTRY."""
     size = MESSAGE_INDEX_HEAD.size + len(entries)
     return RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, size) + MESSAGE_INDEX_HEAD.pack(channel, len(entries)) + entries
 
 
 class LogWriter:
-    """An MCAP file open for writing. `finish` writes the index; without it the file is still readable to its end.
+    """An MCAP file open for writing. `finish` writes the index; without it all messages can still be read.
 
-    stream: only `write` is asked of it, with whole records. compressor: one for several logs that are written one after
-    the other in one thread; each takes half a megabyte.
+    stream: only its `write` is called, with whole records. compressor: may be shared by logs that one thread writes one
+    after the other; each compressor takes half a megabyte.
     """
 
     def __init__(
@@ -74,26 +74,26 @@ class LogWriter:
 
     @property
     def size_bytes(self) -> int:
-        """Of what has left for the stream."""
+        """Size of what was written to the stream."""
         return self._written
 
     @property
     def pending_bytes(self) -> int:
-        """Of the chunk that is being filled, before compression."""
+        """Size of the open chunk, before compression."""
         return len(self._chunk)
 
     def attach(self, name: str, data: bytes, media_type: str, time_ns: int) -> None:
-        """Put a file into the log."""
+        """Add an attachment."""
         self.flush()
         self._record(Opcode.ATTACHMENT, Attachment(time_ns, time_ns, name, media_type, data))
 
     def describe(self, name: str, values: dict[str, str]) -> None:
-        """Put a record of names and values into the log."""
+        """Add a metadata record of names and values."""
         self.flush()
         self._record(Opcode.METADATA, Metadata(name, values))
 
     def declare(self, topic: str) -> None:
-        """Announce a topic, so that it stands in the file even if no message ever comes."""
+        """Add the channel of a topic, so that the file lists it even without a message."""
         self._channel(topic)
 
     def write(self, topic: str, message: Message, *, time_ns: int, tick: int) -> None:
@@ -101,7 +101,7 @@ class LogWriter:
         self.write_encoded(self._channel(topic), self._encoder.encode(message), time_ns=time_ns, tick=tick)
 
     def write_encoded(self, channel: int, data: bytes, *, time_ns: int, tick: int) -> None:
-        """Add a message that is JSON already, on a channel by its number."""
+        """Add a message already encoded as JSON. channel: its number."""
         if not self._chunk:
             self._first_ns = self._last_ns = time_ns
         self._first_ns, self._last_ns = min(self._first_ns, time_ns), max(self._last_ns, time_ns)
@@ -114,7 +114,7 @@ class LogWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Close the chunk that is being filled, so that what was written so far is on its way to the disk."""
+        """Close the open chunk and write it to the stream."""
         if self._chunk:
             self.append(self.close_chunk())
 
@@ -136,14 +136,14 @@ class LogWriter:
         while at < len(records):
             opcode, length = RECORD_HEAD.unpack_from(records, at)
             begin = at + RECORD_HEAD.size
-            self._index.see(opcode, view[begin : begin + length], self._written + at)
+            self._index.add(opcode, view[begin : begin + length], self._written + at)
             at = begin + length
         self._put(records)
 
     def finish(self) -> None:
         """Close the last chunk and write the index."""
         self.flush()
-        for piece in self._index.ending(self._written):
+        for piece in self._index.end_of_file(self._written):
             self._put(piece)
 
     def _channel(self, topic: str) -> int:

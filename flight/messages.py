@@ -1,8 +1,8 @@
-"""What the topics of a log mean: one message type a topic, raw counts and SI values side by side.
+"""The messages of a log: one message type a topic, with raw counts and SI values.
 
-Every message carries a `status`. A reading that failed is a message whose status says why and whose other fields are
-null; it is never a repeated old value. Units stand at the end of the names. Axes are the body's: x forward, y right,
-z down. The JSON Schema of a topic is generated from its type (`schema_of`).
+Every message has a `status`. A failed reading is a message whose status gives the reason and whose other fields are
+null; an old value is never repeated. Names end with their unit. Axes are body axes: x forward, y right, z down. The
+JSON Schema of a topic is generated from its type (`schema_of`).
 """
 
 import enum
@@ -12,19 +12,19 @@ import msgspec
 
 
 class Status(enum.StrEnum):
-    """Why a message holds what it holds."""
+    """Whether a message is a measurement, and if not, why."""
 
     OK = "ok"
     STARTING = "starting"  # the sensor has not been brought up yet
-    STALE = "stale"  # the part says it has nothing new since the last reading
+    STALE = "stale"  # the part reports no new value since the last reading
     FAULT = "fault"  # the part reports a fault of its own
-    SATURATED = "saturated"  # counts at the end of the range: the value is a bound, not a measurement
+    SATURATED = "saturated"  # counts at the end of the range: the value is a bound only
     NO_REPLY = "no_reply"  # nothing acknowledged at the address
-    TIMEOUT = "timeout"  # the bus, or the expected data, did not come in time
+    TIMEOUT = "timeout"  # the bus or the part did not answer in time
     BUSY = "busy"  # the part is measuring something else at this tick (its own temperature)
     CORRUPT = "corrupt"  # checksum, framing or plausibility failed
     WRONG_DEVICE = "wrong_device"  # something else answers at the address
-    NO_DATA = "no_data"  # silence: nothing was received since the last tick
+    NO_DATA = "no_data"  # nothing was received since the last tick
 
 
 class Message(msgspec.Struct, kw_only=True):
@@ -41,7 +41,7 @@ class Imu(Message):
     topics = ("/imu",)
 
     samples: int | None = None  # how many were averaged
-    group_delay_s: float | None = None  # of the part's low-pass filter and of the averaging; not taken out of log_time
+    group_delay_s: float | None = None  # of the low-pass filter and of the averaging; log_time is not corrected for it
     accel_x_counts: float | None = None
     accel_y_counts: float | None = None
     accel_z_counts: float | None = None
@@ -98,14 +98,14 @@ class DifferentialPressure(Message):
 
 
 class Gps(Message):
-    """A navigation solution (u-blox NAV-PVT); `log_time` is its arrival, `itow_ms` the instant it is valid for."""
+    """A navigation solution (u-blox NAV-PVT); `log_time` is the time of arrival, `itow_ms` the time of validity."""
 
     topics = ("/gps",)
 
     itow_ms: int | None = None
     fix_type: int | None = None  # 0 none, 2 two-dimensional, 3 three-dimensional
     satellites: int | None = None
-    utc_ns: int | None = None  # Unix time of the solution, when the receiver calls date and time valid
+    utc_ns: int | None = None  # Unix time of the solution, when the receiver reports date and time as valid
     latitude_deg: float | None = None
     longitude_deg: float | None = None
     height_m: float | None = None  # above the ellipsoid
@@ -128,12 +128,12 @@ class Rpm(Message):
 
 
 class Controls(Message):
-    """Pulse widths to the servos, surface angles by the aircraft file's table, and what the sticks say."""
+    """Pulse widths to the servos, surface angles from the aircraft file's tables, and stick positions."""
 
     topics = ("/controls",)
 
     pulse_us: list[int] | None = None  # channels 1, 2, …
-    stick_pulse_us: list[int] | None = None  # of the receiver; null when it has said nothing since the last message
+    stick_pulse_us: list[int] | None = None  # from the RC receiver; null without news since the last message
     elevator_rad: float | None = None
     aileron_rad: float | None = None
     rudder_rad: float | None = None
@@ -158,7 +158,7 @@ class Battery(Message):
 
 
 class Time(Message):
-    """One instant on every clock there is."""
+    """The same instant on every clock."""
 
     topics = ("/time",)
 
@@ -168,17 +168,17 @@ class Time(Message):
 
 
 class Tick(Message):
-    """How the sampling loop itself did."""
+    """Timing of the sampling loop."""
 
     topics = ("/daq/tick",)
 
     late_ns: int = 0
     missed: int = 0  # ticks skipped just before this one
-    duration_ns: dict[str, int] = {}  # of each sensor's turn
+    duration_ns: dict[str, int] = {}  # by sensor
 
 
 class Event(Message):
-    """Something a person should know: a sensor failed or came back, a file was started."""
+    """News for the user: a sensor failed or recovered, a file was started."""
 
     topics = ("/daq/event",)
 
@@ -205,7 +205,7 @@ TYPE_OF_TOPIC: dict[str, type[Message]] = {topic: kind for kind in MESSAGES for 
 
 
 def schema_of(kind: type[Message]) -> dict[str, Any]:
-    """JSON Schema of a message type, its root an object (what Foxglove and PlotJuggler ask for)."""
+    """JSON Schema of a message type, whose root is an object, as Foxglove and PlotJuggler require."""
     (reference,), components = msgspec.json.schema_components([kind], ref_template="#/$defs/{name}")
     root = dict(components.pop(reference["$ref"].rsplit("/", 1)[-1]))
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **root, "$defs": components}

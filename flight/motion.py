@@ -1,7 +1,8 @@
 """Equations of motion of a rigid aircraft over a flat, still earth (3.6-3.23, in the corrected form).
 
-One definition for simulator, trim and estimator: plain functions written with NumPy functions, so that floats, arrays
-and CasADi symbols pass through. Body axes: x forward, y right, z down, origin at the centre of gravity.
+Simulator, trim and estimator use this one definition; the functions accept floats, arrays and CasADi symbols. Body
+axes: x forward, y right, z down, origin at the centre of gravity. One symbol is one quantity: qS is dynamic pressure
+times reference area, a force [N]; T is thrust [N]; V airspeed [m/s]; g standard gravity [m/s^2].
 """
 
 from typing import Any, NamedTuple
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flight.atmosphere import GRAVITY_MPS2 as g
+from flight.number import Number
 
 
 class Inertia(NamedTuple):
@@ -21,7 +23,7 @@ class Inertia(NamedTuple):
     Ip: float = 0.0
 
 
-class Flow(NamedTuple):
+class Airflow(NamedTuple):
     """Airspeed [m/s] and flow angles [rad]."""
 
     V: Any
@@ -29,21 +31,34 @@ class Flow(NamedTuple):
     beta: Any
 
 
-def flow_of(u, v, w) -> Flow:
+def flow_of(u: Number, v: Number, w: Number) -> Airflow:
     """Airspeed and flow angles from the velocity relative to the air in body axes (3.18-3.20)."""
     V = np.sqrt(u**2 + v**2 + w**2)
-    return Flow(V, np.arctan2(w, u), np.arcsin(v / V))
+    return Airflow(V, np.arctan2(w, u), np.arcsin(v / V))
 
 
-def velocity_of(V, alpha, beta):
+def velocity_of(V: Number, alpha: Number, beta: Number) -> tuple[Number, Number, Number]:
     """Body-axis velocity (u, v, w) [m/s] relative to the air (3.15-3.17)."""
     return V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha) * np.cos(beta)
 
 
-def velocity_derivative(u, v, w, p, q, r, phi, theta, ax, ay, az):
+def velocity_derivative(
+    u: Number,
+    v: Number,
+    w: Number,
+    p: Number,
+    q: Number,
+    r: Number,
+    phi: Number,
+    theta: Number,
+    ax: Number,
+    ay: Number,
+    az: Number,
+) -> tuple[Number, Number, Number]:
     """(udot, vdot, wdot) [m/s^2] from the specific force (ax, ay, az) and gravity (3.6-3.8).
 
-    (ax, ay, az) = aerodynamic force and thrust over mass: what an accelerometer at the centre of gravity measures.
+    (ax, ay, az) is aerodynamic force plus thrust, over mass: the measurement of an accelerometer at the centre of
+    gravity [m/s^2].
     """
     return (
         r * v - q * w + ax - g * np.sin(theta),
@@ -52,7 +67,9 @@ def velocity_derivative(u, v, w, p, q, r, phi, theta, ax, ay, az):
     )
 
 
-def rate_derivative(p, q, r, L, M, N, inertia: Inertia, propeller_radps=0.0):
+def rate_derivative(
+    p: Number, q: Number, r: Number, L: Number, M: Number, N: Number, inertia: Inertia, propeller_radps: Number = 0.0
+) -> tuple[Number, Number, Number]:
     """(pdot, qdot, rdot) [rad/s^2] from the moments L, M, N [N m] about body axes (3.9-3.11).
 
     `propeller_radps`: angular speed of the propeller about +x (clockwise seen from behind). Its angular momentum adds
@@ -69,14 +86,16 @@ def rate_derivative(p, q, r, L, M, N, inertia: Inertia, propeller_radps=0.0):
     return (Iz * roll + Ixz * yaw) / determinant, pitch / Iy, (Ix * yaw + Ixz * roll) / determinant
 
 
-def attitude_derivative(phi, theta, p, q, r):
+def attitude_derivative(phi: Number, theta: Number, p: Number, q: Number, r: Number) -> tuple[Number, Number, Number]:
     """(phidot, thetadot, psidot) [rad/s] (3.12-3.14)."""
     psidot = (q * np.sin(phi) + r * np.cos(phi)) / np.cos(theta)
     return p + psidot * np.sin(theta), q * np.cos(phi) - r * np.sin(phi), psidot
 
 
-def earth_from_body(x, y, z, phi, theta, psi):
-    """North, east, down components of a vector given in body axes (3-2-1 Euler angles)."""
+def earth_from_body(
+    x: Number, y: Number, z: Number, phi: Number, theta: Number, psi: Number
+) -> tuple[Number, Number, Number]:
+    """North, east and down components of a vector given in body axes (3-2-1 Euler angles)."""
     cf, sf, ct, st, cp, sp = np.cos(phi), np.sin(phi), np.cos(theta), np.sin(theta), np.cos(psi), np.sin(psi)
     return (
         ct * cp * x + (sf * st * cp - cf * sp) * y + (cf * st * cp + sf * sp) * z,
@@ -85,8 +104,10 @@ def earth_from_body(x, y, z, phi, theta, psi):
     )
 
 
-def body_from_earth(n, e, d, phi, theta, psi):
-    """Body-axis components of a vector given north, east, down."""
+def body_from_earth(
+    n: Number, e: Number, d: Number, phi: Number, theta: Number, psi: Number
+) -> tuple[Number, Number, Number]:
+    """Body-axis components of a vector given by its north, east and down components; inverse of `earth_from_body`."""
     cf, sf, ct, st, cp, sp = np.cos(phi), np.sin(phi), np.cos(theta), np.sin(theta), np.cos(psi), np.sin(psi)
     return (
         ct * cp * n + ct * sp * e - st * d,
@@ -95,11 +116,27 @@ def body_from_earth(n, e, d, phi, theta, psi):
     )
 
 
-def wind_axis_derivative(V, alpha, beta, phi, theta, p, q, r, *, CL, CD, CY, T, m, qS):
+def wind_axis_derivative(
+    V: Number,
+    alpha: Number,
+    beta: Number,
+    phi: Number,
+    theta: Number,
+    p: Number,
+    q: Number,
+    r: Number,
+    *,
+    CL: Number,
+    CD: Number,
+    CY: Number,
+    T: Number,
+    m: Number,
+    qS: Number,
+) -> tuple[Number, Number, Number]:
     """(Vdot, alphadot, betadot) [m/s^2, rad/s, rad/s] (3.21-3.23).
 
-    CL, CD, CY as in `aerodynamics.Coefficients`; T thrust along body x [N]; m mass [kg]; qS dynamic pressure times
-    reference area [N].
+    CL, CD, CY as in `aerodynamics.Coefficients`; T: thrust along body x [N]; m: mass [kg]; qS: dynamic pressure times
+    reference area, so a force [N].
     """
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
     ct, st, cf, sf = np.cos(theta), np.sin(theta), np.cos(phi), np.sin(phi)
@@ -123,10 +160,21 @@ def wind_axis_derivative(V, alpha, beta, phi, theta, p, q, r, *, CL, CD, CY, T, 
     return Vdot, alphadot, betadot
 
 
-def felt_off_center(ax, ay, az, p, q, r, pdot, qdot, rdot, position_m):
-    """Specific force at `position_m` (x, y, z from the centre of gravity), given that at the centre.
+def specific_force_at(
+    ax: Number,
+    ay: Number,
+    az: Number,
+    p: Number,
+    q: Number,
+    r: Number,
+    pdot: Number,
+    qdot: Number,
+    rdot: Number,
+    position_m: Number,
+) -> tuple[Number, Number, Number]:
+    """Specific force [m/s^2] at `position_m` (x, y, z from the centre of gravity), from that at the centre of gravity.
 
-    a + omegadot x r + omega x (omega x r); body axes throughout.
+    a + omegadot x r + omega x (omega x r), in body axes.
     """
     x, y, z = position_m
     return (

@@ -1,7 +1,7 @@
-"""Quantities with units in files (`span = "5.73 ft"`) to SI numbers in code (`span_m`).
+"""Converts quantities with units in files (`span = "5.73 ft"`) to numbers in SI units (`span_m`).
 
-A field's unit stands at the end of its name, `static_pressure_Pa`; `read_table` finds there which dimension the file
-has to give, and converts. pint knows the units; this module only knows the naming.
+The name of a field ends with its unit: `static_pressure_Pa`. `read_table` takes the unit from there and converts to it.
+pint knows the units; this module knows the naming.
 """
 
 import dataclasses
@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from flight.errors import InputError
 
-GRAVITY_MPS2 = 9.80665  # standard gravity (ICAO Doc 7488/3): here because the daemon needs it without NumPy
+GRAVITY_MPS2 = 9.80665  # standard gravity (ICAO Doc 7488/3); here because the daemon uses it without NumPy
 
 UNIT_OF_SUFFIX = {
     "m": "m",
@@ -43,16 +43,16 @@ T = TypeVar("T")
 
 @lru_cache(maxsize=1)
 def _registry() -> Any:
-    from pint import UnitRegistry  # a quarter of a second to import: only when a file with units is read
+    from pint import UnitRegistry  # takes a quarter of a second to import
 
-    # Its inH2O is that of water at 4 degC, 249.089 Pa: the one TE and Honeywell mean.
+    # inH2O is that of water at 4 degC, 249.089 Pa, as in the datasheets of TE and Honeywell.
     return UnitRegistry(autoconvert_offset_to_baseunit=True)
 
 
 def to_si(text: object, unit: str, where: str) -> float:
-    """The number that `text` ("5.73 ft") is in `unit` ("m").
+    """The value of `text` ("5.73 ft") in `unit` ("m").
 
-    Raises InputError naming `where` when the unit is missing, unknown or of another dimension.
+    Raises InputError, which names `where`, when the unit is missing, unknown or of another dimension.
     """
     if not isinstance(text, str):
         raise InputError(f'{where} = {text!r}: give a number with a unit, in quotes, such as "{text} {unit}"')
@@ -61,15 +61,15 @@ def to_si(text: object, unit: str, where: str) -> float:
         number, _, name = text.strip().partition(" ")
         quantity = registry.Quantity(float(number), name.strip() or "dimensionless")
         return float(quantity.to(unit).magnitude)
-    except Exception as error:  # pint raises half a dozen unrelated kinds for what is all one thing here
+    except Exception as error:  # pint raises half a dozen unrelated exceptions
         raise InputError(f"{where} = {text!r}: cannot be read as a quantity in {unit} ({error})") from None
 
 
 def read_table(kind: type[T], table: object, where: str) -> T:
-    """A dataclass of type `kind` from a TOML table, quantities converted to the unit in each field's name.
+    """The dataclass `kind` from a TOML table; each quantity is converted to the unit in its field's name.
 
-    The key of a field is its name without the unit. Raises InputError for a missing or unknown key, a wrong unit or
-    a wrong type, naming the key.
+    The key of a field is its name without the unit. Raises InputError, which names the key, for a missing or unknown
+    key, a wrong unit or a wrong type.
     """
     if not isinstance(table, dict):
         raise InputError(f"{where}: should be a table, is {table!r}")

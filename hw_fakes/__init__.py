@@ -1,4 +1,4 @@
 """Devices at register and byte level, behind the interfaces that real ones have.
 
-They turn what the simulator says (`sim.felt.Felt`) into counts and bytes, on whatever clock they are given.
+They turn the physical inputs of the sensors (`sim.sensor_truth.SensorTruth`) into counts and bytes. The clock is given.
 """

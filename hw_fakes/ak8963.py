@@ -1,15 +1,15 @@
 """Asahi Kasei AK8963, the magnetometer inside the MPU-9250, on its own small register map.
 
-Sections are those of the AK8963 datasheet (MS1356-E-02). Its axes differ from those of the accelerometer and gyroscope
-beside it: x and y change places and z points the other way (PS-MPU-9250A-01 sec. 9.1).
+Sections are those of the AK8963 datasheet (MS1356-E-02). Its axes differ from those of the accelerometer and
+gyroscope: x and y are exchanged and z is reversed (PS-MPU-9250A-01 sec. 9.1).
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from hw_fakes.blocks import Blocks
-from sim.felt import Array, Felt
+from hw_fakes.sample_blocks import SampleBlocks
+from sim.sensor_truth import Array, SensorTruth
 
 # Registers (sec. 8.1).
 WIA, INFO, ST1, HXL, HZH, ST2, CNTL1, CNTL2, ASTC, ASAX, ASAZ = (
@@ -41,15 +41,15 @@ COUNTS_14_BIT = 8190
 BODY_TO_CHIP = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
-class AK8963:
-    """The part at 0x0C, see `hw_fakes.mpu9250.MPU9250`. seed: draws the fuse ROM's sensitivities.
+class FakeAK8963:
+    """The part at 0x0C, behind `hw_fakes.mpu9250.FakeMPU9250`. seed: draws the sensitivities in the fuse ROM.
 
-    A mode written without passing through power-down and its 100 us is ignored; the datasheet forbids it and does not
-    say what happens.
+    A change of mode that does not pass through 100 us of power-down is ignored; the datasheet forbids it and does not
+    state the effect.
     """
 
-    def __init__(self, felt: Felt, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
-        self._felt = felt
+    def __init__(self, sensor_truth: SensorTruth, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
+        self._sensor_truth = sensor_truth
         self._now_ns = now_ns
         self.adjustment = np.random.default_rng(seed).integers(160, 192, 3)  # typical of real parts
         self.power_cycle(powered_ns)
@@ -119,7 +119,7 @@ class AK8963:
         self._locked = False
         if self._mode in PERIOD_NS or self._mode == SINGLE:
             period_s = PERIOD_NS.get(self._mode, MEASUREMENT_NS) * 1e-9
-            self._blocks = Blocks(self._measure, period_s, now_ns * 1e-9 + MEASUREMENT_NS * 0.5e-9, length=64)
+            self._blocks = SampleBlocks(self._measure, period_s, now_ns * 1e-9 + MEASUREMENT_NS * 0.5e-9, length=64)
 
     def _read_register(self, address: int) -> int:
         if ASAX <= address <= ASAZ:
@@ -133,7 +133,7 @@ class AK8963:
         return value
 
     def _catch_up(self, now_ns: int) -> None:
-        """Finish the measurements that ended since the part was last touched."""
+        """Finish the measurements that ended since the last access."""
         since_ns = now_ns - self._mode_since_ns - MEASUREMENT_NS
         if since_ns < 0:
             return
@@ -160,7 +160,7 @@ class AK8963:
     def _measure(self, t_s: Array) -> np.ndarray:
         """Counts x y z and the overflow flag (n, 4); sec. 8.3.4, 8.3.5 and the adjustment of sec. 8.3.11."""
         limit = FULL_SCALE_COUNTS if self._registers[CNTL1] & OUTPUT_16_BIT else COUNTS_14_BIT
-        field = self._felt.magnetic_field_T(t_s) @ BODY_TO_CHIP.T
+        field = self._sensor_truth.magnetic_field_T(t_s) @ BODY_TO_CHIP.T
         counts = np.rint(field / (FULL_SCALE_T / limit) / ((self.adjustment - 128) * 0.5 / 128 + 1))
         overflow = np.abs(field).sum(axis=1) >= FULL_SCALE_T
         return np.column_stack([np.clip(counts, -limit, limit), overflow]).astype(int)

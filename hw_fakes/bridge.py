@@ -1,7 +1,8 @@
 """Piezo bridges with a signal conditioner: TE MS4515DO / MS4525DO and Honeywell SSC, the same four bytes.
 
 Status in the first two bits, 14 bits of pressure, 11 bits of temperature (TE "Interfacing to MEAS digital pressure
-modules" sec. 2; Honeywell 008201-3-EN). An update every half millisecond; one that was read already is marked stale.
+modules" sec. 2; Honeywell 008201-3-EN). The value is updated every half millisecond; the same value is marked stale
+when it is read again.
 """
 
 from collections.abc import Callable
@@ -9,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw_fakes.blocks import Blocks
 from hw_fakes.i2c import no_acknowledge
-from sim.felt import Array, Felt
+from hw_fakes.sample_blocks import SampleBlocks
+from sim.sensor_truth import Array, SensorTruth
 
 FULL_COUNT = 2**14 - 1
 UPDATE_NS = 500_000
@@ -23,11 +24,11 @@ BLOCK_LENGTH = 2000  # one second
 
 
 @dataclass(frozen=True)
-class Part:
-    """A pressure range and how it lies in the counts.
+class BridgeType:
+    """One type of transducer: pressure range and output counts.
 
     low_counts, high_counts: at the ends of the range. first_data_ns: from power-on to the first data.
-    repeated_start_hurts: the MS4515DO does not acknowledge the transfer after one.
+    repeated_start_hurts: after a repeated start the part does not acknowledge the next transfer (MS4515DO).
     """
 
     range_Pa: float
@@ -38,11 +39,11 @@ class Part:
 
 
 # Type A of TE is 10 to 90 % of 2^14 - 1; transfer function A of Honeywell is given in counts.
-MS4515DO_DS5A002DP = Part(2 * INCH_OF_WATER_4C_PA, 0.1 * FULL_COUNT, 0.9 * FULL_COUNT, 8_400_000, True)
-SSCDRRN005ND2A5 = Part(5 * INCH_OF_WATER_4C_PA, 1638, 14746, 5_000_000, False)
+MS4515DO_DS5A002DP = BridgeType(2 * INCH_OF_WATER_4C_PA, 0.1 * FULL_COUNT, 0.9 * FULL_COUNT, 8_400_000, True)
+SSCDRRN005ND2A5 = BridgeType(5 * INCH_OF_WATER_4C_PA, 1638, 14746, 5_000_000, False)
 
 
-def frames(part: Part, pressure_Pa: Array, temperature_K: Array) -> np.ndarray:
+def frames(part: BridgeType, pressure_Pa: Array, temperature_K: Array) -> np.ndarray:
     """Frames (n,) as 32-bit words with status 0, for the port 1 minus port 2 pressure and the bridge's temperature.
 
     Pressure beyond the counts is pinned at 0 or 16383.
@@ -54,26 +55,28 @@ def frames(part: Part, pressure_Pa: Array, temperature_K: Array) -> np.ndarray:
     return pressure.astype(int) << 16 | np.clip(temperature, 0, TEMPERATURE_COUNTS).astype(int) << 5
 
 
-class Bridge:
+class FakeBridge:
     """A transducer at its address.
 
-    which: what it measures, in `sim.felt.Felt`'s words ("alpha", "beta", "airspeed"). now_ns: the time that is 0 where
-    `felt` begins [ns]. powered_ns: since when it has had power. `fault`, once set, stays until `power_cycle`, as in the
-    part. `frozen_ns`, while set, is the instant after which there are no updates.
+    which: its name in `sim.sensor_truth.SensorTruth` ("alpha", "beta", "airspeed"). now_ns: gives the time since the
+    start of `sensor_truth` [ns]. powered_ns: when its supply came on, on that clock. `fault`, once set, stays until
+    `power_cycle`, as in the part. `frozen_ns`, while set, is the time after which there are no updates.
     """
 
-    def __init__(self, part: Part, which: str, felt: Felt, now_ns: Callable[[], int], powered_ns: int = 0):
+    def __init__(
+        self, part: BridgeType, which: str, sensor_truth: SensorTruth, now_ns: Callable[[], int], powered_ns: int = 0
+    ):
         def fetch(t_s: Array) -> np.ndarray:
-            temperature_K = np.interp(t_s, t_s[[0, -1]], felt.transducer_temperature_K(which, t_s[[0, -1]]))
-            return frames(part, felt.differential_pressure_Pa(which, t_s), temperature_K)
+            temperature_K = np.interp(t_s, t_s[[0, -1]], sensor_truth.transducer_temperature_K(which, t_s[[0, -1]]))
+            return frames(part, sensor_truth.differential_pressure_Pa(which, t_s), temperature_K)
 
         self._part = part
         self._now_ns = now_ns
-        self._blocks = Blocks(fetch, UPDATE_NS * 1e-9, length=BLOCK_LENGTH)
+        self._blocks = SampleBlocks(fetch, UPDATE_NS * 1e-9, length=BLOCK_LENGTH)
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply gone and back; clears a latched fault."""
+        """Supply off and on; clears a latched fault."""
         self._first_data_ns = at_ns + self._part.first_data_ns
         self._last_read = -1
         self._deaf = False
@@ -81,7 +84,7 @@ class Bridge:
         self.frozen_ns: int | None = None
 
     def write(self, data: bytes) -> None:
-        """In its normal mode the part measures by itself: a write does nothing, an empty one upsets it."""
+        """No effect, as the part measures continuously; after an empty write an MS4515DO misses the next transfer."""
         self._listen()
         self._deaf = self._part.repeated_start_hurts and not data
 
@@ -96,7 +99,7 @@ class Bridge:
             status = STALE if index == self._last_read else NORMAL
             self._last_read = index
         frame = (word | (FAULT if self.fault else status) << 30).to_bytes(4, "big")
-        return (frame + b"\xff" * count)[:count]  # clocked on, nobody pulls the line down
+        return (frame + b"\xff" * count)[:count]  # beyond the frame the line stays high
 
     def write_read(self, data: bytes, count: int) -> bytes:
         self.write(data)

@@ -1,13 +1,13 @@
-"""A clock that waits in no time, for a flight that is recorded in seconds."""
+"""A simulated clock, so that a flight is recorded in seconds."""
 
 
 class SimulatedClock:
-    """Time that moves only when somebody sleeps on it or spends it (a transfer on a bus spends some).
+    """Time that passes only by `sleep_until_ns` and `advance_ns` (which a bus transfer calls).
 
     Satisfies `daq.clock.Clock`.
 
-    start_ns: monotonic time at which it begins [ns].
-    unix_at_start_ns: what the system believes the Unix time is at that instant [ns].
+    start_ns: monotonic time at the start [ns].
+    unix_at_start_ns: the system's Unix time at the start, right or wrong [ns].
     """
 
     def __init__(self, start_ns: int = 0, unix_at_start_ns: int = 0):
@@ -28,5 +28,5 @@ class SimulatedClock:
         return self._now_ns + self._unix_offset_ns
 
     def set_unix_ns(self, unix_ns: int) -> None:
-        """Make the system's Unix time jump, as on a Pi without a real-time clock when time arrives."""
+        """Set the system's Unix time, as NTP does on a Pi without a real-time clock."""
         self._unix_offset_ns = unix_ns - self._now_ns

@@ -1,28 +1,28 @@
 """The microcontroller that counts a speed controller's commutation pulses, behind a decade counter.
 
-It measures the time between every tenth pulse of one motor phase, so ten electrical periods, in microseconds, and sends
-the newest at most every 10 ms, at 115200 baud 8N1.
+It measures the time from one tenth pulse of a motor phase to the next, which is ten electrical periods, in
+microseconds, and sends the newest at most every 10 ms, at 115200 baud 8N1.
 
-Legacy frame, 4 bytes: 'x' (0x78), then the period, 24 bits, big-endian. Nothing is sent while no pulses come, so
+Legacy frame, 4 bytes: 'x' (0x78), then the period, 24 bits, big-endian. Nothing is sent without pulses, so
 silence means a stopped motor or a broken wire.
 
-Framed variant, 8 bytes, for whoever programs such a counter anew (as `daq.sensors.esc_counter` describes it):
+Frame with CRC, 8 bytes, for new counters (described in `daq.sensors.esc_counter`):
 
     0    0xA5        start of frame
     1    sequence    counts frames modulo 256
-    2    flags       bit 0: no pulse for 0.5 s, the motor stands; the period is then 0
+    2    flags       bit 0: no pulse for 0.5 s, the motor is stopped; the period is then 0
     3-6  period      32 bits, big-endian, microseconds for ten electrical periods
     7    CRC-8       of bytes 1 to 6: polynomial 0x07, initial value 0, not reflected, no final XOR
                      (CRC-8/SMBUS; of "123456789" it is 0xF4)
 
-It is sent with every new period, at most every 10 ms, and every 0.5 s while the motor stands: silence means broken.
+It is sent with every new period, at most every 10 ms, and every 0.5 s while the motor is stopped: silence is a fault.
 """
 
 from collections.abc import Iterable
 
 import numpy as np
 
-from sim.felt import Felt
+from sim.sensor_truth import SensorTruth
 
 BAUD = 115200
 DECADE = 10
@@ -40,7 +40,7 @@ def legacy_frame(period_us: int) -> bytes:
 
 
 def framed(sequence: int, period_us: int) -> bytes:
-    """The framed variant; a period of 0 means that the motor stands."""
+    """The frame with CRC; a period of 0 means that the motor is stopped."""
     body = bytes([sequence % 256, 0 if period_us else FLAG_STANDING]) + period_us.to_bytes(4, "big")
     return bytes([START]) + body + bytes([crc8(body)])
 
@@ -55,13 +55,13 @@ def crc8(data: bytes) -> int:
     return crc
 
 
-class EscCounter:
-    """The counter on its serial line. pole_pairs: of the motor. with_crc: the framed variant."""
+class FakeEscCounter:
+    """The counter on its serial line. pole_pairs: of the motor. with_crc: sends the frames with CRC."""
 
     baud = BAUD
 
-    def __init__(self, felt: Felt, pole_pairs: int, with_crc: bool = False):
-        self._felt = felt
+    def __init__(self, sensor_truth: SensorTruth, pole_pairs: int, with_crc: bool = False):
+        self._sensor_truth = sensor_truth
         self._pulses_per_rev = pole_pairs / DECADE
         self._with_crc = with_crc
         self._ready: list[tuple[int, bytes]] = []
@@ -79,13 +79,13 @@ class EscCounter:
         return sent
 
     def receive(self, data: bytes, at_ns: int) -> None:
-        """It listens to nobody."""
+        """Ignored: the counter has no commands."""
 
     def _count_block(self) -> None:
         """Pulses of the next second: the motor's angle passes multiples of ten electrical turns."""
         t_s = (self._block * BLOCK_STEPS + np.arange(BLOCK_STEPS + 1)).astype(np.float64) * STEP_S
         self._block += 1
-        rate_Hz = np.maximum(self._felt.motor_speed_revps(t_s), 0.0) * self._pulses_per_rev
+        rate_Hz = np.maximum(self._sensor_truth.motor_speed_revps(t_s), 0.0) * self._pulses_per_rev
         phase = self._phase + np.concatenate([[0.0], np.cumsum((rate_Hz[:-1] + rate_Hz[1:]) * STEP_S / 2)])
         whole = np.arange(np.floor(self._phase) + 1, np.floor(phase[-1]) + 1)
         self._phase = float(phase[-1])
@@ -102,7 +102,7 @@ class EscCounter:
             self._send(at_ns, period_us)
 
     def _stand_until(self, at_s: float) -> None:
-        """Say that the motor stands, in the framed variant, as often as is due while no pulse came before `at_s`."""
+        """Send the frames of a stopped motor that are due before `at_s`; only in the variant with CRC."""
         if self._with_crc:
             while (due_ns := self._last_sent_ns + STANDING_NS) < at_s * 1e9:
                 self._last_pulse_s = None

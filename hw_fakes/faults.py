@@ -1,4 +1,4 @@
-"""Faults on a schedule, so that a daemon can be watched while its sensors misbehave.
+"""Scheduled faults of the fake sensors, to test how a daemon handles them.
 
 `load_faults("faults.toml")` reads
 
@@ -7,12 +7,12 @@
     device = "baro"
     start = "20 s"
     duration = "3 s"        # without it: to the end
-    rate = 0.02             # bit_flips, checksum_errors: chance that a byte is hit
+    rate = 0.02             # bit_flips, checksum_errors: probability that a byte is changed
 
 Devices: imu, magnetometer, baro, static, alpha, beta, airspeed, i2c (the whole bus), gps, esc_counter, autopilot.
 
-A fault is put in where it arises: on the wire between computer and part (`FaultyBus`, `FaultyPort`), or in the part
-itself (`PartFault`), which is then told at the right instant.
+A fault acts where it arises: on the wire between computer and part (`FaultyBus`, `FaultyPort`), or in the part itself
+(`PartFault`).
 """
 
 import errno
@@ -21,13 +21,13 @@ import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from flight.errors import InputError
 from flight.units import read_table
-from hw_fakes.i2c import no_acknowledge
+from hw_fakes.i2c import I2CBus, no_acknowledge
 
 BRIDGES = ("alpha", "beta", "airspeed")
 BAROMETERS = ("baro", "static")
@@ -52,12 +52,12 @@ DEVICES_OF_KIND: dict[str, tuple[str, ...]] = {
     "unplugged": SERIAL_PARTS,
     "silent": SERIAL_PARTS,
 }
-TIMEOUT_NS = 20_000_000  # what a bounded transfer on a hanging bus costs
+TIMEOUT_NS = 20_000_000  # duration of a transfer that times out
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One fault. start_s, duration_s: on the simulation's time. rate: chance that a byte is hit."""
+    """One fault. start_s, duration_s: in simulated time. rate: probability that a byte is changed."""
 
     kind: str
     device: str
@@ -90,48 +90,48 @@ def load_faults(path: str | Path) -> tuple[Fault, ...]:
         raise InputError(f"{path}: not valid TOML ({error})") from None
     entries = table.pop("fault", [])
     if table or not isinstance(entries, list):
-        raise InputError(f"{path}: only [[fault]] tables are understood")
+        raise InputError(f"{path}: only [[fault]] tables are allowed")
     faults = tuple(read_table(Fault, entry, f"{path}: fault {i + 1}") for i, entry in enumerate(entries))
     for i, fault in enumerate(faults):
-        check(fault, f"{path}: fault {i + 1}")
+        check_fault(fault, f"{path}: fault {i + 1}")
     return faults
 
 
-def check(fault: Fault, where: str) -> None:
+def check_fault(fault: Fault, where: str) -> None:
     """Raises InputError unless the fault can happen to its device."""
     if fault.kind not in DEVICES_OF_KIND:
         raise InputError(f"{where}: unknown kind {fault.kind!r}; known: {', '.join(DEVICES_OF_KIND)}")
     if fault.device not in DEVICES_OF_KIND[fault.kind]:
         raise InputError(
-            f"{where}: {fault.kind} cannot happen to {fault.device!r}; to {', '.join(DEVICES_OF_KIND[fault.kind])}"
+            f"{where}: {fault.kind} cannot happen to {fault.device!r}, only to {', '.join(DEVICES_OF_KIND[fault.kind])}"
         )
     if fault.start_s < 0 or fault.duration_s <= 0 or not 0 <= fault.rate <= 1:
         raise InputError(f"{where}: start must not be negative, duration must be positive, rate 0 to 1")
 
 
 class PartFault:
-    """Something that happens inside a part: `begin` at its start, `end` at its end, each told its instant [ns] once."""
+    """A fault inside a part: calls `begin` at its start and `end` at its end, each once, with the time [ns]."""
 
     def __init__(self, fault: Fault, begin: Callable[[int], None], end: Callable[[int], None]):
         self._due: list[tuple[float, Callable[[int], None]]] = [(fault.start_ns, begin), (fault.end_ns, end)]
 
     def next_ns(self) -> float:
-        """When something is due next; infinity when nothing is."""
+        """Time of the next event [ns]; infinity without one."""
         return self._due[0][0] if self._due else float("inf")
 
     def happen(self) -> None:
-        """Do what is due next."""
+        """Execute the next event."""
         at_ns, event = self._due.pop(0)
         event(int(at_ns))
 
 
-def inside(fault: Fault, part) -> PartFault | None:
-    """The fault as it happens inside `part`, or None when it happens on the wire."""
+def part_fault(fault: Fault, part: Any) -> PartFault | None:
+    """The fault as an effect inside `part`, or None when it acts on the wire."""
 
     def nothing(at_ns: int) -> None:
         return None
 
-    def set_attribute(name: str, value):
+    def set_attribute(name: str, value: object) -> Callable[[int], None]:
         return lambda at_ns: setattr(part, name, value)
 
     match fault.kind:
@@ -151,19 +151,11 @@ def inside(fault: Fault, part) -> PartFault | None:
     return None
 
 
-class I2CBus(Protocol):
-    def write(self, address: int, data: bytes) -> None: ...
-
-    def read(self, address: int, count: int) -> bytes: ...
-
-    def write_read(self, address: int, data: bytes, count: int) -> bytes: ...
-
-
 class FaultyBus:
-    """A bus between which and its parts things go wrong; satisfies `daq.bus.I2CBus`.
+    """An I2C bus with faults; satisfies `daq.bus.I2CBus`.
 
-    faults: by address; those of the whole bus at None. parts: what happens inside parts, by address. now_ns: the
-    simulation's time [ns]. spend_ns: told what a timeout costs [ns], None when time passes by itself.
+    faults: by address; those of the whole bus at None. parts: faults inside parts, by address. now_ns: simulated time
+    [ns]. spend_ns: is called with the duration of a timeout [ns]; None when time passes by itself.
     """
 
     def __init__(
@@ -195,7 +187,7 @@ class FaultyBus:
         return self._reply(address, data, count, lambda: self._bus.write_read(address, data, count))
 
     def _at_the_wire(self, address: int) -> list[Fault]:
-        """Faults that act now; raises OSError for those that let no byte through."""
+        """Faults that are active now; raises OSError for those that block the transfer."""
         now_ns = self._now_ns()
         for part in self._parts.get(address, ()):
             while part.next_ns() <= now_ns:
@@ -213,28 +205,28 @@ class FaultyBus:
     def _reply(self, address: int, data: bytes, count: int, ask: Callable[[], bytes]) -> bytes:
         kinds = {fault.kind: fault for fault in self._at_the_wire(address)}
         if "wrong_device" in kinds:
-            return stranger(data, count)
+            return memory_chip_reply(data, count)
         question = (address, data, count)
         if "stuck_value" in kinds and question in self._seen:
             return self._seen[question]
         reply = self._seen[question] = ask()
-        return hit(reply, kinds["bit_flips"].rate, self._draw) if "bit_flips" in kinds else reply
+        return flip_bits(reply, kinds["bit_flips"].rate, self._draw) if "bit_flips" in kinds else reply
 
 
-def stranger(data: bytes, count: int) -> bytes:
-    """What a memory chip at the address would answer: consecutive bytes from the place it was pointed to."""
+def memory_chip_reply(data: bytes, count: int) -> bytes:
+    """The reply of a memory chip at the address: consecutive bytes from the address that was written."""
     start = data[0] if data else 0
     return bytes((start + i) % 256 for i in range(count))
 
 
-def hit(data: bytes, rate: float, draw: np.random.Generator) -> bytes:
-    """`data` with one bit turned over in each byte that chance (`rate` a byte) hits."""
+def flip_bits(data: bytes, rate: float, draw: np.random.Generator) -> bytes:
+    """`data` with one bit inverted in each byte that is drawn, with probability `rate`."""
     struck = draw.random(len(data)) < rate
     bits = 1 << draw.integers(0, 8, len(data))
-    return bytes(byte ^ int(bit) if hit_ else byte for byte, hit_, bit in zip(data, struck, bits, strict=True))
+    return bytes(byte ^ int(bit) if struck_ else byte for byte, struck_, bit in zip(data, struck, bits, strict=True))
 
 
-class Line(Protocol):
+class SerialLine(Protocol):
     baud: int
 
     def read_available(self) -> bytes: ...
@@ -245,13 +237,18 @@ class Line(Protocol):
 
 
 class FaultyPort:
-    """A serial line on which things go wrong; satisfies `daq.bus.BytePort`.
+    """A serial line with faults; satisfies `daq.bus.BytePort`.
 
-    Once unplugged it stays dead, as an open file of a device that is gone does: it has to be opened again.
+    After `unplugged` it must be opened again, like the file of a real device.
     """
 
     def __init__(
-        self, line: Line, faults: Sequence[Fault], parts: Iterable[PartFault], now_ns: Callable[[], int], seed: int
+        self,
+        line: SerialLine,
+        faults: Sequence[Fault],
+        parts: Iterable[PartFault],
+        now_ns: Callable[[], int],
+        seed: int,
     ):
         self._line = line
         self._faults = faults
@@ -275,7 +272,7 @@ class FaultyPort:
             return b""
         for fault in active:
             if fault.kind == "checksum_errors":
-                data = hit(data, fault.rate, self._draw)
+                data = flip_bits(data, fault.rate, self._draw)
         return data
 
     def write(self, data: bytes) -> None:
@@ -286,7 +283,7 @@ class FaultyPort:
         now_ns = self._now_ns()
         for part in self._parts:
             while (due_ns := part.next_ns()) <= now_ns:
-                self._line.collect(int(due_ns) - 1)  # what it sent before, it sent as it was before
+                self._line.collect(int(due_ns) - 1)  # bytes sent before the event are not affected by it
                 part.happen()
         if any(f.kind == "unplugged" and f.start_ns <= now_ns and f.end_ns > self._opened_ns for f in self._faults):
             raise OSError(errno.EIO, "device reports readiness to read but returned no data (device disconnected?)")

@@ -1,9 +1,9 @@
-"""A fake I2C bus as a device file, /dev/i2c-N in all but its place, for unmodified smbus2 in another process.
+"""A fake I2C bus as a device file that works like /dev/i2c-N, for unmodified smbus2 in another process.
 
 The file is the root of a FUSE file system, mounted over an ordinary file, and is served straight through /dev/fuse (the
-kernel's include/uapi/linux/fuse.h, protocol 7.31). The ioctls of linux/i2c-dev.h carry no sizes in their numbers, so
-the kernel hands over nothing but the caller's process and the address of its argument; the messages are fetched and the
-replies stored with process_vm_readv and process_vm_writev. All this needs root.
+kernel's include/uapi/linux/fuse.h, protocol 7.31). The numbers of the ioctls in linux/i2c-dev.h contain no
+sizes, so the kernel passes only the caller's process and the address of its argument; messages are read and replies
+written with process_vm_readv and process_vm_writev. This needs root.
 """
 
 import ctypes
@@ -14,7 +14,8 @@ import struct
 import threading
 import time
 from pathlib import Path
-from typing import Protocol
+
+from hw_fakes.i2c import I2CBus
 
 # linux/i2c-dev.h and linux/i2c.h
 I2C_RETRIES, I2C_TIMEOUT, I2C_SLAVE, I2C_FUNCS, I2C_SLAVE_FORCE, I2C_RDWR = (
@@ -44,20 +45,12 @@ DIRECT_IO, NONSEEKABLE = 0x1, 0x4
 REQUEST_BYTES = 1 << 17
 ROOT = 1
 MNT_DETACH = 2
-# What opening /dev/fuse or mounting says where there is no FUSE, or no right to it; anything else is a mistake of ours.
+# Errors of opening /dev/fuse or mounting without FUSE or permission; any other error is a defect of this module.
 UNAVAILABLE = frozenset({errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.EPERM, errno.EACCES})
 
 
-class I2CBus(Protocol):
-    def write(self, address: int, data: bytes) -> None: ...
-
-    def read(self, address: int, count: int) -> bytes: ...
-
-    def write_read(self, address: int, data: bytes, count: int) -> bytes: ...
-
-
 class FuseI2C:
-    """Serves `bus` at `path` (made when it is not there) until closed. Use it as a context manager.
+    """Serves `bus` at `path` (created if missing) until closed. Use it as a context manager.
 
     bit_rate_Hz: a transfer takes the time it would on a wire. Raises OSError where FUSE is missing or not
     permitted (UNAVAILABLE).
@@ -95,7 +88,7 @@ class FuseI2C:
             self._thread.join()
 
     def _call(self, name: str, *arguments: object) -> int:
-        result = getattr(self._libc, name)(*arguments)
+        result: int = getattr(self._libc, name)(*arguments)
         if result < 0:
             number = ctypes.get_errno()
             raise OSError(number, os.strerror(number), str(self.path))
@@ -108,7 +101,7 @@ class FuseI2C:
             try:
                 request = os.read(self._fuse, REQUEST_BYTES)
             except OSError as error:
-                if error.errno in (errno.ENOENT, errno.EINTR, errno.EAGAIN):  # the request was taken back
+                if error.errno in (errno.ENOENT, errno.EINTR, errno.EAGAIN):  # the request was cancelled
                     continue
                 return  # ENODEV: unmounted
             _, opcode, unique, _, _, _, pid, _ = IN_HEADER.unpack_from(request)
@@ -119,13 +112,13 @@ class FuseI2C:
             if opcode not in UNANSWERED:
                 try:
                     os.write(self._fuse, OUT_HEADER.pack(OUT_HEADER.size + len(body), number, unique) + body)
-                except FileNotFoundError:  # whoever asked has gone
+                except FileNotFoundError:  # the caller has gone
                     pass
-                except OSError:  # closed while somebody still asked
+                except OSError:  # closed during a request
                     return
 
     def _answer(self, opcode: int, body: bytes, pid: int) -> bytes:
-        """Raises OSError with the number that the caller is to see."""
+        """The reply to a request. Raises OSError with the error number for the caller."""
         if opcode == INIT:
             _, _, read_ahead, _ = INIT_IN.unpack_from(body)
             return INIT_OUT.pack(MAJOR, MINOR, read_ahead, 0, 0, 0, REQUEST_BYTES // 2, 1, 0, 0)
@@ -179,7 +172,7 @@ class FuseI2C:
             self._store(pid, at, reply)
         if written is not None:
             self._bus.write(*written)
-        return count
+        return int(count)
 
     # --- the caller's memory ---
 
@@ -191,7 +184,7 @@ class FuseI2C:
     def _store(self, pid: int, at: int, data: bytes) -> None:
         self._move("process_vm_writev", pid, at, ctypes.create_string_buffer(data, len(data)), len(data))
 
-    def _move(self, name: str, pid: int, at: int, buffer: ctypes.Array, length: int) -> None:
+    def _move(self, name: str, pid: int, at: int, buffer: "ctypes.Array[ctypes.c_char]", length: int) -> None:
         if length == 0:
             return
         ours = IoVec(ctypes.addressof(buffer), length)

@@ -1,4 +1,4 @@
-"""One I2C bus with fake parts on it, with the time that transfers take."""
+"""An I2C bus with fake parts, and the duration of its transfers."""
 
 import errno
 from collections.abc import Callable
@@ -8,7 +8,7 @@ BITS_PER_BYTE = 9  # eight and the acknowledge (UM10204 sec. 3.1.5)
 
 
 class I2CDevice(Protocol):
-    """A part as the bus sees it. It works out its state from its clock when it is touched; nothing runs by itself."""
+    """A part on the bus. It computes its state from its clock at each access; nothing runs in the background."""
 
     def write(self, data: bytes) -> None:
         """A write message; raises OSError when the part does not acknowledge."""
@@ -20,8 +20,18 @@ class I2CDevice(Protocol):
         """A write and a read joined by a repeated start."""
 
 
+class I2CBus(Protocol):
+    """The same interface as `daq.bus.I2CBus`, which `hw_fakes` does not import."""
+
+    def write(self, address: int, data: bytes) -> None: ...
+
+    def read(self, address: int, count: int) -> bytes: ...
+
+    def write_read(self, address: int, data: bytes, count: int) -> bytes: ...
+
+
 def no_acknowledge(address: int | None = None) -> OSError:
-    """What Linux reports when nobody pulls the line down: error 121 (Remote I/O error)."""
+    """The error of Linux without an acknowledge: 121 (Remote I/O error)."""
     where = "" if address is None else f" at 0x{address:02x}"
     return OSError(errno.EREMOTEIO, f"Remote I/O error: no acknowledge{where}")
 
@@ -29,8 +39,8 @@ def no_acknowledge(address: int | None = None) -> OSError:
 class FakeI2CBus:
     """Parts by address; satisfies `daq.bus.I2CBus`.
 
-    devices: part by 7-bit address. `find`, where given, is asked about an address that is not in it (a part that is
-    only visible at times). spend_ns: told how long each transfer took [ns], None when time passes by itself.
+    devices: part by 7-bit address. find: is called with an address that is not in it, for a part that is visible only
+    at times. spend_ns: is called with the duration of each transfer [ns]; None when time passes by itself.
     bit_rate_Hz: of the bus clock.
     """
 

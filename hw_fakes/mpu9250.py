@@ -1,9 +1,9 @@
 """InvenSense MPU-9250: accelerometer, gyroscope, thermometer and FIFO behind a register map.
 
 Sections are those of the register map RM-MPU-9250A-00 (rev. 1.4) and of the product specification PS-MPU-9250A-01.
-Bias, noise and misalignment are in what the simulator says the part feels; range, quantisation, saturation and the
-digital low-pass filter are made here. The filter works on what the part feels every millisecond, before the divider
-takes some of its outputs: vibration above the divided rate folds into the samples, as far as the filter lets it.
+Bias, noise and misalignment are in the simulator's sensor inputs; range, quantisation, saturation and the digital
+low-pass filter are here. The filter works on inputs every millisecond, before the divider selects some of its outputs:
+vibration above half the divided rate is aliased into the samples, attenuated by the filter.
 
 The chip's axes are the body's (x forward, y right, z down: mounted with its top to the ground).
 """
@@ -14,9 +14,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from flight.atmosphere import GRAVITY_MPS2
-from hw_fakes.blocks import Blocks
 from hw_fakes.i2c import no_acknowledge
-from sim.felt import Array, Felt
+from hw_fakes.sample_blocks import SampleBlocks
+from sim.sensor_truth import Array, SensorTruth
 
 # Register addresses (RM sec. 3).
 SELF_TEST_X_GYRO, SELF_TEST_X_ACCEL = 0x00, 0x0D
@@ -46,9 +46,9 @@ FIFO_COLUMNS = ((0x08, (0, 1, 2)), (0x80, (3,)), (0x40, (4,)), (0x20, (5,)), (0x
 ACCEL_COUNTS_PER_G = (16384, 8192, 4096, 2048)  # PS sec. 3.2, by ACCEL_FS_SEL
 GYRO_COUNTS_PER_DPS = (131, 65.5, 32.8, 16.4)  # PS sec. 3.1, by GYRO_FS_SEL
 TEMPERATURE_COUNTS_PER_K, TEMPERATURE_ZERO_K = 333.87, 273.15 + 21  # PS sec. 3.4.2
-# Filters by DLPF_CFG and A_DLPF_CFG: corner [Hz] (None: wider than we can sample) and delay [s].
-# The gyroscope's delays are those of a first-order low-pass at its corner and 2 ms more, to 0.4 ms: so that is what it
-# is here. The accelerometer's leave more over; the datasheet does not say what of.
+# Filters by DLPF_CFG and A_DLPF_CFG: corner frequency [Hz] (None: above the sampling rate) and delay [s].
+# The gyroscope's delays equal those of a first-order low-pass at its corner plus 2 ms, to 0.4 ms, which is the model
+# here. The accelerometer's exceed it by more; the datasheet does not explain why.
 GYRO_FILTERS = (
     (None, 0.97e-3),
     (184.0, 2.9e-3),
@@ -72,22 +72,22 @@ ACCEL_FILTERS = (
 )  # RM sec. 4.7
 ACCEL_WITHOUT_FILTER = (None, 0.75e-3)
 INTERNAL_RATE_HZ = 1e3  # of the filters
-WARM_UP = 10  # time constants: what a filter started from rest does not know yet is 5e-5 of a change
+WARM_UP = 10  # time constants, after which the start of the filter still counts 5e-5
 
 START_UP_NS = 11_000_000  # registers can be read and written (PS sec. 3.3.2, typical)
 GYRO_START_UP_S = 35e-3  # from sleep (PS sec. 3.1); the outputs read zero until then
 CLOCK_TOLERANCE = 0.01  # sample rate with the gyroscope's oscillator (PS sec. 3.4.2)
 
 
-class MPU9250:
+class FakeMPU9250:
     """The part at its address; `bypass` tells whether the magnetometer inside is on the outer bus.
 
-    now_ns: the time that is 0 where `felt` begins [ns]. seed: draws factory trim and clock error. powered_ns: since
-    when it has had power.
+    now_ns: gives the time since the start of `sensor_truth` [ns]. seed: draws factory trim and clock error.
+    powered_ns: when its supply came on, on that clock.
     """
 
-    def __init__(self, felt: Felt, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
-        self._felt = felt
+    def __init__(self, sensor_truth: SensorTruth, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
+        self._sensor_truth = sensor_truth
         self._now_ns = now_ns
         draw = np.random.default_rng(seed)
         self._factory_trim = draw.integers(0x40, 0xC0, 6, dtype=np.uint8)
@@ -95,7 +95,7 @@ class MPU9250:
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply gone and back: registers at their defaults, deaf for the start-up time."""
+        """Supply off and on: registers at their defaults, no acknowledge during the start-up time."""
         self._registers = bytearray(REGISTER_COUNT)
         self._ready_ns = at_ns + START_UP_NS
         self._reset(self._ready_ns)
@@ -154,7 +154,7 @@ class MPU9250:
         self._restart_sampling(now_ns)
 
     def _write_register(self, address: int, value: int, now_ns: int) -> None:
-        self._catch_up(now_ns)  # what was sampled so far, was sampled with the old settings
+        self._catch_up(now_ns)  # samples up to now have the old settings
         if address in READ_ONLY:
             return
         before = self._registers[address]
@@ -201,7 +201,7 @@ class MPU9250:
         self._done = 0  # samples since the origin
         self._latched_count = len(self._fifo)
         period_s = self._period_ns * 1e-9
-        self._blocks = Blocks(self._sample, period_s, now_ns * 1e-9 + period_s)
+        self._blocks = SampleBlocks(self._sample, period_s, now_ns * 1e-9 + period_s)
 
     def _sample_rate_Hz(self) -> float:
         """RM sec. 4.4 and 4.5: the divider works only on the 1 kHz that the filters 1 to 6 put out."""
@@ -214,7 +214,7 @@ class MPU9250:
         return 1e3 / (1 + self._registers[SMPLRT_DIV])
 
     def _catch_up(self, now_ns: int) -> None:
-        """Do what the part did by itself since it was last touched."""
+        """Compute the samples since the last access."""
         done = int((now_ns - self._origin_ns) / self._period_ns)
         if done <= self._done or self._registers[PWR_MGMT_1] & SLEEP:
             return
@@ -238,7 +238,7 @@ class MPU9250:
         else:
             first = max(first, stop - at_most)
             self._fifo += self._blocks.rows(first, stop)[:, columns].tobytes()
-            del self._fifo[:-FIFO_SIZE]  # byte by byte: what is left need not begin with a whole sample
+            del self._fifo[:-FIFO_SIZE]  # by bytes: the rest need not begin with a whole sample
 
     def _sample(self, t_s: Array) -> np.ndarray:
         """Counts (n, 7), big-endian: specific force x y z, temperature, angular rate x y z."""
@@ -246,13 +246,13 @@ class MPU9250:
         step_s = self._period_ns * 1e-9 / stride
         inside_s = t_s[0] + np.arange(1 - stride, (n - 1) * stride + 1) * step_s
         accel, gyro = (LowPass(*settings, step_s) for settings in self._filters())
-        accel_s, gyro_s = accel.felt_at(inside_s), gyro.felt_at(inside_s)
-        force, rate = self._felt.imu(np.concatenate([accel_s, gyro_s]))
+        accel_s, gyro_s = accel.input_times(inside_s), gyro.input_times(inside_s)
+        force, rate = self._sensor_truth.imu(np.concatenate([accel_s, gyro_s]))
         force = accel.filtered(force[: len(accel_s)])[stride - 1 :: stride]
         rate = gyro.filtered(rate[len(accel_s) :])[stride - 1 :: stride]
         accel_scale = ACCEL_COUNTS_PER_G[self._registers[ACCEL_CONFIG] >> 3 & 3] / GRAVITY_MPS2
         gyro_scale = GYRO_COUNTS_PER_DPS[self._registers[GYRO_CONFIG] >> 3 & 3] * 180 / np.pi
-        temperature_K = self._felt.imu_temperature_K(t_s)
+        temperature_K = self._sensor_truth.imu_temperature_K(t_s)
         values = np.empty((n, 7))
         values[:, 0:3] = force * accel_scale
         values[:, 3] = (temperature_K - TEMPERATURE_ZERO_K) * TEMPERATURE_COUNTS_PER_K
@@ -265,7 +265,7 @@ class MPU9250:
         return np.clip(np.rint(values), -32768, 32767).astype(">i2")
 
     def _stride(self) -> int:
-        """Outputs of the filters to each sample; above 1 kHz they are taken as they come."""
+        """Filter outputs per sample; 1 at sample rates above 1 kHz."""
         return max(1, round(INTERNAL_RATE_HZ / self._sample_rate_Hz()))
 
     def _filters(self) -> tuple[tuple[float | None, float], tuple[float | None, float]]:
@@ -277,7 +277,7 @@ class MPU9250:
 
 
 class LowPass:
-    """A first-order low-pass and as much pure delay as makes up the whole delay of slow changes.
+    """A first-order low-pass and a pure delay; together they have the given delay at low frequency.
 
     corner_Hz: -3 dB, None for a pure delay. step_s: between two of its outputs.
     """
@@ -289,14 +289,14 @@ class LowPass:
         # y[k] = p y[k-1] + (1 - p) x[k] follows a ramp p/(1 - p) steps late.
         self._pure_s = delay_s - self._pole / (1 - self._pole) * step_s
 
-    def felt_at(self, t_s: Array) -> Array:
-        """Instants at which to ask what is felt, for outputs at `t_s` (n,), evenly spaced: some more than n."""
+    def input_times(self, t_s: Array) -> Array:
+        """Times [s] of the inputs needed for outputs at `t_s` (n,), evenly spaced; more than n, for the warm-up."""
         before = t_s[0] + np.arange(-self._warm_up, 0) * self._step_s
         return np.concatenate([before, t_s]) - self._pure_s
 
-    def filtered(self, felt: Array) -> Array:
-        """Outputs (n, m) for the values felt at those instants."""
+    def filtered(self, values: Array) -> Array:
+        """Outputs (n, m) for the inputs (k, m) at `input_times`."""
         if not self._warm_up:
-            return felt
-        rest = felt[:1] * self._pole
-        return np.asarray(lfilter([1 - self._pole], [1.0, -self._pole], felt, axis=0, zi=rest)[0])[self._warm_up :]
+            return values
+        rest = values[:1] * self._pole
+        return np.asarray(lfilter([1 - self._pole], [1.0, -self._pole], values, axis=0, zi=rest)[0])[self._warm_up :]

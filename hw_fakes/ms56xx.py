@@ -1,6 +1,6 @@
-"""TE MS5611-01BA03 and MS5805-02BA01: PROM, conversions that take their time, and the compensation backwards.
+"""TE MS5611-01BA03 and MS5805-02BA01: PROM, conversion times, and the inverse of the compensation.
 
-The two speak the same commands with other scale factors (MS5611 datasheet p. 7-11; MS5805 datasheet p. 6-9):
+The two have the same commands and different scale factors (MS5611 datasheet p. 7-11; MS5805 datasheet p. 6-9):
 
 - The MS5611 has eight PROM words, the CRC in the last four bits of word 7. The MS5805 has seven, the CRC in the first
   four bits of word 0.
@@ -14,9 +14,9 @@ from math import sqrt
 
 import numpy as np
 
-from hw_fakes.blocks import Blocks
 from hw_fakes.i2c import no_acknowledge
-from sim.felt import Felt
+from hw_fakes.sample_blocks import SampleBlocks
+from sim.sensor_truth import SensorTruth
 
 RESET, READ_ADC, CONVERT_D1, CONVERT_D2, READ_PROM = 0x1E, 0x00, 0x40, 0x50, 0xA0
 RELOAD_NS = 2_800_000  # PROM into the registers after a reset (MS5611 datasheet fig. 2)
@@ -31,7 +31,7 @@ CONVERSION_NS = {
 }
 FULL_COUNT = 2**24 - 1
 PRESSURE_GRID_S = 1e-3
-TEMPERATURE_GRID_S = 0.1  # a thermometer in a housing is slow
+TEMPERATURE_GRID_S = 0.1  # temperature changes slowly
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class SecondOrder:
 
 
 @dataclass(frozen=True)
-class Part:
-    """What tells one member of the family from another."""
+class MS56xxType:
+    """The differences between the members of the family."""
 
     typical: tuple[int, ...]  # C1 … C6 of the datasheet's example
     prom_words: int
@@ -59,7 +59,7 @@ class Part:
     oversampling: tuple[int, ...]
 
 
-MS5611 = Part(
+MS5611 = MS56xxType(
     typical=(40127, 36924, 23317, 23282, 33464, 28312),
     prom_words=8,
     crc_in_word=7,
@@ -71,7 +71,7 @@ MS5611 = Part(
     colder_sens=11 / 2,
     oversampling=(0x0, 0x2, 0x4, 0x6, 0x8),
 )
-MS5805 = Part(
+MS5805 = MS56xxType(
     typical=(46546, 42845, 29751, 29457, 32745, 29059),
     prom_words=7,
     crc_in_word=0,
@@ -97,19 +97,19 @@ def crc4(words: list[int]) -> int:
     return remainder >> 12
 
 
-def draw_prom(part: Part, seed: int) -> list[int]:
+def draw_prom(part: MS56xxType, seed: int) -> list[int]:
     """PROM words with coefficients scattered 3 % (1 sigma) around the typical ones, and a CRC that fits."""
     draw = np.random.default_rng(seed)
     words = [0] * 8
     words[0] = int(draw.integers(1, 0x1000))
     words[1:7] = [int(c * (1 + 0.03 * np.clip(draw.standard_normal(), -3, 3))) for c in part.typical]
     if part.prom_words == 8:
-        words[7] = int(draw.integers(0, 0x100)) << 8  # serial code; AN520 takes the low byte out of the sum
+        words[7] = int(draw.integers(0, 0x100)) << 8  # serial code; AN520 leaves the low byte out of the checksum
     words[part.crc_in_word] |= crc4(words) << part.crc_shift
     return words[: part.prom_words]
 
 
-def temperature_counts(part: Part, prom: list[int], temperature_K: float) -> int:
+def temperature_counts(part: MS56xxType, prom: list[int], temperature_K: float) -> int:
     """D2 at which the compensation gives `temperature_K`, to the nearest count."""
     c5, c6 = prom[5], prom[6]
     centi_degC = 100 * (temperature_K - 273.15)
@@ -121,7 +121,7 @@ def temperature_counts(part: Part, prom: list[int], temperature_K: float) -> int
     return _clip(round(dT + c5 * 2**8))
 
 
-def pressure_counts(part: Part, prom: list[int], pressure_Pa: float, d2: int) -> int:
+def pressure_counts(part: MS56xxType, prom: list[int], pressure_Pa: float, d2: int) -> int:
     """D1 at which the compensation with temperature counts `d2` gives `pressure_Pa`, to the nearest count."""
     c1, c2, c3, c4, c5, c6 = prom[1:7]
     dT = d2 - c5 * 2**8
@@ -141,27 +141,39 @@ def _clip(counts: int) -> int:
     return min(max(counts, 0), FULL_COUNT)
 
 
-class MS56xx:
+class FakeMS56xx:
     """A barometer of the family.
 
-    which: what it measures, in `sim.felt.Felt`'s words ("baro", "static"). now_ns: the time that is 0 where
-    `felt` begins [ns]. seed: draws the coefficients and how fast this one converts between typical and worst case.
-    powered_ns: since when it has had power.
+    which: its name in `sim.sensor_truth.SensorTruth` ("baro", "static"). now_ns: gives the time since the start of
+    `sensor_truth` [ns]. seed: draws the coefficients and the conversion time, between typical and worst case.
+    powered_ns: when its supply came on, on that clock.
 
-    A conversion takes the mean of nothing: it holds the pressure of its middle.
+    A conversion gives the pressure in the middle of its time; the part does not average.
     """
 
-    def __init__(self, part: Part, which: str, felt: Felt, now_ns: Callable[[], int], seed: int, powered_ns: int = 0):
+    def __init__(
+        self,
+        part: MS56xxType,
+        which: str,
+        sensor_truth: SensorTruth,
+        now_ns: Callable[[], int],
+        seed: int,
+        powered_ns: int = 0,
+    ):
         self.part = part
         self._now_ns = now_ns
         self.prom = draw_prom(part, seed)
         self._slowness = np.random.default_rng(seed + 1).uniform()
-        self._pressure = Blocks(lambda t_s: felt.absolute_pressure_Pa(which, t_s), PRESSURE_GRID_S, length=1000)
-        self._temperature = Blocks(lambda t_s: felt.transducer_temperature_K(which, t_s), TEMPERATURE_GRID_S, length=64)
+        self._pressure = SampleBlocks(
+            lambda t_s: sensor_truth.absolute_pressure_Pa(which, t_s), PRESSURE_GRID_S, length=1000
+        )
+        self._temperature = SampleBlocks(
+            lambda t_s: sensor_truth.transducer_temperature_K(which, t_s), TEMPERATURE_GRID_S, length=64
+        )
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply gone and back."""
+        """Supply off and on."""
         self._ready_ns = at_ns + RELOAD_NS
         self._conversion: tuple[int, int, int] | None = None  # command, start, end
         self._spoilt = False

@@ -1,23 +1,23 @@
-"""A serial line between a part and a computer: bytes arrive one after the other, at the line's pace."""
+"""A serial line between a part and a computer: bytes arrive one after the other at the baud rate."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Protocol
 
 BITS_PER_BYTE = 10  # start, eight data, stop
-RECEIVE_BUFFER = 4095  # bytes the kernel keeps for a reader that does not come (N_TTY)
-TRANSMIT_BUFFER = 4096  # bytes a part keeps for a line that is too slow; what does not fit is lost whole
+RECEIVE_BUFFER = 4095  # bytes the kernel keeps for a slow reader (N_TTY)
+TRANSMIT_BUFFER = 4096  # bytes a part keeps for a slow line; a message that does not fit is lost
 
 
 class SerialDevice(Protocol):
-    """A part with a serial line. It works out what it has sent when it is asked; nothing runs by itself."""
+    """A part with a serial line. It computes what it has sent at each call; nothing runs in the background."""
 
     @property
     def baud(self) -> int:
-        """What the part itself is set to."""
+        """Baud rate of the part."""
 
     def output(self, until_ns: int) -> Iterable[tuple[int, bytes]]:
-        """What it began to send since the last call and up to `until_ns`: (instant [ns], bytes), in order."""
+        """Messages whose sending began after the last call and up to `until_ns`: (time [ns], bytes), in order."""
 
     def receive(self, data: bytes, at_ns: int) -> None:
         """`data` has arrived at `at_ns`."""
@@ -26,8 +26,8 @@ class SerialDevice(Protocol):
 class FakePort:
     """The computer's end; satisfies `daq.bus.BytePort`.
 
-    now_ns: the time that is 0 where the simulation begins [ns]. Bytes sent before the port was opened are lost.
-    With another baud than the part's, both sides receive noise instead of bytes.
+    now_ns: gives the time since the start of the simulation [ns]. Bytes sent before the port was opened are lost.
+    At a baud rate other than the part's, both sides receive garbled bytes.
     """
 
     def __init__(self, device: SerialDevice, baud: int, now_ns: Callable[[], int]):
@@ -57,7 +57,7 @@ class FakePort:
         return taken if self.baud == self._device.baud else garbled(taken)
 
     def collect(self, until_ns: int) -> None:
-        """Put on the line what the part sends up to `until_ns`."""
+        """Move what the part sends up to `until_ns` to the line."""
         byte_ns = BITS_PER_BYTE * 1e9 / self._device.baud
         for sent_ns, data in self._device.output(until_ns):
             start_ns = max(sent_ns, self._line_free_ns)
@@ -72,5 +72,5 @@ class FakePort:
 
 
 def garbled(data: bytes) -> bytes:
-    """What a receiver at the wrong speed makes of `data`: something else, the same each time."""
+    """`data` as received at a wrong baud rate: other bytes, the same each time."""
     return bytes((byte * 167 + 89) & 0xFF for byte in data)

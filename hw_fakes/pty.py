@@ -12,7 +12,7 @@ POLL_S = 0.002
 BAUD_OF_CODE = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
 
 
-class Port(Protocol):
+class SerialPort(Protocol):
     """The computer's end of the line, such as `hw_fakes.port.FakePort`."""
 
     baud: int
@@ -25,13 +25,13 @@ class Port(Protocol):
 class PtyServer:
     """Serves `port` on a pseudo-terminal until closed; `path` is what to open.
 
-    Whoever opens the path sets the line's speed as on a real one. Bytes that nobody reads are lost, as when the
-    kernel's buffer of a real line is full. Use it as a context manager. The part's clock has to be a real one.
+    The baud rate is set by whoever opens the path, as on a real line. Bytes that are not read in time are lost, as
+    when the kernel's buffer of a real line is full. Use it as a context manager. The part's clock must run by itself.
     """
 
-    def __init__(self, port: Port):
+    def __init__(self, port: SerialPort):
         self._port = port
-        self._ours, self._theirs = os.openpty()  # holding theirs open keeps the line alive between two openings
+        self._ours, self._theirs = os.openpty()  # keeping theirs open preserves the line between two openings
         tty.setraw(self._theirs)
         os.set_blocking(self._ours, False)
         self.path = os.ttyname(self._theirs)
@@ -64,5 +64,5 @@ class PtyServer:
             try:
                 while data:
                     data = data[os.write(self._ours, data) :]
-            except BlockingIOError:  # nobody reads
+            except BlockingIOError:  # the reader is too slow
                 pass

@@ -4,8 +4,8 @@
     for turn in replay(recording, "imu", make):
         turn.samples, turn.failure
 
-`make` gets the recorded buses and makes the driver. Whatever the driver does that is not what was recorded next
-(another byte, another order, something more or less) raises `Mismatch`. A transfer that failed fails again.
+`make` takes the recorded buses and makes the driver. Any access of the driver that differs from the next recorded one
+raises `RecordingMismatch`. A transfer that failed in the recording fails again.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,45 +18,45 @@ import msgspec
 from flight.errors import InputError
 
 FORMAT = "flightpower-bus-recording-1"  # described in daq/bus_recording.py
-REPLY = ("t_ns", "received", "errno", "error")  # of a line: what came of it, the rest is what was done
+REPLY = ("t_ns", "received", "errno", "error")  # keys of a line with the result; the others describe the access
 
 
-class Mismatch(AssertionError):
-    """The driver did something else than what was recorded."""
+class RecordingMismatch(AssertionError):
+    """The driver did not do what was recorded."""
 
 
-class EndOfTape(Exception):
-    """The recording is over."""
+class EndOfRecording(Exception):
+    """The recording has no more lines."""
 
 
 @dataclass(frozen=True)
-class Recording:
-    """What was recorded. tray, aircraft: the texts of the files; lines: by sensor, in order."""
+class RecordedTransfers:
+    """A recording. tray, aircraft: texts of the files; lines: by sensor, in order."""
 
     tray: str
     aircraft: str | None
     lines: dict[str, list[dict[str, Any]]]
 
 
-def load_recording(path: str | Path) -> Recording:
-    """Raises InputError when the file cannot be read or is not a recording. A torn last line is left out."""
+def load_recording(path: str | Path) -> RecordedTransfers:
+    """Raises InputError when the file cannot be read or is not a recording. A torn last line is ignored."""
     try:
         first, *others = Path(path).read_bytes().splitlines(keepends=True)
         head = msgspec.json.decode(first)
         lines = [msgspec.json.decode(line) for line in others if line.endswith(b"\n")]
         if head["format"] != FORMAT:
-            raise InputError(f"{path}: not a bus recording of this kind ({head['format']})")
+            raise InputError(f"{path}: not a bus recording in a supported format ({head['format']})")
         by_sensor: dict[str, list[dict[str, Any]]] = {}
         for line in lines:
             by_sensor.setdefault(line["sensor"], []).append(line)
-        return Recording(head["tray"], head["aircraft"], by_sensor)
+        return RecordedTransfers(head["tray"], head["aircraft"], by_sensor)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except (ValueError, KeyError, TypeError, msgspec.DecodeError):
         raise InputError(f"{path}: not a bus recording") from None
 
 
-class Tape:
+class Playback:
     """The lines of one sensor, one after the other."""
 
     def __init__(self, lines: list[dict[str, Any]]):
@@ -68,13 +68,17 @@ class Tape:
         return self._lines[self._next] if self._next < len(self._lines) else None
 
     def play(self, **done: Any) -> dict[str, Any]:
-        """The next line, which has to be what is `done` now; raises Mismatch, EndOfTape, or the recorded OSError."""
+        """The next line, which must describe what is `done` now.
+
+        Raises RecordingMismatch when it does not, EndOfRecording after the last line, and the OSError that the line
+        records.
+        """
         line = self.peek()
         if line is None:
-            raise EndOfTape
+            raise EndOfRecording
         recorded = {key: value for key, value in line.items() if key not in (*REPLY, "sensor")}
         if recorded != done:
-            raise Mismatch(f"line {self._next + 1} of {line['sensor']}: {done} where {recorded} was recorded")
+            raise RecordingMismatch(f"line {self._next + 1} of {line['sensor']}: {done} where {recorded} was recorded")
         self._next += 1
         if "errno" in line:
             raise OSError(line["errno"], line["error"])
@@ -84,87 +88,87 @@ class Tape:
 class ReplayBuses:
     """The recorded buses and ports; satisfies `daq.bus.Buses`."""
 
-    def __init__(self, tape: Tape):
-        self._tape = tape
+    def __init__(self, playback: Playback):
+        self._playback = playback
 
     def i2c(self, device: str) -> "ReplayBus":
-        self._tape.play(do="open", device=device)
-        return ReplayBus(self._tape)
+        self._playback.play(do="open", device=device)
+        return ReplayBus(self._playback)
 
     def port(self, device: str, baud: int) -> "ReplayPort":
-        self._tape.play(do="open", device=device, baud=baud)
-        return ReplayPort(self._tape)
+        self._playback.play(do="open", device=device, baud=baud)
+        return ReplayPort(self._playback)
 
 
 class ReplayBus:
     """Satisfies `daq.bus.I2CBus`."""
 
-    def __init__(self, tape: Tape):
-        self._tape = tape
+    def __init__(self, playback: Playback):
+        self._playback = playback
 
     def write(self, address: int, data: bytes) -> None:
-        self._tape.play(do="write", address=address, sent=data.hex())
+        self._playback.play(do="write", address=address, sent=data.hex())
 
     def read(self, address: int, count: int) -> bytes:
-        return bytes.fromhex(self._tape.play(do="read", address=address, count=count)["received"])
+        return bytes.fromhex(self._playback.play(do="read", address=address, count=count)["received"])
 
     def write_read(self, address: int, data: bytes, count: int) -> bytes:
-        line = self._tape.play(do="write_read", address=address, sent=data.hex(), count=count)
+        line = self._playback.play(do="write_read", address=address, sent=data.hex(), count=count)
         return bytes.fromhex(line["received"])
 
 
 class ReplayPort:
     """Satisfies `daq.bus.BytePort`."""
 
-    def __init__(self, tape: Tape):
-        self._tape = tape
+    def __init__(self, playback: Playback):
+        self._playback = playback
 
     def read_available(self) -> bytes:
-        return bytes.fromhex(self._tape.play(do="read")["received"])
+        return bytes.fromhex(self._playback.play(do="read")["received"])
 
     def write(self, data: bytes) -> None:
-        self._tape.play(do="write", sent=data.hex())
+        self._playback.play(do="write", sent=data.hex())
 
 
-class Turn(NamedTuple):
-    """One reading of the driver: what it gave, or what it raised (also while it was made or brought up)."""
+class ReplayedReading(NamedTuple):
+    """One reading of the driver: its samples, or the exception it raised (also while it was made or started)."""
 
-    now_ns: int | None  # None for a bringing up that failed
+    now_ns: int | None  # None for a start that failed
     samples: list[Any]
     failure: Exception | None
 
 
-def replay(recording: Recording, sensor: str, make: Callable[[ReplayBuses], Any]) -> Iterator[Turn]:
-    """Let drivers live through what was recorded of `sensor`; raises Mismatch where they behave differently.
+def replay(recording: RecordedTransfers, sensor: str, make: Callable[[ReplayBuses], Any]) -> Iterator[ReplayedReading]:
+    """Play the recording of `sensor` back to its driver; raises RecordingMismatch where the driver differs from it.
 
-    make: from buses to a driver (`daq.sensors.Sensor`), called whenever one was made.
+    make: from buses to a driver (`daq.sensors.Sensor`), called wherever the recording made one.
     """
-    tape = Tape(recording.lines.get(sensor, []))
-    buses = ReplayBuses(tape)
+    playback = Playback(recording.lines.get(sensor, []))
+    buses = ReplayBuses(playback)
     driver = None
-    while (line := tape.peek()) is not None:
+    while (line := playback.peek()) is not None:
         now_ns = line.get("now_ns")
         samples: list[Any] = []
         failure = None
         try:
             if line["do"] == "make":
-                tape.play(do="make")
+                playback.play(do="make")
                 driver = make(buses)
                 for _ in driver.start():
                     pass
             elif driver is not None:
-                tape.play(do="turn", now_ns=now_ns)
+                playback.play(do="turn", now_ns=now_ns)
                 samples = driver.read(now_ns)
             else:
-                raise Mismatch(f"{sensor}: {line['do']} before a driver was made")
-        except EndOfTape:
+                raise RecordingMismatch(f"{sensor}: {line['do']} before a driver was made")
+        except EndOfRecording:
             return
-        except Mismatch:
+        except RecordingMismatch:
             raise
-        except Exception as error:  # what the daemon would log, and make a new driver for
+        except Exception as error:  # the daemon would log this and make a new driver
             failure = error
-        left_out = tape.peek()
+        left_out = playback.peek()
         if left_out is not None and left_out["do"] not in ("make", "turn"):
-            raise Mismatch(f"{sensor}: nothing where {left_out} was recorded")
+            raise RecordingMismatch(f"{sensor}: nothing where {left_out} was recorded")
         if failure is not None or now_ns is not None:
-            yield Turn(now_ns, samples, failure)
+            yield ReplayedReading(now_ns, samples, failure)

@@ -1,4 +1,4 @@
-"""The default tray: every sensor of the aircraft on its bus or line, driven by what the simulator says it feels."""
+"""The default tray: every sensor of the aircraft on its bus or line, driven by the simulator's sensor inputs."""
 
 import errno
 import os
@@ -6,19 +6,19 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from hw_fakes import bridge, ms56xx, ublox_ddc
-from hw_fakes.ak8963 import AK8963
-from hw_fakes.autopilot import Autopilot
-from hw_fakes.esc_counter import EscCounter
-from hw_fakes.faults import BUS, Fault, FaultyBus, FaultyPort, I2CBus, PartFault, check, inside
-from hw_fakes.i2c import FakeI2CBus, I2CDevice
-from hw_fakes.mpu9250 import MPU9250
+from hw_fakes.ak8963 import FakeAK8963
+from hw_fakes.autopilot import FakeAutopilot
+from hw_fakes.esc_counter import FakeEscCounter
+from hw_fakes.faults import BUS, Fault, FaultyBus, FaultyPort, PartFault, check_fault, part_fault
+from hw_fakes.i2c import FakeI2CBus, I2CBus, I2CDevice
+from hw_fakes.mpu9250 import FakeMPU9250
 from hw_fakes.port import FakePort, SerialDevice
-from hw_fakes.ublox import PORT_DDC, PORT_UART1, UbloxM8
-from hw_fakes.ublox_ddc import Ddc
-from sim.felt import Felt
+from hw_fakes.ublox import PORT_DDC, PORT_UART1, FakeUbloxM8
+from hw_fakes.ublox_ddc import FakeUbloxDdc
+from sim.sensor_truth import SensorTruth
 
 I2C_BUS, GPS_PORT, ESC_PORT, AUTOPILOT_PORT = "/dev/i2c-1", "/dev/ttyAMA0", "/dev/ttyUSB0", "/dev/ttyUSB1"
 PORTS = {"gps": GPS_PORT, "esc_counter": ESC_PORT, "autopilot": AUTOPILOT_PORT}
@@ -31,13 +31,14 @@ ADDRESSES = {
     "beta": 0x46,
     "airspeed": 0x28,
 }
-FIRST_FLIGHT = datetime(2016, 5, 14, 9, 30, tzinfo=UTC)
+Device = TypeVar("Device")
+UTC_AT_START = datetime(2016, 5, 14, 9, 30, tzinfo=UTC)
 
 
-class Clock(Protocol):
-    """What the tray needs of a clock; `hw_fakes.clock.SimulatedClock` and `daq.clock.SystemClock` have it.
+class TrayClock(Protocol):
+    """The part of a clock that the tray uses; `hw_fakes.clock.SimulatedClock` and `daq.clock.SystemClock` have it.
 
-    A clock with `advance_ns` is told how long each transfer on the bus takes.
+    If the clock has `advance_ns`, it is called with the duration of each bus transfer.
     """
 
     def now_ns(self) -> int: ...
@@ -46,23 +47,23 @@ class Clock(Protocol):
 class FakeTray:
     """The sensors of the default tray; satisfies `daq.bus.Buses`.
 
-    felt: what the sensors feel; its time begins now. clock: whose time it is. powered_for_s: how long the parts have
-    had power; a Pi takes some 20 s to boot, so a daemon meets them long awake.
+    sensor_truth: physical inputs of the sensors; its time 0 is now. clock: gives the time. powered_for_s: how long the
+    parts have had power; a Pi takes some 20 s to boot, so the parts have started before the daemon reads them.
     seed: draws what differs between two parts of a kind (coefficients, trim, clock errors). pole_pairs: of the motor.
-    utc_at_start: true time now, as the satellites know it. geoid_m: height of the geoid above the ellipsoid.
-    rpm_with_crc: the pulse counter speaks the framed variant. gps_on_i2c: the receiver hangs on the bus. faults: what
-    goes wrong, and when; raises InputError for one that cannot happen.
+    utc_at_start: true UTC now, as GPS time gives it. geoid_m: height of the geoid above the ellipsoid.
+    rpm_with_crc: the pulse counter sends the frames with CRC. gps_on_i2c: the receiver is on the I2C bus, not on its
+    serial line. faults: what fails, and when; raises InputError for a fault that the device cannot have.
     """
 
     def __init__(
         self,
-        felt: Felt,
-        clock: Clock,
+        sensor_truth: SensorTruth,
+        clock: TrayClock,
         seed: int = 0,
         *,
         powered_for_s: float = 20.0,
         pole_pairs: int = 7,
-        utc_at_start: datetime = FIRST_FLIGHT,
+        utc_at_start: datetime = UTC_AT_START,
         geoid_m: float = 0.0,
         rpm_with_crc: bool = False,
         gps_on_i2c: bool = False,
@@ -79,17 +80,17 @@ class FakeTray:
             return zlib.crc32(f"{seed} {name}".encode())
 
         self._now_ns: Callable[[], int] = now_ns
-        self.imu = MPU9250(felt, now_ns, seed_of("imu"), powered_ns)
-        self.magnetometer = AK8963(felt, now_ns, seed_of("magnetometer"), powered_ns)
-        self.baro = ms56xx.MS56xx(ms56xx.MS5611, "baro", felt, now_ns, seed_of("baro"), powered_ns)
-        self.static = ms56xx.MS56xx(ms56xx.MS5805, "static", felt, now_ns, seed_of("static"), powered_ns)
-        self.alpha = bridge.Bridge(bridge.MS4515DO_DS5A002DP, "alpha", felt, now_ns, powered_ns)
-        self.beta = bridge.Bridge(bridge.MS4515DO_DS5A002DP, "beta", felt, now_ns, powered_ns)
-        self.airspeed = bridge.Bridge(bridge.SSCDRRN005ND2A5, "airspeed", felt, now_ns, powered_ns)
+        self.imu = FakeMPU9250(sensor_truth, now_ns, seed_of("imu"), powered_ns)
+        self.magnetometer = FakeAK8963(sensor_truth, now_ns, seed_of("magnetometer"), powered_ns)
+        self.baro = ms56xx.FakeMS56xx(ms56xx.MS5611, "baro", sensor_truth, now_ns, seed_of("baro"), powered_ns)
+        self.static = ms56xx.FakeMS56xx(ms56xx.MS5805, "static", sensor_truth, now_ns, seed_of("static"), powered_ns)
+        self.alpha = bridge.FakeBridge(bridge.MS4515DO_DS5A002DP, "alpha", sensor_truth, now_ns, powered_ns)
+        self.beta = bridge.FakeBridge(bridge.MS4515DO_DS5A002DP, "beta", sensor_truth, now_ns, powered_ns)
+        self.airspeed = bridge.FakeBridge(bridge.SSCDRRN005ND2A5, "airspeed", sensor_truth, now_ns, powered_ns)
         gps_port = PORT_DDC if gps_on_i2c else PORT_UART1
-        self.gps = UbloxM8(felt, utc_at_start, geoid_m, powered_ns=powered_ns, port_id=gps_port)
-        self.esc_counter = EscCounter(felt, pole_pairs, rpm_with_crc)
-        self.autopilot = Autopilot(felt)
+        self.gps = FakeUbloxM8(sensor_truth, utc_at_start, geoid_m, powered_ns=powered_ns, port_id=gps_port)
+        self.esc_counter = FakeEscCounter(sensor_truth, pole_pairs, rpm_with_crc)
+        self.autopilot = FakeAutopilot(sensor_truth)
 
         devices: dict[int, I2CDevice] = {
             address: getattr(self, name) for name, address in ADDRESSES.items() if name != "magnetometer"
@@ -98,16 +99,16 @@ class FakeTray:
         if gps_on_i2c:
             del ports["gps"]
             addresses["gps"] = ublox_ddc.ADDRESS
-            devices[ublox_ddc.ADDRESS] = Ddc(self.gps, now_ns)
+            devices[ublox_ddc.ADDRESS] = FakeUbloxDdc(self.gps, now_ns)
         spend_ns = getattr(clock, "advance_ns", None)
         self._parts_faults: dict[str, list[PartFault]] = {}
         for number, fault in enumerate(faults):
-            check(fault, f"fault {number + 1}")
+            check_fault(fault, f"fault {number + 1}")
         # The magnetometer is in the IMU's package, on the same supply.
         shared = [replace(f, device="magnetometer") for f in faults if (f.kind, f.device) == ("brown_out", "imu")]
         faults = (*faults, *shared)
         for fault in faults:
-            part = inside(fault, getattr(self, fault.device, None))
+            part = part_fault(fault, getattr(self, fault.device, None))
             if part is not None:
                 self._parts_faults.setdefault(fault.device, []).append(part)
         self._faults = faults
@@ -120,7 +121,7 @@ class FakeTray:
             by_address[None] = [fault for fault in by_address.get(None, []) if fault.device == BUS]
             parts = {addresses[name]: these for name, these in self._parts_faults.items() if name in addresses}
             bus = FaultyBus(bus, by_address, parts, now_ns, seed_of("bus"), spend_ns)
-        self.buses = {I2C_BUS: bus}
+        self.buses: dict[str, I2CBus] = {I2C_BUS: bus}
         self.serial_devices: dict[str, SerialDevice] = {device: getattr(self, name) for name, device in ports.items()}
 
     def i2c(self, device: str) -> I2CBus:
@@ -143,7 +144,7 @@ class FakeTray:
         return self.magnetometer if address == ADDRESSES["magnetometer"] and self.imu.bypass else None
 
 
-def _present(devices: dict, device: str):
+def _present(devices: dict[str, Device], device: str) -> Device:
     try:
         return devices[device]
     except KeyError:

@@ -1,4 +1,4 @@
-"""u-blox M8 on one of its ports: UBX navigation solutions, NMEA chatter until it is turned off, and configuration.
+"""u-blox M8 on one of its ports: UBX navigation solutions, NMEA sentences until disabled, and configuration.
 
 Sections are those of the u-blox 8 / M8 receiver description including protocol specification (UBX-13003221).
 """
@@ -9,8 +9,8 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from hw_fakes.blocks import Blocks
-from sim.felt import Array, Felt
+from hw_fakes.sample_blocks import SampleBlocks
+from sim.sensor_truth import Array, SensorTruth
 
 SYNC = b"\xb5\x62"
 NAV, ACK, CFG, MON, NMEA = 0x01, 0x05, 0x06, 0x0A, 0xF0  # message classes
@@ -69,23 +69,23 @@ def nmea(sentence: str) -> bytes:
     return f"${sentence}*{checksum:02X}\r\n".encode()
 
 
-class UbloxM8:
-    """The receiver, as the port sees it that the computer hangs on: its UART1, or DDC (I2C, `hw_fakes.ublox_ddc`).
+class FakeUbloxM8:
+    """The receiver on the port that is connected to the computer: UART1, or DDC (I2C, `hw_fakes.ublox_ddc`).
 
-    utc_at_start: true time at instant 0. geoid_m: height of the geoid above the ellipsoid. baud: what a
-    kept configuration has set the receiver to (new ones come with 9600). While `fix_lost` is set it sees no satellites.
+    utc_at_start: true UTC at time 0. geoid_m: height of the geoid above the ellipsoid. baud: baud rate of the saved
+    configuration (9600 in a new receiver). While `fix_lost` is set, there is no fix.
     """
 
     def __init__(
         self,
-        felt: Felt,
+        sensor_truth: SensorTruth,
         utc_at_start: datetime,
         geoid_m: float = 0.0,
         baud: int = 38400,
         powered_ns: int = 0,
         port_id: int = PORT_UART1,
     ):
-        self._felt = felt
+        self._sensor_truth = sensor_truth
         self._utc_at_start = utc_at_start
         self._geoid_m = geoid_m
         self._kept_baud = baud
@@ -94,7 +94,7 @@ class UbloxM8:
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply gone and back: the settings fall back to what was kept."""
+        """Supply off and on: the settings are those of the saved configuration."""
         self.baud = self._kept_baud
         self._protocols_out = PROTOCOL_UBX | PROTOCOL_NMEA
         self._rates = {(NMEA, i): 1 for i in DEFAULT_NMEA}
@@ -105,9 +105,9 @@ class UbloxM8:
     def _set_period(self, period_ms: int, now_ns: int) -> None:
         self._period_ms = period_ms
         self._epoch = now_ns // (period_ms * 1_000_000) + 1
-        self._blocks = Blocks(self._solutions, period_ms * 1e-3, length=max(1, 2000 // period_ms))
+        self._blocks = SampleBlocks(self._solutions, period_ms * 1e-3, length=max(1, 2000 // period_ms))
 
-    # --- what it sends ---
+    # --- output ---
 
     def output(self, until_ns: int) -> Iterable[tuple[int, bytes]]:
         sent, self._replies = self._replies, []
@@ -133,7 +133,7 @@ class UbloxM8:
 
     def _solutions(self, t_s: Array) -> np.ndarray:
         """Rows: valid at, fix, latitude, longitude, height, velocity north east down, accuracies h v speed."""
-        g = self._felt.gps(t_s)
+        g = self._sensor_truth.gps(t_s)
         return np.column_stack(
             [
                 g.valid_at_s,
@@ -160,7 +160,7 @@ class UbloxM8:
         )
 
     def _solution(self) -> list[float]:
-        solution = self._blocks.row(self._epoch).tolist()
+        solution: list[float] = self._blocks.row(self._epoch).tolist()
         solution[1] = solution[1] and not self.fix_lost
         return solution
 
@@ -233,7 +233,7 @@ class UbloxM8:
         }
         return b"".join(nmea(sentence[name]) for name in due)
 
-    # --- what it is told ---
+    # --- commands ---
 
     def receive(self, data: bytes, at_ns: int) -> None:
         self._received += data
@@ -242,7 +242,7 @@ class UbloxM8:
             if len(self._received) < 8:
                 return
             length = int.from_bytes(self._received[4:6], "little")
-            if length > 1024:  # no command is as long as that: these were not sync characters
+            if length > 1024:  # no command is so long: these were not sync characters
                 del self._received[:2]
                 continue
             if len(self._received) < 8 + length:
@@ -274,7 +274,7 @@ class UbloxM8:
             self._replies.append((reply_ns, answer))
 
     def _configure_port(self, payload: bytes, at_ns: int) -> bool:
-        """UBX-CFG-PRT (sec. 32.10.25): 20 bytes set, 0 or 1 byte asks."""
+        """UBX-CFG-PRT (sec. 32.10.25): 20 bytes set, 0 or 1 byte polls."""
         if len(payload) in (0, 1):
             protocols = struct.pack("<HHHxx", PROTOCOL_UBX | PROTOCOL_NMEA, self._protocols_out, 0)
             settings = struct.pack("<BxHII", self._port_id, 0, self._mode(), self._baud_setting()) + protocols
@@ -296,7 +296,7 @@ class UbloxM8:
         return 0 if self._port_id == PORT_DDC else self.baud
 
     def _configure_message(self, payload: bytes, at_ns: int) -> bool:
-        """UBX-CFG-MSG (sec. 32.10.18): for this port (3 bytes), for all six (8 bytes), or asked for (2 bytes)."""
+        """UBX-CFG-MSG (sec. 32.10.18): for this port (3 bytes), for all six (8 bytes), or a poll (2 bytes)."""
         if len(payload) < 2:
             return False
         key = (payload[0], payload[1])

@@ -5,19 +5,19 @@ Receiver description UBX-13003221, section "DDC port". That the receiver stretch
 
 from collections.abc import Callable
 
-from hw_fakes.ublox import UbloxM8
+from hw_fakes.ublox import FakeUbloxM8
 
 ADDRESS = 0x42
 WAITING_HIGH, WAITING_LOW, STREAM = 0xFD, 0xFE, 0xFF
-NOTHING = 0xFF  # what a register without anything behind it reads as
-BUFFER_BYTES = 4096  # of messages that wait; what does not fit is lost whole
-GIVEN_UP_NS = 1_500_000_000  # a port that nobody touches for so long is emptied (CFG-PRT, extendedTxTimeout not set)
+NOTHING = 0xFF  # value of a register without content
+BUFFER_BYTES = 4096  # of waiting messages; a message that does not fit is lost
+EMPTIED_AFTER_NS = 1_500_000_000  # without any access the buffer is cleared (CFG-PRT, extendedTxTimeout not set)
 
 
-class Ddc:
-    """The receiver at 0x42. now_ns: the time that is 0 where the simulation begins [ns]."""
+class FakeUbloxDdc:
+    """The receiver at 0x42. now_ns: gives the time since the start of the simulation [ns]."""
 
-    def __init__(self, receiver: UbloxM8, now_ns: Callable[[], int]):
+    def __init__(self, receiver: FakeUbloxM8, now_ns: Callable[[], int]):
         self._receiver = receiver
         self._now_ns = now_ns
         self._register = STREAM
@@ -25,13 +25,13 @@ class Ddc:
         self._touched_ns: float = float("-inf")
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply gone and back."""
+        """Supply off and on."""
         self._receiver.power_cycle(at_ns)
         self._register = STREAM
         self._waiting.clear()
 
     def write(self, data: bytes) -> None:
-        """One byte points to a register; more are a piece of the stream to the receiver."""
+        """One byte selects a register; more bytes go to the receiver as part of its input stream."""
         self._catch_up()
         if len(data) == 1:
             self._register = data[0]
@@ -39,7 +39,7 @@ class Ddc:
             self._receiver.receive(data, self._now_ns())
 
     def read(self, count: int) -> bytes:
-        """From the register pointed to onwards; the pointer stays on the stream, where it also is after power-on."""
+        """Read from the selected register on; the stream register, selected after power-on, stays selected."""
         self._catch_up()
         length = len(self._waiting).to_bytes(2, "big")
         reply = bytearray()
@@ -58,12 +58,12 @@ class Ddc:
         return self.read(count)
 
     def _catch_up(self) -> None:
-        """Let wait what the receiver has sent since it was last touched."""
+        """Buffer what the receiver has sent since the last access."""
         now_ns = self._now_ns()
-        if now_ns - self._touched_ns > GIVEN_UP_NS:
+        if now_ns - self._touched_ns > EMPTIED_AFTER_NS:
             self._waiting.clear()
         for sent_ns, data in self._receiver.output(now_ns):
-            wanted = sent_ns - self._touched_ns <= GIVEN_UP_NS and now_ns - self._touched_ns <= GIVEN_UP_NS
+            wanted = sent_ns - self._touched_ns <= EMPTIED_AFTER_NS and now_ns - self._touched_ns <= EMPTIED_AFTER_NS
             if wanted and len(self._waiting) + len(data) <= BUFFER_BYTES:
                 self._waiting += data
         self._touched_ns = now_ns

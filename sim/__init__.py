@@ -1,5 +1,5 @@
-"""Flies the aircraft and says what every sensor would feel, in physical units.
+"""Flight simulator: flies the aircraft and gives the physical input of every sensor.
 
-The modules import only `flight` of ours; `sim.__main__`, the command line, is the top floor where simulator, fake
-hardware and daemon meet.
+The modules import only `flight` of this project. Only the command line, `sim.__main__`, connects simulator, fake
+hardware and daemon.
 """

@@ -1,36 +1,43 @@
 """The command line of the simulator: `sim fly`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
 
-The top floor, where simulator, fake hardware and daemon meet; nothing imports it.
+It connects simulator, fake hardware and daemon; no module imports it.
 """
 
+import math
 import shutil
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
+
+if TYPE_CHECKING:
+    from hw_fakes.faults import Fault
+    from sim.direct_log_timing import IndividualParts
+    from sim.sensor_truth import SensorTruth
+
+Report = Callable[[float], None]  # takes how many seconds are done
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
 
 HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
-OURS = (TRUTH, CURVE, TRAY, LOG)
+OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
 
 AircraftOption = Annotated[str, typer.Option(help="Name of a shipped aircraft, or a file.")]
 ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
 SeedOption = Annotated[
-    int, typer.Option(min=0, help="Draws turbulence, noise and errors; the same seed, the same flight.")
+    int, typer.Option(min=0, help="Draws turbulence, noise and errors. The same seed gives the same flight.")
 ]
 
 
@@ -44,36 +51,34 @@ def fly(
     probe: Annotated[Path | None, typer.Option(help="Probe calibration to put into the log.")] = None,
     faults: Annotated[
         Path | None,
-        typer.Option(help="What goes wrong with the fake sensors, and when: a file as in docs/fake-tray.md."),
+        typer.Option(help="Faults of the fake sensors and their times: a file as in docs/fake-tray.md."),
     ] = None,
-    real_time: Annotated[
-        bool, typer.Option("--real-time", help="Record at the pace of the clock on the wall.")
-    ] = False,
+    real_time: Annotated[bool, typer.Option("--real-time", help="Record in real time.")] = False,
     no_hardware: Annotated[
-        bool, typer.Option("--no-hardware", help="Write the log without fake sensors and daemon: the same, and fast.")
+        bool, typer.Option("--no-hardware", help="Write the log directly, without fake sensors and daemon; faster.")
     ] = False,
     replace: ReplaceOption = False,
 ) -> None:
-    """Fly a plan, write the truth, and let the daemon record it through the fake tray."""
+    """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors."""
     from hw_fakes.faults import load_faults
     from sim import fly as flying
     from sim.plan import load_plan
-    from sim.sensors import TrayFelt, draw, load_budget
+    from sim.sensors import FlightSensorTruth, draw, load_budget
     from sim.truth import write_truth
 
     if no_hardware and (real_time or faults is not None):
-        raise InputError("--no-hardware: there are no sensors to fail and no clock to wait for")
+        raise InputError("--no-hardware excludes --faults and --real-time")
     craft, flight_plan, budget = load_aircraft(aircraft), load_plan(plan), load_budget(errors)
     schedule = load_faults(faults) if faults is not None else ()
     if probe is not None and not probe.is_file():
-        raise InputError(f"{probe}: no such probe calibration; make one with `calibrate probe`")
-    _claim(output, replace)
+        raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
+    _check_output(output, replace)
     drawn = draw(budget, seed)
-    with _progress("flying") as told:
-        flight = flying.fly(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=told)
+    with _progress("flying") as report:
+        flight = flying.fly(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
     try:
         output.mkdir(parents=True, exist_ok=True)
-        for name in OURS:
+        for name in OUTPUT_FILES:
             (output / name).unlink(missing_ok=True)
         metadata = {**flight.metadata, "errors": drawn.as_dict()}
         write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
@@ -81,30 +86,30 @@ def fly(
         (output / TRAY).write_text(_tray_text(output, aircraft, craft, probe), "utf-8")
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
-    felt = TrayFelt(flight, drawn)
-    with _progress("recording", flight.duration_s) as told:
+    sensor_truth = FlightSensorTruth(flight, drawn)
+    with _progress("recording", flight.duration_s) as report:
         if no_hardware:
-            _write_straight(output, felt, seed, craft, told)
+            _write_without_hardware(output, sensor_truth, seed, craft, report)
         else:
-            _record(output, felt, seed, craft, schedule, real_time, told)
+            _record(output, sensor_truth, seed, craft, schedule, real_time, report)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
 
 
-def _claim(output: Path, replace: bool) -> None:
-    """Refuse to write over anything that is not a simulation made earlier and given up."""
+def _check_output(output: Path, replace: bool) -> None:
+    """Raise InputError if writing would replace something else than an earlier simulation."""
     if output.exists() and not output.is_dir():
-        raise InputError(f"{output}: is not a directory")
-    taken = [name for name in OURS if (output / name).exists()]
+        raise InputError(f"{output}: not a directory; give another one")
+    taken = [name for name in OUTPUT_FILES if (output / name).exists()]
     if not taken:
         return
     if not replace:
-        raise InputError(f"{output}: already holds {taken[0]}; give another directory, or --replace")
+        raise InputError(f"{output}: already contains {taken[0]}; give another directory, or --replace")
     if not (output / TRUTH).exists():
-        raise InputError(f"{output}: holds a log without {TRUTH}: not a simulated flight, and not to be replaced")
+        raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another directory")
 
 
 def _tray_text(output: Path, name: str, craft: Aircraft, probe: Path | None) -> str:
-    """The daemon's example tray for this flight; files it needs are copied beside it: the directory can move."""
+    """The daemon's example tray, changed for this flight. Files it needs are copied, so the directory can be moved."""
     text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
     if Path(name).is_file():
         (output / "aircraft.toml").write_text(craft.text, "utf-8")
@@ -125,74 +130,84 @@ def _tray_text(output: Path, name: str, craft: Aircraft, probe: Path | None) -> 
     return "\n".join(lines) + "\n"
 
 
-def _record(output: Path, felt, seed: int, craft: Aircraft, faults: tuple, real_time: bool, told) -> None:
+def _record(
+    output: Path,
+    sensor_truth: "SensorTruth",
+    seed: int,
+    craft: Aircraft,
+    faults: "tuple[Fault, ...]",
+    real_time: bool,
+    report: Report,
+) -> None:
     from daq.clock import SystemClock
     from daq.config import load_tray
     from daq.daemon import record
     from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import FIRST_FLIGHT, FakeTray
+    from hw_fakes.tray import UTC_AT_START, FakeTray
 
-    clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=_believed_unix_ns(FIRST_FLIGHT))
+    clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=_believed_unix_ns(UTC_AT_START))
     start_ns = clock.now_ns()
-    tray = FakeTray(felt, clock, seed, pole_pairs=craft.propulsion.pole_pairs, faults=faults)
+    tray = FakeTray(sensor_truth, clock, seed, pole_pairs=craft.propulsion.pole_pairs, faults=faults)
     record(
         load_tray(output / TRAY),
         buses=tray,
         clock=clock,
         log_path=output / LOG,
-        until_ns=start_ns + int(felt.duration_s * 1e9),
-        progress=told,
+        until_ns=start_ns + int(sensor_truth.duration_s * 1e9),
+        progress=report,
     )
 
 
 def _believed_unix_ns(now: datetime) -> int:
-    """A Pi without a real-time clock believes what it believed when it was switched off: a minute ago."""
+    """Unix time [ns] of a Pi without a real-time clock after booting: that of its shutdown a minute ago."""
     return int((now.timestamp() - 60) * 1e9)
 
 
-def _write_straight(output: Path, felt, seed: int, craft: Aircraft, told) -> None:
+def _write_without_hardware(
+    output: Path, sensor_truth: "SensorTruth", seed: int, craft: Aircraft, report: Report
+) -> None:
     from daq.attachments import load_attachments, write_attachments
     from daq.config import load_tray
     from flight.log_writer import LogWriter
-    from hw_fakes.tray import FIRST_FLIGHT
-    from sim.straight import write_straight
+    from hw_fakes.tray import UTC_AT_START
+    from sim.direct_log import write_direct_log
 
     tray = load_tray(output / TRAY)
-    start_unix_ns = _believed_unix_ns(FIRST_FLIGHT)
+    start_unix_ns = _believed_unix_ns(UTC_AT_START)
     try:
         with (output / LOG).open("xb") as stream:
             log = LogWriter(stream)
             write_attachments(
                 log, load_attachments(tray), rate_Hz=tray.rate_Hz, start_unix_ns=start_unix_ns, start_monotonic_ns=0
             )
-            write_straight(
+            write_direct_log(
                 log,
-                felt,
+                sensor_truth,
                 craft,
-                _parts(felt, seed, craft),
+                _parts(sensor_truth, seed, craft),
                 start_unix_ns=start_unix_ns,
-                utc_at_start_ns=int(FIRST_FLIGHT.timestamp() * 1e9),
-                progress=told,
+                utc_at_start_ns=int(UTC_AT_START.timestamp() * 1e9),
+                progress=report,
             )
             log.finish()
     except OSError as error:
         raise InputError(f"{output / LOG}: cannot be written ({error.strerror or error})") from None
 
 
-def _parts(felt, seed: int, craft: Aircraft):
-    """The individuals of the fake tray, as far as they show in a log."""
+def _parts(sensor_truth: "SensorTruth", seed: int, craft: Aircraft) -> "IndividualParts":
+    """Properties of the individual fake parts that affect a log."""
     import numpy as np
 
     from daq.sensors.ak8963 import sensitivity
     from daq.sensors.ms56xx import MS5611, MS5805, BarometerVariant, TemperatureTrend, compensate
     from hw_fakes.clock import SimulatedClock
-    from hw_fakes.ms56xx import MS56xx, pressure_counts, temperature_counts
+    from hw_fakes.ms56xx import FakeMS56xx, pressure_counts, temperature_counts
     from hw_fakes.tray import FakeTray
-    from sim.straight import Barometer, Parts
+    from sim.direct_log_timing import BarometerPart, IndividualParts
 
-    tray = FakeTray(felt, SimulatedClock(), seed)
+    tray = FakeTray(sensor_truth, SimulatedClock(), seed)
 
-    def barometer(part: MS56xx, variant: BarometerVariant) -> Barometer:
+    def barometer(part: FakeMS56xx, variant: BarometerVariant) -> BarometerPart:
         def counts(pressure_Pa: float, temperature_K: float) -> tuple[int, int]:
             d2 = temperature_counts(part.part, part.prom, temperature_K)
             return pressure_counts(part.part, part.prom, pressure_Pa, d2), d2
@@ -200,9 +215,9 @@ def _parts(felt, seed: int, craft: Aircraft):
         def decoded(d1: int, d2: float) -> tuple[float, float]:
             return compensate(variant, tuple(part.prom), d1, d2)
 
-        return Barometer(part.conversion_ns(HIGHEST_OVERSAMPLING), counts, decoded, TemperatureTrend)
+        return BarometerPart(part.conversion_ns(HIGHEST_OVERSAMPLING), counts, decoded, TemperatureTrend)
 
-    return Parts(
+    return IndividualParts(
         imu_clock_error=tray.imu.clock_error,
         mag_sensitivity=np.array([sensitivity(int(byte)) for byte in tray.magnetometer.adjustment]),
         barometers={"baro": barometer(tray.baro, MS5611), "static": barometer(tray.static, MS5805)},
@@ -239,56 +254,13 @@ def trim(
 
     Any two of airspeed, climb and motor speed give the third.
     """
-    import numpy as np
-
     from sim.plant import plant_of
-    from sim.trim import Trimmer, power_required
+    from sim.tables import trim_table
+    from sim.trim import Trimmer
 
-    plant = plant_of(load_aircraft(aircraft))
-    trimmer = Trimmer(plant, height)
-    motor = {} if rpm is None else {"motor": rpm / 60}
-    asked: list[dict[str, float]]
-    if speed is not None:
-        asked = [{"V": speed, **(motor or {"climb": climb})}]
-    elif motor:
-        asked = [{**motor, "climb": climb}]
-    else:
-        speeds = np.linspace(1.05 * trimmer.V_stall, 0.999 * trimmer.V_max, 10)
-        asked = [{"V": float(V), "climb": climb} for V in speeds]
-    table = Table(title=f"{plant.aircraft.title}, {height:.0f} m, {bank:.0f} deg of bank")
-    for heading in (
-        "V [m/s]",
-        "climb [m/s]",
-        "alpha [deg]",
-        "elevator [deg]",
-        "pitch [deg]",
-        "rpm",
-        "throttle",
-        "J",
-        "P_req [W]",
-    ):
-        table.add_column(heading, justify="right")
-    for given in asked:
-        try:
-            trimmed = trimmer.solve(bank_rad=float(np.deg2rad(bank)), start=None, **given)
-        except InputError:
-            if len(asked) == 1:
-                raise
-            continue  # the table shows what can be flown
-        z = trimmed.unknowns
-        power, _, _ = power_required(plant, np.array([z.V]), density=trimmer.density)
-        J = z.V / (z.motor * plant.propeller.diameter_m)
-        table.add_row(
-            f"{z.V:.2f}",
-            f"{z.climb:+.2f}",
-            f"{np.rad2deg(z.alpha):.2f}",
-            f"{np.rad2deg(z.elevator):.2f}",
-            f"{np.rad2deg(z.theta):.2f}",
-            f"{60 * z.motor:.0f}",
-            f"{trimmed.throttle:.3f}",
-            f"{J:.3f}",
-            f"{power[0]:.1f}",
-        )
+    trimmer = Trimmer(plant_of(load_aircraft(aircraft)), height)
+    motor_revps = None if rpm is None else rpm / 60
+    table = trim_table(trimmer, bank_rad=math.radians(bank), climb_mps=climb, speed_mps=speed, motor_revps=motor_revps)
     console = Console()
     console.print(table)
     console.print(f"stall {trimmer.V_stall:.2f} m/s, highest level speed {trimmer.V_max:.2f} m/s")
@@ -301,29 +273,13 @@ def show_modes(
     speed: Annotated[float | None, typer.Option(help="Airspeed [m/s]; 1.6 times the stall speed otherwise.")] = None,
 ) -> None:
     """Short period, phugoid, dutch roll, roll and spiral about level trim."""
-    import numpy as np
-
-    from sim.modes import modes
     from sim.plant import plant_of
+    from sim.tables import modes_table
     from sim.trim import Trimmer
 
     trimmer = Trimmer(plant_of(load_aircraft(aircraft)), height)
     V = speed if speed is not None else 1.6 * trimmer.V_stall
-    found = modes(trimmer.plant, trimmer.solve(V=V, climb=0.0))
-    table = Table(title=f"{trimmer.plant.aircraft.title}, {V:.2f} m/s, {height:.0f} m")
-    for heading in ("mode", "eigenvalue [1/s]", "frequency [Hz]", "damping", "period [s]", "time constant [s]"):
-        table.add_column(heading, justify="left" if heading == "mode" else "right")
-    for mode in found:
-        swings = bool(mode.eigenvalue.imag)
-        table.add_row(
-            mode.name,
-            f"{mode.eigenvalue:.3f}" if swings else f"{mode.eigenvalue.real:.4f}",
-            f"{mode.natural_frequency_radps / (2 * np.pi):.3f}" if swings else "",
-            f"{mode.damping:.3f}" if swings else "",
-            f"{mode.period_s:.2f}" if swings else "",
-            f"{mode.time_constant_s:.2f}",
-        )
-    Console().print(table)
+    Console().print(modes_table(trimmer, V))
 
 
 @app.command()
@@ -332,24 +288,24 @@ def plot(
     output: Annotated[Path, typer.Option("--output", "-o", help="HTML file to write.")],
     replace: ReplaceOption = False,
 ) -> None:
-    """Draw what a flight was: speeds, height, angles, controls, power. Needs the [analysis] extra for plotly."""
+    """Plot a flight: speed, height, angles, controls, power. Needs plotly, from the extra [analysis]."""
     from sim.plot import figure
     from sim.truth import read_truth
 
     if output.exists() and not replace:
-        raise InputError(f"{output}: exists already; give another name, or --replace")
+        raise InputError(f"{output}: already exists; give another name, or --replace")
     table, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
     drawn = figure(table, metadata)
     try:
         drawn.write_html(output, include_plotlyjs=True)
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
-    print(f"{output}: {len(table)} instants", file=sys.stderr)
+    print(f"{output}: {len(table)} samples", file=sys.stderr)
 
 
 @contextmanager
-def _progress(what: str, total_s: float | None = None) -> Iterator:
-    """A function to be told how many seconds are done; the bar shows after two seconds, on stderr."""
+def _progress(what: str, total_s: float | None = None) -> Iterator[Report]:
+    """A function that takes the seconds done; it shows a progress bar on stderr after two seconds."""
     bar = Progress(
         TextColumn(what),
         BarColumn(),
@@ -361,7 +317,7 @@ def _progress(what: str, total_s: float | None = None) -> Iterator:
     task = bar.add_task(what, total=total_s)
     begun, shown = time.monotonic(), False
 
-    def told(seconds: float) -> None:
+    def report(seconds: float) -> None:
         nonlocal shown
         if not shown and time.monotonic() - begun > 2:
             bar.start()
@@ -369,14 +325,14 @@ def _progress(what: str, total_s: float | None = None) -> Iterator:
         bar.update(task, completed=seconds)
 
     try:
-        yield told
+        yield report
     finally:
         if shown:
             bar.stop()
 
 
 def main() -> None:
-    """Entry point: a wrong input is one line on stderr and exit code 2."""
+    """Entry point: a wrong input gives one line on stderr and exit code 2."""
     try:
         app()
     except InputError as error:

@@ -1,6 +1,6 @@
-"""The air of the day: pressure, temperature, wind with its shear, an updraft, and Dryden turbulence.
+"""The air of a flight: pressure, temperature, wind with shear, updraft, thermal, and Dryden turbulence.
 
-Written with NumPy functions: floats, arrays and CasADi symbols pass through.
+The functions accept floats, arrays and CasADi symbols.
 """
 
 from dataclasses import dataclass
@@ -9,14 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flight.atmosphere import density, pressure_at, temperature_at
+from flight.number import Number
 
 FOOT_M = 0.3048
-# MIL-F-8785C sec. 3.7.3.4: the wind at 20 ft names the day; roughness length 0.15 ft for all but the terminal phase.
+# MIL-F-8785C sec. 3.7.3.4: the wind is given at 20 ft; roughness length 0.15 ft for all but the terminal phase.
 WIND_HEIGHT_M = 20 * FOOT_M
 ROUGHNESS_M = 0.15 * FOOT_M
 # The boundary layer of the low-altitude model, 10 ft to 1,000 ft.
 LOWEST_M, HIGHEST_M = 10 * FOOT_M, 1000 * FOOT_M
-# Vertical air stops at the ground: a steady updraft grows to its full speed over the first 20 m.
+# Vertical wind is zero at the ground; a steady updraft grows linearly to its full speed over the first 20 m.
 UPDRAFT_DEPTH_M = 20.0
 
 
@@ -27,7 +28,7 @@ class Air:
     ground_pressure_Pa: float = 100_000.0
     ground_temperature_K: float = 290.15
     ground_elevation_m: float = 110.0
-    wind_mps: float = 0.0  # at 20 ft; the logarithmic profile carries it up and down
+    wind_mps: float = 0.0  # at 20 ft; other heights by the logarithmic profile
     wind_from_rad: float = 0.0
     turbulence_mps: float = 0.0  # W20 of the Dryden model
     thermal_mps: float = 0.0  # core updraft of one thermal
@@ -44,14 +45,16 @@ class Ambient(NamedTuple):
     density: Any
 
 
-def ambient(air: Air, height_m) -> Ambient:
-    """The still air at a height above the ground [m]."""
+def ambient(air: Air, height_m: Number) -> Ambient:
+    """Pressure, temperature and density at a height above the ground [m]."""
     T = temperature_at(height_m, air.ground_temperature_K)
     p = pressure_at(height_m, ground_pressure_Pa=air.ground_pressure_Pa, ground_temperature_K=air.ground_temperature_K)
     return Ambient(p, T, density(p, T))
 
 
-def mean_wind(air: Air, north_m, east_m, height_m, updraft_mps=0.0):
+def mean_wind(
+    air: Air, north_m: Number, east_m: Number, height_m: Number, updraft_mps: Number = 0.0
+) -> tuple[Number, Number, Number]:
     """(north, east, down) [m/s]: logarithmic profile (MIL-F-8785C sec. 3.7.3.4), steady updraft and one thermal.
 
     Zero at the ground. The thermal is a Gaussian column.
@@ -97,7 +100,7 @@ class Scales(NamedTuple):
     L_w: Any
 
 
-def dryden_scales(W20_mps, height_m) -> Scales:
+def dryden_scales(W20_mps: Number, height_m: Number) -> Scales:
     """Low-altitude intensities and lengths (MIL-F-8785C sec. 3.7.3.4.1); lateral as longitudinal."""
     h_ft = np.clip(height_m, LOWEST_M, HIGHEST_M) / FOOT_M
     shape = 0.177 + 0.000823 * h_ft
@@ -105,15 +108,17 @@ def dryden_scales(W20_mps, height_m) -> Scales:
     return Scales(sigma_w / np.power(shape, 0.4), sigma_w, h_ft / np.power(shape, 1.2) * FOOT_M, h_ft * FOOT_M)
 
 
-def dryden(states: GustStates, white, *, V, height_m, span_m: float, W20_mps: float) -> tuple[GustStates, Gust]:
+def dryden(
+    states: GustStates, white: Number, *, V: Number, height_m: Number, span_m: float, W20_mps: float
+) -> tuple[GustStates, Gust]:
     """Rates of change of the shaping filters, and the gusts they give (MIL-F-8785C sec. 3.7.1.2, Dryden form).
 
-    white : four noises of unit two-sided intensity [1/sqrt(s)], for u, v, w and p (held over a step of dt: standard
-    normal numbers over sqrt(dt)). V : airspeed [m/s]. The filters have the spectra of the standard for frequencies
+    white: four noises of unit two-sided intensity [1/sqrt(s)], for u, v, w and p; constant over a step of dt, they are
+    standard normal numbers over sqrt(dt). V: airspeed [m/s]. The filters have the standard's spectra for frequencies
     s = j Omega V: first order in u and p, (1 + sqrt3 T s)/(1 + T s)^2 in v and w. q and r follow from w and v.
     """
     sigma_u, sigma_w, L_u, L_w = dryden_scales(W20_mps, height_m)
-    V = np.maximum(V, 5.0)  # a stopped aircraft would see a frozen field: keep the filters alive
+    V = np.maximum(V, 5.0)  # the filters need a speed above zero
     T_u, T_w = L_u / V, L_w / V
     n_u, n_v, n_w, n_p = white
     # Spectrum of p, integrated: variance 0.8 (pi/2) (pi/4b) (pi L_w/4b)^(1/3) sigma_w^2 / L_w.

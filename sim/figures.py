@@ -53,7 +53,9 @@ def panels(titles: list[str], columns: int = 1) -> Any:
     return drawn
 
 
-def line(drawn: Any, run: pd.DataFrame, y: Any, name: str, colour: str, row: int, column: int = 1, legend=True) -> None:
+def line(
+    drawn: Any, run: pd.DataFrame, y: Any, name: str, colour: str, row: int, column: int = 1, legend: bool = True
+) -> None:
     style = {"color": colour, "width": 2}
     drawn.add_scatter(x=run["t_s"], y=y, name=name, line=style, showlegend=legend, row=row, col=column)
 

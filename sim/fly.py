@@ -1,4 +1,4 @@
-"""Flies a plan: the time loop of pilot and aircraft, and the truth it leaves behind."""
+"""Flies a plan: the time loop of pilot and aircraft, and the table of true values."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -12,18 +12,20 @@ from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.motion import earth_from_body, velocity_derivative
 from sim.air import mean_wind
-from sim.ground import Pose, move, stand
+from sim.ground import EndState, Motion, move, stand
+from sim.integration import Observation, Stepper
 from sim.pilot import Pilot
 from sim.plan import DT_S, Plan
-from sim.plant import NO_DEVIATIONS, Commands, Deviations, Plant, Seen, State, Stepper, plant_of
-from sim.segments import GROUND, Craft
+from sim.plan_segment import FlightContext
+from sim.plant import NO_DEVIATIONS, AircraftState, Commands, Deviations, Plant, plant_of
+from sim.segments import GROUND
 from sim.trim import Trim, Trimmer
 from sim.truth import Columns, airborne_rows, kinematic_rows, power_required_table, table_of
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-# Beyond these the flight has come apart, or the step is too long for it.
+# Beyond these limits the flight diverges, or the time step is too long.
 MAX_RATE_RADPS = 20.0
 MIN_AIRSPEED_MPS = 3.0
 RECORD_BLOCK = 4096
@@ -31,7 +33,7 @@ RECORD_BLOCK = 4096
 
 @dataclass
 class Flight:
-    """A flight flown: the truth at every step, and what it was flown with."""
+    """A simulated flight: the truth at every step, with aircraft, plan and seed."""
 
     aircraft: Aircraft
     plan: Plan
@@ -55,15 +57,15 @@ def fly(
     dt: float = DT_S,
     progress: Progress | None = None,
 ) -> Flight:
-    """Fly `plan` with `aircraft`; `seed` draws the turbulence. `progress` is told the time flown [s].
+    """Fly `plan` with `aircraft`; `seed` draws the turbulence. `progress` is called with the time flown [s].
 
-    Raises InputError when the plan asks for what the aircraft cannot do, or when the flight diverges.
+    Raises InputError when the aircraft cannot fly what the plan contains, or when the flight diverges.
     """
     plant = plant_of(aircraft, plan.air, deviations)
-    return _Flying(aircraft, plan, plant, seed, dt, progress or (lambda _: None)).fly()
+    return _FlightSimulation(aircraft, plan, plant, seed, dt, progress or (lambda _: None)).fly()
 
 
-class _Flying:
+class _FlightSimulation:
     """The state of a flight being flown."""
 
     def __init__(self, aircraft: Aircraft, plan: Plan, plant: Plant, seed: int, dt: float, progress: Progress):
@@ -74,7 +76,7 @@ class _Flying:
         self.stepper = Stepper(plant, dt, plan.integrator)
         self.pilot = Pilot(plant, self.trimmer, plan.pilot, dt)
         self.white = _white_noise(seed, dt) if plan.air.turbulence_mps > 0 else None
-        self.craft = Craft(
+        self.context = FlightContext(
             V_stall=self.trimmer.V_stall,
             V_max=self.trimmer.V_max,
             dt=dt,
@@ -84,15 +86,15 @@ class _Flying:
         )
         self.t = 0.0
         self.airborne = False
-        self.pose = Pose.at_rest(np.zeros(3), np.array([0.0, 0.0, plan.heading_rad]))
+        self.pose = EndState.at_rest(np.zeros(3), np.array([0.0, 0.0, plan.heading_rad]))
         self.rows: list[Columns] = []
         self.energy_J = 0.0
 
     def fly(self) -> Flight:
         if self.plan.segments[0].kind not in GROUND:
-            self._appear_in_the_air()
+            self._start_in_trim()
         for i, segment in enumerate(self.plan.segments):
-            self._one(segment, i)
+            self._fly_segment(segment, i)
         truth = table_of(self.rows, self.dt)
         flown = truth.loc[truth["phase"] == "flight"]
         source = flown if len(flown) else truth
@@ -109,12 +111,12 @@ class _Flying:
         }
         return Flight(self.aircraft, self.plan, self.plant, self.seed, truth, table, metadata)
 
-    def _one(self, segment, index: int) -> None:
+    def _fly_segment(self, segment: Any, index: int) -> None:
         where = f"plan {self.plan.name}: segment {index + 1} ({segment.kind})"
         if segment.kind in ("stand", "take-off") and self.airborne:
-            raise InputError(f"{where}: the aircraft is in the air; land first")
+            raise InputError(f"{where}: the aircraft is in the air; put a segment 'land' before")
         if segment.kind not in ("stand", "take-off") and not self.airborne:
-            raise InputError(f"{where}: the aircraft is on the ground; take off first")
+            raise InputError(f"{where}: the aircraft is on the ground; put a segment 'take-off' before")
         if segment.kind == "stand":
             self._stand(segment, index)
         elif segment.kind == "take-off":
@@ -125,8 +127,8 @@ class _Flying:
             self._check_speed(segment, where)
             self._segment(segment, index, where)
 
-    def _check_speed(self, segment, where: str) -> None:
-        """A plan that asks for what cannot be trimmed says so before it is flown."""
+    def _check_speed(self, segment: Any, where: str) -> None:
+        """Raise InputError before the flight when a segment's speed or climb cannot be trimmed."""
         low, high = self.trimmer.V_stall, self.trimmer.V_max
         for value, unit in (
             (getattr(segment, "speed_mps", None), 1.0),
@@ -140,8 +142,8 @@ class _Flying:
                 raise InputError(f"{where}: {V:.2f} m/s is too slow: {self.aircraft.name} stalls at {low:.2f} m/s")
             if V > high:
                 raise InputError(f"{where}: {V:.2f} m/s is too fast: {self.aircraft.name} reaches {high:.2f} m/s level")
-        if segment.kind == "climb" and segment.height_m > self.craft.height_m:
-            speed = segment.speed_mps or self.craft.speed_mps
+        if segment.kind == "climb" and segment.height_m > self.context.height_m:
+            speed = segment.speed_mps or self.context.speed_mps
             if segment.speed_over_stall is not None:
                 speed = segment.speed_over_stall * low
             elif segment.speed_of_max is not None:
@@ -151,9 +153,9 @@ class _Flying:
             except InputError as error:
                 raise InputError(f"{where}: {error}") from None
 
-    def _appear_in_the_air(self) -> None:
-        trim = self._trim_at(self.craft.speed_mps, self.craft.height_m)
-        self._start_airborne(trim, np.array([0.0, 0.0, -self.craft.height_m]))
+    def _start_in_trim(self) -> None:
+        trim = self._trim_at(self.context.speed_mps, self.context.height_m)
+        self._start_airborne(trim, np.array([0.0, 0.0, -self.context.height_m]))
 
     def _trim_at(self, V: float, height_m: float) -> Trim:
         trimmer = self.trimmer if height_m == self.trimmer.height_m else Trimmer(self.plant, height_m)
@@ -162,23 +164,23 @@ class _Flying:
     def _start_airborne(self, trim: Trim, position: Array) -> None:
         x = self._airborne_state(trim, position)
         self.seen = self.stepper.start(x, trim.commands)
-        self.craft.throttle = trim.throttle
+        self.context.throttle = trim.throttle
         self.airborne = True
 
-    def _airborne_state(self, trim: Trim, position: Array) -> State:
+    def _airborne_state(self, trim: Trim, position: Array) -> AircraftState:
         wind = tuple(float(c) for c in mean_wind(self.plan.air, position[0], position[1], -position[2]))
-        state = trim.state(heading_rad=self.craft.heading_rad, wind_ned=wind)  # type: ignore[arg-type]
+        state = trim.state(heading_rad=self.context.heading_rad, wind_ned=wind)  # type: ignore[arg-type]
         return state._replace(
             north=float(position[0]), east=float(position[1]), down=float(position[2]), energy=self.energy_J
         )
 
-    def _segment(self, segment, index: int, where: str) -> None:
-        stepper, pilot, craft, white = self.stepper, self.pilot, self.craft, self.white
-        states, commands, noises = _Record(len(State._fields)), _Record(4), _Record(4)
+    def _segment(self, segment: Any, index: int, where: str) -> None:
+        stepper, pilot, context, white = self.stepper, self.pilot, self.context, self.white
+        states, commands, noises = _GrowingTable(len(AircraftState._fields)), _GrowingTable(4), _GrowingTable(4)
         seen = self.seen
-        story = segment.fly(seen, craft)
+        targets_of = segment.fly(seen, context)
         try:
-            targets = next(story, None)
+            targets = next(targets_of, None)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         step = 0
@@ -191,54 +193,54 @@ class _Flying:
             states.add(stepper.x)
             commands.add(command)
             seen = stepper.step()
-            craft.throttle = command.throttle
+            context.throttle = command.throttle
             step += 1
             if not (seen.V > MIN_AIRSPEED_MPS and abs(seen.q) < MAX_RATE_RADPS and seen.height > 0):
-                raise InputError(f"{where}: {_came_apart(seen, self.t + step * self.dt)}")
+                raise InputError(f"{where}: {_divergence_message(seen, self.t + step * self.dt)}")
             if step % 64 == 0:
                 self.progress(self.t + step * self.dt)
             try:
-                targets = story.send(seen)
+                targets = targets_of.send(seen)
             except StopIteration:
                 targets = None
         drawn = noises.array() if white else None
         self.rows.append(airborne_rows(self.plant, states.array(), commands.array(), drawn, index, segment.kind))
-        self.energy_J = float(stepper.x[State._fields.index("energy")])
+        self.energy_J = float(stepper.x[AircraftState._fields.index("energy")])
         self.t += step * self.dt
         self.seen = seen
 
-    def _stand(self, segment, index: int) -> None:
+    def _stand(self, segment: Any, index: int) -> None:
         n = round(segment.duration_s / self.dt)
         motion = stand(self.pose.position, self.pose.attitude, n)
         self._kinematic(motion, np.zeros(n), None, None, index, "stand")
 
-    def _take_off(self, segment, index: int) -> None:
-        craft, T = self.craft, segment.duration_s
+    def _take_off(self, segment: Any, index: int) -> None:
+        context, T = self.context, segment.duration_s
         V = segment.speed_over_stall * self.trimmer.V_stall
         trim = self._trim_at(V, segment.height_m)
-        craft.height_m, craft.speed_mps, craft.heading_rad = segment.height_m, V, self.pose.attitude[2]
+        context.height_m, context.speed_mps, context.heading_rad = segment.height_m, V, self.pose.attitude[2]
         there = self._airborne_state(trim, np.array([0.0, 0.0, -segment.height_m]))
         velocity = np.array(earth_from_body(there.u, there.v, there.w, there.phi, there.theta, there.psi))
-        # Half the final speed on average: the distance that keeps the quintic from swinging back.
+        # The mean speed is half the final speed; with that distance the quintic does not overshoot.
         position = self.pose.position + velocity * T / 2 * np.array([1.0, 1.0, 0.0])
         position[2] = -segment.height_m
         attitude = np.array([there.phi, there.theta, there.psi])
-        goal = Pose(position, velocity, np.zeros(3), attitude, np.zeros(3))
+        goal = EndState(position, velocity, np.zeros(3), attitude, np.zeros(3))
         n = round(T / self.dt)
         motion = move(self.pose, goal, n * self.dt, np.arange(n) * self.dt)
         share = smooth_step(np.arange(n) / n)
         self._kinematic(motion, share, None, trim, index, "take-off")
         self._start_airborne(trim, position)
 
-    def _land(self, segment, index: int) -> None:
-        x = State(*self.stepper.x.tolist())
+    def _land(self, segment: Any, index: int) -> None:
+        x = AircraftState(*self.stepper.x.tolist())
         commands = Commands(*self.stepper.commands.tolist())
         now, _ = self.plant.instant(x, commands)
         rate = self.plant.derivative(x, commands)
         velocity = np.array([float(c) for c in now.ground_velocity])
         ax, ay, az = velocity_derivative(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, x.phi, x.theta, *now.specific_force)
         acceleration = np.array([float(c) for c in earth_from_body(ax, ay, az, x.phi, x.theta, x.psi)])
-        here = Pose(
+        here = EndState(
             np.array([x.north, x.east, x.down]),
             velocity,
             acceleration,
@@ -248,15 +250,25 @@ class _Flying:
         T = segment.duration_s
         position = here.position + velocity * T / 2
         position[2] = 0.0
-        goal = Pose.at_rest(position, np.array([0.0, 0.0, x.psi]))
+        goal = EndState.at_rest(position, np.array([0.0, 0.0, x.psi]))
         n = round(T / self.dt)
         motion = move(here, goal, n * self.dt, np.arange(n) * self.dt)
         share = 1 - smooth_step(np.arange(n) / n)
         self._kinematic(motion, share, (x, commands), None, index, "land")
         self.pose, self.airborne = goal, False
 
-    def _kinematic(self, motion, share: Array, last, trim: Trim | None, index: int, kind: str) -> None:
-        """Rows of prescribed motion; controls and motor are `share` of those in the air at its end."""
+    def _kinematic(
+        self,
+        motion: Motion,
+        share: Array,
+        last: tuple[AircraftState, Commands] | None,
+        trim: Trim | None,
+        index: int,
+        kind: str,
+    ) -> None:
+        """Rows of prescribed motion; controls and motor speed are `share` times those at its airborne end."""
+        state: AircraftState | None
+        commands: Commands | None
         if last is not None:
             state, commands = last
         elif trim is not None:
@@ -270,7 +282,7 @@ class _Flying:
         self.progress(self.t)
 
 
-def _came_apart(seen: Seen, t: float) -> str:
+def _divergence_message(seen: Observation, t: float) -> str:
     how = "the flight diverges" if seen.height > 0 else "the aircraft hits the ground"
     return (
         f"{how} at {t:.2f} s: V = {seen.V:.1f} m/s, alpha = {np.rad2deg(seen.alpha):.1f} deg, "
@@ -284,8 +296,8 @@ def smooth_step(x: Array) -> Array:
     return x**3 * (10 - 15 * x + 6 * x**2)
 
 
-class _Record:
-    """Rows of a growing table."""
+class _GrowingTable:
+    """A table to which rows are appended."""
 
     def __init__(self, width: int):
         self._data = np.empty((RECORD_BLOCK, width))

@@ -1,8 +1,7 @@
-"""Standing, take-off and landing: smooth prescribed motion, no wheels.
+"""Standing, take-off and landing as smooth prescribed motion, without wheels.
 
-Position and attitude follow quintics in time from one end to the other, with velocity and acceleration matched at both
-ends. Velocity, rates and specific force follow from them by differentiation, so that what the IMU, the barometer and
-the GPS see belongs together, as on a real flight.
+Position and attitude are polynomials of degree five in time that match velocity and acceleration at both ends.
+Velocity, rates and specific force are their derivatives, so that IMU, barometer and GPS are consistent.
 """
 
 from dataclasses import dataclass
@@ -18,8 +17,11 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Pose:
-    """Where, how fast and which way: north, east, down [m] and roll, pitch, yaw [rad], with two derivatives."""
+class EndState:
+    """One end of a prescribed motion.
+
+    position: north, east, down [m], with its first two derivatives; attitude: roll, pitch, yaw [rad], with its rate.
+    """
 
     position: Array
     velocity: Array
@@ -28,13 +30,13 @@ class Pose:
     attitude_rate: Array
 
     @classmethod
-    def at_rest(cls, position: Array, attitude: Array) -> "Pose":
+    def at_rest(cls, position: Array, attitude: Array) -> "EndState":
         return cls(position, np.zeros(3), np.zeros(3), attitude, np.zeros(3))
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion at n instants, arrays (n, 3)."""
+    """Motion at n times; arrays (n, 3)."""
 
     position: Array
     velocity: Array
@@ -58,7 +60,7 @@ def quintic(duration_s: float, start: tuple[float, float, float], end: tuple[flo
     return Polynomial([x0, v0, a0 / 2, *np.linalg.solve(matrix, rest)])
 
 
-def move(start: Pose, end: Pose, duration_s: float, t: Array) -> Motion:
+def move(start: EndState, end: EndState, duration_s: float, t: Array) -> Motion:
     """The motion from `start` to `end` at times t (n,) since its start."""
     position = [
         quintic(
@@ -92,7 +94,7 @@ def move(start: Pose, end: Pose, duration_s: float, t: Array) -> Motion:
 
 
 def stand(position: Array, attitude: Array, n: int) -> Motion:
-    """No motion at all, for n instants."""
+    """Standing still, for n times."""
     zeros = np.zeros((n, 3))
     force = np.array(body_from_earth(0.0, 0.0, -GRAVITY_MPS2, *attitude))
     return Motion(np.tile(position, (n, 1)), zeros, np.tile(attitude, (n, 1)), zeros, zeros, np.tile(force, (n, 1)))

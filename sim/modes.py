@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.plant import Commands, Plant, State
+from sim.plant import AircraftState, Commands, Plant
 from sim.trim import Trim
 
 Array = NDArray[np.float64]
@@ -16,7 +16,7 @@ LATERAL = ("v", "p", "r", "phi")
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode. Frequencies are zero for an aperiodic one; a negative time constant means it grows."""
+    """One mode. An aperiodic mode has an infinite period; a negative time constant means divergence."""
 
     name: str
     eigenvalue: complex
@@ -43,9 +43,9 @@ def linearised(plant: Plant, trim: Trim, names: tuple[str, ...]) -> Array:
     import casadi as ca
 
     ca.GlobalOptions.setNumpyMode(-1)
-    x = ca.SX.sym("x", len(State._fields))
-    rates = plant.derivative(State(*ca.vertsplit(x)), Commands(*trim.commands))
-    chosen = [State._fields.index(name) for name in names]
+    x = ca.SX.sym("x", len(AircraftState._fields))
+    rates = plant.derivative(AircraftState(*ca.vertsplit(x)), Commands(*trim.commands))
+    chosen = [AircraftState._fields.index(name) for name in names]
     jacobian = ca.Function("A", [x], [ca.jacobian(ca.vertcat(*rates), x)])
     return np.array(jacobian(np.array(trim.state())))[np.ix_(chosen, chosen)]
 

@@ -1,7 +1,7 @@
 """The pilot: altitude to elevator, speed to throttle, bank and heading to aileron and rudder.
 
-A trim schedule is what a pilot knows of the aircraft; the loops correct what is left. `Gains.skill` detunes them into
-the pilots of the source: well tuned, low gain, high gain, gains scheduled with speed or not.
+Feed-forward comes from a trim schedule; feedback loops correct the rest. `Gains.skill` scales the feedback gains, which
+gives the pilots of the source: well tuned, low gain, high gain, with and without gains scheduled over speed.
 """
 
 from collections.abc import Sequence
@@ -10,50 +10,52 @@ from itertools import pairwise
 from math import asin, atan2, copysign, cos, pi, sin, sqrt
 from typing import NamedTuple
 
+from flight.aircraft import ControlSurface
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
-from sim.plant import Commands, Plant, Seen
+from sim.integration import Observation
+from sim.plant import Commands, Plant
 from sim.trim import Trimmer
 
 MAX_BANK_RAD = 0.8
 MAX_GAMMA_RAD = 0.35
 MAX_SPEED_CHANGE_MPS2 = 1.0
 STALL_MARGIN_RAD, STALL_PUSH = 0.035, 1.5
-MAX_GAMMA_RATE_RADPS = 0.12  # nobody rotates into a climb in one sample
+MAX_GAMMA_RATE_RADPS = 0.12  # limit on the rate of the commanded flight-path angle
 
 
 class Targets(NamedTuple):
-    """What a segment of the plan asks for. Throttle, when given, wins over speed; bank wins over heading."""
+    """Commanded values of a segment. Throttle, when given, has priority over speed, and bank over heading."""
 
     height_m: float | None = None
-    climb_mps: float = 0.0  # asked for beside the height loop, or alone when height is None
+    climb_mps: float = 0.0  # added to the height loop's; alone when height is None
     speed_mps: float | None = None
     throttle: float | None = None
     heading_rad: float | None = None
     bank_rad: float | None = None
     load_factor: float | None = None  # replaces the height loop: roller coaster, wind-up turn
-    elevator_rad: float = 0.0  # added to what the pilot does: 3-2-1-1 inputs
-    hold_elevator: bool = False  # stick frozen at its trim: free response
+    elevator_rad: float = 0.0  # added to the pilot's: 3-2-1-1 inputs
+    hold_elevator: bool = False  # elevator constant, for a free response
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gains:
     """[pilot] of a plan."""
 
-    height_per_s: float = 0.45  # asked climb per height error
-    climb: float = 0.9  # flight-path angle asked again per flight-path error
+    height_per_s: float = 0.45  # commanded climb per height error
+    climb: float = 0.9  # flight-path angle added per flight-path error
     climb_integral_per_s: float = 0.25
     pitch: float = 0.8  # elevator per pitch error
     pitch_rate_s: float = 0.12  # elevator per pitch rate
     speed_per_m: float = 0.12  # throttle per speed error
     speed_integral: float = 0.03
-    acceleration_s2_per_m: float = 0.15  # throttle per asked change of speed
+    acceleration_s2_per_m: float = 0.15  # throttle per commanded acceleration
     bank: float = 0.5
     bank_rate_s: float = 0.08
     heading: float = 1.2  # bank per heading error
     yaw_rate_s: float = 0.15
-    skill: float = 1.0  # multiplies all feedback: below one sluggish, above one nervous
-    feedforward: float = 1.0  # how much of the trim schedule the pilot knows
+    skill: float = 1.0  # factor on all feedback gains
+    feedforward: float = 1.0  # share of the trim schedule used; 0: the trim of cruise at all speeds
     scheduled: bool = True  # elevator and aileron gains fall with dynamic pressure
 
 
@@ -66,8 +68,8 @@ PILOTS = {
 }
 
 
-class Knowledge(NamedTuple):
-    """What holds the aircraft in level trim at some airspeed."""
+class TrimPoint(NamedTuple):
+    """Level trim at one airspeed [rad, throttle 0 to 1]."""
 
     alpha: float
     elevator: float
@@ -76,23 +78,23 @@ class Knowledge(NamedTuple):
     throttle: float
 
 
-class Schedule:
-    """Level trim against airspeed: linear between points that stand at equal distances, held beyond the ends."""
+class TrimSchedule:
+    """Level trim over airspeed: linear between equidistant points, constant beyond the ends."""
 
-    def __init__(self, low: float, high: float, rows: Sequence[Knowledge]):
+    def __init__(self, low: float, high: float, rows: Sequence[TrimPoint]):
         self._low, self._per_mps = low, (len(rows) - 1) / (high - low)
         self._high, self._last = high, len(rows) - 2
         self._rows = rows
         self._rises = [between(a, b, 1.0, -1.0) for a, b in pairwise(rows)]
 
-    def at(self, V: float) -> Knowledge:
+    def at(self, V: float) -> TrimPoint:
         position = (V - self._low) * self._per_mps
         i = min(max(int(position), 0), self._last)
         share = min(max(position - i, 0.0), 1.0)
-        # Written out: it runs three times in every step of a flight.
+        # Written out for speed: three calls in every step of a flight.
         alpha, elevator, aileron, rudder, throttle = self._rows[i]
         d_alpha, d_elevator, d_aileron, d_rudder, d_throttle = self._rises[i]
-        return Knowledge(
+        return TrimPoint(
             alpha + share * d_alpha,
             elevator + share * d_elevator,
             aileron + share * d_aileron,
@@ -100,28 +102,28 @@ class Schedule:
             throttle + share * d_throttle,
         )
 
-    def known(self, share: float, elsewhere: Knowledge) -> "Schedule":
-        """What somebody knows of it who is drawn towards one trim; all of it when share is 1."""
-        return Schedule(self._low, self._high, [between(elsewhere, row, share, 1 - share) for row in self._rows])
+    def known(self, share: float, elsewhere: TrimPoint) -> "TrimSchedule":
+        """The schedule mixed with one trim point: share 1 gives the schedule, share 0 that point everywhere."""
+        return TrimSchedule(self._low, self._high, [between(elsewhere, row, share, 1 - share) for row in self._rows])
 
 
-def schedule_of(trimmer: Trimmer, points: int = 25) -> Schedule:
+def schedule_of(trimmer: Trimmer, points: int = 25) -> TrimSchedule:
     """Level trims from just above the stall to just below the highest speed."""
     low, high = 1.04 * trimmer.V_stall, 0.999 * trimmer.V_max
     rows = []
     for i in range(points):
         trim = trimmer.solve(V=low + i * (high - low) / (points - 1), climb=0.0)
         z = trim.unknowns
-        rows.append(Knowledge(z.alpha, z.elevator, z.aileron, z.rudder, trim.throttle))
-    return Schedule(low, high, rows)
+        rows.append(TrimPoint(z.alpha, z.elevator, z.aileron, z.rudder, trim.throttle))
+    return TrimSchedule(low, high, rows)
 
 
-def between(a: Knowledge, b: Knowledge, b_share: float, a_share: float) -> Knowledge:
-    return Knowledge(*(a_share * x + b_share * y for x, y in zip(a, b, strict=True)))
+def between(a: TrimPoint, b: TrimPoint, b_share: float, a_share: float) -> TrimPoint:
+    return TrimPoint(*(a_share * x + b_share * y for x, y in zip(a, b, strict=True)))
 
 
 class Pilot:
-    """Flies the targets, `dt` apart. Has a memory: the integrals of its loops."""
+    """Turns targets into commands every `dt` [s]. Its state is the integrals of its loops and the last commands."""
 
     def __init__(self, plant: Plant, trimmer: Trimmer, gains: Gains, dt: float):
         self._gains, self._dt = gains, dt
@@ -131,18 +133,18 @@ class Pilot:
         self._damping = -plant.aero.Cmq / plant.aero.Cmde * plant.aircraft.geometry.chord_m / 2
         schedule = schedule_of(trimmer)
         self._slowest = schedule.at(0.0)
-        # At worst a pilot knows the one trim of cruise.
+        # Without feed-forward the pilot uses the trim of cruise at all speeds.
         self._known = schedule.known(gains.feedforward, schedule.at(self._V_reference))
         self._gamma_integral = 0.0
         self._throttle_integral = 0.0
         self._bank_integral = 0.0
         self._load_integral = 0.0
-        self._gamma = 0.0  # the flight-path angle asked for last
+        self._gamma = 0.0  # the last commanded flight-path angle
         self._throttle = 0.0
-        self._speed: float | None = None  # the speed asked for, on its way to the one wanted
-        self._stick = 0.0  # elevator asked for last, without what a segment adds
+        self._speed: float | None = None  # the commanded speed, rate-limited towards the target
+        self._stick = 0.0  # the last commanded elevator, without the segment's addition
 
-    def fly(self, seen: Seen, want: Targets) -> Commands:
+    def fly(self, seen: Observation, want: Targets) -> Commands:
         """Commands for the next step."""
         gains, dt, k = self._gains, self._dt, self._gains.skill
         V = max(seen.V, 5.0)
@@ -179,7 +181,7 @@ class Pilot:
             elevator += k * stiffness * gains.pitch_rate_s * (seen.q - q_steady)
         self._stick = elevator
         elevator += want.elevator_rad
-        # Nobody holds the stick back in a stall: beyond the slowest trim it is eased forward, the more the deeper.
+        # Stall recovery: beyond the angle of attack of the slowest trim, elevator down in proportion to the excess.
         elevator = max(
             elevator, self._slowest.elevator + STALL_PUSH * (seen.alpha - self._slowest.alpha - STALL_MARGIN_RAD)
         )
@@ -197,7 +199,7 @@ class Pilot:
         (e0, e1), (a0, a1), (r0, r1) = self._travel
         return Commands(min(max(elevator, e0), e1), min(max(aileron, a0), a1), min(max(rudder, r0), r1), throttle)
 
-    def _bank_wanted(self, seen: Seen, want: Targets, V: float) -> float:
+    def _bank_wanted(self, seen: Observation, want: Targets, V: float) -> float:
         if want.bank_rad is not None:
             return want.bank_rad
         if want.heading_rad is None:
@@ -206,7 +208,7 @@ class Pilot:
         bank = self._gains.heading * error * min(V / self._V_reference, 2.0)
         return copysign(min(abs(bank), MAX_BANK_RAD), bank)
 
-    def _throttle_for(self, seen: Seen, want: Targets) -> float:
+    def _throttle_for(self, seen: Observation, want: Targets) -> float:
         if want.throttle is not None:
             self._throttle_integral, self._speed = 0.0, None
             return min(max(want.throttle, 0.0), 1.0)
@@ -226,7 +228,7 @@ class Pilot:
         return min(max(throttle, 0.0), 1.0)
 
 
-def _surfaces(plant: Plant):
+def _surfaces(plant: Plant) -> tuple[ControlSurface, ControlSurface, ControlSurface]:
     return plant.aircraft.elevator, plant.aircraft.aileron, plant.aircraft.rudder
 
 
@@ -236,6 +238,6 @@ def pilot_named(name: str) -> Gains:
     return PILOTS[name]
 
 
-def wrapped(angle: float) -> float:
+def wrap_angle(angle: float) -> float:
     """An angle in (-pi, pi]."""
     return pi - (pi - angle) % (2 * pi)

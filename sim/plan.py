@@ -1,4 +1,4 @@
-"""Flight plans: small TOML files that compose segments. `load_plan("accel-decel")` or a path."""
+"""Flight plans: TOML files with a list of segments. `load_plan` takes the name of a shipped plan or a path."""
 
 import tomllib
 from dataclasses import dataclass, field, fields
@@ -38,7 +38,7 @@ def shipped_plans() -> list[str]:
 def load_plan(name_or_path: str | Path) -> Plan:
     """A plan shipped with the package, by name, or one from a file.
 
-    Raises InputError naming the file, the segment and the key when something is missing, unknown or of a wrong unit.
+    Raises InputError, which names file, segment and key, when something is missing, unknown or has a wrong unit.
     """
     shipped = resources.files("sim") / "plans" / f"{name_or_path}.toml"
     path = Path(name_or_path)
@@ -53,7 +53,7 @@ def load_plan(name_or_path: str | Path) -> Plan:
 
 
 def parse_plan(text: str, name: str) -> Plan:
-    """The plan of a file's text; `name` names it in errors."""
+    """The plan described by the text of a file; `name` identifies it in the InputErrors that are raised."""
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -1,18 +1,16 @@
 """The aircraft as a system of differential equations: rigid body, servos, motor, and the gusts it flies through.
 
-`Plant.derivative` and `Plant.outputs` are written with NumPy functions: floats, arrays and CasADi symbols pass through.
-`compile_step` turns them into one compiled integration step.
+`Plant.instant` and `Plant.derivative` are written with NumPy functions: floats, arrays and CasADi symbols pass through.
+`sim.integration` makes a compiled integration step of them.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flight.aerodynamics import Aerodynamics, aerodynamics_of, body_axes, coefficients
-from flight.aircraft import Aircraft, Surface
-from flight.atmosphere import GRAVITY_MPS2
+from flight.aircraft import Aircraft, ControlSurface
 from flight.motion import (
     Inertia,
     attitude_derivative,
@@ -22,13 +20,15 @@ from flight.motion import (
     rate_derivative,
     velocity_derivative,
 )
-from flight.propeller import Blades, Cell, Cells, Place, Propeller, load_propeller
+from flight.number import Number
+from flight.propeller import PropellerModel
+from flight.propeller_files import load_propeller
 from sim.air import Air, Gust, GustStates, ambient, dryden, mean_wind
-from sim.propulsion import SLOWEST_REVPS, PowerTrain, power_train
+from sim.propulsion import PowerTrainState, power_train
 
 
-class State(NamedTuple):
-    """Everything that has a derivative, SI and radians."""
+class AircraftState(NamedTuple):
+    """The state vector; SI units and radians."""
 
     north: Any
     east: Any
@@ -57,12 +57,12 @@ class State(NamedTuple):
     gust_r: Any
 
 
-FIRST_GUST = State._fields.index("gust_u")
-MOTOR = State._fields.index("motor")
+FIRST_GUST = AircraftState._fields.index("gust_u")
+MOTOR = AircraftState._fields.index("motor")
 
 
 class Commands(NamedTuple):
-    """What the pilot asks of the servos [rad] and of the speed controller (0 to 1)."""
+    """Commanded surface angles [rad] and throttle (0 to 1)."""
 
     elevator: Any
     aileron: Any
@@ -72,20 +72,20 @@ class Commands(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Deviations:
-    """How the aircraft of the day departs from its file; the analysis cannot see these directly."""
+    """Differences of the simulated aircraft from its file, which no sensor measures."""
 
-    thrust_scale: float = 0.0  # cT is (1 + this) times the table's
-    thrust_slope_J: float = 0.0  # and tilted over advance ratio about J = 0.5
-    weight_scale: float = 0.0  # the aircraft weighs (1 + this) times what the file says
+    thrust_scale: float = 0.0  # cT is (1 + thrust_scale) times the table's
+    thrust_slope_J: float = 0.0  # and times (1 + thrust_slope_J (J - 0.5))
+    weight_scale: float = 0.0  # weight is (1 + weight_scale) times the file's
     updraft_mps: float = 0.0
-    CD_quartic: float = 0.0  # drag beyond the parabola: CD += this times (CL - CL_minD)^4
+    CD_quartic: float = 0.0  # added to the polar: CD += CD_quartic (CL - CL_minD)^4
 
 
 NO_DEVIATIONS = Deviations()
 
 
-class Instant(NamedTuple):
-    """Everything that follows from a state and commands: what the truth file holds beside the state."""
+class FlightCondition(NamedTuple):
+    """Everything that follows from a state and commands; the truth file has it beside the state."""
 
     V: Any
     alpha: Any
@@ -104,16 +104,16 @@ class Instant(NamedTuple):
     Cn: Any
     specific_force: tuple[Any, Any, Any]  # body axes, at the centre of gravity
     angular_acceleration: tuple[Any, Any, Any]
-    train: PowerTrain
+    train: PowerTrainState
 
 
 @dataclass(frozen=True)
 class Plant:
-    """An aircraft in the air of the day."""
+    """An aircraft in the air of one flight."""
 
     aircraft: Aircraft
     aero: Aerodynamics
-    propeller: Blades
+    propeller: PropellerModel
     air: Air
     deviations: Deviations = NO_DEVIATIONS
 
@@ -127,11 +127,11 @@ class Plant:
         return Inertia(m.Ix_kgm2, m.Iy_kgm2, m.Iz_kgm2, m.Ixz_kgm2, self.aircraft.propulsion.propeller_inertia_kgm2)
 
     def instant(
-        self, x: State, commands: Commands, white=(0.0, 0.0, 0.0, 0.0), *, motor_held: bool = False
-    ) -> tuple[Instant, GustStates]:
+        self, x: AircraftState, commands: Commands, white: Number = (0.0, 0.0, 0.0, 0.0), *, motor_held: bool = False
+    ) -> tuple[FlightCondition, GustStates]:
         """Flow, forces and accelerations at a state, and the rates of change of the gust filters.
 
-        `motor_held`: as if something kept the motor at its speed, whatever the throttle; trim is solved that way.
+        `motor_held`: the motor speed is constant, whatever the throttle; for trim.
         """
         geometry, aero = self.aircraft.geometry, self.aero
         b, c, S, m = geometry.span_m, geometry.chord_m, geometry.wing_area_m2, self.mass_kg
@@ -166,10 +166,10 @@ class Plant:
             thrust_slope_J=self.deviations.thrust_slope_J,
         )
         qS = rho * V**2 / 2 * S
-        force = ((CX * qS + train.thrust) / m, C.CY * qS / m, CZ * qS / m)
-        # The motor turns the propeller clockwise, seen from behind: the aircraft is turned the other way.
-        gained = 0.0 if motor_held else self.inertia.Ip * 2 * np.pi * train.motor_acceleration
-        reaction = -(train.load + gained)
+        force = ((CX * qS + train.thrust_N) / m, C.CY * qS / m, CZ * qS / m)
+        # The propeller turns clockwise seen from behind, so its reaction torque rolls the aircraft left. qS: force [N].
+        gained = 0.0 if motor_held else self.inertia.Ip * 2 * np.pi * train.motor_acceleration_revps2
+        reaction = -(train.propeller_torque_Nm + gained)
         turning = rate_derivative(
             x.p,
             x.q,
@@ -182,7 +182,7 @@ class Plant:
         )
         over_ground = earth_from_body(x.u, x.v, x.w, x.phi, x.theta, x.psi)
         return (
-            Instant(
+            FlightCondition(
                 V=V,
                 alpha=alpha,
                 beta=beta,
@@ -205,11 +205,11 @@ class Plant:
             gust_rates,
         )
 
-    def _gusts(self, x: State, wind_body, white) -> tuple[GustStates, Gust]:
+    def _gusts(self, x: AircraftState, wind_body: Number, white: Number) -> tuple[GustStates, Gust]:
         if self.air.turbulence_mps == 0:
-            # Zeros of the state's own kind, so that nothing has to be computed for a calm day.
+            # Zeros of the state's own type (CasADi symbols too), so that calm air costs nothing.
             return GustStates(*(0 * v for v in x[FIRST_GUST:])), Gust(*(0 * v for v in x[FIRST_GUST : FIRST_GUST + 6]))
-        # The gust filters run at the airspeed without gusts: multiplied by the gusty one they would feed on themselves.
+        # The gust filters use the airspeed without gusts; with it the gusts would feed back into themselves.
         V_mean = np.sqrt((x.u - wind_body[0]) ** 2 + (x.v - wind_body[1]) ** 2 + (x.w - wind_body[2]) ** 2)
         return dryden(
             GustStates(*x[FIRST_GUST:]),
@@ -220,14 +220,14 @@ class Plant:
             W20_mps=self.air.turbulence_mps,
         )
 
-    def derivative(self, x: State, commands: Commands, white=(0.0, 0.0, 0.0, 0.0)) -> State:
+    def derivative(self, x: AircraftState, commands: Commands, white: Number = (0.0, 0.0, 0.0, 0.0)) -> AircraftState:
         """Rates of change of every state (3.6-3.14), with servos and motor."""
         now, gust_rates = self.instant(x, commands, white)
         north, east, down = now.ground_velocity
         udot, vdot, wdot = velocity_derivative(x.u, x.v, x.w, x.p, x.q, x.r, x.phi, x.theta, *now.specific_force)
         phidot, thetadot, psidot = attitude_derivative(x.phi, x.theta, x.p, x.q, x.r)
         pdot, qdot, rdot = now.angular_acceleration
-        return State(
+        return AircraftState(
             north,
             east,
             down,
@@ -243,13 +243,13 @@ class Plant:
             servo_rate(self.aircraft.elevator, x.elevator, commands.elevator),
             servo_rate(self.aircraft.aileron, x.aileron, commands.aileron),
             servo_rate(self.aircraft.rudder, x.rudder, commands.rudder),
-            now.train.motor_acceleration,
-            now.train.voltage * now.train.current,
+            now.train.motor_acceleration_revps2,
+            now.train.battery_voltage_V * now.train.battery_current_A,
             *gust_rates,
         )
 
 
-def servo_rate(surface: Surface, angle, command):
+def servo_rate(surface: ControlSurface, angle: Number, command: Number) -> Number:
     """Rate of a surface [rad/s]: a first-order lag towards the command, limited in travel and in rate."""
     within = np.clip(command, min(surface.angle_rad), max(surface.angle_rad))
     return np.clip((within - angle) / surface.lag_s, -surface.rate_radps, surface.rate_radps)
@@ -257,147 +257,12 @@ def servo_rate(surface: Surface, angle, command):
 
 def plant_of(aircraft: Aircraft, air: Air | None = None, deviations: Deviations = NO_DEVIATIONS) -> Plant:
     """The plant of an aircraft file. Raises InputError without [aerodynamics] or propeller table."""
-    propeller = load_propeller(aircraft.propulsion.propeller).beyond(aircraft.propulsion.beyond_zero_thrust)
+    propeller = load_propeller(aircraft.propulsion.propeller).with_beyond_zero_thrust(
+        aircraft.propulsion.beyond_zero_thrust
+    )
     return Plant(aircraft, aerodynamics_of(aircraft), propeller, air or Air(), deviations)
 
 
-class Seen(NamedTuple):
-    """What the pilot sees of the aircraft, and the time loop of a flight that goes wrong."""
-
-    V: float
-    alpha: float
-    beta: float
-    height: float
-    climb: float
-    phi: float
-    theta: float
-    psi: float
-    p: float
-    q: float
-    r: float
-    load_factor: float
-
-
-def seen_of(x: State, now: Instant) -> Seen:
-    return Seen(
-        now.V,
-        now.alpha,
-        now.beta,
-        -x.down,
-        -now.ground_velocity[2],
-        x.phi,
-        x.theta,
-        x.psi,
-        x.p,
-        x.q,
-        x.r,
-        -now.specific_force[2] / GRAVITY_MPS2,
-    )
-
-
-def add(x: State, rate: State, dt: float) -> State:
-    return State(*(a + dt * b for a, b in zip(x, rate, strict=True)))
-
-
-def euler(f: Callable[[State], State], x: State, dt: float) -> State:
-    """One step of the source's integrator (3.44)."""
-    return add(x, f(x), dt)
-
-
-def rk4(f: Callable[[State], State], x: State, dt: float) -> State:
-    """One step of the classical fourth-order Runge-Kutta method."""
-    k1 = f(x)
-    k2 = f(add(x, k1, dt / 2))
-    k3 = f(add(x, k2, dt / 2))
-    k4 = f(add(x, k3, dt))
-    mean = State(*((a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(k1, k2, k3, k4, strict=True)))
-    return add(x, mean, dt)
-
-
-INTEGRATORS = {"euler": euler, "rk4": rk4}
-
-
-class Stepper:
-    """One compiled integration step, called through fixed buffers: a few microseconds.
-
-    `start` somewhere, write `commands` (4,) and `white` (4,), call `step`: `x` (n_states,) moves on.
-    """
-
-    def __init__(self, plant: Plant, dt: float, integrator: str = "rk4"):
-        assert isinstance(plant.propeller, Propeller)
-        self.x = np.zeros(len(State._fields))
-        self.commands = np.zeros(4)
-        self.white = np.zeros(4)
-        self._cell = np.zeros(8)
-        self._buffers: list[Any] = []  # kept alive as long as the functions on them
-        self._next = np.zeros(len(State._fields))
-        self._seen = np.zeros(len(Seen._fields))
-        self._in_cell, self._in_table = (
-            self._bound(compile_step(plant, dt, integrator, cell=c)) for c in (True, False)
-        )
-        self._plant = plant
-        self._cells = Cells(plant.propeller)
-        self._diameter_m = plant.propeller.diameter_m
-        self._place: Place = (0, 0)
-
-    def start(self, x: State, commands: Commands) -> Seen:
-        """Put the aircraft into a state; what is seen there."""
-        self.x[:], self.commands[:] = x, commands
-        now, _ = self._plant.instant(x, commands)
-        seen = Seen(*(float(value) for value in seen_of(x, now)))
-        self._place = self._place_at(seen.V, x.motor)
-        return seen
-
-    def step(self) -> Seen:
-        """One step on; what is seen then.
-
-        The propeller's table is most of what there is to compute, and a step rarely leaves a cell of it: each is done
-        with the cell alone, and done again with the whole table when it ended in another one.
-        """
-        self._cell[:] = self._cells.numbers(self._place)
-        self._in_cell()
-        place = self._place_at(self._seen.item(0), self._next.item(MOTOR))
-        if place != self._place:
-            self._in_table()
-            self._place = self._place_at(self._seen.item(0), self._next.item(MOTOR))
-        self.x[:] = self._next
-        return Seen._make(self._seen.tolist())
-
-    def _place_at(self, V: float, motor: float) -> Place:
-        n = max(motor, SLOWEST_REVPS)
-        return self._cells.place(V / (n * self._diameter_m), 60 * n)
-
-    def _bound(self, function) -> Callable[[], None]:
-        """The function on our buffers."""
-        buffer, run = function.buffer()
-        for i, array in enumerate((self.x, self.commands, self.white, self._cell)):
-            buffer.set_arg(i, array.data)
-        for i, array in enumerate((self._next, self._seen)):
-            buffer.set_res(i, array.data)
-        self._buffers.append(buffer)
-        return run
-
-
-def compile_step(plant: Plant, dt: float, integrator: str = "rk4", *, cell: bool = False):
-    """A CasADi function (x, commands, white, numbers) -> (x after dt, seen there).
-
-    cell: the propeller is the cell of its table whose `numbers` (8,) are given; otherwise it is the whole table.
-    """
-    import casadi as ca
-
-    ca.GlobalOptions.setNumpyMode(-1)
-    inputs = [ca.SX.sym("x", len(State._fields)), ca.SX.sym("c", 4), ca.SX.sym("n", 4), ca.SX.sym("p", 8)]
-    x, c, n, numbers = (ca.vertsplit(symbols) for symbols in inputs)
-    if cell:
-        propeller = plant.propeller
-        plant = replace(plant, propeller=Cell(propeller.diameter_m, propeller.beyond_zero_thrust, numbers))
-    commands = Commands(*c)
-    after = INTEGRATORS[integrator](lambda s: plant.derivative(s, commands, n), State(*x), dt)
-    now, _ = plant.instant(after, commands)
-    results = ca.cse([ca.vertcat(*after), ca.vertcat(*seen_of(after, now))])
-    return ca.Function("step", inputs, results)
-
-
-def replace_air(plant: Plant, air: Air) -> Plant:
+def in_still_air(plant: Plant, air: Air) -> Plant:
     """The same aircraft in other air, still: without the updraft among its deviations."""
     return replace(plant, air=air, deviations=replace(plant.deviations, updraft_mps=0.0))

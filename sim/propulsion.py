@@ -1,6 +1,6 @@
 """Propeller, brushless motor, speed controller and battery.
 
-Written with NumPy functions: floats, arrays and CasADi symbols pass through.
+The functions accept floats, arrays and CasADi symbols.
 """
 
 from typing import Any, NamedTuple
@@ -8,22 +8,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flight.aircraft import Propulsion
-from flight.propeller import Blades
+from flight.number import Number
+from flight.propeller import PropellerModel
 
-# Below this a propeller has no meaningful advance ratio: its thrust goes over to that of standing blades, and the
-# motor's friction is faded out so that it can stop.
+# Below this speed the advance ratio means nothing: thrust changes linearly to that of stopped blades, and the motor's
+# friction decreases to zero, so that it can stop.
 SLOWEST_REVPS = 5.0
 
 
-class PowerTrain(NamedTuple):
-    """What the power train does at one instant, SI."""
+class PowerTrainState(NamedTuple):
+    """What the power train does at one instant."""
 
-    thrust: Any  # [N]
-    shaft_power: Any  # taken by the propeller [W]
-    load: Any  # torque of the air on the propeller [N m]
-    motor_acceleration: Any  # [rev/s^2]
-    voltage: Any  # of the battery under load [V]
-    current: Any  # from the battery [A]
+    thrust_N: Any
+    shaft_power_W: Any  # taken by the propeller
+    propeller_torque_Nm: Any  # of the air on the propeller
+    motor_acceleration_revps2: Any
+    battery_voltage_V: Any  # at its terminals, under load
+    battery_current_A: Any
 
 
 def torque_constant(propulsion: Propulsion) -> float:
@@ -32,46 +33,54 @@ def torque_constant(propulsion: Propulsion) -> float:
 
 
 def power_train(
-    propulsion: Propulsion, propeller: Blades, *, V, n, throttle, rho, thrust_scale=1.0, thrust_slope_J=0.0
-):
+    propulsion: Propulsion,
+    propeller: PropellerModel,
+    *,
+    V: Number,
+    n: Number,
+    throttle: Number,
+    rho: Number,
+    thrust_scale: Number = 1.0,
+    thrust_slope_J: Number = 0.0,
+) -> PowerTrainState:
     """Thrust, torque balance and currents at airspeed V [m/s], n [rev/s], throttle 0 to 1.
 
     The speed controller is an ideal step-down converter: motor voltage = throttle times battery voltage, and battery
-    current = throttle times motor current; it freewheels rather than brakes, so that current never flows back. The
-    motor is a resistance, a back-EMF and a friction worth its no-load current.
+    current = throttle times motor current; it freewheels and does not brake, so current never flows back. The
+    motor is a resistance, a back-EMF and a friction torque equal to that of its no-load current.
 
-    thrust_scale, thrust_slope_J : how the real propeller departs from its table: cT times
+    thrust_scale, thrust_slope_J : deviation of the propeller from its table: cT is multiplied by
     thrust_scale (1 + thrust_slope_J (J - 0.5)).
     """
     n_air = np.maximum(n, SLOWEST_REVPS)
-    thrust, shaft_power = propeller.thrust_and_power(V, n_air, rho)
+    thrust_N, shaft_power_W = propeller.thrust_and_power(V, n_air, rho)
     J = V / (n_air * propeller.diameter_m)
-    thrust = thrust * thrust_scale * (1 + thrust_slope_J * (J - 0.5))
+    thrust_N = thrust_N * thrust_scale * (1 + thrust_slope_J * (J - 0.5))
     turning = np.clip(n / SLOWEST_REVPS, 0, 1)
-    thrust = turning * thrust + (1 - turning) * propeller.standing_thrust(V, rho)
-    load = shaft_power / (2 * np.pi * n_air)
+    thrust_N = turning * thrust_N + (1 - turning) * propeller.standing_thrust(V, rho)
+    torque_Nm = shaft_power_W / (2 * np.pi * n_air)
 
     k = torque_constant(propulsion)
     resistance = propulsion.motor_resistance_ohm + throttle**2 * propulsion.battery_resistance_ohm
     motor_current = np.maximum((throttle * propulsion.battery_voltage_V - 2 * np.pi * n * k) / resistance, 0)
     friction = k * propulsion.motor_no_load_current_A * turning
-    acceleration = (k * motor_current - friction - load) / (2 * np.pi * propulsion.propeller_inertia_kgm2)
+    acceleration = (k * motor_current - friction - torque_Nm) / (2 * np.pi * propulsion.propeller_inertia_kgm2)
     battery_current = throttle * motor_current
     voltage = propulsion.battery_voltage_V - battery_current * propulsion.battery_resistance_ohm
-    return PowerTrain(thrust, shaft_power, load, acceleration, voltage, battery_current)
+    return PowerTrainState(thrust_N, shaft_power_W, torque_Nm, acceleration, voltage, battery_current)
 
 
-def throttle_for(propulsion: Propulsion, propeller: Blades, *, V, n, rho):
+def throttle_for(propulsion: Propulsion, propeller: PropellerModel, *, V: Number, n: Number, rho: Number) -> Number:
     """The throttle that holds n [rev/s] at airspeed V [m/s], elementwise.
 
-    Zero where the propeller windmills faster than asked, infinite where the battery cannot sustain it.
+    Zero where the propeller windmills faster than n, infinite where the battery cannot give the power.
     """
-    _, shaft_power = propeller.thrust_and_power(V, n, rho)
+    _, shaft_power_W = propeller.thrust_and_power(V, n, rho)
     k = torque_constant(propulsion)
-    current = np.maximum(shaft_power / (2 * np.pi * n) / k + propulsion.motor_no_load_current_A, 0.0)
+    current = np.maximum(shaft_power_W / (2 * np.pi * n) / k + propulsion.motor_no_load_current_A, 0.0)
     resistance, sagging = propulsion.motor_resistance_ohm, propulsion.battery_resistance_ohm
     motor_voltage = np.where(current > 0, 2 * np.pi * n * k + current * resistance, 0.0)
-    # throttle U - emf = i (R_m + throttle^2 R_b): the smaller root is the one that the battery can sustain.
+    # throttle U - emf = i (R_m + throttle^2 R_b): the smaller root is the stable one.
     discriminant = propulsion.battery_voltage_V**2 - 4 * current * sagging * motor_voltage
     root = np.sqrt(np.maximum(discriminant, 0.0))
     return np.where(discriminant >= 0, 2 * motor_voltage / (propulsion.battery_voltage_V + root), np.inf)

@@ -1,62 +1,23 @@
-"""The segments a plan is composed of. Each is a small story told to the pilot: what to hold, and until when.
+"""The segments of a plan. Each tells the pilot what to hold, and until when (`sim.plan_segment.PlanSegment`)."""
 
-`fly` is a generator: it yields `Targets`, is sent what was `Seen` a step later, and returns when the segment is over.
-"""
-
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import acos, cos, pi, radians, sin
-from typing import Protocol
+from math import cos, pi, sin
 
 from flight.errors import InputError
-from sim.pilot import Targets, wrapped
-from sim.plant import Seen
+from sim.integration import Observation
+from sim.manoeuvres import MultistepSegment, PorpoiseSegment, RollerCoasterSegment, WindUpTurnSegment
+from sim.pilot import Targets, wrap_angle
+from sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
 
-Story = Generator[Targets, Seen, None]
-
-LEVEL_OFF_S = 10.0  # at most, after a climb
-RECOVERY_S = 8.0  # after a manoeuvre
+LEVEL_OFF_S = 10.0  # longest, after a climb
 ROLL_OUT_S = 5.0
-EXCURSION_SHARE = 0.75  # of a run's change of speed, by which its change of height is over
-PROGRESS_LAG_S = 1.0  # of the notion how far a run has come
-
-
-@dataclass
-class Craft:
-    """What a segment may know: the limits of the aircraft, the step, and where the last segment left off."""
-
-    V_stall: float
-    V_max: float
-    dt: float
-    height_m: float
-    heading_rad: float
-    speed_mps: float
-    throttle: float = 0.0
-
-
-class Segment(Protocol):
-    kind: str
-
-    def fly(self, seen: Seen, craft: Craft) -> Story: ...
-
-
-def chosen_speed(craft: Craft, speed_mps: float | None, over_stall: float | None, of_max: float | None) -> float:
-    """The speed a segment asks for, in any of three ways; the present one when in none."""
-    if speed_mps is not None:
-        return speed_mps
-    if over_stall is not None:
-        return over_stall * craft.V_stall
-    if of_max is not None:
-        return of_max * craft.V_max
-    return craft.speed_mps
-
-
-def _steps(duration_s: float, craft: Craft) -> int:
-    return max(1, round(duration_s / craft.dt))
+EXCURSION_SHARE = 0.75  # the change of height is complete at this share of the run's change of speed
+PROGRESS_LAG_S = 1.0  # time constant of the lag on the share of the run that is done
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stand:
+class StandSegment:
     """Stand still on the ground."""
 
     duration_s: float
@@ -64,7 +25,7 @@ class Stand:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TakeOff:
+class TakeOffSegment:
     """From standing to trimmed flight along a smooth path (a quintic in time); the wheels are not modelled."""
 
     height_m: float = 20.0
@@ -74,7 +35,7 @@ class TakeOff:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Land:
+class LandSegment:
     """From flight to standing along a smooth path."""
 
     duration_s: float = 14.0
@@ -82,36 +43,36 @@ class Land:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hold:
-    """Hold height, heading and speed: settling, and steady points for PIW-VIW."""
+class HoldSegment:
+    """Hold height, heading and speed: to settle, and as steady points for PIW-VIW."""
 
     duration_s: float
     speed_mps: float | None = None
     speed_over_stall: float | None = None
     speed_of_max: float | None = None
-    wander_m: float = 0.0  # altitude following a sum of three sines of this amplitude
+    wander_m: float = 0.0  # amplitude of a height error made of three sines
     wander_period_s: float = 12.0
     bank_rad: float | None = None  # an unintended gentle turn
     kind = "hold"
 
-    def fly(self, seen: Seen, craft: Craft) -> Story:
-        speed = chosen_speed(craft, self.speed_mps, self.speed_over_stall, self.speed_of_max)
-        for i in range(_steps(self.duration_s, craft)):
-            offset, rate = _wander(i * craft.dt, self.wander_m, self.wander_period_s)
+    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
+        speed = chosen_speed(context, self.speed_mps, self.speed_over_stall, self.speed_of_max)
+        for i in range(steps_in(self.duration_s, context)):
+            offset, rate = _wander(i * context.dt, self.wander_m, self.wander_period_s)
             seen = yield Targets(
-                height_m=craft.height_m + offset,
+                height_m=context.height_m + offset,
                 climb_mps=rate,
                 speed_mps=speed,
-                heading_rad=None if self.bank_rad is not None else craft.heading_rad,
+                heading_rad=None if self.bank_rad is not None else context.heading_rad,
                 bank_rad=self.bank_rad,
             )
-        craft.speed_mps = speed
+        context.speed_mps = speed
         if self.bank_rad is not None:
-            craft.heading_rad = seen.psi
+            context.heading_rad = seen.psi
 
 
 def _wander(t: float, amplitude: float, period: float) -> tuple[float, float]:
-    """A sum of three sines with incommensurable periods, and its rate."""
+    """A sum of three sines with incommensurable periods [m], and its rate [m/s]."""
     if amplitude == 0.0:
         return 0.0, 0.0
     offset = rate = 0.0
@@ -123,7 +84,7 @@ def _wander(t: float, amplitude: float, period: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Climb:
+class ClimbSegment:
     """Climb or descend to a height at a rate and a speed."""
 
     height_m: float
@@ -133,28 +94,28 @@ class Climb:
     speed_of_max: float | None = None
     kind = "climb"
 
-    def fly(self, seen: Seen, craft: Craft) -> Story:
-        speed = chosen_speed(craft, self.speed_mps, self.speed_over_stall, self.speed_of_max)
-        start, target = seen.height, craft.height_m
+    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
+        speed = chosen_speed(context, self.speed_mps, self.speed_over_stall, self.speed_of_max)
+        start, target = seen.height, context.height_m
         up = 1.0 if self.height_m >= start else -1.0
         while (self.height_m - target) * up > 0:
-            target += up * self.climb_mps * craft.dt
+            target += up * self.climb_mps * context.dt
             seen = yield Targets(
-                height_m=target, climb_mps=up * self.climb_mps, speed_mps=speed, heading_rad=craft.heading_rad
+                height_m=target, climb_mps=up * self.climb_mps, speed_mps=speed, heading_rad=context.heading_rad
             )
-        craft.height_m, craft.speed_mps = self.height_m, speed
-        for _ in range(_steps(LEVEL_OFF_S, craft)):
+        context.height_m, context.speed_mps = self.height_m, speed
+        for _ in range(steps_in(LEVEL_OFF_S, context)):
             if abs(seen.height - self.height_m) < 0.5 and abs(seen.climb) < 0.2:
                 break
-            seen = yield Targets(height_m=self.height_m, speed_mps=speed, heading_rad=craft.heading_rad)
+            seen = yield Targets(height_m=self.height_m, speed_mps=speed, heading_rad=context.heading_rad)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
-    """An acceleration or deceleration: throttle from where it is along a ramp to `throttle`, height held.
+class RunSegment:
+    """An acceleration or deceleration: the throttle moves along a ramp to `throttle`, height is held.
 
-    It ends at the speed asked for, or after `longest`, whichever is first. `wander` and `end_higher` are the source's
-    case 2: height wanders and returns, or the run ends higher or lower.
+    It ends at the given speed, or after `longest`, whichever is first. `wander` and `end_higher` make the source's case
+    2: height deviates and returns, or the run ends higher or lower.
     """
 
     throttle: float
@@ -168,39 +129,39 @@ class Run:
     bank_rad: float | None = None
     kind = "run"
 
-    def fly(self, seen: Seen, craft: Craft) -> Story:
-        until = chosen_speed(craft, self.speed_mps, self.speed_over_stall, self.speed_of_max)
+    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
+        until = chosen_speed(context, self.speed_mps, self.speed_over_stall, self.speed_of_max)
         faster = until > seen.V
-        first = craft.throttle
-        steps = _steps(self.longest_s, craft)
+        first = context.throttle
+        steps = steps_in(self.longest_s, context)
         offset, x, begun_at = 0.0, 0.0, seen.V
         for i in range(steps):
-            t = i * craft.dt
+            t = i * context.dt
             ramp = min(t / self.ramp_s, 1.0) if self.ramp_s > 0 else 1.0
-            # How much of the excursion is done, by speed, smoothly. Half a sine of that wanders and returns; half a
-            # cosine ends at another height.
+            # x: share of the height excursion that is done, a lagged function of speed. Half a sine of x returns to
+            # the first height; half a cosine ends at another one.
             done = min(max((seen.V - begun_at) / (until - begun_at) / EXCURSION_SHARE, 0.0), 1.0)
             advance = (done - x) / PROGRESS_LAG_S
-            x += advance * craft.dt
+            x += advance * context.dt
             offset = self.wander_m * sin(pi * x) + self.end_higher_m * (1 - cos(pi * x)) / 2
             rate = pi * advance * (self.wander_m * cos(pi * x) + self.end_higher_m * sin(pi * x) / 2)
             seen = yield Targets(
-                height_m=craft.height_m + offset,
+                height_m=context.height_m + offset,
                 climb_mps=rate,
                 throttle=first + (self.throttle - first) * ramp,
-                heading_rad=None if self.bank_rad is not None else craft.heading_rad,
+                heading_rad=None if self.bank_rad is not None else context.heading_rad,
                 bank_rad=self.bank_rad,
             )
             if t > self.ramp_s and (seen.V >= until if faster else seen.V <= until):
                 break
-        craft.height_m += offset if self.end_higher_m else 0.0
-        craft.speed_mps = seen.V
+        context.height_m += offset if self.end_higher_m else 0.0
+        context.speed_mps = seen.V
         if self.bank_rad is not None:
-            craft.heading_rad = seen.psi
+            context.heading_rad = seen.psi
 
 
 @dataclass(frozen=True, kw_only=True)
-class Turn:
+class TurnSegment:
     """Turn by an angle (positive: right) at a bank and a speed, level; then wings level."""
 
     angle_rad: float = pi
@@ -210,133 +171,36 @@ class Turn:
     speed_of_max: float | None = None
     kind = "turn"
 
-    def fly(self, seen: Seen, craft: Craft) -> Story:
-        speed = chosen_speed(craft, self.speed_mps, self.speed_over_stall, self.speed_of_max)
+    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
+        speed = chosen_speed(context, self.speed_mps, self.speed_over_stall, self.speed_of_max)
         side = 1.0 if self.angle_rad >= 0 else -1.0
         turned, before = 0.0, seen.psi
-        # The last of the turn is left to the heading loop, which rolls out.
+        # The heading loop flies the last 0.35 rad and rolls out.
         while abs(turned) < abs(self.angle_rad) - 0.35:
-            seen = yield Targets(height_m=craft.height_m, speed_mps=speed, bank_rad=side * self.bank_rad)
-            turned += wrapped(seen.psi - before)
+            seen = yield Targets(height_m=context.height_m, speed_mps=speed, bank_rad=side * self.bank_rad)
+            turned += wrap_angle(seen.psi - before)
             before = seen.psi
-        craft.heading_rad = wrapped(craft.heading_rad + self.angle_rad)
-        for _ in range(_steps(ROLL_OUT_S, craft)):
-            seen = yield Targets(height_m=craft.height_m, speed_mps=speed, heading_rad=craft.heading_rad)
-        craft.speed_mps = speed
+        context.heading_rad = wrap_angle(context.heading_rad + self.angle_rad)
+        for _ in range(steps_in(ROLL_OUT_S, context)):
+            seen = yield Targets(height_m=context.height_m, speed_mps=speed, heading_rad=context.heading_rad)
+        context.speed_mps = speed
 
 
 @dataclass(frozen=True, kw_only=True)
-class RollerCoaster:
-    """Load factor up and down between two values (pushover and pull-up), at `load_rate` per second.
-
-    The literature's 0.1 g/s would put so slow an aircraft on its tail: the path turns by g/V (dn)^2 / load_rate.
-    """
-
-    lowest: float = 0.4
-    highest: float = 1.6
-    load_rate: float = 1.0
-    cycles: int = 2
-    kind = "roller-coaster"
-
-    def fly(self, seen: Seen, craft: Craft) -> Story:
-        _check_load(self.highest, seen, craft)
-        load, throttle = 1.0, craft.throttle
-        for goal in [self.highest, self.lowest] * self.cycles + [1.0]:
-            while abs(goal - load) > 1e-9:
-                step = self.load_rate * craft.dt
-                load += min(max(goal - load, -step), step)
-                seen = yield Targets(load_factor=load, throttle=throttle, bank_rad=0.0)
-        yield from _recover(seen, craft)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Porpoise:
-    """Stick to and fro about level flight, height held on average, ever a little quicker.
-
-    Angle of attack swings so fast that neither speed nor gusts follow: what the probe says of it shows its slope.
-    """
-
-    duration_s: float
-    elevator_rad: float = radians(12)
-    first_period_s: float = 1.8
-    last_period_s: float = 1.3
-    speed_mps: float | None = None
-    speed_over_stall: float | None = None
-    speed_of_max: float | None = None
-    kind = "porpoise"
-
-    def fly(self, seen: Seen, craft: Craft) -> Story:
-        speed = chosen_speed(craft, self.speed_mps, self.speed_over_stall, self.speed_of_max)
-        first, last = 2 * pi / self.first_period_s, 2 * pi / self.last_period_s
-        for i in range(_steps(self.duration_s, craft)):
-            t = i * craft.dt
-            phase = first * t + (last - first) * t**2 / (2 * self.duration_s)
-            yield Targets(
-                height_m=craft.height_m,
-                speed_mps=speed,
-                heading_rad=craft.heading_rad,
-                elevator_rad=self.elevator_rad * sin(phase),
-            )
-        craft.speed_mps = speed
-
-
-@dataclass(frozen=True, kw_only=True)
-class WindUpTurn:
-    """Load factor rising by `load_rate` per second at constant speed, by ever more bank."""
-
-    highest: float = 1.8
-    load_rate: float = 0.1
-    kind = "wind-up-turn"
-
-    def fly(self, seen: Seen, craft: Craft) -> Story:
-        _check_load(self.highest, seen, craft)
-        load, speed = 1.0, craft.speed_mps
-        while load < self.highest:
-            load += self.load_rate * craft.dt
-            seen = yield Targets(height_m=craft.height_m, speed_mps=speed, bank_rad=acos(1 / load))
-        craft.heading_rad = seen.psi
-        yield from _recover(seen, craft)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Steps3211:
-    """Elevator steps of 3, 2, 1 and 1 units of time, alternating, about trim; `units = [1, 1]` is a doublet."""
-
-    units: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
-    amplitude_rad: float = radians(3)
-    unit_s: float = 0.4
-    rest_s: float = 4.0
-    kind = "3-2-1-1"
-
-    def fly(self, seen: Seen, craft: Craft) -> Story:
-        throttle = craft.throttle
-        sign = 1.0
-        for units in self.units:
-            for _ in range(_steps(units * self.unit_s, craft)):
-                seen = yield Targets(
-                    hold_elevator=True, elevator_rad=sign * self.amplitude_rad, throttle=throttle, bank_rad=0.0
-                )
-            sign = -sign
-        for _ in range(_steps(self.rest_s, craft)):
-            seen = yield Targets(hold_elevator=True, throttle=throttle, bank_rad=0.0)
-        yield from _recover(seen, craft)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Manual:
+class ManualSegment:
     """A throttle history flown at held height: times and throttles, linear between."""
 
     times: tuple[float, ...]  # [s]
     throttles: tuple[float, ...]
     kind = "manual"
 
-    def fly(self, seen: Seen, craft: Craft) -> Story:
+    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
         if len(self.times) != len(self.throttles) or len(self.times) < 2 or sorted(set(self.times)) != list(self.times):
-            raise InputError("manual: times must rise, and have as many entries as throttles (two or more)")
-        for i in range(_steps(self.times[-1], craft)):
-            throttle = _linear(i * craft.dt, self.times, self.throttles)
-            seen = yield Targets(height_m=craft.height_m, throttle=throttle, heading_rad=craft.heading_rad)
-        craft.speed_mps = seen.V
+            raise InputError("manual: times must be ascending and have as many entries as throttles, two or more")
+        for i in range(steps_in(self.times[-1], context)):
+            throttle = _linear(i * context.dt, self.times, self.throttles)
+            seen = yield Targets(height_m=context.height_m, throttle=throttle, heading_rad=context.heading_rad)
+        context.speed_mps = seen.V
 
 
 def _linear(t: float, times: Sequence[float], values: Sequence[float]) -> float:
@@ -346,20 +210,18 @@ def _linear(t: float, times: Sequence[float], values: Sequence[float]) -> float:
     return values[-1]
 
 
-def _check_load(highest: float, seen: Seen, craft: Craft) -> None:
-    limit = (seen.V / craft.V_stall) ** 2
-    if highest >= limit:
-        raise InputError(f"a load factor of {highest:.2f} stalls it at {seen.V:.1f} m/s; the limit is {limit:.2f}")
-
-
-def _recover(seen: Seen, craft: Craft) -> Story:
-    """Back to level flight at the height where the manoeuvre left us."""
-    craft.height_m = seen.height
-    for _ in range(_steps(RECOVERY_S, craft)):
-        seen = yield Targets(height_m=craft.height_m, speed_mps=craft.speed_mps, heading_rad=craft.heading_rad)
-
-
 AIRBORNE: dict[str, type] = {
-    kind.kind: kind for kind in (Hold, Climb, Run, Turn, RollerCoaster, Porpoise, WindUpTurn, Steps3211, Manual)
+    kind.kind: kind
+    for kind in (
+        HoldSegment,
+        ClimbSegment,
+        RunSegment,
+        TurnSegment,
+        RollerCoasterSegment,
+        PorpoiseSegment,
+        WindUpTurnSegment,
+        MultistepSegment,
+        ManualSegment,
+    )
 }
-GROUND: dict[str, type] = {kind.kind: kind for kind in (Stand, TakeOff, Land)}
+GROUND: dict[str, type] = {kind.kind: kind for kind in (StandSegment, TakeOffSegment, LandSegment)}

@@ -1,8 +1,8 @@
-"""Trimmed flight: level, climbing, descending, turning; the limits of what can be trimmed; the true curve.
+"""Trimmed flight: level, climbing, descending, turning; limits of trim; the true power-required curve.
 
 Eleven unknowns (airspeed, flow angles, attitude, controls, motor speed, climb, turn), eight equations (six
-accelerations, the climb, the ball in the middle), so three of them must be given: the turn's bank and any two of
-airspeed, climb and motor speed.
+accelerations, the rate of climb, no side force), so three must be given: the bank angle and any two of airspeed, climb
+and motor speed.
 """
 
 from dataclasses import dataclass
@@ -15,14 +15,15 @@ from flight.aerodynamics import lift_and_drag
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
 from flight.motion import velocity_derivative, velocity_of
+from flight.number import Number
 from sim.air import Air, ambient
-from sim.plant import Commands, Plant, State, replace_air
+from sim.plant import AircraftState, Commands, Plant, in_still_air
 from sim.propulsion import throttle_for
 
 RESIDUAL_LIMIT = 1e-9
 
 
-class Unknowns(NamedTuple):
+class TrimUnknowns(NamedTuple):
     V: Any  # [m/s]
     alpha: Any
     beta: Any
@@ -40,13 +41,15 @@ class Unknowns(NamedTuple):
 class Trim:
     """A trimmed condition relative to the air; add the wind to fly it over the ground."""
 
-    unknowns: Unknowns
+    unknowns: TrimUnknowns
     throttle: float
     height_m: float
     residual: float
 
-    def state(self, *, heading_rad: float = 0.0, wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> State:
-        """The state of the plant that flies this, at the origin, in a given mean wind and without gusts."""
+    def state(
+        self, *, heading_rad: float = 0.0, wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> AircraftState:
+        """The state of the aircraft in this trim, at the origin, in a given mean wind [m/s] and without gusts."""
         from flight.motion import body_from_earth
 
         z = self.unknowns
@@ -54,7 +57,7 @@ class Trim:
         wind = body_from_earth(*wind_ned, z.phi, z.theta, heading_rad)
         u, v, w = (float(a + b) for a, b in zip(air_velocity, wind, strict=True))
         p, q, r = turn_rates(z.turn, z.phi, z.theta)
-        return State(
+        return AircraftState(
             0.0,
             0.0,
             -self.height_m,
@@ -80,17 +83,17 @@ class Trim:
         return Commands(z.elevator, z.aileron, z.rudder, self.throttle)
 
 
-def turn_rates(turn, phi, theta):
+def turn_rates(turn: Number, phi: Number, theta: Number) -> tuple[Number, Number, Number]:
     """Body rates of a steady turn of the heading (3.12-3.14 inverted)."""
     return -turn * np.sin(theta), turn * np.sin(phi) * np.cos(theta), turn * np.cos(phi) * np.cos(theta)
 
 
-def residuals(plant: Plant, z: Unknowns, height_m: float):
+def residuals(plant: Plant, z: TrimUnknowns, height_m: float) -> tuple[Number, ...]:
     """The eight equations, in m/s^2, rad/s^2 and m/s; zero in trim."""
     u, v, w = velocity_of(z.V, z.alpha, z.beta)
     p, q, r = turn_rates(z.turn, z.phi, z.theta)
     gusts = [0.0] * 8
-    x = State(
+    x = AircraftState(
         0.0,
         0.0,
         -height_m,
@@ -123,21 +126,21 @@ class Trimmer:
         import casadi as ca
 
         ca.GlobalOptions.setNumpyMode(-1)
-        # Trim is flight relative to the air: wind and turbulence play no part, a steady updraft would.
-        self.plant = replace_air(
+        # Trim is relative to the air, so wind and turbulence are left out; so is a steady updraft.
+        self.plant = in_still_air(
             plant,
             Air(ground_pressure_Pa=plant.air.ground_pressure_Pa, ground_temperature_K=plant.air.ground_temperature_K),
         )
         self.height_m = height_m
-        z = ca.SX.sym("z", len(Unknowns._fields))
-        r = ca.vertcat(*residuals(self.plant, Unknowns(*ca.vertsplit(z)), height_m))
+        z = ca.SX.sym("z", len(TrimUnknowns._fields))
+        r = ca.vertcat(*residuals(self.plant, TrimUnknowns(*ca.vertsplit(z)), height_m))
         self._function = ca.Function("trim", [z], [r, ca.jacobian(r, z)])
 
     @cached_property
     def density(self) -> float:
         return float(ambient(self.plant.air, self.height_m).density)
 
-    def solve(self, *, bank_rad: float = 0.0, start: Unknowns | None = None, **given: float) -> Trim:
+    def solve(self, *, bank_rad: float = 0.0, start: TrimUnknowns | None = None, **given: float) -> Trim:
         """The trim with this bank and any two of `V`, `climb`, `motor` given.
 
         Raises InputError with the limiting value when the aircraft cannot fly it: too slow, too fast, too steep.
@@ -154,8 +157,8 @@ class Trimmer:
             raise InputError(f"{self._needs(z)}: less than it windmills with the motor off; it cannot glide so steeply")
         return Trim(z, min(throttle, 1.0), self.height_m, norm)
 
-    def _newton(self, given: dict[str, float], start: Unknowns | None) -> tuple[Unknowns, float]:
-        names = Unknowns._fields
+    def _newton(self, given: dict[str, float], start: TrimUnknowns | None) -> tuple[TrimUnknowns, float]:
+        names = TrimUnknowns._fields
         z = np.array(start if start is not None else self._guess(given), dtype=float)
         for name, value in given.items():
             z[names.index(name)] = value
@@ -166,7 +169,7 @@ class Trimmer:
             if norm < 1e-12 or not np.isfinite(norm):
                 break
             step = np.linalg.lstsq(J[:, free], -r[:, 0], rcond=None)[0]
-            # Halve a step that leads uphill: the propeller's table has corners, the stall a fold.
+            # Halve a step that increases the residual: the propeller's table has corners and lift has a maximum.
             for scale in 0.5 ** np.arange(12):
                 trial = z.copy()
                 trial[free] += scale * step
@@ -177,9 +180,9 @@ class Trimmer:
             else:
                 break
             z, r, J, norm = trial, r_trial, J_trial, trial_norm
-        return Unknowns(*z.tolist()), norm
+        return TrimUnknowns(*z.tolist()), norm
 
-    def _guess(self, given: dict[str, float]) -> Unknowns:
+    def _guess(self, given: dict[str, float]) -> TrimUnknowns:
         aero, S = self.plant.aero, self.plant.aircraft.geometry.wing_area_m2
         V = given.get("V") or 1.6 * self.V_stall
         load = 1 / np.cos(given["phi"])
@@ -189,9 +192,11 @@ class Trimmer:
         elevator = -(aero.Cm0 + aero.Cma * alpha) / aero.Cmde
         motor = given.get("motor") or V / (0.6 * self.plant.propeller.diameter_m)
         turn = g / V * np.tan(given["phi"])
-        return Unknowns(V, alpha, 0.0, alpha + climb / V, given["phi"], elevator, 0.0, 0.0, motor, climb, float(turn))
+        return TrimUnknowns(
+            V, alpha, 0.0, alpha + climb / V, given["phi"], elevator, 0.0, 0.0, motor, climb, float(turn)
+        )
 
-    def _check(self, z: Unknowns, norm: float, given: dict[str, float], bank_rad: float) -> None:
+    def _check(self, z: TrimUnknowns, norm: float, given: dict[str, float], bank_rad: float) -> None:
         name, stall = self.plant.aircraft.name, self.V_stall / np.sqrt(np.cos(bank_rad))
         if "V" in given and given["V"] < stall:
             raise InputError(
@@ -211,7 +216,7 @@ class Trimmer:
         if z.motor > fastest * (1 + 1e-9):
             raise InputError(f"{self._needs(z)}, the motor has {60 * fastest:.0f}{self._limit(given)}")
 
-    def _needs(self, z: Unknowns) -> str:
+    def _needs(self, z: TrimUnknowns) -> str:
         return (
             f"{self.plant.aircraft.name}: {z.V:.2f} m/s with {z.climb:+.2f} m/s of climb needs {60 * z.motor:.0f} rpm"
         )
@@ -247,8 +252,10 @@ class Trimmer:
         return bool(throttle_for(propulsion, self.plant.propeller, V=V, n=z.motor, rho=self.density) <= 1)
 
 
-def power_required(plant: Plant, V, *, density, weight_N: float | None = None):
-    """The truth to find: P_req(V) = D V with lift equal to weight and pitching moment zero; also CL and CD.
+def power_required(
+    plant: Plant, V: Number, *, density: Number, weight_N: float | None = None
+) -> tuple[Number, Number, Number]:
+    """The true P_req(V) = D V with lift equal to weight and zero pitching moment; also CL and CD.
 
     V : (n,) true airspeed [m/s], not below the stall. Returns power [W], CL, CD, each (n,).
     """

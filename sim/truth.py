@@ -1,4 +1,4 @@
-"""The truth of a flight as a table: every state, force, coefficient and thrust, and the true power-required curve."""
+"""The true values of a flight as a table: states, forces, coefficients, thrust; and the true power-required curve."""
 
 import json
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from flight.errors import InputError
 from flight.motion import body_from_earth, flow_of, velocity_derivative
 from sim.air import ambient, mean_wind
 from sim.ground import Motion
-from sim.plant import Commands, Plant, State
+from sim.plant import AircraftState, Commands, Plant
 from sim.propulsion import power_train, throttle_for
 from sim.trim import Trimmer, power_required
 
@@ -24,7 +24,7 @@ METADATA_KEY = b"flightpower"
 
 def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array | None, index: int, kind: str) -> Columns:
     """Columns of a segment flown: states (n, n_states), commands (n, 4) and, in turbulence, white noises (n, 4)."""
-    x, c = State(*states.T), Commands(*commands.T)
+    x, c = AircraftState(*states.T), Commands(*commands.T)
     noises = (0.0, 0.0, 0.0, 0.0) if white is None else tuple(white.T)
     now, _ = plant.instant(x, c, noises)
     udot, vdot, wdot = velocity_derivative(x.u, x.v, x.w, x.p, x.q, x.r, x.phi, x.theta, *now.specific_force)
@@ -83,10 +83,10 @@ def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array | N
         "throttle": c.throttle,
         "motor_speed_revps": x.motor,
         "advance_ratio": now.V / (np.maximum(x.motor, 1e-3) * plant.propeller.diameter_m),
-        "thrust_N": now.train.thrust,
-        "shaft_power_W": now.train.shaft_power,
-        "battery_voltage_V": now.train.voltage,
-        "battery_current_A": now.train.current,
+        "thrust_N": now.train.thrust_N,
+        "shaft_power_W": now.train.shaft_power_W,
+        "battery_voltage_V": now.train.battery_voltage_V,
+        "battery_current_A": now.train.battery_current_A,
         "battery_energy_J": x.energy,
         "CL": now.CL,
         "CD": now.CD,
@@ -116,7 +116,7 @@ def kinematic_rows(
     plant: Plant,
     motion: Motion,
     share: Array,
-    state: State | None,
+    state: AircraftState | None,
     commands: Commands | None,
     energy_J: float,
     dt: float,
@@ -135,7 +135,7 @@ def kinematic_rows(
     phi, theta, psi = motion.attitude.T
     u, v, w = motion.body_velocity.T
     wind_body = body_from_earth(wind[0], wind[1], wind[2], phi, theta, psi)
-    # Standing in still air the flow has no direction: a speed too small to matter gives it one.
+    # At zero airspeed the flow angles are undefined; 1e-9 m/s defines them.
     gusts = _gusts(plant, state, commands)
     flow = flow_of(
         u - wind_body[0] - share * gusts["gust_u_mps"] + 1e-9,
@@ -217,8 +217,8 @@ def table_of(parts: Sequence[Columns], dt: float) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _gusts(plant: Plant, state: State | None, commands: Commands | None) -> dict[str, float]:
-    """The gust at the end of the motion that is in the air; it dies away towards the ground."""
+def _gusts(plant: Plant, state: AircraftState | None, commands: Commands | None) -> dict[str, float]:
+    """The gust at the airborne end of the motion; it decreases to zero at the ground."""
     names = ("gust_u_mps", "gust_v_mps", "gust_w_mps", "gust_p_radps", "gust_q_radps", "gust_r_radps")
     if state is None or commands is None:
         return dict.fromkeys(names, 0.0)
@@ -226,7 +226,7 @@ def _gusts(plant: Plant, state: State | None, commands: Commands | None) -> dict
     return {name: float(value) for name, value in zip(names, now.gust, strict=True)}
 
 
-def _upwash(plant: Plant, state: State, commands: Commands | None) -> float:
+def _upwash(plant: Plant, state: AircraftState, commands: Commands | None) -> float:
     assert commands is not None
     now, _ = plant.instant(state, commands)
     return float(plant.aircraft.probe.upwash_per_CL_rad * now.CL)
@@ -241,10 +241,10 @@ def _steady_train(plant: Plant, V: Array, n: Array, rho: Array) -> dict[str, Arr
     train = power_train(propulsion, propeller, V=V, n=n, throttle=throttle, rho=rho)
     return {
         "throttle": throttle,
-        "thrust_N": np.where(turning, train.thrust, 0.0),
-        "shaft_power_W": np.where(turning, train.shaft_power, 0.0),
-        "battery_voltage_V": train.voltage,
-        "battery_current_A": train.current,
+        "thrust_N": np.where(turning, train.thrust_N, 0.0),
+        "shaft_power_W": np.where(turning, train.shaft_power_W, 0.0),
+        "battery_voltage_V": train.battery_voltage_V,
+        "battery_current_A": train.battery_current_A,
     }
 
 

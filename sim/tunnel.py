@@ -1,7 +1,7 @@
-"""A simulated wind-tunnel calibration of the probe: a file such as a user's own tunnel would give.
+"""A simulated wind-tunnel calibration of the probe, in the format of a user's own tunnel data.
 
-The same probe as flies, on a sting instead of the aircraft: no upwash, no lag, less noise (long averages), and the
-small systematic errors of a tunnel: flow angularity and a reference that is good to a quarter of a percent.
+The probe of the simulated aircraft, on a sting: no upwash, no lag, less noise (long averages), and small systematic
+errors of the tunnel: flow angularity, and a reference speed accurate to a quarter of a percent.
 """
 
 from dataclasses import dataclass
@@ -28,8 +28,8 @@ HEADER = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tunnel:
-    """The grid that is measured, and how well the tunnel measures it (standard deviations)."""
+class WindTunnel:
+    """The measured grid, and the standard deviations of the tunnel's errors."""
 
     speeds_mps: tuple[float, ...] = (12.0, 18.0, 25.0, 32.0)
     largest_angle_deg: float = 20.0
@@ -41,19 +41,19 @@ class Tunnel:
     temperature_K: float = 294.0
 
 
-def calibrate(tunnel: Tunnel = Tunnel(), seed: int = 0) -> pd.DataFrame:
+def calibrate(tunnel: WindTunnel = WindTunnel(), seed: int = 0) -> pd.DataFrame:
     """The calibration as a table with the columns of `HEADER`, a row a point."""
     n = round(tunnel.largest_angle_deg / tunnel.step_deg)
     angles = np.arange(-n, n + 1) * tunnel.step_deg
     speed, alpha, beta = (a.ravel() for a in np.meshgrid(tunnel.speeds_mps, angles, angles, indexing="ij"))
     rng = rng_of(seed, "tunnel")
     size = len(speed)
-    # The aerodynamic truth differs from what the tunnel's own instruments say by its setting errors.
+    # The true flow differs from the set one by the setting errors.
     true_alpha = alpha + tunnel.angle_setting_deg * rng.standard_normal(size)
     true_beta = beta + tunnel.angle_setting_deg * rng.standard_normal(size)
     true_speed = speed * (1 + tunnel.speed_setting * rng.standard_normal(size))
     static = tunnel.static_Pa + 15 * rng.standard_normal(size)
-    temperature = tunnel.temperature_K + np.linspace(0, 1.5, size)  # it warms as it runs
+    temperature = tunnel.temperature_K + np.linspace(0, 1.5, size)  # the tunnel warms up
     q = density(static, temperature) * true_speed**2 / 2
     ports = port_pressures(q, np.deg2rad(true_alpha), np.deg2rad(true_beta))
     noise = tunnel.pressure_noise_Pa * rng.standard_normal((3, size))
@@ -73,7 +73,7 @@ def calibrate(tunnel: Tunnel = Tunnel(), seed: int = 0) -> pd.DataFrame:
 def write_calibration(path: Path, table: pd.DataFrame, *, replace: bool = False) -> None:
     """The table as CSV. Raises InputError when the file exists and is not to be replaced."""
     if path.exists() and not replace:
-        raise InputError(f"{path}: exists already; give another name, or --replace")
+        raise InputError(f"{path}: already exists; give another name, or --replace")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         table.to_csv(path, index=False, float_format="%.4f")

@@ -11,7 +11,7 @@ from analysis.signals.rest import Zeros
 from analysis.signals.synchronize import COLUMNS
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2, density, height_at, temperature_at
-from flight.motion import felt_off_center
+from flight.motion import specific_force_at
 from flight.propeller import Propeller
 
 FLYING_PA = 30.0  # dynamic pressure above which there is flow enough to speak of angles: 7 m/s at sea level
@@ -119,7 +119,9 @@ def _move_imu(table: pd.DataFrame, aircraft: Aircraft) -> None:
     step_s = float(table.index[1] - table.index[0])
     pdot, qdot, rdot = (_slope(rate, step_s) for rate in (p, q, r))
     zero = np.zeros_like(p)
-    for axis, extra in zip("xyz", felt_off_center(zero, zero, zero, p, q, r, pdot, qdot, rdot, (x, y, z)), strict=True):
+    for axis, extra in zip(
+        "xyz", specific_force_at(zero, zero, zero, p, q, r, pdot, qdot, rdot, (x, y, z)), strict=True
+    ):
         table[f"a{axis}_mps2"] -= extra
 
 

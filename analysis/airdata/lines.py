@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.airdata.tubing import ComplexArray, Gas, air, low_frequency_lag_s, response
 from analysis.signals.stretches import stretches
-from flight.aircraft import Aircraft, Line
+from flight.aircraft import Aircraft, PneumaticLine
 from flight.atmosphere import SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
 from flight.log_reader import Log
 from flight.messages import AbsolutePressure, Status
@@ -76,7 +76,7 @@ def sharpened(table: pd.DataFrame, aircraft: Aircraft, gas: Gas) -> tuple[pd.Dat
     return out, notes
 
 
-def undelayed(line: Line, gas: Gas) -> Callable[[Array], ComplexArray]:
+def undelayed(line: PneumaticLine, gas: Gas) -> Callable[[Array], ComplexArray]:
     """The line's response less its lag for slow changes, as a function of frequency [Hz]."""
     lag_s = low_frequency_lag_s([line], gas)
     return lambda f: response([line], f, gas) * np.exp(2j * np.pi * f * lag_s)

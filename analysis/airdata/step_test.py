@@ -22,7 +22,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from analysis.airdata.tubing import Gas, low_frequency_lag_s, response
-from flight.aircraft import Line
+from flight.aircraft import PneumaticLine
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -149,7 +149,7 @@ def fit_lag(steps: list[Step], noise: float, shape_of: Callable[[float], Shape] 
     return Lag(lag_s, lo, hi, len(steps), noise, misfit)
 
 
-def through(line: Line, gas: Gas) -> Callable[[float], Shape]:
+def through(line: PneumaticLine, gas: Gas) -> Callable[[float], Shape]:
     """The same behind a tube of this length and cavity, by lag: its diameter is the one that has the lag."""
 
     def shape_of(lag_s: float) -> Shape:
@@ -247,7 +247,7 @@ def _crossing(lags: Array, profile: Array, i: int) -> float:
     return float(lags[i] + (lags[i + 1] - lags[i]) * a / (a - b))
 
 
-def diameter_of_lag_m(line: Line, lag_s: float, gas: Gas) -> float:
+def diameter_of_lag_m(line: PneumaticLine, lag_s: float, gas: Gas) -> float:
     """The tube diameter with which this line, of its length and cavity, has this lag [m].
 
     What the aircraft file takes: the inner diameter of a narrow tube is what nobody knows to better than some per cent,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import jve
 
-from flight.aircraft import Line
+from flight.aircraft import PneumaticLine
 from flight.atmosphere import density, viscosity
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ def air(static_Pa: float, temperature_K: float) -> Gas:
 
 
 def response(
-    tubes: Sequence[Line], frequency_Hz: Array, gas: Gas, *, polytropic: float = 1.0, stretch: float = 0.0
+    tubes: Sequence[PneumaticLine], frequency_Hz: Array, gas: Gas, *, polytropic: float = 1.0, stretch: float = 0.0
 ) -> ComplexArray:
     """Pressure in the last cavity over that at the first tube's mouth, as a complex number at each frequency.
 
@@ -62,7 +62,7 @@ def response(
     return np.where(f > 0, H, 1.0)
 
 
-def _wave(tube: Line, omega: Array, gas: Gas) -> tuple[ComplexArray, ComplexArray]:
+def _wave(tube: PneumaticLine, omega: Array, gas: Gas) -> tuple[ComplexArray, ComplexArray]:
     """Propagation constant phi [1/m] (their eq. 10) and characteristic admittance [m^3/(s Pa)] of a tube."""
     R = tube.diameter_m / 2
     alpha = 1j**1.5 * R * np.sqrt(omega * gas.density_kgpm3 / gas.viscosity_Pas)  # shear wave number
@@ -79,7 +79,7 @@ def _J2_over_J0(x: ComplexArray) -> ComplexArray:
     return np.asarray(jve(2, x) / jve(0, x))
 
 
-def low_frequency_lag_s(tubes: Sequence[Line], gas: Gas) -> float:
+def low_frequency_lag_s(tubes: Sequence[PneumaticLine], gas: Gas) -> float:
     """Lag of tubes and cavities for slow changes: the limit of `response` with k = 1 [s].
 
     For one tube tau = 128 mu L (V_cavity + V_tube/2) / (pi d^4 p): laminar flow through the tube into the cavity and
@@ -95,6 +95,6 @@ def low_frequency_lag_s(tubes: Sequence[Line], gas: Gas) -> float:
     return lag_s
 
 
-def tube_m3(line: Line) -> float:
+def tube_m3(line: PneumaticLine) -> float:
     """Volume of the tube alone."""
     return math.pi / 4 * line.diameter_m**2 * line.length_m

@@ -109,7 +109,7 @@ def analyze(
 
 
 def _propeller(name_or_path: str):
-    from flight.propeller import load_propeller
+    from flight.propeller_files import load_propeller
 
     return load_propeller(name_or_path)
 

@@ -25,7 +25,7 @@ from analysis.performance.propagation import Estimate, Numbers, estimate
 from analysis.signals.stretches import stretches
 from flight.aircraft import Propulsion
 from flight.atmosphere import density, pressure_at, temperature_at
-from flight.propeller import Blades
+from flight.propeller import PropellerModel
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class FullThrottle:
     basis: str
 
 
-def full_throttle(data: pd.DataFrame, propulsion: Propulsion, propeller: Blades) -> FullThrottle | str:
+def full_throttle(data: pd.DataFrame, propulsion: Propulsion, propeller: PropellerModel) -> FullThrottle | str:
     """The motor at full throttle, or why nothing is known of it.
 
     data : index t_s, even steps; columns V, n, rho, throttle (0 to 1), covered (by the propeller's table)
@@ -121,7 +121,7 @@ class Performance:
 
 
 def performance(
-    row: dict[str, Array], propeller: Blades, at: Condition, flown_CL: tuple[float, float], speeds: int = SPEEDS
+    row: dict[str, Array], propeller: PropellerModel, at: Condition, flown_CL: tuple[float, float], speeds: int = SPEEDS
 ) -> Performance:
     """Power available, climb and highest level speed.
 
@@ -140,7 +140,7 @@ def performance(
     )
 
 
-def _climb(row: dict[str, Array], propeller: Blades, V: Array, at: Condition) -> tuple[Array, Array, Array]:
+def _climb(row: dict[str, Array], propeller: PropellerModel, V: Array, at: Condition) -> tuple[Array, Array, Array]:
     """Speed of rotation, power available T V cos(alpha) (3.47) and rate of climb V sin(gamma), each (2m + 1, k)."""
     n = full_throttle_revps(
         propeller, V, at.rho, unloaded_revps=row["unloaded_revps"], revps_per_Nm=row["revps_per_Nm"]
@@ -177,7 +177,7 @@ def _last_crossing(x: Array, y: Array) -> float:
 
 def ceilings_m(
     row: dict[str, Array],
-    propeller: Blades,
+    propeller: PropellerModel,
     at: Condition,
     flown_CL: tuple[float, float],
     climbs_mps: tuple[float, ...],

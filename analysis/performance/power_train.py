@@ -24,7 +24,7 @@ from analysis.estimation.model import Model, Parameter
 from analysis.performance.propagation import Numbers, joined
 from analysis.signals.stretches import stretches
 from flight.aircraft import Propulsion
-from flight.propeller import Blades
+from flight.propeller import PropellerModel
 
 Array = NDArray[np.float64]
 
@@ -40,14 +40,14 @@ TURNING_REVPS = 10.0
 HALVINGS = 18  # of the interval in which a speed of rotation is sought: to 0.001 rev/s, then a straight line
 
 
-def thrust_and_power(propeller: Blades, V, n, rho, *, thrust_scale=0.0, thrust_slope=0.0):
+def thrust_and_power(propeller: PropellerModel, V, n, rho, *, thrust_scale=0.0, thrust_slope=0.0):
     """Thrust [N], corrected as estimated in flight, and shaft power [W] of the table, elementwise."""
     thrust, shaft = propeller.thrust_and_power(V, n, rho)
     J = V / (n * propeller.diameter_m)
     return thrust * (1 + thrust_scale + thrust_slope * (J - J_REFERENCE)), shaft
 
 
-def revps_for(propeller: Blades, V, thrust_N, rho, *, thrust_scale=0.0, thrust_slope=0.0) -> Array:
+def revps_for(propeller: PropellerModel, V, thrust_N, rho, *, thrust_scale=0.0, thrust_slope=0.0) -> Array:
     """The speed of rotation [rev/s] at which the propeller gives a thrust [N] above zero, elementwise.
 
     NaN where not even five times the speed of rotation of zero thrust gives it.
@@ -62,7 +62,7 @@ def revps_for(propeller: Blades, V, thrust_N, rho, *, thrust_scale=0.0, thrust_s
     return _root(excess, slowest, 15 * slowest + 100.0)
 
 
-def full_throttle_revps(propeller: Blades, V, rho, *, unloaded_revps, revps_per_Nm) -> Array:
+def full_throttle_revps(propeller: PropellerModel, V, rho, *, unloaded_revps, revps_per_Nm) -> Array:
     """The speed of rotation [rev/s] at full throttle; the propeller's torque slows the motor by `revps_per_Nm`."""
     V = np.asarray(V, dtype=float)
     shape = np.broadcast_shapes(V.shape, np.shape(rho), np.shape(unloaded_revps))
@@ -123,7 +123,7 @@ def _battery(shaft_W, n, no_load_Nm, shaft_scale, friction, copper):
 
 
 def power_train(
-    data: pd.DataFrame, propulsion: Propulsion, propeller: Blades, thrust: tuple[float, float]
+    data: pd.DataFrame, propulsion: Propulsion, propeller: PropellerModel, thrust: tuple[float, float]
 ) -> PowerTrain:
     """Fit the losses between shaft and battery to slow stretches of a flight.
 
@@ -174,7 +174,7 @@ def power_train(
     return PowerTrain(joined(numbers, meter), no_load_Nm, True, basis, points)
 
 
-def _slow_stretches(data: pd.DataFrame, propulsion: Propulsion, propeller: Blades) -> list[Segment]:
+def _slow_stretches(data: pd.DataFrame, propulsion: Propulsion, propeller: PropellerModel) -> list[Segment]:
     """Where the motor drives the propeller and its speed hardly changes."""
     step_s = float(data.index[1] - data.index[0])
     smooth = data["n"].rolling(max(1, round(SMOOTHING_S / step_s)), center=True, min_periods=1).mean()
@@ -198,7 +198,11 @@ def _slow_stretches(data: pd.DataFrame, propulsion: Propulsion, propeller: Blade
 
 
 def _points(
-    segments: list[Segment], no_load_Nm: float, fit: output_error.Fit, propeller: Blades, thrust: tuple[float, float]
+    segments: list[Segment],
+    no_load_Nm: float,
+    fit: output_error.Fit,
+    propeller: PropellerModel,
+    thrust: tuple[float, float],
 ) -> tuple[EfficiencyPoint, ...]:
     shaft_scale = fit.parameters["shaft_scale"].value
     points = []

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flight.errors import InputError
-from flight.log_reader import Entry, Log
+from flight.log_reader import Log, LogEntry
 from flight.messages import Status
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
     return np.where(known, CubicSpline(taken_s, value)(t_s), np.nan)
 
 
-def _losses(topic: str, entries: list[Entry], start_ns: int, period_s: float) -> list[str]:
+def _losses(topic: str, entries: list[LogEntry], start_ns: int, period_s: float) -> list[str]:
     """In words: how much of a topic was clipped, and when it was silent for long."""
     if not entries:
         return []
@@ -118,7 +118,7 @@ def _losses(topic: str, entries: list[Entry], start_ns: int, period_s: float) ->
     return notes
 
 
-def _samples(entries: list[Entry], field: str, start_ns: int) -> tuple[Array, Array]:
+def _samples(entries: list[LogEntry], field: str, start_ns: int) -> tuple[Array, Array]:
     """Times [s] and values of the good messages, in order, one for each instant."""
     good = [
         ((time_ns - start_ns) / 1e9 - _behind_s(message), value)

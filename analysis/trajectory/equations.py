@@ -82,7 +82,7 @@ def _swaying(gust_a: Any, twice_a: Any, gust_b: Any, twice_b: Any, stays: Any) -
     return once_b - stays * once_a, twice_b - stays * twice_a - (1 - stays) * (once_a + once_b) / 2
 
 
-def flow(x: Any, s: Any) -> motion.Flow:
+def flow(x: Any, s: Any) -> motion.Airflow:
     """Airspeed [m/s] and flow angles [rad] at state x; s: PREDICTED_FLOW.
 
     What a gust does to the flow is its part along and across the slow flow, and on average what its square does to the
@@ -92,7 +92,7 @@ def flow(x: Any, s: Any) -> motion.Flow:
     u, v, w = motion.body_from_earth(*steady, x.phi, x.theta, x.psi)
     V = np.sqrt(u**2 + v**2 + w**2 + 1e-6)  # never zero, for the derivative at rest
     ca, sa = np.cos(s.slow_alpha), np.sin(s.slow_alpha)
-    return motion.Flow(
+    return motion.Airflow(
         V - x.gust_u * ca - x.gust_w * sa - s.gusts_across / (2 * s.slow_V),
         np.arctan2(w, np.sqrt(u**2 + 1e-6)) + (x.gust_u * sa - x.gust_w * ca) / s.slow_V,
         np.arcsin(v / V) - x.gust_v / s.slow_V,

@@ -1,6 +1,6 @@
-"""What the sensors of the tray feel on a flight, each with its own error budget, in physical units."""
+"""What the sensors of the tray measure on a simulated flight, in physical units, each with its own error budget."""
 
-from sim.sensors.budget import Budget, Errors, draw, load_budget
-from sim.sensors.tray import TrayFelt
+from sim.sensors.budget import DrawnErrors, ErrorBudget, draw, load_budget
+from sim.sensors.tray import FlightSensorTruth
 
-__all__ = ["Budget", "Errors", "TrayFelt", "draw", "load_budget"]
+__all__ = ["DrawnErrors", "ErrorBudget", "FlightSensorTruth", "draw", "load_budget"]

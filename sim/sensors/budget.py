@@ -1,7 +1,7 @@
-"""Error budgets: how much each sensor errs. A budget gives sizes; `draw` makes one day's errors of it.
+"""Error budgets: the size of each sensor error. `draw` draws the errors of one flight from a budget.
 
 Shipped: `none`, `bench` (noise of Table 4.1, small residual errors; the default), `study` (the budget of the method's
-study, systematic errors drawn at random by the seed) and `harsh` (that and what the study left out).
+study, systematic errors drawn at random by the seed) and `harsh` (`study` with the errors that the study left out).
 """
 
 import tomllib
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """Standard deviations of what changes from sample to sample, of 25 Hz data where not said otherwise."""
+    """Standard deviations of the noise, of 25 Hz data unless stated otherwise."""
 
     accel_mps2: float = 0.0
     gyro_radps: float = 0.0
@@ -32,7 +32,7 @@ class Noise:
     airspeed_Pa: float = 0.0
     static_Pa: float = 0.0
     baro_Pa: float = 0.0
-    coloured_Pa: float = 0.0  # of the probe's differential transducers besides, correlated over `coloured_time`
+    coloured_Pa: float = 0.0  # added to the differential transducers; correlation time `coloured_time`
     coloured_time_s: float = 0.5
     magnetic_T: float = 0.0
     gps_position_m: float = 0.0  # correlated over `gps_correlation`
@@ -47,18 +47,18 @@ class Noise:
 
 @dataclass(frozen=True, kw_only=True)
 class Systematic:
-    """What stays over a flight: standard deviations of normal draws, or half widths where the budget draws `evenly`;
-    `lag` and latency are drawn evenly from zero up."""
+    """Errors that are constant over a flight: standard deviations of normal distributions, or half widths of uniform
+    ones where the budget says `evenly`; `lag` and latency are uniform between zero and the value."""
 
     alpha_offset_rad: float = 0.0
     beta_offset_rad: float = 0.0
     alpha_scale: float = 0.0
     beta_scale: float = 0.0
-    V_scale: float = 0.0  # of the airspeed that the centre port shows
+    V_scale: float = 0.0  # of the airspeed from the centre port
     static_position: float = 0.0  # error of the static line, as a fraction of dynamic pressure
     lag_s: float = 0.0  # longest; added to every pneumatic line
     zero_Pa: float = 0.0  # of the differential transducers, at power-on
-    zero_drift_Pa: float = 0.0  # and by the time they have warmed up by 10 K
+    zero_drift_Pa: float = 0.0  # change of it after warming up by 10 K
     hysteresis: float = 0.0  # of the differential transducers, as a fraction of the last swing
     absolute_Pa: float = 0.0  # of the two absolute transducers
     accel_bias_mps2: float = 0.0
@@ -72,28 +72,28 @@ class Systematic:
     motor_speed_scale: float = 0.0
     attitude_rad: float = 0.0
     battery_scale: float = 0.0
-    # What departs from the files of the aircraft and the propeller.
+    # Differences from the files of the aircraft and the propeller.
     thrust_scale: float = 0.0
     thrust_slope_J: float = 0.0
     weight_scale: float = 0.0
     updraft_mps: float = 0.0
     CD_quartic: float = 0.0
-    # GPS falls silent from `gps_lost` for `gps_lost_for`, when the latter is above zero.
+    # GPS has no fix from `gps_lost` on, for `gps_lost_for`.
     gps_lost_s: float = 0.0
     gps_lost_for_s: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Budget:
+class ErrorBudget:
     title: str = ""
-    evenly: bool = False  # systematic errors lie evenly within plus and minus their size, instead of normally
+    evenly: bool = False  # systematic errors are uniform within plus and minus their size, not normal
     noise: Noise = Noise()
     systematic: Systematic = Systematic()
 
 
 @dataclass(frozen=True)
-class Errors:
-    """One day's errors. Vectors are per axis or per line; `values` holds the scalars of `Systematic`, drawn."""
+class DrawnErrors:
+    """The errors of one flight. Vectors are per axis or per line; `values` has the drawn scalars of `Systematic`."""
 
     seed: int
     noise: Noise
@@ -130,8 +130,8 @@ AS_GIVEN = ("hysteresis", "gps_lost_s", "gps_lost_for_s")
 DIFFERENTIAL = ("alpha", "beta", "airspeed")
 
 
-def draw(budget: Budget, seed: int) -> Errors:
-    """The errors of one day. A pure function of budget and seed; each error has a stream of its own."""
+def draw(budget: ErrorBudget, seed: int) -> DrawnErrors:
+    """The errors of one flight. A pure function of budget and seed; each error has its own random stream."""
     s = budget.systematic
 
     def of_size_one(name: str, n: int) -> Array:
@@ -150,7 +150,7 @@ def draw(budget: Budget, seed: int) -> Errors:
     skew = of_size_one("soft iron matrix", 9).reshape(3, 3)
     zeros, drifts = of_size_one("zeros", 3) * s.zero_Pa, of_size_one("zero drifts", 3) * s.zero_drift_Pa
     absolute = of_size_one("absolute", 2) * s.absolute_Pa
-    return Errors(
+    return DrawnErrors(
         seed=seed,
         noise=budget.noise,
         values=Systematic(**values),
@@ -179,10 +179,10 @@ def shipped_budgets() -> list[str]:
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
-def load_budget(name_or_path: str | Path) -> Budget:
+def load_budget(name_or_path: str | Path) -> ErrorBudget:
     """A budget shipped with the package, by name, or one from a file.
 
-    Raises InputError naming file and key when it is missing, malformed or has a wrong unit.
+    Raises InputError, which names file and key, when it is missing, malformed or has a wrong unit.
     """
     shipped = resources.files("sim") / "data" / "errors" / f"{name_or_path}.toml"
     path = Path(name_or_path)
@@ -199,4 +199,4 @@ def load_budget(name_or_path: str | Path) -> Budget:
         table: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"errors {name_or_path}: not valid TOML ({error})") from None
-    return read_table(Budget, table, f"errors {name_or_path}")
+    return read_table(ErrorBudget, table, f"errors {name_or_path}")

@@ -1,4 +1,4 @@
-"""Noise as a pure function of seed, channel and sample time: asked twice, it answers the same."""
+"""Noise as a pure function of seed, channel and sample time: equal arguments give equal values."""
 
 from functools import lru_cache
 from zlib import crc32
@@ -9,9 +9,9 @@ from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 
-# White noise is drawn on this grid and held over it: independent from sample to sample up to 200 Hz.
+# White noise is constant over each cell of this grid: samples at up to 200 Hz are independent.
 GRID_HZ = 200
-_BLOCK_S = 16  # drawn at a time: a generator costs as much as a thousand numbers
+_BLOCK_S = 16  # drawn at once: making a generator takes as long as a thousand numbers
 
 
 @lru_cache(maxsize=256)
@@ -21,7 +21,7 @@ def _block(seed: int, channel: int, block: int) -> Array:
 
 def white(seed: int, channel: str, t_s: Array) -> Array:
     """Standard normal numbers (n,) at times t (n,), one for each cell of the grid."""
-    # Half a microsecond of grace: an instant computed as a multiple of the grid belongs to the cell it starts.
+    # Half a microsecond of tolerance: a time computed as a multiple of the grid belongs to the cell that starts there.
     cell = np.floor(np.maximum(np.asarray(t_s), 0.0) * GRID_HZ + 1e-4).astype(np.int64)
     code = crc32(channel.encode())
     block, place = np.divmod(cell, GRID_HZ * _BLOCK_S)
@@ -31,7 +31,7 @@ def white(seed: int, channel: str, t_s: Array) -> Array:
 
 
 def rng_of(seed: int, channel: str) -> np.random.Generator:
-    """A generator of its own for each seed and name."""
+    """A random generator for each seed and name."""
     return np.random.default_rng([seed, crc32(channel.encode())])
 
 

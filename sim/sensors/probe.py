@@ -1,6 +1,6 @@
 """The five-port probe: pressures at its ports by potential flow over a hemisphere.
 
-One port faces the flow, two pairs stand at 45 deg above, below, right and left. Cp = 1 - (9/4) sin^2 of the angle from
+One port is at the tip, two pairs are at 45 deg above, below, right and left. Cp = 1 - (9/4) sin^2 of the angle from
 the stagnation point. The ring of static ports further back reads low in cross-flow.
 """
 
@@ -8,6 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from flight.aircraft import Position
+from flight.number import Number
 
 Array = NDArray[np.float64]
 
@@ -26,13 +29,13 @@ class PortPressures(NamedTuple):
     static: Array
 
 
-def hemisphere_Cp(cosine):
+def hemisphere_Cp(cosine: Number) -> Number:
     """Pressure coefficient where the surface normal makes this cosine with the flow, windward side."""
     return 1 - 9 / 4 * (1 - np.maximum(cosine, 0.0) ** 2)
 
 
-def port_pressures(dynamic_pressure_Pa, alpha_rad, beta_rad) -> PortPressures:
-    """Pressures at the ports of a probe that meets the flow at these angles; elementwise."""
+def port_pressures(dynamic_pressure_Pa: Number, alpha_rad: Number, beta_rad: Number) -> PortPressures:
+    """Port pressures from dynamic pressure [Pa] and flow angles at the probe [rad]; elementwise."""
     q = np.asarray(dynamic_pressure_Pa)
     x = np.cos(alpha_rad) * np.cos(beta_rad)
     y = np.sin(beta_rad)
@@ -46,8 +49,10 @@ def port_pressures(dynamic_pressure_Pa, alpha_rad, beta_rad) -> PortPressures:
     )
 
 
-def flow_at_probe(V, alpha, beta, p, q, r, position_m, upwash_rad):
-    """(V, alpha, beta) at the probe's tip: those at the centre of gravity, with rotation of the aircraft and upwash."""
+def flow_at_probe(
+    V: Number, alpha: Number, beta: Number, p: Number, q: Number, r: Number, position_m: Position, upwash_rad: Number
+) -> tuple[Number, Number, Number]:
+    """(V, alpha, beta) at the probe's tip, from those at the centre of gravity, body rates [rad/s] and upwash [rad]."""
     x, y, z = position_m
     u = V * np.cos(alpha) * np.cos(beta) + q * z - r * y
     v = V * np.sin(beta) + r * x - p * z

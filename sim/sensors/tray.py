@@ -1,4 +1,4 @@
-"""The tray: every sensor of the aircraft on one simulated flight, behind the interface `sim.felt.Felt`."""
+"""Inputs of every sensor of the tray on one simulated flight; implements `sim.sensor_truth.SensorTruth`."""
 
 from functools import cached_property
 
@@ -7,40 +7,40 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from flight.aircraft import Aircraft, Line, Surface
+from flight.aircraft import Aircraft, ControlSurface, PneumaticLine
 from flight.atmosphere import GRAVITY_MPS2
-from flight.motion import body_from_earth, felt_off_center
-from sim.felt import GpsSolution
+from flight.motion import body_from_earth, specific_force_at
 from sim.fly import Flight
-from sim.sensors.budget import DIFFERENTIAL, Errors
+from sim.sensor_truth import GpsSolution
+from sim.sensors.budget import DIFFERENTIAL, DrawnErrors
 from sim.sensors.noise import GRID_HZ, gauss_markov, white
 from sim.sensors.probe import flow_at_probe, port_pressures
-from sim.sensors.tubing import lagged, time_constant_s
+from sim.sensors.tubing import first_order_lag, time_constant_s
 
 Array = NDArray[np.float64]
 
-# Where the flight happens. Any place will do; the magnetic field belongs to it (flux density [T], dip [rad]).
+# Place of the flight, and the magnetic field there (flux density [T], dip [rad]).
 HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG = 35.773, -78.674
 FIELD_T, DIP_RAD = 48.5e-6, np.deg2rad(63.0)
 EARTH_RADIUS_M = 6_371_000.0
 
 PNEUMATIC_DT_S = 1 / 200
-# Electronics warm the tray above the air, as an exponential.
+# The electronics warm the tray above air temperature, exponentially.
 WARM_UP_K, WARM_UP_S = 10.0, 240.0
-# The autopilot's filter pulls its attitude towards the accelerometer's vertical this fast.
+# Time constant of the autopilot's correction towards the vertical of the accelerometer.
 ATTITUDE_FILTER_S = 2.0
 GYRO_AND_ACCEL_RATE = GRID_HZ / 25  # noise is given for 25 Hz means of 200 Hz samples
 SERVO_OUTPUTS = 8
-# The budget's vibration is that of cruise; the force of an imbalance grows with the square of the speed.
+# The budget gives the vibration in cruise; the force of an imbalance is proportional to the square of the speed.
 CRUISE_REVPS = 100.0
 NEUTRAL_US, THROTTLE_LOW_US, THROTTLE_HIGH_US = 1500.0, 1000.0, 2000.0
-DEFAULT_LINE = Line(length_m=0.0, diameter_m=1e-3, cavity_m3=0.0)
+DEFAULT_LINE = PneumaticLine(length_m=0.0, diameter_m=1e-3, cavity_m3=0.0)
 
 
-class TrayFelt:
-    """What each sensor feels on `flight`, with one day's `errors`."""
+class FlightSensorTruth:
+    """Sensor inputs on `flight`, with the drawn `errors`."""
 
-    def __init__(self, flight: Flight, errors: Errors):
+    def __init__(self, flight: Flight, errors: DrawnErrors):
         self._flight, self._errors = flight, errors
         self._aircraft: Aircraft = flight.aircraft
         self._truth: pd.DataFrame = flight.truth
@@ -51,7 +51,7 @@ class TrayFelt:
         t, e = self._clipped(t_s), self._errors
         ax, ay, az, p, q, r, pdot, qdot, rdot, turns, speed = self._imu_spline(t).T
         position = self._aircraft.imu_position_m
-        force = np.column_stack(felt_off_center(ax, ay, az, p, q, r, pdot, qdot, rdot, position))
+        force = np.column_stack(specific_force_at(ax, ay, az, p, q, r, pdot, qdot, rdot, position))
         force += self._vibration(turns, speed)[:, None]
         rates = np.column_stack([p, q, r])
         force = force @ e.imu_rotation.T * (1 + e.accel_scale) + e.accel_bias
@@ -63,7 +63,7 @@ class TrayFelt:
         return force, rates
 
     def imu_temperature_K(self, t_s: Array) -> Array:
-        return self._warmed(t_s) + 6.0  # the chip runs warmer than the board
+        return self._warmed(t_s) + 6.0  # the chip is warmer than the board
 
     def magnetic_field_T(self, t_s: Array) -> Array:
         t, e = self._clipped(t_s), self._errors
@@ -121,7 +121,7 @@ class TrayFelt:
         e = self._errors
         n = self._linear("motor_speed_revps", t_s) * (1 + e.values.motor_speed_scale)
         noise = e.noise.motor_speed_revps * white(e.seed, "motor speed", t_s)
-        return np.where(n > 1.0, np.maximum(n + noise, 0.0), 0.0)  # a motor that stands gives no pulses
+        return np.where(n > 1.0, np.maximum(n + noise, 0.0), 0.0)  # a stopped motor gives no pulses
 
     def servo_pulses_us(self, t_s: Array) -> Array:
         pulses = np.full((len(t_s), SERVO_OUTPUTS), NEUTRAL_US)
@@ -153,16 +153,18 @@ class TrayFelt:
         current += e.noise.battery_current_A * white(e.seed, "battery current", t_s)
         return voltage, current
 
-    # How the truth becomes a function of time.
+    # The truth as a function of time.
 
     def _clipped(self, t_s: Array) -> Array:
-        return np.clip(np.asarray(t_s, dtype=float), 0.0, self.duration_s)
+        clipped: Array = np.clip(np.asarray(t_s, dtype=float), 0.0, self.duration_s)
+        return clipped
 
     def _spline(self, columns: list[str]) -> CubicSpline:
         return CubicSpline(self._t, self._truth[columns].to_numpy(dtype=float))
 
     def _linear(self, column: str, t_s: Array) -> Array:
-        return np.interp(self._clipped(t_s), self._t, self._truth[column].to_numpy(dtype=np.float64))
+        values: Array = np.interp(self._clipped(t_s), self._t, self._truth[column].to_numpy(dtype=np.float64))
+        return values
 
     @cached_property
     def _imu_spline(self) -> CubicSpline:
@@ -183,7 +185,7 @@ class TrayFelt:
         return self._spline(["north_m", "east_m", "height_m", *velocity])
 
     def _vibration(self, turns: Array, speed: Array) -> Array:
-        """Imbalance of the propeller: once and twice a turn, nothing while it stands."""
+        """Imbalance of the propeller: at once and twice its speed of rotation, zero when it is stopped."""
         amplitude = self._errors.noise.vibration_mps2 * (speed / CRUISE_REVPS) ** 2
         return amplitude * (np.sin(2 * np.pi * turns) + np.sin(4 * np.pi * turns) / 2)
 
@@ -206,21 +208,22 @@ class TrayFelt:
 
     @cached_property
     def _autopilot_attitude(self) -> Array:
-        """Gyro for the short run, the accelerometer as the vertical for the long: wrong whenever speed changes.
+        """Complementary filter: gyro for fast changes, accelerometer as the vertical for slow ones; wrong when speed
+        changes.
 
-        A complementary filter: true attitude plus the low-passed difference between the accelerometer's and it.
+        Computed as true attitude plus the low-passed difference of the accelerometer's attitude from it.
         """
         truth, e = self._truth, self._errors
         dt = float(self._t[1] - self._t[0])
         ax, ay, az = (truth[f"specific_force_{axis}_mps2"].to_numpy() for axis in "xyz")
         phi, theta, psi = (truth[name].to_numpy() for name in ("roll_rad", "pitch_rad", "yaw_rad"))
-        pitch_felt = np.arcsin(np.clip(ax / GRAVITY_MPS2, -1.0, 1.0))
-        roll_felt = np.arctan2(-ay, np.maximum(-az, 0.1 * GRAVITY_MPS2))
-        roll = phi + lagged(roll_felt - phi, dt, ATTITUDE_FILTER_S)
-        pitch = theta + lagged(pitch_felt - theta, dt, ATTITUDE_FILTER_S)
+        pitch_from_force = np.arcsin(np.clip(ax / GRAVITY_MPS2, -1.0, 1.0))
+        roll_from_force = np.arctan2(-ay, np.maximum(-az, 0.1 * GRAVITY_MPS2))
+        roll = phi + first_order_lag(roll_from_force - phi, dt, ATTITUDE_FILTER_S)
+        pitch = theta + first_order_lag(pitch_from_force - theta, dt, ATTITUDE_FILTER_S)
         return np.column_stack([roll, pitch, np.unwrap(psi)]) + e.values.attitude_rad
 
-    # Pneumatics: everything between the ports and the transducers, once for the flight.
+    # Pneumatics: from the ports to the transducers, computed once for the flight.
 
     def _pneumatic(self, which: str, t_s: Array) -> Array:
         grid, pressures = self._pressures
@@ -248,7 +251,7 @@ class TrayFelt:
 
         def through(name: str, x: Array) -> Array:
             line = self._aircraft.probe.lines.get(name, DEFAULT_LINE)
-            return lagged(x, PNEUMATIC_DT_S, time_constant_s(line, pressure, kelvin) + e.lag_s)
+            return first_order_lag(x, PNEUMATIC_DT_S, time_constant_s(line, pressure, kelvin) + e.lag_s)
 
         static_line = through("static", static + ports.static + e.static_position * q_bar)
         centre_line = through("airspeed", static + ports.centre)
@@ -272,7 +275,7 @@ class TrayFelt:
 
 
 def with_hysteresis(x: Array, fraction: float) -> Array:
-    """A transducer that lags behind its last turning point by a fraction of the swing since (play operator)."""
+    """Hysteresis as a play operator; the width is `fraction` times the range of x (n,)."""
     if fraction == 0:
         return x
     half = fraction * float(np.ptp(x)) / 2
@@ -284,8 +287,9 @@ def with_hysteresis(x: Array, fraction: float) -> Array:
     return y
 
 
-def _pulses(surface: Surface, angle: Array) -> Array:
-    """Pulse widths [us] for angles; `Surface.pulse_of_angle_us` for arrays."""
+def _pulses(surface: ControlSurface, angle: Array) -> Array:
+    """Pulse widths [us] for angles; `ControlSurface.pulse_of_angle_us` for arrays."""
     angles, pulses = np.array(surface.angle_rad), np.array(surface.pulse_us)
     order = np.argsort(angles)
-    return np.interp(angle, angles[order], pulses[order])
+    found: Array = np.interp(angle, angles[order], pulses[order])
+    return found

@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter, lfiltic
 
-from flight.aircraft import Line
+from flight.aircraft import PneumaticLine
 from flight.atmosphere import viscosity
 
 Array = NDArray[np.float64]
 
 
-def time_constant_s(line: Line, pressure_Pa: float, temperature_K: float) -> float:
+def time_constant_s(line: PneumaticLine, pressure_Pa: float, temperature_K: float) -> float:
     """Low-frequency limit of the response (method.md sec. 7; Bergh & Tijdeman 1965, k = 1).
 
     Poiseuille's resistance times the compliance of the cavity and of half the tube.
@@ -21,7 +21,7 @@ def time_constant_s(line: Line, pressure_Pa: float, temperature_K: float) -> flo
     return float(resistance * (line.cavity_m3 + tube / 2) / pressure_Pa)
 
 
-def lagged(x: Array, dt: float, tau_s: float) -> Array:
+def first_order_lag(x: Array, dt: float, tau_s: float) -> Array:
     """Response of a first-order lag to x (n,), linear between its samples; exact, starting in equilibrium."""
     if tau_s <= 0 or len(x) == 0:
         return x

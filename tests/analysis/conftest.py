@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from flight.aircraft import Aircraft, load_aircraft
-from flight.propeller import Propeller, load_propeller
+from flight.propeller import Propeller
+from flight.propeller_files import load_propeller
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import flights

@@ -26,10 +26,10 @@ from hw_fakes.clock import SimulatedClock
 from hw_fakes.tray import FakeTray
 from sim.fly import fly
 from sim.plan import load_plan
-from sim.sensors import TrayFelt, draw, load_budget
+from sim.sensors import FlightSensorTruth, draw, load_budget
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
-from analytic_felt import AnalyticFelt, constant
+from analytic_sensor_truth import AnalyticSensorTruth, constant
 
 START_NS = 7_000_000_000
 TICK_NS = 40_000_000
@@ -42,10 +42,10 @@ def staircase(levels, step_s=2.0):
     return lambda t_s: levels[np.clip((t_s / step_s).astype(int), 0, len(levels) - 1)]
 
 
-def run(make, felt, seconds, seed=3, **options):
+def run(make, sensor_truth, seconds, seed=3, **options):
     """Samples of the driver that `make(tray)` gives, read at 25 Hz, as (seconds since the felt time's zero, sample)."""
     clock = SimulatedClock(start_ns=START_NS)
-    tray = FakeTray(felt, clock, seed, **options)
+    tray = FakeTray(sensor_truth, clock, seed, **options)
     driver = make(tray)
     for wait_s in driver.start():
         clock.advance_ns(round(wait_s * 1e9))
@@ -76,8 +76,8 @@ I2C = "/dev/i2c-1"
 @pytest.mark.parametrize("range_g", [2, 4, 8, 16])
 def test_specific_force(range_g):
     levels = [[f * range_g * G, -f * range_g * G, 0.1 * f] for f in (-0.99, -0.5, -0.1, 0.0, 0.3, 0.7, 0.99)]
-    felt = AnalyticFelt(force_mps2=staircase(levels))
-    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), range_g=range_g), felt, 14)
+    sensor_truth = AnalyticSensorTruth(force_mps2=staircase(levels))
+    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), range_g=range_g), sensor_truth, 14)
     for level, m in settled(samples, levels):
         seen = (m.specific_force_x_mps2, m.specific_force_y_mps2, m.specific_force_z_mps2)
         assert seen == pytest.approx(level, abs=range_g / 32768 * G)
@@ -86,8 +86,8 @@ def test_specific_force(range_g):
 @pytest.mark.parametrize("range_dps", [250, 500, 1000, 2000])
 def test_angular_rate(range_dps):
     levels = [np.radians([f * range_dps, -f * range_dps, 3.0 * f]).tolist() for f in (-0.99, -0.5, 0.0, 0.3, 0.99)]
-    felt = AnalyticFelt(rate_radps=staircase(levels))
-    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), range_dps=range_dps), felt, 10)
+    sensor_truth = AnalyticSensorTruth(rate_radps=staircase(levels))
+    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), range_dps=range_dps), sensor_truth, 10)
     for level, m in settled(samples, levels):
         seen = (m.angular_rate_x_radps, m.angular_rate_y_radps, m.angular_rate_z_radps)
         assert seen == pytest.approx(level, abs=math.radians(range_dps / 32750))
@@ -97,10 +97,10 @@ def test_angular_rate(range_dps):
 def test_the_logged_delay_is_the_one_that_was_made(fifo):
     """On a ramp a wrong delay is an offset. 200 Hz samples within 1 % of their rate, at an unknown phase: 5 ms; the
     driver logs one delay for two filters that differ by 1.9 and 2.2 ms."""
-    felt = AnalyticFelt(
+    sensor_truth = AnalyticSensorTruth(
         force_mps2=lambda t: np.outer(t, [1.0, 0.5, -1.0]), rate_radps=lambda t: np.outer(t, [0.1, -0.1, 0.2])
     )
-    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), fifo=fifo), felt, 10)
+    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), fifo=fifo), sensor_truth, 10)
     late_s = [t_s - m.group_delay_s - m.specific_force_x_mps2 for t_s, (_, _, m) in samples[5:]]
     assert np.mean(np.abs(late_s)) < 5e-3 + 2.2e-3
     late_s = [t_s - m.group_delay_s - m.angular_rate_x_radps / 0.1 for t_s, (_, _, m) in samples[5:]]
@@ -109,14 +109,14 @@ def test_the_logged_delay_is_the_one_that_was_made(fifo):
 
 def test_beyond_the_range_is_called_saturated():
     samples = run(
-        lambda tray: MPU9250Driver(tray.i2c(I2C), range_g=2), AnalyticFelt(force_mps2=constant([30.0, 0, 0])), 1
+        lambda tray: MPU9250Driver(tray.i2c(I2C), range_g=2), AnalyticSensorTruth(force_mps2=constant([30.0, 0, 0])), 1
     )
     assert {sample.message.status for _, sample in samples[3:]} == {Status.SATURATED}
 
 
 def test_imu_temperature():
     levels = [250.0, 294.15, 300.0, 358.0]
-    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C)), AnalyticFelt(imu_K=staircase(levels)), 8)
+    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C)), AnalyticSensorTruth(imu_K=staircase(levels)), 8)
     for level, m in settled(samples, levels):
         assert m.temperature_K == pytest.approx(level, abs=1 / 333.87)
 
@@ -130,7 +130,7 @@ def test_magnetic_field():
             tray.i2c(I2C)._pass_time(20_000)  # 0.45 s: a driver does not own the clock either
         return AK8963Driver(tray.i2c(I2C))
 
-    samples = run(make, AnalyticFelt(field_T=staircase(levels)), 9)
+    samples = run(make, AnalyticSensorTruth(field_T=staircase(levels)), 9)
     for level, m in settled(samples, levels):
         # The fuse makes a count of up to 1.5 times the nominal one.
         assert (m.field_x_T, m.field_y_T, m.field_z_T) == pytest.approx(level, abs=1.5 * 4912e-6 / 32760)
@@ -141,11 +141,14 @@ def test_magnetic_field():
 def test_barometers_over_pressure_and_temperature(variant, which, seed):
     """A count is some 0.02 Pa; the temperature's rounding moves the pressure by less than another count or two."""
     levels = [(p, T) for T in (233.15, 253.15, 273.15, 293.15, 310.0, 358.15) for p in (30e3, 70e3, 100e3, 110e3)]
-    felt = AnalyticFelt(
+    sensor_truth = AnalyticSensorTruth(
         absolute_Pa=staircase([p for p, _ in levels], 3.0), transducer_K=staircase([T for _, T in levels], 3.0)
     )
     samples = run(
-        lambda tray: ms56xx.MS56xxDriver(tray.i2c(I2C), which, variant, topic="/baro", period_s=0.04), felt, 72, seed
+        lambda tray: ms56xx.MS56xxDriver(tray.i2c(I2C), which, variant, topic="/baro", period_s=0.04),
+        sensor_truth,
+        72,
+        seed,
     )
     for (pascal, kelvin), m in settled(samples, levels, 3.0, after_s=2.0):
         assert m.pressure_Pa == pytest.approx(pascal, abs=0.1)
@@ -153,9 +156,11 @@ def test_barometers_over_pressure_and_temperature(variant, which, seed):
 
 
 def test_a_barometers_sample_is_dated_at_the_middle_of_its_conversion():
-    felt = AnalyticFelt(absolute_Pa=lambda t: 90e3 + 1000.0 * t)
+    sensor_truth = AnalyticSensorTruth(absolute_Pa=lambda t: 90e3 + 1000.0 * t)
     samples = run(
-        lambda tray: ms56xx.MS56xxDriver(tray.i2c(I2C), 0x77, ms56xx.MS5611, topic="/baro", period_s=0.04), felt, 9
+        lambda tray: ms56xx.MS56xxDriver(tray.i2c(I2C), 0x77, ms56xx.MS5611, topic="/baro", period_s=0.04),
+        sensor_truth,
+        9,
     )
     late_s = [t_s - (s.message.pressure_Pa - 90e3) / 1000 for t_s, s in samples if s.message.status is Status.OK]
     # Half of what typical and longest conversion differ by, the 1 ms grid, and the transfer that starts it.
@@ -173,9 +178,11 @@ BRIDGES = [
 def test_pressure_differences(number, maker, top_Pa, which):
     address, transfer = maker.decode_part(number)
     levels = (np.array([-1, -0.9, -0.5, -0.01, 0, 0.01, 0.3, 0.8, 1]) * top_Pa).tolist()
-    felt = AnalyticFelt(differential_Pa=staircase(levels), transducer_K=staircase(np.linspace(250, 350, 9)))
+    sensor_truth = AnalyticSensorTruth(
+        differential_Pa=staircase(levels), transducer_K=staircase(np.linspace(250, 350, 9))
+    )
     samples = run(
-        lambda tray: BridgeTransducerDriver(tray.i2c(I2C), address, transfer, topic=f"/probe/{which}"), felt, 18
+        lambda tray: BridgeTransducerDriver(tray.i2c(I2C), address, transfer, topic=f"/probe/{which}"), sensor_truth, 18
     )
     count_Pa = 2 * top_Pa / (0.8 * 16383)
     for (level, kelvin), m in settled(samples, list(zip(levels, np.linspace(250, 350, 9), strict=True))):
@@ -187,16 +194,18 @@ def test_pressure_differences(number, maker, top_Pa, which):
 def test_a_pinned_bridge_is_called_saturated(number, maker, top_Pa, which):
     address, transfer = maker.decode_part(number)
     for sign in (-1, 1):
-        felt = AnalyticFelt(differential_Pa=constant(sign * 2 * top_Pa))
+        sensor_truth = AnalyticSensorTruth(differential_Pa=constant(sign * 2 * top_Pa))
         samples = run(
-            lambda tray: BridgeTransducerDriver(tray.i2c(I2C), address, transfer, topic=f"/probe/{which}"), felt, 1
+            lambda tray: BridgeTransducerDriver(tray.i2c(I2C), address, transfer, topic=f"/probe/{which}"),
+            sensor_truth,
+            1,
         )
         assert {sample.message.status for _, sample in samples} == {Status.SATURATED}
 
 
 @pytest.mark.parametrize("on_i2c", [False, True], ids=["serial", "i2c"])
 def test_navigation_solutions(on_i2c):
-    felt = AnalyticFelt(
+    sensor_truth = AnalyticSensorTruth(
         latitude_deg=lambda t: 35.6 + 1e-4 * t,
         longitude_deg=lambda t: -78.9 - 1e-4 * t,
         height_m=lambda t: 120 + 3.0 * t,
@@ -209,7 +218,7 @@ def test_navigation_solutions(on_i2c):
             return UBloxDriver(DdcPort(tray.i2c(I2C)), baud=None)
         return UBloxDriver(tray.port("/dev/ttyAMA0", 38400))
 
-    samples = run(make, felt, 12, utc_at_start=start, geoid_m=-33.0, gps_on_i2c=on_i2c)
+    samples = run(make, sensor_truth, 12, utc_at_start=start, geoid_m=-33.0, gps_on_i2c=on_i2c)
     fixes = [(t_s, s.message) for t_s, s in samples if s.message.status is Status.OK]
     assert len(fixes) >= 90  # ten a second, once it is configured
     for t_s, m in fixes:
@@ -230,23 +239,23 @@ def test_navigation_solutions(on_i2c):
 @pytest.mark.parametrize("pole_pairs", [6, 7])
 def test_motor_speed(framed, pole_pairs):
     levels = [20.0, 50.0, 100.0, 170.0]
-    felt = AnalyticFelt(motor_revps=staircase(levels))
+    sensor_truth = AnalyticSensorTruth(motor_revps=staircase(levels))
     samples = run(
         lambda tray: EscCounterDriver(tray.port("/dev/ttyUSB0", 115200), pole_pairs=pole_pairs, framed=framed),
-        felt, 8, pole_pairs=pole_pairs, rpm_with_crc=framed,
+        sensor_truth, 8, pole_pairs=pole_pairs, rpm_with_crc=framed,
     )  # fmt: skip
     for level, m in settled(samples, levels):
         assert m.motor_speed_revps == pytest.approx(level, rel=0.5 / m.period_us + 1e-6)
 
 
 def test_the_framed_counter_tells_a_standing_motor_from_silence():
-    felt = AnalyticFelt(motor_revps=constant(0.0))
+    sensor_truth = AnalyticSensorTruth(motor_revps=constant(0.0))
     for framed, said in ((True, {(Status.OK, 0.0)}), (False, {(Status.NO_DATA, None)})):
         samples = run(
             lambda tray, framed=framed: EscCounterDriver(
                 tray.port("/dev/ttyUSB0", 115200), pole_pairs=7, framed=framed
             ),
-            felt, 6, rpm_with_crc=framed,
+            sensor_truth, 6, rpm_with_crc=framed,
         )  # fmt: skip
         assert {(s.message.status, s.message.motor_speed_revps) for _, s in samples} == said
 
@@ -255,10 +264,12 @@ def test_what_the_autopilot_tells():
     aircraft = load_aircraft("nexstar")
     angles = [-0.3, -0.1, 0.0, 0.05, 0.2]
     rows = [[1500, aircraft.elevator.pulse_of_angle_us(a), 1300, 1500, 1000, 1000, 1000, 1000] for a in angles]
-    felt = AnalyticFelt(pulses_us=staircase(rows), motor_revps=staircase([0.0, 20.0, 60.0, 120.0, 170.0]))
+    sensor_truth = AnalyticSensorTruth(
+        pulses_us=staircase(rows), motor_revps=staircase([0.0, 20.0, 60.0, 120.0, 170.0])
+    )
     samples = run(
         lambda tray: AutopilotDriver(tray.port("/dev/ttyUSB1", 57600), aircraft=aircraft, rate_Hz=25, rpm=True),
-        felt,
+        sensor_truth,
         10,
     )
     by_topic = {t: [(t_s, s) for t_s, s in samples if s.topic == t] for t in {s.topic for _, s in samples}}
@@ -288,7 +299,7 @@ def resting(tmp_path_factory):
     path.write_text('title = "stand"\n[[segment]]\nkind = "stand"\nduration = "60 s"\n')
     errors = draw(load_budget("bench"), 0)
     flight = fly(load_aircraft("nexstar"), load_plan(str(path)), seed=0, deviations=errors.deviations)
-    return TrayFelt(flight, errors), errors.noise
+    return FlightSensorTruth(flight, errors), errors.noise
 
 
 def left_by(corner_Hz):
@@ -303,8 +314,8 @@ def scatter(values):
 
 
 def test_noise_of_a_resting_imu_is_what_the_budget_says_and_its_filter_leaves(resting):
-    felt, noise = resting
-    messages = [s.message for _, s in run(lambda tray: MPU9250Driver(tray.i2c(I2C)), felt, 58)][10:]
+    sensor_truth, noise = resting
+    messages = [s.message for _, s in run(lambda tray: MPU9250Driver(tray.i2c(I2C)), sensor_truth, 58)][10:]
     for name, sigma, corner_Hz in (
         ("specific_force", noise.accel_mps2, 41.0),
         ("angular_rate", noise.gyro_radps, 20.0),
@@ -317,16 +328,18 @@ def test_noise_of_a_resting_imu_is_what_the_budget_says_and_its_filter_leaves(re
 
 
 def test_noise_of_resting_pressures_is_what_the_budget_says(resting):
-    felt, noise = resting
+    sensor_truth, noise = resting
     address, transfer = ms45xxdo.decode_part("MS4515DO-DS5AJ002DP")
-    samples = run(lambda tray: BridgeTransducerDriver(tray.i2c(I2C), address, transfer, topic="/probe/alpha"), felt, 58)
+    samples = run(
+        lambda tray: BridgeTransducerDriver(tray.i2c(I2C), address, transfer, topic="/probe/alpha"), sensor_truth, 58
+    )
     found, error = scatter([s.message.differential_pressure_Pa for _, s in samples if s.message.status is Status.OK])
     assert found == pytest.approx(noise.alpha_Pa, rel=error)
     for which, variant, place in (("baro", ms56xx.MS5611, 0x77), ("static", ms56xx.MS5805, 0x76)):
         samples = run(
             lambda tray, variant=variant, place=place: ms56xx.MS56xxDriver(
                 tray.i2c(I2C), place, variant, topic="/baro", period_s=0.04
-            ), felt, 58,
+            ), sensor_truth, 58,
         )  # fmt: skip
         found, error = scatter([s.message.pressure_Pa for _, s in samples if s.message.status is Status.OK])
         assert found == pytest.approx(getattr(noise, f"{which}_Pa"), rel=error)

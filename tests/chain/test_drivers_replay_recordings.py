@@ -22,11 +22,11 @@ from flight.log_reader import read_log
 from flight.messages import Status
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.faults import Fault
-from hw_fakes.replay import Mismatch, Recording, load_recording, replay
+from hw_fakes.replay import RecordedTransfers, RecordingMismatch, load_recording, replay
 from hw_fakes.tray import FakeTray
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
-from analytic_felt import AnalyticFelt, sine
+from analytic_sensor_truth import AnalyticSensorTruth, sine
 
 EXAMPLE = Path(__file__).parents[2] / "daq" / "tray.example.toml"
 RECORDINGS = sorted((Path(__file__).parents[1] / "recordings").glob("*.jsonl"))
@@ -38,7 +38,7 @@ FAULTS = [
 ]
 
 
-def drivers(recording: Recording):
+def drivers(recording: RecordedTransfers):
     """(sensor, its topics, maker of its driver) for each sensor of a recording."""
     tray = parse_tray(recording.tray, "recorded tray", Path())
     aircraft = parse_aircraft(recording.aircraft, "recorded aircraft") if recording.aircraft else None
@@ -53,7 +53,7 @@ def bench(tmp_path_factory):
     """Eight seconds of the whole fake tray, some of it failing: the recording, and the log that was written."""
     folder = tmp_path_factory.mktemp("bench")
     clock = SimulatedClock(start_ns=3_000_000_000)
-    fake = FakeTray(AnalyticFelt(differential_Pa=sine(100.0, 50.0, 0.5)), clock, 2, faults=FAULTS)
+    fake = FakeTray(AnalyticSensorTruth(differential_Pa=sine(100.0, 50.0, 0.5)), clock, 2, faults=FAULTS)
     tray = parse_tray(EXAMPLE.read_text(), "tray.toml", folder)
     buses = BusRecording(folder / "bench.jsonl", clock)
     recording = record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 8 * 10**9, bus_recording=buses)
@@ -111,7 +111,7 @@ def test_the_file_is_lines_of_json_that_belong_to_one_sensor_each(bench):
     ],
 )
 def test_a_driver_that_does_something_else_is_objected_to(bench, sensor, changed):
-    with pytest.raises(Mismatch, match="was recorded"):
+    with pytest.raises(RecordingMismatch, match="was recorded"):
         list(replay(load_recording(bench[0]), sensor, changed))
 
 
@@ -128,7 +128,7 @@ class Eager(MPU9250Driver):
 
 @pytest.mark.parametrize("changed", [Lazy, Eager])
 def test_a_driver_that_does_less_or_more_is_objected_to(bench, changed):
-    with pytest.raises(Mismatch):
+    with pytest.raises(RecordingMismatch):
         list(replay(load_recording(bench[0]), "imu", lambda buses: changed(buses.i2c("/dev/i2c-1"))))
 
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from daq.sensors import SensorFailure, honeywell, ms45xxdo, ms56xx
@@ -25,7 +25,7 @@ from hw_fakes.clock import SimulatedClock
 from hw_fakes.tray import AUTOPILOT_PORT, ESC_PORT, GPS_PORT, I2C_BUS, FakeTray
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
-from analytic_felt import AnalyticFelt
+from analytic_sensor_truth import AnalyticSensorTruth
 
 TICK_NS = 40_000_000
 RECOVERY_TICKS = 50
@@ -124,12 +124,12 @@ class Place:
 
 
 @pytest.mark.parametrize("name", MAKERS)
-@settings(max_examples=15, deadline=5000)
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(noise=st.binary(min_size=1, max_size=700), ticks=st.integers(1, 12))
 def test_any_bytes_and_then_sound_ones(name, noise, ticks):
     clock = SimulatedClock(start_ns=5_000_000_000)
     options = {"rpm_with_crc": name == "framed counter", "gps_on_i2c": name == "ublox on i2c"}
-    wire = Wire(FakeTray(AnalyticFelt(), clock, 1, **options))
+    wire = Wire(FakeTray(AnalyticSensorTruth(), clock, 1, **options))
     place = Place(MAKERS[name], wire, clock)
     assert place.measures_within(2 * RECOVERY_TICKS)
     wire.noise = noise
@@ -140,13 +140,13 @@ def test_any_bytes_and_then_sound_ones(name, noise, ticks):
 
 
 @pytest.mark.parametrize("name", MAKERS)
-@settings(max_examples=15, deadline=5000)
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(noise=st.binary(min_size=1, max_size=700))
 @example(noise=b"\xb5\x62")  # half a frame of a receiver, which a whole one follows
 def test_any_bytes_while_it_is_brought_up(name, noise):
     clock = SimulatedClock(start_ns=5_000_000_000)
     options = {"rpm_with_crc": name == "framed counter", "gps_on_i2c": name == "ublox on i2c"}
-    wire = Wire(FakeTray(AnalyticFelt(), clock, 1, **options))
+    wire = Wire(FakeTray(AnalyticSensorTruth(), clock, 1, **options))
     wire.noise = noise
     place = Place(MAKERS[name], wire, clock)
     assert all(status in Status for _ in range(5) for status in place.tick())
@@ -165,11 +165,11 @@ TRANSFERS = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=5000)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(TRANSFERS)
 def test_a_fake_part_answers_any_transfer_or_does_not_acknowledge(transfers):
     clock = SimulatedClock(start_ns=5_000_000_000)
-    bus = FakeTray(AnalyticFelt(), clock, 1, gps_on_i2c=True).i2c(I2C_BUS)
+    bus = FakeTray(AnalyticSensorTruth(), clock, 1, gps_on_i2c=True).i2c(I2C_BUS)
     for address, data, count, wait_ns in transfers:
         clock.advance_ns(wait_ns)
         try:
@@ -184,11 +184,11 @@ def test_a_fake_part_answers_any_transfer_or_does_not_acknowledge(transfers):
 
 
 @pytest.mark.parametrize(("device", "baud"), [(GPS_PORT, 38400), (ESC_PORT, 115200), (AUTOPILOT_PORT, 57600)])
-@settings(max_examples=60, deadline=5000)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(noise=st.lists(st.binary(max_size=100), max_size=8))
 def test_a_fake_part_on_a_line_hears_a_command_after_any_bytes(device, baud, noise):
     clock = SimulatedClock(start_ns=5_000_000_000)
-    tray = FakeTray(AnalyticFelt(), clock, 1)
+    tray = FakeTray(AnalyticSensorTruth(), clock, 1)
     port = tray.port(device, baud)
     for piece in noise:
         port.write(piece)

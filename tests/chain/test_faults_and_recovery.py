@@ -14,7 +14,7 @@ from hw_fakes.faults import DEVICES_OF_KIND, I2C_PARTS, Fault
 from hw_fakes.tray import FakeTray
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
-from analytic_felt import AnalyticFelt
+from analytic_sensor_truth import AnalyticSensorTruth
 
 EXAMPLE = Path(__file__).parents[2] / "daq" / "tray.example.toml"
 START_S, LASTS_S, RECOVERY_S, SECONDS = 4.0, 2.5, 2.0, 9
@@ -68,7 +68,7 @@ RATES = {"bit_flips": 0.05, "checksum_errors": 0.3}  # one message in a thousand
 
 def flown(tmp_path, *faults, **options):
     clock = SimulatedClock(start_ns=3_000_000_000)
-    fake = FakeTray(AnalyticFelt(), clock, 2, faults=faults, **options)
+    fake = FakeTray(AnalyticSensorTruth(), clock, 2, faults=faults, **options)
     text = EXAMPLE.read_text()
     if options.get("rpm_with_crc"):
         text = text.replace("framed = false", "framed = true")

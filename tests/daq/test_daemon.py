@@ -18,7 +18,7 @@ from flight.log_reader import read_log
 from flight.messages import TYPE_OF_TOPIC, Status, schema_of
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.tray import FakeTray
-from sim.felt import GpsSolution
+from sim.sensor_truth import GpsSolution
 
 EXAMPLE = Path(__file__).parents[2] / "daq" / "tray.example.toml"
 SECONDS = 20
@@ -127,20 +127,22 @@ def test_every_topic_is_there_with_its_schema(flight):
 def test_what_the_parts_felt_is_what_the_log_says(flight):
     """To a count of each part, which is its resolution: quantisation is the only error in here."""
     _, log = flight
-    felt = SteadyFelt()
+    sensor_truth = SteadyFelt()
     imu, mag = good(log, "/imu")[-1], good(log, "/mag")[-1]
-    for axis, force, rate, field in zip("xyz", felt.force, felt.rate, felt.field, strict=True):
+    for axis, force, rate, field in zip("xyz", sensor_truth.force, sensor_truth.rate, sensor_truth.field, strict=True):
         assert getattr(imu, f"specific_force_{axis}_mps2") == pytest.approx(force, abs=9.80665 / 4096)
         assert getattr(imu, f"angular_rate_{axis}_radps") == pytest.approx(rate, abs=np.radians(1 / 65.5))
         assert getattr(mag, f"field_{axis}_T") == pytest.approx(field, abs=2 * 4912e-6 / 32760)
     assert imu.temperature_K == pytest.approx(305, abs=0.01)
-    for which, pressure_Pa in felt.pressure.items():
+    for which, pressure_Pa in sensor_truth.pressure.items():
         message = good(log, f"/{which}")[-1]
         assert message.pressure_Pa == pytest.approx(pressure_Pa, abs=1.0)  # 0.01 mbar
         assert message.temperature_K == pytest.approx(290, abs=0.01)
     for which, range_Pa in (("alpha", 498.2), ("beta", 498.2), ("airspeed", 1245.4)):
         message = good(log, f"/probe/{which}")[-1]
-        assert message.differential_pressure_Pa == pytest.approx(felt.difference[which], abs=2 * range_Pa / 13107)
+        assert message.differential_pressure_Pa == pytest.approx(
+            sensor_truth.difference[which], abs=2 * range_Pa / 13107
+        )
     gps = good(log, "/gps")[-1]
     assert (gps.velocity_north_mps, gps.velocity_east_mps, gps.velocity_down_mps) == pytest.approx((12, -3, 0.5))
     assert good(log, "/rpm")[-1].motor_speed_revps == pytest.approx(120, rel=1e-4)  # 1 us in 11.9 ms

@@ -54,9 +54,9 @@ class StandingFelt(SteadyFelt):
         return np.full(len(t_s), self.motor_revps)
 
 
-def taken(tmp_path, felt, **changes):
+def taken(tmp_path, sensor_truth, **changes):
     clock = SimulatedClock(unix_at_start_ns=10**18)
-    fake = FakeTray(felt, clock)
+    fake = FakeTray(sensor_truth, clock)
     readings = dry_run(default_tray(tmp_path, fake, **changes), buses=fake, clock=clock, seconds=SECONDS)
     return zero_from_samples(readings.samples, ticks=readings.ticks, seconds=SECONDS, unix_ns=clock.unix_ns())
 
@@ -98,9 +98,9 @@ def test_a_zero_taken_in_still_air_is_what_the_parts_are_off(tmp_path):
         "motor",
     ],
 )
-def test_what_was_not_still_is_refused_with_what_to_do(tmp_path, felt, said):
+def test_what_was_not_still_is_refused_with_what_to_do(tmp_path, sensor_truth, said):
     with pytest.raises(NotStill) as refused:
-        taken(tmp_path, felt)
+        taken(tmp_path, sensor_truth)
     assert said in str(refused.value)
 
 

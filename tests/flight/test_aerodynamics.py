@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flight.aerodynamics import (
+    Aerodynamics,
     aerodynamics_of,
     body_axes,
     coefficients,
@@ -75,3 +76,46 @@ def test_an_aircraft_without_aerodynamics_cannot_be_simulated():
     real = dataclasses.replace(load_aircraft("nexstar"), aerodynamics=None)
     with pytest.raises(InputError, match=r"nexstar.*\[aerodynamics\]"):
         aerodynamics_of(real)
+
+
+# Derivatives that all differ, so that none can stand for another.
+DISTINCT = Aerodynamics(
+    CL0=0.3, CLa=5.0, CLde=0.4, CLq=4.0, CD0=0.03, K=0.06, CL_minD=0.2, stall_angle_rad=0.25, stall_width_rad=0.01,
+    CYb=-0.51, CYp=-0.12, CYr=0.23, CYdr=0.14, Clb=-0.055, Clp=-0.46, Clr=0.17, Clda=0.28, Cldr=0.019,
+    Cm0=0.01, Cma=-0.83, Cmq=-12.1, Cmde=-1.22, Cnb=0.064, Cnp=-0.035, Cnr=-0.096, Cnda=-0.027, Cndr=-0.078,
+)  # fmt: skip
+AT_REST = dict.fromkeys(("alpha", "beta", "p_hat", "q_hat", "r_hat", "elevator", "aileron", "rudder"), 0.0)
+DERIVATIVES = {
+    ("CL", "alpha"): "CLa", ("CL", "elevator"): "CLde", ("CL", "q_hat"): "CLq",
+    ("CY", "beta"): "CYb", ("CY", "p_hat"): "CYp", ("CY", "r_hat"): "CYr", ("CY", "rudder"): "CYdr",
+    ("Cl", "beta"): "Clb", ("Cl", "p_hat"): "Clp", ("Cl", "r_hat"): "Clr", ("Cl", "aileron"): "Clda",
+    ("Cl", "rudder"): "Cldr",
+    ("Cm", "alpha"): "Cma", ("Cm", "q_hat"): "Cmq", ("Cm", "elevator"): "Cmde",
+    ("Cn", "beta"): "Cnb", ("Cn", "p_hat"): "Cnp", ("Cn", "r_hat"): "Cnr", ("Cn", "aileron"): "Cnda",
+    ("Cn", "rudder"): "Cndr",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("variable", AT_REST)
+@pytest.mark.parametrize("coefficient", ["CL", "CY", "Cl", "Cm", "Cn"])
+def test_each_coefficient_changes_with_each_variable_by_its_derivative(coefficient, variable):
+    step = 1e-3
+    before = coefficients(DISTINCT, **AT_REST)
+    after = coefficients(DISTINCT, **{**AT_REST, variable: step})
+    slope = (getattr(after, coefficient) - getattr(before, coefficient)) / step
+    name = DERIVATIVES.get((coefficient, variable))
+    assert slope == pytest.approx(getattr(DISTINCT, name) if name else 0.0, rel=1e-6, abs=1e-9)
+
+
+def test_drag_is_lowest_at_its_lift_coefficient():
+    polar = {"CD0": 0.03, "K": 0.06, "CL_minD": 0.2}
+    assert drag_coefficient(0.2, **polar) == 0.03
+    assert drag_coefficient(0.7, **polar) == drag_coefficient(-0.3, **polar) == pytest.approx(0.03 + 0.06 * 0.5**2)
+
+
+def test_broadside_to_the_flow_the_wing_is_a_flat_plate():
+    """CD = CD0 + 2 and no lift at 90 deg, lift and drag of the same normal force at 45 deg."""
+    CL, CD = lift_and_drag(DISTINCT, np.pi / 2, 0.0)
+    assert (CL, CD) == pytest.approx((0.0, 2.03), abs=1e-9)
+    CL, CD = lift_and_drag(DISTINCT, np.pi / 4, 0.0)
+    assert CL == pytest.approx(CD - 0.03)

@@ -44,6 +44,12 @@ def test_pulse_and_angle_are_inverses(name):
     assert surface.angle_of_pulse_rad(2100) == surface.angle_of_pulse_rad(2000)
 
 
+def test_the_aspect_ratio_is_the_span_over_the_mean_chord():
+    geometry = load_aircraft("nexstar").geometry
+    mean_chord_m = geometry.wing_area_m2 / geometry.span_m
+    assert load_aircraft("nexstar").aspect_ratio == pytest.approx(geometry.span_m / mean_chord_m)
+
+
 TEXT = load_aircraft("nexstar").text
 
 

@@ -37,3 +37,7 @@ def test_pressure_falls_by_the_weight_of_the_air():
 
 def test_viscosity_at_sea_level():
     assert atmosphere.viscosity(288.15) == pytest.approx(1.7894e-5, rel=1e-4)
+
+
+def test_a_foot_pound_per_second_is_a_pound_of_force_over_a_foot():
+    assert pytest.approx(0.3048 * 0.45359237 * 9.80665, rel=1e-12) == atmosphere.FOOT_POUND_PER_SECOND_W

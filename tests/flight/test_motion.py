@@ -11,9 +11,9 @@ from flight.motion import (
     attitude_derivative,
     body_from_earth,
     earth_from_body,
-    felt_off_center,
     flow_of,
     rate_derivative,
+    specific_force_at,
     velocity_derivative,
     velocity_of,
     wind_axis_derivative,
@@ -142,7 +142,7 @@ def test_specific_force_off_the_centre_is_that_of_a_point_carried_around():
     h = 1e-4
     second = (position(h) - 2 * position(0) + position(-h)) / h**2
     omega, alpha = axis * rate, axis * acceleration
-    found = felt_off_center(0.0, 0.0, 0.0, *omega, *alpha, point)
+    found = specific_force_at(0.0, 0.0, 0.0, *omega, *alpha, point)
     # Differences of step h lose eps/h^2 = 2e-8 to rounding and h^2 to curvature.
     assert np.allclose(found, second, atol=1e-6)
 

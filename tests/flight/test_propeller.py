@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from flight.errors import InputError
-from flight.propeller import Propeller, Row, load_propeller, parse_apc, parse_csv, parse_uiuc
+from flight.propeller import Propeller, Row
+from flight.propeller_files import load_propeller, parse_apc, parse_csv, parse_uiuc
 
 DATA = Path(__file__).parents[1] / "data" / "propellers"
 SHIPPED = ("apc-10x5e", "apc-12x8e")

@@ -91,6 +91,8 @@ def test_a_good_table():
         ({"inner": "1 m"}, "inner"),
         ({"speeds": "10 m/s"}, "speeds"),
         ({"place": ["1 m"]}, "place"),
+        ({"place": ["1 m"] * 9}, "place"),
+        ({"ratio": True}, "ratio"),
         ({"many": {"a": {"length": "1 s"}}}, "many.a.length"),
         ({"spam": 1}, "spam"),
     ],
@@ -100,3 +102,16 @@ def test_a_bad_table_names_the_key(change, named):
         read_table(Outer, {**GOOD, **change}, "file")
     assert named in str(caught.value) and "file" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("speed_revps", "6000 rpm", 100.0),
+        ("energy_Wh", "36 kJ", 10.0),
+        ("field_T", "50 uT", 50e-6),
+        ("torque_Nm", "2 N m", 2.0),
+    ],
+)
+def test_the_suffix_of_a_field_is_the_unit_it_is_given_in(name, text, value):
+    assert to_si(text, split_unit(name)[1], name) == pytest.approx(value)

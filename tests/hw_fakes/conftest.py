@@ -1,5 +1,5 @@
 import pytest
-from analytic_felt import AnalyticFelt
+from analytic_sensor_truth import AnalyticSensorTruth
 
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.tray import FakeTray
@@ -18,7 +18,7 @@ def powered(clock):
         options = {
             k: functions.pop(k) for k in ("rpm_with_crc", "pole_pairs", "geoid_m", "gps_on_i2c") if k in functions
         }
-        tray = FakeTray(AnalyticFelt(**functions), clock, seed, powered_for_s=0.0, **options)
+        tray = FakeTray(AnalyticSensorTruth(**functions), clock, seed, powered_for_s=0.0, **options)
         clock.advance_ns(round(after_s * 1e9))
         return tray
 

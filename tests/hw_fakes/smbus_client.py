@@ -36,6 +36,6 @@ with SMBus(sys.argv[1]) as bus:
         "bridge_counts": int.from_bytes(bytes(frame)[:2], "big") & 0x3FFF,
         "absent": absent,
         "longest": len(registers(0x74, 504)),
-        "transfer_s": sorted(durations)[len(durations) // 2],
+        "quickest_transfer_s": min(durations),
     }
 json.dump(seen, sys.stdout)

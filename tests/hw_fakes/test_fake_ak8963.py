@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from analytic_felt import constant
+from analytic_sensor_truth import constant
 
 MAG = 0x0C
 ST1, CNTL1, CNTL2, ASAX = 0x02, 0x0A, 0x0B, 0x10

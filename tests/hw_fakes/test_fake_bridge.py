@@ -1,7 +1,7 @@
 """MS4515DO and Honeywell SSC, from the bus's side."""
 
 import pytest
-from analytic_felt import constant, ramp
+from analytic_sensor_truth import constant, ramp
 
 ALPHA, BETA, AIRSPEED = 0x36, 0x46, 0x28
 INH2O = 249.089

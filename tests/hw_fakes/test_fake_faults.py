@@ -1,7 +1,7 @@
 """Each fault does what it says, for as long as it says, and no longer."""
 
 import pytest
-from analytic_felt import AnalyticFelt, ramp
+from analytic_sensor_truth import AnalyticSensorTruth, ramp
 
 from flight.errors import InputError
 from hw_fakes import ms56xx
@@ -12,10 +12,10 @@ from hw_fakes.tray import ADDRESSES, PORTS, FakeTray
 START_S, END_S = 2.0, 3.0
 
 
-def tray_with(kind, device, **felt):
+def tray_with(kind, device, **sensor_truth):
     clock = SimulatedClock()
     faults = [Fault(kind=kind, device=device, start_s=START_S, duration_s=END_S - START_S, rate=0.2)]
-    return clock, FakeTray(AnalyticFelt(**felt), clock, 1, faults=faults)
+    return clock, FakeTray(AnalyticSensorTruth(**sensor_truth), clock, 1, faults=faults)
 
 
 def at(clock, seconds):
@@ -172,7 +172,7 @@ def test_the_fix_is_lost_and_found_at_the_right_solutions():
 
 def test_checksum_errors_hit_about_as_many_bytes_as_asked_for():
     clock, tray = tray_with("checksum_errors", "esc_counter")
-    healthy = FakeTray(AnalyticFelt(), SimulatedClock(), 1)
+    healthy = FakeTray(AnalyticSensorTruth(), SimulatedClock(), 1)
     port = tray.port(PORTS["esc_counter"], 115200)
     heard(port, clock, START_S)
     damaged = heard(port, clock, END_S - 0.04)
@@ -222,5 +222,5 @@ def test_every_kind_can_be_put_into_a_tray():
         for kind, devices in DEVICES_OF_KIND.items()
         for device in devices
     ]
-    tray = FakeTray(AnalyticFelt(), SimulatedClock(), faults=faults)
+    tray = FakeTray(AnalyticSensorTruth(), SimulatedClock(), faults=faults)
     assert tray.i2c("/dev/i2c-1") and tray.port(PORTS["gps"], 38400)

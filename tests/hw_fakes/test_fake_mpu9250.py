@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from analytic_felt import constant, ramp
+from analytic_sensor_truth import constant, ramp
 
 IMU, MAG = 0x68, 0x0C
 G = 9.80665

@@ -1,7 +1,7 @@
 """MS5611-01BA03 and MS5805-02BA01 datasheets, from the bus's side."""
 
 import pytest
-from analytic_felt import constant
+from analytic_sensor_truth import constant
 
 from hw_fakes import ms56xx
 

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from analytic_felt import AnalyticFelt, constant, sine
+from analytic_sensor_truth import AnalyticSensorTruth, constant, sine
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from hw_fakes import esc_counter
@@ -14,6 +14,7 @@ from hw_fakes.pty import PtyServer
 from hw_fakes.tray import FakeTray
 
 ESC, AUTOPILOT = "/dev/ttyUSB0", "/dev/ttyUSB1"
+GIVE_UP_S = 60.0  # so that a test that hangs ends
 
 
 class RealClock:
@@ -30,8 +31,8 @@ def listen(port, clock, seconds, step_s=0.04):
     return pieces
 
 
-def heard(port, clock, seconds):
-    return b"".join(data for _, data in listen(port, clock, seconds))
+def heard(port, clock, seconds, step_s=0.04):
+    return b"".join(data for _, data in listen(port, clock, seconds, step_s))
 
 
 @pytest.mark.parametrize(("pole_pairs", "revps"), [(7, 100.0), (7, 17.3), (6, 166.6)])
@@ -110,6 +111,23 @@ def test_the_autopilot_speaks_mavlink_at_its_rates(powered, clock):
     assert set(np.diff([m.get_seq() for m in messages]) % 256) == {1}
 
 
+@pytest.mark.parametrize("step_s", [0.002, 0.04])
+def test_the_autopilot_numbers_messages_in_the_order_they_are_sent(powered, clock, step_s):
+    """A ground station takes a step back in the numbers for lost messages, whenever its command arrives."""
+    request = mavlink.MAVLink_command_long_message(
+        1, 1, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, mavlink.MAVLINK_MSG_ID_RPM, 40_000, *[0] * 5
+    ).pack(mavlink.MAVLink(io.BytesIO(), srcSystem=255))
+    for phase_ms in range(100):  # over the periods of 40 and of 100 ms
+        port = powered(after_s=0.0).port(AUTOPILOT, 57600)
+        clock.advance_ns(phase_ms * 1_000_000)
+        data = port.read_available()
+        port.write(request)
+        messages = mavlink_messages(data + heard(port, clock, 0.2, step_s))
+        assert {"COMMAND_ACK", "RPM"} < {m.get_type() for m in messages}
+        steps = np.diff([m.get_seq() for m in messages]) % 256
+        assert set(steps) == {1}, f"command {phase_ms} ms after power-on"
+
+
 def test_what_the_autopilot_says_is_what_it_feels(powered, clock):
     port = powered().port(AUTOPILOT, 57600)
     by_type = {m.get_type(): m for m in mavlink_messages(heard(port, clock, 3.0)[: -1 * 100])}
@@ -155,9 +173,9 @@ def test_transfers_take_their_time_on_the_clock(bus_of, clock):
 
 def test_pyserial_reads_a_pseudo_terminal():
     serial = pytest.importorskip("serial")
-    tray = FakeTray(AnalyticFelt(), RealClock())
+    tray = FakeTray(AnalyticSensorTruth(), RealClock())
     with PtyServer(tray.port(ESC, 115200)) as server, serial.Serial(server.path, 115200, timeout=0) as line:
-        data, give_up = b"", time.monotonic() + 5.0
+        data, give_up = b"", time.monotonic() + GIVE_UP_S
         while len(data) < 80 and time.monotonic() < give_up:
             os.sched_yield()
             data += line.read(line.in_waiting or 1)
@@ -167,11 +185,11 @@ def test_pyserial_reads_a_pseudo_terminal():
 
 def test_a_receiver_is_configured_over_a_pseudo_terminal():
     serial = pytest.importorskip("serial")
-    tray = FakeTray(AnalyticFelt(), RealClock())
+    tray = FakeTray(AnalyticSensorTruth(), RealClock())
     with PtyServer(tray.port("/dev/ttyAMA0", 9600)) as server, serial.Serial(server.path, 38400, timeout=0.05) as line:
-        time.sleep(0.02)  # the server looks at the line's speed every 2 ms
+        # The server looks at the line's speed after bytes have arrived and before it passes them on.
         line.write(bytes.fromhex("b562060806006400010001007a12"))
-        data, give_up = b"", time.monotonic() + 5.0
+        data, give_up = b"", time.monotonic() + GIVE_UP_S
         while b"\xb5\x62\x05\x01\x02\x00\x06\x08" not in data and time.monotonic() < give_up:
             data += line.read(64)
     assert b"\xb5\x62\x05\x01\x02\x00\x06\x08" in data

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from itertools import pairwise
 
 import pytest
-from analytic_felt import constant, ramp
+from analytic_sensor_truth import constant, ramp
 from pyubx2 import NMEA_PROTOCOL, SET, UBX_PROTOCOL, UBXMessage, UBXReader
 from pyubx2.exceptions import UBXStreamError
 
@@ -109,7 +109,7 @@ def test_only_solutions_at_the_rate_asked_for(gps_of, clock, rate_ms):
     assert {b - a for a, b in pairwise(itow_ms)} == {rate_ms}
 
 
-def test_the_solution_is_what_the_antenna_felt(powered, clock):
+def test_the_solution_is_the_truth_at_the_antenna(powered, clock):
     port = powered(
         geoid_m=-33.0,
         latitude_deg=ramp(35.6, 1e-5),

@@ -14,7 +14,7 @@ from flight.atmosphere import SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
 from sim.air import Air
 from sim.fly import fly
 from sim.plan import parse_plan
-from sim.plant import State, plant_of
+from sim.plant import AircraftState, plant_of
 from sim.trim import Trimmer
 
 jsbsim = pytest.importorskip("jsbsim", reason="JSBSim is not installed")
@@ -49,7 +49,7 @@ def other(standard_plant, tmp_path):
     assert fdm.load_model(write(standard_plant, tmp_path))
     fdm.set_dt(0.02 / STEPS)
 
-    def start(x: State):
+    def start(x: AircraftState):
         steer(fdm, x.elevator, x.aileron, x.rudder, x.motor)
         for name, value in {
             "lat-geod-deg": 45.0,
@@ -93,7 +93,7 @@ def test_our_trim_is_trimmed_there(standard_plant, other, over_stall):
         V, alpha, power = state(fdm)
         assert trim.unknowns.V == pytest.approx(V, rel=0.01)
         assert trim.unknowns.alpha == pytest.approx(alpha, abs=np.deg2rad(0.2))
-        assert now.train.thrust * trim.unknowns.V == pytest.approx(power, rel=0.01)
+        assert now.train.thrust_N * trim.unknowns.V == pytest.approx(power, rel=0.01)
     assert fdm["position/h-sl-ft"] * FT == pytest.approx(100.0, abs=1.0)
 
 
@@ -105,7 +105,7 @@ def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, manoeuvre):
     columns = ("elevator_rad", "aileron_rad", "rudder_rad", "motor_speed_revps")
     controls = truth[list(columns)].to_numpy()
     first = truth.iloc[0]
-    x = dict.fromkeys(State._fields, 0.0) | {
+    x = dict.fromkeys(AircraftState._fields, 0.0) | {
         name: first[column]
         for name, column in {
             "u": "u_mps",
@@ -119,7 +119,9 @@ def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, manoeuvre):
         }.items()
     }
     elevator, aileron, rudder, motor = controls[0]
-    fdm = other(State(**x)._replace(down=-100.0, elevator=elevator, aileron=aileron, rudder=rudder, motor=motor))
+    fdm = other(
+        AircraftState(**x)._replace(down=-100.0, elevator=elevator, aileron=aileron, rudder=rudder, motor=motor)
+    )
     found = [state(fdm)]
     for before, after in pairwise(controls):
         for i in range(STEPS):
@@ -134,5 +136,5 @@ def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, manoeuvre):
     assert np.max(np.abs(np.rad2deg(alpha - truth["alpha_rad"]))) < 0.2
     # JSBSim says the thrust of the step before: power is compared with the speed and motor of each instant.
     power = truth["thrust_N"].to_numpy() * truth["V_mps"].to_numpy()
-    lagged = np.array(found)[1:, 2]
-    assert np.max(np.abs(lagged / power[1:] - 1)) < 0.01
+    first_order_lag = np.array(found)[1:, 2]
+    assert np.max(np.abs(first_order_lag / power[1:] - 1)) < 0.01

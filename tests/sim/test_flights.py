@@ -236,7 +236,10 @@ def test_what_is_no_truth_file_says_so(tmp_path, content):
             r"segment 1 \(hold\).*too fast.*reaches \d+\.\d+ m/s",
         ),
         ('[[segment]]\nkind = "climb"\nheight = "200 m"\nclimb = "12 m/s"\n', r"segment 1 \(climb\).*rpm"),
-        ('[[segment]]\nkind = "roller-coaster"\nhighest = 4.0\n', r"load factor of 4\.00 stalls it.*limit is"),
+        (
+            '[[segment]]\nkind = "roller-coaster"\nhighest = 4.0\n',
+            r"load factor of 4\.00 stalls the aircraft.*limit is",
+        ),
         ('[[segment]]\nkind = "take-off"\n[[segment]]\nkind = "stand"\nduration = "1 s"\n', "segment 2.*in the air"),
         ('[[segment]]\nkind = "stand"\nduration = "1 s"\n[[segment]]\nkind = "turn"\n', "segment 2.*on the ground"),
     ],

@@ -10,24 +10,25 @@ from scipy.spatial.transform import Rotation
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.propeller import Propeller, Row
 from sim.air import Air
-from sim.plant import Commands, Plant, State, Stepper, rk4, servo_rate
+from sim.integration import Stepper, rk4
+from sim.plant import AircraftState, Commands, Plant, servo_rate
 from sim.trim import Trimmer
 
 SPIN = 120.0  # rev/s
 
 
-def tumbling(**changes) -> State:
-    zeros = dict.fromkeys(State._fields, 0.0)
+def tumbling(**changes) -> AircraftState:
+    zeros = dict.fromkeys(AircraftState._fields, 0.0)
     motion = dict(down=-500.0, u=20.0, v=-3.0, w=2.0, phi=0.3, theta=0.2, psi=1.0, p=1.5, q=0.4, r=-0.3, motor=SPIN)
-    return State(**{**zeros, **motion, **changes})
+    return AircraftState(**{**zeros, **motion, **changes})
 
 
-def integrate(plant: Plant, x: State, commands: Commands, dt: float, n: int) -> State:
+def integrate(plant: Plant, x: AircraftState, commands: Commands, dt: float, n: int) -> AircraftState:
     stepper = Stepper(plant, dt)
     stepper.start(x, commands)
     for _ in range(n):
         stepper.step()
-    return State(*stepper.x.tolist())
+    return AircraftState(*stepper.x.tolist())
 
 
 def test_without_air_energy_and_momentum_are_kept(plant):
@@ -66,11 +67,11 @@ def test_a_glide_comes_down_by_drag_over_lift(plant, trimmer):
     stepper = Stepper(trimmer.plant, 0.02)
     start = trim.state()
     now, _ = trimmer.plant.instant(start, trim.commands)
-    assert now.train.thrust == pytest.approx(0.0, abs=1e-6)
+    assert now.train.thrust_N == pytest.approx(0.0, abs=1e-6)
     stepper.start(start, trim.commands)
     for _ in range(500):
         stepper.step()
-    end = State(*stepper.x)
+    end = AircraftState(*stepper.x)
     assert (end.down - start.down) / (end.north - start.north) == pytest.approx(now.CD / now.CL, rel=2e-3)
     assert trim.unknowns.climb / np.sqrt(V**2 - trim.unknowns.climb**2) == pytest.approx(-now.CD / now.CL, rel=1e-6)
 
@@ -128,7 +129,7 @@ def test_the_compiled_step_is_the_plain_one(plant, trimmer):
     seen = stepper.step()
     plain = rk4(lambda s: windy.derivative(s, commands, white), x, 0.02)
     assert np.allclose(stepper.x, [float(v) for v in plain], rtol=1e-12, atol=1e-12)
-    assert seen == pytest.approx(stepper.start(State(*stepper.x.tolist()), commands), rel=1e-12)
+    assert seen == pytest.approx(stepper.start(AircraftState(*stepper.x.tolist()), commands), rel=1e-12)
 
 
 def test_a_servo_has_rate_travel_and_lag(nexstar):
@@ -149,10 +150,10 @@ def test_deviations_change_what_they_say(plant, trimmer):
         return off, off.instant(x, c)[0]
 
     _, now = changed(thrust_scale=0.03)
-    assert now.train.thrust == pytest.approx(1.03 * base.train.thrust)
+    assert now.train.thrust_N == pytest.approx(1.03 * base.train.thrust_N)
     J = trim.unknowns.V / (trim.unknowns.motor * plant.propeller.diameter_m)
     _, now = changed(thrust_slope_J=0.2)
-    assert now.train.thrust == pytest.approx((1 + 0.2 * (J - 0.5)) * base.train.thrust)
+    assert now.train.thrust_N == pytest.approx((1 + 0.2 * (J - 0.5)) * base.train.thrust_N)
     heavy, now = changed(weight_scale=0.1)
     assert heavy.mass_kg == pytest.approx(1.1 * trimmer.plant.mass_kg)
     assert now.specific_force[2] == pytest.approx(base.specific_force[2] / 1.1)

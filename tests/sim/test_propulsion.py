@@ -5,7 +5,7 @@ import pytest
 
 from flight.aircraft import parse_aircraft
 from flight.errors import InputError
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.fly import fly
 from sim.plan import parse_plan
 from sim.propulsion import power_train, throttle_for, torque_constant
@@ -41,14 +41,16 @@ def test_electrical_power_is_shaft_power_and_losses(propulsion, propeller):
         throttle = float(throttle_for(propulsion, propeller, V=V, n=n, rho=RHO))
         assert 0 < throttle <= 1.2
         train = power_train(propulsion, propeller, V=V, n=n, throttle=throttle, rho=RHO)
-        assert train.motor_acceleration == pytest.approx(0.0, abs=1e-8)
-        i = train.current / throttle
+        assert train.motor_acceleration_revps2 == pytest.approx(0.0, abs=1e-8)
+        i = train.battery_current_A / throttle
         k = torque_constant(propulsion)
         friction = 2 * np.pi * n * k * propulsion.motor_no_load_current_A
         heat = i**2 * propulsion.motor_resistance_ohm
-        assert train.voltage * train.current == pytest.approx(train.shaft_power + friction + heat, rel=1e-9)
-        assert train.voltage == pytest.approx(
-            propulsion.battery_voltage_V - train.current * propulsion.battery_resistance_ohm
+        assert train.battery_voltage_V * train.battery_current_A == pytest.approx(
+            train.shaft_power_W + friction + heat, rel=1e-9
+        )
+        assert train.battery_voltage_V == pytest.approx(
+            propulsion.battery_voltage_V - train.battery_current_A * propulsion.battery_resistance_ohm
         )
 
 
@@ -59,22 +61,24 @@ def test_an_unloaded_motor_turns_at_kv_times_volts(propulsion):
     i = propulsion.motor_no_load_current_A
     drop = i * (propulsion.motor_resistance_ohm + propulsion.battery_resistance_ohm) / propulsion.battery_voltage_V
     train = power_train(propulsion, propeller, V=0.0, n=n * (1 - drop), throttle=1.0, rho=1e-12)
-    assert train.motor_acceleration == pytest.approx(0.0, abs=1e-6)
+    assert train.motor_acceleration_revps2 == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_speed_controller_freewheels(propulsion, propeller):
     """Throttle shut at speed: no current either way, thrust becomes drag, and the windmill finds its speed."""
     V = 25.0
     fast = power_train(propulsion, propeller, V=V, n=140.0, throttle=0.0, rho=RHO)
-    assert fast.current == 0 and fast.motor_acceleration < 0
+    assert fast.battery_current_A == 0 and fast.motor_acceleration_revps2 < 0
     slow = power_train(propulsion, propeller, V=V, n=40.0, throttle=0.0, rho=RHO)
-    assert slow.motor_acceleration > 0 > slow.thrust
+    assert slow.motor_acceleration_revps2 > 0 > slow.thrust_N
 
 
 def test_a_stopped_motor_stays_stopped(propulsion, propeller):
     train = power_train(propulsion, propeller, V=0.0, n=0.0, throttle=0.0, rho=RHO)
-    assert train.motor_acceleration == pytest.approx(0.0, abs=10.0)  # [rev/s^2], of the propeller's slowest 5 rev/s
-    assert train.current == 0
+    assert train.motor_acceleration_revps2 == pytest.approx(
+        0.0, abs=10.0
+    )  # [rev/s^2], of the propeller's slowest 5 rev/s
+    assert train.battery_current_A == 0
 
 
 def test_more_throttle_than_the_battery_has_is_said(propulsion, propeller):
@@ -88,23 +92,23 @@ def test_a_folding_propeller_neither_brakes_nor_drives(propulsion, propeller):
     V, n = 20.0, 40.0
     at = dict(V=V, n=n, throttle=0.0, rho=RHO)
     windmill = power_train(propulsion, propeller, **at)
-    folded = power_train(propulsion, propeller.beyond("fold"), **at)
-    assert windmill.thrust < -1.0 and windmill.shaft_power < 0
-    assert -0.05 < folded.thrust < 0
-    assert folded.shaft_power == 0 and folded.load == 0
-    assert folded.motor_acceleration < 0
+    folded = power_train(propulsion, propeller.with_beyond_zero_thrust("fold"), **at)
+    assert windmill.thrust_N < -1.0 and windmill.shaft_power_W < 0
+    assert -0.05 < folded.thrust_N < 0
+    assert folded.shaft_power_W == 0 and folded.propeller_torque_Nm == 0
+    assert folded.motor_acceleration_revps2 < 0
     for J in (0.2, 0.6):  # where there is thrust, it is the same propeller
-        assert propeller.coefficients(J, 6000) == propeller.beyond("fold").coefficients(J, 6000)
+        assert propeller.coefficients(J, 6000) == propeller.with_beyond_zero_thrust("fold").coefficients(J, 6000)
 
 
 @pytest.mark.parametrize(("behaviour", "area_over_diameter2"), [("windmill", 0.042), ("fold", 0.00154)])
 def test_a_propeller_that_stands_drags_as_its_blades_do(propulsion, propeller, behaviour, area_over_diameter2):
-    standing = propeller.beyond(behaviour)
+    standing = propeller.with_beyond_zero_thrust(behaviour)
     train = power_train(propulsion, standing, V=15.0, n=0.0, throttle=0.0, rho=RHO)
     drag = RHO * 15.0**2 / 2 * area_over_diameter2 * propeller.diameter_m**2
-    assert -train.thrust == pytest.approx(drag, rel=1e-6)
+    assert -train.thrust_N == pytest.approx(drag, rel=1e-6)
     nearly = power_train(propulsion, standing, V=15.0, n=1e-6, throttle=0.0, rho=RHO)
-    assert nearly.thrust == pytest.approx(train.thrust, rel=1e-4)
+    assert nearly.thrust_N == pytest.approx(train.thrust_N, rel=1e-4)
 
 
 def test_an_aircraft_that_folds_its_propeller_glides_further(nexstar):
@@ -123,4 +127,4 @@ def test_an_aircraft_that_folds_its_propeller_glides_further(nexstar):
 
 def test_an_unknown_behaviour_is_refused():
     with pytest.raises(InputError, match="'feather' is not one of windmill, fold"):
-        load_propeller("apc-12x8e").beyond("feather")
+        load_propeller("apc-12x8e").with_beyond_zero_thrust("feather")

@@ -5,27 +5,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight.aircraft import Line
+from flight.aircraft import PneumaticLine
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
-from sim.sensors import TrayFelt, draw, load_budget
-from sim.sensors.budget import Budget, Noise, Systematic
+from sim.sensors import FlightSensorTruth, draw, load_budget
+from sim.sensors.budget import ErrorBudget, Noise, Systematic
 from sim.sensors.noise import gauss_markov, white
 from sim.sensors.probe import flow_at_probe, port_pressures
 from sim.sensors.tray import HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, with_hysteresis
-from sim.sensors.tubing import lagged, time_constant_s
+from sim.sensors.tubing import first_order_lag, time_constant_s
 
 FOOT, INCH = 0.3048, 0.0254
 
 
-def felt_with(flight, noise=None, systematic=None, seed=0) -> TrayFelt:
-    budget = Budget(noise=Noise(**(noise or {})), systematic=Systematic(**(systematic or {})))
-    return TrayFelt(flight, draw(budget, seed))
+def felt_with(flight, noise=None, systematic=None, seed=0) -> FlightSensorTruth:
+    budget = ErrorBudget(noise=Noise(**(noise or {})), systematic=Systematic(**(systematic or {})))
+    return FlightSensorTruth(flight, draw(budget, seed))
 
 
 @pytest.fixture(scope="module")
 def perfect(flight):
-    return TrayFelt(flight, draw(load_budget("none"), 0))
+    return FlightSensorTruth(flight, draw(load_budget("none"), 0))
 
 
 @pytest.fixture(scope="module")
@@ -96,8 +96,8 @@ def test_a_probe_on_a_boom_sees_the_rotation():
 
 def test_lag_of_real_tubing():
     """method.md sec. 6: 0.5 ms for 2 ft of 1/16 in, 20 ms for 3 ft of 0.02 in, at sea level with a small cavity."""
-    wide = Line(length_m=2 * FOOT, diameter_m=INCH / 16, cavity_m3=100e-9)
-    narrow = Line(length_m=3 * FOOT, diameter_m=0.02 * INCH, cavity_m3=100e-9)
+    wide = PneumaticLine(length_m=2 * FOOT, diameter_m=INCH / 16, cavity_m3=100e-9)
+    narrow = PneumaticLine(length_m=3 * FOOT, diameter_m=0.02 * INCH, cavity_m3=100e-9)
     assert 0.3e-3 < time_constant_s(wide, 101325, 288) < 0.8e-3
     assert 15e-3 < time_constant_s(narrow, 101325, 288) < 30e-3
 
@@ -105,11 +105,11 @@ def test_lag_of_real_tubing():
 def test_a_first_order_lag_follows_a_ramp_late_by_its_time_constant():
     dt, tau = 0.005, 0.02
     t = np.arange(0, 1, dt)
-    y = lagged(3 * t, dt, tau)
+    y = first_order_lag(3 * t, dt, tau)
     assert np.allclose(y, 3 * (t - tau * (1 - np.exp(-t / tau))), atol=1e-12)  # exact for a ramp, at any step
-    fast = lagged(3 * t, dt, 1e-4)
+    fast = first_order_lag(3 * t, dt, 1e-4)
     assert np.allclose(fast[5:], 3 * (t[5:] - 1e-4), atol=1e-12)
-    assert np.array_equal(lagged(np.full(9, 7.0), dt, tau), np.full(9, 7.0))
+    assert np.array_equal(first_order_lag(np.full(9, 7.0), dt, tau), np.full(9, 7.0))
 
 
 def test_hysteresis_is_a_loop_of_the_stated_width():
@@ -167,7 +167,7 @@ def test_the_imu_is_off_the_centre(flight, flown):
     forces = []
     for x in (0.0, 1.0):
         moved = replace(flight, aircraft=replace(flight.aircraft, imu_position_m=(x, 0.0, 0.0)))
-        forces.append(TrayFelt(moved, draw(load_budget("none"), 0)).imu(t)[0])
+        forces.append(FlightSensorTruth(moved, draw(load_budget("none"), 0)).imu(t)[0])
     difference = forces[1] - forces[0]
     assert np.allclose(difference[:, 0], -(q**2 + r**2), atol=1e-6)
     p = truth["p_radps"].to_numpy()
@@ -226,30 +226,30 @@ def test_outside_the_flight_everything_stands_still(perfect, flight):
 
 
 def test_asked_twice_it_gives_the_same(flight):
-    felt, again = (TrayFelt(flight, draw(load_budget("harsh"), 7)) for _ in range(2))
+    sensor_truth, again = (FlightSensorTruth(flight, draw(load_budget("harsh"), 7)) for _ in range(2))
     t = np.arange(0, flight.duration_s, 0.04)
     part = slice(200, 230)
-    assert np.array_equal(felt.imu(t)[0][part], again.imu(t[part])[0])
+    assert np.array_equal(sensor_truth.imu(t)[0][part], again.imu(t[part])[0])
     for which in ("alpha", "beta", "airspeed"):
         assert np.array_equal(
-            felt.differential_pressure_Pa(which, t)[part], again.differential_pressure_Pa(which, t[part])
+            sensor_truth.differential_pressure_Pa(which, t)[part], again.differential_pressure_Pa(which, t[part])
         )
-    assert np.array_equal(felt.gps(t).velocity_ned_mps[part], again.gps(t[part]).velocity_ned_mps)
+    assert np.array_equal(sensor_truth.gps(t).velocity_ned_mps[part], again.gps(t[part]).velocity_ned_mps)
 
 
 def test_bench_noise_is_table_4_1(flight):
     """At 55 ft/s and 1.2 kg/m^3: V 0.96 ft/s, alpha 0.008 rad; and on 25 Hz means a 0.19 ft/s^2, q 0.005 rad/s."""
-    felt = TrayFelt(flight, draw(load_budget("bench"), 1))
+    sensor_truth = FlightSensorTruth(flight, draw(load_budget("bench"), 1))
     t25, t200 = np.arange(0, 3.9, 0.04), np.arange(0, 3.84, 0.005)
     n = len(t25)
     spread = 4 / np.sqrt(2 * n)
     V, rho = 55 * FOOT, 1.2
     q = rho * V**2 / 2
-    sigma_V = np.std(felt.differential_pressure_Pa("airspeed", t25)) / (rho * V)
-    sigma_alpha = np.std(felt.differential_pressure_Pa("alpha", t25)) / (9 / 2 * q)
+    sigma_V = np.std(sensor_truth.differential_pressure_Pa("airspeed", t25)) / (rho * V)
+    sigma_alpha = np.std(sensor_truth.differential_pressure_Pa("alpha", t25)) / (9 / 2 * q)
     assert sigma_V == pytest.approx(0.96 * FOOT, rel=spread)
     assert sigma_alpha == pytest.approx(0.008, rel=spread)
-    force, rates = (x.reshape(-1, 8, 3).mean(axis=1) for x in felt.imu(t200))
+    force, rates = (x.reshape(-1, 8, 3).mean(axis=1) for x in sensor_truth.imu(t200))
     assert np.std(force, axis=0) == pytest.approx([0.19 * FOOT] * 3, rel=spread)
     assert np.std(rates, axis=0) == pytest.approx([0.005] * 3, rel=spread)
 
@@ -259,7 +259,7 @@ def test_bench_noise_is_table_4_1(flight):
     [("accel_bias_mps2", 0.3, "accel_bias"), ("gyro_bias_radps", 0.01, "gyro_bias")],
 )
 def test_draws_have_the_spread_that_the_budget_says(name, size, component):
-    budget = Budget(systematic=Systematic(**{name: size}))
+    budget = ErrorBudget(systematic=Systematic(**{name: size}))
     drawn = np.concatenate([getattr(draw(budget, seed), component) for seed in range(300)])
     assert np.std(drawn) == pytest.approx(size, rel=4 / np.sqrt(2 * len(drawn)))
     assert abs(np.mean(drawn)) < 4 * size / np.sqrt(len(drawn))
@@ -275,7 +275,7 @@ def test_the_study_draws_evenly_within_its_sizes():
 
 
 def test_lag_and_latency_are_drawn_evenly_up_to_their_longest():
-    budget = Budget(systematic=Systematic(lag_s=0.02, gps_latency_s=0.3))
+    budget = ErrorBudget(systematic=Systematic(lag_s=0.02, gps_latency_s=0.3))
     lags = np.array([draw(budget, seed).values.lag_s for seed in range(300)])
     assert lags.min() >= 0 and lags.max() <= 0.02
     assert np.mean(lags) == pytest.approx(0.01, abs=4 * 0.02 / np.sqrt(12 * 300))
@@ -319,25 +319,25 @@ def test_each_systematic_error_shows_where_it_should(flight, perfect, flown):
 
 
 def test_gps_falls_silent_when_asked(flight):
-    felt = felt_with(flight, systematic={"gps_lost_s": 10.0, "gps_lost_for_s": 5.0})
-    assert felt.gps(np.array([9.9, 10.0, 14.9, 15.1])).fix.tolist() == [True, False, False, True]
+    sensor_truth = felt_with(flight, systematic={"gps_lost_s": 10.0, "gps_lost_for_s": 5.0})
+    assert sensor_truth.gps(np.array([9.9, 10.0, 14.9, 15.1])).fix.tolist() == [True, False, False, True]
 
 
 def test_vibration_comes_with_the_motor_and_grows_with_the_square_of_its_speed(flight):
-    felt = felt_with(flight, noise={"vibration_mps2": 1.0})
-    still, _ = felt.imu(np.arange(0.5, 3, 0.005))
+    sensor_truth = felt_with(flight, noise={"vibration_mps2": 1.0})
+    still, _ = sensor_truth.imu(np.arange(0.5, 3, 0.005))
     t = np.arange(20, 24, 0.0005)
-    shaking = (felt.imu(t)[0] - felt_with(flight).imu(t)[0])[:, 0]
+    shaking = (sensor_truth.imu(t)[0] - felt_with(flight).imu(t)[0])[:, 0]
     assert np.allclose(still[:, 0], 0, atol=1e-9)
     # Two sines of amplitude 1 and 1/2 at 100 rev/s: mean square (1 + 1/4)/2 there.
-    amplitude = (felt.motor_speed_revps(t) / 100) ** 2
+    amplitude = (sensor_truth.motor_speed_revps(t) / 100) ** 2
     assert np.mean((shaking / amplitude) ** 2) == pytest.approx(0.625, rel=0.02)
 
 
 def test_a_motor_that_stopped_with_its_propeller_anywhere_does_not_push(flight):
-    felt = felt_with(flight, noise={"vibration_mps2": 1.0})
+    sensor_truth = felt_with(flight, noise={"vibration_mps2": 1.0})
     turns = np.linspace(0.0, 1.0, 50)
-    assert np.all(felt._vibration(turns, np.zeros(50)) == 0)
+    assert np.all(sensor_truth._vibration(turns, np.zeros(50)) == 0)
 
 
 def test_the_harsh_budget_has_the_sizes_of_the_study():

@@ -9,8 +9,9 @@ from flight.aerodynamics import drag_coefficient
 from flight.aircraft import load_aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
+from sim.integration import Stepper
 from sim.modes import modes
-from sim.plant import Deviations, State, Stepper, plant_of
+from sim.plant import AircraftState, Deviations, plant_of
 from sim.trim import RESIDUAL_LIMIT, Trimmer, power_required
 
 AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs")
@@ -25,7 +26,7 @@ def test_trim_leaves_no_residual_from_stall_to_top_speed(name):
         x = trim.state()
         rate = trimmer.plant.derivative(x, trim.commands)
         # Nothing changes but the place, the battery, and nothing at all in the motor.
-        for field in set(State._fields) - {"north", "east", "energy"}:
+        for field in set(AircraftState._fields) - {"north", "east", "energy"}:
             assert abs(getattr(rate, field)) < 1e-6, field
 
 
@@ -70,7 +71,7 @@ def test_required_power_is_that_of_the_polar(plant, trimmer):
         flown, _, _ = power_required(
             plant, np.array([one]), density=trimmer.density, weight_N=now.CL * one**2 * trimmer.density / 2 * S
         )
-        assert now.train.thrust * np.cos(now.alpha) * one == pytest.approx(flown[0], rel=1e-3)
+        assert now.train.thrust_N * np.cos(now.alpha) * one == pytest.approx(flown[0], rel=1e-3)
         assert flown[0] == pytest.approx(P, rel=0.05)
 
 

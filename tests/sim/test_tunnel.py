@@ -7,12 +7,12 @@ import pytest
 
 from flight.errors import InputError
 from sim.sensors.probe import port_pressures
-from sim.tunnel import HEADER, Tunnel, calibrate, write_calibration
+from sim.tunnel import HEADER, WindTunnel, calibrate, write_calibration
 
 
 def test_the_file_has_the_agreed_header_and_a_row_a_point(tmp_path):
     path = tmp_path / "new" / "tunnel.csv"
-    tunnel = Tunnel()
+    tunnel = WindTunnel()
     write_calibration(path, calibrate(tunnel))
     with path.open(encoding="utf-8") as stream:
         header, *rows = list(csv.reader(stream))
@@ -26,7 +26,7 @@ def test_the_file_has_the_agreed_header_and_a_row_a_point(tmp_path):
 
 def test_it_is_the_probe_that_flies():
     """A perfect tunnel gives the port pressures of the flight's probe at the same dynamic pressure."""
-    table = calibrate(Tunnel(pressure_noise_Pa=0.0, angle_setting_deg=0.0, speed_setting=0.0))
+    table = calibrate(WindTunnel(pressure_noise_Pa=0.0, angle_setting_deg=0.0, speed_setting=0.0))
     speed, alpha, beta, dp_alpha, dp_beta, q_c, static, temperature = (table[name].to_numpy() for name in HEADER)
     q = static / (287.05287 * temperature) * speed**2 / 2
     ports = port_pressures(q, np.deg2rad(alpha), np.deg2rad(beta))
@@ -36,10 +36,10 @@ def test_it_is_the_probe_that_flies():
 
 
 def test_its_noise_is_what_it_says():
-    tunnel = Tunnel(angle_setting_deg=0.0, speed_setting=0.0)
+    tunnel = WindTunnel(angle_setting_deg=0.0, speed_setting=0.0)
     noisy, clean = (
         calibrate(tunnel, seed=4),
-        calibrate(Tunnel(pressure_noise_Pa=0, angle_setting_deg=0, speed_setting=0), seed=4),
+        calibrate(WindTunnel(pressure_noise_Pa=0, angle_setting_deg=0, speed_setting=0), seed=4),
     )
     for name in ("dp_alpha [Pa]", "dp_beta [Pa]", "q_c [Pa]"):
         error = (noisy[name] - clean[name]).to_numpy()
@@ -51,7 +51,7 @@ def test_its_noise_is_what_it_says():
 def test_it_does_not_overwrite(tmp_path):
     path = tmp_path / "tunnel.csv"
     path.write_text("mine")
-    with pytest.raises(InputError, match="exists already"):
+    with pytest.raises(InputError, match="already exists"):
         write_calibration(path, calibrate())
     assert path.read_text() == "mine"
     write_calibration(path, calibrate(), replace=True)

@@ -7,7 +7,7 @@ import pytest
 from analysis.airdata.air import air_data
 from analysis.signals.rest import rest_segments, zeros
 from flight.aircraft import load_aircraft
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
 
 NEXSTAR = load_aircraft("nexstar")

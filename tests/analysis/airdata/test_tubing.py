@@ -10,7 +10,7 @@ from calibration import NOISE_PA, SEA_LEVEL, bursts
 from analysis.airdata.lines import bounded_inverse, undelayed, undone
 from analysis.airdata.step_test import diameter_of_lag_m, find_steps, fit_lag, through
 from analysis.airdata.tubing import Gas, low_frequency_lag_s, response
-from flight.aircraft import Line
+from flight.aircraft import PneumaticLine
 from flight.errors import InputError
 
 DATA = Path(__file__).parents[2] / "data" / "tubing" / "bergh-tijdeman.csv"
@@ -18,21 +18,21 @@ CURVES = {
     key: points[["frequency_Hz", "value"]].to_numpy()
     for key, points in pd.read_csv(DATA, comment="#").groupby(["quantity", "radius_mm", "length_mm", "volume_mm3"])
 }
-NARROW = Line(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)  # 19 ms
+NARROW = PneumaticLine(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)  # 19 ms
 
 
 def test_the_check_value_to_ten_digits() -> None:
     """d = 1 mm, L = 0.7 m, V = 10 mm^3 at 300 Hz; its source takes mu = 1.82e-5 Pa s, Pr = 0.707, k = 1.4."""
     gas = Gas(93e3, 93e3 / (287.05 * 293.15), 1.82e-5, gamma=1.4, prandtl=0.707)
-    tube = Line(length_m=0.7, diameter_m=1e-3, cavity_m3=10e-9)
+    tube = PneumaticLine(length_m=0.7, diameter_m=1e-3, cavity_m3=10e-9)
     found = response([tube], np.array([300.0]), gas, polytropic=1.4)[0]
     assert found == pytest.approx(-0.08575010622823653 + 0.9362983308678333j, rel=1e-10)
 
 
 def test_a_tube_cut_in_two_is_the_same_tube() -> None:
     f = np.linspace(0, 300, 61)
-    whole = Line(length_m=1.0, diameter_m=1e-3, cavity_m3=100e-9)
-    parts = [Line(length_m=x, diameter_m=1e-3, cavity_m3=v) for x, v in ((0.3, 0.0), (0.7, 100e-9))]
+    whole = PneumaticLine(length_m=1.0, diameter_m=1e-3, cavity_m3=100e-9)
+    parts = [PneumaticLine(length_m=x, diameter_m=1e-3, cavity_m3=v) for x, v in ((0.3, 0.0), (0.7, 100e-9))]
     assert response(parts, f, SEA_LEVEL) == pytest.approx(response([whole], f, SEA_LEVEL), rel=1e-11)
     assert low_frequency_lag_s(parts, SEA_LEVEL) == pytest.approx(low_frequency_lag_s([whole], SEA_LEVEL), rel=1e-12)
 
@@ -40,13 +40,16 @@ def test_a_tube_cut_in_two_is_the_same_tube() -> None:
 @pytest.mark.parametrize(
     "tubes",
     [
-        [Line(length_m=0.6, diameter_m=1.59e-3, cavity_m3=20e-9)],
+        [PneumaticLine(length_m=0.6, diameter_m=1.59e-3, cavity_m3=20e-9)],
         [NARROW],
         # A probe's capillary with a filter behind it, then a hose to the transducer.
-        [Line(length_m=0.1, diameter_m=0.5e-3, cavity_m3=200e-9), Line(length_m=0.6, diameter_m=2e-3, cavity_m3=20e-9)],
+        [
+            PneumaticLine(length_m=0.1, diameter_m=0.5e-3, cavity_m3=200e-9),
+            PneumaticLine(length_m=0.6, diameter_m=2e-3, cavity_m3=20e-9),
+        ],
     ],
 )
-def test_slow_changes_come_late_by_the_limit(tubes: list[Line]) -> None:
+def test_slow_changes_come_late_by_the_limit(tubes: list[PneumaticLine]) -> None:
     """The phase of a slow wave is its lag; what is left is of second order in the frequency."""
     lag_s = low_frequency_lag_s(tubes, SEA_LEVEL)
     f = 1e-5 / lag_s
@@ -63,7 +66,7 @@ def test_the_digitised_curves_are_all_there() -> None:
 def test_digitised_curves(curve: tuple[str, float, float, float]) -> None:
     """Each point lies on the curve as well as it could be read: 0.03 in amplitude, 3 deg in phase, 2 Hz of 300."""
     quantity, radius_mm, length_mm, volume_mm3 = curve
-    tube = Line(length_m=length_mm / 1e3, diameter_m=2e-3 * radius_mm, cavity_m3=volume_mm3 * 1e-9)
+    tube = PneumaticLine(length_m=length_mm / 1e3, diameter_m=2e-3 * radius_mm, cavity_m3=volume_mm3 * 1e-9)
     points = CURVES[curve]
     points = points[points[:, 0] > 0]
     f = np.linspace(0.1, points[:, 0].max() + 10, 4000)
@@ -80,7 +83,7 @@ def test_digitised_curves(curve: tuple[str, float, float, float]) -> None:
 @pytest.mark.parametrize("diameter_mm", [0.3, 0.4])
 def test_the_lag_of_a_simulated_step_is_found_within_five_per_cent(diameter_mm: float) -> None:
     """By the simulator's own line, first order; and through the full response, which creeps and rings."""
-    line = Line(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
+    line = PneumaticLine(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
     lag_s = low_frequency_lag_s([line], SEA_LEVEL)
     for full in (False, True):
         steps, noise = find_steps(*bursts(line, full=full))
@@ -114,7 +117,7 @@ def test_at_25_Hz_as_many_bursts_as_are_asked_for_give_five_per_cent() -> None:
 
 
 def test_a_lag_much_shorter_than_a_tick_gets_an_upper_bound_only() -> None:
-    line = Line(length_m=0.6, diameter_m=1.59e-3, cavity_m3=20e-9)
+    line = PneumaticLine(length_m=0.6, diameter_m=1.59e-3, cavity_m3=20e-9)
     found = fit_lag(*find_steps(*bursts(line, full=False, rate_Hz=25.0)))
     assert not found.bounded
     assert low_frequency_lag_s([line], SEA_LEVEL) < found.hi_s < 0.02
@@ -130,14 +133,14 @@ def test_no_step_is_said() -> None:
 
 
 def test_the_diameter_is_the_one_that_has_the_lag() -> None:
-    wrong = Line(length_m=NARROW.length_m, diameter_m=1e-3, cavity_m3=NARROW.cavity_m3)
+    wrong = PneumaticLine(length_m=NARROW.length_m, diameter_m=1e-3, cavity_m3=NARROW.cavity_m3)
     lag_s = low_frequency_lag_s([NARROW], SEA_LEVEL)
     assert diameter_of_lag_m(wrong, lag_s, SEA_LEVEL) == pytest.approx(NARROW.diameter_m, rel=1e-9)
 
 
 def test_a_line_is_undone_without_more_noise_than_stated() -> None:
     """A line of 61 ms, delay taken out: waves up to 1.6 Hz come back; white noise grows by less than the bound."""
-    line = Line(length_m=0.9, diameter_m=0.5e-3, cavity_m3=500e-9)
+    line = PneumaticLine(length_m=0.9, diameter_m=0.5e-3, cavity_m3=500e-9)
     rate_Hz, gain = 25.0, 1.5
     t = np.arange(0, 60, 1 / rate_Hz)
     remainder = undelayed(line, SEA_LEVEL)

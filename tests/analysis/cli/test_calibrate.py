@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from analysis.airdata.tubing import air, low_frequency_lag_s
 from analysis.cli.calibrate import app
-from flight.aircraft import Line, load_aircraft, parse_aircraft
+from flight.aircraft import PneumaticLine, load_aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.log_writer import LogWriter
 from flight.messages import AbsolutePressure, Controls, DifferentialPressure, Magnetometer
@@ -53,7 +53,7 @@ def pops(tmp_path: Path) -> Path:
 
 
 def popped(path: Path, **options) -> Path:
-    line = Line(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)
+    line = PneumaticLine(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)
     t, value = bursts(line, full=True, **options)
     messages = [("/static", 0.0, AbsolutePressure(pressure_Pa=101_325.0, temperature_K=288.15))]
     messages += [
@@ -74,7 +74,7 @@ def test_tubing_finds_the_diameter_that_the_lag_belongs_to(pops: Path, tmp_path:
     mended = parse_aircraft(text[:start] + (tmp_path / "lines.toml").read_text() + text[end:], "mine.toml")
     line = mended.probe.lines["alpha"]
     assert line.diameter_m == pytest.approx(0.4e-3, rel=0.02)
-    true = Line(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)
+    true = PneumaticLine(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)
     gas = air(101_325.0, 288.15)
     assert low_frequency_lag_s([line], gas) == pytest.approx(low_frequency_lag_s([true], gas), rel=0.05)
 

@@ -20,7 +20,7 @@ from analysis.maneuvers.find import find
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
 
 AIRCRAFT = load_aircraft("nexstar")

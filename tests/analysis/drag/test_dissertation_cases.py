@@ -10,7 +10,7 @@ from analysis.maneuvers.find_level import find_runs
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import load_aircraft
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
 
 AIRCRAFT = load_aircraft("nexstar")

@@ -45,7 +45,7 @@ def at_throttle(nexstar: Aircraft, propeller: Propeller, V, throttle: float) -> 
     for _ in range(60):
         n = (low + high) / 2
         train = power_train(nexstar.propulsion, propeller, V=V, n=n, throttle=throttle, rho=RHO)
-        faster = train.motor_acceleration > 0
+        faster = train.motor_acceleration_revps2 > 0
         low, high = np.where(faster, n, low), np.where(faster, high, n)
     return recorded(nexstar, propeller, V, (low + high) / 2, np.full_like(V, throttle))
 
@@ -58,6 +58,6 @@ def recorded(nexstar: Aircraft, propeller: Propeller, V, n, throttle) -> pd.Data
         "rho": np.full_like(V, RHO),
         "throttle": throttle,
         "covered": propeller.covers(V / (n * propeller.diameter_m), 60 * n),
-        "battery_W": train.voltage * train.current,
+        "battery_W": train.battery_voltage_V * train.battery_current_A,
     }
     return pd.DataFrame(columns, index=pd.Index(np.arange(len(V)) * STEP_S, name="t_s"))

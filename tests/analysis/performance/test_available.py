@@ -58,7 +58,7 @@ def test_the_motor_turns_as_the_simulator_s_at_other_speeds_and_densities(nexsta
     row = dict(zip(motor.numbers.names, motor.numbers.values, strict=True))
     n = full_throttle_revps(propeller, V, rho, **row)
     slower, faster = (
-        power_train(nexstar.propulsion, propeller, V=V, n=n * factor, throttle=1.0, rho=rho).motor_acceleration
+        power_train(nexstar.propulsion, propeller, V=V, n=n * factor, throttle=1.0, rho=rho).motor_acceleration_revps2
         for factor in (0.995, 1.005)
     )
     assert np.all((slower > 0) & (faster < 0)), "the balance of torques lies within 0.5 %"

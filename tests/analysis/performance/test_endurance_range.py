@@ -88,7 +88,7 @@ def test_the_battery_gives_what_the_simulator_s_gives_in_trimmed_flight(nexstar,
         now = true_train(
             nexstar.propulsion, propeller, V=v, n=trim.unknowns.motor, throttle=trim.throttle, rho=trimmer.density
         )
-        truth.append(float(now.voltage * now.current))
+        truth.append(float(now.battery_voltage_V * now.battery_current_A))
     train = power_train(steady_points(nexstar, propeller), nexstar.propulsion, propeller, (0.0, 0.0))
     numbers = joined(known(**POLAR, **NO_CORRECTION), incidence_of(nexstar), train.numbers)
     found = level_flight(numbers.nudged(), train, propeller, at, RANGE_CL, V)

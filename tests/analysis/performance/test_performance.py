@@ -10,7 +10,7 @@ from analysis.performance.request import Request
 from analysis.results.performance import Day, _cases, _cost, _one_change
 from analysis.results.schema import Interval, Loading
 from flight.errors import InputError
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 
 TEST = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)
 DAY = Day(TEST, 100_000.0, 290.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.synchronize import NEEDED, on_grid, synchronize
-from flight.log_reader import Entry, Log
+from flight.log_reader import Log, LogEntry
 from flight.messages import TYPE_OF_TOPIC, AbsolutePressure, DifferentialPressure, Imu, Rpm, Status
 
 GRID = np.arange(0, 10, 0.04)
@@ -68,7 +68,7 @@ def log_of(status_at=lambda topic, t_s: Status.OK) -> Log:
             status = status_at(topic, tick / 25)
             if status is not None:
                 sent = message if status is Status.OK else TYPE_OF_TOPIC[topic](status=status)
-                log.entries.setdefault(topic, []).append(Entry(10**18 + tick * 40_000_000, tick, sent))
+                log.entries.setdefault(topic, []).append(LogEntry(10**18 + tick * 40_000_000, tick, sent))
     return log
 
 
@@ -114,7 +114,7 @@ def test_a_motor_that_speeds_up_is_not_found_to_lag() -> None:
         newest = np.searchsorted(pulse_s, tick / 25) - 1
         period_s = pulse_s[newest] - pulse_s[newest - 1]
         rpm = Rpm(period_us=round(1e6 * period_s), motor_speed_revps=10 / 7 / period_s)
-        log.entries.setdefault("/rpm", []).append(Entry(10**18 + tick * 40_000_000, tick, rpm))
+        log.entries.setdefault("/rpm", []).append(LogEntry(10**18 + tick * 40_000_000, tick, rpm))
     found = synchronize(log).table["n_revps"].loc[2:14]
     off = found - (speed + more * found.index.to_numpy())
     assert abs(off.mean()) < 0.004 and off.std() < 0.03

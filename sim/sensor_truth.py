@@ -1,4 +1,4 @@
-"""What each sensor of the tray would feel: the interface between the simulator and whatever turns it into counts."""
+"""Physical inputs of the sensors: the interface between the simulator and the fake hardware."""
 
 from typing import NamedTuple, Protocol
 
@@ -9,9 +9,9 @@ Array = NDArray[np.float64]
 
 
 class GpsSolution(NamedTuple):
-    """What a receiver would report at each asked instant; arrays of shape (n,)."""
+    """What a GPS receiver reports at each requested time; arrays of shape (n,) unless stated."""
 
-    valid_at_s: Array  # the instant the solution describes (asked time minus latency)
+    valid_at_s: Array  # time of validity: the requested time minus the latency
     fix: NDArray[np.bool_]
     latitude_deg: Array
     longitude_deg: Array
@@ -22,11 +22,11 @@ class GpsSolution(NamedTuple):
     speed_accuracy_mps: Array
 
 
-class Felt(Protocol):
-    """Physical input of every sensor as a pure function of time since power-on `t_s` (n,), errors and noise included.
+class SensorTruth(Protocol):
+    """Physical input of every sensor as a function of the time `t_s` (n,) since the start, errors and noise included.
 
-    Asked twice for the same instants it gives the same values: noise is a function of seed, channel and sample time.
-    Outside [0, duration_s] the aircraft stands still where it was.
+    Equal times give equal values: noise is a function of seed, channel and sample time. Outside [0, duration_s] the
+    aircraft stays at its first or last state.
     """
 
     duration_s: float

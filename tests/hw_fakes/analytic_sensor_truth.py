@@ -1,10 +1,10 @@
-"""A tray whose sensors feel plain functions of time, so that a test knows every answer."""
+"""Sensor inputs that are plain functions of time, so that a test knows every answer."""
 
 from typing import Any
 
 import numpy as np
 
-from sim.felt import Array, GpsSolution
+from sim.sensor_truth import Array, GpsSolution
 
 
 def constant(value: Any):
@@ -20,8 +20,8 @@ def sine(mean: float, amplitude: float, frequency_Hz: float):
     return lambda t_s: mean + amplitude * np.sin(2 * np.pi * frequency_Hz * t_s)
 
 
-class AnalyticFelt:
-    """Satisfies `sim.felt.Felt`. Keywords replace the functions of time [s]; one serves all sensors of a kind."""
+class AnalyticSensorTruth:
+    """Implements `SensorTruth`. Keywords replace the functions of time [s]; one serves all sensors of a kind."""
 
     duration_s = 3600.0
 

@@ -1,17 +1,17 @@
 """Physical values on a part's own sampling grid, fetched many at a time.
 
-`sim.felt.Felt` is a pure function of time, so asking early changes nothing; asking for one instant at a time would
-cost a hundred times as much.
+`sim.sensor_truth.SensorTruth` is a pure function of time, so values may be fetched early. Fetching them one at a time
+would cost a hundred times as much.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from sim.felt import Array
+from sim.sensor_truth import Array
 
 
-class Blocks:
+class SampleBlocks:
     """Rows of `fetch(t_s)` for t_s = origin_s + k period_s, k = 0, 1, …, fetched `length` rows at a time.
 
     fetch: from instants (n,) to rows (n, …), one row an instant. The two newest blocks are kept.
@@ -27,7 +27,8 @@ class Blocks:
     def row(self, index: int) -> np.ndarray:
         """Row number `index`."""
         block, offset = divmod(index, self._length)
-        return self._block(block)[offset]
+        found: np.ndarray = self._block(block)[offset]
+        return found
 
     def rows(self, first: int, stop: int) -> np.ndarray:
         """Rows `first` up to, not including, `stop`."""

@@ -5,7 +5,8 @@ import pytest
 
 from flight.log_reader import read_log
 from sim.__main__ import fly
-from sim.straight import ACCEL_MPS2, BRIDGE_KELVIN, BRIDGES, FIRST_TICK, GYRO_RADPS, MAG_T
+from sim.direct_log import ACCEL_MPS2, BRIDGE_KELVIN, BRIDGES, GYRO_RADPS, MAG_T
+from sim.direct_log_timing import FIRST_TICK
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("straight")]  # one recording for all
 

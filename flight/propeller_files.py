@@ -1,0 +1,193 @@
+"""Propeller tables from files: our own CSV, UIUC text tables and APC `PER3` files, as downloaded.
+
+`python -m flight.propeller_files FILE_OR_FOLDER > mine.csv` converts any of them to our own format.
+"""
+
+import csv
+import re
+import sys
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from flight.errors import InputError
+from flight.propeller import Propeller, Row
+
+INCH_M = 0.0254
+LARGEST_INCHES = 40.0  # larger numbers are millimetres: UIUC names a few small propellers so (E-Flite 130x70)
+SAME_RPM = 0.01  # relative difference of speeds of rotation below which two tests are put into one row
+UIUC_NAME = re.compile(r"(?P<name>.+_(?P<size>\d+(?:\.\d+)?)x\d+(?:\.\d+)?[^_]*)_(?P<test>.+)\.txt")
+
+
+def load_propeller(name_or_path: str | Path) -> Propeller:
+    """A propeller shipped with the package, by its name, or one from files as downloaded.
+
+    A path is our CSV, APC's `PER3`, one UIUC table (the others of that propeller in its folder are read too), or a
+    folder with the UIUC tables of one propeller.
+    Raises InputError when there is no such propeller or a file cannot be read.
+    """
+    shipped = resources.files("flight") / "data" / "propellers"
+    path = Path(name_or_path)
+    if path.suffix == "" and (shipped / f"{name_or_path}.csv").is_file():
+        return parse_csv((shipped / f"{name_or_path}.csv").read_text("utf-8"), str(name_or_path))
+    if path.is_dir():
+        return _load_uiuc(path)
+    if not path.is_file():
+        names = sorted(f.name.removesuffix(".csv") for f in shipped.iterdir() if f.name.endswith(".csv"))
+        raise InputError(f"propeller {name_or_path}: neither a file nor one of {', '.join(names)}")
+    text = _text(path)
+    named = UIUC_NAME.fullmatch(path.name)
+    if named and _is_uiuc(text):
+        return _load_uiuc(path.parent, named["name"])
+    return parse_propeller(text, path.stem)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text("utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def _load_uiuc(folder: Path, name: str = "") -> Propeller:
+    """All tables of one propeller of the UIUC database in a folder: `apce_10x5_kt0821_5000.txt`, `…_static_….txt`."""
+    tests = [(found, path) for path in sorted(folder.glob("*.txt")) if (found := UIUC_NAME.fullmatch(path.name))]
+    names = sorted({found["name"] for found, _ in tests if name in ("", found["name"])})
+    if not names:
+        raise InputError(f"{folder}: no UIUC table here; their names are like apce_10x5_kt0821_5000.txt")
+    if len(names) > 1:
+        raise InputError(f"{folder}: tables of {', '.join(names)} here; give one file of the propeller that was flown")
+    texts: dict[float, str] = {}
+    static, size = None, 0.0
+    for found, path in tests:
+        if found["name"] != names[0]:
+            continue
+        size = float(found["size"])
+        text, rpm = _text(path), re.search(r"_(\d{3,5})$", found["test"])
+        if found["test"].startswith("static"):
+            static = text
+        elif rpm and _is_uiuc(text):
+            texts[float(rpm[1])] = text
+    return parse_uiuc(texts, names[0], size * INCH_M if size <= LARGEST_INCHES else size / 1000, static)
+
+
+def _is_uiuc(text: str) -> bool:
+    return text.split(maxsplit=3)[:3] == ["J", "CT", "CP"]
+
+
+def parse_propeller(text: str, name: str) -> Propeller:
+    """A propeller from the text of one file, in our own format or in APC's. Raises InputError otherwise."""
+    if _is_uiuc(text):
+        raise InputError(
+            f"propeller {name}: a UIUC table contains neither diameter nor speed of rotation; convert all its tables by"
+            " `python -m flight.propeller_files FOLDER > mine.csv`"
+        )
+    return parse_apc(text, name) if "PROP RPM" in text else parse_csv(text, name)
+
+
+def parse_csv(text: str, name: str) -> Propeller:
+    """Our own format: `# diameter_m = …`, a header `rpm,J,cT,cP`, one line a point.
+
+    Raises InputError when the text is not such a table.
+    """
+    comments = [line.lstrip("# ") for line in text.splitlines() if line.startswith("#")]
+    diameter = next((re.match(r"diameter_m\s*=\s*(\S+)", c) for c in comments if c.startswith("diameter_m")), None)
+    if diameter is None:
+        raise InputError(f"propeller {name}: no line `# diameter_m = …`")
+    try:
+        diameter_m = float(diameter[1])
+    except ValueError:
+        raise InputError(f"propeller {name}: diameter_m = {diameter[1]} is not a number") from None
+    points: dict[float, list[tuple[float, float, float]]] = {}
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    try:
+        for entry in csv.DictReader(lines):
+            point = (float(entry["J"]), float(entry["cT"]), float(entry["cP"]))
+            points.setdefault(float(entry["rpm"]), []).append(point)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"propeller {name}: not a table of rpm,J,cT,cP ({error})") from None
+    source = "\n".join(c for c in comments if not c.startswith("diameter_m"))
+    return Propeller(name, diameter_m, _rows(points), source)
+
+
+def parse_apc(text: str, name: str) -> Propeller:
+    """APC's computed performance file (`PER3_*.dat`): blocks headed `PROP RPM = …`, columns V J Pe Ct Cp …"""
+    size = re.search(r"^\s*(\d+(?:\.\d+)?)x\d", text)
+    if size is None:
+        raise InputError(f"propeller {name}: the first line must start with a size such as 12x8E")
+    points: dict[float, list[tuple[float, float, float]]] = {}
+    rpm = None
+    for line in text.splitlines():
+        heading = re.match(r"\s*PROP RPM\s*=\s*([\d.]+)", line)
+        if heading:
+            rpm = float(heading[1])
+            continue
+        numbers = line.split()
+        if rpm is not None and len(numbers) >= 8 and re.fullmatch(r"[\d.]+", numbers[0]):
+            try:
+                point = (float(numbers[1]), float(numbers[3]), float(numbers[4]))
+            except ValueError:
+                raise InputError(
+                    f"propeller {name}: a line at {rpm:g} rpm has values that are not numbers: {line.strip()}"
+                ) from None
+            if np.isfinite(point).all():  # NaN where the computation did not converge
+                points.setdefault(rpm, []).append(point)
+    return Propeller(name, float(size[1]) * INCH_M, _rows(points), f"APC {text.split()[0]} computed performance data")
+
+
+def parse_uiuc(texts: dict[float, str], name: str, diameter_m: float, static: str | None = None) -> Propeller:
+    """UIUC wind-tunnel tables `J CT CP eta`, one text for each speed of rotation [1/min], known from the file name.
+
+    Two tests at one speed of rotation, one at low and one at high J, form one row. static: the table `RPM CT CP`
+    measured without wind; rows within its range of speeds get their point at J = 0 from it.
+    """
+    tests = sorted((rpm, _columns(text, ("J", "CT", "CP"), name)) for rpm, text in texts.items())
+    still = _columns(static, ("RPM", "CT", "CP"), name) if static else []
+    points: dict[float, list[tuple[float, float, float]]] = {}
+    while tests:
+        rpm = tests[0][0]
+        same = [test for test in tests if test[0] <= rpm * (1 + SAME_RPM)]
+        tests = tests[len(same) :]
+        at = float(np.mean([speed for speed, _ in same]))
+        row = [point for _, table in same for point in table]
+        if still and still[0][0] <= at * (1 + SAME_RPM) and at <= still[-1][0] * (1 + SAME_RPM):
+            speeds, cT, cP = zip(*still, strict=True)
+            row.append((0.0, float(np.interp(at, speeds, cT)), float(np.interp(at, speeds, cP))))
+        points[at] = row
+    return Propeller(name, diameter_m, _rows(points), "UIUC Propeller Database, wind-tunnel measurement")
+
+
+def _columns(text: str, header: tuple[str, str, str], name: str) -> list[tuple[float, float, float]]:
+    lines = [line.split() for line in text.splitlines() if line.strip()]
+    if not lines or tuple(lines[0][:3]) != header:
+        raise InputError(f"propeller {name}: a UIUC table must start with the line `{' '.join(header)}`")
+    try:
+        points = [(float(first), float(cT), float(cP)) for first, cT, cP, *_ in lines[1:]]
+    except ValueError as error:
+        raise InputError(f"propeller {name}: not a UIUC table of {', '.join(header)} ({error})") from None
+    if not points:
+        raise InputError(f"propeller {name}: the UIUC table has no line of numbers")
+    return points
+
+
+def _rows(points: dict[float, list[tuple[float, float, float]]]) -> tuple[Row, ...]:
+    """Rows in ascending J; repeated measurements at one J are averaged."""
+    rows = []
+    for rpm, table in points.items():
+        at: dict[float, list[tuple[float, float]]] = {}
+        for J, *coefficients in table:
+            at.setdefault(J, []).append((coefficients[0], coefficients[1]))
+        means = np.array([(J, *np.mean(at[J], axis=0)) for J in sorted(at)])
+        rows.append(Row(rpm, *(tuple(column) for column in means.T.tolist())))
+    return tuple(rows)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python -m flight.propeller_files FILE_OR_FOLDER > mine.csv")
+    try:
+        print(load_propeller(sys.argv[1]).to_csv(), end="")
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)

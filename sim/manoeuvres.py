@@ -1,0 +1,124 @@
+"""Manoeuvres for parameter estimation: load factor up and down, elevator inputs, wind-up turn."""
+
+from dataclasses import dataclass
+from math import acos, pi, radians, sin
+
+from flight.errors import InputError
+from sim.integration import Observation
+from sim.pilot import Targets
+from sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
+
+RECOVERY_S = 8.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RollerCoasterSegment:
+    """Load factor up and down between two values (pushover and pull-up), at `load_rate` per second.
+
+    The 0.1 g/s of the literature is too slow for so slow an aircraft: the path would turn by g/V (dn)^2 / load_rate,
+    until the aircraft stands on its tail.
+    """
+
+    lowest: float = 0.4
+    highest: float = 1.6
+    load_rate: float = 1.0
+    cycles: int = 2
+    kind = "roller-coaster"
+
+    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
+        _check_load(self.highest, seen, context)
+        load, throttle = 1.0, context.throttle
+        for goal in [self.highest, self.lowest] * self.cycles + [1.0]:
+            while abs(goal - load) > 1e-9:
+                step = self.load_rate * context.dt
+                load += min(max(goal - load, -step), step)
+                seen = yield Targets(load_factor=load, throttle=throttle, bank_rad=0.0)
+        yield from _recover(seen, context)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PorpoiseSegment:
+    """Elevator oscillation about level flight with rising frequency; mean height is held.
+
+    Angle of attack oscillates faster than speed and gusts change, so that the slope of the probe can be identified.
+    """
+
+    duration_s: float
+    elevator_rad: float = radians(12)
+    first_period_s: float = 1.8
+    last_period_s: float = 1.3
+    speed_mps: float | None = None
+    speed_over_stall: float | None = None
+    speed_of_max: float | None = None
+    kind = "porpoise"
+
+    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
+        speed = chosen_speed(context, self.speed_mps, self.speed_over_stall, self.speed_of_max)
+        first, last = 2 * pi / self.first_period_s, 2 * pi / self.last_period_s
+        for i in range(steps_in(self.duration_s, context)):
+            t = i * context.dt
+            phase = first * t + (last - first) * t**2 / (2 * self.duration_s)
+            yield Targets(
+                height_m=context.height_m,
+                speed_mps=speed,
+                heading_rad=context.heading_rad,
+                elevator_rad=self.elevator_rad * sin(phase),
+            )
+        context.speed_mps = speed
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindUpTurnSegment:
+    """Load factor rising by `load_rate` per second at constant speed, by increasing bank."""
+
+    highest: float = 1.8
+    load_rate: float = 0.1
+    kind = "wind-up-turn"
+
+    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
+        _check_load(self.highest, seen, context)
+        load, speed = 1.0, context.speed_mps
+        while load < self.highest:
+            load += self.load_rate * context.dt
+            seen = yield Targets(height_m=context.height_m, speed_mps=speed, bank_rad=acos(1 / load))
+        context.heading_rad = seen.psi
+        yield from _recover(seen, context)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultistepSegment:
+    """Elevator steps of 3, 2, 1 and 1 units of time, alternating, about trim; `units = [1, 1]` is a doublet."""
+
+    units: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
+    amplitude_rad: float = radians(3)
+    unit_s: float = 0.4
+    rest_s: float = 4.0
+    kind = "3-2-1-1"
+
+    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
+        throttle = context.throttle
+        sign = 1.0
+        for units in self.units:
+            for _ in range(steps_in(units * self.unit_s, context)):
+                seen = yield Targets(
+                    hold_elevator=True, elevator_rad=sign * self.amplitude_rad, throttle=throttle, bank_rad=0.0
+                )
+            sign = -sign
+        for _ in range(steps_in(self.rest_s, context)):
+            seen = yield Targets(hold_elevator=True, throttle=throttle, bank_rad=0.0)
+        yield from _recover(seen, context)
+
+
+def _check_load(highest: float, seen: Observation, context: FlightContext) -> None:
+    limit = (seen.V / context.V_stall) ** 2
+    if highest >= limit:
+        raise InputError(
+            f"a load factor of {highest:.2f} stalls the aircraft at {seen.V:.1f} m/s; the limit is {limit:.2f}"
+        )
+
+
+def _recover(seen: Observation, context: FlightContext) -> SegmentTargets:
+    """Level flight at the height at the end of the manoeuvre."""
+    context.height_m = seen.height
+    for _ in range(steps_in(RECOVERY_S, context)):
+        seen = yield Targets(height_m=context.height_m, speed_mps=context.speed_mps, heading_rad=context.heading_rad)

@@ -1,0 +1,48 @@
+"""What all segments of a plan share: the interface, the context, and the choice of speed."""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Protocol
+
+from sim.integration import Observation
+from sim.pilot import Targets
+
+SegmentTargets = Generator[Targets, Observation, None]
+
+
+@dataclass
+class FlightContext:
+    """What a segment knows: limits of the aircraft, the time step, and the state at the end of the segment before."""
+
+    V_stall: float
+    V_max: float
+    dt: float
+    height_m: float
+    heading_rad: float
+    speed_mps: float
+    throttle: float = 0.0
+
+
+class PlanSegment(Protocol):
+    """`fly` yields `Targets`, is sent the `Observation` one step later, and returns when the segment is over."""
+
+    kind: str
+
+    def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets: ...
+
+
+def chosen_speed(
+    context: FlightContext, speed_mps: float | None, over_stall: float | None, of_max: float | None
+) -> float:
+    """The speed of a segment [m/s], given in any of three ways; the present speed without any."""
+    if speed_mps is not None:
+        return speed_mps
+    if over_stall is not None:
+        return over_stall * context.V_stall
+    if of_max is not None:
+        return of_max * context.V_max
+    return context.speed_mps
+
+
+def steps_in(duration_s: float, context: FlightContext) -> int:
+    return max(1, round(duration_s / context.dt))

@@ -1,0 +1,81 @@
+"""The tables that `sim trim` and `sim modes` print."""
+
+import numpy as np
+from rich.table import Table
+
+from flight.errors import InputError
+from sim.modes import modes
+from sim.trim import Trimmer, power_required
+
+
+def trim_table(
+    trimmer: Trimmer, *, bank_rad: float, climb_mps: float, speed_mps: float | None, motor_revps: float | None
+) -> Table:
+    """Trimmed flight at one airspeed, at one motor speed, or over the range of level airspeeds when neither is given.
+
+    Raises InputError when the one condition asked for cannot be flown.
+    """
+    plant = trimmer.plant
+    motor = {} if motor_revps is None else {"motor": motor_revps}
+    asked: list[dict[str, float]]
+    if speed_mps is not None:
+        asked = [{"V": speed_mps, **(motor or {"climb": climb_mps})}]
+    elif motor:
+        asked = [{**motor, "climb": climb_mps}]
+    else:
+        speeds = np.linspace(1.05 * trimmer.V_stall, 0.999 * trimmer.V_max, 10)
+        asked = [{"V": float(V), "climb": climb_mps} for V in speeds]
+    table = Table(title=f"{plant.aircraft.title}, {trimmer.height_m:.0f} m, {np.rad2deg(bank_rad):.0f} deg of bank")
+    for heading in (
+        "V [m/s]",
+        "climb [m/s]",
+        "alpha [deg]",
+        "elevator [deg]",
+        "pitch [deg]",
+        "rpm",
+        "throttle",
+        "J",
+        "P_req [W]",
+    ):
+        table.add_column(heading, justify="right")
+    for given in asked:
+        try:
+            trimmed = trimmer.solve(bank_rad=bank_rad, start=None, **given)
+        except InputError:
+            if len(asked) == 1:
+                raise
+            continue  # the table leaves out what cannot be flown
+        z = trimmed.unknowns
+        power, _, _ = power_required(plant, np.array([z.V]), density=trimmer.density)
+        J = z.V / (z.motor * plant.propeller.diameter_m)
+        table.add_row(
+            f"{z.V:.2f}",
+            f"{z.climb:+.2f}",
+            f"{np.rad2deg(z.alpha):.2f}",
+            f"{np.rad2deg(z.elevator):.2f}",
+            f"{np.rad2deg(z.theta):.2f}",
+            f"{60 * z.motor:.0f}",
+            f"{trimmed.throttle:.3f}",
+            f"{J:.3f}",
+            f"{power[0]:.1f}",
+        )
+    return table
+
+
+def modes_table(trimmer: Trimmer, V: float) -> Table:
+    """The modes about level trim at airspeed V [m/s]."""
+    found = modes(trimmer.plant, trimmer.solve(V=V, climb=0.0))
+    table = Table(title=f"{trimmer.plant.aircraft.title}, {V:.2f} m/s, {trimmer.height_m:.0f} m")
+    for heading in ("mode", "eigenvalue [1/s]", "frequency [Hz]", "damping", "period [s]", "time constant [s]"):
+        table.add_column(heading, justify="left" if heading == "mode" else "right")
+    for mode in found:
+        oscillates = bool(mode.eigenvalue.imag)
+        table.add_row(
+            mode.name,
+            f"{mode.eigenvalue:.3f}" if oscillates else f"{mode.eigenvalue.real:.4f}",
+            f"{mode.natural_frequency_radps / (2 * np.pi):.3f}" if oscillates else "",
+            f"{mode.damping:.3f}" if oscillates else "",
+            f"{mode.period_s:.2f}" if oscillates else "",
+            f"{mode.time_constant_s:.2f}",
+        )
+    return table
