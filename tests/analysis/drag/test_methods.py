@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pandas as pd
 import pytest
+from constructed import AIRCRAFT, STEP_S, S, W, flown, polar
 
 from analysis.drag.direct import DIRECT, FROM_SPEED
 from analysis.drag.energy import ENERGY
@@ -16,56 +17,11 @@ from analysis.drag.steady_points import steady_means, steady_points
 from analysis.drag.w_delta import W_DELTA, W_DELTA_SLOW
 from analysis.estimation.intervals import NORMAL_95
 from analysis.maneuvers.kinds import Run
-from flight.aircraft import load_aircraft
-from flight.atmosphere import GAS_CONSTANT_AIR, GRAVITY_MPS2, SEA_LEVEL_DENSITY
+from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.errors import InputError
+from flight.units import GRAVITY_MPS2
 
-AIRCRAFT = load_aircraft("nexstar")
-S, W = AIRCRAFT.geometry.wing_area_m2, AIRCRAFT.mass.weight_N
-m = AIRCRAFT.mass_kg
 NO_COVARIANCE = np.zeros((3, 3))
-STEP_S = 0.2
-
-
-def polar(CL_minD: float = 0.15, CD0: float = 0.045, K: float = 0.065) -> np.ndarray:
-    return np.array([CD0 + K * CL_minD**2, -2 * K * CL_minD, K])
-
-
-def angle(CL):
-    return (CL - 0.3) / 4.6
-
-
-def flown(V, A, rho, gamma=0.0, weight_N=W) -> pd.DataFrame:
-    """The methods' table of a flight at speeds V (n,) along a straight path: forces in exact balance, no errors.
-
-    Lift carries what thrust does not: L + T sin(alpha) = W cos(gamma); D + m Vdot + W sin(gamma) = T cos(alpha).
-    """
-    t = np.arange(len(V)) * STEP_S
-    V = np.asarray(V, dtype=float)
-    Vdot = np.gradient(V, t) if np.ptp(V) else np.zeros_like(V)
-    mass = weight_N / GRAVITY_MPS2
-    qS = rho * V**2 / 2 * S
-    lift = np.full_like(V, weight_N * np.cos(gamma))
-    for _ in range(50):
-        CL = lift / qS
-        drag = qS * (A[0] + A[1] * CL + A[2] * CL**2)
-        thrust = (drag + mass * Vdot + weight_N * np.sin(gamma)) / np.cos(angle(CL))
-        lift = weight_N * np.cos(gamma) - thrust * np.sin(angle(CL))
-    alpha = angle(CL)
-    forward, down = thrust - drag * np.cos(alpha) + lift * np.sin(alpha), -drag * np.sin(alpha) - lift * np.cos(alpha)
-    height = 100 + np.concatenate([[0], np.cumsum((V[1:] + V[:-1]) / 2 * STEP_S * np.sin(gamma))])
-    temperature_K = 280.0
-    columns = {
-        "V": V, "V_measured": V, "alpha": alpha, "alpha_measured": alpha, "gamma": gamma,
-        "theta_measured": gamma + alpha, "climb": V * np.sin(gamma), "bank": 0.0, "Vdot": Vdot, "rho": rho,
-        "ax": forward / mass, "az": down / mass,
-        "qS_over_m_mps2": qS / mass, "qS_over_m_measured_mps2": qS / mass,
-        "thrust_x_over_m_mps2": thrust / mass, "thrust_x_over_m_measured_mps2": thrust / mass,
-        "height_measured": height, "static_Pa": rho * GAS_CONSTANT_AIR * temperature_K, "temperature_K": temperature_K,
-        "covered": 1.0, "J": 0.5, "gust_mps": 0.0, "gust_s": 4.0,
-        "gust_along_mps": 0.0, "gust_along_s": 9.0,
-    }  # fmt: skip
-    return pd.DataFrame(columns, index=t)
 
 
 def joined(parts: list[pd.DataFrame], kind: str) -> tuple[pd.DataFrame, list[Run]]:
@@ -195,6 +151,21 @@ def test_intervals_from_few_points_of_known_errors_cover_95_per_cent() -> None:
         error = regression.coefficients() - A
         hits += abs(X[2] @ error) < NORMAL_95 * np.sqrt(X[2] @ regression.noise_covariance() @ X[2])
     assert hits / 500 > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 500)
+
+
+def test_intervals_from_few_points_of_larger_scatter_cover_95_per_cent() -> None:
+    """Points that scatter five times their standard errors, three degrees of freedom: 1.96 without t covers 85 %."""
+    rng = np.random.default_rng(4)
+    CL = np.linspace(0.3, 1.0, 6)
+    X = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+    sigma = 0.01 * (X @ polar())
+    hits = 0
+    for _ in range(1000):
+        z = X @ polar() + 5 * sigma * rng.standard_normal(6)
+        regression = PointRegression(X, z, sigma, THREE_TERM, CL)
+        error = regression.coefficients() - polar()
+        hits += abs(X[2] @ error) < NORMAL_95 * np.sqrt(X[2] @ regression.noise_covariance() @ X[2])
+    assert hits / 1000 == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 1000))
 
 
 @pytest.mark.parametrize(
