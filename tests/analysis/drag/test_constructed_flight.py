@@ -44,6 +44,15 @@ def test_forces_along_an_exact_trajectory_are_those_flown(gamma: float) -> None:
     assert forces["thrust_along_V_over_m_mps2"].to_numpy() == pytest.approx(along_V.to_numpy(), rel=1e-4)
 
 
+def test_a_downdraft_is_a_climb_through_the_air() -> None:
+    """Level over the ground in a downdraft of 0.5 m/s."""
+    f, _ = accelerations_and_decelerations()
+    table, trajectory = measured(f)
+    states = trajectory.states.assign(gust_w=0.5).to_numpy()
+    forces = BlockMeans(table, trajectory, AIRCRAFT, PROPELLER).forces(states, trajectory.sensor_errors)
+    assert (np.sin(forces["gamma"]) * forces["V"]).to_numpy() == pytest.approx(np.full(len(f), 0.5), rel=1e-6)
+
+
 @pytest.mark.parametrize(("scale", "slope"), [(0.03, 0.0), (-0.03, 0.0), (0.0, 0.2), (0.0, -0.2)])
 def test_dynamic_method_finds_polar_and_thrust_of_a_propeller_unlike_its_table(scale: float, slope: float) -> None:
     """Thrust is the table's times 1 + scale + slope (J - 0.5): specific force shows it as drag.
