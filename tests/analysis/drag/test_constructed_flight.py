@@ -92,6 +92,15 @@ def test_the_tight_prior_of_the_lag_is_replaced_by_one_of_0_3_s() -> None:
     assert lag.standard_error == pytest.approx(0.3 * reading / np.hypot(0.3, reading), rel=1e-6)
 
 
+def test_an_accelerometer_that_reads_high_levels_the_pitch_attitude_too_high() -> None:
+    """At rest ax = g sin(theta): a bias of 0.2 m/s^2 is a pitch of 0.2/g."""
+    f, _ = accelerations_and_decelerations()
+    table, trajectory = measured(f, ax_bias=0.2)
+    blocks = BlockMeans(table, trajectory, AIRCRAFT, PROPELLER)
+    errors = estimate_errors(blocks, trajectory, np.ones(len(f), dtype=bool))
+    assert errors["pitch"].value == pytest.approx(0.2 / g, rel=1e-6)
+
+
 def inputs(table: pd.DataFrame, trajectory: Trajectory, **removed: float) -> pd.DataFrame:
     blocks = BlockMeans(table, trajectory, AIRCRAFT, PROPELLER)
     states = trajectory.states.to_numpy()
