@@ -41,7 +41,7 @@ FINEST_S, POINTS, SETTLED = 2.5e-4, 4096, 8  # a step's shape
 
 
 @dataclass(frozen=True)
-class Step:
+class PressureStep:
     """The samples around one step: times [s] and values [Pa], (n,); the last quiet sample before it is `last_quiet`."""
 
     t_s: Array
@@ -72,7 +72,7 @@ class Lag:
         return max(math.ceil(self.steps * ((half / WANTED) ** 2 - 1)), 0) if self.bounded else 0
 
 
-def find_steps(t_s: Array, value: Array) -> tuple[list[Step], float]:
+def find_steps(t_s: Array, value: Array) -> tuple[list[PressureStep], float]:
     """Clear, quick steps between quiet levels, and the noise [Pa]. t_s : (n,) ascending; value : (n,) [Pa].
 
     A transducer whose noise is below its own counts is given half a count's.
@@ -85,7 +85,7 @@ def find_steps(t_s: Array, value: Array) -> tuple[list[Step], float]:
     least = np.min(np.abs(moves[moves != 0])) if np.any(moves) else 0.0
     noise = max(float(np.median(np.abs(moves - np.median(moves)))) / 0.6745 / np.sqrt(2), 0.3 * least)
     jumps = np.flatnonzero(np.abs(moves) > 0.5 * CLEAR * noise)
-    steps: list[Step] = []
+    steps: list[PressureStep] = []
     free = 0
     for i in jumps.tolist():
         if i < max(quiet, free):
@@ -101,7 +101,7 @@ def find_steps(t_s: Array, value: Array) -> tuple[list[Step], float]:
         settled = max(np.std(before), np.std(after)) < 3 * noise + 0.01 * size
         if size > CLEAR * noise and settled:
             quiet_still = np.abs(value[start:end] - np.median(before)) < 4 * noise
-            steps.append(Step(t_s[start:end], value[start:end], int(np.flatnonzero(quiet_still)[-1])))
+            steps.append(PressureStep(t_s[start:end], value[start:end], int(np.flatnonzero(quiet_still)[-1])))
             free = end + quiet // 2
     return steps, noise
 
@@ -111,7 +111,7 @@ def exponential(lag_s: float) -> Shape:
     return lambda t: np.exp(-np.maximum(t, 0.0) / lag_s)
 
 
-def fit_lag(steps: list[Step], noise: float, shape_of: Callable[[float], Shape] = exponential) -> Lag:
+def fit_lag(steps: list[PressureStep], noise: float, shape_of: Callable[[float], Shape] = exponential) -> Lag:
     """The lag that all steps share, the likeliest, with the interval of its likelihood.
 
     shape_of: what a step looks like, by lag; `through(line, gas)` where the line's length and cavity are known.
@@ -175,7 +175,7 @@ class Misfit(NamedTuple):
     squares: Array  # (m,), sums of them
 
 
-def _misfit(step: Step, lag_s: float, shape: Shape) -> Misfit:
+def _misfit(step: PressureStep, lag_s: float, shape: Shape) -> Misfit:
     """Closest instants where they fit best."""
     # The next sample was quiet no more, or noise made it look so; and noise may hide the beginning of a slow step.
     near_s = step.t_s[step.last_quiet : step.last_quiet + 3]
@@ -194,7 +194,7 @@ def _misfit(step: Step, lag_s: float, shape: Shape) -> Misfit:
     return Misfit(everywhere, np.concatenate(squares)[first])
 
 
-def _variance(misfits: list[list[Misfit]], steps: list[Step]) -> float:
+def _variance(misfits: list[list[Misfit]], steps: list[PressureStep]) -> float:
     """Of a sample's noise, from what the best of all lags leaves."""
     degrees = sum(len(step.t_s) - 3 for step in steps) - 1
     least = min(sum(float(m.squares.min()) for m in of_lag) for of_lag in misfits)
@@ -212,7 +212,7 @@ def _unlikeliness(misfits: list[list[Misfit]], variance: float) -> Array:
     return np.array([sum(of_step(misfit) for misfit in of_lag) for of_lag in misfits])
 
 
-def _levels(step: Step, g: Array) -> Array:
+def _levels(step: PressureStep, g: Array) -> Array:
     """Residual sums of squares of value on [1, g] for each row of g, (m, n)."""
     y = step.value - step.value.mean()
     h = g - g.mean(axis=1, keepdims=True)

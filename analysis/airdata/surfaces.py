@@ -17,7 +17,7 @@ FEWEST = 2
 ENOUGH = 25  # samples, to know a pulse by
 
 
-class Hold(NamedTuple):
+class HeldPulse(NamedTuple):
     """A pulse held: when it began [s], for how long [s], and its mean [us]."""
 
     start_s: float
@@ -33,21 +33,23 @@ class SurfaceTable(NamedTuple):
     hysteresis_deg: float
 
 
-def holds(t_s: Array, pulse_us: Array) -> list[Hold]:
+def holds(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
     """Where the pulse was held for HELD_S at least, in order. t_s, pulse_us : (n,)."""
-    found: list[Hold] = []
+    found: list[HeldPulse] = []
     start = 0
     for i in range(1, len(t_s) + 1):
         ended = i == len(t_s) or abs(pulse_us[i] - np.median(pulse_us[start : min(i, start + ENOUGH)])) > JITTER_US
         if not ended:
             continue
         if t_s[i - 1] - t_s[start] >= HELD_S:
-            found.append(Hold(float(t_s[start]), float(t_s[i - 1] - t_s[start]), float(np.median(pulse_us[start:i]))))
+            found.append(
+                HeldPulse(float(t_s[start]), float(t_s[i - 1] - t_s[start]), float(np.median(pulse_us[start:i])))
+            )
         start = i
     return found
 
 
-def table(found: Sequence[Hold], angles_deg: Sequence[float | None]) -> SurfaceTable:
+def table(found: Sequence[HeldPulse], angles_deg: Sequence[float | None]) -> SurfaceTable:
     """Pulses with their angles; None for a hold whose angle was not read.
 
     Raises InputError when there are not as many angles as holds, or they do not rise or fall with the pulse.
@@ -75,7 +77,7 @@ def table(found: Sequence[Hold], angles_deg: Sequence[float | None]) -> SurfaceT
     return SurfaceTable(pulses, angles, max(float(np.ptp([a for _, a in group])) for group in groups))
 
 
-def in_words(found: Sequence[Hold]) -> str:
+def in_words(found: Sequence[HeldPulse]) -> str:
     """The holds, for somebody who matches them with a sheet of paper."""
     return ", ".join(f"{k}: {h.pulse_us:.0f} us at {h.start_s:.0f} s" for k, h in enumerate(found, start=1)) or "none"
 

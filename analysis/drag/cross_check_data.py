@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from analysis.airdata.air import bank_rad
 from analysis.estimation.aircraft_models import Priors
 from analysis.estimation.data import Segment
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def priors(*, zeroed: bool) -> Priors:
     return PRIORS if zeroed else replace(PRIORS, gyro_bias_radps=UNZEROED_GYRO_RADPS)
 
 
-def segments_of(table: pd.DataFrame, runs: list[Run], propeller: Propeller, *, block: int) -> list[Segment]:
+def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller, *, block: int) -> list[Segment]:
     """Inputs and outputs of `models.level_run`, means over `block` samples. table: as `air_data` leaves it.
 
     Small gaps in inputs are bridged, blocks without a sample of an output are left out; runs of fewer than SHORTEST

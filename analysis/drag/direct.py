@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from analysis.drag.method import Method
 from analysis.drag.regression import Piece, TimeSeries
-from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Run
+from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
@@ -30,12 +30,12 @@ SHORTEST = 10  # blocks of a run
 class Along(NamedTuple):
     """A run's time (n,) [s], and what a method is given over it, by name, each (n,)."""
 
-    run: Run
+    run: Maneuver
     t_s: Array
     f: dict[str, Array]
 
 
-def along_runs(given: pd.DataFrame, runs: list[Run], columns: tuple[str, ...]) -> list[Along]:
+def along_runs(given: pd.DataFrame, runs: list[Maneuver], columns: tuple[str, ...]) -> list[Along]:
     """The columns over each run, small gaps bridged. Raises InputError when no run has them all."""
     t, values = given.index.to_numpy(), given[list(columns)].to_numpy()
     found = []
@@ -55,7 +55,7 @@ Forces = Callable[[dict[str, Array]], tuple[Array, Array, Array]]
 
 
 def _problem(drag_and_lift: Forces, columns: tuple[str, ...]):
-    def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
+    def problem(given: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeries:
         pieces = []
         for run, t, f in along_runs(given, runs, columns):
             drag, lift, qS = drag_and_lift(f)

@@ -23,7 +23,7 @@ from analysis.drag.polar import Polar
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Named, Parameter
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -79,7 +79,7 @@ class DynamicEstimate:
 
 
 def estimate_polar(
-    table: pd.DataFrame, trajectory: Trajectory, runs: list[Run], aircraft: Aircraft, propeller: Propeller
+    table: pd.DataFrame, trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
 ) -> DynamicEstimate:
     """Fit all runs at once along the reconstructed path. table: as `air_data` leaves it."""
     blocks = Blocks(table, trajectory, aircraft, propeller)
@@ -133,7 +133,7 @@ def estimate_polar(
     )
 
 
-def _level(forces: pd.DataFrame, aloft: NDArray[np.bool_], runs: list[Run]) -> NDArray[np.bool_]:
+def _level(forces: pd.DataFrame, aloft: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
     """Where the angle of attack is one of level flight: no more than BEYOND_LEVEL_RAD above that at the largest lift
     coefficient that the speeds of flight or runs took, by the flight's own lift over angle."""
     flown = forces.loc[aloft, ["CL", "alpha", "qS"]].dropna()
@@ -146,7 +146,7 @@ def _level(forces: pd.DataFrame, aloft: NDArray[np.bool_], runs: list[Run]) -> N
     return ~(forces["alpha"].to_numpy() > offset + slope * slowest + BEYOND_LEVEL_RAD)
 
 
-def _segments(forces: pd.DataFrame, runs: list[Run]) -> list[Segment]:
+def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
     segments = []
     for run in runs:
         whole = forces.loc[run.start_s : run.end_s, [*DRAG.inputs, "CD"]]
@@ -158,7 +158,7 @@ def _segments(forces: pd.DataFrame, runs: list[Run]) -> list[Segment]:
     return segments
 
 
-def _drawn(blocks: Blocks, trajectory: Trajectory, fit: output_error.Fit, runs: list[Run]):
+def _drawn(blocks: Blocks, trajectory: Trajectory, fit: output_error.Fit, runs: list[Maneuver]):
     """Measured and reconstructed: speed, angle of attack (sensor errors as found), height; drag and its model."""
     forces = blocks.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
     scale, slope, bias = (trajectory.value(name) for name in ("V_scale", "alpha_scale", "alpha_bias"))

@@ -14,7 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 from analysis.drag.direct import along_runs
 from analysis.drag.method import Method
 from analysis.drag.regression import Piece, TimeSeries
-from analysis.maneuvers.kinds import LEVEL_RUNS, Run
+from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 ROUGH_MPS = 0.4  # of vertical gusts: W20 = 3 kt makes 0.15, 15 kt 0.8
 
 
-def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
+def problem(given: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeries:
     """Work of drag since a run's start against its forms: integrals of qS V, qS V CL, qS V CL^2 (over mass)."""
     if given["gust_mps"].iloc[0] > ROUGH_MPS:
         raise InputError("too turbulent for a balance of energy: gusts come and go in speed as slowly as the run does")

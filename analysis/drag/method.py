@@ -17,7 +17,7 @@ from analysis.drag.covariance import FLOOR_RAD
 from analysis.drag.forces import Blocks
 from analysis.drag.polar import ROBUST_RANGE, Polar
 from analysis.drag.regression import Point, Problem
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory import dryden as gusts
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -43,8 +43,8 @@ class Method:
     equations: str
     kinds: tuple[str, ...]
     takes: tuple[str, ...]
-    problem: Callable[[pd.DataFrame, list[Run], Aircraft], Problem]
-    points: Callable[[pd.DataFrame, list[Run], Aircraft], list[Point]] | None = None
+    problem: Callable[[pd.DataFrame, list[Maneuver], Aircraft], Problem]
+    points: Callable[[pd.DataFrame, list[Maneuver], Aircraft], list[Point]] | None = None
     two_term: bool = False
 
 
@@ -81,14 +81,16 @@ class Flown:
     """
 
     aircraft: Aircraft
-    runs: list[Run]
+    runs: list[Maneuver]
     as_is: pd.DataFrame
     moved: list[pd.DataFrame]
     shifted: dict[str, pd.DataFrame]
     corrected: dict[str, pd.DataFrame]
 
 
-def flown(blocks: Blocks, trajectory: Trajectory, runs: list[Run], errors: Mapping[str, as_measured.Error]) -> Flown:
+def flown(
+    blocks: Blocks, trajectory: Trajectory, runs: list[Maneuver], errors: Mapping[str, as_measured.Error]
+) -> Flown:
     """Everything that methods are asked about a flight, once for all of them. errors: of `as_measured.found`."""
     states = trajectory.states.to_numpy()
 
@@ -175,7 +177,7 @@ def _missing_term(problem: Problem, A: Array) -> Array:
     return _outer(np.array([A0, -A1, A2]))
 
 
-def _doubts(A: Array, given: pd.DataFrame, runs: list[Run]) -> tuple[str, ...]:
+def _doubts(A: Array, given: pd.DataFrame, runs: list[Maneuver]) -> tuple[str, ...]:
     notes = []
     if A[2] <= 0:
         notes.append("drag does not rise with lift in this fit: the lift coefficients flown are too much alike")

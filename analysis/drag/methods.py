@@ -17,7 +17,7 @@ from analysis.drag.forces import Blocks
 from analysis.drag.method import Method, MethodEstimate, estimate, flown
 from analysis.drag.piw_viw import PIW_VIW_THREE, PIW_VIW_TWO
 from analysis.drag.w_delta import W_DELTA, W_DELTA_SLOW
-from analysis.maneuvers.kinds import LEVEL_RUNS, Run
+from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -43,7 +43,7 @@ class MethodEstimates(NamedTuple):
 def every_method(
     table: pd.DataFrame,
     trajectory: Trajectory,
-    runs: list[Run],
+    runs: list[Maneuver],
     dynamic: DynamicEstimate | None,
     dynamic_CL: tuple[float, float],
     aircraft: Aircraft,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from analysis.drag.method import Method
 from analysis.drag.regression import THREE_TERM, TWO_TERM, Point, Points
 from analysis.drag.sensor_errors import lifted_mps
-from analysis.maneuvers.kinds import STEADY, Run
+from analysis.maneuvers.kinds import STEADY, Maneuver
 from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.atmosphere import SEA_LEVEL_DENSITY
@@ -42,7 +42,7 @@ class Steady(NamedTuple):
     start_s: Array
 
 
-def steady_points(given: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> Steady:
+def steady_points(given: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> Steady:
     """The points of all steady runs. Raises InputError when not one has thrust data."""
     m = aircraft.mass_kg
     rows = []
@@ -74,7 +74,7 @@ def piw_viw(points: Steady, aircraft: Aircraft) -> tuple[Array, Array]:
 
 
 def _problem(terms: Array):
-    def problem(given: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> Points:
+    def problem(given: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> Points:
         points = steady_points(given, runs, aircraft)
         enough(points, terms.shape[1])
         PIW, VIW = piw_viw(points, aircraft)
@@ -103,7 +103,7 @@ def lift_coefficient(points: Steady, aircraft: Aircraft) -> Array:
     return 2 * points.lift / (points.rho * points.V**2 * aircraft.geometry.wing_area_m2)
 
 
-def as_points(given: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> list[Point]:
+def as_points(given: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> list[Point]:
     """The steady points as lift and drag coefficients, which hold for any weight and density."""
     points = steady_points(given, runs, aircraft)
     unit = points.rho * points.V**3 * aircraft.geometry.wing_area_m2 / 2

@@ -9,7 +9,7 @@ import pandas as pd
 from analysis.drag.method import Method
 from analysis.drag.piw_viw import Steady, as_points, enough, lift_coefficient, steady_points
 from analysis.drag.regression import TWO_TERM, Points
-from analysis.maneuvers.kinds import STEADY, Run
+from analysis.maneuvers.kinds import STEADY, Maneuver
 from flight.aircraft import Aircraft
 from flight.atmosphere import GAS_CONSTANT_AIR, SEA_LEVEL_PRESSURE_PA
 
@@ -25,14 +25,14 @@ def _fitted(points: Steady, unit: np.ndarray, aircraft: Aircraft) -> Points:
     return Points(X, drag, drag * points.error / points.power, TWO_TERM, lift_coefficient(points, aircraft))
 
 
-def mach_form(given: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> Points:
+def mach_form(given: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> Points:
     """(2.11): over Mach number."""
     points = steady_points(given, runs, aircraft)
     M = points.V / np.sqrt(GAMMA * GAS_CONSTANT_AIR * points.temperature_K)
     return _fitted(points, GAMMA * SEA_LEVEL_PRESSURE_PA * M**2 * aircraft.geometry.wing_area_m2 / 2, aircraft)
 
 
-def speed_form(given: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> Points:
+def speed_form(given: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> Points:
     """(2.13): over true airspeed and temperature."""
     points = steady_points(given, runs, aircraft)
     per_R = SEA_LEVEL_PRESSURE_PA * points.V**2 / (2 * GAS_CONSTANT_AIR * points.temperature_K)

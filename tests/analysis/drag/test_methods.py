@@ -14,7 +14,7 @@ from analysis.drag.method import Method
 from analysis.drag.piw_viw import PIW_VIW_THREE, PIW_VIW_TWO, as_points, piw_viw, steady_points
 from analysis.drag.w_delta import W_DELTA, W_DELTA_SLOW
 from analysis.estimation.intervals import NORMAL_95
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from flight.aircraft import load_aircraft
 from flight.atmosphere import GAS_CONSTANT_AIR, GRAVITY_MPS2, SEA_LEVEL_DENSITY
 from flight.errors import InputError
@@ -65,13 +65,13 @@ def flown(V, A, rho, gamma=0.0, weight_N=W) -> pd.DataFrame:
     return pd.DataFrame(columns, index=t)
 
 
-def joined(parts: list[pd.DataFrame], kind: str) -> tuple[pd.DataFrame, list[Run]]:
+def joined(parts: list[pd.DataFrame], kind: str) -> tuple[pd.DataFrame, list[Maneuver]]:
     """Parts of a flight one after the other, and each as a run."""
     runs, start = [], 0.0
     for part in parts:
         part.index = part.index + start
         end = float(part.index[-1])
-        runs.append(Run(kind, slice(0, 0), start, end, 0.0, 0.0, 0.0))
+        runs.append(Maneuver(kind, slice(0, 0), start, end, 0.0, 0.0, 0.0))
         start = end + 10.0
     return pd.concat(parts), runs
 

@@ -1,4 +1,4 @@
-"""Every kind of run is found where the simulator flew it, and a file of runs can be edited and taken back."""
+"""Every kind of maneuver is found where the simulator flew it; a file of maneuvers can be edited and read again."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from methods import drawn, fly
 from analysis.maneuvers import toml_file as edit
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import Maneuvers
-from analysis.maneuvers.quality import shaking
+from analysis.maneuvers.quality import load_factor_rms
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from sim.sensors import load_budget
@@ -120,9 +120,9 @@ def test_turbulence_is_noted_and_grows_with_the_wind(probe) -> None:
     calm, rough = flown(probe, "accel-decel"), flown(probe, "accel-decel", 15.0)
     notes = [note for run in find(rough.table, rough.still).maneuvers for note in run.notes]
     assert any("turbulence" in note for note in notes)
-    shakes = [shaking(flight.table.loc[60.0:90.0]) for flight in (calm, rough)]
-    assert shakes[0] < 0.02
-    assert shakes[1] > 5 * shakes[0]
+    rms = [load_factor_rms(flight.table.loc[60.0:90.0]) for flight in (calm, rough)]
+    assert rms[0] < 0.02
+    assert rms[1] > 5 * rms[0]
 
 
 def test_a_throttle_step_is_noted_and_a_ramp_is_not(probe) -> None:
@@ -156,7 +156,7 @@ def test_runs_can_be_dropped_kept_and_shifted(manoeuvres, tmp_path: Path) -> Non
 def taken_back(text: str, table: pd.DataFrame, folder: Path) -> Maneuvers:
     path = folder / "runs.toml"
     path.write_text(text, "utf-8")
-    return edit.taken(edit.load(path), table, [], "runs.toml")
+    return edit.apply(edit.load(path), table, [], "runs.toml")
 
 
 ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
@@ -175,7 +175,7 @@ ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
         (ONE.replace("60 s", "-1 s"), "must lie before end"),
         (ONE + "colour = 1", "unknown key 'colour'"),
         (ONE.replace('end = "68 s"', ""), "end is missing"),
-        (ONE + "keep = false", "keeps no run"),
+        (ONE + "keep = false", "no [[run]] has keep = true"),
         (ONE.replace("60", "9000").replace("68", "9010"), "the log ends at"),
         (ONE.replace("60 s", "67.9 s"), "samples"),
         (ONE.replace("60 s", "66 s"), "51 samples; 60 are needed"),
@@ -197,7 +197,7 @@ def test_elevator_steps_that_are_no_3211_are_rejected_with_their_times(manoeuvre
     table.loc[(t > -1) & (t < 8), "elevator_rad"] = doublet[(t > -1) & (t < 8)]
     found = find(table, manoeuvres.still)
     assert not found.of("3-2-1-1")
-    assert any("1.0, 1.0 s are no 3-2-1-1" in stretch.reason for stretch in found.rejected)
+    assert any("1.0, 1.0 s are not a 3-2-1-1" in stretch.reason for stretch in found.rejected)
 
 
 def test_a_file_taken_back_as_it_was_written_changes_nothing_and_keeps_every_reason(manoeuvres, tmp_path: Path) -> None:
@@ -212,6 +212,6 @@ def test_a_file_taken_back_as_it_was_written_changes_nothing_and_keeps_every_rea
     table.loc[free & (table.index.to_numpy() > whole.start_s), "thrust_N"] = np.nan
     assert table["thrust_N"].iloc[whole.rows].isna().mean() > 0.05
     (tmp_path / "runs.toml").write_text(edit.to_toml(found, "log.mcap"), "utf-8")
-    back = edit.taken(edit.load(tmp_path / "runs.toml"), table, found.rejected, "runs.toml")
+    back = edit.apply(edit.load(tmp_path / "runs.toml"), table, found.rejected, "runs.toml")
     assert [(run.kind, run.rows) for run in back.maneuvers] == [(run.kind, run.rows) for run in found.maneuvers]
     assert found.rejected and [stretch.reason for stretch in back.rejected] == [r.reason for r in found.rejected]
