@@ -15,9 +15,11 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from analysis.airdata.probe import Flow, ProbeCalibration, Tunnel, calibrate, flow_at_probe
+from analysis.airdata.probe import ProbeCalibration, ProbeFlow, flow_at_probe
+from analysis.airdata.probe_fit import calibrate
 from analysis.airdata.step_test import find_steps, fit_lag, through
 from analysis.airdata.tubing import air, low_frequency_lag_s, response
+from analysis.airdata.tunnel import TunnelData
 from analysis.estimation.intervals import NORMAL_95
 from flight.aircraft import Line
 from sim.sensors.probe import port_pressures
@@ -32,10 +34,10 @@ SEA_LEVEL = air(101_325.0, 288.15)
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-def simulated_tunnel(seed: int) -> Tunnel:
+def simulated_tunnel(seed: int) -> TunnelData:
     """The simulator's: angles set to 0.03 deg, pressures to 0.6 Pa; its own probe and ring of static ports."""
     speed, alpha, beta, *rest = tunnel_measurements(seed=seed).to_numpy().T
-    return Tunnel(speed, np.radians(alpha), np.radians(beta), *rest)
+    return TunnelData(speed, np.radians(alpha), np.radians(beta), *rest)
 
 
 def probe_errors(calibration: ProbeCalibration) -> tuple[float, float, float]:
@@ -52,7 +54,7 @@ def slope_error(calibration: ProbeCalibration) -> float:
     return float(np.polyfit(alpha, _measured(calibration, alpha, np.zeros(41)).alpha_rad, 1)[0]) - 1
 
 
-def _measured(calibration: ProbeCalibration, alpha_rad: Array, beta_rad: Array) -> Flow:
+def _measured(calibration: ProbeCalibration, alpha_rad: Array, beta_rad: Array) -> ProbeFlow:
     ports = port_pressures(np.full(len(alpha_rad), QBAR_PA), alpha_rad, beta_rad)
     return flow_at_probe(calibration, ports.lower_minus_upper, ports.right_minus_left, ports.centre - ports.static)
 

@@ -47,7 +47,9 @@ def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
     found = []
     uncovered = 1 - float(data["propeller_covered"].mean())
     if uncovered > NOTED_OUTSIDE_TABLE:
-        found.append(f"{100 * uncovered:.0f} % of the data lie outside the propeller table, which is extrapolated there")
+        found.append(
+            f"{100 * uncovered:.0f} % of the data lie outside the propeller table, which is extrapolated there"
+        )
     height = data["height_m"].dropna()
     if len(height) and np.ptp(height) > NOTED_HEIGHT_M:
         found.append(f"height varied by {np.ptp(height):.0f} m")

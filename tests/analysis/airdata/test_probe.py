@@ -8,7 +8,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.airdata.probe import Tunnel, calibrate, flow_at_probe, parse_probe, read_tunnel, speed_dependence
+from analysis.airdata.probe import flow_at_probe, parse_probe
+from analysis.airdata.probe_fit import calibrate
+from analysis.airdata.speed_dependence import speed_dependence
+from analysis.airdata.tunnel import TunnelData, read_tunnel
 from daq.probe import load_probe
 from flight.atmosphere import density
 from flight.errors import InputError
@@ -30,14 +33,14 @@ def hemisphere(alpha, beta, qbar):
     return pressure((h, 0, h)) - pressure((h, 0, -h)), pressure((h, h, 0)) - pressure((h, -h, 0)), center
 
 
-def tunnel(seed=0, probe=hemisphere) -> Tunnel:
+def tunnel(seed=0, probe=hemisphere) -> TunnelData:
     angles = np.radians(np.arange(-20, 21, 4.0))
     speed, alpha, beta = (grid.ravel() for grid in np.meshgrid([12.0, 18.0, 24.0], angles, angles, indexing="ij"))
     qbar = density(STATIC_PA, TEMPERATURE_K) * speed**2 / 2
     rng = np.random.default_rng(seed)
     pressures = [p + rng.normal(0, NOISE_PA, p.shape) for p in probe(alpha, beta, qbar)]
     full = np.full_like(alpha, 1.0)
-    return Tunnel(speed, alpha, beta, *pressures, STATIC_PA * full, TEMPERATURE_K * full)
+    return TunnelData(speed, alpha, beta, *pressures, STATIC_PA * full, TEMPERATURE_K * full)
 
 
 def crooked(alpha, beta, qbar):
@@ -79,7 +82,7 @@ def test_beyond_the_tunnel_s_angles_the_flow_is_flagged() -> None:
     assert flow.inside.tolist() == [True, True, False, False]
 
 
-def simulated_tunnel(seed: int, slope_by_speed: float = 0.0) -> Tunnel:
+def simulated_tunnel(seed: int, slope_by_speed: float = 0.0) -> TunnelData:
     """The simulator's: angles set to 0.03 deg, pressures to 0.6 Pa; its own probe and ring of static ports.
 
     slope_by_speed: by how much alpha's pressures differ from the slowest to the fastest speed, as a fraction.
@@ -103,7 +106,7 @@ def test_a_slope_that_depends_on_speed_is_seen_and_counted() -> None:
     """3 % from 12 to 32 m/s: at these four speeds a standard deviation of 1.3 %, found to a third of it."""
     steady, bent = (simulated_tunnel(3, slope_by_speed=s) for s in (0.0, 0.03))
 
-    def dependence(tunnel: Tunnel):
+    def dependence(tunnel: TunnelData):
         calibration = calibrate(tunnel)
         C = tunnel.dp_alpha_Pa / tunnel.q_c_Pa, tunnel.dp_beta_Pa / tunnel.q_c_Pa
         return speed_dependence(tunnel, calibration.maps(*C)[0] - tunnel.alpha_rad, tunnel.alpha_rad)
