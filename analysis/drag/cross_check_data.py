@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import bank_rad
 from analysis.estimation.aircraft_models import Priors
 from analysis.estimation.data import Segment
 from analysis.maneuvers.kinds import Maneuver
@@ -66,7 +65,7 @@ def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller,
     )
     signals["J"] = V_ref / (n * propeller.diameter_m)
     signals["V_ref"] = V_ref
-    signals["phi"] = pd.Series(bank_rad(table), index=table.index)
+    signals["phi"] = table["bank_rad"]
     segments = []
     for run in runs:
         count = (run.rows.stop - run.rows.start) // block

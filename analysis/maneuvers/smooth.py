@@ -7,7 +7,6 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from analysis.airdata.air import bank_rad
 from analysis.signals.stretches import stretches
 from flight.atmosphere import GRAVITY_MPS2
 
@@ -36,7 +35,7 @@ def smooth(table: pd.DataFrame, over_s: float) -> SmoothedMotion:
             V[rows] = savgol_filter(raw_V[rows], window, 2)
             Vdot[rows] = savgol_filter(raw_V[rows], window, 2, deriv=1, delta=step_s)
             climb[rows] = savgol_filter(raw_h[rows], window, 2, deriv=1, delta=step_s)
-    return SmoothedMotion(V, np.nan_to_num(Vdot), climb, bank_rad(table), step_s)
+    return SmoothedMotion(V, np.nan_to_num(Vdot), climb, table["bank_rad"].to_numpy(), step_s)
 
 
 def load_factor(table: pd.DataFrame, over_s: float) -> Array:

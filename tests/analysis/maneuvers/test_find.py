@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.airdata.bank import bank_angle
 from analysis.maneuvers.find_level import SMOOTHING_S, find_runs
 from analysis.maneuvers.legs import turning_points
 
@@ -36,7 +37,7 @@ def flight(speed, height=None, turn_radps=None, **gone) -> pd.DataFrame:
     )
     for name, rows in gone.items():
         table.loc[table.index[rows], name] = np.nan
-    return table
+    return table.assign(bank_rad=bank_angle(table))
 
 
 def up_and_down(low=12.0, high=23.0, seconds=12.0) -> np.ndarray:

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from methods import drawn, fly
 
+from analysis.airdata.bank import bank_angle
 from analysis.maneuvers import toml_file as edit
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import Maneuvers
@@ -54,6 +55,7 @@ def test_a_gap_in_the_imu_does_not_make_a_wind_up_turn_vanish_without_a_word(man
     table = manoeuvres.table.copy()
     middle = (whole.start_s + whole.end_s) / 2
     table.loc[middle : middle + 0.6, ["ax_mps2", "ay_mps2", "az_mps2"]] = np.nan
+    table["bank_rad"] = bank_angle(table)
     found = find(table, manoeuvres.still)
     said = [*found.of("wind-up turn"), *(r for r in found.rejected if r.kind == "wind-up turn")]
     assert any(one.start_s < middle < one.end_s + 0.1 for one in said)
