@@ -72,16 +72,16 @@ def session(pulses=PULSES, hold_s: float = 3.5, seed: int = 0):
 
 
 def test_the_table_of_a_session_is_the_one_that_was_measured() -> None:
-    holds = surfaces.holds(*session())
+    holds = surfaces.held_pulses(*session())
     assert [round(hold.pulse_us, -1) for hold in holds] == list(PULSES)
-    found = surfaces.table(holds, ANGLES)
+    found = surfaces.surface_table(holds, ANGLES)
     assert found.pulse_us == pytest.approx(sorted(PULSES), abs=1)
     assert found.angle_deg == sorted(ANGLES)
 
 
 def test_there_and_back_shows_the_play_of_the_linkage() -> None:
     there_and_back = (1500.0, 1000.0, 1500.0, 2000.0)
-    found = surfaces.table(surfaces.holds(*session(there_and_back)), (0.0, -22.0, 1.0, 21.0))
+    found = surfaces.surface_table(surfaces.held_pulses(*session(there_and_back)), (0.0, -22.0, 1.0, 21.0))
     assert found.angle_deg == [-22.0, 0.5, 21.0]
     assert found.hysteresis_deg == 1.0
 
@@ -89,7 +89,7 @@ def test_there_and_back_shows_the_play_of_the_linkage() -> None:
 def test_the_section_is_one_that_an_aircraft_file_takes() -> None:
     from flight.aircraft import load_aircraft, parse_aircraft
 
-    found = surfaces.table(surfaces.holds(*session()), ANGLES)
+    found = surfaces.surface_table(surfaces.held_pulses(*session()), ANGLES)
     whole = load_aircraft("nexstar").text
     head, rest = whole.split("[elevator]")
     section = surfaces.to_toml("elevator", 2, found)
@@ -104,4 +104,4 @@ def test_the_section_is_one_that_an_aircraft_file_takes() -> None:
 )  # fmt: skip
 def test_angles_that_do_not_fit_are_refused(angles, cause: str) -> None:
     with pytest.raises(InputError, match=cause):
-        surfaces.table(surfaces.holds(*session()), angles)
+        surfaces.surface_table(surfaces.held_pulses(*session()), angles)
