@@ -90,6 +90,19 @@ def test_steady_flight_has_no_run() -> None:
     assert not rejected
 
 
+@pytest.mark.parametrize(("climb_mps", "level"), [(0.9, True), (1.5, False), (-1.5, False)])
+def test_a_run_climbs_or_descends_by_no_more_than_1_2_mps_on_average(climb_mps: float, level: bool) -> None:
+    """Height alone would not tell: at 1.5 m/s it changes by 15 m in these ten seconds, of 20 m that are allowed."""
+    speed = up_and_down(seconds=8.0)
+    runs, rejected = find_runs(flight(speed, height=100.0 + climb_mps * np.arange(len(speed)) / RATE_HZ))
+    if level:
+        assert [run.kind for run in runs] == ["acceleration", "deceleration"]
+        assert [run.altitude_change_m for run in runs] == pytest.approx([9 * climb_mps] * 2, abs=1.5)
+    else:
+        assert not runs
+        assert [f"climbed at {climb_mps:.1f} m/s" in stretch.reason for stretch in rejected] == [True, True]
+
+
 @pytest.mark.parametrize(
     ("table", "reason"),
     [
