@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from calibration import NOISE_PA, SEA_LEVEL, bursts
 
-from analysis.airdata.lines import bounded_inverse, undelayed, undone
+from analysis.airdata.lines import bounded_inverse, inverted, remainder_of
 from analysis.airdata.step_test import diameter_of_lag_m, find_steps, fit_lag, through
 from analysis.airdata.tubing import Gas, low_frequency_lag_s, response
 from flight.aircraft import Line
@@ -134,26 +134,26 @@ def test_a_line_is_undone_without_more_noise_than_stated() -> None:
     line = Line(length_m=0.9, diameter_m=0.5e-3, cavity_m3=500e-9)
     rate_Hz, gain = 25.0, 1.5
     t = np.arange(0, 60, 1 / rate_Hz)
-    remainder = undelayed(line, SEA_LEVEL)
+    remainder = remainder_of(line, SEA_LEVEL)
     for f in (0.5, 1.0, 1.6):
         H = remainder(np.array([f]))[0]
         assert abs(1 / H) < gain  # or the bound, not the line, would be tested
         blunt = np.abs(H) * np.sin(2 * np.pi * f * t + np.angle(H))
-        found = undone(blunt, rate_Hz, remainder, gain)
+        found = inverted(blunt, rate_Hz, remainder, gain)
         # Ends are continued by reflection, which a wave does not do: two seconds are left out.
         inside = slice(50, -50)
         assert found[inside] == pytest.approx(np.sin(2 * np.pi * f * t)[inside], abs=0.02)
     noise = np.random.default_rng(1).normal(size=len(t))
-    assert np.std(undone(noise, rate_Hz, remainder, gain)) < gain * np.std(noise)
+    assert np.std(inverted(noise, rate_Hz, remainder, gain)) < gain * np.std(noise)
     f = np.linspace(0, 12.5, 200)
     assert np.abs(bounded_inverse(response([line], f, SEA_LEVEL), gain)).max() <= gain * (1 + 1e-12)
 
 
 def test_what_is_steady_stays_and_gaps_stay_gaps() -> None:
-    remainder = undelayed(NARROW, SEA_LEVEL)
+    remainder = remainder_of(NARROW, SEA_LEVEL)
     values = np.linspace(100.0, 140.0, 500)
     values[200:220] = np.nan
-    found = undone(values, 25.0, remainder, 1.5)
+    found = inverted(values, 25.0, remainder, 1.5)
     assert np.isnan(found[200:220]).all() and np.isfinite(found).sum() == 480
     kept = np.isfinite(values)
     assert found[kept] == pytest.approx(values[kept], abs=0.02)

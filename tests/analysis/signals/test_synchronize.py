@@ -93,7 +93,7 @@ def test_a_long_gap_is_said_with_its_place(lost) -> None:
     holed = synchronize(log_of(lambda topic, t: lost if topic == "/static" and 8 < t < 13 else Status.OK))
     assert holed.table.loc[8.1:12.9, "static_Pa"].isna().all()
     assert holed.table["ax_mps2"].notna().mean() > 0.99
-    assert holed.notes == ["/static has a gap of 5.0 s from 8 s on: nothing is invented there."]
+    assert holed.notes == ["/static has a gap of 5.0 s from 8 s on, which is not interpolated."]
 
 
 def test_a_topic_that_may_be_missing_is_missing_without_ado() -> None:
