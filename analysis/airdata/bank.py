@@ -5,7 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.signals.derivative import derivative
-from flight.atmosphere import GRAVITY_MPS2
+from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 TIME_CONSTANT_S = 3.0  # slower changes come from the lateral balance, faster ones from the roll rate

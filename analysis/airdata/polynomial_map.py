@@ -90,7 +90,7 @@ def _error_unit(sums: Array, exponent: float) -> Array:
 
 def _normalized(weight: Array) -> Array:
     """Weights with a mean square of one."""
-    return weight / np.sqrt(np.mean(weight**2))
+    return np.asarray(weight / np.sqrt(np.mean(weight**2)))
 
 
 def _noise(residual: Array, qbar_Pa: Array) -> Array:

@@ -5,7 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.air import LEAST_HEIGHT_M
-from flight.atmosphere import GRAVITY_MPS2
+from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 

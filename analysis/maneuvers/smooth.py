@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from analysis.signals.stretches import stretches
-from flight.atmosphere import GRAVITY_MPS2
+from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 
