@@ -22,7 +22,7 @@ class PolynomialMap(msgspec.Struct, frozen=True, kw_only=True):
 
     powers: Powers
     coefficients: list[float]
-    residual_rms: float  # cross-validated; of q_c/qbar as a fraction of it
+    residual_rms: float  # cross-validated, points weighted by their noise; of q_c/qbar as a fraction of it
     order: int
     tried_rms: list[float] = []  # cross-validated, of orders 1, 2, …
     exponent: float = 1.0

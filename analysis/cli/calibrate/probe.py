@@ -70,5 +70,5 @@ def summary(calibration: "ProbeCalibration") -> list[str]:
         ("q_c/qbar", calibration.q_ratio, 100, "%"),
     ):
         rms = f"{fitted.residual_rms * scale:.3f} {unit}"
-        lines.append(f"  {name:9} order {fitted.order}, error of left-out points {rms} rms")
+        lines.append(f"  {name:9} order {fitted.order}, error of left-out points {rms} weighted rms")
     return [*lines, f"standard error of the slope of alpha: {100 * calibration.alpha_scale_sigma:.2f} %"]

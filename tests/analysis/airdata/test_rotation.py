@@ -79,6 +79,26 @@ def test_speed_and_density_are_those_of_the_pressures(nexstar: Aircraft, propell
     assert air["J"].mean() == pytest.approx(V_MPS / (90.0 * propeller.diameter_m), rel=1e-3)
 
 
+def test_a_tray_that_warms_itself_does_not_make_the_air_warmer(nexstar: Aircraft, propeller: Propeller) -> None:
+    """10 K within a minute, at the height where the log began: density stays that of the first reading."""
+    table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
+    warming = table.assign(static_temperature_K=288.15 + np.linspace(0, 10, len(table)))
+    air = air_data(warming, nexstar, LINEAR_PROBE, propeller, None).table
+    assert air["rho"].iloc[-1] == pytest.approx(DENSITY_KGPM3, rel=2e-3)
+
+
+@pytest.mark.parametrize(("seconds", "noted"), [(1.0, False), (3.0, True)])
+def test_flight_outside_the_probe_s_range_is_noted_if_it_is_more_than_a_moment(
+    nexstar: Aircraft, propeller: Propeller, seconds: float, noted: bool
+) -> None:
+    """1 s of a minute is less than 2 %, 3 s are 5 %: C_alpha of 1.5 lies outside the hull."""
+    table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
+    table.loc[20.0 : 20.0 + seconds, "dp_alpha_Pa"] = 1.5 * QBAR_PA
+    air = air_data(table, nexstar, LINEAR_PROBE, propeller, None)
+    assert air.table.loc[20.0 : 20.0 + seconds, "V_mps"].isna().all()
+    assert any("outside the probe's calibrated range" in note for note in air.notes) == noted
+
+
 def test_the_specific_force_is_that_of_the_centre_of_gravity(nexstar: Aircraft, propeller: Propeller) -> None:
     """An IMU at r feels omega x (omega x r) more: at 1 rad/s about z and 0.2 m ahead -0.2 m/s^2 along x."""
     rates, position = (0.0, 0.4, 1.0), (0.2, -0.1, 0.05)
@@ -95,14 +115,25 @@ def flown(seconds: float = 60.0, **columns) -> pd.DataFrame:
     return pd.DataFrame(zero | {"V_mps": V_MPS} | columns, index=pd.Index(t, name="t_s"))
 
 
-@pytest.mark.parametrize("turn_radps", [0.3, -0.3])
-def test_bank_of_a_coordinated_level_turn(turn_radps: float) -> None:
-    """tan(phi) = V psidot / g; pitch is alpha, so a little of the turn is roll rate. cos(theta) = 1 costs 0.1 %."""
-    bank = np.arctan(V_MPS * turn_radps / G_MPS2)
-    p, r = -turn_radps * np.sin(ALPHA_RAD), turn_radps * np.cos(ALPHA_RAD) * np.cos(bank)
-    found = bank_angle(flown(alpha_rad=ALPHA_RAD, p_radps=p, r_radps=r))
+@pytest.mark.parametrize("bank_rad", [0.4, -0.4])
+def test_bank_of_a_coordinated_level_turn_at_a_large_angle_of_attack(bank_rad: float) -> None:
+    """Lift balances the weight and turns the path; pitch follows from level flight. cos(theta) = 1 costs 2 %."""
+    alpha = 0.2
+    pitch = np.arctan(np.tan(alpha) * np.cos(bank_rad))
+    along = np.cos(pitch) * np.cos(bank_rad) * np.cos(alpha) + np.sin(pitch) * np.sin(alpha)
+    turn = G_MPS2 * np.cos(pitch) * np.sin(bank_rad) / (V_MPS * along)
+    p, r = -turn * np.sin(pitch), turn * np.cos(pitch) * np.cos(bank_rad)
+    found = bank_angle(flown(alpha_rad=alpha, p_radps=p, r_radps=r))
     # The integral of p over the time constant adds p * 3 s forwards and takes it away backwards.
-    assert found[500:1000] == pytest.approx(bank, rel=0.01)
+    assert found[500:1000] == pytest.approx(bank_rad, rel=0.03)
+
+
+def test_an_aircraft_that_skids_to_and_fro_with_level_wings_has_no_bank() -> None:
+    """Its path is straight: the nose swings, vdot + r u = 0, and no side force is needed."""
+    t = np.arange(0, 60, 0.04)
+    v = V_MPS * 0.1 * np.sin(2 * np.pi * t / 20)
+    found = bank_angle(flown(beta_rad=np.arcsin(v / V_MPS), r_radps=-np.gradient(v, 0.04) / V_MPS))
+    assert np.degrees(np.abs(found[250:-250]).max()) < 0.2
 
 
 def test_bank_of_a_straight_sideslip() -> None:
