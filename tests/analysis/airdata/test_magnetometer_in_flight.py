@@ -102,3 +102,16 @@ def test_what_is_no_calibration_is_refused(change: dict, cause: str) -> None:
         parse_magnetometer(msgspec.json.encode(content), "magnetometer.json")
     with pytest.raises(InputError, match="not a magnetometer calibration"):
         parse_magnetometer(b"{", "magnetometer.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "more_T"),
+    [
+        ({"soft_iron_error": 0.05}, 0.05 * FIELD_T),
+        ({"hard_iron_error_T": (1e-6, 2e-6, 2e-6)}, 3e-6),
+    ],
+)
+def test_errors_of_the_calibration_are_part_of_the_compass_error(change: dict, more_T: float) -> None:
+    exact = msgspec.structs.replace(CALIBRATION, soft_iron_error=0.0, hard_iron_error_T=(0.0, 0.0, 0.0))
+    (known, _), (vague, _) = (compass(flight(), c) for c in (exact, msgspec.structs.replace(exact, **change)))
+    assert np.sqrt(vague.error_T**2 - known.error_T**2) == pytest.approx(more_T, rel=1e-6)
