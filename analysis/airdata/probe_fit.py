@@ -67,8 +67,8 @@ def _slope_by_coefficient(alpha: PolynomialMap, x_range: tuple[float, float]) ->
     x = np.linspace(*x_range, 401)
     angle = alpha(x, np.zeros_like(x))
     x, angle = x[np.abs(angle) <= SLOPE_RANGE_RAD], angle[np.abs(angle) <= SLOPE_RANGE_RAD]
-    centred = angle - angle.mean()
-    return lambda powers: (centred / (centred @ centred)) @ terms(x, np.zeros_like(x), powers)
+    centered = angle - angle.mean()
+    return lambda powers: (centered / (centered @ centered)) @ terms(x, np.zeros_like(x), powers)
 
 
 def _equal_orders(best: PolynomialMap, points: int) -> list[int]:

@@ -58,7 +58,7 @@ def test_slow_changes_come_late_by_the_limit(tubes: list[Line]) -> None:
 
 @needs_data
 @pytest.mark.parametrize("path", sorted(DATA.glob("*.txt")), ids=lambda path: path.stem[8:-9])
-def test_digitised_curves(path: Path) -> None:
+def test_digitized_curves(path: Path) -> None:
     """Each point lies on the curve as well as it could be read: 0.03 in amplitude, 3 deg in phase, 2 Hz of 300."""
     R, L, V = re.search(r"R(\d_\d+)mm-L(\d+)mm-Vv(\d+)mm3", path.name).groups()  # type: ignore[union-attr]
     tube = Line(length_m=float(L) / 1e3, diameter_m=2e-3 * float(R.replace("_", ".")), cavity_m3=float(V) * 1e-9)
