@@ -82,6 +82,8 @@ def test_speed_turns_where_it_comes_back_and_not_where_it_wavers() -> None:
     V = np.array([10.0, 10.6, 10.1, 14.0, 13.2, 18.0, 17.1, 12.0, 12.9, 11.0, 15.0])
     assert turning_points(V) == [0, 5, 9, 10]
     assert turning_points(np.array([12.0, 12.9, 12.1, 12.8])) == []
+    # 4.5 m/s are 15 % of 30, but less than a quarter of the 20 m/s gained: the leg goes on.
+    assert turning_points(np.array([10.0, 30.0, 25.5, 34.0, 20.0])) == [0, 3, 4]
 
 
 def test_steady_flight_has_no_run() -> None:
