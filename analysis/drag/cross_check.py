@@ -17,7 +17,7 @@ from analysis.estimation import aircraft_models as models
 from analysis.estimation import output_error, uncertainty
 from analysis.estimation.fit import Fit
 from analysis.estimation.intervals import NORMAL_95
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
@@ -43,7 +43,7 @@ class CrossCheck(NamedTuple):
 
 def estimate_polar(
     table: pd.DataFrame,
-    runs: list[Run],
+    runs: list[Maneuver],
     aircraft: Aircraft,
     *,
     zeroed: bool,
@@ -61,7 +61,7 @@ def estimate_polar(
 
 
 def output_error_fit(
-    table: pd.DataFrame, runs: list[Run], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool
+    table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool
 ) -> Fit:
     """The output-error fit of all runs at once, in still air."""
     segments = segments_of(table, runs, propeller, block=BLOCK)

@@ -27,7 +27,7 @@ from analysis.drag.polar import Polar
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Named, Parameter
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -102,7 +102,7 @@ class DynamicEstimate:
 
 
 def estimate_polar(
-    table: pd.DataFrame, trajectory: Trajectory, runs: list[Run], aircraft: Aircraft, propeller: Propeller
+    table: pd.DataFrame, trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
 ) -> DynamicEstimate:
     """Fit all runs at once along the reconstructed trajectory. table: from `air_data`."""
     blocks = BlockMeans(table, trajectory, aircraft, propeller)
@@ -162,7 +162,7 @@ def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> 
     ]
 
 
-def _within_level_flight(forces: pd.DataFrame, aloft: NDArray[np.bool_], runs: list[Run]) -> NDArray[np.bool_]:
+def _within_level_flight(forces: pd.DataFrame, aloft: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
     """Where the angle of attack is at most LEVEL_MARGIN_RAD above the largest one of level flight.
 
     That is taken from the flight's own lift curve, at the largest lift coefficient that the speeds of flight or runs
@@ -178,7 +178,7 @@ def _within_level_flight(forces: pd.DataFrame, aloft: NDArray[np.bool_], runs: l
     return np.asarray(~(forces["alpha"].to_numpy() > offset + slope * slowest + LEVEL_MARGIN_RAD))
 
 
-def _segments(forces: pd.DataFrame, runs: list[Run]) -> list[Segment]:
+def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
     segments = []
     for run in runs:
         measured = forces.loc[run.start_s : run.end_s, [*INPUTS.values(), "CD"]]

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from analysis.maneuvers.kinds import LEVEL_RUNS, Run
+from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from analysis.results.schema import MethodResult, PowerPoint, RejectedResult, Results, SpeedInterval, Use
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from flight.units import GRAVITY_MPS2
@@ -332,7 +332,7 @@ def interval_parts(results: Results) -> go.Figure:
     return _styled(figure, 360)
 
 
-def timeline(table: pd.DataFrame, runs: Sequence[Run], rejected: Sequence[RejectedResult] = ()) -> go.Figure:
+def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[RejectedResult] = ()) -> go.Figure:
     """The whole flight: speed, height, motor; runs shaded by kind, what was rejected hatched in grey."""
     rows = (("V_mps", "speed, m/s", 1.0), ("height_m", "height, m", 1.0), ("n_revps", "motor, rpm", 60.0))
     figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.05)
