@@ -1,7 +1,7 @@
 """The estimation engine measured: how fast, how honest on disturbed motion, and what shows CLq.
 
     python benchmarks/estimation.py speed
-    python benchmarks/estimation.py path
+    python benchmarks/estimation.py trajectory
     python benchmarks/estimation.py statistics --seeds 240
     python benchmarks/estimation.py significance
 
@@ -44,7 +44,7 @@ def speed() -> None:
     table = Table("what", "measured", "wanted", box=None)
     table.add_row("import and model build", f"{_import_s():.2f} s", "0.5 s")
     run_s = [timed.made_by_the_model(f"run {i}", i) for i in range(20)]
-    start = models.quick_start(timed.NEXSTAR, run_s[0])
+    start = models.starting_values(timed.NEXSTAR, run_s[0])
 
     def fit(segments):
         return output_error.estimate(timed.MODEL, segments, start=start)
@@ -61,7 +61,7 @@ def speed() -> None:
     )
     segment = disturbed.linear_record(0)
     filtered = timed.processor_time_s(
-        lambda: filter_error.estimate(disturbed.LINEAR, segment, disturbed.LINEAR_NOISE, tested=False), 5
+        lambda: filter_error.estimate(disturbed.LINEAR, segment, disturbed.LINEAR_NOISE, test_significance=False), 5
     )
     table.add_row("filter error, 250 samples, 2 states, 12 numbers", f"{1e3 * filtered:.0f} ms", "")
     CONSOLE.print(table)
@@ -70,10 +70,10 @@ def speed() -> None:
 def _import_s() -> float:
     """Processor time of a new Python that imports the engine, NumPy and all, builds and traces the aircraft's model."""
     program = (
-        "import time; from analysis.estimation import models, output_error;"
-        "from analysis.estimation.simulation import trace;"
+        "import time; from analysis.estimation import aircraft_models as models, output_error;"
+        "from analysis.estimation.simulation import build_simulator;"
         "from flight.aircraft import load_aircraft; m = models.pitch_and_height(load_aircraft('nexstar'));"
-        "trace(m, tuple(q.name for q in m.parameters if q.free)); print(time.process_time())"
+        "build_simulator(m, tuple(q.name for q in m.parameters if q.free)); print(time.process_time())"
     )
     ran = [
         subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=_root())
@@ -101,7 +101,7 @@ def statistics(
         for seed in range(seeds):
             segments = [record(2 * seed, name="one"), record(2 * seed + 1, name="two")]
             for name, fit in (
-                ("filter error", filter_error.estimate(model, segments, noise, tested=False)),
+                ("filter error", filter_error.estimate(model, segments, noise, test_significance=False)),
                 ("output error", output_error.estimate(model, segments)),
             ):
                 bound = np.diag(fit.covariance)[:m]
@@ -187,7 +187,7 @@ def t_of_CLq(aircraft: Aircraft, run: pd.DataFrame, factor: float, gyro_radps: f
     t = []
     for seed in range(seeds):
         segment = measured(run, factor, gyro_radps, seed)
-        CLq = output_error.estimate(model, segment, start=models.quick_start(aircraft, segment)).parameters["CLq"]
+        CLq = output_error.estimate(model, segment, start=models.starting_values(aircraft, segment)).parameters["CLq"]
         t.append(CLq.value / CLq.standard_error)
     return float(np.mean(t))
 

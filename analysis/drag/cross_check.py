@@ -64,7 +64,7 @@ def fitted(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft, propeller: 
     """The output-error fit of all runs at once, in still air."""
     segments = segments_of(table, runs, propeller, block=BLOCK)
     model = models.level_run(aircraft, priors=priors(zeroed=zeroed))
-    return output_error.estimate(model, segments, start=models.quick_start(aircraft, segments))
+    return output_error.estimate(model, segments, start=models.starting_values(aircraft, segments))
 
 
 def _disturbed(fit: Fit) -> bool:

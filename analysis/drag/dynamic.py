@@ -22,7 +22,7 @@ from analysis.drag.forces import J_REFERENCE, THRUST_SCALE, THRUST_SLOPE, Blocks
 from analysis.drag.polar import Polar
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Named, Parameter
+from analysis.estimation.model import Model, NamedValues, Parameter
 from analysis.maneuvers.kinds import Run
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
@@ -43,7 +43,7 @@ UNITS = {
 }  # fmt: skip
 
 
-def _drag(_: Named, u: Named, p: Named) -> tuple:
+def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> tuple:
     """What is left of the axial force when the tabulated thrust is taken out, over mass [m/s^2]."""
     drag = u.qS * (p.A0 + p.A1 * u.CL + p.A2 * u.CL**2)
     return (drag - u.thrust * (p.thrust_scale + p.thrust_slope * (u.J - J_REFERENCE)),)
@@ -115,7 +115,7 @@ def estimate_polar(
     ]
     converged = fit.verdict.ok and trajectory.converged
     warnings = [] if converged else [f"The estimation did not end well: {fit.verdict}; path: {trajectory.converged}."]
-    beyond = float(np.mean([np.isnan(piece.segment.z["drag"]).mean() for piece in fit.pieces]))
+    beyond = float(np.mean([np.isnan(segment_fit.segment.z["drag"]).mean() for segment_fit in fit.segment_fits]))
     if beyond > LARGEST_UNMENTIONED_SHARE:
         warnings.append(
             f"In {100 * beyond:.0f} % of the runs gusts took the angle of attack beyond level flight's, towards the"
@@ -163,7 +163,7 @@ def _drawn(blocks: Blocks, trajectory: Trajectory, fit: output_error.Fit, runs: 
     forces = blocks.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
     scale, slope, bias = (trajectory.value(name) for name in ("V_scale", "alpha_scale", "alpha_bias"))
     drawn = []
-    for segment in (piece.segment for piece in fit.pieces):
+    for segment in (segment_fit.segment for segment_fit in fit.segment_fits):
         rows = (forces.index >= segment.t_s[0]) & (forces.index <= segment.t_s[-1])
         along, states = forces[rows], trajectory.states[rows]
         alpha = along["alpha"].to_numpy() * (1 + slope - 2 * scale) + bias

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from analysis.estimation import aircraft_models as models
 from analysis.estimation import output_error, uncertainty
 from analysis.estimation.data import Segment
-from analysis.estimation.simulation import trace
+from analysis.estimation.simulation import build_simulator
 from flight import motion
 from flight.aerodynamics import aerodynamics_of, body_axes, lift_and_drag
 from flight.aircraft import load_aircraft
@@ -133,7 +133,7 @@ TRUE_POWER_W = RHO * SPEEDS**3 / 2 * S * np.array(
 ALL_MODELS = {
     "two_state": models.two_state(NEXSTAR),
     "pitch_and_height": models.pitch_and_height(NEXSTAR),
-    "pitch_and_height with climb rate": models.pitch_and_height(NEXSTAR, climb_rate=True),
+    "pitch_and_height with climb rate": models.pitch_and_height(NEXSTAR, with_climb_rate=True),
     "longitudinal": models.longitudinal(NEXSTAR),
     "wind_axis_forces": models.wind_axis_forces(NEXSTAR),
     "level_run": models.level_run(NEXSTAR),
@@ -162,7 +162,7 @@ def test_sensitivities_are_those_of_a_complex_step(name):
     x0 = np.array([typical.get(s, 0.02) for s in model.states])
     p = np.array([q.start for q in model.parameters]) + 0.01 * rng.standard_normal(len(model.parameters))
     names = tuple(q.name for q in model.parameters)
-    S = trace(model, names).run(x0, U, p, STEP_S).S
+    S = build_simulator(model, names).run(x0, U, p, STEP_S).S
 
     def respond(x, p):
         y = np.zeros((n, len(model.outputs)), dtype=complex)
@@ -192,7 +192,7 @@ def test_sensitivities_are_those_of_a_complex_step(name):
 def test_the_models_do_not_read_what_the_simulator_flies(runs):
     stripped = replace(NEXSTAR, aerodynamics=None)
     segments = [measured(name, truth) for name, truth in runs.items()]
-    assert models.quick_start(stripped, segments) == models.quick_start(NEXSTAR, segments)
+    assert models.starting_values(stripped, segments) == models.starting_values(NEXSTAR, segments)
     for build in (models.two_state, models.pitch_and_height, models.longitudinal, models.wind_axis_forces):
         assert [q.start for q in build(stripped).parameters] == [q.start for q in build(NEXSTAR).parameters]
 
@@ -208,9 +208,9 @@ def test_pitch_and_height_finds_the_power_of_flawed_sensors(runs):
         wrong = {name: sigma * rng.standard_normal() for name, sigma in spread.items()}
         noise = BENCH_NOISE | {"q": 0.0}
         segments = [measured(k, truth, noise, 2 * seed + i, wrong) for i, (k, truth) in enumerate(runs.items())]
-        fit = output_error.estimate(model, segments, start=models.quick_start(NEXSTAR, segments))
+        fit = output_error.estimate(model, segments, start=models.starting_values(NEXSTAR, segments))
         assert fit.verdict.ok
-        power = uncertainty.delta(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
+        power = uncertainty.delta_method(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
         deviation.append((power.value - TRUE_POWER_W) / power.standard_error)
         assert power.value == pytest.approx(TRUE_POWER_W, rel=0.10)
     # 12 deviations, correlated among the three speeds, of unit variance: rms 1 +- 0.3.
@@ -222,16 +222,16 @@ def test_gyro_noise_costs_accuracy_but_not_the_result(runs):
     model = models.pitch_and_height(NEXSTAR)
     for seed in range(2):
         segments = [measured(k, truth, BENCH_NOISE, 2 * seed + i) for i, (k, truth) in enumerate(runs.items())]
-        fit = output_error.estimate(model, segments, start=models.quick_start(NEXSTAR, segments))
+        fit = output_error.estimate(model, segments, start=models.starting_values(NEXSTAR, segments))
         assert fit.verdict.ok
         assert power_W(fit.shared(), SPEEDS) == pytest.approx(TRUE_POWER_W, rel=0.15)
 
 
 def test_two_states_with_true_pitch_angle(runs):
     segments = [measured(k, t, BENCH_NOISE | {"q": 0.0}, i) for i, (k, t) in enumerate(runs.items())]
-    fit = output_error.estimate(models.two_state(NEXSTAR), segments, start=models.quick_start(NEXSTAR, segments))
+    fit = output_error.estimate(models.two_state(NEXSTAR), segments, start=models.starting_values(NEXSTAR, segments))
     assert fit.verdict.ok
-    power = uncertainty.delta(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
+    power = uncertainty.delta_method(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
     assert np.all(np.abs(power.value - TRUE_POWER_W) < 4 * power.standard_error)
 
 
@@ -264,11 +264,11 @@ def test_forces_on_a_known_path_give_the_polar_back(runs):
 
 
 def test_quick_start_is_close_on_clean_data_and_generic_on_nonsense(runs):
-    clean = models.quick_start(NEXSTAR, [measured(k, t) for k, t in runs.items()])
+    clean = models.starting_values(NEXSTAR, [measured(k, t) for k, t in runs.items()])
     assert (clean["A0"], clean["A2"]) == pytest.approx((TRUE_POLAR[0], TRUE_POLAR[2]), rel=0.02)
     assert clean["CLa"] == pytest.approx(AERO.CLa, rel=0.05)
     upside_down = measured("nonsense", runs["acceleration"] | {"az": -runs["acceleration"]["az"]})
-    generic = models.quick_start(NEXSTAR, upside_down)
+    generic = models.starting_values(NEXSTAR, upside_down)
     assert generic["CLa"] == models.lift_slope(NEXSTAR.aspect_ratio)
 
 

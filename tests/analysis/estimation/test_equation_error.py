@@ -6,7 +6,7 @@ import pytest
 from analysis.estimation import equation_error, output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
-from analysis.estimation.simulation import trace
+from analysis.estimation.simulation import build_simulator
 from flight.errors import InputError
 
 TRUE = {"Zal": -1.5, "Mal": -20.0, "Mq": -3.0, "Mde": -25.0}
@@ -22,7 +22,7 @@ MODEL = Model(
     dynamics=lambda x, u, p: (p.Zal * x.alpha + x.q, p.Mal * x.alpha + p.Mq * x.q + p.Mde * u.de),
     output_function=lambda x, u, p: (x.alpha, x.q, 20 * p.Zal * x.alpha),
 )
-CLEAN = trace(MODEL, ()).run(np.zeros(2), DE[:, None], np.array(list(TRUE.values())), STEP_S).y
+CLEAN = build_simulator(MODEL, ()).run(np.zeros(2), DE[:, None], np.array(list(TRUE.values())), STEP_S).y
 
 
 def segment(sigma=0.0, seed=0):
@@ -78,5 +78,5 @@ def test_what_it_cannot_do_is_said():
         dynamics=lambda x, u, p: (-p.k * x.x,),
         output_function=lambda x, u, p: (2 * x.x,),
     )
-    with pytest.raises(InputError, match="hidden: equation error needs every state measured; x is no output"):
+    with pytest.raises(InputError, match="hidden: equation error needs every state measured, but x is not an output"):
         equation_error.regression_of(hidden)

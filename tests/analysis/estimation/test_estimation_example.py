@@ -45,8 +45,8 @@ def test_what_it_says_of_the_flap_is_true(ran):
     from analysis.estimation import output_error
 
     fit = output_error.estimate(ran["wing"], ran["released"])
-    assert "not identifiable: the data do not notice flap_effect" in fit.verdict.text
-    assert "not identifiable: the data do not notice flap_effect" in TEXT
+    assert "not identifiable: the data do not determine flap_effect" in fit.verdict.text
+    assert "not identifiable: the data do not determine flap_effect" in TEXT
 
 
 def test_what_it_says_of_turbulence_is_true(ran, capsys):

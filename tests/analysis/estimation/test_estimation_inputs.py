@@ -93,11 +93,11 @@ def test_what_cannot_be_made(make, message):
         ({"outputs": ("y",)}, [{"z": {"y": T_S}}], {}, "run 1: no starting value for state x"),
         ({}, [{}, {}], {}, "two segments are named 'run 1'"),
         ({}, [], {}, "no segment to fit"),
-        ({}, [{"z": {"x": holed(slice(None))}, "x0": {"x": 1.0}}], {}, "output x has not a single sample"),
+        ({}, [{"z": {"x": holed(slice(None))}, "x0": {"x": 1.0}}], {}, "output x has no samples"),
         ({}, [{}], {"integrator": "simpson"}, "integrator = 'simpson': choose one of rk4"),
         ({}, [{}], {"initial_states": ("v",)}, "initial_states"),
         ({}, [{}], {"initial_states": "some"}, "initial_states"),
-        ({}, [{}], {"start": {"j": 1.0}}, "start: 'j' is none of"),
+        ({}, [{}], {"start": {"j": 1.0}}, "start: 'j' is not among the unknowns"),
         ({}, [{}], {"noise_covariance": [1.0, 1.0]}, "noise_covariance must be"),
         ({}, [{}], {"tail_dof": 4.0, "noise": "full"}, "tail_dof"),
         (

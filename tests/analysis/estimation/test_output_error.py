@@ -5,8 +5,8 @@ import pytest
 
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment, split
+from analysis.estimation.fit import FitStatus
 from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import Status
 
 TRUTH = {"Zal": -1.5, "Mal": -20.0, "Mq": -3.0, "Mde": -25.0}
 SIGMA = {"alpha": 0.004, "q": 0.01}
@@ -76,7 +76,7 @@ def test_without_noise_the_truth_comes_back_to_the_integrator_s_error():
 
 def test_integrators_converge_with_their_order():
     """Halving the step divides Euler's error by 2, the trapezoidal rule's by 4, RK4's by 16 (input is smooth)."""
-    from analysis.estimation.simulation import trace
+    from analysis.estimation.simulation import build_simulator
 
     p = np.array(list(TRUTH.values()))
     ratio = {}
@@ -86,7 +86,7 @@ def test_integrators_converge_with_their_order():
             t = np.linspace(0, 2, n + 1)
             de = 0.05 * t  # a ramp, which linear interpolation keeps exactly
             exact = exact_response(TRUTH, de, t[1])
-            y = trace(SHORT_PERIOD, (), integrator).run(np.zeros(2), de[:, None], p, t[1]).y
+            y = build_simulator(SHORT_PERIOD, (), integrator).run(np.zeros(2), de[:, None], p, t[1]).y
             error.append(abs(y[-1, 0] - exact["alpha"][-1]))
         ratio[integrator] = error[0] / error[1]
     assert ratio == pytest.approx({"euler": 2, "trapezoidal": 4, "rk4": 16}, rel=0.15)
@@ -205,8 +205,8 @@ def test_parameters_that_only_act_together_are_named():
     rng = np.random.default_rng(0)
     segment = Segment(name="s", t_s=t, u={"u": np.sin(t)}, z={"y": 5 * np.sin(t) + 1 + 0.1 * rng.standard_normal(50)})
     fit = output_error.estimate(model, segment)
-    assert fit.verdict.status is Status.NOT_IDENTIFIABLE
-    assert fit.verdict.text == "not identifiable: the data do not notice idle; a change by +1 a -0.5 b"
+    assert fit.verdict.status is FitStatus.NOT_IDENTIFIABLE
+    assert fit.verdict.text == "not identifiable: the data do not determine idle; a change by +1 a -0.5 b"
     assert np.isinf(fit.parameters["a"].standard_error) and np.isinf(fit.parameters["idle"].standard_error)
     assert fit.parameters["c"].value == pytest.approx(1, abs=4 * fit.parameters["c"].standard_error)
     total = fit.parameters["a"].value + 2 * fit.parameters["b"].value
@@ -216,7 +216,7 @@ def test_parameters_that_only_act_together_are_named():
 def test_a_bound_is_kept_and_reported():
     model = SHORT_PERIOD.changed(Mq={"start": -3.5, "upper": -3.4})
     fit = output_error.estimate(model, noisy(5))
-    assert fit.verdict.status is Status.AT_BOUND and "Mq = -3.4" in fit.verdict.text
+    assert fit.verdict.status is FitStatus.AT_BOUND and "Mq = -3.4" in fit.verdict.text
     assert fit.parameters["Mq"].value == -3.4
     # The others are at the optimum given Mq: the gradient of a free fit with Mq held agrees.
     held = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -3.4, "free": False}), noisy(5))

@@ -8,6 +8,7 @@ from analysis.estimation import output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.intervals import NORMAL_95
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.simulation import build_simulator
 from flight.errors import InputError
 
 STEP_S, N = 0.04, 300
@@ -31,7 +32,7 @@ SHORT_PERIOD = Model(
 )
 # The truth comes from the model itself: what is tested is statistics, not integration.
 TRUE = np.array([-0.5, -5.0, -2.0, -7.0, 0.0, 0.0])
-CLEAN = output_error.trace(SHORT_PERIOD, ()).run(np.zeros(2), DE[:, None], TRUE[:4], STEP_S).y
+CLEAN = build_simulator(SHORT_PERIOD, ()).run(np.zeros(2), DE[:, None], TRUE[:4], STEP_S).y
 
 
 def first_order(rng, phi=0.9):
@@ -115,10 +116,10 @@ def test_delta_method_on_a_known_function():
     """Natural frequency sqrt(-Mal - ...) by hand, and a linear curve whose covariance is exact."""
     what = uncertainty.cramer_rao(fit_noisy(np.random.default_rng(3).standard_normal((N, 2))))
     i, j = what.fit.names.index("Mal"), what.fit.names.index("Mq")
-    frequency = uncertainty.delta(what, lambda p: np.sqrt(-p.Mal))
+    frequency = uncertainty.delta_method(what, lambda p: np.sqrt(-p.Mal))
     by_hand = np.sqrt(what.covariance[i, i]) / (2 * np.sqrt(-what.fit.parameters["Mal"].value))
     assert frequency.standard_error[0] == pytest.approx(by_hand, rel=1e-5)
-    line = uncertainty.delta(what, lambda p: p.Mal + p.Mq * np.array([0.0, 1.0, 2.0]))
+    line = uncertainty.delta_method(what, lambda p: p.Mal + p.Mq * np.array([0.0, 1.0, 2.0]))
     G = np.array([[1, 0], [1, 1], [1, 2]])
     assert line.covariance == pytest.approx(G @ what.covariance[np.ix_([i, j], [i, j])] @ G.T, rel=1e-6)
 
@@ -130,7 +131,7 @@ def test_prior_share_of_a_variance():
     assert uncertainty.cramer_rao(plain).prior_share == pytest.approx(np.zeros(6))
     Mq = plain.parameters["Mq"]
     model = SHORT_PERIOD.changed(Mq={"prior_mean": Mq.value, "prior_sigma": Mq.standard_error})
-    fit = output_error.estimate(model, plain.pieces[0].segment)
+    fit = output_error.estimate(model, plain.segment_fits[0].segment)
     share = dict(zip(fit.names, uncertainty.cramer_rao(fit).prior_share, strict=True))
     assert share["Mq"] == pytest.approx(0.5, abs=0.01)
     assert share["alpha(0)[run]"] < 0.1
@@ -179,11 +180,11 @@ def test_signal_to_noise_is_the_ratio_of_variances():
 
 def test_scatter_between_runs_is_the_bound_over_the_root_of_their_number():
     fits = [fit_noisy(np.random.default_rng(seed).standard_normal((N, 2))) for seed in range(60)]
-    between = uncertainty.between_runs(fits)
+    between = uncertainty.between_fits(fits)
     expected = np.mean([np.diag(fit.covariance)[:4] for fit in fits], axis=0) / 60
     assert np.sqrt(np.diag(between.covariance) / expected) == pytest.approx(np.ones(4), abs=0.3)
     with pytest.raises(InputError, match="at least two fits"):
-        uncertainty.between_runs(fits[:1])
+        uncertainty.between_fits(fits[:1])
 
 
 def test_nothing_is_derived_from_what_cannot_be_told_apart():
@@ -197,4 +198,4 @@ def test_nothing_is_derived_from_what_cannot_be_told_apart():
     rng = np.random.default_rng(0)
     fit = output_error.estimate(model, Segment(name="s", t_s=T_S, u={"u": T_S}, z={"y": T_S + rng.standard_normal(N)}))
     with pytest.raises(InputError, match=r"not identifiable: .* a change by \+1 a -1 b"):
-        uncertainty.delta(uncertainty.morelli_klein(fit), lambda p: p.a)
+        uncertainty.delta_method(uncertainty.morelli_klein(fit), lambda p: p.a)
