@@ -1,4 +1,4 @@
-"""The aircraft's models against a Nexstar flown here, by an adaptive integrator and a control law of the test's own."""
+"""The aircraft models against a Nexstar simulated here with an adaptive integrator and a simple control law."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from flight.aircraft import load_aircraft
 from flight.atmosphere import GRAVITY_MPS2
 
 NEXSTAR = load_aircraft("nexstar")
-AERO = replace(aerodynamics_of(NEXSTAR), stall_angle_rad=1.5)  # attached flow only, as the models have it
+AERO = replace(aerodynamics_of(NEXSTAR), stall_angle_rad=1.5)  # attached flow only, like the models
 TRUE_POLAR = (AERO.CD0 + AERO.K * AERO.CL_minD**2, -2 * AERO.K * AERO.CL_minD, AERO.K)
 RHO, STEP_S = 1.2, 0.04
 m, S, chord = NEXSTAR.mass_kg, NEXSTAR.geometry.wing_area_m2, NEXSTAR.geometry.chord_m
@@ -82,7 +82,7 @@ def hold_height(x, t):
 
 
 def three_two_one_one(x, t):
-    """Ramps of two samples, their corners on samples: a servo's, and exactly what linear interpolation makes of it."""
+    """A 3-2-1-1 with ramps of two samples and corners on samples, which linear interpolation reproduces exactly."""
     corners = STEP_S * np.array([25, 27, 48, 50, 64, 66, 73, 75, 82, 84])
     return trim(18.0)[1] + np.deg2rad(2.0) * np.interp(t, corners, [0, 1, 1, -1, -1, 1, 1, -1, -1, 0])
 
@@ -189,7 +189,7 @@ def test_sensitivities_are_those_of_a_complex_step(name):
         assert np.abs(S[:, :, i] - column).max() <= 1e-8 * max(1.0, np.abs(column).max())
 
 
-def test_the_models_do_not_read_what_the_simulator_flies(runs):
+def test_the_models_do_not_use_the_simulator_s_aerodynamics(runs):
     stripped = replace(NEXSTAR, aerodynamics=None)
     segments = [measured(name, truth) for name, truth in runs.items()]
     assert models.starting_values(stripped, segments) == models.starting_values(NEXSTAR, segments)
@@ -197,7 +197,7 @@ def test_the_models_do_not_read_what_the_simulator_flies(runs):
         assert [q.start for q in build(stripped).parameters] == [q.start for q in build(NEXSTAR).parameters]
 
 
-def test_pitch_and_height_finds_the_power_of_flawed_sensors(runs):
+def test_pitch_and_height_estimates_power_in_spite_of_sensor_errors(runs):
     """Systematic errors drawn from their priors, bench noise on all else but the gyro, which the model takes as
     exact: the power lies within four of its own standard errors, and within 10 %, at low, middle and high speed."""
     model = models.pitch_and_height(NEXSTAR)
@@ -218,7 +218,7 @@ def test_pitch_and_height_finds_the_power_of_flawed_sensors(runs):
     assert np.sqrt(np.mean(np.square(deviation))) < 1.9
 
 
-def test_gyro_noise_costs_accuracy_but_not_the_result(runs):
+def test_with_gyro_noise_power_is_right_within_15_percent(runs):
     model = models.pitch_and_height(NEXSTAR)
     for seed in range(2):
         segments = [measured(k, truth, BENCH_NOISE, 2 * seed + i) for i, (k, truth) in enumerate(runs.items())]
@@ -235,7 +235,7 @@ def test_two_states_with_true_pitch_angle(runs):
     assert np.all(np.abs(power.value - TRUE_POWER_W) < 4 * power.standard_error)
 
 
-def test_a_3211_input_shows_the_pitching_moment_and_lift_due_to_pitch_rate(manoeuvre):
+def test_a_3211_input_identifies_pitching_moment_and_lift_due_to_pitch_rate(manoeuvre):
     model = models.longitudinal(NEXSTAR)
     quiet = {"V": 0.1, "alpha": 0.001, "q": 0.001, "ax": 0.03, "az": 0.03, "h": 0.1}
     fit = output_error.estimate(model, measured("3211", manoeuvre, quiet))
@@ -248,7 +248,7 @@ def test_a_3211_input_shows_the_pitching_moment_and_lift_due_to_pitch_rate(manoe
     assert uncertainty.t_tests(uncertainty.cramer_rao(fit))["Cma"].significant
 
 
-def test_forces_on_a_known_path_give_the_polar_back(runs):
+def test_forces_on_a_known_trajectory_reproduce_the_polar(runs):
     segments = []
     for name, truth in runs.items():
         segment = measured(name, truth)
@@ -263,7 +263,7 @@ def test_forces_on_a_known_path_give_the_polar_back(runs):
     assert (p.CL0, p.CLa, p.CLde) == pytest.approx((AERO.CL0, AERO.CLa, AERO.CLde), rel=1e-5)
 
 
-def test_quick_start_is_close_on_clean_data_and_generic_on_nonsense(runs):
+def test_quick_start_are_close_on_clean_data_and_the_defaults_on_nonsense(runs):
     clean = models.starting_values(NEXSTAR, [measured(k, t) for k, t in runs.items()])
     assert (clean["A0"], clean["A2"]) == pytest.approx((TRUE_POLAR[0], TRUE_POLAR[2]), rel=0.02)
     assert clean["CLa"] == pytest.approx(AERO.CLa, rel=0.05)
@@ -284,3 +284,77 @@ def test_state_at_the_start_of_a_climb():
     state = models.level_flight_state(segment)
     assert state["theta"] == pytest.approx(0.05 + np.arcsin(2 / 20))
     assert state["h"] == pytest.approx(100)
+
+
+def at_state(model, changed=(), **values):
+    """(xdot, y) by name at one flight state, level at 18 m/s unless changed; parameters at their starting values."""
+    usual = {"V": 18.0, "V_ref": 18.0, "thrust": 6.0, "thrust_per_speed": -0.3, "J": 0.5, "rho": RHO}
+    usual |= {"alpha": 0.05, "theta": 0.05, "h": 100.0} | values
+    p = {q.name: q.start for q in model.parameters} | {"air_data_lag": 0.0} | dict(changed)
+    x, u = [usual.get(s, 0.0) for s in model.states], [usual.get(i, 0.0) for i in model.inputs]
+    p = [p[q.name] for q in model.parameters]
+    derivative = dict(zip(model.states, model.evaluate_dynamics(x, u, p), strict=True))
+    return derivative, dict(zip(model.outputs, model.evaluate_outputs(x, u, p), strict=True))
+
+
+def test_measured_airspeed_and_angle_lag_behind():
+    """In an acceleration the probe shows the speed of a lag ago."""
+    model = ALL_MODELS["level_run"]
+    derivative, prompt = at_state(model, thrust=20.0)
+    _, late = at_state(model, {"air_data_lag": 0.1}, thrust=20.0)
+    assert derivative["V"] > 1
+    assert prompt["V"] - late["V"] == pytest.approx(0.1 * derivative["V"])
+    assert prompt["alpha"] - late["alpha"] == pytest.approx(0.1 * (derivative["theta"] - derivative["gamma"]))
+
+
+def test_a_probe_that_reads_airspeed_high_reads_angles_low():
+    """Angle = pressure difference over dynamic pressure: 1 % of airspeed is -2 % of the angle."""
+    _, right = at_state(ALL_MODELS["level_run"])
+    _, high = at_state(ALL_MODELS["level_run"], {"V_scale": 0.01})
+    assert high["V"] / right["V"] == pytest.approx(1.01)
+    assert high["alpha"] / right["alpha"] == pytest.approx(0.98)
+
+
+def test_thrust_is_that_at_the_speed_of_the_state():
+    """Flying 2 m/s faster than the table was read at, with -0.3 N s/m: 0.6 N less thrust, all else equal."""
+    model = ALL_MODELS["level_run"]
+    _, slope = at_state(model, V=20.0)
+    _, flat = at_state(model, V=20.0, thrust_per_speed=0.0)
+    assert m * (slope["ax"] - flat["ax"]) == pytest.approx(-0.6)
+
+
+@pytest.mark.parametrize("name", ["two_state", "pitch_and_height", "longitudinal", "level_run"])
+def test_errors_of_the_thrust_table(name):
+    """A slope of 0.1 adds 2 % of thrust at an advance ratio 0.2 above the reference, a scale of 0.1 adds 10 %."""
+    _, right = at_state(ALL_MODELS[name], J=0.7)
+    _, sloped = at_state(ALL_MODELS[name], {"thrust_slope": 0.1}, J=0.7)
+    _, scaled = at_state(ALL_MODELS[name], {"thrust_scale": 0.1}, J=0.7)
+    assert m * (sloped["ax"] - right["ax"]) == pytest.approx(0.02 * 6.0)
+    assert m * (scaled["ax"] - right["ax"]) == pytest.approx(0.1 * 6.0)
+
+
+def test_gusts_are_dryden_turbulence_100_m_above_the_ground():
+    """Lengths of MIL-F-8785C at low altitude; each gust decays with L/V and begins with its stationary variance."""
+    feet = 100 / 0.3048
+    along, across = feet / (0.177 + 0.000823 * feet) ** 1.2, feet
+    lengths = {"gust": along * 0.3048, "gust_alpha": across * 0.3048}
+    V, gust = 18.0, 0.5
+    derivative, _ = at_state(ALL_MODELS["level_run in gusts"], gust=1.0, gust_alpha=0.1)
+    assert derivative["gust"] == pytest.approx(-V / lengths["gust"], rel=0.01)
+    assert derivative["gust_alpha"] == pytest.approx(-0.1 * V / lengths["gust_alpha"], rel=0.01)
+    for noise, sigma in zip(models.gust_noise(V, gust_mps=gust), (gust, gust / V), strict=True):
+        time_constant_s = lengths[noise.state] / V
+        assert noise.start**2 * time_constant_s / 2 == pytest.approx(sigma**2, rel=0.01)
+        assert noise.start**2 * noise.active_before_s == pytest.approx(sigma**2)
+
+
+def test_gusts_act_on_wing_propeller_and_probe():
+    """A gust changes what the aircraft feels and measures as its own speed and angle do, but not where it flies to."""
+    model = ALL_MODELS["level_run in gusts"]
+    _, gusty = at_state(model, gust=1.0, gust_alpha=0.01)
+    _, fast = at_state(model, V=19.0, gamma=-0.01)
+    for name in ("V", "alpha", "ax", "az"):
+        assert gusty[name] == pytest.approx(fast[name]), name
+    still, _ = at_state(model)
+    moved, _ = at_state(model, gust=1.0, gust_alpha=0.01)
+    assert moved["h"] == still["h"]

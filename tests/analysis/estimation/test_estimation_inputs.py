@@ -1,4 +1,4 @@
-"""What a user can get wrong is said in one line that names it."""
+"""Errors of the user raise InputError with one line that names model, segment or parameter."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def holed(index, value=np.nan):
         (lambda: decay().changed(j={"free": False}), "decay: no parameter is named 'j'"),
     ],
 )
-def test_what_cannot_be_made(make, message):
+def test_invalid_models_and_segments_are_refused(make, message):
     with pytest.raises(InputError, match=message):
         make()
 
@@ -109,7 +109,7 @@ def test_what_cannot_be_made(make, message):
         ({}, [{"z": {"x": holed(slice(2, None))}}], {"noise": "full"}, None),
     ],
 )
-def test_what_cannot_be_fitted(model, segments, options, message):
+def test_invalid_fits_are_refused(model, segments, options, message):
     fit = lambda: output_error.estimate(decay(**model), [record(**s) for s in segments], **options)  # noqa: E731
     if message is None:
         assert fit().samples == 2  # two samples of one output are enough for a covariance of one

@@ -1,4 +1,4 @@
-"""Filter error: what turbulence does to the motion is not taken for what sensors do to the data."""
+"""Filter error: estimates, standard errors and tests in turbulence and in still air."""
 
 import numpy as np
 import pytest
@@ -79,8 +79,8 @@ def textbook_filter(p, ln_w, ln_v, x0, Z):
     return cost
 
 
-def test_likelihood_and_derivatives_are_those_of_the_textbook_s_filter():
-    """The matrix form in complex arithmetic, samples missing: value and complex-step derivatives to 1e-8."""
+def test_likelihood_and_derivatives_equal_those_of_the_matrix_form_of_the_filter():
+    """With missing samples: the value, and the derivatives by complex steps to 1e-8."""
     segment = linear_record(1)
     Z = np.column_stack([segment.z["alpha"], segment.z["q"]])[:120].copy()
     Z[20:30, 0] = np.nan
@@ -153,7 +153,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_in_turbulence_estimates_scatter_as_they_say_and_output_error_does_not(case):
+def test_in_turbulence_standard_errors_are_right_and_those_of_output_error_too_small(case):
     """Deviations of the parameters in standard errors have an rms of 1; 90 to 97 % of all are in 95 % intervals.
 
     Over 30 seeds of two records, and parameters of which about four go their own ways, the rms is known to
@@ -184,7 +184,7 @@ def test_in_turbulence_estimates_scatter_as_they_say_and_output_error_does_not(c
     assert np.mean(inside_direct) < 0.65
 
 
-def test_in_still_air_it_finds_no_turbulence():
+def test_in_still_air_process_noise_is_not_significant():
     """A test at the 5 % level on 40 records without process noise: 2 +- 1.4 find some, and the verdict says so."""
     found = 0
     for seed in range(40):
@@ -220,7 +220,7 @@ def test_segments_add_and_missing_samples_cost_information_and_nothing_else():
         assert estimate.standard_error > 0.95 * full.standard_error
 
 
-def test_an_unstable_aircraft_is_followed_over_a_record_that_is_not_cut():
+def test_an_unstable_aircraft_needs_no_split_record():
     """Positive Mal, held by feedback: an error doubles in 0.3 s, e^23 over the record, but for the filter, which
     corrects itself at every sample."""
     truth = LINEAR_TRUTH | {"Z0": 0.0, "M0": 0.0, "Mal": 12.0}
@@ -262,7 +262,7 @@ def test_priors_held_parameters_and_known_noises():
     assert fit.parameters["Mq"].standard_error < 0.85 * Mq.standard_error
 
 
-def test_a_state_that_begins_disturbed():
+def test_a_state_with_process_noise_before_the_record():
     """Stationary noise x' = -x/T + w has the variance w^2 T/2 from its first sample on; the likelihood is the normal
     density of the whole record with the covariance of that process."""
     from scipy.stats import multivariate_normal
@@ -308,7 +308,7 @@ def test_a_state_that_begins_disturbed():
         ),
     ],
 )
-def test_what_cannot_be_fitted(noise, options, message):
+def test_invalid_fits_are_refused(noise, options, message):
     with pytest.raises(InputError, match=message):
         filter_error.estimate(LINEAR, linear_record(0), noise, **options)
 
@@ -322,7 +322,7 @@ def test_what_cannot_be_fitted(noise, options, message):
         ({"start": 1.0, "prior_sigma": 0.0}, "prior_sigma must be greater than zero"),
     ],
 )
-def test_what_cannot_be_process_noise(changes, message):
+def test_invalid_process_noise_is_refused(changes, message):
     with pytest.raises(InputError, match=message):
         ProcessNoise(state="alpha", **changes)
 
@@ -338,3 +338,42 @@ def test_a_model_without_states_is_refused():
     )
     with pytest.raises(InputError, match="line: it has no states"):
         filter_error.estimate(static, Segment(name="s", t_s=T_S, u={}, z={"y": T_S}), ())
+
+
+def test_a_prior_pulls_the_estimate():
+    """A prior one standard error away and as good as the data: half a standard error, and 1/sqrt(2) of the error."""
+    segment = linear_record(6)
+    Mq = filter_error.estimate(LINEAR, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
+    model = LINEAR.changed(Mq={"prior_mean": Mq.value + Mq.standard_error, "prior_sigma": Mq.standard_error})
+    pulled = filter_error.estimate(model, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
+    assert pulled.value == pytest.approx(Mq.value + Mq.standard_error / 2, abs=0.1 * Mq.standard_error)
+    assert pulled.standard_error == pytest.approx(Mq.standard_error / np.sqrt(2), rel=0.05)
+
+
+@pytest.mark.parametrize("factor", [1 / 300, 3])
+def test_a_starting_intensity_may_be_far_too_small_and_a_little_too_large(factor):
+    near, far = (
+        filter_error.estimate(
+            LINEAR, linear_record(3), ProcessNoise(state="alpha", start=start), test_significance=False
+        )
+        for start in (INTENSITY, INTENSITY * factor)
+    )
+    assert far.verdict.ok
+    assert far.process_noise["alpha"].value == pytest.approx(near.process_noise["alpha"].value, rel=0.01)
+
+
+def test_a_starting_intensity_that_is_far_too_large_does_not_pass_for_converged():
+    """Process noise then explains everything, and the measurement noise goes to its lower bound."""
+    noise = ProcessNoise(state="alpha", start=300 * INTENSITY)
+    fit = filter_error.estimate(LINEAR, linear_record(3), noise, test_significance=False)
+    assert not fit.verdict.ok and "at a bound: ln v(alpha)" in fit.verdict.text
+
+
+def test_morelli_klein_of_an_intensity_is_its_cramer_rao_bound():
+    """White innovations: the correction changes nothing, neither for parameters nor for the noise parameters."""
+    ratio = []
+    for seed in range(10):
+        fit = filter_error.estimate(LINEAR, linear_record(seed), LINEAR_NOISE, test_significance=False)
+        corrected = np.diag(uncertainty.morelli_klein(fit).covariance)
+        ratio.append(corrected / np.diag(uncertainty.cramer_rao(fit).covariance))
+    assert np.mean(ratio, axis=0) == pytest.approx(np.ones(len(fit.names)), abs=0.25)

@@ -1,4 +1,4 @@
-"""Output error on a model whose truth is known: an aircraft's short period, and small systems with an exact answer."""
+"""Output error on models with known parameters: a short period, and small systems with an exact solution."""
 
 import numpy as np
 import pytest
@@ -55,7 +55,7 @@ def noisy(seed, name="run", sigma=SIGMA):
     return Segment(name=name, t_s=T_S, u={"de": DE}, z=z)
 
 
-def test_estimates_are_unbiased_and_scatter_as_cramer_and_rao_say():
+def test_estimates_are_unbiased_and_scatter_as_the_cramer_rao_bound():
     """500 seeds: the scatter itself is known to 1/sqrt(1000) = 3 %, the mean to 1/sqrt(500) of the scatter."""
     seeds = 500
     fits = [output_error.estimate(SHORT_PERIOD, noisy(seed)) for seed in range(seeds)]
@@ -67,7 +67,7 @@ def test_estimates_are_unbiased_and_scatter_as_cramer_and_rao_say():
     assert scatter / bound == pytest.approx(np.ones(6), abs=0.10)
 
 
-def test_without_noise_the_truth_comes_back_to_the_integrator_s_error():
+def test_without_noise_the_error_is_that_of_the_integrator():
     """RK4's error over a step of a 4.8 rad/s mode is (w h)^5/120 = 2e-6 of the motion, 1e-4 over the record."""
     fit = output_error.estimate(SHORT_PERIOD, Segment(name="run", t_s=T_S, u={"de": DE}, z=CLEAN))
     for name, value in TRUTH.items():
@@ -163,7 +163,7 @@ def test_a_prior_is_as_good_as_a_measurement():
     assert held.value == pytest.approx(Mq.value + Mq.standard_error / 2, abs=0.05 * Mq.standard_error)
 
 
-def test_own_parameters_of_segments_beside_shared_ones():
+def test_parameters_of_single_segments_and_shared_ones():
     bias = {"one": 0.01, "two": -0.02}
     segments = []
     for seed, (name, b) in enumerate(bias.items()):
@@ -188,7 +188,7 @@ def test_own_parameters_of_segments_beside_shared_ones():
         assert fit.parameters[f"b[{name}]"].value == pytest.approx(b, abs=3 * SIGMA["alpha"])
 
 
-def test_parameters_that_only_act_together_are_named():
+def test_parameters_that_cannot_be_separated_are_named():
     model = Model(
         name="two gains",
         inputs=("u",),
@@ -256,7 +256,7 @@ def unstable():
     return model, Segment(name="run", t_s=t, u={"u": np.ones(750)}, z={"x": np.zeros(750)})
 
 
-def test_a_response_that_is_not_finite_is_refused_with_the_reason():
+def test_a_response_that_is_not_finite_is_refused():
     from flight.errors import InputError
 
     model, segment = unstable()
@@ -264,7 +264,7 @@ def test_a_response_that_is_not_finite_is_refused_with_the_reason():
         output_error.estimate(model, segment)
 
 
-def test_an_unstable_aircraft_is_handled_in_pieces():
+def test_an_unstable_aircraft_with_split_segments():
     """Positive Mal: time to double 0.25 s, held by feedback. A whole record grows e^16; pieces of 1 s are benign."""
     truth = {"Zal": -1.5, "Mal": 12.0, "Mq": -3.0, "Mde": -25.0}
     assert np.linalg.eigvals([[truth["Zal"], 1], [truth["Mal"], truth["Mq"]]]).real.max() > 1
@@ -286,3 +286,81 @@ def test_an_unstable_aircraft_is_handled_in_pieces():
     assert fit.verdict.ok
     for name, value in truth.items():
         assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].standard_error
+
+
+@pytest.mark.parametrize(
+    ("rule", "integral"),
+    [
+        ("linear", lambda u0, u1: (u0**2 + u0 * u1 + u1**2) / 3),  # of the square of a straight line
+        ("mean", lambda u0, u1: ((u0 + u1) / 2) ** 2),
+        ("held", lambda u0, u1: u0**2),
+    ],
+)
+def test_inputs_between_samples(rule, integral):
+    """xdot = u^2: RK4 integrates each course of the input exactly."""
+    from analysis.estimation.simulation import build_simulator
+
+    model = Model(
+        name="square of the input",
+        states=("x",),
+        inputs=("u",),
+        outputs=("x",),
+        parameters=(Parameter(name="idle", start=0.0),),
+        dynamics=lambda x, u, p: (u.u**2,),
+        output_function=lambda x, u, p: (x.x,),
+    )
+    u = np.array([1.0, 3.0, -2.0, 0.5])
+    x = build_simulator(model, (), inputs=rule).run(np.zeros(1), u[:, None], np.zeros(1), 0.1).x[:, 0]
+    assert np.diff(x) == pytest.approx(0.1 * integral(u[:-1], u[1:]), rel=1e-12)
+
+
+def test_a_lower_bound_is_kept_and_the_others_are_at_their_optimum():
+    fit = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -2.0, "lower": -2.5}), noisy(5))
+    assert fit.verdict.status is FitStatus.AT_BOUND and fit.parameters["Mq"].value == -2.5
+    fixed = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -2.5, "free": False}), noisy(5))
+    assert fit.parameters["Mal"].value == pytest.approx(fixed.parameters["Mal"].value, rel=1e-4)
+
+
+def test_a_prior_adds_half_its_squared_deviation_to_the_cost():
+    """Known R, prior two standard deviations from the estimate of a mean: closed form of cost, mean and error."""
+    n, sigma = 50, 0.5
+    z = 1.0 + sigma * np.random.default_rng(8).standard_normal(n)
+    model = Model(
+        name="mean",
+        outputs=("z",),
+        parameters=(Parameter(name="a", start=0.0, prior_mean=2.0, prior_sigma=0.1),),
+        output_function=lambda x, u, p: (p.a,),
+    )
+    segment = Segment(name="s", t_s=np.arange(n) * 0.1, u={}, z={"z": z})
+    fit = output_error.estimate(model, segment, noise_covariance=[sigma**2])
+    information = n / sigma**2 + 1 / 0.1**2
+    a = (z.sum() / sigma**2 + 2.0 / 0.1**2) / information
+    assert fit.values[0] == pytest.approx(a, rel=1e-9)
+    assert fit.covariance[0, 0] == pytest.approx(1 / information, rel=1e-9)
+    cost = ((z - a) ** 2).sum() / sigma**2 / 2 + n * np.log(sigma) + (a - 2.0) ** 2 / 0.1**2 / 2
+    assert fit.negative_log_likelihood == pytest.approx(cost, rel=1e-12)
+
+
+def test_t_noise_has_the_likelihood_and_information_of_student():
+    """Location of t noise with 4 degrees of freedom: the maximum of scipy's density, and Fisher's information."""
+    from scipy import optimize, stats
+
+    n, dof = 400, 4.0
+    z = 3.0 + 0.2 * stats.t.rvs(dof, size=n, random_state=9)
+    model = Model(
+        name="mean",
+        outputs=("z",),
+        parameters=(Parameter(name="a", start=0.0),),
+        output_function=lambda x, u, p: (p.a,),
+    )
+    fit = output_error.estimate(model, Segment(name="s", t_s=np.arange(n) * 0.1, u={}, z={"z": z}), tail_dof=dof)
+    best = optimize.minimize(
+        lambda q: -stats.t.logpdf(z, dof, q[0], np.exp(q[1])).sum(), [3.0, np.log(0.2)], method="Nelder-Mead",
+        options={"xatol": 1e-8, "fatol": 1e-10},
+    )  # fmt: skip
+    scale = np.exp(best.x[1])
+    assert fit.values[0] == pytest.approx(best.x[0], abs=1e-5)
+    assert fit.noise_covariance[0, 0] == pytest.approx(scale**2, rel=1e-4)
+    constant = n * (np.log(scale) + stats.t.logpdf(0, dof, 0, scale))  # of the density, which the cost leaves out
+    assert fit.negative_log_likelihood == pytest.approx(best.fun + constant, abs=1e-5)
+    assert fit.covariance[0, 0] == pytest.approx(scale**2 / n * (dof + 3) / (dof + 1), rel=1e-3)

@@ -1,4 +1,4 @@
-"""How fast fits are, in processor time, and from how far away they find home. Slow: for `make test`."""
+"""Processor time of fits, and convergence from starting values that are wrong by a factor of two."""
 
 import time
 
