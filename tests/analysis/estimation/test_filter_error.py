@@ -377,3 +377,21 @@ def test_morelli_klein_of_an_intensity_is_its_cramer_rao_bound():
         corrected = np.diag(uncertainty.morelli_klein(fit).covariance)
         ratio.append(corrected / np.diag(uncertainty.cramer_rao(fit).covariance))
     assert np.mean(ratio, axis=0) == pytest.approx(np.ones(len(fit.names)), abs=0.25)
+
+
+def test_the_standard_error_of_a_noise_level():
+    """ln sigma of n white samples has the information 2 n."""
+    fit = filter_error.estimate(LINEAR, linear_record(0, strength=0.0), NONE)
+    for output in LINEAR.outputs:
+        assert fit.parameters[f"ln v({output})"].standard_error == pytest.approx(1 / np.sqrt(2 * len(T_S)), rel=0.02)
+
+
+def test_the_p_value_is_that_of_a_one_sided_likelihood_ratio():
+    """Half a chi-squared of one degree of freedom, because an intensity cannot be negative."""
+    from scipy.stats import chi2
+
+    segment = linear_record(1, strength=0.1)
+    fit = filter_error.estimate(LINEAR, segment, LINEAR_NOISE)
+    without = filter_error.estimate(LINEAR, segment, NONE)
+    ratio = 2 * (without.negative_log_likelihood - fit.negative_log_likelihood)
+    assert fit.process_noise["alpha"].p_value == pytest.approx(chi2.sf(ratio, 1) / 2, rel=1e-2)

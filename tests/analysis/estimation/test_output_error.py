@@ -364,3 +364,17 @@ def test_t_noise_has_the_likelihood_and_information_of_student():
     constant = n * (np.log(scale) + stats.t.logpdf(0, dof, 0, scale))  # of the density, which the cost leaves out
     assert fit.negative_log_likelihood == pytest.approx(best.fun + constant, abs=1e-5)
     assert fit.covariance[0, 0] == pytest.approx(scale**2 / n * (dof + 3) / (dof + 1), rel=1e-3)
+
+
+def test_the_smallest_noise_is_a_billionth_of_the_signal():
+    """Data that the model reproduces to rounding errors: ln det R stays finite."""
+    model = Model(
+        name="gain",
+        inputs=("u",),
+        outputs=("z",),
+        parameters=(Parameter(name="a", start=1.0),),
+        output_function=lambda x, u, p: (p.a * u.u,),
+    )
+    t = np.arange(50) * 0.1
+    fit = output_error.estimate(model, Segment(name="s", t_s=t, u={"u": np.sin(t)}, z={"z": 2 * np.sin(t)}))
+    assert fit.noise_covariance[0, 0] == pytest.approx(1e-18 * np.mean((2 * np.sin(t)) ** 2))
