@@ -66,7 +66,7 @@ def output_error_fit(
     """The output-error fit of all runs at once, in still air."""
     segments = segments_of(table, runs, propeller, block=BLOCK)
     model = models.level_run(aircraft, priors=priors(zeroed=zeroed))
-    return output_error.estimate(model, segments, start=models.quick_start(aircraft, segments))
+    return output_error.estimate(model, segments, start=models.starting_values(aircraft, segments))
 
 
 def _in_gusts(fit: Fit) -> bool:

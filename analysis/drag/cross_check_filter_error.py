@@ -28,7 +28,7 @@ def filter_error_fit(
     segments = segments_of(table, runs, propeller, block=BLOCK)
     known = priors(zeroed=zeroed)
     still_air = output_error.estimate(
-        models.level_run(aircraft, priors=known), segments, start=models.quick_start(aircraft, segments)
+        models.level_run(aircraft, priors=known), segments, start=models.starting_values(aircraft, segments)
     )
     V = float(np.mean([segment.u["V_ref"].mean() for segment in segments]))
     sample_s = segments[0].step_s / BLOCK
@@ -44,7 +44,7 @@ def filter_error_fit(
         (*models.gust_noise(V), gyro),
         noise_sigma=known_noise,
         start=dict(zip(still_air.names, still_air.values.tolist(), strict=True)),
-        tested=False,
+        test_significance=False,
     )
 
 
