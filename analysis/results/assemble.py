@@ -14,10 +14,10 @@ from analysis.results.schema import (
     ConditionResult,
     ParameterResult,
     PathResult,
+    PerformanceResult,
     RejectedResult,
     Results,
     RunResult,
-    Use,
 )
 from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY
@@ -34,7 +34,7 @@ def assemble(
     maneuvers: Maneuvers,
     drag: DragEstimates,
     path: PathResult,
-    use: Use | None,
+    performance: PerformanceResult | None,
     warnings: list[str],
 ) -> Results:
     """The whole of `results.json`.
@@ -79,7 +79,7 @@ def assemble(
         disagreements=[methods.disagreement_result(one) for one in drag.disagreements],
         interval_parts=curves.interval_parts(drag.main, at, np.array([point.speed_mps for point in power_required])),
         path=path,
-        use=use,
+        use=performance,
     )
 
 

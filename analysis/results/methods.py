@@ -1,12 +1,12 @@
 """The estimates of all methods in the form of `results.json`."""
 
-from analysis.drag.comparison import Disagreement as FoundDisagreement
+from analysis.drag.comparison import Disagreement
 from analysis.drag.method import MethodEstimate
 from analysis.drag.polar import Condition, speed_at
 from analysis.drag.regression import Point
 from analysis.estimation.intervals import NORMAL_95
 from analysis.results.curves import points
-from analysis.results.schema import Disagreement, MethodPoint, MethodResult
+from analysis.results.schema import DisagreementResult, MethodPoint, MethodResult
 
 
 def method_result(answer: MethodEstimate, at: Condition) -> MethodResult:
@@ -34,8 +34,8 @@ def _point(point: Point, at: Condition) -> MethodPoint:
     )
 
 
-def disagreement_result(found: FoundDisagreement) -> Disagreement:
-    return Disagreement(
+def disagreement_result(found: Disagreement) -> DisagreementResult:
+    return DisagreementResult(
         methods=(found.first, found.second),
         speed_mps=found.speed_mps,
         difference_W=found.difference_W,

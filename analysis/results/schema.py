@@ -41,7 +41,7 @@ class MethodResult(msgspec.Struct, frozen=True, kw_only=True):
     notes: list[str] = []
 
 
-class Disagreement(msgspec.Struct, frozen=True, kw_only=True):
+class DisagreementResult(msgspec.Struct, frozen=True, kw_only=True):
     """Two methods that differ by more than noise and a careful installation allow, and what that points at."""
 
     methods: tuple[str, str]
@@ -178,7 +178,7 @@ class Interval(msgspec.Struct, frozen=True, kw_only=True):
         return Interval(value=factor * self.value, lo=factor * self.lo, hi=factor * self.hi)
 
 
-class EfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
+class LevelEfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
     """Efficiencies (0 to 1) in steady level flight at the test's weight and density."""
 
     speed_mps: float
@@ -188,7 +188,7 @@ class EfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
     extrapolated: bool
 
 
-class EfficiencyMeasured(msgspec.Struct, frozen=True, kw_only=True):
+class MeasuredEfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
     """The same in a few seconds of steady or slowly changing flight, climbing or not."""
 
     time_s: float
@@ -202,8 +202,8 @@ class PowerTrainResult(msgspec.Struct, frozen=True, kw_only=True):
     measured: bool  # voltage and current of the battery were there to fit to
     basis: str  # where the numbers come from, in words
     parameters: list[ParameterResult]
-    efficiency: list[EfficiencyPoint]
-    points: list[EfficiencyMeasured]
+    efficiency: list[LevelEfficiencyPoint]
+    points: list[MeasuredEfficiencyPoint]
 
 
 class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -222,7 +222,7 @@ class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
     notes: list[str]
 
 
-class Loading(msgspec.Struct, frozen=True, kw_only=True):
+class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
     """Endurance, range and climb at one weight and density, each at its own best speed within those flown."""
 
     title: str
@@ -256,14 +256,14 @@ class FieldRow(msgspec.Struct, frozen=True, kw_only=True):
     extrapolated: bool
 
 
-class Use(msgspec.Struct, frozen=True, kw_only=True):
+class PerformanceResult(msgspec.Struct, frozen=True, kw_only=True):
     """What a user does with the curve. `loadings` begins with the flight's own weight and density."""
 
     battery_energy_Wh: float
     usable: float  # share of it that is flown with
     power_train: PowerTrainResult
     available: AvailableResult
-    loadings: list[Loading]
+    loadings: list[PerformanceCase]
     costs: list[str]  # of one change alone, where such were asked for
     field_table: list[FieldRow]
     too_much: list[str] = []  # weights and airs asked for in which full throttle does not hold level flight
@@ -294,10 +294,10 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     warnings: list[str]
     methods: list[MethodResult] = []
     one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`
-    disagreements: list[Disagreement] = []
+    disagreements: list[DisagreementResult] = []
     interval_parts: list[IntervalPart] = []  # of `power_required`
     path: PathResult | None = None
-    use: Use | None = None  # null where the propeller's table does not allow it
+    use: PerformanceResult | None = None  # null where the propeller's table does not allow it
 
 
 def to_json(results: Results) -> bytes:
