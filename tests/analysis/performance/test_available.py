@@ -1,22 +1,19 @@
-"""Full throttle against the simulator's motor and its trim."""
+"""Highest level speed, climb and ceilings against the simulator's trimmed flight."""
 
 import warnings
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
-from motor_data import RHO, at_throttle, full_throttle_run, height_of, incidence_of, steady_points
+from motor_data import RHO, full_throttle_run, height_of, incidence_of
 
 from analysis.drag.polar import Condition, lift_coefficient
 from analysis.performance.available import FASTEST, SERVICE_CLIMB_MPS, ceilings_m, full_throttle_performance
 from analysis.performance.full_throttle import fit_full_throttle
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
-from analysis.performance.propeller_speed import full_throttle_revps
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
 from sim.plant import plant_of
-from sim.propulsion import power_train
 from sim.trim import Trimmer
 
 
@@ -45,18 +42,6 @@ def at(nexstar) -> Condition:
 def flown_CL(at) -> tuple[float, float]:
     slow, fast = lift_coefficient(np.array([11.6, 24.0]), at)
     return float(fast), float(slow)
-
-
-@pytest.mark.parametrize("rho", [RHO, 0.9])
-def test_the_motor_turns_as_the_simulator_s_at_other_speeds_and_densities(nexstar, propeller, motor, rho) -> None:
-    V = np.array([5.0, 11.0, 18.0, 25.0])
-    values = dict(zip(motor.names, motor.values, strict=True))
-    n = full_throttle_revps(propeller, V, rho, **values)
-    slower, faster = (
-        power_train(nexstar.propulsion, propeller, V=V, n=n * factor, throttle=1.0, rho=rho).motor_acceleration
-        for factor in (0.995, 1.005)
-    )
-    assert np.all((slower > 0) & (faster < 0)), "the balance of torques lies within 0.5 %"
 
 
 def test_highest_speed_and_climb_are_those_of_trimmed_flight(nexstar, propeller, parameters, at, flown_CL) -> None:
@@ -103,41 +88,6 @@ def test_power_available_equals_power_required_at_the_highest_speed(propeller, p
     CL = float(lift_coefficient(V, at))
     required = at.rho * V**3 / 2 * at.wing_area_m2 * (A["A0"] + A["A1"] * CL + A["A2"] * CL**2)
     assert np.interp(V, found.V, found.power.value) == pytest.approx(required, rel=0.002)
-
-
-def test_a_throttle_not_quite_open_is_not_taken_for_full(nexstar, propeller, motor) -> None:
-    """Climbing at 0.98 the motor turns 2 % slower: it must not pass for full throttle at that torque."""
-    run = full_throttle_run(nexstar, propeller)
-    nearly = run.iloc[:15].assign(throttle=0.98, n=0.98 * run["n"].iloc[:15])
-    both = pd.concat([run, nearly])
-    both.index = pd.Index(np.arange(len(both)) * 0.2, name="t_s")
-    found = fit_full_throttle(both, nexstar.propulsion, propeller)
-    assert found.parameters is not None, found.reason
-    assert found.parameters.values == pytest.approx(motor.values, rel=1e-6)
-
-
-def test_a_throttle_a_little_below_full_counts_for_what_it_is(nexstar, propeller) -> None:
-    """A slow climb at 0.996, within which a controller may hold it: at 12 m/s full throttle is known to 0.01 %.
-
-    Taken for full, it makes full throttle 0.08 % slower, and that climb 0.3 %.
-    """
-    climb, run = at_throttle(nexstar, propeller, np.full(30, 13.0), 0.996), full_throttle_run(nexstar, propeller, 40.0)
-    both = pd.concat([climb, climb[:5].assign(throttle=0.5), run])
-    both.index = pd.Index(np.arange(len(both)) * 0.2, name="t_s")
-    found = fit_full_throttle(both, nexstar.propulsion, propeller)
-    assert found.parameters is not None, found.reason
-    V = np.array([12.0, 18.0])
-    values = dict(zip(found.parameters.names, found.parameters.values, strict=True))
-    true = at_throttle(nexstar, propeller, V, 1.0)["n"].to_numpy()
-    assert full_throttle_revps(propeller, V, RHO, **values) == pytest.approx(true, rel=1e-4)
-
-
-def test_no_full_throttle_is_said_and_not_made_up(nexstar, propeller) -> None:
-    part = steady_points(nexstar, propeller)
-    part["throttle"] = np.minimum(part["throttle"], 0.9)
-    assert "0 s of settled full throttle" in fit_full_throttle(part, nexstar.propulsion, propeller).reason
-    unknown = part.assign(throttle=np.nan)
-    assert "no throttle position" in fit_full_throttle(unknown, nexstar.propulsion, propeller).reason
 
 
 def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(propeller, parameters, at, flown_CL) -> None:
