@@ -1,6 +1,6 @@
 """Performance of the aircraft from its drag polar, its power train and the flight: the order of the steps."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,9 +117,8 @@ def compute(
     data = power_train_data(table, trajectory, aircraft, propeller)
     model = performance_model(data, drag.main, aircraft, propeller, drag.flown_CL)
     battery_Wh = request.battery_Wh or aircraft.propulsion.battery_energy_Wh
-    return flight_performance(
-        model, at, requested_conditions(request, flight), battery_energy_Wh=battery_Wh, usable=request.usable
-    )
+    requested = requested_conditions(request, flight)
+    return flight_performance(model, at, requested, battery_energy_Wh=battery_Wh, usable=request.usable)
 
 
 def power_train_data(
@@ -131,11 +130,15 @@ def power_train_data(
     covered (inside the propeller's table and above LEAST_HEIGHT_M); NaN gaps.
     """
     blocks = Blocks(table, trajectory, aircraft, propeller)
-    data = blocks.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)[
-        ["V", "alpha", "CL", "n", "rho", "J"]
-    ].copy()
+    forces = blocks.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
+    return _with_battery_and_coverage(forces, blocks.mean, propeller)
+
+
+def _with_battery_and_coverage(forces: pd.DataFrame, mean: Mapping[str, Array], propeller: Propeller) -> pd.DataFrame:
+    """forces : of `Blocks.forces`     mean : measurements by name, in the same rows; NaN where one is not there"""
+    data = forces[["V", "alpha", "CL", "n", "rho", "J"]].copy()
     for name in ("throttle", "battery_V", "battery_A", "height_m"):
-        data[name] = blocks.mean.get(name, np.nan)
+        data[name] = mean.get(name, np.nan)
     data["battery_W"] = data["battery_V"] * data["battery_A"]
     inside = propeller.covers(data["J"].to_numpy(), 60 * data["n"].to_numpy())
     data["covered"] = inside & (data["height_m"] > LEAST_HEIGHT_M).to_numpy()

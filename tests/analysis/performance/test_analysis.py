@@ -1,11 +1,23 @@
 """Performance at several weights and densities: endurance, range, and whether full throttle sustains level flight."""
 
-import numpy as np
-import pytest
-from motor_data import RHO, full_throttle_run
+from dataclasses import replace
 
-from analysis.drag.polar import Condition
-from analysis.performance.analysis import ConditionPerformance, PerformanceModel, performance_at
+import numpy as np
+import pandas as pd
+import pytest
+from motor_data import RHO, STEP_S, full_throttle_run, steady_points
+
+from analysis.airdata.air import LEAST_HEIGHT_M
+from analysis.drag.dynamic import DynamicEstimate
+from analysis.drag.polar import Condition, Polar, speed_at
+from analysis.performance.analysis import (
+    ConditionPerformance,
+    PerformanceModel,
+    _with_battery_and_coverage,
+    flight_performance,
+    performance_at,
+    performance_model,
+)
 from analysis.performance.conditions import TitledCondition
 from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
 from analysis.performance.power_train import PowerTrainModel
@@ -73,3 +85,78 @@ def test_a_weight_that_full_throttle_cannot_hold_level_is_marked(nexstar, propel
     )
     assert light.sustained and light.full_throttle is not None and light.full_throttle.best_climb.value > 0
     assert not heavy.sustained and heavy.full_throttle is not None and heavy.full_throttle.best_climb.value < 0
+
+
+def dynamic_estimate(noise: np.ndarray, systematic: np.ndarray) -> DynamicEstimate:
+    values = np.array([*POLAR.values(), 0.02, -0.05])
+    polar = Polar(values[:3], (noise + systematic)[:3, :3])
+    return DynamicEstimate(
+        polar=polar, parameters=[], verdict="", warnings=[], fits=[], values=values, noise=noise, systematic=systematic
+    )
+
+
+@pytest.fixture(scope="module")
+def model(nexstar, propeller) -> PerformanceModel:
+    """Of a flight of steady points and full throttle, in which angle of attack is 0.3 rad times lift coefficient."""
+    data = pd.concat([steady_points(nexstar, propeller), full_throttle_run(nexstar, propeller)])
+    CL = 2 * nexstar.mass.weight_N / (data["rho"] * data["V"] ** 2 * nexstar.geometry.wing_area_m2)
+    data = data.assign(CL=CL, alpha=0.3 * CL).set_axis(np.arange(len(data)) * STEP_S)
+    estimate = dynamic_estimate(np.diag([1e-6, 1e-6, 1e-6, 1e-4, 1e-4]), np.diag([0.0, 4e-6, 0.0, 0.0, 0.0]))
+    return performance_model(data, estimate, nexstar, propeller, FLOWN_CL)
+
+
+def test_the_model_holds_polar_thrust_incidence_losses_and_full_throttle(model, nexstar, propeller) -> None:
+    """Noise and systematic errors of the polar add up."""
+    values = dict(zip(model.parameters.names, model.parameters.values, strict=True))
+    assert (values["A0"], values["thrust_scale"], values["thrust_slope"]) == (POLAR["A0"], 0.02, -0.05)
+    assert (values["alpha_0"], values["alpha_CL"]) == pytest.approx((0.0, 0.3), abs=1e-9)
+    assert 100 < values["unloaded_revps"] < 200 and values["meter_scale"] == 0.0
+    variance = dict(zip(model.parameters.names, np.diag(model.parameters.covariance), strict=True))
+    assert (variance["A0"], variance["A1"]) == pytest.approx((1e-6, 5e-6))
+    # Measured efficiencies are of the corrected thrust.
+    point = model.power_train.efficiencies[0]
+    n = point.speed_mps / (0.56 * propeller.diameter_m)  # the advance ratio of the first steady point
+    thrust_N, shaft_W = propeller.thrust_and_power(point.speed_mps, n, RHO)
+    scale = 1 + 0.02 - 0.05 * (0.56 - 0.5)
+    shaft_scale = values["shaft_scale"]
+    assert point.propeller == pytest.approx(scale * thrust_N * point.speed_mps / (shaft_scale * shaft_W), rel=1e-6)
+
+
+def test_performance_of_a_flight_covers_the_flown_speeds(model, at) -> None:
+    heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N))
+    found = flight_performance(model, at, [heavier], battery_energy_Wh=50.0, usable=0.8)
+    assert found is not None and found.energy_J == pytest.approx(50 * 3600 * 0.8)
+    slowest, fastest = speed_at(FLOWN_CL[1], at), speed_at(FLOWN_CL[0], at)
+    assert len(found.efficiency.V) == 31 and found.efficiency.V[[0, -1]] == pytest.approx([slowest, fastest])
+    whole = found.field_table.V
+    assert len(whole) <= 10 and np.all(whole == np.round(whole))
+    assert whole[0] == np.ceil(slowest) and fastest - 2 < whole[-1] <= fastest
+    assert found.as_flown.title == "as flown" and [one.title for one in found.requested] == ["heavier"]
+    assert found.requested[0].endurance.best.value < found.as_flown.endurance.best.value
+
+
+def test_the_service_ceiling_lies_below_the_absolute_ceiling(model, at) -> None:
+    """At a weight at which both lie in the troposphere."""
+    heavy = at._replace(weight_N=2.2 * at.weight_N)
+    found = flight_performance(model, heavy, [], battery_energy_Wh=50.0, usable=0.8)
+    assert found is not None and found.ceilings is not None
+    assert 0 < found.ceilings.service_m.value < found.ceilings.absolute_m.value < 11_000
+
+
+def test_no_performance_where_the_propeller_cannot_give_the_thrust(model, at) -> None:
+    """A drag coefficient of 10^4 needs more thrust than the propeller gives at any speed of rotation sought."""
+    values = np.concatenate([[1e4], model.parameters.values[1:]])
+    model = replace(model, parameters=replace(model.parameters, values=values))
+    assert flight_performance(model, at, [], battery_energy_Wh=50.0, usable=0.8) is None
+
+
+def test_battery_power_is_voltage_times_current_and_the_ground_is_not_covered(propeller) -> None:
+    """Inside and outside of the table, and at 2 m, where the ground reduces drag."""
+    J, n, rho = np.array([0.5, 1.5, 0.5]), np.full(3, 100.0), np.full(3, RHO)
+    forces = pd.DataFrame({"V": J * n * propeller.diameter_m, "alpha": 0.1, "CL": 0.5, "n": n, "rho": rho, "J": J})
+    mean = {"battery_V": np.full(3, 14.0), "battery_A": np.full(3, 5.0), "height_m": np.array([50.0, 50.0, 2.0])}
+    data = _with_battery_and_coverage(forces, mean, propeller)
+    assert LEAST_HEIGHT_M > 2
+    assert data["battery_W"].tolist() == [70.0, 70.0, 70.0]
+    assert data["covered"].tolist() == [True, False, False]
+    assert data["throttle"].isna().all()

@@ -8,9 +8,16 @@ import pytest
 from motor_data import RHO, full_throttle_run, height_of, incidence_of
 
 from analysis.drag.polar import Condition, lift_coefficient
-from analysis.performance.available import FASTEST, SERVICE_CLIMB_MPS, ceilings_m, full_throttle_performance
+from analysis.performance.available import (
+    FASTEST,
+    SERVICE_CLIMB_MPS,
+    _last_crossing,
+    ceilings_m,
+    full_throttle_performance,
+)
 from analysis.performance.full_throttle import fit_full_throttle
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
+from analysis.performance.propeller_speed import full_throttle_revps
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
 from sim.plant import plant_of
@@ -102,3 +109,23 @@ def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(propeller
     near = full_throttle_performance(unsure, propeller, at, (fastest, flown_CL[1])).maximum_speed
     assert float(near.value) == pytest.approx(V, abs=0.02)
     assert float(near.standard_error) == pytest.approx(error, rel=0.1)
+
+
+def test_power_available_is_of_the_thrust_along_the_path(propeller, parameters, at, flown_CL) -> None:
+    """T V cos(alpha) (3.47): at the slowest speed alpha is above 0.1 rad, which makes power 0.5 % smaller or more."""
+    found = full_throttle_performance(parameters.sigma_points(), propeller, at, flown_CL)
+    p = dict(zip(parameters.names, parameters.values, strict=True))
+    V, sine = found.V[0], found.climb.value[0] / found.V[0]
+    n = full_throttle_revps(propeller, V, RHO, unloaded_revps=p["unloaded_revps"], revps_per_Nm=p["revps_per_Nm"])
+    thrust_N, _ = propeller.thrust_and_power(V, n, RHO)
+    alpha = 0.0
+    for _ in range(30):
+        lift_N = at.weight_N * np.sqrt(1 - sine**2) - thrust_N * np.sin(alpha)
+        alpha = p["alpha_0"] + p["alpha_CL"] * lift_N / (RHO * V**2 / 2 * at.wing_area_m2)
+    assert alpha > 0.1 and found.covered[0]
+    assert found.power.value[0] == pytest.approx(thrust_N * V * np.cos(alpha), rel=1e-4)
+
+
+def test_the_highest_level_speed_is_the_last_at_which_climb_becomes_descent() -> None:
+    assert _last_crossing(np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, -1.0, 1.0, -3.0])) == pytest.approx(2.25)
+    assert np.isnan(_last_crossing(np.array([0.0, 1.0]), np.array([1.0, 0.5])))

@@ -1,9 +1,11 @@
 """Longest endurance and range of closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from analysis.performance.endurance_range import longest_endurance, longest_range
+from analysis.performance.endurance_range import _maximum, longest_endurance, longest_range
 from analysis.performance.level_flight import LevelFlight
 from analysis.performance.propagation import UncertainValue
 
@@ -34,3 +36,29 @@ def test_a_best_speed_at_the_end_of_the_flown_range_is_marked() -> None:
     best = longest_endurance(of_battery(V, V**3), 1e5, np.ones(len(V), dtype=bool))
     assert best.at_slowest and not best.at_fastest
     assert float(best.speed_mps.value) == 12.0
+
+
+def test_a_best_speed_is_sought_where_full_throttle_sustains_level_flight() -> None:
+    """P = V^3 is least at the slowest speed; where only 15 m/s and faster are sustained, it is there."""
+    V = np.linspace(12, 24, 121)
+    best = longest_endurance(of_battery(V, V**3), 1e5, V > 14.95)
+    assert float(best.speed_mps.value) == pytest.approx(15.0) and not best.at_slowest
+    assert float(best.power_W.value) == pytest.approx(15.0**3)
+
+
+def test_range_that_still_grows_at_the_fastest_speed_is_marked() -> None:
+    V = np.linspace(12, 24, 121)
+    best = longest_range(of_battery(V, np.full(len(V), 70.0)), 1e5, np.ones(len(V), dtype=bool))
+    assert best.at_fastest and not best.at_slowest and float(best.speed_mps.value) == 24.0
+
+
+def test_a_best_speed_outside_the_table_is_marked() -> None:
+    V = np.linspace(12, 24, 121)
+    for inside_below, inside in ((14.0, True), (11.0, False)):
+        flight = replace(of_battery(V, V**3), inside=V < inside_below)
+        assert longest_endurance(flight, 1e5, np.ones(len(V), dtype=bool)).inside == inside
+
+
+def test_the_maximum_of_a_parabola_is_exact_between_points() -> None:
+    x = np.arange(4.0)
+    assert _maximum(x, 5 - (x - 1.3) ** 2) == pytest.approx((1.3, 5.0))

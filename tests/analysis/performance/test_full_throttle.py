@@ -91,3 +91,12 @@ def test_a_rotor_that_still_accelerates_takes_torque_from_the_motor(nexstar, pro
     found = fit_full_throttle(data, heavy, propeller)
     assert found.parameters is not None, found.reason
     assert np.all(np.abs(found.parameters.values / motor.values - 1) < [0.005, 0.03])
+
+
+def test_the_first_tenths_of_a_second_at_full_throttle_are_left_out(nexstar, propeller) -> None:
+    """The speed controller ramps up for 0.6 s after the stick has moved."""
+    settled = full_throttle_run(nexstar, propeller)
+    ramping = settled.assign(n=settled["n"] * np.where(np.arange(len(settled)) < 3, 0.9, 1.0))
+    expected, found = (fit_full_throttle(run, nexstar.propulsion, propeller).parameters for run in (settled, ramping))
+    assert expected is not None and found is not None
+    assert found.values == pytest.approx(expected.values, rel=1e-9)

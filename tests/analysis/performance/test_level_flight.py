@@ -73,3 +73,25 @@ def test_speeds_outside_the_flown_lift_coefficients_are_marked(propeller, at) ->
     found = level_flight(parameters.sigma_points(), LOSSLESS, propeller, at, CL, V)
     assert found.inside.tolist() == [False, True, False]
     assert lift_coefficient(V, at) == pytest.approx([0.95, 0.6, 0.25])
+
+
+def test_speeds_outside_the_propeller_table_are_marked(propeller, at) -> None:
+    """At 30 times the weight the propeller turns faster than its table at any lift coefficient."""
+    parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
+    heavy = at._replace(weight_N=30 * at.weight_N)
+    found = level_flight(parameters.sigma_points(), LOSSLESS, propeller, heavy, FLOWN_CL, speed_at([0.5, 0.8], heavy))
+    assert np.isfinite(found.battery.value).all() and not found.inside.any()
+
+
+def test_the_overall_efficiency_is_the_product_of_both(propeller, at) -> None:
+    """With losses; power required is drag times speed at lift = weight, whatever weight thrust carries."""
+    losses = exact(shaft_scale=1.05, friction=0.1, copper=300.0, meter_scale=0.0)
+    train = PowerTrainModel(losses, 0.01, True, "", ())
+    parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, alpha_0=0.0, alpha_CL=0.3), losses)
+    V = np.array([13.0, 20.0])
+    found = level_flight(parameters.sigma_points(), train, propeller, at, FLOWN_CL, V)
+    assert found.overall.value == pytest.approx(found.propeller.value * found.motor.value)
+    assert np.all(found.motor.value < 0.99)
+    CL = lift_coefficient(V, at)
+    drag_N = at.weight_N * (0.0465 - 0.0195 * CL + 0.065 * CL**2) / CL
+    assert found.required.value == pytest.approx(drag_N * V)

@@ -134,6 +134,8 @@ def test_a_highest_speed_outside_the_propeller_table_is_an_extrapolation() -> No
     found = performance_result(performance(full=full_throttle(maximum=17.0, covered_to=15.0)))
     assert found.available.maximum_speed_extrapolated and found.loadings[0].extrapolated
     assert any("propeller's table" in note for note in found.available.notes)
+    found = performance_result(performance(full=full_throttle(maximum=17.0, covered_to=17.5)))
+    assert not found.available.maximum_speed_extrapolated
 
 
 def test_a_best_speed_outside_the_propeller_table_is_an_extrapolation() -> None:
