@@ -1,4 +1,4 @@
-"""Everything that an analysis found, in the form of `results.json`."""
+"""All results of an analysis in the form of `results.json`."""
 
 from importlib.metadata import version
 
@@ -37,7 +37,7 @@ def assemble(
     performance: PerformanceResult | None,
     warnings: list[str],
 ) -> Results:
-    """The whole of `results.json`.
+    """The contents of `results.json`.
 
     flown: rows of `air_data` within the maneuvers analysed. at: weight and density of the flight.
     """

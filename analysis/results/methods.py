@@ -10,7 +10,7 @@ from analysis.results.schema import DisagreementResult, MethodPoint, MethodResul
 
 
 def method_result(answer: MethodEstimate, at: Condition) -> MethodResult:
-    """A method's curve over the lift coefficients it saw, and its points, at one weight and density."""
+    """A method's curve over the lift coefficients of its data, and its points, at one weight and density."""
     polar = answer.polar
     return MethodResult(
         name=answer.method.name,
@@ -25,7 +25,7 @@ def method_result(answer: MethodEstimate, at: Condition) -> MethodResult:
 
 
 def _point(point: Point, at: Condition) -> MethodPoint:
-    """A steady point at another weight and density: the same lift and drag coefficients."""
+    """A steady point at another weight and density, with the same lift and drag coefficients."""
     V = float(speed_at(point.CL, at))
     unit = at.rho * V**3 * at.wing_area_m2 / 2
     power, half = unit * point.CD, NORMAL_95 * unit * point.CD_error
