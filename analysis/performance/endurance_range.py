@@ -65,4 +65,4 @@ def _maximum(x: Array, y: Array) -> tuple[float, float]:
         return float(x[i]), float(y[i])
     before, after = y[i - 1] - y[i], y[i + 1] - y[i]
     shift = (before - after) / (2 * (before + after)) if before + after < 0 else 0.0
-    return float(x[i] + shift * (x[1] - x[0])), float(y[i] - (after - before) * shift / 4)
+    return float(x[i] + shift * (x[1] - x[0])), float(y[i] + (after - before) * shift / 4)
