@@ -143,6 +143,7 @@ def test_the_service_ceiling_lies_below_the_absolute_ceiling(model, at) -> None:
     assert 0 < found.ceilings.service_m.value < found.ceilings.absolute_m.value < 11_000
 
 
+@pytest.mark.filterwarnings("ignore:invalid value")
 def test_no_performance_where_the_propeller_cannot_give_the_thrust(model, at) -> None:
     """A drag coefficient of 10^4 needs more thrust than the propeller gives at any speed of rotation sought."""
     values = np.concatenate([[1e4], model.parameters.values[1:]])

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from analysis.performance.propagation import ParameterVector, combine_independent, exact, from_sigma_points
+from analysis.performance.propagation import (
+    ParameterVector,
+    UncertainValue,
+    combine_independent,
+    exact,
+    from_sigma_points,
+)
 
 COVARIANCE = np.array([[0.04, 0.01], [0.01, 0.09]])
 PARAMETERS = ParameterVector(("a", "b"), np.array([3.0, -1.0]), COVARIANCE)
@@ -33,3 +39,8 @@ def test_independent_numbers_stand_side_by_side() -> None:
     points = both.sigma_points()
     assert float(from_sigma_points(points["c"][:, 0]).standard_error) == 0.0
     assert float(from_sigma_points(points["a"][:, 0] + points["c"][:, 0]).standard_error) == pytest.approx(0.2)
+
+
+def test_an_interval_is_of_95_percent_on_both_sides() -> None:
+    value = UncertainValue(np.array(10.0), np.array(2.0))
+    assert (value.lo, value.hi) == pytest.approx((10 - 3.92, 10 + 3.92), abs=1e-3)

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.polar import Condition, Polar, best_range_lift, minimum_power_lift
 from analysis.drag.regression import Point
 from analysis.results import curves
@@ -85,3 +86,29 @@ def test_csv_rows_hold_their_condition_speed_power_and_interval() -> None:
     }  # fmt: skip
     assert (standard["condition"], standard["weight_N"], standard["air_density_kgpm3"]) == ("standard", "36", "1.225")
     assert (standard["power_W"], standard["extrapolated"]) == ("55", "true")
+
+
+def test_the_two_parts_of_an_interval_are_those_of_their_covariances() -> None:
+    """A0 known to 0.001 by noise and to 0.002 by systematic errors."""
+    noise, systematic = np.diag([0.001**2, 0, 0, 0, 0]), np.diag([0.002**2, 0, 0, 0, 0])
+    estimate = DynamicEstimate(
+        polar=POLAR, parameters=[], verdict="", warnings=[], fits=[], values=np.zeros(5), noise=noise,
+        systematic=systematic,
+    )  # fmt: skip
+    (part,) = curves.interval_parts(estimate, AT, np.array([15.0]))
+    unit_W = AT.rho * 15.0**3 / 2 * AT.wing_area_m2
+    assert (part.noise_W, part.systematic_W) == pytest.approx((1.96 * 0.001 * unit_W, 1.96 * 0.002 * unit_W), rel=1e-4)
+
+
+def test_the_drag_polar_in_both_forms_is_the_same(nexstar) -> None:
+    found = curves.drag_polar(Polar(np.array([0.05, -0.02, 0.06]), np.zeros((3, 3))), nexstar)
+    CL = np.array([0.2, 0.6, 1.0])
+    assert found.A0 + found.A1 * CL + found.A2 * CL**2 == pytest.approx(found.CD0 + found.K * (CL - found.CL_minD) ** 2)
+    assert found.oswald_efficiency == pytest.approx(1 / (np.pi * 0.06 * nexstar.aspect_ratio))
+    assert found.maximum_lift_to_drag == pytest.approx(
+        np.max(
+            np.linspace(0.5, 1.5, 9999)
+            / (0.05 - 0.02 * np.linspace(0.5, 1.5, 9999) + 0.06 * np.linspace(0.5, 1.5, 9999) ** 2)
+        ),
+        rel=1e-6,
+    )
