@@ -14,6 +14,7 @@ from analysis.drag.polar import flown_condition, flown_lift
 from analysis.drag.thrust_coverage import thrust_coverage
 from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
+from analysis.performance.analysis import compute as compute_performance
 from analysis.performance.request import Request
 from analysis.results.assemble import assemble
 from analysis.results.performance import performance_result
@@ -87,7 +88,7 @@ def analyze(
     )  # fmt: skip
 
     progress("computing performance")
-    use = performance_result(request, table, trajectory, drag, aircraft, propeller, at, flown)
+    performance = compute_performance(request, table, trajectory, drag, aircraft, propeller, at, flown)
     results = assemble(
         log=name,
         aircraft=aircraft,
@@ -97,7 +98,7 @@ def analyze(
         maneuvers=maneuvers,
         drag=drag,
         path=path_result(trajectory, agreement, sensor_errors),
-        use=use,
+        performance=performance_result(performance) if performance else None,
         warnings=contents.notes + data.notes + coverage_warnings + trajectory_warnings + drag.warnings,
     )
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)

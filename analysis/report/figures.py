@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
-from analysis.results.schema import MethodResult, PowerPoint, RejectedResult, Results, SpeedInterval, Use
+from analysis.results.schema import MethodResult, PerformanceResult, PowerPoint, RejectedResult, Results, SpeedInterval
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from flight.units import GRAVITY_MPS2
 
@@ -252,7 +252,7 @@ def _special(
     )
 
 
-def loadings(use: Use) -> go.Figure:
+def loadings(use: PerformanceResult) -> go.Figure:
     """Longest endurance and range against weight, a line for each air."""
     figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.12)
     airs = sorted({round(case.air_density_kgpm3, 5) for case in use.loadings}, reverse=True)
@@ -281,7 +281,7 @@ def loadings(use: Use) -> go.Figure:
     return _styled(figure, 420)
 
 
-def efficiency(use: Use) -> go.Figure:
+def efficiency(use: PerformanceResult) -> go.Figure:
     """Propeller, motor and both together against speed in level flight, and what was measured."""
     figure = go.Figure()
     points = use.power_train.efficiency
