@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.trajectory.blocks import block_mean
-from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, Named, flow
+from analysis.trajectory.block_means import block_mean
+from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedValues, flow
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aerodynamics import stability_axes
 from flight.aircraft import Aircraft
@@ -33,7 +33,7 @@ class Blocks:
         self.mean = {name: block_mean(table[name], n) for name in table.columns}
         self.t_s = trajectory.states.index.to_numpy()
         self.aircraft, self.propeller = aircraft, propeller
-        self._slow = Named(PREDICTED_FLOW, trajectory.predicted_flow.T)
+        self._slow = NamedValues(PREDICTED_FLOW, trajectory.predicted_flow.T)
 
     def forces(self, states: Array, shared: Array) -> pd.DataFrame:
         """A row a block, along a path of states (n, len(STATES)) with the sensors' errors shared (len(SENSOR_ERRORS),).
@@ -41,7 +41,7 @@ class Blocks:
         CL, CD : (2.16) with the tabulated thrust taken out      qS, thrust : over mass [m/s^2]; the latter along V
         V, alpha, gamma, bank, climb : through the air [m/s, rad]        Vdot : [m/s^2]        n [rev/s], J, rho
         """
-        x, error = Named(STATES, states.T), Named(SENSOR_ERRORS, shared)
+        x, error = NamedValues(STATES, states.T), NamedValues(SENSOR_ERRORS, shared)
         V, alpha, _ = flow(x, self._slow)
         m, rho = self.aircraft.mass_kg, self.mean["rho"]
         qS = rho * V**2 / 2 * self.aircraft.geometry.wing_area_m2

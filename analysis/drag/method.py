@@ -101,7 +101,7 @@ def flown(blocks: Blocks, trajectory: Trajectory, runs: list[Run], errors: Mappi
     where = [float(np.nanmedian(blocks.mean[name][flying])) for name in ("height_m", "V_mps")]
     vertical, along = (
         gusts.vertical(trajectory.gust_mps, *where).as_gauss_markov(),
-        gusts.along(trajectory.gust_mps, *where),
+        gusts.longitudinal(trajectory.gust_mps, *where),
     )
     directions = np.linalg.cholesky(trajectory.covariance).T
     return Flown(

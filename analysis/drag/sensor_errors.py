@@ -13,9 +13,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.forces import J_REFERENCE, THRUST_SCALE, THRUST_SLOPE, Blocks
-from analysis.trajectory.data import PRIOR_SIGMA
 from analysis.trajectory.dryden import GaussMarkov
 from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.reconstruction import Trajectory
 from flight.atmosphere import GRAVITY_MPS2 as g
 
@@ -88,7 +88,7 @@ def _without_belief(trajectory: Trajectory, i: int) -> tuple[Array, Array]:
     """The sensors' errors and their covariance, had the path believed of the error i no more than LAG_IN_DOUBT_S."""
     known = np.linalg.inv(trajectory.covariance)
     free = known.copy()
-    free[i, i] += 1 / LAG_IN_DOUBT_S**2 - 1 / trajectory.assumed(SENSOR_ERRORS[i]) ** 2
+    free[i, i] += 1 / LAG_IN_DOUBT_S**2 - 1 / trajectory.prior_standard_error(SENSOR_ERRORS[i]) ** 2
     covariance = np.linalg.inv(free)
     return covariance @ known @ trajectory.sensor_errors, covariance  # the prior's mean is zero
 

@@ -8,8 +8,16 @@ import pytest
 
 from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag.forces import THRUST_SCALE, THRUST_SLOPE
-from analysis.trajectory.data import PRIOR_SIGMA
-from analysis.trajectory.equations import GIVEN, MOVE, SENSOR_ERRORS, SHOWN, STATES, Data, Equations
+from analysis.trajectory.equations import (
+    MEASUREMENT_INPUTS,
+    MEASUREMENTS,
+    PROCESS_INPUTS,
+    SENSOR_ERRORS,
+    STATES,
+    EquationInputs,
+    Equations,
+)
+from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
@@ -109,8 +117,8 @@ def test_a_long_flight_without_gps_settles_though_nothing_shows_its_heading(prob
 def test_without_gps_the_path_still_stands_and_knows_less(probe) -> None:
     gps = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
     _, _, air, still = flown(0, probe, "accel-decel")
-    _, _, deaf, _ = flown(0, probe, "accel-decel", without=gps)
-    with_gps, without = reconstruct(air, still), reconstruct(deaf, still)
+    _, _, table_without_gps, _ = flown(0, probe, "accel-decel", without=gps)
+    with_gps, without = reconstruct(air, still), reconstruct(table_without_gps, still)
     assert without.converged
     assert without.standard_error("r_bias") > 2 * with_gps.standard_error("r_bias"), "nothing shows the heading drift"
     assert without.standard_error("gps_latency") == pytest.approx(PRIOR_SIGMA["gps_latency"], rel=1e-3)
@@ -155,7 +163,7 @@ def test_an_airspeed_transducer_at_the_end_of_its_range_costs_certainty_and_noth
 def test_the_tunnels_doubt_about_the_slope_widens_what_is_assumed_and_what_is_known(probe) -> None:
     _, _, air, still = flown(0, probe, "accel-decel")
     sure, doubtful = reconstruct(air, still), reconstruct(air, still, alpha_scale_sigma=0.04)
-    assert doubtful.assumed("alpha_scale") == pytest.approx(np.hypot(PRIOR_SIGMA["alpha_scale"], 0.04))
+    assert doubtful.prior_standard_error("alpha_scale") == pytest.approx(np.hypot(PRIOR_SIGMA["alpha_scale"], 0.04))
     assert doubtful.standard_error("alpha_scale") > sure.standard_error("alpha_scale")
 
 
@@ -180,30 +188,34 @@ def test_derivatives_are_those_of_the_equations() -> None:
     equations = Equations(n)
     x, shared = rng.normal(0, 0.1, (n, nx)), rng.normal(0, 0.01, m)
     x[:, 3] += 15.0
-    move, given = rng.normal(0, 0.3, (n - 1, len(MOVE))), rng.normal(size=(n, len(GIVEN)))
-    given[:, GIVEN.index("slow_V")] += 15.0
-    shown = rng.normal(size=(n, len(SHOWN))), np.ones((n, len(SHOWN)))
-    data = Data(move, np.ones((n - 1, nx)), *shown, given, foreseen=x, given_foreseen=given)
-    at = equations.at(x, shared, data)
+    move, given = rng.normal(0, 0.3, (n - 1, len(PROCESS_INPUTS))), rng.normal(size=(n, len(MEASUREMENT_INPUTS)))
+    given[:, MEASUREMENT_INPUTS.index("V_predicted")] += 15.0
+    shown = rng.normal(size=(n, len(MEASUREMENTS))), np.ones((n, len(MEASUREMENTS)))
+    data = EquationInputs(move, np.ones((n - 1, nx)), *shown, given, predicted_states=x, predicted_inputs=given)
+    at = equations.linearize(x, shared, data)
     h = 4e-6
     for j in range(nx):
         more, less = x.copy(), x.copy()
         more[1, j] += h
         less[1, j] -= h
-        up, down = equations.at(more, shared, data), equations.at(less, shared, data)
+        up, down = equations.linearize(more, shared, data), equations.linearize(less, shared, data)
         assert at.d_measured[1, :, j] == pytest.approx((up.measured - down.measured)[1] / (2 * h), abs=1e-7)
         assert at.d_process[1, :, j] == pytest.approx((up.process - down.process)[1] / (2 * h), abs=1e-7)
         assert at.d_process[0, :, nx + j] == pytest.approx((up.process - down.process)[0] / (2 * h), abs=1e-7)
     for j in range(m):
-        up, down = (equations.at(x, shared + sign * h * np.eye(m)[j], data) for sign in (1, -1))
+        up, down = (equations.linearize(x, shared + sign * h * np.eye(m)[j], data) for sign in (1, -1))
         assert at.d_measured[:, :, nx + j] == pytest.approx((up.measured - down.measured) / (2 * h), abs=1e-7)
         assert at.d_process[:, :, 2 * nx + j] == pytest.approx((up.process - down.process) / (2 * h), abs=1e-7)
 
     # What is foreseen is where derivatives are taken, and nothing else.
     elsewhere, other = x + rng.normal(0, 0.1, x.shape), given + rng.normal(0, 0.1, given.shape)
-    foretold = equations.at(x, shared, dataclasses.replace(data, foreseen=elsewhere, given_foreseen=other))
-    there = equations.at(
-        elsewhere, shared, dataclasses.replace(data, given=other, given_foreseen=other, foreseen=elsewhere)
+    foretold = equations.linearize(
+        x, shared, dataclasses.replace(data, predicted_states=elsewhere, predicted_inputs=other)
+    )
+    there = equations.linearize(
+        elsewhere,
+        shared,
+        dataclasses.replace(data, measurement_inputs=other, predicted_inputs=other, predicted_states=elsewhere),
     )
     assert foretold.measured == pytest.approx(at.measured, abs=0)
     assert foretold.d_measured == pytest.approx(there.d_measured, abs=0)

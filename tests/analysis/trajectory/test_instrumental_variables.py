@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from test_reconstruction import flown as fly
 
-from analysis.trajectory import instruments as slow
-from analysis.trajectory.data import Problem
-from analysis.trajectory.equations import GIVEN
+from analysis.trajectory.equations import MEASUREMENT_INPUTS
+from analysis.trajectory.instrumental_variables import LAGS, lagged, projected_on_past
+from analysis.trajectory.problem import TrajectoryProblem
 
 STAYS = 0.93  # of a gust in 0.2 s: 40 m long, at 14 m/s
 N = 6000
@@ -40,8 +40,8 @@ def test_beside_what_is_foretold_a_slope_is_found_and_as_well_as_is_said() -> No
     errors, naive = [], []
     for seed in range(40):
         angle, _, shown = flown(0.05, 0.5, seed)
-        past = np.column_stack([np.ones(N), slow.before(angle, flying)])
-        foretold = slow.foretold(shown[:, None], past, np.full(N - 1, STAYS), flying)[:, 0]
+        past = np.column_stack([np.ones(N), lagged(angle, flying)])
+        foretold = projected_on_past(shown[:, None], past, np.full(N - 1, STAYS), flying)[:, 0]
         errors.append(np.array(found_slope(shown, angle, foretold)) - [slope, 0])
         naive.append(found_slope(shown, angle, angle)[0] - slope)
     off, stated = np.array(errors).T
@@ -54,20 +54,24 @@ def test_beside_what_is_foretold_a_slope_is_found_and_as_well_as_is_said() -> No
 def test_on_the_ground_nothing_is_foretold_and_nothing_remembered() -> None:
     flying = np.arange(100) >= 40
     values = np.linspace(1, 2, 100)
-    past = slow.before(values, flying)
-    assert past.shape == (100, len(slow.MEMORY))
-    assert not past[: 40 + slow.MEMORY[0]].any(), "before it flew there was nothing to remember"
-    assert np.array_equal(past[60], values[60 - np.array(slow.MEMORY)])
-    foretold = slow.foretold(values[:, None], past, np.full(99, STAYS), flying)
+    past = lagged(values, flying)
+    assert past.shape == (100, len(LAGS))
+    assert not past[: 40 + LAGS[0]].any(), "before it flew there was nothing to remember"
+    assert np.array_equal(past[60], values[60 - np.array(LAGS)])
+    foretold = projected_on_past(values[:, None], past, np.full(99, STAYS), flying)
     assert not foretold[~flying].any() and foretold[60:].any()
 
 
-@pytest.mark.parametrize("name", ["slow_V", "V_per_pair", "slope_V"])
+@pytest.mark.parametrize("name", ["V_predicted", "V_per_pair", "V_rate"])
 def test_beside_airspeed_stands_nothing_that_airspeed_shows(probe, name: str) -> None:
     """Gusts along the flight last: what airspeed showed a block ago is in what it shows now."""
     _, _, air, still = fly(0, probe, "accel-decel")
     gusty = air.assign(V_mps=air["V_mps"] + np.random.default_rng(0).normal(0, 1.0, len(air)))
-    x, shared = Problem(air, still, 0.0, None).start()
-    calm, rough = (Problem(table, still, 0.0, None).what_is_given(x, shared, 0.2)[1] for table in (air, gusty))
-    i = GIVEN.index(name)
+    first = TrajectoryProblem(air, still, 0.0, None)
+    x, errors = first.initial_states, first.initial_errors
+    calm, rough = (
+        TrajectoryProblem(table, still, 0.0, None).regressors.measurement_inputs(x, errors, 0.2)[1]
+        for table in (air, gusty)
+    )
+    i = MEASUREMENT_INPUTS.index(name)
     assert calm[:, i].any() and np.array_equal(calm[:, i], rough[:, i])
