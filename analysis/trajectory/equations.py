@@ -84,8 +84,8 @@ def _gust_increments(gust_a: Any, twice_a: Any, gust_b: Any, twice_b: Any, decay
     return once_b - decay * once_a, twice_b - decay * twice_a - (1 - decay) * (once_a + once_b) / 2
 
 
-def flow(x: Any, predicted: Any) -> motion.Flow:
-    """Airspeed [m/s] and flow angles [rad] at state x; predicted: PREDICTED_FLOW.
+def flow(x: Any, predicted: Any) -> tuple[Any, Any, Any]:
+    """Airspeed [m/s], angles of attack and of sideslip [rad] at state x; predicted: PREDICTED_FLOW.
 
     Linear in the gust: its components along and across the predicted flow. The mean effect of the transverse gusts'
     square on airspeed is included. Components along and across the actual flow would have products of gusts that act
@@ -95,7 +95,7 @@ def flow(x: Any, predicted: Any) -> motion.Flow:
     u, v, w = motion.body_from_earth(*steady, x.phi, x.theta, x.psi)
     V = np.sqrt(u**2 + v**2 + w**2 + 1e-6)  # never zero, for the derivative at rest
     ca, sa = np.cos(predicted.alpha_predicted), np.sin(predicted.alpha_predicted)
-    return motion.Flow(
+    return (
         V - x.gust_u * ca - x.gust_w * sa - predicted.transverse_gust_variance / (2 * predicted.V_predicted),
         np.arctan2(w, np.sqrt(u**2 + 1e-6)) + (x.gust_u * sa - x.gust_w * ca) / predicted.V_predicted,
         np.arcsin(v / V) - x.gust_v / predicted.V_predicted,

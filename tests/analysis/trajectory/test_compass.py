@@ -1,4 +1,4 @@
-"""What a calibrated magnetometer does for the path, and what it must not do, against the simulator's truth."""
+"""The trajectory with a calibrated magnetometer, against the simulator's truth."""
 
 import dataclasses
 
@@ -30,7 +30,7 @@ WITHIN = 3.0  # standard errors
 GUSTY_KT = 6.0
 
 
-def turned_by_hand(drawn):
+def calibration_by_hand(drawn):
     """The magnetometer's calibration, from a minute of turning the aircraft about on the ground."""
     t = np.linspace(0, 60, 1500)
     attitude = np.pi * np.sin(t / 3.7), 1.3 * np.sin(t / 2.7 + 1), t / 1.75
@@ -40,7 +40,7 @@ def turned_by_hand(drawn):
 
 
 def heading_error(trajectory, truth):
-    """What the path's heading is off by in flight, and its standard error [deg]."""
+    """Error of the heading in flight, and its standard error [deg]."""
     t = trajectory.states.index.to_numpy()
     true = np.interp(t, truth["time_s"], np.unwrap(truth["yaw_rad"]))
     high = np.interp(t, truth["time_s"], truth["height_m"]) > LEAST_HEIGHT_M
@@ -58,19 +58,19 @@ def with_gps(probe):
     """A short flight in gusts with GPS: calibration of the magnetometer, air data, where it stood, the path without a
     compass, and the truth."""
     truth, drawn, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT)
-    return turned_by_hand(drawn), air, still, reconstruct(air, still), truth
+    return calibration_by_hand(drawn), air, still, reconstruct(air, still), truth
 
 
 @pytest.fixture(scope="module")
 def without_gps(probe):
     """The same without GPS."""
     truth, drawn, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT, without=GPS)
-    return turned_by_hand(drawn), air, still, reconstruct(air, still), truth
+    return calibration_by_hand(drawn), air, still, reconstruct(air, still), truth
 
 
-def test_level_across_north_the_earth_has_no_field_and_that_shows_the_heading_alone() -> None:
-    """At any attitude: nothing across magnetic north, its change with the heading is the level field, with bank and
-    pitch none, though the field is steep: what iron leaves over must not bank the aircraft."""
+def test_the_field_across_north_is_zero_and_depends_on_heading_only() -> None:
+    """At any attitude: zero across magnetic north; its derivative by heading is the level field, by bank and pitch
+    zero, though the field is steep: residual iron must not bank the aircraft."""
     rng = np.random.default_rng(0)
     n, level_T, declination = 50, FIELD_T * np.cos(DIP_RAD), 0.2
     x = np.zeros((n, len(STATES)))
@@ -97,7 +97,7 @@ def test_level_across_north_the_earth_has_no_field_and_that_shows_the_heading_al
     assert np.count_nonzero(slope) == 2 * n
 
 
-def test_without_gps_it_holds_the_heading(without_gps) -> None:
+def test_without_gps_the_compass_holds_the_heading(without_gps) -> None:
     """Half the uncertainty or less, and the true heading (the simulator's declination is zero) within it all along."""
     calibration, air, still, alone, truth = without_gps
     field, said = compass(air, calibration)
@@ -111,7 +111,7 @@ def test_without_gps_it_holds_the_heading(without_gps) -> None:
 
 
 @pytest.mark.parametrize("left_uT", [(2.0, -2.0, 2.0), (-3.0, 0.0, -3.0)])
-def test_iron_that_moved_since_the_calibration_stays_within_what_is_said_of_it(without_gps, left_uT) -> None:
+def test_iron_that_moved_since_the_calibration_stays_within_the_stated_error(without_gps, left_uT) -> None:
     """3 uT of 22 level ones are 8 deg. Pitch and bank do not follow: 0.1 deg would be 2 % of power near the stall."""
     calibration, air, still, alone, truth = without_gps
     field, _ = compass(iron(air, 1e-6 * np.array(left_uT)), calibration)
@@ -124,7 +124,7 @@ def test_iron_that_moved_since_the_calibration_stays_within_what_is_said_of_it(w
 
 
 @pytest.mark.parametrize("left_uT", [(0.0, 0.0, 0.0), (-3.0, 3.0, 3.0)])
-def test_with_gps_it_changes_nothing_even_with_iron_left_in_it(with_gps, left_uT) -> None:
+def test_with_gps_the_compass_changes_nothing_even_with_residual_iron(with_gps, left_uT) -> None:
     calibration, air, still, alone, _ = with_gps
     field, _ = compass(iron(air, 1e-6 * np.array(left_uT)), calibration)
     trajectory = reconstruct(air, still, compass=field)
@@ -158,9 +158,9 @@ def test_with_gps_the_declination_is_found(with_gps) -> None:
     assert heading_notes(trajectory, calibrated=True) == []
 
 
-def test_a_board_mounted_back_to_front_is_noticed_and_spoils_nothing(with_gps) -> None:
-    """Levelled the wrong way it wanders by tens of degrees, too. The heading follows by less than a degree, and what
-    power rests on not at all."""
+def test_a_board_mounted_back_to_front_is_reported_and_has_no_effect_on_power(with_gps) -> None:
+    """Its heading error also varies by tens of degrees. The reconstructed heading changes by less than a degree, and
+    the sensor errors that power depends on do not change."""
     calibration, air, still, alone, _ = with_gps
     field, _ = compass(air, calibration)
     trajectory = reconstruct(air, still, compass=field._replace(field_T=field.field_T * (-1, -1, 1)))
@@ -173,7 +173,7 @@ def test_a_board_mounted_back_to_front_is_noticed_and_spoils_nothing(with_gps) -
     assert "contradicts GPS" in said and "mounted" in said
 
 
-def test_an_uncalibrated_one_is_not_used_and_only_where_gps_is_missing_that_is_said(with_gps, without_gps) -> None:
+def test_an_uncalibrated_magnetometer_is_not_used_and_is_noted_only_without_gps(with_gps, without_gps) -> None:
     for (_, air, still, alone, _), gps in ((with_gps, True), (without_gps, False)):
         trajectory = reconstruct(iron(air, (15e-6, 0.0, 0.0)), still)
         assert np.array_equal(trajectory.states, alone.states) and np.array_equal(
@@ -189,8 +189,8 @@ def test_an_uncalibrated_one_is_not_used_and_only_where_gps_is_missing_that_is_s
         assert not any("agnetometer" in note for note in heading_notes(bare, calibrated=False))
 
 
-def test_what_a_flight_shows_of_the_compass(with_gps, without_gps) -> None:
-    """With GPS its offset; without, that north is the compass's; and nothing at all of one that was not used."""
+def test_the_offset_of_the_compass_is_determined_with_gps_only(with_gps, without_gps) -> None:
+    """Without GPS the compass defines north. A compass that was not used is not listed."""
     for (calibration, air, still, alone, _), gps in ((with_gps, True), (without_gps, False)):
         trajectory = reconstruct(air, still, compass=compass(air, calibration)[0])
         offset = next(error for error in sensor_error_estimates(trajectory) if error.name == "heading_bias")
@@ -206,7 +206,7 @@ def test_what_a_flight_shows_of_the_compass(with_gps, without_gps) -> None:
 @pytest.mark.parametrize("turbulence_kt", [0.0, GUSTY_KT])
 def test_twenty_minutes_without_gps_stay_on_their_heading(probe, turbulence_kt: float) -> None:
     truth, drawn, air, still = fly(0, probe, "full-test-flight", without=GPS, turbulence_kt=turbulence_kt)
-    field, _ = compass(iron(air, (1e-6, -1e-6, 1e-6)), turned_by_hand(drawn))
+    field, _ = compass(iron(air, (1e-6, -1e-6, 1e-6)), calibration_by_hand(drawn))
     trajectory = reconstruct(air, still, compass=field)
     assert trajectory.converged
     off, error = heading_error(trajectory, truth)

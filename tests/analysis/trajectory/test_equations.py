@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from exact_motion import G, exact_motion
 
+from analysis.trajectory import equations
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
@@ -114,8 +115,27 @@ def test_a_gust_changes_the_flow_as_air_that_moves_along_the_body_axes() -> None
 def test_the_mean_square_of_transverse_gusts_has_its_sign_and_size() -> None:
     """Airspeed less variance over 2 V."""
     x, V = state_of(v_north=15.0), 15.0
-    calm, gusty = (flow(x, inputs_of(V_predicted=V, transverse_gust_variance=variance)).V for variance in (0.0, 0.5))
+    calm, gusty = (flow(x, inputs_of(V_predicted=V, transverse_gust_variance=variance))[0] for variance in (0.0, 0.5))
     assert gusty - calm == pytest.approx(-0.5 / (2 * V))
+
+
+@pytest.mark.parametrize("axis", ["v", "w"])
+def test_the_increments_of_a_gust_are_those_of_drydens_filters(axis: str) -> None:
+    """g = g2 + sqrt3 (g1 - g2), T g2' = g1 - g2. Where g1 changes linearly over a step, g2 has no increment and that of
+    g1 is its change against the decay, to first order in step/T."""
+    step_over_T, once, twice = 1e-3, np.array([0.4, 1.6]), 0.2
+    decay = np.exp(-step_over_T)
+    end = decay * twice + (1 - decay) * once.mean()  # exact to (step/T)^2
+
+    def state(g1: float, g2: float) -> NamedValues:
+        return state_of(**{f"gust_{axis}": g2 + np.sqrt(3) * (g1 - g2), f"gust_{axis}_filtered_twice": g2})
+
+    inputs = NamedValues(PROCESS_INPUTS, [decay if name == f"decay_{axis}" else 0.0 for name in PROCESS_INPUTS])
+    residuals = list(equations.process_residuals(state(once[0], twice), state(once[1], end), errors_of(), inputs))
+    at = STATES.index(f"gust_{axis}"), STATES.index(f"gust_{axis}_filtered_twice")
+    assert residuals[at[0]] == pytest.approx(once[1] - decay * once[0])
+    assert residuals[at[1]] == pytest.approx(0.0, abs=1e-6)
+    assert not np.any(np.delete(residuals, at))
 
 
 def test_sensor_errors_act_on_pressures() -> None:

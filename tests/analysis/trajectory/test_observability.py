@@ -1,4 +1,4 @@
-"""Do sensors agree with one another once their errors are taken out, and which errors did a flight determine?"""
+"""Consistency of the sensors after correction, and which sensor errors a flight determines."""
 
 from pathlib import Path
 
@@ -65,7 +65,7 @@ def without_gps(probe):
 
 
 @pytest.mark.slow
-def test_the_angles_agree_after_and_before_they_show_what_the_vane_was_off_by(whole) -> None:
+def test_the_angles_agree_after_correction_and_before_differ_by_the_error_of_alpha(whole) -> None:
     """theta - alpha - gamma before is minus what alpha is off by, within the 0.1 deg a calm flight is good for.
 
     Off by on average, in truth: the injected offset and slope, and the IMU's tilt, which is an offset too
@@ -83,7 +83,7 @@ def test_the_angles_agree_after_and_before_they_show_what_the_vane_was_off_by(wh
 
 
 @pytest.mark.slow
-def test_airspeed_agrees_with_gps_after_and_before_it_shows_its_scale(whole) -> None:
+def test_airspeed_agrees_with_gps_after_correction_and_before_differs_by_its_scale(whole) -> None:
     """Before, airspeed is off by what it is off in truth, within the 0.3 % a calm flight is good for."""
     true, _, air, trajectory = whole
     agreement = consistency(trajectory)
@@ -116,7 +116,7 @@ def test_without_gps_the_latency_is_not_determined_and_the_reason_is_given(witho
 
 
 @pytest.mark.parametrize("turns", [False, True])
-def test_in_moving_air_turns_show_the_scale_of_airspeed_and_one_heading_does_not(
+def test_in_gusts_turns_determine_the_airspeed_scale_and_one_heading_does_not(
     probe, tmp_path: Path, turns: bool
 ) -> None:
     """Two and a half minutes in W20 = 6 kt, with and without turns; all else alike.
@@ -135,7 +135,7 @@ def test_in_moving_air_turns_show_the_scale_of_airspeed_and_one_heading_does_not
     assert any("one speed" in why for why in slope.missing), "held at one speed, with turns or without"
 
 
-def test_in_gusts_porpoising_shows_the_slope_of_angle_of_attack(probe, tmp_path: Path) -> None:
+def test_in_gusts_porpoising_determines_the_slope_of_angle_of_attack(probe, tmp_path: Path) -> None:
     """Two and a half minutes in W20 = 10 kt at one speed, 50 s of them porpoising or not.
 
     Gusts of sigma 0.5 m/s, 80 m long, against 3 deg rms at 4.1 rad/s for 50 s: 3 sigma^2/(V omega^2 L) over the
@@ -161,16 +161,16 @@ def test_in_gusts_porpoising_shows_the_slope_of_angle_of_attack(probe, tmp_path:
     assert porpoised.standard_error > surest
 
 
-def test_whatever_was_not_determined_has_a_reason() -> None:
-    had_all = FlightExcitation(gps=True, sideslip=True, mean_heading_vector=0.0, speed_ratio=2.0, gust_mps=0.0)
-    had_nothing = FlightExcitation(gps=False, sideslip=False, mean_heading_vector=1.0, speed_ratio=1.0, gust_mps=2.0)
+def test_every_sensor_error_has_a_reason_when_not_determined() -> None:
+    complete = FlightExcitation(gps=True, sideslip=True, mean_heading_vector=0.0, speed_ratio=2.0, gust_mps=0.0)
+    empty = FlightExcitation(gps=False, sideslip=False, mean_heading_vector=1.0, speed_ratio=1.0, gust_mps=2.0)
     for name in observability.TITLES:
-        assert missing(name, had_all) == (observability._TOO_LITTLE,)
-        assert missing(name, had_nothing)
-    assert len(missing("beta_bias", had_nothing)) == 4
+        assert missing(name, complete) == (observability._TOO_LITTLE,)
+        assert missing(name, empty)
+    assert len(missing("beta_bias", empty)) == 4
 
 
-def test_a_mean_of_what_wanders_is_less_certain_than_one_of_noise() -> None:
+def test_the_standard_error_of_a_mean_allows_for_slow_changes() -> None:
     """White noise: sigma / sqrt(n). A wave of twice the batch's length: the batches' scatter, far more than that."""
     t = np.arange(0, 400, 0.2)
     white = pd.Series(np.random.default_rng(0).normal(0, 1, len(t)), index=t)

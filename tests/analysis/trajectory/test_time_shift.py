@@ -55,7 +55,7 @@ def test_a_delay_of_the_probe_is_found_to_a_twentieth(whole, delayed) -> None:
 
 
 @pytest.mark.slow
-def test_a_late_probe_is_found_and_an_early_alarm_is_not_raised(flight, whole, delayed) -> None:
+def test_a_late_probe_is_reported_and_a_punctual_one_is_not(flight, whole, delayed) -> None:
     errors, flown, _, _ = flight
     air, as_it_is = whole
     assert time_shift_notes(as_it_is) == []
@@ -75,18 +75,18 @@ def test_a_late_probe_is_found_and_an_early_alarm_is_not_raised(flight, whole, d
 
 
 @pytest.mark.slow
-def test_one_way_and_without_gps_say_what_they_cannot_know(flight) -> None:
+def test_one_heading_and_a_missing_gps_are_noted(flight) -> None:
     _, _, table, probe = flight
     one_leg = table.loc[95.0:190.0]
     assert any("one direction" in note for note in calibrate(*reconstructed(one_leg, probe)).notes)
-    deaf = table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan)
-    air, trajectory = reconstructed(deaf, probe)
+    without_gps = table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan)
+    air, trajectory = reconstructed(without_gps, probe)
     assert any("No GPS" in note for note in calibrate(air, trajectory).notes)
     assert "does not show" in {s.name: s for s in time_shifts(trajectory)}["GPS"].in_words()
 
 
 @pytest.mark.slow
-def test_a_dead_sideslip_transducer_leaves_a_path_that_knows_less(flight, whole) -> None:
+def test_without_sideslip_the_reconstruction_converges_with_larger_errors(flight, whole) -> None:
     _, _, table, probe = flight
     _, as_it_is = whole
     _, without = reconstructed(table.assign(dp_beta_Pa=np.nan), probe)
