@@ -94,10 +94,13 @@ def flow(x: Any, predicted: Any) -> tuple[Any, Any, Any]:
     steady = x.v_north - x.wind_north, x.v_east - x.wind_east, x.v_down
     u, v, w = motion.body_from_earth(*steady, x.phi, x.theta, x.psi)
     V = np.sqrt(u**2 + v**2 + w**2 + 1e-6)  # never zero, for the derivative at rest
-    ca, sa = np.cos(predicted.alpha_predicted), np.sin(predicted.alpha_predicted)
+    cos_alpha, sin_alpha = np.cos(predicted.alpha_predicted), np.sin(predicted.alpha_predicted)
     return (
-        V - x.gust_u * ca - x.gust_w * sa - predicted.transverse_gust_variance / (2 * predicted.V_predicted),
-        np.arctan2(w, np.sqrt(u**2 + 1e-6)) + (x.gust_u * sa - x.gust_w * ca) / predicted.V_predicted,
+        V
+        - x.gust_u * cos_alpha
+        - x.gust_w * sin_alpha
+        - predicted.transverse_gust_variance / (2 * predicted.V_predicted),
+        np.arctan2(w, np.sqrt(u**2 + 1e-6)) + (x.gust_u * sin_alpha - x.gust_w * cos_alpha) / predicted.V_predicted,
         np.arcsin(v / V) - x.gust_v / predicted.V_predicted,
     )
 

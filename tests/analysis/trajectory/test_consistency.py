@@ -16,7 +16,7 @@ from analysis.trajectory.equations import (
     NamedValues,
     measurement_model,
 )
-from analysis.trajectory.observability import excitation
+from analysis.trajectory.observability import FlightExcitation, excitation, heading_notes, missing
 from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import Trajectory
@@ -146,3 +146,55 @@ def test_the_standard_error_of_a_state_has_a_random_and_a_systematic_part(exact)
     error = trajectory_of(exact.table, exact.states, {}, 0.5, draws=draws, state_sensitivity=sensitivity).states_error()
     assert error["phi"].mean() == pytest.approx(0.3, rel=0.01)
     assert error["theta"].mean() == pytest.approx(np.hypot(0.3, 2 * 0.5 * 0.19), rel=0.01)
+
+
+@pytest.mark.parametrize("bank_deg", [0.0, 9.0, 11.0])
+def test_angles_are_compared_with_wings_nearly_level_only(exact, bank_deg: float) -> None:
+    states = exact.states.copy()
+    states[:, STATES.index("phi")] = np.radians(bank_deg)
+    compared = consistency(trajectory_of(exact.table, states, {})).before[ANGLES].notna().any()
+    assert compared == (bank_deg < 10.0)
+
+
+def test_a_climb_counts_in_the_airspeed_from_gps(exact) -> None:
+    """3 m/s down at 15 m/s over ground: the airspeed from GPS is the length of all three components."""
+    states = exact.states.copy()
+    states[:, STATES.index("v_down")] = 3.0
+    flat, steep = (consistency(trajectory_of(exact.table, x, {})).before[SPEED] for x in (exact.states, states))
+    V = exact_airspeed_without_climb(exact)
+    assert (flat - steep).mean() == pytest.approx(np.mean(np.hypot(V, 3.0) - V), abs=0.05)
+
+
+def exact_airspeed_without_climb(exact) -> np.ndarray:
+    north, east = (
+        exact.states[:, STATES.index(f"v_{a}")] - exact.states[:, STATES.index(f"wind_{a}")] for a in ("north", "east")
+    )
+    return np.hypot(north, east)
+
+
+def test_reasons_begin_where_a_flight_lacks_excitation() -> None:
+    """Headings within a quarter circle, a speed ratio below 1.25, gusts above 0.1 m/s."""
+    enough = FlightExcitation(gps=True, sideslip=True, mean_heading_vector=0.65, speed_ratio=1.3, gust_mps=0.09)
+    lacking = {
+        "mean_heading_vector": (0.75, "one heading"),
+        "speed_ratio": (1.2, "one speed"),
+        "gust_mps": (0.11, "gusts"),
+    }
+    assert "too short" in missing("V_scale", enough)[0]
+    for name, (value, reason) in lacking.items():
+        (found,) = missing("V_scale", enough._replace(**{name: value}))
+        assert reason in found
+
+
+@pytest.mark.parametrize(
+    ("residual", "offset_deg", "contradicts"), [(1.9, 29, False), (2.1, 0, True), (1.0, -31, True)]
+)
+def test_a_compass_contradicts_beyond_twice_its_error_or_thirty_degrees(
+    exact, residual, offset_deg, contradicts
+) -> None:
+    errors = {"heading_bias": np.radians(offset_deg)}
+    notes = heading_notes(
+        trajectory_of(exact.table, exact.states, errors, residuals={"gps_north": 1.0, "compass": residual}),
+        calibrated=True,
+    )
+    assert bool(notes) == contradicts and all("contradicts GPS" in note for note in notes)

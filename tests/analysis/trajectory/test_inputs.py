@@ -12,7 +12,7 @@ from analysis.trajectory.inertial import CHANNELS, InertialInputs
 from analysis.trajectory.level_field import LevelField
 from analysis.trajectory.measurements import Measurements
 from analysis.trajectory.priors import begins_at_rest, initial_state_sigma, sensor_error_prior
-from analysis.trajectory.problem import TrajectoryProblem
+from analysis.trajectory.problem import TrajectoryProblem, _blocks_at_rest
 from analysis.trajectory.process import GustConditions, ProcessModel
 from analysis.trajectory.sensor_noise import BENCH_SIGMA, noise_at_rest
 from flight.motion import body_from_earth
@@ -119,6 +119,8 @@ def test_the_wind_follows_the_profile_over_height_and_else_walks(exact) -> None:
     assert np.prod(ratio[10:-10]) == pytest.approx(np.log(height[-11] / roughness) / np.log(height[10] / roughness))
     sigma = 1 / model.weight[:, STATES.index("wind_north")]
     assert np.sqrt(np.sum(sigma[:300] ** 2)) == pytest.approx(0.02 * np.sqrt(60.0), rel=0.01)
+    height_sigma = 1 / model.weight[:, STATES.index("height")]
+    assert np.sqrt(np.sum(height_sigma[:300] ** 2)) < 0.1, "height is the integral of velocity: centimeters in a minute"
 
 
 def test_weights_are_those_of_pressure_noise(exact) -> None:
@@ -229,3 +231,42 @@ def test_regressors_of_an_exact_motion(problem, exact) -> None:
     jump = ramp.copy()
     jump[100, 5] += 5.0
     assert problem.regressors.predicted_states(jump)[100, 5] == pytest.approx(ramp[100, 5])
+
+
+def test_all_blocks_of_a_compass_count_as_four_measurements(exact) -> None:
+    """Errors of the compass repeat with every leg: a longer flight does not average them."""
+    blocks = BlockMeans(exact.table)
+    rest = np.zeros(blocks.n, dtype=bool)
+    field = LevelField(Compass(np.full((len(exact.table), 3), 2e-5), 1e-6), blocks)
+    measurements = Measurements(exact.table, blocks, rest, BENCH_SIGMA, blocks["V_mps"], field)
+    weight = measurements.weight[:, MEASUREMENTS.index("compass")]
+    assert np.sqrt(np.sum(weight**2)) == pytest.approx(np.sqrt(4) / 1e-6)
+
+
+def test_gps_is_left_out_in_gaps_of_half_a_second(exact) -> None:
+    blocks = BlockMeans(exact.table)
+    rest = np.zeros(blocks.n, dtype=bool)
+    for gap_s, left_out in ((0.4, False), (0.8, True)):
+        table = exact.table.copy()
+        table.loc[30.0 : 30.0 + gap_s - 0.05, "gps_north_mps"] = np.nan
+        measurements = Measurements(table, blocks, rest, BENCH_SIGMA, blocks["V_mps"], LevelField(None, blocks))
+        weight = measurements.at_gps_latency(0.0)[1][:, MEASUREMENTS.index("gps_north")]
+        assert (weight[5:-5] == 0.0).any() == left_out
+
+
+def test_only_blocks_wholly_within_a_rest_are_at_rest() -> None:
+    """Rows 3 to 17 of blocks of five: the second and the third block."""
+    assert np.flatnonzero(_blocks_at_rest([slice(3, 17)], 6)).tolist() == [1, 2]
+    assert np.flatnonzero(_blocks_at_rest([slice(5, 20), slice(25, 30)], 6)).tolist() == [1, 2, 3, 5]
+
+
+def test_heading_offset_of_the_compass(exact) -> None:
+    """A field 20 deg east of the reference north: the compass reads 20 deg less."""
+    attitude = np.repeat(exact.states[:, :3], BLOCK, axis=0)
+    east = np.radians(20.0)
+    level = 22e-6 * np.cos(east), 22e-6 * np.sin(east)
+    field = np.column_stack(body_from_earth(*level, 40e-6, *attitude.T))
+    leveled = LevelField(Compass(field, 1e-6), BlockMeans(exact.table))
+    phi, theta, psi = exact.states[:, :3].T
+    offset = np.degrees(leveled.heading_offset(psi, phi, theta))
+    assert (offset + 180) % 360 - 180 == pytest.approx(np.full(len(psi), -20.0), abs=0.1)
