@@ -168,6 +168,7 @@ def test_priors_are_those_of_the_study_and_north_is_the_compass_without_gps() ->
     assert mean.pop("gps_latency") == 0.1 and set(mean.values()) == {0.0}
     assert sigma["alpha_scale"] == pytest.approx(0.05)
     assert sigma["ax_bias"] == sigma["az_bias"] == 0.19
+    assert np.degrees([sigma["alpha_bias"], sigma["beta_bias"]]) == pytest.approx([1.0, 1.0])
     assert np.degrees(sigma["heading_bias"]) == pytest.approx(10.0)
     without = dict(zip(SENSOR_ERRORS, sensor_error_prior(0.04, gps=False)[1], strict=True))
     assert without.pop("heading_bias") == pytest.approx(0.01)

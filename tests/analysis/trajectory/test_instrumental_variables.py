@@ -56,6 +56,7 @@ def test_on_the_ground_predictions_and_lagged_values_are_zero() -> None:
     values = np.linspace(1, 2, 100)
     past = lagged(values, flying)
     assert past.shape == (100, len(LAGS))
+    assert 1 not in LAGS, "means of neighboring blocks share part of a gust's increment"
     assert not past[: 40 + LAGS[0]].any(), "no value from before the flight"
     assert np.array_equal(past[60], values[60 - np.array(LAGS)])
     predicted = projected_on_past(values[:, None], past, np.full(99, DECAY), flying)
