@@ -74,12 +74,12 @@ def analyze(
     trajectory = reconstruct(
         table, data.rest, alpha_scale_sigma=contents.probe.alpha_scale_sigma, compass=data.compass, log=name
     )
-    sensor_errors = sensor_error_estimates(table, trajectory)
+    sensor_errors = sensor_error_estimates(trajectory)
     runs, calibrated = len(maneuvers.level_runs), contents.magnetometer is not None
     trajectory_warnings = trajectory_notes(
-        table, trajectory, sensor_errors, runs, magnetometer_calibrated=calibrated, log=name
+        trajectory, sensor_errors, runs, magnetometer_calibrated=calibrated, log=name
     )
-    agreement = consistency(table, trajectory)
+    agreement = consistency(trajectory)
 
     progress(f"estimating drag from {runs or len(maneuvers.of(*FOR_DRAG))} runs")
     drag = estimate(
@@ -88,7 +88,7 @@ def analyze(
     )  # fmt: skip
 
     progress("computing performance")
-    performance = compute_performance(request, table, trajectory, drag, aircraft, propeller, at, flown)
+    performance = compute_performance(request, trajectory, drag, aircraft, propeller, at, flown)
     results = assemble(
         log=name,
         aircraft=aircraft,

@@ -60,14 +60,14 @@ def estimate(
     Raises InputError, beginning with `log`, when the maneuvers do not determine a physical polar.
     """
     runs = maneuvers.level_runs
-    by_runs = dynamic.estimate_polar(table, trajectory, runs, aircraft, propeller) if runs else None
+    by_runs = dynamic.estimate_polar(trajectory, runs, aircraft, propeller) if runs else None
     if by_runs and (reason := unphysical(by_runs.polar, flown_CL)):
         source = "one run" if len(runs) == 1 else f"{len(runs)} runs"
         raise InputError(
             f"{log}: unphysical drag polar from {source}: {reason}; keep or fly more runs, longer, over more speeds"
         )
     progress("applying all other methods")
-    others = every_method(table, trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, at)
+    others = every_method(trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, at)
     main, flown_CL = (by_runs, flown_CL) if by_runs else fallback(others.by_method, trajectory, log)
     warnings = main.warnings + run_scatter(others.one_by_one, at)
     check = None

@@ -75,7 +75,9 @@ def accelerating_rotor(propulsion: Propulsion, propeller: Propeller, V: float, s
     for i in range(round(seconds / small_s)):
         if i % round(STEP_S / small_s) == 0:
             recorded_n.append(n)
-        n += small_s * float(power_train(propulsion, propeller, V=V, n=n, throttle=1.0, rho=RHO).motor_acceleration_revps2)
+        n += small_s * float(
+            power_train(propulsion, propeller, V=V, n=n, throttle=1.0, rho=RHO).motor_acceleration_revps2
+        )
     return np.array(recorded_n)
 
 
