@@ -78,7 +78,7 @@ def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
     columns = {"V": ("V_mps", 0.1), "alpha": ("alpha_rad", 0.1), "beta": ("beta_rad", 0.1),
                "gps_north": ("gps_north_mps", 0.3), "gps_east": ("gps_east_mps", 0.3)}  # fmt: skip
     for name, (column, lag) in columns.items():
-        known.block_means._means[column] = np.interp(t - lag, t, measured[name])
+        known.block_means.means[column] = np.interp(t - lag, t, measured[name])
     calm, (before, after) = consistency(perfect).before, consistency(known)
     inside = slice(30, -30)
     off = (after - calm).iloc[inside].dropna()
