@@ -7,6 +7,7 @@ from typing import NamedTuple, Protocol
 
 from daq.arm_switch import ArmSwitch
 from daq.attachments import Attachments, load_attachments, write_attachments
+from daq.background_recovery import BackgroundRecovery, Recovery
 from daq.bus import Buses
 from daq.bus_recording import BusRecording
 from daq.clock import Clock
@@ -14,7 +15,6 @@ from daq.config import SensorConfig, Tray
 from daq.disk_space import DiskSpace
 from daq.driver_factory import DriverFactory, driver_factory
 from daq.log_files import FileLimits, LogFiles, numbered_names, part_names
-from daq.log_recovery import recover_unfinished
 from daq.recorder import Recorder
 from daq.sampling_loop import Cycle, StopFlag, cycles
 from daq.sensor_health import SensorState
@@ -114,7 +114,8 @@ def record(
     path = Path(log_path) if log_path is not None else None
     directory = Path(tray.directory) if path is None else path.parent
     name = numbered_names(directory) if path is None else part_names(path)
-    pending_events = recovery_events(directory) if path is None else []
+    old_logs = sorted(directory.glob("log-*.mcap")) if path is None else []
+    recovery = BackgroundRecovery(old_logs) if threaded else Recovery(old_logs)
     disk_space = DiskSpace(directory, round(tray.files.keep_free_MB * 1e6), tray.files.when_full)
     disk_space.check()
     if path is not None and not disk_space.sufficient:
@@ -132,6 +133,7 @@ def record(
     if disk_space.sufficient and arm_switch.recording:
         log_files.open(start_ns)
     disk_space.start()
+    recovery.start()
     tell = on_event or (lambda event: None)
     ticks = missed = 0
     report_ns = start_ns
@@ -148,9 +150,8 @@ def record(
             new_file_requested = new_file is not None and new_file.is_set()
             if new_file_requested and new_file is not None:
                 new_file.clear()
-            events = pending_events + cycle.events + arm_switch.update(cycle.samples)
+            events = recovery.events() + cycle.events + arm_switch.update(cycle.samples)
             events += log_files.update(cycle.now_ns, wanted=arm_switch.recording, new_file=new_file_requested)
-            pending_events = []
             for event in events:
                 tell(event)
             log_files.write(
@@ -169,6 +170,7 @@ def record(
                     armed = arm_switch.recording
                     report(status_line(elapsed_s, ticks, missed, supervisors, log_files, disk_space, armed=armed))
     finally:
+        recovery.stop()
         write_error = log_files.close()
     if log_files.dropped:
         write_error = write_error or f"the disk was too slow, and {log_files.dropped} messages were dropped"
@@ -222,18 +224,3 @@ def status_line(
     free = "" if disk_space.free_bytes < 0 else f", {disk_space.free_bytes / 1e9:.1f} GB free"
     sensors = ", ".join(failing) or "all sensors ok"
     return f"{state}, {elapsed_s:.0f} s, {ticks} ticks, {missed} missed{free}; {error}{sensors}"
-
-
-def recovery_events(directory: Path) -> list[Event]:
-    """Complete the logs that power cuts left unfinished in `directory`. A failure does not prevent recording."""
-    try:
-        recovered = recover_unfinished(directory)
-    except OSError as error:
-        return [Event(severity="warning", sensor="daq", text=f"an unfinished log could not be completed: {error}")]
-    return [
-        Event(
-            sensor="daq",
-            text=f"{path} was unfinished and has been completed: {kept} bytes kept, {cut} damaged bytes removed",
-        )
-        for path, kept, cut in recovered
-    ]
