@@ -1,5 +1,6 @@
 """Records a tray into log files: on the aircraft with a real clock, in tests with a simulated one."""
 
+import errno
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import NamedTuple, Protocol
 from daq.arm_switch import ArmSwitch
 from daq.attachments import Attachments, load_attachments, write_attachments
 from daq.background_recovery import BackgroundRecovery, Recovery
-from daq.bus import Buses
+from daq.bus import IN_USE, Buses
 from daq.bus_recording import BusRecording
 from daq.clock import Clock
 from daq.config import SensorConfig, Tray
@@ -25,6 +26,7 @@ from flight.errors import InputError
 from flight.messages import Event
 
 REPORT_EVERY_NS = 1_000_000_000
+STOP_SERVICE = "sudo systemctl stop flightpower-daq"
 OWN_TOPICS = ("/time", "/daq/tick", "/daq/event")
 
 
@@ -45,6 +47,13 @@ class RecordingResult(NamedTuple):
 
 class NoDeviceOpened(Exception):
     """None of the tray's buses and ports can be opened."""
+
+
+class DeviceInUse(InputError):
+    """Another program has the tray's devices open."""
+
+    def __init__(self, cause: str):
+        super().__init__(f"{cause}; if the service records, stop it: {STOP_SERVICE}")
 
 
 class CycleListener(Protocol):
@@ -74,10 +83,31 @@ def sensor_supervisors(
 
 
 def open_devices(supervisors: list[SensorSupervisor], now_ns: int) -> None:
-    """Open the buses and ports. Raises NoDeviceOpened when none can be opened."""
+    """Open the buses and ports. Raises NoDeviceOpened when none can be opened, DeviceInUse if they are in use."""
     causes = [supervisor.open(now_ns) for supervisor in supervisors]
     if all(causes):
+        for cause in causes:
+            if IN_USE in cause:
+                raise DeviceInUse(cause)
         raise NoDeviceOpened(f"none of the tray's buses and ports can be opened: {'; '.join(sorted(set(causes)))}")
+
+
+def check_configuration(tray: Tray, buses: Buses) -> None:
+    """Raises InputError when the tray or a file that it names is wrong. Opens no device."""
+    sensor_supervisors(tray, buses, load_attachments(tray).aircraft)
+
+
+def refuse_devices_in_use(tray: Tray, buses: Buses) -> None:
+    """Raises DeviceInUse when another program has one of the tray's buses or ports open. Other errors are ignored."""
+    for table in tray.sensors:
+        try:
+            if table.blocking:
+                buses.i2c(table.device)
+            else:
+                buses.port(table.device, getattr(table, "baud", 0))
+        except OSError as error:
+            if error.errno == errno.EBUSY:
+                raise DeviceInUse(f"{table.device}: {error.strerror}") from None
 
 
 def record(
@@ -102,8 +132,8 @@ def record(
     log is started and the flag is cleared. threaded: see `cycles`. bus_recording: receives every bus transaction.
     Called from the sampling thread: progress, once a second of the clock, with the elapsed time [s]; report, as often,
     with a status line; on_event, with each event.
-    Raises InputError before anything is written (wrong configuration, unreadable file, existing log), and
-    NoDeviceOpened when no bus and no port can be opened.
+    Raises InputError before anything is written (wrong configuration, unreadable file, existing log, devices in use),
+    and NoDeviceOpened when no bus and no port can be opened.
     """
     attachments = load_attachments(tray)
     supervisors = sensor_supervisors(tray, buses, attachments.aircraft, bus_recording)

@@ -7,7 +7,7 @@ from daq.attachments import load_attachments
 from daq.bus import Buses
 from daq.clock import Clock
 from daq.config import Tray
-from daq.daemon import sensor_supervisors
+from daq.daemon import refuse_devices_in_use, sensor_supervisors
 from daq.sampling_loop import cycles
 from daq.sensors import Sample
 
@@ -26,8 +26,9 @@ class DryRun(NamedTuple):
 def dry_run(tray: Tray, *, buses: Buses, clock: Clock, seconds: float, threaded: bool = False) -> DryRun:
     """Read every sensor for `seconds`. threaded: see `cycles`.
 
-    Raises InputError when the configuration is incomplete.
+    Raises InputError when the configuration is incomplete, or another program has one of the devices open.
     """
+    refuse_devices_in_use(tray, buses)
     supervisors = sensor_supervisors(tray, buses, load_attachments(tray).aircraft)
     settled_ns = clock.now_ns() + round(SETTLING_S * 1e9)
     until_ns = settled_ns + round(seconds * 1e9)

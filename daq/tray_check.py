@@ -11,6 +11,7 @@ import msgspec
 from daq.bus import IN_USE, Buses
 from daq.clock import Clock
 from daq.config import Tray
+from daq.daemon import STOP_SERVICE
 from daq.disk_space import free_bytes
 from daq.dry_run import DryRun, dry_run
 from daq.part_identity import identify
@@ -51,7 +52,7 @@ ADVICE = {
     Status.NO_DATA: "nothing arrives: check TX and RX, baud rate and supply",
 }
 NO_FIX = "no fix yet: give the antenna a clear view of the sky and wait a minute"
-STOP_SERVICE = "stop the program that uses it: sudo systemctl stop flightpower-daq"
+STOP_PROGRAM = f"stop the program that uses it: {STOP_SERVICE}"
 BUS_ERRORS = (Status.NO_REPLY, Status.TIMEOUT, Status.CORRUPT)
 MOTOR_STOPPED = "no frames, which is normal while the motor is stopped; run the motor to check"
 
@@ -139,7 +140,7 @@ def check_topic(topic: str, messages: list[Message], seconds: float, identity: s
     if topic == "/gps" and not ok and any(getattr(message, "fix_type", None) is not None for message in messages):
         advice = NO_FIX
     if not ok and IN_USE in identity:
-        advice = STOP_SERVICE
+        advice = STOP_PROGRAM
     if topic == "/rpm" and set(bad) <= {Status.NO_DATA} and not good:
         ok, advice = None, MOTOR_STOPPED
     values = [_value(good, *shown) for shown in SHOWN_FIELDS[topic]]

@@ -129,13 +129,13 @@ def test_every_status_that_is_not_a_measurement_has_advice():
         assert line.advice or status in tray_check.GOOD_STATUSES
 
 
-STOP_SERVICE = tray_check.STOP_SERVICE
+STOP_PROGRAM = tray_check.STOP_PROGRAM
 
 
 def test_a_line_that_is_in_use_is_not_a_matter_of_wiring():
     message = Gps(status=Status.NO_REPLY)
-    assert tray_check.check_topic("/gps", [message] * 10, 1.0, f"ublox, /dev/ttyAMA0: {IN_USE}").advice == STOP_SERVICE
-    assert tray_check.check_topic("/gps", [message] * 10, 1.0, "ublox, /dev/ttyAMA0").advice != STOP_SERVICE
+    assert tray_check.check_topic("/gps", [message] * 10, 1.0, f"ublox, /dev/ttyAMA0: {IN_USE}").advice == STOP_PROGRAM
+    assert tray_check.check_topic("/gps", [message] * 10, 1.0, "ublox, /dev/ttyAMA0").advice != STOP_PROGRAM
 
 
 @pytest.mark.parametrize(("topic", "said"), [("/gps", tray_check.NO_FIX), ("/rpm", tray_check.MOTOR_STOPPED)])
