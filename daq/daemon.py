@@ -198,7 +198,8 @@ def record(
                     progress(elapsed_s)
                 if report is not None:
                     armed = arm_switch.recording
-                    report(status_line(elapsed_s, ticks, missed, supervisors, log_files, disk_space, armed=armed))
+                    line = status_line(elapsed_s, ticks, missed, supervisors, log_files, disk_space, armed=armed)
+                    report("; ".join([line, *cycle.slow]))
     finally:
         recovery.stop()
         write_error = log_files.close()

@@ -21,6 +21,7 @@ class DryRun(NamedTuple):
     ticks: int
     missed: int
     late_ms: float  # of the latest tick
+    slow: list[str]  # what to do about buses that are too slow
 
 
 def dry_run(tray: Tray, *, buses: Buses, clock: Clock, seconds: float, threaded: bool = False) -> DryRun:
@@ -34,10 +35,12 @@ def dry_run(tray: Tray, *, buses: Buses, clock: Clock, seconds: float, threaded:
     until_ns = settled_ns + round(seconds * 1e9)
     samples: list[Sample] = []
     ticks, missed, late_ns = 0, 0, 0
+    slow: list[str] = []
     for cycle in cycles(
         supervisors, rate_Hz=tray.rate_Hz, clock=clock, stop=threading.Event(), until_ns=until_ns, threaded=threaded
     ):
         if cycle.now_ns >= settled_ns:
             ticks, missed, late_ns = ticks + 1, missed + cycle.tick.missed, max(late_ns, cycle.tick.late_ns)
             samples += cycle.samples
-    return DryRun(samples, ticks, missed, late_ns / 1e6)
+            slow = cycle.slow
+    return DryRun(samples, ticks, missed, late_ns / 1e6, slow)

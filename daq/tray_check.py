@@ -2,6 +2,7 @@
 
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import NamedTuple
@@ -98,13 +99,13 @@ def check_tray(tray: Tray, *, buses: Buses, clock: Clock, seconds: float = 5.0, 
     """
     readings = dry_run(tray, buses=buses, clock=clock, seconds=seconds, threaded=threaded)
     messages: dict[str, list[Message]] = {topic: [] for table in tray.sensors for topic in table.topics}
-    for topic, _, message in readings.samples:
+    for topic, _, message, _ in readings.samples:
         if topic in messages:
             messages[topic].append(message)
     identities: dict[str, str] = {}
     for table in tray.sensors:
         identities |= dict.fromkeys(table.topics, identify(table, buses, clock))
-    lines = [check_topic(topic, these, seconds, identities[topic]) for topic, these in messages.items()]
+    lines = [check_topic(topic, these, seconds, identities[topic], readings.slow) for topic, these in messages.items()]
     usable_bytes = free_bytes(Path(tray.directory)) - tray.files.keep_free_MB * 1e6
     free_s = max(usable_bytes, 0.0) / (BYTES_PER_S * tray.rate_Hz / 25)
     return TrayCheck(lines, readings.missed, readings.late_ms, free_s, system_checks(tray, readings, free_s))
@@ -123,13 +124,16 @@ def system_checks(tray: Tray, readings: DryRun, free_s: float) -> list[SystemChe
         SystemCheck(
             free_s >= MINIMUM_FREE_S, space if free_s >= MINIMUM_FREE_S else f"{space}: move logs to another disk"
         ),
+        *(SystemCheck(False, text) for text in readings.slow),
         SystemCheck(writable, f"{tray.directory} is writable" if writable else f"{tray.directory} is not writable"),
         SystemCheck(True, f"still-air zero: {tray.zero if Path(tray.zero).exists() else 'not taken (see `daq zero`)'}"),
     ]
 
 
-def check_topic(topic: str, messages: list[Message], seconds: float, identity: str = "") -> TopicCheck:
-    """Judge a topic from the messages of `seconds`."""
+def check_topic(
+    topic: str, messages: list[Message], seconds: float, identity: str = "", slow: Sequence[str] = ()
+) -> TopicCheck:
+    """Judge a topic from the messages of `seconds`. slow: what to do about buses that are too slow."""
     statuses = Counter(message.status for message in messages)
     good = [message for message in messages if message.status is Status.OK]
     bad = {status: n for status, n in statuses.most_common() if status not in GOOD_STATUSES}
@@ -137,6 +141,8 @@ def check_topic(topic: str, messages: list[Message], seconds: float, identity: s
     fine = sum(statuses[status] for status in GOOD_STATUSES)
     ok: bool | None = bool(good) and fine >= MINIMUM_GOOD_FRACTION * len(messages)
     advice = "" if ok else ADVICE[next(iter(bad), Status.NO_DATA)]
+    if not ok and next(iter(bad), None) is Status.TIMEOUT and slow:
+        advice = "; ".join(slow)
     if topic == "/gps" and not ok and any(getattr(message, "fix_type", None) is not None for message in messages):
         advice = NO_FIX
     if not ok and IN_USE in identity:
