@@ -101,9 +101,9 @@ def test_the_logged_delay_is_the_one_that_was_made(fifo):
         force_mps2=lambda t: np.outer(t, [1.0, 0.5, -1.0]), rate_radps=lambda t: np.outer(t, [0.1, -0.1, 0.2])
     )
     samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), fifo=fifo), felt, 10)
-    late_s = [t_s - m.group_delay_s - m.specific_force_x_mps2 for t_s, (_, _, m) in samples[5:]]
+    late_s = [t_s - m.group_delay_s - m.specific_force_x_mps2 for t_s, (_, _, m, *_) in samples[5:]]
     assert np.mean(np.abs(late_s)) < 5e-3 + 2.2e-3
-    late_s = [t_s - m.group_delay_s - m.angular_rate_x_radps / 0.1 for t_s, (_, _, m) in samples[5:]]
+    late_s = [t_s - m.group_delay_s - m.angular_rate_x_radps / 0.1 for t_s, (_, _, m, *_) in samples[5:]]
     assert np.mean(np.abs(late_s)) < 5e-3 + 2.2e-3
 
 
