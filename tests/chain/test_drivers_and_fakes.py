@@ -1,6 +1,6 @@
 """Each driver against its fake over the physical range: decoded value within a count of what the simulator said.
 
-Both sides were written from the datasheets, not from one another. What is sensor_truth goes up in steps of some seconds, and is
+Both sides were written from the datasheets, not from one another. The input goes up in steps of some seconds, and is
 compared where it has settled: that leaves nothing but quantisation between the two.
 """
 
@@ -43,7 +43,7 @@ def staircase(levels, step_s=2.0):
 
 
 def run(make, sensor_truth, seconds, seed=3, **options):
-    """Samples of the driver that `make(tray)` gives, read at 25 Hz, as (seconds since the sensor_truth time's zero, sample)."""
+    """Samples of the driver that `make(tray)` gives, read at 25 Hz, as (time [s], sample)."""
     clock = SimulatedClock(start_ns=START_NS)
     tray = FakeTray(sensor_truth, clock, seed, **options)
     driver = make(tray)

@@ -55,7 +55,7 @@ def test_readings_that_cannot_be_those_of_an_aircraft_at_rest_are_not_fit(tmp_pa
 
 @pytest.mark.parametrize(("baro_Pa", "ok"), [(98_500.0 + 450, True), (98_500.0 - 550, False), (98_500.0 + 550, False)])
 def test_barometers_that_disagree_are_not_fit(tmp_path, baro_Pa, ok):
-    report = checked(tmp_path, sensor_truth(pressure={"baro": baro_Pa, "static": 98_500.0}))
+    report = checked(tmp_path, at_rest(pressure={"baro": baro_Pa, "static": 98_500.0}))
     fact = next(fact for fact in report.facts if "hPa from /static" in fact.text)
     assert fact.ok is ok and ("blocked static line" in fact.text) is not ok
 
