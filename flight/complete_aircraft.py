@@ -1,0 +1,81 @@
+"""The aircraft file with every key that the simulator flies by.
+
+The same classes as in `flight.aircraft`, with the keys required that the analysis can do without.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from flight.aircraft import (
+    Aircraft,
+    ControlSurface,
+    Geometry,
+    Mass,
+    PneumaticLine,
+    Position,
+    ProbeInstallation,
+    Propulsion,
+    aircraft_text,
+    parse_aircraft,
+    parse_as,
+)
+from flight.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompleteGeometry(Geometry):
+    chord_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompleteMass(Mass):
+    Ix_kgm2: float
+    Iy_kgm2: float
+    Iz_kgm2: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompletePropulsion(Propulsion):
+    propeller: str
+    propeller_inertia_kgm2: float
+    max_rpm: float
+    pole_pairs: int
+    motor_kv_rpm_per_volt: float
+    motor_resistance_ohm: float
+    motor_no_load_current_A: float
+    battery_voltage_V: float
+    battery_resistance_ohm: float
+    battery_energy_Wh: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompleteProbe(ProbeInstallation):
+    position_m: Position
+    upwash_per_CL_rad: float = 0.0
+    lines: dict[str, PneumaticLine] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompleteAircraft(Aircraft):
+    geometry: CompleteGeometry
+    mass: CompleteMass
+    propulsion: CompletePropulsion
+    elevator: ControlSurface
+    aileron: ControlSurface
+    rudder: ControlSurface
+    probe: CompleteProbe
+
+
+def load_complete_aircraft(name_or_path: str | Path) -> CompleteAircraft:
+    """An aircraft that can be flown in the simulator, shipped or from a file.
+
+    Raises InputError naming every key that is missing or wrong.
+    """
+    text, where = aircraft_text(name_or_path)
+    parse_aircraft(text, where)  # what is wrong for everybody is said without the simulator
+    try:
+        return parse_as(CompleteAircraft, text, where)
+    except InputError as error:
+        raise InputError(
+            f"{error} (the simulator needs every key; the analysis does without these: docs/aircraft.md)"
+        ) from None
