@@ -58,7 +58,7 @@ def aircraft_of(log: Log) -> Aircraft:
 def propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
     """The propeller's table in a log. Raises InputError when there is none, or it is malformed."""
     table = _attachment(log, "propeller.csv", "the tray's aircraft file names the propeller that goes into logs")
-    return parse_propeller(table.decode("utf-8", errors="replace"), aircraft.propulsion.propeller)
+    return parse_propeller(table.decode("utf-8", errors="replace"), aircraft.propulsion.propeller or "propeller.csv")
 
 
 def probe_of(log: Log) -> ProbeCalibration:

@@ -1,5 +1,6 @@
 """From a log to results: the order of the steps."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,9 @@ import pandas as pd
 from analysis import log_contents
 from analysis.airdata.from_log import flight_data
 from analysis.airdata.magnetometer import MagnetometerCalibration
-from analysis.drag.estimate import DragEstimates, estimate
+from analysis.drag import stand_ins
+from analysis.drag.dynamic import DynamicEstimate
+from analysis.drag.estimate import DragEstimates, estimate, main_polar
 from analysis.drag.polar import flown_condition, flown_lift
 from analysis.drag.thrust_coverage import thrust_coverage
 from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
@@ -70,9 +73,8 @@ def analyze(
     coverage_warnings = thrust_coverage(flown, propeller)
 
     progress("reconstructing the trajectory")
-    trajectory = reconstruct(
-        table, data.rest, alpha_scale_sigma=contents.probe.alpha_scale_sigma, compass=data.compass, log=name
-    )
+    alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, stand_ins.alpha_scale_sigma(aircraft))
+    trajectory = reconstruct(table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, log=name)
     sensor_errors = sensor_error_estimates(table, trajectory)
     runs, calibrated = len(maneuvers.level_runs), contents.magnetometer is not None
     trajectory_warnings = trajectory_notes(
@@ -81,9 +83,18 @@ def analyze(
     agreement = consistency(table, trajectory)
 
     progress(f"estimating drag from {runs or len(maneuvers.of(*FOR_DRAG))} runs")
+
+    def repeated(aircraft: Aircraft, propeller: Propeller, upwash_sigma: float) -> DynamicEstimate:
+        progress("repeating the estimate with other stand-ins for what the aircraft file lacks")
+        moved = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+        sigma = math.hypot(contents.probe.alpha_scale_sigma, upwash_sigma)
+        along = reconstruct(moved.table, moved.rest, alpha_scale_sigma=sigma, compass=moved.compass, log=name)
+        return main_polar(moved.table, along, maneuvers, aircraft, propeller, at, flown_CL, name)
+
+    doubt = stand_ins.doubt(repeated, aircraft, propeller, at, flown_CL)
     drag = estimate(
         table, trajectory, maneuvers, aircraft, propeller, at, flown_CL,
-        zeroed=data.zeroed, log=name, progress=progress,
+        zeroed=data.zeroed, log=name, progress=progress, doubt=doubt,
     )  # fmt: skip
 
     progress("computing performance")

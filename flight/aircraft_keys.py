@@ -140,7 +140,7 @@ KEYS: dict[str, Key] = {
         'What the propeller does at negative thrust: "windmill", or "fold".',
         "Folding propellers fold.",
         "analysis, simulator",
-        "windmill; the difference to fold is one standard deviation in the intervals",
+        "windmill",
     ),
     "SURFACE.channel": Key("2", "Servo output, from 1.", "Transmitter.", "daemon, simulator", NO_ANGLES),
     "SURFACE.pulse_us": Key(

@@ -22,6 +22,7 @@ from analysis.estimation.model import Model, Named, Parameter
 from flight import motion
 from flight.aerodynamics import body_axes, stability_axes
 from flight.aircraft import Aircraft
+from flight.errors import InputError
 from flight.motion import Inertia
 
 DEGREE = np.pi / 180
@@ -55,17 +56,19 @@ class Constants:
     S: float  # m^2
     chord: float  # m
     aspect_ratio: float
-    inertia: Inertia
+    inertia: Inertia | None  # None where the aircraft file does not have it
 
     @classmethod
     def of(cls, aircraft: Aircraft) -> "Constants":
         mass = aircraft.mass
+        Ix, Iy, Iz = mass.Ix_kgm2, mass.Iy_kgm2, mass.Iz_kgm2
+        known = Ix is not None and Iy is not None and Iz is not None
         return cls(
             m=aircraft.mass_kg,
             S=aircraft.geometry.wing_area_m2,
-            chord=aircraft.geometry.chord_m,
+            chord=aircraft.geometry.mean_chord_m,
             aspect_ratio=aircraft.aspect_ratio,
-            inertia=Inertia(mass.Ix_kgm2, mass.Iy_kgm2, mass.Iz_kgm2, mass.Ixz_kgm2),
+            inertia=Inertia(Ix, Iy, Iz, mass.Ixz_kgm2) if known else None,
         )
 
 
@@ -246,15 +249,22 @@ def longitudinal(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
 
     With pitching moment Cm0, Cma, Cmq, Cmde and CLq; outputs V, alpha, q, ax, az, h. CLde is free without a prior:
     such an input separates elevator from angle of attack.
+    Raises InputError when the aircraft file does not have the moments of inertia.
     """
     c = Constants.of(aircraft)
+    inertia = c.inertia
+    if inertia is None:
+        raise InputError(
+            f"{aircraft.name}: the pitching moment takes mass.Ix, mass.Iy and mass.Iz of the aircraft file, such as"
+            ' Iy = "0.28 kg m^2"'
+        )
 
     def dynamics(x: Named, u: Named, p: Named) -> tuple[Any, ...]:
         Vdot, alphadot, _ = _wind_axis_derivative(c, x.V, x.alpha, x.theta, x.q, u, p, J_ref)
         _, thetadot, _ = motion.attitude_derivative(u.phi, x.theta, u.p, x.q, u.r)
         Cm = p.Cm0 + p.Cma * x.alpha + p.Cmq * _q_hat(c, x.q, x.V) + p.Cmde * u.elevator
         M = u.rho * x.V**2 / 2 * c.S * c.chord * Cm
-        _, qdot, _ = motion.rate_derivative(u.p, x.q, u.r, 0.0, M, 0.0, c.inertia)
+        _, qdot, _ = motion.rate_derivative(u.p, x.q, u.r, 0.0, M, 0.0, inertia)
         return Vdot, alphadot, thetadot, qdot, _climb_rate(x.V, x.alpha, x.theta, u)
 
     def outputs(x: Named, u: Named, p: Named) -> tuple[Any, ...]:
