@@ -29,6 +29,11 @@ from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
 
+NO_BATTERY = (
+    "No endurance, range or climb: the aircraft file lacks propulsion.battery_energy, such as"
+    ' battery_energy = "74 W h"; or give --battery-Wh.'
+)
+
 
 @dataclass(frozen=True)
 class Analysis:
@@ -98,7 +103,9 @@ def analyze(
     )  # fmt: skip
 
     progress("computing performance")
-    use = performance_result(request, table, trajectory, drag, aircraft, propeller, at, flown)
+    use, battery_warnings = None, [NO_BATTERY]
+    if request.battery_Wh or aircraft.propulsion.battery_energy_Wh:
+        use, battery_warnings = performance_result(request, table, trajectory, drag, aircraft, propeller, at, flown), []
     results = assemble(
         log=name,
         aircraft=aircraft,
@@ -109,6 +116,11 @@ def analyze(
         drag=drag,
         path=path_result(trajectory, agreement, sensor_errors),
         use=use,
-        warnings=contents.notes + data.notes + coverage_warnings + trajectory_warnings + drag.warnings,
+        warnings=contents.notes
+        + data.notes
+        + coverage_warnings
+        + trajectory_warnings
+        + drag.warnings
+        + battery_warnings,
     )
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)
