@@ -9,12 +9,12 @@ import pandas as pd
 
 from analysis import log_contents
 from analysis.airdata.from_log import flight_data
-from analysis.airdata.magnetometer import MagnetometerCalibration
 from analysis.drag import stand_ins
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.estimate import DragEstimates, estimate, main_polar
 from analysis.drag.polar import flown_condition, flown_lift
 from analysis.drag.thrust_coverage import thrust_coverage
+from analysis.log_contents import Replacements
 from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
 from analysis.performance.request import Request
@@ -49,22 +49,20 @@ class Analysis:
 
 def analyze(
     log: Log,
-    aircraft: Aircraft | None = None,
+    given: Replacements = Replacements(),
     progress: Callable[[str], None] = lambda _: None,
     *,
-    propeller: Propeller | None = None,
     request: Request = Request(),
     runs_file: Path | None = None,
-    magnetometer_calibration: MagnetometerCalibration | None = None,
 ) -> Analysis:
     """Power required and performance from a log.
 
-    aircraft, propeller, magnetometer_calibration: instead of those in the log. request: battery, weights and density
+    given: what replaces parts of the log, such as the aircraft file. request: battery, weights and density
     altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.toml_file`).
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
     name = str(log.path)
-    contents = log_contents.contents(log, aircraft, propeller, magnetometer_calibration)
+    contents = log_contents.contents(log, given)
     aircraft, propeller = contents.aircraft, contents.propeller
 
     progress("synchronizing")

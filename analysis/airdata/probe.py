@@ -282,6 +282,14 @@ def parse_probe(data: bytes, where: str) -> ProbeCalibration:
     return decoded(data, ProbeCalibration, (FORMAT, FIRST_FORMAT), where, "a probe calibration")
 
 
+def load_probe(path: Path) -> ProbeCalibration:
+    """The calibration of a file. Raises InputError naming it."""
+    try:
+        return parse_probe(path.read_bytes(), str(path))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
 def _powers(order: int) -> list[tuple[int, int]]:
     return [(i, total - i) for total in range(order + 1) for i in range(total, -1, -1)]
 

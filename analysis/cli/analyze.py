@@ -10,7 +10,7 @@ from rich.table import Table
 
 from analysis.cli.errors import run
 from analysis.files import write_kept
-from analysis.performance.request import parse_request
+from analysis.performance.request import parse_request, parse_weight
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log
@@ -34,6 +34,16 @@ def analyze(
             "--propeller",
             help="Propeller to use instead of the log's: a shipped name, our CSV, APC's PER3 file, or UIUC tables.",
         ),
+    ] = None,
+    probe: Annotated[
+        Path | None, typer.Option("--probe", help="Probe calibration to use instead of the one the log carries.")
+    ] = None,
+    zero: Annotated[
+        Path | None, typer.Option("--zero", help="Still-air zero of `daq zero` to use instead of the log's.")
+    ] = None,
+    weight: Annotated[
+        str | None,
+        typer.Option("--weight", help='Weight in this flight, such as "4.1 kg", instead of the aircraft file\'s.'),
     ] = None,
     runs: Annotated[
         Path | None,
@@ -66,7 +76,8 @@ def analyze(
 ) -> None:
     """From a log to power required: report.html, results.json, power_required.csv, and a table for the field.
 
-    A log carries all it needs: the aircraft file, the propeller table, the calibrations of probe and magnetometer.
+    A log of the daemon carries all it needs: the aircraft file, the propeller table, the calibrations of probe and
+    magnetometer, the zero. Each of these can be replaced, or given where the log lacks it.
     The curve is drawn over the speeds flown in accelerations and decelerations, with a 95 % interval. With it come
     endurance and range on a battery, climb and highest speed at full throttle, and what more weight or thinner air
     costs.
@@ -78,6 +89,7 @@ def analyze(
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give the folder for the results with -o")
     request = parse_request(battery_Wh, usable, weights, density_altitudes)
+    weight_N = None if weight is None else parse_weight(weight, "--weight")
     # A thread pool helps none of these small matrices and costs the start of every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with errors.status("reading the log …") as status:
@@ -85,18 +97,25 @@ def analyze(
         recorded, override = read_log(log), load_aircraft(aircraft) if aircraft else None
         other = _propeller(propeller) if propeller else None
         from analysis.airdata.magnetometer import load_magnetometer
+        from analysis.airdata.probe import load_probe
+        from analysis.log_contents import Replacements
         from analysis.maneuvers.toml_file import to_toml
         from analysis.pipeline import analyze as run_pipeline
         from analysis.report.write import write_report
+        from analysis.signals.rest import load_zero
 
         def say(text: str) -> None:
             status.update(text + " …")
 
-        of_compass = load_magnetometer(magnetometer) if magnetometer else None
-        analysis = run_pipeline(
-            recorded, override, say, propeller=other, request=request, runs_file=runs,
-            magnetometer_calibration=of_compass,
-        )  # fmt: skip
+        given = Replacements(
+            aircraft=override,
+            propeller=other,
+            probe=load_probe(probe) if probe else None,
+            magnetometer=load_magnetometer(magnetometer) if magnetometer else None,
+            zero=load_zero(zero) if zero else None,
+            weight_N=weight_N,
+        )
+        analysis = run_pipeline(recorded, given, say, request=request, runs_file=runs)
         status.update("drawing the report …")
         write_report(analysis, folder)
         listed = folder / "runs.toml"

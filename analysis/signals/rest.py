@@ -5,6 +5,7 @@ and after the flight may differ: transducers warm up. What they moved is said, a
 where it is more than noise.
 """
 
+from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
@@ -127,6 +128,14 @@ def zero_of_attachment(data: bytes | None, where: str) -> dict[str, float] | Non
         if field in zero.readings.get(topic, {}):
             found[name] = zero.readings[topic][field].mean
     return found
+
+
+def load_zero(path: Path) -> dict[str, float]:
+    """The same from a file that `daq zero` wrote. Raises InputError naming it."""
+    try:
+        return zero_of_attachment(path.read_bytes(), str(path)) or {}
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
 def _as_taken(taken: dict[str, float]) -> Zeros:
