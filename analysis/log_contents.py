@@ -28,7 +28,7 @@ class LogContents(NamedTuple):
 
 
 class Replacements(NamedTuple):
-    """What replaces the log's; None keeps that. weight_N : of the aircraft     zero : by channel, as `daq zero` has it"""
+    """What replaces the log's; None keeps that.  weight_N : of the aircraft     zero : by channel"""
 
     aircraft: Aircraft | None = None
     propeller: Propeller | None = None

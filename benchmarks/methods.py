@@ -1,10 +1,10 @@
-"""Every method over many simulated flights: error, width and coverage of its interval, and what disagreements named.
+"""Every method over many simulated flights: error, width and coverage of its interval, and causes of disagreements.
 
     python benchmarks/methods.py --errors study --flights 12
     python benchmarks/methods.py --errors bench --wrong alpha_offset_rad=0.02
 
-Flies, lets the sensors feel (no buses, no counts), analyses, and compares with the simulator's true curve at speeds
-that the method saw. `--wrong` sets one error of the budget to a given value instead of drawing it. docs/methods.md
+Simulates flights and sensors (no buses, no counts), analyses, and compares with the simulator's true curve within each
+method's range of speeds. `--wrong` sets one error of the budget to a given value instead of drawing it. docs/methods.md
 quotes what this prints.
 """
 
@@ -22,11 +22,11 @@ from rich.progress import track
 from rich.table import Table
 
 from analysis.airdata.probe import ProbeCalibration
-from analysis.drag import comparison as compare
-from analysis.drag import dynamic, methods
-from analysis.drag import polar as curve
+from analysis.drag.comparison import MethodDisagreement
+from analysis.drag.dynamic import DynamicEstimate, estimate_polar
 from analysis.drag.method import MethodEstimate
-from analysis.drag.polar import Polar
+from analysis.drag.methods import every_method
+from analysis.drag.polar import Condition, Polar, flown_condition, flown_lift, lift_coefficient, power_required
 from analysis.estimation.intervals import NORMAL_95
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import LEVEL_RUNS
@@ -40,7 +40,7 @@ OVER_STALL = (1.2, 1.4, 1.7, 2.0, 2.3)
 
 
 class Flown(NamedTuple):
-    """One flight as the sensors felt it: air data, where it stood, the true curve at its density, what was flown.
+    """One simulated flight: air data, where it stood, the true curve at its density.
 
     segments : kind, start_s, end_s of each segment of the plan
     """
@@ -51,19 +51,19 @@ class Flown(NamedTuple):
     segments: pd.DataFrame
 
 
-class Asked(NamedTuple):
-    """What the methods said of it."""
+class Analyzed(NamedTuple):
+    """The estimates of all methods from one flight."""
 
-    dynamic: dynamic.DynamicEstimate
+    dynamic: DynamicEstimate
     flown_CL: tuple[float, float]
-    answers: list[MethodEstimate]
+    estimates: list[MethodEstimate]
     one_by_one: list[MethodEstimate]
-    disagreements: list[compare.Disagreement]
-    at: curve.Condition
+    disagreements: list[MethodDisagreement]
+    at: Condition
 
 
 def drawn(budget: ErrorBudget, seed: int, **wrong: float) -> DrawnErrors:
-    """One day's errors, some of them not drawn but as given: names of `Systematic`, or `accel_x_bias`, `pitch_tilt`."""
+    """Random errors of one day, those in `wrong` set: names of `Systematic`, or `accel_x_bias`, `pitch_tilt`."""
     errors = flights.drawn(budget, seed)
     if "accel_x_bias" in wrong:
         errors = dataclasses.replace(errors, accel_bias=np.array([wrong.pop("accel_x_bias"), 0.0, 0.0]))
@@ -85,29 +85,30 @@ def fly(
     return Flown(air, still, flight.power_required, segments)
 
 
-def ask(aircraft: Aircraft, flown: Flown) -> Asked:
+def analyzed(aircraft: Aircraft, flown: Flown) -> Analyzed:
     propeller = load_propeller(aircraft.propulsion.propeller)
     found = find(flown.table, flown.still)
     level = found.of(*LEVEL_RUNS)
     trajectory = reconstruct(flown.table, flown.still)
-    estimate = dynamic.estimate_polar(flown.table, trajectory, level, aircraft, propeller)
+    estimate = estimate_polar(flown.table, trajectory, level, aircraft, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
-    flown_CL = curve.flown_lift(rows, aircraft)
-    at = curve.Condition(aircraft.mass.weight_N, float(rows["rho"].mean()), aircraft.geometry.wing_area_m2)
-    said = methods.every_method(flown.table, trajectory, found.maneuvers, estimate, flown_CL, aircraft, propeller, at)
-    return Asked(estimate, flown_CL, said.by_method, said.one_by_one, said.disagreements, at)
+    at, flown_CL = flown_condition(rows, aircraft), flown_lift(rows, aircraft)
+    others = every_method(flown.table, trajectory, found.maneuvers, estimate, flown_CL, aircraft, propeller, at)
+    return Analyzed(estimate, flown_CL, others.by_method, others.one_by_one, others.disagreements, at)
 
 
-def compared(polar: Polar, flown_CL: tuple[float, float], V: np.ndarray, truth: np.ndarray, at) -> np.ndarray:
-    """Error and half the 95 % interval in per cent (2, speeds); NaN outside what the method saw."""
-    power, error = curve.power_required(V, polar, at)
-    CL = curve.lift_coefficient(V, at)
+def compared(
+    polar: Polar, flown_CL: tuple[float, float], V: np.ndarray, truth: np.ndarray, at: Condition
+) -> np.ndarray:
+    """Error and half the 95 % interval in per cent (2, speeds); NaN outside the method's range of speeds."""
+    power, error = power_required(V, polar, at)
+    CL = lift_coefficient(V, at)
     seen = (CL >= 0.98 * flown_CL[0]) & (CL <= 1.02 * flown_CL[1])
     return np.where(seen, 100 * np.stack([power / truth - 1, NORMAL_95 * error / truth]), np.nan)
 
 
 class Job(NamedTuple):
-    """One flight to fly and to ask about."""
+    """One flight to simulate and to analyse."""
 
     aircraft: Aircraft
     probe: ProbeCalibration
@@ -120,18 +121,18 @@ class Job(NamedTuple):
 
 
 def one_flight(job: Job) -> tuple[list[tuple[str, np.ndarray]], list[str]]:
-    """What each method said, compared with the truth, by its title; and what disagreements named."""
+    """Title of each method and its curve compared with the truth; causes of disagreements."""
     flown = fly(
         job.aircraft, job.probe, drawn(load_budget(job.errors), job.seed, **job.wrong),
         job.plan, job.turbulence_kt, job.seed,
     )  # fmt: skip
-    asked = ask(job.aircraft, flown)
+    result = analyzed(job.aircraft, flown)
     truth = np.interp(job.V, flown.truth["speed_mps"], flown.truth["power_W"])
-    said = [("dynamic", asked.dynamic.polar, asked.flown_CL)]
-    said += [(a.method.title, a.polar, a.flown_CL) for a in asked.answers if a.polar is not None]
-    said += [("each run alone", a.polar, a.flown_CL) for a in asked.one_by_one if a.polar is not None]
-    figures = [(title, compared(polar, flown_CL, job.V, truth, asked.at)) for title, polar, flown_CL in said]
-    return figures, [f"{one.first} - {one.second}: {one.culprit}" for one in asked.disagreements]
+    curves = [("dynamic", result.dynamic.polar, result.flown_CL)]
+    curves += [(e.method.title, e.polar, e.flown_CL) for e in result.estimates if e.polar is not None]
+    curves += [("each run alone", e.polar, e.flown_CL) for e in result.one_by_one if e.polar is not None]
+    figures = [(title, compared(polar, flown_CL, job.V, truth, result.at)) for title, polar, flown_CL in curves]
+    return figures, [f"{one.first} - {one.second}: {one.cause}" for one in result.disagreements]
 
 
 def main(
@@ -140,7 +141,7 @@ def main(
     turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
     count: Annotated[int, typer.Option("--flights", help="How many; seeds 0, 1, …")] = 12,
     first_seed: Annotated[int, typer.Option(help="The first seed.")] = 0,
-    wrong: Annotated[list[str] | None, typer.Option(help="NAME=VALUE: one error not drawn but as given.")] = None,
+    wrong: Annotated[list[str] | None, typer.Option(help="NAME=VALUE: one error set instead of drawn.")] = None,
     aircraft_name: Annotated[str, typer.Option("--aircraft", help="Aircraft.")] = "nexstar",
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
 ) -> None:
@@ -148,30 +149,30 @@ def main(
     given = {name: float(value) for name, _, value in (text.partition("=") for text in wrong or [])}
     V = np.array(OVER_STALL) * flights.stall_mps(aircraft)
     gathered: dict[str, list[np.ndarray]] = {}
-    named: Counter[str] = Counter()
+    causes: Counter[str] = Counter()
     console = Console(width=140)
     todo = [
         Job(aircraft, probe, errors, given, plan, turbulence_kt, seed, V)
         for seed in range(first_seed, first_seed + count)
     ]
     with ProcessPoolExecutor(jobs) as pool:
-        for figures, names in track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True)):
+        for figures, found in track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True)):
             for title, values in figures:
                 gathered.setdefault(title, []).append(values)
-            named.update(names)
+            causes.update(found)
     console.print(f"{errors} {given or ''}, {plan}, W20 = {turbulence_kt:g} kt, {count} flights from seed {first_seed}")
     table = Table("method", "", *(f"{v:.1f} m/s" for v in V), box=None)
     rows = []
-    for title, values in gathered.items():
-        error, half = np.array(values).transpose(1, 0, 2)
+    for title, curves in gathered.items():
+        error, half = np.array(curves).transpose(1, 0, 2)
         rows.append(flights.as_markdown(title, error, half))
         for name, row, form in flights.error_rows(error, half):
             table.add_row(title, name, *(form.format(x) if np.isfinite(x) else "-" for x in row))
             title = ""
     console.print(table)
     print("", *rows, "", sep="\n")
-    console.print("disagreements named:")
-    for text, count in named.most_common():
+    console.print("causes of disagreements:")
+    for text, count in causes.most_common():
         console.print(f"  {count:3d} x {text}")
 
 

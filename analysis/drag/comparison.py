@@ -1,10 +1,10 @@
-"""Where two methods disagree, by how much, and what that points at.
+"""Pairs of methods that disagree: where, by how much, and which sensor error causes it.
 
-Each pair differs in what it takes as measured, so only certain faults can part it: dynamic and direct the
-alignment of the angle of attack; dynamic and speed the pitch attitude; dynamic and energy the airspeed or, if nothing
-that was found explains it, the pitch attitude of the path; accelerations and decelerations lag or thrust; dynamic and
-steady points the propeller's table. The culprit is the cause that accounts for most of the gap, by what path and
-dynamic method found of it.
+The two methods of a pair take different quantities as measured, so that only certain causes can part them: dynamic and
+direct the alignment of the angle of attack; dynamic and speed the pitch attitude; dynamic and energy the airspeed or,
+if no estimated error explains the difference, the pitch attitude of the trajectory; accelerations and decelerations
+lag or thrust; dynamic and steady points the propeller table. Named is the cause whose estimated errors explain most of
+the difference.
 """
 
 from collections.abc import Mapping
@@ -14,46 +14,51 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drag import polar as curve
-from analysis.drag import sensor_errors as as_measured
+from analysis.drag.comparison_text import sentences
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.forces import J_REFERENCE
 from analysis.drag.method import MethodEstimate
-from analysis.drag.polar import Condition, Polar
-from analysis.drag.sensor_errors import Error
-from analysis.estimation.intervals import NORMAL_95
+from analysis.drag.polar import Condition, Polar, power_required, speed_at
+from analysis.drag.sensor_errors import CAUSES, INSTALLATION_TOLERANCE, UNEXPLAINED, ErrorEstimate
 
 Array = NDArray[np.float64]
 
-SURE = 3.0  # standard errors: five pairs are compared, each at many speeds
+SIGNIFICANT = 3.0  # standard errors: five pairs are compared, each at many speeds
 SPEEDS = 31
-LEAST_COMMON = 1.15  # highest over lowest speed that both methods saw
-UNEXPLAINED = "unexplained"
-NOTHING: Array = np.zeros((3, 3))
-
-# What is left over when everything found is taken out, pair by pair.
-LEFT_OVER = {"energy": "pitch attitude"}
+LEAST_SPEED_RATIO = 1.15  # highest over lowest of the speeds common to both methods
 DYNAMIC = "dynamic"
+PAIRS = (
+    (DYNAMIC, "direct"),
+    (DYNAMIC, "direct-speed"),
+    (DYNAMIC, "energy"),
+    (DYNAMIC, "piw-viw"),
+    ("decelerations", "accelerations"),
+)
+# By second method: the cause of a difference that no estimated error explains.
+CAUSE_BY_EXCLUSION = {"energy": "pitch attitude"}
 
 
-class Side(NamedTuple):
-    """One of two methods compared: its polar and what may part it from the other."""
+class ComparedMethod(NamedTuple):
+    """One of the two methods compared; fields as in `MethodEstimate`.
+
+    covariance : (3, 3) of A without what the two methods share and what the sensitivities stand for
+    trajectory_deviations : None for the dynamic method, whose covariance contains them
+    """
 
     name: str
     title: str
     A: Array
-    noise: Array
-    slopes: Mapping[str, Array]
-    faults: Mapping[str, Array]
-    moves: Array | None
+    covariance: Array
+    sensitivities: Mapping[str, Array]
+    cause_effects: Mapping[str, Array]
+    trajectory_deviations: Array | None
     flown_CL: tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Disagreement:
-    """At `speed_mps` the second method gives `difference_W` more than the first; `allowed_W` would be no surprise.
+class MethodDisagreement:
+    """At `speed_mps` the second method gives `difference_W` more than the first; up to `allowed_W` they agree.
 
-    shares_W : how much of the difference each cause accounts for; UNEXPLAINED what none does
+    shares_W : the part of the difference that each cause explains, and under UNEXPLAINED the rest
     """
 
     first: str
@@ -61,7 +66,7 @@ class Disagreement:
     speed_mps: float
     difference_W: float
     allowed_W: float
-    culprit: str
+    cause: str
     shares_W: dict[str, float]
     text: str
 
@@ -69,150 +74,105 @@ class Disagreement:
 def disagreements(
     dynamic: DynamicEstimate | None,
     dynamic_CL: tuple[float, float],
-    answers: list[MethodEstimate],
-    errors: Mapping[str, Error],
+    estimates: list[MethodEstimate],
+    errors: Mapping[str, ErrorEstimate],
     at: Condition,
-) -> list[Disagreement]:
-    """All pairs that disagree, at one weight and density. errors: as `as_measured.found` has them."""
-    sides = {answer.method.name: _side(answer) for answer in answers if answer.polar is not None}
-    if dynamic is not None:
-        whole = dynamic.noise + dynamic.systematic
-        sides[DYNAMIC] = Side(
-            DYNAMIC, "the dynamic method", dynamic.values[:3], whole[:3, :3], {}, {}, None, dynamic_CL
+) -> list[MethodDisagreement]:
+    """All PAIRS that disagree, at one weight and density. errors: from `estimate_errors`."""
+    methods = {
+        e.method.name: ComparedMethod(
+            e.method.name,
+            e.method.title,
+            e.polar.A,
+            e.noise,
+            e.sensitivities,
+            e.cause_effects,
+            e.trajectory_deviations,
+            e.flown_CL,
         )
-    pairs = [(DYNAMIC, name) for name in ("direct", "direct-speed", "energy", "piw-viw")]
-    pairs.append(("decelerations", "accelerations"))
-    found = (_compared(sides[a], sides[b], errors, at) for a, b in pairs if a in sides and b in sides)
-    return [one for one in found if one is not None]
+        for e in estimates
+        if e.polar is not None
+    }
+    if dynamic is not None:
+        A, whole = dynamic.values[:3], dynamic.noise + dynamic.systematic
+        methods[DYNAMIC] = ComparedMethod(DYNAMIC, "the dynamic method", A, whole[:3, :3], {}, {}, None, dynamic_CL)
+    compared = (_compare(methods[a], methods[b], errors, at) for a, b in PAIRS if a in methods and b in methods)
+    return [disagreement for disagreement in compared if disagreement is not None]
 
 
-def _side(answer: MethodEstimate) -> Side:
-    assert answer.polar is not None
-    return Side(
-        answer.method.name,
-        answer.method.title,
-        answer.polar.A,
-        answer.noise,
-        answer.slopes,
-        answer.faults,
-        answer.moves,
-        answer.flown_CL,
-    )
-
-
-def _compared(first: Side, second: Side, errors: Mapping[str, Error], at: Condition) -> Disagreement | None:
+def _compare(
+    first: ComparedMethod, second: ComparedMethod, errors: Mapping[str, ErrorEstimate], at: Condition
+) -> MethodDisagreement | None:
     low, high = max(first.flown_CL[0], second.flown_CL[0]), min(first.flown_CL[1], second.flown_CL[1])
-    if high < LEAST_COMMON**2 * low:
+    if high < LEAST_SPEED_RATIO**2 * low:
         return None
-    V = curve.speed_at(np.linspace(low, high, SPEEDS), at)
-    gap, _ = curve.power_required(V, Polar(second.A - first.A, NOTHING), at)
-    _, error = curve.power_required(V, Polar(first.A, _allowed(first, second)), at)
-    excess = np.abs(gap) / (SURE * error)
+    V = speed_at(np.linspace(low, high, SPEEDS), at)
+    _, error = power_required(V, Polar(first.A, _allowed_covariance(first, second)), at)
+    differences = _power(V, second.A - first.A, at)
+    excess = np.abs(differences) / (SIGNIFICANT * error)
     worst = int(np.argmax(excess))
     if excess[worst] <= 1:
         return None
     here = V[worst : worst + 1]
-    power, _ = curve.power_required(here, Polar(first.A, NOTHING), at)
     shares = {
-        cause: float(curve.power_required(here, Polar(_of(second, cause) - _of(first, cause), NOTHING), at)[0][0])
-        for cause in as_measured.CAUSES
-        if cause in first.faults or cause in second.faults
+        cause: float(_power(here, _cause_effect(second, cause) - _cause_effect(first, cause), at)[0])
+        for cause in CAUSES
+        if cause in first.cause_effects or cause in second.cause_effects
     }
-    difference = float(gap[worst])
+    difference, allowed = float(differences[worst]), float(SIGNIFICANT * error[worst])
     shares[UNEXPLAINED] = difference - sum(shares.values())
-    culprit = max(shares, key=lambda cause: shares[cause] * np.sign(difference))
-    allowed = float(SURE * error[worst])
-    if culprit == UNEXPLAINED and abs(shares[UNEXPLAINED]) > allowed:
-        culprit = LEFT_OVER.get(second.name, UNEXPLAINED)
-    elif culprit == UNEXPLAINED:
-        # What is left over would be no surprise: a fault that was surely found is named, though it be the smaller part.
-        surely = [cause for cause in shares if _surely_found(cause, errors) and shares[cause] * difference > 0]
-        if not surely:
-            return None
-        culprit = max(surely, key=lambda cause: abs(shares[cause]))
-    text = _in_words(first, second, float(V[worst]), difference, float(power[0]), culprit, shares, errors, at)
-    return Disagreement(first.name, second.name, float(V[worst]), difference, allowed, culprit, shares, text)
+    cause = _cause(second.name, difference, allowed, shares, errors)
+    if cause is None:
+        return None
+    speed, power = float(here[0]), float(_power(here, first.A, at)[0])
+    text = sentences(
+        (first.title, second.title), speed, power, difference, cause, shares.get(cause), shares[UNEXPLAINED], errors, at
+    )
+    return MethodDisagreement(first.name, second.name, speed, difference, allowed, cause, shares, text)
 
 
-def _surely_found(cause: str, errors: Mapping[str, Error]) -> bool:
-    found = [errors[name] for name in as_measured.CAUSES.get(cause, ())]
-    return any(abs(error.value) > SURE * error.standard_error for error in found)
+def _cause(
+    second: str,
+    difference: float,
+    allowed: float,
+    shares: Mapping[str, float],
+    errors: Mapping[str, ErrorEstimate],
+) -> str | None:
+    """The cause with the largest share of a difference [W]; None where there is none to name.
+
+    Where the unexplained share is the largest but within what is allowed, it is the largest of the significant errors.
+    """
+    largest = max(shares, key=lambda cause: shares[cause] * np.sign(difference))
+    if largest != UNEXPLAINED:
+        return largest
+    if abs(shares[UNEXPLAINED]) > allowed:
+        return CAUSE_BY_EXCLUSION.get(second, UNEXPLAINED)
+    significant = [cause for cause in shares if _significant(cause, errors) and shares[cause] * difference > 0]
+    return max(significant, key=lambda cause: abs(shares[cause]), default=None)
 
 
-def _allowed(first: Side, second: Side) -> Array:
-    """Covariance (3, 3) of the difference between the two if nothing is wrong: noise, and a careful installation."""
-    C = first.noise + second.noise
-    for name in set(first.slopes) | set(second.slopes):
-        slope = second.slopes.get(name, np.zeros(3)) - first.slopes.get(name, np.zeros(3))
-        C = C + np.outer(slope, slope) * as_measured.CAREFUL[name] ** 2
-    if first.moves is not None and second.moves is not None:
-        moves = second.moves - first.moves
-        C = C + moves @ moves.T
+def _significant(cause: str, errors: Mapping[str, ErrorEstimate]) -> bool:
+    estimates = [errors[name] for name in CAUSES.get(cause, ())]
+    return any(abs(error.value) > SIGNIFICANT * error.standard_error for error in estimates)
+
+
+def _allowed_covariance(first: ComparedMethod, second: ComparedMethod) -> Array:
+    """Covariance (3, 3) of the difference of two methods without a fault: noise, and INSTALLATION_TOLERANCE."""
+    C = first.covariance + second.covariance
+    for name in set(first.sensitivities) | set(second.sensitivities):
+        sensitivity = second.sensitivities.get(name, np.zeros(3)) - first.sensitivities.get(name, np.zeros(3))
+        C = C + np.outer(sensitivity, sensitivity) * INSTALLATION_TOLERANCE[name] ** 2
+    if first.trajectory_deviations is not None and second.trajectory_deviations is not None:
+        deviations = second.trajectory_deviations - first.trajectory_deviations
+        C = C + deviations @ deviations.T
     return C
 
 
-def _of(side: Side, cause: str) -> Array:
-    return side.faults.get(cause, np.zeros(3))
+def _cause_effect(method: ComparedMethod, cause: str) -> Array:
+    return method.cause_effects.get(cause, np.zeros(3))
 
 
-def _in_words(
-    first: Side,
-    second: Side,
-    V: float,
-    difference_W: float,
-    power_W: float,
-    culprit: str,
-    shares: Mapping[str, float],
-    errors: Mapping[str, Error],
-    at: Condition,
-) -> str:
-    where = "above" if difference_W > 0 else "below"
-    left = shares[UNEXPLAINED]
-    size = abs(difference_W)
-    said = (
-        f"{second.title[0].upper()}{second.title[1:]}: {100 * size / power_W:.0f} % ({size:.1f} W) {where}"
-        f" {first.title} at {V:.1f} m/s. "
-    )
-    if culprit == UNEXPLAINED:
-        return said + "Nothing that was found in the sensors or the propeller's table explains it."
-    if LEFT_OVER.get(second.name) == culprit and culprit not in shares:
-        # A nose held too high by the path turns lift into drag of the dynamic method: W V tilt above the energy's.
-        tilt = np.degrees(-left / (at.weight_N * V))
-        return (
-            said + f"Airspeed, lag and thrust do not explain it: the path's pitch attitude is {abs(tilt):.2f} deg too"
-            f" {'high' if tilt > 0 else 'low'}."
-        )
-    explained = f" That accounts for {abs(shares[culprit]):.1f} W of it; {abs(left):.1f} W remain unexplained."
-    return said + _fault_in_words(culprit, errors) + explained
-
-
-def _fault_in_words(cause: str, errors: Mapping[str, Error]) -> str:
-    """What was found of a cause, with its size."""
-    if cause == "angle of attack":
-        bias, scale = errors["alpha_bias"], errors["alpha_scale"]
-        words = f"The angle of attack reads {_degrees(bias)} against the IMU's axes"
-        return words + (
-            f", and {_percent(scale)} in its slope." if abs(scale.value) > 2 * scale.standard_error else "."
-        )
-    if cause == "pitch attitude":
-        return f"The pitch attitude that the accelerometer levels is {_degrees(errors['pitch'])}: it is biased."
-    if cause == "airspeed":
-        return f"The airspeed reads {_percent(errors['airspeed_scale'])}."
-    if cause == "air-data lag":
-        lag = errors["lag"]
-        return f"The air data come {lag.value:.3f} ± {NORMAL_95 * lag.standard_error:.3f} s late."
-    scale, slope = errors["thrust_scale"], errors["thrust_slope"]
-    return (
-        f"The propeller gives {_percent(scale, 'more', 'less')} thrust than its table says at J = {J_REFERENCE:g},"
-        f" changing by {10 * slope.value:+.1f} % for each 0.1 of J (or the motor's speed or the weight is wrong)."
-    )
-
-
-def _degrees(error: Error) -> str:
-    value, half = np.degrees(error.value), np.degrees(NORMAL_95 * error.standard_error)
-    return f"{abs(value):.2f} ± {half:.2f} deg too {'high' if value > 0 else 'low'}"
-
-
-def _percent(error: Error, more: str = "high", less: str = "low") -> str:
-    half = 100 * NORMAL_95 * error.standard_error
-    return f"{100 * abs(error.value):.1f} ± {half:.1f} % {more if error.value > 0 else less}"
+def _power(V: Array, A: Array, at: Condition) -> Array:
+    """Power required [W] (n,) by polar coefficients A (3,) or by a difference of these."""
+    power, _ = power_required(V, Polar(A, np.zeros((3, 3))), at)
+    return power

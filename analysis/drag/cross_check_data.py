@@ -1,5 +1,6 @@
-"""Runs as the estimators that integrate the equations of motion want them, and what they know of the sensors before."""
+"""The cross-check's data and priors: runs as segments for estimators that integrate the equations of motion."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -7,9 +8,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.air import bank_rad
+from analysis.drag.stand_ins import alpha_scale_sigma
 from analysis.estimation.aircraft_models import Priors
 from analysis.estimation.data import Segment
 from analysis.maneuvers.kinds import Run
+from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
@@ -23,32 +26,34 @@ INPUTS = {
     "rho": "rho",
 }
 OUTPUTS = {"V": "V_mps", "alpha": "alpha_rad", "ax": "ax_mps2", "az": "az_mps2", "h": "height_m"}
-SMOOTHING_S = 0.5  # of the speed at which thrust is read from the table; the model goes on from there
+SMOOTHING_S = 0.5  # of V_ref, at which thrust is read from the table; the model adds thrust_per_speed (V - V_ref)
 SPEED_STEP_MPS = 0.3  # for the slope of thrust over speed
 LEAST_SPEED_MPS = 5.0
 SHORTEST = 12  # blocks of a run
 
-# As a builder of trays knows them: standard deviations of one probe, one IMU, one propeller table out of many.
+# Standard deviations over many probes, IMUs and propeller tables.
 PRIORS = Priors(
     alpha_bias_rad=np.radians(1.0),
-    accelerometer_bias_mps2=0.19,  # within 0.3 m/s^2, and half a degree of misalignment under 1 g
+    accelerometer_bias_mps2=0.19,  # uniform within 0.3 m/s^2, and half a degree of misalignment under 1 g
     V_scale=0.0125,
     V_bias_mps=0.15,
     thrust_scale=0.018,
 )
-UNZEROED_GYRO_RADPS = 0.02  # an MPU9250's zero-rate output at room temperature, as it comes
+UNZEROED_GYRO_RADPS = 0.02  # an MPU9250's zero-rate output at room temperature, uncalibrated
 
 
-def priors(*, zeroed: bool) -> Priors:
-    """What is known of the sensors. zeroed: the gyro's bias at rest was taken out."""
-    return PRIORS if zeroed else replace(PRIORS, gyro_bias_radps=UNZEROED_GYRO_RADPS)
+def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
+    """Priors of the sensor errors. zeroed: the gyro biases at rest were subtracted."""
+    alpha_scale = math.hypot(PRIORS.alpha_scale, alpha_scale_sigma(aircraft))
+    gyro_bias = PRIORS.gyro_bias_radps if zeroed else UNZEROED_GYRO_RADPS
+    return replace(PRIORS, alpha_scale=alpha_scale, gyro_bias_radps=gyro_bias)
 
 
 def segments_of(table: pd.DataFrame, runs: list[Run], propeller: Propeller, *, block: int) -> list[Segment]:
-    """Inputs and outputs of `models.level_run`, means over `block` samples. table: as `air_data` leaves it.
+    """Inputs and outputs of `models.level_run`, means over `block` samples. table: from `air_data`.
 
-    Small gaps in inputs are bridged, blocks without a sample of an output are left out; runs of fewer than SHORTEST
-    blocks too.
+    Gaps in inputs are interpolated. Blocks without a sample of an output are left out, and so are runs of fewer than
+    SHORTEST blocks.
     """
     step_s = float(table.index[1] - table.index[0])
     width = max(1, round(SMOOTHING_S / step_s))
@@ -57,7 +62,8 @@ def segments_of(table: pd.DataFrame, runs: list[Run], propeller: Propeller, *, b
     n, rho = table["n_revps"].where(table["n_revps"] > 1), table["rho"]
 
     def thrust(V: pd.Series) -> pd.Series:
-        return propeller.thrust_and_power(V, n, rho)[0]
+        thrust_N: pd.Series = propeller.thrust_and_power(V, n, rho)[0]
+        return thrust_N
 
     signals = {name: table[column] for name, column in INPUTS.items()}
     signals["thrust"] = thrust(V_ref)
@@ -89,5 +95,5 @@ def _means(signal: pd.Series, block: int) -> Array:
 
 
 def _filled(signal: pd.Series) -> pd.Series:
-    """Without gaps: linear across them; zero where nothing was ever measured."""
+    """Gaps interpolated linearly; zero where nothing was measured at all."""
     return signal.interpolate(limit_direction="both").fillna(0.0)

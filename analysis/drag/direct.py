@@ -1,94 +1,72 @@
-"""Direct drag: the force along the path at every instant, regressed on lift (2.18)-(2.21).
+"""Direct drag: the drag at every instant of a run, regressed on lift (2.18)-(2.21).
 
-From the accelerometers (2.16), with the angle of attack as measured: where it differs from the dynamic method, that
-angle is not aligned with the IMU. From speed (2.22), with the pitch attitude that the accelerometer alone would level:
-where it differs, the accelerometer is biased. Accelerations and decelerations apart, with airspeed as it comes: where
-they differ, air data come late or the propeller's table is off.
+From the accelerometers (2.16), with the angle of attack as measured: a difference from the dynamic method shows that
+this angle is not aligned with the IMU. From speed (2.22), with the pitch attitude that the accelerometer alone would
+level: a difference shows that the accelerometer is biased. Accelerations and decelerations apart, with the airspeed
+not corrected for lag: a difference between them shows an air-data lag or a wrong propeller table.
 
-What is regressed is drag over mass, whose errors are of one size; C_D's are not.
+All forces are over mass [m/s^2]. The observation is drag, whose errors are of one size; those of C_D are not.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.method import Method
-from analysis.drag.regression import Piece, TimeSeries
+from analysis.drag.regression import RunRegression, TimeSeriesRegression
+from analysis.drag.run_data import run_data
 from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Run
 from flight.aircraft import Aircraft
-from flight.atmosphere import GRAVITY_MPS2 as g
-from flight.errors import InputError
+from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
-
-SHORTEST = 10  # blocks of a run
-
-
-class Along(NamedTuple):
-    """A run's time (n,) [s], and what a method is given over it, by name, each (n,)."""
-
-    run: Run
-    t_s: Array
-    f: dict[str, Array]
-
-
-def along_runs(given: pd.DataFrame, runs: list[Run], columns: tuple[str, ...]) -> list[Along]:
-    """The columns over each run, small gaps bridged. Raises InputError when no run has them all."""
-    t, values = given.index.to_numpy(), given[list(columns)].to_numpy()
-    found = []
-    for run in runs:
-        rows = slice(*np.searchsorted(t, (run.start_s, np.nextafter(run.end_s, np.inf))))
-        data = values[rows]
-        if not np.isfinite(data).all():
-            data = pd.DataFrame(data).interpolate(limit_direction="both").to_numpy()
-        if len(data) >= SHORTEST and np.isfinite(data).all():
-            found.append(Along(run, t[rows], dict(zip(columns, data.T, strict=True))))
-    if not found:
-        raise InputError("no run has all the data it takes")
-    return found
+# The quantities of the force balance, and the columns of the methods' table that they are taken from.
+ALONG_TRAJECTORY = {
+    "ax": "ax",
+    "az": "az",
+    "alpha": "alpha",
+    "thrust_x_over_m": "thrust_x_over_m_mps2",
+    "qS_over_m": "qS_over_m_mps2",
+}
+ALPHA_MEASURED = ALONG_TRAJECTORY | {"alpha": "alpha_measured"}
+THETA_MEASURED = ALONG_TRAJECTORY | {"theta": "theta_measured", "bank": "bank", "Vdot": "Vdot"}
+AIRSPEED_LAGGED = ALONG_TRAJECTORY | {
+    "thrust_x_over_m": "thrust_x_over_m_lagged_mps2",
+    "qS_over_m": "qS_over_m_lagged_mps2",
+}
 
 
-Forces = Callable[[dict[str, Array]], tuple[Array, Array, Array]]
+def _regression(
+    drag_and_lift: Callable[[Mapping[str, Array]], tuple[Array, Array]], columns: dict[str, str]
+) -> Callable[[pd.DataFrame, list[Run], Aircraft], TimeSeriesRegression]:
+    def regression(table: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeriesRegression:
+        regressions = []
+        for run, t, data in run_data(table, runs, tuple(columns.values())):
+            f = {quantity: data[column] for quantity, column in columns.items()}
+            drag, lift = drag_and_lift(f)
+            CL = lift / f["qS_over_m"]
+            X = f["qS_over_m"][:, None] * CL[:, None] ** np.arange(3)
+            regressions.append(RunRegression(run.name, t, X, drag, CL))
+        return TimeSeriesRegression(regressions)
+
+    return regression
 
 
-def _problem(drag_and_lift: Forces, columns: tuple[str, ...]):
-    def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
-        pieces = []
-        for run, t, f in along_runs(given, runs, columns):
-            drag, lift, qS = drag_and_lift(f)
-            CL = lift / qS
-            pieces.append(Piece(run.name, t, qS[:, None] * CL[:, None] ** np.arange(3), drag, CL))
-        return TimeSeries(pieces)
-
-    return problem
+def from_accelerometers(f: Mapping[str, Array]) -> tuple[Array, Array]:
+    """Drag (2.16), (2.20) and lift (2.19), both over mass [m/s^2]."""
+    alpha, az = f["alpha"], f["az"]
+    forward = f["ax"] - f["thrust_x_over_m"]
+    return -forward * np.cos(alpha) - az * np.sin(alpha), forward * np.sin(alpha) - az * np.cos(alpha)
 
 
-def from_accelerometers(f: dict[str, Array], alpha: str = "alpha_felt", late: str = "") -> tuple[Array, Array, Array]:
-    """Drag (2.16), (2.20), lift (2.19) and dynamic pressure times area, all over mass [m/s^2]."""
-    a, az = f[alpha], f["az"]
-    forward = f["ax"] - f[f"thrust{late}"]
-    return -forward * np.cos(a) - az * np.sin(a), forward * np.sin(a) - az * np.cos(a), f[f"qS{late}"]
-
-
-def from_speed(f: dict[str, Array]) -> tuple[Array, Array, Array]:
-    """Drag (2.22), its angle of climb from pitch attitude and angle of attack, and lift as above [m/s^2]."""
-    _, lift, qS = from_accelerometers(f, "alpha")
-    a, theta = f["alpha"], f["theta_felt"]
-    sin_gamma = np.cos(a) * np.sin(theta) - np.sin(a) * np.cos(theta) * np.cos(f["bank"])
-    return f["thrust"] * np.cos(a) - f["Vdot"] - g * sin_gamma, lift, qS
-
-
-def along_path(f: dict[str, Array]) -> tuple[Array, Array, Array]:
-    """Drag from the accelerometers, everything else from the path."""
-    return from_accelerometers(f, "alpha")
-
-
-def at_late_speed(f: dict[str, Array]) -> tuple[Array, Array, Array]:
-    """Drag from the accelerometers along the path, dynamic pressure and thrust from airspeed as late as it comes."""
-    return from_accelerometers(f, "alpha", "_late")
+def from_speed(f: Mapping[str, Array]) -> tuple[Array, Array]:
+    """Drag (2.22), its flight path angle from pitch attitude and angle of attack, and lift as above [m/s^2]."""
+    _, lift = from_accelerometers(f)
+    alpha, theta = f["alpha"], f["theta"]
+    sin_gamma = np.cos(alpha) * np.sin(theta) - np.sin(alpha) * np.cos(theta) * np.cos(f["bank"])
+    return f["thrust_x_over_m"] * np.cos(alpha) - f["Vdot"] - g * sin_gamma, lift
 
 
 DIRECT = Method(
@@ -96,32 +74,32 @@ DIRECT = Method(
     title="direct drag, accelerometers",
     equations="(2.16), (2.18)-(2.21)",
     kinds=(*LEVEL_RUNS, *LOAD_FACTOR_MANEUVERS),
-    takes=("alpha_bias", "alpha_scale", "lag", "thrust_scale", "thrust_slope"),
-    problem=_problem(from_accelerometers, ("alpha_felt", "ax", "az", "thrust", "qS")),
+    taken_as_measured=("alpha_bias", "alpha_scale", "lag", "thrust_scale", "thrust_slope"),
+    regression=_regression(from_accelerometers, ALPHA_MEASURED),
 )
 FROM_SPEED = Method(
     name="direct-speed",
     title="direct drag, speed and pitch attitude",
     equations="(2.22), (2.18)-(2.21)",
     kinds=(*LEVEL_RUNS, *LOAD_FACTOR_MANEUVERS),
-    takes=("pitch", "thrust_scale", "thrust_slope"),
-    problem=_problem(from_speed, ("alpha", "theta_felt", "bank", "Vdot", "ax", "az", "thrust", "qS")),
+    taken_as_measured=("pitch", "thrust_scale", "thrust_slope"),
+    regression=_regression(from_speed, THETA_MEASURED),
 )
 ONE_RUN = Method(
     name="run",
     title="one run alone, propeller table as it is",
     equations="(2.16), (2.18)-(2.21) along the path",
     kinds=LEVEL_RUNS,
-    takes=("thrust_scale", "thrust_slope"),
-    problem=_problem(along_path, ("alpha", "ax", "az", "thrust", "qS")),
+    taken_as_measured=("thrust_scale", "thrust_slope"),
+    regression=_regression(from_accelerometers, ALONG_TRAJECTORY),
 )
 VARIED_LIFT = Method(
     name="varied-lift",
     title="roller coasters and wind-up turns",
     equations="(2.16), (2.18)-(2.21) along the path",
     kinds=LOAD_FACTOR_MANEUVERS,
-    takes=("thrust_scale", "thrust_slope"),
-    problem=_problem(along_path, ("alpha", "ax", "az", "thrust", "qS")),
+    taken_as_measured=("thrust_scale", "thrust_slope"),
+    regression=_regression(from_accelerometers, ALONG_TRAJECTORY),
 )
 ACCELERATIONS, DECELERATIONS = (
     Method(
@@ -129,8 +107,8 @@ ACCELERATIONS, DECELERATIONS = (
         title=f"{kind}s alone, propeller table as it is",
         equations="(2.16), (2.18)-(2.21)",
         kinds=(kind,),
-        takes=("lag", "thrust_scale", "thrust_slope"),
-        problem=_problem(at_late_speed, ("alpha", "ax", "az", "thrust_late", "qS_late")),
+        taken_as_measured=("lag", "thrust_scale", "thrust_slope"),
+        regression=_regression(from_accelerometers, AIRSPEED_LAGGED),
     )
     for kind in (ACCELERATION, DECELERATION)
 )

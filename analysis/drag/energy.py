@@ -1,9 +1,11 @@
-"""Energy: what thrust puts in and what speed and height keep; drag has taken the rest (2.23)-(2.26).
+"""Energy: the thrust work that is not found in speed and height is the work of drag (2.23)-(2.26).
 
 Edot = (T cos(alpha) - D) V is used in its integral, E(t) - E(0): nothing noisy is differentiated. Speed and height are
-as the transducers give them, and no accelerometer, gyro or angle is needed but for the lift that thrust takes off the
-wing: where it differs from the dynamic method by more than airspeed, lag and thrust explain, the pitch attitude of the
-path is wrong.
+taken as measured. Accelerometers, gyros and angles serve only for the part of the weight that thrust carries. A
+difference from the dynamic method that errors of airspeed, lag and thrust do not explain shows a wrong pitch attitude
+of the trajectory.
+
+Energies and work are over mass [m^2/s^2].
 """
 
 import numpy as np
@@ -11,53 +13,55 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from analysis.drag.direct import along_runs
 from analysis.drag.method import Method
-from analysis.drag.regression import Piece, TimeSeries
+from analysis.drag.regression import RunRegression, TimeSeriesRegression
+from analysis.drag.run_data import run_data
 from analysis.maneuvers.kinds import LEVEL_RUNS, Run
 from flight.aircraft import Aircraft
-from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
+from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
-ROUGH_MPS = 0.4  # of vertical gusts: W20 = 3 kt makes 0.15, 15 kt 0.8
+LARGEST_GUST_MPS = 0.4  # vertical, standard deviation: W20 = 3 kt makes 0.15, 15 kt 0.8
+COLUMNS = (
+    "V_measured", "height_measured", "thrust_x_over_m_measured_mps2", "qS_over_m_measured_mps2", "alpha", "bank",
+)  # fmt: skip
 
 
-def problem(given: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeries:
-    """Work of drag since a run's start against its forms: integrals of qS V, qS V CL, qS V CL^2 (over mass)."""
-    if given["gust_mps"].iloc[0] > ROUGH_MPS:
-        raise InputError("too turbulent for a balance of energy: gusts come and go in speed as slowly as the run does")
-    pieces = []
-    columns = ("V_felt", "height_felt", "thrust_felt", "qS_felt", "alpha", "bank")
-    for run, t, f in along_runs(given, runs, columns):
-        V, h, T, qS, a, bank = (f[name] for name in columns)
-        CL = (g / np.cos(bank) - T * np.sin(a)) / qS  # level: n_z = 1 (2.19)
-        kept = V**2 / 2 + g * h  # (2.23)
-        work = _integral(T * np.cos(a) * V, t) - kept
-        X = np.stack([_integral(qS * V * CL**i, t) for i in range(3)], axis=1)
+def regression(table: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeriesRegression:
+    """Work of drag since the start of a run on the integrals of qS V, qS V CL, qS V CL^2, all over mass."""
+    if table["gust_mps"].iloc[0] > LARGEST_GUST_MPS:
+        raise InputError("too turbulent for the energy method: gusts change the speed as slowly as the run does")
+    regressions = []
+    for run, t, data in run_data(table, runs, COLUMNS):
+        V, height, thrust_over_m, qS_over_m, alpha, bank = (data[name] for name in COLUMNS)
+        CL = (g / np.cos(bank) - thrust_over_m * np.sin(alpha)) / qS_over_m  # level: n_z = 1 (2.19)
+        energy = V**2 / 2 + g * height  # (2.23)
+        work = _integral(thrust_over_m * np.cos(alpha) * V, t) - energy
+        X = np.stack([_integral(qS_over_m * V * CL**i, t) for i in range(3)], axis=1)
         # The energy at the start is not known better than at any other instant: only differences count.
-        gusts = _work_of_gusts(given, t, V)
-        pieces.append(Piece(run.name, t, X - X.mean(axis=0), work - work.mean(), CL, gusts))
-    return TimeSeries(pieces)
+        gusts = _work_of_gusts(table, t, V)
+        regressions.append(RunRegression(run.name, t, X - X.mean(axis=0), work - work.mean(), CL, gusts))
+    return TimeSeriesRegression(regressions)
 
 
-def _work_of_gusts(given: pd.DataFrame, t: Array, V: Array) -> Array:
-    """Covariance (n, n) of what gusts add to the balance over a run, about its mean [(m^2/s^2)^2].
+def _work_of_gusts(table: pd.DataFrame, t: Array, V: Array) -> Array:
+    """Covariance (n, n) of the work that gusts add over a run, about its mean [(m^2/s^2)^2].
 
-    Air that rises lifts, g w a second; air that comes on faster adds V times the change of its speed.
+    Air rising at w adds g w per second; a gust u along the flight path adds V times its change.
     """
-    apart = np.abs(t[:, None] - t)
-    vertical, along = (_alike(given, name, apart) for name in ("gust", "gust_along"))
-    lifted = np.tril(np.full_like(apart, t[1] - t[0]))
+    apart_s = np.abs(t[:, None] - t)
+    vertical, along = (_gust_covariance(table, name, apart_s) for name in ("gust", "gust_along"))
+    integral = np.tril(np.full_like(apart_s, t[1] - t[0]))
     centre = np.eye(len(t)) - 1 / len(t)
-    work = centre @ lifted * g, centre * V
-    return work[0] @ vertical @ work[0].T + work[1] @ along @ work[1].T
+    by_vertical, by_along = centre @ integral * g, centre * V
+    return by_vertical @ vertical @ by_vertical.T + by_along @ along @ by_along.T
 
 
-def _alike(given: pd.DataFrame, name: str, apart_s: Array) -> Array:
-    """Covariance of first-order gusts at instants apart_s (n, n) from each other."""
-    sigma, time_s = (float(given[f"{name}_{unit}"].iloc[0]) for unit in ("mps", "s"))
-    return sigma**2 * np.exp(-apart_s / time_s)
+def _gust_covariance(table: pd.DataFrame, name: str, apart_s: Array) -> Array:
+    """Covariance [m^2/s^2] of first-order gusts at instants apart_s (n, n) from each other."""
+    sigma_mps, time_s = (float(table[f"{name}_{unit}"].iloc[0]) for unit in ("mps", "s"))
+    return np.asarray(sigma_mps**2 * np.exp(-apart_s / time_s))
 
 
 def _integral(rate: Array, t: Array) -> Array:
@@ -69,6 +73,6 @@ ENERGY = Method(
     title="energy",
     equations="(2.23)-(2.26)",
     kinds=LEVEL_RUNS,
-    takes=("airspeed_scale", "lag", "thrust_scale", "thrust_slope"),
-    problem=problem,
+    taken_as_measured=("airspeed_scale", "lag", "thrust_scale", "thrust_slope"),
+    regression=regression,
 )

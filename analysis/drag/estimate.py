@@ -1,4 +1,4 @@
-"""The drag polar of a flight by the best method it allows, every other method beside it, and the cross-check."""
+"""All estimates of drag from one flight: by the best method that it allows, by all others, and the cross-check."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,12 +7,14 @@ import numpy as np
 import pandas as pd
 
 from analysis.drag import cross_check, dynamic
-from analysis.drag.comparison import Disagreement
+from analysis.drag.comparison import MethodDisagreement
 from analysis.drag.cross_check import CrossCheck
 from analysis.drag.dynamic import DynamicEstimate
+from analysis.drag.fallback import fallback
 from analysis.drag.method import MethodEstimate
-from analysis.drag.methods import every_method, fallback, scatter
+from analysis.drag.methods import every_method
 from analysis.drag.polar import Condition, unphysical
+from analysis.drag.run_scatter import run_scatter
 from analysis.drag.stand_ins import Doubt, widened
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.trajectory.reconstruction import Trajectory
@@ -23,18 +25,18 @@ from flight.propeller import Propeller
 
 @dataclass(frozen=True)
 class DragEstimates:
-    """Everything that was estimated of drag from one flight.
+    """All estimates of drag from one flight.
 
-    main : the polar of the power curve, and the range of lift coefficients `flown_CL` that it holds for
-    methods, one_by_one : every other method; each acceleration and deceleration by itself
-    cross_check : None where there is no run for it, or it could not be made
+    main : the polar of the power curve, valid over the lift coefficients flown_CL
+    methods, one_by_one : by all other methods; from each acceleration and deceleration alone
+    cross_check : None where the flight has no run for it, or it failed
     """
 
     main: DynamicEstimate
     flown_CL: tuple[float, float]
     methods: list[MethodEstimate]
     one_by_one: list[MethodEstimate]
-    disagreements: list[Disagreement]
+    disagreements: list[MethodDisagreement]
     cross_check: CrossCheck | None
     warnings: list[str]
 
@@ -55,7 +57,7 @@ def estimate(
 ) -> DragEstimates:
     """Dynamic method, all other methods, and cross-check.
 
-    table: of `air_data`. at: weight and density of the flight, at which methods are compared. flown_CL: lift
+    table: from `air_data`. at: weight and density of the flight, at which methods are compared. flown_CL: lift
     coefficients of level flight at the speeds flown. zeroed: the gyro biases at rest were subtracted.
     doubt: by what stands in for keys of the aircraft file.
     Raises InputError, beginning with `log`, when the maneuvers do not determine a physical polar.
@@ -63,23 +65,25 @@ def estimate(
     runs = maneuvers.level_runs
     by_runs = widened(dynamic.estimate_polar(table, trajectory, runs, aircraft, propeller), doubt) if runs else None
     if by_runs and (reason := unphysical(by_runs.polar, flown_CL)):
-        source = "one run alone" if len(runs) == 1 else f"these {len(runs)} runs"
-        raise InputError(f"{log}: by {source} {reason}; keep or fly more runs, longer, over more speeds")
-    progress("applying every other method")
+        source = "one run" if len(runs) == 1 else f"{len(runs)} runs"
+        raise InputError(
+            f"{log}: unphysical drag polar from {source}: {reason}; keep or fly more runs, longer, over more speeds"
+        )
+    progress("applying all other methods")
     others = every_method(table, trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, at)
     if by_runs:
         main = by_runs
     else:
         main, flown_CL = fallback(others.by_method, trajectory, log)
         main = widened(main, doubt)
-    warnings = (doubt.notes if doubt else []) + main.warnings + scatter(others.one_by_one, at)
+    warnings = (doubt.notes if doubt else []) + main.warnings + run_scatter(others.one_by_one, at)
     check = None
     if runs:
-        progress("cross-checking by the runs alone")
+        progress("cross-checking on the runs alone")
         try:
             check = cross_check.estimate_polar(table, runs, aircraft, zeroed=zeroed, propeller=propeller)
         except (InputError, np.linalg.LinAlgError) as error:
-            warnings.append(f"The cross-check over the runs alone could not be made: {error}.")
+            warnings.append(f"The cross-check on the runs alone failed: {error}.")
         else:
             warnings += cross_check.disagreement(main.polar, check, at, flown_CL)
     return DragEstimates(main, flown_CL, others.by_method, others.one_by_one, others.disagreements, check, warnings)

@@ -1,7 +1,7 @@
-"""Forces along a flight path: what every method that knows the path starts from.
+"""Forces along a reconstructed trajectory: the common start of all methods that use it.
 
-Works on means over the path's blocks, five a second. A path is given by its states and by the errors of the sensors, so
-that a method can also be asked what it would say along a slightly different path.
+Everything is averaged over the blocks of the trajectory, five a second. The trajectory is passed as states and sensor
+errors, so that a method can be repeated along a slightly different trajectory. Forces are kept over mass [m/s^2].
 """
 
 import numpy as np
@@ -17,43 +17,47 @@ from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 
+# A propeller table is corrected to T = T_table (1 + thrust_scale + thrust_slope (J - J_REFERENCE)).
 J_REFERENCE = 0.5
-THRUST_SCALE, THRUST_SLOPE = 0.018, 0.15  # standard deviations of what a propeller table is wrong by, over J too
+THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA = 0.018, 0.15  # prior standard deviations of the two errors
 
 
-class Blocks:
-    """The measurements that forces need, as means over the path's blocks.
+class BlockMeans:
+    """The measurements as means over the blocks of a trajectory.
 
     mean : name of a column of the table to (n,)     t_s : (n,) centres of the blocks [s]
     """
 
     def __init__(self, table: pd.DataFrame, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller):
-        """table: as `air_data` leaves it."""
+        """table: from `air_data`."""
         n = len(trajectory.states)
         self.mean = {name: block_mean(table[name], n) for name in table.columns}
         self.t_s = trajectory.states.index.to_numpy()
         self.aircraft, self.propeller = aircraft, propeller
-        self._slow = Named(PREDICTED_FLOW, trajectory.predicted_flow.T)
+        self._predicted_flow = Named(PREDICTED_FLOW, trajectory.predicted_flow.T)
 
-    def forces(self, states: Array, shared: Array) -> pd.DataFrame:
-        """A row a block, along a path of states (n, len(STATES)) with the sensors' errors shared (len(SENSOR_ERRORS),).
+    def forces(self, states: Array, sensor_errors: Array) -> pd.DataFrame:
+        """One row per block, for states (n, len(STATES)) and sensor errors (len(SENSOR_ERRORS),).
 
-        CL, CD : (2.16) with the tabulated thrust taken out      qS, thrust : over mass [m/s^2]; the latter along V
-        V, alpha, gamma, bank, climb : through the air [m/s, rad]        Vdot : [m/s^2]        n [rev/s], J, rho
+        CL, CD : from specific force less the thrust of the table (2.16)
+        qS_over_m_mps2 : dynamic pressure times wing area over mass
+        thrust_along_V_over_m_mps2 : T cos(alpha) over mass, T from the table
+        V, alpha, gamma, bank, climb : true airspeed [m/s], angles relative to the air [rad], rate of climb [m/s]
+        Vdot [m/s^2], n [rev/s], J, rho [kg/m^3]
         """
-        x, error = Named(STATES, states.T), Named(SENSOR_ERRORS, shared)
-        V, alpha, _ = flow(x, self._slow)
+        x, error = Named(STATES, states.T), Named(SENSOR_ERRORS, sensor_errors)
+        V, alpha, _ = flow(x, self._predicted_flow)
         m, rho = self.aircraft.mass_kg, self.mean["rho"]
-        qS = rho * V**2 / 2 * self.aircraft.geometry.wing_area_m2
+        qS_N = rho * V**2 / 2 * self.aircraft.geometry.wing_area_m2
         n = np.where(self.mean["n_revps"] > 1, self.mean["n_revps"], np.nan)
-        thrust, _ = self.propeller.thrust_and_power(V, n, rho)  # (3.48): J is of the whole airspeed
+        thrust_N, _ = self.propeller.thrust_and_power(V, n, rho)  # (3.48): J is of the whole airspeed
         ax, az = self.mean["ax_mps2"] - error.ax_bias, self.mean["az_mps2"] - error.az_bias
-        CL, CD = stability_axes((m * ax - thrust) / qS, m * az / qS, alpha)
+        CL, CD = stability_axes((m * ax - thrust_N) / qS_N, m * az / qS_N, alpha)
         columns = {
             "CL": CL,
             "CD": CD,
-            "qS": qS / m,
-            "thrust": thrust * np.cos(alpha) / m,
+            "qS_over_m_mps2": qS_N / m,
+            "thrust_along_V_over_m_mps2": thrust_N * np.cos(alpha) / m,
             "J": V / (n * self.propeller.diameter_m),
             "V": V,
             "alpha": alpha,

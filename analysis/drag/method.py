@@ -1,161 +1,132 @@
-"""What all methods have in common: what each is, how it is asked, and what it answers.
+"""What all methods have in common: what a method is, how it is applied, and what it estimates.
 
-A method is a pure function from what it is given (`as_measured.given`) and the runs it uses to a linear problem for the
-drag polar; solving it, its noise, and what it is off by because of what it takes as measured and because of the path
-are the same for all of them, and here.
+A method turns a table (of `method_inputs.input_table`) and runs into a linear regression for the drag polar. Solving
+it and propagating noise, sensor errors and trajectory errors are the same for all methods.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag import sensor_errors as as_measured
-from analysis.drag.covariance import FLOOR_RAD
-from analysis.drag.forces import Blocks
+from analysis.drag import covariance
+from analysis.drag.method_inputs import MethodInputs
 from analysis.drag.polar import ROBUST_RANGE, Polar
-from analysis.drag.regression import Point, Problem
+from analysis.drag.regression import PolarRegression
+from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA
 from analysis.maneuvers.kinds import Run
-from analysis.trajectory import dryden as gusts
-from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
-LEAST_LIFT_AT = 0.2  # standard deviation of CL_minD: what a form without it is off by (method section 2)
+CL_MIN_DRAG_SIGMA = 0.2  # prior standard deviation of CL_minD, the error of a two-term form (method section 2)
+LARGEST_UNMENTIONED_SHARE = 0.02  # of the runs outside the propeller table
+
+
+class SteadyPoint(NamedTuple):
+    """Lift and drag coefficient of one steady point, the standard error of the latter, and its start."""
+
+    CL: float
+    CD: float
+    CD_error: float
+    start_s: float
 
 
 @dataclass(frozen=True)
 class Method:
     """One way to power required.
 
-    kinds : of runs it uses        takes : what it takes as measured, names of `as_measured.UNKNOWN`
-    problem : (given, runs, aircraft) to a problem; raises InputError where the runs do not allow one
-    points : (given, runs, aircraft) to what it measured point by point; most methods have none
-    two_term : its form has no CL_minD
+    kinds : of runs that it uses
+    taken_as_measured : the errors that it does not correct, names of ERROR_PRIOR_SIGMA
+    regression : of (table, runs, aircraft); raises InputError where the runs do not allow one
+    points : of (table, runs, aircraft); the measured points, None for most methods
+    two_term : its form lacks CL_minD
     """
 
     name: str
     title: str
     equations: str
     kinds: tuple[str, ...]
-    takes: tuple[str, ...]
-    problem: Callable[[pd.DataFrame, list[Run], Aircraft], Problem]
-    points: Callable[[pd.DataFrame, list[Run], Aircraft], list[Point]] | None = None
+    taken_as_measured: tuple[str, ...]
+    regression: Callable[[pd.DataFrame, list[Run], Aircraft], PolarRegression]
+    points: Callable[[pd.DataFrame, list[Run], Aircraft], list[SteadyPoint]] | None = None
     two_term: bool = False
 
 
 @dataclass(frozen=True)
 class MethodEstimate:
-    """A method's answer: a drag polar over the lift coefficients that it saw.
+    """A drag polar by one method, and the range of lift coefficients of its data.
 
-    noise, systematic : the two parts of the polar's covariance (3, 3); systematic is what all runs share
-    slopes : by how much A (3,) moves with each error of what is taken as measured
-    moves : (3, ·) by how much with each independent error of the path, of one standard error
-    faults : by how much each of `as_measured.CAUSES` has moved A (3,), by what path and dynamic method found of it
-    polar : None where there is no answer; `notes` then say why
+    noise, systematic : the two parts of the polar's covariance (3, 3); systematic is common to all runs
+    sensitivities : derivative of A (3,) by each error of `Method.taken_as_measured`
+    trajectory_deviations : (3, m) change of A with each independent trajectory error of one standard deviation
+    cause_effects : the part of A (3,) that is due to the estimated errors of each of CAUSES
+    polar : None where there is no estimate; `notes` then say why
     """
 
     method: Method
     polar: Polar | None = None
     noise: Array = field(default_factory=lambda: np.zeros((3, 3)))
     systematic: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    slopes: dict[str, Array] = field(default_factory=dict)
-    moves: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    faults: dict[str, Array] = field(default_factory=dict)
+    sensitivities: dict[str, Array] = field(default_factory=dict)
+    trajectory_deviations: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    cause_effects: dict[str, Array] = field(default_factory=dict)
     flown_CL: tuple[float, float] = (0.0, 0.0)
-    points: tuple[Point, ...] = ()
+    points: tuple[SteadyPoint, ...] = ()
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Flown:
-    """What methods are asked about: one flight's runs, and what they are given of it.
-
-    as_is : as measured and along the path         moved : along the path moved by each independent error of it
-    shifted : with each error of `as_measured.UNKNOWN` supposed to be of that size     corrected : with what was found
-    of each of `as_measured.CAUSES` taken out
-    """
-
-    aircraft: Aircraft
-    runs: list[Run]
-    as_is: pd.DataFrame
-    moved: list[pd.DataFrame]
-    shifted: dict[str, pd.DataFrame]
-    corrected: dict[str, pd.DataFrame]
-
-
-def flown(blocks: Blocks, trajectory: Trajectory, runs: list[Run], errors: Mapping[str, as_measured.Error]) -> Flown:
-    """Everything that methods are asked about a flight, once for all of them. errors: of `as_measured.found`."""
-    states = trajectory.states.to_numpy()
-
-    def given(
-        errors: Mapping[str, float], states: Array = states, shared: Array = trajectory.sensor_errors
-    ) -> pd.DataFrame:
-        return as_measured.given(blocks, states, shared, errors, vertical, along)
-
-    flying = np.isfinite(blocks.mean["V_mps"])
-    where = [float(np.nanmedian(blocks.mean[name][flying])) for name in ("height_m", "V_mps")]
-    vertical, along = (
-        gusts.vertical(trajectory.gust_mps, *where).as_gauss_markov(),
-        gusts.along(trajectory.gust_mps, *where),
-    )
-    directions = np.linalg.cholesky(trajectory.covariance).T
-    return Flown(
-        blocks.aircraft,
-        runs,
-        given({}),
-        [given({}, states + trajectory.state_sensitivity @ d, trajectory.sensor_errors + d) for d in directions],
-        {name: given({name: size}) for name, size in as_measured.UNKNOWN.items()},
-        {cause: given({name: errors[name].value for name in names}) for cause, names in as_measured.CAUSES.items()},
-    )
-
-
-def estimate(method: Method, flown: Flown) -> MethodEstimate:
-    """A method's answer; never raises for what a flight lacks, but says so in the notes."""
+def estimate(method: Method, inputs: MethodInputs) -> MethodEstimate:
+    """A method's estimate. Where the flight lacks something it needs, the estimate has no polar but a note."""
     try:
-        return _estimate(method, flown)
+        return _estimate(method, inputs)
     except InputError as error:
         return MethodEstimate(method, notes=(str(error),))
 
 
-def _estimate(method: Method, flown: Flown) -> MethodEstimate:
-    runs = [run for run in flown.runs if run.kind in method.kinds]
+def _estimate(method: Method, inputs: MethodInputs) -> MethodEstimate:
+    runs = [run for run in inputs.runs if run.kind in method.kinds]
     if not runs:
-        raise InputError(f"nothing of the kind was flown: {' or '.join(method.kinds)}")
+        raise InputError(f"no run of the required kind was flown: {' or '.join(method.kinds)}")
 
-    def asked(given: pd.DataFrame) -> Problem:
-        return method.problem(given, runs, flown.aircraft)
+    def coefficients(table: pd.DataFrame) -> Array:
+        return method.regression(table, runs, inputs.aircraft).coefficients()
 
-    problem = asked(flown.as_is)
-    A, noise = problem.values(), problem.noise()
-    moves = np.stack([asked(given).values() - A for given in flown.moved], axis=1)
-    slopes = {name: (asked(flown.shifted[name]).values() - A) / as_measured.UNKNOWN[name] for name in method.takes}
-    systematic = moves @ moves.T + sum(_outer(slope * as_measured.UNKNOWN[name]) for name, slope in slopes.items())
-    systematic[1, 1] += np.tan(FLOOR_RAD) ** 2
-    if method.two_term:
-        systematic += _missing_term(problem, A)
-    faults = {
-        cause: A - asked(flown.corrected[cause]).values()
-        for cause, names in as_measured.CAUSES.items()
-        if set(names) & set(method.takes)
+    regression = method.regression(inputs.nominal, runs, inputs.aircraft)
+    A, noise = regression.coefficients(), regression.noise_covariance()
+    deviations = np.stack([coefficients(table) - A for table in inputs.trajectory_deviations], axis=1)
+    sensitivities = {
+        name: (coefficients(inputs.error_deviations[name]) - A) / ERROR_PRIOR_SIGMA[name]
+        for name in method.taken_as_measured
     }
-    points = method.points(flown.as_is, runs, flown.aircraft) if method.points else []
-    low, high = (problem.CL.min(), problem.CL.max()) if points else np.percentile(problem.CL, ROBUST_RANGE)
+    systematic = deviations @ deviations.T
+    systematic = systematic + sum(_outer(s * ERROR_PRIOR_SIGMA[name]) for name, s in sensitivities.items())
+    systematic = systematic + covariance.floor()
+    if method.two_term:
+        systematic += _missing_term(regression.CL, A)
+    cause_effects = {
+        cause: A - coefficients(inputs.cause_corrected[cause])
+        for cause, names in CAUSES.items()
+        if set(names) & set(method.taken_as_measured)
+    }
+    points = method.points(inputs.nominal, runs, inputs.aircraft) if method.points else []
+    CL = regression.CL
+    low, high = (CL.min(), CL.max()) if points else np.percentile(CL, ROBUST_RANGE)
     return MethodEstimate(
         method,
         Polar(A, noise + systematic),
         noise,
         systematic,
-        slopes,
-        moves,
-        faults,
+        sensitivities,
+        deviations,
+        cause_effects,
         (float(low), float(high)),
         tuple(points),
-        _doubts(A, flown.as_is, runs),
+        _notes(A, inputs.nominal, runs),
     )
 
 
@@ -163,24 +134,23 @@ def _outer(x: Array) -> Array:
     return np.outer(x, x)
 
 
-def _missing_term(problem: Problem, A: Array) -> Array:
-    """What a fit of A0 and A2 alone makes of a polar with a CL_minD: the covariance of A for LEAST_LIFT_AT.
+def _missing_term(CL: Array, A: Array) -> Array:
+    """Covariance (3, 3) of a fit of A0 and A2 alone to a polar that has a CL_minD, of CL_MIN_DRAG_SIGMA.
 
-    (3.36): CL_minD adds -2 K CL_minD CL to C_D; the fit sees it as a change of A0 and A2, and lacks it in A1.
+    (3.36): CL_minD adds -2 K CL_minD CL to C_D; the fit takes it for a change of A0 and A2, and lacks it in A1.
     """
-    A1 = -2 * A[2] * LEAST_LIFT_AT
-    CL = problem.CL
+    A1 = -2 * A[2] * CL_MIN_DRAG_SIGMA
     X = np.stack([np.ones_like(CL), CL**2], axis=1)
     (A0, A2), *_ = np.linalg.lstsq(X, A1 * CL, rcond=None)
     return _outer(np.array([A0, -A1, A2]))
 
 
-def _doubts(A: Array, given: pd.DataFrame, runs: list[Run]) -> tuple[str, ...]:
+def _notes(A: Array, table: pd.DataFrame, runs: list[Run]) -> tuple[str, ...]:
     notes = []
     if A[2] <= 0:
-        notes.append("drag does not rise with lift in this fit: the lift coefficients flown are too much alike")
-    flown = pd.concat([given.loc[run.start_s : run.end_s, "covered"] for run in runs])
-    beyond = 1 - float(flown.mean())
-    if beyond > 0.02:
-        notes.append(f"the propeller's table does not reach {100 * beyond:.0f} % of what was flown")
+        notes.append("drag does not increase with lift in this fit: the range of lift coefficients flown is too narrow")
+    covered = pd.concat([table.loc[run.start_s : run.end_s, "covered"] for run in runs])
+    outside = 1 - float(covered.mean())
+    if outside > LARGEST_UNMENTIONED_SHARE:
+        notes.append(f"{100 * outside:.0f} % of its data lie outside the propeller table")
     return tuple(notes)

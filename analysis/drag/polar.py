@@ -1,8 +1,9 @@
-"""What a drag polar says about power: the curve, its interval, and the speeds for longest endurance and range.
+"""Power required from a drag polar, with its interval, and the speeds of least power and least drag.
 
-The polar is C_D = A0 + A1 C_L + A2 C_L^2, in which power is linear, so that intervals of the curve are exact.
+Power is linear in the coefficients of C_D = A0 + A1 C_L + A2 C_L^2, so that intervals of the curve are exact.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,11 +14,11 @@ from flight.aircraft import Aircraft
 
 Array = NDArray[np.float64]
 DRAWS = 4000
-ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients between which a curve is drawn
+ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients that a curve is drawn over
 
 
 class Condition(NamedTuple):
-    """What the aircraft weighs [N] and flies in [kg/m^3]."""
+    """Weight of the aircraft, density of the air [kg/m^3], and wing area."""
 
     weight_N: float
     rho: float
@@ -25,16 +26,16 @@ class Condition(NamedTuple):
 
 
 class Polar(NamedTuple):
-    """C_D = A0 + A1 C_L + A2 C_L^2 with the covariance (3, 3) of the three."""
+    """C_D = A0 + A1 C_L + A2 C_L^2 ; A (3,), and its covariance (3, 3)."""
 
     A: Array
     covariance: Array
 
 
-class Classic(NamedTuple):
-    """The same polar in the textbook's form (3.36), (1.4)."""
+class ClassicPolar(NamedTuple):
+    """The same polar as C_D = CD0 + K (C_L - CL_minD)^2 (3.36), with Oswald's e (1.4)."""
 
-    CD0: float  # at the C_L of least drag
+    CD0: float
     K: float
     CL_minD: float
     oswald: float
@@ -46,7 +47,7 @@ def flown_condition(flown: pd.DataFrame, aircraft: Aircraft) -> Condition:
 
 
 def flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
-    """Range of lift coefficients at which lift would equal weight at the speeds flown: what the curve is drawn over."""
+    """Range of the lift coefficients of level flight at the speeds flown. flown: rows of `air_data`."""
     CL = 2 * aircraft.mass.weight_N / (flown["rho"] * flown["V_mps"] ** 2 * aircraft.geometry.wing_area_m2)
     low, high = np.percentile(CL.dropna(), ROBUST_RANGE)
     return float(low), float(high)
@@ -63,14 +64,14 @@ def speed_at(CL: ArrayLike, at: Condition) -> Array:
 
 
 def unphysical(polar: Polar, flown_CL: tuple[float, float]) -> str:
-    """Why a polar is no aircraft's over the lift coefficients flown, in words; empty where it may be one."""
+    """Why a drag polar is unphysical over the lift coefficients flown; empty where it is not."""
     CL = np.linspace(*flown_CL, 61)
     if not np.isfinite(polar.covariance).all():
-        return "the lift coefficients flown are too much alike to tell one's drag from another's"
+        return "the range of lift coefficients flown is too narrow to determine the drag polar"
     if polar.A[2] <= 0:
-        return "drag does not rise with lift"
+        return "drag does not increase with lift"
     if np.min(polar.A @ [np.ones_like(CL), CL, CL**2]) <= 0:
-        return "drag comes out below zero"
+        return "drag is negative"
     return ""
 
 
@@ -96,15 +97,17 @@ def best_range_lift(A: Array) -> float:
 
 
 class SpeedWithInterval(NamedTuple):
+    """A speed and its 95 % interval."""
+
     speed_mps: float
     lo_mps: float
     hi_mps: float
 
 
-def optimum_speed(lift_of, polar: Polar, at: Condition, seed: int = 0) -> SpeedWithInterval:
-    """The speed belonging to a C_L that `lift_of(A)` computes, and its 95 % interval by draws of the polar.
+def optimum_speed(lift_of: Callable[[Array], float], polar: Polar, at: Condition, seed: int = 0) -> SpeedWithInterval:
+    """The speed at the C_L that `lift_of(A)` computes, and its 95 % interval by random draws of the polar.
 
-    Draws in which there is no such speed (the curve has no minimum) count as unbounded on the slow side: 0.
+    Draws without such a speed (the curve has no minimum) count as speed 0.
     """
     draws = np.random.default_rng(seed).multivariate_normal(polar.A, polar.covariance, DRAWS, method="eigh")
     CL = np.array([lift_of(A) for A in draws])
@@ -113,13 +116,14 @@ def optimum_speed(lift_of, polar: Polar, at: Condition, seed: int = 0) -> SpeedW
     return SpeedWithInterval(float(speed_at(lift_of(polar.A), at)), float(lo), float(hi))
 
 
-def classic_form(A: Array, aspect_ratio: float) -> Classic:
+def classic_form(A: Array, aspect_ratio: float) -> ClassicPolar:
     """CD0, K, CL_minD and Oswald's e of a polar (3.36)."""
     A0, A1, A2 = A
     CL_minD = -A1 / (2 * A2)
-    return Classic(float(A0 - A2 * CL_minD**2), float(A2), float(CL_minD), float(1 / (np.pi * A2 * aspect_ratio)))
+    return ClassicPolar(float(A0 - A2 * CL_minD**2), float(A2), float(CL_minD), float(1 / (np.pi * A2 * aspect_ratio)))
 
 
 def maximum_lift_to_drag(A: Array) -> float:
+    """C_L/C_D at the C_L of `best_range_lift`; NaN if none."""
     CL = best_range_lift(A)
     return float(CL / (A[0] + A[1] * CL + A[2] * CL**2))

@@ -1,4 +1,4 @@
-"""Least squares for a drag polar (2.18), by time series and by points, each with the covariance of its residuals."""
+"""Linear least squares for a drag polar (2.18), from time series or from steady points, and its covariance by noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,31 +17,22 @@ from analysis.estimation.model import Model, Parameter
 Array = NDArray[np.float64]
 
 THREE_TERM: Array = np.eye(3)
-TWO_TERM: Array = np.eye(3)[:, [0, 2]]  # A1 = 0: the drag is least at no lift
+TWO_TERM: Array = np.eye(3)[:, [0, 2]]  # A1 = 0: least drag at zero lift
 
 
-class Point(NamedTuple):
-    """One steady point: lift and drag coefficient, the standard error of the latter, and when it was flown."""
-
-    CL: float
-    CD: float
-    CD_error: float
-    start_s: float
-
-
-class Problem(Protocol):
-    """A linear problem for the polar's A (3,)."""
+class PolarRegression(Protocol):
+    """A linear problem for the polar's A (3,), from data at lift coefficients CL (n,)."""
 
     @property
     def CL(self) -> Array: ...
-    def values(self) -> Array: ...
-    def noise(self) -> Array: ...
+    def coefficients(self) -> Array: ...
+    def noise_covariance(self) -> Array: ...
 
 
-class Piece(NamedTuple):
+class RunRegression(NamedTuple):
     """One run: X (n, 3) A = z (n,), at times t_s (n,), flown at lift coefficients CL (n,).
 
-    unseen : covariance (n, n) of what z is off by and the fit mostly swallows, so that residuals do not show it
+    absorbed : covariance (n, n) of errors of z that the fit largely absorbs, so that residuals do not show them
     """
 
     name: str
@@ -49,28 +40,28 @@ class Piece(NamedTuple):
     X: Array
     z: Array
     CL: Array
-    unseen: Array | None = None
+    absorbed: Array | None = None
 
 
 @dataclass(frozen=True)
-class TimeSeries:
-    """Runs, sample by sample; neighbouring residuals are alike."""
+class TimeSeriesRegression:
+    """Runs, sample by sample, with colored residuals."""
 
-    pieces: Sequence[Piece]
+    runs: Sequence[RunRegression]
 
     @property
     def CL(self) -> Array:
-        return np.concatenate([piece.CL for piece in self.pieces])
+        return np.concatenate([run.CL for run in self.runs])
 
-    def values(self) -> Array:
+    def coefficients(self) -> Array:
         """A (3,) by least squares."""
-        X, z = (np.concatenate([getattr(piece, name) for piece in self.pieces]) for name in ("X", "z"))
+        X, z = np.concatenate([run.X for run in self.runs]), np.concatenate([run.z for run in self.runs])
         scale = np.sqrt(np.mean(X**2, axis=0))
         A, *_ = np.linalg.lstsq(X / scale, z, rcond=None)
-        return A / scale
+        return np.asarray(A / scale)
 
-    def noise(self) -> Array:
-        """Covariance (3, 3) of A for coloured residuals, and of what they do not show."""
+    def noise_covariance(self) -> Array:
+        """Covariance (3, 3) of A by colored residuals, and by errors that the fit absorbs."""
         names = ("A0", "A1", "A2")
         inputs = ("X0", "X1", "X2")
         model = Model(
@@ -78,23 +69,22 @@ class TimeSeries:
             inputs=inputs,
             outputs=("z",),
             output_function=lambda _, u, p: (p.A0 * u.X0 + p.A1 * u.X1 + p.A2 * u.X2,),
-            parameters=tuple(Parameter(name=n, start=float(a)) for n, a in zip(names, self.values(), strict=True)),
+            parameters=tuple(
+                Parameter(name=name, start=float(a)) for name, a in zip(names, self.coefficients(), strict=True)
+            ),
         )
         segments = [
-            Segment(name=f"{i} {p.name}", t_s=p.t_s, u=dict(zip(inputs, p.X.T, strict=True)), z={"z": p.z})
-            for i, p in enumerate(self.pieces)
+            Segment(name=f"{i} {run.name}", t_s=run.t_s, u=dict(zip(inputs, run.X.T, strict=True)), z={"z": run.z})
+            for i, run in enumerate(self.runs)
         ]
         C = covariance.of_noise(output_error.estimate(model, segments))
-        gain = np.linalg.inv(sum(p.X.T @ p.X for p in self.pieces))
-        return C + sum(gain @ p.X.T @ p.unseen @ p.X @ gain for p in self.pieces if p.unseen is not None)
+        gain = np.linalg.inv(sum(run.X.T @ run.X for run in self.runs))
+        return C + sum(gain @ run.X.T @ run.absorbed @ run.X @ gain for run in self.runs if run.absorbed is not None)
 
 
 @dataclass(frozen=True)
-class Points:
-    """Points of known standard errors; `terms` (3, k) are the columns of A that are fitted.
-
-    X (n, 3), z (n,), sigma (n,)
-    """
+class PointRegression:
+    """Points X (n, 3), z (n,) with standard errors sigma (n,); `terms` (3, k) are the columns of A that are fitted."""
 
     X: Array
     z: Array
@@ -102,24 +92,26 @@ class Points:
     terms: Array
     CL: Array
 
-    def _weighted(self) -> tuple[Array, Array]:
-        return (self.X @ self.terms) / self.sigma[:, None], self.z / self.sigma
+    def _weighted_fit(self) -> tuple[Array, Array, Array]:
+        """Regressors and observations over their standard errors, and the fitted terms (k,)."""
+        X, z = (self.X @ self.terms) / self.sigma[:, None], self.z / self.sigma
+        theta, *_ = np.linalg.lstsq(X, z, rcond=None)
+        return X, z, np.asarray(theta, dtype=float)
 
-    def values(self) -> Array:
+    def coefficients(self) -> Array:
         """A (3,) by weighted least squares."""
-        X, z = self._weighted()
-        theta, *_ = np.linalg.lstsq(X, z, rcond=None)
-        return self.terms @ theta
+        _, _, theta = self._weighted_fit()
+        return np.asarray(self.terms @ theta)
 
-    def noise(self) -> Array:
-        """Covariance (3, 3) of A: of the points' standard errors, or of their scatter about the fit if that is larger.
+    def noise_covariance(self) -> Array:
+        """Covariance (3, 3) of A: by the points' standard errors, or by their scatter about the fit if that is larger.
 
-        Few points show their scatter poorly: Student's t widens the covariance to what a 95 % interval then needs.
+        The scatter of few points is uncertain itself. The covariance by scatter is enlarged by (t / 1.96)^2 with
+        Student's t, so that estimate +- 1.96 standard errors is a 95 % interval for any number of points.
         """
-        X, z = self._weighted()
-        theta, *_ = np.linalg.lstsq(X, z, rcond=None)
+        X, z, theta = self._weighted_fit()
         dof = len(z) - X.shape[1]
         scatter = float(np.sum((z - X @ theta) ** 2)) / dof if dof > 0 else 0.0
-        wider = (stats.t.ppf(0.975, dof) / NORMAL_95) ** 2 if dof > 0 else 1.0
-        C = np.linalg.inv(X.T @ X) * max(1.0, scatter * wider)
-        return self.terms @ C @ self.terms.T
+        student = (stats.t.ppf(0.975, dof) / NORMAL_95) ** 2 if dof > 0 else 1.0
+        C = np.linalg.inv(X.T @ X) * max(1.0, scatter * student)
+        return np.asarray(self.terms @ C @ self.terms.T)

@@ -1,42 +1,47 @@
-"""W/delta: drag and weight over the pressure ratio make one curve over Mach number, from steady level points (2.11).
+"""W/delta: drag and weight over the pressure ratio form one curve over Mach number, from steady level points (2.11).
 
-The low-subsonic form (2.13) says the same with speed and temperature; both lack a CL_minD.
+The low-subsonic form (2.13) is the same in speed and temperature; both lack a CL_minD.
 """
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from analysis.drag.method import Method
-from analysis.drag.piw_viw import Steady, as_points, enough, lift_coefficient, steady_points
-from analysis.drag.regression import TWO_TERM, Points
+from analysis.drag.regression import TWO_TERM, PointRegression
+from analysis.drag.steady_points import SteadyMeans, require_speeds, steady_means, steady_points
 from analysis.maneuvers.kinds import STEADY, Run
 from flight.aircraft import Aircraft
 from flight.atmosphere import GAS_CONSTANT_AIR, SEA_LEVEL_PRESSURE_PA
 
+Array = NDArray[np.float64]
+
 GAMMA = 1.4  # ratio of specific heats of air
 
 
-def _fitted(points: Steady, unit: np.ndarray, aircraft: Aircraft) -> Points:
-    """D/delta = A0 unit + A2 (W/delta)^2/unit, `unit` being dynamic pressure over delta times area."""
-    enough(points, 2)
+def _regression(points: SteadyMeans, qS_over_delta_N: Array, aircraft: Aircraft) -> PointRegression:
+    """D/delta = A0 (q S/delta) + A2 (W/delta)^2 / (q S/delta)."""
+    require_speeds(points, 2)
     delta = points.static_Pa / SEA_LEVEL_PRESSURE_PA
-    drag = points.power / points.V / delta
-    X = np.stack([unit, points.lift / delta, (points.lift / delta) ** 2 / unit], axis=1)
-    return Points(X, drag, drag * points.error / points.power, TWO_TERM, lift_coefficient(points, aircraft))
+    drag_over_delta = points.power_W / points.V / delta
+    lift_over_delta = points.lift_N / delta
+    X = np.stack([qS_over_delta_N, lift_over_delta, lift_over_delta**2 / qS_over_delta_N], axis=1)
+    sigma = drag_over_delta * points.power_error_W / points.power_W
+    return PointRegression(X, drag_over_delta, sigma, TWO_TERM, points.lift_coefficient(aircraft))
 
 
-def mach_form(given: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> Points:
+def mach_form(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> PointRegression:
     """(2.11): over Mach number."""
-    points = steady_points(given, runs, aircraft)
+    points = steady_means(table, runs, aircraft)
     M = points.V / np.sqrt(GAMMA * GAS_CONSTANT_AIR * points.temperature_K)
-    return _fitted(points, GAMMA * SEA_LEVEL_PRESSURE_PA * M**2 * aircraft.geometry.wing_area_m2 / 2, aircraft)
+    return _regression(points, GAMMA * SEA_LEVEL_PRESSURE_PA * M**2 * aircraft.geometry.wing_area_m2 / 2, aircraft)
 
 
-def speed_form(given: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> Points:
+def speed_form(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> PointRegression:
     """(2.13): over true airspeed and temperature."""
-    points = steady_points(given, runs, aircraft)
-    per_R = SEA_LEVEL_PRESSURE_PA * points.V**2 / (2 * GAS_CONSTANT_AIR * points.temperature_K)
-    return _fitted(points, per_R * aircraft.geometry.wing_area_m2, aircraft)
+    points = steady_means(table, runs, aircraft)
+    q_over_delta_Pa = SEA_LEVEL_PRESSURE_PA * points.V**2 / (2 * GAS_CONSTANT_AIR * points.temperature_K)
+    return _regression(points, q_over_delta_Pa * aircraft.geometry.wing_area_m2, aircraft)
 
 
 W_DELTA = Method(
@@ -44,9 +49,9 @@ W_DELTA = Method(
     title="W/δ",
     equations="(2.11)",
     kinds=(STEADY,),
-    takes=("thrust_scale", "thrust_slope"),
-    problem=mach_form,
-    points=as_points,
+    taken_as_measured=("thrust_scale", "thrust_slope"),
+    regression=mach_form,
+    points=steady_points,
     two_term=True,
 )
 W_DELTA_SLOW = Method(
@@ -54,8 +59,8 @@ W_DELTA_SLOW = Method(
     title="W/δ, low-subsonic",
     equations="(2.13)",
     kinds=(STEADY,),
-    takes=("thrust_scale", "thrust_slope"),
-    problem=speed_form,
-    points=as_points,
+    taken_as_measured=("thrust_scale", "thrust_slope"),
+    regression=speed_form,
+    points=steady_points,
     two_term=True,
 )

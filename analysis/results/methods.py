@@ -1,9 +1,8 @@
 """The estimates of all methods in the form of `results.json`."""
 
-from analysis.drag.comparison import Disagreement as FoundDisagreement
-from analysis.drag.method import MethodEstimate
+from analysis.drag.comparison import MethodDisagreement
+from analysis.drag.method import MethodEstimate, SteadyPoint
 from analysis.drag.polar import Condition, speed_at
-from analysis.drag.regression import Point
 from analysis.estimation.intervals import NORMAL_95
 from analysis.results.curves import points
 from analysis.results.schema import Disagreement, MethodPoint, MethodResult
@@ -16,7 +15,7 @@ def method_result(answer: MethodEstimate, at: Condition) -> MethodResult:
         name=answer.method.name,
         title=answer.method.title,
         equations=answer.method.equations,
-        taken_as_measured=list(answer.method.takes),
+        taken_as_measured=list(answer.method.taken_as_measured),
         drag_polar=[] if polar is None else polar.A.tolist(),
         power_required=[] if polar is None else points(polar, at, answer.flown_CL),
         points=[_point(point, at) for point in answer.points],
@@ -24,7 +23,7 @@ def method_result(answer: MethodEstimate, at: Condition) -> MethodResult:
     )
 
 
-def _point(point: Point, at: Condition) -> MethodPoint:
+def _point(point: SteadyPoint, at: Condition) -> MethodPoint:
     """A steady point at another weight and density: the same lift and drag coefficients."""
     V = float(speed_at(point.CL, at))
     unit = at.rho * V**3 * at.wing_area_m2 / 2
@@ -34,13 +33,13 @@ def _point(point: Point, at: Condition) -> MethodPoint:
     )
 
 
-def disagreement_result(found: FoundDisagreement) -> Disagreement:
+def disagreement_result(found: MethodDisagreement) -> Disagreement:
     return Disagreement(
         methods=(found.first, found.second),
         speed_mps=found.speed_mps,
         difference_W=found.difference_W,
         allowed_W=found.allowed_W,
-        culprit=found.culprit,
+        culprit=found.cause,
         shares_W=found.shares_W,
         text=found.text,
     )

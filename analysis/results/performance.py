@@ -15,7 +15,7 @@ from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag import dynamic
 from analysis.drag import polar as curve
 from analysis.drag.estimate import DragEstimates
-from analysis.drag.forces import Blocks
+from analysis.drag.forces import BlockMeans
 from analysis.performance import available, balance
 from analysis.performance import endurance_range as answers
 from analysis.performance import power_train as propulsion
@@ -60,7 +60,7 @@ def flight_data(table: pd.DataFrame, trajectory: Trajectory, aircraft: Aircraft,
     V [m/s], alpha [rad], CL, n [rev/s], rho, J, throttle (0 to 1), covered (by the table, well above the ground),
     battery_W; NaN gaps.
     """
-    blocks = Blocks(table, trajectory, aircraft, propeller)
+    blocks = BlockMeans(table, trajectory, aircraft, propeller)
     data = blocks.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)[
         ["V", "alpha", "CL", "n", "rho", "J"]
     ].copy()

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.stretches import stretches
 from analysis.signals.synchronize import COLUMNS
+from flight.errors import InputError
 from flight.json_file import decoded
 
 Array = NDArray[np.float64]

@@ -53,7 +53,7 @@ def test_a_run_too_short_to_tell_is_refused_and_not_drawn(flown: Path, tmp_path:
     path.write_text('[[run]]\nkind = "acceleration"\nstart = "38 s"\nend = "40.4 s"\n', "utf-8")
     outcome = command("analyze", flown / "log.mcap", "--runs", path, "-o", tmp_path / "report")
     assert outcome.returncode == 2
-    assert "by one run alone drag" in outcome.stderr and "keep or fly more runs" in outcome.stderr
+    assert "unphysical drag polar from one run" in outcome.stderr and "keep or fly more runs" in outcome.stderr
     assert not (tmp_path / "report").exists()
 
 

@@ -1,4 +1,4 @@
-"""Where methods disagree, the fault that parts them is named: one single error at a time, and silence without one."""
+"""A single sensor error is named as the cause of the disagreements; without an error there is no disagreement."""
 
 import dataclasses
 import re
@@ -8,14 +8,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from methods import Asked, ask, drawn, fly
+from methods import Analyzed, analyzed, drawn, fly
 
-from analysis.drag import dynamic
-from analysis.drag import polar as curve
-from analysis.drag import sensor_errors as as_measured
-from analysis.drag.forces import Blocks
-from analysis.drag.methods import every_method, fallback
-from analysis.drag.polar import flown_lift
+from analysis.drag.dynamic import estimate_polar
+from analysis.drag.fallback import fallback
+from analysis.drag.forces import BlockMeans
+from analysis.drag.method import MethodEstimate
+from analysis.drag.methods import every_method
+from analysis.drag.polar import Condition, flown_condition, flown_lift, power_required, speed_at
+from analysis.drag.sensor_errors import estimate_errors
 from analysis.maneuvers.find import find
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import load_aircraft
@@ -26,13 +27,15 @@ from sim.sensors import load_budget
 AIRCRAFT = load_aircraft("nexstar")
 
 
-def asked(probe, seed: int, plan: str = "accel-decel", errors: str = "bench", W20_kt: float = 0.0, **wrong) -> Asked:
-    return ask(AIRCRAFT, fly(AIRCRAFT, probe, drawn(load_budget(errors), seed, **wrong), plan, W20_kt, seed))
+def analyzed_flight(
+    probe, seed: int, plan: str = "accel-decel", errors: str = "bench", W20_kt: float = 0.0, **wrong
+) -> Analyzed:
+    return analyzed(AIRCRAFT, fly(AIRCRAFT, probe, drawn(load_budget(errors), seed, **wrong), plan, W20_kt, seed))
 
 
-# One error each, several times what a careful installation leaves (as_measured.CAREFUL); every case flies another seed.
+# One error each, several times INSTALLATION_TOLERANCE; every case has another seed.
 @pytest.mark.parametrize(
-    ("seed", "wrong", "pair", "culprit"),
+    ("seed", "wrong", "pair", "cause"),
     [
         (10, {"alpha_offset_rad": np.radians(1.5)}, ("dynamic", "direct"), "angle of attack"),
         (11, {"pitch_tilt": np.radians(-1.5)}, ("dynamic", "direct"), "angle of attack"),
@@ -42,42 +45,42 @@ def asked(probe, seed: int, plan: str = "accel-decel", errors: str = "bench", W2
         (15, {"thrust_scale": -0.07}, ("decelerations", "accelerations"), "propeller table"),
     ],
 )
-def test_a_single_error_is_named_and_no_other(probe, seed: int, wrong, pair, culprit: str) -> None:
-    found = asked(probe, seed, **wrong).disagreements
+def test_a_single_error_is_named_and_no_other(probe, seed: int, wrong, pair, cause: str) -> None:
+    found = analyzed_flight(probe, seed, **wrong).disagreements
     assert pair in {(one.first, one.second) for one in found}
-    assert {one.culprit for one in found} == {culprit}
+    assert {one.cause for one in found} == {cause}
     for one in found:
         assert abs(one.difference_W) > one.allowed_W
-        assert abs(one.shares_W["unexplained"]) < one.allowed_W, "what was found accounts for it"
+        assert abs(one.shares_W["unexplained"]) < one.allowed_W, "the estimated error explains it"
 
 
-@pytest.mark.parametrize(("seed", "wrong", "culprit"),
+@pytest.mark.parametrize(("seed", "wrong", "cause"),
     [(14, {"lag_s": 0.2}, "air-data lag"), (15, {"thrust_scale": -0.07}, "propeller table")],
 )  # fmt: skip
-def test_lag_and_thrust_are_told_apart_in_gusts_of_3_kt(probe, seed: int, wrong, culprit: str) -> None:
-    found = asked(probe, seed, W20_kt=3.0, **wrong).disagreements
+def test_lag_and_thrust_are_distinguished_in_gusts_of_3_kt(probe, seed: int, wrong, cause: str) -> None:
+    found = analyzed_flight(probe, seed, W20_kt=3.0, **wrong).disagreements
     (one,) = (one for one in found if (one.first, one.second) == ("decelerations", "accelerations"))
-    assert one.culprit == culprit
+    assert one.cause == cause
 
 
-def test_what_gusts_feign_is_taken_for_no_lag_and_no_thrust(probe) -> None:
+def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
     """A whole flight in 3 kt, where a lag of 14 ms looked like 76 and thrust 2.3 % too much, five standard errors."""
     errors = drawn(load_budget("study"), 1)
     flown = fly(AIRCRAFT, probe, errors, "full-test-flight", 3.0, 1)
     trajectory = reconstruct(flown.table, flown.still, alpha_scale_sigma=probe.alpha_scale_sigma)
-    blocks = Blocks(flown.table, trajectory, AIRCRAFT, load_propeller(AIRCRAFT.propulsion.propeller))
+    blocks = BlockMeans(flown.table, trajectory, AIRCRAFT, load_propeller(AIRCRAFT.propulsion.propeller))
     rows = np.zeros(len(blocks.t_s), dtype=bool)
     for run in find(flown.table, flown.still).of("acceleration", "deceleration"):
         rows |= (blocks.t_s >= run.start_s) & (blocks.t_s <= run.end_s)
-    found = as_measured.found(blocks, trajectory, rows)
+    found = estimate_errors(blocks, trajectory, rows)
     lag, thrust = found["lag"], found["thrust_scale"]
     assert abs(lag.value - errors.values.lag_s) < 3 * lag.standard_error
     assert abs(thrust.value - errors.values.thrust_scale) < 3 * thrust.standard_error
 
 
 @pytest.mark.parametrize(("tilt_deg", "side"), [(1.5, "high"), (-1.5, "low")])
-def test_a_path_whose_pitch_is_wrong_is_shown_by_energy_with_size_and_sign(probe, tilt_deg: float, side: str) -> None:
-    """Nothing that was found explains what a path tilted by hand makes of drag; W V tilt gives the tilt back."""
+def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, tilt_deg: float, side: str) -> None:
+    """No estimated error explains the drag along a trajectory tilted by hand; W V tilt recovers the tilt."""
     flown = fly(AIRCRAFT, probe, drawn(load_budget("none"), 0), "accel-decel", 0.0, 0)
     trajectory = reconstruct(flown.table, flown.still)
     states = trajectory.states.assign(theta=trajectory.states["theta"] + np.radians(tilt_deg))
@@ -85,44 +88,43 @@ def test_a_path_whose_pitch_is_wrong_is_shown_by_energy_with_size_and_sign(probe
     propeller = load_propeller(AIRCRAFT.propulsion.propeller)
     found = find(flown.table, flown.still)
     level = found.of("acceleration", "deceleration")
-    estimate = dynamic.estimate_polar(flown.table, tilted, level, AIRCRAFT, propeller)
+    estimate = estimate_polar(flown.table, tilted, level, AIRCRAFT, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
-    at = curve.Condition(AIRCRAFT.mass.weight_N, float(rows["rho"].mean()), AIRCRAFT.geometry.wing_area_m2)
-    flown_CL = flown_lift(rows, AIRCRAFT)
+    at, flown_CL = flown_condition(rows, AIRCRAFT), flown_lift(rows, AIRCRAFT)
     said = every_method(flown.table, tilted, level, estimate, flown_CL, AIRCRAFT, propeller, at).disagreements
     (one,) = (one for one in said if one.second == "energy")
-    assert one.culprit == "pitch attitude"
+    assert one.cause == "pitch attitude"
     words = re.search(r"pitch attitude is ([\d.]+) deg too (high|low)", one.text)
     assert words and words[2] == side
     assert float(words[1]) == pytest.approx(abs(tilt_deg), rel=0.3)
 
 
 @pytest.mark.parametrize(("errors", "seed"), [("none", 0), ("bench", 20), ("bench", 21)])
-def test_nothing_is_said_where_nothing_is_wrong(probe, errors: str, seed: int) -> None:
-    assert asked(probe, seed, errors=errors).disagreements == []
+def test_methods_agree_where_nothing_is_wrong(probe, errors: str, seed: int) -> None:
+    assert analyzed_flight(probe, seed, errors=errors).disagreements == []
 
 
-def worst_error(answered: Asked, truth, name: str) -> float:
-    """Largest error of a method over the speeds it saw, relative to the simulator's true curve."""
-    (answer,) = (a for a in answered.answers if a.method.name == name)
-    V = curve.speed_at(np.linspace(*answer.flown_CL, 20), answered.at)
-    power, _ = curve.power_required(V, answer.polar, answered.at)
+def worst_error(flight: Analyzed, truth, name: str) -> float:
+    """Largest error of a method over the speeds it saw, relative to the simulator's true"""
+    (estimate,) = (e for e in flight.estimates if e.method.name == name)
+    V = speed_at(np.linspace(*estimate.flown_CL, 20), flight.at)
+    power, _ = power_required(V, estimate.polar, flight.at)
     return float(np.max(np.abs(power / np.interp(V, truth["speed_mps"], truth["power_W"]) - 1)))
 
 
 def test_piw_viw_on_simulated_steady_points_is_within_two_per_cent(probe) -> None:
     """With a bench's errors, whose table is within half a per cent; the table's own doubt, 3 %, is in the interval."""
     flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), 30, thrust_scale=0.005), "steady-points", 0.0, 30)
-    assert worst_error(ask(AIRCRAFT, flown), flown.truth, "piw-viw") < 0.02
+    assert worst_error(analyzed(AIRCRAFT, flown), flown.truth, "piw-viw") < 0.02
 
 
-def test_steady_points_show_the_propeller_s_table(probe, tmp_path: Path) -> None:
+def test_steady_points_show_a_wrong_propeller_table(probe, tmp_path: Path) -> None:
     """Two runs and four steady points with a table 8 % off: every pair that disagrees says so, steady points too."""
     plan = tmp_path / "both.toml"
     plan.write_text(with_steady_points(), "utf-8")
-    found = asked(probe, 40, str(plan), thrust_scale=-0.08).disagreements
+    found = analyzed_flight(probe, 40, str(plan), thrust_scale=-0.08).disagreements
     assert ("dynamic", "piw-viw") in {(one.first, one.second) for one in found}
-    assert {one.culprit for one in found} == {"propeller table"}
+    assert {one.cause for one in found} == {"propeller table"}
 
 
 def with_steady_points() -> str:
@@ -142,17 +144,17 @@ def test_a_flight_of_manoeuvres_alone_has_a_curve_and_one_of_a_single_speed_has_
     trajectory = reconstruct(flown.table, flown.still)
     propeller = load_propeller(AIRCRAFT.propulsion.propeller)
     rho = float(flown.truth["density_kgpm3"].iloc[0])
-    at = curve.Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
+    at = Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
     found = find(flown.table, flown.still)
 
-    def answers(*kinds: str):
+    def estimates(*kinds: str) -> list[MethodEstimate]:
         return every_method(flown.table, trajectory, found.of(*kinds), None, (0, 1), AIRCRAFT, propeller, at).by_method
 
-    estimate, flown_CL = fallback(answers("steady", "roller coaster", "wind-up turn"), trajectory, "flight.mcap")
-    V = curve.speed_at(np.geomspace(flown_CL[0] * 1.1, flown_CL[1] / 1.1, 9), at)
-    power, error = curve.power_required(V, estimate.polar, at)
+    estimate, flown_CL = fallback(estimates("steady", "roller coaster", "wind-up turn"), trajectory, "flight.mcap")
+    V = speed_at(np.geomspace(flown_CL[0] * 1.1, flown_CL[1] / 1.1, 9), at)
+    power, error = power_required(V, estimate.polar, at)
     truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
     assert np.all(np.abs(power - truth) < 1.96 * error)
     assert abs(power[4] / truth[4] - 1) < 0.1
     with pytest.raises(InputError, match=r"flight.mcap: no acceleration .* 3 different speeds are needed, there are 1"):
-        fallback(answers("steady"), trajectory, "flight.mcap")
+        fallback(estimates("steady"), trajectory, "flight.mcap")

@@ -4,8 +4,8 @@ import methods
 import numpy as np
 import pytest
 
-from analysis.drag import cross_check as output_error
-from analysis.drag import polar as curve
+from analysis.drag.cross_check import estimate_polar
+from analysis.drag.polar import Condition, power_required
 from analysis.maneuvers.find import find
 from sim.sensors import load_budget
 
@@ -24,10 +24,10 @@ def flown(nexstar, probe):
 def asked(flight, aircraft, propeller):
     """The cross-check, and how far its power is off in its own standard errors and in per cent."""
     runs = find(flight.table, flight.still).of("acceleration", "deceleration")
-    check = output_error.estimate_polar(flight.table, runs, aircraft, zeroed=True, propeller=propeller)
+    check = estimate_polar(flight.table, runs, aircraft, zeroed=True, propeller=propeller)
     rho = float(np.mean([flight.table["rho"].iloc[run.rows].mean() for run in runs]))
-    at = curve.Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
-    power, error = curve.power_required(SPEEDS_MPS, check.polar, at)
+    at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
+    power, error = power_required(SPEEDS_MPS, check.polar, at)
     truth = np.interp(SPEEDS_MPS, flight.truth["speed_mps"], flight.truth["power_W"])
     return check, (power - truth) / error, 100 * (power / truth - 1)
 

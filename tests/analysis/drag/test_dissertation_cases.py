@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from methods import drawn, fly
 
-from analysis.drag import dynamic
-from analysis.drag import polar as curve
+from analysis.drag.dynamic import estimate_polar
+from analysis.drag.polar import Condition, power_required
 from analysis.maneuvers.find_level import find_runs
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import load_aircraft
@@ -26,9 +26,9 @@ def test_power_is_within_the_source_s_worst_deviation(probe, plan: str, seed: in
     flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), seed), plan, 0.0, seed)
     runs, _ = find_runs(flown.table)
     propeller = load_propeller(AIRCRAFT.propulsion.propeller)
-    estimate = dynamic.estimate_polar(flown.table, reconstruct(flown.table, flown.still), runs, AIRCRAFT, propeller)
+    estimate = estimate_polar(flown.table, reconstruct(flown.table, flown.still), runs, AIRCRAFT, propeller)
     rho = float(flown.table.loc[flown.table["flying"], "rho"].mean())
-    at = curve.Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
+    at = Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
     V = np.linspace(*MID_RANGE_MPS, 20)
-    power, _ = curve.power_required(V, estimate.polar, at)
+    power, _ = power_required(V, estimate.polar, at)
     assert np.abs(power - np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])).max() < WORST_W

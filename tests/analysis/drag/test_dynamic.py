@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.drag.dynamic import _level
+from analysis.drag.dynamic import _within_level_flight
 from analysis.maneuvers.kinds import Run
 from flight.units import GRAVITY_MPS2
 
@@ -16,7 +16,9 @@ ALPHA_0, ALPHA_CL = np.radians(-4.3), np.radians(13.4)
 def flight(V: np.ndarray, load: np.ndarray) -> pd.DataFrame:
     CL = LIFT_AT / V**2 * load
     t = STEP_S * np.arange(len(V))
-    return pd.DataFrame({"CL": CL, "alpha": ALPHA_0 + ALPHA_CL * CL, "qS": GRAVITY_MPS2 * V**2 / LIFT_AT}, index=t)
+    return pd.DataFrame(
+        {"CL": CL, "alpha": ALPHA_0 + ALPHA_CL * CL, "qS_over_m_mps2": GRAVITY_MPS2 * V**2 / LIFT_AT}, index=t
+    )
 
 
 def run(start_s: float, end_s: float) -> Run:
@@ -27,7 +29,7 @@ def test_all_of_a_deceleration_in_still_air_counts_even_if_the_flight_was_fast()
     """Twenty seconds near the stall in twenty minutes, the load factor up and down by 3 %."""
     V = np.r_[np.full(5900, FAST_MPS), np.linspace(FAST_MPS, SLOW_MPS, 100)]
     forces = flight(V, 1 + 0.03 * np.sin(np.arange(len(V))))
-    assert _level(forces, np.ones(len(V), dtype=bool), [run(1180.0, 1200.0)]).all()
+    assert _within_level_flight(forces, np.ones(len(V), dtype=bool), [run(1180.0, 1200.0)]).all()
 
 
 @pytest.mark.parametrize("load", [1.3, 1.6])
@@ -36,5 +38,5 @@ def test_a_gust_s_peak_near_the_stall_does_not_count_and_one_in_fast_flight_does
     loads = np.ones(500)
     slow, fast = 480, 20
     loads[[slow, fast]] = load
-    level = _level(flight(V, loads), np.ones(500, dtype=bool), [run(0.0, 100.0)])
+    level = _within_level_flight(flight(V, loads), np.ones(500, dtype=bool), [run(0.0, 100.0)])
     assert np.flatnonzero(~level).tolist() == [slow]

@@ -92,11 +92,11 @@ def test_a_polar_without_a_minimum_has_no_special_speed() -> None:
     [
         ([0.045, -0.02, 0.065], 1e-6, ""),
         ([-0.01, 0.02, 0.065], 1e-6, ""),  # a parabola that is sound over what was flown
-        ([0.045, 0.1, -0.02], 1e-6, "does not rise"),
-        ([-0.05, -0.02, 0.065], 1e-6, "below zero"),
-        ([0.045, -0.02, 0.065], np.nan, "too much alike"),
+        ([0.045, 0.1, -0.02], 1e-6, "does not increase"),
+        ([-0.05, -0.02, 0.065], 1e-6, "negative"),
+        ([0.045, -0.02, 0.065], np.nan, "too narrow"),
     ],
 )
-def test_a_polar_that_is_no_aircraft_s_is_known(A: list[float], variance: float, said: str) -> None:
+def test_an_unphysical_polar_is_recognised(A: list[float], variance: float, said: str) -> None:
     found = unphysical(Polar(np.array(A), variance * np.eye(3)), (0.3, 1.1))
     assert (said in found) and bool(found) == bool(said)

@@ -1,4 +1,4 @@
-"""Runs that differ by more than their noise are spoken of, and noise is not."""
+"""Runs that scatter more than their noise raise a warning, and noise alone does not."""
 
 from dataclasses import replace
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from analysis.drag.direct import ONE_RUN
 from analysis.drag.method import MethodEstimate
-from analysis.drag.methods import SELDOM, scatter
 from analysis.drag.polar import Condition, Polar
+from analysis.drag.run_scatter import FALSE_ALARM_RATE, run_scatter
 
 AT = Condition(37.68, 1.2, 0.4636)
 TRUTH = np.array([0.0465, -0.0195, 0.065])
@@ -23,18 +23,18 @@ def runs(rng: np.random.Generator, kind: str, count: int, *, wider: float = 1.0)
     ]
 
 
-def test_noise_alone_raises_the_alarm_as_seldom_as_it_says() -> None:
-    """Five runs, 1000 times: SELDOM of them by chance, and no more than three standard errors of that share above."""
+def test_noise_alone_raises_a_warning_at_the_false_alarm_rate_at_most() -> None:
+    """Five runs, 1000 times: a share FALSE_ALARM_RATE of them by chance, plus three standard errors of that share."""
     rng = np.random.default_rng(5)
-    alarms = sum(bool(scatter(runs(rng, "acceleration", 5), AT)) for _ in range(1000))
-    assert alarms / 1000 <= SELDOM + 3 * np.sqrt(SELDOM / 1000)
+    alarms = sum(bool(run_scatter(runs(rng, "acceleration", 5), AT)) for _ in range(1000))
+    assert alarms / 1000 <= FALSE_ALARM_RATE + 3 * np.sqrt(FALSE_ALARM_RATE / 1000)
 
 
-def test_runs_that_scatter_four_times_their_noise_are_spoken_of() -> None:
+def test_runs_that_scatter_four_times_their_noise_raise_a_warning() -> None:
     rng = np.random.default_rng(6)
-    (said,) = scatter([*runs(rng, "acceleration", 8, wider=4), *runs(rng, "deceleration", 8)], AT)
+    (said,) = run_scatter([*runs(rng, "acceleration", 8, wider=4), *runs(rng, "deceleration", 8)], AT)
     assert "8 accelerations differ" in said
 
 
-def test_two_runs_are_too_few_to_speak_of() -> None:
-    assert scatter(runs(np.random.default_rng(7), "acceleration", 2, wider=9), AT) == []
+def test_two_runs_are_too_few_for_a_warning() -> None:
+    assert run_scatter(runs(np.random.default_rng(7), "acceleration", 2, wider=9), AT) == []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.airdata.air import LEAST_HEIGHT_M
-from analysis.drag.forces import THRUST_SCALE, THRUST_SLOPE
+from analysis.drag.forces import THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA
 from analysis.trajectory.data import PRIOR_SIGMA
 from analysis.trajectory.equations import GIVEN, MOVE, SENSOR_ERRORS, SHOWN, STATES, Data, Equations
 from analysis.trajectory.reconstruction import reconstruct
@@ -34,8 +34,8 @@ def test_the_analysis_assumes_what_the_study_did_of_errors_drawn_as_it_drew_them
     sizes = {"alpha_bias": s.alpha_offset_rad, "alpha_scale": s.alpha_scale, "V_scale": s.V_scale}
     for name, size in (sizes | {"ax_bias": s.accel_bias_mps2}).items():
         assert 1.0 <= PRIOR_SIGMA[name] / (size / ratio) <= 1.2
-    assert THRUST_SCALE == pytest.approx(s.thrust_scale / ratio, rel=0.1)
-    assert THRUST_SLOPE == pytest.approx(s.thrust_slope_J / ratio, rel=0.1)
+    assert THRUST_SCALE_SIGMA == pytest.approx(s.thrust_scale / ratio, rel=0.1)
+    assert THRUST_SLOPE_SIGMA == pytest.approx(s.thrust_slope_J / ratio, rel=0.1)
 
 
 @pytest.mark.slow

@@ -1,0 +1,109 @@
+"""Steady level points: means over a steady run, for the classic methods.
+
+Speed comes from the trajectory, power from the uncorrected propeller table: a difference between these points and the
+dynamic method shows a wrong table.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.drag.method import SteadyPoint
+from analysis.maneuvers.kinds import Run
+from flight.aircraft import Aircraft
+from flight.errors import InputError
+from flight.units import GRAVITY_MPS2 as g
+
+Array = NDArray[np.float64]
+
+SHORTEST = 10  # blocks of a steady run
+CORRELATION_S = 2.0  # readings closer than this are correlated
+TABLE_SHARE = 0.005  # of power: error of interpolation in a propeller table, which no point can be better than
+DIFFERENT_SPEEDS = 0.08  # relative difference from which on two speeds count as different
+
+
+class SteadyMeans(NamedTuple):
+    """Means over each of n steady runs, each (n,)."""
+
+    V: Array  # true airspeed [m/s]
+    power_W: Array  # T V cos(alpha) (3.47), less the rates of kinetic and potential energy
+    power_error_W: Array  # its standard error
+    lift_N: Array  # weight over the cosine of bank, less T sin(alpha)
+    rho: Array  # [kg/m^3]
+    static_Pa: Array
+    temperature_K: Array
+    start_s: Array
+
+    def lift_coefficient(self, aircraft: Aircraft) -> Array:
+        return np.asarray(2 * self.lift_N / (self.rho * self.V**2 * aircraft.geometry.wing_area_m2))
+
+
+def steady_means(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> SteadyMeans:
+    """The means of all steady runs. Raises InputError when none has thrust data."""
+    m = aircraft.mass_kg
+    rows = []
+    for run in runs:
+        f = table.loc[run.start_s : run.end_s]
+        f = f[f["thrust_x_over_m_mps2"].notna()]
+        if len(f) < SHORTEST:
+            continue
+        thrust_over_m, alpha = f["thrust_x_over_m_mps2"], f["alpha"]
+        along_V, across_V = thrust_over_m * np.cos(alpha), thrust_over_m * np.sin(alpha)
+        t, V = f.index.to_numpy(), f["V"].to_numpy()
+        mean_Vdot = np.polyfit(t - t[0], V, 1)[0]
+        drag_over_m = along_V - f["Vdot"] - g * np.sin(f["gamma"])
+        power_W = m * float((along_V * V).mean() - mean_Vdot * V.mean() - g * f["climb"].mean())
+        scatter_W = m * _error_of_mean((drag_over_m * V).to_numpy(), t[1] - t[0])
+        gusts_W = m * g * mean_gust_mps(table, t[-1] - t[0])
+        error_W = np.sqrt(scatter_W**2 + gusts_W**2 + (TABLE_SHARE * power_W) ** 2)
+        lift_N = m * float((g / np.cos(f["bank"]) - across_V).mean())
+        air = (float(f[name].mean()) for name in ("rho", "static_Pa", "temperature_K"))
+        rows.append((V.mean(), power_W, error_W, lift_N, *air, run.start_s))
+    if not rows:
+        raise InputError("no steady point has thrust data")
+    return SteadyMeans(*np.array(rows).T)
+
+
+def require_speeds(points: SteadyMeans, terms: int) -> None:
+    """Raises InputError unless there are as many different speeds as terms to fit, and all powers are positive."""
+    if np.any(points.power_W <= 0):
+        raise InputError("by the propeller table a steady point has no positive power")
+    different, last = 0, 0.0
+    for V in np.sort(points.V):
+        if V > last * (1 + DIFFERENT_SPEEDS):
+            different, last = different + 1, V
+    if different < terms:
+        raise InputError(f"steady points at {terms} different speeds are needed, there are {different}")
+
+
+def steady_points(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> list[SteadyPoint]:
+    """The steady points as lift and drag coefficients, which hold for any weight and density."""
+    points = steady_means(table, runs, aircraft)
+    unit_W = points.rho * points.V**3 * aircraft.geometry.wing_area_m2 / 2  # power at C_D = 1
+    columns = (
+        points.lift_coefficient(aircraft),
+        points.power_W / unit_W,
+        points.power_error_W / unit_W,
+        points.start_s,
+    )
+    return [SteadyPoint(*(float(x) for x in row)) for row in zip(*columns, strict=True)]
+
+
+def mean_gust_mps(table: pd.DataFrame, seconds: float) -> float:
+    """Standard deviation of the mean vertical gust over so many seconds [m/s], for the power W w that it lifts with.
+
+    The mean of a first-order process of standard deviation sigma and time constant T: sigma sqrt(2 T/seconds).
+    """
+    return float(table["gust_mps"].iloc[0] * np.sqrt(min(1.0, 2 * table["gust_s"].iloc[0] / seconds)))
+
+
+def _error_of_mean(x: Array, step_s: float) -> float:
+    """Standard error of the mean of a colored record, with Bartlett's window over CORRELATION_S."""
+    e, n = x - x.mean(), len(x)
+    window = min(n - 1, round(CORRELATION_S / step_s))
+    variance = float(e @ e) / n
+    for lag in range(1, window + 1):
+        variance += 2 * (1 - lag / (window + 1)) * float(e[lag:] @ e[:-lag]) / n
+    return float(np.sqrt(max(variance, 0.0) / n))
