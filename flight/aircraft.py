@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from flight import units
-from flight.aircraft_keys import EXAMPLES
+from flight.aircraft_keys import EXAMPLES, SURFACES
 from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
+from flight.units import GRAVITY_MPS2, NO_KEY
 
 Position = tuple[float, float, float]
 
@@ -133,8 +133,8 @@ class Aircraft:
     imu_position_m: Position = (0.0, 0.0, 0.0)
     source: str = ""
     aerodynamics: dict[str, object] | None = None
-    text: str = field(default="", repr=False)  # text of the file, which the log contains
-    keys: frozenset[str] = field(default=frozenset(), repr=False, compare=False)
+    text: str = field(default="", repr=False, metadata=NO_KEY)  # text of the file, which the log contains
+    keys: frozenset[str] = field(default=frozenset(), repr=False, compare=False, metadata=NO_KEY)
 
     @property
     def mass_kg(self) -> float:
@@ -197,15 +197,15 @@ def parse_as(kind: type[AnyAircraft], text: str, where: str) -> AnyAircraft:
         raise InputError(f"{where}: not valid TOML ({error})") from None
     keys = frozenset(_keys(table))
     aerodynamics = table.pop("aerodynamics", None)
-    if "name" in table:
-        table.setdefault("title", table["name"])
-    mass = table.get("mass")
-    if isinstance(mass, dict) and "weight" in mass:
-        mass.setdefault("standard_weight", mass["weight"])
-    else:  # only the weight is asked for
-        table["mass"] = {"standard_weight": "1 kg", **mass} if isinstance(mass, dict) else {"standard_weight": "1 kg"}
-    read = units.read_table(kind, {**table, "aerodynamics": aerodynamics or {}, "text": text}, where, EXAMPLES)
-    aircraft = replace(read, keys=keys)
+    table.setdefault("title", table.get("name", ""))
+    mass = table.get("mass", {})
+    by_weight = isinstance(mass, dict) and "standard_weight" not in mass
+    if by_weight:
+        table["mass"] = {**mass, "standard_weight": "1 kg"}  # until the weight is read
+    read = units.read_table(kind, {**table, "aerodynamics": aerodynamics or {}}, where, EXAMPLES)
+    aircraft = replace(read, text=text, keys=keys)
+    if by_weight:
+        aircraft = replace(aircraft, mass=replace(read.mass, standard_weight_N=read.mass.weight_N))
     problems = [*_not_positive(aircraft), *_bad_surfaces(aircraft)]
     if problems:
         raise InputError(f"{where}: {'; '.join(problems)}")
@@ -220,7 +220,7 @@ def _keys(table: dict[str, Any], section: str = "") -> Iterator[str]:
 
 
 def _bad_surfaces(aircraft: Aircraft) -> Iterator[str]:
-    for name in ("elevator", "aileron", "rudder"):
+    for name in SURFACES:
         surface: ControlSurface | None = getattr(aircraft, name)
         if surface is None:
             continue

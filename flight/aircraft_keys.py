@@ -7,6 +7,7 @@ Messages, the template of `flightpower new aircraft` and docs/aircraft.md are ma
 from typing import NamedTuple
 
 ALL = "everything"
+SURFACES, LINES = ("elevator", "aileron", "rudder"), ("alpha", "beta", "airspeed", "static")
 
 
 class Key(NamedTuple):
@@ -23,7 +24,7 @@ SIMULATOR = "simulator"
 LATER = "`sim` asks for it"
 NO_ANGLES = "the daemon logs pulse widths only; the cross-check takes the surface as fixed; `sim` asks for it"
 NO_LINE = "no lag but the 0.012 s (one standard deviation) that is assumed anyway"
-NO_MOTOR = "a motor that loses a fifth of its highest power stands in, ±100 %; `sim` asks for it"
+NO_MOTOR = "a motor that loses a fifth of its highest power stands in, ±50 %; `sim` asks for it"
 
 # SURFACE stands for elevator, aileron and rudder, LINE for alpha, beta, airspeed and static.
 KEYS: dict[str, Key] = {
@@ -53,7 +54,7 @@ KEYS: dict[str, Key] = {
     ),
     "mass.weight": Key(
         '"4 kg"',
-        "Weight in flight with battery, in N, lbf, kg, g or lb. A percent of weight is 1.5 % of power at low speed.",
+        "Weight in flight with battery, in N, lbf, kg, g or lb.",
         "Weigh the aircraft ready to fly.",
         ALL,
     ),
@@ -76,7 +77,7 @@ KEYS: dict[str, Key] = {
     "mass.Ixz": Key('"0 kg m^2"', "Product of inertia.", "Small; leave it out.", SIMULATOR, "zero"),
     "propulsion.propeller": Key(
         '"apc-12x8e"',
-        "Propeller table: a shipped name, or a file ([propellers.md](propellers.md)).",
+        "Propeller table: a shipped name, or a file (docs/propellers.md).",
         "Printed on the blade; tables of UIUC and APC are read as downloaded.",
         "analysis, simulator",
         "the log's table, or `analyze --propeller`",
@@ -190,7 +191,7 @@ KEYS: dict[str, Key] = {
 
 def _examples() -> dict[str, str]:
     """By key as in a file: surfaces and lines one by one."""
-    named = {"SURFACE": ("elevator", "aileron", "rudder"), "LINE": ("alpha", "beta", "airspeed", "static")}
+    named = {"SURFACE": SURFACES, "LINE": LINES}
     found = {}
     for key, entry in KEYS.items():
         stands_for = next((word for word in named if word in key.split(".")), None)

@@ -1,6 +1,7 @@
 """The aircraft file with every key that the simulator flies by.
 
-The same classes as in `flight.aircraft`, with the keys required that the analysis can do without.
+The same classes as in `flight.aircraft`, with the keys required that the analysis can do without: `field()` takes
+away the default that a field inherits.
 """
 
 from dataclasses import dataclass, field
@@ -24,46 +25,46 @@ from flight.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class CompleteGeometry(Geometry):
-    chord_m: float
+    chord_m: float = field()
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompleteMass(Mass):
-    Ix_kgm2: float
-    Iy_kgm2: float
-    Iz_kgm2: float
+    Ix_kgm2: float = field()
+    Iy_kgm2: float = field()
+    Iz_kgm2: float = field()
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompletePropulsion(Propulsion):
-    propeller: str
-    propeller_inertia_kgm2: float
-    max_rpm: float
-    pole_pairs: int
-    motor_kv_rpm_per_volt: float
-    motor_resistance_ohm: float
-    motor_no_load_current_A: float
-    battery_voltage_V: float
-    battery_resistance_ohm: float
-    battery_energy_Wh: float
+    propeller: str = field()
+    propeller_inertia_kgm2: float = field()
+    max_rpm: float = field()
+    pole_pairs: int = field()
+    motor_kv_rpm_per_volt: float = field()
+    motor_resistance_ohm: float = field()
+    motor_no_load_current_A: float = field()
+    battery_voltage_V: float = field()
+    battery_resistance_ohm: float = field()
+    battery_energy_Wh: float = field()
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompleteProbe(ProbeInstallation):
-    position_m: Position
+    position_m: Position = field()
     upwash_per_CL_rad: float = 0.0
     lines: dict[str, PneumaticLine] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompleteAircraft(Aircraft):
-    geometry: CompleteGeometry
-    mass: CompleteMass
-    propulsion: CompletePropulsion
-    elevator: ControlSurface
-    aileron: ControlSurface
-    rudder: ControlSurface
-    probe: CompleteProbe
+    geometry: CompleteGeometry = field()
+    mass: CompleteMass = field()
+    propulsion: CompletePropulsion = field()
+    elevator: ControlSurface = field()
+    aileron: ControlSurface = field()
+    rudder: ControlSurface = field()
+    probe: CompleteProbe = field()
 
 
 def load_complete_aircraft(name_or_path: str | Path) -> CompleteAircraft:

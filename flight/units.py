@@ -43,6 +43,8 @@ UNIT_OF_SUFFIX = {
 NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)
 NO_EXAMPLES: Mapping[str, str] = types.MappingProxyType({})
 
+NO_KEY: Mapping[str, bool] = types.MappingProxyType({"key": False})  # metadata of a field that no file has
+
 T = TypeVar("T")
 
 
@@ -112,6 +114,8 @@ def _read_table(kind: Any, table: object, where: str, examples: Mapping[str, str
     known: list[str] = []
     before = len(problems)
     for field in dataclasses.fields(kind):
+        if not field.metadata.get("key", True):
+            continue
         key, unit = split_unit(field.name)
         known.append(key)
         at = f"{where}: {key}" if ":" not in where else f"{where}.{key}"
@@ -120,7 +124,9 @@ def _read_table(kind: Any, table: object, where: str, examples: Mapping[str, str
             try:
                 values[field.name] = _read_value(hints[field.name], table[key], unit, at, examples, problems)
             except InputError as error:
-                problems.append(str(error))
+                example = examples.get(at.partition(": ")[2])
+                like = f"; write it as {key} = {example}" if example and "such as" not in str(error) else ""
+                problems.append(f"{error}{like}")
         elif required and dataclasses.is_dataclass(hints[field.name]):
             _read_table(hints[field.name], {}, at, examples, problems)
         elif required:
