@@ -40,7 +40,7 @@ bench: $(READY) ## how much CPU the drivers take of a tick, how fast the simulat
 	$(BIN)/python benchmarks/drivers.py
 	$(BIN)/python benchmarks/simulator.py
 	$(BIN)/python benchmarks/estimation.py speed
-	$(BIN)/python benchmarks/estimation.py path
+	$(BIN)/python benchmarks/estimation.py trajectory
 	$(BIN)/python benchmarks/estimation.py statistics
 	$(BIN)/python benchmarks/estimation.py significance
 	$(BIN)/python benchmarks/daemon.py faults

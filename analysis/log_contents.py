@@ -1,4 +1,4 @@
-"""What a log carries beside the measurements: aircraft file, propeller table, calibrations, zeros."""
+"""The attachments of a log: aircraft file, propeller table, calibrations, zeros."""
 
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from flight.propeller_files import load_propeller, parse_propeller
 class LogContents(NamedTuple):
     """What an analysis takes from a log beside its measurements.
 
-    zero : by channel, what `daq zero` measured; None where the log carries none
+    zero : by channel, the reading in still air that `daq zero` took; None if the log has none
     notes : damage of the log, in sentences
     """
 
@@ -41,7 +41,7 @@ class Replacements(NamedTuple):
 def contents(log: Log, given: Replacements = Replacements()) -> LogContents:
     """The contents of a log; what is given replaces what the log carries.
 
-    Raises InputError when something that nothing replaces is missing or malformed.
+    Raises InputError if an attachment is missing or malformed and no argument replaces it.
     """
     aircraft = given.aircraft or aircraft_of(log)
     propeller = given.propeller or propeller_of(log, aircraft)
@@ -104,8 +104,8 @@ def magnetometer_of(log: Log) -> MagnetometerCalibration | None:
 
 
 def damage(log: Log) -> list[str]:
-    """What of the log is torn or cannot be decoded, in sentences."""
-    said = [f"The log is torn ({log.torn}); what came before is used."] if log.torn else []
+    """Parts of the log that are torn or cannot be decoded, in sentences."""
+    said = [f"The log is torn ({log.torn}); the part before is used."] if log.torn else []
     if log.undecodable:
         said.append(f"{log.undecodable} messages could not be decoded and are left out.")
     return said

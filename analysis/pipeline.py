@@ -17,6 +17,7 @@ from analysis.drag.thrust_coverage import thrust_coverage
 from analysis.log_contents import Replacements
 from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
+from analysis.performance.analysis import compute as compute_performance
 from analysis.performance.request import Request
 from analysis.results.assemble import assemble
 from analysis.results.performance import performance_result
@@ -101,9 +102,8 @@ def analyze(
     )  # fmt: skip
 
     progress("computing performance")
-    use, battery_warnings = None, [NO_BATTERY]
-    if request.battery_Wh or aircraft.propulsion.battery_energy_Wh:
-        use, battery_warnings = performance_result(request, table, trajectory, drag, aircraft, propeller, at, flown), []
+    performance = compute_performance(request, table, trajectory, drag, aircraft, propeller, at, flown)
+    unknown_battery = request.battery_Wh is None and aircraft.propulsion.battery_energy_Wh is None
     results = assemble(
         log=name,
         aircraft=aircraft,
@@ -113,12 +113,12 @@ def analyze(
         maneuvers=maneuvers,
         drag=drag,
         path=path_result(trajectory, agreement, sensor_errors),
-        use=use,
+        performance=performance_result(performance) if performance else None,
         warnings=contents.notes
         + data.notes
         + coverage_warnings
         + trajectory_warnings
         + drag.warnings
-        + battery_warnings,
+        + ([NO_BATTERY] if unknown_battery else []),
     )
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)

@@ -1,9 +1,10 @@
-"""How well the answers hold over simulated flights: the battery's power, highest level speed, rate of climb.
+"""Errors and intervals of battery power, highest level speed and rate of climb over simulated flights.
 
     .venv/bin/python benchmarks/answers.py --errors study --flights 8
 
-Flies, lets the sensors feel (no buses, no counts), analyses, and compares with trimmed flight of the same simulated
-aircraft, whose propeller, weight and battery meter are off by what the budget draws. docs/answers.md quotes it.
+Simulates flight and sensors (without buses and counts), analyses, and compares with trimmed flight of the same
+simulated aircraft. The errors of propeller table, weight and battery meter are drawn from the budget. docs/answers.md
+quotes the table.
 """
 
 from concurrent.futures import ProcessPoolExecutor
@@ -20,11 +21,11 @@ from scipy.optimize import brentq
 
 from analysis.airdata.probe import ProbeCalibration
 from analysis.drag import dynamic
-from analysis.drag import polar as curve
+from analysis.drag.polar import Condition, lift_coefficient
 from analysis.maneuvers.find_level import find_runs
-from analysis.performance import endurance_range as answers
-from analysis.performance.request import Request
-from analysis.results.performance import Day, flight_data, known, use
+from analysis.performance.analysis import performance_model, power_train_data
+from analysis.performance.available import full_throttle_performance
+from analysis.performance.level_flight import level_flight
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
@@ -60,7 +61,7 @@ def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarr
 
 
 class Job(NamedTuple):
-    """One flight to fly and to ask about."""
+    """One simulated flight to analyse."""
 
     aircraft: Aircraft
     probe: ProbeCalibration
@@ -72,7 +73,7 @@ class Job(NamedTuple):
 
 
 def one_flight(job: Job) -> np.ndarray:
-    """Estimate, half width of the interval and truth of each answer, (3, answers)."""
+    """Estimate, half width of the interval and truth of each quantity, (3, quantities)."""
     aircraft, probe, errors, plan, turbulence_kt, seed, blind = job
     drawn = flights.drawn(load_budget(errors), seed)
     flight, sensor_truth, table = flights.flown(aircraft, drawn, plan, seed, turbulence_kt)
@@ -88,20 +89,20 @@ def one_flight(job: Job) -> np.ndarray:
     estimate = dynamic.estimate_polar(air, trajectory, runs, aircraft, propeller)
     flown = np.concatenate([air["V_mps"].to_numpy()[run.rows] for run in runs])
     rho = float(np.nanmean(np.concatenate([air["rho"].to_numpy()[run.rows] for run in runs])))
-    at = curve.Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
+    at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
     slow, fast = np.nanpercentile(flown, (1, 99))
-    flown_CL = float(curve.lift_coefficient(fast, at)), float(curve.lift_coefficient(slow, at))
-    data = flight_data(air, trajectory, aircraft, propeller)
-    found = use(Request(), data, estimate, aircraft, propeller, Day(at, 1e5, 288.0), flown_CL)
-    assert found is not None and found.available.maximum_speed_mps and found.available.best_climb_mps
-    V = speeds(aircraft)[1:]
-    numbers, train, _ = known(data, estimate, aircraft, propeller)
-    level = answers.level_flight(numbers.nudged(), train, propeller, at, flown_CL, V)
-    top, climb = found.available.maximum_speed_mps, found.available.best_climb_mps
-    value = np.array([*level.battery.value, top.value, climb.value])
-    half = np.array([*(level.battery.hi - level.battery.value), top.hi - top.value, climb.hi - climb.value])
-    climb_V = float(found.available.best_climb_speed_mps or V[1])
-    return np.stack([value, half, truth_of(aircraft, drawn.deviations, rho, V, climb_V)])
+    flown_CL = float(lift_coefficient(fast, at)), float(lift_coefficient(slow, at))
+    model = performance_model(
+        power_train_data(air, trajectory, aircraft, propeller), estimate, aircraft, propeller, flown_CL
+    )
+    points, V = model.parameters.sigma_points(), speeds(aircraft)[1:]
+    full = full_throttle_performance(points, propeller, at, flown_CL)
+    level = level_flight(points, model.power_train, propeller, at, flown_CL, V)
+    found = (level.battery, full.maximum_speed, full.best_climb)
+    value = np.hstack([one.value for one in found])
+    half = np.hstack([one.hi - one.value for one in found])
+    assert np.isfinite([value, half]).all()
+    return np.stack([value, half, truth_of(aircraft, drawn.deviations, rho, V, full.best_climb_speed)])
 
 
 def main(

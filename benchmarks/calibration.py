@@ -1,4 +1,4 @@
-"""How well calibrations find again what was simulated: the figures of docs/calibration.md.
+"""Accuracy of the calibrations on simulated measurements: the figures of docs/calibration.md.
 
 python benchmarks/calibration.py probe --tunnels 200
 python benchmarks/calibration.py tubing --rate-Hz 25 --steps 36 --logs 60
@@ -15,9 +15,11 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from analysis.airdata.probe import Flow, ProbeCalibration, Tunnel, calibrate, flow_at_probe
+from analysis.airdata.probe import ProbeCalibration, ProbeFlow, flow_at_probe
+from analysis.airdata.probe_fit import calibrate
 from analysis.airdata.step_test import find_steps, fit_lag, through
 from analysis.airdata.tubing import air, low_frequency_lag_s, response
+from analysis.airdata.tunnel import TunnelData
 from analysis.estimation.intervals import NORMAL_95
 from flight.aircraft import PneumaticLine
 from sim.sensors.probe import port_pressures
@@ -32,10 +34,10 @@ SEA_LEVEL = air(101_325.0, 288.15)
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-def simulated_tunnel(seed: int) -> Tunnel:
+def simulated_tunnel(seed: int) -> TunnelData:
     """The simulator's: angles set to 0.03 deg, pressures to 0.6 Pa; its own probe and ring of static ports."""
     speed, alpha, beta, *rest = tunnel_measurements(seed=seed).to_numpy().T
-    return Tunnel(speed, np.radians(alpha), np.radians(beta), *rest)
+    return TunnelData(speed, np.radians(alpha), np.radians(beta), *rest)
 
 
 def probe_errors(calibration: ProbeCalibration) -> tuple[float, float, float]:
@@ -47,12 +49,12 @@ def probe_errors(calibration: ProbeCalibration) -> tuple[float, float, float]:
 
 
 def slope_error(calibration: ProbeCalibration) -> float:
-    """Of a straight line through what the calibration makes of true angles of +-10 deg, less one."""
+    """Relative error of the slope of alpha: of a straight line through estimated over true angles of +-10 deg."""
     alpha = np.radians(np.linspace(-10, 10, 41))
     return float(np.polyfit(alpha, _measured(calibration, alpha, np.zeros(41)).alpha_rad, 1)[0]) - 1
 
 
-def _measured(calibration: ProbeCalibration, alpha_rad: Array, beta_rad: Array) -> Flow:
+def _measured(calibration: ProbeCalibration, alpha_rad: Array, beta_rad: Array) -> ProbeFlow:
     ports = port_pressures(np.full(len(alpha_rad), QBAR_PA), alpha_rad, beta_rad)
     return flow_at_probe(calibration, ports.lower_minus_upper, ports.right_minus_left, ports.centre - ports.static)
 
@@ -70,13 +72,14 @@ def probe(tunnels: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")
     stated = np.array([c.alpha_scale_sigma for c in calibrations])
     held = int(np.sum(np.abs(slopes) < NORMAL_95 * stated))
     rms = 100 * np.sqrt(np.mean(slopes**2))
-    print(f"slope of alpha off by {rms:.2f} % rms, {100 * np.median(stated):.2f} % stated; held {held} of {tunnels}")
+    print(f"slope of alpha off by {rms:.2f} % rms, {100 * np.median(stated):.2f} % stated")
+    print(f"interval contained the truth in {held} of {tunnels}")
 
 
 @lru_cache(maxsize=2)
 def _burst(line: PneumaticLine, full: bool) -> tuple[Array, Array]:
-    """Pressure at the transducer around one burst: it rises for a second, stays for one and a half, is gone at once."""
-    t = np.arange(round(8 / FINE_S)) * FINE_S - 4
+    """Pressure at the transducer around one burst: it rises for 1 s, is constant for 1.5 s, drops to zero."""
+    t: Array = np.asarray(np.arange(round(8 / FINE_S)) * FINE_S - 4, dtype=float)
     mouth = np.where(t < 0, SIZE_PA * np.clip(t + 2.5, 0.0, 1.0), 0.0)
     if full:
         f = np.fft.rfftfreq(len(t), FINE_S)
@@ -88,7 +91,7 @@ def _burst(line: PneumaticLine, full: bool) -> tuple[Array, Array]:
 def bursts(
     line: PneumaticLine, *, full: bool, rate_Hz: float = 100.0, seed: int = 0, steps: int = 8
 ) -> tuple[Array, Array]:
-    """A transducer's samples of bursts four seconds apart, at no particular instant of a tick: times [s], values [Pa].
+    """A transducer's samples of bursts four seconds apart, at random times between ticks: times [s], values [Pa].
 
     full: through the line's whole response, which creeps and rings; else a first-order lag, as in the simulator.
     """
@@ -101,7 +104,7 @@ def bursts(
 
 
 def bound(line: PneumaticLine, rate_Hz: float, steps: int) -> float:
-    """Cramer and Rao's, of the lag's relative standard error: of each burst instant and levels unknown, any phase."""
+    """Cramér-Rao bound of the lag's relative standard error; time and levels of each burst are unknown."""
     lag_s, shape_of, small, early = low_frequency_lag_s([line], SEA_LEVEL), through(line, SEA_LEVEL), 1e-3, 1e-4
     longer, shape, shorter = (shape_of(lag_s * factor) for factor in (1 + small, 1.0, 1 - small))
     information = []
@@ -134,9 +137,9 @@ def tubing(
     print(
         f"{1e3 * true_s:.1f} ms at {rate_Hz:g} Hz from {steps} bursts: off by {np.sqrt(np.mean(errors**2)):.1f} % rms,"
         f" {np.percentile(np.abs(errors), 95):.1f} % in 95 %, {np.abs(errors).max():.1f} % at most"
-        f" (Cramer and Rao: {100 * bound(line, rate_Hz, steps):.1f} % rms);"
-        f" interval ± {half:.1f} %, held {held} of {logs};"
-        f" more bursts wanted {np.percentile([lag.more_steps for lag in found], (5, 50, 95))}"
+        f" (Cramér-Rao bound: {100 * bound(line, rate_Hz, steps):.1f} % rms);"
+        f" interval ± {half:.1f} %, contained the truth in {held} of {logs};"
+        f" more bursts needed {np.percentile([lag.more_steps for lag in found], (5, 50, 95))}"
     )
 
 

@@ -1,11 +1,11 @@
-"""The estimation engine measured: how fast, how honest on disturbed motion, and what shows CLq.
+"""Measures `analysis.estimation`: speed, accuracy in turbulence, and the identifiability of CLq.
 
     python benchmarks/estimation.py speed
-    python benchmarks/estimation.py path
+    python benchmarks/estimation.py trajectory
     python benchmarks/estimation.py statistics --seeds 240
     python benchmarks/estimation.py significance
 
-docs/estimation.md quotes what these print.
+docs/estimation.md quotes the output.
 """
 
 import subprocess
@@ -40,11 +40,11 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def speed() -> None:
-    """Processor time of fits, of import and model build, and of a general optimiser on the same likelihood."""
+    """Processor time of fits, of import and model build, and of a general optimizer with the same likelihood."""
     table = Table("what", "measured", "wanted", box=None)
     table.add_row("import and model build", f"{_import_s():.2f} s", "0.5 s")
     run_s = [timed.made_by_the_model(f"run {i}", i) for i in range(20)]
-    start = models.quick_start(timed.NEXSTAR, run_s[0])
+    start = models.starting_values(timed.NEXSTAR, run_s[0])
 
     def fit(segments):
         return output_error.estimate(timed.MODEL, segments, start=start)
@@ -61,19 +61,19 @@ def speed() -> None:
     )
     segment = disturbed.linear_record(0)
     filtered = timed.processor_time_s(
-        lambda: filter_error.estimate(disturbed.LINEAR, segment, disturbed.LINEAR_NOISE, tested=False), 5
+        lambda: filter_error.estimate(disturbed.LINEAR, segment, disturbed.LINEAR_NOISE, test_significance=False), 5
     )
-    table.add_row("filter error, 250 samples, 2 states, 12 numbers", f"{1e3 * filtered:.0f} ms", "")
+    table.add_row("filter error, 250 samples, 2 states, 12 unknowns", f"{1e3 * filtered:.0f} ms", "")
     CONSOLE.print(table)
 
 
 def _import_s() -> float:
-    """Processor time of a new Python that imports the engine, NumPy and all, builds and traces the aircraft's model."""
+    """Processor time of a new Python process that imports the package and NumPy and compiles an aircraft model."""
     program = (
-        "import time; from analysis.estimation import models, output_error;"
-        "from analysis.estimation.simulation import trace;"
+        "import time; from analysis.estimation import aircraft_models as models, output_error;"
+        "from analysis.estimation.simulation import build_simulator;"
         "from flight.aircraft import load_aircraft; m = models.pitch_and_height(load_aircraft('nexstar'));"
-        "trace(m, tuple(q.name for q in m.parameters if q.free)); print(time.process_time())"
+        "build_simulator(m, tuple(q.name for q in m.parameters if q.free)); print(time.process_time())"
     )
     ran = [
         subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=_root())
@@ -90,25 +90,25 @@ def _root() -> Path:
 def statistics(
     seeds: Annotated[int, typer.Option(help="Records of 10 s each are taken two at a time.")] = 240,
 ) -> None:
-    """Filter error and output error on motion in turbulence: bias, scatter over the bound, coverage, per parameter."""
+    """Filter error and output error in turbulence, per parameter: bias and scatter over the bound, and coverage."""
     cases = (
         (disturbed.LINEAR, disturbed.LINEAR_NOISE, disturbed.linear_record, disturbed.LINEAR_TRUTH),
         (disturbed.NONLINEAR, disturbed.NONLINEAR_NOISE, disturbed.nonlinear_record, disturbed.NONLINEAR_TRUTH),
     )
     for model, noise, record, truth in cases:
-        gathered: dict[str, list] = {"filter error": [], "output error": []}
+        results: dict[str, list] = {"filter error": [], "output error": []}
         m, values = len(truth), np.array(list(truth.values()))
         for seed in range(seeds):
             segments = [record(2 * seed, name="one"), record(2 * seed + 1, name="two")]
             for name, fit in (
-                ("filter error", filter_error.estimate(model, segments, noise, tested=False)),
+                ("filter error", filter_error.estimate(model, segments, noise, test_significance=False)),
                 ("output error", output_error.estimate(model, segments)),
             ):
                 bound = np.diag(fit.covariance)[:m]
                 corrected = np.diag(uncertainty.morelli_klein(fit).covariance)[:m]
-                gathered[name].append((fit.values[:m] - values, bound, corrected))
+                results[name].append((fit.values[:m] - values, bound, corrected))
         table = Table(model.name, "", *truth, box=None)
-        for name, rows in gathered.items():
+        for name, rows in results.items():
             error, bound, corrected = (np.array(part) for part in zip(*rows, strict=True))
             typical = np.sqrt(bound.mean(axis=0))
             for what, row, form in (
@@ -128,13 +128,10 @@ def statistics(
 
 
 class Limit(NamedTuple):
-    """SNR of q below which CLq is no longer significant; `flown` is that of the gyro's noise in Table 4.1 times factor.
-
-    NaN: not significant however quiet the gyro; 0: significant down to the noisiest one tried.
-    """
+    """snr : SNR of q below which CLq is not significant; NaN if never significant, 0 if always."""
 
     snr: float
-    flown: float
+    snr_in_flight: float  # with the gyro noise of Table 4.1 times the factor
     t_quiet: float  # t of CLq with the quietest gyro
 
 
@@ -142,11 +139,11 @@ class Limit(NamedTuple):
 NOISE = {"V": 0.29, "alpha": 0.008, "ax": 0.058, "az": 0.058, "h": 0.3}
 GYRO_RADPS = 0.005
 OCTAVES = range(-4, 8)  # of the gyro's noise: 0.0003 to 0.64 rad/s
-EVERY = 2  # the truth is at 50 Hz, the tray at 25
+DECIMATION = 2  # the truth is at 50 Hz, the measurements are at 25 Hz
 
 
 def manoeuvres() -> dict[str, pd.DataFrame]:
-    """Case 3's, as flown: two runs and an elevator input, without its recovery."""
+    """The manoeuvres of case 3: two runs and an elevator input, without the recovery after it."""
     ramp, _, step = runs("case-3")
     elevator = runs("case-3", kind="3-2-1-1")[0]
     return {
@@ -157,9 +154,9 @@ def manoeuvres() -> dict[str, pd.DataFrame]:
 
 
 def measured(run: pd.DataFrame, factor: float, gyro_radps: float, seed: int) -> Segment:
-    """A manoeuvre with the noise of Table 4.1 times `factor` on the outputs, and its own on the gyro."""
+    """A manoeuvre with the noise of Table 4.1 times `factor` on the outputs, and white noise on the gyro."""
     rng = np.random.default_rng(seed)
-    rows = run.iloc[::EVERY]
+    rows = run.iloc[::DECIMATION]
     true = {name: rows[name].to_numpy() for name in rows.columns if name != "kind"}
     inputs = {
         "thrust": "thrust_N", "J": "advance_ratio", "elevator": "elevator_rad", "phi": "roll_rad", "p": "p_radps",
@@ -182,20 +179,20 @@ def measured(run: pd.DataFrame, factor: float, gyro_radps: float, seed: int) -> 
 
 
 def t_of_CLq(aircraft: Aircraft, run: pd.DataFrame, factor: float, gyro_radps: float, seeds: int) -> float:
-    """Mean over seeds of CLq over its standard error (4.4, 4.5); CLq has no prior here."""
+    """Mean over the seeds of CLq divided by its standard error (4.4, 4.5), without a prior of CLq."""
     model = models.pitch_and_height(aircraft).changed(CLq={"start": 0.0, "prior_sigma": np.inf})
     t = []
     for seed in range(seeds):
         segment = measured(run, factor, gyro_radps, seed)
-        CLq = output_error.estimate(model, segment, start=models.quick_start(aircraft, segment)).parameters["CLq"]
+        CLq = output_error.estimate(model, segment, start=models.starting_values(aircraft, segment)).parameters["CLq"]
         t.append(CLq.value / CLq.standard_error)
     return float(np.mean(t))
 
 
 def significance_limit(aircraft: Aircraft, run: pd.DataFrame, factor: float, seeds: int = 6) -> Limit:
-    """From the quietest gyro on, the signal to noise of q (4.6, 4.7) at which mean t falls to 1.96, as Fig. 4.12."""
+    """The SNR of q (4.6, 4.7) at which the mean t falls to 1.96 as gyro noise increases (Fig. 4.12)."""
     signal = float(run["q_radps"].var())
-    flown = signal / (factor * GYRO_RADPS) ** 2
+    snr_in_flight = signal / (factor * GYRO_RADPS) ** 2
     before: tuple[float, float] | None = None
     t_quiet = np.nan
     for octave in OCTAVES:
@@ -204,17 +201,17 @@ def significance_limit(aircraft: Aircraft, run: pd.DataFrame, factor: float, see
         if before is None:
             t_quiet = t
             if t < NORMAL_95:
-                return Limit(np.nan, flown, t)
+                return Limit(np.nan, snr_in_flight, t)
         elif t < NORMAL_95:
             share = (before[1] - NORMAL_95) / (before[1] - t)
-            return Limit(float(np.exp(before[0] + share * (ln_snr - before[0]))), flown, t_quiet)
+            return Limit(float(np.exp(before[0] + share * (ln_snr - before[0]))), snr_in_flight, t_quiet)
         before = ln_snr, t
-    return Limit(0.0, flown, t_quiet)
+    return Limit(0.0, snr_in_flight, t_quiet)
 
 
 @app.command()
 def trajectory() -> None:
-    """Processor time of the flight path, for 20 minutes of flight; the time grows with the length."""
+    """Processor time of the trajectory reconstruction for 20 minutes of flight; it grows with the length."""
     aircraft, probe = load_aircraft("nexstar"), flights.tunnel_probe()
     table = Table("full-test-flight in", "20 minutes of it take", "wanted", box=None)
     for turbulence_kt in (0.0, 3.0, 15.0):
@@ -226,17 +223,17 @@ def trajectory() -> None:
 
 
 @app.command()
-def significance(seeds: Annotated[int, typer.Option(help="Noise drawn anew so often.")] = 6) -> None:
-    """The signal to noise of pitch rate at which CLq becomes significant in case 3's manoeuvres (Fig. 4.12)."""
+def significance(seeds: Annotated[int, typer.Option(help="Number of draws of the noise.")] = 6) -> None:
+    """The SNR of pitch rate at which CLq becomes significant in the manoeuvres of case 3 (Fig. 4.12)."""
     aircraft = load_aircraft("nexstar")
     table = Table(
-        "manoeuvre", "all other noise", "CLq significant above SNR", "SNR flown", "t, quietest gyro", box=None
+        "manoeuvre", "all other noise", "CLq significant above SNR", "SNR in flight", "t, quietest gyro", box=None
     )
     for name, run in manoeuvres().items():
         for factor in (0.5, 1.0, 1.5):
             limit = significance_limit(aircraft, run, factor, seeds)
             shown = "never" if np.isnan(limit.snr) else f"{limit.snr:.2g}" if limit.snr else "always"
-            table.add_row(name, f"x {factor:g}", shown, f"{limit.flown:.0f}", f"{limit.t_quiet:.1f}")
+            table.add_row(name, f"x {factor:g}", shown, f"{limit.snr_in_flight:.0f}", f"{limit.t_quiet:.1f}")
             name = ""
     CONSOLE.print(table)
 

@@ -12,7 +12,9 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 
 from analysis.airdata.air import air_data
-from analysis.airdata.probe import ProbeCalibration, calibrate, read_tunnel
+from analysis.airdata.probe import ProbeCalibration
+from analysis.airdata.probe_fit import calibrate
+from analysis.airdata.tunnel import read_tunnel
 from analysis.signals.rest import Zeros, rest_segments, zeros
 from flight.aircraft import Aircraft
 from flight.propeller_files import load_propeller

@@ -16,8 +16,8 @@ WIDTH = 110
 def blank() -> str:
     """Required keys to fill in; every other key as a comment."""
     lines = [
-        "# An aircraft file. Fill in what is marked with ?. The rest is optional: to use a line, remove the # in front of",
-        "# it, and of the section in brackets above it. docs/aircraft.md lists every key.",
+        "# An aircraft file. Fill in what is marked with ?. The rest is optional: to use a line, remove its #,",
+        "# and that of the section in brackets above it. docs/aircraft.md lists every key.",
     ]
     for section, keys in groupby(KEYS, key=lambda key: key.rpartition(".")[0]):
         entries = [(key, KEYS[key]) for key in keys if key != "aerodynamics"]

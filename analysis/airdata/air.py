@@ -1,29 +1,31 @@
-"""From the probe's pressures to speed, flow angles and density at the centre of gravity, and thrust from them."""
+"""Air data at the centre of gravity from the probe's pressures: speed, flow angles, density, height, thrust, bank."""
 
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from analysis.airdata.bank import bank_angle
 from analysis.airdata.probe import ProbeCalibration, flow_at_probe
+from analysis.signals.derivative import derivative
 from analysis.signals.rest import Zeros
 from analysis.signals.synchronize import COLUMNS
 from flight.aircraft import Aircraft
-from flight.atmosphere import GRAVITY_MPS2, density, height_at, temperature_at
+from flight.atmosphere import density, height_at, temperature_at
 from flight.motion import specific_force_at
 from flight.propeller import Propeller
 
-FLYING_PA = 30.0  # dynamic pressure above which there is flow enough to speak of angles: 7 m/s at sea level
-LEAST_HEIGHT_M = 20.0  # above the ground; below, wind changes with every metre, and ground effect begins
-SMOOTHING_S = 0.2  # of what quotients are made of: short against the seconds in which an aircraft's speed changes
-STUCK_PA, FEWEST_TO_JUDGE = 0.02, 250  # a tenth of a count of the finest transducer; samples
-COLD_S = 2.0  # after power-on
+FLYING_PA = 30.0  # dynamic pressure above which flow angles are determined: 7 m/s at sea level
+LEAST_HEIGHT_M = 20.0  # above the ground; below are wind shear and ground effect
+SMOOTHING_S = 0.2  # of q_c in quotients; short against the seconds in which an aircraft's speed changes
+STUCK_PA = 0.02  # a tenth of a count of the finest transducer
+FEWEST_SAMPLES = 250  # to judge whether a transducer is stuck
+COLD_S = 2.0  # after power-on, in which electronics have the temperature of the air
 LARGEST_UNMENTIONED_SHARE = 0.02
 
 
 class AirData(NamedTuple):
-    """Columns added to the synchronised table, and what was assumed on the way."""
+    """The synchronized table with air data columns, and notes on what was lost, assumed or corrected."""
 
     table: pd.DataFrame
     notes: list[str]
@@ -32,15 +34,16 @@ class AirData(NamedTuple):
 def air_data(
     table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration, propeller: Propeller, zeros: Zeros | None
 ) -> AirData:
-    """Adds speed, angles, air, height, thrust and `flying` to the table; takes zeros and lever arms out.
+    """The table with speed, angles, density, height, thrust, bank and `flying` added.
 
-    Angles and forces are those at the centre of gravity: upwash and the rotation of the boom are taken out of the
-    angles (method section 7), the lever arm out of the accelerations (method section 3).
+    Zeros are subtracted. Angles and specific forces are those at the centre of gravity: angles are corrected for upwash
+    and for the velocity of the probe by rotation (method section 7), specific forces for the lever arm of the IMU
+    (method section 3).
     """
     notes: list[str] = []
     out = table.copy()
     if zeros is None:
-        notes.append("The aircraft never stood still in this log: transducer and gyro zeros are taken as they come.")
+        notes.append("The aircraft never stood still in this log: zeros of transducers and gyros are not corrected.")
     else:
         notes += zeros.notes
         for name in zeros.value:
@@ -49,41 +52,47 @@ def air_data(
         if _stuck(out[name], out["q_c_Pa"]):
             out[name] = np.nan
             notes.append(
-                f"{COLUMNS[name][0]} never changed in flight: a broken transducer or a blocked tube, left out."
+                f"{COLUMNS[name][0]} never changed in flight and is left out: a broken transducer or a blocked tube."
             )
     sideslip = out["dp_beta_Pa"].to_numpy(dtype=float)
     if np.isnan(sideslip).all():
-        notes.append("No sideslip pressure in this log: sideslip is not known; the other angles are those without it.")
+        notes.append("No sideslip pressure in this log: sideslip is not known; the other air data take it as zero.")
         out["dp_beta_Pa"] = 0.0
 
-    dp_beta = np.nan_to_num(sideslip)  # where it is missing: straight flow, for the maps
-    # A quotient by a noisy number, and its root, are off on average: near the stall by 0.5 % of angle and 0.07 %
-    # of speed. So the quotients take the mean, and speed is straight in what differs from it.
+    dp_beta = np.nan_to_num(sideslip)  # the maps take missing sideslip as zero
+    # The mean of a quotient by a noisy number is biased, and so is that of a root: near the stall by 0.5 % of angle and
+    # 0.07 % of speed. So quotients use the mean of q_c, and speed is linear in the deviation of q_c from its mean.
     step_s = table.index[1] - table.index[0]
     window = max(1, round(SMOOTHING_S / step_s))
-    steady = out["q_c_Pa"].rolling(window, center=True, min_periods=1).mean().to_numpy()
-    flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, np.where(out["q_c_Pa"].notna(), steady, np.nan))
-    quick = out["q_c_Pa"].to_numpy() / steady - 1
+    mean_q_c = out["q_c_Pa"].rolling(window, center=True, min_periods=1).mean().to_numpy()
+    flow = flow_at_probe(
+        probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, np.where(out["q_c_Pa"].notna(), mean_q_c, np.nan)
+    )
+    deviation = out["q_c_Pa"].to_numpy() / mean_q_c - 1
     flying = (flow.qbar_Pa > FLYING_PA) & flow.inside
-    blank = np.where(flying, 1.0, np.nan)
+    nan_on_ground = np.where(flying, 1.0, np.nan)
     ground_Pa, ground_K = _ground(out)
     out["height_m"] = height_at(out["static_Pa"], ground_pressure_Pa=ground_Pa, ground_temperature_K=ground_K)
     out["temperature_K"] = temperature_at(out["height_m"], ground_K)
     rho = density(out["static_Pa"], out["temperature_K"])
-    V = np.sqrt(2 * flow.qbar_Pa * blank / rho) * (1 + quick / 2)
+    V = np.sqrt(2 * flow.qbar_Pa * nan_on_ground / rho) * (1 + deviation / 2)
 
-    _move_imu(out, aircraft)
-    CL = -aircraft.mass_kg * out["az_mps2"] / (flow.qbar_Pa * blank * aircraft.geometry.wing_area_m2)
+    _move_specific_force_to_cg(out, aircraft)
+    CL = -aircraft.mass_kg * out["az_mps2"] / (flow.qbar_Pa * nan_on_ground * aircraft.geometry.wing_area_m2)
     CL = CL.rolling(window, center=True).mean()
-    x_probe = aircraft.probe.position_m[0]
+    x_probe = aircraft.probe.position_m[0]  # ahead of the centre of gravity
     out["flying"] = flying
-    out["qbar_Pa"] = flow.qbar_Pa * (1 + quick) * blank
+    out["qbar_Pa"] = flow.qbar_Pa * (1 + deviation) * nan_on_ground
     out["rho"] = rho
     out["V_mps"] = V
-    out["V_per_pair"] = flow.V_per_pair * blank
-    out["alpha_rad"] = flow.alpha_rad * blank - aircraft.probe.upwash_per_CL_rad * CL + out["q_radps"] * x_probe / V
-    measured = np.where(np.isfinite(sideslip), flow.beta_rad * blank, np.nan)
+    out["V_per_pair"] = flow.V_per_pair * nan_on_ground
+    # Rotation moves a probe ahead of the centre of gravity upwards at q x and to the right at r x.
+    out["alpha_rad"] = (
+        flow.alpha_rad * nan_on_ground - aircraft.probe.upwash_per_CL_rad * CL + out["q_radps"] * x_probe / V
+    )
+    measured = np.where(np.isfinite(sideslip), flow.beta_rad * nan_on_ground, np.nan)
     out["beta_rad"] = measured - out["r_radps"] * x_probe / V
+    out["bank_rad"] = bank_angle(out)
     _add_thrust(out, propeller)
     outside = ~flow.inside[flow.qbar_Pa > FLYING_PA]
     if len(outside) and np.mean(outside) > LARGEST_UNMENTIONED_SHARE:
@@ -95,29 +104,29 @@ def air_data(
 
 
 def _stuck(pressure: pd.Series, q_c: pd.Series) -> bool:
-    """Whether a transducer gave one and the same number in all of the flight; noise alone moves a sound one."""
+    """Whether a transducer read the same value throughout the flight; a working one shows at least noise."""
     flown = pressure[q_c > FLYING_PA].dropna() if pressure.name != "q_c_Pa" else pressure.dropna()
-    return len(flown) > FEWEST_TO_JUDGE and float(flown.max() - flown.min()) < STUCK_PA
+    return len(flown) > FEWEST_SAMPLES and float(flown.max() - flown.min()) < STUCK_PA
 
 
 def _ground(table: pd.DataFrame) -> tuple[float, float]:
-    """Pressure [Pa] and air temperature [K] where the log began.
+    """Pressure [Pa] and air temperature [K] on the ground, where the log began.
 
-    Electronics warm themselves and the tray by ten degrees within minutes, three per cent of density; at power-on they
-    are as warm as the air they waited in. So the transducer's first reading is the air's temperature, and the standard
-    lapse rate carries it to height.
+    Electronics warm the tray by ten degrees within minutes, which would be three per cent of density. At power-on they
+    have the temperature of the air. So the transducer's first reading gives the air temperature on the ground; the
+    standard lapse rate gives that at height.
     """
     start = table[["static_Pa", "static_temperature_K"]].dropna()
     first = start.loc[: start.index[0] + COLD_S]
     return float(first["static_Pa"].mean()), float(first["static_temperature_K"].mean())
 
 
-def _move_imu(table: pd.DataFrame, aircraft: Aircraft) -> None:
-    """Specific force at the centre of gravity from that at the IMU, in place."""
+def _move_specific_force_to_cg(table: pd.DataFrame, aircraft: Aircraft) -> None:
+    """Replaces the specific force at the IMU by that at the centre of gravity, in place."""
     x, y, z = aircraft.imu_position_m
     p, q, r = (table[f"{axis}_radps"].to_numpy() for axis in "pqr")
     step_s = float(table.index[1] - table.index[0])
-    pdot, qdot, rdot = (_slope(rate, step_s) for rate in (p, q, r))
+    pdot, qdot, rdot = (derivative(rate, step_s) for rate in (p, q, r))
     zero = np.zeros_like(p)
     for axis, extra in zip(
         "xyz", specific_force_at(zero, zero, zero, p, q, r, pdot, qdot, rdot, (x, y, z)), strict=True
@@ -125,15 +134,11 @@ def _move_imu(table: pd.DataFrame, aircraft: Aircraft) -> None:
         table[f"a{axis}_mps2"] -= extra
 
 
-def _slope(rate: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-    """Derivative of a noisy rate: central difference of its half-second mean."""
-    window = max(1, round(0.5 / step_s))
-    smooth = pd.Series(rate).rolling(window, center=True, min_periods=1).mean().to_numpy()
-    return np.gradient(smooth, step_s)
-
-
 def _add_thrust(table: pd.DataFrame, propeller: Propeller) -> None:
-    """Thrust [N], advance ratio and whether the propeller's table covers it, in place (3.48; J of the whole speed)."""
+    """Adds thrust, shaft power, advance ratio and whether the propeller table covers them, in place.
+
+    (3.48); the advance ratio uses the whole airspeed.
+    """
     n = table["n_revps"].to_numpy()
     turning = n > 1.0
     n_safe = np.where(turning, n, 1.0)
@@ -144,36 +149,3 @@ def _add_thrust(table: pd.DataFrame, propeller: Propeller) -> None:
     table["thrust_N"] = np.where(turning, thrust, np.nan)
     table["shaft_power_W"] = np.where(turning, shaft, np.nan)
     table["propeller_covered"] = turning & propeller.covers(J, 60 * n_safe)
-
-
-def bank_rad(table: pd.DataFrame, time_constant_s: float = 3.0) -> NDArray[np.float64]:
-    """Bank angle in near-straight flight from the lateral balance, quick parts from the roll rate.
-
-    (3.7) solved for phi with v = V beta: g cos(theta) sin(phi) = vdot - p w + r u - ay. It never takes the
-    accelerometer for the vertical. Blended with the integral of p at `time_constant_s`; in gaps it returns to level.
-    """
-    step_s = float(table.index[1] - table.index[0])
-    V, alpha, beta = (table[c].to_numpy() for c in ("V_mps", "alpha_rad", "beta_rad"))
-    p, r, ay = (table[c].to_numpy() for c in ("p_radps", "r_radps", "ay_mps2"))
-    v = V * np.sin(np.nan_to_num(beta))  # where sideslip is not known, none
-    balance = (_slope(v, step_s) - p * V * np.sin(alpha) + r * V * np.cos(alpha) - ay) / GRAVITY_MPS2
-    slow = np.arcsin(np.clip(np.nan_to_num(balance), -1, 1))
-    rate = np.nan_to_num(p)
-    return _complementary(slow, rate, step_s, time_constant_s)
-
-
-def _complementary(
-    slow: NDArray[np.float64], rate: NDArray[np.float64], step_s: float, time_constant_s: float
-) -> NDArray[np.float64]:
-    """Low-passed `slow` plus high-passed integral of `rate`, run forward and backward and averaged: no lag."""
-    keep = np.exp(-step_s / time_constant_s)
-
-    def one_way(angle: NDArray[np.float64], rate: NDArray[np.float64]) -> NDArray[np.float64]:
-        out = np.empty_like(angle)
-        state = float(np.mean(angle[: max(1, round(time_constant_s / step_s))]))
-        for i, (a, w) in enumerate(zip(angle, rate, strict=True)):
-            state = keep * (state + w * step_s) + (1 - keep) * a
-            out[i] = state
-        return out
-
-    return (one_way(slow, rate) + one_way(slow[::-1], -rate[::-1])[::-1]) / 2

@@ -1,4 +1,4 @@
-"""A log to air data: synchronized channels, line lags and zeros taken out, speed and flow angles at the CG."""
+"""From a log to air data at the centre of gravity: synchronizes channels, corrects for line lags and zeros."""
 
 from typing import NamedTuple
 
@@ -43,12 +43,12 @@ def flight_data(
 ) -> FlightData:
     """All measurements of a log on one time base, in SI units, at the centre of gravity.
 
-    zero: by channel, what `daq zero` measured before the flight.
-    Raises InputError when a topic that nothing can replace is missing or never carried a value.
+    zero: by channel, the reading in still air that `daq zero` took before the flight.
+    Raises InputError if a required topic is missing or never carried a value.
     """
     gas = lines.air_in(log)
     channels = synchronize(log, lines.lags_s(aircraft, gas))
-    table, line_notes = lines.sharpened(channels.table, aircraft, gas)
+    table, line_notes = lines.without_remainder(channels.table, aircraft, gas)
     rest = rest_segments(table, channels.rate_Hz)
     at_rest = zeros(table, rest, zero)
     air = air_data(table, aircraft, probe, propeller, at_rest)
@@ -61,7 +61,7 @@ def flight_data(
 
 
 def silent_topics(table: pd.DataFrame) -> list[str]:
-    """What was lost in flight: each topic that carried none of its values for more than a moment."""
+    """A note for each topic none of whose values was measured for more than LARGEST_UNMENTIONED_LOSS of the flight."""
     lost = table.loc[table["flying"], list(COLUMNS)].isna()
     columns: dict[str, list[str]] = {}
     for name, (topic, _) in COLUMNS.items():

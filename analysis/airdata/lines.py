@@ -1,7 +1,7 @@
-"""Takes out of the measured pressures what the probe's lines did to them.
+"""Corrects measured pressures for the dynamic response of the probe's pneumatic lines.
 
-Nearly all of it is a delay, which `synchronize` takes out with all the others. What is left, slow waves passing a
-little better than quick ones, is divided out where a line is so long and narrow that it is worth the noise
+Most of the response is a delay, which `synchronize` takes out with the other delays. The remainder attenuates high
+frequencies. It is divided out only for lines so long and narrow that the gain is worth the additional noise
 (docs/calibration.md).
 """
 
@@ -29,16 +29,17 @@ FIELD = {
     "airspeed": "differential_pressure_Pa",
     "static": "pressure_Pa",
 }
-LARGEST_GAIN = 1.5  # noise of no frequency grows by more than this
-QUICKEST_HZ = 3.0  # the aircraft's own motion: three times its short period
-# Of the pressure at that frequency, which a line of some 40 ms takes. On simulated flights what a delay leaves of 25 ms
-# is 0.01 Pa in calm air and 0.5 Pa of 6 Pa of noise in gusts, while dividing it out adds a fifth to the noise.
-WORTH = 0.25
-SHORTEST = 16  # samples
+LARGEST_GAIN = 1.5  # the noise of any frequency grows by this at most
+HIGHEST_HZ = 3.0  # of the aircraft's motion: three times its short period
+# A line is corrected if its remainder changes a wave of HIGHEST_HZ by more than this; a lag of about 40 ms does. For
+# 25 ms, on simulated flights, the remainder is 0.01 Pa in calm air and 0.5 Pa of 6 Pa of noise in gusts, and its
+# correction would increase noise by a fifth.
+SMALLEST_REMAINDER = 0.25
+FEWEST_SAMPLES = 16
 
 
 def air_in(log: Log) -> Gas:
-    """What filled the lines, by the log's own static pressure and temperature; sea level where it has none."""
+    """The air in the lines, at the log's median static pressure and temperature; at sea level if it has none."""
     good = [e.message for e in log.entries.get(TOPIC["static"], []) if e.message.status is Status.OK]
     pressure = [m.pressure_Pa for m in good if isinstance(m, AbsolutePressure) and m.pressure_Pa is not None]
     kelvin = [m.temperature_K for m in good if isinstance(m, AbsolutePressure) and m.temperature_K is not None]
@@ -54,55 +55,56 @@ def lags_s(aircraft: Aircraft, gas: Gas) -> dict[str, float]:
     }
 
 
-def sharpened(table: pd.DataFrame, aircraft: Aircraft, gas: Gas) -> tuple[pd.DataFrame, list[str]]:
-    """The table with the remainder of each long and narrow line taken out, and what was done in words.
+def without_remainder(table: pd.DataFrame, aircraft: Aircraft, gas: Gas) -> tuple[pd.DataFrame, list[str]]:
+    """The table with the remainder of each long and narrow line divided out, and notes on it.
 
-    table: delays are taken out already, by `lags_s`; gaps stay gaps.
+    table: of `synchronize` with `lags_s`, so that delays are taken out already. Gaps stay gaps.
     """
     rate_Hz = 1 / float(table.index[1] - table.index[0])
     out, notes = table, []
     for name, line in aircraft.probe.lines.items():
         if name not in COLUMN or line.length_m <= 0:
             continue
-        remainder = undelayed(line, gas)
-        blunt = float(np.abs(1 - remainder(np.array([QUICKEST_HZ])))[0])
-        if blunt > WORTH:
-            values = undone(table[COLUMN[name]].to_numpy(dtype=float), rate_Hz, remainder, LARGEST_GAIN)
+        remainder = remainder_of(line, gas)
+        change = float(np.abs(1 - remainder(np.array([HIGHEST_HZ])))[0])
+        if change > SMALLEST_REMAINDER:
+            values = inverted(table[COLUMN[name]].to_numpy(dtype=float), rate_Hz, remainder, LARGEST_GAIN)
             out = out.assign(**{COLUMN[name]: values})
             notes.append(
-                f"The line of {TOPIC[name]} is long and narrow: it changes a wave of {QUICKEST_HZ:g} Hz by"
-                f" {100 * blunt:.0f} %. That is taken out; noise grows by a factor of {LARGEST_GAIN:g} at most."
+                f"The line of {TOPIC[name]} is long and narrow: it changes a wave of {HIGHEST_HZ:g} Hz by"
+                f" {100 * change:.0f} %. This is corrected; noise grows by a factor of {LARGEST_GAIN:g} at most."
             )
     return out, notes
 
 
-def undelayed(line: PneumaticLine, gas: Gas) -> Callable[[Array], ComplexArray]:
-    """The line's response less its lag for slow changes, as a function of frequency [Hz]."""
+def remainder_of(line: PneumaticLine, gas: Gas) -> Callable[[Array], ComplexArray]:
+    """The line's response without its lag for slow changes, as a function of frequency [Hz]."""
     lag_s = low_frequency_lag_s([line], gas)
     return lambda f: response([line], f, gas) * np.exp(2j * np.pi * f * lag_s)
 
 
-def undone(values: Array, rate_Hz: float, of: Callable[[Array], ComplexArray], largest_gain: float) -> Array:
-    """The input that a response `of` turned into `values`, as far as noise allows; NaN stays NaN.
+def inverted(values: Array, rate_Hz: float, response_of: Callable[[Array], ComplexArray], largest_gain: float) -> Array:
+    """The input of a linear system, (n,), from its output `values` (n,) and its frequency response; NaN stays NaN.
 
-    Divides by the response where it is above 1/largest_gain, and falls back towards nothing below: no frequency grows
-    by more than `largest_gain`, steady values stay as they are. Each stretch between gaps is taken by itself, continued
-    beyond its ends by its own odd reflection.
+    response_of: by frequency [Hz]. Divides by the response where that is above 1/largest_gain and attenuates below: no
+    frequency is amplified by more than `largest_gain`, and steady values are unchanged. Each stretch between gaps is
+    treated separately and extended beyond its ends by odd reflection.
     """
     out = values.copy()
     for rows in stretches(np.isfinite(values)):
         n = rows.stop - rows.start
-        if n < SHORTEST:
+        if n < FEWEST_SAMPLES:
             continue
         pad = min(n - 1, round(2 * rate_Hz))
         x = np.pad(values[rows], pad, mode="reflect", reflect_type="odd")
-        trend = np.linspace(x[0], x[-1], len(x))  # so that end and beginning meet
+        trend = np.linspace(x[0], x[-1], len(x))  # subtracted, so that end and beginning meet
         spectrum = np.fft.rfft(x - trend)
-        spectrum *= bounded_inverse(of(np.asarray(np.fft.rfftfreq(len(x), 1 / rate_Hz), dtype=float)), largest_gain)
+        f: Array = np.asarray(np.fft.rfftfreq(len(x), 1 / rate_Hz), dtype=float)
+        spectrum *= bounded_inverse(response_of(f), largest_gain)
         out[rows] = (np.fft.irfft(spectrum, len(x)) + trend)[pad : pad + n]
     return out
 
 
 def bounded_inverse(H: ComplexArray, largest_gain: float) -> ComplexArray:
     """1/H, but never larger than `largest_gain`: conj(H) / max(|H|^2, 1/largest_gain^2)."""
-    return np.conj(H) / np.maximum(np.abs(H) ** 2, 1 / largest_gain**2)
+    return np.asarray(np.conj(H) / np.maximum(np.abs(H) ** 2, 1 / largest_gain**2))

@@ -1,10 +1,11 @@
-"""Hard and soft iron of a magnetometer, from turning it about: a sphere that became an ellipsoid, made a sphere again.
+"""Hard and soft iron of a magnetometer from measurements in many directions, and the compass in flight.
 
-The earth's field has one strength whichever way the aircraft points. Magnets aboard add a constant vector (hard iron),
-steel and currents' loops stretch the field (soft iron): A (m - b) has one length again, |A (m - b)| = F. A rotation in
-A cannot be seen by lengths alone, so A is symmetric; its mean diagonal is one, so that F is in tesla.
+The strength of the earth's field does not depend on the aircraft's attitude. Magnets aboard add a constant vector b
+(hard iron), steel and current loops distort the field (soft iron): the measured vectors m lie on an ellipsoid, and
+|A (m - b)| = F. Lengths do not determine a rotation in A, so A is symmetric; its mean diagonal is one, so that F is in
+tesla.
 
-In flight the field that is left shows the heading (`compass`), as well as its strength lets one believe.
+In flight the corrected field shows the heading (`compass`). The variation of its strength gives its error.
 """
 
 from pathlib import Path
@@ -23,22 +24,22 @@ from flight.json_file import decoded
 Array = NDArray[np.float64]
 
 FORMAT = "flightpower-magnetometer-1"
-# What is assumed before anything is seen: a turn alone shows a circle of the sphere, which many ellipsoids share.
+# Standard deviations of the prior. A turn in flight covers a circle of the sphere only, which many ellipsoids share.
 HARD_IRON_T, SOFT_IRON = 30e-6, 0.05
 FIELD_T, FIELD_SIGMA_T = 48e-6, 10e-6  # anywhere on earth it is 22 to 67 uT (World Magnetic Model)
 EARTH_T = (18e-6, 75e-6)
-FEWEST = 100
-# In flight: what the current of a motor adds, and iron that lies elsewhere than it did when the field was calibrated;
-LEFT_T = 1e-6
-TILT_RAD = np.radians(0.5)  # of the tray on the aircraft, and of the attitude that levels the field;
-SAMPLE_OFF = 0.1  # of the field's strength, so far from the usual one: a moment's iron, a damaged sample;
-FIELD_OFF, MOST_OFF = 0.1, 0.1  # no place on one day: the usual strength from the calibration's; share of the samples;
-WORST_RAD = np.radians(10.0)  # of heading, beyond which nothing is gained by it.
-CORRELATED = 5  # neighbouring samples share the errors of the model: count so many as one
+FEWEST_SAMPLES = 100
+IRON_CHANGE_T = 1e-6  # in flight: field of the motor current, and of iron that was moved since the calibration
+TILT_RAD = np.radians(0.5)  # of the tray on the aircraft, and of the attitude by which the field is levelled
+SAMPLE_OFF = 0.1  # a sample whose strength differs from the median by this share is left out
+FIELD_OFF = 0.1  # the compass is not used if the median strength differs from the calibration's by this share …
+MOST_OFF = 0.1  # … or if this share of the samples is left out …
+WORST_RAD = np.radians(10.0)  # … or if its heading has a larger error
+CORRELATED = 5  # neighbouring samples that share errors of the model and count as one
 
 
 class MagnetometerCalibration(msgspec.Struct, frozen=True, kw_only=True):
-    """What stands in `magnetometer.json`: corrected = soft_iron (measured - hard_iron), body axes."""
+    """The content of `magnetometer.json`: corrected = soft_iron (measured - hard_iron), body axes."""
 
     format: str = FORMAT
     source: str
@@ -50,16 +51,20 @@ class MagnetometerCalibration(msgspec.Struct, frozen=True, kw_only=True):
     field_T: float
     residual_before_T: float  # rms of the field's strength about its mean, as measured
     residual_T: float  # and corrected
-    directions: float  # smallest spread of the measured directions along any axis; 0.58 is all round, 0 a plane
+    directions: float  # smallest spread of the measured directions along any axis; 0.58 is uniform, 0 a plane
 
     def corrected(self, field_T: Array) -> Array:
         """Flux density without the aircraft's own iron; (n, 3) to (n, 3)."""
-        return (field_T - np.array(self.hard_iron_T)) @ np.array(self.soft_iron).T
+        corrected: Array = (field_T - np.array(self.hard_iron_T)) @ np.array(self.soft_iron).T
+        return corrected
 
 
 class Compass(NamedTuple):
-    """Flux density in body axes without the aircraft's iron (n, 3), NaN where it is not to be trusted, and its error
-    across the field (1 sigma), both [T]. The error lasts: it is a function of heading and of the motor's current."""
+    """Flux density in body axes without the aircraft's iron (n, 3) [T], NaN where it is not reliable.
+
+    error_T : its standard error across the field [T]; a function of heading and motor current, so it does not average
+    out over a flight
+    """
 
     field_T: Array
     error_T: float
@@ -71,7 +76,7 @@ def parse_magnetometer(data: bytes, where: str) -> MagnetometerCalibration:
     if len(found.soft_iron) != 3:
         raise InputError(f"{where}: not a magnetometer calibration (soft_iron has {len(found.soft_iron)} rows, not 3)")
     if not EARTH_T[0] < found.field_T < EARTH_T[1]:
-        raise InputError(f"{where}: a field of {1e6 * found.field_T:.0f} uT is nowhere on earth")
+        raise InputError(f"{where}: a field of {1e6 * found.field_T:.0f} uT is nowhere on earth; calibrate again")
     return found
 
 
@@ -84,20 +89,20 @@ def load_magnetometer(path: Path) -> MagnetometerCalibration:
 
 
 def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[Compass | None, list[str]]:
-    """The earth's field in flight; None where there is none to be trusted, and why. table: as `air_data` leaves it.
+    """The earth's field in flight, or None if it is not reliable; and notes with the reason. table: of `air_data`.
 
-    Its strength tells how far to trust it: what iron leaves over across the field is seen in the strength by as much as
-    the field is level. On the ground cars and reinforced concrete are near: not used.
+    The variation of the field strength shows its error: an error across the field changes the strength in proportion to
+    the horizontal share of the field. Samples on the ground, near cars and reinforced concrete, are not used.
     """
     field = calibration.corrected(table.reindex(columns=[f"mag_{axis}_T" for axis in "xyz"]).to_numpy(dtype=float))
     field[~table["flying"].to_numpy(dtype=bool)] = np.nan
     strength = np.linalg.norm(field, axis=1)
     seen = np.isfinite(strength)
-    if seen.sum() < FEWEST:
-        return None, [f"{_NOT_USED}: it is calibrated, but showed nothing in flight."]
+    if seen.sum() < FEWEST_SAMPLES:
+        return None, [f"{_NOT_USED}: it is calibrated, but has too few samples in flight."]
     F, usual = calibration.field_T, float(np.median(strength[seen]))
     if abs(usual / F - 1) > FIELD_OFF:
-        why = f"the field in flight has {1e6 * usual:.0f} uT, and {1e6 * F:.0f} uT in its calibration"
+        why = f"the field in flight is {1e6 * usual:.0f} uT, but {1e6 * F:.0f} uT in its calibration"
         return None, [f"{_NOT_USED}: {why}. {_AGAIN}"]
     off = seen & (np.abs(strength / usual - 1) > SAMPLE_OFF)
     field[off] = np.nan
@@ -108,7 +113,7 @@ def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[
     varies_T = pd.Series(np.where(off, np.nan, strength)).rolling(second, min_periods=1).mean().std()
     error_T = float(
         np.sqrt(
-            LEFT_T**2
+            IRON_CHANGE_T**2
             + np.sum(np.square(calibration.hard_iron_error_T))
             + (calibration.soft_iron_error * F) ** 2
             + (TILT_RAD * F) ** 2
@@ -116,45 +121,46 @@ def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[
         )
     )
     if share > MOST_OFF or error_T > WORST_RAD * level_T:
-        why = f"the strength of its field varies by {1e6 * float(np.std(strength[seen])):.1f} uT in flight"
-        return None, [f"{_NOT_USED}: {why}, and it would be one and the same. {_AGAIN}"]
+        varies_uT = 1e6 * float(np.std(strength[seen]))
+        why = f"the field strength varies by {varies_uT:.1f} uT in flight, but should be constant"
+        return None, [f"{_NOT_USED}: {why}. {_AGAIN}"]
     notes = []
     if share > LARGEST_UNMENTIONED_SHARE:
         notes.append(
-            f"The strength of the magnetometer's field is off by more than {100 * SAMPLE_OFF:.0f} % for"
-            f" {100 * share:.0f} % of the flight: left out there."
+            f"The magnetometer is left out for {100 * share:.0f} % of the flight, where the field strength is more than"
+            f" {100 * SAMPLE_OFF:.0f} % off."
         )
     return Compass(field, error_T), notes
 
 
 _NOT_USED = "The magnetometer is not used"
-_AGAIN = "Calibrate it again, in the aircraft as it flies."
+_AGAIN = "Calibrate it again, in the aircraft ready to fly."
 
 
 def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
     """Hard and soft iron from measurements in many directions, (n, 3) [T].
 
-    Raises InputError when there are too few, or when they are no magnetic field.
+    Raises InputError if there are too few, or if their strength is not that of the earth's field.
     """
     field = field_T[np.isfinite(field_T).all(axis=1)]
-    if len(field) < FEWEST:
+    if len(field) < FEWEST_SAMPLES:
         raise InputError(
-            f"{source}: {len(field)} magnetometer samples are too few; {FEWEST} at least, in many directions"
+            f"{source}: {len(field)} magnetometer samples are too few; {FEWEST_SAMPLES} are needed, in many directions"
         )
     strength = np.linalg.norm(field, axis=1)
     sigma = 1e-6
-    for _ in range(2):  # the second time with the noise that the first one found
+    for _ in range(2):  # the second time with the noise found in the first
         start = np.concatenate([np.zeros(8), [np.median(strength) / HARD_IRON_T]])
         fit = least_squares(_residuals, start, args=(field, sigma), x_scale="jac")
-        left = _lengths(fit.x, field) - fit.x[8] * HARD_IRON_T
-        sigma = max(float(np.std(left)) * np.sqrt(CORRELATED), 1e-9)
+        residual = _lengths(fit.x, field) - fit.x[8] * HARD_IRON_T
+        sigma = max(float(np.std(residual)) * np.sqrt(CORRELATED), 1e-9)
     jacobian = np.asarray(fit.jac)
     covariance = np.linalg.inv(jacobian.T @ jacobian)
     error = np.sqrt(np.diag(covariance))
     F = float(fit.x[8] * HARD_IRON_T)
     if not EARTH_T[0] < F < EARTH_T[1]:
         raise InputError(
-            f"{source}: the field comes out as {1e6 * F:.0f} uT, which is nowhere on earth ({1e6 * EARTH_T[0]:.0f} to"
+            f"{source}: the estimated field is {1e6 * F:.0f} uT, which is nowhere on earth ({1e6 * EARTH_T[0]:.0f} to"
             f" {1e6 * EARTH_T[1]:.0f}): turn the aircraft through more directions, away from iron and motors"
         )
     A, b = _matrix(fit.x), fit.x[:3] * HARD_IRON_T
@@ -168,28 +174,30 @@ def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
         soft_iron_error=float(error[3:8].max() * SOFT_IRON),
         field_T=F,
         residual_before_T=float(np.std(strength)),
-        residual_T=float(np.std(left)),
+        residual_T=float(np.std(residual)),
         directions=float(np.sqrt(np.linalg.eigvalsh(np.cov(unit.T))[0])),
     )
 
 
 def _residuals(x: Array, field: Array, sigma: float) -> Array:
-    """How far each sample lies from the ellipsoid, in sigmas, and the assumptions.
+    """Distance of each sample from the ellipsoid over sigma, and the prior's residuals, (n + 9,).
 
-    Divided by the length's gradient: else a matrix that shrinks the noise would pass for one that fits.
+    x : (9,) hard iron, soft iron and field, in units of their prior. The difference of lengths is divided by its
+    gradient; otherwise a matrix that shrinks the noise would seem to fit.
     """
     A = _matrix(x)
     lengths = _lengths(x, field)
     outward = (field - x[:3] * HARD_IRON_T) @ A.T @ A / lengths[:, None]
     lengths = (lengths - x[8] * HARD_IRON_T) / (sigma * np.linalg.norm(outward, axis=1))
-    assumed = np.append(x[:8], (x[8] * HARD_IRON_T - FIELD_T) / FIELD_SIGMA_T)  # in their standard deviations
-    return np.concatenate([lengths, assumed])
+    prior = np.append(x[:8], (x[8] * HARD_IRON_T - FIELD_T) / FIELD_SIGMA_T)
+    return np.concatenate([lengths, prior])
 
 
 def _lengths(x: Array, field: Array) -> Array:
-    return np.linalg.norm((field - x[:3] * HARD_IRON_T) @ _matrix(x).T, axis=1)
+    return np.asarray(np.linalg.norm((field - x[:3] * HARD_IRON_T) @ _matrix(x).T, axis=1))
 
 
 def _matrix(x: Array) -> Array:
     xx, yy, xy, xz, yz = x[3:8] * SOFT_IRON
-    return np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, -xx - yy]])
+    matrix: Array = np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, -xx - yy]])
+    return matrix

@@ -1,4 +1,4 @@
-"""Surface angle against servo pulse, with a protractor: the log knows the pulses, the user read the angles."""
+"""Surface angle against servo pulse: pulses from a log, angles read from a protractor."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,15 +10,15 @@ from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
-HELD_S = 2.0  # a position the surface was held in
-JITTER_US = 4.0  # of a stick that is not moved
-SAME_US = 12.0  # two holds so near are one position, read twice
-FEWEST = 2
-ENOUGH = 25  # samples, to know a pulse by
+HELD_S = 2.0  # least time for which a position is held
+JITTER_US = 4.0  # of the pulse while the stick is not moved
+SAME_US = 12.0  # two held pulses as near as this are one position, read twice
+FEWEST_POSITIONS = 2
+MEDIAN_SAMPLES = 25  # at the beginning of a hold, whose median is the reference for JITTER_US
 
 
-class Hold(NamedTuple):
-    """A pulse held: when it began [s], for how long [s], and its mean [us]."""
+class HeldPulse(NamedTuple):
+    """A pulse that was held: when it began [s], for how long [s], and its median [us]."""
 
     start_s: float
     seconds: float
@@ -26,36 +26,42 @@ class Hold(NamedTuple):
 
 
 class SurfaceTable(NamedTuple):
-    """What the aircraft file takes, ascending pulses; and by how much angles read twice differ [deg]."""
+    """Pulses in ascending order with their angles, for the aircraft file.
+
+    hysteresis_deg : largest difference of the angles read for one position
+    """
 
     pulse_us: list[int]
     angle_deg: list[float]
     hysteresis_deg: float
 
 
-def holds(t_s: Array, pulse_us: Array) -> list[Hold]:
-    """Where the pulse was held for HELD_S at least, in order. t_s, pulse_us : (n,)."""
-    found: list[Hold] = []
+def held_pulses(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
+    """Pulses held for HELD_S at least, in order of time. t_s, pulse_us : (n,)."""
+    found: list[HeldPulse] = []
     start = 0
     for i in range(1, len(t_s) + 1):
-        ended = i == len(t_s) or abs(pulse_us[i] - np.median(pulse_us[start : min(i, start + ENOUGH)])) > JITTER_US
+        reference_us = np.median(pulse_us[start : min(i, start + MEDIAN_SAMPLES)])
+        ended = i == len(t_s) or abs(pulse_us[i] - reference_us) > JITTER_US
         if not ended:
             continue
         if t_s[i - 1] - t_s[start] >= HELD_S:
-            found.append(Hold(float(t_s[start]), float(t_s[i - 1] - t_s[start]), float(np.median(pulse_us[start:i]))))
+            found.append(
+                HeldPulse(float(t_s[start]), float(t_s[i - 1] - t_s[start]), float(np.median(pulse_us[start:i])))
+            )
         start = i
     return found
 
 
-def table(found: Sequence[Hold], angles_deg: Sequence[float | None]) -> SurfaceTable:
-    """Pulses with their angles; None for a hold whose angle was not read.
+def surface_table(found: Sequence[HeldPulse], angles_deg: Sequence[float | None]) -> SurfaceTable:
+    """The table of pulses and angles; an angle is None where it was not read.
 
-    Raises InputError when there are not as many angles as holds, or they do not rise or fall with the pulse.
+    Raises InputError if there are not as many angles as held pulses, or they do not rise or fall with the pulse.
     """
     if len(found) != len(angles_deg):
         raise InputError(
-            f"{len(angles_deg)} angles for {len(found)} positions: give one for each, in order, and - for one that was"
-            f" not read. Positions: {in_words(found)}"
+            f"{len(angles_deg)} angles for {len(found)} positions: give one for each, in order, and - for one that"
+            f" was not read. Positions: {found_in_words(found)}"
         )
     read = sorted((hold.pulse_us, angle) for hold, angle in zip(found, angles_deg, strict=True) if angle is not None)
     groups: list[list[tuple[float, float]]] = []
@@ -64,8 +70,8 @@ def table(found: Sequence[Hold], angles_deg: Sequence[float | None]) -> SurfaceT
             groups[-1].append((pulse, angle))
         else:
             groups.append([(pulse, angle)])
-    if len(groups) < FEWEST:
-        raise InputError(f"{len(groups)} position with an angle: {FEWEST} at least are needed, five are good")
+    if len(groups) < FEWEST_POSITIONS:
+        raise InputError(f"{len(groups)} position with an angle; {FEWEST_POSITIONS} at least are needed, better five")
     pulses = [round(float(np.mean([p for p, _ in group]))) for group in groups]
     angles = [float(np.mean([a for _, a in group])) for group in groups]
     steps = np.diff(angles)
@@ -75,8 +81,8 @@ def table(found: Sequence[Hold], angles_deg: Sequence[float | None]) -> SurfaceT
     return SurfaceTable(pulses, angles, max(float(np.ptp([a for _, a in group])) for group in groups))
 
 
-def in_words(found: Sequence[Hold]) -> str:
-    """The holds, for somebody who matches them with a sheet of paper."""
+def found_in_words(found: Sequence[HeldPulse]) -> str:
+    """The held pulses with their times, to be matched with the written angles."""
     return ", ".join(f"{k}: {h.pulse_us:.0f} us at {h.start_s:.0f} s" for k, h in enumerate(found, start=1)) or "none"
 
 

@@ -1,9 +1,9 @@
-"""What tubes make of the pressure at their mouth: how it arrives at a transducer, at every frequency.
+"""The frequency response of pneumatic tubes: pressure at the transducer over pressure at the mouth.
 
 H. Bergh and H. Tijdeman, Theoretical and Experimental Results for the Dynamic Response of Pressure Measuring Systems,
-NLR-TR F.238, 1965. Laminar flow, small disturbances, tubes narrow against the length of sound, walls at one
-temperature. Their recursion is written here for the admittance Y = U/p (volume flow over pressure), from the last tube
-to the first: the same numbers, and it holds for a tube without a volume at its end.
+NLR-TR F.238, 1965. Assumptions: laminar flow, small disturbances, tube radius small against the wavelength, walls at a
+constant temperature. Their recursion is written here for the admittance Y = U/p (volume flow over pressure), from the
+last tube to the first. The numbers are the same, and it also holds for a tube without a volume at its end.
 """
 
 import math
@@ -22,7 +22,7 @@ ComplexArray = NDArray[np.complex128]
 
 
 class Gas(NamedTuple):
-    """What fills the tubes."""
+    """The gas in the tubes."""
 
     pressure_Pa: float
     density_kgpm3: float
@@ -42,16 +42,16 @@ def response(
 ) -> ComplexArray:
     """Pressure in the last cavity over that at the first tube's mouth, as a complex number at each frequency.
 
-    tubes: from the mouth on; each ends in its cavity (0 for none), and there the next one begins.
+    tubes: from the mouth on. Each ends in its cavity (volume 0 for none), where the next one begins.
     frequency_Hz: (n,), zero or more.
-    polytropic: k of the gas in the cavities. A transducer's few cubic millimetres keep the temperature of their walls
-    up to some 10 Hz (k = 1), and do not at 100 Hz (k = 1.4).
-    stretch: sigma, by what fraction a cavity grows by its diaphragm's yielding when the pressure doubles.
+    polytropic: exponent k of the gas in the cavities. In a transducer's few cubic millimetres the gas is isothermal up
+    to about 10 Hz (k = 1) and adiabatic at 100 Hz (k = 1.4).
+    stretch: sigma, the relative increase of a cavity's volume by the diaphragm's deflection when the pressure doubles.
     """
     f = np.atleast_1d(np.asarray(frequency_Hz, dtype=float))
-    omega = 2 * np.pi * np.where(f > 0, f, 1.0)  # at rest the response is one, by itself
+    omega = 2 * np.pi * np.where(f > 0, f, 1.0)  # the response at zero frequency is set to one below
     H: ComplexArray = np.ones(len(f), dtype=complex)
-    Y: ComplexArray = np.zeros(len(f), dtype=complex)  # of all that follows
+    Y: ComplexArray = np.zeros(len(f), dtype=complex)  # admittance of all that follows
     for tube in reversed(tubes):
         Y = Y + 1j * omega * tube.cavity_m3 * (stretch + 1 / polytropic) / gas.pressure_Pa
         phi, characteristic = _wave(tube, omega, gas)
@@ -75,7 +75,7 @@ def _wave(tube: PneumaticLine, omega: Array, gas: Gas) -> tuple[ComplexArray, Co
 
 
 def _J2_over_J0(x: ComplexArray) -> ComplexArray:
-    """Scaled Bessel functions: their common factor cancels, and wide tubes do not overflow."""
+    """Ratio of Bessel functions. Both are scaled: the common factor cancels, and wide tubes do not overflow."""
     return np.asarray(jve(2, x) / jve(0, x))
 
 

@@ -17,7 +17,7 @@ from analysis.estimation import aircraft_models as models
 from analysis.estimation import output_error, uncertainty
 from analysis.estimation.fit import Fit
 from analysis.estimation.intervals import NORMAL_95
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
@@ -43,7 +43,7 @@ class CrossCheck(NamedTuple):
 
 def estimate_polar(
     table: pd.DataFrame,
-    runs: list[Run],
+    runs: list[Maneuver],
     aircraft: Aircraft,
     *,
     zeroed: bool,
@@ -61,12 +61,12 @@ def estimate_polar(
 
 
 def output_error_fit(
-    table: pd.DataFrame, runs: list[Run], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool
+    table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool
 ) -> Fit:
     """The output-error fit of all runs at once, in still air."""
     segments = segments_of(table, runs, propeller, block=BLOCK)
     model = models.level_run(aircraft, priors=priors(aircraft, zeroed=zeroed))
-    return output_error.estimate(model, segments, start=models.quick_start(aircraft, segments))
+    return output_error.estimate(model, segments, start=models.starting_values(aircraft, segments))
 
 
 def _in_gusts(fit: Fit) -> bool:

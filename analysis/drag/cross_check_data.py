@@ -7,11 +7,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import bank_rad
 from analysis.drag.stand_ins import alpha_scale_sigma
 from analysis.estimation.aircraft_models import Priors
 from analysis.estimation.data import Segment
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
@@ -49,7 +48,7 @@ def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
     return replace(PRIORS, alpha_scale=alpha_scale, gyro_bias_radps=gyro_bias)
 
 
-def segments_of(table: pd.DataFrame, runs: list[Run], propeller: Propeller, *, block: int) -> list[Segment]:
+def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller, *, block: int) -> list[Segment]:
     """Inputs and outputs of `models.level_run`, means over `block` samples. table: from `air_data`.
 
     Gaps in inputs are interpolated. Blocks without a sample of an output are left out, and so are runs of fewer than
@@ -72,7 +71,7 @@ def segments_of(table: pd.DataFrame, runs: list[Run], propeller: Propeller, *, b
     )
     signals["J"] = V_ref / (n * propeller.diameter_m)
     signals["V_ref"] = V_ref
-    signals["phi"] = pd.Series(bank_rad(table), index=table.index)
+    signals["phi"] = table["bank_rad"]
     segments = []
     for run in runs:
         count = (run.rows.stop - run.rows.start) // block

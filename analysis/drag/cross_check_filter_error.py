@@ -11,7 +11,7 @@ from analysis.drag.cross_check_data import OUTPUTS, priors, segments_of
 from analysis.estimation import aircraft_models as models
 from analysis.estimation import filter_error, output_error
 from analysis.estimation.filter_error import FilterFit, ProcessNoise
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
@@ -22,13 +22,13 @@ GYRO_NOISE_RADPS = 0.005  # of a sample (Table 4.1); the pitch angle integrates 
 
 
 def filter_error_fit(
-    table: pd.DataFrame, runs: list[Run], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool
+    table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool
 ) -> FilterFit:
     """The filter-error fit of all runs at once. Arguments as in `cross_check.estimate_polar`."""
     segments = segments_of(table, runs, propeller, block=BLOCK)
     known = priors(aircraft, zeroed=zeroed)
     still_air = output_error.estimate(
-        models.level_run(aircraft, priors=known), segments, start=models.quick_start(aircraft, segments)
+        models.level_run(aircraft, priors=known), segments, start=models.starting_values(aircraft, segments)
     )
     V = float(np.mean([segment.u["V_ref"].mean() for segment in segments]))
     sample_s = segments[0].step_s / BLOCK
@@ -44,7 +44,7 @@ def filter_error_fit(
         (*models.gust_noise(V), gyro),
         noise_sigma=known_noise,
         start=dict(zip(still_air.names, still_air.values.tolist(), strict=True)),
-        tested=False,
+        test_significance=False,
     )
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from analysis.drag.method import Method
 from analysis.drag.regression import RunRegression, TimeSeriesRegression
 from analysis.drag.run_data import run_data
-from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Run
+from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
 from flight.aircraft import Aircraft
 from flight.units import GRAVITY_MPS2 as g
 
@@ -40,8 +40,8 @@ AIRSPEED_LAGGED = ALONG_TRAJECTORY | {
 
 def _regression(
     drag_and_lift: Callable[[Mapping[str, Array]], tuple[Array, Array]], columns: dict[str, str]
-) -> Callable[[pd.DataFrame, list[Run], Aircraft], TimeSeriesRegression]:
-    def regression(table: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeriesRegression:
+) -> Callable[[pd.DataFrame, list[Maneuver], Aircraft], TimeSeriesRegression]:
+    def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
         regressions = []
         for run, t, data in run_data(table, runs, tuple(columns.values())):
             f = {quantity: data[column] for quantity, column in columns.items()}

@@ -26,8 +26,8 @@ from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_S
 from analysis.drag.polar import Polar
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Named, Parameter
-from analysis.maneuvers.kinds import Run
+from analysis.estimation.model import Model, NamedValues, Parameter
+from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -47,7 +47,7 @@ UNITS = {
 }  # fmt: skip
 
 
-def _drag(_: Named, u: Named, p: Named) -> Sequence[Any]:
+def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
     """Drag that specific force shows with the uncorrected thrust of the table taken out, over mass [m/s^2].
 
     Thrust that is larger than the table's by thrust_scale + thrust_slope (J - J_REFERENCE) hides as much drag.
@@ -102,7 +102,7 @@ class DynamicEstimate:
 
 
 def estimate_polar(
-    table: pd.DataFrame, trajectory: Trajectory, runs: list[Run], aircraft: Aircraft, propeller: Propeller
+    table: pd.DataFrame, trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
 ) -> DynamicEstimate:
     """Fit all runs at once along the reconstructed trajectory. table: from `air_data`."""
     blocks = BlockMeans(table, trajectory, aircraft, propeller)
@@ -132,7 +132,7 @@ def estimate_polar(
     if not (fit.verdict.ok and trajectory.converged):
         ended = "converged" if trajectory.converged else "not converged"
         warnings.append(f"The estimation did not converge. Drag polar: {fit.verdict}; trajectory: {ended}.")
-    beyond = float(np.mean([np.isnan(piece.segment.z["drag"]).mean() for piece in fit.pieces]))
+    beyond = float(np.mean([np.isnan(segment_fit.segment.z["drag"]).mean() for segment_fit in fit.segment_fits]))
     if beyond > LARGEST_UNMENTIONED_SHARE:
         warnings.append(
             f"In {100 * beyond:.0f} % of the runs gusts raised the angle of attack beyond that of level flight, towards"
@@ -162,7 +162,7 @@ def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> 
     ]
 
 
-def _within_level_flight(forces: pd.DataFrame, aloft: NDArray[np.bool_], runs: list[Run]) -> NDArray[np.bool_]:
+def _within_level_flight(forces: pd.DataFrame, aloft: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
     """Where the angle of attack is at most LEVEL_MARGIN_RAD above the largest one of level flight.
 
     That is taken from the flight's own lift curve, at the largest lift coefficient that the speeds of flight or runs
@@ -178,7 +178,7 @@ def _within_level_flight(forces: pd.DataFrame, aloft: NDArray[np.bool_], runs: l
     return np.asarray(~(forces["alpha"].to_numpy() > offset + slope * slowest + LEVEL_MARGIN_RAD))
 
 
-def _segments(forces: pd.DataFrame, runs: list[Run]) -> list[Segment]:
+def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
     segments = []
     for run in runs:
         measured = forces.loc[run.start_s : run.end_s, [*INPUTS.values(), "CD"]]
@@ -194,7 +194,7 @@ def _run_fits(blocks: BlockMeans, forces: pd.DataFrame, trajectory: Trajectory, 
     """Speed, angle of attack and height as measured and as the trajectory and its sensor errors give them; drag."""
     scale, slope, bias = (trajectory.value(name) for name in ("V_scale", "alpha_scale", "alpha_bias"))
     fits = []
-    for segment in (piece.segment for piece in fit.pieces):
+    for segment in (segment_fit.segment for segment_fit in fit.segment_fits):
         rows = (forces.index >= segment.t_s[0]) & (forces.index <= segment.t_s[-1])
         run, states = forces[rows], trajectory.states[rows]
         alpha = run["alpha"].to_numpy() * (1 + slope - 2 * scale) + bias

@@ -16,7 +16,7 @@ from scipy.integrate import cumulative_trapezoid
 from analysis.drag.method import Method
 from analysis.drag.regression import RunRegression, TimeSeriesRegression
 from analysis.drag.run_data import run_data
-from analysis.maneuvers.kinds import LEVEL_RUNS, Run
+from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
@@ -28,7 +28,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def regression(table: pd.DataFrame, runs: list[Run], _: Aircraft) -> TimeSeriesRegression:
+def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
     """Work of drag since the start of a run on the integrals of qS V, qS V CL, qS V CL^2, all over mass."""
     if table["gust_mps"].iloc[0] > LARGEST_GUST_MPS:
         raise InputError("too turbulent for the energy method: gusts change the speed as slowly as the run does")

@@ -17,7 +17,7 @@ from analysis.drag.method_inputs import MethodInputs
 from analysis.drag.polar import ROBUST_RANGE, Polar
 from analysis.drag.regression import PolarRegression
 from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 
@@ -52,8 +52,8 @@ class Method:
     equations: str
     kinds: tuple[str, ...]
     taken_as_measured: tuple[str, ...]
-    regression: Callable[[pd.DataFrame, list[Run], Aircraft], PolarRegression]
-    points: Callable[[pd.DataFrame, list[Run], Aircraft], list[SteadyPoint]] | None = None
+    regression: Callable[[pd.DataFrame, list[Maneuver], Aircraft], PolarRegression]
+    points: Callable[[pd.DataFrame, list[Maneuver], Aircraft], list[SteadyPoint]] | None = None
     two_term: bool = False
 
 
@@ -145,7 +145,7 @@ def _missing_term(CL: Array, A: Array) -> Array:
     return _outer(np.array([A0, -A1, A2]))
 
 
-def _notes(A: Array, table: pd.DataFrame, runs: list[Run]) -> tuple[str, ...]:
+def _notes(A: Array, table: pd.DataFrame, runs: list[Maneuver]) -> tuple[str, ...]:
     notes = []
     if A[2] <= 0:
         notes.append("drag does not increase with lift in this fit: the range of lift coefficients flown is too narrow")

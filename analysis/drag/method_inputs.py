@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.drag.forces import J_REFERENCE, BlockMeans
 from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA, ErrorEstimate
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory import dryden
 from analysis.trajectory.dryden import GaussMarkov
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
@@ -36,7 +36,7 @@ class MethodInputs:
     """
 
     aircraft: Aircraft
-    runs: list[Run]
+    runs: list[Maneuver]
     nominal: pd.DataFrame
     trajectory_deviations: list[pd.DataFrame]
     error_deviations: dict[str, pd.DataFrame]
@@ -44,7 +44,7 @@ class MethodInputs:
 
 
 def method_inputs(
-    blocks: BlockMeans, trajectory: Trajectory, runs: list[Run], errors: Mapping[str, ErrorEstimate]
+    blocks: BlockMeans, trajectory: Trajectory, runs: list[Maneuver], errors: Mapping[str, ErrorEstimate]
 ) -> MethodInputs:
     """The tables of one flight. errors: from `estimate_errors`."""
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors

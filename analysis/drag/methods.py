@@ -17,7 +17,7 @@ from analysis.drag.piw_viw import PIW_VIW_THREE, PIW_VIW_TWO
 from analysis.drag.polar import Condition
 from analysis.drag.sensor_errors import estimate_errors
 from analysis.drag.w_delta import W_DELTA, W_DELTA_SLOW
-from analysis.maneuvers.kinds import LEVEL_RUNS, Run
+from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
@@ -39,7 +39,7 @@ class MethodEstimates(NamedTuple):
 def every_method(
     table: pd.DataFrame,
     trajectory: Trajectory,
-    runs: list[Run],
+    runs: list[Maneuver],
     dynamic: DynamicEstimate | None,
     dynamic_CL: tuple[float, float],
     aircraft: Aircraft,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from analysis.drag.method import Method
 from analysis.drag.regression import THREE_TERM, TWO_TERM, PointRegression
 from analysis.drag.steady_points import SteadyMeans, require_speeds, steady_means, steady_points
-from analysis.maneuvers.kinds import STEADY, Run
+from analysis.maneuvers.kinds import STEADY, Maneuver
 from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY
 
@@ -26,8 +26,8 @@ def piw_viw(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
     return points.power_W * np.sqrt(sigma) / w**1.5, points.V * np.sqrt(sigma / w)
 
 
-def _regression(terms: Array) -> Callable[[pd.DataFrame, list[Run], Aircraft], PointRegression]:
-    def regression(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> PointRegression:
+def _regression(terms: Array) -> Callable[[pd.DataFrame, list[Maneuver], Aircraft], PointRegression]:
+    def regression(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> PointRegression:
         points = steady_means(table, runs, aircraft)
         require_speeds(points, terms.shape[1])
         PIW, VIW = piw_viw(points, aircraft)

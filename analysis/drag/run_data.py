@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -17,12 +17,12 @@ SHORTEST = 10  # blocks of a run
 class RunData(NamedTuple):
     """A run, its times (n,) [s], and columns of the table over it by name, each (n,)."""
 
-    run: Run
+    run: Maneuver
     t_s: Array
     columns: dict[str, Array]
 
 
-def run_data(table: pd.DataFrame, runs: list[Run], columns: tuple[str, ...]) -> list[RunData]:
+def run_data(table: pd.DataFrame, runs: list[Maneuver], columns: tuple[str, ...]) -> list[RunData]:
     """The columns over each run, gaps interpolated. Raises InputError when no run has all columns."""
     t, values = table.index.to_numpy(), table[list(columns)].to_numpy()
     found = []

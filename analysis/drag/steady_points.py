@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.method import SteadyPoint
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
@@ -40,7 +40,7 @@ class SteadyMeans(NamedTuple):
         return np.asarray(2 * self.lift_N / (self.rho * self.V**2 * aircraft.geometry.wing_area_m2))
 
 
-def steady_means(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> SteadyMeans:
+def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> SteadyMeans:
     """The means of all steady runs. Raises InputError when none has thrust data."""
     m = aircraft.mass_kg
     rows = []
@@ -78,7 +78,7 @@ def require_speeds(points: SteadyMeans, terms: int) -> None:
         raise InputError(f"steady points at {terms} different speeds are needed, there are {different}")
 
 
-def steady_points(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> list[SteadyPoint]:
+def steady_points(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> list[SteadyPoint]:
     """The steady points as lift and drag coefficients, which hold for any weight and density."""
     points = steady_means(table, runs, aircraft)
     unit_W = points.rho * points.V**3 * aircraft.geometry.wing_area_m2 / 2  # power at C_D = 1

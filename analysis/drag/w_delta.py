@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.drag.method import Method
 from analysis.drag.regression import TWO_TERM, PointRegression
 from analysis.drag.steady_points import SteadyMeans, require_speeds, steady_means, steady_points
-from analysis.maneuvers.kinds import STEADY, Run
+from analysis.maneuvers.kinds import STEADY, Maneuver
 from flight.aircraft import Aircraft
 from flight.atmosphere import GAS_CONSTANT_AIR, SEA_LEVEL_PRESSURE_PA
 
@@ -30,14 +30,14 @@ def _regression(points: SteadyMeans, qS_over_delta_N: Array, aircraft: Aircraft)
     return PointRegression(X, drag_over_delta, sigma, TWO_TERM, points.lift_coefficient(aircraft))
 
 
-def mach_form(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> PointRegression:
+def mach_form(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> PointRegression:
     """(2.11): over Mach number."""
     points = steady_means(table, runs, aircraft)
     M = points.V / np.sqrt(GAMMA * GAS_CONSTANT_AIR * points.temperature_K)
     return _regression(points, GAMMA * SEA_LEVEL_PRESSURE_PA * M**2 * aircraft.geometry.wing_area_m2 / 2, aircraft)
 
 
-def speed_form(table: pd.DataFrame, runs: list[Run], aircraft: Aircraft) -> PointRegression:
+def speed_form(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> PointRegression:
     """(2.13): over true airspeed and temperature."""
     points = steady_means(table, runs, aircraft)
     q_over_delta_Pa = SEA_LEVEL_PRESSURE_PA * points.V**2 / (2 * GAS_CONSTANT_AIR * points.temperature_K)

@@ -1,10 +1,10 @@
-"""The colour of residuals: their autocorrelation, and the spectrum of the noise behind them.
+"""Colored residuals: their autocorrelation, and the spectrum of the noise that caused them.
 
-Gamma(k) = E[e_(i+k) e_i'] for residuals e of several outputs at once, in units of the white noise they were taken for;
-f(w) = sum_k Gamma(k) exp(-i w k) on the frequencies of a real Fourier transform of some length.
+Gamma(k) = E[e_(i+k) e_i'] is the autocorrelation of the whitened residuals e of several outputs;
+f(w) = sum_k Gamma(k) exp(-i w k) is its spectrum at the frequencies of a real Fourier transform of length `size`.
 
-Residuals are not the noise: the fit has taken out whatever of the noise looks like a sensitivity. `Autoregression`
-is fitted to an autocorrelation from which this loss has been removed (`fit_loss`).
+Residuals are not the noise itself: the fit has absorbed the part of the noise that resembles a sensitivity.
+`noise_spectrum` therefore corrects the autocorrelation by `absorbed_autocorrelation` before it fits an autoregression.
 """
 
 from typing import NamedTuple
@@ -18,25 +18,27 @@ from analysis.estimation.fit import Fit
 Array = NDArray[np.float64]
 Spectrum = NDArray[np.complex128]
 
-PASSES = 2  # of removing the fit's loss; the third changes a standard error by less than 1 %
+CORRECTIONS = 2  # iterations of the correction; a third changes standard errors by less than 1 %
 
 
-def autocorrelation(fit: Fit, lags: int) -> Array:
-    """Gamma(0) .. Gamma(lags - 1), (lags, outputs, outputs): the biased estimate, over all segments.
+def residual_autocorrelation(fit: Fit, lags: int) -> Array:
+    """Biased estimate of Gamma(0) .. Gamma(lags - 1), (lags, outputs, outputs), pooled over all segments.
 
-    Where samples are missing, the mean is over the pairs there are; the bias, 1 - lag/n, is that of a full record.
+    With missing samples, the mean is over the existing pairs, times the bias factor 1 - lag/n of a complete record.
     """
     outputs = len(fit.model.outputs)
-    size = fft.next_fast_len(2 * max(lags, max(len(piece.segment) for piece in fit.pieces)))
+    size = fft.next_fast_len(2 * max(lags, max(len(segment_fit.segment) for segment_fit in fit.segment_fits)))
     products, pairs = np.zeros((lags, outputs, outputs)), np.zeros((lags, outputs, outputs))
     full_pairs = np.zeros(lags)
-    for piece in fit.pieces:
-        products += _lagged_products(piece.white.weight * piece.white.e, size)[:lags]
-        pairs += _lagged_products(piece.white.present.astype(float), size)[:lags]
-        full_pairs += np.maximum(len(piece.segment) - np.arange(lags), 0)
+    for segment_fit in fit.segment_fits:
+        white = segment_fit.white
+        products += _lagged_products(white.weight * white.e, size)[:lags]
+        pairs += _lagged_products(white.present.astype(float), size)[:lags]
+        full_pairs += np.maximum(len(segment_fit.segment) - np.arange(lags), 0)
     pairs = np.round(pairs)
     mean = np.divide(products, pairs, out=np.zeros_like(products), where=pairs > 0)
-    return mean * (full_pairs / full_pairs[0])[:, None, None]
+    gamma: Array = mean * (full_pairs / full_pairs[0])[:, None, None]
+    return gamma
 
 
 def _lagged_products(e: Array, size: int) -> Array:
@@ -46,40 +48,44 @@ def _lagged_products(e: Array, size: int) -> Array:
 
 
 def spectrum_of(gamma: Array, size: int) -> Spectrum:
-    """f (size // 2 + 1, outputs, outputs) of an autocorrelation that is zero beyond its last lag."""
+    """Spectrum (size // 2 + 1, outputs, outputs) of Gamma(0), Gamma(1), …, which is zero beyond its last lag."""
     n = len(gamma)
-    circle = np.zeros((size, *gamma.shape[1:]))
-    circle[:n] = gamma
-    circle[size - n + 1 :] = gamma[:0:-1].transpose(0, 2, 1)  # Gamma(-k) = Gamma(k)'
-    return fft.rfft(circle, axis=0)
+    circular = np.zeros((size, *gamma.shape[1:]))
+    circular[:n] = gamma
+    circular[size - n + 1 :] = gamma[:0:-1].transpose(0, 2, 1)  # Gamma(-k) = Gamma(k)'
+    return fft.rfft(circular, axis=0)
 
 
-def through(spectrum: Spectrum, S: Array, size: int) -> Array:
-    """sum_j Gamma(i - j) S_j for every i: S (n, outputs, numbers) seen through the noise's covariance."""
-    return fft.irfft(spectrum @ fft.rfft(S, size, axis=0), size, axis=0)[: len(S)]
+def convolved(spectrum: Spectrum, S: Array, size: int) -> Array:
+    """sum_j Gamma(i - j) S_j for every sample i, (n, outputs, unknowns), like S."""
+    product: Array = fft.irfft(spectrum @ fft.rfft(S, size, axis=0), size, axis=0)
+    return product[: len(S)]
 
 
 class Autoregression(NamedTuple):
     """e_i = A[0] e_(i-1) + A[1] e_(i-2) + … + white noise of covariance Q."""
 
     A: Array  # (order, outputs, outputs)
-    Q: Array
+    Q: Array  # (outputs, outputs)
 
     def spectrum(self, size: int) -> Spectrum:
+        """(size // 2 + 1, outputs, outputs)."""
         w = 2 * np.pi * np.arange(size // 2 + 1) / size
         H = np.repeat(np.eye(len(self.Q), dtype=complex)[None], len(w), axis=0)
         for lag, A in enumerate(self.A, start=1):
             H -= np.exp(-1j * w * lag)[:, None, None] * A
         H = np.linalg.inv(H)
-        return H @ self.Q @ H.conj().transpose(0, 2, 1)
+        spectrum: Spectrum = H @ self.Q @ H.conj().transpose(0, 2, 1)
+        return spectrum
 
     @classmethod
     def fitted(cls, gamma: Array, samples: int) -> "Autoregression":
-        """Yule-Walker, of the order up to len(gamma) - 1 that Akaike's criterion likes best."""
+        """Solution of the Yule-Walker equations, of the order up to len(gamma) - 1 with the smallest AIC (Akaike)."""
         outputs = gamma.shape[1]
 
         def G(k: int) -> Array:
-            return gamma[k] if k >= 0 else gamma[-k].T
+            value: Array = gamma[k] if k >= 0 else gamma[-k].T
+            return value
 
         candidates = [(np.linalg.slogdet(gamma[0])[1], cls(np.zeros((0, outputs, outputs)), gamma[0]))]
         for order in range(1, len(gamma)):
@@ -95,47 +101,48 @@ class Autoregression(NamedTuple):
         return min(candidates, key=lambda candidate: candidate[0])[1]
 
 
-def middle(fit: Fit, spectrum: Spectrum, size: int) -> Array:
-    """sum_i sum_j S_i' Gamma(i-j) S_j in noise units, (m, m): the covariance of the likelihood's gradient."""
+def score_covariance(fit: Fit, spectrum: Spectrum, size: int) -> Array:
+    """Covariance (m, m) of the likelihood's gradient: sum_i sum_j S_i' Gamma(i-j) S_j, of whitened sensitivities."""
     total = np.zeros_like(fit.information)
-    for piece in fit.pieces:
-        S = piece.white.S
-        total[np.ix_(piece.columns, piece.columns)] += np.einsum("koi,koj->ij", S, through(spectrum, S, size))
+    for segment_fit in fit.segment_fits:
+        S, columns = segment_fit.white.S, segment_fit.columns
+        total[np.ix_(columns, columns)] += np.einsum("koi,koj->ij", S, convolved(spectrum, S, size))
     return (total + total.T) / 2
 
 
-def fit_loss(fit: Fit, spectrum: Spectrum, size: int, lags: int) -> Array:
-    """What the fit takes out of the noise's autocorrelation at the first `lags` lags, (lags, outputs, outputs).
+def absorbed_autocorrelation(fit: Fit, spectrum: Spectrum, size: int, lags: int) -> Array:
+    """The noise's autocorrelation minus that of the residuals, at the first lags: (lags, outputs, outputs).
 
-    Residuals are (1 - H) noise with H = S D S', so their covariance lacks H O + O H - H O H of the noise's O; its
-    diagonals are summed from these thin factors.
+    The residuals are (1 - H) times the noise, with H = S D S'. Their covariance is that of the noise, O, minus
+    H O + O H - H O H. The sums over its diagonals use the factors (n, outputs, unknowns), not the (n, n) matrices.
     """
     D = fit.covariance
-    DMD = D @ middle(fit, spectrum, size) @ D
-    loss = np.zeros((lags, *spectrum.shape[1:]))
-    for piece in fit.pieces:
-        S, own = piece.white.S, np.ix_(piece.columns, piece.columns)
-        thin = (through(spectrum, S, size), S @ D[own], S, S @ DMD[own])
-        O_S, S_D, S_, S_DMD = (factor.transpose(1, 0, 2) for factor in thin)
+    DMD = D @ score_covariance(fit, spectrum, size) @ D
+    absorbed = np.zeros((lags, *spectrum.shape[1:]))
+    for segment_fit in fit.segment_fits:
+        S, own = segment_fit.white.S, np.ix_(segment_fit.columns, segment_fit.columns)
+        factors = (convolved(spectrum, S, size), S @ D[own], S, S @ DMD[own])
+        O_S, S_D, S_, S_DMD = (factor.transpose(1, 0, 2) for factor in factors)
         for k in range(min(lags, len(S))):
-            loss[k] += _outer(S_D, O_S, k) + _outer(O_S, S_D, k) - _outer(S_DMD, S_, k)
-    return loss / sum(len(piece.segment) for piece in fit.pieces)
+            absorbed[k] += _lagged_product(S_D, O_S, k) + _lagged_product(O_S, S_D, k) - _lagged_product(S_DMD, S_, k)
+    return absorbed / sum(len(segment_fit.segment) for segment_fit in fit.segment_fits)
 
 
-def _outer(a: Array, b: Array, lag: int) -> Array:
-    """sum_i a_(i+lag) b_i', (outputs, outputs), of factors (outputs, n, numbers)."""
+def _lagged_product(a: Array, b: Array, lag: int) -> Array:
+    """sum_i a_(i+lag) b_i', (outputs, outputs), of factors (outputs, n, unknowns)."""
     outputs, n, _ = a.shape
     return a[:, lag:].reshape(outputs, -1) @ b[:, : n - lag].reshape(outputs, -1).T
 
 
 def noise_spectrum(fit: Fit, size: int) -> Spectrum:
-    """Spectrum of the noise behind a fit's residuals, autoregressive, the fit's own loss made good."""
-    samples = sum(len(piece.segment) for piece in fit.pieces)
-    # The usual bound of the order, 10 log10 N, shared among the outputs.
+    """Spectrum of the noise behind a fit's residuals: an autoregression, corrected for what the fit has absorbed."""
+    samples = sum(len(segment_fit.segment) for segment_fit in fit.segment_fits)
+    # The usual limit of the order, 10 log10 N, divided by the number of outputs.
     lags = min(samples, 1 + max(1, int(10 * np.log10(samples) / len(fit.model.outputs))))
-    gamma = autocorrelation(fit, lags)
+    gamma = residual_autocorrelation(fit, lags)
     spectrum = Autoregression.fitted(gamma, samples).spectrum(size)
-    # Without a finite covariance there is no telling what the fit took.
-    for _ in range(PASSES if np.isfinite(fit.covariance).all() else 0):
-        spectrum = Autoregression.fitted(gamma + fit_loss(fit, spectrum, size, lags), samples).spectrum(size)
+    # The correction needs a finite covariance.
+    for _ in range(CORRECTIONS if np.isfinite(fit.covariance).all() else 0):
+        absorbed = absorbed_autocorrelation(fit, spectrum, size, lags)
+        spectrum = Autoregression.fitted(gamma + absorbed, samples).spectrum(size)
     return spectrum

@@ -1,4 +1,4 @@
-"""What was measured: segments (manoeuvres) on a uniform time base."""
+"""Measured data: segments (one per manoeuvre) with a uniform time base."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,18 +11,22 @@ from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
-UNIFORM_WITHIN = 0.01  # of the time step: an RK4 step's own error is far larger than what 1 % of a step does
+# Largest deviation of a time step from the median step, relative. The error of RK4 over a step is far larger than the
+# effect of 1 % of the step.
+UNIFORMITY_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """One manoeuvre: inputs and measured outputs by name, on a uniform time base.
+    """One manoeuvre: inputs and measured outputs by name, with a uniform time base.
 
-    t_s : (n,) time [s], uniform within 1 % of its step      u : name to (n,) inputs, without gaps
-    z : name to (n,) measured outputs; NaN where a sample is missing
-    x0 : state at the first sample by name; the starting value where it is estimated, the value where it is given
+    t_s : (n,) time [s], each step within 1 % of the median step
+    u : name to (n,) inputs, all finite
+    z : name to (n,) measured outputs, NaN where a sample is missing
+    x0 : state at the first sample by name: the starting value if it is estimated, else the fixed value
 
-    Raises InputError naming segment and signal: lengths that differ, NaN in an input, a time base that is not uniform.
+    Raises InputError with segment and signal when lengths differ, an input is not finite, an output is infinite, or
+    the time base is not uniform.
     """
 
     name: str
@@ -37,13 +41,13 @@ class Segment:
         if len(t) < 2:
             raise InputError(f"segment {self.name}: at least two samples are needed, there are {len(t)}")
         steps = np.diff(t)
-        usual = float(np.median(steps))
-        off = np.abs(steps - usual)
-        if not (usual > 0 and off.max() <= UNIFORM_WITHIN * usual):
-            at = int(np.argmax(off))  # also where a time is NaN
+        median = float(np.median(steps))
+        deviation = np.abs(steps - median)
+        if not (median > 0 and deviation.max() <= UNIFORMITY_TOLERANCE * median):
+            at = int(np.argmax(deviation))  # argmax returns the first NaN, if any
             raise InputError(
                 f"segment {self.name}: the time base is not uniform: the step at t = {t[at]:g} s is {steps[at]:g} s,"
-                f" the usual one {usual:g} s"
+                f" the median step is {median:g} s; resample to a uniform time base"
             )
         for kind, signals in (("u", self.u), ("z", self.z)):
             arrays = {name: _vector(values, f"segment {self.name}: {name}") for name, values in signals.items()}
@@ -57,7 +61,7 @@ class Segment:
                         " inputs must be given at every sample"
                     )
                 if kind == "z" and np.isinf(values).any():
-                    raise InputError(f"segment {self.name}: output {name} is infinite; a missing sample is NaN")
+                    raise InputError(f"segment {self.name}: output {name} is infinite; mark missing samples with NaN")
             object.__setattr__(self, kind, arrays)
 
     @property
@@ -74,14 +78,14 @@ def _vector(values: ArrayLike, what: str) -> Array:
     except (TypeError, ValueError) as error:
         raise InputError(f"{what}: not numbers ({error})") from None
     if array.ndim != 1:
-        raise InputError(f"{what}: should be one-dimensional, has shape {array.shape}")
+        raise InputError(f"{what}: must be one-dimensional, has shape {array.shape}")
     return array
 
 
 def split(segment: Segment, parts: int) -> tuple[Segment, ...]:
-    """The segment cut into `parts` of about equal length, each of which gets its own initial state.
+    """The segment cut into `parts` of about equal length, each with its own initial state.
 
-    What makes an unstable model usable: an error grows over one part only (multiple shooting without the knots tied).
+    Use it for unstable models: errors then grow only over one part (multiple shooting without continuity constraints).
     """
     cuts = np.linspace(0, len(segment), parts + 1).round().astype(int)
     return tuple(

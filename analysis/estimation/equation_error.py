@@ -1,9 +1,9 @@
-"""Equation error: the same model functions as a regression on measured states and their derivatives.
+"""Equation error: the model's equations as a regression on measured states and their time derivatives.
 
-No integration, so no starting values to speak of and no divergence: good for a first look, and for a start of output
-error. Errors of the regressors are what this method suffers from: noise in a measured state pulls its coefficient
-towards zero. They are taken care of by passing every signal, inputs included, through the same narrow low-pass, so that
-a linear model's equation holds exactly between the filtered signals while most of the noise is gone.
+There is no integration: poor starting values do no harm and nothing diverges. Use it for a first look and for starting
+values of output error. Its weakness is noise in the regressors, which biases the coefficients towards zero. All
+signals, inputs included, therefore pass the same narrow low-pass filter: a linear model's equation holds exactly
+between the filtered signals, and most of the noise is removed.
 """
 
 from collections.abc import Sequence
@@ -15,21 +15,23 @@ from numpy.typing import NDArray
 
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Named
+from analysis.estimation.model import Model, NamedValues
 from analysis.estimation.problem import inputs_of, measurements_of
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
-REACH = 4.0  # half length of the kernel in its standard deviations; beyond it are 6e-5 of the area
+KERNEL_HALF_LENGTH = 4.0  # in standard deviations of the Gaussian kernel; 6e-5 of its area is beyond
 
 
 def estimate(model: Model, segments: Segment | Sequence[Segment], *, smoothing_s: float) -> output_error.Fit:
-    """Fit xdot = dynamics(x, u, p), and the outputs that are no states, at every sample, to filtered signals.
+    """Fit xdot = dynamics(x, u, p), and the outputs that are not states, at every sample of the filtered signals.
 
-    Every state must be an output of that name. smoothing_s : standard deviation in time of the Gaussian low-pass; its
-    cut-off (-3 dB), 0.13/smoothing_s Hz, should lie just above the motion's own frequencies.
-    The fit is one of `regression_of(model)`; its standard errors take the filtered noise for white, and are too small.
+    Every state must be an output of the same name. The fit is that of `regression_of(model)`. Its standard errors
+    assume white noise, which filtered noise is not, and are too small.
+
+    smoothing_s : standard deviation of the Gaussian low-pass kernel [s]; its cut-off (-3 dB), 0.13/smoothing_s Hz,
+    should be just above the frequencies of the motion
 
     Raises InputError for a state that is not measured, or a segment shorter than the filter.
     """
@@ -38,13 +40,18 @@ def estimate(model: Model, segments: Segment | Sequence[Segment], *, smoothing_s
 
 
 def regression_of(model: Model) -> Model:
-    """The static model whose inputs are those of `model` and its states, its outputs the states' derivatives too."""
+    """The static model with the states of `model` as further inputs and their time derivatives as outputs.
+
+    Outputs of `model` that are not states stay outputs. Raises InputError for a state that is not an output.
+    """
     missing = [state for state in model.states if state not in model.outputs]
     if missing:
-        raise InputError(f"model {model.name}: equation error needs every state measured; {missing[0]} is no output")
+        raise InputError(
+            f"model {model.name}: equation error needs every state measured, but {missing[0]} is not an output"
+        )
     others = [i for i, output in enumerate(model.outputs) if output not in model.states]
 
-    def outputs(x: Named, u: Named, p: Named) -> tuple[Any, ...]:
+    def outputs(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, ...]:
         state, inputs = [u[name] for name in model.states], [u[name] for name in model.inputs]
         values = [p[q.name] for q in model.parameters]
         y = model.evaluate_outputs(state, inputs, values)
@@ -63,18 +70,19 @@ def regression_of(model: Model) -> Model:
 
 
 def _filtered(model: Model, segment: Segment, smoothing_s: float) -> Segment:
+    """A segment of `regression_of(model)`; it loses half the kernel's length at each end."""
     h = segment.step_s
-    reach = int(np.ceil(REACH * smoothing_s / h))
-    if smoothing_s <= 0 or len(segment) <= 2 * reach + 1:
+    half = int(np.ceil(KERNEL_HALF_LENGTH * smoothing_s / h))
+    if smoothing_s <= 0 or len(segment) <= 2 * half + 1:
         raise InputError(
             f"segment {segment.name}: {len(segment)} samples are too few for smoothing over {smoothing_s:g} s;"
-            f" more than {2 * reach + 1} are needed"
+            f" more than {2 * half + 1} are needed"
         )
-    t = h * np.arange(-reach, reach + 1)
+    t = h * np.arange(-half, half + 1)
     smooth: Array = np.exp(-((t / smoothing_s) ** 2) / 2)
     smooth /= smooth.sum()
     slope: Array = -t * smooth
-    slope /= -(slope @ t)  # exact on a straight line
+    slope /= -(slope @ t)  # exact derivative of a straight line
 
     def low_pass(signal: Array, kernel: Array) -> Array:
         return np.convolve(signal, kernel, mode="valid")
@@ -87,11 +95,11 @@ def _filtered(model: Model, segment: Segment, smoothing_s: float) -> Segment:
             u[name] = low_pass(signal, smooth)
         else:
             z[name] = low_pass(signal, smooth)
-    # A missing sample is missing from everything its kernel reaches, and an equation needs all its regressors.
+    # A missing sample affects all outputs of the kernel that include it, and an equation needs all its regressors.
     lost = np.any([~np.isfinite(signal) for signal in u.values()], axis=0)
     return Segment(
         name=segment.name,
-        t_s=segment.t_s[reach:-reach],
+        t_s=segment.t_s[half:-half],
         u={name: np.where(lost, 0.0, signal) for name, signal in u.items()},
         z={name: np.where(lost, np.nan, signal) for name, signal in z.items()},
     )

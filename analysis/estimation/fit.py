@@ -1,4 +1,4 @@
-"""The outcome of an estimation: the estimates, their covariance, and a verdict on both."""
+"""The result of an estimation: estimates, covariance, residuals, and a verdict on convergence and identifiability."""
 
 import enum
 from dataclasses import dataclass
@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Named
+from analysis.estimation.model import Model, NamedValues
 from analysis.estimation.noise import Whitened
 from analysis.estimation.simulation import Response
 
 Array = NDArray[np.float64]
 
 
-class Status(enum.StrEnum):
+class FitStatus(enum.StrEnum):
     CONVERGED = "converged"
     AT_BOUND = "at a bound"
     NOT_IDENTIFIABLE = "not identifiable"
@@ -23,32 +23,33 @@ class Status(enum.StrEnum):
 
 
 class Verdict(NamedTuple):
-    """What to think of a fit: a status, and one line for people."""
+    """Whether a fit can be used: a status, and one line of text for the user."""
 
-    status: Status
+    status: FitStatus
     text: str
 
     @property
     def ok(self) -> bool:
-        return self.status is Status.CONVERGED
+        return self.status is FitStatus.CONVERGED
 
     def __str__(self) -> str:
         return self.text
 
 
-class Estimate(NamedTuple):
+class ParameterEstimate(NamedTuple):
     name: str
     value: float
-    standard_error: float  # Cramer-Rao, priors included; 0 for a parameter that was held, inf if not identifiable
+    standard_error: float  # Cramer-Rao, priors included; 0 for a fixed parameter, inf if not identifiable
     unit: str
     free: bool
 
 
 @dataclass(frozen=True)
-class Piece:
-    """What one segment contributed: its response, residuals z - y (NaN where missing), and these in noise units.
+class SegmentFit:
+    """One segment's part of a fit.
 
-    columns : place in `Fit.names` of each column of `white.S`
+    residuals : (n, outputs) z - y, NaN where missing     white : residuals and sensitivities, whitened
+    columns : index in `Fit.names` of each column of `white.S`
     """
 
     segment: Segment
@@ -60,42 +61,50 @@ class Piece:
 
 @dataclass(frozen=True)
 class Fit:
-    """The outcome of `estimate`.
+    """The result of `estimate`.
 
-    names : of all free numbers, "CLa" for a shared parameter, "b[run]" for a segment's own, "V(0)[run]" for an
-    initial state; `values` (m,), `information` (of the data), `prior_information` (diagonal) and `covariance` (m, m;
-    Cramer-Rao with the priors) follow this order. `parameters` also holds what was not free.
+    names : of the m unknowns: "CLa" for a shared parameter, "b[run]" for a segment's own, "V(0)[run]" for an initial
+    state. `values` and all matrices are in this order.
+    values : (m,)
+    covariance : (m, m) Cramer-Rao bound, priors included; inf and NaN for unknowns that are not identifiable
+    parameters : free and fixed parameters by name
+    noise_covariance : R (outputs, outputs)
+    negative_log_likelihood : up to a constant, priors included
+    information : (m, m) Fisher information of the data     prior_information : (m, m), diagonal
+    variance_information : the part of `information` that comes from the variances of the residuals, not their means
     """
 
     model: Model
     names: tuple[str, ...]
     values: Array
     covariance: Array
-    parameters: dict[str, Estimate]
+    parameters: dict[str, ParameterEstimate]
     noise_covariance: Array
     verdict: Verdict
     iterations: int
     negative_log_likelihood: float
     information: Array
     prior_information: Array
-    pieces: tuple[Piece, ...]
-    spread_information: Array | float = 0.0  # the part of `information` that sizes, not values, of residuals give
+    segment_fits: tuple[SegmentFit, ...]
+    variance_information: Array | float = 0.0
 
     @property
     def residuals(self) -> dict[str, Array]:
-        """Segment name to (n, outputs), z - y; NaN where a sample is missing."""
-        return {piece.segment.name: piece.residuals for piece in self.pieces}
+        """z - y (n, outputs) by segment name, NaN where a sample is missing."""
+        return {fit.segment.name: fit.residuals for fit in self.segment_fits}
 
     @property
     def responses(self) -> dict[str, Response]:
-        return {piece.segment.name: piece.response for piece in self.pieces}
+        """The model's response by segment name."""
+        return {fit.segment.name: fit.response for fit in self.segment_fits}
 
     @property
     def samples(self) -> int:
-        """Number of measured values that went in."""
-        return int(sum(piece.white.present.sum() for piece in self.pieces))
+        """Number of measured values, over all outputs and segments."""
+        return int(sum(fit.white.present.sum() for fit in self.segment_fits))
 
-    def shared(self, values: Array | None = None) -> Named:
-        """The model's shared parameters by name, at `values` (in the order of `names`) or at the estimate."""
+    def shared(self, values: Array | None = None) -> NamedValues:
+        """Shared parameters by name, free and fixed. values : (m,) in the order of `names`; default: the estimate."""
         free = dict(zip(self.names, self.values if values is None else values, strict=True))
-        return Named("shared parameter", {q.name: free.get(q.name, q.start) for q in self.model.parameters if q.shared})
+        shared = {q.name: free.get(q.name, q.start) for q in self.model.parameters if q.shared}
+        return NamedValues("shared parameter", shared)

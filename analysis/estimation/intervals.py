@@ -1,3 +1,3 @@
-"""What every interval here is made of."""
+"""The factor of 95 % confidence intervals."""
 
-NORMAL_95 = 1.959964  # standard errors to either side hold 95 % of a normal distribution
+NORMAL_95 = 1.959964  # half width of the central 95 % of a normal distribution, in standard deviations

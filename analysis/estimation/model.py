@@ -1,8 +1,8 @@
-"""What a user writes: a model as a few plain functions, its names, starting values, bounds and priors.
+"""The definition of a model: functions for dynamics and outputs, and parameters with starting values, bounds, priors.
 
-The functions are written with NumPy (`np.sin`, `np.sqrt`, arithmetic), so that floats, arrays and CasADi symbols pass
-through them alike. They get state, input and parameters by name, `x.alpha`, `u.elevator`, `p.CLa`, and return one
-value for each state, or for each output, in the order in which the model names them.
+The functions use NumPy (`np.sin`, `np.sqrt`, arithmetic) and accept floats, arrays and CasADi symbols. They receive
+state, input and parameters by name, `x.alpha`, `u.elevator`, `p.CLa`. They return one value for each state, or for each
+output, in the order of the model's names.
 """
 
 import math
@@ -15,8 +15,8 @@ from analysis.estimation.data import Segment
 from flight.errors import InputError
 
 
-class Named:
-    """A few values by name, `p.CLa` or `p["CLa"]`; a name that is not there is an error that lists the known ones."""
+class NamedValues:
+    """Values by name, `p.CLa` or `p["CLa"]`. An unknown name raises InputError with the known names."""
 
     def __init__(self, what: str, values: Mapping[str, Any]):
         self.__dict__.update(values)
@@ -33,15 +33,18 @@ class Named:
         return self[name]
 
 
-ModelFunction = Callable[[Named, Named, Named], Sequence[Any]]
+ModelFunction = Callable[[NamedValues, NamedValues, NamedValues], Sequence[Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A number the model needs; free (to be estimated) or held at `start`.
+    """A model parameter: free (to be estimated) or fixed at `start`.
 
-    A prior is normal, with `prior_sigma` about `prior_mean` (about `start` when not given). A parameter that is not
-    `shared` has its own value in every segment; its full name is then `name[segment]`.
+    The prior is normal with mean `prior_mean` (default: `start`) and standard deviation `prior_sigma`, in `unit`. The
+    default `prior_sigma` of infinity means no prior. A parameter with `shared=False` has its own value in every
+    segment and the full name `name[segment]`.
+
+    Raises InputError when `start` is not finite or outside the bounds, or `prior_sigma` is not positive.
     """
 
     name: str
@@ -65,7 +68,7 @@ class Parameter:
             raise InputError(f"parameter {self.name}: prior_sigma must be greater than zero, is {self.prior_sigma}")
 
     @property
-    def prior_center(self) -> float:
+    def prior_mean_or_start(self) -> float:
         return self.start if self.prior_mean is None else self.prior_mean
 
 
@@ -73,10 +76,10 @@ class Parameter:
 class Model:
     """xdot = dynamics(x, u, p), y = outputs(x, u, p), z = y + noise (3.24-3.26).
 
-    A model without states is an ordinary regression; it needs no `dynamics`. `initial_state` guesses the state at the
-    start of a segment from its data, where the segment itself does not give it (see `Segment.x0`).
+    A model without states is an ordinary regression and needs no `dynamics`. `initial_state` computes a starting value
+    of the state at a segment's first sample from the segment's data; `Segment.x0` takes precedence over it.
 
-    Raises InputError when a name occurs twice.
+    Raises InputError when a name occurs twice, there are no outputs, or states have no dynamics.
     """
 
     name: str
@@ -99,14 +102,14 @@ class Model:
                 if count > 1:
                     raise InputError(f"model {self.name}: two {kind} are named {name!r}")
         if not self.outputs:
-            raise InputError(f"model {self.name}: it has no outputs, so nothing to compare with data")
+            raise InputError(f"model {self.name}: it has no outputs to compare with data; name at least one")
         if self.states and self.dynamics is None:
-            raise InputError(f"model {self.name}: it has states but no dynamics function")
+            raise InputError(f"model {self.name}: it has states but no dynamics function; give dynamics")
 
     def changed(self, **changes: Mapping[str, Any]) -> "Model":
-        """The same model with some parameters changed: `model.changed(CLde={"start": 0.4, "free": False})`.
+        """A copy of the model with some parameters changed: `model.changed(CLde={"start": 0.4, "free": False})`.
 
-        Raises InputError for a parameter the model does not have.
+        Raises InputError for an unknown parameter.
         """
         unknown = set(changes) - {p.name for p in self.parameters}
         if unknown:
@@ -114,22 +117,30 @@ class Model:
         return replace(self, parameters=tuple(replace(p, **changes.get(p.name, {})) for p in self.parameters))
 
     def evaluate_dynamics(self, x: Iterable[Any], u: Iterable[Any], p: Iterable[Any]) -> tuple[Any, ...]:
-        """xdot, one value a state; x, u, p in the model's order: floats, arrays or symbols."""
+        """xdot, one value per state. x, u, p are in the model's order: floats, arrays or symbols."""
         if self.dynamics is None:
             return ()
         return self._call(self.dynamics, "dynamics", self.states, x, u, p)
 
     def evaluate_outputs(self, x: Iterable[Any], u: Iterable[Any], p: Iterable[Any]) -> tuple[Any, ...]:
-        """y, one value an output."""
+        """y, one value per output. x, u, p as in `evaluate_dynamics`."""
         return self._call(self.output_function, "outputs", self.outputs, x, u, p)
 
-    def _call(self, function: ModelFunction, what: str, names: tuple[str, ...], x: Any, u: Any, p: Any) -> tuple:
+    def _call(
+        self,
+        function: ModelFunction,
+        what: str,
+        names: tuple[str, ...],
+        x: Iterable[Any],
+        u: Iterable[Any],
+        p: Iterable[Any],
+    ) -> tuple[Any, ...]:
         try:
             result = tuple(
                 function(
-                    Named("state", dict(zip(self.states, x, strict=True))),
-                    Named("input", dict(zip(self.inputs, u, strict=True))),
-                    Named("parameter", dict(zip([q.name for q in self.parameters], p, strict=True))),
+                    NamedValues("state", dict(zip(self.states, x, strict=True))),
+                    NamedValues("input", dict(zip(self.inputs, u, strict=True))),
+                    NamedValues("parameter", dict(zip([q.name for q in self.parameters], p, strict=True))),
                 )
             )
         except InputError as error:

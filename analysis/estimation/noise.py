@@ -1,8 +1,8 @@
-"""The measurement noise: its covariance from residuals (3.33), and residuals in its units.
+"""Measurement noise: its covariance R from the residuals (3.33), whitened residuals, and the likelihood.
 
-R is the covariance of one sample's noise: diagonal, or full with the outputs' cross terms. With `tail_dof` the noise
-of each output is Student's t instead of normal, which gives outliers a small weight; R then holds the squared scales
-(Lange, Little & Taylor 1989, J. Am. Stat. Assoc. 84, 881).
+R (outputs, outputs) is the covariance of one sample's noise, diagonal or full. With `tail_dof` the noise of each output
+follows Student's t distribution instead of the normal one, which gives outliers a small weight; R then holds the
+squared scales (Lange, Little & Taylor 1989, J. Am. Stat. Assoc. 84, 881).
 """
 
 from dataclasses import dataclass
@@ -14,18 +14,22 @@ from numpy.typing import NDArray
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-Kind = Literal["diagonal", "full"]
+NoiseKind = Literal["diagonal", "full"]
 
-SMALLEST_PART = 1e-9  # of an output's rms: residuals below it are rounding, and ln det R would run away
-SCALE_STEPS = 30  # fixed-point steps for the scale of t noise; each gains about a digit
+# Smallest standard deviation of the noise, relative to the output's rms. Smaller residuals are rounding errors, and
+# ln det R would go to minus infinity.
+SMALLEST_NOISE = 1e-9
+SCALE_ITERATIONS = 30  # fixed-point iterations for the scale of t noise; each gains about one digit
 
 
 @dataclass(frozen=True)
 class Whitened:
-    """Residuals and sensitivities in units of the noise; zero where a sample is missing.
+    """Residuals and output sensitivities divided by the noise (multiplied by the inverse Cholesky factor of R).
 
-    e : (n, outputs)      weight : (n, outputs), 1 for normal noise, small for an outlier of t noise
-    S : (n, outputs, numbers)     present : (n, outputs)
+    e : (n, outputs) residuals, 0 where a sample is missing
+    weight : (n, outputs), 1 for normal noise, small for outliers with t noise
+    S : (n, outputs, unknowns) sensitivities, 0 where a sample is missing
+    present : (n, outputs), whether the sample exists
     """
 
     e: Array
@@ -34,25 +38,28 @@ class Whitened:
     present: NDArray[np.bool_]
 
 
-def noise_covariance(residuals: Array, scale: Array, kind: Kind, tail_dof: float | None) -> Array:
+def noise_covariance_of(residuals: Array, scale: Array, kind: NoiseKind, tail_dof: float | None) -> Array:
     """R (outputs, outputs) of the residuals (n, outputs), NaN where missing (3.33).
 
-    scale : (outputs,) rms of the measured outputs, below a billionth of which nothing is believed.
-    The full R uses the samples at which no output is missing.
+    scale : (outputs,) rms of the measured outputs, for the smallest variance that is returned
+    The full R uses only samples with all outputs present.
+
+    Raises InputError when a full R has too few complete samples.
     """
-    floor = (SMALLEST_PART * scale) ** 2
+    floor = (SMALLEST_NOISE * scale) ** 2
     if kind == "full":
         complete = residuals[np.isfinite(residuals).all(axis=1)]
         if len(complete) <= residuals.shape[1]:
             raise InputError(
-                f"a full noise covariance of {residuals.shape[1]} outputs needs more samples at which none is missing"
-                f" than the {len(complete)} there are; use noise='diagonal'"
+                f"a full noise covariance of {residuals.shape[1]} outputs needs more than {residuals.shape[1]} samples"
+                f" with all outputs, there are {len(complete)}; use noise='diagonal'"
             )
-        R = complete.T @ complete / len(complete)
-        return R + np.diag(np.maximum(floor - np.diag(R), 0))
+        R: Array = complete.T @ complete / len(complete)
+        R += np.diag(np.maximum(floor - np.diag(R), 0))
+        return R
     variance = np.nanmean(residuals**2, axis=0)
     if tail_dof is not None:
-        for _ in range(SCALE_STEPS):  # the likelihood's own equation: mean of weight e^2 = 1
+        for _ in range(SCALE_ITERATIONS):  # maximum-likelihood condition: mean of weight e^2 = 1
             variance = np.maximum(variance, floor)
             weight = (tail_dof + 1) / (tail_dof + residuals**2 / variance)
             variance = np.nanmean(weight * residuals**2, axis=0)
@@ -60,9 +67,9 @@ def noise_covariance(residuals: Array, scale: Array, kind: Kind, tail_dof: float
 
 
 def whiten(residuals: Array, S: Array, R: Array, tail_dof: float | None) -> Whitened:
-    """Residuals (n, outputs; NaN where missing) and sensitivities by the inverse Cholesky factor of R.
+    """Multiply residuals (n, outputs; NaN where missing) and sensitivities by the inverse Cholesky factor of R.
 
-    A sample with missing outputs is whitened by the block of R of those it has.
+    A sample with missing outputs uses the block of R of the outputs that are present.
     """
     present = np.isfinite(residuals)
     e, S_white = np.zeros_like(residuals), np.zeros_like(S)
@@ -76,7 +83,7 @@ def whiten(residuals: Array, S: Array, R: Array, tail_dof: float | None) -> Whit
 
 
 def negative_log_likelihood(white: Whitened, R: Array, tail_dof: float | None) -> float:
-    """-ln L up to a constant: half of sum e'e plus half of ln det R for every sample (3.32), or its t counterpart."""
+    """-ln L up to a constant: sum over the samples of (e'e + ln det R)/2 (3.32), or its equivalent for t noise."""
     total = 0.0
     for pattern, rows in _patterns(white.present):
         total += rows.sum() * np.linalg.slogdet(R[np.ix_(pattern, pattern)])[1] / 2
@@ -86,12 +93,12 @@ def negative_log_likelihood(white: Whitened, R: Array, tail_dof: float | None) -
 
 
 def _patterns(present: NDArray[np.bool_]) -> list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
-    """Which outputs are there together, and at which samples."""
+    """Each combination of present outputs (outputs,), with the samples (n,) at which it occurs."""
     if present.all():
         return [(present[0], present[:, 0])]
     return [(pattern, (present == pattern).all(axis=1)) for pattern in np.unique(present, axis=0)]
 
 
 def information_factor(tail_dof: float | None) -> float:
-    """Fisher information of one sample about its mean, in units of R^-1: (dof + 1)/(dof + 3) for t noise."""
+    """Fisher information of one sample about its mean, relative to R^-1: (dof + 1)/(dof + 3) for t noise, else 1."""
     return 1.0 if tail_dof is None else (tail_dof + 1) / (tail_dof + 3)

@@ -1,8 +1,8 @@
-"""Maximum likelihood by output error (3.24-3.34): Gauss-Newton on exact sensitivities, R by relaxation.
+"""Maximum likelihood by output error (3.24-3.34): Gauss-Newton with exact sensitivities.
 
-The noise covariance R is re-estimated from the residuals at every point that is tried, which makes the likelihood a
-function of the parameters alone; its gradient is the one with R held. A step is taken only when this likelihood
-grows, so the relaxation cannot cycle.
+The noise covariance R is re-estimated from the residuals at every point. The likelihood is then a function of the
+parameters alone (the concentrated likelihood), and its gradient is the gradient with R held constant. Each step must
+increase this likelihood, so that the usual oscillation between R and the parameters cannot occur.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,17 +12,20 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.estimation import noise as noise_model
 from analysis.estimation.data import Segment
-from analysis.estimation.fit import Estimate as Estimate
 from analysis.estimation.fit import Fit as Fit
-from analysis.estimation.fit import Piece as Piece
-from analysis.estimation.fit import Status as Status
-from analysis.estimation.fit import Verdict as Verdict
+from analysis.estimation.fit import SegmentFit
 from analysis.estimation.model import Model
-from analysis.estimation.optimizer import Point, climb, report
+from analysis.estimation.noise import (
+    NoiseKind,
+    information_factor,
+    negative_log_likelihood,
+    noise_covariance_of,
+    whiten,
+)
+from analysis.estimation.optimizer import Evaluation, make_fit, maximize
 from analysis.estimation.problem import Problem, free_names
-from analysis.estimation.simulation import InputRule, Integrator, Response, Simulator, trace
+from analysis.estimation.simulation import InputRule, Integrator, Response, Simulator, build_simulator
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -35,37 +38,39 @@ def estimate(
     integrator: Integrator = "rk4",
     inputs: InputRule = "linear",
     initial_states: Literal["free", "given"] | tuple[str, ...] = "free",
-    noise: noise_model.Kind = "diagonal",
+    noise: NoiseKind = "diagonal",
     noise_covariance: ArrayLike | None = None,
     tail_dof: float | None = None,
     start: Mapping[str, float] | None = None,
     max_iterations: int = 50,
 ) -> Fit:
-    """Fit a model to one or several segments at once.
+    """Fit a model to one or several segments together.
 
-    initial_states : "free" estimates the state at the start of each segment, "given" takes it from `Segment.x0` (or
-    the model's guess, or the first sample of an output of that name); a tuple names the states that are free
-    noise_covariance : R (outputs, outputs), or variances (outputs,), when they are known; else R is estimated
-    tail_dof : degrees of freedom of t noise (4 or so) where there are outliers; with diagonal noise only
-    start : starting values that replace the parameters' own, by name or full name
+    integrator, inputs : integration method, and the inputs between samples; see `simulation.build_simulator`
+    initial_states : "free" estimates the state at the start of each segment; "given" takes it from `Segment.x0`, else
+    from `Model.initial_state`, else from the first sample of the output of that name; a tuple names the free states
+    noise : structure of R where it is estimated
+    noise_covariance : known R (outputs, outputs), or known variances (outputs,); default: R is estimated
+    tail_dof : degrees of freedom of t noise (about 4) for data with outliers; for an estimated diagonal R only
+    start : starting values by name or full name; they replace those of the parameters
 
-    The verdict says whether the optimum was reached, lies at a bound, or does not determine every number. Raises
-    InputError for data or options that cannot be used, and when the starting values do not give a finite response.
+    The verdict says whether the optimum was reached, is at a bound, or leaves unknowns undetermined. Raises InputError
+    for data or options that cannot be used, and when the response to the starting values is not finite.
     """
     segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
-    simulator = trace(model, free_names(model), integrator, inputs)
-    problem = Problem.prepare(model, segments, initial_states, start or {})
+    simulator = build_simulator(model, free_names(model), integrator, inputs)
+    problem = Problem.assemble(model, segments, initial_states, start or {})
     if tail_dof is not None and (noise == "full" or noise_covariance is not None or tail_dof <= 0):
         raise InputError(
-            "tail_dof must be greater than zero, and goes with a diagonal noise covariance to be estimated"
+            "tail_dof must be greater than zero, and needs noise='diagonal' without a given noise_covariance"
         )
     known = None if noise_covariance is None else _known_covariance(noise_covariance, model)
-    likelihood = _Likelihood(problem, simulator, noise, known, tail_dof)
-    point = likelihood.at(problem.start)
+    likelihood = _OutputErrorLikelihood(problem, simulator, noise, known, tail_dof)
+    point = likelihood.evaluate(problem.start)
     if not np.isfinite(point.cost):
-        raise InputError(_where_it_left(likelihood))
-    point, iterations, why_stopped = climb(likelihood, point, max_iterations)
-    return report(likelihood, point, iterations, why_stopped)
+        raise InputError(_not_finite(likelihood))
+    point, iterations, why_stopped = maximize(likelihood, point, max_iterations)
+    return make_fit(likelihood, point, iterations, why_stopped)
 
 
 def _known_covariance(given: ArrayLike, model: Model) -> Array:
@@ -78,57 +83,60 @@ def _known_covariance(given: ArrayLike, model: Model) -> Array:
 
 
 @dataclass(frozen=True)
-class _Likelihood:
+class _OutputErrorLikelihood:
+    """Of the residuals z - y. known_R : (outputs, outputs), or None to estimate R."""
+
     problem: Problem
     simulator: Simulator
-    noise: noise_model.Kind
-    known: Array | None
+    noise: NoiseKind
+    known_R: Array | None
     tail_dof: float | None
 
     def respond(self, theta: Array, i: int) -> Response:
-        """Segment i's response, its sensitivities reduced to the segment's own numbers."""
+        """Segment i's response, with sensitivities to the unknowns of this segment only."""
         problem, count = self.problem, len(self.simulator.free)
-        p, x0, _ = problem.of_segment(theta, i)
+        p, x0, _ = problem.unpack(theta, i)
         x, y, S = self.simulator.run(x0, problem.U[i], p, problem.segments[i].step_s)
         return Response(x, y, S[:, :, np.concatenate([np.arange(count), count + problem.free_states])])
 
-    def at(self, theta: Array) -> Point:
+    def evaluate(self, theta: Array) -> Evaluation:
         problem, m = self.problem, len(theta)
         with np.errstate(over="ignore", invalid="ignore"):
             responses = [self.respond(theta, i) for i in range(len(problem.segments))]
             residuals = [z - response.y for z, response in zip(problem.Z, responses, strict=True)]
         if not all(np.isfinite(r.y).all() and np.isfinite(r.S).all() for r in responses):
-            return Point(theta, np.inf, (), np.zeros((0, 0)), np.zeros(m), np.zeros((m, m)))
+            return Evaluation(theta, np.inf, (), np.zeros((0, 0)), np.zeros(m), np.zeros((m, m)))
         R = self._covariance(residuals)
         g, H, cost = np.zeros(m), np.zeros((m, m)), 0.0
-        pieces = []
+        segment_fits = []
         for i, response in enumerate(responses):
-            white = noise_model.whiten(residuals[i], response.S, R, self.tail_dof)
-            cost += noise_model.negative_log_likelihood(white, R, self.tail_dof)
+            white = whiten(residuals[i], response.S, R, self.tail_dof)
+            cost += negative_log_likelihood(white, R, self.tail_dof)
             columns = problem.columns[i]
             flat = white.S.reshape(-1, len(columns))
             g[columns] += flat.T @ (white.weight * white.e).ravel()
             H[np.ix_(columns, columns)] += flat.T @ flat
-            pieces.append(Piece(problem.segments[i], response, residuals[i], white, columns))
-        away = theta - problem.prior_mean
-        cost += float(problem.prior_information @ away**2) / 2
-        g -= problem.prior_information * away
-        H *= noise_model.information_factor(self.tail_dof)
-        return Point(theta, cost, tuple(pieces), R, g, H, ln_det_R=float(np.linalg.slogdet(R)[1]))
+            segment_fits.append(SegmentFit(problem.segments[i], response, residuals[i], white, columns))
+        from_prior = theta - problem.prior_mean
+        cost += float(problem.prior_information @ from_prior**2) / 2
+        g -= problem.prior_information * from_prior
+        H *= information_factor(self.tail_dof)
+        return Evaluation(theta, cost, tuple(segment_fits), R, g, H, ln_det_R=float(np.linalg.slogdet(R)[1]))
 
     def _covariance(self, residuals: list[Array]) -> Array:
-        if self.known is not None:
-            return self.known
-        everything = np.concatenate(self.problem.Z)
-        for name, measured in zip(self.problem.model.outputs, everything.T, strict=True):
+        if self.known_R is not None:
+            return self.known_R
+        measurements = np.concatenate(self.problem.Z)
+        for name, measured in zip(self.problem.model.outputs, measurements.T, strict=True):
             if not np.isfinite(measured).any():
-                raise InputError(f"output {name} has not a single sample in any segment")
-        scale = np.sqrt(np.nanmean(everything**2, axis=0))
+                raise InputError(f"output {name} has no samples in any segment; give data or remove the output")
+        scale = np.sqrt(np.nanmean(measurements**2, axis=0))
         scale[scale == 0] = 1.0
-        return noise_model.noise_covariance(np.concatenate(residuals), scale, self.noise, self.tail_dof)
+        return noise_covariance_of(np.concatenate(residuals), scale, self.noise, self.tail_dof)
 
 
-def _where_it_left(likelihood: _Likelihood) -> str:
+def _not_finite(likelihood: _OutputErrorLikelihood) -> str:
+    """The message that names the segment and time from which the response to the starting values is not finite."""
     problem = likelihood.problem
     for i, segment in enumerate(problem.segments):
         with np.errstate(over="ignore", invalid="ignore"):
@@ -139,5 +147,5 @@ def _where_it_left(likelihood: _Likelihood) -> str:
             break
     return (
         f"model {problem.model.name}, segment {segment.name}: with the starting values the response is not finite from"
-        f" t = {at:g} s on; give better starting values, or, if the model is unstable, cut the segment (data.split)"
+        f" t = {at:g} s on; give better starting values; if the model is unstable, split the segment (data.split)"
     )

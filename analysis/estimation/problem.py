@@ -1,4 +1,4 @@
-"""The free numbers of all segments in one vector: what an optimiser moves, and how each segment uses it."""
+"""The vector of unknowns theta: free parameters, free initial states and noise parameters of all segments."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -15,8 +15,8 @@ from flight.errors import InputError
 Array = NDArray[np.float64]
 
 
-class Number(NamedTuple):
-    """One free number: where to start, where to stop, and what is known of it (information of a normal prior)."""
+class Unknown(NamedTuple):
+    """One element of theta: starting value, bounds, and mean and information (1/variance) of its normal prior."""
 
     name: str
     unit: str
@@ -29,9 +29,13 @@ class Number(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """The free numbers of all segments in one vector, and how each segment uses them.
+    """A model, its data, and the vector of unknowns theta (m,) of all segments.
 
-    columns : per segment, the place of each of its numbers: free parameters, free initial states, further numbers
+    U, Z : per segment, inputs (n, inputs) and measured outputs (n, outputs), NaN where missing
+    names, units, start, lower, upper, prior_mean, prior_information : (m,), in the order of theta
+    columns : per segment, the indices in theta of its unknowns: free parameters, free initial states, noise parameters
+    free_states : indices of the states whose initial values are estimated
+    x0 : per segment, the initial state (states,); elements in `free_states` are only starting values
     """
 
     model: Model
@@ -50,108 +54,118 @@ class Problem:
     x0: list[Array]
 
     @classmethod
-    def prepare(
+    def assemble(
         cls,
         model: Model,
         segments: tuple[Segment, ...],
         initial_states: Literal["free", "given"] | tuple[str, ...],
         start: Mapping[str, float],
-        further: Sequence[Number] = (),
+        noise: Sequence[Unknown] = (),
     ) -> "Problem":
+        """Collect the unknowns of all segments. noise : noise parameters, common to all segments, at the end of theta.
+
+        Raises InputError for missing or contradictory data, unknown names, or when nothing is free.
+        """
         if not segments:
-            raise InputError(f"model {model.name}: there is no segment to fit")
+            raise InputError(f"model {model.name}: there is no segment to fit; give at least one")
         for name, count in Counter(segment.name for segment in segments).items():
             if count > 1:
-                raise InputError(f"two segments are named {name!r}")
+                raise InputError(f"two segments are named {name!r}; give each its own name")
         choice = (
             {"free": model.states, "given": ()}.get(initial_states)
             if isinstance(initial_states, str)
             else initial_states
         )
         if choice is None or not set(choice) <= set(model.states):
-            raise InputError(f"initial_states = {initial_states!r}: 'free', 'given', or some of {model.states}")
+            raise InputError(
+                f"initial_states = {initial_states!r}: choose 'free', 'given', or a tuple of some of {model.states}"
+            )
         free_states = np.array([i for i, s in enumerate(model.states) if s in choice], dtype=np.intp)
 
-        numbers: dict[str, Number] = {}
-        owned, x0 = [], []
+        unknowns: dict[str, Unknown] = {}
+        by_segment, x0 = [], []
         for segment in segments:
             x0.append(initial_state_of(model, segment))
             own = [
-                Number(
+                Unknown(
                     q.name if q.shared else f"{q.name}[{segment.name}]",
                     q.unit,
                     float(np.clip(start.get(q.name, q.start), q.lower, q.upper)),
                     q.lower,
                     q.upper,
-                    q.prior_center,
+                    q.prior_mean_or_start,
                     q.prior_sigma**-2.0,
                 )
                 for q in model.parameters
                 if q.free
             ]
-            own += [Number(f"{model.states[i]}(0)[{segment.name}]", "", x0[-1][i]) for i in free_states]
-            numbers |= {number.name: number for number in own}
-            owned.append([*own, *further])
-        numbers |= {number.name: number for number in further}
-        place = {name: i for i, name in enumerate(numbers)}
-        columns = [np.array([place[number.name] for number in own], dtype=np.intp) for own in owned]
+            own += [Unknown(f"{model.states[i]}(0)[{segment.name}]", "", x0[-1][i]) for i in free_states]
+            unknowns |= {unknown.name: unknown for unknown in own}
+            by_segment.append([*own, *noise])
+        unknowns |= {unknown.name: unknown for unknown in noise}
+        index = {name: i for i, name in enumerate(unknowns)}
+        columns = [np.array([index[unknown.name] for unknown in own], dtype=np.intp) for own in by_segment]
         for name in start:
-            if name not in numbers and name not in free_names(model):
-                raise InputError(f"start: {name!r} is none of the free numbers {', '.join(numbers)}")
-        if not numbers:
-            raise InputError(f"model {model.name}: nothing is free to be estimated")
-        free = list(numbers.values())
+            if name not in unknowns and name not in free_names(model):
+                raise InputError(f"start: {name!r} is not among the unknowns {', '.join(unknowns)}")
+        if not unknowns:
+            raise InputError(f"model {model.name}: nothing is free to be estimated; free a parameter or initial state")
+        free = list(unknowns.values())
         lower, upper = np.array([n.lower for n in free]), np.array([n.upper for n in free])
         values = [start.get(n.name, n.start) for n in free]
         return cls(
             model, segments,
             [inputs_of(model, s) for s in segments], [measurements_of(model, s) for s in segments],
-            tuple(numbers), tuple(n.unit for n in free), np.clip(values, lower, upper), lower, upper,
+            tuple(unknowns), tuple(n.unit for n in free), np.clip(values, lower, upper), lower, upper,
             np.array([n.prior_mean for n in free]), np.array([n.prior_information for n in free]),
             columns, free_states, x0,
         )  # fmt: skip
 
-    def of_segment(self, theta: Array, i: int) -> tuple[Array, Array, Array]:
-        """Segment i's parameters (all of them, in model order), initial state, and the further numbers."""
+    def unpack(self, theta: Array, i: int) -> tuple[Array, Array, Array]:
+        """Segment i's parameters (free and fixed, in model order), initial state (states,), and noise parameters."""
         free = np.array([q.free for q in self.model.parameters], dtype=bool)
-        parameters, states, further = np.split(theta[self.columns[i]], np.cumsum([free.sum(), len(self.free_states)]))
+        parameters, states, noise = np.split(theta[self.columns[i]], np.cumsum([free.sum(), len(self.free_states)]))
         p = np.array([q.start for q in self.model.parameters], dtype=float)
         p[free] = parameters
         x0 = self.x0[i].copy()
         x0[self.free_states] = states
-        return p, x0, further
+        return p, x0, noise
 
 
 def free_names(model: Model) -> tuple[str, ...]:
+    """Names of the free parameters, in model order."""
     return tuple(q.name for q in model.parameters if q.free)
 
 
 def initial_state_of(model: Model, segment: Segment) -> Array:
-    """(states,) of the segment, else the model's guess, else the first sample of an output of that name."""
-    guess = dict(model.initial_state(segment)) if model.initial_state else {}
-    guess.update(segment.x0)
+    """Initial state (states,): from `Segment.x0`, else `Model.initial_state`, else the first sample of that output.
+
+    Raises InputError when none of them gives a value.
+    """
+    x0 = dict(model.initial_state(segment)) if model.initial_state else {}
+    x0.update(segment.x0)
     for state in model.states:
-        if state not in guess:
+        if state not in x0:
             measured = segment.z.get(state, np.array([]))
             measured = measured[np.isfinite(measured)]
             if not len(measured):
                 raise InputError(f"segment {segment.name}: no starting value for state {state}; give it in x0")
-            guess[state] = measured[0]
-    return np.array([guess[state] for state in model.states], dtype=float)
+            x0[state] = measured[0]
+    return np.array([x0[state] for state in model.states], dtype=float)
 
 
 def inputs_of(model: Model, segment: Segment) -> Array:
-    """(n, inputs) in the model's order; InputError names an input the segment does not have."""
+    """(n, inputs) in the model's order. Raises InputError for a missing input."""
     return _stack(model.inputs, segment.u, len(segment), f"segment {segment.name}: input", model.name)
 
 
 def measurements_of(model: Model, segment: Segment) -> Array:
-    """(n, outputs) in the model's order, NaN where missing; InputError names an output the segment does not have."""
+    """(n, outputs) in the model's order, NaN where a sample is missing. Raises InputError for a missing output."""
     return _stack(model.outputs, segment.z, len(segment), f"segment {segment.name}: output", model.name)
 
 
 def _stack(names: tuple[str, ...], signals: Mapping[str, Array], n: int, what: str, model: str) -> Array:
     for name in names:
         if name not in signals:
-            raise InputError(f"{what} {name}, which model {model} needs, is missing")
+            raise InputError(f"{what} {name}, which model {model} needs, is missing; add it to the segment")
     return np.column_stack([signals[name] for name in names]) if names else np.zeros((n, 0))

@@ -1,45 +1,48 @@
-"""Finds steady level stretches: speed, height and motor stand still long enough for a point of the classic methods."""
+"""Finds steady level stretches: speed, height and motor speed stay constant long enough for a steady point."""
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from analysis.maneuvers import quality
-from analysis.maneuvers.kinds import STEADY, Rejected, Run, measured
+from analysis.maneuvers.kinds import STEADY, Maneuver, RejectedManeuver, measured
 from analysis.maneuvers.smooth import smooth
 from analysis.signals.stretches import stretches
 
+Array = NDArray[np.float64]
+
 SMOOTHING_S = 5.0  # the slope of speed with 0.3 m/s noise is then good to 0.02 m/s^2
-STANDS_STILL_MPS2 = 0.12  # 1 % of the weight: what is left of it is taken out by the point's own energy balance
+STEADY_MPS2 = 0.12  # 1 % of the weight; the energy balance of the point corrects for what remains
 LEVEL_MPS = 0.5
 LARGEST_BANK_RAD = np.radians(12)  # 2 % more lift than weight
 SHORTEST_S = 8.0
-NEARLY_S = 4.0  # long enough to be told that it was too short
+MENTIONED_S = 4.0  # a stretch this long is listed as rejected; a shorter one is ignored
 LARGEST_SPEED_CHANGE = 0.06  # of the mean speed
 LARGEST_MOTOR_SPREAD = 0.05  # standard deviation over mean
 
 
-def find_steady(table: pd.DataFrame) -> tuple[list[Run], list[Rejected]]:
-    """Steady points in order of time, and the rejected stretches. `table` as `air_data` leaves it."""
-    now = smooth(table, SMOOTHING_S)
-    # A turn is over in a moment, and a long smoothing of climb sees a dive that is none: bank is as measured.
-    still = np.isfinite(now.V) & table["flying"].to_numpy() & (np.abs(now.Vdot) < STANDS_STILL_MPS2)
-    still &= (np.abs(np.nan_to_num(now.climb, nan=np.inf)) < LEVEL_MPS) & (np.abs(now.bank) < LARGEST_BANK_RAD)
-    runs: list[Run] = []
-    rejected: list[Rejected] = []
-    for rows in stretches(still):
+def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:
+    """Steady points and rejected stretches, each in order of time. table: of `air_data`."""
+    motion = smooth(table, SMOOTHING_S)
+    # Bank is not smoothed: a turn can be shorter than the smoothing window.
+    steady = np.isfinite(motion.V) & table["flying"].to_numpy() & (np.abs(motion.Vdot) < STEADY_MPS2)
+    steady &= (np.abs(np.nan_to_num(motion.climb, nan=np.inf)) < LEVEL_MPS) & (np.abs(motion.bank) < LARGEST_BANK_RAD)
+    found: list[Maneuver] = []
+    rejected: list[RejectedManeuver] = []
+    for rows in stretches(steady):
         data = table.iloc[rows]
         seconds = float(data.index[-1] - data.index[0])
-        if seconds < NEARLY_S:
+        if seconds < MENTIONED_S:
             continue
-        reason = _why_not(data, now.V[rows], seconds)
+        reason = _reason_against(data, motion.V[rows], seconds)
         if reason:
-            rejected.append(Rejected(STEADY, float(data.index[0]), float(data.index[-1]), reason))
+            rejected.append(RejectedManeuver(STEADY, float(data.index[0]), float(data.index[-1]), reason))
         else:
-            runs.append(measured(STEADY, rows, table, now.V, quality.notes(data, now.bank[rows])))
-    return runs, rejected
+            found.append(measured(STEADY, rows, table, motion.V, quality.notes(data, motion.bank[rows])))
+    return found, rejected
 
 
-def _why_not(data: pd.DataFrame, V: np.ndarray, seconds: float) -> str:
+def _reason_against(data: pd.DataFrame, V: Array, seconds: float) -> str:
     if seconds < SHORTEST_S:
         return f"too short: {seconds:.1f} s, {SHORTEST_S:.0f} s are needed"
     if low := quality.too_low(data):

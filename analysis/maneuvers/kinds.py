@@ -1,27 +1,28 @@
-"""What a run is: a stretch of the flight in which something was flown that a method can use."""
+"""Maneuvers: stretches of a flight, by kind. A run is a level acceleration or deceleration."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 ACCELERATION, DECELERATION, STEADY = "acceleration", "deceleration", "steady"
 ROLLER_COASTER, WIND_UP_TURN, STEPS_3211 = "roller coaster", "wind-up turn", "3-2-1-1"
-PORPOISING = "porpoising"  # no method's: what it shows is the slope of angle of attack, to the flight path
+PORPOISING = "porpoising"  # no drag method uses it; it determines the slope of angle of attack in the trajectory
 STANDING, FLYING = "standing", "flying"
 
-LEVEL_RUNS = (ACCELERATION, DECELERATION)  # the dynamic method's
-LOAD_FACTOR_MANEUVERS = (ROLLER_COASTER, WIND_UP_TURN)  # lift varies at about one speed
+LEVEL_RUNS = (ACCELERATION, DECELERATION)  # used by the dynamic method
+LOAD_FACTOR_MANEUVERS = (ROLLER_COASTER, WIND_UP_TURN)  # lift varies at nearly constant speed
 FOR_DRAG = (*LEVEL_RUNS, STEADY, *LOAD_FACTOR_MANEUVERS)
-WHOLE = (PORPOISING, STANDING, FLYING)  # no method's, so that nothing is asked of their data
+CONTEXT_KINDS = (PORPOISING, STANDING, FLYING)  # no drag method uses them: their data may have gaps
 KINDS = (*LEVEL_RUNS, STEADY, *LOAD_FACTOR_MANEUVERS, STEPS_3211, PORPOISING, STANDING, FLYING)
 
-END_S = 0.4  # over which the height at a run's ends is averaged
+END_S = 0.4  # the height at either end of a maneuver is the mean over this
 
 
 @dataclass(frozen=True)
-class Run:
-    """One stretch of the flight, of one of KINDS."""
+class Maneuver:
+    """A stretch of the flight of one of KINDS. rows: of the air data table."""
 
     kind: str
     rows: slice
@@ -42,8 +43,8 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Rejected:
-    """A stretch that looked like a run, and why it was not taken."""
+class RejectedManeuver:
+    """A stretch that looked like a maneuver, and the reason why it is not used."""
 
     kind: str
     start_s: float
@@ -55,25 +56,27 @@ class Rejected:
 class Maneuvers:
     """All maneuvers of a flight and all rejected stretches, each in order of time."""
 
-    maneuvers: list[Run]
-    rejected: list[Rejected] = field(default_factory=list)
+    maneuvers: list[Maneuver]
+    rejected: list[RejectedManeuver] = field(default_factory=list)
 
-    def of(self, *kinds: str) -> list[Run]:
-        return [run for run in self.maneuvers if run.kind in kinds]
+    def of(self, *kinds: str) -> list[Maneuver]:
+        return [maneuver for maneuver in self.maneuvers if maneuver.kind in kinds]
 
     @property
-    def level_runs(self) -> list[Run]:
+    def level_runs(self) -> list[Maneuver]:
         return self.of(*LEVEL_RUNS)
 
 
-def measured(kind: str, rows: slice, table: pd.DataFrame, V: np.ndarray, notes: tuple[str, ...] = ()) -> Run:
-    """The run of some rows of the table. V: smooth speed [m/s], a value for each of the table's rows."""
+def measured(
+    kind: str, rows: slice, table: pd.DataFrame, V: NDArray[np.float64], notes: tuple[str, ...] = ()
+) -> Maneuver:
+    """The maneuver in some rows of the table. V: smoothed speed [m/s], (n,), one value per row of the table."""
     step_s = float(table.index[1] - table.index[0])
     few = max(1, round(END_S / step_s))
     height, speed = table["height_m"].to_numpy()[rows], V[rows]
     flown = np.isfinite(speed).any() and np.isfinite(height).any()
     height = height[np.isfinite(height)]
-    return Run(
+    return Maneuver(
         kind,
         rows,
         float(table.index[rows.start]),

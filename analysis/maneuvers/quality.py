@@ -1,31 +1,31 @@
-"""What a stretch is worth: what rules it out, and what a reader of the result should know of it."""
+"""Quality of a maneuver's data: reasons to reject it, and notes for the reader of the results."""
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.air import LEAST_HEIGHT_M
-from flight.atmosphere import GRAVITY_MPS2
+from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 
 NEEDED = ("V_mps", "alpha_rad", "ax_mps2", "az_mps2", "q_radps", "thrust_N", "rho")
 LARGEST_GAP_SHARE = 0.02
 
-# What is worth a note.
+# A note is written beyond these.
 NOTED_HEIGHT_M = 5.0
 NOTED_BANK_RAD = np.radians(10)
 NOTED_GAP_SHARE = 0.002
-NOTED_BEYOND_TABLE = 0.02
-# The motor reaches its speed within 0.2 s: opened faster than this it pitches the aircraft (Fig. 7.13-7.15).
+NOTED_OUTSIDE_TABLE = 0.02
+# The motor reaches its speed within 0.2 s: a throttle step faster than this pitches the aircraft (Fig. 7.13-7.15).
 THROTTLE_STEP, THROTTLE_STEP_S = 0.3, 0.25
-# Load factor's rms about its mean over two seconds. An accelerometer's noise (Table 4.1) makes 0.006; gusts with
-# W20 = 3 kt some 0.04, with 15 kt 0.2.
-SHAKEN, BADLY_SHAKEN, SHAKEN_OVER_S = 0.025, 0.12, 2.0
+# Rms of the load factor about its two-second mean. Accelerometer noise (Table 4.1) alone gives 0.006, gusts with
+# W20 = 3 kt about 0.04, with 15 kt 0.2.
+LIGHT_TURBULENCE, ROUGH_TURBULENCE, TURBULENCE_WINDOW_S = 0.025, 0.12, 2.0
 
 
 def too_low(data: pd.DataFrame) -> str:
-    """That a stretch is too near the ground; empty if it is not."""
+    """Reason if a stretch is too near the ground; empty if it is not."""
     if not data["height_m"].notna().any():
         return "no height was measured"
     if np.nanmin(data["height_m"]) >= LEAST_HEIGHT_M:
@@ -34,20 +34,22 @@ def too_low(data: pd.DataFrame) -> str:
 
 
 def without_data(data: pd.DataFrame) -> str:
-    """Which needed channel is missing for too long; empty if none."""
+    """Reason if a needed channel is missing for too long; empty if none is."""
     for name in NEEDED:
         missing = float(data[name].isna().mean())
         if missing > LARGEST_GAP_SHARE:
-            return f"no {spoken(name)} for {100 * missing:.0f} % of the time"
+            return f"no {quantity(name)} for {100 * missing:.0f} % of the time"
     return ""
 
 
 def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
-    """What is worth knowing of a stretch that is used, in a few words each."""
+    """What a reader should know of a maneuver that is used, a few words each. bank: (n,) [rad]."""
     found = []
     uncovered = 1 - float(data["propeller_covered"].mean())
-    if uncovered > NOTED_BEYOND_TABLE:
-        found.append(f"the propeller table does not reach {100 * uncovered:.0f} % of the run; it is continued there")
+    if uncovered > NOTED_OUTSIDE_TABLE:
+        found.append(
+            f"{100 * uncovered:.0f} % of the data lie outside the propeller table, which is extrapolated there"
+        )
     height = data["height_m"].dropna()
     if len(height) and np.ptp(height) > NOTED_HEIGHT_M:
         found.append(f"height varied by {np.ptp(height):.0f} m")
@@ -56,27 +58,29 @@ def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
     step = throttle_step(data)
     if step > THROTTLE_STEP:
         found.append(f"throttle moved by {100 * step:.0f} % within {THROTTLE_STEP_S:g} s: a step pitches the aircraft")
-    shaken = shaking(data)
-    if shaken > SHAKEN:
-        word = "rough" if shaken > BADLY_SHAKEN else "light"
-        found.append(f"{word} turbulence: the load factor shakes by {shaken:.2f}")
+    rms = load_factor_rms(data)
+    if rms > LIGHT_TURBULENCE:
+        word = "rough" if rms > ROUGH_TURBULENCE else "light"
+        found.append(f"{word} turbulence: the load factor varies by {rms:.2f} rms")
     for name in NEEDED:
         missing = float(data[name].isna().mean())
         if missing > NOTED_GAP_SHARE:
-            found.append(f"{spoken(name)} was stale or missing for {100 * missing:.1f} % of the time; bridged")
+            found.append(
+                f"{quantity(name)} was stale or missing for {100 * missing:.1f} % of the time and is interpolated there"
+            )
     return tuple(found)
 
 
-def shaking(data: pd.DataFrame) -> float:
-    """Rms of the load factor about its own mean over two seconds: how turbulent the air was."""
+def load_factor_rms(data: pd.DataFrame) -> float:
+    """Rms of the load factor about its two-second mean [-]: a measure of turbulence."""
     step_s = float(data.index[1] - data.index[0])
     n = data["az_mps2"] / GRAVITY_MPS2
-    slow = n.rolling(max(3, round(SHAKEN_OVER_S / step_s)), center=True, min_periods=1).mean()
+    slow = n.rolling(max(3, round(TURBULENCE_WINDOW_S / step_s)), center=True, min_periods=1).mean()
     return float((n - slow).std())
 
 
 def throttle_step(data: pd.DataFrame) -> float:
-    """Largest change of throttle within THROTTLE_STEP_S; zero where throttle is not known."""
+    """Largest change of throttle within THROTTLE_STEP_S [-]; zero if throttle is not known."""
     if "throttle" not in data or not data["throttle"].notna().any():
         return 0.0
     step_s = float(data.index[1] - data.index[0])
@@ -84,6 +88,6 @@ def throttle_step(data: pd.DataFrame) -> float:
     return float(change) if np.isfinite(change) else 0.0
 
 
-def spoken(name: str) -> str:
-    """ "thrust" of "thrust_N": a column's name without its unit."""
-    return name.rpartition("_")[0] or name
+def quantity(column: str) -> str:
+    """A column's name without its unit: "thrust" for "thrust_N"."""
+    return column.rpartition("_")[0] or column

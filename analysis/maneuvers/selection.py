@@ -1,4 +1,4 @@
-"""The maneuvers that an analysis uses: those found, or those of an edited file."""
+"""Selects the maneuvers that an analysis uses: those found in the data, or those of an edited file."""
 
 from pathlib import Path
 
@@ -7,18 +7,18 @@ import pandas as pd
 from analysis.airdata.air import FLYING_PA
 from analysis.maneuvers import toml_file
 from analysis.maneuvers.find import find
-from analysis.maneuvers.kinds import FOR_DRAG, LEVEL_RUNS, Maneuvers, Rejected
+from analysis.maneuvers.kinds import FOR_DRAG, LEVEL_RUNS, Maneuvers, RejectedManeuver
 from analysis.signals.synchronize import COLUMNS
 from flight.errors import InputError
 
-PRESSURES = ("q_c_Pa", "dp_alpha_Pa", "static_Pa")  # without any of these flight cannot be recognized
+PRESSURES = ("q_c_Pa", "dp_alpha_Pa", "static_Pa")  # flight is recognized only if all of these are measured
 
 
 def select(table: pd.DataFrame, rest: list[slice], log: str, runs_file: Path | None = None) -> Maneuvers:
     """The maneuvers found, or the ones that `runs_file` keeps.
 
     table: of `air_data`. rest: rows in which the aircraft stood still.
-    Raises InputError, naming the log or the file, when there is none from which drag can be estimated.
+    Raises InputError naming the log or the file if no maneuver allows drag to be estimated.
     """
     entries = toml_file.load(runs_file) if runs_file else None
     found = find(table, rest)
@@ -27,18 +27,18 @@ def select(table: pd.DataFrame, rest: list[slice], log: str, runs_file: Path | N
     if found.of(*FOR_DRAG):
         return found
     if runs_file:
-        raise InputError(f"{runs_file}: keeps no run to analyse: none is {', '.join(FOR_DRAG)}")
+        raise InputError(f"{runs_file}: no maneuver to analyse; keep one of these: {', '.join(FOR_DRAG)}")
     raise InputError(f"{log}: no acceleration or deceleration to analyse{nearest_miss(found.rejected, table)}")
 
 
-def nearest_miss(rejected: list[Rejected], table: pd.DataFrame) -> str:
-    """Why there is no run: the reason for the longest rejected one, or why nothing was recognized as flight."""
+def nearest_miss(rejected: list[RejectedManeuver], table: pd.DataFrame) -> str:
+    """Why there is no run: the reason for the longest rejected one, or why no flight was recognized."""
     if not table["flying"].any():
         dead = sorted({COLUMNS[name][0] for name in PRESSURES if table[name].isna().all()})
         if dead:
             return f": {', '.join(dead)} showed nothing (a broken transducer or a blocked tube)"
         return (
-            f": nothing in it is flight (dynamic pressure stayed below {FLYING_PA:g} Pa, or angles beyond the probe's)"
+            f": no flight in it (dynamic pressure below {FLYING_PA:g} Pa, or flow angles outside the probe calibration)"
         )
     missed = [stretch for stretch in rejected if stretch.kind in LEVEL_RUNS]
     if not missed:

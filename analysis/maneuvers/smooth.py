@@ -1,4 +1,4 @@
-"""Speed, its slope and the climb rate, as smooth as finding runs needs them."""
+"""Smoothed speed, acceleration, climb rate and load factor, for finding maneuvers."""
 
 from typing import NamedTuple
 
@@ -7,15 +7,14 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from analysis.airdata.air import bank_rad
 from analysis.signals.stretches import stretches
-from flight.atmosphere import GRAVITY_MPS2
+from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 
 
-class Smooth(NamedTuple):
-    """Each (n,), a value a row of the table; NaN (Vdot, climb: zero or NaN) where nothing was measured."""
+class SmoothedMotion(NamedTuple):
+    """Each (n,), one value per row of the table. Where nothing was measured V and climb are NaN, and Vdot is zero."""
 
     V: Array  # [m/s]
     Vdot: Array  # [m/s^2]
@@ -24,8 +23,8 @@ class Smooth(NamedTuple):
     step_s: float
 
 
-def smooth(table: pd.DataFrame, over_s: float) -> Smooth:
-    """Each by a local quadratic over `over_s` seconds; the bank as `bank_rad` has it."""
+def smooth(table: pd.DataFrame, over_s: float) -> SmoothedMotion:
+    """Speed and height fitted by a local quadratic over `over_s` seconds. table: of `air_data`."""
     step_s = float(table.index[1] - table.index[0])
     window = 2 * round(over_s / step_s / 2) + 1
     V = np.full(len(table), np.nan)
@@ -36,11 +35,11 @@ def smooth(table: pd.DataFrame, over_s: float) -> Smooth:
             V[rows] = savgol_filter(raw_V[rows], window, 2)
             Vdot[rows] = savgol_filter(raw_V[rows], window, 2, deriv=1, delta=step_s)
             climb[rows] = savgol_filter(raw_h[rows], window, 2, deriv=1, delta=step_s)
-    return Smooth(V, np.nan_to_num(Vdot), climb, bank_rad(table), step_s)
+    return SmoothedMotion(V, np.nan_to_num(Vdot), climb, table["bank_rad"].to_numpy(), step_s)
 
 
 def load_factor(table: pd.DataFrame, over_s: float) -> Array:
-    """Specific force upwards over gravity, averaged over `over_s` seconds [-]: 1 in level flight."""
+    """Upward specific force over gravity [-], (n,), mean over `over_s` seconds; 1 in level flight."""
     step_s = float(table.index[1] - table.index[0])
     window = max(1, round(over_s / step_s))
     return (-table["az_mps2"] / GRAVITY_MPS2).rolling(window, center=True, min_periods=1).mean().to_numpy()

@@ -1,4 +1,4 @@
-"""Runs as a file that a person can edit: written with every analysis, and taken back by `--runs`."""
+"""The file of maneuvers, `runs.toml`: written with every analysis, edited by the user, read with `--runs`."""
 
 import tomllib
 from dataclasses import dataclass
@@ -8,26 +8,26 @@ import numpy as np
 import pandas as pd
 
 from analysis.maneuvers import quality
-from analysis.maneuvers.kinds import KINDS, LEVEL_RUNS, WHOLE, Maneuvers, Rejected, Run, measured
+from analysis.maneuvers.kinds import CONTEXT_KINDS, KINDS, LEVEL_RUNS, Maneuver, Maneuvers, RejectedManeuver, measured
 from analysis.maneuvers.smooth import smooth
 from flight.errors import InputError
 from flight.units import read_table
 
 HEAD = """\
-# What was found in {log}. Edit it and run: analyze {log} --runs {name}
+# Maneuvers found in {log}. Edit this file and run: analyze {log} --runs {name}
 #
-# keep = false leaves a run out; keep = true takes one that was rejected. Move start and end (since the log began), or
-# give another kind: {kinds}.
-# Runs may be added. Lines that begin with # are remarks.
+# keep = false leaves a maneuver out; keep = true takes one that was rejected. Start and end count from the beginning of
+# the log and may be moved. The kind may be changed: {kinds}.
+# Further [[run]] tables may be added. Lines that begin with # are remarks.
 """
 SMOOTHING_S = 2.2
-FEWEST_SAMPLES = 60  # twelve of the five-sample blocks that estimators work on: fewer they would leave out, unsaid
-DROPPED = "left out by hand"
+FEWEST_SAMPLES = 60  # twelve of the estimators' five-sample blocks; estimators ignore shorter maneuvers
+LEFT_OUT = "left out by hand"
 ROUNDED_S = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
-class Entry:
+class ManeuverEntry:
     """One [[run]] of the file."""
 
     kind: str
@@ -37,25 +37,25 @@ class Entry:
 
 
 def to_toml(found: Maneuvers, log: str, name: str = "runs.toml") -> str:
-    """The runs of a flight, rejected stretches among them, as a file to edit."""
+    """The maneuvers of a flight and the rejected stretches as a file to edit."""
     parts = [HEAD.format(log=log, name=name, kinds=", ".join(KINDS))]
-    everything: list[Run | Rejected] = sorted([*found.maneuvers, *found.rejected], key=lambda run: run.start_s)
+    everything: list[Maneuver | RejectedManeuver] = sorted([*found.maneuvers, *found.rejected], key=_start)
     for stretch in everything:
-        kept = isinstance(stretch, Run)
-        remarks = stretch.notes if isinstance(stretch, Run) else (f"not taken: {stretch.reason}",)
+        keep = "true" if isinstance(stretch, Maneuver) else "false"
+        remarks = stretch.notes if isinstance(stretch, Maneuver) else (f"rejected: {stretch.reason}",)
         parts.append(
             "\n[[run]]\n"
             + "".join(f"# {remark}\n" for remark in remarks)
             + f'kind = "{stretch.kind}"\nstart = "{stretch.start_s:.2f} s"\nend = "{stretch.end_s:.2f} s"\n'
-            + f"keep = {'true' if kept else 'false'}\n"
+            + f"keep = {keep}\n"
         )
     return "".join(parts)
 
 
-def load(path: Path) -> list[Entry]:
-    """The entries of a file of runs.
+def load(path: Path) -> list[ManeuverEntry]:
+    """The entries of a file of maneuvers.
 
-    Raises InputError naming file, entry and key when something is missing, unknown or of a wrong unit.
+    Raises InputError naming file, entry and key if something is missing, unknown or has a wrong unit.
     """
     try:
         table = tomllib.loads(path.read_text("utf-8"))
@@ -65,39 +65,41 @@ def load(path: Path) -> list[Entry]:
         raise InputError(f"{path}: not valid TOML ({error})") from None
     raw = table.pop("run", [])
     if table:
-        raise InputError(f"{path}: unknown key {next(iter(table))!r}; a file of runs holds [[run]] tables only")
+        raise InputError(f"{path}: unknown key {next(iter(table))!r}; only [[run]] tables are allowed")
     if not isinstance(raw, list) or not raw:
-        raise InputError(f"{path}: has no [[run]]")
+        raise InputError(f"{path}: has no [[run]] table")
     entries = []
     for i, one in enumerate(raw, start=1):
         where = f"{path}: run {i}"
-        entry = read_table(Entry, one, where)
+        entry = read_table(ManeuverEntry, one, where)
         if entry.kind not in KINDS:
             raise InputError(f"{where}: kind: {entry.kind!r} is none of {', '.join(KINDS)}")
         if not 0 <= entry.start_s < entry.end_s:
-            raise InputError(f"{where}: start ({entry.start_s:g} s) must lie before end ({entry.end_s:g} s), from 0 on")
+            raise InputError(
+                f"{where}: start ({entry.start_s:g} s) must lie before end ({entry.end_s:g} s), and not before 0"
+            )
         entries.append(entry)
     if not any(entry.keep for entry in entries):
-        raise InputError(f"{path}: keeps no run at all")
+        raise InputError(f"{path}: no [[run]] has keep = true")
     return entries
 
 
-def apply(entries: list[Entry], table: pd.DataFrame, rejected: list[Rejected], where: str) -> Maneuvers:
-    """The runs that a file keeps, measured anew, and why the others are left out.
+def apply(entries: list[ManeuverEntry], table: pd.DataFrame, rejected: list[RejectedManeuver], where: str) -> Maneuvers:
+    """The maneuvers that a file keeps, and the reasons why the others are left out.
 
-    table: as `air_data` leaves it. rejected: what the software would not take, so that its reasons stay.
-    where: names the file in errors.
-    Raises InputError for a run outside the log, one without the data that every method needs, and for accelerations or
-    decelerations that overlap: what counts twice makes the interval too narrow.
+    table: of `air_data`. rejected: the stretches rejected in this log; their reasons are kept. where: names the file in
+    errors.
+    Raises InputError for a maneuver outside the log, one without the data that every method needs, and for runs that
+    overlap: data counted twice make the interval too narrow.
     """
-    now = smooth(table, SMOOTHING_S)
+    motion = smooth(table, SMOOTHING_S)
     last_s = float(table.index[-1])
-    runs: list[Run] = []
-    dropped: list[Rejected] = []
+    kept: list[Maneuver] = []
+    left_out: list[RejectedManeuver] = []
     for i, entry in enumerate(entries, start=1):
         if not entry.keep:
-            reason = next((stretch.reason for stretch in rejected if _is(entry, stretch)), DROPPED)
-            dropped.append(Rejected(entry.kind, entry.start_s, entry.end_s, reason))
+            reason = next((stretch.reason for stretch in rejected if _same(entry, stretch)), LEFT_OUT)
+            left_out.append(RejectedManeuver(entry.kind, entry.start_s, entry.end_s, reason))
             continue
         at = f"{where}: run {i} ({entry.kind}, {entry.start_s:g} to {entry.end_s:g} s)"
         if entry.start_s > last_s or entry.end_s > last_s + 1:
@@ -107,18 +109,22 @@ def apply(entries: list[Entry], table: pd.DataFrame, rejected: list[Rejected], w
         if rows.stop - rows.start < FEWEST_SAMPLES:
             raise InputError(f"{at}: only {rows.stop - rows.start} samples; {FEWEST_SAMPLES} are needed")
         data = table.iloc[rows]
-        lacks = "" if entry.kind in WHOLE else quality.without_data(data)
-        if lacks:
-            raise InputError(f"{at}: {lacks}")
-        for other in runs if entry.kind in LEVEL_RUNS else ():
+        missing = "" if entry.kind in CONTEXT_KINDS else quality.without_data(data)
+        if missing:
+            raise InputError(f"{at}: {missing}")
+        for other in kept if entry.kind in LEVEL_RUNS else ():
             if other.kind in LEVEL_RUNS and other.rows.start < rows.stop - 1 and rows.start < other.rows.stop - 1:
                 raise InputError(f"{at}: overlaps the {other.name}")
-        notes = () if entry.kind in WHOLE else quality.notes(data, now.bank[rows])
-        runs.append(measured(entry.kind, rows, table, now.V, notes))
-    return Maneuvers(sorted(runs, key=lambda run: run.start_s), dropped)
+        notes = () if entry.kind in CONTEXT_KINDS else quality.notes(data, motion.bank[rows])
+        kept.append(measured(entry.kind, rows, table, motion.V, notes))
+    return Maneuvers(sorted(kept, key=_start), left_out)
 
 
-def _is(entry: Entry, stretch: Rejected) -> bool:
-    """Whether an entry is that stretch, its times rounded as the file has them."""
+def _start(stretch: Maneuver | RejectedManeuver) -> float:
+    return stretch.start_s
+
+
+def _same(entry: ManeuverEntry, stretch: RejectedManeuver) -> bool:
+    """Whether an entry is that stretch; times in the file are rounded."""
     apart = max(abs(entry.start_s - stretch.start_s), abs(entry.end_s - stretch.end_s))
     return entry.kind == stretch.kind and apart < ROUNDED_S

@@ -16,7 +16,10 @@ UNLOADED_OVER_HIGHEST = 1.25  # speed of rotation without load over the highest 
 SLOWEST_REVPS = 10.0
 REFERENCE_INERTIA_KGM2, REFERENCE_DIAMETER_M = 9e-5, 0.305  # of a propeller of 12 in with the motor's bell
 MOTOR = ("motor_kv_rpm_per_volt", "motor_resistance_ohm", "motor_no_load_current_A")
-BATTERY = ("battery_voltage_V", "battery_resistance_ohm")
+ASSUMED_MOTOR = (
+    "assumed, because the aircraft file lacks motor_kv_rpm_per_volt, motor_resistance or motor_no_load_current; with"
+    " them, or with battery voltage and current in the log, the intervals would be narrower"
+)
 
 
 def motor_is_known(propulsion: Propulsion) -> bool:

@@ -1,11 +1,13 @@
-"""The balance of forces in steady flight: thrust points up by the angle of attack and carries some of the weight.
+"""Balance of forces in steady flight, with the part of the weight that thrust carries.
 
 L + T sin(alpha) = W cos(gamma) and T cos(alpha) = D + W sin(gamma): (3.21) and (3.22) without accelerations. Power
-required is D V at L = W, by its definition (1.3); what propeller and battery do to fly level, and how fast full
-throttle climbs, follow from these.
+required is D V at L = W by its definition (1.3). The thrust of level flight and the climb at full throttle follow from
+the balance here.
 
-The angle of attack is a straight line over lift, `incidence`, taken as known: a quarter of a degree changes a climb by
-0.1 %.
+The angle of attack is a straight line over C_L, fitted by `incidence` and taken as exact: a quarter of a degree changes
+a climb by 0.1 %.
+
+Units: thrust and drag in N, V in m/s, angles in rad.
 """
 
 import numpy as np
@@ -13,57 +15,62 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.polar import Condition
-from analysis.performance.propagation import Numbers, known
+from analysis.performance.propagation import ParameterVector, SigmaPoints, exact
 
 Array = NDArray[np.float64]
 
-ROUNDS = 6  # each a tenth of the last in what it changes
+ITERATIONS = 6  # each changes the result by a tenth of the change before
 FEWEST_BLOCKS = 20
-STEEPEST = 0.99  # sine of an angle of climb
+STEEPEST_SINE = 0.99  # of the angle of climb
 
 
-def incidence(data: pd.DataFrame) -> Numbers:
-    """alpha_0 and alpha_CL: angle of attack [rad] = alpha_0 + alpha_CL C_L, by a flight's own blocks.
+def incidence(data: pd.DataFrame) -> ParameterVector:
+    """alpha_0 and alpha_CL of alpha [rad] = alpha_0 + alpha_CL C_L, fitted to the flight.
 
-    data : columns CL, alpha, covered (by the propeller's table, well above the ground); NaN gaps. Too few of them:
-    thrust along the path.
+    data : columns CL, alpha, covered (inside the propeller's table, well above the ground); NaN gaps. With fewer than
+    FEWEST_BLOCKS rows both are zero: thrust along the flight path.
     """
     flown = data.loc[data["covered"], ["CL", "alpha"]].dropna()
     if len(flown) < FEWEST_BLOCKS:
-        return known(alpha_0=0.0, alpha_CL=0.0)
+        return exact(alpha_0=0.0, alpha_CL=0.0)
     slope, offset = np.polyfit(flown["CL"], flown["alpha"], 1)
-    return known(alpha_0=float(offset), alpha_CL=float(slope))
+    return exact(alpha_0=float(offset), alpha_CL=float(slope))
 
 
-def drag(row: dict[str, Array], V: Array, CL: Array, at: Condition) -> Array:
-    """Drag [N] of the polar at V (k,) and C_L.
+def drag(parameters: SigmaPoints, V: Array, CL: Array, at: Condition) -> Array:
+    """Drag [N] of the polar at V (k,) [m/s] and C_L, (2m + 1, k). parameters : A0, A1, A2"""
+    return _qS(V, at) * (parameters["A0"] + parameters["A1"] * CL + parameters["A2"] * CL**2)
 
-    row : nudged numbers (2m + 1, 1): A0, A1, A2; for what follows alpha_0, alpha_CL too
+
+def level_thrust(parameters: SigmaPoints, V: Array, at: Condition) -> Array:
+    """Thrust [N] of level flight at V (k,) [m/s], (2m + 1, k). parameters : A0, A1, A2, alpha_0, alpha_CL
+
+    1/cos(alpha) makes it larger than drag; the weight that it carries reduces lift, and with it drag.
     """
-    return _qS(V, at) * (row["A0"] + row["A1"] * CL + row["A2"] * CL**2)
+    carried_N = np.zeros(1)
+    for _ in range(ITERATIONS):
+        CL = (at.weight_N - carried_N) / _qS(V, at)
+        alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
+        thrust_N = drag(parameters, V, CL, at) / np.cos(alpha)
+        carried_N = thrust_N * np.sin(alpha)
+    return thrust_N
 
 
-def level_thrust(row: dict[str, Array], V: Array, at: Condition) -> Array:
-    """Thrust [N] that flies level at V (k,): a little more than drag along it, a little less for what it carries."""
-    carried = np.zeros(1)
-    for _ in range(ROUNDS):
-        CL = (at.weight_N - carried) / _qS(V, at)
-        alpha = row["alpha_0"] + row["alpha_CL"] * CL
-        thrust = drag(row, V, CL, at) / np.cos(alpha)
-        carried = thrust * np.sin(alpha)
-    return thrust
+def climb_angle(parameters: SigmaPoints, thrust_N: Array, V: Array, at: Condition) -> tuple[Array, Array]:
+    """sin(gamma), and thrust along the flight path [N], each (2m + 1, k), at V (k,) [m/s].
 
-
-def climb_of(row: dict[str, Array], thrust: Array, V: Array, at: Condition) -> tuple[Array, Array]:
-    """Sine of the angle of climb, and thrust along the path [N], of a thrust [N] at V (k,)."""
-    carried, sine = np.zeros(1), np.zeros(1)
-    for _ in range(ROUNDS):
-        CL = (at.weight_N * np.sqrt(1 - sine**2) - carried) / _qS(V, at)
-        alpha = row["alpha_0"] + row["alpha_CL"] * CL
-        along, carried = thrust * np.cos(alpha), thrust * np.sin(alpha)
-        sine = np.clip((along - drag(row, V, CL, at)) / at.weight_N, -STEEPEST, STEEPEST)
-    return sine, along
+    parameters : A0, A1, A2, alpha_0, alpha_CL     thrust_N : (2m + 1, k), along the propeller's axis
+    """
+    carried_N, sine = np.zeros(1), np.zeros(1)
+    for _ in range(ITERATIONS):
+        CL = (at.weight_N * np.sqrt(1 - sine**2) - carried_N) / _qS(V, at)
+        alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
+        along_path_N, carried_N = thrust_N * np.cos(alpha), thrust_N * np.sin(alpha)
+        excess_N = along_path_N - drag(parameters, V, CL, at)
+        sine = np.clip(excess_N / at.weight_N, -STEEPEST_SINE, STEEPEST_SINE)
+    return sine, along_path_N
 
 
 def _qS(V: Array, at: Condition) -> Array:
+    """Dynamic pressure times wing area [N]."""
     return at.rho * V**2 / 2 * at.wing_area_m2

@@ -1,6 +1,8 @@
-"""Numbers with their covariance, carried through any function: the function is asked again along each direction.
+"""Propagation of uncertainty: estimated parameters and their covariance, carried through any function by sigma points.
 
-Exact where the function is linear, and to first order elsewhere; no random draws, so the same log gives the same page.
+The function is evaluated at the estimate and at one standard error up and down each principal direction of the
+covariance. The standard error is exact where the function is linear, and first order elsewhere. Nothing is drawn at
+random, so the same log gives the same results.
 """
 
 from dataclasses import dataclass
@@ -13,59 +15,68 @@ from scipy.linalg import block_diag
 from analysis.estimation.intervals import NORMAL_95
 
 Array = NDArray[np.float64]
+SigmaPoints = dict[str, Array]  # by name of the parameter, each (2m + 1, 1)
 
 
 @dataclass(frozen=True)
-class Numbers:
-    """Estimates by name with their covariance (m, m)."""
+class ParameterVector:
+    """Parameters by name: values (m,) and their covariance (m, m)."""
 
     names: tuple[str, ...]
     values: Array
     covariance: Array
 
-    def nudged(self) -> dict[str, Array]:
-        """Each number as (2m + 1, 1): the estimate, then a standard error up and down each direction of the covariance.
+    def sigma_points(self) -> SigmaPoints:
+        """Each parameter as (2m + 1, 1).
 
-        What is computed from them, with the rows left where they are, is what `estimate` takes.
+        First the estimate, then m points one standard error up and m points one standard error down each principal
+        direction of the covariance. `from_sigma_points` takes what is computed from them, in the same order.
         """
         variance, directions = np.linalg.eigh(self.covariance)
         steps = (directions * np.sqrt(np.maximum(variance, 0.0))).T
-        rows = np.concatenate([self.values[None], self.values + steps, self.values - steps])
-        return {name: rows[:, i : i + 1] for i, name in enumerate(self.names)}
+        points = np.concatenate([self.values[None], self.values + steps, self.values - steps])
+        return {name: points[:, i : i + 1] for i, name in enumerate(self.names)}
 
 
-def joined(*parts: Numbers) -> Numbers:
-    """Independent numbers side by side."""
-    return Numbers(
+def combine_independent(*parts: ParameterVector) -> ParameterVector:
+    """One vector of parameters whose parts are uncorrelated with one another."""
+    return ParameterVector(
         tuple(name for part in parts for name in part.names),
         np.concatenate([part.values for part in parts]),
         block_diag(*(part.covariance for part in parts)),
     )
 
 
-def known(**values: float) -> Numbers:
-    """Numbers without doubt."""
-    return Numbers(tuple(values), np.array(list(values.values()), dtype=float), np.zeros((len(values), len(values))))
+def exact(**values: float) -> ParameterVector:
+    """Parameters with zero covariance."""
+    zero = np.zeros((len(values), len(values)))
+    return ParameterVector(tuple(values), np.array(list(values.values()), dtype=float), zero)
 
 
-class Estimate(NamedTuple):
-    """A quantity and its standard error, of any shape; NaN where there is none."""
+class UncertainValue(NamedTuple):
+    """A quantity and its standard error, of the same shape; NaN where it does not exist."""
 
     value: Array
     standard_error: Array
 
     @property
     def lo(self) -> Array:
+        """Lower end of the 95 % interval."""
         return self.value - NORMAL_95 * self.standard_error
 
     @property
     def hi(self) -> Array:
+        """Upper end of the 95 % interval."""
         return self.value + NORMAL_95 * self.standard_error
 
+    def at(self, i: int) -> "UncertainValue":
+        """Element i of a quantity of shape (k,)."""
+        return UncertainValue(self.value[i], self.standard_error[i])
 
-def estimate(rows: ArrayLike) -> Estimate:
-    """From a quantity computed of `nudged` numbers, (2m + 1, …), its value and standard error (…)."""
-    rows = np.asarray(rows, dtype=float)
-    m = len(rows) // 2
-    half = (rows[1 : m + 1] - rows[m + 1 :]) / 2
-    return Estimate(rows[0], np.sqrt(np.sum(half**2, axis=0)))
+
+def from_sigma_points(values: ArrayLike) -> UncertainValue:
+    """Value and standard error (…) of a quantity that was computed at sigma points, (2m + 1, …)."""
+    values = np.asarray(values, dtype=float)
+    m = len(values) // 2
+    half = (values[1 : m + 1] - values[m + 1 :]) / 2
+    return UncertainValue(values[0], np.sqrt(np.sum(half**2, axis=0)))

@@ -1,4 +1,4 @@
-"""What a user may ask of the curve, from the command line: read and refused before anything is computed."""
+"""The request from the command line: battery, weights, density altitudes; checked before anything is computed."""
 
 import math
 import re
@@ -7,14 +7,17 @@ from dataclasses import dataclass
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2, to_si, weight_to_N
 
-USABLE = 0.8  # of a battery's energy: what lithium polymer is commonly flown down to
-HEAVIEST_KG = 1000.0  # far beyond what a small aircraft could be asked to carry
+USABLE = 0.8  # of a battery's energy: common for lithium polymer
+HEAVIEST_KG = 1000.0  # far above any small aircraft
 HIGHEST_M = 11_000.0  # the standard troposphere
 
 
 @dataclass(frozen=True)
 class Request:
-    """None: the aircraft file's battery. Empty: weights and density altitudes around those of the flight."""
+    """Battery energy [Wh] (None: the aircraft file's), its usable share, and the conditions to compute.
+
+    Empty weights or density altitudes: those of the flight, and some around them.
+    """
 
     battery_Wh: float | None = None
     usable: float = USABLE
@@ -73,7 +76,7 @@ def parse_weight(text: str, option: str = "--weights") -> float:
 
 
 def _spaced(text: str) -> str:
-    """ "3.8 kg" of "3.8kg"."""
+    """ "3.8kg" as "3.8 kg"."""
     return re.sub(r"^\s*([-+.\d]+)\s*", r"\1 ", text).strip()
 
 

@@ -7,7 +7,9 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from analysis.airdata.probe import ProbeCalibration, SpeedDependence, Tunnel, dynamic_pressure, speed_dependence
+from analysis.airdata.probe import ProbeCalibration
+from analysis.airdata.speed_dependence import SpeedDependence, speed_dependence
+from analysis.airdata.tunnel import TunnelData, dynamic_pressure
 from analysis.report.figures import BLUE, INK, PALETTE, RED, _rounded, _styled
 from analysis.report.page import _embedded, _table, filled
 
@@ -17,7 +19,7 @@ NEAR_ZERO_RAD = np.radians(1.0)  # of the other angle, for a section through the
 SHOWN_PERCENTILE = 99.0  # of residuals, at the ends of the colours
 
 
-def render(tunnel: Tunnel, calibration: ProbeCalibration, *, angle_scale_sigma: float) -> str:
+def render(tunnel: TunnelData, calibration: ProbeCalibration, *, angle_scale_sigma: float) -> str:
     """One HTML file that opens anywhere without a network."""
     C_alpha, C_beta = tunnel.dp_alpha_Pa / tunnel.q_c_Pa, tunnel.dp_beta_Pa / tunnel.q_c_Pa
     ratio = tunnel.q_c_Pa / dynamic_pressure(tunnel)
@@ -73,7 +75,7 @@ def _quality(calibration: ProbeCalibration, residuals: dict[str, Array]) -> str:
     return _table(("map", "order", "predicts left-out points to", "residual, rms", "largest"), rows, numbers=True)
 
 
-def _maps(tunnel: Tunnel, residuals: dict[str, Array]) -> go.Figure:
+def _maps(tunnel: TunnelData, residuals: dict[str, Array]) -> go.Figure:
     """Residuals over the two angles; points of several speeds stand side by side."""
     figure = make_subplots(rows=1, cols=3, subplot_titles=list(residuals), horizontal_spacing=0.11)
     speeds = np.unique(np.round(tunnel.speed_mps, 1))
@@ -94,7 +96,7 @@ def _maps(tunnel: Tunnel, residuals: dict[str, Array]) -> go.Figure:
     return figure
 
 
-def _sections(tunnel: Tunnel, calibration: ProbeCalibration) -> go.Figure:
+def _sections(tunnel: TunnelData, calibration: ProbeCalibration) -> go.Figure:
     """C_alpha over alpha and C_beta over beta, a colour a speed, and what the maps say: the source's Figs 5.8, 5.9."""
     figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.12)
     speeds = np.round(tunnel.speed_mps).astype(int)

@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Sequence
 
-from analysis.results.schema import Interval, Results, Use
+from analysis.results.schema import Interval, PerformanceResult, Results
 from flight.units import GRAVITY_MPS2
 
 SPEEDS = ("speed, m/s", "power required, W", "from the battery, W", "endurance, min", "range, km", "climb, m/s")
@@ -12,7 +12,7 @@ LOADINGS = ("", "mass, kg", "endurance, min", "at m/s", "range, km", "at m/s", "
 MARK = " *"  # of an extrapolated line
 
 
-def speed_rows(use: Use) -> list[list[str]]:
+def speed_rows(use: PerformanceResult) -> list[list[str]]:
     return [
         [
             f"{row.speed_mps:.0f}{MARK if row.extrapolated else ''}",
@@ -26,7 +26,7 @@ def speed_rows(use: Use) -> list[list[str]]:
     ]
 
 
-def loading_rows(use: Use) -> list[list[str]]:
+def loading_rows(use: PerformanceResult) -> list[list[str]]:
     return [
         [
             f"{case.title}{MARK if case.extrapolated else ''}",
@@ -48,7 +48,7 @@ def _best(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
     return f"{sign}{speed.value:.1f}"
 
 
-def starred(use: Use) -> bool:
+def starred(use: PerformanceResult) -> bool:
     """Whether any line bears MARK."""
     return any(row.extrapolated for row in use.field_table) or any(case.extrapolated for case in use.loadings)
 
@@ -57,7 +57,7 @@ def _of(interval: Interval | None) -> str:
     return "–" if interval is None else f"{interval.value:.1f}"
 
 
-def heading(results: Results, use: Use) -> str:
+def heading(results: Results, use: PerformanceResult) -> str:
     return (
         f"{results.aircraft.title}, {results.test.weight_N / GRAVITY_MPS2:.2f} kg,"
         f" air {results.test.air_density_kgpm3:.3f} kg/m³, propeller {results.aircraft.propeller},"
@@ -65,12 +65,12 @@ def heading(results: Results, use: Use) -> str:
     )
 
 
-def assumption(use: Use) -> str:
+def assumption(use: PerformanceResult) -> str:
     """What a reader of the table has to know of its battery column."""
     return "" if use.power_train.measured else use.power_train.basis
 
 
-def to_markdown(results: Results, use: Use) -> str:
+def to_markdown(results: Results, use: PerformanceResult) -> str:
     parts = [f"# {heading(results, use)}", _markdown(SPEEDS, speed_rows(use)), _markdown(LOADINGS, loading_rows(use))]
     if starred(use):
         parts.append("\\* outside the propeller's table: an extrapolation.")
@@ -88,7 +88,7 @@ def _markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def to_csv(results: Results, use: Use) -> str:
+def to_csv(results: Results, use: PerformanceResult) -> str:
     """One line a speed, at the flight's weight and density; units in the header."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")

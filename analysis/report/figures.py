@@ -8,8 +8,8 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from analysis.maneuvers.kinds import LEVEL_RUNS, Run
-from analysis.results.schema import MethodResult, PowerPoint, RejectedResult, Results, SpeedInterval, Use
+from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
+from analysis.results.schema import MethodResult, PerformanceResult, PowerPoint, RejectedResult, Results, SpeedInterval
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from flight.units import GRAVITY_MPS2
 
@@ -252,7 +252,7 @@ def _special(
     )
 
 
-def loadings(use: Use) -> go.Figure:
+def loadings(use: PerformanceResult) -> go.Figure:
     """Longest endurance and range against weight, a line for each air."""
     figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.12)
     airs = sorted({round(case.air_density_kgpm3, 5) for case in use.loadings}, reverse=True)
@@ -281,7 +281,7 @@ def loadings(use: Use) -> go.Figure:
     return _styled(figure, 420)
 
 
-def efficiency(use: Use) -> go.Figure:
+def efficiency(use: PerformanceResult) -> go.Figure:
     """Propeller, motor and both together against speed in level flight, and what was measured."""
     figure = go.Figure()
     points = use.power_train.efficiency
@@ -332,7 +332,7 @@ def interval_parts(results: Results) -> go.Figure:
     return _styled(figure, 360)
 
 
-def timeline(table: pd.DataFrame, runs: Sequence[Run], rejected: Sequence[RejectedResult] = ()) -> go.Figure:
+def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[RejectedResult] = ()) -> go.Figure:
     """The whole flight: speed, height, motor; runs shaded by kind, what was rejected hatched in grey."""
     rows = (("V_mps", "speed, m/s", 1.0), ("height_m", "height, m", 1.0), ("n_revps", "motor, rpm", 60.0))
     figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.05)

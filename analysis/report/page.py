@@ -12,7 +12,7 @@ from plotly.offline import get_plotlyjs
 
 from analysis.report import field
 from analysis.report.figures import methods_of
-from analysis.results.schema import Interval, PowerPoint, Results, SpeedInterval, Use
+from analysis.results.schema import Interval, PerformanceResult, PowerPoint, Results, SpeedInterval
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
 from flight.units import GRAVITY_MPS2
 
@@ -232,7 +232,7 @@ def _use(results: Results, figures: dict[str, str]) -> str:
     )
 
 
-def _ceiling(use: Use) -> str:
+def _ceiling(use: PerformanceResult) -> str:
     service, absolute = use.available.service_ceiling_m, use.available.absolute_ceiling_m
     words = []
     if service:
@@ -244,7 +244,7 @@ def _ceiling(use: Use) -> str:
     return " ".join(words)
 
 
-def _starred(use: Use) -> str:
+def _starred(use: PerformanceResult) -> str:
     return f"<p>* {BEYOND_TABLE}</p>" if field.starred(use) else ""
 
 

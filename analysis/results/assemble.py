@@ -1,4 +1,4 @@
-"""Everything that an analysis found, in the form of `results.json`."""
+"""All results of an analysis in the form of `results.json`."""
 
 from importlib.metadata import version
 
@@ -14,10 +14,10 @@ from analysis.results.schema import (
     ConditionResult,
     ParameterResult,
     PathResult,
+    PerformanceResult,
     RejectedResult,
     Results,
     RunResult,
-    Use,
 )
 from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY
@@ -34,10 +34,10 @@ def assemble(
     maneuvers: Maneuvers,
     drag: DragEstimates,
     path: PathResult,
-    use: Use | None,
+    performance: PerformanceResult | None,
     warnings: list[str],
 ) -> Results:
-    """The whole of `results.json`.
+    """The contents of `results.json`.
 
     flown: rows of `air_data` within the maneuvers analysed. at: weight and density of the flight.
     """
@@ -79,7 +79,7 @@ def assemble(
         disagreements=[methods.disagreement_result(one) for one in drag.disagreements],
         interval_parts=curves.interval_parts(drag.main, at, np.array([point.speed_mps for point in power_required])),
         path=path,
-        use=use,
+        use=performance,
     )
 
 

@@ -35,7 +35,7 @@ def points(
 ) -> list[PowerPoint]:
     """A curve over a range of lift coefficients.
 
-    flown: rows of the runs, flown at a condition; what rests on a continued propeller table is marked as extrapolated.
+    flown: rows of the runs and their condition; marks points that depend on the propeller table's linear extrapolation.
     """
     V = np.linspace(speed_at(flown_CL[1], at), speed_at(flown_CL[0], at), CURVE_POINTS)
     power, error = power_required(V, polar, at)
@@ -59,7 +59,7 @@ def points(
 def optimum(
     lift_of: Callable[[Array], float], polar: Polar, at: Condition, flown_CL: tuple[float, float]
 ) -> SpeedInterval:
-    """The speed of least power or of best range, whichever `lift_of` gives the lift coefficient of."""
+    """The speed at the lift coefficient that `lift_of` computes from (A0, A1, A2): of least power, or of best range."""
     CL = lift_of(polar.A)
     if not np.isfinite(CL):
         return SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
@@ -85,7 +85,7 @@ def drag_polar(polar: Polar, aircraft: Aircraft) -> DragPolar:
 
 
 def interval_parts(estimate: DynamicEstimate, at: Condition, V: Array) -> list[IntervalPart]:
-    """How much of the curve's interval is noise, and how much what all runs share."""
+    """Half widths of the curve's interval by noise, and by the errors that all runs share."""
     (_, noise), (_, systematic) = (
         power_required(V, Polar(estimate.polar.A, covariance[:3, :3]), at)
         for covariance in (estimate.noise, estimate.systematic)

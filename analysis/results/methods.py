@@ -5,11 +5,11 @@ from analysis.drag.method import MethodEstimate, SteadyPoint
 from analysis.drag.polar import Condition, speed_at
 from analysis.estimation.intervals import NORMAL_95
 from analysis.results.curves import points
-from analysis.results.schema import Disagreement, MethodPoint, MethodResult
+from analysis.results.schema import DisagreementResult, MethodPoint, MethodResult
 
 
 def method_result(answer: MethodEstimate, at: Condition) -> MethodResult:
-    """A method's curve over the lift coefficients it saw, and its points, at one weight and density."""
+    """A method's curve over the lift coefficients of its data, and its points, at one weight and density."""
     polar = answer.polar
     return MethodResult(
         name=answer.method.name,
@@ -24,7 +24,7 @@ def method_result(answer: MethodEstimate, at: Condition) -> MethodResult:
 
 
 def _point(point: SteadyPoint, at: Condition) -> MethodPoint:
-    """A steady point at another weight and density: the same lift and drag coefficients."""
+    """A steady point at another weight and density, with the same lift and drag coefficients."""
     V = float(speed_at(point.CL, at))
     unit = at.rho * V**3 * at.wing_area_m2 / 2
     power, half = unit * point.CD, NORMAL_95 * unit * point.CD_error
@@ -33,8 +33,8 @@ def _point(point: SteadyPoint, at: Condition) -> MethodPoint:
     )
 
 
-def disagreement_result(found: MethodDisagreement) -> Disagreement:
-    return Disagreement(
+def disagreement_result(found: MethodDisagreement) -> DisagreementResult:
+    return DisagreementResult(
         methods=(found.first, found.second),
         speed_mps=found.speed_mps,
         difference_W=found.difference_W,

@@ -1,4 +1,4 @@
-"""What `results.json` and `power_required.csv` hold: a documented, versioned form (docs/results.md)."""
+"""The documented, versioned format of `results.json` and `power_required.csv` (docs/results.md)."""
 
 import csv
 import io
@@ -19,7 +19,7 @@ class PowerPoint(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MethodPoint(msgspec.Struct, frozen=True, kw_only=True):
-    """One measured point of a method that makes points, reduced to the test's weight and density."""
+    """One measured point of a method that works on points, reduced to the test's weight and density."""
 
     speed_mps: float
     power_W: float
@@ -34,20 +34,20 @@ class MethodResult(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     title: str
     equations: str = ""
-    taken_as_measured: list[str] = []  # what it deliberately does not correct, so that a fault there shows
+    taken_as_measured: list[str] = []  # quantities it deliberately does not correct, so that an error there shows
     drag_polar: list[float] = []  # A0, A1, A2 of C_D = A0 + A1 C_L + A2 C_L^2
-    power_required: list[PowerPoint] = []  # over what it saw; empty where the log did not allow one: see `notes`
+    power_required: list[PowerPoint] = []  # over the speeds of its data; empty where there is none: see `notes`
     points: list[MethodPoint] = []
     notes: list[str] = []
 
 
-class Disagreement(msgspec.Struct, frozen=True, kw_only=True):
-    """Two methods that differ by more than noise and a careful installation allow, and what that points at."""
+class DisagreementResult(msgspec.Struct, frozen=True, kw_only=True):
+    """Two methods that differ by more than noise and a careful installation allow, and the likely cause."""
 
     methods: tuple[str, str]
     speed_mps: float  # where they differ most
     difference_W: float  # the second minus the first
-    allowed_W: float  # what would be no surprise: three standard errors
+    allowed_W: float  # three standard errors of the difference
     culprit: str  # angle of attack, pitch attitude, airspeed, air-data lag, propeller table, or unexplained
     text: str
     shares_W: dict[str, float] = {}  # how much of the difference each cause accounts for
@@ -75,15 +75,15 @@ class ParameterResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SensorError(msgspec.Struct, frozen=True, kw_only=True):
-    """What the flight says of one systematic error of the sensors, and what it lacked to say more."""
+    """The estimate of one systematic error of the sensors, and what the flight lacked to determine it better."""
 
     name: str
     title: str
     value: float
     standard_error: float
-    assumed_sigma: float  # standard deviation before the flight was looked at
+    assumed_sigma: float  # standard deviation of the prior
     unit: str
-    determined: bool  # by this flight, and not only assumed before it
+    determined: bool  # by this flight, and not by the prior alone
     missing: list[str]  # what the flight lacked, where it did not determine it
 
 
@@ -98,18 +98,18 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ConsistencyCheck(msgspec.Struct, frozen=True, kw_only=True):
-    """Whether channels agree with one another, as sensors come and with their errors and gusts taken out."""
+    """Agreement of channels, as measured and after correction of sensor errors and gusts."""
 
     before: Check
     after: Check
 
 
 class PathResult(msgspec.Struct, frozen=True, kw_only=True):
-    """The flight path and what it says of the sensors."""
+    """Quality of the flight path, and the sensor errors estimated with it."""
 
     converged: bool
     gust_mps: float  # vertical, 1 sigma
-    residuals: dict[str, float]  # by channel: rms from the path, in standard deviations of the channel's noise
+    residuals: dict[str, float]  # by channel: rms, in standard deviations of the channel's noise
     checks: list[ConsistencyCheck]
     sensor_errors: list[SensorError]
 
@@ -140,7 +140,7 @@ class AircraftResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ConditionResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Weight and air that a curve holds for."""
+    """Weight and air density of a curve."""
 
     weight_N: float
     air_density_kgpm3: float
@@ -156,19 +156,19 @@ class DragPolar(msgspec.Struct, frozen=True, kw_only=True):
     K: float
     CL_minD: float
     oswald_efficiency: float
-    maximum_lift_to_drag: float | None  # null where drag at no lift comes out negative: there is none
+    maximum_lift_to_drag: float | None  # null where drag at zero lift is estimated negative
 
 
 class IntervalPart(msgspec.Struct, frozen=True, kw_only=True):
-    """What the half width of the 95 % interval is made of; the two add as squares."""
+    """The two parts of the half width of the 95 % interval; they add as squares."""
 
     speed_mps: float
     noise_W: float
-    systematic_W: float  # what all runs share: sensors, propeller's table, direction
+    systematic_W: float  # errors that all runs share: sensors, propeller's table, alignment
 
 
 class Interval(msgspec.Struct, frozen=True, kw_only=True):
-    """A number with its 95 % interval."""
+    """A value with its 95 % interval."""
 
     value: float
     lo: float
@@ -178,7 +178,7 @@ class Interval(msgspec.Struct, frozen=True, kw_only=True):
         return Interval(value=factor * self.value, lo=factor * self.lo, hi=factor * self.hi)
 
 
-class EfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
+class LevelEfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
     """Efficiencies (0 to 1) in steady level flight at the test's weight and density."""
 
     speed_mps: float
@@ -188,8 +188,8 @@ class EfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
     extrapolated: bool
 
 
-class EfficiencyMeasured(msgspec.Struct, frozen=True, kw_only=True):
-    """The same in a few seconds of steady or slowly changing flight, climbing or not."""
+class MeasuredEfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
+    """Efficiencies (0 to 1) measured in a few seconds of steady or slowly changing flight, level or not."""
 
     time_s: float
     speed_mps: float
@@ -199,17 +199,17 @@ class EfficiencyMeasured(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PowerTrainResult(msgspec.Struct, frozen=True, kw_only=True):
-    measured: bool  # voltage and current of the battery were there to fit to
+    measured: bool  # the losses are fitted to voltage and current of the battery
     basis: str  # where the numbers come from, in words
     parameters: list[ParameterResult]
-    efficiency: list[EfficiencyPoint]
-    points: list[EfficiencyMeasured]
+    efficiency: list[LevelEfficiencyPoint]
+    points: list[MeasuredEfficiencyPoint]
 
 
 class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What full throttle allows, at the test's weight and density."""
+    """Performance at full throttle, at the test's weight and density."""
 
-    reason: str  # why nothing is known; empty where something is
+    reason: str  # why full throttle is not known; empty where it is
     basis: str
     power_available: list[PowerPoint]
     climb_mps: list[float]  # at the same speeds
@@ -222,8 +222,8 @@ class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
     notes: list[str]
 
 
-class Loading(msgspec.Struct, frozen=True, kw_only=True):
-    """Endurance, range and climb at one weight and density, each at its own best speed within those flown."""
+class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
+    """Endurance, range and climb at one weight and density, each at its best speed among those flown."""
 
     title: str
     weight_N: float
@@ -245,7 +245,7 @@ class Loading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FieldRow(msgspec.Struct, frozen=True, kw_only=True):
-    """One line of the table to carry to the field."""
+    """One line of the table for the field."""
 
     speed_mps: float
     power_required_W: float
@@ -256,21 +256,21 @@ class FieldRow(msgspec.Struct, frozen=True, kw_only=True):
     extrapolated: bool
 
 
-class Use(msgspec.Struct, frozen=True, kw_only=True):
-    """What a user does with the curve. `loadings` begins with the flight's own weight and density."""
+class PerformanceResult(msgspec.Struct, frozen=True, kw_only=True):
+    """Performance with battery and propeller. `loadings` begins with the flight's own weight and density."""
 
     battery_energy_Wh: float
-    usable: float  # share of it that is flown with
+    usable: float  # share of it that is used
     power_train: PowerTrainResult
     available: AvailableResult
-    loadings: list[Loading]
-    costs: list[str]  # of one change alone, where such were asked for
+    loadings: list[PerformanceCase]
+    costs: list[str]  # changes of weight alone and of air alone, where there are any
     field_table: list[FieldRow]
-    too_much: list[str] = []  # weights and airs asked for in which full throttle does not hold level flight
+    too_much: list[str] = []  # requested conditions in which full throttle does not sustain level flight
 
 
 class Results(msgspec.Struct, frozen=True, kw_only=True):
-    """The whole of `results.json`."""
+    """The contents of `results.json`."""
 
     format: str = FORMAT
     software_version: str
@@ -294,10 +294,10 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     warnings: list[str]
     methods: list[MethodResult] = []
     one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`
-    disagreements: list[Disagreement] = []
+    disagreements: list[DisagreementResult] = []
     interval_parts: list[IntervalPart] = []  # of `power_required`
     path: PathResult | None = None
-    use: Use | None = None  # null where the propeller's table does not allow it
+    use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
 
 
 def to_json(results: Results) -> bytes:
@@ -305,7 +305,7 @@ def to_json(results: Results) -> bytes:
 
 
 def to_csv(results: Results) -> str:
-    """Both curves side by side, one row a speed, units in the header."""
+    """Both curves, one row per point, units in the header."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")

@@ -14,7 +14,7 @@ _CHECKS = (
 
 
 def path_result(trajectory: Trajectory, agreement: Consistency, errors: list[Learnt]) -> PathResult:
-    """What the flight says of its sensors."""
+    """Quality of the trajectory, agreement of channels and sensor errors."""
     checks = []
     for column, title, factor, unit in _CHECKS:
         both = [spread(factor * differences[column]) for differences in agreement]

@@ -1,1 +1,1 @@
-"""Log to synchronized channels, and where the aircraft stood still."""
+"""From a log to synchronized channels; rest and the zeros of the sensors."""

@@ -1,7 +1,7 @@
-"""Log to synchronised data: every channel on one grid of the tick rate, each with its own delay taken out.
+"""From a log to synchronized channels: all on one uniform grid of the tick rate, each corrected for its delay.
 
-A sample that failed, was stale or saturated is left out; across a gap longer than `GAP_TICKS` the channel is NaN, so
-that nothing is invented where nothing was measured.
+Samples that failed, were stale or saturated are left out. Gaps longer than `GAP_TICKS` are not interpolated: the
+channel is NaN there.
 """
 
 import math
@@ -18,10 +18,11 @@ from flight.messages import Status
 
 Array = NDArray[np.float64]
 GAP_TICKS = 3.5
-LONG_GAP_S, MENTIONED_SHARE, MENTIONED_GAPS = 2.0, 0.002, 3
+LONG_GAP_S, MENTIONED_GAPS = 2.0, 3  # gaps this long are noted, so many of them per topic
+MENTIONED_SHARE = 0.002  # of clipped samples
 CLIPPED = "at the end of its range"
 
-# Column of the table: (topic, field). The field's symbols are words of the analysis from here on.
+# Column of the table: (topic, field).
 COLUMNS = {
     "ax_mps2": ("/imu", "specific_force_x_mps2"),
     "ay_mps2": ("/imu", "specific_force_y_mps2"),
@@ -46,25 +47,25 @@ COLUMNS = {
     "battery_V": ("/battery", "voltage_V"),
     "battery_A": ("/battery", "current_A"),
 }
-COUNTER_S = 0.01  # the pulse counter sends a period no sooner after the last
+COUNTER_S = 0.01  # least time between two periods that the pulse counter sends
 TOPICS = tuple(dict.fromkeys(topic for topic, _ in COLUMNS.values()))
 NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")
 
 
 class Channels(NamedTuple):
-    """Synchronised data and where it came from."""
+    """Synchronized channels of a log."""
 
     table: pd.DataFrame  # index: t_s since the first tick; columns: COLUMNS, NaN where nothing was measured
     rate_Hz: float
     start_ns: int  # Unix time of t_s = 0
-    notes: list[str]  # what was lost and why, where it was more than a moment
+    notes: list[str]  # clipping and long gaps, in sentences
 
 
 def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
     """Every channel of a log on one uniform grid.
 
-    lag_s: known delay of a topic's quantity behind its log_time [s], on top of what the messages say of themselves.
-    Raises InputError when a topic that nothing can replace is missing or never carried a value.
+    lag_s: by topic, a known delay of its quantity [s], in addition to the delay in its messages.
+    Raises InputError if a required topic is missing or never carried a value.
     """
     for topic in NEEDED:
         if topic not in log.entries or not log.entries[topic]:
@@ -87,7 +88,7 @@ def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
 
 
 def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
-    """`value` taken at `taken_s`, interpolated by a cubic spline onto the grid; NaN across gaps and beyond the ends."""
+    """Values (m,) measured at `taken_s` (m,), by a cubic spline at `t_s` (n,); NaN in gaps and beyond the ends."""
     if len(value) < 4:
         return np.full_like(t_s, np.nan)
     interval = max(float(np.median(np.diff(taken_s))), t_s[1] - t_s[0])
@@ -101,27 +102,27 @@ def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
 
 
 def _losses(topic: str, entries: list[LogEntry], start_ns: int, period_s: float) -> list[str]:
-    """In words: how much of a topic was clipped, and when it was silent for long."""
+    """Notes on a topic: the share of clipped samples, and long gaps."""
     if not entries:
         return []
     notes = []
     clipped = sum(entry.message.status is Status.SATURATED for entry in entries) / len(entries)
     if clipped > MENTIONED_SHARE:
-        notes.append(f"{topic} was {CLIPPED} for {100 * clipped:.1f} % of the log: not measured there.")
+        notes.append(f"{topic} was {CLIPPED} for {100 * clipped:.1f} % of the log and is left out there.")
     good_s = np.array([(entry.time_ns - start_ns) / 1e9 for entry in entries if entry.message.status is Status.OK])
     if topic == "/rpm" or len(good_s) < 2:
-        return notes  # a motor that stands says nothing, and a topic that never spoke is somebody else's to tell
+        return notes  # a standing motor sends no messages; `synchronize` reports a topic without values
     gaps = np.diff(good_s)
     long = np.flatnonzero(gaps > max(LONG_GAP_S, 5 * float(np.median(gaps))))
     for i in long[np.argsort(gaps[long])[::-1][:MENTIONED_GAPS]].tolist():
-        notes.append(f"{topic} has a gap of {gaps[i]:.1f} s from {good_s[i]:.0f} s on: nothing is invented there.")
+        notes.append(f"{topic} has a gap of {gaps[i]:.1f} s from {good_s[i]:.0f} s on, which is not interpolated.")
     return notes
 
 
 def _samples(entries: list[LogEntry], field: str, start_ns: int) -> tuple[Array, Array]:
-    """Times [s] and values of the good messages, in order, one for each instant."""
+    """Times [s] and values of the good messages, (m,), in order of time, one for each time."""
     good = [
-        ((time_ns - start_ns) / 1e9 - _behind_s(message), value)
+        ((time_ns - start_ns) / 1e9 - _delay_s(message), value)
         for time_ns, _, message in entries
         if message.status is Status.OK and (value := getattr(message, field)) is not None
     ]
@@ -132,23 +133,23 @@ def _samples(entries: list[LogEntry], field: str, start_ns: int) -> tuple[Array,
     return taken_s, value[first]
 
 
-def _behind_s(message: object) -> float:
-    """By how much a message's quantity is older than its log_time [s], as far as the message tells.
+def _delay_s(message: object) -> float:
+    """Age of a message's quantity at its log_time [s], as far as the message gives it.
 
-    A motor's speed is the mean over the period that was timed, and what a tick finds is on average half as old as
-    frames are apart: 16 ms together at 90 rev/s, by which a motor that speeds up or slows down seems to lag.
+    A motor speed is the mean over the timed period, and at a tick the newest frame is on average half a frame interval
+    old: together 16 ms at 90 rev/s. Without this correction the motor speed would seem to lag.
     """
     timed_s = (getattr(message, "period_us", None) or 0) * 1e-6
     if timed_s > 0:
-        apart_s = timed_s * math.ceil(COUNTER_S / timed_s)
-        return (timed_s + apart_s) / 2
+        frame_interval_s = timed_s * math.ceil(COUNTER_S / timed_s)
+        return (timed_s + frame_interval_s) / 2
     return getattr(message, "group_delay_s", None) or 0.0
 
 
 def _period_s(ticks: NDArray[np.int64], log: Log) -> float:
-    """The loop's period, from tick numbers and times: exact however many ticks were missed."""
+    """The period of the daemon's loop from tick numbers and times; missed ticks do not matter."""
     count = int(ticks[-1, 0] - ticks[0, 0])
     if count < 1 or ticks[-1, 1] <= ticks[0, 1]:
-        raise InputError(f"{log.path}: {len(ticks)} ticks are too few to analyse")
+        raise InputError(f"{log.path}: {len(ticks)} ticks are too few to analyze")
     nominal = log.metadata.get("flightpower", {}).get("tick_rate_Hz")
     return 1 / float(nominal) if nominal else float(ticks[-1, 1] - ticks[0, 1]) / count / 1e9

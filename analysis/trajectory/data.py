@@ -8,7 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from analysis.airdata.air import LEAST_HEIGHT_M, bank_rad
+from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.airdata.magnetometer import Compass
 from analysis.trajectory import dryden as gusts
 from analysis.trajectory import instruments as slow
@@ -297,7 +297,7 @@ class Problem:
         climb = np.gradient(smoothed(mean["height_m"], 7), self.t_s)
         alpha = smoothed(np.where(self._flying, mean["alpha_rad"], np.nan), 5)
         theta = alpha + np.arcsin(np.clip(climb / self._V_reference, -0.5, 0.5))
-        x[:, 0] = bank_rad(self._table)[self._center] * self._flying
+        x[:, 0] = self._table["bank_rad"].to_numpy()[self._center] * self._flying
         x[:, 1] = np.where(self._flying, theta, 0.0)
         yaw_rate = np.nan_to_num(mean["r_radps"]) / np.cos(x[:, 0])
         heading = np.cumsum(yaw_rate) * (self.t_s[1] - self.t_s[0])

@@ -107,11 +107,11 @@ def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, whole):
     """The same channels on the same grid, but for the ends, where splines have less to lean on."""
     import numpy as np
 
-    from analysis.signals.synchronize import synchronise
+    from analysis.signals.synchronize import synchronize
 
     _, parts = split
     _, [one] = whole
-    flight, middle = synchronise(one), synchronise(parts[1])
+    flight, middle = synchronize(one), synchronize(parts[1])
     shift = round((middle.start_ns - flight.start_ns) / 1e9 * 25)
     inner = slice(25, len(middle.table) - 25)
     expected = flight.table.iloc[shift : shift + len(middle.table)]

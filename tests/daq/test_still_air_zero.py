@@ -76,7 +76,7 @@ def test_a_zero_taken_in_still_air_is_what_the_parts_are_off(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("felt", "said"),
+    ("sensor_truth", "said"),
     [
         (StandingFelt(rate=lambda t: 0.1 * np.sin(2 * np.pi * 1.5 * t)), "/imu angular_rate_y_radps is not steady"),
         (StandingFelt(rate=lambda t: 0.15 + 0 * t), "limit 0.09"),

@@ -72,16 +72,16 @@ def session(pulses=PULSES, hold_s: float = 3.5, seed: int = 0):
 
 
 def test_the_table_of_a_session_is_the_one_that_was_measured() -> None:
-    holds = surfaces.holds(*session())
+    holds = surfaces.held_pulses(*session())
     assert [round(hold.pulse_us, -1) for hold in holds] == list(PULSES)
-    found = surfaces.table(holds, ANGLES)
+    found = surfaces.surface_table(holds, ANGLES)
     assert found.pulse_us == pytest.approx(sorted(PULSES), abs=1)
     assert found.angle_deg == sorted(ANGLES)
 
 
 def test_there_and_back_shows_the_play_of_the_linkage() -> None:
     there_and_back = (1500.0, 1000.0, 1500.0, 2000.0)
-    found = surfaces.table(surfaces.holds(*session(there_and_back)), (0.0, -22.0, 1.0, 21.0))
+    found = surfaces.surface_table(surfaces.held_pulses(*session(there_and_back)), (0.0, -22.0, 1.0, 21.0))
     assert found.angle_deg == [-22.0, 0.5, 21.0]
     assert found.hysteresis_deg == 1.0
 
@@ -89,7 +89,7 @@ def test_there_and_back_shows_the_play_of_the_linkage() -> None:
 def test_the_section_is_one_that_an_aircraft_file_takes() -> None:
     from flight.aircraft import load_aircraft, parse_aircraft
 
-    found = surfaces.table(surfaces.holds(*session()), ANGLES)
+    found = surfaces.surface_table(surfaces.held_pulses(*session()), ANGLES)
     whole = load_aircraft("nexstar").text
     head, rest = whole.split("[elevator]")
     section = surfaces.to_toml("elevator", 2, found)
@@ -104,4 +104,35 @@ def test_the_section_is_one_that_an_aircraft_file_takes() -> None:
 )  # fmt: skip
 def test_angles_that_do_not_fit_are_refused(angles, cause: str) -> None:
     with pytest.raises(InputError, match=cause):
-        surfaces.table(surfaces.holds(*session()), angles)
+        surfaces.surface_table(surfaces.held_pulses(*session()), angles)
+
+
+def test_neighbouring_samples_count_as_one() -> None:
+    """Of a slow turn five samples each are the same: the stated errors are those of the 300 that differ."""
+    over_stated = []
+    for seed in range(10):
+        field, hard, _ = measured(seed, by_hand=True)
+        found = magnetometer.calibrate(np.repeat(field[::5], 5, axis=0), "log")
+        over_stated.append((np.array(found.hard_iron_T) - hard) / found.hard_iron_error_T)
+    assert 0.6 < np.sqrt(np.mean(np.square(over_stated))) < 1.5
+
+
+def pulses(*held: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Pulses (seconds, us) held one after the other, at 25 Hz."""
+    pulse_us = np.concatenate([np.full(round(25 * seconds), us) for seconds, us in held])
+    return np.arange(len(pulse_us)) / 25, pulse_us
+
+
+def test_a_position_counts_if_it_is_held_for_two_seconds() -> None:
+    found = surfaces.held_pulses(*pulses((3.0, 1500.0), (1.0, 1300.0), (2.5, 1100.0)))
+    assert [hold.pulse_us for hold in found] == [1500.0, 1100.0]
+    assert [hold.start_s for hold in found] == pytest.approx([0.0, 4.0])
+
+
+def test_positions_apart_by_the_play_of_a_servo_are_one_and_others_are_not() -> None:
+    """8 us are the same position, read twice; 40 us, two degrees of a usual servo, are not."""
+    found = surfaces.held_pulses(*pulses((3.0, 1100.0), (3.0, 1500.0), (3.0, 1540.0), (3.0, 1108.0)))
+    table = surfaces.surface_table(found, (-20.0, 0.0, 2.0, -19.0))
+    assert table.pulse_us == [1104, 1500, 1540]
+    assert table.angle_deg == pytest.approx([-19.5, 0.0, 2.0])
+    assert table.hysteresis_deg == pytest.approx(1.0)

@@ -68,7 +68,7 @@ def test_a_moments_iron_is_left_out_and_said() -> None:
     table.loc[100.0:110.0, "mag_z_T"] += 10e-6
     field, (said,) = compass(table, CALIBRATION)
     assert np.isnan(field.field_T[(table.index > 100) & (table.index < 110)]).all()
-    assert "4 % of the flight: left out" in said
+    assert "left out for 4 % of the flight" in said
     assert field.error_T == pytest.approx(compass(flight(), CALIBRATION)[0].error_T, rel=0.05)
 
 
@@ -77,7 +77,7 @@ def test_one_that_is_silent_in_flight_is_said_to_be() -> None:
     table.loc[table["flying"], "mag_x_T"] = np.nan
     for silent in (table, table[["flying"]]):
         field, (said,) = compass(silent, CALIBRATION)
-        assert field is None and "showed nothing in flight" in said
+        assert field is None and "too few samples in flight" in said
 
 
 def test_a_calibration_is_read_as_it_was_written(tmp_path) -> None:
@@ -102,3 +102,16 @@ def test_what_is_no_calibration_is_refused(change: dict, cause: str) -> None:
         parse_magnetometer(msgspec.json.encode(content), "magnetometer.json")
     with pytest.raises(InputError, match="not a magnetometer calibration"):
         parse_magnetometer(b"{", "magnetometer.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "more_T"),
+    [
+        ({"soft_iron_error": 0.05}, 0.05 * FIELD_T),
+        ({"hard_iron_error_T": (1e-6, 2e-6, 2e-6)}, 3e-6),
+    ],
+)
+def test_errors_of_the_calibration_are_part_of_the_compass_error(change: dict, more_T: float) -> None:
+    exact = msgspec.structs.replace(CALIBRATION, soft_iron_error=0.0, hard_iron_error_T=(0.0, 0.0, 0.0))
+    (known, _), (vague, _) = (compass(flight(), c) for c in (exact, msgspec.structs.replace(exact, **change)))
+    assert np.sqrt(vague.error_T**2 - known.error_T**2) == pytest.approx(more_T, rel=1e-6)

@@ -1,5 +1,6 @@
 """Tubes: Bergh & Tijdeman's numbers and curves, the slow limit, and the lag found again from recorded steps."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,11 +8,13 @@ import pandas as pd
 import pytest
 from calibration import NOISE_PA, SEA_LEVEL, bursts
 
-from analysis.airdata.lines import bounded_inverse, undelayed, undone
+from analysis.airdata.lines import air_in, bounded_inverse, inverted, remainder_of, without_remainder
 from analysis.airdata.step_test import diameter_of_lag_m, find_steps, fit_lag, through
-from analysis.airdata.tubing import Gas, low_frequency_lag_s, response
-from flight.aircraft import PneumaticLine
+from analysis.airdata.tubing import Gas, air, low_frequency_lag_s, response
+from flight.aircraft import Aircraft, PneumaticLine
 from flight.errors import InputError
+from flight.log_reader import Log, LogEntry
+from flight.messages import AbsolutePressure
 
 DATA = Path(__file__).parents[2] / "data" / "tubing" / "bergh-tijdeman.csv"
 CURVES = {
@@ -58,12 +61,12 @@ def test_slow_changes_come_late_by_the_limit(tubes: list[PneumaticLine]) -> None
     assert response(tubes, np.array([0.0]), SEA_LEVEL)[0] == 1.0
 
 
-def test_the_digitised_curves_are_all_there() -> None:
+def test_the_digitized_curves_are_all_there() -> None:
     assert len(CURVES) == 18
 
 
 @pytest.mark.parametrize("curve", CURVES, ids=lambda curve: "{}-R{}mm-L{}mm".format(*curve))
-def test_digitised_curves(curve: tuple[str, float, float, float]) -> None:
+def test_digitized_curves(curve: tuple[str, float, float, float]) -> None:
     """Each point lies on the curve as well as it could be read: 0.03 in amplitude, 3 deg in phase, 2 Hz of 300."""
     quantity, radius_mm, length_mm, volume_mm3 = curve
     tube = PneumaticLine(length_m=length_mm / 1e3, diameter_m=2e-3 * radius_mm, cavity_m3=volume_mm3 * 1e-9)
@@ -143,26 +146,60 @@ def test_a_line_is_undone_without_more_noise_than_stated() -> None:
     line = PneumaticLine(length_m=0.9, diameter_m=0.5e-3, cavity_m3=500e-9)
     rate_Hz, gain = 25.0, 1.5
     t = np.arange(0, 60, 1 / rate_Hz)
-    remainder = undelayed(line, SEA_LEVEL)
+    remainder = remainder_of(line, SEA_LEVEL)
     for f in (0.5, 1.0, 1.6):
         H = remainder(np.array([f]))[0]
         assert abs(1 / H) < gain  # or the bound, not the line, would be tested
         blunt = np.abs(H) * np.sin(2 * np.pi * f * t + np.angle(H))
-        found = undone(blunt, rate_Hz, remainder, gain)
+        found = inverted(blunt, rate_Hz, remainder, gain)
         # Ends are continued by reflection, which a wave does not do: two seconds are left out.
         inside = slice(50, -50)
         assert found[inside] == pytest.approx(np.sin(2 * np.pi * f * t)[inside], abs=0.02)
     noise = np.random.default_rng(1).normal(size=len(t))
-    assert np.std(undone(noise, rate_Hz, remainder, gain)) < gain * np.std(noise)
+    assert np.std(inverted(noise, rate_Hz, remainder, gain)) < gain * np.std(noise)
     f = np.linspace(0, 12.5, 200)
     assert np.abs(bounded_inverse(response([line], f, SEA_LEVEL), gain)).max() <= gain * (1 + 1e-12)
 
 
 def test_what_is_steady_stays_and_gaps_stay_gaps() -> None:
-    remainder = undelayed(NARROW, SEA_LEVEL)
+    remainder = remainder_of(NARROW, SEA_LEVEL)
     values = np.linspace(100.0, 140.0, 500)
     values[200:220] = np.nan
-    found = undone(values, 25.0, remainder, 1.5)
+    found = inverted(values, 25.0, remainder, 1.5)
     assert np.isnan(found[200:220]).all() and np.isfinite(found).sum() == 480
     kept = np.isfinite(values)
     assert found[kept] == pytest.approx(values[kept], abs=0.02)
+
+
+def test_what_is_left_of_a_response_without_its_delay_has_no_phase_at_low_frequency() -> None:
+    """61 ms are 11 deg at 0.5 Hz. Of a first-order lag (omega tau)^3/3 is left, 0.13 deg; the amplitude stays."""
+    line = PneumaticLine(length_m=0.9, diameter_m=0.5e-3, cavity_m3=500e-9)
+    f = np.array([0.5])
+    whole, remainder = response([line], f, SEA_LEVEL)[0], remainder_of(line, SEA_LEVEL)(f)[0]
+    assert np.degrees(np.angle(whole)) == pytest.approx(-11, abs=0.5)
+    assert abs(np.degrees(np.angle(remainder))) < 0.15
+    assert abs(remainder) == pytest.approx(abs(whole), rel=1e-12)
+
+
+@pytest.mark.parametrize(("cavity_mm3", "corrected"), [(20.0, False), (500.0, True)])
+def test_only_a_long_and_narrow_line_is_worth_its_noise(nexstar: Aircraft, cavity_mm3: float, corrected: bool) -> None:
+    """8 ms stay a delay; 61 ms, beyond 40 ms, are divided out and the note says so."""
+    line = PneumaticLine(length_m=0.9, diameter_m=0.5e-3, cavity_m3=cavity_mm3 * 1e-9)
+    aircraft = replace(nexstar, probe=replace(nexstar.probe, lines={"alpha": line}))
+    t = np.arange(0, 20, 0.04)
+    table = pd.DataFrame({"dp_alpha_Pa": 50 + 10 * np.sin(2 * np.pi * 2 * t)}, index=pd.Index(t, name="t_s"))
+    out, notes = without_remainder(table, aircraft, SEA_LEVEL)
+    assert [("/probe/alpha" in note) for note in notes] == ([True] if corrected else [])
+    gain = out["dp_alpha_Pa"].iloc[100:-100].std() / table["dp_alpha_Pa"].iloc[100:-100].std()
+    expected = 1 / abs(response([line], np.array([2.0]), SEA_LEVEL)[0])
+    assert gain == pytest.approx(expected if corrected else 1.0, rel=0.02)
+
+
+def test_the_air_in_the_lines_is_that_of_the_log() -> None:
+    log = Log(Path("flight.mcap"))
+    log.entries["/static"] = [
+        LogEntry(k, k, AbsolutePressure(pressure_Pa=p, temperature_K=T))
+        for k, (p, T) in enumerate([(89_000.0, 270.0), (90_000.0, 280.0), (91_000.0, 310.0)])
+    ]
+    assert air_in(log) == air(90_000.0, 280.0)
+    assert air_in(Log(Path("flight.mcap"))) == air(101_325.0, 288.15)

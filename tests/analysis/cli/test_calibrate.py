@@ -67,7 +67,7 @@ def test_tubing_finds_the_diameter_that_the_lag_belongs_to(pops: Path, tmp_path:
     """Lag within 5 %; the fourth root of that, and a little more for the tube's own volume, in the diameter."""
     outcome = run("tubing", pops, "-o", tmp_path / "lines.toml")
     assert outcome.exit_code == 0, outcome.output
-    assert "from 8 steps" in outcome.output and "/probe/beta: no step seen" in outcome.output
+    assert "from 8 steps" in outcome.output and "/probe/beta: no step found" in outcome.output
     assert "more bursts" not in outcome.output
     text = load_aircraft("nexstar").text
     start, end = text.index("[probe.lines.alpha]"), text.index("[probe.lines.beta]")
@@ -164,7 +164,7 @@ def test_nothing_is_replaced_unasked(pops: Path, protractor: Path, tmp_path: Pat
         (("surfaces", "LOG", "--channel", "9"), "no pulse of servo output 9"),
         (("surfaces", "LOG", "--channel", "0"), "count from 1"),
         (("magnetometer", "LOG"), "no magnetometer"),
-        (("airspeed", "LOG"), "no topic /imu"),
+        (("airspeed", "LOG"), "carries no propeller.csv"),
         (("tubing", "missing.mcap"), "cannot be read"),
         (("probe", "missing.csv"), "cannot be read"),
         (("probe", "missing.csv", "--angle-scale", "50"), "--angle-scale"),

@@ -3,12 +3,12 @@
 import numpy as np
 import pandas as pd
 
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import load_aircraft
 from flight.atmosphere import GAS_CONSTANT_AIR
-from flight.propeller import load_propeller
+from flight.propeller_files import load_propeller
 from flight.units import GRAVITY_MPS2
 
 AIRCRAFT = load_aircraft("nexstar")
@@ -59,7 +59,7 @@ def flown(V, A, rho, gamma=0.0, weight_N=W) -> pd.DataFrame:
     return pd.DataFrame(columns, index=t)
 
 
-def accelerations_and_decelerations(gamma: float = 0.0) -> tuple[pd.DataFrame, list[Run]]:
+def accelerations_and_decelerations(gamma: float = 0.0) -> tuple[pd.DataFrame, list[Maneuver]]:
     """The methods' table of one flight without a gap: two runs up and two down, at different rates."""
     V = np.concatenate(
         [np.linspace(11.5, 23, 60), np.linspace(23, 11.5, 90), np.linspace(11.5, 23, 80), np.linspace(23, 11.5, 70)]
@@ -68,7 +68,7 @@ def accelerations_and_decelerations(gamma: float = 0.0) -> tuple[pd.DataFrame, l
     ends = np.flatnonzero(np.r_[kinds[1:] != kinds[:-1], True])
     starts = np.r_[0, ends[:-1] + 1]
     runs = [
-        Run(str(kinds[i]), slice(i * BLOCK, (j + 1) * BLOCK), i * STEP_S, j * STEP_S, 11.5, 23.0, 0.0)
+        Maneuver(str(kinds[i]), slice(i * BLOCK, (j + 1) * BLOCK), i * STEP_S, j * STEP_S, 11.5, 23.0, 0.0)
         for i, j in zip(starts, ends, strict=True)
     ]
     return flown(V, polar(), RHO, gamma), runs

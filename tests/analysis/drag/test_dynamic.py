@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from analysis.drag.dynamic import _within_level_flight
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from flight.units import GRAVITY_MPS2
 
 STEP_S, SLOW_MPS, FAST_MPS = 0.2, 11.0, 24.0
@@ -21,8 +21,8 @@ def flight(V: np.ndarray, load: np.ndarray) -> pd.DataFrame:
     )
 
 
-def run(start_s: float, end_s: float) -> Run:
-    return Run("deceleration", slice(0, 1), start_s, end_s, SLOW_MPS, FAST_MPS, 0.0)
+def run(start_s: float, end_s: float) -> Maneuver:
+    return Maneuver("deceleration", slice(0, 1), start_s, end_s, SLOW_MPS, FAST_MPS, 0.0)
 
 
 def test_all_of_a_deceleration_in_still_air_counts_even_if_the_flight_was_fast() -> None:

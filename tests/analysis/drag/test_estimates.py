@@ -30,7 +30,7 @@ from analysis.drag.polar import Condition, Polar, power_required
 from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA, estimate_errors
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
-from analysis.maneuvers.kinds import Run
+from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 
 AT = Condition(W, RHO, S)
@@ -98,7 +98,7 @@ def test_errors_of_trajectory_and_states_are_in_the_dynamic_method_s_covariance(
     assert noise == pytest.approx(np.outer(change, change) / 2, rel=1e-2, abs=1e-9)
 
 
-def same_everywhere(table, runs: list[Run]) -> MethodInputs:
+def same_everywhere(table, runs: list[Maneuver]) -> MethodInputs:
     return MethodInputs(
         AIRCRAFT, runs, table, [table], dict.fromkeys(ERROR_PRIOR_SIGMA, table), dict.fromkeys(CAUSES, table)
     )
@@ -113,7 +113,7 @@ def points(speeds, A: np.ndarray, kind: str, bank: float = 0.0):
         part[[c for c in part.columns if c.startswith(("qS_over_m", "thrust_x_over_m"))]] *= n
         part.index = part.index + 100.0 * i
         parts.append(part)
-        runs.append(Run(kind, slice(0, 0), part.index[0], part.index[-1], 0.0, 0.0, 0.0))
+        runs.append(Maneuver(kind, slice(0, 0), part.index[0], part.index[-1], 0.0, 0.0, 0.0))
     return pd.concat(parts), runs
 
 

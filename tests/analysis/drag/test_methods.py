@@ -16,21 +16,20 @@ from analysis.drag.regression import THREE_TERM, PointRegression
 from analysis.drag.steady_points import steady_means, steady_points
 from analysis.drag.w_delta import W_DELTA, W_DELTA_SLOW
 from analysis.estimation.intervals import NORMAL_95
-from analysis.maneuvers.kinds import Run
-from flight.atmosphere import SEA_LEVEL_DENSITY
+from analysis.maneuvers.kinds import Maneuver
+from flight.atmosphere import GRAVITY_MPS2, SEA_LEVEL_DENSITY
 from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
 
 NO_COVARIANCE = np.zeros((3, 3))
 
 
-def joined(parts: list[pd.DataFrame], kind: str) -> tuple[pd.DataFrame, list[Run]]:
+def joined(parts: list[pd.DataFrame], kind: str) -> tuple[pd.DataFrame, list[Maneuver]]:
     """Parts of a flight one after the other, and each as a run."""
     runs, start = [], 0.0
     for part in parts:
         part.index = part.index + start
         end = float(part.index[-1])
-        runs.append(Run(kind, slice(0, 0), start, end, 0.0, 0.0, 0.0))
+        runs.append(Maneuver(kind, slice(0, 0), start, end, 0.0, 0.0, 0.0))
         start = end + 10.0
     return pd.concat(parts), runs
 

@@ -1,4 +1,4 @@
-"""Motion in turbulence, made without the estimator's help: what filter error is measured on."""
+"""Motion in turbulence, simulated independently of the estimator, as data for tests of filter error."""
 
 import numpy as np
 from scipy.linalg import expm
@@ -35,7 +35,7 @@ X0 = np.array([0.05, 0.0])
 INTENSITY = 0.02  # rad per sqrt(s): a standard deviation of 1.2 deg of alpha in this motion
 SIGMA = np.array([0.003, 0.005])
 
-# A wing on a spring that stiffens with deflection; rough air kicks its pitch rate.
+# A wing on a spring that stiffens with deflection; turbulence drives the pitch rate.
 NONLINEAR_TRUTH = {"stiffness": 30.0, "hardening": 400.0, "damping": 1.5, "flap_effect": -12.0}
 NONLINEAR = Model(
     name="wing on a hardening spring",
@@ -50,13 +50,13 @@ NONLINEAR = Model(
     output_function=lambda x, u, p: (x.theta, x.q),
 )
 NONLINEAR_NOISE = ProcessNoise(state="q", start=0.1)
-KICKS = 0.15  # rad/s per sqrt(s): as much in a step as the gyro's noise
+KICKS = 0.15  # rad/s per sqrt(s): in one step as large as the gyro's noise
 NONLINEAR_SIGMA = np.array([0.003, 0.03])
 SUBSTEPS = 20
 
 
 def _transition():
-    """Phi, the two columns of a ramp's input, the constant's, and the covariance of a step's noise (Van Loan 1978)."""
+    """[Phi, input, slope of the input, constant] of one step, and its noise covariance (Van Loan 1978)."""
     p = LINEAR_TRUTH
     A = np.array([[p["Zal"], 1.0], [p["Mal"], p["Mq"]]])
     B, b = np.array([p["Zde"], p["Mde"]]), np.array([p["Z0"], p["M0"]])

@@ -1,4 +1,4 @@
-"""The aircraft's models against a Nexstar flown here, by an adaptive integrator and a control law of the test's own."""
+"""The aircraft models against a Nexstar simulated here with an adaptive integrator and a simple control law."""
 
 from dataclasses import replace
 
@@ -9,14 +9,14 @@ from scipy.integrate import solve_ivp
 from analysis.estimation import aircraft_models as models
 from analysis.estimation import output_error, uncertainty
 from analysis.estimation.data import Segment
-from analysis.estimation.simulation import trace
+from analysis.estimation.simulation import build_simulator
 from flight import motion
 from flight.aerodynamics import aerodynamics_of, body_axes, lift_and_drag
 from flight.aircraft import load_aircraft
 from flight.atmosphere import GRAVITY_MPS2
 
 NEXSTAR = load_aircraft("nexstar")
-AERO = replace(aerodynamics_of(NEXSTAR), stall_angle_rad=1.5)  # attached flow only, as the models have it
+AERO = replace(aerodynamics_of(NEXSTAR), stall_angle_rad=1.5)  # attached flow only, like the models
 TRUE_POLAR = (AERO.CD0 + AERO.K * AERO.CL_minD**2, -2 * AERO.K * AERO.CL_minD, AERO.K)
 RHO, STEP_S = 1.2, 0.04
 m, S, chord = NEXSTAR.mass_kg, NEXSTAR.geometry.wing_area_m2, NEXSTAR.geometry.chord_m
@@ -82,7 +82,7 @@ def hold_height(x, t):
 
 
 def three_two_one_one(x, t):
-    """Ramps of two samples, their corners on samples: a servo's, and exactly what linear interpolation makes of it."""
+    """A 3-2-1-1 with ramps of two samples and corners on samples, which linear interpolation reproduces exactly."""
     corners = STEP_S * np.array([25, 27, 48, 50, 64, 66, 73, 75, 82, 84])
     return trim(18.0)[1] + np.deg2rad(2.0) * np.interp(t, corners, [0, 1, 1, -1, -1, 1, 1, -1, -1, 0])
 
@@ -133,7 +133,7 @@ TRUE_POWER_W = RHO * SPEEDS**3 / 2 * S * np.array(
 ALL_MODELS = {
     "two_state": models.two_state(NEXSTAR),
     "pitch_and_height": models.pitch_and_height(NEXSTAR),
-    "pitch_and_height with climb rate": models.pitch_and_height(NEXSTAR, climb_rate=True),
+    "pitch_and_height with climb rate": models.pitch_and_height(NEXSTAR, with_climb_rate=True),
     "longitudinal": models.longitudinal(NEXSTAR),
     "wind_axis_forces": models.wind_axis_forces(NEXSTAR),
     "level_run": models.level_run(NEXSTAR),
@@ -162,7 +162,7 @@ def test_sensitivities_are_those_of_a_complex_step(name):
     x0 = np.array([typical.get(s, 0.02) for s in model.states])
     p = np.array([q.start for q in model.parameters]) + 0.01 * rng.standard_normal(len(model.parameters))
     names = tuple(q.name for q in model.parameters)
-    S = trace(model, names).run(x0, U, p, STEP_S).S
+    S = build_simulator(model, names).run(x0, U, p, STEP_S).S
 
     def respond(x, p):
         y = np.zeros((n, len(model.outputs)), dtype=complex)
@@ -189,15 +189,15 @@ def test_sensitivities_are_those_of_a_complex_step(name):
         assert np.abs(S[:, :, i] - column).max() <= 1e-8 * max(1.0, np.abs(column).max())
 
 
-def test_the_models_do_not_read_what_the_simulator_flies(runs):
+def test_the_models_do_not_use_the_simulator_s_aerodynamics(runs):
     stripped = replace(NEXSTAR, aerodynamics=None)
     segments = [measured(name, truth) for name, truth in runs.items()]
-    assert models.quick_start(stripped, segments) == models.quick_start(NEXSTAR, segments)
+    assert models.starting_values(stripped, segments) == models.starting_values(NEXSTAR, segments)
     for build in (models.two_state, models.pitch_and_height, models.longitudinal, models.wind_axis_forces):
         assert [q.start for q in build(stripped).parameters] == [q.start for q in build(NEXSTAR).parameters]
 
 
-def test_pitch_and_height_finds_the_power_of_flawed_sensors(runs):
+def test_pitch_and_height_estimates_power_in_spite_of_sensor_errors(runs):
     """Systematic errors drawn from their priors, bench noise on all else but the gyro, which the model takes as
     exact: the power lies within four of its own standard errors, and within 10 %, at low, middle and high speed."""
     model = models.pitch_and_height(NEXSTAR)
@@ -208,9 +208,9 @@ def test_pitch_and_height_finds_the_power_of_flawed_sensors(runs):
         wrong = {name: sigma * rng.standard_normal() for name, sigma in spread.items()}
         noise = BENCH_NOISE | {"q": 0.0}
         segments = [measured(k, truth, noise, 2 * seed + i, wrong) for i, (k, truth) in enumerate(runs.items())]
-        fit = output_error.estimate(model, segments, start=models.quick_start(NEXSTAR, segments))
+        fit = output_error.estimate(model, segments, start=models.starting_values(NEXSTAR, segments))
         assert fit.verdict.ok
-        power = uncertainty.delta(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
+        power = uncertainty.delta_method(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
         deviation.append((power.value - TRUE_POWER_W) / power.standard_error)
         assert power.value == pytest.approx(TRUE_POWER_W, rel=0.10)
     # 12 deviations, correlated among the three speeds, of unit variance: rms 1 +- 0.3.
@@ -218,24 +218,24 @@ def test_pitch_and_height_finds_the_power_of_flawed_sensors(runs):
     assert np.sqrt(np.mean(np.square(deviation))) < 1.9
 
 
-def test_gyro_noise_costs_accuracy_but_not_the_result(runs):
+def test_with_gyro_noise_power_is_right_within_15_percent(runs):
     model = models.pitch_and_height(NEXSTAR)
     for seed in range(2):
         segments = [measured(k, truth, BENCH_NOISE, 2 * seed + i) for i, (k, truth) in enumerate(runs.items())]
-        fit = output_error.estimate(model, segments, start=models.quick_start(NEXSTAR, segments))
+        fit = output_error.estimate(model, segments, start=models.starting_values(NEXSTAR, segments))
         assert fit.verdict.ok
         assert power_W(fit.shared(), SPEEDS) == pytest.approx(TRUE_POWER_W, rel=0.15)
 
 
 def test_two_states_with_true_pitch_angle(runs):
     segments = [measured(k, t, BENCH_NOISE | {"q": 0.0}, i) for i, (k, t) in enumerate(runs.items())]
-    fit = output_error.estimate(models.two_state(NEXSTAR), segments, start=models.quick_start(NEXSTAR, segments))
+    fit = output_error.estimate(models.two_state(NEXSTAR), segments, start=models.starting_values(NEXSTAR, segments))
     assert fit.verdict.ok
-    power = uncertainty.delta(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
+    power = uncertainty.delta_method(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
     assert np.all(np.abs(power.value - TRUE_POWER_W) < 4 * power.standard_error)
 
 
-def test_a_3211_input_shows_the_pitching_moment_and_lift_due_to_pitch_rate(manoeuvre):
+def test_a_3211_input_identifies_pitching_moment_and_lift_due_to_pitch_rate(manoeuvre):
     model = models.longitudinal(NEXSTAR)
     quiet = {"V": 0.1, "alpha": 0.001, "q": 0.001, "ax": 0.03, "az": 0.03, "h": 0.1}
     fit = output_error.estimate(model, measured("3211", manoeuvre, quiet))
@@ -248,7 +248,7 @@ def test_a_3211_input_shows_the_pitching_moment_and_lift_due_to_pitch_rate(manoe
     assert uncertainty.t_tests(uncertainty.cramer_rao(fit))["Cma"].significant
 
 
-def test_forces_on_a_known_path_give_the_polar_back(runs):
+def test_forces_on_a_known_trajectory_reproduce_the_polar(runs):
     segments = []
     for name, truth in runs.items():
         segment = measured(name, truth)
@@ -263,12 +263,12 @@ def test_forces_on_a_known_path_give_the_polar_back(runs):
     assert (p.CL0, p.CLa, p.CLde) == pytest.approx((AERO.CL0, AERO.CLa, AERO.CLde), rel=1e-5)
 
 
-def test_quick_start_is_close_on_clean_data_and_generic_on_nonsense(runs):
-    clean = models.quick_start(NEXSTAR, [measured(k, t) for k, t in runs.items()])
+def test_quick_start_are_close_on_clean_data_and_the_defaults_on_nonsense(runs):
+    clean = models.starting_values(NEXSTAR, [measured(k, t) for k, t in runs.items()])
     assert (clean["A0"], clean["A2"]) == pytest.approx((TRUE_POLAR[0], TRUE_POLAR[2]), rel=0.02)
     assert clean["CLa"] == pytest.approx(AERO.CLa, rel=0.05)
     upside_down = measured("nonsense", runs["acceleration"] | {"az": -runs["acceleration"]["az"]})
-    generic = models.quick_start(NEXSTAR, upside_down)
+    generic = models.starting_values(NEXSTAR, upside_down)
     assert generic["CLa"] == models.lift_slope(NEXSTAR.aspect_ratio)
 
 

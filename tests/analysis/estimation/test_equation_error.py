@@ -1,4 +1,4 @@
-"""Equation error on a short period: exact without noise, good enough to start output error with noise."""
+"""Equation error on a short period: exact without noise, and good starting values for output error with noise."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from analysis.estimation import equation_error, output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
-from analysis.estimation.simulation import trace
+from analysis.estimation.simulation import build_simulator
 from flight.errors import InputError
 
 TRUE = {"Zal": -1.5, "Mal": -20.0, "Mq": -3.0, "Mde": -25.0}
@@ -22,7 +22,7 @@ MODEL = Model(
     dynamics=lambda x, u, p: (p.Zal * x.alpha + x.q, p.Mal * x.alpha + p.Mq * x.q + p.Mde * u.de),
     output_function=lambda x, u, p: (x.alpha, x.q, 20 * p.Zal * x.alpha),
 )
-CLEAN = trace(MODEL, ()).run(np.zeros(2), DE[:, None], np.array(list(TRUE.values())), STEP_S).y
+CLEAN = build_simulator(MODEL, ()).run(np.zeros(2), DE[:, None], np.array(list(TRUE.values())), STEP_S).y
 
 
 def segment(sigma=0.0, seed=0):
@@ -30,14 +30,14 @@ def segment(sigma=0.0, seed=0):
     return Segment(name="sweep", t_s=T_S, u={"de": DE}, z=dict(zip(MODEL.outputs, z.T, strict=True)))
 
 
-def test_without_noise_the_low_pass_leaves_the_equation_whole():
-    """From starting values of zero. What remains is the kernel's sampling, and its ends, cut at 6e-5."""
+def test_without_noise_the_filtered_signals_satisfy_the_equation():
+    """From starting values of zero. The remaining error comes from sampling and truncation of the kernel."""
     p = equation_error.estimate(MODEL, segment(), smoothing_s=0.06).shared()
     for name, value in TRUE.items():
         assert getattr(p, name) == pytest.approx(value, rel=2e-3), name
 
 
-def test_smoothing_is_what_takes_care_of_the_errors_in_the_regressors():
+def test_smoothing_removes_the_bias_from_noise_in_the_regressors():
     """30 % noise in a regressor shrinks its coefficient by 0.3^2/(1 + 0.3^2) = 8 %. A low-pass three samples wide
     leaves 1/(2 sqrt(pi) 3) = 9 % of the noise's variance, so that less than 1 % of shrinkage remains."""
     off = {}
@@ -48,7 +48,7 @@ def test_smoothing_is_what_takes_care_of_the_errors_in_the_regressors():
     assert off[0.01] > 0.05
 
 
-def test_it_starts_output_error_from_nothing():
+def test_it_gives_starting_values_for_output_error():
     noisy = segment(0.05, 1)
     first = equation_error.estimate(MODEL, noisy, smoothing_s=0.06).shared()
     fit = output_error.estimate(MODEL, noisy, start={name: getattr(first, name) for name in TRUE})
@@ -57,7 +57,7 @@ def test_it_starts_output_error_from_nothing():
         assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].standard_error
 
 
-def test_a_gap_takes_out_only_what_it_reaches():
+def test_a_gap_removes_only_samples_within_the_kernel():
     holed = segment()
     holed.z["q"][200:205] = np.nan
     fit = equation_error.estimate(MODEL, holed, smoothing_s=0.06)
@@ -67,7 +67,7 @@ def test_a_gap_takes_out_only_what_it_reaches():
     assert fit.shared().Mq == pytest.approx(TRUE["Mq"], rel=2e-3)
 
 
-def test_what_it_cannot_do_is_said():
+def test_unusable_data_and_models_are_refused():
     with pytest.raises(InputError, match="sweep: 500 samples are too few for smoothing over 2 s"):
         equation_error.estimate(MODEL, segment(), smoothing_s=2.0)
     hidden = Model(
@@ -78,5 +78,5 @@ def test_what_it_cannot_do_is_said():
         dynamics=lambda x, u, p: (-p.k * x.x,),
         output_function=lambda x, u, p: (2 * x.x,),
     )
-    with pytest.raises(InputError, match="hidden: equation error needs every state measured; x is no output"):
+    with pytest.raises(InputError, match="hidden: equation error needs every state measured, but x is not an output"):
         equation_error.regression_of(hidden)

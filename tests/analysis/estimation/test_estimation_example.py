@@ -1,4 +1,4 @@
-"""The worked example in the documentation runs, is short, finds what went in, and prints what it says it prints."""
+"""The example in the documentation runs, is short, finds the true values, and prints what the page shows."""
 
 import re
 from pathlib import Path
@@ -21,17 +21,17 @@ def test_it_is_under_forty_lines():
     assert sum(bool(line.strip()) for line in CODE.splitlines()) < 40
 
 
-def test_it_finds_what_went_in(ran):
+def test_it_finds_the_true_values(ran):
     fit, errors = ran["fit"], ran["corrected"].standard_errors
     assert fit.verdict.ok
-    # The data are a small swing's, the model has the sine: 0.1 rad swings slower by 0.1^2/16, 0.06 % of frequency.
+    # The data are linear, the model has the sine: an amplitude of 0.1 rad lowers the frequency by 0.1^2/16, 0.06 %.
     for name, truth in (("stiffness", 36 * 1.00125), ("damping", 0.8), ("theta_bias", 0.01)):
         assert abs(fit.parameters[name].value - truth) < 4 * errors[name], name
     assert abs(ran["frequency"].value[0] - 0.9528) < 4 * ran["frequency"].standard_error[0] + 0.0006
 
 
 def test_the_page_shows_what_it_prints(capsys):
-    """Numbers to 1 %: the last digits belong to the machine."""
+    """Numbers to 1 %, because the last digits depend on the machine."""
     exec(compile(CODE, "docs/estimation-example.md", "exec"), {})
     number = re.compile(r"-?\d+\.\d+")
     shown, printed = capsys.readouterr().out, PRINTED
@@ -41,15 +41,15 @@ def test_the_page_shows_what_it_prints(capsys):
     )
 
 
-def test_what_it_says_of_the_flap_is_true(ran):
+def test_the_flap_is_not_identifiable(ran):
     from analysis.estimation import output_error
 
     fit = output_error.estimate(ran["wing"], ran["released"])
-    assert "not identifiable: the data do not notice flap_effect" in fit.verdict.text
-    assert "not identifiable: the data do not notice flap_effect" in TEXT
+    assert "not identifiable: the data do not determine flap_effect" in fit.verdict.text
+    assert "not identifiable: the data do not determine flap_effect" in TEXT
 
 
-def test_what_it_says_of_turbulence_is_true(ran, capsys):
+def test_process_noise_is_not_significant_in_still_air(ran, capsys):
     exec(compile(IN_TURBULENCE, "docs/estimation-example.md", "exec"), ran)
     assert "process noise of q is not significant" in capsys.readouterr().out
     assert "process noise of q is not significant" in TEXT

@@ -1,4 +1,4 @@
-"""What a user can get wrong is said in one line that names it."""
+"""Errors of the user raise InputError with one line that names model, segment or parameter."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def holed(index, value=np.nan):
         (lambda: decay().changed(j={"free": False}), "decay: no parameter is named 'j'"),
     ],
 )
-def test_what_cannot_be_made(make, message):
+def test_invalid_models_and_segments_are_refused(make, message):
     with pytest.raises(InputError, match=message):
         make()
 
@@ -93,11 +93,11 @@ def test_what_cannot_be_made(make, message):
         ({"outputs": ("y",)}, [{"z": {"y": T_S}}], {}, "run 1: no starting value for state x"),
         ({}, [{}, {}], {}, "two segments are named 'run 1'"),
         ({}, [], {}, "no segment to fit"),
-        ({}, [{"z": {"x": holed(slice(None))}, "x0": {"x": 1.0}}], {}, "output x has not a single sample"),
+        ({}, [{"z": {"x": holed(slice(None))}, "x0": {"x": 1.0}}], {}, "output x has no samples"),
         ({}, [{}], {"integrator": "simpson"}, "integrator = 'simpson': choose one of rk4"),
         ({}, [{}], {"initial_states": ("v",)}, "initial_states"),
         ({}, [{}], {"initial_states": "some"}, "initial_states"),
-        ({}, [{}], {"start": {"j": 1.0}}, "start: 'j' is none of"),
+        ({}, [{}], {"start": {"j": 1.0}}, "start: 'j' is not among the unknowns"),
         ({}, [{}], {"noise_covariance": [1.0, 1.0]}, "noise_covariance must be"),
         ({}, [{}], {"tail_dof": 4.0, "noise": "full"}, "tail_dof"),
         (
@@ -109,7 +109,7 @@ def test_what_cannot_be_made(make, message):
         ({}, [{"z": {"x": holed(slice(2, None))}}], {"noise": "full"}, None),
     ],
 )
-def test_what_cannot_be_fitted(model, segments, options, message):
+def test_invalid_fits_are_refused(model, segments, options, message):
     fit = lambda: output_error.estimate(decay(**model), [record(**s) for s in segments], **options)  # noqa: E731
     if message is None:
         assert fit().samples == 2  # two samples of one output are enough for a covariance of one

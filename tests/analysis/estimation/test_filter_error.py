@@ -1,4 +1,4 @@
-"""Filter error: what turbulence does to the motion is not taken for what sensors do to the data."""
+"""Filter error: estimates, standard errors and tests in turbulence and in still air."""
 
 import numpy as np
 import pytest
@@ -25,8 +25,8 @@ from analysis.estimation import aircraft_models as models
 from analysis.estimation import filter_error, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise
-from analysis.estimation.innovations import trace_filter
 from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.kalman_filter import build_filter
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 
@@ -79,14 +79,14 @@ def textbook_filter(p, ln_w, ln_v, x0, Z):
     return cost
 
 
-def test_likelihood_and_derivatives_are_those_of_the_textbook_s_filter():
-    """The matrix form in complex arithmetic, samples missing: value and complex-step derivatives to 1e-8."""
+def test_likelihood_and_derivatives_equal_those_of_the_matrix_form_of_the_filter():
+    """With missing samples: the value, and the derivatives by complex steps to 1e-8."""
     segment = linear_record(1)
     Z = np.column_stack([segment.z["alpha"], segment.z["q"]])[:120].copy()
     Z[20:30, 0] = np.nan
     Z[50:55] = np.nan
     p, ln_w, ln_v = np.array(list(LINEAR_TRUTH.values())), np.log([0.015]), np.log(2 * SIGMA)
-    traced = trace_filter(LINEAR, tuple(LINEAR_TRUTH), ("alpha",))
+    traced = build_filter(LINEAR, tuple(LINEAR_TRUTH), ("alpha",))
     found = traced.run(X0, DE[:120, None], Z, p, ln_w, ln_v, np.zeros(1), STEP_S)
     present = np.isfinite(Z)
     e2 = (found.e**2 / np.exp(found.ln_s))[present]
@@ -114,9 +114,9 @@ def test_derivatives_of_the_aircraft_in_gusts():
     names = tuple(q.name for q in model.parameters)
     driven = ("gust", "gust_alpha", "theta")
     ln_w, ln_v = np.log([0.1, 0.005, 0.001]), np.log([0.2, 0.006, 0.05, 0.05, 0.4])
-    traced = trace_filter(model, names, driven)
+    traced = build_filter(model, names, driven)
     sizes = np.cumsum([len(p), 3, 5])
-    undisturbed = trace_filter(model, (), driven).run(x0, U, np.full((n, 5), np.nan), p, ln_w, ln_v, np.ones(3), 0.2)
+    undisturbed = build_filter(model, (), driven).run(x0, U, np.full((n, 5), np.nan), p, ln_w, ln_v, np.ones(3), 0.2)
     Z = undisturbed.y + np.exp(ln_v) * rng.standard_normal((n, 5))
 
     def run(numbers):
@@ -153,7 +153,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_in_turbulence_estimates_scatter_as_they_say_and_output_error_does_not(case):
+def test_in_turbulence_standard_errors_are_right_and_those_of_output_error_too_small(case):
     """Deviations of the parameters in standard errors have an rms of 1; 90 to 97 % of all are in 95 % intervals.
 
     Over 30 seeds of two records, and parameters of which about four go their own ways, the rms is known to
@@ -167,7 +167,7 @@ def test_in_turbulence_estimates_scatter_as_they_say_and_output_error_does_not(c
     off, inside, off_direct, inside_direct = [], [], [], []
     for seed in range(seeds):
         segments = [record(2 * seed, name="one"), record(2 * seed + 1, name="two")]
-        fit = filter_error.estimate(model, segments, noise, tested=False)
+        fit = filter_error.estimate(model, segments, noise, test_significance=False)
         assert fit.verdict.ok
         error = np.sqrt(np.diag(fit.covariance))[:m]
         off.append((fit.values - truth)[:m] / error)
@@ -184,7 +184,7 @@ def test_in_turbulence_estimates_scatter_as_they_say_and_output_error_does_not(c
     assert np.mean(inside_direct) < 0.65
 
 
-def test_in_still_air_it_finds_no_turbulence():
+def test_in_still_air_process_noise_is_not_significant():
     """A test at the 5 % level on 40 records without process noise: 2 +- 1.4 find some, and the verdict says so."""
     found = 0
     for seed in range(40):
@@ -206,12 +206,12 @@ def test_turbulence_that_is_there_is_significant():
 
 def test_segments_add_and_missing_samples_cost_information_and_nothing_else():
     one, two = linear_record(4, name="one"), linear_record(5, name="two")
-    both = filter_error.estimate(LINEAR, [one, two], LINEAR_NOISE, tested=False)
+    both = filter_error.estimate(LINEAR, [one, two], LINEAR_NOISE, test_significance=False)
     z = {name: values.copy() for name, values in one.z.items()}
     z["alpha"][40:120] = np.nan
     z["q"][::7] = np.nan
     gappy = Segment(name="one", t_s=T_S, u=one.u, z=z)
-    less = filter_error.estimate(LINEAR, [gappy, two], LINEAR_NOISE, tested=False)
+    less = filter_error.estimate(LINEAR, [gappy, two], LINEAR_NOISE, test_significance=False)
     assert both.verdict.ok and less.verdict.ok
     assert np.isnan(less.residuals["one"][40:120, 0]).all()
     for name, truth in LINEAR_TRUTH.items():
@@ -220,7 +220,7 @@ def test_segments_add_and_missing_samples_cost_information_and_nothing_else():
         assert estimate.standard_error > 0.95 * full.standard_error
 
 
-def test_an_unstable_aircraft_is_followed_over_a_record_that_is_not_cut():
+def test_an_unstable_aircraft_needs_no_split_record():
     """Positive Mal, held by feedback: an error doubles in 0.3 s, e^23 over the record, but for the filter, which
     corrects itself at every sample."""
     truth = LINEAR_TRUTH | {"Z0": 0.0, "M0": 0.0, "Mal": 12.0}
@@ -242,7 +242,7 @@ def test_an_unstable_aircraft_is_followed_over_a_record_that_is_not_cut():
     z = x + SIGMA * rng.standard_normal((n, 2))
     segment = Segment(name="run", t_s=T_S, u={"de": de}, z={"alpha": z[:, 0], "q": z[:, 1]})
     model = LINEAR.changed(Mal={"start": 6.0}, Z0={"start": 0.0}, M0={"start": 0.0})
-    fit = filter_error.estimate(model, segment, LINEAR_NOISE, inputs="held", tested=False)
+    fit = filter_error.estimate(model, segment, LINEAR_NOISE, inputs="held", test_significance=False)
     assert fit.verdict.ok
     for name, value in truth.items():
         assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].standard_error, name
@@ -250,17 +250,19 @@ def test_an_unstable_aircraft_is_followed_over_a_record_that_is_not_cut():
 
 def test_priors_held_parameters_and_known_noises():
     segment = linear_record(6)
-    plain = filter_error.estimate(LINEAR, segment, LINEAR_NOISE, tested=False)
+    plain = filter_error.estimate(LINEAR, segment, LINEAR_NOISE, test_significance=False)
     Mq = plain.parameters["Mq"]
     model = LINEAR.changed(Zde={"free": False}, Mq={"prior_mean": Mq.value, "prior_sigma": Mq.standard_error})
     known = {"alpha": float(SIGMA[0])}
-    fit = filter_error.estimate(model, segment, LINEAR_NOISE, noise_sigma=known, initial_states=("q",), tested=False)
+    fit = filter_error.estimate(
+        model, segment, LINEAR_NOISE, noise_sigma=known, initial_states=("q",), test_significance=False
+    )
     assert "Zde" not in fit.names and "ln v(alpha)" not in fit.names and "alpha(0)[run]" not in fit.names
     assert fit.noise_covariance[0, 0] == pytest.approx(SIGMA[0] ** 2)
     assert fit.parameters["Mq"].standard_error < 0.85 * Mq.standard_error
 
 
-def test_a_state_that_begins_disturbed():
+def test_a_state_with_process_noise_before_the_record():
     """Stationary noise x' = -x/T + w has the variance w^2 T/2 from its first sample on; the likelihood is the normal
     density of the whole record with the covariance of that process."""
     from scipy.stats import multivariate_normal
@@ -279,7 +281,7 @@ def test_a_state_that_begins_disturbed():
     t = np.arange(n) * 0.1
     covariance = w**2 * T / 2 * np.exp(-np.abs(t[:, None] - t) / T) + sigma**2 * np.eye(n)
     z = np.random.default_rng(0).multivariate_normal(np.full(n, 0.3), covariance)
-    held = ProcessNoise(state="x", start=w, free=False, acted_s=T / 2)
+    held = ProcessNoise(state="x", start=w, free=False, active_before_s=T / 2)
     fit = filter_error.estimate(
         model.changed(T={"free": False}), Segment(name="s", t_s=t, u={}, z={"x": z}, x0={"x": 0.3}), held,
         noise_sigma={"x": sigma},
@@ -300,13 +302,13 @@ def test_a_state_that_begins_disturbed():
         (LINEAR_NOISE, {"noise_sigma": {"V": 1.0}}, "no output 'V'"),
         (LINEAR_NOISE, {"noise_sigma": {"q": 0.0}}, "q must be greater than zero"),
         (
-            ProcessNoise(state="alpha", start=0.01, acted_s=1.0),
+            ProcessNoise(state="alpha", start=0.01, active_before_s=1.0),
             {"initial_states": ("alpha",)},
-            "alpha begins as its process noise left it",
+            "alpha has process noise with active_before_s > 0",
         ),
     ],
 )
-def test_what_cannot_be_fitted(noise, options, message):
+def test_invalid_fits_are_refused(noise, options, message):
     with pytest.raises(InputError, match=message):
         filter_error.estimate(LINEAR, linear_record(0), noise, **options)
 
@@ -316,11 +318,11 @@ def test_what_cannot_be_fitted(noise, options, message):
     [
         ({"start": 0.0}, "start must be greater than zero"),
         ({"start": np.nan}, "start must be greater than zero"),
-        ({"start": 1.0, "acted_s": -1.0}, "acted_s must not be negative"),
+        ({"start": 1.0, "active_before_s": -1.0}, "active_before_s must not be negative"),
         ({"start": 1.0, "prior_sigma": 0.0}, "prior_sigma must be greater than zero"),
     ],
 )
-def test_what_cannot_be_process_noise(changes, message):
+def test_invalid_process_noise_is_refused(changes, message):
     with pytest.raises(InputError, match=message):
         ProcessNoise(state="alpha", **changes)
 

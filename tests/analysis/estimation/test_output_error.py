@@ -1,12 +1,12 @@
-"""Output error on a model whose truth is known: an aircraft's short period, and small systems with an exact answer."""
+"""Output error on models with known parameters: a short period, and small systems with an exact solution."""
 
 import numpy as np
 import pytest
 
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment, split
+from analysis.estimation.fit import FitStatus
 from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import Status
 
 TRUTH = {"Zal": -1.5, "Mal": -20.0, "Mq": -3.0, "Mde": -25.0}
 SIGMA = {"alpha": 0.004, "q": 0.01}
@@ -55,7 +55,7 @@ def noisy(seed, name="run", sigma=SIGMA):
     return Segment(name=name, t_s=T_S, u={"de": DE}, z=z)
 
 
-def test_estimates_are_unbiased_and_scatter_as_cramer_and_rao_say():
+def test_estimates_are_unbiased_and_scatter_as_the_cramer_rao_bound():
     """500 seeds: the scatter itself is known to 1/sqrt(1000) = 3 %, the mean to 1/sqrt(500) of the scatter."""
     seeds = 500
     fits = [output_error.estimate(SHORT_PERIOD, noisy(seed)) for seed in range(seeds)]
@@ -67,7 +67,7 @@ def test_estimates_are_unbiased_and_scatter_as_cramer_and_rao_say():
     assert scatter / bound == pytest.approx(np.ones(6), abs=0.10)
 
 
-def test_without_noise_the_truth_comes_back_to_the_integrator_s_error():
+def test_without_noise_the_error_is_that_of_the_integrator():
     """RK4's error over a step of a 4.8 rad/s mode is (w h)^5/120 = 2e-6 of the motion, 1e-4 over the record."""
     fit = output_error.estimate(SHORT_PERIOD, Segment(name="run", t_s=T_S, u={"de": DE}, z=CLEAN))
     for name, value in TRUTH.items():
@@ -76,7 +76,7 @@ def test_without_noise_the_truth_comes_back_to_the_integrator_s_error():
 
 def test_integrators_converge_with_their_order():
     """Halving the step divides Euler's error by 2, the trapezoidal rule's by 4, RK4's by 16 (input is smooth)."""
-    from analysis.estimation.simulation import trace
+    from analysis.estimation.simulation import build_simulator
 
     p = np.array(list(TRUTH.values()))
     ratio = {}
@@ -86,7 +86,7 @@ def test_integrators_converge_with_their_order():
             t = np.linspace(0, 2, n + 1)
             de = 0.05 * t  # a ramp, which linear interpolation keeps exactly
             exact = exact_response(TRUTH, de, t[1])
-            y = trace(SHORT_PERIOD, (), integrator).run(np.zeros(2), de[:, None], p, t[1]).y
+            y = build_simulator(SHORT_PERIOD, (), integrator).run(np.zeros(2), de[:, None], p, t[1]).y
             error.append(abs(y[-1, 0] - exact["alpha"][-1]))
         ratio[integrator] = error[0] / error[1]
     assert ratio == pytest.approx({"euler": 2, "trapezoidal": 4, "rk4": 16}, rel=0.15)
@@ -163,7 +163,7 @@ def test_a_prior_is_as_good_as_a_measurement():
     assert held.value == pytest.approx(Mq.value + Mq.standard_error / 2, abs=0.05 * Mq.standard_error)
 
 
-def test_own_parameters_of_segments_beside_shared_ones():
+def test_parameters_of_single_segments_and_shared_ones():
     bias = {"one": 0.01, "two": -0.02}
     segments = []
     for seed, (name, b) in enumerate(bias.items()):
@@ -188,7 +188,7 @@ def test_own_parameters_of_segments_beside_shared_ones():
         assert fit.parameters[f"b[{name}]"].value == pytest.approx(b, abs=3 * SIGMA["alpha"])
 
 
-def test_parameters_that_only_act_together_are_named():
+def test_parameters_that_cannot_be_separated_are_named():
     model = Model(
         name="two gains",
         inputs=("u",),
@@ -205,8 +205,8 @@ def test_parameters_that_only_act_together_are_named():
     rng = np.random.default_rng(0)
     segment = Segment(name="s", t_s=t, u={"u": np.sin(t)}, z={"y": 5 * np.sin(t) + 1 + 0.1 * rng.standard_normal(50)})
     fit = output_error.estimate(model, segment)
-    assert fit.verdict.status is Status.NOT_IDENTIFIABLE
-    assert fit.verdict.text == "not identifiable: the data do not notice idle; a change by +1 a -0.5 b"
+    assert fit.verdict.status is FitStatus.NOT_IDENTIFIABLE
+    assert fit.verdict.text == "not identifiable: the data do not determine idle; a change by +1 a -0.5 b"
     assert np.isinf(fit.parameters["a"].standard_error) and np.isinf(fit.parameters["idle"].standard_error)
     assert fit.parameters["c"].value == pytest.approx(1, abs=4 * fit.parameters["c"].standard_error)
     total = fit.parameters["a"].value + 2 * fit.parameters["b"].value
@@ -216,7 +216,7 @@ def test_parameters_that_only_act_together_are_named():
 def test_a_bound_is_kept_and_reported():
     model = SHORT_PERIOD.changed(Mq={"start": -3.5, "upper": -3.4})
     fit = output_error.estimate(model, noisy(5))
-    assert fit.verdict.status is Status.AT_BOUND and "Mq = -3.4" in fit.verdict.text
+    assert fit.verdict.status is FitStatus.AT_BOUND and "Mq = -3.4" in fit.verdict.text
     assert fit.parameters["Mq"].value == -3.4
     # The others are at the optimum given Mq: the gradient of a free fit with Mq held agrees.
     held = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -3.4, "free": False}), noisy(5))
@@ -256,7 +256,7 @@ def unstable():
     return model, Segment(name="run", t_s=t, u={"u": np.ones(750)}, z={"x": np.zeros(750)})
 
 
-def test_a_response_that_is_not_finite_is_refused_with_the_reason():
+def test_a_response_that_is_not_finite_is_refused():
     from flight.errors import InputError
 
     model, segment = unstable()
@@ -264,7 +264,7 @@ def test_a_response_that_is_not_finite_is_refused_with_the_reason():
         output_error.estimate(model, segment)
 
 
-def test_an_unstable_aircraft_is_handled_in_pieces():
+def test_an_unstable_aircraft_with_split_segments():
     """Positive Mal: time to double 0.25 s, held by feedback. A whole record grows e^16; pieces of 1 s are benign."""
     truth = {"Zal": -1.5, "Mal": 12.0, "Mq": -3.0, "Mde": -25.0}
     assert np.linalg.eigvals([[truth["Zal"], 1], [truth["Mal"], truth["Mq"]]]).real.max() > 1
@@ -286,3 +286,36 @@ def test_an_unstable_aircraft_is_handled_in_pieces():
     assert fit.verdict.ok
     for name, value in truth.items():
         assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].standard_error
+
+
+@pytest.mark.parametrize(
+    ("rule", "integral"),
+    [
+        ("linear", lambda u0, u1: (u0**2 + u0 * u1 + u1**2) / 3),  # of the square of a straight line
+        ("mean", lambda u0, u1: ((u0 + u1) / 2) ** 2),
+        ("held", lambda u0, u1: u0**2),
+    ],
+)
+def test_inputs_between_samples(rule, integral):
+    """xdot = u^2: RK4 integrates each course of the input exactly."""
+    from analysis.estimation.simulation import build_simulator
+
+    model = Model(
+        name="square of the input",
+        states=("x",),
+        inputs=("u",),
+        outputs=("x",),
+        parameters=(Parameter(name="idle", start=0.0),),
+        dynamics=lambda x, u, p: (u.u**2,),
+        output_function=lambda x, u, p: (x.x,),
+    )
+    u = np.array([1.0, 3.0, -2.0, 0.5])
+    x = build_simulator(model, (), inputs=rule).run(np.zeros(1), u[:, None], np.zeros(1), 0.1).x[:, 0]
+    assert np.diff(x) == pytest.approx(0.1 * integral(u[:-1], u[1:]), rel=1e-12)
+
+
+def test_a_lower_bound_is_kept_and_the_others_are_at_their_optimum():
+    fit = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -2.0, "lower": -2.5}), noisy(5))
+    assert fit.verdict.status is FitStatus.AT_BOUND and fit.parameters["Mq"].value == -2.5
+    fixed = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -2.5, "free": False}), noisy(5))
+    assert fit.parameters["Mal"].value == pytest.approx(fixed.parameters["Mal"].value, rel=1e-4)

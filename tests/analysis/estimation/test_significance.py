@@ -1,4 +1,4 @@
-"""What it takes to see lift due to pitch rate (4.3-4.7): the trends of the source's Fig. 4.12, on simulated flights."""
+"""Significance of lift due to pitch rate (4.3-4.7): the trends of Fig. 4.12 on simulated flights."""
 
 import estimation
 import numpy as np
@@ -15,7 +15,7 @@ def flown():
     return estimation.manoeuvres()
 
 
-def test_the_quicker_the_manoeuvre_the_clearer_is_CLq(flown):
+def test_CLq_is_more_significant_in_quicker_manoeuvres(flown):
     """With the gyro as it is: t grows from a slow run over a throttle step to an elevator input, several times."""
     t = [estimation.t_of_CLq(NEXSTAR, run, 0.5, estimation.GYRO_RADPS / 2, SEEDS) for run in flown.values()]
     slow, step, elevator = t
@@ -23,7 +23,7 @@ def test_the_quicker_the_manoeuvre_the_clearer_is_CLq(flown):
     assert elevator > 4 * step
 
 
-def test_the_more_noise_in_all_else_the_higher_the_limit(flown):
+def test_the_limit_rises_with_the_noise_of_the_other_signals(flown):
     step = flown["throttle step, height wanders"]
     quiet, loud = (estimation.significance_limit(NEXSTAR, step, factor, SEEDS) for factor in (0.5, 1.0))
     assert loud.t_quiet == pytest.approx(quiet.t_quiet / 2, rel=0.4), "t goes with one over the noise"

@@ -1,4 +1,4 @@
-"""How fast fits are, in processor time, and from how far away they find home. Slow: for `make test`."""
+"""Processor time of fits, and convergence from starting values that are wrong by a factor of two."""
 
 import time
 
@@ -9,7 +9,7 @@ from scipy import optimize
 from analysis.estimation import aircraft_models as models
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
-from analysis.estimation.simulation import trace
+from analysis.estimation.simulation import build_simulator
 from flight.aircraft import load_aircraft
 
 pytestmark = pytest.mark.slow
@@ -34,7 +34,7 @@ def made_by_the_model(name, seed, V0=13.0):
     u |= {name: zero for name in ("phi", "p", "r", "beta")}
     p = np.array([TRUTH.get(parameter.name, parameter.start) for parameter in MODEL.parameters])
     U = np.column_stack([u[name] for name in MODEL.inputs])
-    y = trace(MODEL, ()).run(np.array([V0, 0.16]), U, p, STEP_S).y
+    y = build_simulator(MODEL, ()).run(np.array([V0, 0.16]), U, p, STEP_S).y
     z = {o: y[:, i] + SIGMA[o] * rng.standard_normal(N) for i, o in enumerate(MODEL.outputs)}
     return Segment(name=name, t_s=t, u=u, z=z)
 
@@ -51,7 +51,7 @@ def processor_time_s(work, repeats):
 def test_one_run_in_60_ms_and_twenty_in_2_s():
     assert sum(q.free for q in MODEL.parameters) == 12
     runs = [made_by_the_model(f"run {i}", i) for i in range(20)]
-    start = models.quick_start(NEXSTAR, runs[0])
+    start = models.starting_values(NEXSTAR, runs[0])
     assert output_error.estimate(MODEL, runs, start=start).verdict.ok
     one = processor_time_s(lambda: output_error.estimate(MODEL, runs[0], start=start), 10)
     twenty = processor_time_s(lambda: output_error.estimate(MODEL, runs, start=start), 2)
@@ -64,10 +64,10 @@ def general_optimiser(run):
 
     Its processor time [s], how many evaluations it took, and by how much its cost ends above ours.
     """
-    start = models.quick_start(NEXSTAR, run)
+    start = models.starting_values(NEXSTAR, run)
     fit = output_error.estimate(MODEL, run, start=start)
     free = tuple(q for q in MODEL.parameters if q.free)
-    plain = trace(MODEL, ())  # without sensitivities, as a general optimiser would have it
+    plain = build_simulator(MODEL, ())  # without sensitivities, as a general optimiser would have it
     U = np.column_stack([run.u[name] for name in MODEL.inputs])
     Z = np.column_stack([run.z[name] for name in MODEL.outputs])
     at = [i for i, q in enumerate(MODEL.parameters) if q.free]
@@ -78,7 +78,7 @@ def general_optimiser(run):
         p = np.array([q.start for q in MODEL.parameters])
         p[at] = theta[: len(free)]
         residuals = Z - plain.run(theta[len(free) :], U, p, STEP_S).y
-        prior = sum((t - q.prior_center) ** 2 / q.prior_sigma**2 for t, q in zip(theta, free, strict=False))
+        prior = sum((t - q.prior_mean_or_start) ** 2 / q.prior_sigma**2 for t, q in zip(theta, free, strict=False))
         return N / 2 * np.log((residuals**2).mean(axis=0)).sum() + prior / 2
 
     theta0 = [start.get(q.name, q.start) for q in free] + [run.z["V"][0], run.z["alpha"][0]]
@@ -93,7 +93,7 @@ def general_optimiser(run):
 def test_a_hundred_times_faster_than_a_general_optimiser():
     """To the same cost within 0.01, or it has not arrived at all."""
     run = made_by_the_model("run", 1)
-    start = models.quick_start(NEXSTAR, run)
+    start = models.starting_values(NEXSTAR, run)
     ours = processor_time_s(lambda: output_error.estimate(MODEL, run, start=start), 5)
     theirs, _, above = general_optimiser(run)
     assert above > -0.01

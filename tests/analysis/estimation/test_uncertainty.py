@@ -1,13 +1,15 @@
-"""Intervals that cover what they claim, on white and on coloured noise, and what is derived from a covariance."""
+"""Coverage of intervals with white and colored noise, and quantities derived from a covariance."""
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.stats import chi2
 
 from analysis.estimation import output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.intervals import NORMAL_95
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.simulation import build_simulator
 from flight.errors import InputError
 
 STEP_S, N = 0.04, 300
@@ -31,7 +33,7 @@ SHORT_PERIOD = Model(
 )
 # The truth comes from the model itself: what is tested is statistics, not integration.
 TRUE = np.array([-0.5, -5.0, -2.0, -7.0, 0.0, 0.0])
-CLEAN = output_error.trace(SHORT_PERIOD, ()).run(np.zeros(2), DE[:, None], TRUE[:4], STEP_S).y
+CLEAN = build_simulator(SHORT_PERIOD, ()).run(np.zeros(2), DE[:, None], TRUE[:4], STEP_S).y
 
 
 def first_order(rng, phi=0.9):
@@ -44,8 +46,8 @@ def moving_average(rng, length=15):
     return lfilter(np.ones(length) / np.sqrt(length), [1], rng.standard_normal((N + 200, 2)), axis=0)[200:]
 
 
-def passed_on(rng):
-    """What one output feels, the other feels five samples later: cross terms with a lag."""
+def shared_with_a_lag(rng):
+    """The second output contains the first output's noise five samples later: cross-correlation with a lag."""
     e = first_order(rng)
     return np.stack([e[:, 0], 0.8 * np.roll(e[:, 0], 5) + 0.6 * e[:, 1]], axis=1)
 
@@ -56,8 +58,10 @@ def fit_noisy(noise, **options):
     return output_error.estimate(SHORT_PERIOD, segment, **options)
 
 
-@pytest.mark.parametrize("colour", [first_order, pytest.param(moving_average, marks=pytest.mark.slow), passed_on])
-def test_corrected_intervals_cover_on_coloured_noise_and_white_ones_do_not(colour):
+@pytest.mark.parametrize(
+    "colour", [first_order, pytest.param(moving_average, marks=pytest.mark.slow), shared_with_a_lag]
+)
+def test_with_colored_noise_corrected_intervals_cover_and_those_of_the_bound_do_not(colour):
     """100 seeds, 6 numbers: coverage is known to sqrt(0.95 0.05 / 100) = 2 % at most, the numbers being correlated."""
     inside: dict[str, list] = {"Cramer-Rao": [], "corrected": []}
     for seed in range(100):
@@ -70,7 +74,7 @@ def test_corrected_intervals_cover_on_coloured_noise_and_white_ones_do_not(colou
     assert 0.90 <= np.mean(inside["corrected"]) <= 0.97
 
 
-def test_on_white_noise_the_default_is_the_bound_and_the_raw_one_is_too_small():
+def test_with_white_noise_the_default_equals_the_bound_and_raw_is_too_small():
     """Mean variances over 40 seeds. The raw autocorrelation lacks what the fit took out: why it is not the default."""
     variances: dict[str, list] = {}
     for seed in range(40):
@@ -89,7 +93,7 @@ def test_on_white_noise_the_default_is_the_bound_and_the_raw_one_is_too_small():
     assert np.all(mean["Morelli-Klein (raw)"] < 0.95 * bound)
 
 
-def test_raw_morelli_klein_is_the_double_sum_of_the_paper():
+def test_raw_morelli_klein_equals_the_double_sum_of_the_paper():
     fit = fit_noisy(first_order(np.random.default_rng(1)))
     R_inv = np.linalg.inv(fit.noise_covariance)
     nu, S = fit.residuals["run"], fit.responses["run"].S
@@ -115,10 +119,10 @@ def test_delta_method_on_a_known_function():
     """Natural frequency sqrt(-Mal - ...) by hand, and a linear curve whose covariance is exact."""
     what = uncertainty.cramer_rao(fit_noisy(np.random.default_rng(3).standard_normal((N, 2))))
     i, j = what.fit.names.index("Mal"), what.fit.names.index("Mq")
-    frequency = uncertainty.delta(what, lambda p: np.sqrt(-p.Mal))
+    frequency = uncertainty.delta_method(what, lambda p: np.sqrt(-p.Mal))
     by_hand = np.sqrt(what.covariance[i, i]) / (2 * np.sqrt(-what.fit.parameters["Mal"].value))
     assert frequency.standard_error[0] == pytest.approx(by_hand, rel=1e-5)
-    line = uncertainty.delta(what, lambda p: p.Mal + p.Mq * np.array([0.0, 1.0, 2.0]))
+    line = uncertainty.delta_method(what, lambda p: p.Mal + p.Mq * np.array([0.0, 1.0, 2.0]))
     G = np.array([[1, 0], [1, 1], [1, 2]])
     assert line.covariance == pytest.approx(G @ what.covariance[np.ix_([i, j], [i, j])] @ G.T, rel=1e-6)
 
@@ -130,7 +134,7 @@ def test_prior_share_of_a_variance():
     assert uncertainty.cramer_rao(plain).prior_share == pytest.approx(np.zeros(6))
     Mq = plain.parameters["Mq"]
     model = SHORT_PERIOD.changed(Mq={"prior_mean": Mq.value, "prior_sigma": Mq.standard_error})
-    fit = output_error.estimate(model, plain.pieces[0].segment)
+    fit = output_error.estimate(model, plain.segment_fits[0].segment)
     share = dict(zip(fit.names, uncertainty.cramer_rao(fit).prior_share, strict=True))
     assert share["Mq"] == pytest.approx(0.5, abs=0.01)
     assert share["alpha(0)[run]"] < 0.1
@@ -179,14 +183,14 @@ def test_signal_to_noise_is_the_ratio_of_variances():
 
 def test_scatter_between_runs_is_the_bound_over_the_root_of_their_number():
     fits = [fit_noisy(np.random.default_rng(seed).standard_normal((N, 2))) for seed in range(60)]
-    between = uncertainty.between_runs(fits)
+    between = uncertainty.between_fits(fits)
     expected = np.mean([np.diag(fit.covariance)[:4] for fit in fits], axis=0) / 60
     assert np.sqrt(np.diag(between.covariance) / expected) == pytest.approx(np.ones(4), abs=0.3)
     with pytest.raises(InputError, match="at least two fits"):
-        uncertainty.between_runs(fits[:1])
+        uncertainty.between_fits(fits[:1])
 
 
-def test_nothing_is_derived_from_what_cannot_be_told_apart():
+def test_the_delta_method_refuses_unidentifiable_parameters():
     model = Model(
         name="sum",
         inputs=("u",),
@@ -197,4 +201,47 @@ def test_nothing_is_derived_from_what_cannot_be_told_apart():
     rng = np.random.default_rng(0)
     fit = output_error.estimate(model, Segment(name="s", t_s=T_S, u={"u": T_S}, z={"y": T_S + rng.standard_normal(N)}))
     with pytest.raises(InputError, match=r"not identifiable: .* a change by \+1 a -1 b"):
-        uncertainty.delta(uncertainty.morelli_klein(fit), lambda p: p.a)
+        uncertainty.delta_method(uncertainty.morelli_klein(fit), lambda p: p.a)
+
+
+def test_signal_to_noise_does_not_count_a_constant():
+    """y = 100 + 2 sin t: the variance of the response is 2^2/2 whatever its mean."""
+    model = Model(
+        name="sine",
+        inputs=("u",),
+        outputs=("y",),
+        parameters=(Parameter(name="a", start=0.0), Parameter(name="b", start=0.0)),
+        output_function=lambda x, u, p: (p.a + p.b * u.u,),
+    )
+    t = np.linspace(0, 20 * np.pi, 2000, endpoint=False)
+    y = 100 + 2 * np.sin(t) + 0.1 * np.random.default_rng(0).standard_normal(len(t))
+    fit = output_error.estimate(model, Segment(name="s", t_s=t, u={"u": np.sin(t)}, z={"y": y}))
+    assert uncertainty.signal_to_noise(fit)["y"] == pytest.approx(2 / 0.1**2, rel=0.1)
+
+
+def mean_of(z):
+    model = Model(
+        name="mean",
+        outputs=("z",),
+        parameters=(Parameter(name="a", start=0.0),),
+        output_function=lambda x, u, p: (p.a,),
+    )
+    return output_error.estimate(model, Segment(name="s", t_s=np.arange(len(z)) * 0.1, u={}, z={"z": z}))
+
+
+def test_the_t_test_is_two_sided_with_the_degrees_of_freedom_left():
+    fit = mean_of(np.random.default_rng(0).standard_normal(11))
+    test = uncertainty.t_tests(uncertainty.cramer_rao(fit))["a"]
+    assert test.critical == pytest.approx(2.228, abs=1e-3)  # Student's t, 10 degrees of freedom, 5 %
+    assert test.t == pytest.approx(fit.values[0] / fit.parameters["a"].standard_error)
+
+
+def test_whiteness_is_the_test_of_ljung_and_box():
+    fit = mean_of(first_order(np.random.default_rng(1), phi=0.1)[:80, 0])
+    e = fit.residuals["s"][:, 0]
+    n, lags = len(e), 5
+    r = np.array([e[k:] @ e[: n - k] for k in range(1, lags + 1)]) / (e @ e)
+    Q = n * (n + 2) * (r**2 / (n - np.arange(1, lags + 1))).sum()
+    found = uncertainty.whiteness(fit, lags)["z"]
+    assert found.lag_one == pytest.approx(r[0])
+    assert found.p_value == pytest.approx(chi2.sf(Q, lags))

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.airdata.bank import bank_angle
 from analysis.maneuvers.find_level import SMOOTHING_S, find_runs
 from analysis.maneuvers.legs import turning_points
 
@@ -36,7 +37,7 @@ def flight(speed, height=None, turn_radps=None, **gone) -> pd.DataFrame:
     )
     for name, rows in gone.items():
         table.loc[table.index[rows], name] = np.nan
-    return table
+    return table.assign(bank_rad=bank_angle(table))
 
 
 def up_and_down(low=12.0, high=23.0, seconds=12.0) -> np.ndarray:
@@ -81,12 +82,27 @@ def test_speed_turns_where_it_comes_back_and_not_where_it_wavers() -> None:
     V = np.array([10.0, 10.6, 10.1, 14.0, 13.2, 18.0, 17.1, 12.0, 12.9, 11.0, 15.0])
     assert turning_points(V) == [0, 5, 9, 10]
     assert turning_points(np.array([12.0, 12.9, 12.1, 12.8])) == []
+    # 4.5 m/s are 15 % of 30, but less than a quarter of the 20 m/s gained: the leg goes on.
+    assert turning_points(np.array([10.0, 30.0, 25.5, 34.0, 20.0])) == [0, 3, 4]
 
 
 def test_steady_flight_has_no_run() -> None:
     runs, rejected = find_runs(flight(np.full(2000, 15.0)))
     assert not runs
     assert not rejected
+
+
+@pytest.mark.parametrize(("climb_mps", "level"), [(0.9, True), (1.5, False), (-1.5, False)])
+def test_a_run_climbs_or_descends_by_no_more_than_1_2_mps_on_average(climb_mps: float, level: bool) -> None:
+    """Height alone would not tell: at 1.5 m/s it changes by 15 m in these ten seconds, of 20 m that are allowed."""
+    speed = up_and_down(seconds=8.0)
+    runs, rejected = find_runs(flight(speed, height=100.0 + climb_mps * np.arange(len(speed)) / RATE_HZ))
+    if level:
+        assert [run.kind for run in runs] == ["acceleration", "deceleration"]
+        assert [run.altitude_change_m for run in runs] == pytest.approx([9 * climb_mps] * 2, abs=1.5)
+    else:
+        assert not runs
+        assert [f"climbed at {climb_mps:.1f} m/s" in stretch.reason for stretch in rejected] == [True, True]
 
 
 @pytest.mark.parametrize(

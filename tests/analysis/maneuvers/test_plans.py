@@ -1,4 +1,4 @@
-"""Every kind of run is found where the simulator flew it, and a file of runs can be edited and taken back."""
+"""Every kind of maneuver is found where the simulator flew it; a file of maneuvers can be edited and read again."""
 
 import re
 from pathlib import Path
@@ -8,10 +8,11 @@ import pandas as pd
 import pytest
 from methods import drawn, fly
 
+from analysis.airdata.bank import bank_angle
 from analysis.maneuvers import toml_file as edit
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import Maneuvers
-from analysis.maneuvers.quality import shaking
+from analysis.maneuvers.quality import load_factor_rms
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from sim.sensors import load_budget
@@ -33,13 +34,13 @@ def flown(probe, plan: str, turbulence_kt: float = 0.0):
 
 
 @pytest.fixture(scope="module")
-def manoeuvres(probe):
+def maneuvers(probe):
     return flown(probe, "manoeuvres")
 
 
-def test_the_manoeuvres_of_the_literature_are_found_once_each_where_they_were_flown(manoeuvres) -> None:
-    found = find(manoeuvres.table, manoeuvres.still)
-    segments = manoeuvres.segments
+def test_the_maneuvers_of_the_literature_are_found_once_each_where_they_were_flown(maneuvers) -> None:
+    found = find(maneuvers.table, maneuvers.still)
+    segments = maneuvers.segments
     for kind in ("roller-coaster", "wind-up-turn", "3-2-1-1"):
         start, end = segments.loc[segments["kind"] == kind, ["start_s", "end_s"]].iloc[0]
         (run,) = found.of(FOUND_AS[kind])
@@ -49,12 +50,13 @@ def test_the_manoeuvres_of_the_literature_are_found_once_each_where_they_were_fl
         assert run.seconds > 0.3 * (end - start)
 
 
-def test_a_gap_in_the_imu_does_not_make_a_wind_up_turn_vanish_without_a_word(manoeuvres) -> None:
-    (whole,) = find(manoeuvres.table, manoeuvres.still).of("wind-up turn")
-    table = manoeuvres.table.copy()
+def test_a_gap_in_the_imu_does_not_make_a_wind_up_turn_vanish_without_a_word(maneuvers) -> None:
+    (whole,) = find(maneuvers.table, maneuvers.still).of("wind-up turn")
+    table = maneuvers.table.copy()
     middle = (whole.start_s + whole.end_s) / 2
     table.loc[middle : middle + 0.6, ["ax_mps2", "ay_mps2", "az_mps2"]] = np.nan
-    found = find(table, manoeuvres.still)
+    table["bank_rad"] = bank_angle(table)
+    found = find(table, maneuvers.still)
     said = [*found.of("wind-up turn"), *(r for r in found.rejected if r.kind == "wind-up turn")]
     assert any(one.start_s < middle < one.end_s + 0.1 for one in said)
 
@@ -105,8 +107,8 @@ def test_each_acceleration_and_deceleration_flown_is_found_as_one(probe, turbule
     assert min(shares) == pytest.approx(1) or (turbulence_kt == 15 and np.mean(shares) > 0.8)
 
 
-def test_standing_and_flying_are_what_the_aircraft_did(manoeuvres) -> None:
-    found, segments = find(manoeuvres.table, manoeuvres.still), manoeuvres.segments
+def test_standing_and_flying_are_what_the_aircraft_did(maneuvers) -> None:
+    found, segments = find(maneuvers.table, maneuvers.still), maneuvers.segments
     (flying,) = found.of("flying")
     take_off, land = (segments[segments["kind"] == kind].iloc[0] for kind in ("take-off", "land"))
     assert take_off["start_s"] < flying.start_s < take_off["end_s"]
@@ -120,9 +122,9 @@ def test_turbulence_is_noted_and_grows_with_the_wind(probe) -> None:
     calm, rough = flown(probe, "accel-decel"), flown(probe, "accel-decel", 15.0)
     notes = [note for run in find(rough.table, rough.still).maneuvers for note in run.notes]
     assert any("turbulence" in note for note in notes)
-    shakes = [shaking(flight.table.loc[60.0:90.0]) for flight in (calm, rough)]
-    assert shakes[0] < 0.02
-    assert shakes[1] > 5 * shakes[0]
+    rms = [load_factor_rms(flight.table.loc[60.0:90.0]) for flight in (calm, rough)]
+    assert rms[0] < 0.02
+    assert rms[1] > 5 * rms[0]
 
 
 def test_a_throttle_step_is_noted_and_a_ramp_is_not(probe) -> None:
@@ -131,32 +133,32 @@ def test_a_throttle_step_is_noted_and_a_ramp_is_not(probe) -> None:
     assert ["throttle" in " ".join(run.notes) for run in accelerations] == [True, False]
 
 
-def test_a_file_of_runs_taken_back_unchanged_gives_the_same_runs(manoeuvres, tmp_path: Path) -> None:
-    found = find(manoeuvres.table, manoeuvres.still)
-    again = taken_back(edit.to_toml(found, "log.mcap"), manoeuvres.table, tmp_path)
+def test_a_file_of_runs_taken_back_unchanged_gives_the_same_runs(maneuvers, tmp_path: Path) -> None:
+    found = find(maneuvers.table, maneuvers.still)
+    again = taken_back(edit.to_toml(found, "log.mcap"), maneuvers.table, tmp_path)
     assert [(run.kind, run.rows) for run in again.maneuvers] == [(run.kind, run.rows) for run in found.maneuvers]
     assert len(again.rejected) == len(found.rejected)
 
 
-def test_runs_can_be_dropped_kept_and_shifted(manoeuvres, tmp_path: Path) -> None:
-    text = edit.to_toml(find(manoeuvres.table, manoeuvres.still), "log.mcap")
+def test_runs_can_be_dropped_kept_and_shifted(maneuvers, tmp_path: Path) -> None:
+    text = edit.to_toml(find(maneuvers.table, maneuvers.still), "log.mcap")
     only = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
     (run,) = taken_back(
-        only + "[[run]]\nkind='steady'\nstart='70 s'\nend='80 s'\nkeep=false", manoeuvres.table, tmp_path
+        only + "[[run]]\nkind='steady'\nstart='70 s'\nend='80 s'\nkeep=false", maneuvers.table, tmp_path
     ).maneuvers
     assert (run.kind, run.start_s, run.end_s) == (
         "acceleration",
         pytest.approx(60, abs=0.04),
         pytest.approx(68, abs=0.04),
     )
-    everything = taken_back(text.replace("keep = false", "keep = true"), manoeuvres.table, tmp_path)
+    everything = taken_back(text.replace("keep = false", "keep = true"), maneuvers.table, tmp_path)
     assert not everything.rejected
 
 
 def taken_back(text: str, table: pd.DataFrame, folder: Path) -> Maneuvers:
     path = folder / "runs.toml"
     path.write_text(text, "utf-8")
-    return edit.taken(edit.load(path), table, [], "runs.toml")
+    return edit.apply(edit.load(path), table, [], "runs.toml")
 
 
 ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
@@ -175,7 +177,7 @@ ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
         (ONE.replace("60 s", "-1 s"), "must lie before end"),
         (ONE + "colour = 1", "unknown key 'colour'"),
         (ONE.replace('end = "68 s"', ""), "end is missing"),
-        (ONE + "keep = false", "keeps no run"),
+        (ONE + "keep = false", "no [[run]] has keep = true"),
         (ONE.replace("60", "9000").replace("68", "9010"), "the log ends at"),
         (ONE.replace("60 s", "67.9 s"), "samples"),
         (ONE.replace("60 s", "66 s"), "51 samples; 60 are needed"),
@@ -183,27 +185,27 @@ ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
         (ONE.replace("60 s", "5 s"), "no V for"),
     ],
 )
-def test_a_wrong_file_of_runs_is_refused_in_one_line(manoeuvres, tmp_path: Path, text: str, cause: str) -> None:
+def test_a_wrong_file_of_runs_is_refused_in_one_line(maneuvers, tmp_path: Path, text: str, cause: str) -> None:
     with pytest.raises(InputError, match=re.escape(cause)) as refused:
-        taken_back(text, manoeuvres.table, tmp_path)
+        taken_back(text, maneuvers.table, tmp_path)
     assert "\n" not in str(refused.value) and "runs.toml" in str(refused.value)
 
 
-def test_elevator_steps_that_are_no_3211_are_rejected_with_their_times(manoeuvres) -> None:
-    table = manoeuvres.table.copy()
-    start = next(run.start_s for run in find(table, manoeuvres.still).maneuvers if run.kind == "3-2-1-1")
+def test_elevator_steps_that_are_no_3211_are_rejected_with_their_times(maneuvers) -> None:
+    table = maneuvers.table.copy()
+    start = next(run.start_s for run in find(table, maneuvers.still).maneuvers if run.kind == "3-2-1-1")
     t = table.index.to_numpy() - start
     doublet = np.radians(3) * (((t > 0) & (t < 1)).astype(float) - ((t >= 1) & (t < 2)))
     table.loc[(t > -1) & (t < 8), "elevator_rad"] = doublet[(t > -1) & (t < 8)]
-    found = find(table, manoeuvres.still)
+    found = find(table, maneuvers.still)
     assert not found.of("3-2-1-1")
-    assert any("1.0, 1.0 s are no 3-2-1-1" in stretch.reason for stretch in found.rejected)
+    assert any("1.0, 1.0 s are not a 3-2-1-1" in stretch.reason for stretch in found.rejected)
 
 
-def test_a_file_taken_back_as_it_was_written_changes_nothing_and_keeps_every_reason(manoeuvres, tmp_path: Path) -> None:
+def test_a_file_taken_back_as_it_was_written_changes_nothing_and_keeps_every_reason(maneuvers, tmp_path: Path) -> None:
     """Not even where the motor stood for a twentieth of the flight, which no run but the whole flight contains."""
-    table = manoeuvres.table.copy()
-    found = find(table, manoeuvres.still)
+    table = maneuvers.table.copy()
+    found = find(table, maneuvers.still)
     (whole,) = found.of("flying")
     used = [run for run in found.maneuvers if run.kind not in ("flying", "standing", "porpoising")]
     free = np.ones(len(table), dtype=bool)
@@ -212,6 +214,6 @@ def test_a_file_taken_back_as_it_was_written_changes_nothing_and_keeps_every_rea
     table.loc[free & (table.index.to_numpy() > whole.start_s), "thrust_N"] = np.nan
     assert table["thrust_N"].iloc[whole.rows].isna().mean() > 0.05
     (tmp_path / "runs.toml").write_text(edit.to_toml(found, "log.mcap"), "utf-8")
-    back = edit.taken(edit.load(tmp_path / "runs.toml"), table, found.rejected, "runs.toml")
+    back = edit.apply(edit.load(tmp_path / "runs.toml"), table, found.rejected, "runs.toml")
     assert [(run.kind, run.rows) for run in back.maneuvers] == [(run.kind, run.rows) for run in found.maneuvers]
     assert found.rejected and [stretch.reason for stretch in back.rejected] == [r.reason for r in found.rejected]

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
-from analysis.performance.propagation import Numbers, known
+from analysis.performance.propagation import ParameterVector, exact
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 from sim.air import Air, ambient
@@ -19,11 +19,11 @@ def height_of(air: Air, rho: float) -> float:
     return float(brentq(lambda h: float(ambient(air, h).density) - rho, -1000, 4000))
 
 
-def incidence_of(nexstar: Aircraft) -> Numbers:
+def incidence_of(nexstar: Aircraft) -> ParameterVector:
     """The simulator's own angle of attack over lift, with the elevator that trims."""
     aero = plant_of(nexstar).aero
     slope = 1 / (aero.CLa - aero.CLde * aero.Cma / aero.Cmde)
-    return known(alpha_0=-slope * (aero.CL0 - aero.CLde * aero.Cm0 / aero.Cmde), alpha_CL=slope)
+    return exact(alpha_0=-slope * (aero.CL0 - aero.CLde * aero.Cm0 / aero.Cmde), alpha_CL=slope)
 
 
 def steady_points(nexstar: Aircraft, propeller: Propeller, seconds: float = 20.0) -> pd.DataFrame:

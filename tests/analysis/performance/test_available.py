@@ -1,44 +1,43 @@
-"""Full throttle against the simulator's motor and its trim."""
+"""Highest level speed, climb and ceilings against the simulator's trimmed flight."""
 
 import warnings
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
-from motor_data import RHO, at_throttle, full_throttle_run, height_of, incidence_of, steady_points
+from motor_data import RHO, full_throttle_run, height_of, incidence_of
 
 from analysis.drag.polar import Condition, lift_coefficient
 from analysis.performance.available import (
     FASTEST,
     SERVICE_CLIMB_MPS,
-    FullThrottle,
+    _last_crossing,
     ceilings_m,
-    full_throttle,
-    performance,
+    full_throttle_performance,
 )
-from analysis.performance.power_train import full_throttle_revps
-from analysis.performance.propagation import Numbers, joined, known
+from analysis.performance.full_throttle import fit_full_throttle
+from analysis.performance.propagation import ParameterVector, combine_independent, exact
+from analysis.performance.propeller_speed import full_throttle_revps
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
 from sim.plant import plant_of
-from sim.propulsion import power_train
 from sim.trim import Trimmer
 
 
 @pytest.fixture(scope="module")
-def motor(nexstar, propeller) -> FullThrottle:
-    found = full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller)
-    assert isinstance(found, FullThrottle), found
-    return found
+def motor(nexstar, propeller) -> ParameterVector:
+    found = fit_full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller)
+    assert found.parameters is not None, found.reason
+    return found.parameters
 
 
 @pytest.fixture(scope="module")
-def numbers(nexstar, motor) -> Numbers:
+def parameters(nexstar, motor) -> ParameterVector:
     """The simulator's own polar, and the motor as it was found."""
     aero = plant_of(nexstar).aero
     A0, A1, A2 = aero.CD0 + aero.K * aero.CL_minD**2, -2 * aero.K * aero.CL_minD, aero.K
-    return joined(known(A0=A0, A1=A1, A2=A2, thrust_scale=0.0, thrust_slope=0.0), incidence_of(nexstar), motor.numbers)
+    polar = exact(A0=A0, A1=A1, A2=A2, thrust_scale=0.0, thrust_slope=0.0)
+    return combine_independent(polar, incidence_of(nexstar), motor)
 
 
 @pytest.fixture(scope="module")
@@ -52,21 +51,9 @@ def flown_CL(at) -> tuple[float, float]:
     return float(fast), float(slow)
 
 
-@pytest.mark.parametrize("rho", [RHO, 0.9])
-def test_the_motor_turns_as_the_simulator_s_at_other_speeds_and_densities(nexstar, propeller, motor, rho) -> None:
-    V = np.array([5.0, 11.0, 18.0, 25.0])
-    row = dict(zip(motor.numbers.names, motor.numbers.values, strict=True))
-    n = full_throttle_revps(propeller, V, rho, **row)
-    slower, faster = (
-        power_train(nexstar.propulsion, propeller, V=V, n=n * factor, throttle=1.0, rho=rho).motor_acceleration_revps2
-        for factor in (0.995, 1.005)
-    )
-    assert np.all((slower > 0) & (faster < 0)), "the balance of torques lies within 0.5 %"
-
-
-def test_highest_level_speed_and_climb_are_those_of_trimmed_flight(nexstar, propeller, numbers, at, flown_CL) -> None:
+def test_highest_speed_and_climb_are_those_of_trimmed_flight(nexstar, propeller, parameters, at, flown_CL) -> None:
     """Thrust carries some of the weight and points up by alpha in both; motor and lift of the sideslip leave 0.1 %."""
-    found = performance(numbers.nudged(), propeller, at, flown_CL)
+    found = full_throttle_performance(parameters.sigma_points(), propeller, at, flown_CL)
     plant = plant_of(nexstar)
     trimmer = Trimmer(plant, height_of(plant.air, RHO))
     assert float(found.maximum_speed.value) == pytest.approx(trimmer.V_max, rel=0.001)
@@ -81,78 +68,64 @@ def test_highest_level_speed_and_climb_are_those_of_trimmed_flight(nexstar, prop
     assert float(found.best_climb.value) == pytest.approx(low, rel=0.002)
 
 
-def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(propeller, numbers, at, flown_CL) -> None:
+def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(propeller, parameters, at, flown_CL) -> None:
     heavy = at._replace(weight_N=2.2 * at.weight_N)  # so that the ceiling lies well inside the troposphere
-    ceiling, absolute = ceilings_m(numbers.nudged(), propeller, heavy, flown_CL, (SERVICE_CLIMB_MPS, 0.0))
+    ceiling, absolute = ceilings_m(parameters.sigma_points(), propeller, heavy, flown_CL, (SERVICE_CLIMB_MPS, 0.0))
     h = float(ceiling.value)
     assert 1000 < h < 10_000
     up_there = heavy._replace(rho=float(density(pressure_at(h), temperature_at(h))))
-    climb = performance(numbers.nudged(), propeller, up_there, flown_CL).best_climb
+    climb = full_throttle_performance(parameters.sigma_points(), propeller, up_there, flown_CL).best_climb
     assert float(climb.value) == pytest.approx(SERVICE_CLIMB_MPS, abs=0.01)
     assert absolute.value > h
 
 
-def test_a_weight_that_no_motor_could_carry_has_no_climb_and_makes_no_noise(propeller, numbers, at, flown_CL) -> None:
-    """At 100 times the weight even the slowest flight is faster than the motor turns the propeller."""
+def test_a_weight_far_too_large_has_no_climb_and_gives_no_warning(propeller, parameters, at, flown_CL) -> None:
+    """At 100 times the weight the slowest flight is faster than the propeller at full throttle can follow."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = performance(numbers.nudged(), propeller, at._replace(weight_N=100 * at.weight_N), flown_CL)
+        heavy = at._replace(weight_N=100 * at.weight_N)
+        found = full_throttle_performance(parameters.sigma_points(), propeller, heavy, flown_CL)
     assert np.isnan(found.best_climb.value) and np.isnan(found.maximum_speed.value)
 
 
-def test_power_available_equals_power_required_at_the_highest_speed(propeller, numbers, at, flown_CL) -> None:
-    found = performance(numbers.nudged(), propeller, at, flown_CL)
+def test_power_available_equals_power_required_at_the_highest_speed(propeller, parameters, at, flown_CL) -> None:
+    found = full_throttle_performance(parameters.sigma_points(), propeller, at, flown_CL)
     V = float(found.maximum_speed.value)
-    A = dict(zip(numbers.names, numbers.values, strict=True))
+    A = dict(zip(parameters.names, parameters.values, strict=True))
     CL = float(lift_coefficient(V, at))
     required = at.rho * V**3 / 2 * at.wing_area_m2 * (A["A0"] + A["A1"] * CL + A["A2"] * CL**2)
     assert np.interp(V, found.V, found.power.value) == pytest.approx(required, rel=0.002)
 
 
-def test_a_throttle_not_quite_open_is_not_taken_for_full(nexstar, propeller, motor) -> None:
-    """Climbing at 0.98 the motor turns 2 % slower: it must not pass for full throttle at that torque."""
-    run = full_throttle_run(nexstar, propeller)
-    nearly = run.iloc[:15].assign(throttle=0.98, n=0.98 * run["n"].iloc[:15])
-    both = pd.concat([run, nearly])
-    both.index = pd.Index(np.arange(len(both)) * 0.2, name="t_s")
-    found = full_throttle(both, nexstar.propulsion, propeller)
-    assert isinstance(found, FullThrottle)
-    assert found.numbers.values == pytest.approx(motor.numbers.values, rel=1e-6)
-
-
-def test_a_throttle_a_little_below_full_counts_for_what_it_is(nexstar, propeller) -> None:
-    """A slow climb at 0.996, within which a controller may hold it: at 12 m/s full throttle is known to 0.01 %.
-
-    Taken for full, it makes full throttle 0.08 % slower, and that climb 0.3 %.
-    """
-    climb, run = at_throttle(nexstar, propeller, np.full(30, 13.0), 0.996), full_throttle_run(nexstar, propeller, 40.0)
-    both = pd.concat([climb, climb[:5].assign(throttle=0.5), run])
-    both.index = pd.Index(np.arange(len(both)) * 0.2, name="t_s")
-    found = full_throttle(both, nexstar.propulsion, propeller)
-    assert isinstance(found, FullThrottle)
-    V = np.array([12.0, 18.0])
-    row = dict(zip(found.numbers.names, found.numbers.values, strict=True))
-    true = at_throttle(nexstar, propeller, V, 1.0)["n"].to_numpy()
-    assert full_throttle_revps(propeller, V, RHO, **row) == pytest.approx(true, rel=1e-4)
-
-
-def test_no_full_throttle_is_said_and_not_made_up(nexstar, propeller) -> None:
-    part = steady_points(nexstar, propeller)
-    part["throttle"] = np.minimum(part["throttle"], 0.9)
-    assert "0 s of settled full throttle" in full_throttle(part, nexstar.propulsion, propeller)
-    unknown = part.assign(throttle=np.nan)
-    assert "where the throttle stood" in full_throttle(unknown, nexstar.propulsion, propeller)
-
-
-def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(propeller, numbers, at, flown_CL) -> None:
+def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(propeller, parameters, at, flown_CL) -> None:
     """Drag known to 3 %: speed to 1 %. Where that reaches beyond the search it is taken to first order, to a tenth."""
-    variance = numbers.covariance.copy()
-    variance[0, 0] = (0.03 * numbers.values[0]) ** 2
-    unsure = replace(numbers, covariance=variance).nudged()
-    whole = performance(unsure, propeller, at, flown_CL).maximum_speed
+    variance = parameters.covariance.copy()
+    variance[0, 0] = (0.03 * parameters.values[0]) ** 2
+    unsure = replace(parameters, covariance=variance).sigma_points()
+    whole = full_throttle_performance(unsure, propeller, at, flown_CL).maximum_speed
     V, error = float(whole.value), float(whole.standard_error)
     assert 0.1 < error < 0.4
     fastest = float(lift_coefficient((V + 0.5 * error) / FASTEST, at))
-    near = performance(unsure, propeller, at, (fastest, flown_CL[1])).maximum_speed
+    near = full_throttle_performance(unsure, propeller, at, (fastest, flown_CL[1])).maximum_speed
     assert float(near.value) == pytest.approx(V, abs=0.02)
     assert float(near.standard_error) == pytest.approx(error, rel=0.1)
+
+
+def test_power_available_is_of_the_thrust_along_the_path(propeller, parameters, at, flown_CL) -> None:
+    """T V cos(alpha) (3.47): at the slowest speed alpha is above 0.1 rad, which makes power 0.5 % smaller or more."""
+    found = full_throttle_performance(parameters.sigma_points(), propeller, at, flown_CL)
+    p = dict(zip(parameters.names, parameters.values, strict=True))
+    V, sine = found.V[0], found.climb.value[0] / found.V[0]
+    n = full_throttle_revps(propeller, V, RHO, unloaded_revps=p["unloaded_revps"], revps_per_Nm=p["revps_per_Nm"])
+    thrust_N, _ = propeller.thrust_and_power(V, n, RHO)
+    alpha = 0.0
+    for _ in range(30):
+        lift_N = at.weight_N * np.sqrt(1 - sine**2) - thrust_N * np.sin(alpha)
+        alpha = p["alpha_0"] + p["alpha_CL"] * lift_N / (RHO * V**2 / 2 * at.wing_area_m2)
+    assert alpha > 0.1 and found.covered[0]
+    assert found.power.value[0] == pytest.approx(thrust_N * V * np.cos(alpha), rel=1e-4)
+
+
+def test_the_highest_level_speed_is_the_last_at_which_climb_becomes_descent() -> None:
+    assert _last_crossing(np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, -1.0, 1.0, -3.0])) == pytest.approx(2.25)
+    assert np.isnan(_last_crossing(np.array([0.0, 1.0]), np.array([1.0, 0.5])))

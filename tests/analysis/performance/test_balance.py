@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 from analysis.drag.polar import Condition, lift_coefficient
-from analysis.performance.balance import climb_of, drag, incidence, level_thrust
+from analysis.performance.balance import climb_angle, drag, incidence, level_thrust
 
 AT = Condition(37.7, 1.19, 0.4636)
-ROW = {name: np.array([[x]]) for name, x in
+POINTS = {name: np.array([[x]]) for name, x in
        {"A0": 0.0465, "A1": -0.0195, "A2": 0.065, "alpha_0": -0.075, "alpha_CL": 0.235}.items()}  # fmt: skip
 V = np.linspace(11.5, 25.0, 20)
 
@@ -24,12 +24,12 @@ def forces(thrust: np.ndarray, sine: np.ndarray) -> tuple[np.ndarray, np.ndarray
     for _ in range(60):
         CL = (low + high) / 2
         low, high = np.where(across(CL) < 0, CL, low), np.where(across(CL) < 0, high, CL)
-    along = thrust * np.cos(-0.075 + 0.235 * CL) - drag(ROW, V, CL, AT) - AT.weight_N * sine
+    along = thrust * np.cos(-0.075 + 0.235 * CL) - drag(POINTS, V, CL, AT) - AT.weight_N * sine
     return along, across(CL)
 
 
 def test_in_level_flight_nothing_is_left_over() -> None:
-    thrust = level_thrust(ROW, V, AT)
+    thrust = level_thrust(POINTS, V, AT)
     assert np.abs(forces(thrust, np.zeros_like(thrust))).max() < 1e-6 * AT.weight_N
 
 
@@ -37,7 +37,7 @@ def test_in_level_flight_nothing_is_left_over() -> None:
 def test_in_a_climb_and_in_a_glide_nothing_is_left_over(share: float) -> None:
     """From a glide to a climb of 45 deg."""
     thrust = np.full((1, len(V)), share * AT.weight_N)
-    sine, along_path = climb_of(ROW, thrust, V, AT)
+    sine, along_path = climb_angle(POINTS, thrust, V, AT)
     assert np.abs(forces(thrust, sine)).max() < 1e-3 * AT.weight_N
     assert np.all(along_path <= thrust)
 
@@ -45,8 +45,8 @@ def test_in_a_climb_and_in_a_glide_nothing_is_left_over(share: float) -> None:
 def test_thrust_that_carries_weight_saves_drag_at_low_speed() -> None:
     """At 11.5 m/s and 9.6 deg it carries 2 % of the weight: thrust is 0.7 % below drag over cos(alpha)."""
     CL = lift_coefficient(V, AT)
-    alone = drag(ROW, V, CL, AT) / np.cos(-0.075 + 0.235 * CL)
-    saved = 1 - level_thrust(ROW, V, AT) / alone
+    alone = drag(POINTS, V, CL, AT) / np.cos(-0.075 + 0.235 * CL)
+    saved = 1 - level_thrust(POINTS, V, AT) / alone
     assert 0.005 < saved[0, 0] < 0.03
     assert abs(saved[0, -1]) < 0.001
 

@@ -11,7 +11,7 @@ from analysis.results import curves as summary
 from analysis.results.schema import (
     AircraftResult,
     ConditionResult,
-    Disagreement,
+    DisagreementResult,
     DragPolar,
     IntervalPart,
     MethodPoint,
@@ -49,7 +49,7 @@ def results() -> Results:
         notes=["few points & short"],
     )  # fmt: skip
     failed = MethodResult(name="w-delta", title="W/δ", notes=["no steady points"])
-    disagreement = Disagreement(
+    disagreement = DisagreementResult(
         methods=("dynamic", "piw-viw"), speed_mps=15.0, difference_W=6.0, allowed_W=3.0, culprit="propeller table",
         text="PIW-VIW lies 10 % above: the propeller's table <gives> too much.",
     )  # fmt: skip

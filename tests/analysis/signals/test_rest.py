@@ -155,3 +155,20 @@ def test_a_flight_without_a_stand_has_no_zeros() -> None:
 def test_stretches_are_the_runs_of_true() -> None:
     assert stretches(np.array([True, False, True, True])) == [slice(0, 1), slice(2, 4)]
     assert stretches(np.zeros(3, dtype=bool)) == []
+
+
+@pytest.mark.parametrize(
+    ("channel", "disturbed"),
+    [
+        ("n_revps", lambda t: np.full(len(t), 20.0)),  # the motor idles
+        ("q_radps", lambda t: 0.1 * np.sin(2 * np.pi * t)),  # somebody carries the aircraft
+        ("az_mps2", lambda t: np.sin(2 * np.pi * t)),
+        ("q_c_Pa", lambda t: 20 * np.sin(2 * np.pi * t)),  # gusts blow into the probe
+    ],
+)
+def test_an_aircraft_that_is_disturbed_is_not_at_rest(channel: str, disturbed) -> None:
+    table = log_table()
+    early = table.index < 10
+    table.loc[early, channel] = disturbed(table.index[early].to_numpy())
+    first, *_ = rest_segments(table, RATE_HZ)
+    assert 9.5 < table.index[first.start] < 11.5

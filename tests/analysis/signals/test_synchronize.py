@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -93,7 +94,7 @@ def test_a_long_gap_is_said_with_its_place(lost) -> None:
     holed = synchronize(log_of(lambda topic, t: lost if topic == "/static" and 8 < t < 13 else Status.OK))
     assert holed.table.loc[8.1:12.9, "static_Pa"].isna().all()
     assert holed.table["ax_mps2"].notna().mean() > 0.99
-    assert holed.notes == ["/static has a gap of 5.0 s from 8 s on: nothing is invented there."]
+    assert holed.notes == ["/static has a gap of 5.0 s from 8 s on, which is not interpolated."]
 
 
 def test_a_topic_that_may_be_missing_is_missing_without_ado() -> None:
@@ -118,3 +119,20 @@ def test_a_motor_that_speeds_up_is_not_found_to_lag() -> None:
     found = synchronize(log).table["n_revps"].loc[2:14]
     off = found - (speed + more * found.index.to_numpy())
     assert abs(off.mean()) < 0.004 and off.std() < 0.03
+
+
+def test_each_delay_is_subtracted_once() -> None:
+    """A pressure that rises by 10 Pa/s behind a line of 0.2 s, and a rate by 1 rad/s^2 behind a filter of 10 ms."""
+    log = log_of()
+    log.entries["/static"] = [
+        LogEntry(e.time_ns, e.tick, AbsolutePressure(pressure_Pa=1e5 + 10 * (e.tick / 25 - 0.2), temperature_K=288.15))
+        for e in log.entries["/static"]
+    ]
+    imu = SOUND["/imu"]
+    log.entries["/imu"] = [
+        LogEntry(e.time_ns, e.tick, msgspec.structs.replace(imu, angular_rate_x_radps=e.tick / 25 - 0.01))
+        for e in log.entries["/imu"]
+    ]
+    table = synchronize(log, {"/static": 0.2}).table.loc[2:18]
+    assert table["static_Pa"].to_numpy() == pytest.approx(1e5 + 10 * table.index.to_numpy(), abs=1e-6)
+    assert table["p_radps"].to_numpy() == pytest.approx(table.index.to_numpy(), abs=1e-6)

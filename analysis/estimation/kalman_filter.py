@@ -1,12 +1,13 @@
 """An extended Kalman filter over a record: innovations, their variances, and the exact derivatives of both.
 
-One cycle (an update by each output in turn, then one integration step of the state and of its covariance) is traced
-once with CasADi symbols, the filter's gain and all, so that derivatives hold nothing back: they are those of the very
-numbers that the filter computes. Outputs' noises are independent of each other, so updating by one at a time is the
-same as by all at once, needs no matrix inverse, and leaves out a missing sample by leaving it out.
+CasADi derives one filter cycle symbolically, once per model: the measurement update, then one integration step of state
+and covariance. The derivatives include those of the gain and the covariance. The noises of the outputs are independent,
+so the update processes one output after the other; this is equivalent to a joint update, needs no matrix inverse, and
+skips missing samples.
 
-Derivatives are traced block by block, of each update and of each part of the step, and multiplied together for all
-samples at once: with six states an eighth of the operations of differentiating the whole cycle.
+The cycle is differentiated block by block: each scalar update, and each part of the integration step. The chain rule
+then multiplies the blocks for all samples at once. With six states this takes an eighth of the operations of
+differentiating the cycle as a whole.
 
 References: Jategaonkar, Flight Vehicle System Identification, 2nd ed., ch. 5; Maine & Iliff, NASA RP-1138, sec. 8.
 """
@@ -20,18 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.model import Model
-from analysis.estimation.simulation import INPUT_RULES, INTEGRATORS, InputRule, Integrator
+from analysis.estimation.simulation import INPUT_RULES, INTEGRATORS, InputRule, Integrator, not_differentiable
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
 
 class Innovations(NamedTuple):
-    """What a filter says of a record; rows of missing samples mean nothing.
+    """The filter's result for a record. Elements of missing samples have no meaning.
 
-    x : (n, states) after the sample's update     y : (n, outputs) predicted     e : (n, outputs) innovations z - y,
-    each given the outputs before it     ln_s : (n, outputs) logarithms of their variances
-    d_e, d_ln_s : (n, outputs, numbers) over free parameters, ln intensities, ln sigmas, initial states
+    x : (n, states) after the measurement update
+    y : (n, outputs) predicted from the samples before
+    e : (n, outputs) innovations: z minus its prediction from the samples before and the outputs updated before it
+    ln_s : (n, outputs) logarithms of the variances of e
+    d_e, d_ln_s : (n, outputs, unknowns) derivatives to free parameters, ln w, ln v, initial states
     """
 
     x: Array
@@ -43,10 +46,13 @@ class Innovations(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Filter:
-    """A traced cycle; make one with `trace_filter`. driven: the states that process noise acts on.
+class KalmanFilter:
+    """A compiled filter cycle; `build_filter` makes one.
 
-    blocks : sparsity of the Jacobian of each block, in the order in which `cycle` gives their nonzeros
+    driven : the states with process noise
+    cycle : (state and packed covariance; inputs, z, present; constants) to (next state and packed covariance; e, ln_s,
+    y, updated x; nonzeros of all Jacobian blocks)
+    blocks : sparsity of the Jacobian of each block, in the order of their nonzeros in `cycle`
     """
 
     model: Model
@@ -56,21 +62,22 @@ class Filter:
     blocks: tuple[ca.Sparsity, ...]
 
     def run(
-        self, x0: Array, U: Array, Z: Array, p: Array, ln_w: Array, ln_v: Array, acted_s: Array, step_s: float
+        self, x0: Array, U: Array, Z: Array, p: Array, ln_w: Array, ln_v: Array, active_before_s: Array, step_s: float
     ) -> Innovations:
         """Filter Z (n, outputs; NaN where missing) from x0 (states,), inputs U (n, inputs), parameters p.
 
-        ln_w (driven,), ln_v (outputs,) : logarithms of the intensities of process noise, and of the standard
-        deviations of the outputs' noise     acted_s (driven,) : for how long the noise has acted before the record
-        Where the state leaves the finite numbers, so does everything after it; no exception is raised.
+        ln_w (driven,) : logarithms of the intensities of process noise
+        ln_v (outputs,) : logarithms of the standard deviations of measurement noise
+        active_before_s (driven,) : time for which process noise has acted before the record
+        If the state overflows, everything is inf or NaN from there on; no exception is raised.
         """
         model, nx, ny = self.model, len(self.model.states), len(self.model.outputs)
         nw, nc = len(self.driven), len(self.free) + len(self.driven) + ny
         na = nx + nx * (nx + 1) // 2
-        variances = nx + np.array([_place(i, i) for i in map(model.states.index, self.driven)], dtype=int)
+        variances = nx + np.array([_packed_index(i, i) for i in map(model.states.index, self.driven)], dtype=int)
         first = np.zeros(na)
         first[:nx] = x0
-        first[variances] = np.exp(2 * ln_w) * acted_s
+        first[variances] = np.exp(2 * ln_w) * active_before_s
         S = np.zeros((na, nc + nx))
         S[variances, len(self.free) + np.arange(nw)] = 2 * first[variances]
         S[:nx, nc:] = np.eye(nx)
@@ -78,11 +85,11 @@ class Filter:
         n = len(U)
         present = np.isfinite(Z)
         given = np.hstack([U, np.vstack([U[1:], U[-1:]]), np.where(present, Z, 0.0), present])
-        seen, nonzeros = self._evaluate(first, given, np.concatenate([p, ln_w, ln_v, [step_s]]))
-        e, ln_s, y, x = np.split(seen, np.cumsum([ny, ny, ny]), axis=1)
+        results, nonzeros = self._evaluate(first, given, np.concatenate([p, ln_w, ln_v, [step_s]]))
+        e, ln_s, y, x = np.split(results, np.cumsum([ny, ny, ny]), axis=1)
         with np.errstate(over="ignore", invalid="ignore"):
-            step, observed = self._chained(nonzeros)
-            # The derivatives follow the same recursion: S_k+1 = A S_k + B.
+            step, observed = self._chain_rule(nonzeros)
+            # Recursion of the derivatives S of state and covariance: S_k+1 = A_k S_k + B_k.
             history = np.empty((n, na, nc + nx))
             A, B = np.ascontiguousarray(step[:, :, :na]), step[:, :, na:]
             for k in range(n):
@@ -94,26 +101,30 @@ class Filter:
         return Innovations(x, y, e, ln_s, d[:, :ny], d[:, ny:])
 
     def _evaluate(self, first: Array, given: Array, constants: Array) -> tuple[Array, Array]:
-        """All cycles in a row: (n, seen) and the nonzeros of their blocks (n, nonzeros)."""
+        """All cycles in sequence: e, ln_s, y, x (n, 3 outputs + states), and the blocks' nonzeros (n, nonzeros)."""
         n = len(given)
         now, row = first.copy(), np.empty(given.shape[1])
-        then, out, values = (np.empty(self.cycle.size1_out(i)) for i in range(3))
-        seen, nonzeros = np.empty((n, len(out))), np.empty((n, len(values)))
+        following, out, values = (np.empty(self.cycle.size1_out(i)) for i in range(3))
+        results, nonzeros = np.empty((n, len(out))), np.empty((n, len(values)))
         buffer: Any
         buffer, evaluate = self.cycle.buffer()
         for i, argument in enumerate((now, row, constants)):
             buffer.set_arg(i, argument.data)
-        for i, result in enumerate((then, out, values)):
+        for i, result in enumerate((following, out, values)):
             buffer.set_res(i, result.data)
         for k in range(n):
             row[:] = given[k]
             evaluate()
-            now[:] = then
-            seen[k], nonzeros[k] = out, values
-        return seen, nonzeros
+            now[:] = following
+            results[k], nonzeros[k] = out, values
+        return results, nonzeros
 
-    def _chained(self, nonzeros: Array) -> tuple[Array, Array]:
-        """Derivatives of the next state and covariance, and of e and ln_s, over those before and the constants."""
+    def _chain_rule(self, nonzeros: Array) -> tuple[Array, Array]:
+        """Derivatives of the next state and covariance, and of e and ln_s, for each sample.
+
+        They are taken to the state and covariance before the cycle and to the constants (free parameters, ln w, ln v):
+        (n, states + packed covariance, width) and (n, 2 outputs, width).
+        """
         nx, ny, nw, nf = len(self.model.states), len(self.model.outputs), len(self.driven), len(self.free)
         na = nx + nx * (nx + 1) // 2
         blocks = iter(self._dense(nonzeros))
@@ -121,7 +132,7 @@ class Filter:
         free = slice(na, na + nf)
 
         def through(block: Array, *parts: Array) -> Array:
-            """A block's derivatives times those of its arguments, of which the last may be constants themselves."""
+            """A block's Jacobian times the derivatives of its first arguments."""
             at, total = 0, np.zeros((n, block.shape[1], width))
             for part in parts:
                 rows = part.shape[1]
@@ -129,8 +140,8 @@ class Filter:
                 at += rows
             return total
 
-        def own(block: Array, columns: slice) -> Array:
-            """As they are, for arguments that are constants."""
+        def direct(block: Array, columns: slice) -> Array:
+            """A block's Jacobian to arguments that are constants."""
             total = np.zeros((n, block.shape[1], width))
             total[:, :, columns] = block
             return total
@@ -138,28 +149,28 @@ class Filter:
         T = np.zeros((n, na, width))
         T[:, np.arange(na), np.arange(na)] = 1.0
         outputs = next(blocks)
-        shown = through(outputs[:, :, :nx], T[:, :nx]) + own(outputs[:, :, nx:], free)
+        linearized = through(outputs[:, :, :nx], T[:, :nx]) + direct(outputs[:, :, nx:], free)
         observed = np.empty((n, 2 * ny, width))
         at = 0
         for i in range(ny):
             block = next(blocks)
-            several = block.shape[2] - na - 1  # the offset and the nonzeros of H's row
-            after = through(block[:, :, :-1], T, shown[:, at : at + several])
+            size = block.shape[2] - na - 1  # the offset and the nonzeros of H's row
+            after = through(block[:, :, :-1], T, linearized[:, at : at + size])
             after[:, :, width - ny + i] += block[:, :, -1]
-            at += several
+            at += size
             T, observed[:, i], observed[:, ny + i] = after[:, :na], after[:, na], after[:, na + 1]
-        mean, middle, slope, series, spread = blocks
+        mean, middle, dynamics, transition, covariance = blocks
         x = T[:, :nx]
-        x_next = through(mean[:, :, :nx], x) + own(mean[:, :, nx:], free)
-        x_middle = through(middle[:, :, :nx], x) + own(middle[:, :, nx:], free)
-        A = through(slope[:, :, :nx], x_middle) + own(slope[:, :, nx:], free)
-        Phi = through(series, A)
-        P_next = through(spread[:, :, : spread.shape[2] - nw], Phi, T[:, nx:])
-        P_next[:, :, na + nf : na + nf + nw] += spread[:, :, spread.shape[2] - nw :]
+        x_next = through(mean[:, :, :nx], x) + direct(mean[:, :, nx:], free)
+        x_middle = through(middle[:, :, :nx], x) + direct(middle[:, :, nx:], free)
+        A = through(dynamics[:, :, :nx], x_middle) + direct(dynamics[:, :, nx:], free)
+        Phi = through(transition, A)
+        P_next = through(covariance[:, :, : covariance.shape[2] - nw], Phi, T[:, nx:])
+        P_next[:, :, na + nf : na + nf + nw] += covariance[:, :, covariance.shape[2] - nw :]
         return np.concatenate([x_next, P_next], axis=1), observed
 
     def _dense(self, nonzeros: Array) -> list[Array]:
-        """Each block's Jacobian (n, rows, columns)."""
+        """The Jacobian of each block as a dense array (n, rows, columns)."""
         result, at = [], 0
         for pattern in self.blocks:
             J = np.zeros((len(nonzeros), *pattern.shape))
@@ -170,8 +181,8 @@ class Filter:
         return result
 
 
-def _place(i: int, j: int) -> int:
-    """Where element (i, j), j <= i, of a symmetric matrix lies in the row of its lower triangle."""
+def _packed_index(i: int, j: int) -> int:
+    """Index of element (i, j), j <= i, of a symmetric matrix in its lower triangle stored row by row."""
     return i * (i + 1) // 2 + j
 
 
@@ -179,7 +190,7 @@ def _unpacked(packed: Any, nx: int) -> Any:
     P = ca.SX(nx, nx)
     for i in range(nx):
         for j in range(i + 1):
-            P[i, j] = P[j, i] = packed[_place(i, j)]
+            P[i, j] = P[j, i] = packed[_packed_index(i, j)]
     return P
 
 
@@ -188,27 +199,27 @@ def _packed(P: Any) -> Any:
 
 
 @lru_cache(maxsize=32)
-def trace_filter(
+def build_filter(
     model: Model,
     free: tuple[str, ...],
     driven: tuple[str, ...],
     integrator: Integrator = "rk4",
     inputs: InputRule = "linear",
-) -> Filter:
-    """Trace a model's filter cycle, with derivatives to the parameters named in `free` and to all noises.
+) -> KalmanFilter:
+    """Compile a model's filter cycle, with derivatives to the parameters named in `free` and to ln w and ln v.
 
-    Between samples the mean follows the model by `integrator`, the covariance the model made linear about the middle
-    of the step (exact to h^4 for a linear one), with the process noise spread evenly over the step.
+    The mean is integrated by `integrator`. The covariance uses the transition matrix of the model linearized at the
+    middle of the step, a Taylor series of exp(A h) up to h^4. The process noise is integrated by the trapezoidal rule.
 
-    Raises InputError as `simulation.trace` does, and for a model without states.
+    Raises InputError as `simulation.build_simulator` does, and for a model without states.
     """
     nx, ny, nu, nw = len(model.states), len(model.outputs), len(model.inputs), len(driven)
     if not nx:
-        raise InputError(f"model {model.name}: it has no states, so no process noise can act on any")
+        raise InputError(f"model {model.name}: it has no states for process noise to act on; use output error")
     names = [q.name for q in model.parameters]
     sym = ca.SX.sym
     x, packed, p, h = sym("x", nx), sym("P", nx * (nx + 1) // 2), sym("p", len(names)), sym("h")
-    u0, u1, z, there = sym("u0", nu), sym("u1", nu), sym("z", ny), sym("there", ny)
+    u0, u1, z, present = sym("u0", nu), sym("u1", nu), sym("z", ny), sym("present", ny)
     ln_w, ln_v = sym("ln_w", nw), sym("ln_v", ny)
     p_free = ca.vertcat(*(p[names.index(name)] for name in free))
     try:
@@ -216,44 +227,41 @@ def trace_filter(
         f = ca.vertcat(*model.evaluate_dynamics(ca.vertsplit(x), ca.vertsplit(u0), ca.vertsplit(p)))
         xdot = ca.Function("xdot", [x, u0, p], [f])
     except (TypeError, NotImplementedError, RuntimeError) as error:
-        raise InputError(
-            f"model {model.name}: a function cannot be differentiated: write it with NumPy functions of its arguments,"
-            f" without if, float() or loops over values ({error})".replace("\n", " ")
-        ) from None
+        raise not_differentiable(model, error) from None
 
     patterns, nonzeros = [], []
 
     def call(value: Any, over: list[Any], arguments: list[Any], at: list[Any]) -> Any:
-        """A block's value at actual arguments; its Jacobian over some of them is kept."""
+        """The value of a block at actual arguments. Keeps the nonzeros of its Jacobian to the arguments `over`."""
         J = ca.jacobian(value, ca.vertcat(*over))
         found, J_found = ca.Function("block", arguments, [value, J], {"cse": True})(*at)
         patterns.append(J.sparsity())
         nonzeros.append(ca.vertcat(*J_found.nonzeros()))  # a function's output keeps its sparsity
         return found
 
-    # What the outputs show: y about x is offset + H x.
+    # Outputs linearized about the predicted state: offset + H x.
     H = ca.jacobian(y, x)
     rows: list[Any] = [H[i, :] for i in range(ny)]
-    shown = ca.vertcat(*(ca.vertcat(y[i] - rows[i] @ x, *rows[i].nonzeros()) for i in range(ny)))
-    shown_now = call(shown, [x, p_free], [x, u0, p], [x, u0, p])
+    linearized = ca.vertcat(*(ca.vertcat(y[i] - rows[i] @ x, *rows[i].nonzeros()) for i in range(ny)))
+    linearized_now = call(linearized, [x, p_free], [x, u0, p], [x, u0, p])
     x_now, packed_now, e, ln_s, at = x, packed, [], [], 0
-    offset, ln_sigma, z_i, there_i = sym("offset"), sym("ln_sigma"), sym("z"), sym("there")
+    offset, ln_sigma, z_i, present_i = sym("offset"), sym("ln_sigma"), sym("z"), sym("present")
     for i in range(ny):
-        several = 1 + rows[i].nnz()
-        values = sym("row", several - 1)
+        size = 1 + rows[i].nnz()
+        values = sym("row", size - 1)
         row = ca.SX(rows[i].sparsity(), values)
         P = _unpacked(packed, nx)
         Ph = P @ row.T
         s = row @ Ph + ca.exp(2 * ln_sigma)
         innovation = z_i - offset - row @ x
-        gain = there_i * Ph / s
+        gain = present_i * Ph / s
         after = ca.vertcat(x + gain * innovation, _packed(P - gain @ Ph.T), innovation, ca.log(s))
         found = call(
             ca.densify(after), [x, packed, offset, values, ln_sigma],
-            [x, packed, offset, values, ln_sigma, z_i, there_i],
-            [x_now, packed_now, shown_now[at], shown_now[at + 1 : at + several], ln_v[i], z[i], there[i]],
+            [x, packed, offset, values, ln_sigma, z_i, present_i],
+            [x_now, packed_now, linearized_now[at], linearized_now[at + 1 : at + size], ln_v[i], z[i], present[i]],
         )  # fmt: skip
-        at += several
+        at += size
         x_now, packed_now = found[:nx], found[nx : nx + packed.shape[0]]
         e.append(found[-2])
         ln_s.append(found[-1])
@@ -262,10 +270,10 @@ def trace_filter(
     x_next = INTEGRATORS[integrator](lambda x, u: xdot(x, u, p), x, u_at, h)
     x_next = call(ca.densify(x_next), [x, p_free], [x, u0, u1, p, h], [x_now, u0, u1, p, h])
     middle = call(ca.densify(x + h / 2 * xdot(x, u0, p)), [x, p_free], [x, u0, p, h], [x_now, u_at(0), p, h])
-    slope: Any = ca.jacobian(f, x)
-    A_now = call(ca.vertcat(*slope.nonzeros()), [x, p_free], [x, u0, p], [middle, u_at(0.5), p])
-    values, one = sym("A", slope.nnz()), ca.SX.eye(nx)
-    hA = h * ca.SX(slope.sparsity(), values)
+    A: Any = ca.jacobian(f, x)
+    A_now = call(ca.vertcat(*A.nonzeros()), [x, p_free], [x, u0, p], [middle, u_at(0.5), p])
+    values, one = sym("A", A.nnz()), ca.SX.eye(nx)
+    hA = h * ca.SX(A.sparsity(), values)
     Phi: Any = one + hA @ (one + hA / 2 @ (one + hA / 3 @ (one + hA / 4)))
     Phi_now = call(ca.vertcat(*Phi.nonzeros()), [values], [values, h], [A_now, h])
     values = sym("Phi", Phi.nnz())
@@ -280,7 +288,7 @@ def trace_filter(
     )
     cycle = ca.Function(
         "cycle",
-        [ca.vertcat(x, packed), ca.vertcat(u0, u1, z, there), ca.vertcat(p, ln_w, ln_v, h)],
+        [ca.vertcat(x, packed), ca.vertcat(u0, u1, z, present), ca.vertcat(p, ln_w, ln_v, h)],
         [
             ca.vertcat(x_next, packed_next),
             ca.densify(ca.vertcat(*e, *ln_s, y, x_now)),
@@ -288,4 +296,4 @@ def trace_filter(
         ],
         {"cse": True},
     )
-    return Filter(model, free, driven, cycle, tuple(patterns))
+    return KalmanFilter(model, free, driven, cycle, tuple(patterns))

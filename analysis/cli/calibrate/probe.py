@@ -1,0 +1,74 @@
+"""`calibrate probe`"""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from analysis.cli.calibrate.options import Replace, refuse_existing, write_json
+from analysis.files import write_file
+from flight.errors import InputError
+
+if TYPE_CHECKING:
+    from analysis.airdata.probe import ProbeCalibration
+
+LARGEST_ANGLE_SCALE = 20.0  # per cent
+
+
+def probe(
+    tunnel: Annotated[Path, typer.Argument(help="CSV with a header such as `speed [m/s],alpha [deg],…`")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Calibration file to write.")] = Path("probe.json"),
+    report: Annotated[
+        Path | None, typer.Option("--report", help="Report page to write; default: beside the calibration, .html")
+    ] = None,
+    angle_scale: Annotated[
+        float, typer.Option("--angle-scale", help="Standard error of the tunnel's own angles, in per cent.")
+    ] = 0.5,
+    replace: Replace = False,
+) -> None:
+    """Calibrate a five-port probe from wind-tunnel measurements.
+
+    The tunnel file has the columns speed, alpha, beta, dp_alpha (lower minus upper port), dp_beta (right minus left),
+    q_c (centre minus static), static and temperature, each with its unit in brackets. Measure at three speeds or more,
+    so that a dependence on speed shows. Measure at angles beyond those that will be flown: the analysis leaves out
+    results outside the measured range.
+
+    The report page shows the residuals of the calibration, the effect of speed, and the range of validity. The file
+    contains the standard error of the slope of alpha (alpha_scale_sigma). Errors of the turntable and of the tunnel
+    walls are part of it; the measurements do not show them: give them by --angle-scale.
+    """
+    from analysis.airdata.probe_fit import calibrate
+    from analysis.airdata.tunnel import read_tunnel
+    from analysis.report import calibration as page
+
+    where = report or output.with_suffix(".html")
+    if where == output:
+        raise InputError(f"{where}: report and calibration cannot be the same file; name another with --report")
+    refuse_existing(output, replace)
+    refuse_existing(where, replace)
+    if not 0 <= angle_scale < LARGEST_ANGLE_SCALE:
+        raise InputError(f"--angle-scale {angle_scale:g}: give a percentage, 0 to {LARGEST_ANGLE_SCALE:g}")
+    measured = read_tunnel(tunnel)
+    calibration = calibrate(measured, tunnel.name, angle_scale_sigma=angle_scale / 100)
+    html = page.render(measured, calibration, angle_scale_sigma=angle_scale / 100)
+    write_json(output, calibration)
+    write_file(where, html)
+    console = Console()
+    for line in summary(calibration):
+        console.print(line)
+    console.print(f"wrote {output} and {where}")
+
+
+def summary(calibration: "ProbeCalibration") -> list[str]:
+    """The result in lines."""
+    lines = [f"{calibration.points} points, order of the polynomials by cross-validation:"]
+    for name, fitted, scale, unit in (
+        ("alpha", calibration.alpha_rad, math.degrees(1), "deg"),
+        ("beta", calibration.beta_rad, math.degrees(1), "deg"),
+        ("q_c/qbar", calibration.q_ratio, 100, "%"),
+    ):
+        rms = f"{fitted.residual_rms * scale:.3f} {unit}"
+        lines.append(f"  {name:9} order {fitted.order}, error of left-out points {rms} weighted rms")
+    return [*lines, f"standard error of the slope of alpha: {100 * calibration.alpha_scale_sigma:.2f} %"]

@@ -1,0 +1,89 @@
+"""`calibrate surfaces`"""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from analysis.cli.calibrate.options import LogFile, Replace, refuse_existing, write_or_print
+from flight.errors import InputError
+
+
+class SurfaceName(StrEnum):
+    elevator = "elevator"
+    aileron = "aileron"
+    rudder = "rudder"
+
+
+def surfaces(
+    log: LogFile,
+    surface: Annotated[
+        SurfaceName, typer.Option("--surface", help="The surface that was moved.")
+    ] = SurfaceName.elevator,
+    angles: Annotated[
+        str,
+        typer.Option(
+            "--angles",
+            help='Angles read from the protractor, in order, in degrees: "-22 -11 0 11 -". Give - for one not read.',
+        ),
+    ] = "",
+    channel: Annotated[
+        int | None, typer.Option("--channel", help="Servo output, from 1; default: that of the log's aircraft file.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="File to write with the section for the aircraft file; default: printed."),
+    ] = None,
+    replace: Replace = False,
+) -> None:
+    """Relate surface angle to servo pulse, from a session with a protractor.
+
+    Start the daemon, motor disarmed. Clamp a protractor (a digital level will do) to the surface, zero it at neutral.
+    Move the stick to five positions from end to end, hold each still for three seconds or more, and write the angles
+    down in order. Moving there and back shows the play of the linkage. Positive: elevator trailing edge down, aileron
+    rolls right, rudder trailing edge left.
+
+    Run this command without --angles first: it lists the time and pulse of each position found. Then give the angles,
+    and - for a position that was not read (a pause at neutral, for example). The resulting section goes into the
+    aircraft file.
+    """
+    from analysis.airdata.surfaces import found_in_words, held_pulses, surface_table, to_toml
+    from analysis.log_contents import aircraft_of
+    from analysis.signals.log_fields import servo_pulses
+    from flight.aircraft import ControlSurface
+    from flight.log_reader import read_log
+
+    refuse_existing(output, replace)
+    recorded = read_log(log)
+    number = channel
+    if number is None:
+        known: ControlSurface | None = getattr(aircraft_of(recorded), surface.value)
+        if known is None:
+            raise InputError(f"{log}: its aircraft file has no section [{surface.value}]; give --channel, from 1")
+        number = known.channel
+    if number < 1:
+        raise InputError(f"--channel {number}: servo outputs count from 1")
+    t_s, pulse_us = servo_pulses(recorded, number)
+    if not len(pulse_us):
+        raise InputError(f"{log}: no pulse of servo output {number} in this log; name another with --channel")
+    found = held_pulses(t_s, pulse_us)
+    if not angles.strip():
+        Console().print(f"positions of output {number}: {found_in_words(found)}. Now give --angles.")
+        return
+    table = surface_table(found, [_angle_deg(word) for word in angles.replace(",", " ").split()])
+    Console(stderr=output is None).print(
+        f"{len(table.pulse_us)} positions; angles of a position read twice differ by {table.hysteresis_deg:.1f} deg"
+        " at most"
+    )
+    write_or_print(to_toml(surface.value, number, table), output)
+
+
+def _angle_deg(word: str) -> float | None:
+    if word == "-":
+        return None
+    try:
+        return float(word)
+    except ValueError:
+        raise InputError(f"--angles: {word!r} is not an angle in degrees; give - for a position not read") from None

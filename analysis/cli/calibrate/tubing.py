@@ -1,0 +1,76 @@
+"""`calibrate tubing`"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from analysis.cli.calibrate.options import AircraftFile, LogFile, Replace, refuse_existing, write_or_print
+
+if TYPE_CHECKING:
+    from analysis.airdata.line_lags import LineLag
+
+LARGEST_MISFIT = 2.0  # rms of the residuals over the noise, beyond which the model of the line is doubted
+
+
+def tubing(
+    log: LogFile,
+    aircraft: AircraftFile = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="File to write with the lines for the aircraft file; default: printed."),
+    ] = None,
+    replace: Replace = False,
+) -> None:
+    """Measure the lag of each pneumatic line from recorded steps of pressure.
+
+    Start the daemon, with rate_Hz = 100 in the tray file if possible. Pull a piece of soft tube over one port of the
+    probe, with a T-piece to a syringe and to a small balloon or a stretched film. Press to about half of the
+    transducer's range, wait two seconds, burst the film (or pull the tube off with a jerk), wait two seconds. Repeat
+    eight times or more for each line, at irregular times, all in one log. Each burst happens at an unknown time between
+    two ticks; several of them together determine the lag.
+
+    If the 95 % interval is wider than 5 % either way, the command prints how many more such bursts are needed: usually
+    none at 100 Hz; at 25 Hz about thirty for a lag of half a tick.
+
+    A lag below a third of a tick only gets an upper bound; at 25 Hz such a line needs no correction. The result is the
+    inner diameter of the tube that has the measured lag, with the length and cavity of the aircraft file.
+    """
+    from analysis.airdata.line_lags import line_lags, to_toml
+    from analysis.log_contents import aircraft_of
+    from flight.aircraft import load_aircraft
+    from flight.log_reader import read_log
+
+    refuse_existing(output, replace)
+    recorded = read_log(log)
+    lags = line_lags(recorded, load_aircraft(aircraft) if aircraft else aircraft_of(recorded))
+    console = Console(stderr=output is None)
+    for one in lags:
+        for line in summary(one):
+            console.print(line)
+    sections = to_toml(lags)
+    if not sections:
+        console.print("Nothing to change in the aircraft file.")
+        return
+    write_or_print(sections, output)
+
+
+def summary(line: "LineLag") -> list[str]:
+    """The result for one line of tubing, in lines of text."""
+    lag = line.measured
+    if lag is None:
+        return [f"{line.topic}: no step found"]
+    if lag.bounded:
+        value = f"{1e3 * lag.lag_s:.1f} ms ({1e3 * lag.lo_s:.1f} to {1e3 * lag.hi_s:.1f})"
+    else:
+        value = f"shorter than {1e3 * lag.hi_s:.1f} ms, too short for this tick rate"
+    expected = f"; by the aircraft file {1e3 * line.expected_s:.1f} ms" if line.expected_s is not None else ""
+    lines = [f"{line.topic}: lag {value}, from {lag.steps} steps{expected}"]
+    if lag.more_steps:
+        lines.append(
+            f"  for 5 %: about {lag.more_steps} more bursts like these in the same log, or a log at a higher rate"
+        )
+    if lag.misfit > LARGEST_MISFIT:
+        lines.append(f"  the steps do not fit the model of a line ({lag.misfit:.1f} times the noise): look for a leak")
+    return lines

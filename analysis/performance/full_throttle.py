@@ -1,0 +1,102 @@
+"""The motor at full throttle, fitted to the flight's full-throttle stretches.
+
+Model: n = n_0 - c Q. The speed of rotation falls in proportion to the motor's torque Q, because the voltage left for
+the back-EMF falls with the current. Just below full throttle n_0 is smaller in proportion to the throttle. Q is the
+propeller's torque by its table at the measured n, plus the torque that accelerates the rotor.
+
+Limits: n_0 is that of the battery's charge in those stretches (an empty battery has less) and of the motor's
+temperature then.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from analysis.drag import covariance
+from analysis.estimation import output_error
+from analysis.estimation.data import Segment
+from analysis.estimation.model import Model, Parameter
+from analysis.performance.propagation import ParameterVector
+from analysis.signals.stretches import stretches
+from flight.complete_aircraft import CompletePropulsion
+from flight.propeller import Propeller
+
+FULL_THROTTLE, STEADY_THROTTLE = 0.97, 0.005  # at least this, and within this of the largest throttle of the flight
+SETTLING_S = 0.6  # after the stick moves: ramp of the speed controller and the motor's inertia
+SHORTEST_S, NEEDED_S = 1.0, 2.0  # of one stretch, and of all together
+SLOPE_SIGMA_SHARE = 0.5  # prior standard deviation of c, as a share of the value by the aircraft file's resistances
+
+
+@dataclass(frozen=True)
+class FullThrottle:
+    """The motor at full throttle.
+
+    parameters : n_0 (`unloaded_revps` [rev/s]) and c (`revps_per_Nm` [rev/s/(N m)]); None where they are not known
+    basis : what they were fitted to, in words     reason : why they are not known, in words; empty where they are
+    """
+
+    parameters: ParameterVector | None
+    basis: str = ""
+    reason: str = ""
+
+
+def fit_full_throttle(data: pd.DataFrame, propulsion: CompletePropulsion, propeller: Propeller) -> FullThrottle:
+    """Fit n_0 and c to the flight.
+
+    data : index t_s, even steps; columns V [m/s], n [rev/s], rho [kg/m^3], throttle (0 to 1), covered (by the
+    propeller's table)
+    """
+    if data["throttle"].isna().all():
+        return FullThrottle(None, reason="The log has no throttle position.")
+    step_s = float(data.index[1] - data.index[0])
+    segments = _full_throttle_stretches(data, step_s, propulsion, propeller)
+    seconds = sum(len(segment) * segment.step_s for segment in segments)
+    if seconds < NEEDED_S:
+        return FullThrottle(
+            None,
+            reason=f"The flight has only {seconds:.0f} s of settled full throttle within the propeller's table;"
+            f" {NEEDED_S:.0f} s are needed.",
+        )
+    k = 60 / (2 * np.pi * propulsion.motor_kv_rpm_per_volt)  # torque constant [N m/A]
+    slope = (propulsion.motor_resistance_ohm + propulsion.battery_resistance_ohm) / (2 * np.pi * k**2)
+    unloaded = propulsion.motor_kv_rpm_per_volt * propulsion.battery_voltage_V / 60
+    fit = output_error.estimate(
+        Model(
+            name="full throttle",
+            inputs=("torque", "throttle"),
+            outputs=("n",),
+            output_function=lambda x, u, p: (p.unloaded_revps * u.throttle - p.revps_per_Nm * u.torque,),
+            parameters=(
+                Parameter(name="unloaded_revps", start=unloaded, unit="rev/s"),
+                Parameter(name="revps_per_Nm", start=slope, prior_sigma=SLOPE_SIGMA_SHARE * slope + 1e-3),
+            ),
+        ),
+        segments,
+    )
+    basis = (
+        f"From {seconds:.0f} s of full throttle: the motor would turn {60 * fit.values[0]:.0f} rpm unloaded and loses"
+        f" {60 * fit.values[1]:.0f} rpm for each N m, with the battery as charged as it was then."
+    )
+    return FullThrottle(ParameterVector(fit.names, fit.values, covariance.of_noise(fit)), basis=basis)
+
+
+def _full_throttle_stretches(
+    data: pd.DataFrame, step_s: float, propulsion: CompletePropulsion, propeller: Propeller
+) -> list[Segment]:
+    """Stretches at full throttle, without their first SETTLING_S, with the motor's torque [N m]."""
+    full = float(data["throttle"].max())
+    at_full = data["throttle"] >= max(FULL_THROTTLE, full - STEADY_THROTTLE)
+    at_full &= data[["V", "n", "rho"]].notna().all(axis=1) & data["covered"]
+    segments = []
+    for stretch in stretches(at_full.to_numpy()):
+        rows = slice(stretch.start + round(SETTLING_S / step_s), stretch.stop)
+        if (rows.stop - rows.start) * step_s < SHORTEST_S:
+            continue
+        piece = data.iloc[rows]
+        V, n, rho, throttle = (piece[name].to_numpy() for name in ("V", "n", "rho", "throttle"))
+        _, shaft_W = propeller.thrust_and_power(V, n, rho)
+        accelerating_Nm = 2 * np.pi * propulsion.propeller_inertia_kgm2 * np.gradient(n, step_s)
+        u = {"torque": shaft_W / (2 * np.pi * n) + accelerating_Nm, "throttle": throttle / full}
+        segments.append(Segment(name=f"{piece.index[0]:.1f} s", t_s=piece.index.to_numpy(), u=u, z={"n": n}))
+    return segments

@@ -1,0 +1,82 @@
+"""The propeller's speed of rotation: at a given thrust, and at full throttle.
+
+Thrust is the table's times 1 + thrust_scale + thrust_slope (J - J_REFERENCE), the correction that the dynamic method
+estimates in flight. Units: V in m/s, n in rev/s, thrust in N, shaft power in W, torque in N m, rho in kg/m^3.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.drag.forces import J_REFERENCE
+from flight.propeller import Propeller
+
+Array = NDArray[np.float64]
+Floats = float | Array
+
+# The bisection ends at 0.001 rev/s; linear interpolation does the rest.
+BISECTIONS = 18
+
+
+def corrected_thrust(
+    propeller: Propeller, V: Array, n: Array, rho: Floats, *, thrust_scale: Floats, thrust_slope: Floats
+) -> Array:
+    """Thrust [N] of the table with the correction estimated in flight, elementwise."""
+    thrust_N, _ = propeller.thrust_and_power(V, n, rho)
+    J = V / (n * propeller.diameter_m)
+    corrected: Array = thrust_N * (1 + thrust_scale + thrust_slope * (J - J_REFERENCE))
+    return corrected
+
+
+def revps_for_thrust(
+    propeller: Propeller,
+    V: Floats,
+    thrust_N: Floats,
+    rho: Floats,
+    *,
+    thrust_scale: Floats = 0.0,
+    thrust_slope: Floats = 0.0,
+) -> Array:
+    """The speed of rotation [rev/s] at which the propeller gives a thrust [N] above zero, elementwise.
+
+    NaN where five times the speed of rotation of zero thrust does not give it.
+    """
+    V, thrust_N = np.broadcast_arrays(np.asarray(V, dtype=float), np.asarray(thrust_N, dtype=float))
+    slowest: Array = V / (3 * propeller.diameter_m)  # J = 3: beyond zero thrust of any model propeller
+
+    def excess(n: Array) -> Array:
+        given_N = corrected_thrust(propeller, V, n, rho, thrust_scale=thrust_scale, thrust_slope=thrust_slope)
+        return given_N - thrust_N
+
+    return _root(excess, slowest, 15 * slowest + 100.0)
+
+
+def full_throttle_revps(
+    propeller: Propeller, V: Floats, rho: Floats, *, unloaded_revps: Floats, revps_per_Nm: Floats
+) -> Array:
+    """The speed of rotation [rev/s] at full throttle, elementwise.
+
+    It solves n = n_0 - c Q(V, n) with n_0 = unloaded_revps, c = revps_per_Nm and the propeller's torque Q [N m].
+    """
+    V, unloaded_revps = np.asarray(V, dtype=float), np.asarray(unloaded_revps, dtype=float)
+    shape = np.broadcast_shapes(V.shape, np.shape(rho), unloaded_revps.shape)
+
+    def excess(n: Array) -> Array:
+        _, shaft_W = propeller.thrust_and_power(V, n, rho)
+        difference: Array = n + revps_per_Nm * shaft_W / (2 * np.pi * n) - unloaded_revps
+        return difference
+
+    return _root(excess, np.full(shape, 1.0), np.broadcast_to(1.5 * unloaded_revps, shape).astype(float))
+
+
+def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """The zero of a rising function between low and high, elementwise; NaN where it is not above zero at high."""
+    found = excess(high) > 0
+    low, high = np.broadcast_arrays(low, high)
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        above = excess(middle) > 0
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    at_low, at_high = excess(low), excess(high)
+    return np.where(found, low - (high - low) * at_low / (at_high - at_low), np.nan)

@@ -1,0 +1,82 @@
+"""Physical facts about the aircraft models at single flight states: lags, scales, thrust and gusts."""
+
+import pytest
+from test_aircraft_models import ALL_MODELS, NEXSTAR, RHO
+
+from analysis.estimation import aircraft_models as models
+
+m = NEXSTAR.mass_kg
+
+
+def at_state(model, changed=(), **values):
+    """(xdot, y) by name at one flight state, level at 18 m/s unless changed; parameters at their starting values."""
+    usual = {"V": 18.0, "V_ref": 18.0, "thrust": 6.0, "thrust_per_speed": -0.3, "J": 0.5, "rho": RHO}
+    usual |= {"alpha": 0.05, "theta": 0.05, "h": 100.0} | values
+    p = {q.name: q.start for q in model.parameters} | {"air_data_lag": 0.0} | dict(changed)
+    x, u = [usual.get(s, 0.0) for s in model.states], [usual.get(i, 0.0) for i in model.inputs]
+    p = [p[q.name] for q in model.parameters]
+    derivative = dict(zip(model.states, model.evaluate_dynamics(x, u, p), strict=True))
+    return derivative, dict(zip(model.outputs, model.evaluate_outputs(x, u, p), strict=True))
+
+
+def test_measured_airspeed_and_angle_lag_behind():
+    """In an acceleration the probe shows the speed of a lag ago."""
+    model = ALL_MODELS["level_run"]
+    derivative, prompt = at_state(model, thrust=20.0)
+    _, late = at_state(model, {"air_data_lag": 0.1}, thrust=20.0)
+    assert derivative["V"] > 1
+    assert prompt["V"] - late["V"] == pytest.approx(0.1 * derivative["V"])
+    assert prompt["alpha"] - late["alpha"] == pytest.approx(0.1 * (derivative["theta"] - derivative["gamma"]))
+
+
+def test_a_probe_that_reads_airspeed_high_reads_angles_low():
+    """Angle = pressure difference over dynamic pressure: 1 % of airspeed is -2 % of the angle."""
+    _, right = at_state(ALL_MODELS["level_run"])
+    _, high = at_state(ALL_MODELS["level_run"], {"V_scale": 0.01})
+    assert high["V"] / right["V"] == pytest.approx(1.01)
+    assert high["alpha"] / right["alpha"] == pytest.approx(0.98)
+
+
+def test_thrust_is_that_at_the_speed_of_the_state():
+    """Flying 2 m/s faster than the table was read at, with -0.3 N s/m: 0.6 N less thrust, all else equal."""
+    model = ALL_MODELS["level_run"]
+    _, slope = at_state(model, V=20.0)
+    _, flat = at_state(model, V=20.0, thrust_per_speed=0.0)
+    assert m * (slope["ax"] - flat["ax"]) == pytest.approx(-0.6)
+
+
+@pytest.mark.parametrize("name", ["two_state", "pitch_and_height", "longitudinal", "level_run"])
+def test_errors_of_the_thrust_table(name):
+    """A slope of 0.1 adds 2 % of thrust at an advance ratio 0.2 above the reference, a scale of 0.1 adds 10 %."""
+    _, right = at_state(ALL_MODELS[name], J=0.7)
+    _, sloped = at_state(ALL_MODELS[name], {"thrust_slope": 0.1}, J=0.7)
+    _, scaled = at_state(ALL_MODELS[name], {"thrust_scale": 0.1}, J=0.7)
+    assert m * (sloped["ax"] - right["ax"]) == pytest.approx(0.02 * 6.0)
+    assert m * (scaled["ax"] - right["ax"]) == pytest.approx(0.1 * 6.0)
+
+
+def test_gusts_are_dryden_turbulence_100_m_above_the_ground():
+    """Lengths of MIL-F-8785C at low altitude; each gust decays with L/V and begins with its stationary variance."""
+    feet = 100 / 0.3048
+    along, across = feet / (0.177 + 0.000823 * feet) ** 1.2, feet
+    lengths = {"gust": along * 0.3048, "gust_alpha": across * 0.3048}
+    V, gust = 18.0, 0.5
+    derivative, _ = at_state(ALL_MODELS["level_run in gusts"], gust=1.0, gust_alpha=0.1)
+    assert derivative["gust"] == pytest.approx(-V / lengths["gust"], rel=0.01)
+    assert derivative["gust_alpha"] == pytest.approx(-0.1 * V / lengths["gust_alpha"], rel=0.01)
+    for noise, sigma in zip(models.gust_noise(V, gust_mps=gust), (gust, gust / V), strict=True):
+        time_constant_s = lengths[noise.state] / V
+        assert noise.start**2 * time_constant_s / 2 == pytest.approx(sigma**2, rel=0.01)
+        assert noise.start**2 * noise.active_before_s == pytest.approx(sigma**2)
+
+
+def test_gusts_act_on_wing_propeller_and_probe():
+    """A gust changes what the aircraft feels and measures as its own speed and angle do, but not where it flies to."""
+    model = ALL_MODELS["level_run in gusts"]
+    _, gusty = at_state(model, gust=1.0, gust_alpha=0.01)
+    _, fast = at_state(model, V=19.0, gamma=-0.01)
+    for name in ("V", "alpha", "ax", "az"):
+        assert gusty[name] == pytest.approx(fast[name]), name
+    still, _ = at_state(model)
+    moved, _ = at_state(model, gust=1.0, gust_alpha=0.01)
+    assert moved["h"] == still["h"]

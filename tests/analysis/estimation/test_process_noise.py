@@ -1,0 +1,67 @@
+"""Process noise in filter error: priors, starting values, standard errors and significance."""
+
+import numpy as np
+import pytest
+from disturbed import INTENSITY, LINEAR, LINEAR_NOISE, T_S, linear_record
+
+from analysis.estimation import filter_error, uncertainty
+from analysis.estimation.filter_error import ProcessNoise
+
+NONE = ProcessNoise(state="alpha", start=0.0, free=False)
+
+
+def test_a_prior_pulls_the_estimate():
+    """A prior one standard error away and as good as the data: half a standard error, and 1/sqrt(2) of the error."""
+    segment = linear_record(6)
+    Mq = filter_error.estimate(LINEAR, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
+    model = LINEAR.changed(Mq={"prior_mean": Mq.value + Mq.standard_error, "prior_sigma": Mq.standard_error})
+    pulled = filter_error.estimate(model, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
+    assert pulled.value == pytest.approx(Mq.value + Mq.standard_error / 2, abs=0.1 * Mq.standard_error)
+    assert pulled.standard_error == pytest.approx(Mq.standard_error / np.sqrt(2), rel=0.05)
+
+
+@pytest.mark.parametrize("factor", [1 / 300, 3])
+def test_a_starting_intensity_may_be_far_too_small_and_a_little_too_large(factor):
+    near, far = (
+        filter_error.estimate(
+            LINEAR, linear_record(3), ProcessNoise(state="alpha", start=start), test_significance=False
+        )
+        for start in (INTENSITY, INTENSITY * factor)
+    )
+    assert far.verdict.ok
+    assert far.process_noise["alpha"].value == pytest.approx(near.process_noise["alpha"].value, rel=0.01)
+
+
+def test_a_starting_intensity_that_is_far_too_large_does_not_pass_for_converged():
+    """Process noise then explains everything, and the measurement noise goes to its lower bound."""
+    noise = ProcessNoise(state="alpha", start=300 * INTENSITY)
+    fit = filter_error.estimate(LINEAR, linear_record(3), noise, test_significance=False)
+    assert not fit.verdict.ok and "at a bound: ln v(alpha)" in fit.verdict.text
+
+
+def test_morelli_klein_of_an_intensity_is_its_cramer_rao_bound():
+    """White innovations: the correction changes nothing, neither for parameters nor for the noise parameters."""
+    ratio = []
+    for seed in range(10):
+        fit = filter_error.estimate(LINEAR, linear_record(seed), LINEAR_NOISE, test_significance=False)
+        corrected = np.diag(uncertainty.morelli_klein(fit).covariance)
+        ratio.append(corrected / np.diag(uncertainty.cramer_rao(fit).covariance))
+    assert np.mean(ratio, axis=0) == pytest.approx(np.ones(len(fit.names)), abs=0.25)
+
+
+def test_the_standard_error_of_a_noise_level():
+    """ln sigma of n white samples has the information 2 n."""
+    fit = filter_error.estimate(LINEAR, linear_record(0, strength=0.0), NONE)
+    for output in LINEAR.outputs:
+        assert fit.parameters[f"ln v({output})"].standard_error == pytest.approx(1 / np.sqrt(2 * len(T_S)), rel=0.02)
+
+
+def test_the_p_value_is_that_of_a_one_sided_likelihood_ratio():
+    """Half a chi-squared of one degree of freedom, because an intensity cannot be negative."""
+    from scipy.stats import chi2
+
+    segment = linear_record(1, strength=0.1)
+    fit = filter_error.estimate(LINEAR, segment, LINEAR_NOISE)
+    without = filter_error.estimate(LINEAR, segment, NONE)
+    ratio = 2 * (without.negative_log_likelihood - fit.negative_log_likelihood)
+    assert fit.process_noise["alpha"].p_value == pytest.approx(chi2.sf(ratio, 1) / 2, rel=1e-2)

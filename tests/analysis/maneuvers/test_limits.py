@@ -1,0 +1,123 @@
+"""The limits of each kind of maneuver and of the notes, on small synthetic flights."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.maneuvers.find_elevator import find_3211
+from analysis.maneuvers.find_level import find_runs
+from analysis.maneuvers.find_steady import find_steady
+from analysis.maneuvers.quality import notes, without_data
+from tests.analysis.maneuvers.test_find import RATE_HZ, flight, up_and_down
+
+
+def seconds(n: int) -> np.ndarray:
+    return np.arange(n) / RATE_HZ
+
+
+def test_a_run_ends_where_the_aircraft_climbs_steeply() -> None:
+    """3 m/s for four seconds within an acceleration of 20 s: on average 0.6 m/s, of which 1.2 would pass."""
+    speed = up_and_down(low=10.0, high=28.0, seconds=20.0)
+    height = 50 + 3.0 * np.clip(seconds(len(speed)) - 16.0, 0.0, 4.0)
+    runs, _ = find_runs(flight(speed, height=height))
+    assert not [run for run in runs if run.start_s < 17.0 and run.end_s > 19.0]
+    assert [run.kind for run in runs][-1] == "deceleration"
+
+
+def test_a_run_that_lasts_too_long_is_rejected() -> None:
+    _, rejected = find_runs(flight(up_and_down(low=12.0, high=44.0, seconds=50.0)))
+    assert [stretch.reason.partition(":")[0] for stretch in rejected] == ["too long"] * 2
+
+
+def test_a_run_over_a_hill_is_rejected() -> None:
+    """25 m up and down again at 1.7 m/s: no climb on average, none beyond 2 m/s, and still not level."""
+    speed = up_and_down(low=12.0, high=32.0, seconds=30.0)
+    height = 50 + 25 * (1 - np.abs(np.clip(seconds(len(speed)) - 23.0, -15.0, 15.0)) / 15.0)
+    runs, rejected = find_runs(flight(speed, height=height))
+    assert [run.kind for run in runs] == ["deceleration"]
+    assert any("height varied by 2" in stretch.reason for stretch in rejected)
+
+
+def steady_flight(**columns) -> pd.DataFrame:
+    """Thirty seconds at 15 m/s, without noise of the motor."""
+    return flight(np.full(round(30 * RATE_HZ), 15.0)).assign(**({"n_revps": 90.0} | columns))
+
+
+def test_a_steady_point_needs_a_steady_motor() -> None:
+    (point,), rejected = find_steady(steady_flight())
+    assert point.seconds > 25 and not rejected
+    varied = 90.0 * (1 + 0.1 * np.sign(np.sin(seconds(750))))
+    points, (no_point,) = find_steady(steady_flight(n_revps=varied))
+    assert not points and "the motor's speed varied by 10 %" in no_point.reason
+    points, (no_point,) = find_steady(steady_flight(n_revps=0.0))
+    assert not points and no_point.reason == "the motor stood still"
+
+
+@pytest.mark.parametrize(("bank_deg", "found"), [(8.0, True), (20.0, False)])
+def test_a_steady_point_is_flown_with_nearly_level_wings(bank_deg: float, found: bool) -> None:
+    """12 deg are 2 % more lift than weight."""
+    points, rejected = find_steady(steady_flight(bank_rad=np.radians(bank_deg)))
+    assert (len(points) == 1) == found and not rejected
+
+
+def elevator(holds_s) -> pd.DataFrame:
+    """Alternating steps of 4 deg held for `holds_s`, from the tenth second on."""
+    table = steady_flight()
+    t, deflection = seconds(len(table)), np.zeros(len(table))
+    start, sign = 10.0, 1.0
+    for hold in holds_s:
+        deflection[(t >= start) & (t < start + hold)] = sign * np.radians(4.0)
+        start, sign = start + hold, -sign
+    return table.assign(elevator_rad=deflection)
+
+
+@pytest.mark.parametrize("unit_s", [0.4, 0.8])
+def test_a_3211_is_known_by_its_proportions(unit_s: float) -> None:
+    (found,), rejected = find_3211(elevator(unit_s * np.array([3.0, 2.0, 1.0, 1.0])))
+    assert not rejected
+    assert found.start_s == pytest.approx(10.0, abs=0.15)
+    (note,) = found.notes
+    assert float(note.split()[1]) == pytest.approx(unit_s, abs=0.02)  # half a sample
+
+
+def test_four_equal_steps_are_no_3211() -> None:
+    found, (rejected,) = find_3211(elevator([1.0, 1.0, 1.0, 1.0]))
+    assert not found and "not a 3-2-1-1" in rejected.reason
+
+
+@pytest.mark.parametrize(
+    ("change", "note"),
+    [
+        ({}, ""),
+        ({"bank_deg": 8.0}, ""),
+        ({"bank_deg": 12.0}, "bank reached 12 deg"),
+        ({"uncovered": 0.01}, ""),
+        ({"uncovered": 0.05}, "5 % of the data lie outside the propeller table"),
+        ({"height_m": 3.0}, ""),
+        ({"height_m": 8.0}, "height varied by 8 m"),
+        ({"throttle": 0.2}, ""),
+        ({"throttle": 0.5}, "throttle moved by 50 %"),
+        ({"lost": 0.012}, "thrust was stale or missing for 1.2 % of the time"),
+    ],
+)
+def test_a_note_is_written_beyond_its_limit(change: dict[str, float], note: str) -> None:
+    data = steady_flight(height_m=50.0)
+    n = len(data)
+    half = np.arange(n) >= n // 2
+    data = data.assign(
+        height_m=50.0 + change.get("height_m", 0.0) * half,
+        throttle=0.4 + change.get("throttle", 0.0) * half,
+        propeller_covered=np.arange(n) >= round(change.get("uncovered", 0.0) * n),
+        thrust_N=np.where(np.arange(n) < change.get("lost", 0.0) * n, np.nan, 5.0),
+    )
+    bank = np.full(n, np.radians(change.get("bank_deg", 0.0)))
+    found = notes(data, bank)
+    assert len(found) == (1 if note else 0)
+    assert not note or note in found[0]
+
+
+@pytest.mark.parametrize(("lost", "reason"), [(0.01, ""), (0.05, "no alpha for 5 % of the time")])
+def test_a_channel_that_is_missing_for_more_than_2_per_cent_rules_a_maneuver_out(lost: float, reason: str) -> None:
+    data = steady_flight()
+    data.loc[data.index < lost * 30, "alpha_rad"] = np.nan
+    assert without_data(data) == reason

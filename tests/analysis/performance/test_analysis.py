@@ -1,0 +1,163 @@
+"""Performance at several weights and densities: endurance, range, and whether full throttle sustains level flight."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from motor_data import RHO, STEP_S, full_throttle_run, steady_points
+
+from analysis.airdata.air import LEAST_HEIGHT_M
+from analysis.drag.dynamic import DynamicEstimate
+from analysis.drag.polar import Condition, Polar, speed_at
+from analysis.performance.analysis import (
+    ConditionPerformance,
+    PerformanceModel,
+    _with_battery_and_coverage,
+    flight_performance,
+    performance_at,
+    performance_model,
+)
+from analysis.performance.conditions import TitledCondition
+from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
+from analysis.performance.power_train import PowerTrainModel
+from analysis.performance.propagation import ParameterVector, UncertainValue, combine_independent, exact
+from sim.plant import plant_of
+
+UNKNOWN = FullThrottle(None, reason="not flown")
+POLAR = {"A0": 0.0465, "A1": -0.0195, "A2": 0.065}
+NO_CORRECTION = {"thrust_scale": 0.0, "thrust_slope": 0.0}
+ALONG_PATH = {"alpha_0": 0.0, "alpha_CL": 0.0}  # thrust carries no weight
+LOSSLESS = PowerTrainModel(exact(shaft_scale=1.0, friction=0.0, copper=0.0, meter_scale=0.0), 0.0, True, "", ())
+FLOWN_CL = (0.2, 1.1)
+
+
+@pytest.fixture(scope="module")
+def at(nexstar) -> Condition:
+    return Condition(nexstar.mass.weight_N, RHO, nexstar.geometry.wing_area_m2)
+
+
+def test_range_goes_with_energy_and_its_speed_with_the_root_of_density(propeller, at) -> None:
+    parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
+
+    def asked(energy_J: float, at: Condition) -> ConditionPerformance:
+        model = PerformanceModel(parameters, LOSSLESS, UNKNOWN, propeller, FLOWN_CL)
+        return performance_at(model, TitledCondition("", at), energy_J)
+
+    once, twice, high = asked(1e5, at), asked(2e5, at), asked(1e5, at._replace(rho=0.8 * at.rho))
+    assert twice.range.best.value == pytest.approx(2 * once.range.best.value, rel=1e-12)
+    assert twice.range.speed_mps.value == pytest.approx(once.range.speed_mps.value, rel=1e-12)
+    # Lift coefficients stay, so speed goes with 1/sqrt(rho); the propeller's Reynolds number shifts it by little.
+    assert high.range.speed_mps.value == pytest.approx(once.range.speed_mps.value / np.sqrt(0.8), rel=0.02)
+    assert once.full_throttle is None
+
+
+def test_the_interval_of_range_covers_at_its_nominal_rate(propeller, at) -> None:
+    """120 polars and thrusts about a truth; 95 % within 3 standard errors of a binomial share."""
+    truth = np.array([*POLAR.values(), 0.0, 0.0])
+    sigma = np.array([0.0010, 0.0020, 0.0020, 0.01, 0.02])
+    energy_J, names = 2e5, (*POLAR, *NO_CORRECTION)
+
+    def range_m(values: np.ndarray) -> UncertainValue:
+        polar = ParameterVector(names, values, np.diag(sigma**2))
+        parameters = combine_independent(polar, exact(**ALONG_PATH), LOSSLESS.parameters)
+        model = PerformanceModel(parameters, LOSSLESS, UNKNOWN, propeller, FLOWN_CL)
+        return performance_at(model, TitledCondition("", at), energy_J, speeds=81).range.best
+
+    true_range = float(range_m(truth).value)
+    rng = np.random.default_rng(2)
+    found = [range_m(values) for values in truth + sigma * rng.standard_normal((120, 5))]
+    hits = np.mean([e.lo <= true_range <= e.hi for e in found])
+    assert hits == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 120))
+
+
+def test_a_weight_that_full_throttle_cannot_hold_level_is_marked(nexstar, propeller, at) -> None:
+    """Four times the weight needs eight times the power at the same lift coefficient (2.3), 4^1.5."""
+    aero = plant_of(nexstar).aero
+    polar = {"A0": aero.CD0 + aero.K * aero.CL_minD**2, "A1": -2 * aero.K * aero.CL_minD, "A2": aero.K}
+    motor = fit_full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller)
+    assert motor.parameters is not None, motor.reason
+    exactly = exact(**polar, **NO_CORRECTION, **ALONG_PATH)
+    parameters = combine_independent(exactly, LOSSLESS.parameters, motor.parameters)
+    model = PerformanceModel(parameters, LOSSLESS, motor, propeller, FLOWN_CL)
+    light, heavy = (
+        performance_at(model, TitledCondition("", at._replace(weight_N=W)), 1e5) for W in (at.weight_N, 4 * at.weight_N)
+    )
+    assert light.sustained and light.full_throttle is not None and light.full_throttle.best_climb.value > 0
+    assert not heavy.sustained and heavy.full_throttle is not None and heavy.full_throttle.best_climb.value < 0
+
+
+def dynamic_estimate(noise: np.ndarray, systematic: np.ndarray) -> DynamicEstimate:
+    values = np.array([*POLAR.values(), 0.02, -0.05])
+    polar = Polar(values[:3], (noise + systematic)[:3, :3])
+    return DynamicEstimate(
+        polar=polar, parameters=[], verdict="", warnings=[], fits=[], values=values, noise=noise, systematic=systematic
+    )
+
+
+@pytest.fixture(scope="module")
+def model(nexstar, propeller) -> PerformanceModel:
+    """Of a flight of steady points and full throttle, in which angle of attack is 0.3 rad times lift coefficient."""
+    data = pd.concat([steady_points(nexstar, propeller), full_throttle_run(nexstar, propeller)])
+    CL = 2 * nexstar.mass.weight_N / (data["rho"] * data["V"] ** 2 * nexstar.geometry.wing_area_m2)
+    data = data.assign(CL=CL, alpha=0.3 * CL).set_axis(np.arange(len(data)) * STEP_S)
+    estimate = dynamic_estimate(np.diag([1e-6, 1e-6, 1e-6, 1e-4, 1e-4]), np.diag([0.0, 4e-6, 0.0, 0.0, 0.0]))
+    return performance_model(data, estimate, nexstar, propeller, FLOWN_CL)
+
+
+def test_the_model_holds_polar_thrust_incidence_losses_and_full_throttle(model, nexstar, propeller) -> None:
+    """Noise and systematic errors of the polar add up."""
+    values = dict(zip(model.parameters.names, model.parameters.values, strict=True))
+    assert (values["A0"], values["thrust_scale"], values["thrust_slope"]) == (POLAR["A0"], 0.02, -0.05)
+    assert (values["alpha_0"], values["alpha_CL"]) == pytest.approx((0.0, 0.3), abs=1e-9)
+    assert 100 < values["unloaded_revps"] < 200 and values["meter_scale"] == 0.0
+    variance = dict(zip(model.parameters.names, np.diag(model.parameters.covariance), strict=True))
+    assert (variance["A0"], variance["A1"]) == pytest.approx((1e-6, 5e-6))
+    # Measured efficiencies are of the corrected thrust.
+    point = model.power_train.efficiencies[0]
+    n = point.speed_mps / (0.56 * propeller.diameter_m)  # the advance ratio of the first steady point
+    thrust_N, shaft_W = propeller.thrust_and_power(point.speed_mps, n, RHO)
+    scale = 1 + 0.02 - 0.05 * (0.56 - 0.5)
+    shaft_scale = values["shaft_scale"]
+    assert point.propeller == pytest.approx(scale * thrust_N * point.speed_mps / (shaft_scale * shaft_W), rel=1e-6)
+
+
+def test_performance_of_a_flight_covers_the_flown_speeds(model, at) -> None:
+    heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N))
+    found = flight_performance(model, at, [heavier], battery_energy_Wh=50.0, usable=0.8)
+    assert found is not None and found.energy_J == pytest.approx(50 * 3600 * 0.8)
+    slowest, fastest = speed_at(FLOWN_CL[1], at), speed_at(FLOWN_CL[0], at)
+    assert len(found.efficiency.V) == 31 and found.efficiency.V[[0, -1]] == pytest.approx([slowest, fastest])
+    whole = found.field_table.V
+    assert len(whole) <= 10 and np.all(whole == np.round(whole))
+    assert whole[0] == np.ceil(slowest) and fastest - 2 < whole[-1] <= fastest
+    assert found.as_flown.title == "as flown" and [one.title for one in found.requested] == ["heavier"]
+    assert found.requested[0].endurance.best.value < found.as_flown.endurance.best.value
+
+
+def test_the_service_ceiling_lies_below_the_absolute_ceiling(model, at) -> None:
+    """At a weight at which both lie in the troposphere."""
+    heavy = at._replace(weight_N=2.2 * at.weight_N)
+    found = flight_performance(model, heavy, [], battery_energy_Wh=50.0, usable=0.8)
+    assert found is not None and found.ceilings is not None
+    assert 0 < found.ceilings.service_m.value < found.ceilings.absolute_m.value < 11_000
+
+
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_no_performance_where_the_propeller_cannot_give_the_thrust(model, at) -> None:
+    """A drag coefficient of 10^4 needs more thrust than the propeller gives at any speed of rotation sought."""
+    values = np.concatenate([[1e4], model.parameters.values[1:]])
+    model = replace(model, parameters=replace(model.parameters, values=values))
+    assert flight_performance(model, at, [], battery_energy_Wh=50.0, usable=0.8) is None
+
+
+def test_battery_power_is_voltage_times_current_and_the_ground_is_not_covered(propeller) -> None:
+    """Inside and outside of the table, and at 2 m, where the ground reduces drag."""
+    J, n, rho = np.array([0.5, 1.5, 0.5]), np.full(3, 100.0), np.full(3, RHO)
+    forces = pd.DataFrame({"V": J * n * propeller.diameter_m, "alpha": 0.1, "CL": 0.5, "n": n, "rho": rho, "J": J})
+    mean = {"battery_V": np.full(3, 14.0), "battery_A": np.full(3, 5.0), "height_m": np.array([50.0, 50.0, 2.0])}
+    data = _with_battery_and_coverage(forces, mean, propeller)
+    assert LEAST_HEIGHT_M > 2
+    assert data["battery_W"].tolist() == [70.0, 70.0, 70.0]
+    assert data["covered"].tolist() == [True, False, False]
+    assert data["throttle"].isna().all()

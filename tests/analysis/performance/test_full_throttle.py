@@ -1,0 +1,104 @@
+"""The motor at full throttle against the simulator's motor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from motor_data import RHO, STEP_S, at_throttle, full_throttle_run, recorded, steady_points
+
+from analysis.performance.full_throttle import fit_full_throttle
+from analysis.performance.propagation import ParameterVector
+from analysis.performance.propeller_speed import full_throttle_revps
+from flight.aircraft import Propulsion
+from flight.propeller import Propeller
+from sim.propulsion import power_train
+
+
+@pytest.fixture(scope="module")
+def motor(nexstar, propeller) -> ParameterVector:
+    found = fit_full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller)
+    assert found.parameters is not None, found.reason
+    return found.parameters
+
+
+@pytest.mark.parametrize("rho", [RHO, 0.9])
+def test_the_motor_turns_as_the_simulator_s_at_other_speeds_and_densities(nexstar, propeller, motor, rho) -> None:
+    V = np.array([5.0, 11.0, 18.0, 25.0])
+    values = dict(zip(motor.names, motor.values, strict=True))
+    n = full_throttle_revps(propeller, V, rho, **values)
+    slower, faster = (
+        power_train(nexstar.propulsion, propeller, V=V, n=n * factor, throttle=1.0, rho=rho).motor_acceleration_revps2
+        for factor in (0.995, 1.005)
+    )
+    assert np.all((slower > 0) & (faster < 0)), "the balance of torques lies within 0.5 %"
+
+
+def test_a_throttle_not_quite_open_is_not_taken_for_full(nexstar, propeller, motor) -> None:
+    """Climbing at 0.98 the motor turns 2 % slower: it must not pass for full throttle at that torque."""
+    run = full_throttle_run(nexstar, propeller)
+    nearly = run.iloc[:15].assign(throttle=0.98, n=0.98 * run["n"].iloc[:15])
+    both = pd.concat([run, nearly])
+    both.index = pd.Index(np.arange(len(both)) * 0.2, name="t_s")
+    found = fit_full_throttle(both, nexstar.propulsion, propeller)
+    assert found.parameters is not None, found.reason
+    assert found.parameters.values == pytest.approx(motor.values, rel=1e-6)
+
+
+def test_a_throttle_a_little_below_full_counts_for_what_it_is(nexstar, propeller) -> None:
+    """A slow climb at 0.996, within which a controller may hold it: at 12 m/s full throttle is known to 0.01 %.
+
+    Taken for full, it makes full throttle 0.08 % slower, and that climb 0.3 %.
+    """
+    climb, run = at_throttle(nexstar, propeller, np.full(30, 13.0), 0.996), full_throttle_run(nexstar, propeller, 40.0)
+    both = pd.concat([climb, climb[:5].assign(throttle=0.5), run])
+    both.index = pd.Index(np.arange(len(both)) * 0.2, name="t_s")
+    found = fit_full_throttle(both, nexstar.propulsion, propeller)
+    assert found.parameters is not None, found.reason
+    V = np.array([12.0, 18.0])
+    values = dict(zip(found.parameters.names, found.parameters.values, strict=True))
+    true = at_throttle(nexstar, propeller, V, 1.0)["n"].to_numpy()
+    assert full_throttle_revps(propeller, V, RHO, **values) == pytest.approx(true, rel=1e-4)
+
+
+def test_no_full_throttle_is_said_and_not_made_up(nexstar, propeller) -> None:
+    part = steady_points(nexstar, propeller)
+    part["throttle"] = np.minimum(part["throttle"], 0.9)
+    assert "0 s of settled full throttle" in fit_full_throttle(part, nexstar.propulsion, propeller).reason
+    unknown = part.assign(throttle=np.nan)
+    assert "no throttle position" in fit_full_throttle(unknown, nexstar.propulsion, propeller).reason
+
+
+def accelerating_rotor(propulsion: Propulsion, propeller: Propeller, V: float, seconds: float) -> np.ndarray:
+    """Speed of rotation [rev/s] every STEP_S at full throttle and V [m/s], from 60 rev/s, by the simulator's motor."""
+    n, small_s, recorded_n = 60.0, 0.001, []
+    for i in range(round(seconds / small_s)):
+        if i % round(STEP_S / small_s) == 0:
+            recorded_n.append(n)
+        n += small_s * float(
+            power_train(propulsion, propeller, V=V, n=n, throttle=1.0, rho=RHO).motor_acceleration_revps2
+        )
+    return np.array(recorded_n)
+
+
+def test_a_rotor_that_still_accelerates_takes_torque_from_the_motor(nexstar, propeller, motor) -> None:
+    """A rotor of 120 times the inertia speeds up over seconds, slower than the propeller's torque alone explains.
+
+    The fit finds the motor of the settled rotor; finite differences of 0.2 s leave 0.2 % of n_0 and 1.3 % of c.
+    """
+    heavy = replace(nexstar.propulsion, propeller_inertia_kgm2=120 * nexstar.propulsion.propeller_inertia_kgm2)
+    n = accelerating_rotor(heavy, propeller, V=18.0, seconds=8.0)
+    assert n[-1] - n[5] > 20, "the rotor is still accelerating after SETTLING_S"
+    data = recorded(replace(nexstar, propulsion=heavy), propeller, np.full(len(n), 18.0), n, np.ones(len(n)))
+    found = fit_full_throttle(data, heavy, propeller)
+    assert found.parameters is not None, found.reason
+    assert np.all(np.abs(found.parameters.values / motor.values - 1) < [0.005, 0.03])
+
+
+def test_the_first_tenths_of_a_second_at_full_throttle_are_left_out(nexstar, propeller) -> None:
+    """The speed controller ramps up for 0.6 s after the stick has moved."""
+    settled = full_throttle_run(nexstar, propeller)
+    ramping = settled.assign(n=settled["n"] * np.where(np.arange(len(settled)) < 3, 0.9, 1.0))
+    expected, found = (fit_full_throttle(run, nexstar.propulsion, propeller).parameters for run in (settled, ramping))
+    assert expected is not None and found is not None
+    assert found.values == pytest.approx(expected.values, rel=1e-9)

@@ -1,0 +1,114 @@
+"""Curves, optimum speeds and the CSV file of a known polar."""
+
+import csv
+import io
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from analysis.drag.dynamic import DynamicEstimate
+from analysis.drag.method import SteadyPoint
+from analysis.drag.polar import Condition, Polar, best_range_lift, minimum_power_lift
+from analysis.results import curves
+from analysis.results.methods import _point
+from analysis.results.schema import ConditionResult, PowerPoint, to_csv
+
+AT = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)
+CD0, K = 0.04, 0.06
+POLAR = Polar(np.array([CD0, 0.0, K]), np.diag([0.001**2, 0.0, 0.0]))
+
+
+def test_the_curve_is_drag_times_speed_with_a_95_percent_interval() -> None:
+    """An A0 known to 0.001 is power known to rho V^3 S / 2 times that."""
+    found = curves.points(POLAR, AT, (0.3, 0.9))
+    assert found[0].speed_mps < found[-1].speed_mps
+    for point in found:
+        qS_N = AT.rho * point.speed_mps**2 / 2 * AT.wing_area_m2
+        CL = AT.weight_N / qS_N
+        assert 0.3 * (1 - 1e-9) <= CL <= 0.9 * (1 + 1e-9)
+        assert point.power_W == pytest.approx(qS_N * (CD0 + K * CL**2) * point.speed_mps)
+        half_W = 1.96 * qS_N * 0.001 * point.speed_mps
+        assert point.power_hi_W - point.power_W == pytest.approx(half_W, rel=1e-4)
+        assert point.power_W - point.power_lo_W == pytest.approx(half_W, rel=1e-4)
+
+
+def test_a_point_of_a_method_keeps_its_coefficients_at_another_weight_and_density() -> None:
+    found = _point(SteadyPoint(CL=0.5, CD=0.06, CD_error=0.002, start_s=7.0), AT)
+    qS_N = AT.weight_N / 0.5
+    assert AT.rho * found.speed_mps**2 / 2 * AT.wing_area_m2 == pytest.approx(qS_N)
+    assert found.power_W == pytest.approx(qS_N * 0.06 * found.speed_mps)
+    assert found.power_hi_W is not None and found.power_lo_W is not None and found.start_s == 7.0
+    assert found.power_hi_W - found.power_W == pytest.approx(1.96 * qS_N * 0.002 * found.speed_mps, rel=1e-4)
+    assert found.power_W - found.power_lo_W == pytest.approx(1.96 * qS_N * 0.002 * found.speed_mps, rel=1e-4)
+
+
+def test_optimum_speeds_are_those_of_the_textbook_and_marked_outside_the_flown_range() -> None:
+    """CDi = 3 CD0 at least power (1.6), CDi = CD0 at least drag (1.10)."""
+    slow = curves.optimum(minimum_power_lift, POLAR, AT, (0.3, 1.6))
+    far = curves.optimum(best_range_lift, POLAR, AT, (0.3, 0.7))
+    for found, CL, inside in ((slow, np.sqrt(3 * CD0 / K), True), (far, np.sqrt(CD0 / K), False)):
+        V = np.sqrt(2 * AT.weight_N / (AT.rho * CL * AT.wing_area_m2))
+        assert found.speed_mps == pytest.approx(V)
+        assert found.lo_mps is not None and found.hi_mps is not None and found.lo_mps < V < found.hi_mps
+        assert found.inside_flown_range == inside
+
+
+def test_a_polar_without_an_optimum_has_none() -> None:
+    assert (
+        curves.optimum(best_range_lift, Polar(np.array([-0.01, 0, K]), POLAR.covariance), AT, (0.3, 0.9)).speed_mps
+        is None
+    )
+
+
+def test_csv_rows_hold_their_condition_speed_power_and_interval() -> None:
+    def curve(power_W: float) -> list[PowerPoint]:
+        return [
+            PowerPoint(
+                speed_mps=14.5,
+                power_W=power_W,
+                power_lo_W=power_W - 2,
+                power_hi_W=power_W + 3,
+                extrapolated=power_W > 50,
+            )
+        ]
+
+    results = SimpleNamespace(
+        test=ConditionResult(weight_N=37.7, air_density_kgpm3=1.19),
+        standard=ConditionResult(weight_N=36.0, air_density_kgpm3=1.225),
+        power_required=curve(44.0),
+        power_required_standard=curve(55.0),
+    )
+    test, standard = csv.DictReader(io.StringIO(to_csv(results)))  # type: ignore[arg-type]
+    assert test == {
+        "condition": "test", "weight_N": "37.7", "air_density_kgpm3": "1.19", "speed_mps": "14.5", "power_W": "44",
+        "power_lo_W": "42", "power_hi_W": "47", "extrapolated": "false",
+    }  # fmt: skip
+    assert (standard["condition"], standard["weight_N"], standard["air_density_kgpm3"]) == ("standard", "36", "1.225")
+    assert (standard["power_W"], standard["extrapolated"]) == ("55", "true")
+
+
+def test_the_two_parts_of_an_interval_are_those_of_their_covariances() -> None:
+    """A0 known to 0.001 by noise and to 0.002 by systematic errors."""
+    noise, systematic = np.diag([0.001**2, 0, 0, 0, 0]), np.diag([0.002**2, 0, 0, 0, 0])
+    estimate = DynamicEstimate(
+        polar=POLAR, parameters=[], verdict="", warnings=[], fits=[], values=np.zeros(5), noise=noise,
+        systematic=systematic,
+    )  # fmt: skip
+    (part,) = curves.interval_parts(estimate, AT, np.array([15.0]))
+    unit_W = AT.rho * 15.0**3 / 2 * AT.wing_area_m2
+    assert (part.noise_W, part.systematic_W) == pytest.approx((1.96 * 0.001 * unit_W, 1.96 * 0.002 * unit_W), rel=1e-4)
+
+
+def test_the_drag_polar_in_both_forms_is_the_same(nexstar) -> None:
+    found = curves.drag_polar(Polar(np.array([0.05, -0.02, 0.06]), np.zeros((3, 3))), nexstar)
+    CL = np.array([0.2, 0.6, 1.0])
+    assert found.A0 + found.A1 * CL + found.A2 * CL**2 == pytest.approx(found.CD0 + found.K * (CL - found.CL_minD) ** 2)
+    assert found.oswald_efficiency == pytest.approx(1 / (np.pi * 0.06 * nexstar.aspect_ratio))
+    assert found.maximum_lift_to_drag == pytest.approx(
+        np.max(
+            np.linspace(0.5, 1.5, 9999)
+            / (0.05 - 0.02 * np.linspace(0.5, 1.5, 9999) + 0.06 * np.linspace(0.5, 1.5, 9999) ** 2)
+        ),
+        rel=1e-6,
+    )
