@@ -79,12 +79,12 @@ def analyze(
     progress("reconstructing the trajectory")
     alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, stand_ins.alpha_scale_sigma(aircraft))
     trajectory = reconstruct(table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, log=name)
-    sensor_errors = sensor_error_estimates(table, trajectory)
+    sensor_errors = sensor_error_estimates(trajectory)
     runs, calibrated = len(maneuvers.level_runs), contents.magnetometer is not None
     trajectory_warnings = trajectory_notes(
-        table, trajectory, sensor_errors, runs, magnetometer_calibrated=calibrated, log=name
+        trajectory, sensor_errors, runs, magnetometer_calibrated=calibrated, log=name
     )
-    agreement = consistency(table, trajectory)
+    agreement = consistency(trajectory)
 
     progress(f"estimating drag from {runs or len(maneuvers.of(*FOR_DRAG))} runs")
 
@@ -93,7 +93,7 @@ def analyze(
         moved = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
         sigma = math.hypot(contents.probe.alpha_scale_sigma, upwash_sigma)
         along = reconstruct(moved.table, moved.rest, alpha_scale_sigma=sigma, compass=moved.compass, log=name)
-        return main_polar(moved.table, along, maneuvers, aircraft, propeller, at, flown_CL, name)
+        return main_polar(along, maneuvers, aircraft, propeller, at, flown_CL, name)
 
     doubt = stand_ins.doubt(repeated, aircraft, propeller, at, flown_CL)
     drag = estimate(
@@ -102,7 +102,7 @@ def analyze(
     )  # fmt: skip
 
     progress("computing performance")
-    performance = compute_performance(request, table, trajectory, drag, aircraft, propeller, at, flown)
+    performance = compute_performance(request, trajectory, drag, aircraft, propeller, at, flown)
     unknown_battery = request.battery_Wh is None and aircraft.propulsion.battery_energy_Wh is None
     results = assemble(
         log=name,

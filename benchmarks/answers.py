@@ -86,14 +86,14 @@ def one_flight(job: Job) -> np.ndarray:
     air, still, _ = flights.air_of(table, aircraft, probe)
     runs, _ = find_runs(air)
     trajectory = reconstruct(air, still)
-    estimate = dynamic.estimate_polar(air, trajectory, runs, aircraft, propeller)
+    estimate = dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
     flown = np.concatenate([air["V_mps"].to_numpy()[run.rows] for run in runs])
     rho = float(np.nanmean(np.concatenate([air["rho"].to_numpy()[run.rows] for run in runs])))
     at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
     slow, fast = np.nanpercentile(flown, (1, 99))
     flown_CL = float(lift_coefficient(fast, at)), float(lift_coefficient(slow, at))
     model = performance_model(
-        power_train_data(air, trajectory, aircraft, propeller), estimate, aircraft, propeller, flown_CL
+        power_train_data(trajectory, aircraft, propeller), estimate, aircraft, propeller, flown_CL
     )
     points, V = model.parameters.sigma_points(), speeds(aircraft)[1:]
     full = full_throttle_performance(points, propeller, at, flown_CL)

@@ -2,7 +2,7 @@
 
     python benchmarks/estimators.py --errors study --turbulence-kt 3 --flights 200
 
-Flies, lets the sensors feel (no buses, no counts: this compares estimators, not drivers), analyses, and compares with
+Flies, simulates the sensors (no buses, no counts: this compares estimators, not drivers), analyzes, and compares with
 the simulator's true curve at five speeds. docs/estimators.md quotes what this prints.
 """
 
@@ -72,26 +72,26 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
         return 100 * np.stack([power / true_power - 1, NORMAL_95 * error / true_power])
 
     trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
-    figures = path_figures(trajectory, air, drawn, flight.truth)
+    figures = trajectory_errors(trajectory, air, drawn, flight.truth)
     for name, kind in (("all runs", ""), ("one acceleration", "acceleration"), ("one deceleration", "deceleration")):
         chosen = [run for run in runs if run.kind.startswith(kind)]
         if kind:  # the longest, as one who has to choose would
             chosen = sorted(chosen, key=lambda run: run.start_s - run.end_s)[:1]
-        figures[name] = compared(dynamic.estimate_polar(air, trajectory, chosen, aircraft, propeller).polar)
+        figures[name] = compared(dynamic.estimate_polar(trajectory, chosen, aircraft, propeller).polar)
     if cross_check:
         integrated = output_error.estimate_polar(air, runs, aircraft, zeroed=at_rest is not None, propeller=propeller)
         figures["output error"] = compared(integrated.polar)
     return figures
 
 
-def path_figures(
+def trajectory_errors(
     trajectory: Trajectory, air: pd.DataFrame, drawn: DrawnErrors, truth: pd.DataFrame
 ) -> dict[str, np.ndarray]:
-    """Errors of what the path says of the sensors, and of its means over the flight, with half of their intervals.
+    """Errors of the estimated sensor errors, and of mean states over the flight, with half their 95 % intervals.
 
-    Forces are taken in the IMU's axes: its tilt belongs to the offset of angle of attack, and to pitch. True of the
-    measured angle is the best line over the angle flown, which contains the calibration's curve; true of the scale of
-    airspeed is the drawn one and what the density is wrong by.
+    Forces are taken in the IMU's axes, so the IMU's tilt counts as part of the offset of angle of attack and of pitch.
+    The true slope and offset of the measured angle are those of the best line over the angles flown, which includes the
+    error of the probe's calibration. The true airspeed scale includes the error of density.
     """
     values, tilt = drawn.values, drawn.imu_rotation[0, 2]
     t, air_t = trajectory.states.index.to_numpy(), air.index.to_numpy()
@@ -113,7 +113,7 @@ def path_figures(
     }
     figures = {}
     for name, (true_value, factor, unit) in known.items():
-        figures[f"path, {name} [{unit}]"] = factor * told(
+        figures[f"path, {name} [{unit}]"] = factor * with_half_interval(
             trajectory.value(name) - true_value, trajectory.standard_error(name)
         )
 
@@ -121,10 +121,13 @@ def path_figures(
     means |= {f"wind_{axis}": (true(f"wind_{axis}_mps", t), 1.0, "m/s") for axis in ("north", "east")}
     for name, (true_state, factor, unit) in means.items():
         i = STATES.index(name)
-        own, shared = trajectory.draws[:, high, i].mean(axis=1), trajectory.state_sensitivity[high, i].mean(axis=0)
-        error = np.sqrt(np.mean(own**2) + shared @ trajectory.covariance @ shared)
+        random, sensitivity = (
+            trajectory.draws[:, high, i].mean(axis=1),
+            trajectory.state_sensitivity[high, i].mean(axis=0),
+        )
+        error = np.sqrt(np.mean(random**2) + sensitivity @ trajectory.covariance @ sensitivity)
         off = np.mean((trajectory.states[name] - true_state)[high])
-        figures[f"path, {name}, mean [{unit}]"] = factor * told(off, error)
+        figures[f"path, {name}, mean [{unit}]"] = factor * with_half_interval(off, error)
 
     slow = flown & (V < SLOW_MPS)
     found = (air["alpha_rad"] - trajectory.value("alpha_bias")) / (
@@ -135,12 +138,13 @@ def path_figures(
     by = np.array([changes.get(name, 0.0) for name in SENSOR_ERRORS])
     off = np.mean((found - alpha + tilt)[slow])
     figures["path, angle of attack below 13 m/s [deg]"] = np.degrees(
-        told(off, np.sqrt(by @ trajectory.covariance @ by))
+        with_half_interval(off, np.sqrt(by @ trajectory.covariance @ by))
     )
     return figures
 
 
-def told(error: float, standard_error: float) -> np.ndarray:
+def with_half_interval(error: float, standard_error: float) -> np.ndarray:
+    """Error and half the 95 % interval (2, 1)."""
     return np.array([[error], [NORMAL_95 * standard_error]])
 
 
@@ -174,7 +178,7 @@ def main(
     console = Console(width=120)
     console.print(f"{errors}, {plan}, W20 = {turbulence_kt:g} kt, {count} flights from seed {first_seed}, {lost} lost")
     print_power(console, {k: v for k, v in gathered.items() if not k.startswith("path")}, speeds(aircraft))
-    print_path(console, {k.removeprefix("path, "): v for k, v in gathered.items() if k.startswith("path")})
+    print_trajectory(console, {k.removeprefix("path, "): v for k, v in gathered.items() if k.startswith("path")})
 
 
 def print_power(console: Console, gathered: dict[str, list[np.ndarray]], V: np.ndarray) -> None:
@@ -187,7 +191,7 @@ def print_power(console: Console, gathered: dict[str, list[np.ndarray]], V: np.n
     console.print(table)
 
 
-def print_path(console: Console, gathered: dict[str, list[np.ndarray]]) -> None:
+def print_trajectory(console: Console, gathered: dict[str, list[np.ndarray]]) -> None:
     table = Table("path, errors", "rms", "mean", "stated, 1 sigma", "coverage, %", box=None)
     for name, values in gathered.items():
         error, half = np.array(values)[:, :, 0].T

@@ -90,10 +90,10 @@ def analyzed(aircraft: Aircraft, flown: Flown) -> Analyzed:
     found = find(flown.table, flown.still)
     level = found.of(*LEVEL_RUNS)
     trajectory = reconstruct(flown.table, flown.still)
-    estimate = estimate_polar(flown.table, trajectory, level, aircraft, propeller)
+    estimate = estimate_polar(trajectory, level, aircraft, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
     at, flown_CL = flown_condition(rows, aircraft), flown_lift(rows, aircraft)
-    others = every_method(flown.table, trajectory, found.maneuvers, estimate, flown_CL, aircraft, propeller, at)
+    others = every_method(trajectory, found.maneuvers, estimate, flown_CL, aircraft, propeller, at)
     return Analyzed(estimate, flown_CL, others.by_method, others.one_by_one, others.disagreements, at)
 
 

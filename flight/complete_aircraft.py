@@ -4,6 +4,7 @@ The same classes as in `flight.aircraft`, with the keys required that the analys
 away the default that a field inherits.
 """
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -72,11 +73,17 @@ def load_complete_aircraft(name_or_path: str | Path) -> CompleteAircraft:
 
     Raises InputError naming every key that is missing or wrong.
     """
-    text, where = aircraft_text(name_or_path)
-    parse_aircraft(text, where)  # what is wrong for everybody is said without the simulator
+    return as_complete(*aircraft_text(name_or_path))
+
+
+def as_complete(text: str, where: str) -> CompleteAircraft:
+    """The same from the text of a file. `where` names the file in the InputErrors that are raised."""
+    parse_aircraft(text, where)  # says what is wrong for everybody, without the simulator
     try:
         return parse_as(CompleteAircraft, text, where)
     except InputError as error:
+        missing = ", ".join(re.findall(r"(\S+) is missing", str(error)))
         raise InputError(
-            f"{error} (the simulator needs every key; the analysis does without these: docs/aircraft.md)"
+            f"{where}: the simulator also needs {missing}; `flightpower new aircraft --like nexstar` writes a file"
+            " with every key"
         ) from None

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag import covariance
-from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, BlockMeans
+from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
 from analysis.drag.polar import Polar
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
@@ -56,7 +56,7 @@ def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
     return (drag_over_m - u.thrust_over_m * (p.thrust_scale + p.thrust_slope * (u.J - J_REFERENCE)),)
 
 
-# Inputs of the model, and the columns of `BlockMeans.forces` that they are taken from.
+# Inputs of the model, and the columns of `FlightForces.forces` that they are taken from.
 INPUTS = {"CL": "CL", "qS_over_m": "qS_over_m_mps2", "thrust_over_m": "thrust_along_V_over_m_mps2", "J": "J"}
 DRAG = Model(
     name="drag",
@@ -102,10 +102,10 @@ class DynamicEstimate:
 
 
 def estimate_polar(
-    table: pd.DataFrame, trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
+    trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
 ) -> DynamicEstimate:
-    """Fit all runs at once along the reconstructed trajectory. table: from `air_data`."""
-    blocks = BlockMeans(table, trajectory, aircraft, propeller)
+    """Fit all runs at once along the reconstructed trajectory."""
+    blocks = FlightForces(trajectory, aircraft, propeller)
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     forces = blocks.forces(states, sensor_errors)
     aloft = (blocks.mean["height_m"] > LEAST_HEIGHT_M) & (blocks.mean["flying"] == 1)
@@ -190,7 +190,9 @@ def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
     return segments
 
 
-def _run_fits(blocks: BlockMeans, forces: pd.DataFrame, trajectory: Trajectory, fit: output_error.Fit) -> list[RunFit]:
+def _run_fits(
+    blocks: FlightForces, forces: pd.DataFrame, trajectory: Trajectory, fit: output_error.Fit
+) -> list[RunFit]:
     """Speed, angle of attack and height as measured and as the trajectory and its sensor errors give them; drag."""
     scale, slope, bias = (trajectory.value(name) for name in ("V_scale", "alpha_scale", "alpha_bias"))
     fits = []

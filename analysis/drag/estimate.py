@@ -63,14 +63,14 @@ def estimate(
     Raises InputError, beginning with `log`, when the maneuvers do not determine a physical polar.
     """
     runs = maneuvers.level_runs
-    by_runs = widened(dynamic.estimate_polar(table, trajectory, runs, aircraft, propeller), doubt) if runs else None
+    by_runs = widened(dynamic.estimate_polar(trajectory, runs, aircraft, propeller), doubt) if runs else None
     if by_runs and (reason := unphysical(by_runs.polar, flown_CL)):
         source = "one run" if len(runs) == 1 else f"{len(runs)} runs"
         raise InputError(
             f"{log}: unphysical drag polar from {source}: {reason}; keep or fly more runs, longer, over more speeds"
         )
     progress("applying all other methods")
-    others = every_method(table, trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, at)
+    others = every_method(trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, at)
     if by_runs:
         main = by_runs
     else:
@@ -90,7 +90,6 @@ def estimate(
 
 
 def main_polar(
-    table: pd.DataFrame,
     trajectory: Trajectory,
     maneuvers: Maneuvers,
     aircraft: Aircraft,
@@ -102,6 +101,6 @@ def main_polar(
     """The polar of the power curve alone, as `estimate` has it."""
     runs = maneuvers.level_runs
     if runs:
-        return dynamic.estimate_polar(table, trajectory, runs, aircraft, propeller)
-    others = every_method(table, trajectory, maneuvers.maneuvers, None, flown_CL, aircraft, propeller, at)
+        return dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
+    others = every_method(trajectory, maneuvers.maneuvers, None, flown_CL, aircraft, propeller, at)
     return fallback(others.by_method, trajectory, log)[0]

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.trajectory.blocks import block_mean
-from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, Named, flow
+from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays, flow
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aerodynamics import stability_axes
 from flight.aircraft import Aircraft
@@ -22,19 +21,17 @@ J_REFERENCE = 0.5
 THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA = 0.018, 0.15  # prior standard deviations of the two errors
 
 
-class BlockMeans:
-    """The measurements as means over the blocks of a trajectory.
+class FlightForces:
+    """Forces of one flight, for the reconstructed trajectory and for slightly different ones.
 
-    mean : name of a column of the table to (n,)     t_s : (n,) centres of the blocks [s]
+    mean : the measurements, block means (n,) by name     t_s : (n,) centres of the blocks [s]
     """
 
-    def __init__(self, table: pd.DataFrame, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller):
-        """table: from `air_data`."""
-        n = len(trajectory.states)
-        self.mean = {name: block_mean(table[name], n) for name in table.columns}
+    def __init__(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller):
+        self.mean = trajectory.block_means
         self.t_s = trajectory.states.index.to_numpy()
         self.aircraft, self.propeller = aircraft, propeller
-        self._predicted_flow = Named(PREDICTED_FLOW, trajectory.predicted_flow.T)
+        self._predicted_flow = NamedArrays(PREDICTED_FLOW, trajectory.predicted_flow.T)
 
     def forces(self, states: Array, sensor_errors: Array) -> pd.DataFrame:
         """One row per block, for states (n, len(STATES)) and sensor errors (len(SENSOR_ERRORS),).
@@ -45,7 +42,7 @@ class BlockMeans:
         V, alpha, gamma, bank, climb : true airspeed [m/s], angles relative to the air [rad], rate of climb [m/s]
         Vdot [m/s^2], n [rev/s], J, rho [kg/m^3]
         """
-        x, error = Named(STATES, states.T), Named(SENSOR_ERRORS, sensor_errors)
+        x, error = NamedArrays(STATES, states.T), NamedArrays(SENSOR_ERRORS, sensor_errors)
         V, alpha, _ = flow(x, self._predicted_flow)
         m, rho = self.aircraft.mass_kg, self.mean["rho"]
         qS_N = rho * V**2 / 2 * self.aircraft.geometry.wing_area_m2

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.forces import J_REFERENCE, BlockMeans
+from analysis.drag.forces import J_REFERENCE, FlightForces
 from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA, ErrorEstimate
 from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory import dryden
@@ -44,14 +44,14 @@ class MethodInputs:
 
 
 def method_inputs(
-    blocks: BlockMeans, trajectory: Trajectory, runs: list[Maneuver], errors: Mapping[str, ErrorEstimate]
+    blocks: FlightForces, trajectory: Trajectory, runs: list[Maneuver], errors: Mapping[str, ErrorEstimate]
 ) -> MethodInputs:
     """The tables of one flight. errors: from `estimate_errors`."""
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     flying = np.isfinite(blocks.mean["V_mps"])
     height_m, V = (float(np.nanmedian(blocks.mean[name][flying])) for name in ("height_m", "V_mps"))
     vertical = dryden.vertical(trajectory.gust_mps, height_m, V).as_gauss_markov()
-    along = dryden.along(trajectory.gust_mps, height_m, V)
+    along = dryden.longitudinal(trajectory.gust_mps, height_m, V)
 
     def corrected(removed: Mapping[str, float]) -> pd.DataFrame:
         return input_table(blocks, states, sensor_errors, removed, vertical, along)
@@ -72,7 +72,7 @@ def method_inputs(
 
 
 def input_table(
-    blocks: BlockMeans,
+    blocks: FlightForces,
     states: Array,
     sensor_errors: Array,
     removed: Mapping[str, float],
@@ -82,7 +82,7 @@ def input_table(
     """What methods work on, one row per block; the errors `removed` are taken out of what is measured.
 
     Along the trajectory of states (n, len(STATES)) with sensor errors (len(SENSOR_ERRORS),): V, alpha, gamma, climb,
-    bank, Vdot, rho, J as in `BlockMeans.forces`; specific force ax, az [m/s^2]; qS_over_m_mps2; thrust_x_over_m_mps2,
+    bank, Vdot, rho, J as in `FlightForces.forces`; specific force ax, az [m/s^2]; qS_over_m_mps2; thrust_x_over_m_mps2,
     the thrust of the table along body x.
     As measured: alpha_measured [rad]; theta_measured [rad], pitch attitude leveled by the accelerometer;
     height_measured [m]; V_measured [m/s], with the qS_over_m and thrust_x_over_m that follow from it; static_Pa [Pa],

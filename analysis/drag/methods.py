@@ -4,13 +4,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from analysis.drag.comparison import MethodDisagreement, disagreements
 from analysis.drag.direct import ACCELERATIONS, DECELERATIONS, DIRECT, FROM_SPEED, ONE_RUN, VARIED_LIFT
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.energy import ENERGY
-from analysis.drag.forces import BlockMeans
+from analysis.drag.forces import FlightForces
 from analysis.drag.method import Method, MethodEstimate, estimate
 from analysis.drag.method_inputs import method_inputs
 from analysis.drag.piw_viw import PIW_VIW_THREE, PIW_VIW_TWO
@@ -37,7 +36,6 @@ class MethodEstimates(NamedTuple):
 
 
 def every_method(
-    table: pd.DataFrame,
     trajectory: Trajectory,
     runs: list[Maneuver],
     dynamic: DynamicEstimate | None,
@@ -48,9 +46,9 @@ def every_method(
 ) -> MethodEstimates:
     """ALL_METHODS on the runs of any kind, each run alone, and the pairs that disagree at one weight and density.
 
-    table: from `air_data`. dynamic: None where the flight has no run for it. dynamic_CL: its lift coefficients.
+    dynamic: None where the flight has no run for it. dynamic_CL: its lift coefficients.
     """
-    blocks = BlockMeans(table, trajectory, aircraft, propeller)
+    blocks = FlightForces(trajectory, aircraft, propeller)
     t = blocks.t_s
     level = [run for run in runs if run.kind in LEVEL_RUNS]
     in_level_runs = np.zeros(len(t), dtype=bool)

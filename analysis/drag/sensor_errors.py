@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, BlockMeans
-from analysis.trajectory.data import PRIOR_SIGMA
+from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
 from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.reconstruction import Trajectory
 from flight.units import GRAVITY_MPS2 as g
 
@@ -58,7 +58,7 @@ class ErrorEstimate(NamedTuple):
     standard_error: float
 
 
-def estimate_errors(blocks: BlockMeans, trajectory: Trajectory, rows: NDArray[np.bool_]) -> dict[str, ErrorEstimate]:
+def estimate_errors(blocks: FlightForces, trajectory: Trajectory, rows: NDArray[np.bool_]) -> dict[str, ErrorEstimate]:
     """Every error of ERROR_PRIOR_SIGMA, from the trajectory and the forces along it. rows: the blocks of the runs.
 
     The trajectory has a tight prior on the air-data lag. It is replaced by LAG_SIGMA_S here, so that a larger lag is
@@ -88,7 +88,7 @@ def _with_lag_prior(trajectory: Trajectory, sigma_s: float) -> tuple[Array, Arra
     i = SENSOR_ERRORS.index("air_data_lag")
     information = np.linalg.inv(trajectory.covariance)
     changed = information.copy()
-    changed[i, i] += 1 / sigma_s**2 - 1 / trajectory.assumed("air_data_lag") ** 2
+    changed[i, i] += 1 / sigma_s**2 - 1 / trajectory.prior_standard_error("air_data_lag") ** 2
     covariance = np.linalg.inv(changed)
     return covariance @ information @ trajectory.sensor_errors, covariance  # the prior's mean is zero
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag.dynamic import POLAR, THRUST, DynamicEstimate
 from analysis.drag.estimate import DragEstimates
-from analysis.drag.forces import BlockMeans
+from analysis.drag.forces import FlightForces
 from analysis.drag.polar import Condition, speed_at
 from analysis.performance.assumed_motor import ASSUMED_MOTOR, motor_is_known, with_assumed_motor
 from analysis.performance.available import (
@@ -101,7 +101,6 @@ class FlightPerformance:
 
 def compute(
     request: Request,
-    table: pd.DataFrame,
     trajectory: Trajectory,
     drag: DragEstimates,
     aircraft: Aircraft,
@@ -111,34 +110,32 @@ def compute(
 ) -> FlightPerformance | None:
     """Performance at the flight's weight and density, and at those requested.
 
-    table: of `air_data`. flown: its rows within the maneuvers analysed. at: weight and density of the flight.
+    flown: rows of `air_data` within the maneuvers analysed. at: weight and density of the flight.
     None where the battery's energy is not known, or the propeller's table cannot give the thrust of level flight.
     """
     battery_Wh = request.battery_Wh or aircraft.propulsion.battery_energy_Wh
     if battery_Wh is None:
         return None
     flight = FlightCondition(at, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))
-    data = power_train_data(table, trajectory, aircraft, propeller)
+    data = power_train_data(trajectory, aircraft, propeller)
     model = performance_model(data, drag.main, aircraft, propeller, drag.flown_CL)
     requested = requested_conditions(request, flight)
     return flight_performance(model, at, requested, battery_energy_Wh=battery_Wh, usable=request.usable)
 
 
-def power_train_data(
-    table: pd.DataFrame, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller
-) -> pd.DataFrame:
+def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> pd.DataFrame:
     """What the power train did along the trajectory, five rows a second; index t_s.
 
     V [m/s], alpha [rad], CL, n [rev/s], rho [kg/m^3], J, throttle (0 to 1), battery_V, battery_A, battery_W, height_m,
     covered (inside the propeller's table and above LEAST_HEIGHT_M); NaN gaps.
     """
-    blocks = BlockMeans(table, trajectory, aircraft, propeller)
+    blocks = FlightForces(trajectory, aircraft, propeller)
     forces = blocks.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
-    return _with_battery_and_coverage(forces, blocks.mean, propeller)
+    return _with_battery_and_coverage(forces, blocks.mean.means, propeller)
 
 
 def _with_battery_and_coverage(forces: pd.DataFrame, mean: Mapping[str, Array], propeller: Propeller) -> pd.DataFrame:
-    """forces : of `BlockMeans.forces`     mean : measurements by name, in the same rows; NaN where one is not there"""
+    """forces : of `FlightForces.forces`     mean : measurements by name, in the same rows; NaN where missing"""
     data = forces[["V", "alpha", "CL", "n", "rho", "J"]].copy()
     for name in ("throttle", "battery_V", "battery_A", "height_m"):
         data[name] = mean.get(name, np.nan)

@@ -10,7 +10,7 @@ from analysis.files import write_file
 from analysis.pipeline import Analysis
 from analysis.report import field, figures, page
 from analysis.results.schema import to_csv, to_json
-from analysis.trajectory.equations import STATES, WITHIN
+from analysis.trajectory.equations import GUST_FILTER_STATES, STATES
 from analysis.trajectory.reconstruction import Trajectory
 
 POLAR_POINTS = 60
@@ -60,6 +60,8 @@ def _polar(analysis: Analysis):
 
 def _path(trajectory: Trajectory) -> str:
     """Every state of the flight path with its standard error, a line each 0.2 s."""
-    named = trajectory.states.drop(columns=[*WITHIN]).rename(columns=PATH_COLUMNS)
-    errors = trajectory.states_error().drop(columns=[*WITHIN]).rename(columns=PATH_COLUMNS).add_suffix("_error")
+    named = trajectory.states.drop(columns=[*GUST_FILTER_STATES]).rename(columns=PATH_COLUMNS)
+    errors = (
+        trajectory.states_error().drop(columns=[*GUST_FILTER_STATES]).rename(columns=PATH_COLUMNS).add_suffix("_error")
+    )
     return str(pd.concat([named, errors], axis=1).to_csv(float_format="%.6g", lineterminator="\n"))

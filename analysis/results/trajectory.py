@@ -3,8 +3,8 @@
 import numpy as np
 
 from analysis.results.schema import Check, ConsistencyCheck, PathResult, SensorError
-from analysis.trajectory.consistency import ANGLES, SPEED, Consistency, spread
-from analysis.trajectory.observability import Learnt
+from analysis.trajectory.consistency import ANGLES, SPEED, Consistency, difference_statistics
+from analysis.trajectory.observability import SensorErrorEstimate
 from analysis.trajectory.reconstruction import Trajectory
 
 _CHECKS = (
@@ -13,11 +13,11 @@ _CHECKS = (
 )
 
 
-def path_result(trajectory: Trajectory, agreement: Consistency, errors: list[Learnt]) -> PathResult:
+def path_result(trajectory: Trajectory, agreement: Consistency, errors: list[SensorErrorEstimate]) -> PathResult:
     """Quality of the trajectory, agreement of channels and sensor errors."""
     checks = []
     for column, title, factor, unit in _CHECKS:
-        both = [spread(factor * differences[column]) for differences in agreement]
+        both = [difference_statistics(factor * differences[column]) for differences in agreement]
         said = [
             Check(title=title, unit=unit, mean=s.mean, mean_standard_error=s.standard_error, sigma=s.sigma)
             for s in both

@@ -1,5 +1,7 @@
-"""Flight-path reconstruction: attitude, velocity, wind, and the systematic errors of the sensors.
+"""Trajectory reconstruction (flight-path reconstruction): attitude, velocity, wind, and the systematic sensor errors.
 
-`equations` are the equations of motion and of the sensors, `data` the measurements, `smoother` one Gauss-Newton step,
-`reconstruction` the iteration.
+`reconstruction` is the iteration. `problem` turns a flight into the inputs of the `equations`: `block_means` of all
+channels, `inertial` sensors, `process` noise, `measurements` and weights, `regressors` of the sensor errors, `priors`,
+`initial_estimate`. `smoother` is one Gauss-Newton step. `consistency`, `observability`, `time_shift` and
+`airspeed_scale` say what a reconstructed flight shows of its sensors.
 """

@@ -1,4 +1,4 @@
-"""The airspeed scale and the wind of a flight, against GPS on headings that differ."""
+"""Airspeed scale and wind of a flight, from airspeed against GPS on different headings."""
 
 from typing import NamedTuple
 
@@ -6,42 +6,44 @@ import numpy as np
 import pandas as pd
 
 from analysis.trajectory.reconstruction import Trajectory
+from analysis.trajectory.time_shift import DETERMINED_SHARE
 
-ONE_WAY = 0.75  # length of the mean heading vector: above, nearly all was flown in one direction
-MOST_OF_PRIOR = 0.7  # an error that hardly shrank from what was assumed beforehand was not measured
-PRIOR = 0.02
+ONE_WAY = 0.75  # length of the mean heading vector; above it, nearly all was flown in one direction
 
 
 class AirspeedCalibration(NamedTuple):
-    """scale: by what fraction the airspeed reads high, and its standard error; wind: mean over the flight [m/s]."""
+    """scale: fraction by which airspeed reads high, and its standard error; wind: mean over the flight [m/s]."""
 
     scale: float
     scale_error: float
     wind_mps: float
     wind_from_deg: float
-    one_way: float  # 0 when flown evenly on all headings, 1 when on one
+    one_way: float  # length of the mean heading vector: 0 for evenly distributed headings, 1 for a single one
     notes: list[str]
 
 
 def calibrate(table: pd.DataFrame, trajectory: Trajectory) -> AirspeedCalibration:
-    """What a reconstructed flight says of its airspeed. table: as `air_data` leaves it."""
-    rows = np.searchsorted(table.index.to_numpy(), trajectory.states.index.to_numpy())
-    flying = table["flying"].to_numpy()[np.minimum(rows, len(table) - 1)]
+    """Airspeed scale and wind of a reconstructed flight. table: as `air_data` returns it."""
+    flying = table["flying"].to_numpy()[trajectory.block_means.rows]
     heading = trajectory.states["psi"].to_numpy()[flying]
     north, east = (trajectory.states[f"wind_{axis}"].to_numpy()[flying].mean() for axis in ("north", "east"))
     one_way = float(abs(np.mean(np.exp(1j * heading)))) if len(heading) else 1.0
     error = trajectory.standard_error("V_scale")
+    prior = trajectory.prior_standard_error("V_scale")
     notes = []
-    if table["gps_north_mps"].isna().all():
-        notes.append("No GPS in this log: neither scale nor wind can be known from it.")
+    if not trajectory.block_means.measured("gps_north_mps"):
+        notes.append("No GPS in this log: neither scale nor wind can be determined.")
     elif one_way > ONE_WAY:
         notes.append(
-            "Nearly all was flown in one direction: scale and wind along it cannot be told apart. Fly back, too."
+            "Nearly all was flown in one direction: scale and wind along it cannot be separated. Fly back, too."
         )
-    if error > MOST_OF_PRIOR * PRIOR:
-        notes.append("The flight says hardly more of the scale than was assumed before it (2 %).")
+    if error > DETERMINED_SHARE * prior:
+        notes.append(
+            f"This flight hardly determines the scale: standard error {100 * error:.1f} %,"
+            f" before the flight {100 * prior:.1f} %."
+        )
     if not trajectory.converged:
-        notes.append("The reconstruction of the path did not converge: take none of this for certain.")
+        notes.append("The trajectory reconstruction did not converge: do not rely on these values.")
     return AirspeedCalibration(
         scale=trajectory.value("V_scale"),
         scale_error=error,

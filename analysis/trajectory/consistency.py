@@ -1,9 +1,9 @@
-"""Whether a flight's channels agree with one another: as they come, and with what the path found wrong taken out.
+"""Kinematic consistency of a flight's channels, as measured and with the estimated sensor errors corrected.
 
-Two checks that a flight-test person does by hand. Pitch attitude less angle of attack is the angle of climb, the
-barometer's: theta - alpha - gamma = 0 (exactly so with level wings; a small bank is allowed for). And airspeed is what
-GPS says once the wind is taken out. Nothing on board measures attitude or wind by itself: both are the path's, before
-as after, so "before" shows what air data and GPS err by, and "after" what is left of it.
+Two checks of classic flight-path reconstruction. With wings level, pitch attitude less angle of attack is the angle of
+climb: theta - alpha - gamma = 0, gamma from the barometer (a small bank is included). And airspeed equals GPS velocity
+less wind. No sensor measures attitude or wind: both come from the reconstructed trajectory in either case, so "before"
+shows the errors of air data and GPS, and "after" what is left of them.
 """
 
 from typing import NamedTuple
@@ -12,22 +12,20 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import LEAST_HEIGHT_M
-from analysis.trajectory.blocks import block_mean
-from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, Named
+from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.reconstruction import Trajectory
-from flight.motion import earth_from_body
+from flight.motion import earth_from_body, velocity_of
 
 Array = NDArray[np.float64]
 
-CLIMB_S = 3.0  # over which height becomes climb; the angles are averaged alike
-BATCH_S = 20.0  # longer than what is left of one gust: means over it are independent
-LEVEL_RAD = np.radians(10.0)  # of bank; beyond, an error of sideslip enters as one of angle of attack
+CLIMB_S = 3.0  # averaging of height, for climb, and of the angles
+BATCH_S = 20.0  # longer than the correlation time of gusts: means over batches are independent
+LEVEL_RAD = np.radians(10.0)  # largest bank; beyond it an error of sideslip acts like one of angle of attack
 ANGLES, SPEED = "angles_rad", "speed_mps"
 
 
-class Spread(NamedTuple):
-    """Mean of a difference in flight, the mean's standard error, and how the difference scatters (1 sigma)."""
+class DifferenceStatistics(NamedTuple):
+    """Mean of a difference in flight, standard error of the mean, standard deviation of the difference."""
 
     mean: float
     standard_error: float
@@ -37,80 +35,96 @@ class Spread(NamedTuple):
 class Consistency(NamedTuple):
     """Differences in flight, index t_s, columns ANGLES [rad] and SPEED [m/s]; NaN where something was not measured.
 
-    ANGLES : theta - alpha - gamma, wings nearly level     SPEED : airspeed less what GPS and the wind say
+    ANGLES : theta - alpha - gamma, wings nearly level     SPEED : airspeed less GPS velocity with the wind taken out
+    before : as measured                                   after : with sensor errors and gusts corrected
     """
 
     before: pd.DataFrame
     after: pd.DataFrame
 
 
-def consistency(table: pd.DataFrame, trajectory: Trajectory) -> Consistency:
-    """Both checks, as sensors come and with their errors and the gusts taken out.
+class _AirDataAndGps(NamedTuple):
+    """Channels (n,) of the checks."""
 
-    table : as `air_data` leaves it, the one the path was reconstructed from
-    """
-    n, t = len(trajectory.states), trajectory.states.index.to_numpy()
-    x, c, slow = (
-        Named(names, values)
-        for names, values in (
-            (STATES, trajectory.states[list(STATES)].to_numpy().T),
-            (SENSOR_ERRORS, trajectory.sensor_errors),
-            (PREDICTED_FLOW, trajectory.predicted_flow.T),
-        )
-    )
-    names = ("V_mps", "alpha_rad", "beta_rad", "height_m", "gps_north_mps", "gps_east_mps")
-    V, alpha, beta, height, north, east = (block_mean(table[name], n) for name in names)
-    climb = np.gradient(_averaged(height, t), t)
-    flying = np.where((height > LEAST_HEIGHT_M) & np.isfinite(V), 1.0, np.nan)
-    level = np.where(np.abs(x.phi) < LEVEL_RAD, 1.0, np.nan)
-
-    def differences(V: Array, alpha: Array, beta: Array, north: Array, east: Array) -> pd.DataFrame:
-        beta = np.nan_to_num(beta)  # where it was not measured: straight flow
-        along = np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)
-        up = -np.asarray(earth_from_body(*along, x.phi, x.theta, x.psi)[2])
-        by_angles = _averaged(np.arcsin(np.clip(up, -1, 1)) * flying, t)
-        gamma = np.arcsin(np.clip(climb / _averaged(V * flying, t), -1, 1))
-        by_gps = np.sqrt((north - x.wind_north) ** 2 + (east - x.wind_east) ** 2 + x.v_down**2)
-        return pd.DataFrame({ANGLES: (by_angles - gamma) * flying * level, SPEED: (V - by_gps) * flying}, index=t)
-
-    # What `model.shown` adds to the flow, taken out again.
-    late, ca, sa = c.air_data_lag, np.cos(slow.slow_alpha), np.sin(slow.slow_alpha)
-    quick = x.gust_u * ca + x.gust_w * sa + slow.gusts_across / (2 * slow.slow_V)
-    slope = c.alpha_scale - 2 * c.V_scale
-    after = differences(
-        _sooner(V, t, late) - (c.V_scale + slow.V_per_pair * slope) * slow.slow_V + quick,
-        _sooner(alpha, t, late)
-        - c.alpha_bias
-        - slope * slow.slow_alpha
-        - (x.gust_u * sa - x.gust_w * ca) / slow.slow_V,
-        _sooner(beta, t, late) - c.beta_bias + x.gust_v / slow.slow_V,
-        _sooner(north, t, c.gps_latency),
-        _sooner(east, t, c.gps_latency),
-    )
-    return Consistency(differences(V, alpha, beta, north, east), after)
+    V: Array
+    alpha: Array
+    beta: Array
+    gps_north: Array
+    gps_east: Array
 
 
-def spread(difference: pd.Series) -> Spread | None:
-    """Mean and scatter; None where less than two batches were measured. NaN is left out.
+def consistency(trajectory: Trajectory) -> Consistency:
+    """Both checks, before and after the correction."""
+    blocks = trajectory.block_means
+    names = ("V_mps", "alpha_rad", "beta_rad", "gps_north_mps", "gps_east_mps")
+    measured = _AirDataAndGps(*(blocks[name] for name in names))
+    return Consistency(_differences(trajectory, measured), _differences(trajectory, _corrected(trajectory, measured)))
 
-    The mean's error is that of the means of batches, so that what wanders slowly counts.
+
+def difference_statistics(difference: pd.Series) -> DifferenceStatistics | None:
+    """Mean and scatter, NaN left out; None where less than two batches were measured.
+
+    The standard error is that of the means of batches of BATCH_S, so that slow changes count.
     """
     known = difference.dropna()
     batches = known.groupby((known.index.to_numpy() // BATCH_S).astype(int)).mean()
     if len(batches) < 2:
         return None
-    return Spread(float(known.mean()), float(batches.std() / np.sqrt(len(batches))), float(known.std()))
+    return DifferenceStatistics(float(known.mean()), float(batches.std() / np.sqrt(len(batches))), float(known.std()))
 
 
-def _averaged(values: Array, t: Array) -> Array:
+def _differences(trajectory: Trajectory, channels: _AirDataAndGps) -> pd.DataFrame:
+    """Columns of Consistency."""
+    blocks, t_s = trajectory.block_means, trajectory.block_means.t_s
+    x = _states(trajectory)
+    flying = np.where(blocks.flying, 1.0, np.nan)
+    level = np.where(np.abs(x.phi) < LEVEL_RAD, 1.0, np.nan)
+    V, beta = channels.V, np.nan_to_num(channels.beta)  # no sideslip where it was not measured
+    u, v, w = velocity_of(1.0, channels.alpha, beta)
+    _, _, down = earth_from_body(u, v, w, x.phi, x.theta, x.psi)
+    climb_angle = _moving_average(np.arcsin(np.clip(-np.asarray(down), -1, 1)) * flying, t_s)
+    climb = np.gradient(_moving_average(blocks["height_m"], t_s), t_s)
+    gamma = np.arcsin(np.clip(climb / _moving_average(V * flying, t_s), -1, 1))
+    inertial_V = np.sqrt(
+        (channels.gps_north - x.wind_north) ** 2 + (channels.gps_east - x.wind_east) ** 2 + x.v_down**2
+    )
+    return pd.DataFrame({ANGLES: (climb_angle - gamma) * flying * level, SPEED: (V - inertial_V) * flying}, index=t_s)
+
+
+def _corrected(trajectory: Trajectory, measured: _AirDataAndGps) -> _AirDataAndGps:
+    """The channels without the sensor errors and gusts that `measurement_model` adds to the flow."""
+    t_s, x = trajectory.block_means.t_s, _states(trajectory)
+    errors = NamedArrays(SENSOR_ERRORS, trajectory.sensor_errors)
+    flow = NamedArrays(PREDICTED_FLOW, trajectory.predicted_flow.T)
+    cos_alpha, sin_alpha = np.cos(flow.alpha_predicted), np.sin(flow.alpha_predicted)
+    alpha_slope = errors.alpha_scale - 2 * errors.V_scale
+    gust_V = x.gust_u * cos_alpha + x.gust_w * sin_alpha + flow.transverse_gust_variance / (2 * flow.V_predicted)
+    V, alpha, beta = (_advanced(c, t_s, errors.air_data_lag) for c in (measured.V, measured.alpha, measured.beta))
+    return _AirDataAndGps(
+        V - (errors.V_scale + flow.V_per_pair * alpha_slope) * flow.V_predicted + gust_V,
+        alpha
+        - errors.alpha_bias
+        - alpha_slope * flow.alpha_predicted
+        - (x.gust_u * sin_alpha - x.gust_w * cos_alpha) / flow.V_predicted,
+        beta - errors.beta_bias + x.gust_v / flow.V_predicted,
+        _advanced(measured.gps_north, t_s, errors.gps_latency),
+        _advanced(measured.gps_east, t_s, errors.gps_latency),
+    )
+
+
+def _states(trajectory: Trajectory) -> NamedArrays:
+    return NamedArrays(STATES, trajectory.states[list(STATES)].to_numpy().T)
+
+
+def _moving_average(values: Array, t_s: Array) -> Array:
     """Means over CLIMB_S about each instant; NaN where any of it was not measured."""
-    window = 2 * round(CLIMB_S / (t[1] - t[0]) / 2) + 1
+    window = 2 * round(CLIMB_S / (t_s[1] - t_s[0]) / 2) + 1
     return pd.Series(values).rolling(window, center=True).mean().to_numpy()
 
 
-def _sooner(values: Array, t: Array, late_s: float) -> Array:
-    """What a channel that is late by so much would have shown in time; NaN stays where it is."""
+def _advanced(values: Array, t_s: Array, lag_s: float) -> Array:
+    """A channel with its lag taken out; NaN stays in place."""
     known = np.isfinite(values)
     if not known.any():
         return values
-    return np.where(known, np.interp(t + late_s, t[known], values[known]), np.nan)
+    return np.where(known, np.interp(t_s + lag_s, t_s[known], values[known]), np.nan)

@@ -1,4 +1,4 @@
-"""The flight path and the errors of its sensors, over the whole flight at once: the most probable ones."""
+"""Maximum a posteriori trajectory and sensor errors of a whole flight, by Gauss-Newton iterations."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -8,20 +8,31 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.magnetometer import Compass
-from analysis.trajectory.data import Problem
-from analysis.trajectory.equations import GIVEN, PREDICTED_FLOW, SENSOR_ERRORS, SHOWN, STATES, Data
-from analysis.trajectory.smoother import Prior, Step, cost, step
+from analysis.trajectory.block_means import BlockMeans
+from analysis.trajectory.equations import (
+    MEASUREMENT_INPUTS,
+    MEASUREMENTS,
+    PREDICTED_FLOW,
+    SENSOR_ERRORS,
+    STATES,
+    EquationInputs,
+)
+from analysis.trajectory.problem import TrajectoryProblem
+from analysis.trajectory.smoother import GaussNewtonStep, cost, gauss_newton_step
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
-GUSTS = [STATES.index(f"gust_{axis}") for axis in "uvw"]
-GUSTS_TRIED_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125, still air, to 3.2, a storm
-_FIRST_TRIED = GUSTS_TRIED_MPS[len(GUSTS_TRIED_MPS) // 2]
-ITERATIONS, QUICK = 40, 1  # at most; for a comparison of intensities, which are close to one another
-DRAWS = 16  # of what states may be off by: enough for a standard error within a sixth
-CONVERGED = 0.02  # of a standard error of every shared number, in the last step;
-NEAR = 5.0  # in the last step before the intensity of gusts is known: intensities differ by far more
+GUST_STATES = [STATES.index(f"gust_{axis}") for axis in "uvw"]
+GUST_GRID_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125, calm air, to 3.2, a storm
+_FIRST_GUST = GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
+MOST_ITERATIONS = 40
+GRID_ITERATIONS = 1  # from the solution at the neighboring gust intensity
+DRAWS = 16  # random errors of the states: standard errors within a sixth
+# Convergence: largest last step of a sensor error, in standard errors. The first solution only has to be good enough to
+# compare gust intensities.
+CONVERGED, CONVERGED_FIRST = 0.02, 5.0
+OSCILLATING, DAMPED = -0.3, 0.5  # correlation of a step with the one before, and the factor on all later steps
 
 
 @dataclass(frozen=True)
@@ -36,6 +47,7 @@ class Trajectory:
     predicted_flow : (n, ·) columns PREDICTED_FLOW, for `flow`
     gust_mps : standard deviation of vertical gusts [m/s]
     residuals : rms of each measurement's residuals, in units of its standard deviation
+    block_means : the measurements at the same instants
     """
 
     states: pd.DataFrame
@@ -48,164 +60,175 @@ class Trajectory:
     gust_mps: float
     residuals: dict[str, float]
     converged: bool
+    block_means: BlockMeans
 
     def value(self, name: str) -> float:
+        """Estimate of a sensor error."""
         return float(self.sensor_errors[SENSOR_ERRORS.index(name)])
 
     def standard_error(self, name: str) -> float:
+        """Standard error of the estimate of a sensor error."""
         return float(np.sqrt(self.covariance[SENSOR_ERRORS.index(name), SENSOR_ERRORS.index(name)]))
 
-    def assumed(self, name: str) -> float:
+    def prior_standard_error(self, name: str) -> float:
         """Prior standard deviation of a sensor error."""
         return float(self.prior_sigma[SENSOR_ERRORS.index(name)])
 
     def states_error(self) -> pd.DataFrame:
-        """Standard error of every state at every instant, by random errors (from draws) and by sensor errors."""
-        own = np.sum(self.draws**2, axis=0) / len(self.draws)
-        shared = np.einsum("nxm,mk,nxk->nx", self.state_sensitivity, self.covariance, self.state_sensitivity)
-        return pd.DataFrame(np.sqrt(own + shared), index=self.states.index, columns=self.states.columns)
+        """Standard error of every state at every instant: random errors (from draws) and sensor errors."""
+        random = np.sum(self.draws**2, axis=0) / len(self.draws)
+        systematic = np.einsum("nxm,mk,nxk->nx", self.state_sensitivity, self.covariance, self.state_sensitivity)
+        return pd.DataFrame(np.sqrt(random + systematic), index=self.states.index, columns=self.states.columns)
 
 
 def reconstruct(
     table: pd.DataFrame,
-    still: list[slice],
+    rest: list[slice],
     *,
     alpha_scale_sigma: float = 0.0,
     compass: Compass | None = None,
     log: str = "log",
 ) -> Trajectory:
-    """The most probable path of a whole flight.
+    """The most probable trajectory of a whole flight.
 
-    table: as `air_data` leaves it. still: where the aircraft stood. alpha_scale_sigma: standard deviation of the slope
-    of angle of attack in the probe's calibration, on top of what transducers and their place on the aircraft add.
-    compass: the earth's field, sample by sample, where a calibrated magnetometer saw it.
+    table: as `air_data` returns it. rest: rows in which the aircraft is at rest. alpha_scale_sigma: standard deviation
+    of the slope of angle of attack in the probe's calibration, in addition to that of transducers and installation.
+    compass: the earth's field, sample by sample, from a calibrated magnetometer.
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
-        return _reconstructed(Problem(table, still, alpha_scale_sigma, compass))
+        return _reconstruct(TrajectoryProblem(table, rest, alpha_scale_sigma, compass))
     except np.linalg.LinAlgError:
         raise InputError(
-            f"{log}: the flight path cannot be found: IMU and air data contradict each other, or are missing too long"
+            f"{log}: the flight path cannot be reconstructed: IMU and air data contradict each other or have long gaps"
         ) from None
 
 
-class _Point(NamedTuple):
-    """Where the equations were linearised."""
+class _LinearizationPoint(NamedTuple):
+    """Arguments of `Equations.linearize`."""
 
     x: Array
-    remaining: Array
-    data: Data
+    sensor_errors: Array
+    inputs: EquationInputs
 
 
 @dataclass(frozen=True)
 class _Solution:
+    """States and sensor errors for one gust intensity.
+
+    negative_log_evidence : minus twice the log marginal likelihood
+    gust_ratio : rms of the gust increments over their assumed standard deviation
+    residuals : (n, ny) of the measurements        linearized_at : where the last step began
+    """
+
     x: Array
-    shared: Array
-    last: Step
-    gust: float
-    evidence: float  # minus twice the log marginal likelihood
-    gusty: float  # rms of what is new in gusts over what it was taken to be
-    measured: Array
+    sensor_errors: Array
+    last_step: GaussNewtonStep
+    gust_mps: float
+    negative_log_evidence: float
+    gust_ratio: float
+    residuals: Array
     converged: bool
-    stepped_from: _Point
+    linearized_at: _LinearizationPoint
 
 
-def _reconstructed(problem: Problem) -> Trajectory:
-    first = _solve(problem, *problem.start(), _FIRST_TRIED, ITERATIONS, NEAR)
-    gust, near = _most_probable(problem, first)
-    return _path(problem, _solve(problem, near.x, near.shared, gust, ITERATIONS))
+def _reconstruct(problem: TrajectoryProblem) -> Trajectory:
+    first = _solve(
+        problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST
+    )
+    gust, nearest = _most_probable_gust(problem, first)
+    return _trajectory(problem, _solve(problem, nearest.x, nearest.sensor_errors, gust, MOST_ITERATIONS, CONVERGED))
 
 
-def _most_probable(problem: Problem, first: _Solution) -> tuple[float, _Solution]:
-    """The intensity of gusts with the greatest evidence [m/s], downhill from the first, then by a parabola; and the
-    nearest of what was tried."""
-    start = GUSTS_TRIED_MPS.index(first.gust)
-    tried = {start: first}
-    for direction in (1, -1) if first.gusty > 1 else (-1, 1):
+def _most_probable_gust(problem: TrajectoryProblem, first: _Solution) -> tuple[float, _Solution]:
+    """The gust intensity of greatest evidence [m/s], and the solution nearest to it on the grid.
+
+    A search along GUST_GRID_MPS from the first solution until evidence falls, then a parabola through the best three.
+    """
+    start = GUST_GRID_MPS.index(first.gust_mps)
+    solutions = {start: first}
+    for direction in (1, -1) if first.gust_ratio > 1 else (-1, 1):
         i = start
-        while 0 <= i + direction < len(GUSTS_TRIED_MPS):
-            last = tried[i]
+        while 0 <= i + direction < len(GUST_GRID_MPS):
+            last = solutions[i]
             i += direction
-            tried[i] = _solve(problem, last.x, last.shared, GUSTS_TRIED_MPS[i], QUICK)
-            if tried[i].evidence > last.evidence:
-                break  # there is one best: it has been passed
+            solutions[i] = _solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], GRID_ITERATIONS, CONVERGED)
+            if solutions[i].negative_log_evidence > last.negative_log_evidence:
+                break  # the only maximum of evidence has been passed
         if i != start + direction:
-            break  # it went downhill this way
-    best = min(tried, key=lambda i: tried[i].evidence)
-    if best - 1 not in tried or best + 1 not in tried:
-        return GUSTS_TRIED_MPS[best], tried[best]
-    before, here, after = (tried[best + i].evidence for i in (-1, 0, 1))
-    vertex = (before - after) / (2 * (before - 2 * here + after))
-    return float(GUSTS_TRIED_MPS[best] * 2**vertex), tried[best]
+            break  # the evidence rose in this direction
+    best = min(solutions, key=lambda i: solutions[i].negative_log_evidence)
+    if best - 1 not in solutions or best + 1 not in solutions:
+        return GUST_GRID_MPS[best], solutions[best]
+    below, here, above = (solutions[best + i].negative_log_evidence for i in (-1, 0, 1))
+    vertex = (below - above) / (2 * (below - 2 * here + above))
+    return float(GUST_GRID_MPS[best] * 2**vertex), solutions[best]
 
 
 def _solve(
-    problem: Problem, x: Array, shared: Array, gust: float, iterations: int, enough: float = CONVERGED
+    problem: TrajectoryProblem, x: Array, sensor_errors: Array, gust: float, iterations: int, tolerance: float
 ) -> _Solution:
-    """Gauss-Newton from a start to where it stands still, or so often, for one intensity of gusts."""
-    x, shared, converged = x.copy(), shared.copy(), False
-    before, share = np.zeros(len(SENSOR_ERRORS)), 1.0
-    moving = problem.in_gusts(gust)
+    """Gauss-Newton iterations for one gust intensity, until the step is within the tolerance or for so many."""
+    converged, last_move, damping = False, np.zeros(len(SENSOR_ERRORS)), 1.0
+    process = problem.process_model(gust)
     for _ in range(iterations):
-        data = problem.data(x, shared, gust, *moving)
-        remaining, prior = _remaining(problem, shared, gust)
-        point = _Point(x, remaining, data)
-        at = problem.equations.at(*point)
-        first = x[0]
-        last = step(at, prior, first, remaining)
-        moves = last.shared / np.sqrt(np.diag(last.covariance))
-        # To and fro, as where nothing shows the heading: the middle is better than either end, from then on.
-        share = 0.5 if moves @ before < -0.3 * (before @ before) else share
-        x, shared, before = x + share * last.states, shared + share * last.shared, moves
-        if np.max(np.abs(moves)) < enough:
+        inputs = problem.equation_inputs(x, sensor_errors, gust, process)
+        remaining, prior = problem.remaining_errors(sensor_errors, gust)
+        point = _LinearizationPoint(x, remaining, inputs)
+        at = problem.equations.linearize(*point)
+        initial = x[0]
+        step = gauss_newton_step(at, prior, initial, remaining)
+        move = step.sensor_errors / np.sqrt(np.diag(step.covariance))
+        # Without a measured heading steps may oscillate between two points; the middle is better than either.
+        damping = DAMPED if move @ last_move < OSCILLATING * (last_move @ last_move) else damping
+        x, sensor_errors, last_move = x + damping * step.states, sensor_errors + damping * step.sensor_errors, move
+        if np.max(np.abs(move)) < tolerance:
             converged = True
             break
-    evidence = cost(at, prior, first, remaining) - last.decrease + last.log_determinant
-    evidence -= 2 * float(np.sum(np.log(data.process_weight)) + np.sum(np.log(data.weight[data.weight > 0])))
-    gusty = float(np.sqrt(np.mean(at.process[:, GUSTS] ** 2)))
-    return _Solution(x, shared, last, gust, evidence, gusty, at.measured, converged, point)
+    evidence = cost(at, prior, initial, remaining) - step.cost_decrease + step.log_determinant
+    weights = inputs.measurement_weight
+    evidence -= 2 * float(np.sum(np.log(inputs.process_weight)) + np.sum(np.log(weights[weights > 0])))
+    gust_ratio = float(np.sqrt(np.mean(at.process[:, GUST_STATES] ** 2)))
+    return _Solution(x, sensor_errors, step, gust, evidence, gust_ratio, at.measured, converged, point)
 
 
-def _remaining(problem: Problem, shared: Array, gust: float) -> tuple[Array, Prior]:
-    """What is to be found of the shared numbers, and its prior: GPS has been moved by the latency known by now."""
-    mean, sigma = problem.prior
-    known = np.where(np.array(SENSOR_ERRORS) == "gps_latency", shared, 0.0)
-    return shared - known, Prior(problem.first, problem.begun(gust), mean - known, sigma)
+def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array:
+    """Derivative of the states by the sensor errors, (n, nx, m).
 
-
-def _following(problem: Problem, last: Step, at: _Point) -> Array:
-    """How the states move with the shared numbers, (n, nx, m).
-
-    What an error of a sensor does to the path it does by the flow as it is. The search and the covariance have it
-    beside the flow foretold, which changes alike but is less. Taken where the step was: elsewhere the heading, where
-    next to nothing holds it, would turn with every error.
+    The derivatives of the equations are taken at the actual flow: a sensor error acts in proportion to it. (Steps and
+    covariance use the predicted flow.) They are taken where the last step began: elsewhere the heading, where it is
+    hardly measured, would change with every error.
     """
-    exact = replace(at.data, given_foreseen=at.data.given)
-    return last.held.follow(problem.equations.at(at.x, at.remaining, exact))
+    x, sensor_errors, inputs = solution.linearized_at
+    actual = replace(inputs, predicted_inputs=inputs.measurement_inputs)
+    return solution.last_step.conditional.state_sensitivity(problem.equations.linearize(x, sensor_errors, actual))
 
 
-def _path(problem: Problem, solution: _Solution) -> Trajectory:
-    seen = problem.weight > 0
+def _trajectory(problem: TrajectoryProblem, solution: _Solution) -> Trajectory:
+    inputs, _ = problem.regressors.measurement_inputs(solution.x, solution.sensor_errors, solution.gust_mps)
+    return Trajectory(
+        states=pd.DataFrame(solution.x, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
+        sensor_errors=solution.sensor_errors,
+        covariance=solution.last_step.covariance,
+        prior_sigma=problem.error_sigma,
+        state_sensitivity=_state_sensitivity(problem, solution),
+        draws=solution.last_step.conditional.draws(len(STATES), DRAWS),
+        predicted_flow=inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],
+        gust_mps=solution.gust_mps,
+        residuals=_residual_rms(problem, solution.residuals),
+        converged=solution.converged,
+        block_means=problem.blocks,
+    )
+
+
+def _residual_rms(problem: TrajectoryProblem, residuals: Array) -> dict[str, float]:
+    """rms by measurement; the compass in units of the standard deviation of one block."""
+    used = problem.measurements.weight > 0
     rms = {
-        name: float(np.sqrt(np.mean(solution.measured[seen[:, i], i] ** 2)))
-        for i, name in enumerate(SHOWN)
-        if seen[:, i].any()
+        name: float(np.sqrt(np.mean(residuals[used[:, i], i] ** 2)))
+        for i, name in enumerate(MEASUREMENTS)
+        if used[:, i].any()
     }
     if "compass" in rms:
-        rms["compass"] *= problem.headings
-    states = pd.DataFrame(solution.x, index=pd.Index(problem.t_s, name="t_s"), columns=list(STATES))
-    last = solution.last
-    given, _ = problem.what_is_given(solution.x, solution.shared, solution.gust)
-    flow_slow = given[:, [GIVEN.index(name) for name in PREDICTED_FLOW]]
-    return Trajectory(
-        states,
-        solution.shared,
-        last.covariance,
-        problem.prior[1],
-        _following(problem, last, solution.stepped_from),
-        last.held.draws(len(STATES), DRAWS),
-        flow_slow,
-        solution.gust,
-        rms,
-        solution.converged,
-    )
+        rms["compass"] *= problem.measurements.compass_sigma_factor
+    return rms

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 def airspeed(
     log: LogFile,
     aircraft: AircraftFile = None,
+    probe: Annotated[
+        Path | None, typer.Option("--probe", help="Probe calibration to use instead of the one the log carries.")
+    ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="JSON file to write as well.")] = None,
     replace: Replace = False,
 ) -> None:
@@ -28,6 +31,7 @@ def airspeed(
     `analyze` estimates the same for each flight.
     """
     from analysis.airdata.from_log import flight_data
+    from analysis.airdata.probe import load_probe
     from analysis.log_contents import Replacements, contents
     from analysis.trajectory.airspeed_scale import calibrate
     from analysis.trajectory.reconstruction import reconstruct
@@ -36,7 +40,10 @@ def airspeed(
 
     refuse_existing(output, replace)
     recorded = read_log(log)
-    carried = contents(recorded, Replacements(aircraft=load_aircraft(aircraft) if aircraft else None))
+    given = Replacements(
+        aircraft=load_aircraft(aircraft) if aircraft else None, probe=load_probe(probe) if probe else None
+    )
+    carried = contents(recorded, given)
     data = flight_data(recorded, carried.aircraft, carried.propeller, carried.probe, carried.magnetometer, carried.zero)
     if not data.table["flying"].any():
         raise InputError(f"{log}: no flight in this log")

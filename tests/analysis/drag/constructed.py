@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.maneuvers.kinds import Maneuver
+from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import load_aircraft
@@ -86,9 +87,7 @@ def speed_of_rotation(thrust_N: np.ndarray, V: np.ndarray, scale: float, slope: 
     return (low + high) / 2
 
 
-def measured(
-    f: pd.DataFrame, scale: float = 0.0, slope: float = 0.0, **sensor_errors: float
-) -> tuple[pd.DataFrame, Trajectory]:
+def measured(f: pd.DataFrame, scale: float = 0.0, slope: float = 0.0, **sensor_errors: float) -> Trajectory:
     """The measurements of a flight `f` and its exact trajectory, due north in still air.
 
     scale, slope: thrust beyond the propeller table's. sensor_errors: known to the trajectory; ax_bias is in the
@@ -108,8 +107,8 @@ def measured(
     states["v_north"], states["v_down"], states["height"] = V * np.cos(gamma), -V * np.sin(gamma), f["height_measured"]
     errors = np.array([sensor_errors.get(name, 0.0) for name in SENSOR_ERRORS])
     m_errors = len(SENSOR_ERRORS)
-    flow = {"slow_V": V, "slow_alpha": f["alpha"].to_numpy()}
-    trajectory = Trajectory(
+    flow = {"V_predicted": V, "alpha_predicted": f["alpha"].to_numpy()}
+    return Trajectory(
         states=states,
         sensor_errors=errors,
         covariance=1e-16 * np.eye(m_errors),
@@ -120,5 +119,5 @@ def measured(
         gust_mps=0.0,
         residuals={},
         converged=True,
+        block_means=BlockMeans(table),
     )
-    return table, trajectory

@@ -12,7 +12,7 @@ from methods import Analyzed, analyzed, drawn, fly
 
 from analysis.drag.dynamic import estimate_polar
 from analysis.drag.fallback import fallback
-from analysis.drag.forces import BlockMeans
+from analysis.drag.forces import FlightForces
 from analysis.drag.method import MethodEstimate
 from analysis.drag.methods import every_method
 from analysis.drag.polar import Condition, flown_condition, flown_lift, power_required, speed_at
@@ -68,7 +68,7 @@ def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
     errors = drawn(load_budget("study"), 1)
     flown = fly(AIRCRAFT, probe, errors, "full-test-flight", 3.0, 1)
     trajectory = reconstruct(flown.table, flown.still, alpha_scale_sigma=probe.alpha_scale_sigma)
-    blocks = BlockMeans(flown.table, trajectory, AIRCRAFT, load_propeller(AIRCRAFT.propulsion.propeller))
+    blocks = FlightForces(trajectory, AIRCRAFT, load_propeller(AIRCRAFT.propulsion.propeller))
     rows = np.zeros(len(blocks.t_s), dtype=bool)
     for run in find(flown.table, flown.still).of("acceleration", "deceleration"):
         rows |= (blocks.t_s >= run.start_s) & (blocks.t_s <= run.end_s)
@@ -91,7 +91,7 @@ def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, 
     estimate = estimate_polar(flown.table, tilted, level, AIRCRAFT, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
     at, flown_CL = flown_condition(rows, AIRCRAFT), flown_lift(rows, AIRCRAFT)
-    said = every_method(flown.table, tilted, level, estimate, flown_CL, AIRCRAFT, propeller, at).disagreements
+    said = every_method(tilted, level, estimate, flown_CL, AIRCRAFT, propeller, at).disagreements
     (one,) = (one for one in said if one.second == "energy")
     assert one.cause == "pitch attitude"
     words = re.search(r"pitch attitude is ([\d.]+) deg too (high|low)", one.text)
@@ -148,7 +148,7 @@ def test_a_flight_of_manoeuvres_alone_has_a_curve_and_one_of_a_single_speed_has_
     found = find(flown.table, flown.still)
 
     def estimates(*kinds: str) -> list[MethodEstimate]:
-        return every_method(flown.table, trajectory, found.of(*kinds), None, (0, 1), AIRCRAFT, propeller, at).by_method
+        return every_method(trajectory, found.of(*kinds), None, (0, 1), AIRCRAFT, propeller, at).by_method
 
     estimate, flown_CL = fallback(estimates("steady", "roller coaster", "wind-up turn"), trajectory, "flight.mcap")
     V = speed_at(np.geomspace(flown_CL[0] * 1.1, flown_CL[1] / 1.1, 9), at)

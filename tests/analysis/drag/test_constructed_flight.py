@@ -9,7 +9,7 @@ from constructed import AIRCRAFT, PROPELLER, STEP_S, W, accelerations_and_decele
 
 from analysis.drag import covariance
 from analysis.drag.dynamic import estimate_polar
-from analysis.drag.forces import BlockMeans
+from analysis.drag.forces import FlightForces
 from analysis.drag.method import estimate
 from analysis.drag.method_inputs import MethodInputs, input_table, method_inputs
 from analysis.drag.methods import ALL_METHODS
@@ -32,8 +32,8 @@ def power(A: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("gamma", [0.0, 0.03])
 def test_forces_along_an_exact_trajectory_are_those_flown(gamma: float) -> None:
     f, _ = accelerations_and_decelerations(gamma)
-    table, trajectory = measured(f, ax_bias=0.2)
-    forces = BlockMeans(table, trajectory, AIRCRAFT, PROPELLER).forces(
+    trajectory = measured(f, ax_bias=0.2)
+    forces = FlightForces(trajectory, AIRCRAFT, PROPELLER).forces(
         trajectory.states.to_numpy(), trajectory.sensor_errors
     )
     A = polar()
@@ -47,9 +47,9 @@ def test_forces_along_an_exact_trajectory_are_those_flown(gamma: float) -> None:
 def test_a_downdraft_is_a_climb_through_the_air() -> None:
     """Level over the ground in a downdraft of 0.5 m/s."""
     f, _ = accelerations_and_decelerations()
-    table, trajectory = measured(f)
+    trajectory = measured(f)
     states = trajectory.states.assign(gust_w=0.5).to_numpy()
-    forces = BlockMeans(table, trajectory, AIRCRAFT, PROPELLER).forces(states, trajectory.sensor_errors)
+    forces = FlightForces(trajectory, AIRCRAFT, PROPELLER).forces(states, trajectory.sensor_errors)
     assert (np.sin(forces["gamma"]) * forces["V"]).to_numpy() == pytest.approx(np.full(len(f), 0.5), rel=1e-6)
 
 
@@ -60,8 +60,8 @@ def test_dynamic_method_finds_polar_and_thrust_of_a_propeller_unlike_its_table(s
     To 0.002 and 0.01: lift coefficients keep the table's T sin(alpha).
     """
     f, runs = accelerations_and_decelerations()
-    table, trajectory = measured(f, scale, slope)
-    result = estimate_polar(table, trajectory, runs, AIRCRAFT, PROPELLER)
+    trajectory = measured(f, scale, slope)
+    result = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
     assert result.values[3] == pytest.approx(scale, abs=0.002)
     assert result.values[4] == pytest.approx(slope, abs=0.01)
     assert power(result.polar.A) == pytest.approx(power(polar()), rel=0.002)
@@ -70,8 +70,8 @@ def test_dynamic_method_finds_polar_and_thrust_of_a_propeller_unlike_its_table(s
 @pytest.mark.parametrize(("scale", "slope"), [(0.03, 0.0), (0.0, -0.2)])
 def test_sensor_errors_contain_scale_and_slope_of_thrust(scale: float, slope: float) -> None:
     f, _ = accelerations_and_decelerations()
-    table, trajectory = measured(f, scale, slope)
-    blocks = BlockMeans(table, trajectory, AIRCRAFT, PROPELLER)
+    trajectory = measured(f, scale, slope)
+    blocks = FlightForces(trajectory, AIRCRAFT, PROPELLER)
     errors = estimate_errors(blocks, trajectory, np.ones(len(f), dtype=bool))
     assert errors["thrust_scale"].value == pytest.approx(scale, abs=0.002)
     assert errors["thrust_slope"].value == pytest.approx(slope, abs=0.01)
@@ -80,13 +80,13 @@ def test_sensor_errors_contain_scale_and_slope_of_thrust(scale: float, slope: fl
 def test_the_tight_prior_of_the_lag_is_replaced_by_one_of_0_3_s() -> None:
     """One reading of 0.2 s +- 0.01 s: 0.2 s x 0.3^2/(0.3^2 + 0.01^2), whatever the trajectory's prior was."""
     f, _ = accelerations_and_decelerations()
-    table, trajectory = measured(f)
+    trajectory = measured(f)
     i, prior, reading = SENSOR_ERRORS.index("air_data_lag"), 0.012, 0.01
     variance = 1 / (1 / prior**2 + 1 / reading**2)
     values, C, priors = trajectory.sensor_errors.copy(), trajectory.covariance.copy(), trajectory.prior_sigma.copy()
     values[i], C[i, i], priors[i] = variance / reading**2 * 0.2, variance, prior
     tight = replace(trajectory, sensor_errors=values, covariance=C, prior_sigma=priors)
-    blocks = BlockMeans(table, tight, AIRCRAFT, PROPELLER)
+    blocks = FlightForces(tight, AIRCRAFT, PROPELLER)
     lag = estimate_errors(blocks, tight, np.ones(len(f), dtype=bool))["lag"]
     assert lag.value == pytest.approx(0.2 * 0.3**2 / (0.3**2 + reading**2), rel=1e-6)
     assert lag.standard_error == pytest.approx(0.3 * reading / np.hypot(0.3, reading), rel=1e-6)
@@ -95,35 +95,36 @@ def test_the_tight_prior_of_the_lag_is_replaced_by_one_of_0_3_s() -> None:
 def test_an_accelerometer_that_reads_high_levels_the_pitch_attitude_too_high() -> None:
     """At rest ax = g sin(theta): a bias of 0.2 m/s^2 is a pitch of 0.2/g."""
     f, _ = accelerations_and_decelerations()
-    table, trajectory = measured(f, ax_bias=0.2)
-    blocks = BlockMeans(table, trajectory, AIRCRAFT, PROPELLER)
+    trajectory = measured(f, ax_bias=0.2)
+    blocks = FlightForces(trajectory, AIRCRAFT, PROPELLER)
     errors = estimate_errors(blocks, trajectory, np.ones(len(f), dtype=bool))
     assert errors["pitch"].value == pytest.approx(0.2 / g, rel=1e-6)
 
 
-def inputs(table: pd.DataFrame, trajectory: Trajectory, **removed: float) -> pd.DataFrame:
-    blocks = BlockMeans(table, trajectory, AIRCRAFT, PROPELLER)
+def inputs(trajectory: Trajectory, **removed: float) -> pd.DataFrame:
+    blocks = FlightForces(trajectory, AIRCRAFT, PROPELLER)
     states = trajectory.states.to_numpy()
     return input_table(blocks, states, trajectory.sensor_errors, removed, STILL_AIR, STILL_AIR)
 
 
-def wrong(name: str, value: float) -> tuple[pd.DataFrame, pd.DataFrame, Trajectory]:
+def wrong(name: str, value: float) -> tuple[pd.DataFrame, Trajectory]:
     """The table without errors, and measurements and trajectory with one error."""
     f, _ = accelerations_and_decelerations(0.03)
     thrust = {key: value for key in ("scale", "slope") if name == f"thrust_{key}"}
-    table, trajectory = measured(f, **thrust, **({"ax_bias": value * g} if name == "pitch" else {}))
-    late = {c: np.gradient(f[c], STEP_S).repeat(5) for c in ("V", "alpha", "height_measured")}
+    trajectory = measured(f, **thrust, **({"ax_bias": value * g} if name == "pitch" else {}))
+    mean = trajectory.block_means.means
+    late = {c: np.gradient(f[c], STEP_S) for c in ("V", "alpha", "height_measured")}
     if name == "alpha_bias":
-        table["alpha_rad"] += value
+        mean["alpha_rad"] += value
     elif name == "alpha_scale":
-        table["alpha_rad"] *= 1 + value
+        mean["alpha_rad"] *= 1 + value
     elif name == "airspeed_scale":
-        table["V_mps"] *= 1 + value
+        mean["V_mps"] *= 1 + value
     elif name == "lag":
-        table["V_mps"] -= value * late["V"]
-        table["alpha_rad"] -= value * late["alpha"]
-        table["height_m"] -= value * late["height_measured"]
-    return f, table, trajectory
+        mean["V_mps"] -= value * late["V"]
+        mean["alpha_rad"] -= value * late["alpha"]
+        mean["height_m"] -= value * late["height_measured"]
+    return f, trajectory
 
 
 @pytest.mark.parametrize(
@@ -140,9 +141,9 @@ def wrong(name: str, value: float) -> tuple[pd.DataFrame, pd.DataFrame, Trajecto
     ],
 )  # fmt: skip
 def test_an_error_taken_as_measured_shows_and_its_removal_restores_the_truth(name, value, shown_by) -> None:
-    f, table, trajectory = wrong(name, value)
+    f, trajectory = wrong(name, value)
     f = f.assign(qS_over_m_lagged_mps2=f["qS_over_m_mps2"], thrust_x_over_m_lagged_mps2=f["thrust_x_over_m_mps2"])
-    with_error, removed = inputs(table, trajectory), inputs(table, trajectory, **{name: value})
+    with_error, removed = inputs(trajectory), inputs(trajectory, **{name: value})
     bound = 0.01 * value if name == "alpha_scale" else 0.1 * value  # of second order: value^2 and value x rate^2
     for column in shown_by:
         size = np.abs(f[column]).max()
@@ -153,10 +154,11 @@ def test_an_error_taken_as_measured_shows_and_its_removal_restores_the_truth(nam
 def test_the_scale_of_airspeed_in_flow_angles_is_removed() -> None:
     """An airspeed 3 % high is a dynamic pressure 6 % high, over which flow angles are measured: they read 6 % low."""
     f, _ = accelerations_and_decelerations()
-    table, trajectory = measured(f, V_scale=0.03)
-    table["alpha_rad"] *= 1 - 2 * 0.03
-    table["V_mps"] *= 1.03
-    found = inputs(table, trajectory)
+    trajectory = measured(f, V_scale=0.03)
+    mean = trajectory.block_means.means
+    mean["alpha_rad"] *= 1 - 2 * 0.03
+    mean["V_mps"] *= 1.03
+    found = inputs(trajectory)
     assert found["alpha_measured"].to_numpy() == pytest.approx(f["alpha"].to_numpy(), abs=1e-6)
     assert found["qS_over_m_lagged_mps2"].to_numpy() == pytest.approx(f["qS_over_m_mps2"].to_numpy(), rel=1e-6)
     assert found["V_measured"].to_numpy() == pytest.approx(1.03 * f["V"].to_numpy(), rel=1e-6)
@@ -167,8 +169,8 @@ def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
     lift_direction_W = W * V * np.tan(np.radians(0.02))
     assert power_required(V, Polar(polar(), covariance.floor()), AT)[1] == pytest.approx(lift_direction_W, rel=1e-9)
     f, runs = accelerations_and_decelerations()
-    table, trajectory = measured(f)
-    result = estimate_polar(table, trajectory, runs, AIRCRAFT, PROPELLER)
+    trajectory = measured(f)
+    result = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
     systematic = Polar(polar(), result.systematic[:3, :3])
     assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-3)
     assert np.all(power_required(V, result.polar, AT)[1] > 0.999 * lift_direction_W)
@@ -191,9 +193,9 @@ def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
 )
 def test_a_method_s_sensitivity_predicts_the_error_of_its_power(method: str, name: str, value: float) -> None:
     """True polar = estimate with the error in it + sensitivity times the error, to second order."""
-    f, table, trajectory = wrong(name, value)
+    f, trajectory = wrong(name, value)
     _, runs = accelerations_and_decelerations()
-    blocks = BlockMeans(table, trajectory, AIRCRAFT, PROPELLER)
+    blocks = FlightForces(trajectory, AIRCRAFT, PROPELLER)
     errors = estimate_errors(blocks, trajectory, np.ones(len(f), dtype=bool))
     errors[name] = errors[name]._replace(value=value)
     (chosen,) = (one for one in ALL_METHODS if one.name == method)

@@ -22,7 +22,7 @@ from analysis.drag import covariance, dynamic
 from analysis.drag.direct import ONE_RUN, VARIED_LIFT
 from analysis.drag.energy import ENERGY
 from analysis.drag.fallback import fallback
-from analysis.drag.forces import BlockMeans
+from analysis.drag.forces import FlightForces
 from analysis.drag.method import Method, MethodEstimate, _missing_term, estimate
 from analysis.drag.method_inputs import MethodInputs, method_inputs
 from analysis.drag.piw_viw import PIW_VIW_THREE, PIW_VIW_TWO
@@ -60,11 +60,11 @@ def test_the_polar_of_a_cross_check_contains_noise_and_floor() -> None:
 def test_an_error_of_the_trajectory_is_in_the_covariance_of_every_method() -> None:
     """Specific force along x known to 0.05 m/s^2 is drag known to m 0.05 m/s^2; with thrust and floor in quadrature."""
     f, runs = accelerations_and_decelerations()
-    table, trajectory = measured(f)
+    trajectory = measured(f)
     C, i = trajectory.covariance.copy(), SENSOR_ERRORS.index("ax_bias")
     C[i, i] = 0.05**2
     trajectory = replace(trajectory, covariance=C)
-    blocks = BlockMeans(table, trajectory, AIRCRAFT, PROPELLER)
+    blocks = FlightForces(trajectory, AIRCRAFT, PROPELLER)
     errors = estimate_errors(blocks, trajectory, np.ones(len(f), dtype=bool))
     result = estimate(ONE_RUN, method_inputs(blocks, trajectory, runs, errors))
     by_trajectory = power_error(result.trajectory_deviations @ result.trajectory_deviations.T)
@@ -78,11 +78,11 @@ def test_an_error_of_the_trajectory_is_in_the_covariance_of_every_method() -> No
 def test_errors_of_trajectory_and_states_are_in_the_dynamic_method_s_covariance() -> None:
     """The change of the estimates with a sensor error is systematic, the mean square of that with draws is noise."""
     f, runs = accelerations_and_decelerations()
-    table, trajectory = measured(f)
+    trajectory = measured(f)
     i, theta = SENSOR_ERRORS.index("ax_bias"), STATES.index("theta")
 
     def estimated(trajectory):
-        return dynamic.estimate_polar(table, trajectory, runs, AIRCRAFT, PROPELLER)
+        return dynamic.estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
 
     exact = estimated(trajectory)
     C, shifted = trajectory.covariance.copy(), trajectory.sensor_errors.copy()
@@ -139,7 +139,7 @@ def test_the_missing_term_is_the_error_of_a_two_term_fit_for_a_CL_minD_of_0_2(CL
 
 def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
     """Were the scale of thrust known, what it adds to the polar's covariance would be gone; signs are the polar's."""
-    _, trajectory = measured(accelerations_and_decelerations()[0])
+    trajectory = measured(accelerations_and_decelerations()[0])
     sensitivities = {"thrust_scale": np.array([0.05, 0.0, 0.02]), "thrust_slope": np.array([0.0, 0.01, 0.0])}
     shares = {name: np.outer(s, s) * ERROR_PRIOR_SIGMA[name] ** 2 for name, s in sensitivities.items()}
     own = covariance.floor()

@@ -26,6 +26,7 @@ def trajectory(gust_mps: float, alpha_sigma_deg: float) -> Trajectory:
         gust_mps,
         {},
         True,
+        None,
     )
 
 

@@ -1,4 +1,6 @@
-"""What a calibrated magnetometer does for the path, and what it must not do, against the simulator's truth."""
+"""The trajectory with a calibrated magnetometer, against the simulator's truth."""
+
+import dataclasses
 
 import numpy as np
 import pytest
@@ -6,9 +8,18 @@ from test_reconstruction import flown as fly
 
 from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.airdata.magnetometer import calibrate, compass
-from analysis.trajectory.data import PRIOR_SIGMA
-from analysis.trajectory.equations import GIVEN, MOVE, SENSOR_ERRORS, SHOWN, STATES, Data, Equations
+from analysis.trajectory.block_means import BlockMeans
+from analysis.trajectory.equations import (
+    MEASUREMENT_INPUTS,
+    MEASUREMENTS,
+    PROCESS_INPUTS,
+    SENSOR_ERRORS,
+    STATES,
+    EquationInputs,
+    Equations,
+)
 from analysis.trajectory.observability import heading_notes, sensor_error_estimates
+from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.reconstruction import reconstruct
 from flight.motion import body_from_earth, earth_from_body
 from sim.sensors.tray import DIP_RAD, FIELD_T
@@ -19,7 +30,7 @@ WITHIN = 3.0  # standard errors
 GUSTY_KT = 6.0
 
 
-def turned_by_hand(drawn):
+def calibration_by_hand(drawn):
     """The magnetometer's calibration, from a minute of turning the aircraft about on the ground."""
     t = np.linspace(0, 60, 1500)
     attitude = np.pi * np.sin(t / 3.7), 1.3 * np.sin(t / 2.7 + 1), t / 1.75
@@ -29,7 +40,7 @@ def turned_by_hand(drawn):
 
 
 def heading_error(trajectory, truth):
-    """What the path's heading is off by in flight, and its standard error [deg]."""
+    """Error of the heading in flight, and its standard error [deg]."""
     t = trajectory.states.index.to_numpy()
     true = np.interp(t, truth["time_s"], np.unwrap(truth["yaw_rad"]))
     high = np.interp(t, truth["time_s"], truth["height_m"]) > LEAST_HEIGHT_M
@@ -43,40 +54,42 @@ def iron(air, field_T):
 
 
 @pytest.fixture(scope="module")
-def heard(probe):
+def with_gps(probe):
     """A short flight in gusts with GPS: calibration of the magnetometer, air data, where it stood, the path without a
     compass, and the truth."""
     truth, drawn, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT)
-    return turned_by_hand(drawn), air, still, reconstruct(air, still), truth
+    return calibration_by_hand(drawn), air, still, reconstruct(air, still), truth
 
 
 @pytest.fixture(scope="module")
-def deaf(probe):
+def without_gps(probe):
     """The same without GPS."""
     truth, drawn, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT, without=GPS)
-    return turned_by_hand(drawn), air, still, reconstruct(air, still), truth
+    return calibration_by_hand(drawn), air, still, reconstruct(air, still), truth
 
 
-def test_level_across_north_the_earth_has_no_field_and_that_shows_the_heading_alone() -> None:
-    """At any attitude: nothing across magnetic north, its change with the heading is the level field, with bank and
-    pitch none, though the field is steep: what iron leaves over must not bank the aircraft."""
+def test_the_field_across_north_is_zero_and_depends_on_heading_only() -> None:
+    """At any attitude: zero across magnetic north; its derivative by heading is the level field, by bank and pitch
+    zero, though the field is steep: residual iron must not bank the aircraft."""
     rng = np.random.default_rng(0)
     n, level_T, declination = 50, FIELD_T * np.cos(DIP_RAD), 0.2
     x = np.zeros((n, len(STATES)))
     x[:, :3] = rng.uniform(-1, 1, (n, 3)) * (1.0, 0.5, np.pi)
     north = level_T * np.cos(declination), level_T * np.sin(declination), FIELD_T * np.sin(DIP_RAD)
     body = body_from_earth(*north, *x[:, :3].T)
-    given = np.ones((n, len(GIVEN)))
-    for name, part in zip(("field_ahead", "field_right"), earth_from_body(*body, x[:, 0], x[:, 1], 0.0), strict=False):
-        given[:, GIVEN.index(name)] = part
+    given = np.ones((n, len(MEASUREMENT_INPUTS)))
+    for name, part in zip(
+        ("field_forward", "field_right"), earth_from_body(*body, x[:, 0], x[:, 1], 0.0), strict=False
+    ):
+        given[:, MEASUREMENT_INPUTS.index(name)] = part
     shared = np.zeros(len(SENSOR_ERRORS))
     shared[
         SENSOR_ERRORS.index("heading_bias")
     ] = -declination  # magnetic north lies to the east: the compass reads less
-    nothing = np.zeros((n, len(SHOWN)))
-    process = np.zeros((n - 1, len(MOVE))), np.ones((n - 1, len(STATES)))
-    at = Equations(n).at(x, shared, Data(*process, nothing, nothing + 1.0, given, x, given))
-    row = SHOWN.index("compass")
+    nothing = np.zeros((n, len(MEASUREMENTS)))
+    process = np.zeros((n - 1, len(PROCESS_INPUTS))), np.ones((n - 1, len(STATES)))
+    at = Equations(n).linearize(x, shared, EquationInputs(*process, nothing, nothing + 1.0, given, x, given))
+    row = MEASUREMENTS.index("compass")
     assert np.abs(at.measured[:, row]).max() < 1e-12 * FIELD_T
     slope = at.d_measured[:, row] / level_T
     assert slope[:, STATES.index("psi")] == pytest.approx(np.ones(n))
@@ -84,9 +97,9 @@ def test_level_across_north_the_earth_has_no_field_and_that_shows_the_heading_al
     assert np.count_nonzero(slope) == 2 * n
 
 
-def test_without_gps_it_holds_the_heading(deaf) -> None:
+def test_without_gps_the_compass_holds_the_heading(without_gps) -> None:
     """Half the uncertainty or less, and the true heading (the simulator's declination is zero) within it all along."""
-    calibration, air, still, alone, truth = deaf
+    calibration, air, still, alone, truth = without_gps
     field, said = compass(air, calibration)
     trajectory = reconstruct(air, still, compass=field)
     assert trajectory.converged and said == []
@@ -98,9 +111,9 @@ def test_without_gps_it_holds_the_heading(deaf) -> None:
 
 
 @pytest.mark.parametrize("left_uT", [(2.0, -2.0, 2.0), (-3.0, 0.0, -3.0)])
-def test_iron_that_moved_since_the_calibration_stays_within_what_is_said_of_it(deaf, left_uT) -> None:
+def test_iron_that_moved_since_the_calibration_stays_within_the_stated_error(without_gps, left_uT) -> None:
     """3 uT of 22 level ones are 8 deg. Pitch and bank do not follow: 0.1 deg would be 2 % of power near the stall."""
-    calibration, air, still, alone, truth = deaf
+    calibration, air, still, alone, truth = without_gps
     field, _ = compass(iron(air, 1e-6 * np.array(left_uT)), calibration)
     trajectory = reconstruct(air, still, compass=field)
     off, error = heading_error(trajectory, truth)
@@ -111,8 +124,8 @@ def test_iron_that_moved_since_the_calibration_stays_within_what_is_said_of_it(d
 
 
 @pytest.mark.parametrize("left_uT", [(0.0, 0.0, 0.0), (-3.0, 3.0, 3.0)])
-def test_with_gps_it_changes_nothing_even_with_iron_left_in_it(heard, left_uT) -> None:
-    calibration, air, still, alone, _ = heard
+def test_with_gps_the_compass_changes_nothing_even_with_residual_iron(with_gps, left_uT) -> None:
+    calibration, air, still, alone, _ = with_gps
     field, _ = compass(iron(air, 1e-6 * np.array(left_uT)), calibration)
     trajectory = reconstruct(air, still, compass=field)
     assert trajectory.converged
@@ -129,9 +142,9 @@ def test_with_gps_it_changes_nothing_even_with_iron_left_in_it(heard, left_uT) -
         assert np.degrees(np.abs(trajectory.states[angle] - alone.states[angle])).max() < 0.1
 
 
-def test_with_gps_the_declination_is_found(heard) -> None:
+def test_with_gps_the_declination_is_found(with_gps) -> None:
     """Magnetic north 12 deg to the west: the compass reads as much more. What is assumed pulls by a fiftieth of it."""
-    calibration, air, still, alone, truth = heard
+    calibration, air, still, alone, truth = with_gps
     declination = np.radians(-12.0)
     level = FIELD_T * np.cos(DIP_RAD) * np.array([np.cos(declination), np.sin(declination)])
     attitude = [np.interp(air.index, truth["time_s"], np.unwrap(truth[f"{a}_rad"])) for a in ("roll", "pitch", "yaw")]
@@ -142,13 +155,13 @@ def test_with_gps_the_declination_is_found(heard) -> None:
     off = np.degrees(trajectory.value("heading_bias")) - 12.0
     assert abs(off) < WITHIN * np.degrees(trajectory.standard_error("heading_bias")) < 6.0
     assert np.degrees(np.abs(trajectory.states["psi"] - alone.states["psi"])).max() < 0.1
-    assert heading_notes(air, trajectory, calibrated=True) == []
+    assert heading_notes(trajectory, calibrated=True) == []
 
 
-def test_a_board_mounted_back_to_front_is_noticed_and_spoils_nothing(heard) -> None:
-    """Levelled the wrong way it wanders by tens of degrees, too. The heading follows by less than a degree, and what
-    power rests on not at all."""
-    calibration, air, still, alone, _ = heard
+def test_a_board_mounted_back_to_front_is_reported_and_has_no_effect_on_power(with_gps) -> None:
+    """Its heading error also varies by tens of degrees. The reconstructed heading changes by less than a degree, and
+    the sensor errors that power depends on do not change."""
+    calibration, air, still, alone, _ = with_gps
     field, _ = compass(air, calibration)
     trajectory = reconstruct(air, still, compass=field._replace(field_T=field.field_T * (-1, -1, 1)))
     assert trajectory.converged
@@ -156,42 +169,44 @@ def test_a_board_mounted_back_to_front_is_noticed_and_spoils_nothing(heard) -> N
     assert np.degrees(np.abs(trajectory.states["psi"] - alone.states["psi"])).max() < 1.0
     for name in ("alpha_bias", "alpha_scale", "V_scale"):
         assert abs(trajectory.value(name) - alone.value(name)) < 0.05 * alone.standard_error(name)
-    (said,) = heading_notes(air, trajectory, calibrated=True)
+    (said,) = heading_notes(trajectory, calibrated=True)
     assert "contradicts GPS" in said and "mounted" in said
 
 
-def test_an_uncalibrated_one_is_not_used_and_only_where_gps_is_missing_that_is_said(heard, deaf) -> None:
-    for (_, air, still, alone, _), gps in ((heard, True), (deaf, False)):
+def test_an_uncalibrated_magnetometer_is_not_used_and_is_noted_only_without_gps(with_gps, without_gps) -> None:
+    for (_, air, still, alone, _), gps in ((with_gps, True), (without_gps, False)):
         trajectory = reconstruct(iron(air, (15e-6, 0.0, 0.0)), still)
         assert np.array_equal(trajectory.states, alone.states) and np.array_equal(
             trajectory.sensor_errors, alone.sensor_errors
         )
-        assert trajectory.standard_error("heading_bias") == pytest.approx(trajectory.assumed("heading_bias"))
-        said = heading_notes(air, trajectory, calibrated=False)
+        assert trajectory.standard_error("heading_bias") == pytest.approx(
+            trajectory.prior_standard_error("heading_bias")
+        )
+        said = heading_notes(trajectory, calibrated=False)
         assert len(said) == (0 if gps else 1)
         assert all("not determined" in note and "not its calibration" in note for note in said)
-        bare = air.drop(columns=MAG)
-        assert not any("agnetometer" in note for note in heading_notes(bare, trajectory, calibrated=False))
+        bare = dataclasses.replace(trajectory, block_means=BlockMeans(air.drop(columns=MAG)))
+        assert not any("agnetometer" in note for note in heading_notes(bare, calibrated=False))
 
 
-def test_what_a_flight_shows_of_the_compass(heard, deaf) -> None:
-    """With GPS its offset; without, that north is the compass's; and nothing at all of one that was not used."""
-    for (calibration, air, still, alone, _), gps in ((heard, True), (deaf, False)):
+def test_the_offset_of_the_compass_is_determined_with_gps_only(with_gps, without_gps) -> None:
+    """Without GPS the compass defines north. A compass that was not used is not listed."""
+    for (calibration, air, still, alone, _), gps in ((with_gps, True), (without_gps, False)):
         trajectory = reconstruct(air, still, compass=compass(air, calibration)[0])
-        offset = next(error for error in sensor_error_estimates(air, trajectory) if error.name == "heading_bias")
+        offset = next(error for error in sensor_error_estimates(trajectory) if error.name == "heading_bias")
         assert offset.determined == gps
         assert offset.missing == (() if gps else ("no GPS",))
-        assert (trajectory.assumed("heading_bias") == PRIOR_SIGMA["heading_bias"]) == gps
-        assert all("held the heading" in note for note in heading_notes(air, trajectory, calibrated=True))
-        assert len(heading_notes(air, trajectory, calibrated=True)) == (0 if gps else 1)
-        assert "heading_bias" not in {error.name for error in sensor_error_estimates(air, alone)}
+        assert (trajectory.prior_standard_error("heading_bias") == PRIOR_SIGMA["heading_bias"]) == gps
+        assert all("held the heading" in note for note in heading_notes(trajectory, calibrated=True))
+        assert len(heading_notes(trajectory, calibrated=True)) == (0 if gps else 1)
+        assert "heading_bias" not in {error.name for error in sensor_error_estimates(alone)}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("turbulence_kt", [0.0, GUSTY_KT])
 def test_twenty_minutes_without_gps_stay_on_their_heading(probe, turbulence_kt: float) -> None:
     truth, drawn, air, still = fly(0, probe, "full-test-flight", without=GPS, turbulence_kt=turbulence_kt)
-    field, _ = compass(iron(air, (1e-6, -1e-6, 1e-6)), turned_by_hand(drawn))
+    field, _ = compass(iron(air, (1e-6, -1e-6, 1e-6)), calibration_by_hand(drawn))
     trajectory = reconstruct(air, still, compass=field)
     assert trajectory.converged
     off, error = heading_error(trajectory, truth)

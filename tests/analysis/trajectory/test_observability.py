@@ -1,4 +1,4 @@
-"""Do sensors agree with one another once their errors are taken out, and which errors did a flight determine?"""
+"""Consistency of the sensors after correction, and which sensor errors a flight determines."""
 
 from pathlib import Path
 
@@ -9,10 +9,10 @@ from test_reconstruction import flown as fly
 
 from analysis.results.trajectory import path_result
 from analysis.trajectory import observability
-from analysis.trajectory.blocks import block_mean
-from analysis.trajectory.consistency import ANGLES, SPEED, consistency, spread
+from analysis.trajectory.block_means import block_mean
+from analysis.trajectory.consistency import ANGLES, SPEED, consistency, difference_statistics
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.observability import Flown, missing, sensor_error_estimates, sensor_error_notes
+from analysis.trajectory.observability import FlightExcitation, missing, sensor_error_estimates, sensor_error_notes
 from analysis.trajectory.reconstruction import reconstruct
 
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
@@ -58,22 +58,22 @@ def whole(probe):
 
 
 @pytest.fixture(scope="module")
-def deaf(probe):
-    """A short flight on one heading in calm air, without GPS: air data and path."""
+def without_gps(probe):
+    """Trajectory of a short flight on one heading in calm air, without GPS."""
     _, _, air, still = fly(0, probe, "accel-decel", without=GPS)
-    return air, reconstruct(air, still)
+    return reconstruct(air, still)
 
 
 @pytest.mark.slow
-def test_the_angles_agree_after_and_before_they_show_what_the_vane_was_off_by(whole) -> None:
+def test_the_angles_agree_after_correction_and_before_differ_by_the_error_of_alpha(whole) -> None:
     """theta - alpha - gamma before is minus what alpha is off by, within the 0.1 deg a calm flight is good for.
 
     Off by on average, in truth: the injected offset and slope, and the IMU's tilt, which is an offset too
     (test_reconstruct).
     """
     true, tilt, air, trajectory = whole
-    agreement = consistency(air, trajectory)
-    before, after = (spread(differences[ANGLES]) for differences in agreement)
+    agreement = consistency(trajectory)
+    before, after = (difference_statistics(differences[ANGLES]) for differences in agreement)
     flew = agreement.before[ANGLES].notna().to_numpy()
     error = tilt + np.nanmean((block_mean(air["alpha_rad"], len(flew)) - true["alpha_rad"])[flew])
     assert abs(before.mean + error) < np.radians(0.1)
@@ -83,11 +83,11 @@ def test_the_angles_agree_after_and_before_they_show_what_the_vane_was_off_by(wh
 
 
 @pytest.mark.slow
-def test_airspeed_agrees_with_gps_after_and_before_it_shows_its_scale(whole) -> None:
+def test_airspeed_agrees_with_gps_after_correction_and_before_differs_by_its_scale(whole) -> None:
     """Before, airspeed is off by what it is off in truth, within the 0.3 % a calm flight is good for."""
     true, _, air, trajectory = whole
-    agreement = consistency(air, trajectory)
-    before, after = (spread(differences[SPEED]) for differences in agreement)
+    agreement = consistency(trajectory)
+    before, after = (difference_statistics(differences[SPEED]) for differences in agreement)
     flew = agreement.before[SPEED].notna().to_numpy()
     V = true["V_mps"][flew]
     error = np.nanmean(block_mean(air["V_mps"], len(flew))[flew] - V)
@@ -99,24 +99,24 @@ def test_airspeed_agrees_with_gps_after_and_before_it_shows_its_scale(whole) -> 
 
 @pytest.mark.slow
 def test_a_full_test_flight_determines_every_error(whole) -> None:
-    _, _, air, trajectory = whole
-    errors = sensor_error_estimates(air, trajectory)
+    *_, trajectory = whole
+    errors = sensor_error_estimates(trajectory)
     assert {error.name for error in errors} == set(SENSOR_ERRORS) - {"heading_bias"}, "it had no compass"
     assert [error.name for error in errors if not error.determined] == []
     assert sensor_error_notes(errors) == []
 
 
-def test_without_gps_it_says_so(deaf) -> None:
-    air, trajectory = deaf
-    latency = next(error for error in sensor_error_estimates(air, trajectory) if error.name == "gps_latency")
+def test_without_gps_the_latency_is_not_determined_and_the_reason_is_given(without_gps) -> None:
+    trajectory = without_gps
+    latency = next(error for error in sensor_error_estimates(trajectory) if error.name == "gps_latency")
     assert not latency.determined
     assert latency.missing == ("no GPS",)
-    said = path_result(trajectory, consistency(air, trajectory), sensor_error_estimates(air, trajectory))
+    said = path_result(trajectory, consistency(trajectory), sensor_error_estimates(trajectory))
     assert [check.before.unit for check in said.checks] == ["deg"], "nothing to compare airspeed with"
 
 
 @pytest.mark.parametrize("turns", [False, True])
-def test_in_moving_air_turns_show_the_scale_of_airspeed_and_one_heading_does_not(
+def test_in_gusts_turns_determine_the_airspeed_scale_and_one_heading_does_not(
     probe, tmp_path: Path, turns: bool
 ) -> None:
     """Two and a half minutes in W20 = 6 kt, with and without turns; all else alike.
@@ -126,7 +126,7 @@ def test_in_moving_air_turns_show_the_scale_of_airspeed_and_one_heading_does_not
     plan = tmp_path / "plan.toml"
     plan.write_text(UP + (LEG + TURN if turns else LEG) * 6, "utf-8")
     _, _, air, still = fly(0, probe, str(plan), turbulence_kt=6.0)
-    errors = sensor_error_estimates(air, reconstruct(air, still))
+    errors = sensor_error_estimates(reconstruct(air, still))
     scale = next(error for error in errors if error.name == "V_scale")
     assert scale.determined == turns
     assert any("one heading" in why for why in scale.missing) == (not turns)
@@ -135,7 +135,7 @@ def test_in_moving_air_turns_show_the_scale_of_airspeed_and_one_heading_does_not
     assert any("one speed" in why for why in slope.missing), "held at one speed, with turns or without"
 
 
-def test_in_gusts_porpoising_shows_the_slope_of_angle_of_attack(probe, tmp_path: Path) -> None:
+def test_in_gusts_porpoising_determines_the_slope_of_angle_of_attack(probe, tmp_path: Path) -> None:
     """Two and a half minutes in W20 = 10 kt at one speed, 50 s of them porpoising or not.
 
     Gusts of sigma 0.5 m/s, 80 m long, against 3 deg rms at 4.1 rad/s for 50 s: 3 sigma^2/(V omega^2 L) over the
@@ -153,7 +153,7 @@ def test_in_gusts_porpoising_shows_the_slope_of_angle_of_attack(probe, tmp_path:
         assert abs(trajectory.value("alpha_scale") - 2 * trajectory.value("V_scale") - shown) < WITHIN * np.hypot(
             trajectory.standard_error("alpha_scale"), 2 * trajectory.standard_error("V_scale")
         )
-        slopes.append(next(error for error in sensor_error_estimates(air, trajectory) if error.name == "alpha_scale"))
+        slopes.append(next(error for error in sensor_error_estimates(trajectory) if error.name == "alpha_scale"))
     without, porpoised = slopes
     assert not without.determined and any("porpoise" in why for why in without.missing)
     assert porpoised.determined
@@ -161,20 +161,22 @@ def test_in_gusts_porpoising_shows_the_slope_of_angle_of_attack(probe, tmp_path:
     assert porpoised.standard_error > surest
 
 
-def test_whatever_was_not_determined_has_a_reason() -> None:
-    had_all = Flown(gps=True, sideslip=True, headings=0.0, speed_ratio=2.0, gust_mps=0.0)
-    had_nothing = Flown(gps=False, sideslip=False, headings=1.0, speed_ratio=1.0, gust_mps=2.0)
+def test_every_sensor_error_has_a_reason_when_not_determined() -> None:
+    complete = FlightExcitation(gps=True, sideslip=True, mean_heading_vector=0.0, speed_ratio=2.0, gust_mps=0.0)
+    empty = FlightExcitation(gps=False, sideslip=False, mean_heading_vector=1.0, speed_ratio=1.0, gust_mps=2.0)
     for name in observability.TITLES:
-        assert missing(name, had_all) == (observability._TOO_LITTLE,)
-        assert missing(name, had_nothing)
-    assert len(missing("beta_bias", had_nothing)) == 4
+        assert missing(name, complete) == (observability._TOO_LITTLE,)
+        assert missing(name, empty)
+    assert len(missing("beta_bias", empty)) == 4
 
 
-def test_a_mean_of_what_wanders_is_less_certain_than_one_of_noise() -> None:
+def test_the_standard_error_of_a_mean_allows_for_slow_changes() -> None:
     """White noise: sigma / sqrt(n). A wave of twice the batch's length: the batches' scatter, far more than that."""
     t = np.arange(0, 400, 0.2)
     white = pd.Series(np.random.default_rng(0).normal(0, 1, len(t)), index=t)
-    assert spread(white).standard_error == pytest.approx(1 / np.sqrt(len(t)), rel=0.5)  # of 20 batches: 16 %, 1 sigma
+    assert difference_statistics(white).standard_error == pytest.approx(
+        1 / np.sqrt(len(t)), rel=0.5
+    )  # of 20 batches: 16 %, 1 sigma
     wave = pd.Series(np.sign(np.sin(np.pi * t / 20)), index=t)
-    assert spread(wave).standard_error > 5 * wave.std() / np.sqrt(len(t))
-    assert spread(white[:50]) is None, "one batch says nothing of the scatter between them"
+    assert difference_statistics(wave).standard_error > 5 * wave.std() / np.sqrt(len(t))
+    assert difference_statistics(white[:50]) is None, "one batch says nothing of the scatter between them"

@@ -1,4 +1,4 @@
-"""The path against the simulator's truth, over flights whose sensors err in every way the study drew."""
+"""The trajectory against the simulator's truth, with random sensor errors from the study's budget."""
 
 import dataclasses
 
@@ -8,8 +8,16 @@ import pytest
 
 from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag.forces import THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA
-from analysis.trajectory.data import PRIOR_SIGMA
-from analysis.trajectory.equations import GIVEN, MOVE, SENSOR_ERRORS, SHOWN, STATES, Data, Equations
+from analysis.trajectory.equations import (
+    MEASUREMENT_INPUTS,
+    MEASUREMENTS,
+    PROCESS_INPUTS,
+    SENSOR_ERRORS,
+    STATES,
+    EquationInputs,
+    Equations,
+)
+from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
@@ -28,7 +36,7 @@ def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbule
     return flight.truth, drawn, air, still
 
 
-def test_the_analysis_assumes_what_the_study_did_of_errors_drawn_as_it_drew_them():
+def test_priors_are_those_of_the_study():
     """Priors of method.md sec. 8 are its errors over the square root of three, and up to a tenth more."""
     s, ratio = load_budget("study").systematic, 3**0.5
     sizes = {"alpha_bias": s.alpha_offset_rad, "alpha_scale": s.alpha_scale, "V_scale": s.V_scale}
@@ -69,7 +77,7 @@ def test_a_whole_calm_flight_is_found_again(probe, seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_gusts_do_not_pass_for_errors_of_sensors(probe) -> None:
+def test_gusts_are_not_attributed_to_sensor_errors(probe) -> None:
     """W20 = 15 kt: each error within what it says of itself, over flights, and none of them one-sided.
 
     The aircraft answers to gusts; a smoother that takes the answer for a sensor's error is off by 0.6 deg on every
@@ -96,7 +104,7 @@ def test_gusts_do_not_pass_for_errors_of_sensors(probe) -> None:
 
 
 @pytest.mark.slow
-def test_a_long_flight_without_gps_settles_though_nothing_shows_its_heading(probe) -> None:
+def test_a_long_flight_without_gps_converges_with_an_unmeasured_heading(probe) -> None:
     gps = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
     _, drawn, air, still = flown(0, probe, "full-test-flight", without=gps)
     trajectory = reconstruct(air, still)
@@ -106,18 +114,18 @@ def test_a_long_flight_without_gps_settles_though_nothing_shows_its_heading(prob
     assert trajectory.value("alpha_bias") == pytest.approx(offset, abs=np.radians(0.1))
 
 
-def test_without_gps_the_path_still_stands_and_knows_less(probe) -> None:
+def test_without_gps_the_reconstruction_converges_with_larger_errors(probe) -> None:
     gps = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
     _, _, air, still = flown(0, probe, "accel-decel")
-    _, _, deaf, _ = flown(0, probe, "accel-decel", without=gps)
-    with_gps, without = reconstruct(air, still), reconstruct(deaf, still)
+    _, _, table_without_gps, _ = flown(0, probe, "accel-decel", without=gps)
+    with_gps, without = reconstruct(air, still), reconstruct(table_without_gps, still)
     assert without.converged
     assert without.standard_error("r_bias") > 2 * with_gps.standard_error("r_bias"), "nothing shows the heading drift"
     assert without.standard_error("gps_latency") == pytest.approx(PRIOR_SIGMA["gps_latency"], rel=1e-3)
     assert np.isfinite(without.states.to_numpy()).all()
 
 
-def test_a_channel_that_was_silent_while_the_aircraft_stood_costs_nothing_but_its_noise(probe) -> None:
+def test_a_channel_without_data_at_rest_gets_the_noise_of_the_bench(probe) -> None:
     """Sideslip answers late: its noise cannot be seen at rest, so what is usual is taken; the path hardly moves."""
     _, _, air, still = flown(0, probe, "accel-decel")
     late = air.copy()
@@ -128,7 +136,7 @@ def test_a_channel_that_was_silent_while_the_aircraft_stood_costs_nothing_but_it
     assert np.abs(moved).max() < 0.5
 
 
-def test_a_gap_of_the_imu_costs_its_own_seconds_only(probe) -> None:
+def test_a_gap_of_the_imu_has_only_a_local_effect(probe) -> None:
     _, _, air, still = flown(0, probe, "accel-decel")
     holed = air.copy()
     holed.loc[40.0:42.0, ["p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2"]] = np.nan
@@ -140,7 +148,7 @@ def test_a_gap_of_the_imu_costs_its_own_seconds_only(probe) -> None:
     assert np.abs(difference).max() < 0.5
 
 
-def test_an_airspeed_transducer_at_the_end_of_its_range_costs_certainty_and_nothing_else(probe) -> None:
+def test_a_saturated_airspeed_transducer_raises_standard_errors_without_bias(probe) -> None:
     """Above 19 m/s it is clipped, so that neither speed nor angles are measured there; slow flight is as before."""
     _, _, air, still = flown(0, probe, "accel-decel")
     clipped = air.copy()
@@ -152,15 +160,15 @@ def test_an_airspeed_transducer_at_the_end_of_its_range_costs_certainty_and_noth
         assert abs(trajectory.value(name) - whole.value(name)) < 3 * trajectory.standard_error(name)
 
 
-def test_the_tunnels_doubt_about_the_slope_widens_what_is_assumed_and_what_is_known(probe) -> None:
+def test_the_uncertainty_of_the_probes_slope_widens_prior_and_posterior(probe) -> None:
     _, _, air, still = flown(0, probe, "accel-decel")
     sure, doubtful = reconstruct(air, still), reconstruct(air, still, alpha_scale_sigma=0.04)
-    assert doubtful.assumed("alpha_scale") == pytest.approx(np.hypot(PRIOR_SIGMA["alpha_scale"], 0.04))
+    assert doubtful.prior_standard_error("alpha_scale") == pytest.approx(np.hypot(PRIOR_SIGMA["alpha_scale"], 0.04))
     assert doubtful.standard_error("alpha_scale") > sure.standard_error("alpha_scale")
 
 
 @pytest.mark.parametrize("missing", [["ax_mps2", "ay_mps2", "az_mps2"], ["V_mps", "alpha_rad", "beta_rad"]])
-def test_a_log_that_shows_too_little_is_refused_or_said_to_be_uncertain(probe, missing) -> None:
+def test_a_log_without_enough_channels_is_refused_or_reported_as_uncertain(probe, missing) -> None:
     """No accelerometers, or no air data at all: no exception but an InputError, and no certainty."""
     _, _, air, still = flown(0, probe, "accel-decel")
     blind = air.copy()
@@ -180,30 +188,34 @@ def test_derivatives_are_those_of_the_equations() -> None:
     equations = Equations(n)
     x, shared = rng.normal(0, 0.1, (n, nx)), rng.normal(0, 0.01, m)
     x[:, 3] += 15.0
-    move, given = rng.normal(0, 0.3, (n - 1, len(MOVE))), rng.normal(size=(n, len(GIVEN)))
-    given[:, GIVEN.index("slow_V")] += 15.0
-    shown = rng.normal(size=(n, len(SHOWN))), np.ones((n, len(SHOWN)))
-    data = Data(move, np.ones((n - 1, nx)), *shown, given, foreseen=x, given_foreseen=given)
-    at = equations.at(x, shared, data)
+    move, given = rng.normal(0, 0.3, (n - 1, len(PROCESS_INPUTS))), rng.normal(size=(n, len(MEASUREMENT_INPUTS)))
+    given[:, MEASUREMENT_INPUTS.index("V_predicted")] += 15.0
+    shown = rng.normal(size=(n, len(MEASUREMENTS))), np.ones((n, len(MEASUREMENTS)))
+    data = EquationInputs(move, np.ones((n - 1, nx)), *shown, given, predicted_states=x, predicted_inputs=given)
+    at = equations.linearize(x, shared, data)
     h = 4e-6
     for j in range(nx):
         more, less = x.copy(), x.copy()
         more[1, j] += h
         less[1, j] -= h
-        up, down = equations.at(more, shared, data), equations.at(less, shared, data)
+        up, down = equations.linearize(more, shared, data), equations.linearize(less, shared, data)
         assert at.d_measured[1, :, j] == pytest.approx((up.measured - down.measured)[1] / (2 * h), abs=1e-7)
         assert at.d_process[1, :, j] == pytest.approx((up.process - down.process)[1] / (2 * h), abs=1e-7)
         assert at.d_process[0, :, nx + j] == pytest.approx((up.process - down.process)[0] / (2 * h), abs=1e-7)
     for j in range(m):
-        up, down = (equations.at(x, shared + sign * h * np.eye(m)[j], data) for sign in (1, -1))
+        up, down = (equations.linearize(x, shared + sign * h * np.eye(m)[j], data) for sign in (1, -1))
         assert at.d_measured[:, :, nx + j] == pytest.approx((up.measured - down.measured) / (2 * h), abs=1e-7)
         assert at.d_process[:, :, 2 * nx + j] == pytest.approx((up.process - down.process) / (2 * h), abs=1e-7)
 
-    # What is foreseen is where derivatives are taken, and nothing else.
+    # Predicted states and inputs change the derivatives only.
     elsewhere, other = x + rng.normal(0, 0.1, x.shape), given + rng.normal(0, 0.1, given.shape)
-    foretold = equations.at(x, shared, dataclasses.replace(data, foreseen=elsewhere, given_foreseen=other))
-    there = equations.at(
-        elsewhere, shared, dataclasses.replace(data, given=other, given_foreseen=other, foreseen=elsewhere)
+    foretold = equations.linearize(
+        x, shared, dataclasses.replace(data, predicted_states=elsewhere, predicted_inputs=other)
+    )
+    there = equations.linearize(
+        elsewhere,
+        shared,
+        dataclasses.replace(data, measurement_inputs=other, predicted_inputs=other, predicted_states=elsewhere),
     )
     assert foretold.measured == pytest.approx(at.measured, abs=0)
     assert foretold.d_measured == pytest.approx(there.d_measured, abs=0)

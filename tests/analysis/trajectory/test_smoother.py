@@ -3,25 +3,27 @@
 import numpy as np
 import pytest
 
-from analysis.trajectory.smoother import Linearised, Prior, cost, step
+from analysis.trajectory.smoother import Linearization, TrajectoryPrior, cost, gauss_newton_step
 
 N, NX, NY, M = 7, 3, 2, 2
 
 
-def problem(seed: int) -> tuple[Linearised, Prior, np.ndarray, np.ndarray]:
+def problem(seed: int) -> tuple[Linearization, TrajectoryPrior, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
-    at = Linearised(
+    at = Linearization(
         rng.normal(size=(N - 1, NX)),
         rng.normal(size=(N - 1, NX, 2 * NX + M)),
         rng.normal(size=(N, NY)),
         rng.normal(size=(N, NY, NX + M)),
     )
-    prior = Prior(rng.normal(size=NX), np.full(NX, 2.0), rng.normal(size=M), np.array([0.5, 3.0]))
+    prior = TrajectoryPrior(rng.normal(size=NX), np.full(NX, 2.0), rng.normal(size=M), np.array([0.5, 3.0]))
     return at, prior, rng.normal(size=NX), rng.normal(size=M)
 
 
-def dense(at: Linearised, prior: Prior, first: np.ndarray, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same least squares as one matrix: (residuals, Jacobian), unknowns x_0 … x_n-1 and then the shared."""
+def dense(
+    at: Linearization, prior: TrajectoryPrior, first: np.ndarray, errors: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same least squares as one matrix: (residuals, Jacobian), unknowns x_0 … x_n-1 and then the errors."""
     rows, r = [], []
     for k in range(N - 1):
         row = np.zeros((NX, N * NX + M))
@@ -36,12 +38,12 @@ def dense(at: Linearised, prior: Prior, first: np.ndarray, shared: np.ndarray) -
         rows.append(row)
         r.append(at.measured[k])
     row = np.zeros((NX + M, N * NX + M))
-    row[:NX, :NX] = np.diag(1 / prior.first_sigma)
-    row[NX:, N * NX :] = np.diag(1 / prior.shared_sigma)
+    row[:NX, :NX] = np.diag(1 / prior.initial_sigma)
+    row[NX:, N * NX :] = np.diag(1 / prior.error_sigma)
     rows.append(row)
     r.append(
         np.concatenate(
-            [(first - prior.first_mean) / prior.first_sigma, (shared - prior.shared_mean) / prior.shared_sigma]
+            [(first - prior.initial_mean) / prior.initial_sigma, (errors - prior.error_mean) / prior.error_sigma]
         )
     )
     return np.concatenate(r), np.concatenate(rows)
@@ -49,36 +51,36 @@ def dense(at: Linearised, prior: Prior, first: np.ndarray, shared: np.ndarray) -
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_step_is_that_of_dense_least_squares(seed: int) -> None:
-    at, prior, first, shared = problem(seed)
-    r, J = dense(at, prior, first, shared)
+    at, prior, first, errors = problem(seed)
+    r, J = dense(at, prior, first, errors)
     expected = -np.linalg.lstsq(J, r, rcond=None)[0]
     inverse = np.linalg.inv(J.T @ J)
-    got = step(at, prior, first, shared)
+    got = gauss_newton_step(at, prior, first, errors)
     scale = np.linalg.cond(J) ** 2 * 1e-15  # what rounding costs the normal equations
     assert got.states.ravel() == pytest.approx(expected[: N * NX], abs=10 * scale)
-    assert got.shared == pytest.approx(expected[N * NX :], abs=10 * scale)
+    assert got.sensor_errors == pytest.approx(expected[N * NX :], abs=10 * scale)
     assert got.covariance == pytest.approx(inverse[N * NX :, N * NX :], rel=1e-8, abs=10 * scale)
     assert got.log_determinant == pytest.approx(np.linalg.slogdet(J.T @ J)[1], rel=1e-9)
-    assert cost(at, prior, first, shared) == pytest.approx(float(r @ r), rel=1e-12)
-    assert float(r @ r) - got.decrease == pytest.approx(float(np.sum((r + J @ expected) ** 2)), rel=1e-9)
+    assert cost(at, prior, first, errors) == pytest.approx(float(r @ r), rel=1e-12)
+    assert float(r @ r) - got.cost_decrease == pytest.approx(float(np.sum((r + J @ expected) ** 2)), rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_states_follow_the_shared_numbers_as_least_squares_says(seed: int) -> None:
-    """With the shared numbers held one unit away, the best states move by `follow`."""
-    at, prior, first, shared = problem(seed)
-    _, J = dense(at, prior, first, shared)
-    free, held = J[:, : N * NX], J[:, N * NX :]
-    follow = step(at, prior, first, shared).held.follow(at).reshape(N * NX, M)
-    assert follow == pytest.approx(-np.linalg.lstsq(free, held, rcond=None)[0], abs=1e-8)
+def test_the_state_sensitivity_is_that_of_least_squares(seed: int) -> None:
+    """With fixed sensor errors one unit away, the best states move by `state_sensitivity`."""
+    at, prior, first, errors = problem(seed)
+    _, J = dense(at, prior, first, errors)
+    by_state, by_error = J[:, : N * NX], J[:, N * NX :]
+    sensitivity = gauss_newton_step(at, prior, first, errors).conditional.state_sensitivity(at).reshape(N * NX, M)
+    assert sensitivity == pytest.approx(-np.linalg.lstsq(by_state, by_error, rcond=None)[0], abs=1e-8)
 
 
-def test_draws_scatter_as_the_states_do_while_the_shared_numbers_are_held() -> None:
+def test_draws_have_the_covariance_of_the_states_given_the_sensor_errors() -> None:
     """Their covariance is the inverse of the states' own block; 4,000 draws know a variance within 2.2 %, 1 sigma."""
-    at, prior, first, shared = problem(0)
-    _, J = dense(at, prior, first, shared)
+    at, prior, first, errors = problem(0)
+    _, J = dense(at, prior, first, errors)
     free = J[:, : N * NX]
-    draws = step(at, prior, first, shared).held.draws(NX, 4000).reshape(4000, N * NX)
+    draws = gauss_newton_step(at, prior, first, errors).conditional.draws(NX, 4000).reshape(4000, N * NX)
     own = np.linalg.inv(free.T @ free)
     scale = np.sqrt(np.outer(np.diag(own), np.diag(own)))
     assert np.abs(draws.T @ draws / 4000 - own).max() < 5 * np.sqrt(2 / 4000) * scale.max()

@@ -4,9 +4,9 @@ import flights
 import numpy as np
 import pytest
 
-from analysis.trajectory import airspeed_scale as airspeed
-from analysis.trajectory import time_shift as skew
+from analysis.trajectory.airspeed_scale import calibrate
 from analysis.trajectory.reconstruction import reconstruct
+from analysis.trajectory.time_shift import time_shift_notes, time_shifts
 from flight.aircraft import load_aircraft
 from sim.sensors import load_budget
 
@@ -49,23 +49,23 @@ def delayed(flight):
 def test_a_delay_of_the_probe_is_found_to_a_twentieth(whole, delayed) -> None:
     """Beside the same flight as it is, so that noise cancels: 5 %, what a calibration of the tubes is asked for. It
     comes out 4 % small, which is more than its standard error: docs/estimators.md, what is known to be missing."""
-    as_it_is, late = ({s.name: s for s in skew.skews(trajectory)}["the probe"] for trajectory in (whole[1], delayed))
-    assert abs(as_it_is.late_s) < 4 * as_it_is.standard_error_s
-    assert late.late_s - as_it_is.late_s == pytest.approx(LATE_S, rel=0.05)
+    as_it_is, late = ({s.name: s for s in time_shifts(trajectory)}["the probe"] for trajectory in (whole[1], delayed))
+    assert abs(as_it_is.delay_s) < 4 * as_it_is.standard_error_s
+    assert late.delay_s - as_it_is.delay_s == pytest.approx(LATE_S, rel=0.05)
 
 
 @pytest.mark.slow
-def test_a_late_probe_is_found_and_an_early_alarm_is_not_raised(flight, whole, delayed) -> None:
+def test_a_late_probe_is_reported_and_a_punctual_one_is_not(flight, whole, delayed) -> None:
     errors, flown, _, _ = flight
     air, as_it_is = whole
-    assert skew.notes(as_it_is) == []
-    assert any("The probe is" in note and "late against the IMU" in note for note in skew.notes(delayed))
-    found = {s.name: s for s in skew.skews(delayed)}
-    assert found["the probe"].learnt and found["GPS"].learnt
-    assert abs(found["GPS"].late_s - errors.values.gps_latency_s) < 4 * found["GPS"].standard_error_s
+    assert time_shift_notes(as_it_is) == []
+    assert any("The probe is" in note and "late against the IMU" in note for note in time_shift_notes(delayed))
+    found = {s.name: s for s in time_shifts(delayed)}
+    assert found["the probe"].determined and found["GPS"].determined
+    assert abs(found["GPS"].delay_s - errors.values.gps_latency_s) < 4 * found["GPS"].standard_error_s
 
     # And what `calibrate airspeed` says of the same flight, whose legs go both ways.
-    speed = airspeed.calibrate(air, as_it_is)
+    speed = calibrate(air, as_it_is)
     assert abs(speed.scale - errors.values.V_scale) < 4 * speed.scale_error
     truth = flown.truth[flown.truth["phase"] == "flight"]
     wind = np.hypot(truth["wind_north_mps"], truth["wind_east_mps"]).mean()
@@ -75,18 +75,18 @@ def test_a_late_probe_is_found_and_an_early_alarm_is_not_raised(flight, whole, d
 
 
 @pytest.mark.slow
-def test_one_way_and_without_gps_say_what_they_cannot_know(flight) -> None:
+def test_one_heading_and_a_missing_gps_are_noted(flight) -> None:
     _, _, table, probe = flight
     one_leg = table.loc[95.0:190.0]
-    assert any("one direction" in note for note in airspeed.calibrate(*reconstructed(one_leg, probe)).notes)
-    deaf = table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan)
-    air, trajectory = reconstructed(deaf, probe)
-    assert any("No GPS" in note for note in airspeed.calibrate(air, trajectory).notes)
-    assert "does not show" in {s.name: s for s in skew.skews(trajectory)}["GPS"].in_words()
+    assert any("one direction" in note for note in calibrate(*reconstructed(one_leg, probe)).notes)
+    without_gps = table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan)
+    air, trajectory = reconstructed(without_gps, probe)
+    assert any("No GPS" in note for note in calibrate(air, trajectory).notes)
+    assert "does not show" in {s.name: s for s in time_shifts(trajectory)}["GPS"].in_words()
 
 
 @pytest.mark.slow
-def test_a_dead_sideslip_transducer_leaves_a_path_that_knows_less(flight, whole) -> None:
+def test_without_sideslip_the_reconstruction_converges_with_larger_errors(flight, whole) -> None:
     _, _, table, probe = flight
     _, as_it_is = whole
     _, without = reconstructed(table.assign(dp_beta_Pa=np.nan), probe)

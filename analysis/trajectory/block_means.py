@@ -1,0 +1,55 @@
+"""Means of the synchronized channels over blocks of five samples (0.2 s): the instants of the trajectory."""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.airdata.air import LEAST_HEIGHT_M
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+BLOCK = 5  # samples
+
+
+class BlockMeans:
+    """Block means of every column of a table that `air_data` returned; `means[name]` is an array (n,).
+
+    n : number of whole blocks             t_s : (n,) centers of the blocks
+    rows : (n,) rows of the table there    step_s : time between them    rate_Hz : of the table
+    flying : (n,) whether the aircraft is above LEAST_HEIGHT_M and airspeed is measured
+    """
+
+    def __init__(self, table: pd.DataFrame):
+        self.n = len(table) // BLOCK
+        self.rate_Hz = 1 / float(table.index[1] - table.index[0])
+        self.step_s = BLOCK / self.rate_Hz
+        self.rows = np.arange(self.n) * BLOCK + BLOCK // 2
+        self.t_s: Array = table.index.to_numpy()[self.rows]
+        self.means = {str(name): block_mean(table[name], self.n) for name in table.columns}
+        self.flying: BoolArray = (self["height_m"] > LEAST_HEIGHT_M) & np.isfinite(self["V_mps"])
+
+    def __getitem__(self, name: str) -> Array:
+        return self.means[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.means
+
+    def measured(self, name: str) -> bool:
+        """Whether the channel exists and has a value somewhere."""
+        return name in self and bool(np.isfinite(self.means[name]).any())
+
+
+def block_mean(series: pd.Series, n: int) -> Array:
+    """Means (n,) over blocks of BLOCK samples; NaN where more than half of a block is missing."""
+    blocks = series.to_numpy(dtype=float)[: n * BLOCK].reshape(n, BLOCK)
+    present = np.isfinite(blocks)
+    count = present.sum(axis=1)
+    total = np.where(present, blocks, 0.0).sum(axis=1)
+    return np.where(count > BLOCK // 2, total / np.maximum(count, 1), np.nan)
+
+
+def moving_average(values: Array, width: int) -> Array:
+    """Centered moving average over `width` blocks; gaps are interpolated linearly."""
+    series = pd.Series(values).interpolate(limit_direction="both")
+    return series.rolling(width, center=True, min_periods=1).mean().to_numpy()

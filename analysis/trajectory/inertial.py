@@ -1,0 +1,84 @@
+"""Inertial sensors as inputs of the process equations: means between instants, their noise, coning and sculling."""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from analysis.trajectory.block_means import BLOCK, BlockMeans
+from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays
+from flight import motion
+
+Array = NDArray[np.float64]
+
+CHANNELS = ("p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2")
+GYRO_SCALE, ACCEL_SCALE = 0.005, 0.002  # scale errors, as noise in proportion to the mean
+# Process noise where samples are missing: rates and accelerations of a usual flight.
+MISSING_RADPS, MISSING_MPS2 = 0.5, 5.0
+
+
+class InertialInputs:
+    """Rates and specific force between instants.
+
+    mean : (n-1, 6) means of CHANNELS from each instant to the next, by the trapezoidal rule over the samples
+    angle_sigma, velocity_sigma : (n-1, 3) process noise over a step of Euler angles [rad] and of velocity [m/s]
+    """
+
+    def __init__(self, table: pd.DataFrame, blocks: BlockMeans, noise: dict[str, float]):
+        """table: the one of `blocks`. noise: standard deviation of one sample of each of CHANNELS."""
+        self._t_s, self._rate_Hz = blocks.t_s, blocks.rate_Hz
+        between = slice(blocks.rows[0], blocks.rows[-1] + 1)
+        self._sample_rows = np.arange(blocks.n) * BLOCK
+        self._sample_t_s = table.index.to_numpy()[between]
+        means, samples, missing = [], [], np.zeros(blocks.n - 1, dtype=bool)
+        for name in CHANNELS:
+            series = table[name]
+            values = series.interpolate(limit_direction="both").fillna(0.0).to_numpy()
+            samples.append(values[between])
+            means.append(np.diff(_trapezoidal_sum(values)[blocks.rows]) / BLOCK)
+            missing |= np.diff(np.cumsum(series.isna().to_numpy())[blocks.rows]) > 0
+        self._samples, self.mean = np.array(samples), np.column_stack(means)
+        self.angle_sigma, self.velocity_sigma = _process_noise(self.mean, missing, blocks, noise)
+
+    def coning_and_sculling(self, attitude: Array, sensor_errors: Array) -> Array:
+        """Corrections (n-1, 6) of the changes of Euler angles [rad] and of velocity [m/s], order of CONING_SCULLING.
+
+        Changes integrated sample by sample along the attitude (n, 3) of the current iteration, less the changes by mean
+        rates and mean force at the mean attitude. Without them turns would tilt the whole trajectory by 0.05 deg.
+        """
+        errors = NamedArrays(SENSOR_ERRORS, sensor_errors)
+        at_samples = _derivatives(CubicSpline(self._t_s, attitude)(self._sample_t_s).T, self._samples, errors)
+        integral = _trapezoidal_sum(at_samples)[self._sample_rows]
+        of_means = _derivatives(((attitude[1:] + attitude[:-1]) / 2).T, self.mean.T, errors)
+        return np.asarray((np.diff(integral, axis=0) / BLOCK - of_means) * BLOCK / self._rate_Hz)
+
+
+def _trapezoidal_sum(values: Array) -> Array:
+    """Integral from the first sample to each, in units of the sample interval; along the first axis."""
+    return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum((values[1:] + values[:-1]) / 2, axis=0)])
+
+
+def _derivatives(attitude: Array, channels: Array, errors: NamedArrays) -> Array:
+    """Derivatives of the Euler angles, and specific force in earth axes (n, 6). attitude: (3, n). channels: (6, n)."""
+    phi, theta, psi = attitude
+    p, q, r, ax, ay, az = channels
+    rates = motion.attitude_derivative(phi, theta, p - errors.p_bias, q - errors.q_bias, r - errors.r_bias)
+    force = motion.earth_from_body(ax - errors.ax_bias, ay - errors.ay_bias, az - errors.az_bias, phi, theta, psi)
+    return np.column_stack([*rates, *force])
+
+
+def _process_noise(
+    mean: Array, missing: NDArray[np.bool_], blocks: BlockMeans, noise: dict[str, float]
+) -> tuple[Array, Array]:
+    dt = blocks.step_s
+    integrated = np.sqrt(dt / blocks.rate_Hz)  # noise of a sum of samples over the step
+    rates, forces = np.abs(mean[:, :3]), np.abs(mean[:, 3:])
+    gyro, accelerometer = ([noise[name] * integrated for name in names] for names in (CHANNELS[:3], CHANNELS[3:]))
+    angle = np.hypot(gyro, GYRO_SCALE * rates * dt) + 1e-5
+    velocity = np.hypot(accelerometer, ACCEL_SCALE * forces * dt) + 1e-4
+    # The noise is that of body axes, here used for earth axes. North and east get the same, so that the weights do not
+    # depend on the heading.
+    velocity[:, :2] = np.sqrt(np.mean(velocity[:, :2] ** 2, axis=1, keepdims=True))
+    angle[missing] += MISSING_RADPS * dt
+    velocity[missing] += MISSING_MPS2 * dt
+    return angle, velocity

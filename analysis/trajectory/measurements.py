@@ -1,0 +1,102 @@
+"""Measurements of the smoother: values and weights of block means, GPS shifted by its latency."""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from analysis.trajectory.block_means import BLOCK, BlockMeans
+from analysis.trajectory.equations import MEASUREMENTS
+from analysis.trajectory.level_field import LevelField
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+# GPS velocity errors are correlated over a minute; horizontal ones look like wind. Height comes from the barometer.
+GPS_MPS, GPS_DOWN_MPS, REST_MPS = 0.3, 1.0, 0.1
+ALPHA_PORT_SLOPE = 4.5  # d(pressure difference)/d(angle) over qbar: 9/4 sin 2 alpha (method section 7)
+BAROMETER_PAPM = 11.8  # rho g at 100 m
+# Residual iron depends on heading, and motor current on speed: these errors repeat with every leg, and a longer flight
+# does not average them. All blocks together count as this many independent measurements.
+INDEPENDENT_HEADINGS = 4
+GPS_COLUMNS = ("gps_north", "gps_east", "gps_down")
+LONGEST_GPS_GAP_S = 0.5
+FEWEST_GPS_SAMPLES = 4  # of a cubic spline
+
+
+class Measurements:
+    """Values and weights of MEASUREMENTS.
+
+    weight : (n, ny), 1/sigma, 0 where nothing was measured; GPS as if it had no gaps
+    compass_sigma_factor : factor on the standard deviation of a block of the compass, for INDEPENDENT_HEADINGS
+    """
+
+    def __init__(
+        self,
+        table: pd.DataFrame,
+        blocks: BlockMeans,
+        at_rest: BoolArray,
+        noise: dict[str, float],
+        V_reference: Array,
+        field: LevelField,
+    ):
+        """table: the one of `blocks`. at_rest: (n,). noise: of one sample. V_reference: (n,) smoothed airspeed."""
+        self._t_s = blocks.t_s
+        self._gps = {name: table[f"{name}_mps"].dropna() for name in GPS_COLUMNS}
+        self.has_gps = bool(table["gps_north_mps"].notna().any())
+        self.compass_sigma_factor = float(np.sqrt(max(blocks.flying.sum() / INDEPENDENT_HEADINGS, 1.0)))
+        sigma = _standard_deviations(blocks, noise, V_reference)
+        sigma["compass"] = np.full(blocks.n, field.error_T * self.compass_sigma_factor)
+        zero, everywhere = np.zeros(blocks.n), np.ones(blocks.n, dtype=bool)
+        flying = blocks.flying
+        values_and_use = {
+            "V": (blocks["V_mps"], flying),
+            "alpha": (blocks["alpha_rad"], flying),
+            "beta": (blocks["beta_rad"], flying),
+            "height": (blocks["height_m"], everywhere),
+            "gps_north": (zero, everywhere),  # values: `at_gps_latency`
+            "gps_east": (zero, everywhere),
+            "gps_down": (zero, everywhere),
+            "v_north": (zero, at_rest),
+            "v_east": (zero, at_rest),
+            "v_down": (zero, at_rest),
+            "compass": (0.0 * field.body_T[:, 0], flying),  # zero where the field was measured
+        }
+        self._values, self.weight = (np.zeros((blocks.n, len(MEASUREMENTS))) for _ in range(2))
+        for i, name in enumerate(MEASUREMENTS):
+            values, used = values_and_use[name]
+            self._values[:, i] = np.nan_to_num(values)
+            self.weight[:, i] = (used & np.isfinite(values)) / sigma[name]
+        self.has_compass = bool(self.weight[:, MEASUREMENTS.index("compass")].any())
+
+    def at_gps_latency(self, latency_s: float) -> tuple[Array, Array]:
+        """Values and weights, with GPS shifted to earlier times by its latency; weight 0 in gaps of GPS."""
+        values, weight = self._values.copy(), self.weight.copy()
+        for name, series in self._gps.items():
+            i = MEASUREMENTS.index(name)
+            if len(series) < FEWEST_GPS_SAMPLES:
+                weight[:, i] = 0.0
+                continue
+            t_s = series.index.to_numpy() - latency_s
+            values[:, i] = CubicSpline(t_s, series.to_numpy())(self._t_s)
+            after = np.clip(np.searchsorted(t_s, self._t_s), 1, len(t_s) - 1)
+            without_gap = t_s[after] - t_s[after - 1] < LONGEST_GPS_GAP_S
+            weight[:, i] *= without_gap & (self._t_s > t_s[0]) & (self._t_s < t_s[-1])
+        return values, weight
+
+
+def _standard_deviations(blocks: BlockMeans, noise: dict[str, float], V_reference: Array) -> dict[str, Array]:
+    """Of block means (n,); the noise of air data is constant in pascals, not in m/s or radians."""
+    rho = pd.Series(blocks["rho"]).interpolate(limit_direction="both").to_numpy()
+    qbar = rho * V_reference**2 / 2
+    root = np.sqrt(BLOCK)
+    constant = {
+        "height": noise["static_Pa"] / BAROMETER_PAPM / root,
+        "gps_north": GPS_MPS, "gps_east": GPS_MPS, "gps_down": GPS_DOWN_MPS,
+        "v_north": REST_MPS, "v_east": REST_MPS, "v_down": REST_MPS,
+    }  # fmt: skip
+    return {name: np.full(blocks.n, sigma) for name, sigma in constant.items()} | {
+        "V": noise["q_c_Pa"] / (rho * V_reference) / root,
+        "alpha": noise["dp_alpha_Pa"] / (ALPHA_PORT_SLOPE * qbar) / root,
+        "beta": noise["dp_beta_Pa"] / (ALPHA_PORT_SLOPE * qbar) / root,
+    }

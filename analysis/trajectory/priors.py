@@ -1,0 +1,46 @@
+"""Prior standard deviations of the sensor errors and of the initial state."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.trajectory.equations import SENSOR_ERRORS
+
+Array = NDArray[np.float64]
+
+PRIOR_SIGMA = {
+    "p_bias": 0.002, "q_bias": 0.002, "r_bias": 0.002,  # about the zeros at rest
+    "ax_bias": 0.19, "ay_bias": 0.19, "az_bias": 0.19,
+    "alpha_bias": np.radians(1.0), "alpha_scale": 0.03, "beta_bias": np.radians(1.0), "V_scale": 0.0125,
+    "air_data_lag": 0.012, "gps_latency": 0.2,
+    "heading_bias": np.radians(10.0),  # declination in inhabited regions, and how the tray sits
+}  # fmt: skip
+PRIOR_MEAN = {"gps_latency": 0.1}
+# Without GPS the compass defines north, and without a compass the initial heading does; standard deviation of either.
+NORTH_RAD = 0.01
+INITIAL_BLOCKS = 25  # a log in which the aircraft is at rest within these began at rest
+
+
+def sensor_error_prior(alpha_scale_sigma: float, *, gps: bool) -> tuple[Array, Array]:
+    """Mean and standard deviation (m,), order of SENSOR_ERRORS.
+
+    alpha_scale_sigma : of the slope of the probe's calibration, in addition to PRIOR_SIGMA
+    """
+    sigma = PRIOR_SIGMA | {"alpha_scale": np.hypot(PRIOR_SIGMA["alpha_scale"], alpha_scale_sigma)}
+    if not gps:
+        sigma["heading_bias"] = NORTH_RAD
+    return (
+        np.array([PRIOR_MEAN.get(name, 0.0) for name in SENSOR_ERRORS]),
+        np.array([sigma[name] for name in SENSOR_ERRORS]),
+    )
+
+
+def initial_state_sigma(sigma_w_mps: float, *, heading_measured: bool, at_rest: bool) -> Array:
+    """Standard deviation (nx,) of the initial state, order of STATES. sigma_w_mps: of vertical gusts."""
+    heading = 3.0 if heading_measured else NORTH_RAD
+    velocity = 0.3 if at_rest else 10.0
+    return np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0, *[max(sigma_w_mps, 0.01)] * 5])
+
+
+def begins_at_rest(at_rest: NDArray[np.bool_]) -> bool:
+    """Whether the log begins with the aircraft at rest. at_rest: (n,) blocks at rest."""
+    return bool(at_rest.any()) and int(np.argmax(at_rest)) < INITIAL_BLOCKS

@@ -1,0 +1,94 @@
+"""One flight as an estimation problem: the inputs of the equations for any trajectory and intensity of gusts."""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.airdata.magnetometer import Compass
+from analysis.trajectory.block_means import BLOCK, BlockMeans
+from analysis.trajectory.equations import SENSOR_ERRORS, EquationInputs, Equations
+from analysis.trajectory.inertial import InertialInputs
+from analysis.trajectory.initial_estimate import initial_sensor_errors, initial_states
+from analysis.trajectory.instrumental_variables import extrapolated
+from analysis.trajectory.level_field import LevelField
+from analysis.trajectory.measurements import Measurements
+from analysis.trajectory.priors import begins_at_rest, initial_state_sigma, sensor_error_prior
+from analysis.trajectory.process import SLOWEST_MPS, GustConditions, ProcessModel
+from analysis.trajectory.regressors import Regressors
+from analysis.trajectory.sensor_noise import noise_at_rest
+from analysis.trajectory.smoother import TrajectoryPrior
+
+Array = NDArray[np.float64]
+
+GPS_LATENCY = SENSOR_ERRORS.index("gps_latency")
+
+
+class TrajectoryProblem:
+    """A flight's data in the form that the equations need.
+
+    blocks, equations, measurements, regressors : see their classes
+    error_mean, error_sigma : (m,) prior of the sensor errors
+    initial_states (n, nx), initial_errors (m,) : first estimate
+    """
+
+    def __init__(self, table: pd.DataFrame, rest: list[slice], alpha_scale_sigma: float, compass: Compass | None):
+        self.blocks = blocks = BlockMeans(table)
+        self.equations = Equations(blocks.n)
+        noise, at_rest = noise_at_rest(table, rest), _blocks_at_rest(rest, blocks.n)
+        V = pd.Series(blocks["V_mps"])
+        smooth_V = V.interpolate(limit_direction="both").rolling(5, center=True, min_periods=1).mean()
+        V_reference = np.maximum(smooth_V.fillna(SLOWEST_MPS).to_numpy(), SLOWEST_MPS)
+        V_predicted, _ = extrapolated(blocks["V_mps"], blocks.flying, blocks.step_s)
+        field = LevelField(compass, blocks)
+        self._inertial = InertialInputs(table, blocks, noise)
+        self._conditions = GustConditions(blocks, V_reference, V_predicted)
+        self.measurements = Measurements(table, blocks, at_rest, noise, V_reference, field)
+        self.regressors = Regressors(blocks, V_predicted, self._conditions, field)
+        self._begins_at_rest = begins_at_rest(at_rest)
+
+        gps, has_compass = self.measurements.has_gps, self.measurements.has_compass
+        self.error_mean, self.error_sigma = sensor_error_prior(alpha_scale_sigma, gps=gps)
+        bank = table["bank_rad"].to_numpy()[blocks.rows]
+        self.initial_states = initial_states(blocks, bank, V_reference, field if has_compass else None)
+        self.initial_errors = initial_sensor_errors(
+            self.error_mean, blocks, self.initial_states, field if gps and has_compass else None
+        )
+
+    def process_model(self, sigma_w_mps: float) -> ProcessModel:
+        """The process model for vertical gusts of this standard deviation."""
+        return ProcessModel(self._inertial, self.blocks, self._conditions, sigma_w_mps)
+
+    def equation_inputs(
+        self, x: Array, sensor_errors: Array, sigma_w_mps: float, process: ProcessModel
+    ) -> EquationInputs:
+        """Inputs of the equations at states x (n, nx) and sensor errors (m,); process: `process_model` of sigma_w."""
+        corrections = self._inertial.coning_and_sculling(x[:, :3], sensor_errors)
+        actual, predicted = self.regressors.measurement_inputs(x, sensor_errors, sigma_w_mps)
+        measured, weight = self.measurements.at_gps_latency(float(sensor_errors[GPS_LATENCY]))
+        return EquationInputs(
+            process_inputs=process.with_corrections(corrections),
+            process_weight=process.weight,
+            measured=measured,
+            measurement_weight=weight,
+            measurement_inputs=actual,
+            predicted_states=self.regressors.predicted_states(x),
+            predicted_inputs=predicted,
+        )
+
+    def remaining_errors(self, sensor_errors: Array, sigma_w_mps: float) -> tuple[Array, TrajectoryPrior]:
+        """Sensor errors (m,) in the linearized equations, and their prior: GPS has already been shifted by the latency
+        of the current iteration, so this latency is subtracted from both."""
+        applied = np.zeros(len(SENSOR_ERRORS))
+        applied[GPS_LATENCY] = sensor_errors[GPS_LATENCY]
+        heading_measured = self.measurements.has_gps or self.measurements.has_compass
+        sigma = initial_state_sigma(sigma_w_mps, heading_measured=heading_measured, at_rest=self._begins_at_rest)
+        prior = TrajectoryPrior(self.initial_states[0], sigma, self.error_mean - applied, self.error_sigma)
+        return sensor_errors - applied, prior
+
+
+def _blocks_at_rest(rest: list[slice], n: int) -> NDArray[np.bool_]:
+    """Which blocks (n,) lie wholly within a rest. rest: rows of the table."""
+    at_rest = np.zeros(n, dtype=bool)
+    for rows in rest:
+        at_rest[-(-rows.start // BLOCK) : rows.stop // BLOCK] = True
+    return at_rest

@@ -1,0 +1,78 @@
+"""Inputs and weights of the process equations for an intensity of gusts."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.trajectory import dryden
+from analysis.trajectory.block_means import BlockMeans, moving_average
+from analysis.trajectory.equations import CONING_SCULLING, PROCESS_INPUTS, STATES
+from analysis.trajectory.inertial import InertialInputs
+
+Array = NDArray[np.float64]
+
+HEIGHT_SIGMA_M = 2e-3  # in a step
+SLOWEST_MPS = 5.0  # least speed in quotients
+WIND_WALK_MPS = 0.02  # random walk of the wind in a second: place and time of day, without turbulence
+
+
+class GustConditions:
+    """Heights and speeds at which gusts are met; on the ground, where they have no effect, those of cruise.
+
+    height_m, V_mps : (n-1,) of each step         cruise_height_m, cruise_mps : medians in flight
+    """
+
+    def __init__(self, blocks: BlockMeans, V_reference: Array, V_predicted: Array):
+        """V_reference: (n,) smoothed airspeed. V_predicted: (n,) airspeed predicted from past data."""
+        flown = blocks.flying if blocks.flying.any() else slice(None)
+        self.cruise_mps = float(np.median(V_reference[flown]))
+        self.cruise_height_m = float(np.nanmedian(blocks["height_m"][flown]))
+        flying = blocks.flying[:-1]
+        self.V_mps = np.where(flying, np.maximum(V_predicted[:-1], SLOWEST_MPS), self.cruise_mps)
+        self.height_m = np.where(flying, blocks["height_m"][:-1], self.cruise_height_m)
+        self.vertical_decay = dryden.vertical(1.0, self.height_m, self.V_mps).discretize(blocks.step_s)[0]
+
+    def transverse_variance(self, sigma_w_mps: float) -> float:
+        """Variance of lateral and vertical gusts together [m^2/s^2], in cruise."""
+        lateral = dryden.lateral(sigma_w_mps, self.cruise_height_m, self.cruise_mps)
+        return float(lateral.sigma_mps**2 + sigma_w_mps**2)
+
+
+class ProcessModel:
+    """PROCESS_INPUTS (n-1, ·) without coning and sculling, and weights 1/sigma (n-1, nx) of the process residuals."""
+
+    def __init__(self, inertial: InertialInputs, blocks: BlockMeans, conditions: GustConditions, sigma_w_mps: float):
+        dt, steps = blocks.step_s, blocks.n - 1
+        profile = dryden.mean_wind_profile(moving_average(blocks["height_m"], 3))
+        inputs = np.zeros((steps, len(PROCESS_INPUTS)))
+        inputs[:, : inertial.mean.shape[1]] = inertial.mean
+        sigma = np.empty((steps, len(STATES)))
+        sigma[:, :3], sigma[:, 3:6] = inertial.angle_sigma, inertial.velocity_sigma
+        sigma[:, STATES.index("height")] = HEIGHT_SIGMA_M
+
+        def set_input(name: str, values: Array | float) -> None:
+            inputs[:, PROCESS_INPUTS.index(name)] = values
+
+        def set_sigma(name: str, values: Array | float) -> None:
+            sigma[:, STATES.index(name)] = values
+
+        set_input("dt", dt)
+        set_input("wind_ratio", profile[1:] / profile[:-1])
+        for axis in ("north", "east"):
+            set_sigma(f"wind_{axis}", WIND_WALK_MPS * np.sqrt(dt))
+        at = sigma_w_mps, conditions.height_m, conditions.V_mps
+        decay, increment = dryden.longitudinal(*at).discretize(dt)
+        set_input("decay_u", decay)
+        set_sigma("gust_u", increment)
+        for axis, gust in (("v", dryden.lateral(*at)), ("w", dryden.vertical(*at))):
+            decay, once, twice = gust.discretize(dt)
+            set_input(f"decay_{axis}", decay)
+            set_sigma(f"gust_{axis}", once)
+            set_sigma(f"gust_{axis}_filtered_twice", twice)
+        self.inputs, self.weight = inputs, 1 / sigma
+
+    def with_corrections(self, coning_and_sculling: Array) -> Array:
+        """PROCESS_INPUTS with these corrections (n-1, 6)."""
+        inputs = self.inputs.copy()
+        first = PROCESS_INPUTS.index(CONING_SCULLING[0])
+        inputs[:, first : first + len(CONING_SCULLING)] = coning_and_sculling
+        return inputs

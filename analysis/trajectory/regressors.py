@@ -1,0 +1,108 @@
+"""Inputs of the measurement equations: regressors of the sensor errors, actual and predicted from past data.
+
+Actual values make the residuals exact; predicted ones are in the derivatives, which must be uncorrelated with the
+current gust (instrumental variables).
+"""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from analysis.trajectory.block_means import BlockMeans
+from analysis.trajectory.equations import MEASUREMENT_INPUTS, SENSOR_ERRORS, STATES, NamedArrays
+from analysis.trajectory.instrumental_variables import (
+    RATE_S,
+    derivative,
+    extrapolated,
+    lagged,
+    parabola_fit,
+    projected_on_past,
+)
+from analysis.trajectory.level_field import LevelField
+from analysis.trajectory.process import SLOWEST_MPS, GustConditions
+from flight import motion
+
+Array = NDArray[np.float64]
+
+LARGEST_BANK_RAD = 1.2
+
+
+class Regressors:
+    """MEASUREMENT_INPUTS for trajectories of one flight."""
+
+    def __init__(self, blocks: BlockMeans, measured_V_predicted: Array, conditions: GustConditions, field: LevelField):
+        """measured_V_predicted: (n,) measured airspeed, predicted from past data."""
+        self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
+        self._measured_V_predicted, self._conditions, self._field = measured_V_predicted, conditions, field
+
+    def measurement_inputs(self, x: Array, sensor_errors: Array, sigma_w_mps: float) -> tuple[Array, Array]:
+        """MEASUREMENT_INPUTS (n, ·) at states x and sensor errors of the current iteration: actual, and predicted from
+        past data."""
+        errors, state, blocks = NamedArrays(SENSOR_ERRORS, sensor_errors), NamedArrays(STATES, x.T), self._blocks
+        # Of the inertial speed: airspeed already contains the gusts that the measured airspeed contains.
+        inertial_V = np.sqrt(
+            (state.v_north - state.wind_north) ** 2 + (state.v_east - state.wind_east) ** 2 + state.v_down**2
+        )
+        V = np.maximum(self._extrapolated(inertial_V)[0], SLOWEST_MPS)
+        _, V_rate_predicted = self._extrapolated(inertial_V, RATE_S)
+        measured_V = np.maximum(self._measured_V_predicted / (1 + errors.V_scale), SLOWEST_MPS)
+        cos_bank = np.cos(np.clip(self._extrapolated(state.phi)[0], -LARGEST_BANK_RAD, LARGEST_BANK_RAD))
+        lift = 1 / (measured_V**2 * cos_bank)  # lift coefficient up to a factor
+        alpha_actual, alpha_predicted = self._alpha(state, errors, lift, lift * V_rate_predicted / V)
+        field_forward, field_right = self._field.leveled(state.phi, state.theta)
+        common = {
+            "ax": np.nan_to_num(blocks["ax_mps2"]),
+            "ay": np.nan_to_num(blocks["ay_mps2"]),
+            "az": np.nan_to_num(blocks["az_mps2"], nan=-9.8),
+            "V_predicted": V,
+            "alpha_predicted": alpha_predicted["alpha"],
+            "transverse_gust_variance": np.full(blocks.n, self._conditions.transverse_variance(sigma_w_mps)),
+            "V_per_pair": parabola_fit(blocks["V_per_pair"], 1 / (V**2 * cos_bank), self._flying),
+            "field_forward": np.nan_to_num(field_forward),
+            "field_right": np.nan_to_num(field_right),
+        }
+
+        def columns(V_rate: Array, alpha: dict[str, Array]) -> Array:
+            named = common | {"V_rate": V_rate} | alpha
+            return np.column_stack([named[name] for name in MEASUREMENT_INPUTS])
+
+        V_rate = derivative(inertial_V, self._flying, self._step_s)
+        return columns(V_rate, alpha_actual), columns(V_rate_predicted, alpha_predicted)
+
+    def predicted_states(self, x: Array) -> Array:
+        """The states with vertical velocity predicted from past data: the aircraft heaves with a gust within a step."""
+        predicted, down = x.copy(), STATES.index("v_down")
+        v_down, _ = self._extrapolated(x[:, down])
+        predicted[self._flying, down] = v_down[self._flying]
+        return predicted
+
+    def _extrapolated(self, values: Array, *window_s: float) -> tuple[Array, Array]:
+        return extrapolated(values, self._flying, self._step_s, *window_s)
+
+    def _alpha(
+        self, state: NamedArrays, errors: NamedArrays, lift: Array, lift_rate: Array
+    ) -> tuple[dict[str, Array], dict[str, Array]]:
+        """ALPHA_REGRESSORS, actual and predicted.
+
+        lift, lift_rate : predicted lift coefficient and its derivative, up to a factor
+        The prediction uses these and the angle of attack of some blocks before. So stick movements are predicted, and
+        the current gust is not.
+        """
+        flying = self._flying
+        measured = (self._blocks["alpha_rad"] - errors.alpha_bias) / (1 + errors.alpha_scale - 2 * errors.V_scale)
+        steady = state.v_north - state.wind_north, state.v_east - state.wind_east, state.v_down
+        u, _, w = motion.body_from_earth(*steady, state.phi, state.theta, state.psi)
+        inertial = np.where(flying, np.arctan2(w, u), 0.0)
+        curvature = np.zeros(len(inertial))
+        curvature[1:-1] = np.diff(inertial, 2) / 24  # a parabola's mean over a block less the value at its center
+        bridged = pd.Series(np.where(flying, measured, np.nan)).interpolate(limit_direction="both").fillna(0.0)
+        t_s = self._blocks.t_s
+        actual = np.column_stack([bridged, CubicSpline(t_s, bridged)(t_s, 1)]) * flying[:, None]
+        past = np.column_stack([np.ones(len(inertial)), lift, lift_rate, lagged(inertial, flying)])
+        predicted = projected_on_past(actual, past, self._conditions.vertical_decay, flying)
+
+        def named(values: Array) -> dict[str, Array]:
+            return {"alpha": values[:, 0], "alpha_rate": values[:, 1], "alpha_curvature": curvature * flying}
+
+        return named(actual), named(predicted)

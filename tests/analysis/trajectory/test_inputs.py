@@ -1,0 +1,273 @@
+"""Inputs and weights of the equations: noise, process model, measurements, priors, initial estimate."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from exact_motion import RATE_HZ, RHO, exact_motion
+
+from analysis.airdata.magnetometer import Compass
+from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean
+from analysis.trajectory.equations import MEASUREMENT_INPUTS, MEASUREMENTS, PROCESS_INPUTS, SENSOR_ERRORS, STATES
+from analysis.trajectory.inertial import CHANNELS, InertialInputs
+from analysis.trajectory.level_field import LevelField
+from analysis.trajectory.measurements import Measurements
+from analysis.trajectory.priors import begins_at_rest, initial_state_sigma, sensor_error_prior
+from analysis.trajectory.problem import TrajectoryProblem, _blocks_at_rest
+from analysis.trajectory.process import GustConditions, ProcessModel
+from analysis.trajectory.sensor_noise import BENCH_SIGMA, noise_at_rest
+from flight.motion import body_from_earth
+
+STEP_S = BLOCK / RATE_HZ
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return exact_motion()
+
+
+@pytest.fixture(scope="module")
+def problem(exact):
+    return TrajectoryProblem(exact.table, [slice(0, 0)], 0.0, None)
+
+
+def test_a_block_mean_needs_more_than_half_of_its_samples() -> None:
+    nan = np.nan
+    series = pd.Series([1.0, 2, 3, 4, 5, 1, 2, 6, nan, nan, 1, 2, nan, nan, nan, 7])
+    assert block_mean(series, 3) == pytest.approx([3.0, 3.0, nan], nan_ok=True)
+
+
+def test_noise_at_rest_is_measured_where_there_is_rest_and_else_that_of_the_bench() -> None:
+    rng = np.random.default_rng(0)
+    n = 4000
+    table = pd.DataFrame({name: rng.normal(5.0, 3 * sigma, n) for name, sigma in BENCH_SIGMA.items()})
+    table.iloc[1000:3000] *= 100.0
+    table["q_c_Pa"] = 0.0  # a channel that does not change is stuck or coarsely quantized, not free of noise
+    noise = noise_at_rest(table, [slice(0, 1000), slice(3000, 4000)])
+    assert noise.pop("q_c_Pa") == pytest.approx(0.1 * BENCH_SIGMA["q_c_Pa"])
+    for name, sigma in noise.items():
+        assert sigma == pytest.approx(3 * BENCH_SIGMA[name], rel=0.07)  # 4 standard errors of 2000 samples
+    assert noise_at_rest(table, []) == BENCH_SIGMA
+
+
+def test_angles_and_velocities_are_as_noisy_as_integrals_of_the_samples() -> None:
+    """White noise of the bench, integrated over ten steps; 200 of these know a standard deviation within 5 %."""
+    rng = np.random.default_rng(0)
+    motion = exact_motion(400.0)
+    table = motion.table.copy()
+    for name in CHANNELS:
+        table[name] = rng.normal(0, BENCH_SIGMA[name], len(table))
+    inertial = InertialInputs(table, BlockMeans(table), BENCH_SIGMA)
+    change = np.add.reduceat(inertial.mean * STEP_S, np.arange(0, len(inertial.mean), 10))[:-1]
+    scatter = change.std(axis=0) / np.sqrt(10)
+    assert np.median(inertial.angle_sigma, axis=0) == pytest.approx(scatter[:3], rel=0.15)
+    assert np.median(inertial.velocity_sigma, axis=0) == pytest.approx(scatter[3:], rel=0.15)
+    assert inertial.velocity_sigma[:, 0] == pytest.approx(inertial.velocity_sigma[:, 1])
+
+
+def test_scale_errors_of_inertial_sensors_count_as_noise_in_proportion() -> None:
+    """At 1 rad/s and 20 m/s^2 without noise: 0.5 % and 0.2 % of the change."""
+    table = exact_motion(20.0).table.copy()
+    table[list(CHANNELS)] = [1.0] * 3 + [20.0] * 3
+    inertial = InertialInputs(table, BlockMeans(table), dict.fromkeys(BENCH_SIGMA, 0.0))
+    assert inertial.angle_sigma == pytest.approx(np.full_like(inertial.angle_sigma, 0.005 * STEP_S), rel=0.02)
+    assert inertial.velocity_sigma == pytest.approx(np.full_like(inertial.velocity_sigma, 0.04 * STEP_S), rel=0.02)
+
+
+def test_a_gap_raises_the_noise_of_its_own_steps_only(exact) -> None:
+    """Over a step without a gyro the attitude may change as in a usual maneuver, 0.5 rad/s."""
+    table = exact.table.copy()
+    table.loc[20.0:21.0, "p_radps"] = np.nan
+    whole, holed = (InertialInputs(t, BlockMeans(t), BENCH_SIGMA) for t in (exact.table, table))
+    more = (holed.angle_sigma - whole.angle_sigma)[:, 0]
+    steps = BlockMeans(table).t_s[:-1]
+    inside = (steps > 19.9) & (steps < 20.9)
+    assert np.all(more[inside] > 0.09) and np.all(np.abs(more[(steps < 19.7) | (steps > 21.1)]) < 1e-4)
+    gap = (holed.velocity_sigma - whole.velocity_sigma)[inside]
+    assert np.all(gap > 0.9), "velocity is propagated along the attitude"
+
+
+def test_gusts_of_the_process_model_are_stationary_with_drydens_variance(exact, problem) -> None:
+    """Variances of the discrete processes in the limit: sigma^2 along; sigma^2/2 of g1 and sigma^2/4 of g2 else."""
+    sigma_w = 0.7
+    model = problem.process_model(sigma_w)
+    decay = {axis: model.inputs[0, PROCESS_INPUTS.index(f"decay_{axis}")] for axis in "uvw"}
+    sigma = {name: 1 / model.weight[0, STATES.index(name)] for name in STATES}
+    at_50_m = 0.177 + 0.000823 * 100.0 / 0.3048
+    sigma_u = sigma_w / at_50_m**0.4
+    assert sigma["gust_u"] ** 2 / (1 - decay["u"] ** 2) == pytest.approx(sigma_u**2, rel=0.01)
+    for axis, total in (("v", sigma_u), ("w", sigma_w)):
+        assert sigma[f"gust_{axis}"] ** 2 / (1 - decay[axis] ** 2) == pytest.approx(total**2 / 2, rel=0.01)
+        follow = (1 - decay[axis]) / 2
+        A = np.array([[decay[axis], 0.0], [follow * (1 + decay[axis]), decay[axis]]])
+        B = np.array([[1.0], [follow]]) * sigma[f"gust_{axis}"]
+        Q = B @ B.T + np.diag([0.0, sigma[f"gust_{axis}_filtered_twice"] ** 2])
+        P = np.linalg.solve(np.eye(4) - np.kron(A, A), Q.ravel()).reshape(2, 2)
+        assert P[1, 1] == pytest.approx(total**2 / 4, rel=0.02)
+    assert problem._conditions.transverse_variance(sigma_w) == pytest.approx(sigma_u**2 + sigma_w**2, rel=0.01)
+
+
+def test_the_wind_follows_the_profile_over_height_and_else_walks(exact) -> None:
+    """Two heights in a log layer: ratio of the logarithms of height over roughness. A random walk of 0.02 m/s in a
+    second: 0.15 m/s in a minute."""
+    table = exact.table.copy()
+    table["height_m"] = np.linspace(20.0, 100.0, len(table))
+    blocks = BlockMeans(table)
+    V = blocks["V_mps"]
+    model = ProcessModel(InertialInputs(table, blocks, BENCH_SIGMA), blocks, GustConditions(blocks, V, V), 0.1)
+    ratio = model.inputs[:, PROCESS_INPUTS.index("wind_ratio")]
+    height, roughness = blocks["height_m"], 0.15 * 0.3048
+    assert np.prod(ratio[10:-10]) == pytest.approx(np.log(height[-11] / roughness) / np.log(height[10] / roughness))
+    sigma = 1 / model.weight[:, STATES.index("wind_north")]
+    assert np.sqrt(np.sum(sigma[:300] ** 2)) == pytest.approx(0.02 * np.sqrt(60.0), rel=0.01)
+    height_sigma = 1 / model.weight[:, STATES.index("height")]
+    assert np.sqrt(np.sum(height_sigma[:300] ** 2)) < 0.1, "height is the integral of velocity: centimeters in a minute"
+
+
+def test_weights_are_those_of_pressure_noise(exact) -> None:
+    """Noise through V = sqrt(2 q/rho), through a pair of ports with 9/4 qbar sin(2 alpha), and through p(h)."""
+    blocks = BlockMeans(exact.table)
+    noise = BENCH_SIGMA | {"q_c_Pa": 5.0, "dp_alpha_Pa": 4.0, "dp_beta_Pa": 3.0, "static_Pa": 7.0}
+    V = np.full(blocks.n, 14.0)
+    rest = np.zeros(blocks.n, dtype=bool)
+    rest[:10] = True
+    measurements = Measurements(exact.table, blocks, rest, noise, V, LevelField(None, blocks))
+    weight = dict(zip(MEASUREMENTS, measurements.weight.T, strict=True))
+    q, few = RHO * 14.0**2 / 2, np.sqrt(BLOCK)
+    dV = np.sqrt(2 * (q + 1.0) / RHO) - np.sqrt(2 * (q - 1.0) / RHO)
+    assert 1 / weight["V"] == pytest.approx(np.full(blocks.n, 5.0 * dV / 2 / few), rel=1e-3)
+    slope = 9 / 4 * q * np.sin(2e-4) / 1e-4
+    assert 1 / weight["alpha"] == pytest.approx(np.full(blocks.n, 4.0 / slope / few), rel=1e-3)
+    assert 1 / weight["beta"] == pytest.approx(np.full(blocks.n, 3.0 / slope / few), rel=1e-3)
+    assert 1 / weight["height"] == pytest.approx(np.full(blocks.n, 7.0 / 11.8 / few), rel=0.03)
+    assert 1 / weight["gps_north"][0] == pytest.approx(0.3) and 1 / weight["gps_down"][0] == pytest.approx(1.0)
+    assert np.array_equal(weight["v_north"] > 0, rest) and 1 / weight["v_down"][0] == pytest.approx(0.1)
+    assert not measurements.has_compass and not weight["compass"].any()
+
+
+def test_gps_is_shifted_by_its_latency_and_left_out_in_gaps(problem, exact) -> None:
+    table = exact.table.copy()
+    late, t = 0.3, table.index.to_numpy()
+    for name in ("gps_north_mps", "gps_east_mps", "gps_down_mps"):
+        table[name] = np.interp(t - late, t, table[name])
+    table.loc[30.0:32.0, "gps_north_mps"] = np.nan
+    blocks = BlockMeans(table)
+    nothing = np.zeros(blocks.n, dtype=bool)
+    measurements = Measurements(table, blocks, nothing, BENCH_SIGMA, blocks["V_mps"], LevelField(None, blocks))
+    values, weight = measurements.at_gps_latency(late)
+    inside = slice(5, -5)
+    for i, name in enumerate(("gps_east", "gps_down")):
+        got = values[inside, MEASUREMENTS.index(name)]
+        assert got == pytest.approx(exact.states[inside, 4 + i], abs=0.02)
+    used = weight[:, MEASUREMENTS.index("gps_north")] > 0
+    gap = (blocks.t_s > 30.0 - late) & (blocks.t_s < 32.0 - late)
+    assert not used[gap].any() and abs(used[5:-5].sum() - (~gap)[5:-5].sum()) <= 2
+
+
+def test_priors_are_those_of_the_study_and_north_is_the_compass_without_gps() -> None:
+    mean, sigma = (dict(zip(SENSOR_ERRORS, part, strict=True)) for part in sensor_error_prior(0.04, gps=True))
+    assert mean.pop("gps_latency") == 0.1 and set(mean.values()) == {0.0}
+    assert sigma["alpha_scale"] == pytest.approx(0.05)
+    assert sigma["ax_bias"] == sigma["az_bias"] == 0.19
+    assert np.degrees([sigma["alpha_bias"], sigma["beta_bias"]]) == pytest.approx([1.0, 1.0])
+    assert np.degrees(sigma["heading_bias"]) == pytest.approx(10.0)
+    without = dict(zip(SENSOR_ERRORS, sensor_error_prior(0.04, gps=False)[1], strict=True))
+    assert without.pop("heading_bias") == pytest.approx(0.01)
+    sigma.pop("heading_bias")
+    assert without == sigma
+
+
+def test_the_initial_state_is_known_only_at_rest() -> None:
+    """Velocity within 0.3 m/s where the log begins at rest; a heading that nothing measures is zero by definition."""
+    free, held = (
+        dict(zip(STATES, initial_state_sigma(0.5, heading_measured=m, at_rest=r), strict=True))
+        for m, r in ((True, False), (False, True))
+    )
+    assert free["psi"] > np.radians(90) and held["psi"] == pytest.approx(0.01)
+    assert [free[f"v_{axis}"] for axis in ("north", "east", "down")] == [10.0] * 3
+    assert [held[f"v_{axis}"] for axis in ("north", "east", "down")] == [0.3] * 3
+    assert free["gust_w"] == 0.5 and free["wind_north"] == 8.0
+    rest = np.zeros(300, dtype=bool)
+    assert not begins_at_rest(rest)
+    rest[30:60] = True
+    assert not begins_at_rest(rest), "the log began six seconds before"
+    rest[24] = True
+    assert begins_at_rest(rest)
+
+
+@pytest.mark.parametrize("gps", [True, False])
+def test_the_initial_estimate_is_near_enough_to_converge(exact, gps: bool) -> None:
+    """With GPS the ground track, which is this motion's heading; without, the compass. Within 15 deg at any time."""
+    attitude = exact.states[:, :3]
+    field = np.column_stack(body_from_earth(22e-6, 0.0, 40e-6, *np.repeat(attitude, BLOCK, axis=0).T))
+    table = exact.table if gps else exact.table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan)
+    compass = Compass(field, 1e-6)
+    x = TrajectoryProblem(table, [slice(0, 0)], 0.0, compass).initial_states
+    off = (x[:, 2] - attitude[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    assert np.degrees(np.abs(off[10:-10])).max() < 15 if gps else np.degrees(np.abs(off.mean())) < 10
+    assert x[10:-10, 5] == pytest.approx(exact.states[10:-10, 5], abs=0.1)
+    assert x[10:-10, 6] == pytest.approx(exact.states[10:-10, 6], abs=0.1)
+
+
+def test_regressors_of_an_exact_motion(problem, exact) -> None:
+    """Actual regressors are the angle of attack without its sensor errors, its derivative, and the mean over a block
+    less the value at its center; predicted vertical velocity continues that of the three seconds before."""
+    errors = np.zeros(len(SENSOR_ERRORS))
+    for name, value in (("alpha_bias", 0.02), ("alpha_scale", 0.1), ("V_scale", 0.03)):
+        errors[SENSOR_ERRORS.index(name)] = value
+    actual, _ = problem.regressors.measurement_inputs(exact.states, errors, 0.1)
+    columns = dict(zip(MEASUREMENT_INPUTS, actual.T, strict=True))
+    blocks = problem.blocks
+    assert columns["alpha"] == pytest.approx((blocks["alpha_rad"] - 0.02) / (1 + 0.1 - 0.06))
+    inner = slice(10, -10)
+    assert columns["alpha_rate"][inner] == pytest.approx(np.gradient(columns["alpha"], blocks.t_s)[inner], abs=0.05)
+    center = exact.table["alpha_rad"].to_numpy()[blocks.rows]
+    curvature = blocks["alpha_rad"] - center
+    assert np.std((columns["alpha_curvature"] - curvature)[inner]) < 0.25 * np.std(curvature[inner])
+    for name in ("ax", "ay", "az"):
+        assert columns[name] == pytest.approx(blocks[f"{name}_mps2"])
+    ramp = exact.states.copy()
+    ramp[:, 5] = 0.3 * blocks.t_s
+    x = problem.regressors.predicted_states(ramp)
+    assert x[20:, 5] == pytest.approx(ramp[20:, 5]) and np.array_equal(np.delete(x, 5, 1), np.delete(ramp, 5, 1))
+    jump = ramp.copy()
+    jump[100, 5] += 5.0
+    assert problem.regressors.predicted_states(jump)[100, 5] == pytest.approx(ramp[100, 5])
+
+
+def test_all_blocks_of_a_compass_count_as_four_measurements(exact) -> None:
+    """Errors of the compass repeat with every leg: a longer flight does not average them."""
+    blocks = BlockMeans(exact.table)
+    rest = np.zeros(blocks.n, dtype=bool)
+    field = LevelField(Compass(np.full((len(exact.table), 3), 2e-5), 1e-6), blocks)
+    measurements = Measurements(exact.table, blocks, rest, BENCH_SIGMA, blocks["V_mps"], field)
+    weight = measurements.weight[:, MEASUREMENTS.index("compass")]
+    assert np.sqrt(np.sum(weight**2)) == pytest.approx(np.sqrt(4) / 1e-6)
+
+
+def test_gps_is_left_out_in_gaps_of_half_a_second(exact) -> None:
+    blocks = BlockMeans(exact.table)
+    rest = np.zeros(blocks.n, dtype=bool)
+    for gap_s, left_out in ((0.4, False), (0.8, True)):
+        table = exact.table.copy()
+        table.loc[30.0 : 30.0 + gap_s - 0.05, "gps_north_mps"] = np.nan
+        measurements = Measurements(table, blocks, rest, BENCH_SIGMA, blocks["V_mps"], LevelField(None, blocks))
+        weight = measurements.at_gps_latency(0.0)[1][:, MEASUREMENTS.index("gps_north")]
+        assert (weight[5:-5] == 0.0).any() == left_out
+
+
+def test_only_blocks_wholly_within_a_rest_are_at_rest() -> None:
+    """Rows 3 to 17 of blocks of five: the second and the third block."""
+    assert np.flatnonzero(_blocks_at_rest([slice(3, 17)], 6)).tolist() == [1, 2]
+    assert np.flatnonzero(_blocks_at_rest([slice(5, 20), slice(25, 30)], 6)).tolist() == [1, 2, 3, 5]
+
+
+def test_heading_offset_of_the_compass(exact) -> None:
+    """A field 20 deg east of the reference north: the compass reads 20 deg less."""
+    attitude = np.repeat(exact.states[:, :3], BLOCK, axis=0)
+    east = np.radians(20.0)
+    level = 22e-6 * np.cos(east), 22e-6 * np.sin(east)
+    field = np.column_stack(body_from_earth(*level, 40e-6, *attitude.T))
+    leveled = LevelField(Compass(field, 1e-6), BlockMeans(exact.table))
+    phi, theta, psi = exact.states[:, :3].T
+    offset = np.degrees(leveled.heading_offset(psi, phi, theta))
+    assert (offset + 180) % 360 - 180 == pytest.approx(np.full(len(psi), -20.0), abs=0.1)

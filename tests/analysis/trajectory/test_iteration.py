@@ -1,0 +1,158 @@
+"""The iteration: search for the gust intensity, convergence, damping."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from exact_motion import exact_motion
+
+from analysis.trajectory import reconstruction
+from analysis.trajectory.block_means import BLOCK
+from analysis.trajectory.equations import PROCESS_INPUTS, SENSOR_ERRORS, STATES
+from analysis.trajectory.problem import TrajectoryProblem
+from analysis.trajectory.reconstruction import GUST_GRID_MPS, _most_probable_gust, _solve
+from analysis.trajectory.sensor_noise import BENCH_SIGMA
+from analysis.trajectory.smoother import gauss_newton_step
+
+
+def evidence_with_maximum_at(gust_mps: float):
+    """Solutions whose evidence is a parabola over the logarithm of the gust intensity."""
+
+    def solve(_problem, x, sensor_errors, gust, _iterations, _tolerance):
+        evidence = 7.0 + 3.0 * np.log2(gust / gust_mps) ** 2
+        return SimpleNamespace(
+            x=x, sensor_errors=sensor_errors, gust_mps=gust, negative_log_evidence=evidence, gust_ratio=gust_mps / gust
+        )
+
+    return solve
+
+
+@pytest.mark.parametrize("gust_mps", [0.03, 0.11, 0.2, 0.29, 1.3])
+def test_the_gust_intensity_of_greatest_evidence_is_found(monkeypatch, gust_mps: float) -> None:
+    """A parabola through three points of a parabola is exact, whichever side of the first intensity it lies on."""
+    solve = evidence_with_maximum_at(gust_mps)
+    monkeypatch.setattr(reconstruction, "_solve", solve)
+    found, nearest = _most_probable_gust(None, solve(None, None, None, 0.2, 1, 1.0))
+    assert found == pytest.approx(gust_mps)
+    assert nearest.gust_mps == min(GUST_GRID_MPS, key=lambda tried: abs(np.log(tried / gust_mps)))
+
+
+@pytest.mark.parametrize(("gust_mps", "end"), [(1e-4, 0), (100.0, -1)])
+def test_beyond_the_grid_its_end_is_taken(monkeypatch, gust_mps: float, end: int) -> None:
+    solve = evidence_with_maximum_at(gust_mps)
+    monkeypatch.setattr(reconstruction, "_solve", solve)
+    found, nearest = _most_probable_gust(None, solve(None, None, None, 0.2, 1, 1.0))
+    assert found == nearest.gust_mps == GUST_GRID_MPS[end]
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    """An exact motion with sensor errors and the noise of the bench."""
+    table = exact_motion().table.copy()
+    rng = np.random.default_rng(0)
+    for name, sigma in {"p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "ax_mps2": 0.06, "ay_mps2": 0.06,
+                        "az_mps2": 0.06, "V_mps": 0.3, "alpha_rad": 0.008, "beta_rad": 0.008, "height_m": 0.5,
+                        "gps_north_mps": 0.1, "gps_east_mps": 0.1, "gps_down_mps": 0.1}.items():  # fmt: skip
+        table[name] += sigma * rng.normal(size=len(table))
+    table["V_mps"] *= 1.02
+    table["alpha_rad"] += np.radians(1.5)
+    return TrajectoryProblem(table, [slice(0, 0)], 0.0, None)
+
+
+@pytest.fixture(scope="module")
+def solution(noisy):
+    return _solve(noisy, noisy.initial_states, noisy.initial_errors, 0.05, 40, reconstruction.CONVERGED)
+
+
+def test_a_converged_solution_does_not_move(noisy, solution) -> None:
+    """One more step moves every sensor error by less than a fiftieth of its standard error."""
+    assert solution.converged
+    inputs = noisy.equation_inputs(solution.x, solution.sensor_errors, 0.05, noisy.process_model(0.05))
+    remaining, prior = noisy.remaining_errors(solution.sensor_errors, 0.05)
+    at = noisy.equations.linearize(solution.x, remaining, inputs)
+    step = gauss_newton_step(at, prior, solution.x[0], remaining)
+    assert np.abs(step.sensor_errors / np.sqrt(np.diag(step.covariance))).max() < 0.02
+
+
+def test_injected_errors_are_found_within_what_is_stated(noisy, solution) -> None:
+    value = dict(zip(SENSOR_ERRORS, solution.sensor_errors, strict=True))
+    sigma = dict(zip(SENSOR_ERRORS, np.sqrt(np.diag(solution.last_step.covariance)), strict=True))
+    for name, true in {"V_scale": 0.02, "alpha_bias": np.radians(1.5) * 1.0, "gps_latency": 0.0}.items():
+        assert abs(value[name] - true) < 3.5 * sigma[name], name
+    assert sigma["alpha_bias"] < np.radians(0.5) and sigma["gps_latency"] < 0.05
+
+
+def test_the_latency_already_applied_is_not_counted_twice(noisy) -> None:
+    """The prior of what remains has the mean 0.1 s less what was applied, for the latency alone."""
+    errors = np.full(len(SENSOR_ERRORS), 0.01)
+    errors[SENSOR_ERRORS.index("gps_latency")] = 0.25
+    remaining, prior = noisy.remaining_errors(errors, 0.1)
+    assert remaining[SENSOR_ERRORS.index("gps_latency")] == 0.0
+    assert prior.error_mean[SENSOR_ERRORS.index("gps_latency")] == pytest.approx(0.1 - 0.25)
+    others = np.array(SENSOR_ERRORS) != "gps_latency"
+    assert np.all(remaining[others] == 0.01) and not prior.error_mean[others].any()
+
+
+def test_evidence_prefers_the_gusts_that_were_flown(noisy) -> None:
+    """A flight in calm air: less evidence for strong gusts, and their increments are smaller than assumed."""
+    calm, gusty = (
+        _solve(noisy, noisy.initial_states, noisy.initial_errors, gust, 40, reconstruction.CONVERGED)
+        for gust in (0.05, 1.6)
+    )
+    assert calm.negative_log_evidence < gusty.negative_log_evidence
+    assert gusty.gust_ratio < 0.5
+
+
+def test_the_intensity_of_simulated_gusts_is_found() -> None:
+    """Dryden gusts of 0.8 m/s, drawn from the process model, in the air data of a minute with exact sensors otherwise.
+
+    The 300 increments of each gust know their standard deviation within 4 %; noise of air data takes some of this away.
+    """
+    motion, sigma_w = exact_motion(), 0.8
+    still = TrajectoryProblem(motion.table, [slice(0, 0)], 0.0, None)
+    model, n = still.process_model(sigma_w), still.blocks.n
+    gusts = []
+    rng = np.random.default_rng(1)
+    for axis in "uvw":
+        noise = rng.normal(size=n + 200) / model.weight[0, STATES.index(f"gust_{axis}")]
+        decay = model.inputs[0, PROCESS_INPUTS.index(f"decay_{axis}")]
+        once, twice = np.zeros(n + 200), np.zeros(n + 200)
+        for k in range(1, n + 200):
+            once[k] = decay * once[k - 1] + noise[k]
+            twice[k] = decay * twice[k - 1] + (1 - decay) * (once[k] + once[k - 1]) / 2
+        gusts.append((once if axis == "u" else twice + np.sqrt(3) * (once - twice))[200:])
+    table = motion.table.copy()
+    u, v, w = (np.repeat(gust, BLOCK) for gust in gusts)
+    V, alpha = table["V_mps"], table["alpha_rad"]
+    table["V_mps"] = V - u * np.cos(alpha) - w * np.sin(alpha)
+    table["alpha_rad"] = alpha + (u * np.sin(alpha) - w * np.cos(alpha)) / V
+    table["beta_rad"] -= v / V
+    for name, sigma in (BENCH_SIGMA | {"V_mps": 0.3, "alpha_rad": 0.008, "beta_rad": 0.008, "height_m": 0.5}).items():
+        table[name] += sigma * rng.normal(size=len(table))
+    trajectory = reconstruction.reconstruct(table, [slice(0, 0)])
+    assert trajectory.converged
+    assert trajectory.gust_mps == pytest.approx(sigma_w, rel=0.2)
+
+
+def test_an_oscillating_iteration_is_damped(monkeypatch) -> None:
+    """Each step overshoots to the other side of the solution: half of it from then on converges."""
+    m, n, nx = len(SENSOR_ERRORS), 3, 14
+
+    def overshooting_step(_at, _prior, _initial, sensor_errors):
+        return SimpleNamespace(
+            states=np.zeros((n, nx)), sensor_errors=-1.95 * sensor_errors, covariance=np.eye(m),
+            cost_decrease=0.0, log_determinant=0.0,
+        )  # fmt: skip
+
+    weights = SimpleNamespace(process_weight=np.ones((n, nx)), measurement_weight=np.ones((n, 11)))
+    at = SimpleNamespace(process=np.zeros((n, nx)), measured=np.zeros((n, 11)))
+    problem = SimpleNamespace(
+        process_model=lambda _gust: None,
+        equation_inputs=lambda *_: weights,
+        remaining_errors=lambda errors, _gust: (errors, None),
+        equations=SimpleNamespace(linearize=lambda *_: at),
+    )
+    monkeypatch.setattr(reconstruction, "gauss_newton_step", overshooting_step)
+    monkeypatch.setattr(reconstruction, "cost", lambda *_: 0.0)
+    solution = _solve(problem, np.zeros((n, nx)), np.ones(m), 0.1, 10, 0.02)
+    assert solution.converged and np.abs(solution.sensor_errors).max() < 0.02
