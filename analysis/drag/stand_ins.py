@@ -69,7 +69,7 @@ def alpha_scale_sigma(aircraft: Aircraft) -> float:
 
     Upwash per CL times the lift slope of the wing. 0 where the file has it.
     """
-    if aircraft.states("probe.upwash_per_CL"):
+    if aircraft.has("probe.upwash_per_CL"):
         return 0.0
     return float(UPWASH_SIGMA_RAD * lift_slope(aircraft.aspect_ratio))
 
@@ -81,7 +81,7 @@ def doubt(
 
     at, flown_CL : weight and density of the flight, and lift coefficients of the speeds flown.
     """
-    missing = [one for one in STAND_INS if not aircraft.states(one.key)]
+    missing = [one for one in STAND_INS if not aircraft.has(one.key)]
     upwash = alpha_scale_sigma(aircraft)
     if not missing and not upwash:
         return None
@@ -108,7 +108,7 @@ def doubt(
         what = next(one.what for one in missing if one.key == key)
         known = width(estimate.values[:3], own + covariance - part)
         notes.append(_note(key, what, 1 - known / now, V[0]))
-    if not aircraft.states("propulsion.beyond_zero_thrust") and propeller.beyond_zero_thrust != FOLD:
+    if not aircraft.has("propulsion.beyond_zero_thrust") and propeller.beyond_zero_thrust != FOLD:
         folding = repeat(aircraft, propeller.with_beyond_zero_thrust(FOLD), upwash).values[:3]
         power, folded = (
             float(power_required(V, Polar(A, own[:3, :3]), at)[0][0]) for A in (estimate.values[:3], folding)

@@ -55,8 +55,8 @@ def test_the_results_say_what_stood_in_and_what_was_left_out(four: Path) -> None
 
 def test_a_battery_is_enough_for_endurance(flown: Path, four: Path, tmp_path: Path) -> None:
     done(
-        "analyze", flown / "log.mcap", "--aircraft", four / "mine.toml", "--battery-Wh", "74", "-o", tmp_path / "report",
-        "--quiet",
+        "analyze", flown / "log.mcap", "--aircraft", four / "mine.toml", "--battery-Wh", "74", "--quiet",
+        "-o", tmp_path / "report",
     )  # fmt: skip
     mine, known = (results(path)["use"]["loadings"][0] for path in (tmp_path / "report", flown / "log.report"))
     assert mine["endurance_s"]["lo"] < known["endurance_s"]["value"] < mine["endurance_s"]["hi"]

@@ -116,7 +116,7 @@ def test_four_keys_are_an_aircraft():
     assert mine.mass_kg == pytest.approx(4.0) and mine.mass.standard_weight_N == mine.mass.weight_N
     assert mine.title == "mine"
     assert mine.geometry.mean_chord_m == pytest.approx(0.46 / 1.75)
-    assert mine.states("name", "mass.weight") and not mine.states("mass.Ix") and not mine.states("mass.standard_weight")
+    assert mine.has("name", "mass.weight") and not mine.has("mass.Ix") and not mine.has("mass.standard_weight")
 
 
 @pytest.mark.parametrize("weight", ["4 kg", "4kg", "4000 g", "39.2266 N", "8.8185 lb", "8.8185 lbf"])
