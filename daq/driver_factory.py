@@ -66,7 +66,7 @@ def driver_factory(table: SensorConfig, tray: Tray, buses: Buses, aircraft: Airc
             pole_pairs = table.pole_pairs or (aircraft.propulsion.pole_pairs if aircraft else None)
             if pole_pairs is None:
                 raise InputError(
-                    "the pulse counter needs the motor's pole pairs: such as pole_pairs = 7, here in the tray file or in"
+                    "the pulse counter needs the motor's pole pairs, such as pole_pairs = 7, in the tray file or in"
                     " [propulsion] of the aircraft file"
                 )
             return lambda: EscCounterDriver(

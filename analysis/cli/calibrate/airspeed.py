@@ -1,5 +1,6 @@
 """`calibrate airspeed`"""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,6 +33,7 @@ def airspeed(
     """
     from analysis.airdata.from_log import flight_data
     from analysis.airdata.probe import load_probe
+    from analysis.drag.stand_ins import alpha_scale_sigma
     from analysis.log_contents import Replacements, contents
     from analysis.trajectory.airspeed_scale import calibrate
     from analysis.trajectory.reconstruction import reconstruct
@@ -47,9 +49,8 @@ def airspeed(
     data = flight_data(recorded, carried.aircraft, carried.propeller, carried.probe, carried.magnetometer, carried.zero)
     if not data.table["flying"].any():
         raise InputError(f"{log}: no flight in this log")
-    trajectory = reconstruct(
-        data.table, data.rest, alpha_scale_sigma=carried.probe.alpha_scale_sigma, compass=data.compass, log=str(log)
-    )
+    sigma = math.hypot(carried.probe.alpha_scale_sigma, alpha_scale_sigma(carried.aircraft))
+    trajectory = reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=str(log))
     found = calibrate(data.table, trajectory)
     console = Console()
     for line in summary(found, carried.notes + data.notes):
