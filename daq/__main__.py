@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from daq.systemd_notify import ALIVE, READY, STOPPING, notify
+from daq.systemd_notify import ALIVE, READY, STOPPING, is_service, notify
 from flight.errors import InputError
 from flight.messages import Event
 
@@ -34,7 +34,8 @@ app = typer.Typer(
     To begin: `daq config --example > tray.toml`, edit it, `daq check --config tray.toml`, then
     `daq run --config tray.toml`; stop with Ctrl-C.
 
-    Exit code: 0 on success, 1 when something failed while running, 2 when input or configuration is wrong.
+    Exit code: 0 on success, 1 when something failed while running, 2 when input or configuration is wrong or another
+    program uses the tray.
     """,
 )
 
@@ -63,10 +64,11 @@ def run(
     from daq.bus_recording import BusRecording
     from daq.clock import SystemClock
     from daq.config import load_tray
-    from daq.daemon import NoDeviceOpened, record
+    from daq.daemon import NoDeviceOpened, check_configuration, record
     from daq.telemetry import TelemetryLink
 
-    tray = load_tray(config)
+    tray, buses = load_tray(config), LinuxBuses()
+    check_configuration(tray, buses)
     stop, new_file = threading.Event(), threading.Event()
     had_terminal = has_terminal()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -93,7 +95,7 @@ def run(
     try:
         recording = record(
             tray,
-            buses=LinuxBuses(),
+            buses=buses,
             clock=clock,
             log_path=output,
             until_ns=None if duration_s is None else clock.now_ns() + round(duration_s * 1e9),
@@ -105,7 +107,9 @@ def run(
             report=report,
             on_event=on_event,
         )
-    except NoDeviceOpened as error:
+    except (NoDeviceOpened, InputError) as error:
+        if isinstance(error, InputError) and not is_service():
+            raise
         print_error(f"daq: {error}")
         raise typer.Exit(FAILURE) from None
     finally:
@@ -238,7 +242,7 @@ def check(
 ) -> None:
     """Check whether the tray is fit to fly: read every sensor for a few seconds. Exit code 1 if a check fails.
 
-    Stop the service first: two programs on one bus disturb each other.
+    Stop the service first: while it records, the exit code is 2.
     """
     from rich.console import Console
     from rich.table import Table

@@ -2,7 +2,8 @@
 
 The only module that imports smbus2 and pyserial. Every transfer takes a bounded time. A failed transfer raises OSError
 with the kernel's number: 121 (EREMOTEIO) or 6 (ENXIO) without acknowledge, 110 (ETIMEDOUT) when the bus hangs,
-5 (EIO) when fewer bytes than requested were transferred.
+5 (EIO) when fewer bytes than requested were transferred. Devices are locked with flock(2) while they are open, because
+two readers of a bus spoil each other's readings; opening a locked one raises 16 (EBUSY).
 """
 
 import errno
@@ -67,6 +68,11 @@ class LinuxI2C:
         self._prepared = lru_cache(PREPARED_TRANSFERS)(_prepare)
         self._bus = SMBus(device)
         assert self._bus.fd is not None  # set when the bus is opened
+        try:
+            fcntl.flock(self._bus.fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._bus.close()
+            raise _in_use(device) from None
         fcntl.ioctl(self._bus.fd, I2C_TIMEOUT, -(-timeout_ms // 10))
         fcntl.ioctl(self._bus.fd, I2C_RETRIES, 0)
 
@@ -109,7 +115,7 @@ class LinuxSerial:
         except serial.SerialException as error:
             number = error.errno or errno.EIO
             if number == errno.EAGAIN:  # another process holds the lock
-                raise OSError(errno.EBUSY, IN_USE, device) from None
+                raise _in_use(device) from None
             raise OSError(number, os.strerror(number), device) from None
         except ValueError as error:  # a baud rate that the line does not support
             raise OSError(errno.EINVAL, str(error), device) from None
@@ -136,13 +142,23 @@ class LinuxSerial:
             raise OSError(errno.EIO, f"{self._port.port}: {error}") from None
 
 
+def _in_use(device: str) -> OSError:
+    return OSError(errno.EBUSY, IN_USE, device)
+
+
 class UdpPort:
     """UDP datagrams as a stream: receives on `udp:HOST:PORT`, sends to the address of the latest datagram."""
 
     def __init__(self, host: str, port: int):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
-        self._socket.bind((host, port))
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            if error.errno == errno.EADDRINUSE:
+                raise _in_use(f"udp:{host}:{port}") from None
+            raise
         self._peer: tuple[str, int] | None = None
 
     def read_available(self) -> bytes:
@@ -169,6 +185,11 @@ class PulseFiles:
         self._files = [path.open("rb", buffering=0) for path in sorted(Path(directory).glob("ch*"), key=_number)]
         if not self._files:
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), f"{directory}/ch0")
+        try:
+            fcntl.flock(self._files[0], fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self.close()
+            raise _in_use(directory) from None
 
     def read_available(self) -> bytes:
         words = []
@@ -196,8 +217,8 @@ OpenPort = LinuxSerial | UdpPort | PulseFiles
 class LinuxBuses:
     """The device files of this computer.
 
-    A bus is opened once and shared by its drivers. A port is closed and opened again on each call, so that an adapter
-    that was unplugged works again.
+    A bus is opened once, under any of its names, and shared by its drivers. A port is closed and opened again on each
+    call, so that an adapter that was unplugged works again.
     """
 
     def __init__(self) -> None:
@@ -205,9 +226,10 @@ class LinuxBuses:
         self._ports: dict[str, OpenPort] = {}
 
     def i2c(self, device: str) -> I2CBus:
-        if device not in self._buses:
-            self._buses[device] = LinuxI2C(device)
-        return self._buses[device]
+        file = os.path.realpath(device)
+        if file not in self._buses:
+            self._buses[file] = LinuxI2C(device)
+        return self._buses[file]
 
     def port(self, device: str, baud: int) -> BytePort:
         if device in self._ports:

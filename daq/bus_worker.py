@@ -2,15 +2,16 @@
 
 A transfer on a hanging bus takes as long as its timeout, which is longer than a tick at 100 Hz, and a faulty bus driver
 in the kernel may take longer than its timeout. A non-blocking read of a serial line has been seen to take 300 ms on a
-busy machine. So buses and ports are read by threads of their own, which mostly wait for I/O. Readings that a bus has
-not delivered by the deadline are lost for that tick. Bytes that a serial line delivers late are logged late. In both
-cases nothing new is started on that bus until the pending read has returned.
+busy machine. So buses and ports are read by threads of their own, which mostly wait for I/O. Readings that have not
+arrived by the deadline are passed on in a later tick, with the number of their own. Nothing new is started on that bus
+until the pending read has returned; a tick that is passed over is a timeout of all sensors of the bus.
 """
 
 import threading
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from daq.bus_load import BusLoad
 from daq.clock import Clock
 from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample
@@ -33,17 +34,30 @@ NO_READINGS = BusReadings([], [], {})
 class BusWorker:
     """Reads its sensors in order, in the caller's thread. After a timeout the other sensors on that bus are skipped."""
 
-    def __init__(self, supervisors: Sequence[SensorSupervisor], clock: Clock):
+    def __init__(self, supervisors: Sequence[SensorSupervisor], clock: Clock, period_ns: int):
         self.name = ", ".join(dict.fromkeys(supervisor.device for supervisor in supervisors))
         self._supervisors = supervisors
         self._clock = clock
+        self._load = BusLoad(self.name, period_ns)
 
-    def start_reading(self) -> None:
+    @property
+    def slow(self) -> str:
+        """What to do if the bus is too slow for the rate; otherwise empty."""
+        return self._load.slow
+
+    def start_reading(self, tick: int) -> None:
         """Start reading for this tick, where that runs in another thread."""
 
     def collect(self, deadline_ns: int) -> BusReadings:
         """This tick's readings. Only workers with a thread keep `deadline_ns` (monotonic)."""
-        return self._read()
+        return self._with_load(self._read())
+
+    def _with_load(self, readings: BusReadings) -> BusReadings:
+        """The readings, with an event if the bus turns out to be slow. A reading with a timeout is not counted."""
+        if any(supervisor.timed_out for supervisor in self._supervisors):
+            return readings
+        events = self._load.add(readings.durations_ns)
+        return readings._replace(events=readings.events + events) if events else readings
 
     def _read(self) -> BusReadings:
         samples: list[Sample] = []
@@ -70,37 +84,40 @@ class BusWorker:
 class ThreadedBusWorker(BusWorker):
     """Reads in a thread of its own, for a real clock: `collect` keeps its deadline even if the bus hangs.
 
-    blocking: whether a read waits for the sensors' answers, as on a bus. Then a tick without an answer is a timeout,
-    and an answer that comes after the deadline is discarded. Where it is False (serial ports), a read returns only
-    what has arrived, and late readings are passed on.
+    blocking: whether a read waits for the sensors' answers, as on a bus. Then a tick at whose start the bus still
+    answers to an earlier one is passed over: a timeout. Where it is False (serial ports), a read returns only what has
+    arrived.
     """
 
-    def __init__(self, supervisors: Sequence[SensorSupervisor], clock: Clock, *, blocking: bool):
-        super().__init__(supervisors, clock)
+    def __init__(self, supervisors: Sequence[SensorSupervisor], clock: Clock, period_ns: int, *, blocking: bool):
+        super().__init__(supervisors, clock, period_ns)
         self._blocking = blocking
         self._go, self._done = threading.Lock(), threading.Lock()  # used as signals: acquire waits, release signals
         self._go.acquire()
         self._done.acquire()
         self._busy = False  # a read that missed its deadline has not returned yet
         self._started_ns = 0
+        self._tick = self._started_tick = 0  # the current one, and that of the latest read
         self._result = NO_READINGS
         self._late = NO_READINGS
+        self._passed_over: list[Sample] = []  # logged after the late readings of the tick before
         self._hang_reported = False
         self._thread = threading.Thread(target=self._work, name=f"bus worker {self.name}", daemon=True)
         self._thread.start()
 
-    def start_reading(self) -> None:
+    def start_reading(self, tick: int) -> None:
+        self._tick = tick
         if self._busy and self._done.acquire(blocking=False):
             self._take_late()
         if not self._busy:
-            self._started_ns = self._clock.now_ns()
+            self._started_ns, self._started_tick = self._clock.now_ns(), tick
             self._go.release()
 
     def collect(self, deadline_ns: int) -> BusReadings:
         wait_s = max(0.0, (deadline_ns - self._clock.now_ns()) / 1e9)
         late, self._late = self._late, NO_READINGS
         if not self._busy and self._done.acquire(timeout=wait_s):
-            result = self._result
+            result = self._measured(self._result)
             return BusReadings(late.samples + result.samples, late.events + result.events, result.durations_ns)
         self._busy = True
         now_ns = self._clock.now_ns()
@@ -110,19 +127,28 @@ class ThreadedBusWorker(BusWorker):
             self._hang_reported = True
             text = f"{self.name} hangs: no answer for 0.5 s"
             events = [*events, Event(severity="error", sensor="daq", text=text)]
-        if self._blocking or hangs:
+        if (self._blocking or hangs) and self._started_tick != self._tick:
             skipped = [sample for supervisor in self._supervisors for sample in supervisor.skip(now_ns)]
-            samples = [*samples, *skipped]
+            self._passed_over += [sample._replace(tick=self._tick) for sample in skipped]
+        if hangs:
+            samples = samples + self._passed_over
+            self._passed_over = []
         return BusReadings(samples, events, {})
 
     def _take_late(self) -> None:
         """Take over a read that returned after its deadline."""
         self._busy = False
-        events = self._result.events
+        result = self._measured(self._result)
+        events = result.events
         if self._hang_reported:
             self._hang_reported = False
             events = [*events, Event(sensor="daq", text=f"{self.name} answers again")]
-        self._late = BusReadings([] if self._blocking else self._result.samples, events, {})
+        samples = [sample._replace(tick=self._started_tick) for sample in result.samples] + self._passed_over
+        self._passed_over = []
+        self._late = BusReadings(samples, events, {})
+
+    def _measured(self, readings: BusReadings) -> BusReadings:
+        return self._with_load(readings) if self._blocking else readings
 
     def _work(self) -> None:
         while True:
@@ -131,14 +157,16 @@ class ThreadedBusWorker(BusWorker):
             self._done.release()
 
 
-def bus_workers(supervisors: Sequence[SensorSupervisor], clock: Clock, *, threaded: bool) -> list[BusWorker]:
+def bus_workers(
+    supervisors: Sequence[SensorSupervisor], clock: Clock, period_ns: int, *, threaded: bool
+) -> list[BusWorker]:
     """Workers for all sensors, in their order. threaded: one thread for each bus, and one for all ports together."""
     if not threaded:
-        return [BusWorker(group, clock) for group in _by_device(supervisors)]
+        return [BusWorker(group, clock, period_ns) for group in _by_device(supervisors)]
     buses = _by_device([supervisor for supervisor in supervisors if supervisor.blocking])
     ports = [supervisor for supervisor in supervisors if not supervisor.blocking]
-    workers = [ThreadedBusWorker(group, clock, blocking=True) for group in buses]
-    return [*workers, *([ThreadedBusWorker(ports, clock, blocking=False)] if ports else [])]
+    workers = [ThreadedBusWorker(group, clock, period_ns, blocking=True) for group in buses]
+    return [*workers, *([ThreadedBusWorker(ports, clock, period_ns, blocking=False)] if ports else [])]
 
 
 def _by_device(supervisors: Sequence[SensorSupervisor]) -> list[list[SensorSupervisor]]:

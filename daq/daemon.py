@@ -1,5 +1,6 @@
 """Records a tray into log files: on the aircraft with a real clock, in tests with a simulated one."""
 
+import errno
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -7,14 +8,14 @@ from typing import NamedTuple, Protocol
 
 from daq.arm_switch import ArmSwitch
 from daq.attachments import Attachments, load_attachments, write_attachments
-from daq.bus import Buses
+from daq.background_recovery import BackgroundRecovery, Recovery
+from daq.bus import IN_USE, Buses
 from daq.bus_recording import BusRecording
 from daq.clock import Clock
 from daq.config import SensorConfig, Tray
 from daq.disk_space import DiskSpace
 from daq.driver_factory import DriverFactory, driver_factory
 from daq.log_files import FileLimits, LogFiles, numbered_names, part_names
-from daq.log_recovery import recover_unfinished
 from daq.recorder import Recorder
 from daq.sampling_loop import Cycle, StopFlag, cycles
 from daq.sensor_health import SensorState
@@ -25,6 +26,7 @@ from flight.errors import InputError
 from flight.messages import Event
 
 REPORT_EVERY_NS = 1_000_000_000
+STOP_SERVICE = "sudo systemctl stop flightpower-daq"
 OWN_TOPICS = ("/time", "/daq/tick", "/daq/event")
 
 
@@ -45,6 +47,13 @@ class RecordingResult(NamedTuple):
 
 class NoDeviceOpened(Exception):
     """None of the tray's buses and ports can be opened."""
+
+
+class DeviceInUse(InputError):
+    """Another program has the tray's devices open."""
+
+    def __init__(self, cause: str):
+        super().__init__(f"{cause}; if the service records, stop it: {STOP_SERVICE}")
 
 
 class CycleListener(Protocol):
@@ -74,10 +83,31 @@ def sensor_supervisors(
 
 
 def open_devices(supervisors: list[SensorSupervisor], now_ns: int) -> None:
-    """Open the buses and ports. Raises NoDeviceOpened when none can be opened."""
+    """Open the buses and ports. Raises NoDeviceOpened when none can be opened, DeviceInUse if they are in use."""
     causes = [supervisor.open(now_ns) for supervisor in supervisors]
     if all(causes):
+        for cause in causes:
+            if IN_USE in cause:
+                raise DeviceInUse(cause)
         raise NoDeviceOpened(f"none of the tray's buses and ports can be opened: {'; '.join(sorted(set(causes)))}")
+
+
+def check_configuration(tray: Tray, buses: Buses) -> None:
+    """Raises InputError when the tray or a file that it names is wrong. Opens no device."""
+    sensor_supervisors(tray, buses, load_attachments(tray).aircraft)
+
+
+def refuse_devices_in_use(tray: Tray, buses: Buses) -> None:
+    """Raises DeviceInUse when another program has one of the tray's buses or ports open. Other errors are ignored."""
+    for table in tray.sensors:
+        try:
+            if table.blocking:
+                buses.i2c(table.device)
+            else:
+                buses.port(table.device, getattr(table, "baud", 0))
+        except OSError as error:
+            if error.errno == errno.EBUSY:
+                raise DeviceInUse(f"{table.device}: {error.strerror}") from None
 
 
 def record(
@@ -102,8 +132,8 @@ def record(
     log is started and the flag is cleared. threaded: see `cycles`. bus_recording: receives every bus transaction.
     Called from the sampling thread: progress, once a second of the clock, with the elapsed time [s]; report, as often,
     with a status line; on_event, with each event.
-    Raises InputError before anything is written (wrong configuration, unreadable file, existing log), and
-    NoDeviceOpened when no bus and no port can be opened.
+    Raises InputError before anything is written (wrong configuration, unreadable file, existing log, devices in use),
+    and NoDeviceOpened when no bus and no port can be opened.
     """
     attachments = load_attachments(tray)
     supervisors = sensor_supervisors(tray, buses, attachments.aircraft, bus_recording)
@@ -114,7 +144,8 @@ def record(
     path = Path(log_path) if log_path is not None else None
     directory = Path(tray.directory) if path is None else path.parent
     name = numbered_names(directory) if path is None else part_names(path)
-    pending_events = recovery_events(directory) if path is None else []
+    old_logs = sorted(directory.glob("log-*.mcap")) if path is None else []
+    recovery = BackgroundRecovery(old_logs) if threaded else Recovery(old_logs)
     disk_space = DiskSpace(directory, round(tray.files.keep_free_MB * 1e6), tray.files.when_full)
     disk_space.check()
     if path is not None and not disk_space.sufficient:
@@ -132,6 +163,7 @@ def record(
     if disk_space.sufficient and arm_switch.recording:
         log_files.open(start_ns)
     disk_space.start()
+    recovery.start()
     tell = on_event or (lambda event: None)
     ticks = missed = 0
     report_ns = start_ns
@@ -148,9 +180,8 @@ def record(
             new_file_requested = new_file is not None and new_file.is_set()
             if new_file_requested and new_file is not None:
                 new_file.clear()
-            events = pending_events + cycle.events + arm_switch.update(cycle.samples)
+            events = recovery.events() + cycle.events + arm_switch.update(cycle.samples)
             events += log_files.update(cycle.now_ns, wanted=arm_switch.recording, new_file=new_file_requested)
-            pending_events = []
             for event in events:
                 tell(event)
             log_files.write(
@@ -167,8 +198,10 @@ def record(
                     progress(elapsed_s)
                 if report is not None:
                     armed = arm_switch.recording
-                    report(status_line(elapsed_s, ticks, missed, supervisors, log_files, disk_space, armed=armed))
+                    line = status_line(elapsed_s, ticks, missed, supervisors, log_files, disk_space, armed=armed)
+                    report("; ".join([line, *cycle.slow]))
     finally:
+        recovery.stop()
         write_error = log_files.close()
     if log_files.dropped:
         write_error = write_error or f"the disk was too slow, and {log_files.dropped} messages were dropped"
@@ -222,18 +255,3 @@ def status_line(
     free = "" if disk_space.free_bytes < 0 else f", {disk_space.free_bytes / 1e9:.1f} GB free"
     sensors = ", ".join(failing) or "all sensors ok"
     return f"{state}, {elapsed_s:.0f} s, {ticks} ticks, {missed} missed{free}; {error}{sensors}"
-
-
-def recovery_events(directory: Path) -> list[Event]:
-    """Complete the logs that power cuts left unfinished in `directory`. A failure does not prevent recording."""
-    try:
-        recovered = recover_unfinished(directory)
-    except OSError as error:
-        return [Event(severity="warning", sensor="daq", text=f"an unfinished log could not be completed: {error}")]
-    return [
-        Event(
-            sensor="daq",
-            text=f"{path} was unfinished and has been completed: {kept} bytes kept, {cut} damaged bytes removed",
-        )
-        for path, kept, cut in recovered
-    ]

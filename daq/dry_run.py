@@ -7,7 +7,7 @@ from daq.attachments import load_attachments
 from daq.bus import Buses
 from daq.clock import Clock
 from daq.config import Tray
-from daq.daemon import sensor_supervisors
+from daq.daemon import refuse_devices_in_use, sensor_supervisors
 from daq.sampling_loop import cycles
 from daq.sensors import Sample
 
@@ -21,22 +21,26 @@ class DryRun(NamedTuple):
     ticks: int
     missed: int
     late_ms: float  # of the latest tick
+    slow: list[str]  # what to do about buses that are too slow
 
 
 def dry_run(tray: Tray, *, buses: Buses, clock: Clock, seconds: float, threaded: bool = False) -> DryRun:
     """Read every sensor for `seconds`. threaded: see `cycles`.
 
-    Raises InputError when the configuration is incomplete.
+    Raises InputError when the configuration is incomplete, or another program has one of the devices open.
     """
+    refuse_devices_in_use(tray, buses)
     supervisors = sensor_supervisors(tray, buses, load_attachments(tray).aircraft)
     settled_ns = clock.now_ns() + round(SETTLING_S * 1e9)
     until_ns = settled_ns + round(seconds * 1e9)
     samples: list[Sample] = []
     ticks, missed, late_ns = 0, 0, 0
+    slow: list[str] = []
     for cycle in cycles(
         supervisors, rate_Hz=tray.rate_Hz, clock=clock, stop=threading.Event(), until_ns=until_ns, threaded=threaded
     ):
         if cycle.now_ns >= settled_ns:
             ticks, missed, late_ns = ticks + 1, missed + cycle.tick.missed, max(late_ns, cycle.tick.late_ns)
             samples += cycle.samples
-    return DryRun(samples, ticks, missed, late_ns / 1e6)
+            slow = cycle.slow
+    return DryRun(samples, ticks, missed, late_ns / 1e6, slow)

@@ -1,7 +1,8 @@
 """Completes logs that a power cut left unfinished, so that any MCAP reader opens them without scanning the file.
 
 Readable records are not changed. The damaged record at the end is replaced by the index of a finished log. If the
-message indices of the last chunk are damaged, they are written again.
+message indices of the last chunk are damaged, they are written again. A log that needs more memory or time than
+permitted is not changed.
 """
 
 import fcntl
@@ -9,19 +10,21 @@ import io
 import os
 import zlib
 from collections import deque
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Chunk
 
 from daq.disk_writer import sync_directory
+from flight.log_chunk import LogTooLarge, decompressed
 from flight.log_index import MAGIC, RECORD_HEAD, LogIndex
 from flight.log_writer import INDEX_ENTRY, MESSAGE_HEAD, message_index
+from flight.messages import Event
 
-MAX_RECORD_BYTES = 2**31
+MAX_RECORD_BYTES = 32 * 2**20  # of a record that is complete; those of this program are below 1 MB
 # Synced data are intact: a power cut can only damage the last second, two or three chunks. Verifying the checksums of
 # ten times as many takes little time; verifying all would delay the recording after power-on by seconds.
 VERIFIED_CHUNKS = 32
@@ -35,23 +38,57 @@ class RecoveredLog(NamedTuple):
     cut_bytes: int
 
 
-def recover_unfinished(directory: Path) -> list[RecoveredLog]:
-    """Complete every unfinished log in `directory` that no process is writing. Raises OSError on I/O errors."""
-    return [done for path in sorted(directory.glob("log-*.mcap")) if (done := recover(path)) is not None]
+def unfinished_logs(paths: Iterable[Path]) -> Iterator[Path]:
+    """Those of `paths` that are not complete, or cannot be read."""
+    for path in paths:
+        try:
+            with path.open("rb") as stream:
+                if not is_complete(stream):
+                    yield path
+        except OSError:
+            yield path
+
+
+def recovery_event(path: Path) -> Event | None:
+    """Complete one log; the event that reports this, or why it failed. None when there was nothing to do."""
+    try:
+        done = recover(path)
+    except Exception as error:  # whatever a damaged file makes the decoders raise: the other logs are completed
+        return failure_event(path, cause_of(error))
+    if done is None:
+        return None
+    text = f"{path} was unfinished and has been completed: {done.kept_bytes} bytes kept, {done.cut_bytes} damaged bytes"
+    return Event(sensor="daq", text=f"{text} removed")
+
+
+def failure_event(path: Path, cause: str) -> Event:
+    text = f"{path} is unfinished and cannot be completed ({cause}); it is not changed: move it to another folder"
+    return Event(severity="warning", sensor="daq", text=text)
+
+
+def cause_of(error: Exception) -> str:
+    if isinstance(error, LogTooLarge | TimeoutError):
+        return str(error)
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return f"{type(error).__name__}: {error}".splitlines()[0].rstrip(": ")
 
 
 def recover(path: Path) -> RecoveredLog | None:
-    """Complete one log if it is unfinished; otherwise return None. A file that is not a log is not changed."""
+    """Complete one log if it is unfinished; otherwise return None. A file that is not a log is not changed.
+
+    Raises LogTooLarge, OSError on I/O errors, and whatever damaged records make the decoders raise. The file is then
+    unchanged, except after an I/O error.
+    """
+    with path.open("rb") as stream:
+        if is_complete(stream):
+            return None
     with path.open("r+b") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             return None  # being recorded
         size = stream.seek(0, os.SEEK_END)
-        if size >= 2 * len(MAGIC):
-            stream.seek(-len(MAGIC), os.SEEK_END)
-            if stream.read() == MAGIC:
-                return None
         kept = intact_length(stream)
         if kept <= len(MAGIC):
             return None
@@ -65,11 +102,20 @@ def recover(path: Path) -> RecoveredLog | None:
     return RecoveredLog(path, kept, size - kept)
 
 
+def is_complete(stream: BinaryIO) -> bool:
+    """Whether a file ends as a finished log."""
+    size = stream.seek(0, os.SEEK_END)
+    if size < 2 * len(MAGIC):
+        return False
+    stream.seek(-len(MAGIC), os.SEEK_END)
+    return stream.read() == MAGIC
+
+
 def intact_length(stream: BinaryIO) -> int:
     """Length in bytes of the intact records at the start of a log; 0 if the file is not a log.
 
     The last VERIFIED_CHUNKS chunks count as intact only if their checksums are right. Message indices have no checksum
-    and count only if an intact record follows them.
+    and count only if an intact record follows them. Raises LogTooLarge.
     """
     stream.seek(0)
     if stream.read(len(MAGIC)) != MAGIC:
@@ -81,8 +127,10 @@ def intact_length(stream: BinaryIO) -> int:
     while len(head := stream.read(RECORD_HEAD.size)) == RECORD_HEAD.size:
         opcode, length = RECORD_HEAD.unpack(head)
         end = position + RECORD_HEAD.size + length
-        if opcode in (0, Opcode.DATA_END) or length > MAX_RECORD_BYTES or end > size:
+        if opcode in (0, Opcode.DATA_END) or end > size:
             break
+        if length > MAX_RECORD_BYTES:
+            raise LogTooLarge(f"a record is larger than {MAX_RECORD_BYTES // 2**20} MiB, the limit")
         if opcode == Opcode.CHUNK:
             tail.append((position, end))
         if opcode != Opcode.MESSAGE_INDEX:
@@ -116,7 +164,7 @@ def ending_of(stream: BinaryIO, length: int) -> bytes:
 
 def message_indices(content: bytes) -> list[bytes]:
     """The message index records of an intact chunk, one for each channel in it."""
-    _, data = decompressed(content)
+    _, data = chunk_of(content)
     entries: dict[int, bytearray] = {}
     at = 0
     while at < len(data):
@@ -128,16 +176,18 @@ def message_indices(content: bytes) -> list[bytes]:
     return [message_index(channel, these) for channel, these in entries.items()]
 
 
-def decompressed(content: bytes) -> tuple[Chunk, bytes]:
+def chunk_of(content: bytes) -> tuple[Chunk, bytes]:
     """A chunk and its decompressed data."""
     chunk = Chunk.read(ReadDataStream(io.BytesIO(content)))
-    return chunk, zstandard.decompress(chunk.data, chunk.uncompressed_size) if chunk.compression else chunk.data
+    return chunk, decompressed(chunk.compression, chunk.data)
 
 
 def chunk_is_intact(content: bytes) -> bool:
-    """Whether a chunk can be decompressed and its checksum is right."""
+    """Whether a chunk can be decompressed and its checksum is right. Raises LogTooLarge."""
     try:
-        chunk, data = decompressed(content)
+        chunk, data = chunk_of(content)
+    except LogTooLarge:
+        raise
     except Exception:  # a damaged chunk makes the decoders raise various exceptions
         return False
     return len(data) == chunk.uncompressed_size and chunk.uncompressed_crc in (0, zlib.crc32(data))

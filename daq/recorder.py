@@ -45,9 +45,10 @@ class Recorder:
         return self.disk.path
 
     def write(self, samples: list[Sample], *, tick: int, now_ns: int) -> None:
-        """Add a tick's messages. Closes the chunk when it is old enough."""
+        """Add a tick's messages, and late ones of earlier ticks. Closes the chunk when it is old enough."""
         for sample in samples:
-            self.log.write(sample.topic, sample.message, time_ns=sample.time_ns + self.offset_ns, tick=tick)
+            own = tick if sample.tick is None else sample.tick
+            self.log.write(sample.topic, sample.message, time_ns=sample.time_ns + self.offset_ns, tick=own)
         self._in_chunk += len(samples)
         self.ticks += 1
         if now_ns >= self._chunk_due_ns:

@@ -34,6 +34,7 @@ class Cycle(NamedTuple):
     now_ns: int  # monotonic time at which reading began
     samples: list[Sample]
     events: list[Event]
+    slow: list[str] = []  # noqa: RUF012  what to do about buses that are too slow
 
 
 def grid_ticks(period_ns: int, clock: Clock, stop: StopFlag, until_ns: int | None = None) -> Iterator[GridTick]:
@@ -63,12 +64,13 @@ def cycles(
 ) -> Iterator[Cycle]:
     """Read all sensors at each tick. Every cycle ends with /daq/tick; /time is added once a second.
 
-    threaded: buses and ports are read by threads of their own, within DEADLINE_TICKS; needs a real clock.
+    threaded: buses and ports are read by threads of their own, within DEADLINE_TICKS; needs a real clock. What arrives
+    later comes with a later cycle, and names its own tick.
     """
     time_due_ns = clock.now_ns()
     period_ns = round(1e9 / rate_Hz)
     gps_utc: tuple[int, int] | None = None  # (UTC, monotonic) of the latest solution with date and time
-    workers = bus_workers(supervisors, clock, threaded=threaded)
+    workers = bus_workers(supervisors, clock, period_ns, threaded=threaded)
     for tick in grid_ticks(period_ns, clock, stop, until_ns):
         begin_ns = clock.now_ns()
         deadline_ns = begin_ns - tick.late_ns + round(DEADLINE_TICKS * period_ns)
@@ -76,7 +78,7 @@ def cycles(
         events: list[Event] = []
         durations: dict[str, int] = {}
         for worker in workers:
-            worker.start_reading()
+            worker.start_reading(tick.number)
         for worker in workers:
             readings = worker.collect(deadline_ns)
             samples += readings.samples
@@ -90,7 +92,7 @@ def cycles(
             samples.append(Sample("/time", clock.now_ns(), time_message(clock, gps_utc)))
         message = Tick(late_ns=tick.late_ns, missed=tick.missed, duration_ns=durations)
         samples.append(Sample("/daq/tick", begin_ns, message))
-        yield Cycle(tick, begin_ns, samples, events)
+        yield Cycle(tick, begin_ns, samples, events, [worker.slow for worker in workers if worker.slow])
 
 
 def time_message(clock: Clock, gps_utc: tuple[int, int] | None) -> Time:

@@ -4,6 +4,7 @@ The only place where drivers' exceptions are caught: a failed sensor costs its o
 """
 
 import errno
+from collections import deque
 from collections.abc import Callable, Iterator
 
 from daq.sensor_health import SensorHealth
@@ -12,6 +13,7 @@ from flight.messages import TYPE_OF_TOPIC, Event, Status
 
 RETRY_NS = 500_000_000
 TRANSFER_FAILURES_LIMIT = 3  # failed transfers in a row after which the sensor is restarted
+SKIPPING_NS = 1_000_000_000  # two skipped ticks within this time degrade the sensor's health
 TIMEOUTS = frozenset({errno.ETIMEDOUT, errno.EAGAIN})
 
 
@@ -33,6 +35,7 @@ class SensorSupervisor:
         self.topics = topics
         self.health = SensorHealth(name)
         self.skipped = 0  # messages of ticks in which the sensor was skipped
+        self._skipped_ns: deque[int] = deque(maxlen=2)  # times of the latest skipped ticks
         self.events: list[Event] = []  # emptied by the bus worker
         self._make = make
         self._sensor: Sensor | None = None
@@ -69,12 +72,14 @@ class SensorSupervisor:
         self._failures = 0
         statuses = [sample.message.status for sample in samples]
         self.health.statuses.update(statuses)
-        self._add_event(self.health.read(statuses, now_ns))
+        skipping = len(self._skipped_ns) == 2 and now_ns - self._skipped_ns[0] < SKIPPING_NS
+        self._add_event(self.health.read([*statuses, Status.TIMEOUT] if skipping else statuses, now_ns))
         return samples
 
     def skip(self, now_ns: int) -> list[Sample]:
-        """Messages for a tick in which the bus hangs. Safe while `read` is running in another thread."""
+        """Messages for a tick in which the bus hangs or is slow. Safe while `read` is running in another thread."""
         self.skipped += len(self.topics)
+        self._skipped_ns.append(now_ns)
         return [Sample(topic, now_ns, TYPE_OF_TOPIC[topic](status=Status.TIMEOUT)) for topic in self.topics]
 
     @property

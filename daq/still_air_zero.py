@@ -78,7 +78,7 @@ def zero_from_samples(samples: Iterable[Sample], *, ticks: int, seconds: float, 
     values: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     temperature: dict[str, list[float]] = defaultdict(list)
     turning = False
-    for topic, _, message in samples:
+    for topic, _, message, _ in samples:
         turning |= isinstance(message, Rpm) and (message.motor_speed_revps or 0.0) > 0
         fields = (DIFFERENCE,) if isinstance(message, DifferentialPressure) else RATES + FORCES
         if not isinstance(message, DifferentialPressure | Imu):

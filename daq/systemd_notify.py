@@ -6,6 +6,11 @@ import socket
 READY, ALIVE, STOPPING = "READY=1", "WATCHDOG=1", "STOPPING=1"
 
 
+def is_service() -> bool:
+    """Whether systemd has started this process and waits for its notifications."""
+    return bool(os.environ.get("NOTIFY_SOCKET"))
+
+
 def notify(*states: str) -> None:
     """Send states such as READY or "STATUS=recording". Errors of the socket are ignored."""
     address = os.environ.get("NOTIFY_SOCKET", "")

@@ -4,10 +4,13 @@ import re
 
 from daq.config import Tray, parse_port
 
-# systemd ignores a path that does not exist when the service starts, as that of a USB adapter may not. USB serial lines
-# are therefore permitted by device class, all others by path.
-DEVICE_CLASSES = {r"/dev/ttyUSB\d+": "char-ttyUSB", r"/dev/ttyACM\d+": "char-ttyACM"}
-BY_NAME = ("/dev/serial/", "/dev/flightpower/")  # symbolic links to USB serial lines of either class
+# systemd ignores a path that does not exist when the service starts. Devices that may appear later are therefore
+# permitted by number (Linux, Documentation/admin-guide/devices.txt), or by class where the number changes when they are
+# plugged in again. A class exists when its driver is loaded: the unit loads those of USB serial lines.
+NUMBERS = {r"/dev/i2c-(\d+)": (89, 0), r"/dev/ttyAMA(\d+)": (204, 64), r"/dev/ttyS(\d+)": (4, 64)}  # major, first minor
+USB_CLASSES = {r"/dev/ttyUSB\d+": "char-ttyUSB", r"/dev/ttyACM\d+": "char-ttyACM"}
+USB_LINKS = ("/dev/serial/", "/dev/flightpower/")  # symbolic links to USB serial lines of either class
+PI_LINKS = ("/dev/serial0", "/dev/serial1")  # symbolic links of Raspberry Pi OS
 ANY_HOST = "0.0.0.0"
 
 
@@ -36,9 +39,14 @@ def unit_drop_in(tray: Tray) -> str:
 def _devices(device: str) -> list[str]:
     if device.startswith(("udp:", "rcio:")):
         return []
-    if device.startswith(BY_NAME):
-        return sorted(DEVICE_CLASSES.values())
-    return [next((name for pattern, name in DEVICE_CLASSES.items() if re.fullmatch(pattern, device)), device)]
+    if device.startswith(USB_LINKS):
+        return sorted(USB_CLASSES.values())
+    if device in PI_LINKS:
+        return ["char-ttyAMA", "char-ttyS"]
+    for pattern, (major, first_minor) in NUMBERS.items():
+        if found := re.fullmatch(pattern, device):
+            return [f"/dev/char/{major}:{first_minor + int(found[1])}"]
+    return [next((name for pattern, name in USB_CLASSES.items() if re.fullmatch(pattern, device)), device)]
 
 
 def _address(host: str) -> str:

@@ -73,7 +73,7 @@ class TelemetryLink:
 
     def hear(self, cycle: Cycle, events: list[Event]) -> None:
         """Keep this cycle's good messages and events; write them to the pipe when a line is due."""
-        for topic, time_ns, message in cycle.samples:
+        for topic, time_ns, message, _ in cycle.samples:
             if topic in TOPICS and message.status is Status.OK:
                 self._latest[topic] = (time_ns, message)
         self._events.extend(events)

@@ -2,6 +2,7 @@
 
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import NamedTuple
@@ -11,9 +12,11 @@ import msgspec
 from daq.bus import IN_USE, Buses
 from daq.clock import Clock
 from daq.config import Tray
+from daq.daemon import STOP_SERVICE
 from daq.disk_space import free_bytes
 from daq.dry_run import DryRun, dry_run
 from daq.part_identity import identify
+from daq.rest_check import barometer_comparison, is_finite, rest_problem
 from daq.sensor_health import GOOD_STATUSES
 from flight.messages import Message, Status
 
@@ -50,8 +53,9 @@ ADVICE = {
     Status.WRONG_DEVICE: "another part answers at this address: compare the tray file with the wiring",
     Status.NO_DATA: "nothing arrives: check TX and RX, baud rate and supply",
 }
+NOT_FINITE = "the part sends no numbers: wait until it has started and found its position"
 NO_FIX = "no fix yet: give the antenna a clear view of the sky and wait a minute"
-STOP_SERVICE = "stop the program that uses it: sudo systemctl stop flightpower-daq"
+STOP_PROGRAM = f"stop the program that uses it: {STOP_SERVICE}"
 BUS_ERRORS = (Status.NO_REPLY, Status.TIMEOUT, Status.CORRUPT)
 MOTOR_STOPPED = "no frames, which is normal while the motor is stopped; run the motor to check"
 
@@ -97,16 +101,19 @@ def check_tray(tray: Tray, *, buses: Buses, clock: Clock, seconds: float = 5.0, 
     """
     readings = dry_run(tray, buses=buses, clock=clock, seconds=seconds, threaded=threaded)
     messages: dict[str, list[Message]] = {topic: [] for table in tray.sensors for topic in table.topics}
-    for topic, _, message in readings.samples:
+    for topic, _, message, _ in readings.samples:
         if topic in messages:
             messages[topic].append(message)
     identities: dict[str, str] = {}
     for table in tray.sensors:
         identities |= dict.fromkeys(table.topics, identify(table, buses, clock))
-    lines = [check_topic(topic, these, seconds, identities[topic]) for topic, these in messages.items()]
+    lines = [check_topic(topic, these, seconds, identities[topic], readings.slow) for topic, these in messages.items()]
     usable_bytes = free_bytes(Path(tray.directory)) - tray.files.keep_free_MB * 1e6
     free_s = max(usable_bytes, 0.0) / (BYTES_PER_S * tray.rate_Hz / 25)
-    return TrayCheck(lines, readings.missed, readings.late_ms, free_s, system_checks(tray, readings, free_s))
+    facts = system_checks(tray, readings, free_s)
+    if (barometers := barometer_comparison(messages)) is not None:
+        facts.append(SystemCheck(*barometers))
+    return TrayCheck(lines, readings.missed, readings.late_ms, free_s, facts)
 
 
 def system_checks(tray: Tray, readings: DryRun, free_s: float) -> list[SystemCheck]:
@@ -122,26 +129,38 @@ def system_checks(tray: Tray, readings: DryRun, free_s: float) -> list[SystemChe
         SystemCheck(
             free_s >= MINIMUM_FREE_S, space if free_s >= MINIMUM_FREE_S else f"{space}: move logs to another disk"
         ),
+        *(SystemCheck(False, text) for text in readings.slow),
         SystemCheck(writable, f"{tray.directory} is writable" if writable else f"{tray.directory} is not writable"),
         SystemCheck(True, f"still-air zero: {tray.zero if Path(tray.zero).exists() else 'not taken (see `daq zero`)'}"),
     ]
 
 
-def check_topic(topic: str, messages: list[Message], seconds: float, identity: str = "") -> TopicCheck:
-    """Judge a topic from the messages of `seconds`."""
+def check_topic(
+    topic: str, messages: list[Message], seconds: float, identity: str = "", slow: Sequence[str] = ()
+) -> TopicCheck:
+    """Judge a topic from the messages of `seconds`. slow: what to do about buses that are too slow."""
     statuses = Counter(message.status for message in messages)
-    good = [message for message in messages if message.status is Status.OK]
+    good = [message for message in messages if message.status is Status.OK and is_finite(message)]
+    not_finite = statuses[Status.OK] - len(good)
     bad = {status: n for status, n in statuses.most_common() if status not in GOOD_STATUSES}
     trouble = ", ".join(f"{status} {n}" for status, n in bad.items())
-    fine = sum(statuses[status] for status in GOOD_STATUSES)
+    if not_finite:
+        trouble = ", ".join(filter(None, (trouble, f"not a number {not_finite}")))
+    fine = sum(statuses[status] for status in GOOD_STATUSES) - not_finite
     ok: bool | None = bool(good) and fine >= MINIMUM_GOOD_FRACTION * len(messages)
     advice = "" if ok else ADVICE[next(iter(bad), Status.NO_DATA)]
+    if not ok and not_finite and not bad:
+        advice = NOT_FINITE
+    if not ok and next(iter(bad), None) is Status.TIMEOUT and slow:
+        advice = "; ".join(slow)
     if topic == "/gps" and not ok and any(getattr(message, "fix_type", None) is not None for message in messages):
         advice = NO_FIX
     if not ok and IN_USE in identity:
-        advice = STOP_SERVICE
+        advice = STOP_PROGRAM
     if topic == "/rpm" and set(bad) <= {Status.NO_DATA} and not good:
         ok, advice = None, MOTOR_STOPPED
+    if ok and (problem := rest_problem(good)):
+        ok, advice = False, problem
     values = [_value(good, *shown) for shown in SHOWN_FIELDS[topic]]
     bus_errors = sum(statuses[status] for status in BUS_ERRORS)
     return TopicCheck(topic, identity, ok, len(good) / seconds, values, bus_errors, trouble, advice)

@@ -1,19 +1,23 @@
 """Reads a log into messages, also one that a power cut left unfinished."""
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
 from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, Header, Metadata
+from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Metadata
 from mcap.records import Message as Record
-from mcap.stream_reader import StreamReader
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from flight.errors import InputError
+from flight.log_chunk import LogTooLarge, allowed_bytes, decompressed
 from flight.log_index import MAGIC
 from flight.log_writer import PROFILE
 from flight.messages import TYPE_OF_TOPIC, Message
+
+MAX_RECORD_BYTES = 256 * 2**20
 
 
 class LogEntry(NamedTuple):
@@ -39,7 +43,8 @@ class Log:
 def read_log(path: str | Path) -> Log:
     """Every message, attachment and metadata record of an MCAP file, up to its end or to the first torn record.
 
-    Unknown topics are ignored; a message that cannot be decoded is counted in `undecodable`.
+    Unknown topics are ignored; a message that cannot be decoded is counted in `undecodable`. Reading also stops, with
+    the limit in `torn`, where the log decompresses to more than `flight.log_chunk` permits.
     Raises InputError when the file is missing, empty, not MCAP, not written by this program, or has no message.
     """
     path = Path(path)
@@ -51,7 +56,8 @@ def read_log(path: str | Path) -> Log:
             if start != MAGIC[: len(start)] or len(start) < len(MAGIC):
                 raise InputError(f"{path}: not an MCAP file (wrong first bytes)")
             stream.seek(0)
-            log = _read(path, StreamReader(stream, record_size_limit=256 * 2**20))
+            reader = StreamReader(stream, emit_chunks=True, record_size_limit=MAX_RECORD_BYTES)
+            log = _read(path, records(reader, allowed_bytes(path.stat().st_size)))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     if not any(log.entries.values()):
@@ -60,18 +66,32 @@ def read_log(path: str | Path) -> Log:
     return log
 
 
-def _read(path: Path, reader: StreamReader) -> Log:
+def records(reader: StreamReader, allowed: int) -> Iterator[McapRecord]:
+    """The records of a log, with those inside its chunks. Raises LogTooLarge beyond `allowed` decompressed bytes."""
+    total = 0
+    for record in reader.records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        data = decompressed(record.compression, record.data)
+        total += len(data)
+        if total > allowed:
+            raise LogTooLarge(f"its chunks decompress to more than {allowed / 2**20:.0f} MiB, the limit for its size")
+        yield from breakup_chunk(replace(record, compression="", data=data))
+
+
+def _read(path: Path, stream: Iterator[McapRecord]) -> Log:
     log = Log(path)
     decoders: dict[int, tuple[list[LogEntry], msgspec.json.Decoder[Any]]] = {}
     kinds = {kind: msgspec.json.Decoder(kind) for kind in set(TYPE_OF_TOPIC.values())}
     try:
-        for record in reader.records:
+        for record in stream:
             if isinstance(record, Record):
                 if record.channel_id in decoders:
                     entries, decoder = decoders[record.channel_id]
                     try:
                         entries.append(LogEntry(record.log_time, record.sequence, decoder.decode(record.data)))
-                    except msgspec.MsgspecError:
+                    except (msgspec.MsgspecError, RecursionError):
                         log.undecodable += 1
             elif isinstance(record, Channel):
                 if record.topic in TYPE_OF_TOPIC:
@@ -87,6 +107,8 @@ def _read(path: Path, reader: StreamReader) -> Log:
                 )
     except InputError:
         raise
+    except LogTooLarge as error:
+        log.torn = str(error)
     except (McapError, EOFError, ValueError, KeyError, ArithmeticError) as error:
         log.torn = f"{type(error).__name__}: {error}".rstrip(": ")
     except Exception as error:  # errors of zstandard and struct, and whatever else a decoder raises on a torn chunk

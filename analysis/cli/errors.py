@@ -1,4 +1,4 @@
-"""One clear line for an error, and its exit code."""
+"""Errors of the commands: one line on stderr, and the exit code."""
 
 import sys
 
@@ -8,7 +8,7 @@ from flight.errors import InputError
 
 
 def run(app: typer.Typer) -> None:
-    """Run a command; print an InputError as one line on stderr and exit with code 2."""
+    """Run a command. An InputError is printed as one line on stderr, with exit code 2; a closed pipe exits with 1."""
     try:
         app(standalone_mode=True)
     except InputError as error:

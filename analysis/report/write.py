@@ -1,67 +1,42 @@
-"""The report: one HTML file that opens anywhere without a network, the same results as JSON and CSV, a field table."""
+"""Writing of the report: HTML page, results as JSON and CSV, trajectory, table for the field."""
 
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-
-from analysis.estimation.intervals import NORMAL_95
-from analysis.files import write_file
+from analysis.files import write_file, write_keeping_previous
+from analysis.maneuvers.toml_file import to_toml
 from analysis.pipeline import Analysis
-from analysis.report import field, figures, page
+from analysis.report import field_table, page
+from analysis.report.report_figures import figures_by_name, run_fits
+from analysis.report.trajectory_csv import trajectory_csv
 from analysis.results.schema import to_csv, to_json
-from analysis.trajectory.equations import GUST_FILTER_STATES, STATES
-from analysis.trajectory.reconstruction import Trajectory
-
-POLAR_POINTS = 60
-PATH_COLUMNS = {name: f"{name}_mps" for name in STATES}
-PATH_COLUMNS |= {"phi": "roll_rad", "theta": "pitch_rad", "psi": "yaw_rad", "height": "height_m"}
 
 
 def write_report(analysis: Analysis, folder: Path) -> None:
     """Write report.html, results.json, power_required.csv, path.csv and field_table.md and .csv into `folder`.
 
-    Raises InputError when the folder cannot be written.
+    Everything is computed before the first file is written. Raises InputError when the folder cannot be written.
     """
     results = analysis.results
-    drawings = {
-        "power": figures.power_required(results),
-        "methods": figures.methods(results),
-        "timeline": figures.timeline(analysis.table, analysis.maneuvers.maneuvers, results.rejected),
-        "polar": _polar(analysis),
+    files: dict[str, str | bytes] = {
+        "results.json": to_json(results),
+        "power_required.csv": to_csv(results),
+        "path.csv": trajectory_csv(analysis.trajectory),
     }
-    if any(method.power_required for method in results.one_by_one):
-        drawings["one_by_one"] = figures.one_by_one(results)
-    if any(differences.notna().any(axis=None) for differences in analysis.consistency):
-        drawings["consistency"] = figures.consistency(analysis.consistency)
-    if results.interval_parts:
-        drawings["parts"] = figures.interval_parts(results)
     if results.use:
-        drawings["loadings"] = figures.loadings(results.use)
-        drawings["efficiency"] = figures.efficiency(results.use)
-    fits = [figures.fit(*fit) for fit in analysis.drag.main.fits]
-    html = page.render(results, drawings, fits)
-    write_file(folder / "results.json", to_json(results))
-    write_file(folder / "power_required.csv", to_csv(results))
-    write_file(folder / "path.csv", _path(analysis.trajectory))
-    if results.use:
-        write_file(folder / "field_table.md", field.to_markdown(results, results.use))
-        write_file(folder / "field_table.csv", field.to_csv(results, results.use))
-    write_file(folder / "report.html", html)
+        files["field_table.md"] = field_table.to_markdown(results, results.use)
+        files["field_table.csv"] = field_table.to_csv(results, results.use)
+    files["report.html"] = page.render(results, figures_by_name(analysis), run_fits(analysis))
+    for name, content in files.items():
+        write_file(folder / name, content)
 
 
-def _polar(analysis: Analysis):
-    CL = np.linspace(*analysis.drag.flown_CL, POLAR_POINTS)
-    powers = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
-    CD = powers @ analysis.drag.main.polar.A
-    half = NORMAL_95 * np.sqrt(np.einsum("ni,ij,nj->n", powers, analysis.drag.main.polar.covariance, powers))
-    return figures.polar(analysis.results, CL, CD, CD - half, CD + half)
+def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, given: Path | None) -> Path | None:
+    """Write runs.toml into `folder`; returns where other content that was there is kept, if there was any.
 
-
-def _path(trajectory: Trajectory) -> str:
-    """Every state of the flight path with its standard error, a line each 0.2 s."""
-    named = trajectory.states.drop(columns=[*GUST_FILTER_STATES]).rename(columns=PATH_COLUMNS)
-    errors = (
-        trajectory.states_error().drop(columns=[*GUST_FILTER_STATES]).rename(columns=PATH_COLUMNS).add_suffix("_error")
-    )
-    return str(pd.concat([named, errors], axis=1).to_csv(float_format="%.6g", lineterminator="\n"))
+    given: the list of runs that the analysis used. It is not overwritten, since it holds the user's remarks.
+    Raises InputError when the file cannot be written.
+    """
+    path = folder / "runs.toml"
+    if given is not None and path.exists() and path.samefile(given):
+        return None
+    return write_keeping_previous(path, to_toml(analysis.maneuvers, log_name))

@@ -12,11 +12,15 @@ from flight.messages import Message, Status
 
 
 class Sample(NamedTuple):
-    """A message, its topic, and the time of the measurement (monotonic [ns])."""
+    """A message, its topic, the time of the measurement (monotonic [ns]), and the tick in which its reading began.
+
+    tick: None for the current one; given when the answer came after the end of its tick.
+    """
 
     topic: str
     time_ns: int
     message: Message
+    tick: int | None = None
 
 
 class Sensor(Protocol):

@@ -84,7 +84,7 @@ class AutopilotDriver:
         elif kind == "RC_CHANNELS":
             self._sticks = sticks_us(received)
         elif kind == "ATTITUDE":
-            newest["/attitude"] = Attitude(roll_rad=received.roll, pitch_rad=received.pitch, yaw_rad=received.yaw)
+            newest["/attitude"] = attitude(received)
         elif kind == "BATTERY_STATUS" and received.id == 0:
             self._has_battery_status = True
             newest["/battery"] = battery(received)
@@ -135,6 +135,14 @@ def sticks_us(received: Any) -> list[int]:
     """Pulse widths of the receiver's channels; 0 for an unused channel."""
     pulses = [getattr(received, f"chan{i}_raw") for i in range(1, min(received.chancount, 18) + 1)]
     return [0 if pulse == UNUSED_CHANNEL else pulse for pulse in pulses]
+
+
+def attitude(received: Any) -> Attitude:
+    """The message for an attitude. NaN means "not estimated"."""
+    angles = (received.roll, received.pitch, received.yaw)
+    if not all(map(math.isfinite, angles)):
+        return Attitude(status=Status.NO_DATA)
+    return Attitude(roll_rad=received.roll, pitch_rad=received.pitch, yaw_rad=received.yaw)
 
 
 def motor_speed(rpm: float) -> Rpm:

@@ -1,6 +1,6 @@
 """Each driver against its fake over the physical range: decoded value within a count of what the simulator said.
 
-Both sides were written from the datasheets, not from one another. What is felt goes up in steps of some seconds, and is
+Both sides were written from the datasheets, not from one another. The input goes up in steps of some seconds, and is
 compared where it has settled: that leaves nothing but quantisation between the two.
 """
 
@@ -43,7 +43,7 @@ def staircase(levels, step_s=2.0):
 
 
 def run(make, sensor_truth, seconds, seed=3, **options):
-    """Samples of the driver that `make(tray)` gives, read at 25 Hz, as (seconds since the felt time's zero, sample)."""
+    """Samples of the driver that `make(tray)` gives, read at 25 Hz, as (time [s], sample)."""
     clock = SimulatedClock(start_ns=START_NS)
     tray = FakeTray(sensor_truth, clock, seed, **options)
     driver = make(tray)
@@ -101,9 +101,9 @@ def test_the_logged_delay_is_the_one_that_was_made(fifo):
         force_mps2=lambda t: np.outer(t, [1.0, 0.5, -1.0]), rate_radps=lambda t: np.outer(t, [0.1, -0.1, 0.2])
     )
     samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), fifo=fifo), sensor_truth, 10)
-    late_s = [t_s - m.group_delay_s - m.specific_force_x_mps2 for t_s, (_, _, m) in samples[5:]]
+    late_s = [t_s - m.group_delay_s - m.specific_force_x_mps2 for t_s, (_, _, m, *_) in samples[5:]]
     assert np.mean(np.abs(late_s)) < 5e-3 + 2.2e-3
-    late_s = [t_s - m.group_delay_s - m.angular_rate_x_radps / 0.1 for t_s, (_, _, m) in samples[5:]]
+    late_s = [t_s - m.group_delay_s - m.angular_rate_x_radps / 0.1 for t_s, (_, _, m, *_) in samples[5:]]
     assert np.mean(np.abs(late_s)) < 5e-3 + 2.2e-3
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from test_daemon import SteadyFelt, default_tray
+from test_daemon import SteadySensorTruth, default_tray
 
 from daq.arm_switch import ArmSwitch
 from daq.config import ArmSwitchConfig
@@ -48,7 +48,7 @@ def test_without_signal_it_stays_where_it_was():
     assert ArmSwitch(None).recording and ArmSwitch(ArmSwitchConfig(channel=2)).recording
 
 
-class SwitchedFelt(SteadyFelt):
+class SwitchedSensorTruth(SteadySensorTruth):
     """Channel 7 is up from 5 to 10 s and from 12 to 15 s."""
 
     def servo_pulses_us(self, t_s):
@@ -60,7 +60,7 @@ class SwitchedFelt(SteadyFelt):
 
 def flown(tmp_path: Path, action: str, seen_at: str = "receiver"):
     clock = SimulatedClock(unix_at_start_ns=10**18)
-    fake = FakeTray(SwitchedFelt(), clock)
+    fake = FakeTray(SwitchedSensorTruth(), clock)
     arm = {"[[sensors]]": f'[arm]\nchannel = 7\naction = "{action}"\nseen_at = "{seen_at}"\n[[sensors]]'}
     text = default_tray(tmp_path, fake).text
     from daq.config import parse_tray

@@ -24,7 +24,7 @@ EXAMPLE = Path(__file__).parents[2] / "daq" / "tray.example.toml"
 SECONDS = 20
 
 
-class SteadyFelt:
+class SteadySensorTruth:
     """Everything constant, nothing symmetric: a sign or an axis gone wrong shows."""
 
     duration_s = 1e9
@@ -88,7 +88,7 @@ def default_tray(tmp_path, fake, **replacements):
 
 def fly(tmp_path, seconds=SECONDS, **options):
     clock = SimulatedClock(start_ns=3_000_000_000, unix_at_start_ns=1_700_000_000_000_000_000)
-    fake = FakeTray(SteadyFelt(), clock)
+    fake = FakeTray(SteadySensorTruth(), clock)
     tray = default_tray(tmp_path, fake)
     return record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + seconds * 10**9, **options)
 
@@ -127,7 +127,7 @@ def test_every_topic_is_there_with_its_schema(flight):
 def test_what_the_parts_felt_is_what_the_log_says(flight):
     """To a count of each part, which is its resolution: quantisation is the only error in here."""
     _, log = flight
-    sensor_truth = SteadyFelt()
+    sensor_truth = SteadySensorTruth()
     imu, mag = good(log, "/imu")[-1], good(log, "/mag")[-1]
     for axis, force, rate, field in zip("xyz", sensor_truth.force, sensor_truth.rate, sensor_truth.field, strict=True):
         assert getattr(imu, f"specific_force_{axis}_mps2") == pytest.approx(force, abs=9.80665 / 4096)
@@ -193,7 +193,7 @@ def test_the_log_carries_all_that_the_analysis_needs(flight, tmp_path):
 def test_a_calibration_travels_and_a_broken_one_is_refused_before_anything_is_written(tmp_path, of):
     (tmp_path / f"{of}.json").write_text('{"kind": "mine"}')
     clock = SimulatedClock()
-    fake = FakeTray(SteadyFelt(), clock)
+    fake = FakeTray(SteadySensorTruth(), clock)
     tray = default_tray(tmp_path, fake, **{f"# {of}_calibration": f"{of}_calibration"})
     recording = record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 10**8)
     attached = read_log(recording.path).attachments
@@ -207,7 +207,7 @@ def test_a_calibration_travels_and_a_broken_one_is_refused_before_anything_is_wr
 
 def test_a_lost_supply_of_the_imu_is_recovered_from_within_two_seconds(tmp_path):
     clock = SimulatedClock()
-    fake = FakeTray(SteadyFelt(), clock)
+    fake = FakeTray(SteadySensorTruth(), clock)
     power = {5.0: fake.imu, 5.001: fake.magnetometer, 5.002: fake.baro}
 
     def progress(elapsed_s):
@@ -256,9 +256,8 @@ def daq(*arguments, **options):
 
 def test_the_daemon_stays_light():
     heavy = "numpy", "pandas", "scipy", "casadi", "plotly"
-    code = (
-        f"import sys, daq.__main__, daq.daemon, daq.bus, daq.summary; print([m for m in {heavy} if m in sys.modules])"
-    )
+    modules = "daq.__main__, daq.daemon, daq.bus, daq.log_summary"
+    code = f"import sys, {modules}; print([m for m in {heavy} if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 
 

@@ -24,7 +24,7 @@ def test_full_scale_is_4912_microtesla_and_the_axes_become_those_of_the_body():
     sensor = AK8963Driver(bus)
     bring_up(sensor)
     measured(bus, 32760, 100, -200)
-    ((topic, _, message),) = sensor.read(0)
+    ((topic, _, message, _),) = sensor.read(0)
     assert topic == "/mag" and message.status is Status.OK
     assert message.field_y_T == pytest.approx(4912e-6)
     assert message.field_x_T == pytest.approx(100 * 4912e-6 / 32760)

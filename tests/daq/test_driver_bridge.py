@@ -33,7 +33,7 @@ def frame(status: int, pressure: int, temperature: int) -> bytes:
 def read(part: str, reply: bytes, decode_part=ms45xxdo.decode_part, **options) -> DifferentialPressure:
     address, transfer = decode_part(part)
     sensor = BridgeTransducerDriver(BareBus(reply), address, transfer, topic="/probe/alpha", **options)
-    ((topic, _, message),) = sensor.read(0)
+    ((topic, _, message, *_),) = sensor.read(0)
     assert topic == "/probe/alpha"
     return message
 

@@ -126,7 +126,7 @@ def statuses(sensor: EscCounterDriver, ticks: int) -> list[Status]:
 def test_silence_is_no_data_and_not_zero():
     _, sensor = counter()
     assert statuses(sensor, 13) == [Status.NO_DATA] * 0
-    ((_, _, message),) = sensor.read(13 * TICK_NS)
+    ((_, _, message, *_),) = sensor.read(13 * TICK_NS)
     assert message.status is Status.NO_DATA and message.motor_speed_revps is None
 
 
@@ -139,7 +139,7 @@ def test_noise_is_corrupt_and_not_silence():
 def test_a_standing_motor_is_zero_only_when_the_counter_says_so():
     port, sensor = counter(framed=True)
     port.incoming = [framed(0, 0, flags=1)]
-    ((_, _, message),) = sensor.read(0)
+    ((_, _, message, *_),) = sensor.read(0)
     assert (message.status, message.motor_speed_revps) == (Status.OK, 0.0)
     assert sensor.read(25 * TICK_NS) == []  # the next such frame is due every half second
     assert sensor.read(40 * TICK_NS)[0].message.status is Status.NO_DATA
@@ -148,6 +148,6 @@ def test_a_standing_motor_is_zero_only_when_the_counter_says_so():
 def test_the_latest_of_several_frames_counts():
     port, sensor = counter(framed=True)
     port.incoming = [framed(0, 10714) + framed(1, 10000)]
-    ((topic, time_ns, message),) = sensor.read(77)
+    ((topic, time_ns, message, *_),) = sensor.read(77)
     assert (topic, time_ns, message.period_us) == ("/rpm", 77, 10000)
     assert message.motor_speed_revps == pytest.approx(142.857, abs=0.001)

@@ -51,7 +51,7 @@ def test_stick_positions_from_files(tmp_path):
         (tmp_path / f"ch{channel}").write_text(f"{pulse}\n")
     port = LinuxBuses().port(f"rcio:{tmp_path}", 0)
     sensor = Navio2Driver(port, aircraft=load_aircraft("nexstar"))
-    ((topic, _, first),) = sensor.read(0)
+    ((topic, _, first, *_),) = sensor.read(0)
     assert topic == "/controls" and first.pulse_us[:4] == [1500, 1750, 1400, 1500]  # ch10 stands after ch9, not ch1
     assert first.elevator_rad == pytest.approx(0.1885, abs=1e-4)  # 10.8 deg
     (tmp_path / "ch1").write_text("1500\n")

@@ -1,7 +1,7 @@
 """Each kind of fault: no tick is lost, and no reading of any other sensor. All: `benchmarks/daemon.py faults`."""
 
 import pytest
-from test_daemon import SteadyFelt, default_tray
+from test_daemon import SteadySensorTruth, default_tray
 
 from daq.daemon import record
 from flight.log_reader import read_log
@@ -32,7 +32,7 @@ SECONDS, SETTLED_S = 8, 2.5
 def test_it_costs_its_own_sensor_only(tmp_path, kind, device):
     clock = SimulatedClock(start_ns=3_000_000_000)
     fault = Fault(kind=kind, device=device, start_s=4.0, duration_s=2.0, rate=0.05)
-    fake = FakeTray(SteadyFelt(), clock, 2, faults=[fault])
+    fake = FakeTray(SteadySensorTruth(), clock, 2, faults=[fault])
     recording = record(default_tray(tmp_path, fake), buses=fake, clock=clock, until_ns=clock.now_ns() + SECONDS * 10**9)
     log = read_log(recording.path)
     ticks = log.entries["/daq/tick"]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from test_daemon import SteadyFelt, default_tray
+from test_daemon import SteadySensorTruth, default_tray
 
 from daq import recorder
 from daq.config import parse_tray
@@ -44,7 +44,7 @@ def split_tray(tmp_path: Path, fake, minutes: float):
 def flown(tmp_path: Path, *, minutes: float = 60, seconds: int = 30, jump_s: dict[int, int] | None = None):
     """Logs of a flight; jump_s: by how much the system's clock is set forward at which second."""
     clock = SimulatedClock(start_ns=7 * SECOND_NS, unix_at_start_ns=10**18)
-    fake = FakeTray(SteadyFelt(), clock)
+    fake = FakeTray(SteadySensorTruth(), clock)
     jumps = dict(jump_s or {})
 
     def progress(elapsed_s):
@@ -295,7 +295,7 @@ def test_when_the_card_is_full_at_power_on_it_says_so_and_waits_for_room(tmp_pat
 
 def test_the_status_line_says_how_it_goes(tmp_path):
     clock = SimulatedClock(unix_at_start_ns=10**18)
-    fake = FakeTray(SteadyFelt(), clock)
+    fake = FakeTray(SteadySensorTruth(), clock)
     lines = []
     record(
         default_tray(tmp_path, fake), buses=fake, clock=clock, until_ns=clock.now_ns() + 6 * SECOND_NS,

@@ -164,10 +164,12 @@ def run(clock, supervisors, ticks, act=lambda number: None):
 class WorkerWithDeadline:
     """Reads nothing; keeps the deadlines that it was given."""
 
+    slow = ""
+
     def __init__(self):
         self.deadlines_ns = []
 
-    def start_reading(self):
+    def start_reading(self, tick):
         pass
 
     def collect(self, deadline_ns):

@@ -61,10 +61,45 @@ def test_the_unit_is_verified(tmp_path):
 def test_the_sandbox_opens_exactly_the_trays_devices():
     lines = unit_drop_in(example()).splitlines()
     allowed = [line.removeprefix("DeviceAllow=") for line in lines if line.startswith("DeviceAllow=")]
-    assert allowed == ["", "/dev/i2c-1 rw", "/dev/ttyAMA0 rw", "char-ttyUSB rw"]
+    assert allowed == ["", "/dev/char/204:64 rw", "/dev/char/89:1 rw", "char-ttyUSB rw"]
     assert not any("Network" in line or "Address" in line for line in lines)
     in_unit = [line for line in UNIT.read_text().splitlines() if line.startswith("DeviceAllow=")]
-    assert in_unit == [f"DeviceAllow={device}" for device in allowed[1:]]
+    assert sorted(in_unit) == [f"DeviceAllow={device}" for device in allowed[1:]]
+
+
+@pytest.mark.parametrize(
+    ("device", "permitted"),
+    [
+        ("/dev/i2c-3", ["/dev/char/89:3"]),
+        ("/dev/ttyAMA2", ["/dev/char/204:66"]),
+        ("/dev/ttyS0", ["/dev/char/4:64"]),
+        ("/dev/serial0", ["char-ttyAMA", "char-ttyS"]),
+        ("/dev/ttyACM1", ["char-ttyACM"]),
+        ("/dev/flightpower/A50285BI", ["char-ttyACM", "char-ttyUSB"]),
+    ],
+)
+def test_no_device_has_to_exist_when_the_service_starts(device, permitted):
+    """systemd looks up the number of a path once, and ignores one that is not there; a number or a class remains."""
+    kind = 'ms5611"\nbus' if "i2c" in device else 'ublox"\nport'
+    lines = unit_drop_in(tray(f'[[sensors]]\ndriver="{kind}="{device}"\n')).splitlines()
+    assert [line for line in lines if line.startswith("DeviceAllow=")][1:] == [f"DeviceAllow={p} rw" for p in permitted]
+
+
+def test_the_numbers_are_those_of_this_kernel():
+    """Where such devices are here."""
+    from daq.systemd_unit import NUMBERS
+
+    for path in Path("/dev").iterdir():
+        for pattern, (major, first_minor) in NUMBERS.items():
+            if path.is_char_device() and (found := re.fullmatch(pattern, str(path))):
+                number = path.stat().st_rdev
+                assert (os.major(number), os.minor(number)) == (major, first_minor + int(found[1]))
+
+
+def test_the_drivers_of_the_permitted_classes_are_loaded_before_the_service():
+    unit = UNIT.read_text()
+    for module in ("i2c_dev", "usbserial", "cdc_acm"):
+        assert unit.count(f"modprobe@{module}.service") == 2
 
 
 def test_telemetry_over_udp_reaches_its_host_and_no_other():
@@ -108,7 +143,7 @@ def test_install_and_uninstall_can_be_run_twice_and_keep_what_is_the_users(tmp_p
     log.write_bytes(b"a day's work")
     script("install.sh", root)
     assert "/dev/i2c-7" in mine.read_text()
-    assert b"DeviceAllow=/dev/i2c-7 rw" in tree(root)["etc/systemd/system/flightpower-daq.service.d/tray.conf"]
+    assert b"DeviceAllow=/dev/char/89:7 rw" in tree(root)["etc/systemd/system/flightpower-daq.service.d/tray.conf"]
 
     for _ in range(2):
         script("uninstall.sh", root)

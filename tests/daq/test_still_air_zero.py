@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from test_daemon import SteadyFelt, default_tray
+from test_daemon import SteadySensorTruth, default_tray
 
 from daq.daemon import record
 from daq.dry_run import dry_run
@@ -22,7 +22,7 @@ NORMAL = np.random.default_rng(5).normal(size=2**16)
 BIAS_RADPS = (0.01, -0.02, 0.005)
 
 
-class StandingFelt(SteadyFelt):
+class StandingSensorTruth(SteadySensorTruth):
     """At rest, with the noise of the bench (dissertation, Table 4.1) and a zero that is off. `extra` is added."""
 
     rate = BIAS_RADPS
@@ -62,7 +62,7 @@ def taken(tmp_path, sensor_truth, **changes):
 
 
 def test_a_zero_taken_in_still_air_is_what_the_parts_are_off(tmp_path):
-    zero = taken(tmp_path, StandingFelt())
+    zero = taken(tmp_path, StandingSensorTruth())
     for which, offset_Pa in OFFSET_PA.items():
         reading = zero.readings[f"/probe/{which}"]["differential_pressure_Pa"]
         # To half a count of the coarsest part, 0.19 Pa, and four standard errors of its mean.
@@ -78,14 +78,17 @@ def test_a_zero_taken_in_still_air_is_what_the_parts_are_off(tmp_path):
 @pytest.mark.parametrize(
     ("sensor_truth", "said"),
     [
-        (StandingFelt(rate=lambda t: 0.1 * np.sin(2 * np.pi * 1.5 * t)), "/imu angular_rate_y_radps is not steady"),
-        (StandingFelt(rate=lambda t: 0.15 + 0 * t), "limit 0.09"),
-        (StandingFelt(rate=lambda t: 0.003 * t), "/imu angular_rate_y_radps drifts"),
-        (StandingFelt(pressure=lambda t: 20 * np.sin(2 * np.pi * 0.3 * t)), "/probe/airspeed differential"),
-        (StandingFelt(pressure=lambda t: 0.7 * t), "drifts"),
-        (StandingFelt(pressure=lambda t: 100 + 0 * t), "cover the probe"),
-        (StandingFelt(pressure=lambda t: -100 + 0 * t), "cover the probe"),
-        (StandingFelt(motor=100.0), "the motor is running"),
+        (
+            StandingSensorTruth(rate=lambda t: 0.1 * np.sin(2 * np.pi * 1.5 * t)),
+            "/imu angular_rate_y_radps is not steady",
+        ),
+        (StandingSensorTruth(rate=lambda t: 0.15 + 0 * t), "limit 0.09"),
+        (StandingSensorTruth(rate=lambda t: 0.003 * t), "/imu angular_rate_y_radps drifts"),
+        (StandingSensorTruth(pressure=lambda t: 20 * np.sin(2 * np.pi * 0.3 * t)), "/probe/airspeed differential"),
+        (StandingSensorTruth(pressure=lambda t: 0.7 * t), "drifts"),
+        (StandingSensorTruth(pressure=lambda t: 100 + 0 * t), "cover the probe"),
+        (StandingSensorTruth(pressure=lambda t: -100 + 0 * t), "cover the probe"),
+        (StandingSensorTruth(motor=100.0), "the motor is running"),
     ],
     ids=[
         "hand on the wing",
@@ -106,13 +109,13 @@ def test_what_was_not_still_is_refused_with_what_to_do(tmp_path, sensor_truth, s
 
 def test_a_dead_transducer_is_no_zero(tmp_path):
     with pytest.raises(NotStill, match="/probe/beta gave 0 measurements"):
-        taken(tmp_path, StandingFelt(), **{"MS4515DO-DS5AK002DP": "MS4515DO-DS5A0002DP"})
+        taken(tmp_path, StandingSensorTruth(), **{"MS4515DO-DS5AK002DP": "MS4515DO-DS5A0002DP"})
 
 
 def test_it_travels_in_every_log_and_the_readings_stay_raw(tmp_path):
-    save_zero(taken(tmp_path, StandingFelt()), tmp_path / "zero.json")
+    save_zero(taken(tmp_path, StandingSensorTruth()), tmp_path / "zero.json")
     clock = SimulatedClock(unix_at_start_ns=10**18)
-    fake = FakeTray(StandingFelt(), clock)
+    fake = FakeTray(StandingSensorTruth(), clock)
     recording = record(default_tray(tmp_path, fake), buses=fake, clock=clock, until_ns=clock.now_ns() + 4 * 10**9)
     log = read_log(recording.path)
     zero = parse_zero(log.attachments["zero.json"].decode(), "zero.json")
@@ -126,14 +129,14 @@ def test_a_broken_zero_is_refused_before_anything_is_written(tmp_path):
     for text in ("{", json.dumps({**good, "format": "flightpower-zero-9"}), "[]"):
         (tmp_path / "zero.json").write_text(text)
         clock = SimulatedClock()
-        fake = FakeTray(SteadyFelt(), clock)
+        fake = FakeTray(SteadySensorTruth(), clock)
         with pytest.raises(InputError, match=r"zero\.json"):
             record(default_tray(tmp_path, fake), buses=fake, clock=clock, until_ns=10**9)
     assert not (tmp_path / "logs").exists()
 
 
 def save_and_read(tmp_path) -> str:
-    save_zero(taken(tmp_path, StandingFelt()), tmp_path / "zero.json")
+    save_zero(taken(tmp_path, StandingSensorTruth()), tmp_path / "zero.json")
     assert [path.name for path in tmp_path.glob("zero*")] == ["zero.json"]
     return (tmp_path / "zero.json").read_text()
 

@@ -1,31 +1,85 @@
 """`daq check`: a good tray is fit, and every red line says what to do."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_parts import HandClock
-from test_daemon import EXAMPLE, NoBuses, SteadyFelt, default_tray
+from test_daemon import EXAMPLE, NoBuses, SteadySensorTruth, default_tray
 
 from daq import tray_check
 from daq.bus import IN_USE
 from daq.config import parse_tray
 from daq.part_identity import autopilot_version, identify
 from daq.sensors.autopilot import is_autopilot
-from flight.messages import TYPE_OF_TOPIC, Gps, Imu, Status
+from flight.messages import TYPE_OF_TOPIC, Attitude, Gps, Imu, Status
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.faults import Fault
 from hw_fakes.tray import FakeTray
 
 
+class AtRest(SteadySensorTruth):
+    """On the ground, probe covered."""
+
+    rate = (0.0, 0.0, 0.0)
+    pressure = {"baro": 98_600.0, "static": 98_500.0}  # noqa: RUF012
+    difference = {"alpha": 4.0, "beta": -3.0, "airspeed": 10.0}  # noqa: RUF012
+
+
+def checked(tmp_path, sensor_truth, **options):
+    clock = SimulatedClock()
+    fake = FakeTray(sensor_truth, clock)
+    return tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock, seconds=1, **options)
+
+
+def at_rest(**values):
+    return type("Felt", (AtRest,), values)()
+
+
+@pytest.mark.parametrize(
+    ("sensor_truth", "topic", "said"),
+    [
+        (at_rest(force=(0.0, 0.0, 9.8)), "/imu", "must be about (0, 0, -1) g, but is (0.0, 0.0, 1.0) g"),
+        (at_rest(force=(9.8, 0.0, 0.0)), "/imu", "correct `axes`"),
+        (at_rest(force=(0.0, 0.0, -5.0)), "/imu", "0.51 g at rest"),
+        (at_rest(difference={"alpha": 4.0, "beta": -80.0, "airspeed": 10.0}), "/probe/beta", "-80 Pa at rest"),
+    ],
+)
+def test_readings_that_cannot_be_those_of_an_aircraft_at_rest_are_not_fit(tmp_path, sensor_truth, topic, said):
+    report = checked(tmp_path, sensor_truth)
+    assert [line.topic for line in report.lines if line.ok is False] == [topic] and not report.fit
+    assert said in next(line.advice for line in report.lines if line.topic == topic)
+
+
+@pytest.mark.parametrize(("baro_Pa", "ok"), [(98_500.0 + 450, True), (98_500.0 - 550, False), (98_500.0 + 550, False)])
+def test_barometers_that_disagree_are_not_fit(tmp_path, baro_Pa, ok):
+    report = checked(tmp_path, at_rest(pressure={"baro": baro_Pa, "static": 98_500.0}))
+    fact = next(fact for fact in report.facts if "hPa from /static" in fact.text)
+    assert fact.ok is ok and ("blocked static line" in fact.text) is not ok
+
+
+def test_an_attitude_that_is_no_number_is_not_ok(tmp_path):
+    class Lost(AtRest):
+        def autopilot_attitude_rad(self, t_s):
+            return self._rows(t_s, math.nan, -0.05, 2.0)
+
+    line = next(line for line in checked(tmp_path, Lost()).lines if line.topic == "/attitude")
+    assert line.ok is False and "no_data" in line.trouble
+    messages = [Attitude(roll_rad=0.1, pitch_rad=math.inf)] * 10
+    line = tray_check.check_topic("/attitude", messages, 1.0)
+    assert line.ok is False and line.trouble == "not a number 10" and line.advice == tray_check.NOT_FINITE
+
+
 def test_a_tray_that_works_is_fit_to_fly(tmp_path):
     clock = SimulatedClock()
-    fake = FakeTray(SteadyFelt(), clock)
+    fake = FakeTray(AtRest(), clock)
     report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock)
     assert all(line.ok for line in report.lines), report.lines
     values = {line.topic: line.values for line in report.lines}
-    assert values["/probe/airspeed"] == ["309.94 ± 0 Pa"]  # 310 Pa to a count, 0.19 Pa
+    shown, _, unit = values["/probe/airspeed"][0].partition(" ± 0 ")
+    assert float(shown) == pytest.approx(10, abs=0.19) and unit == "Pa"  # to a count
     assert report.fit == (report.free_s >= tray_check.MINIMUM_FREE_S)
     machine = json.loads(tray_check.as_json(report))
     assert machine["missed"] == 0 and machine["fit"] == report.fit
@@ -34,7 +88,7 @@ def test_a_tray_that_works_is_fit_to_fly(tmp_path):
 
 def test_every_part_says_who_it_is_and_where(tmp_path):
     clock = SimulatedClock()
-    fake = FakeTray(SteadyFelt(), clock)
+    fake = FakeTray(AtRest(), clock)
     report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock, seconds=2)
     identity = {line.topic: line.identity for line in report.lines}
     assert identity["/imu"] == "MPU-9250, 0x68 on /dev/i2c-1"
@@ -59,7 +113,7 @@ def test_every_part_says_who_it_is_and_where(tmp_path):
 def asked(driver: str, port, extra="", **options):
     """The identity of one part on a line, by itself."""
     clock = SimulatedClock()
-    fake = FakeTray(SteadyFelt(), clock, **options)
+    fake = FakeTray(SteadySensorTruth(), clock, **options)
     clock.advance_ns(2 * 10**9)
     table = parse_tray(f'[[sensors]]\ndriver="{driver}"\n{port}\n{extra}', "tray.toml", Path()).sensors[0]
     return identify(table, fake, clock)
@@ -97,7 +151,7 @@ def test_an_autopilot_is_not_taken_for_the_ground_station_it_passes_on():
 def test_bus_errors_are_counted_and_a_glitch_is_no_reason_to_stay_on_the_ground(tmp_path):
     clock = SimulatedClock()
     fault = Fault(kind="no_acknowledge", device="alpha", start_s=4.0, duration_s=0.05)
-    fake = FakeTray(SteadyFelt(), clock, faults=[fault])
+    fake = FakeTray(AtRest(), clock, faults=[fault])
     report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock)
     alpha = next(line for line in report.lines if line.topic == "/probe/alpha")
     assert alpha.bus_errors in (1, 2) and alpha.ok and "no_reply" in alpha.trouble
@@ -108,7 +162,7 @@ def test_bus_errors_are_counted_and_a_glitch_is_no_reason_to_stay_on_the_ground(
 def test_a_card_without_room_is_not_fit(tmp_path, monkeypatch, free, said):
     monkeypatch.setattr(tray_check, "free_bytes", lambda _: free)
     clock = SimulatedClock()
-    fake = FakeTray(SteadyFelt(), clock)
+    fake = FakeTray(AtRest(), clock)
     report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock, seconds=1)
     assert any(said in fact.text for fact in report.facts)
     assert report.fit is (free > 10**9)
@@ -129,13 +183,13 @@ def test_every_status_that_is_not_a_measurement_has_advice():
         assert line.advice or status in tray_check.GOOD_STATUSES
 
 
-STOP_SERVICE = tray_check.STOP_SERVICE
+STOP_PROGRAM = tray_check.STOP_PROGRAM
 
 
 def test_a_line_that_is_in_use_is_not_a_matter_of_wiring():
     message = Gps(status=Status.NO_REPLY)
-    assert tray_check.check_topic("/gps", [message] * 10, 1.0, f"ublox, /dev/ttyAMA0: {IN_USE}").advice == STOP_SERVICE
-    assert tray_check.check_topic("/gps", [message] * 10, 1.0, "ublox, /dev/ttyAMA0").advice != STOP_SERVICE
+    assert tray_check.check_topic("/gps", [message] * 10, 1.0, f"ublox, /dev/ttyAMA0: {IN_USE}").advice == STOP_PROGRAM
+    assert tray_check.check_topic("/gps", [message] * 10, 1.0, "ublox, /dev/ttyAMA0").advice != STOP_PROGRAM
 
 
 @pytest.mark.parametrize(("topic", "said"), [("/gps", tray_check.NO_FIX), ("/rpm", tray_check.MOTOR_STOPPED)])

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from analysis.drag.polar import Condition, Polar, minimum_power_lift
-from analysis.report import figures, page
-from analysis.results import curves as summary
+from analysis.report import page
+from analysis.report.answers import headline_answers, optimum_speed_text
+from analysis.report.figures.methods import every_method
+from analysis.report.figures.power import interval_parts, power_required
+from analysis.report.method_list import listed_methods
+from analysis.results.curves import optimum
 from analysis.results.schema import (
     AircraftResult,
     ConditionResult,
@@ -84,18 +88,18 @@ def drawn(figure) -> Drawn:
 
 
 def test_without_battery_answers_the_aerodynamic_speeds_are_the_answers(results: Results) -> None:
-    (slow, slow_answer, _), (far, far_answer, _) = page.answers_in_words(results)
+    (slow, slow_answer, _), (far, far_answer, _) = headline_answers(results)
     assert slow == "Longest endurance" and slow_answer == "not found: the curve has no such point"
     assert far == "Longest range" and far_answer == "13.1 m/s (12.8 to 13.4)"
 
 
 def test_the_page_says_all_of_it_and_escapes_what_users_wrote(results: Results) -> None:
     pictures = {
-        "power": figures.power_required(results),
-        "methods": figures.methods(results),
-        "timeline": figures.interval_parts(results),
-        "polar": figures.interval_parts(results),
-        "parts": figures.interval_parts(results),
+        "power": power_required(results),
+        "methods": every_method(results),
+        "timeline": interval_parts(results),
+        "polar": interval_parts(results),
+        "parts": interval_parts(results),
     }
     text = page.render(results, pictures, [])
     for said in (
@@ -107,12 +111,12 @@ def test_the_page_says_all_of_it_and_escapes_what_users_wrote(results: Results) 
     ):
         assert said in text, said
     assert "no curve" in text, "the method that failed is in the table"
-    assert "80 % of its square is what all runs share" in text  # 2^2 / (2^2 + 1^2)
+    assert "80 % of its square is the part that all runs share" in text  # 2^2 / (2^2 + 1^2)
 
 
 def test_a_curve_is_dashed_where_it_is_flagged_and_solid_elsewhere(results: Results) -> None:
-    assert drawn(figures.power_required(results)).dashes >= {"solid", "9px,6px"}
-    assert drawn(figures.methods(results)).names[-1] == "Dynamic, two steps", "the leading one lies on top"
+    assert drawn(power_required(results)).dashes >= {"solid", "9px,6px"}
+    assert drawn(every_method(results)).names[-1] == "Dynamic, two steps", "the leading one lies on top"
 
 
 def test_the_table_of_the_curve_carries_the_flag(results: Results) -> None:
@@ -126,16 +130,16 @@ def test_a_flight_of_steady_points_alone_shows_their_methods_alone(results: Resu
     from msgspec.structs import replace
 
     steady = replace(results, runs=[replace(results.runs[0], kind="steady")], cross_check=[])
-    assert [method.name for method in figures.methods_of(steady)] == ["piw-viw", "w-delta"]
+    assert [method.name for method in listed_methods(steady)] == ["piw-viw", "w-delta"]
     polar = steady.drag_polar
     leads = replace(steady.methods[1], drag_polar=[polar.A0, polar.A1, polar.A2])
-    assert figures.methods_of(replace(steady, methods=[steady.methods[0], leads]))[0].name == "w-delta"
+    assert listed_methods(replace(steady, methods=[steady.methods[0], leads]))[0].name == "w-delta"
 
 
 def test_a_speed_whose_interval_has_no_lower_end_says_so() -> None:
     """A curve may have its minimum anywhere below: no speed of 0 m/s is claimed."""
     polar = Polar(np.array([0.03, 0.0, 0.004]), np.diag([0.004, 0.01, 0.004]) ** 2)
     at = Condition(37.7, 1.2, 0.46)
-    special = summary.optimum(minimum_power_lift, polar, at, (0.2, 10.0))
-    assert special.lo_mps is None and special.speed_mps and special.hi_mps
-    assert page.special_in_words(special) == f"{special.speed_mps:.1f} m/s (up to {special.hi_mps:.1f})"
+    lowest = optimum(minimum_power_lift, polar, at, (0.2, 10.0))
+    assert lowest.lo_mps is None and lowest.speed_mps and lowest.hi_mps
+    assert optimum_speed_text(lowest) == f"{lowest.speed_mps:.1f} m/s (up to {lowest.hi_mps:.1f})"

@@ -1,4 +1,4 @@
-"""The small table to carry to the field, as Markdown and as CSV; the page shows the same."""
+"""The small table for the field, as Markdown and as CSV; the page shows the same rows."""
 
 import csv
 import io
@@ -9,10 +9,11 @@ from flight.units import GRAVITY_MPS2
 
 SPEEDS = ("speed, m/s", "power required, W", "from the battery, W", "endurance, min", "range, km", "climb, m/s")
 LOADINGS = ("", "mass, kg", "endurance, min", "at m/s", "range, km", "at m/s", "top speed, m/s", "climb, m/s")
-MARK = " *"  # of an extrapolated line
+MARK = " *"  # of an extrapolated row
 
 
 def speed_rows(use: PerformanceResult) -> list[list[str]]:
+    """Rows under SPEEDS, at the weight and air density of the flight."""
     return [
         [
             f"{row.speed_mps:.0f}{MARK if row.extrapolated else ''}",
@@ -27,37 +28,39 @@ def speed_rows(use: PerformanceResult) -> list[list[str]]:
 
 
 def loading_rows(use: PerformanceResult) -> list[list[str]]:
+    """Rows under LOADINGS, one for each weight and air density."""
     return [
         [
             f"{case.title}{MARK if case.extrapolated else ''}",
             f"{case.weight_N / GRAVITY_MPS2:.2f}",
             f"{case.endurance_s.value / 60:.0f}",
-            _best(case.endurance_speed_mps, case.endurance_at_slowest, case.endurance_at_fastest),
+            _best_speed(case.endurance_speed_mps, case.endurance_at_slowest, case.endurance_at_fastest),
             f"{case.range_m.value / 1000:.1f}",
-            _best(case.range_speed_mps, case.range_at_slowest, case.range_at_fastest),
-            _of(case.maximum_speed_mps),
-            _of(case.best_climb_mps),
+            _best_speed(case.range_speed_mps, case.range_at_slowest, case.range_at_fastest),
+            _value_or_dash(case.maximum_speed_mps),
+            _value_or_dash(case.best_climb_mps),
         ]
         for case in use.loadings
     ]
 
 
-def _best(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
-    """ "11.6"; "≤ 11.6" or "≥ 24.0" where the best lies at an end of the speeds flown."""
-    sign = "≤\u00a0" if at_slowest else "≥\u00a0" if at_fastest else ""  # not to be broken in two lines
+def _best_speed(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
+    """ "11.6"; "≤ 11.6" or "≥ 24.0" where the best speed is an end of the speeds flown."""
+    sign = "≤\u00a0" if at_slowest else "≥\u00a0" if at_fastest else ""  # the line must not break here
     return f"{sign}{speed.value:.1f}"
 
 
-def starred(use: PerformanceResult) -> bool:
-    """Whether any line bears MARK."""
+def has_extrapolation(use: PerformanceResult) -> bool:
+    """Whether any row bears MARK."""
     return any(row.extrapolated for row in use.field_table) or any(case.extrapolated for case in use.loadings)
 
 
-def _of(interval: Interval | None) -> str:
+def _value_or_dash(interval: Interval | None) -> str:
     return "–" if interval is None else f"{interval.value:.1f}"
 
 
 def heading(results: Results, use: PerformanceResult) -> str:
+    """Aircraft, weight, air density, propeller and battery that the table holds for."""
     return (
         f"{results.aircraft.title}, {results.test.weight_N / GRAVITY_MPS2:.2f} kg,"
         f" air {results.test.air_density_kgpm3:.3f} kg/m³, propeller {results.aircraft.propeller},"
@@ -66,14 +69,15 @@ def heading(results: Results, use: PerformanceResult) -> str:
 
 
 def assumption(use: PerformanceResult) -> str:
-    """What a reader of the table has to know of its battery column."""
+    """What the battery column assumes; "" where the power train was measured."""
     return "" if use.power_train.measured else use.power_train.basis
 
 
 def to_markdown(results: Results, use: PerformanceResult) -> str:
+    """Both tables with heading and notes."""
     parts = [f"# {heading(results, use)}", _markdown(SPEEDS, speed_rows(use)), _markdown(LOADINGS, loading_rows(use))]
-    if starred(use):
-        parts.append("\\* outside the propeller's table: an extrapolation.")
+    if has_extrapolation(use):
+        parts.append("\\* outside the propeller table: an extrapolation.")
     parts += use.too_much
     parts.append(
         "Level flight in still air, true airspeed. Climb and top speed at full throttle. ≤: or slower, ≥: or faster."
@@ -89,7 +93,7 @@ def _markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def to_csv(results: Results, use: PerformanceResult) -> str:
-    """One line a speed, at the flight's weight and density; units in the header."""
+    """One line for each speed, at the weight and air density of the flight; units in the header."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     names = ("speed_mps", "power_required_W", "battery_W", "endurance_s", "range_m", "climb_mps")

@@ -1,0 +1,45 @@
+"""What each parameter of the tables means, in words."""
+
+MEANING = {
+    "A0": "drag polar, constant term",
+    "A1": "drag polar, linear term",
+    "A2": "drag polar, quadratic term",
+    "thrust_scale": "thrust over that of the propeller table, less 1, at the reference advance ratio J = 0.5",
+    "thrust_slope": "change of this for each 1 of J",
+    "p_bias": "bias of the roll gyro",
+    "q_bias": "bias of the pitch gyro",
+    "r_bias": "bias of the yaw gyro",
+    "ax_bias": "bias of the accelerometer, forward",
+    "ay_bias": "bias of the accelerometer, right",
+    "az_bias": "bias of the accelerometer, down",
+    "alpha_bias": "offset of angle of attack",
+    "alpha_scale": "relative error of the slope of angle of attack",
+    "beta_bias": "offset of sideslip",
+    "V_scale": "relative error of airspeed",
+    "air_data_lag": "lag of the probe, s",
+    "gps_latency": "latency of GPS",
+    "heading_bias": "offset of the compass, declination included",
+    "shaft_scale": "shaft power over that of the propeller table",
+    "friction": "friction loss of the motor for each rev/s",
+    "copper": "resistive loss of the motor for each (N m)² of torque",
+    "meter_scale": "relative error of the battery meter",
+}
+SHORT_NAME = {
+    "alpha_bias": "offset of angle of attack",
+    "alpha_scale": "slope of angle of attack",
+    "pitch": "pitch attitude",
+    "airspeed_scale": "airspeed",
+    "lag": "air-data lag",
+    "thrust_scale": "thrust of the table",
+    "thrust_slope": "its change with J",
+}
+
+
+def meaning(parameter: str) -> str:
+    """The meaning of a parameter; of one that has none here, its name in words."""
+    return MEANING.get(parameter, parameter.replace("_", " "))
+
+
+def short_name(error: str) -> str:
+    """What a method takes as measured, in two or three words."""
+    return SHORT_NAME.get(error, error.replace("_", " "))

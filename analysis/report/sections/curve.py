@@ -1,0 +1,87 @@
+"""The power-required curve in numbers, the drag polar, and the parts of the interval."""
+
+from typing import NamedTuple
+
+from analysis.report.answers import optimum_speed_text
+from analysis.report.html_page import HtmlTable
+from analysis.report.parameter_meaning import meaning
+from analysis.report.sections.summary import FEET_PER_SECOND
+from analysis.results.schema import Results
+from flight.atmosphere import FOOT_POUND_PER_SECOND_W
+
+CURVE_ROWS = 12
+
+
+class CurveSection(NamedTuple):
+    least_power: str
+    least_drag: str
+    zero_lift_drag: str
+    oswald_efficiency: str
+    lift_to_drag: str
+    data: str
+    table: HtmlTable
+    shared_part: str  # at which speed how much of the interval all runs share; "" where it is not known
+    parameters: HtmlTable
+
+
+def curve_section(results: Results) -> CurveSection:
+    polar, best = results.drag_polar, results.drag_polar.maximum_lift_to_drag
+    return CurveSection(
+        least_power=optimum_speed_text(results.minimum_power_speed),
+        least_drag=optimum_speed_text(results.best_range_speed) + _best_range_on_battery(results),
+        zero_lift_drag=f"{polar.CD0:.4f}",
+        oswald_efficiency=f"{polar.oswald_efficiency:.2f}",
+        lift_to_drag="–" if best is None else f"{best:.1f}",
+        data=f"{_run_count(results)}; estimation {results.verdict}",
+        table=_curve_table(results),
+        shared_part=_shared_part(results),
+        parameters=HtmlTable(
+            ("parameter", "meaning", "estimate", "standard error", "unit"),
+            [
+                (p.name, meaning(p.name), f"{p.value:.5g}", f"{p.standard_error:.2g}", p.unit)
+                for p in results.parameters
+            ],
+        ),
+    )
+
+
+def _best_range_on_battery(results: Results) -> str:
+    """The speed of longest range on the battery, where it is not that of least drag, and why."""
+    least_drag = results.best_range_speed.speed_mps
+    if results.use is None or least_drag is None:
+        return ""
+    best = results.use.loadings[0].range_speed_mps.value
+    if abs(best - least_drag) < 0.2:
+        return ""
+    return f"; longest range on the battery at {best:.1f} m/s, where propeller and motor are more efficient"
+
+
+def _run_count(results: Results) -> str:
+    kinds = [run.kind for run in results.runs]
+    counts = ((kinds.count(kind), kind) for kind in ("acceleration", "deceleration"))
+    return " and ".join(f"{n} {kind}{'' if n == 1 else 's'}" for n, kind in counts)
+
+
+def _curve_table(results: Results) -> HtmlTable:
+    return HtmlTable(
+        ("speed, m/s", "ft/s", "power, W", "95 % interval, W", "ft lbf/s"),
+        [
+            (
+                f"{p.speed_mps:.1f}",
+                f"{p.speed_mps * FEET_PER_SECOND:.0f}",
+                f"{p.power_W:.1f}",
+                f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
+                f"{p.power_W / FOOT_POUND_PER_SECOND_W:.1f}",
+            )
+            for p in results.power_required[:: max(1, len(results.power_required) // CURVE_ROWS)]
+        ],
+        numbers=True,
+    )
+
+
+def _shared_part(results: Results) -> str:
+    if not results.interval_parts:
+        return ""
+    middle = results.interval_parts[len(results.interval_parts) // 2]
+    share = middle.systematic_W**2 / (middle.systematic_W**2 + middle.noise_W**2)
+    return f"At {middle.speed_mps:.0f} m/s, {100 * share:.0f} % of its square is the part that all runs share"

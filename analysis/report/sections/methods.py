@@ -1,0 +1,44 @@
+"""Comparison of the methods: the table of all of them, and the pairs that disagree."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from analysis.report.html_page import HtmlTable
+from analysis.report.method_list import listed_methods
+from analysis.report.parameter_meaning import short_name
+from analysis.results.schema import PowerPoint, Results
+
+
+class MethodsSection(NamedTuple):
+    table: HtmlTable
+    disagreements: list[str]
+    agree: bool  # methods were compared and no pair disagrees
+
+
+def methods_section(results: Results) -> MethodsSection:
+    rows = [
+        (
+            method.title,
+            method.equations,
+            ", ".join(short_name(name) for name in method.taken_as_measured),
+            *_power_at_ends(method.power_required),
+            "; ".join(method.notes),
+        )
+        for method in listed_methods(results)
+    ]
+    return MethodsSection(
+        HtmlTable(("method", "equations", "taken as measured", "slowest, W", "fastest, W", "notes"), rows),
+        [disagreement.text for disagreement in results.disagreements],
+        bool(results.methods) and not results.disagreements,
+    )
+
+
+def _power_at_ends(curve: Sequence[PowerPoint]) -> tuple[str, str]:
+    """Power with half its 95 % interval at the slowest and at the fastest speed of a curve."""
+    if not curve:
+        return "no curve", ""
+    slow, fast = (
+        f"{p.power_W:.0f} ± {(p.power_hi_W - p.power_lo_W) / 2:.0f} at {p.speed_mps:.1f} m/s"
+        for p in (curve[0], curve[-1])
+    )
+    return slow, fast

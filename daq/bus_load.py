@@ -1,0 +1,56 @@
+"""How much of a tick a bus needs, and what to do when it needs too much."""
+
+from collections import deque
+from collections.abc import Mapping
+
+from flight.messages import Event
+
+READINGS = 25  # of the whole bus, over which its need is found; and as many of a greater need before it is reported
+NEED_RANK = 22  # of the sorted durations: a tenth take longer
+SLOW_FRACTION, FAST_FRACTION = 0.75, 0.65  # of a tick: above the first the bus is slow, until it is below the second
+MOVED_FRACTION = 0.5  # the advice moves as many sensors as leave less than this
+
+
+class BusLoad:
+    """The time that a bus needs for a tick: what nine of ten of its latest readings stay below. name: of the bus."""
+
+    def __init__(self, name: str, period_ns: int):
+        self._name, self._period_ns = name, period_ns
+        self._latest: deque[Mapping[str, int]] = deque(maxlen=READINGS)
+        self._above = 0  # readings in a row since which the bus has been slow
+        self.slow = ""  # what to do, as one clause; empty while the bus is fast enough
+
+    def add(self, durations_ns: Mapping[str, int]) -> list[Event]:
+        """Take the durations of one reading, by sensor. Returns an event when the bus becomes slow or fast enough."""
+        self._latest.append(durations_ns)
+        if len(self._latest) < READINGS:
+            return []
+        need_ns = sorted(sum(durations.values()) for durations in self._latest)[NEED_RANK]
+        was_slow = bool(self.slow)
+        if need_ns > (FAST_FRACTION if was_slow else SLOW_FRACTION) * self._period_ns:
+            self._above += 1
+            self.slow = self._advice(need_ns) if self._above > READINGS else ""
+            return [Event(severity="warning", sensor="daq", text=self.slow)] if self.slow and not was_slow else []
+        self._above, self.slow = 0, ""
+        text = f"{self._name} needs {_ms(need_ns)} ms of {_ms(self._period_ns)}: fast enough again"
+        return [Event(sensor="daq", text=text)] if was_slow else []
+
+    def _advice(self, need_ns: int) -> str:
+        """Names the slowest sensors, as many as have to be moved."""
+        names = self._latest[-1]
+        means = {name: sum(each.get(name, 0) for each in self._latest) / READINGS for name in names}
+        moved: list[str] = []
+        rest_ns: float = need_ns
+        for name, sensor_ns in sorted(means.items(), key=lambda item: -item[1]):
+            if rest_ns < MOVED_FRACTION * self._period_ns:
+                break
+            moved.append(name)
+            rest_ns -= sensor_ns
+        return (
+            f"{self._name} needs {_ms(need_ns)} ms of {_ms(self._period_ns)}: raise i2c_arm_baudrate, "
+            f"or move {' and '.join(moved)} to another bus"
+        )
+
+
+def _ms(duration_ns: float) -> str:
+    return f"{duration_ns / 1e6:.0f}"

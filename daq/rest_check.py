@@ -1,0 +1,69 @@
+"""Whether readings are those of an aircraft at rest on the ground, for `daq check`."""
+
+import math
+from collections.abc import Mapping, Sequence
+from statistics import fmean
+
+from daq.still_air_zero import COVER, PRESSURE
+from flight.messages import AbsolutePressure, DifferentialPressure, Imu, Message
+from flight.units import GRAVITY_MPS2
+
+FORCE_TOLERANCE = 0.1  # of 1 g: zero-g output of the MPU-9250 is within 0.08 g, its scale within 3 % (PS 3.2)
+MAX_TILT_DEG = 45.0  # of a parked aircraft; a wrong axis is 90 or 180 deg off
+# MS5611-01BA03 within 1.5 mbar, MS5805-02BA01 within 2 mbar at room temperature, and some for the sun on the tray.
+MAX_BAROMETER_DIFFERENCE_PA = 500.0
+
+
+def is_finite(message: Message) -> bool:
+    """Whether every number in the message is finite."""
+    values = (getattr(message, field) for field in message.__struct_fields__)
+    return all(math.isfinite(value) for value in values if isinstance(value, float))
+
+
+def rest_problem(messages: Sequence[Message]) -> str:
+    """Why the mean of one topic's measurements is not that of an aircraft at rest, with advice; empty if it is."""
+    forces, differences = [], []
+    for message in messages:
+        if isinstance(message, Imu) and message.specific_force_x_mps2 is not None:
+            force = message.specific_force_x_mps2, message.specific_force_y_mps2, message.specific_force_z_mps2
+            forces.append([component or 0.0 for component in force])
+        if isinstance(message, DifferentialPressure) and message.differential_pressure_Pa is not None:
+            differences.append(message.differential_pressure_Pa)
+    if forces:
+        return _force_problem([fmean(component) for component in zip(*forces, strict=True)])
+    if differences and abs(fmean(differences)) > PRESSURE.offset:
+        return f"{fmean(differences):.0f} Pa at rest, limit {PRESSURE.offset:g}: {COVER}; or a tube is blocked"
+    return ""
+
+
+def _force_problem(force: Sequence[float]) -> str:
+    size = math.hypot(*force)
+    if abs(size / GRAVITY_MPS2 - 1) > FORCE_TOLERANCE:
+        return f"specific force {size / GRAVITY_MPS2:.2f} g at rest: put the aircraft down; otherwise the IMU is broken"
+    tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, -force[2] / size))))
+    if tilt_deg > MAX_TILT_DEG:
+        x, y, z = (component / GRAVITY_MPS2 for component in force)
+        return (
+            f"at rest the specific force must be about (0, 0, -1) g, but is ({x:.1f}, {y:.1f}, {z:.1f}) g: "
+            "set the aircraft upright; otherwise correct `axes` in the tray file, of the magnetometer too"
+        )
+    return ""
+
+
+def barometer_comparison(messages: Mapping[str, Sequence[Message]]) -> tuple[bool, str] | None:
+    """Whether the two barometers agree, and a sentence; None unless both measure."""
+    pressures = [
+        [
+            m.pressure_Pa
+            for m in messages.get(topic, ())
+            if isinstance(m, AbsolutePressure) and m.pressure_Pa is not None
+        ]
+        for topic in ("/baro", "/static")
+    ]
+    if not all(pressures):
+        return None
+    difference_Pa = fmean(pressures[0]) - fmean(pressures[1])
+    text = f"/baro is {difference_Pa / 100:+.1f} hPa from /static, limit {MAX_BAROMETER_DIFFERENCE_PA / 100:g}"
+    if abs(difference_Pa) <= MAX_BAROMETER_DIFFERENCE_PA:
+        return True, text
+    return False, f"{text}: check for a blocked static line, wind, or a broken barometer"

@@ -1,0 +1,253 @@
+"""Old files in the log folder: none of them ends or delays a recording, and none takes unbounded memory or time."""
+
+import errno
+import os
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+import zstandard
+from mcap.opcode import Opcode
+from test_commands_in_trouble import GIVE_UP_S, counter, running, tray_file, wait_for  # noqa: F401
+from test_daemon import fly
+
+from daq.background_recovery import BackgroundRecovery
+from daq.log_recovery import recover, recovery_event
+from flight.errors import InputError
+from flight.log_chunk import MAX_CHUNK_BYTES
+from flight.log_index import MAGIC, RECORD_HEAD
+from flight.log_reader import read_log
+
+MOST_RESIDENT_KiB = 150_000  # of a command that reads a hostile file; the command itself takes 50,000
+BOMB_BYTES = 2**28
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return fly(tmp_path_factory.mktemp("whole"), 4).path.read_bytes()
+
+
+def chunk_starts(log: bytes) -> list[int]:
+    starts, at = [], len(MAGIC)
+    while at < len(log) and log[at] != Opcode.DATA_END:
+        opcode, length = RECORD_HEAD.unpack_from(log, at)
+        starts += [at] * (opcode == Opcode.CHUNK)
+        at += RECORD_HEAD.size + length
+    return starts
+
+
+@pytest.fixture(scope="module")
+def torn(whole):
+    return whole[: chunk_starts(whole)[-1] + 200]  # within the last chunk
+
+
+@pytest.fixture(scope="module")
+def poison(torn):
+    """The name of an attachment is no text: completing it raises UnicodeDecodeError."""
+    return torn.replace(b"aircraft.toml", b"\xfa" * 13, 1)
+
+
+def chunk_record(compressed: bytes, size: int) -> bytes:
+    content = struct.pack("<QQQII", 0, 1, size, 0, 4) + b"zstd" + struct.pack("<Q", len(compressed)) + compressed
+    return RECORD_HEAD.pack(Opcode.CHUNK, len(content)) + content
+
+
+@pytest.fixture(scope="module", params=["size in the frame", "size not in the frame"])
+def bomb(request, whole):
+    """A torn log of some kilobytes whose last chunk decompresses to BOMB_BYTES of zeros."""
+    known = request.param == "size in the frame"
+    compressor = zstandard.ZstdCompressor().compressobj(size=BOMB_BYTES if known else -1)
+    block = bytes(2**22)
+    data = b"".join([*(compressor.compress(block) for _ in range(BOMB_BYTES // len(block))), compressor.flush()])
+    return whole[: chunk_starts(whole)[1]] + chunk_record(data, BOMB_BYTES)
+
+
+def resident_KiB(*command) -> tuple[int, str, int]:
+    """Exit code, output and largest resident memory of a command."""
+    with subprocess.Popen(
+        [sys.executable, "-m", *map(str, command)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        output = process.stdout.read()
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    return process.returncode, output, usage.ru_maxrss
+
+
+def test_one_bad_file_stops_neither_the_recording_nor_the_completion_of_the_others(tmp_path, counter, torn, poison):  # noqa: F811
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    (logs / "log-0001.mcap").write_bytes(poison)
+    (logs / "log-0002.mcap").mkdir()
+    (logs / "log-0003.mcap").write_bytes(torn)
+    with running(tray_file(tmp_path, counter.path)) as (daemon, lines):
+        wait_for(lambda: any("log-0003.mcap was unfinished and has been completed" in line for line in lines))
+        wait_for(lambda: read_when_there(logs / "log-0004.mcap"))
+        daemon.send_signal(signal.SIGTERM)
+        assert daemon.wait(GIVE_UP_S) == 0
+    assert (logs / "log-0001.mcap").read_bytes() == poison
+    assert any("log-0001.mcap is unfinished and cannot be completed (UnicodeDecodeError" in line for line in lines)
+    assert any("log-0002.mcap" in line and "Is a directory" in line for line in lines)
+    assert not read_log(logs / "log-0003.mcap").torn
+    told = [entry.message.text for entry in read_log(logs / "log-0004.mcap").entries["/daq/event"]]
+    assert any("log-0001.mcap" in text for text in told) and any("log-0003.mcap" in text for text in told)
+
+
+def read_when_there(path: Path) -> bool:
+    try:
+        return "/daq/event" in read_log(path).entries
+    except InputError:
+        return False
+
+
+def test_a_log_that_may_not_be_written_is_named_and_the_next_is_completed(tmp_path, monkeypatch, torn, whole):
+    paths = [tmp_path / f"log-000{number}.mcap" for number in (1, 2, 3)]
+    for path, content in zip(paths, (torn, torn, whole), strict=True):
+        path.write_bytes(content)
+    opening = Path.open
+
+    def refuse(path, mode="r", **named):
+        if path in (paths[0], paths[2]) and "+" in mode:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return opening(path, mode, **named)
+
+    monkeypatch.setattr(Path, "open", refuse)
+    refused, completed, nothing = [recovery_event(path) for path in paths]
+    assert refused.severity == "warning" and f"{paths[0]} is unfinished" in refused.text
+    assert "Permission denied" in refused.text
+    assert "has been completed" in completed.text
+    assert nothing is None  # a finished log need not be writable
+
+
+def test_recording_begins_before_old_logs_are_completed(tmp_path, monkeypatch, torn):
+    """Also while a process that completes one hangs."""
+    path = tmp_path / "log-0001.mcap"
+    path.write_bytes(torn)
+    recovery = BackgroundRecovery([path])
+    release = threading.Event()
+    monkeypatch.setattr(recovery, "_run", lambda command: (release.wait(GIVE_UP_S), (b"", 3))[1])
+    recovery.start()
+    assert recovery.events() == []
+    release.set()
+    assert "ended with exit code 3" in first_event(recovery).text
+
+
+def first_event(recovery):
+    deadline = time.monotonic() + GIVE_UP_S
+    while not (events := recovery.events()):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    return events[0]
+
+
+def test_a_process_that_is_killed_is_told_with_its_file(tmp_path, monkeypatch, torn):
+    path = tmp_path / "log-0001.mcap"
+    path.write_bytes(torn)
+    recovery = BackgroundRecovery([path])
+    run = recovery._run
+    killing = [sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"]
+    monkeypatch.setattr(recovery, "_run", lambda command: run(killing))
+    recovery.start()
+    event = first_event(recovery)
+    assert str(path) in event.text and "signal 9" in event.text
+    assert path.read_bytes() == torn
+
+
+def test_stopping_ends_the_process_at_once(tmp_path, monkeypatch, torn):
+    path = tmp_path / "log-0001.mcap"
+    path.write_bytes(torn)
+    recovery = BackgroundRecovery([path])
+    run = recovery._run
+    monkeypatch.setattr(
+        recovery, "_run", lambda _: run([sys.executable, "-c", f"import time; time.sleep({GIVE_UP_S})"])
+    )
+    recovery.start()
+    deadline = time.monotonic() + GIVE_UP_S
+    while not recovery._process_id:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    begin = time.monotonic()
+    recovery.stop()
+    recovery._thread.join(GIVE_UP_S)
+    assert time.monotonic() - begin < GIVE_UP_S / 2 and recovery.events() == []
+
+
+def test_the_process_has_no_real_time_priority(tmp_path):
+    """It inherits none of the daemon, and yields to every other program."""
+    recovery = BackgroundRecovery([])
+    show = "import os; print(os.sched_getscheduler(0), end=' ')\nfrom daq import background_recovery as b\n"
+    show += "b.yield_to_others(); print(os.sched_getscheduler(0))"
+    line, status = recovery._run([sys.executable, "-c", show])
+    assert status == 0 and line.split() == [b"%d" % os.SCHED_OTHER, b"%d" % os.SCHED_IDLE]
+
+
+def test_completing_a_log_ends_at_its_time_limit(tmp_path):
+    code = """if True:
+        from daq import background_recovery as b
+        b.CPU_S = 1
+        b.limit_resources()
+        try:
+            while True: sum(range(1000))
+        except TimeoutError as error:
+            print(error)"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=GIVE_UP_S)
+    assert "more than 1 s" in done.stdout
+
+
+def test_a_small_file_with_a_huge_chunk_is_read_up_to_it_in_bounded_memory(tmp_path, bomb):
+    path = tmp_path / "log-0001.mcap"
+    path.write_bytes(bomb)
+    assert len(bomb) < 100_000 and MAX_CHUNK_BYTES * 8 < BOMB_BYTES
+    code, output, memory_KiB = resident_KiB("daq", "info", path)
+    assert code == 0 and "/imu" in output and memory_KiB < MOST_RESIDENT_KiB
+    assert "a chunk decompresses to more than 16 MiB, the limit" in " ".join(output.split())
+    _, output, memory_KiB = resident_KiB("daq.background_recovery", path)
+    assert f"{path} is unfinished and cannot be completed (a chunk decompresses to more than 16 MiB" in output
+    assert memory_KiB < MOST_RESIDENT_KiB and path.read_bytes() == bomb
+
+
+def test_a_log_with_nothing_but_a_huge_chunk_is_refused_with_its_name_and_the_limit(tmp_path, bomb, whole):
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(whole[: chunk_starts(whole)[0]] + bomb[chunk_starts(bomb)[1] :])
+    for command in (["daq", "info", path], ["analysis.cli.analyze", path]):
+        code, output, memory_KiB = resident_KiB(*command)
+        assert code == 2 and str(path) in output and "16 MiB, the limit" in output, output
+        assert len(output.strip().splitlines()) == 1
+        assert memory_KiB < 2 * MOST_RESIDENT_KiB
+
+
+def test_many_chunks_that_are_each_permitted_are_bounded_too(tmp_path, whole):
+    unknown = RECORD_HEAD.pack(0x80, MAX_CHUNK_BYTES - RECORD_HEAD.size) + bytes(MAX_CHUNK_BYTES - RECORD_HEAD.size)
+    chunk = chunk_record(zstandard.compress(unknown), MAX_CHUNK_BYTES)
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(whole[: chunk_starts(whole)[1]] + chunk * 8)
+    log = read_log(path)
+    assert log.entries["/imu"] and "the limit for its size" in log.torn
+
+
+def test_a_record_beyond_the_limit_leaves_the_file_as_it_is(tmp_path, torn, monkeypatch):
+    monkeypatch.setattr("daq.log_recovery.MAX_RECORD_BYTES", 1000)
+    path = tmp_path / "log-0001.mcap"
+    path.write_bytes(torn)
+    assert "a record is larger than" in recovery_event(path).text and path.read_bytes() == torn
+    monkeypatch.undo()
+    assert recover(path) is not None
+
+
+def test_deeply_nested_json_is_one_message_that_cannot_be_decoded(tmp_path, whole):
+    from flight.log_writer import LogWriter
+    from flight.messages import Imu
+
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as stream:
+        log = LogWriter(stream)
+        log.write("/imu", Imu(), time_ns=1, tick=1)
+        log.write_encoded(1, b'{"a":' * 200_000 + b"1" + b"}" * 200_000, time_ns=2, tick=2)
+        log.write("/imu", Imu(), time_ns=3, tick=3)
+        log.finish()
+    read = read_log(path)
+    assert [entry.tick for entry in read.entries["/imu"]] == [1, 3] and read.undecodable == 1 and not read.torn
