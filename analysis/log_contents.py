@@ -9,7 +9,7 @@ from flight.aircraft import Aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
 from flight.propeller import Propeller
-from flight.propeller_files import parse_propeller
+from flight.propeller_files import load_propeller, parse_propeller
 
 
 class LogContents(NamedTuple):
@@ -27,43 +27,73 @@ class LogContents(NamedTuple):
     notes: list[str]
 
 
-def contents(
-    log: Log,
-    aircraft: Aircraft | None = None,
-    propeller: Propeller | None = None,
-    magnetometer: MagnetometerCalibration | None = None,
-) -> LogContents:
-    """The contents of a log; the arguments replace what the log carries.
+class Replacements(NamedTuple):
+    """What replaces the log's; None keeps that.  weight_N : of the aircraft     zero : by channel"""
+
+    aircraft: Aircraft | None = None
+    propeller: Propeller | None = None
+    probe: ProbeCalibration | None = None
+    magnetometer: MagnetometerCalibration | None = None
+    zero: dict[str, float] | None = None
+    weight_N: float | None = None
+
+
+def contents(log: Log, given: Replacements = Replacements()) -> LogContents:
+    """The contents of a log; what is given replaces what the log carries.
 
     Raises InputError if an attachment is missing or malformed and no argument replaces it.
     """
-    aircraft = aircraft or aircraft_of(log)
-    propeller = propeller or propeller_of(log, aircraft)
+    aircraft = given.aircraft or aircraft_of(log)
+    propeller = given.propeller or propeller_of(log, aircraft)
+    if given.weight_N is not None:
+        aircraft = aircraft.weighing(given.weight_N)
     return LogContents(
         aircraft,
         propeller.with_beyond_zero_thrust(aircraft.propulsion.beyond_zero_thrust),
-        probe_of(log),
-        magnetometer or magnetometer_of(log),
-        zero_of_attachment(log.attachments.get("zero.json"), f"{log.path}: zero.json"),
+        given.probe or probe_of(log),
+        given.magnetometer or magnetometer_of(log),
+        given.zero or zero_of_attachment(log.attachments.get("zero.json"), f"{log.path}: zero.json"),
         damage(log),
     )
 
 
 def aircraft_of(log: Log) -> Aircraft:
     """The aircraft file in a log. Raises InputError when there is none, or it is malformed."""
-    text = _attachment(log, "aircraft.toml", "give one with --aircraft FILE")
+    text = _attachment(log, "aircraft.toml", "give --aircraft FILE (`flightpower new aircraft` writes one to fill in)")
     return parse_aircraft(text.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
 
 
 def propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
-    """The propeller's table in a log. Raises InputError when there is none, or it is malformed."""
-    table = _attachment(log, "propeller.csv", "the tray's aircraft file names the propeller that goes into logs")
-    return parse_propeller(table.decode("utf-8", errors="replace"), aircraft.propulsion.propeller)
+    """The propeller that an aircraft file names, else that of the log.
+
+    The log's table is that of the propeller its own aircraft file names. Raises InputError when there is none, or it is
+    malformed.
+    """
+    recorded = _recorded_propeller(log)
+    name = aircraft.propulsion.propeller
+    table = log.attachments.get("propeller.csv")
+    if table is not None and name in (None, recorded):
+        return parse_propeller(table.decode("utf-8", errors="replace"), recorded or "propeller.csv")
+    name = name or recorded
+    if name is not None:
+        return load_propeller(name)
+    raise InputError(
+        f"{log.path}: no propeller.csv in the log, and the aircraft file names no propeller; give --propeller NAME or"
+        ' FILE, or [propulsion] propeller = "apc-12x8e" in the aircraft file'
+    )
+
+
+def _recorded_propeller(log: Log) -> str | None:
+    """The name in the log's own aircraft file; None where there is none, or it cannot be read."""
+    try:
+        return aircraft_of(log).propulsion.propeller
+    except InputError:
+        return None
 
 
 def probe_of(log: Log) -> ProbeCalibration:
     """The probe's calibration in a log. Raises InputError when there is none, or it is malformed."""
-    remedy = "calibrate the probe and name the file in the tray"
+    remedy = "give --probe FILE, which `calibrate probe` writes (and name it in the tray file as probe_calibration)"
     return parse_probe(_attachment(log, "probe.json", remedy), "probe.json")
 
 
@@ -83,5 +113,5 @@ def damage(log: Log) -> list[str]:
 
 def _attachment(log: Log, name: str, remedy: str) -> bytes:
     if name not in log.attachments:
-        raise InputError(f"{log.path}: carries no {name}; {remedy}")
+        raise InputError(f"{log.path}: no {name} in the log; {remedy}")
     return log.attachments[name]

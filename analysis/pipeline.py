@@ -1,5 +1,6 @@
 """From a log to results: the order of the steps."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,10 +9,12 @@ import pandas as pd
 
 from analysis import log_contents
 from analysis.airdata.from_log import flight_data
-from analysis.airdata.magnetometer import MagnetometerCalibration
-from analysis.drag.estimate import DragEstimates, estimate
+from analysis.drag import stand_ins
+from analysis.drag.dynamic import DynamicEstimate
+from analysis.drag.estimate import DragEstimates, estimate, main_polar
 from analysis.drag.polar import flown_condition, flown_lift
 from analysis.drag.thrust_coverage import thrust_coverage
+from analysis.log_contents import Replacements
 from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
 from analysis.performance.analysis import compute as compute_performance
@@ -26,6 +29,11 @@ from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
+
+NO_BATTERY = (
+    "No endurance, range or climb: the aircraft file lacks propulsion.battery_energy, such as"
+    ' battery_energy = "74 W h"; or give --battery-Wh.'
+)
 
 
 @dataclass(frozen=True)
@@ -42,22 +50,20 @@ class Analysis:
 
 def analyze(
     log: Log,
-    aircraft: Aircraft | None = None,
+    given: Replacements = Replacements(),
     progress: Callable[[str], None] = lambda _: None,
     *,
-    propeller: Propeller | None = None,
     request: Request = Request(),
     runs_file: Path | None = None,
-    magnetometer_calibration: MagnetometerCalibration | None = None,
 ) -> Analysis:
     """Power required and performance from a log.
 
-    aircraft, propeller, magnetometer_calibration: instead of those in the log. request: battery, weights and density
+    given: what replaces parts of the log, such as the aircraft file. request: battery, weights and density
     altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.toml_file`).
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
     name = str(log.path)
-    contents = log_contents.contents(log, aircraft, propeller, magnetometer_calibration)
+    contents = log_contents.contents(log, given)
     aircraft, propeller = contents.aircraft, contents.propeller
 
     progress("synchronizing")
@@ -71,9 +77,8 @@ def analyze(
     coverage_warnings = thrust_coverage(flown, propeller)
 
     progress("reconstructing the trajectory")
-    trajectory = reconstruct(
-        table, data.rest, alpha_scale_sigma=contents.probe.alpha_scale_sigma, compass=data.compass, log=name
-    )
+    alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, stand_ins.alpha_scale_sigma(aircraft))
+    trajectory = reconstruct(table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, log=name)
     sensor_errors = sensor_error_estimates(trajectory)
     runs, calibrated = len(maneuvers.level_runs), contents.magnetometer is not None
     trajectory_warnings = trajectory_notes(
@@ -82,13 +87,23 @@ def analyze(
     agreement = consistency(trajectory)
 
     progress(f"estimating drag from {runs or len(maneuvers.of(*FOR_DRAG))} runs")
+
+    def repeated(aircraft: Aircraft, propeller: Propeller, upwash_sigma: float) -> DynamicEstimate:
+        progress("repeating the estimate with other stand-ins for what the aircraft file lacks")
+        moved = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+        sigma = math.hypot(contents.probe.alpha_scale_sigma, upwash_sigma)
+        along = reconstruct(moved.table, moved.rest, alpha_scale_sigma=sigma, compass=moved.compass, log=name)
+        return main_polar(along, maneuvers, aircraft, propeller, at, flown_CL, name)
+
+    doubt = stand_ins.doubt(repeated, aircraft, propeller, at, flown_CL)
     drag = estimate(
         table, trajectory, maneuvers, aircraft, propeller, at, flown_CL,
-        zeroed=data.zeroed, log=name, progress=progress,
+        zeroed=data.zeroed, log=name, progress=progress, doubt=doubt,
     )  # fmt: skip
 
     progress("computing performance")
     performance = compute_performance(request, trajectory, drag, aircraft, propeller, at, flown)
+    unknown_battery = request.battery_Wh is None and aircraft.propulsion.battery_energy_Wh is None
     results = assemble(
         log=name,
         aircraft=aircraft,
@@ -99,6 +114,11 @@ def analyze(
         drag=drag,
         path=path_result(trajectory, agreement, sensor_errors),
         performance=performance_result(performance) if performance else None,
-        warnings=contents.notes + data.notes + coverage_warnings + trajectory_warnings + drag.warnings,
+        warnings=contents.notes
+        + data.notes
+        + coverage_warnings
+        + trajectory_warnings
+        + drag.warnings
+        + ([NO_BATTERY] if unknown_battery else []),
     )
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)

@@ -26,7 +26,8 @@ class Attachments(NamedTuple):
 def load_attachments(tray: Tray) -> Attachments:
     """Read the files that the tray names. Raises InputError naming a file that is missing or malformed."""
     aircraft = load_aircraft(tray.aircraft) if tray.aircraft else None
-    propeller = None if aircraft is None else propeller_text(aircraft.propulsion.propeller)
+    name = aircraft.propulsion.propeller if aircraft else None
+    propeller = None if name is None else propeller_text(name)
     probe = calibration_text(tray.probe_calibration, "probe")
     magnetometer = calibration_text(tray.magnetometer_calibration, "magnetometer")
     return Attachments(tray.text, aircraft, propeller, probe, magnetometer, zero_text(tray.zero))

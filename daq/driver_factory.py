@@ -65,7 +65,10 @@ def driver_factory(table: SensorConfig, tray: Tray, buses: Buses, aircraft: Airc
         case config.EscCounterConfig():
             pole_pairs = table.pole_pairs or (aircraft.propulsion.pole_pairs if aircraft else None)
             if pole_pairs is None:
-                raise InputError("the pulse counter needs pole_pairs, or an aircraft whose file gives them")
+                raise InputError(
+                    "the pulse counter needs the motor's pole pairs, such as pole_pairs = 7, in the tray file or in"
+                    " [propulsion] of the aircraft file"
+                )
             return lambda: EscCounterDriver(
                 buses.port(table.port, table.baud), pole_pairs=pole_pairs, framed=table.framed
             )

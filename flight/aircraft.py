@@ -1,19 +1,24 @@
 """The aircraft file: what is known of an aircraft before its flight, in TOML with units.
 
 `load_aircraft` takes the name of a shipped aircraft or a path. A key is the field's name without its unit:
-`span = "5.73 ft"` becomes `span_m`. Only the simulator reads the section [aerodynamics]; the file of a real aircraft
-does not need it, and the analysis does not use it.
+`span = "5.73 ft"` becomes `span_m`. Only name, span, wing area and weight are required. Any other key is required by
+what uses it: `flight.complete_aircraft` has the classes of the simulator, which uses all of them. Where the analysis
+can do without a key, the default of its field stands in, and `Aircraft.has` tells whether the file has the key.
+docs/aircraft.md describes every key.
 """
 
 import tomllib
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
+from typing import Any, TypeVar
 
 from flight import units
+from flight.aircraft_keys import EXAMPLES, SURFACES
 from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
+from flight.units import GRAVITY_MPS2, NO_KEY
 
 Position = tuple[float, float, float]
 
@@ -21,17 +26,22 @@ Position = tuple[float, float, float]
 @dataclass(frozen=True, kw_only=True)
 class Geometry:
     span_m: float
-    chord_m: float  # mean aerodynamic chord
+    chord_m: float | None = None  # mean aerodynamic chord
     wing_area_m2: float
+
+    @property
+    def mean_chord_m(self) -> float:
+        """The mean aerodynamic chord, or the mean geometric one (area over span) where the file does not have it."""
+        return self.wing_area_m2 / self.span_m if self.chord_m is None else self.chord_m
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mass:
     weight_N: float
-    standard_weight_N: float  # W_s of PIW and VIW (2.3)
-    Ix_kgm2: float
-    Iy_kgm2: float
-    Iz_kgm2: float
+    standard_weight_N: float  # W_s of PIW and VIW (2.3); the weight where the file does not have it
+    Ix_kgm2: float | None = None
+    Iy_kgm2: float | None = None
+    Iz_kgm2: float | None = None
     Ixz_kgm2: float = 0.0
 
 
@@ -39,16 +49,16 @@ class Mass:
 class Propulsion:
     """Propeller on a brushless motor with speed controller and battery."""
 
-    propeller: str  # name of a shipped table, or a file
-    propeller_inertia_kgm2: float
-    max_rpm: float
-    pole_pairs: int
-    motor_kv_rpm_per_volt: float
-    motor_resistance_ohm: float
-    motor_no_load_current_A: float
-    battery_voltage_V: float
-    battery_resistance_ohm: float
-    battery_energy_Wh: float
+    propeller: str | None = None  # name of a shipped table, or a file
+    propeller_inertia_kgm2: float | None = None
+    max_rpm: float | None = None
+    pole_pairs: int | None = None
+    motor_kv_rpm_per_volt: float | None = None
+    motor_resistance_ohm: float | None = None
+    motor_no_load_current_A: float | None = None
+    battery_voltage_V: float | None = None
+    battery_resistance_ohm: float | None = None
+    battery_energy_Wh: float | None = None
     throttle_channel: int = 3
     beyond_zero_thrust: str = "windmill"  # or "fold": behaviour of the propeller at negative thrust
 
@@ -97,28 +107,34 @@ class PneumaticLine:
 
 @dataclass(frozen=True, kw_only=True)
 class ProbeInstallation:
-    """Installation of the five-port probe: position of its tip, upwash there, and its pneumatic lines."""
+    """Installation of the five-port probe: position of its tip, upwash there, and its pneumatic lines.
 
-    position_m: Position  # from the centre of gravity, body axes
-    upwash_per_CL_rad: float = 0.0  # (alpha at the probe - alpha of the aircraft) / CL
+    The defaults are those of a probe on the nose of a small aircraft; `analysis.drag.stand_ins` has their doubt.
+    """
+
+    position_m: Position = (0.3, 0.0, 0.0)  # from the centre of gravity, body axes
+    upwash_per_CL_rad: float = 0.017453292519943295  # (alpha at the probe - alpha of the aircraft) / CL; 1 deg
     lines: dict[str, PneumaticLine] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Aircraft:
+    """What an aircraft file says. keys: the keys it has, with their sections ("mass.Ix")."""
+
     name: str
     title: str
     geometry: Geometry
     mass: Mass
-    propulsion: Propulsion
-    elevator: ControlSurface
-    aileron: ControlSurface
-    rudder: ControlSurface
-    probe: ProbeInstallation
+    propulsion: Propulsion = Propulsion()
+    elevator: ControlSurface | None = None
+    aileron: ControlSurface | None = None
+    rudder: ControlSurface | None = None
+    probe: ProbeInstallation = ProbeInstallation()
     imu_position_m: Position = (0.0, 0.0, 0.0)
     source: str = ""
     aerodynamics: dict[str, object] | None = None
-    text: str = field(default="", repr=False)  # text of the file, which the log contains
+    text: str = field(default="", repr=False, metadata=NO_KEY)  # text of the file, which the log contains
+    keys: frozenset[str] = field(default=frozenset(), repr=False, compare=False, metadata=NO_KEY)
 
     @property
     def mass_kg(self) -> float:
@@ -128,48 +144,103 @@ class Aircraft:
     def aspect_ratio(self) -> float:
         return self.geometry.span_m**2 / self.geometry.wing_area_m2
 
+    def has(self, *keys: str) -> bool:
+        """Whether the file has all of these keys, or sections, such as "probe.upwash_per_CL"."""
+        return self.keys.issuperset(keys)
+
+    def weighing(self, weight_N: float) -> "Aircraft":
+        """The same aircraft with another weight."""
+        return replace(self, mass=replace(self.mass, weight_N=weight_N))
+
+
+AnyAircraft = TypeVar("AnyAircraft", bound=Aircraft)
+
 
 def load_aircraft(name_or_path: str | Path) -> Aircraft:
     """An aircraft shipped with the package, by its name, or one from a file.
 
-    Raises InputError, which names file and key, when something is missing, malformed, or has a wrong unit.
+    Raises InputError, which names file and keys, when something is missing, malformed, or has a wrong unit.
     """
+    return parse_aircraft(*aircraft_text(name_or_path))
+
+
+def shipped_aircraft() -> list[str]:
+    """The names of the aircraft that come with the package."""
+    shipped = resources.files("flight") / "data" / "aircraft"
+    return sorted(f.name.removesuffix(".toml") for f in shipped.iterdir() if f.name.endswith(".toml"))
+
+
+def aircraft_text(name_or_path: str | Path) -> tuple[str, str]:
+    """The text of an aircraft file, and what messages call it. Raises InputError when there is none."""
     shipped = resources.files("flight") / "data" / "aircraft"
     path = Path(name_or_path)
     if path.suffix == "" and (shipped / f"{name_or_path}.toml").is_file():
-        return parse_aircraft((shipped / f"{name_or_path}.toml").read_text("utf-8"), f"{name_or_path}.toml")
+        return (shipped / f"{name_or_path}.toml").read_text("utf-8"), f"{name_or_path}.toml"
     if not path.is_file():
-        names = sorted(f.name.removesuffix(".toml") for f in shipped.iterdir() if f.name.endswith(".toml"))
-        raise InputError(f"aircraft {name_or_path}: neither a file nor one of {', '.join(names)}")
+        raise InputError(f"aircraft {name_or_path}: neither a file nor one of {', '.join(shipped_aircraft())}")
     try:
-        text = path.read_text("utf-8")
+        return path.read_text("utf-8"), str(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error})") from None
-    return parse_aircraft(text, str(path))
 
 
 def parse_aircraft(text: str, where: str) -> Aircraft:
     """The aircraft described by the text of a file. `where` names the file in the InputErrors that are raised."""
+    return parse_as(Aircraft, text, where)
+
+
+def parse_as(kind: type[AnyAircraft], text: str, where: str) -> AnyAircraft:
+    """The same as one of the classes of aircraft, which differ in the keys they require."""
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{where}: not valid TOML ({error})") from None
+    keys = frozenset(_keys(table))
     aerodynamics = table.pop("aerodynamics", None)
-    aircraft = units.read_table(Aircraft, {**table, "aerodynamics": aerodynamics or {}, "text": text}, where)
-    for name in ("elevator", "aileron", "rudder"):
-        surface: ControlSurface = getattr(aircraft, name)
+    table.setdefault("title", table.get("name", ""))
+    mass = table.get("mass", {})
+    by_weight = isinstance(mass, dict) and "standard_weight" not in mass
+    if by_weight:
+        table["mass"] = {**mass, "standard_weight": "1 kg"}  # until the weight is read
+    read = units.read_table(kind, {**table, "aerodynamics": aerodynamics or {}}, where, EXAMPLES)
+    aircraft = replace(read, text=text, keys=keys)
+    if by_weight:
+        aircraft = replace(aircraft, mass=replace(read.mass, standard_weight_N=read.mass.weight_N))
+    problems = [*_not_positive(aircraft), *_bad_surfaces(aircraft)]
+    if problems:
+        raise InputError(f"{where}: {'; '.join(problems)}")
+    return aircraft
+
+
+def _keys(table: dict[str, Any], section: str = "") -> Iterator[str]:
+    for key, value in table.items():
+        yield section + key
+        if isinstance(value, dict):
+            yield from _keys(value, f"{section}{key}.")
+
+
+def _bad_surfaces(aircraft: Aircraft) -> Iterator[str]:
+    for name in SURFACES:
+        surface: ControlSurface | None = getattr(aircraft, name)
+        if surface is None:
+            continue
         rising = all(a < b for a, b in zip(surface.pulse_us, surface.pulse_us[1:], strict=False))
         if len(surface.pulse_us) != len(surface.angle_rad) or len(surface.pulse_us) < 2 or not rising:
-            raise InputError(
-                f"{where}: {name}: pulse_us must be ascending and have as many entries as angle, two or more"
-            )
+            yield f"{name}: pulse_us must be ascending and have as many entries as angle, two or more"
+
+
+def _not_positive(aircraft: Aircraft) -> Iterator[str]:
+    geometry, mass, propulsion = aircraft.geometry, aircraft.mass, aircraft.propulsion
     for key, value in (
-        ("mass.weight", aircraft.mass.weight_N),
-        ("mass.standard_weight", aircraft.mass.standard_weight_N),
-        ("geometry.span", aircraft.geometry.span_m),
-        ("geometry.chord", aircraft.geometry.chord_m),
-        ("geometry.wing_area", aircraft.geometry.wing_area_m2),
+        ("mass.weight", mass.weight_N),
+        ("mass.standard_weight", mass.standard_weight_N),
+        ("geometry.span", geometry.span_m),
+        ("geometry.chord", geometry.chord_m),
+        ("geometry.wing_area", geometry.wing_area_m2),
+        ("propulsion.motor_kv_rpm_per_volt", propulsion.motor_kv_rpm_per_volt),
+        ("propulsion.pole_pairs", propulsion.pole_pairs),
+        ("propulsion.battery_energy", propulsion.battery_energy_Wh),
+        ("propulsion.battery_voltage", propulsion.battery_voltage_V),
     ):
-        if value <= 0:
-            raise InputError(f"{where}: {key}: must be greater than zero")
-    return aircraft
+        if value is not None and not value > 0:
+            yield f"{key}: must be greater than zero"

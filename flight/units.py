@@ -5,8 +5,10 @@ pint knows the units; this module knows the naming.
 """
 
 import dataclasses
+import re
 import types
 import typing
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, TypeVar
 
@@ -38,6 +40,11 @@ UNIT_OF_SUFFIX = {
     "revps": "turn/s",
 }
 
+NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)
+NO_EXAMPLES: Mapping[str, str] = types.MappingProxyType({})
+
+NO_KEY: Mapping[str, bool] = types.MappingProxyType({"key": False})  # metadata of a field that no file has
+
 T = TypeVar("T")
 
 
@@ -58,36 +65,76 @@ def to_si(text: object, unit: str, where: str) -> float:
         raise InputError(f'{where} = {text!r}: give a number with a unit, in quotes, such as "{text} {unit}"')
     registry = _registry()
     try:
-        number, _, name = text.strip().partition(" ")
-        quantity = registry.Quantity(float(number), name.strip() or "dimensionless")
+        found = NUMBER_AND_UNIT.fullmatch(text.strip())
+        if found is None:
+            raise ValueError("no number at its beginning")
+        quantity = registry.Quantity(float(found[1]), found[2].strip() or "dimensionless")
         return float(quantity.to(unit).magnitude)
     except Exception as error:  # pint raises half a dozen unrelated exceptions
         raise InputError(f"{where} = {text!r}: cannot be read as a quantity in {unit} ({error})") from None
 
 
-def read_table(kind: type[T], table: object, where: str) -> T:
+def weight_to_N(text: object, where: str) -> float:
+    """The weight [N] of `text`, which is a force ("39 N", "8.5 lbf") or a mass ("4 kg", "9 lb").
+
+    Raises InputError, which names `where`, when it is neither.
+    """
+    try:
+        return GRAVITY_MPS2 * to_si(text, "kg", where)
+    except InputError:
+        pass
+    try:
+        return to_si(text, "N", where)
+    except InputError:
+        raise InputError(f'{where} = {text!r}: should be a weight or a mass with its unit, such as "4 kg"') from None
+
+
+def read_table(kind: type[T], table: object, where: str, examples: Mapping[str, str] = NO_EXAMPLES) -> T:
     """The dataclass `kind` from a TOML table; each quantity is converted to the unit in its field's name.
 
-    The key of a field is its name without the unit. Raises InputError, which names the key, for a missing or unknown
-    key, a wrong unit or a wrong type.
+    The key of a field is its name without the unit. A weight may be given as a mass. examples: by key
+    ("geometry.span"), what to write there, for messages.
+    Raises InputError, which names every key that is missing or unknown, or has a wrong unit or type, in one line.
     """
+    problems: list[str] = []
+    read = _read_table(kind, table, where, examples, problems)
+    if problems:
+        file = where.partition(":")[0] + ": "
+        raise InputError("; ".join([problems[0], *(problem.removeprefix(file) for problem in problems[1:])]))
+    return typing.cast(T, read)
+
+
+def _read_table(kind: Any, table: object, where: str, examples: Mapping[str, str], problems: list[str]) -> Any:
+    """`read_table`, or None where this table has problems, which are added to those given."""
     if not isinstance(table, dict):
-        raise InputError(f"{where}: should be a table, is {table!r}")
+        problems.append(f"{where}: should be a table, is {table!r}")
+        return None
     hints = typing.get_type_hints(kind)
     values: dict[str, Any] = {}
     known: list[str] = []
-    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
+    before = len(problems)
+    for field in dataclasses.fields(kind):
+        if not field.metadata.get("key", True):
+            continue
         key, unit = split_unit(field.name)
         known.append(key)
         at = f"{where}: {key}" if ":" not in where else f"{where}.{key}"
+        required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
         if key in table:
-            values[field.name] = _read_value(hints[field.name], table[key], unit, at)
-        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
-            raise InputError(f"{at} is missing" + (f" (a quantity in {unit})" if unit else ""))
-    for key in table:
-        if key not in known:
-            raise InputError(f"{where}: unknown key {key!r}; known here: {', '.join(known)}")
-    return kind(**values)
+            try:
+                values[field.name] = _read_value(hints[field.name], table[key], unit, at, examples, problems)
+            except InputError as error:
+                example = examples.get(at.partition(": ")[2])
+                like = f"; write it as {key} = {example}" if example and "such as" not in str(error) else ""
+                problems.append(f"{error}{like}")
+        elif required and dataclasses.is_dataclass(hints[field.name]):
+            _read_table(hints[field.name], {}, at, examples, problems)
+        elif required:
+            example = examples.get(at.partition(": ")[2])
+            like = f", such as {key} = {example}" if example else f" (a quantity in {unit})" if unit else ""
+            problems.append(f"{at} is missing{like}")
+    problems += [f"{where}: unknown key {key!r}; known here: {', '.join(known)}" for key in table if key not in known]
+    return None if len(problems) > before else kind(**values)
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
@@ -98,25 +145,32 @@ def split_unit(name: str) -> tuple[str, str | None]:
     return name, None
 
 
-def _read_value(hint: Any, value: object, unit: str | None, where: str) -> Any:
+def _read_value(
+    hint: Any, value: object, unit: str | None, where: str, examples: Mapping[str, str], problems: list[str]
+) -> Any:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (types.UnionType, typing.Union):
-        return _read_value(next(a for a in arguments if a is not type(None)), value, unit, where)
+        (hint,) = (a for a in arguments if a is not type(None))
+        return _read_value(hint, value, unit, where, examples, problems)
     if dataclasses.is_dataclass(hint):
-        return read_table(hint, value, where)  # type: ignore[arg-type]
+        return _read_table(hint, value, where, examples, problems)
     if origin is dict:
         if not isinstance(value, dict):
             raise InputError(f"{where}: should be a table, is {value!r}")
         at = {key: f"{where}.{key}" for key in value}
-        return {key: _read_value(arguments[1], entry, unit, at[key]) for key, entry in value.items()}
+        return {
+            key: _read_value(arguments[1], entry, unit, at[key], examples, problems) for key, entry in value.items()
+        }
     if origin is tuple:
         fixed = Ellipsis not in arguments
         if not isinstance(value, list) or (fixed and len(value) != len(arguments)):
             raise InputError(
                 f"{where}: should be a list" + (f" of {len(arguments)}" if fixed else "") + f", is {value!r}"
             )
-        return tuple(_read_value(arguments[0], entry, unit, where) for entry in value)
+        return tuple(_read_value(arguments[0], entry, unit, where, examples, problems) for entry in value)
     if hint is float:
+        if unit == "N" and where.endswith("weight"):
+            return weight_to_N(value, where)
         if unit is not None:
             return to_si(value, unit, where)
         if isinstance(value, bool) or not isinstance(value, int | float):

@@ -18,7 +18,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from flight.aircraft import Aircraft, load_aircraft
+from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def fly(
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
-    craft, flight_plan, budget = load_aircraft(aircraft), load_plan(plan), load_budget(errors)
+    craft, flight_plan, budget = load_complete_aircraft(aircraft), load_plan(plan), load_budget(errors)
     schedule = load_faults(faults) if faults is not None else ()
     if probe is not None and not probe.is_file():
         raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
@@ -108,7 +108,7 @@ def _check_output(output: Path, replace: bool) -> None:
         raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another directory")
 
 
-def _tray_text(output: Path, name: str, craft: Aircraft, probe: Path | None) -> str:
+def _tray_text(output: Path, name: str, craft: CompleteAircraft, probe: Path | None) -> str:
     """The daemon's example tray, changed for this flight. Files it needs are copied, so the directory can be moved."""
     text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
     if Path(name).is_file():
@@ -134,7 +134,7 @@ def _record(
     output: Path,
     sensor_truth: "SensorTruth",
     seed: int,
-    craft: Aircraft,
+    craft: CompleteAircraft,
     faults: "tuple[Fault, ...]",
     real_time: bool,
     report: Report,
@@ -164,7 +164,7 @@ def _believed_unix_ns(now: datetime) -> int:
 
 
 def _write_without_hardware(
-    output: Path, sensor_truth: "SensorTruth", seed: int, craft: Aircraft, report: Report
+    output: Path, sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft, report: Report
 ) -> None:
     from daq.attachments import load_attachments, write_attachments
     from daq.config import load_tray
@@ -194,7 +194,7 @@ def _write_without_hardware(
         raise InputError(f"{output / LOG}: cannot be written ({error.strerror or error})") from None
 
 
-def _parts(sensor_truth: "SensorTruth", seed: int, craft: Aircraft) -> "IndividualParts":
+def _parts(sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft) -> "IndividualParts":
     """Properties of the individual fake parts that affect a log."""
     import numpy as np
 
@@ -258,7 +258,7 @@ def trim(
     from sim.tables import trim_table
     from sim.trim import Trimmer
 
-    trimmer = Trimmer(plant_of(load_aircraft(aircraft)), height)
+    trimmer = Trimmer(plant_of(load_complete_aircraft(aircraft)), height)
     motor_revps = None if rpm is None else rpm / 60
     table = trim_table(trimmer, bank_rad=math.radians(bank), climb_mps=climb, speed_mps=speed, motor_revps=motor_revps)
     console = Console()
@@ -277,7 +277,7 @@ def show_modes(
     from sim.tables import modes_table
     from sim.trim import Trimmer
 
-    trimmer = Trimmer(plant_of(load_aircraft(aircraft)), height)
+    trimmer = Trimmer(plant_of(load_complete_aircraft(aircraft)), height)
     V = speed if speed is not None else 1.6 * trimmer.V_stall
     Console().print(modes_table(trimmer, V))
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flight.aircraft import Aircraft
 from flight.atmosphere import GRAVITY_MPS2
+from flight.complete_aircraft import CompleteAircraft
 from flight.log_writer import LogWriter
 from flight.messages import (
     AbsolutePressure,
@@ -76,7 +76,7 @@ BRIDGE_UPDATE_NS, BRIDGE_KELVIN, BRIDGE_ZERO_K = 500_000, 200 / 2047, 223.15
 def write_direct_log(
     log: LogWriter,
     sensor_truth: SensorTruth,
-    aircraft: Aircraft,
+    aircraft: CompleteAircraft,
     parts: IndividualParts,
     *,
     start_unix_ns: int,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.aircraft import Aircraft
+from flight.complete_aircraft import CompleteAircraft
 from flight.messages import Attitude, Battery, Controls, Gps, Rpm, Status, Time
 from sim.direct_log_timing import FIRST_TICK, SECOND_NS, TICK_NS, IndividualParts, ReadTimes, TimedMessage, seconds
 from sim.sensor_truth import SensorTruth
@@ -90,7 +90,9 @@ def rpm_messages(sensor_truth: SensorTruth, read_times: ReadTimes, parts: Indivi
             yield TimedMessage(tick, now_ns, "/rpm", Rpm(status=Status.NO_DATA))
 
 
-def autopilot_messages(sensor_truth: SensorTruth, read_times: ReadTimes, aircraft: Aircraft) -> Iterator[TimedMessage]:
+def autopilot_messages(
+    sensor_truth: SensorTruth, read_times: ReadTimes, aircraft: CompleteAircraft
+) -> Iterator[TimedMessage]:
     sent_s = seconds(read_times.tick_ns - AUTOPILOT_EARLIER_NS)
     pulses = np.rint(sensor_truth.servo_pulses_us(sent_s)).astype(int).tolist()
     attitude = sensor_truth.autopilot_attitude_rad(sent_s).astype(np.float32).tolist()

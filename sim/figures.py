@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flight.aircraft import load_aircraft
+from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
 from sim.fly import fly
 from sim.plan import load_plan
@@ -27,7 +27,7 @@ DEG = 180 / np.pi
 
 @lru_cache
 def truth_of(plan: str, aircraft: str = "nexstar") -> pd.DataFrame:
-    return fly(load_aircraft(aircraft), load_plan(plan)).truth
+    return fly(load_complete_aircraft(aircraft), load_plan(plan)).truth
 
 
 def runs(plan: str, aircraft: str = "nexstar", kind: str = "run") -> list[pd.DataFrame]:

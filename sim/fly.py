@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flight.aircraft import Aircraft
+from flight.complete_aircraft import CompleteAircraft
 from flight.errors import InputError
 from flight.motion import earth_from_body, velocity_derivative
 from sim.air import mean_wind
@@ -35,7 +35,7 @@ RECORD_BLOCK = 4096
 class Flight:
     """A simulated flight: the truth at every step, with aircraft, plan and seed."""
 
-    aircraft: Aircraft
+    aircraft: CompleteAircraft
     plan: Plan
     plant: Plant
     seed: int
@@ -49,7 +49,7 @@ class Flight:
 
 
 def fly(
-    aircraft: Aircraft,
+    aircraft: CompleteAircraft,
     plan: Plan,
     *,
     seed: int = 0,
@@ -68,7 +68,7 @@ def fly(
 class _FlightSimulation:
     """The state of a flight being flown."""
 
-    def __init__(self, aircraft: Aircraft, plan: Plan, plant: Plant, seed: int, dt: float, progress: Progress):
+    def __init__(self, aircraft: CompleteAircraft, plan: Plan, plant: Plant, seed: int, dt: float, progress: Progress):
         self.aircraft, self.plan, self.plant, self.seed, self.dt = aircraft, plan, plant, seed, dt
         self.progress = progress
         highest = max([plan.height_m, *(s.height_m for s in plan.segments if s.kind == "climb")])

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flight.aerodynamics import Aerodynamics, aerodynamics_of, body_axes, coefficients
-from flight.aircraft import Aircraft, ControlSurface
+from flight.aircraft import ControlSurface
+from flight.complete_aircraft import CompleteAircraft
 from flight.motion import (
     Inertia,
     attitude_derivative,
@@ -111,7 +112,7 @@ class FlightCondition(NamedTuple):
 class Plant:
     """An aircraft in the air of one flight."""
 
-    aircraft: Aircraft
+    aircraft: CompleteAircraft
     aero: Aerodynamics
     propeller: PropellerModel
     air: Air
@@ -255,7 +256,7 @@ def servo_rate(surface: ControlSurface, angle: Number, command: Number) -> Numbe
     return np.clip((within - angle) / surface.lag_s, -surface.rate_radps, surface.rate_radps)
 
 
-def plant_of(aircraft: Aircraft, air: Air | None = None, deviations: Deviations = NO_DEVIATIONS) -> Plant:
+def plant_of(aircraft: CompleteAircraft, air: Air | None = None, deviations: Deviations = NO_DEVIATIONS) -> Plant:
     """The plant of an aircraft file. Raises InputError without [aerodynamics] or propeller table."""
     propeller = load_propeller(aircraft.propulsion.propeller).with_beyond_zero_thrust(
         aircraft.propulsion.beyond_zero_thrust

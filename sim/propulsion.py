@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flight.aircraft import Propulsion
+from flight.complete_aircraft import CompletePropulsion
 from flight.number import Number
 from flight.propeller import PropellerModel
 
@@ -27,13 +27,13 @@ class PowerTrainState(NamedTuple):
     battery_current_A: Any
 
 
-def torque_constant(propulsion: Propulsion) -> float:
+def torque_constant(propulsion: CompletePropulsion) -> float:
     """Torque per current [N m/A], which is also voltage per angular speed [V s/rad]."""
     return 60 / (2 * np.pi * propulsion.motor_kv_rpm_per_volt)
 
 
 def power_train(
-    propulsion: Propulsion,
+    propulsion: CompletePropulsion,
     propeller: PropellerModel,
     *,
     V: Number,
@@ -70,7 +70,9 @@ def power_train(
     return PowerTrainState(thrust_N, shaft_power_W, torque_Nm, acceleration, voltage, battery_current)
 
 
-def throttle_for(propulsion: Propulsion, propeller: PropellerModel, *, V: Number, n: Number, rho: Number) -> Number:
+def throttle_for(
+    propulsion: CompletePropulsion, propeller: PropellerModel, *, V: Number, n: Number, rho: Number
+) -> Number:
     """The throttle that holds n [rev/s] at airspeed V [m/s], elementwise.
 
     Zero where the propeller windmills faster than n, infinite where the battery cannot give the power.

@@ -12,6 +12,7 @@ ROOT = Path(__file__).parent.parent
 ALLOWED = {
     "flight": set(),
     "daq": {"flight"},
+    "flightpower": {"flight"},
     "sim": {"flight"},
     "hw_fakes": {"flight", "sim"},
     "analysis": {"flight"},

@@ -13,6 +13,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 # Each package and the extras with any one of which it has to work; none: what the aircraft's computer installs.
 EXTRAS: dict[str, tuple[str, ...]] = {
     "daq": (),
+    "flightpower": (),
     "flight": ("analysis", "sim"),
     "analysis": ("analysis",),
     "sim": ("sim",),

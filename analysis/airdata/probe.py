@@ -7,6 +7,7 @@ pressures. That takes a polynomial of second order, q_c/qbar itself would take o
 all deviations come from the tunnel.
 """
 
+from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.airdata.polynomial_map import PolynomialMap
+from flight.errors import InputError
 from flight.json_file import decoded
 
 Array = NDArray[np.float64]
@@ -72,6 +74,14 @@ def flow_at_probe(probe: ProbeCalibration, dp_alpha_Pa: Array, dp_beta_Pa: Array
 def parse_probe(data: bytes, where: str) -> ProbeCalibration:
     """The calibration of a `probe.json`. Raises InputError naming `where`."""
     return decoded(data, ProbeCalibration, (FORMAT, FIRST_FORMAT), where, "a probe calibration")
+
+
+def load_probe(path: Path) -> ProbeCalibration:
+    """The calibration of a file. Raises InputError naming it."""
+    try:
+        return parse_probe(path.read_bytes(), str(path))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
 def _inside(corners: Array, x: Array, y: Array) -> NDArray[np.bool_]:

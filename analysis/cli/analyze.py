@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from analysis.cli.errors import run
-from analysis.performance.request import parse_request
+from analysis.performance.request import parse_request, parse_weight
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log
@@ -36,6 +36,16 @@ def analyze(
             help="Propeller to use instead of the log's: a name shipped with flightpower, a CSV file of its format,"
             " a PER3 file of APC, or tables of UIUC.",
         ),
+    ] = None,
+    probe: Annotated[
+        Path | None, typer.Option("--probe", help="Probe calibration to use instead of the one the log carries.")
+    ] = None,
+    zero: Annotated[
+        Path | None, typer.Option("--zero", help="Still-air zero of `daq zero` to use instead of the log's.")
+    ] = None,
+    weight: Annotated[
+        str | None,
+        typer.Option("--weight", help='Weight in this flight, such as "4.1 kg", instead of the aircraft file\'s.'),
     ] = None,
     runs: Annotated[
         Path | None,
@@ -71,7 +81,8 @@ def analyze(
 ) -> None:
     """Compute the power required from a log: report.html, results.json, power_required.csv and a table for the field.
 
-    The log carries the aircraft file, the propeller table, and the calibrations of probe and magnetometer.
+    A log of the daemon carries the aircraft file, the propeller table, the calibrations of probe and magnetometer, and
+    the zero. Each can be replaced, or given where the log lacks it.
     The curve covers the speeds flown in accelerations and decelerations, with a 95 % interval. The report also has
     endurance and range on a battery, climb and highest speed at full throttle, and the effect of weight and air
     density on these.
@@ -83,6 +94,7 @@ def analyze(
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give the folder for the results with -o")
     request = parse_request(battery_Wh, usable, weights, density_altitudes)
+    weight_N = None if weight is None else parse_weight(weight, "--weight")
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with stderr.status("reading the log …") as status:
@@ -91,15 +103,24 @@ def analyze(
         given_aircraft = load_aircraft(aircraft) if aircraft else None
         given_propeller = _load_propeller(propeller) if propeller else None
         from analysis.airdata.magnetometer import load_magnetometer
+        from analysis.airdata.probe import load_probe
+        from analysis.log_contents import Replacements
         from analysis.pipeline import analyze as run_pipeline
         from analysis.report.terminal import print_summary
         from analysis.report.write import write_report, write_run_list
+        from analysis.signals.rest import load_zero
 
+        given = Replacements(
+            aircraft=given_aircraft,
+            propeller=given_propeller,
+            probe=load_probe(probe) if probe else None,
+            magnetometer=load_magnetometer(magnetometer) if magnetometer else None,
+            zero=load_zero(zero) if zero else None,
+            weight_N=weight_N,
+        )
         analysis = run_pipeline(
-            recorded, given_aircraft, lambda step: status.update(f"{step} …"), propeller=given_propeller,
-            request=request, runs_file=runs,
-            magnetometer_calibration=load_magnetometer(magnetometer) if magnetometer else None,
-        )  # fmt: skip
+            recorded, given, lambda step: status.update(f"{step} …"), request=request, runs_file=runs
+        )
         status.update("writing the report …")
         write_report(analysis, folder)
         previous = write_run_list(analysis, folder, log.name, given=runs)

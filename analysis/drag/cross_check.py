@@ -65,7 +65,7 @@ def output_error_fit(
 ) -> Fit:
     """The output-error fit of all runs at once, in still air."""
     segments = segments_of(table, runs, propeller, block=BLOCK)
-    model = models.level_run(aircraft, priors=priors(zeroed=zeroed))
+    model = models.level_run(aircraft, priors=priors(aircraft, zeroed=zeroed))
     return output_error.estimate(model, segments, start=models.starting_values(aircraft, segments))
 
 

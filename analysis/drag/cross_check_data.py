@@ -1,14 +1,17 @@
 """The cross-check's data and priors: runs as segments for estimators that integrate the equations of motion."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.drag.stand_ins import alpha_scale_sigma
 from analysis.estimation.aircraft_models import Priors
 from analysis.estimation.data import Segment
 from analysis.maneuvers.kinds import Maneuver
+from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
@@ -38,9 +41,11 @@ PRIORS = Priors(
 UNZEROED_GYRO_RADPS = 0.02  # an MPU9250's zero-rate output at room temperature, uncalibrated
 
 
-def priors(*, zeroed: bool) -> Priors:
+def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
     """Priors of the sensor errors. zeroed: the gyro biases at rest were subtracted."""
-    return PRIORS if zeroed else replace(PRIORS, gyro_bias_radps=UNZEROED_GYRO_RADPS)
+    alpha_scale = math.hypot(PRIORS.alpha_scale, alpha_scale_sigma(aircraft))
+    gyro_bias = PRIORS.gyro_bias_radps if zeroed else UNZEROED_GYRO_RADPS
+    return replace(PRIORS, alpha_scale=alpha_scale, gyro_bias_radps=gyro_bias)
 
 
 def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller, *, block: int) -> list[Segment]:

@@ -26,7 +26,7 @@ def filter_error_fit(
 ) -> FilterFit:
     """The filter-error fit of all runs at once. Arguments as in `cross_check.estimate_polar`."""
     segments = segments_of(table, runs, propeller, block=BLOCK)
-    known = priors(zeroed=zeroed)
+    known = priors(aircraft, zeroed=zeroed)
     still_air = output_error.estimate(
         models.level_run(aircraft, priors=known), segments, start=models.starting_values(aircraft, segments)
     )

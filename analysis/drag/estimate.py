@@ -15,6 +15,7 @@ from analysis.drag.method import MethodEstimate
 from analysis.drag.methods import every_method
 from analysis.drag.polar import Condition, unphysical
 from analysis.drag.run_scatter import run_scatter
+from analysis.drag.stand_ins import Doubt, widened
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -52,15 +53,17 @@ def estimate(
     zeroed: bool,
     log: str,
     progress: Callable[[str], None],
+    doubt: Doubt | None = None,
 ) -> DragEstimates:
     """Dynamic method, all other methods, and cross-check.
 
     table: from `air_data`. at: weight and density of the flight, at which methods are compared. flown_CL: lift
     coefficients of level flight at the speeds flown. zeroed: the gyro biases at rest were subtracted.
+    doubt: by what stands in for keys of the aircraft file.
     Raises InputError, beginning with `log`, when the maneuvers do not determine a physical polar.
     """
     runs = maneuvers.level_runs
-    by_runs = dynamic.estimate_polar(trajectory, runs, aircraft, propeller) if runs else None
+    by_runs = widened(dynamic.estimate_polar(trajectory, runs, aircraft, propeller), doubt) if runs else None
     if by_runs and (reason := unphysical(by_runs.polar, flown_CL)):
         source = "one run" if len(runs) == 1 else f"{len(runs)} runs"
         raise InputError(
@@ -68,8 +71,12 @@ def estimate(
         )
     progress("applying all other methods")
     others = every_method(trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, at)
-    main, flown_CL = (by_runs, flown_CL) if by_runs else fallback(others.by_method, trajectory, log)
-    warnings = main.warnings + run_scatter(others.one_by_one, at)
+    if by_runs:
+        main = by_runs
+    else:
+        main, flown_CL = fallback(others.by_method, trajectory, log)
+        main = widened(main, doubt)
+    warnings = (doubt.notes if doubt else []) + main.warnings + run_scatter(others.one_by_one, at)
     check = None
     if runs:
         progress("cross-checking on the runs alone")
@@ -80,3 +87,20 @@ def estimate(
         else:
             warnings += cross_check.disagreement(main.polar, check, at, flown_CL)
     return DragEstimates(main, flown_CL, others.by_method, others.one_by_one, others.disagreements, check, warnings)
+
+
+def main_polar(
+    trajectory: Trajectory,
+    maneuvers: Maneuvers,
+    aircraft: Aircraft,
+    propeller: Propeller,
+    at: Condition,
+    flown_CL: tuple[float, float],
+    log: str,
+) -> DynamicEstimate:
+    """The polar of the power curve alone, as `estimate` has it."""
+    runs = maneuvers.level_runs
+    if runs:
+        return dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
+    others = every_method(trajectory, maneuvers.maneuvers, None, flown_CL, aircraft, propeller, at)
+    return fallback(others.by_method, trajectory, log)[0]

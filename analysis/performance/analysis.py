@@ -12,6 +12,7 @@ from analysis.drag.dynamic import POLAR, THRUST, DynamicEstimate
 from analysis.drag.estimate import DragEstimates
 from analysis.drag.forces import FlightForces
 from analysis.drag.polar import Condition, speed_at
+from analysis.performance.assumed_motor import ASSUMED_MOTOR, motor_is_known, with_assumed_motor
 from analysis.performance.available import (
     SERVICE_CLIMB_MPS,
     FullThrottlePerformance,
@@ -110,12 +111,14 @@ def compute(
     """Performance at the flight's weight and density, and at those requested.
 
     flown: rows of `air_data` within the maneuvers analysed. at: weight and density of the flight.
-    None where the propeller's table cannot give the thrust of level flight.
+    None where the battery's energy is not known, or the propeller's table cannot give the thrust of level flight.
     """
+    battery_Wh = request.battery_Wh or aircraft.propulsion.battery_energy_Wh
+    if battery_Wh is None:
+        return None
     flight = FlightCondition(at, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))
     data = power_train_data(trajectory, aircraft, propeller)
     model = performance_model(data, drag.main, aircraft, propeller, drag.flown_CL)
-    battery_Wh = request.battery_Wh or aircraft.propulsion.battery_energy_Wh
     requested = requested_conditions(request, flight)
     return flight_performance(model, at, requested, battery_energy_Wh=battery_Wh, usable=request.usable)
 
@@ -152,8 +155,10 @@ def performance_model(
     """Polar and thrust correction as estimated, with power train and full throttle. data : of `power_train_data`"""
     polar = ParameterVector((*POLAR, *THRUST), estimate.values, estimate.noise + estimate.systematic)
     scale, slope = (float(estimate.values[polar.names.index(name)]) for name in THRUST)
-    train = fit_power_train(data, aircraft.propulsion, propeller, thrust_scale=scale, thrust_slope=slope)
-    motor = fit_full_throttle(data, aircraft.propulsion, propeller)
+    propulsion = with_assumed_motor(aircraft.propulsion, data, propeller)
+    known = {} if motor_is_known(aircraft.propulsion) else {"motor_source": ASSUMED_MOTOR}
+    train = fit_power_train(data, propulsion, propeller, thrust_scale=scale, thrust_slope=slope, **known)
+    motor = fit_full_throttle(data, propulsion, propeller)
     parts = [polar, incidence(data), train.parameters]
     if motor.parameters is not None:
         parts.append(motor.parameters)

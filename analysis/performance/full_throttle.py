@@ -19,7 +19,7 @@ from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.performance.propagation import ParameterVector
 from analysis.signals.stretches import stretches
-from flight.aircraft import Propulsion
+from flight.complete_aircraft import CompletePropulsion
 from flight.propeller import Propeller
 
 FULL_THROTTLE, STEADY_THROTTLE = 0.97, 0.005  # at least this, and within this of the largest throttle of the flight
@@ -41,7 +41,7 @@ class FullThrottle:
     reason: str = ""
 
 
-def fit_full_throttle(data: pd.DataFrame, propulsion: Propulsion, propeller: Propeller) -> FullThrottle:
+def fit_full_throttle(data: pd.DataFrame, propulsion: CompletePropulsion, propeller: Propeller) -> FullThrottle:
     """Fit n_0 and c to the flight.
 
     data : index t_s, even steps; columns V [m/s], n [rev/s], rho [kg/m^3], throttle (0 to 1), covered (by the
@@ -82,7 +82,7 @@ def fit_full_throttle(data: pd.DataFrame, propulsion: Propulsion, propeller: Pro
 
 
 def _full_throttle_stretches(
-    data: pd.DataFrame, step_s: float, propulsion: Propulsion, propeller: Propeller
+    data: pd.DataFrame, step_s: float, propulsion: CompletePropulsion, propeller: Propeller
 ) -> list[Segment]:
     """Stretches at full throttle, without their first SETTLING_S, with the motor's torque [N m]."""
     full = float(data["throttle"].max())

@@ -21,7 +21,7 @@ from analysis.estimation.model import Model, Parameter
 from analysis.performance.propagation import ParameterVector, SigmaPoints, combine_independent
 from analysis.performance.propeller_speed import corrected_thrust
 from analysis.signals.stretches import stretches
-from flight.aircraft import Propulsion
+from flight.complete_aircraft import CompletePropulsion
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
@@ -87,7 +87,13 @@ def _measured_battery_power(
 
 
 def fit_power_train(
-    data: pd.DataFrame, propulsion: Propulsion, propeller: Propeller, *, thrust_scale: float, thrust_slope: float
+    data: pd.DataFrame,
+    propulsion: CompletePropulsion,
+    propeller: Propeller,
+    *,
+    thrust_scale: float,
+    thrust_slope: float,
+    motor_source: str = "those of the aircraft file, an assumption",
 ) -> PowerTrainModel:
     """Fit the losses between shaft and battery to slow stretches of a flight.
 
@@ -124,7 +130,7 @@ def fit_power_train(
             else f"Only {seconds:.0f} s of slow flight with battery data"
         )
         basis = (
-            f"{why}: motor and controller are those of the aircraft file, an assumption"
+            f"{why}: motor and controller are {motor_source}"
             f" ({propulsion.motor_kv_rpm_per_volt:g} rpm/V, {propulsion.motor_resistance_ohm:g} ohm,"
             f" {propulsion.motor_no_load_current_A:g} A unloaded),"
             f" losses ±{100 * LOSS_SIGMA_SHARE:.0f} %, shaft power ±{100 * SHAFT_SCALE_SIGMA:.0f} %"
@@ -146,7 +152,7 @@ def fit_power_train(
     return PowerTrainModel(combine_independent(losses, meter), no_load_Nm, True, basis, efficiencies)
 
 
-def _slow_stretches(data: pd.DataFrame, propulsion: Propulsion, propeller: Propeller) -> list[Segment]:
+def _slow_stretches(data: pd.DataFrame, propulsion: CompletePropulsion, propeller: Propeller) -> list[Segment]:
     """Stretches in which the motor drives the propeller and n hardly changes; inputs shaft [W], n, V, rho."""
     step_s = float(data.index[1] - data.index[0])
     smooth = data["n"].rolling(max(1, round(SMOOTHING_S / step_s)), center=True, min_periods=1).mean()

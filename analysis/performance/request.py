@@ -5,7 +5,7 @@ import re
 from dataclasses import dataclass
 
 from flight.errors import InputError
-from flight.units import GRAVITY_MPS2, to_si
+from flight.units import GRAVITY_MPS2, to_si, weight_to_N
 
 USABLE = 0.8  # of a battery's energy: common for lithium polymer
 HEAVIEST_KG = 1000.0  # far above any small aircraft
@@ -40,7 +40,7 @@ def parse_request(
         if battery_Wh is None
         else _number("--battery-Wh", battery_Wh, "watt hours above zero, such as 74"),
         usable=USABLE if usable is None else _number("--usable", usable, "a share between 0 and 1, such as 0.8", 1.0),
-        weights_N=() if weights is None else tuple(_weight_N(text) for text in weights.split(",")),
+        weights_N=() if weights is None else tuple(parse_weight(text) for text in weights.split(",")),
         density_altitudes_m=()
         if density_altitudes is None
         else tuple(_height_m(text) for text in density_altitudes.split(",")),
@@ -57,20 +57,22 @@ def _number(option: str, text: str, wanted: str, largest: float = math.inf) -> f
     return value
 
 
-def _weight_N(text: str) -> float:
+def parse_weight(text: str, option: str = "--weights") -> float:
+    """The weight [N] of a text such as "4.1 kg" or "40 N". Raises InputError naming the option."""
     wanted = InputError(
-        f"--weights {text.strip()!r}: should be masses or weights above zero and below {HEAVIEST_KG:.0f} kg,"
+        f"{option} {text.strip()!r}: should be masses or weights above zero and below {HEAVIEST_KG:.0f} kg,"
         ' such as "3.8 kg, 9.5 lbf"'
+        if option == "--weights"
+        else f"{option} {text.strip()!r}: should be a mass or weight above zero and below {HEAVIEST_KG:.0f} kg,"
+        ' such as "4.1 kg"'
     )
-    for unit, newtons in (("kg", GRAVITY_MPS2), ("N", 1.0)):
-        try:
-            value = newtons * to_si(_spaced(text), unit, "--weights")
-        except InputError:
-            continue
-        if not 0 < value < HEAVIEST_KG * GRAVITY_MPS2:
-            raise wanted
-        return value
-    raise wanted
+    try:
+        value = weight_to_N(text, option)
+    except InputError:
+        raise wanted from None
+    if not 0 < value < HEAVIEST_KG * GRAVITY_MPS2:
+        raise wanted
+    return value
 
 
 def _spaced(text: str) -> str:

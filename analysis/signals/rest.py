@@ -5,6 +5,7 @@ them. Zeros before and after the flight may differ because transducers warm up. 
 corrected linearly over the flight.
 """
 
+from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.stretches import stretches
 from analysis.signals.synchronize import COLUMNS
+from flight.errors import InputError
 from flight.json_file import decoded
 
 Array = NDArray[np.float64]
@@ -128,6 +130,14 @@ def zero_of_attachment(data: bytes | None, where: str) -> dict[str, float] | Non
         if field in zero.readings.get(topic, {}):
             found[name] = zero.readings[topic][field].mean
     return found
+
+
+def load_zero(path: Path) -> dict[str, float]:
+    """The same from a file that `daq zero` wrote. Raises InputError naming it."""
+    try:
+        return zero_of_attachment(path.read_bytes(), str(path)) or {}
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
 def _as_taken(taken: dict[str, float]) -> Zeros:

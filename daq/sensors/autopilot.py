@@ -161,7 +161,7 @@ def controls(pulse_us: list[int], aircraft: Aircraft | None) -> Controls:
 
     for name in ("elevator", "aileron", "rudder"):
         surface = getattr(aircraft, name)
-        if pulse(surface.channel):
+        if surface is not None and pulse(surface.channel):
             setattr(message, f"{name}_rad", surface.angle_of_pulse_rad(pulse(surface.channel)))
     throttle_us = pulse(aircraft.propulsion.throttle_channel)
     if throttle_us:

@@ -7,8 +7,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from flight.aircraft import Aircraft, ControlSurface, PneumaticLine
+from flight.aircraft import ControlSurface, PneumaticLine
 from flight.atmosphere import GRAVITY_MPS2
+from flight.complete_aircraft import CompleteAircraft
 from flight.motion import body_from_earth, specific_force_at
 from sim.fly import Flight
 from sim.sensor_truth import GpsSolution
@@ -42,7 +43,7 @@ class FlightSensorTruth:
 
     def __init__(self, flight: Flight, errors: DrawnErrors):
         self._flight, self._errors = flight, errors
-        self._aircraft: Aircraft = flight.aircraft
+        self._aircraft: CompleteAircraft = flight.aircraft
         self._truth: pd.DataFrame = flight.truth
         self._t = flight.truth["time_s"].to_numpy()
         self.duration_s = float(self._t[-1])

@@ -57,10 +57,20 @@ def test_a_log_without_a_needed_topic(flown: Path, tmp_path: Path, topic: str) -
     refused(tmp_path / "flight.mcap", naming="flight.mcap", cause=topic, folder=tmp_path)
 
 
-@pytest.mark.parametrize("name", ["aircraft.toml", "propeller.csv", "probe.json"])
-def test_a_log_without_a_needed_attachment(flown: Path, tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(("name", "option"), [("aircraft.toml", "--aircraft FILE"), ("probe.json", "--probe FILE")])
+def test_a_log_without_a_needed_attachment_names_the_option_that_gives_it(
+    flown: Path, tmp_path: Path, name: str, option: str
+) -> None:
     rewritten(flown, tmp_path / "flight.mcap", without_attachment=name)
-    refused(tmp_path / "flight.mcap", naming="flight.mcap", cause=name, folder=tmp_path)
+    refused(tmp_path / "flight.mcap", naming=name, cause=option, folder=tmp_path)
+
+
+def test_a_log_without_any_propeller(flown: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text(load_aircraft("nexstar").text.replace('propeller = "apc-12x8e"', ""))
+    log = tmp_path / "flight.mcap"
+    rewritten(flown, log, without_attachment="propeller.csv", attached={"aircraft.toml": mine.read_bytes()})
+    refused(log, naming="propeller.csv", cause="--propeller", folder=tmp_path)
 
 
 @pytest.mark.parametrize(

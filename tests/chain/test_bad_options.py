@@ -13,6 +13,8 @@ pytestmark = pytest.mark.xdist_group("chain")
     [
         ("--battery-Wh", "0"),
         ("--usable", "80"),
+        ("--weight", "4.1"),
+        ("--weight", "-1 kg"),
         ("--weights", "0 kg"),
         ("--density-altitudes", "20 km"),
     ],

@@ -1,11 +1,17 @@
 """Aircraft files: those shipped, and what is said of a broken one."""
 
+import dataclasses
 import re
+import typing
+from pathlib import Path
 
 import pytest
 
-from flight.aircraft import load_aircraft, parse_aircraft
+from flight.aircraft import Aircraft, load_aircraft, parse_aircraft
+from flight.aircraft_keys import EXAMPLES, KEYS, LINES, SURFACES, to_markdown
+from flight.complete_aircraft import as_complete
 from flight.errors import InputError
+from flight.units import split_unit
 
 FOOT, POUND = 0.3048, 4.4482216152605
 
@@ -93,3 +99,112 @@ def test_a_missing_file_and_an_unreadable_one(tmp_path):
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match=re.escape(str(binary))):
         load_aircraft(binary)
+
+
+FOUR_KEYS = """
+name = "mine"
+[geometry]
+span = "1.75 m"
+wing_area = "0.46 m^2"
+[mass]
+weight = "4 kg"
+"""
+
+
+def test_four_keys_are_an_aircraft():
+    mine = parse_aircraft(FOUR_KEYS, "mine.toml")
+    assert mine.mass_kg == pytest.approx(4.0) and mine.mass.standard_weight_N == mine.mass.weight_N
+    assert mine.title == "mine"
+    assert mine.geometry.mean_chord_m == pytest.approx(0.46 / 1.75)
+    assert mine.has("name", "mass.weight") and not mine.has("mass.Ix") and not mine.has("mass.standard_weight")
+
+
+@pytest.mark.parametrize("weight", ["4 kg", "4kg", "4000 g", "39.2266 N", "8.8185 lb", "8.8185 lbf"])
+def test_a_weight_is_given_as_a_force_or_a_mass(weight):
+    mine = parse_aircraft(FOUR_KEYS.replace("4 kg", weight), "mine.toml")
+    assert mine.mass.weight_N == pytest.approx(39.2266, rel=1e-5)
+
+
+def test_everything_that_is_missing_or_wrong_is_told_at_once_with_an_example():
+    with pytest.raises(InputError) as caught:
+        parse_aircraft('[geometry]\nspan = 1.75\n[mass]\nweight = "4 m"\nIx = "1 m"\n', "mine.toml")
+    message = str(caught.value)
+    assert message.count("mine.toml") == 1 and "\n" not in message
+    for said in (
+        'name is missing, such as name = "mine"',
+        "geometry.span = 1.75",
+        'geometry.wing_area is missing, such as wing_area = "0.46 m^2"',
+        "mass.weight = '4 m'",
+        "mass.Ix = '1 m'",
+    ):
+        assert said in message
+    assert "standard_weight" not in message
+
+
+def test_the_simulator_asks_for_every_key_it_flies_by():
+    for key in ("Ix", "motor_resistance", "chord"):
+        lines = [line for line in TEXT.splitlines() if not line.startswith(f"{key} ")]
+        assert len(lines) == len(TEXT.splitlines()) - 1
+        parse_aircraft("\n".join(lines), "mine.toml")
+    with pytest.raises(InputError) as caught:
+        as_complete(FOUR_KEYS, "mine.toml")
+    for key in ("geometry.chord", "mass.Iy", "propulsion.battery_voltage", "rudder.angle", "probe.position"):
+        assert key in str(caught.value)
+    complete = as_complete(TEXT, "nexstar.toml")
+    assert dataclasses.asdict(complete) == dataclasses.asdict(load_aircraft("nexstar"))
+
+
+def test_every_key_is_described():
+    """The table that messages, template and docs/aircraft.md are made of has the keys that the code reads, no other."""
+    read = set(keys_of(Aircraft)) - {"aerodynamics"}
+    for surface in SURFACES:
+        read = {key.replace(f"{surface}.", "SURFACE.") for key in read}
+    assert read == KEYS.keys() - {"aerodynamics"}
+    assert all(key.without for name, key in KEYS.items() if name not in REQUIRED)
+    assert not any(KEYS[name].without for name in REQUIRED)
+
+
+REQUIRED = ("name", "geometry.span", "geometry.wing_area", "mass.weight")
+
+
+def keys_of(kind, section=""):
+    """Keys of a file that `read_table` takes for a dataclass."""
+    hints = typing.get_type_hints(kind)
+    for field in dataclasses.fields(kind):
+        key = section + split_unit(field.name)[0]
+        kinds = [
+            one for one in (hints[field.name], *typing.get_args(hints[field.name])) if dataclasses.is_dataclass(one)
+        ]
+        inside = f"{key}.LINE." if typing.get_origin(hints[field.name]) is dict else f"{key}."
+        if kinds:
+            yield from keys_of(kinds[0], inside)
+        elif field.metadata.get("key", True):
+            yield key
+
+
+def test_examples_are_read_as_the_keys_they_are_for():
+    assert parse_aircraft(TEXT, "nexstar.toml").keys <= EXAMPLES.keys() | SECTIONS | set(keys_below_aerodynamics())
+    for key in REQUIRED:
+        broken = FOUR_KEYS.replace(f"{key.rpartition('.')[2]} = ", "# ")
+        with pytest.raises(InputError, match=re.escape(EXAMPLES[key])):
+            parse_aircraft(broken, "mine.toml")
+
+
+SECTIONS = {
+    "geometry",
+    "mass",
+    "propulsion",
+    "probe",
+    "probe.lines",
+    *SURFACES,
+    *(f"probe.lines.{one}" for one in LINES),
+}
+
+
+def keys_below_aerodynamics():
+    return (key for key in load_aircraft("nexstar").keys if key.startswith("aerodynamics"))
+
+
+def test_the_page_describes_every_key():
+    page = (Path(__file__).parents[2] / "docs" / "aircraft.md").read_text("utf-8")
+    assert to_markdown() in page, "python -m flight.aircraft_keys prints the table"

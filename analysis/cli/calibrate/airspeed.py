@@ -1,5 +1,6 @@
 """`calibrate airspeed`"""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 def airspeed(
     log: LogFile,
     aircraft: AircraftFile = None,
+    probe: Annotated[
+        Path | None, typer.Option("--probe", help="Probe calibration to use instead of the one the log carries.")
+    ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="JSON file to write as well.")] = None,
     replace: Replace = False,
 ) -> None:
@@ -28,7 +32,9 @@ def airspeed(
     `analyze` estimates the same for each flight.
     """
     from analysis.airdata.from_log import flight_data
-    from analysis.log_contents import contents
+    from analysis.airdata.probe import load_probe
+    from analysis.drag.stand_ins import alpha_scale_sigma
+    from analysis.log_contents import Replacements, contents
     from analysis.trajectory.airspeed_scale import calibrate
     from analysis.trajectory.reconstruction import reconstruct
     from flight.aircraft import load_aircraft
@@ -36,13 +42,15 @@ def airspeed(
 
     refuse_existing(output, replace)
     recorded = read_log(log)
-    carried = contents(recorded, load_aircraft(aircraft) if aircraft else None)
+    given = Replacements(
+        aircraft=load_aircraft(aircraft) if aircraft else None, probe=load_probe(probe) if probe else None
+    )
+    carried = contents(recorded, given)
     data = flight_data(recorded, carried.aircraft, carried.propeller, carried.probe, carried.magnetometer, carried.zero)
     if not data.table["flying"].any():
         raise InputError(f"{log}: no flight in this log")
-    trajectory = reconstruct(
-        data.table, data.rest, alpha_scale_sigma=carried.probe.alpha_scale_sigma, compass=data.compass, log=str(log)
-    )
+    sigma = math.hypot(carried.probe.alpha_scale_sigma, alpha_scale_sigma(carried.aircraft))
+    trajectory = reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=str(log))
     found = calibrate(data.table, trajectory)
     console = Console()
     for line in summary(found, carried.notes + data.notes):

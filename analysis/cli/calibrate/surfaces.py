@@ -52,11 +52,17 @@ def surfaces(
     from analysis.airdata.surfaces import found_in_words, held_pulses, surface_table, to_toml
     from analysis.log_contents import aircraft_of
     from analysis.signals.log_fields import servo_pulses
+    from flight.aircraft import ControlSurface
     from flight.log_reader import read_log
 
     refuse_existing(output, replace)
     recorded = read_log(log)
-    number = channel if channel is not None else getattr(aircraft_of(recorded), surface.value).channel
+    number = channel
+    if number is None:
+        known: ControlSurface | None = getattr(aircraft_of(recorded), surface.value)
+        if known is None:
+            raise InputError(f"{log}: its aircraft file has no section [{surface.value}]; give --channel, from 1")
+        number = known.channel
     if number < 1:
         raise InputError(f"--channel {number}: servo outputs count from 1")
     t_s, pulse_us = servo_pulses(recorded, number)

@@ -24,22 +24,29 @@ from analysis.estimation.aircraft_models.starting_values import level_flight_sta
 from analysis.estimation.model import Model, NamedValues, Parameter
 from flight import motion
 from flight.aircraft import Aircraft
+from flight.errors import InputError
 
 
 def longitudinal(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5) -> Model:
     """States V, alpha, theta, q, h; outputs V, alpha, q, ax, az, h.
 
     With pitching moment Cm0, Cma, Cmq, Cmde and CLq. CLde is free without a prior, because an elevator input separates
-    the effects of elevator and angle of attack.
+    the effects of elevator and angle of attack. Raises InputError when the aircraft file lacks the moments of inertia.
     """
     c = Constants.of(aircraft)
+    inertia = c.inertia
+    if inertia is None:
+        raise InputError(
+            f"{aircraft.name}: the model of pitching needs mass.Ix, mass.Iy and mass.Iz in the aircraft file, such as"
+            ' Iy = "0.28 kg m^2"'
+        )
 
     def dynamics(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, ...]:
         Vdot, alphadot = wind_axis_derivative(c, x.V, x.alpha, x.theta, x.q, u, p, J_ref)
         _, thetadot, _ = motion.attitude_derivative(u.phi, x.theta, u.p, x.q, u.r)
         Cm = p.Cm0 + p.Cma * x.alpha + p.Cmq * reduced_pitch_rate(c, x.q, x.V) + p.Cmde * u.elevator
         M = u.rho * x.V**2 / 2 * c.S * c.chord * Cm
-        _, qdot, _ = motion.rate_derivative(u.p, x.q, u.r, 0.0, M, 0.0, c.inertia)
+        _, qdot, _ = motion.rate_derivative(u.p, x.q, u.r, 0.0, M, 0.0, inertia)
         return Vdot, alphadot, thetadot, qdot, climb_rate(x.V, x.alpha, x.theta, u)
 
     def outputs(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, ...]:

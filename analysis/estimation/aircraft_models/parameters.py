@@ -39,17 +39,18 @@ class Constants:
     S: float  # m^2
     chord: float  # m
     aspect_ratio: float
-    inertia: Inertia
+    inertia: Inertia | None  # None where the aircraft file lacks it
 
     @classmethod
     def of(cls, aircraft: Aircraft) -> "Constants":
         mass = aircraft.mass
+        Ix, Iy, Iz = mass.Ix_kgm2, mass.Iy_kgm2, mass.Iz_kgm2
         return cls(
             m=aircraft.mass_kg,
             S=aircraft.geometry.wing_area_m2,
-            chord=aircraft.geometry.chord_m,
+            chord=aircraft.geometry.mean_chord_m,
             aspect_ratio=aircraft.aspect_ratio,
-            inertia=Inertia(mass.Ix_kgm2, mass.Iy_kgm2, mass.Iz_kgm2, mass.Ixz_kgm2),
+            inertia=None if Ix is None or Iy is None or Iz is None else Inertia(Ix, Iy, Iz, mass.Ixz_kgm2),
         )
 
 

@@ -164,7 +164,7 @@ def test_nothing_is_replaced_unasked(pops: Path, protractor: Path, tmp_path: Pat
         (("surfaces", "LOG", "--channel", "9"), "no pulse of servo output 9"),
         (("surfaces", "LOG", "--channel", "0"), "count from 1"),
         (("magnetometer", "LOG"), "no magnetometer"),
-        (("airspeed", "LOG"), "carries no propeller.csv"),
+        (("airspeed", "LOG"), "give --probe FILE"),
         (("tubing", "missing.mcap"), "cannot be read"),
         (("probe", "missing.csv"), "cannot be read"),
         (("probe", "missing.csv", "--angle-scale", "50"), "--angle-scale"),

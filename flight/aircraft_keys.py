@@ -1,0 +1,217 @@
+"""Every key of the aircraft file: an example, its meaning, how to measure it, who needs it, what stands in.
+
+Messages, the template of `flightpower new aircraft` and docs/aircraft.md are made of it;
+`python -m flight.aircraft_keys` prints the tables of that page.
+"""
+
+from typing import NamedTuple
+
+ALL = "everything"
+SURFACES, LINES = ("elevator", "aileron", "rudder"), ("alpha", "beta", "airspeed", "static")
+
+
+class Key(NamedTuple):
+    """example : as in the file     without : what happens where the key is missing; "" where it is required"""
+
+    example: str
+    meaning: str
+    measure: str
+    needed_by: str
+    without: str = ""
+
+
+SIMULATOR = "simulator"
+LATER = "`sim` asks for it"
+NO_ANGLES = "the daemon logs pulse widths only; the cross-check takes the surface as fixed; `sim` asks for it"
+NO_LINE = "no lag but the 0.012 s (one standard deviation) that is assumed anyway"
+NO_MOTOR = "a motor that loses a fifth of its highest power stands in, ±50 %; `sim` asks for it"
+
+# SURFACE stands for elevator, aileron and rudder, LINE for alpha, beta, airspeed and static.
+KEYS: dict[str, Key] = {
+    "name": Key('"mine"', "Short name, as in file names.", "Choose one.", ALL),
+    "title": Key('"My aircraft"', "Name in headings.", "Choose one.", "report", "the name"),
+    "source": Key('"Own measurements, 2026"', "Where the numbers come from.", "Write it down.", "reader", "empty"),
+    "imu_position": Key(
+        '["0.05 m", "0.0 m", "0.02 m"]',
+        "The IMU from the centre of gravity: forward, right, down.",
+        "With a ruler, from the balance point.",
+        "analysis, simulator",
+        "the centre of gravity, ±0.1 m each way; intervals contain it",
+    ),
+    "geometry.span": Key('"1.75 m"', "Wing span b.", "From tip to tip, with a tape measure.", ALL),
+    "geometry.wing_area": Key(
+        '"0.46 m^2"',
+        "Wing area S, with the part inside the fuselage.",
+        "Span times mean chord.",
+        ALL,
+    ),
+    "geometry.chord": Key(
+        '"0.265 m"',
+        "Mean aerodynamic chord.",
+        "Of a tapered wing 2/3 c_root (1 + t + t²)/(1 + t), t = c_tip/c_root.",
+        "cross-check, simulator",
+        "wing area over span; `sim` asks for it",
+    ),
+    "mass.weight": Key(
+        '"4 kg"',
+        "Weight in flight with battery, in N, lbf, kg, g or lb.",
+        "Weigh the aircraft ready to fly.",
+        ALL,
+    ),
+    "mass.standard_weight": Key(
+        '"4 kg"',
+        "Weight of PIW, VIW and the standard curve.",
+        "Choose a round number.",
+        "analysis",
+        "the weight",
+    ),
+    "mass.Ix": Key(
+        '"0.18 kg m^2"',
+        "Moment of inertia about the body x axis (roll).",
+        "Bifilar pendulum: I = m g d² T²/(16 π² L), d between the strings, L long, period T.",
+        SIMULATOR,
+        LATER,
+    ),
+    "mass.Iy": Key('"0.28 kg m^2"', "Moment of inertia about the body y axis (pitch).", "As Ix.", SIMULATOR, LATER),
+    "mass.Iz": Key('"0.37 kg m^2"', "Moment of inertia about the body z axis (yaw).", "As Ix.", SIMULATOR, LATER),
+    "mass.Ixz": Key('"0 kg m^2"', "Product of inertia.", "Small; leave it out.", SIMULATOR, "zero"),
+    "propulsion.propeller": Key(
+        '"apc-12x8e"',
+        "Propeller table: a shipped name, or a file (docs/propellers.md).",
+        "Printed on the blade; tables of UIUC and APC are read as downloaded.",
+        "analysis, simulator",
+        "the log's table, or `analyze --propeller`",
+    ),
+    "propulsion.propeller_inertia": Key(
+        '"9.0e-5 kg m^2"',
+        "Moment of inertia of propeller and motor bell.",
+        "Blades as rods: m D²/12.",
+        "power train, simulator",
+        "9e-5 kg m² (D/0.305 m)⁵; `sim` asks for it",
+    ),
+    "propulsion.max_rpm": Key("8300", "Highest speed of rotation.", "Static, on the ground.", SIMULATOR, LATER),
+    "propulsion.pole_pairs": Key(
+        "7",
+        "Magnets of the motor over two.",
+        "Count the magnets.",
+        "daemon with a pulse counter, simulator",
+        "the daemon asks for it where the tray file does not give it",
+    ),
+    "propulsion.motor_kv_rpm_per_volt": Key(
+        "560", "Speed constant of the motor [rev/min/V].", "Data sheet.", "endurance, range, climb; simulator", NO_MOTOR
+    ),
+    "propulsion.motor_resistance": Key(
+        '"0.035 ohm"',
+        "Its resistance, with controller.",
+        "Data sheet.",
+        "endurance, range, climb; simulator",
+        NO_MOTOR,
+    ),
+    "propulsion.motor_no_load_current": Key(
+        '"1.6 A"',
+        "Current of the motor without propeller.",
+        "Data sheet, or measure it.",
+        "endurance, range, climb; simulator",
+        NO_MOTOR,
+    ),
+    "propulsion.battery_voltage": Key(
+        '"14.8 V"',
+        "Nominal voltage.",
+        "On the label.",
+        "simulator",
+        LATER,
+    ),
+    "propulsion.battery_resistance": Key(
+        '"0.02 ohm"',
+        "Internal resistance.",
+        "A charger shows it.",
+        "simulator",
+        LATER,
+    ),
+    "propulsion.battery_energy": Key(
+        '"74 W h"',
+        "Energy of the charged battery.",
+        "Voltage times ampere hours.",
+        "endurance, range; simulator",
+        "no endurance, range or climb unless `analyze --battery-Wh` says it; `sim` asks for it",
+    ),
+    "propulsion.throttle_channel": Key("3", "Servo output of the throttle, from 1.", "Transmitter.", "daemon", "3"),
+    "propulsion.beyond_zero_thrust": Key(
+        '"windmill"',
+        'What the propeller does at negative thrust: "windmill", or "fold".',
+        "Folding propellers fold.",
+        "analysis, simulator",
+        "windmill",
+    ),
+    "SURFACE.channel": Key("2", "Servo output, from 1.", "Transmitter.", "daemon, simulator", NO_ANGLES),
+    "SURFACE.pulse_us": Key(
+        "[1000, 1500, 2000]", "Pulse widths [µs], ascending.", "`calibrate surfaces`.", "daemon, simulator", NO_ANGLES
+    ),
+    "SURFACE.angle": Key(
+        '["-22 deg", "0 deg", "21 deg"]',
+        "Angles at these: elevator trailing edge down, aileron rolls right, rudder trailing edge left are positive.",
+        "Protractor, `calibrate surfaces`.",
+        "daemon, simulator",
+        NO_ANGLES,
+    ),
+    "SURFACE.rate": Key('"5 rad/s"', "Highest rate of the servo.", "Data sheet.", SIMULATOR, "5 rad/s"),
+    "SURFACE.lag": Key('"20 ms"', "Lag of the servo.", "Data sheet.", SIMULATOR, "20 ms"),
+    "probe.position": Key(
+        '["0.45 m", "0.0 m", "0.0 m"]',
+        "Tip of the probe from the centre of gravity: forward, right, down.",
+        "With a ruler, from the balance point.",
+        "analysis, simulator",
+        "0.3 m forward, ±0.2 m; intervals contain it",
+    ),
+    "probe.upwash_per_CL": Key(
+        '"1.0 deg"',
+        "Angle of attack at the probe less that of the aircraft, per unit of lift coefficient.",
+        "Lifting line, or a vortex lattice of the wing.",
+        "analysis, simulator",
+        "1 deg, ±1 deg; intervals contain it (`sim` takes 0)",
+    ),
+    "probe.lines.LINE.length": Key('"0.6 m"', "Length of the tube.", "Tape measure.", "analysis, simulator", NO_LINE),
+    "probe.lines.LINE.diameter": Key('"1.59 mm"', "Inner diameter.", "Data sheet.", "analysis, simulator", NO_LINE),
+    "probe.lines.LINE.cavity": Key(
+        '"20 mm^3"',
+        "Volume in the transducer.",
+        "Data sheet.",
+        "analysis, simulator",
+        NO_LINE,
+    ),
+    "aerodynamics": Key(
+        "{ … }",
+        "Coefficients and derivatives per radian (`flight/aerodynamics.py`); see the shipped files.",
+        "Estimate them from geometry.",
+        SIMULATOR,
+        LATER,
+    ),
+}
+
+
+def _examples() -> dict[str, str]:
+    """By key as in a file: surfaces and lines one by one."""
+    named = {"SURFACE": SURFACES, "LINE": LINES}
+    found = {}
+    for key, entry in KEYS.items():
+        stands_for = next((word for word in named if word in key.split(".")), None)
+        for name in named[stands_for] if stands_for else ("",):
+            found[key.replace(stands_for, name) if stands_for else key] = entry.example
+    return found
+
+
+EXAMPLES = _examples()
+
+
+def to_markdown() -> str:
+    """The table of all keys, as docs/aircraft.md has it."""
+    rows = ["| key | such as | meaning | how to measure it | needed by | without it |", "|---|---|---|---|---|---|"]
+    rows += [
+        f"| `{key}` | `{k.example}` | {k.meaning} | {k.measure} | {k.needed_by} | {k.without or 'an error'} |"
+        for key, k in KEYS.items()
+    ]
+    return "\n".join(rows) + "\n"
+
+
+if __name__ == "__main__":
+    print(to_markdown(), end="")

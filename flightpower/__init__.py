@@ -1,0 +1,1 @@
+"""The command `flightpower`, with all others under it. It imports a side only when its command is called."""

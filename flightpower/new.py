@@ -1,0 +1,61 @@
+"""`flightpower new`: files to begin with."""
+
+from importlib import resources
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flight.aircraft import shipped_aircraft
+from flight.errors import InputError
+from flightpower import templates
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, help="Write a commented file to fill in.")
+
+Output = Annotated[Path | None, typer.Option("-o", "--output", help="File to write; default: printed.")]
+Replace = Annotated[bool, typer.Option("--replace", help="Replace an existing file.")]
+
+
+@app.command()
+def aircraft(
+    output: Output = None,
+    like: Annotated[
+        str | None,
+        typer.Option("--like", help=f"Fill it in as one of these: {', '.join(shipped_aircraft())}."),
+    ] = None,
+    replace: Replace = False,
+) -> None:
+    """An aircraft file: what has to be filled in, and what may be, each with its meaning and how to measure it.
+
+    Name, span, wing area and weight are enough for a power-required curve. --like fills in all keys, those of the
+    simulator too, with the values of an aircraft that comes with flightpower: change what differs.
+    """
+    if like is not None and like not in shipped_aircraft():
+        raise InputError(f"--like {like}: should be one of {', '.join(shipped_aircraft())}")
+    _write(templates.like(like, output) if like else templates.blank(), output, replace)
+
+
+@app.command()
+def tray(
+    output: Output = None,
+    aircraft: Annotated[str | None, typer.Option("--aircraft", help="Aircraft file that goes into every log.")] = None,
+    replace: Replace = False,
+) -> None:
+    """A tray file: the sensors of the aircraft's computer and how they are connected, for `daq run --config`."""
+    text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
+    if aircraft is not None:
+        text = text.replace('aircraft = "nexstar" ', f'aircraft = "{aircraft}" ', 1)
+    _write(text, output, replace)
+
+
+def _write(text: str, output: Path | None, replace: bool) -> None:
+    if output is None:
+        print(text, end="")
+        return
+    if output.exists() and not replace:
+        raise InputError(f"{output}: exists already; give --replace, or another name with -o")
+    try:
+        output.write_text(text, "utf-8")
+    except OSError as error:
+        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+    print(f"wrote {output}")

@@ -1,0 +1,94 @@
+"""What stands in for missing keys widens the interval by what moving it changes, and by nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.drag import stand_ins
+from analysis.drag.dynamic import DynamicEstimate
+from analysis.drag.polar import Condition, Polar, power_required, speed_at
+from flight.aircraft import parse_aircraft
+
+FOUR_KEYS = """
+name = "mine"
+[geometry]
+span = "1.75 m"
+wing_area = "0.46 m^2"
+[mass]
+weight = "4 kg"
+"""
+A = np.array([0.05, -0.02, 0.065])
+OWN = np.diag([1e-6, 1e-6, 1e-6, 3e-4, 2e-2])
+AT, FLOWN_CL = Condition(39.2, 1.2, 0.46), (0.2, 1.0)
+
+
+def estimate(values, covariance=OWN):
+    parameters = [(name, 0.0, 0.0, "") for name in ("A0", "A1", "A2", "thrust_scale", "thrust_slope", "V_scale")]
+    return DynamicEstimate(
+        polar=Polar(values[:3], covariance[:3, :3]),
+        parameters=parameters,
+        verdict="",
+        warnings=[],
+        fits=[],
+        values=values,
+        noise=covariance / 2,
+        systematic=covariance / 2,
+    )
+
+
+def repeat(aircraft, propeller, upwash_sigma):
+    """A0 grows by 0.01 a metre that the probe is further ahead, A1 by 0.02 a metre that the IMU is."""
+    values = np.array([*A, 0.0, 0.0])
+    values[0] += 0.01 * aircraft.probe.position_m[0]
+    values[1] += 0.02 * aircraft.imu_position_m[0]
+    return estimate(values, OWN * (1 + upwash_sigma))
+
+
+def test_all_keys_stand_for_no_doubt(nexstar, propeller):
+    assert stand_ins.doubt(repeat, nexstar, propeller, AT, FLOWN_CL) is None
+    assert stand_ins.alpha_scale_sigma(nexstar) == 0.0
+    whole = estimate(np.array([*A, 0.0, 0.0]))
+    assert stand_ins.widened(whole, None) is whole
+
+
+def test_what_moving_a_stand_in_changes_is_its_variance(propeller):
+    found = stand_ins.doubt(repeat, parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL)
+    assert found is not None
+    wanted = np.zeros((5, 5))
+    wanted[0, 0] = (0.01 * stand_ins.PROBE_SIGMA_M) ** 2
+    wanted[1, 1] = (0.02 * stand_ins.IMU_SIGMA_M) ** 2
+    assert found.covariance == pytest.approx(wanted, abs=1e-15)
+
+
+def test_the_notes_say_what_stands_in_and_by_how_much_the_key_would_narrow_the_interval(propeller):
+    mine = parse_aircraft(FOUR_KEYS + '[probe]\nupwash_per_CL = "1 deg"\n', "mine.toml")
+    found = stand_ins.doubt(repeat, mine, propeller, AT, FLOWN_CL)
+    assert found is not None
+    (probe,) = (note for note in found.notes if "probe.position" in note)
+    V = np.array([speed_at(FLOWN_CL[1], AT)])
+    widths = []
+    for key in ("", '[probe]\nposition = ["0.3 m", "0 m", "0 m"]\nupwash_per_CL = "1 deg"\n'):
+        doubt = stand_ins.doubt(repeat, parse_aircraft(FOUR_KEYS + key, "") if key else mine, propeller, AT, FLOWN_CL)
+        widened = stand_ins.widened(estimate(np.array([*A, 0.0, 0.0])), doubt)
+        widths.append(power_required(V, widened.polar, AT)[1][0])
+    assert f"{100 * (1 - widths[1] / widths[0]):.0f} % narrower" in probe
+    assert not any("upwash" in note for note in found.notes)
+
+
+def test_widening_adds_to_the_systematic_part_alone():
+    before = estimate(np.array([*A, 0.0, 0.0]))
+    by = stand_ins.Doubt(np.diag([4e-6, 0.0, 0.0, 0.0, 0.0]), [])
+    after = stand_ins.widened(before, by)
+    assert after.systematic - before.systematic == pytest.approx(by.covariance)
+    assert after.polar.covariance[0, 0] == pytest.approx(5e-6)
+    assert np.array_equal(after.noise, before.noise) and np.array_equal(after.polar.A, before.polar.A)
+    assert after.parameters[0][2] == pytest.approx(np.sqrt(5e-6)) and after.parameters[5] == before.parameters[5]
+
+
+def test_unknown_upwash_is_a_slope_of_angle_of_attack(nexstar):
+    """1 deg per CL, 4.5 of CL per rad for an aspect ratio of 6.6: 8 % of slope."""
+    mine = parse_aircraft(FOUR_KEYS, "mine.toml")
+    assert stand_ins.alpha_scale_sigma(mine) == pytest.approx(np.radians(1) * 4.5, rel=0.05)
+    slender = replace(mine, geometry=replace(mine.geometry, span_m=3.5))
+    assert stand_ins.alpha_scale_sigma(slender) > stand_ins.alpha_scale_sigma(mine)

@@ -1,0 +1,129 @@
+"""`flightpower`: every command under it, without loading what was not called, and files that can be filled in."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import flightpower.__main__ as umbrella
+from daq.config import load_tray
+from flight.aircraft import load_aircraft, parse_aircraft, shipped_aircraft
+from flight.aircraft_keys import EXAMPLES
+from flight.complete_aircraft import as_complete
+from flight.errors import InputError
+from flightpower import templates
+
+REQUIRED = ("geometry.span", "geometry.wing_area", "mass.weight")
+
+
+def flightpower(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "flightpower", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def test_help_lists_every_command_and_loads_none() -> None:
+    code = (
+        "import sys; from typer.testing import CliRunner; from flightpower.__main__ import app\n"
+        "print(CliRunner().invoke(app, ['--help']).output)\n"
+        "print('LOADED', [m for m in ('numpy', 'casadi', 'pandas', 'analysis', 'sim', 'daq') if m in sys.modules])"
+    )
+    outcome = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    for name in ("analyze", "calibrate", "sim", "daq", "new"):
+        assert f" {name} " in outcome.stdout
+    assert "LOADED []" in outcome.stdout
+
+
+def test_the_version() -> None:
+    assert flightpower("--version").stdout.split()[0] == "flightpower"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("analyze", "--help"), "--weight"),
+        (("calibrate", "probe", "--help"), "--angle-scale"),
+        (("sim", "fly", "--help"), "--plan"),
+        (("daq", "config", "--example"), "rate_Hz"),
+        (("new", "aircraft", "--help"), "--like"),
+    ],
+)
+def test_each_command_is_under_it(arguments: tuple[str, ...], said: str) -> None:
+    outcome = flightpower(*arguments)
+    assert outcome.returncode == 0 and said in outcome.stdout
+
+
+def test_bad_input_is_one_line_under_it_too(tmp_path: Path) -> None:
+    outcome = flightpower("analyze", tmp_path / "none.mcap")
+    assert outcome.returncode == 2
+    (line,) = outcome.stderr.strip().splitlines()
+    assert line.startswith("error: ") and "none.mcap" in line
+
+
+def test_a_side_that_is_not_installed_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(umbrella, "find_spec", lambda name: None if name == "scipy" else object())
+    with pytest.raises(InputError, match=r"scipy not installed; run: pip install 'flightpower\[analysis\]'"):
+        umbrella.load("analyze")
+    monkeypatch.setattr(umbrella, "find_spec", lambda name: None if name == "termios" else object())
+    with pytest.raises(InputError, match=r"runs on Linux only.*termios is missing"):
+        umbrella.load("daq")
+
+
+def test_completion_knows_the_options_of_a_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = "flightpower analyze --pro"
+    environment = {"_FLIGHTPOWER_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": "2"}
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert "--propeller" in flightpower().stdout
+
+
+def test_the_blank_aircraft_asks_for_what_is_required_and_is_an_aircraft_when_filled_in() -> None:
+    text = templates.blank()
+    with pytest.raises(InputError) as caught:
+        parse_aircraft(text, "my.toml")
+    assert [key in str(caught.value) for key in REQUIRED] == [True] * len(REQUIRED)
+    for key in REQUIRED:
+        text = text.replace('"?"', EXAMPLES[key], 1)
+    mine = parse_aircraft(text, "my.toml")
+    assert mine.mass_kg == pytest.approx(4) and not mine.has("mass.Ix")
+
+
+def test_every_line_of_the_blank_aircraft_can_be_used() -> None:
+    text = templates.blank()
+    for key in REQUIRED:
+        text = text.replace('"?"', EXAMPLES[key], 1)
+    lines = []
+    for line in text.splitlines():
+        bare = line.removeprefix("# ")
+        lines.append(bare if bare.startswith("[") or bare.split(" = ")[0].isidentifier() else line)
+    mine = parse_aircraft("\n".join(lines), "my.toml")
+    alike = ("aileron", "rudder", "probe.lines.beta", "probe.lines.airspeed", "probe.lines.static", "aerodynamics")
+    assert mine.keys >= {key for key in EXAMPLES if not key.startswith(alike)}
+
+
+@pytest.mark.parametrize("name", shipped_aircraft())
+def test_a_template_like_a_shipped_aircraft_is_that_aircraft(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    assert flightpower("new", "aircraft", "--like", name, "-o", path).returncode == 0
+    mine, model = as_complete(path.read_text("utf-8"), "mine.toml"), load_aircraft(name)
+    assert mine.name == "mine"
+    for part in ("geometry", "mass", "propulsion", "elevator", "aileron", "rudder", "probe", "aerodynamics"):
+        there, here = tomllib.loads(model.text)[part], tomllib.loads(mine.text)[part]
+        assert there == here, part
+    assert mine.imu_position_m == model.imu_position_m
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text("mine")
+    for kind in ("aircraft", "tray"):
+        outcome = flightpower("new", kind, "-o", path)
+        assert outcome.returncode == 2 and "--replace" in outcome.stderr and path.read_text() == "mine"
+
+
+def test_a_new_tray_names_the_aircraft(tmp_path: Path) -> None:
+    path = tmp_path / "tray.toml"
+    (tmp_path / "my.toml").write_text(load_aircraft("nexstar").text)
+    assert flightpower("new", "tray", "-o", path, "--aircraft", "my.toml").returncode == 0
+    assert str(load_tray(path).aircraft).endswith("my.toml")
