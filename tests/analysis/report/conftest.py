@@ -109,7 +109,8 @@ def with_battery(results: Results) -> Results:
         extrapolated=True,
     )  # fmt: skip
     use = PerformanceResult(
-        battery_energy_Wh=74.0, usable=0.8, power_train=train, available=available, loadings=[flown], costs=["Costs <b>."],
+        battery_energy_Wh=74.0, usable=0.8, power_train=train, available=available,
+        loadings=[flown], costs=["Costs <b>."],
         field_table=[row],
     )  # fmt: skip
     return replace(results, use=use)
