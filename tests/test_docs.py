@@ -1,0 +1,70 @@
+"""What the documentation names exists: files, folders, modules, and the rooms of analysis/."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+OTHER_PAGES = ("README.md", "Makefile", "systemd/README.md", "tests/data/README.md")
+PAGES = [*(ROOT / name for name in OTHER_PAGES), *sorted((ROOT / "docs").glob("*.md"))]
+PACKAGES = ("analysis", "daq", "flight", "flightpower", "hw_fakes", "sim")
+FOLDERS = (*PACKAGES, "benchmarks", "docs", "systemd", "tests")
+SUFFIXES = (".py", ".md", ".toml", ".json", ".csv", ".png", ".svg", ".sh")
+
+OURS = re.compile(rf"(?<![\w/.$-])(?:{'|'.join(FOLDERS)})/[\w./-]*")
+MODULE = re.compile(rf"(?<![\w/.-])(?:{'|'.join(PACKAGES)})(?:\.[A-Za-z_]\w*)+(?![\w/-])")
+IN_BACKTICKS = re.compile(r"`([^`\n]+)`")
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+
+
+def paths_named(page: Path) -> set[str]:
+    """Words and link targets of a page that look like paths in the repository, as they are written."""
+    text = page.read_text("utf-8")
+    named = {path.rstrip(".") for path in OURS.findall(text)}
+    named |= {link.split("#")[0] for link in LINK.findall(text) if "://" not in link}
+    words = [word.split("::")[0] for quoted in IN_BACKTICKS.findall(text) for word in quoted.split()]
+    return named | {word for word in words if re.fullmatch(r"\w[\w-]*/[\w./-]+", word) and word.endswith(SUFFIXES)}
+
+
+def exists(named: str, page: Path) -> bool:
+    """Whether a path exists from the page's folder, the root or analysis/ (architecture.md shortens the latter)."""
+    return not named or any((base / named).exists() for base in (page.parent, ROOT, ROOT / "analysis"))
+
+
+def module_exists(dotted: str) -> bool:
+    """Whether a dotted name is a module, or one of its files contains the last name as a word."""
+    package, *rest = dotted.split(".")
+    place = ROOT / package
+    while rest and (place / rest[0]).is_dir():
+        place /= rest.pop(0)
+    if rest and (place / f"{rest[0]}.py").exists():
+        place = place / f"{rest.pop(0)}.py"
+    if not rest:
+        return True
+    source = place if place.suffix else place / "__init__.py"
+    return source.exists() and bool(re.search(rf"\b{rest[0]}\b", source.read_text("utf-8")))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_paths_in_the_documentation_exist(page: Path) -> None:
+    assert sorted(named for named in paths_named(page) if not exists(named, page)) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_modules_in_the_documentation_exist(page: Path) -> None:
+    assert sorted(name for name in set(MODULE.findall(page.read_text("utf-8"))) if not module_exists(name)) == []
+
+
+def test_readme_links_every_page() -> None:
+    links = set(LINK.findall((ROOT / "README.md").read_text("utf-8")))
+    assert {f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")} <= links
+
+
+def test_architecture_lists_the_rooms_of_analysis() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    section = text.split("## The rooms of `analysis/`")[1].split("\n## ")[0]
+    listed = re.findall(r"^\| `([^`]+)` \|", section, flags=re.MULTILINE)
+    rooms = {f"{path.name}/" for path in (ROOT / "analysis").iterdir() if (path / "__init__.py").exists()}
+    files = {path.name for path in (ROOT / "analysis").glob("*.py")} - {"__init__.py"}
+    assert sorted(listed) == sorted(rooms | files)
