@@ -1,4 +1,4 @@
-# The two commands of the README: `make demo` and `make test`. Both prepare .venv by themselves.
+# The two commands of the README: `make demo` and `make test`. Both create .venv if needed.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
@@ -12,7 +12,7 @@ IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null &&
 .DEFAULT_GOAL := help
 .PHONY: help demo picture test bench soak lint types check constraints clean
 
-help: ## what can be made
+help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 $(READY): pyproject.toml constraints.txt
@@ -28,7 +28,7 @@ demo: $(READY) ## fly, record and analyse a simulated Nexstar; the report lands 
 	$(BIN)/sim fly --replace --aircraft nexstar --plan accel-decel --probe out/demo/probe.json -o out/demo
 	$(BIN)/analyze out/demo/log.mcap
 
-picture: demo ## the README's picture: the head of the demo's report, by Chromium
+picture: demo ## renew the README's picture: the top of the demo's report, drawn by Chromium
 	chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --disable-background-networking \
 		--virtual-time-budget=5000 --window-size=1280,720 --screenshot=docs/power-required.png \
 		"file://$(CURDIR)/out/demo/log.report/report.html"
@@ -36,7 +36,7 @@ picture: demo ## the README's picture: the head of the demo's report, by Chromiu
 test: $(READY) ## the whole test suite
 	$(IN_NAMESPACE) $(BIN)/pytest -n auto --dist loadgroup
 
-bench: $(READY) ## how much CPU the drivers take of a tick, how fast the simulator flies and the engine fits
+bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/drivers.py
 	$(BIN)/python benchmarks/simulator.py
 	$(BIN)/python benchmarks/estimation.py speed
@@ -67,5 +67,5 @@ constraints: ## renew constraints.txt: the newest versions that pyproject.toml a
 	build/constraints/bin/pip freeze --exclude-editable --exclude pip --exclude setuptools >> build/constraints.txt
 	mv build/constraints.txt constraints.txt && rm -rf build/constraints
 
-clean: ## remove what was made, except what was recorded in out/
+clean: ## remove generated files, except recordings in out/
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -1,4 +1,4 @@
-"""What the documentation names exists: files, folders, modules, and the rooms of analysis/."""
+"""What the documentation names exists: files, folders, modules, and the folders of analysis/."""
 
 import re
 from pathlib import Path
@@ -61,10 +61,10 @@ def test_readme_links_every_page() -> None:
     assert {f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")} <= links
 
 
-def test_architecture_lists_the_rooms_of_analysis() -> None:
+def test_architecture_lists_the_folders_and_files_of_analysis() -> None:
     text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
-    section = text.split("## The rooms of `analysis/`")[1].split("\n## ")[0]
+    section = text.split("## The folders of `analysis/`")[1].split("\n## ")[0]
     listed = re.findall(r"^\| `([^`]+)` \|", section, flags=re.MULTILINE)
-    rooms = {f"{path.name}/" for path in (ROOT / "analysis").iterdir() if (path / "__init__.py").exists()}
+    folders = {f"{path.name}/" for path in (ROOT / "analysis").iterdir() if (path / "__init__.py").exists()}
     files = {path.name for path in (ROOT / "analysis").glob("*.py")} - {"__init__.py"}
-    assert sorted(listed) == sorted(rooms | files)
+    assert sorted(listed) == sorted(folders | files)
