@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -12,6 +12,9 @@ from analysis.performance.request import parse_request, parse_weight
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log
+
+if TYPE_CHECKING:
+    from flight.propeller import Propeller
 
 app = typer.Typer(add_completion=False)
 
@@ -98,9 +101,7 @@ def analyze(
         # Wrong input is refused before the numerical libraries are loaded, which takes a second.
         recorded = read_log(log)
         given_aircraft = load_aircraft(aircraft) if aircraft else None
-        if propeller:
-            from flight.propeller_files import load_propeller
-        given_propeller = load_propeller(propeller) if propeller else None
+        given_propeller = _load_propeller(propeller) if propeller else None
         from analysis.airdata.magnetometer import load_magnetometer
         from analysis.airdata.probe import load_probe
         from analysis.log_contents import Replacements
@@ -124,11 +125,16 @@ def analyze(
         write_report(analysis, folder)
         previous = write_run_list(analysis, folder, log.name, given=runs)
     if previous:
-        stderr.print(
-            f"note: {folder / 'runs.toml'} was written; the previous file is now {previous.name}", highlight=False
-        )
+        note = f"note: {folder / 'runs.toml'} was written; the previous file is now {previous.name}"
+        stderr.print(note, highlight=False, markup=False)
     if not quiet:
         print_summary(analysis.results, folder / "report.html", Console())
+
+
+def _load_propeller(name_or_path: str) -> "Propeller":
+    from flight.propeller_files import load_propeller
+
+    return load_propeller(name_or_path)
 
 
 def main() -> None:

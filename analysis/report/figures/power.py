@@ -35,12 +35,12 @@ def power_required(results: Results) -> go.Figure:
     add_curve(figure, results.power_required, "power required", BLUE, 5)
     with_points = [method for method in results.methods if method.points]
     if with_points:
-        add_measured_points(figure, with_points[0], ORANGE, "steady points, thrust of the propeller table")
+        add_measured_points(figure, with_points[0], ORANGE, "steady points")
     _add_continuation(figure, results, float(V[0]), float(V[-1]))
     top = float(np.max(hi)) * 1.12
     if results.use and results.use.available.power_available:
         available = results.use.available.power_available
-        add_curve(figure, available, "power available at full throttle", INK, 3)
+        add_curve(figure, available, "available at full throttle", INK, 3)
         top = max(top, min(float(np.max(curve_arrays(available)[1])) * 1.06, 2.2 * top))
     _add_speed(figure, results.minimum_power_speed, "least power", GREEN, "circle", V, P)
     _add_speed(figure, results.best_range_speed, "least drag", RED, "diamond", V, P)

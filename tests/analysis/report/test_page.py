@@ -3,77 +3,20 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pytest
+import plotly.graph_objects as go
+from msgspec.structs import replace
 
 from analysis.drag.polar import Condition, Polar, minimum_power_lift
 from analysis.report import page
 from analysis.report.answers import headline_answers, optimum_speed_text
+from analysis.report.figures.flight import run_fit
 from analysis.report.figures.methods import every_method
 from analysis.report.figures.power import interval_parts, power_required
 from analysis.report.method_list import listed_methods
 from analysis.results.curves import optimum
-from analysis.results.schema import (
-    AircraftResult,
-    ConditionResult,
-    DisagreementResult,
-    DragPolar,
-    IntervalPart,
-    MethodPoint,
-    MethodResult,
-    PowerPoint,
-    Results,
-    RunResult,
-    SpeedInterval,
-    to_csv,
-)
+from analysis.results.schema import ParameterResult, PathResult, RejectedResult, Results, SensorError, to_csv
 
-
-def curve(scale: float = 1.0, dashed_above: float = np.inf) -> list[PowerPoint]:
-    return [
-        PowerPoint(speed_mps=v, power_W=p, power_lo_W=0.95 * p, power_hi_W=1.05 * p, extrapolated=v > dashed_above)
-        for v, p in ((v, scale * (0.011 * v**3 + 330 / v)) for v in np.linspace(12, 24, 13).tolist())
-    ]
-
-
-@pytest.fixture
-def results() -> Results:
-    """Without battery, full throttle or any use: what is left when the propeller's table does not allow it."""
-    run = RunResult(
-        kind="acceleration",
-        start_s=10,
-        end_s=18,
-        lowest_speed_mps=12,
-        highest_speed_mps=24,
-        altitude_change_m=0,
-        notes=[],
-    )
-    steady = MethodResult(
-        name="piw-viw", title="PIW-VIW", equations="(2.6)", power_required=curve(1.1),
-        points=[MethodPoint(speed_mps=15.0, power_W=60.0, power_lo_W=55.0, power_hi_W=65.0, start_s=100.0)],
-        notes=["few points & short"],
-    )  # fmt: skip
-    failed = MethodResult(name="w-delta", title="W/δ", notes=["no steady points"])
-    disagreement = DisagreementResult(
-        methods=("dynamic", "piw-viw"), speed_mps=15.0, difference_W=6.0, allowed_W=3.0, culprit="propeller table",
-        text="PIW-VIW lies 10 % above: the propeller's table <gives> too much.",
-    )  # fmt: skip
-    none = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
-    return Results(
-        software_version="0", log="flight.mcap",
-        aircraft=AircraftResult(name="n", title="A & B", wing_area_m2=0.46, span_m=1.7, propeller="p"),
-        test=ConditionResult(weight_N=37.0, air_density_kgpm3=1.2),
-        standard=ConditionResult(weight_N=38.0, air_density_kgpm3=1.225),
-        air_temperature_K=290.0, air_pressure_Pa=1e5, runs=[run], rejected=[], parameters=[],
-        drag_polar=DragPolar(
-            A0=0.045, A1=0.0, A2=0.065, CD0=0.045, K=0.065, CL_minD=0.0, oswald_efficiency=0.75,
-            maximum_lift_to_drag=9.2,
-        ),
-        power_required=curve(dashed_above=20.0), power_required_standard=curve(), cross_check=curve(1.02),
-        minimum_power_speed=none,
-        best_range_speed=SpeedInterval(speed_mps=13.1, lo_mps=12.8, hi_mps=13.4, inside_flown_range=True),
-        verdict="converged", warnings=["mind <this>"], methods=[steady, failed], disagreements=[disagreement],
-        interval_parts=[IntervalPart(speed_mps=v, noise_W=1.0, systematic_W=2.0) for v in (12.0, 18.0, 24.0)],
-    )  # fmt: skip
+T = np.linspace(0.0, 1.0, 5)
 
 
 @dataclass
@@ -93,15 +36,14 @@ def test_without_battery_answers_the_aerodynamic_speeds_are_the_answers(results:
     assert far == "Longest range" and far_answer == "13.1 m/s (12.8 to 13.4)"
 
 
+def drawings(results: Results) -> dict[str, go.Figure]:
+    """The figures that the page always has, and those of a battery."""
+    names = ("power", "methods", "timeline", "polar", "parts", "loadings", "efficiency")
+    return dict.fromkeys(names, interval_parts(results))
+
+
 def test_the_page_says_all_of_it_and_escapes_what_users_wrote(results: Results) -> None:
-    pictures = {
-        "power": power_required(results),
-        "methods": every_method(results),
-        "timeline": interval_parts(results),
-        "polar": interval_parts(results),
-        "parts": interval_parts(results),
-    }
-    text = page.render(results, pictures, [])
+    text = page.render(results, drawings(results), [])
     for said in (
         "A &amp; B",
         "mind &lt;this&gt;",
@@ -112,6 +54,55 @@ def test_the_page_says_all_of_it_and_escapes_what_users_wrote(results: Results) 
         assert said in text, said
     assert "no curve" in text, "the method that failed is in the table"
     assert "80 % of its square is the part that all runs share" in text  # 2^2 / (2^2 + 1^2)
+    assert "All methods agree" not in text
+
+
+HOSTILE = "<script>alert('x')</script>&\"</style>"
+
+
+def test_text_of_a_user_is_text_wherever_it_stands(with_battery: Results) -> None:
+    """In titles, tables, sentences, warnings and figures; a script could change every number of the page."""
+    r = with_battery
+    assert r.use is not None
+    results = replace(
+        r, aircraft=replace(r.aircraft, title=HOSTILE, propeller=HOSTILE), log=HOSTILE, warnings=[HOSTILE],
+        verdict=HOSTILE, runs=[replace(r.runs[0], kind=HOSTILE, notes=[HOSTILE]), r.runs[0]],
+        rejected=[RejectedResult(kind=HOSTILE, start_s=0, end_s=1, reason=HOSTILE)],
+        parameters=[ParameterResult(name=HOSTILE, value=1, standard_error=1, unit=HOSTILE)],
+        methods=[replace(r.methods[0], title=HOSTILE, equations=HOSTILE, notes=[HOSTILE], taken_as_measured=[HOSTILE])],
+        disagreements=[replace(r.disagreements[0], text=HOSTILE)],
+        path=PathResult(converged=True, gust_mps=0.1, residuals={"V": 1.0}, checks=[], sensor_errors=[
+            SensorError(name="V", title=HOSTILE, value=1.0, standard_error=0.1, assumed_sigma=1.0, unit=HOSTILE,
+                        determined=False, missing=[HOSTILE])]),
+        use=replace(
+            r.use, costs=[HOSTILE], too_much=[HOSTILE], power_train=replace(r.use.power_train, basis=HOSTILE),
+            available=replace(r.use.available, reason=HOSTILE, basis=HOSTILE, notes=[HOSTILE]),
+            loadings=[replace(r.use.loadings[0], title=HOSTILE)],
+        ),
+    )  # fmt: skip
+    figures = drawings(results) | {"methods": every_method(results)}
+    text = page.render(results, figures, [run_fit(HOSTILE, T, {"V": T}, {"V": T})])
+    assert text.count("<script>") == text.count("<script>Plotly") + text.count("<script>\nPlotly") + 1, (
+        "and Plotly itself"
+    )
+    assert "alert('x')" not in text
+    assert text.count("&lt;script&gt;alert") > 20
+
+
+def test_what_a_battery_gives_stands_on_the_page(with_battery: Results) -> None:
+    text = page.render(with_battery, drawings(with_battery), [])
+    assert "<b>14.0</b> m/s<small> (12.6 to 16.8)</small>" in text
+    assert "50 km/h · 46 ft/s" in text  # 14 m/s
+    assert "74 Wh of which 80 % are used" in text
+    assert text.count("The motor is assumed.") == 3, "below the curve, the field table and the efficiencies"
+    assert "* Outside the propeller table: an extrapolation." in text
+    assert "Costs &lt;b&gt;." in text
+    assert "friction loss of the motor" in text
+
+
+def test_methods_that_agree_are_said_to_agree(results: Results) -> None:
+    agreeing = replace(results, disagreements=[])
+    assert "All methods agree within their intervals." in page.render(agreeing, drawings(results), [])
 
 
 def test_a_curve_is_dashed_where_it_is_flagged_and_solid_elsewhere(results: Results) -> None:
@@ -127,8 +118,6 @@ def test_the_table_of_the_curve_carries_the_flag(results: Results) -> None:
 
 
 def test_a_flight_of_steady_points_alone_shows_their_methods_alone(results: Results) -> None:
-    from msgspec.structs import replace
-
     steady = replace(results, runs=[replace(results.runs[0], kind="steady")], cross_check=[])
     assert [method.name for method in listed_methods(steady)] == ["piw-viw", "w-delta"]
     polar = steady.drag_polar
