@@ -1,8 +1,8 @@
 """What stands in for keys that the aircraft file lacks, and what that adds to the interval of the polar.
 
 The analysis is repeated with each stand-in moved by one standard deviation; what that changes of the estimate is a
-systematic error of all runs. Upwash is different: it acts as a slope and an offset of the angle of attack, which the
-trajectory estimates, so its doubt widens the prior of that slope.
+systematic error of all runs. Upwash acts as a slope and an offset of the angle of attack, which the trajectory
+estimates: so its doubt also widens the prior of that slope, and what moving it still changes is what is left of it.
 """
 
 from collections.abc import Callable
@@ -42,6 +42,11 @@ def _probe_ahead(aircraft: Aircraft, propeller: Propeller) -> tuple[Aircraft, Pr
     return replace(aircraft, probe=replace(aircraft.probe, position_m=(x + PROBE_SIGMA_M, y, z))), propeller
 
 
+def _more_upwash(aircraft: Aircraft, propeller: Propeller) -> tuple[Aircraft, Propeller]:
+    upwash = aircraft.probe.upwash_per_CL_rad + UPWASH_SIGMA_RAD
+    return replace(aircraft, probe=replace(aircraft.probe, upwash_per_CL_rad=upwash)), propeller
+
+
 def _imu_moved(axis: int) -> Callable[[Aircraft, Propeller], tuple[Aircraft, Propeller]]:
     def moved(aircraft: Aircraft, propeller: Propeller) -> tuple[Aircraft, Propeller]:
         x, y, z = (part + IMU_SIGMA_M * (i == axis) for i, part in enumerate(aircraft.imu_position_m))
@@ -50,7 +55,9 @@ def _imu_moved(axis: int) -> Callable[[Aircraft, Propeller], tuple[Aircraft, Pro
     return moved
 
 
+UPWASH = "probe.upwash_per_CL"
 STAND_INS = (
+    StandIn(UPWASH, "1 deg, ±1 deg", _more_upwash),
     StandIn("probe.position", f"0.3 m ahead of the centre of gravity, ±{PROBE_SIGMA_M:g} m", _probe_ahead),
     StandIn("imu_position", f"the centre of gravity, ±{IMU_SIGMA_M:g} m", _imu_moved(0)),
     StandIn("imu_position", f"the centre of gravity, ±{IMU_SIGMA_M:g} m", _imu_moved(2)),
@@ -69,7 +76,7 @@ def alpha_scale_sigma(aircraft: Aircraft) -> float:
 
     Upwash per CL times the lift slope of the wing. 0 where the file has it.
     """
-    if aircraft.has("probe.upwash_per_CL"):
+    if aircraft.has(UPWASH):
         return 0.0
     return float(UPWASH_SIGMA_RAD * lift_slope(aircraft.aspect_ratio))
 
@@ -83,7 +90,7 @@ def doubt(
     """
     missing = [one for one in STAND_INS if not aircraft.has(one.key)]
     upwash = alpha_scale_sigma(aircraft)
-    if not missing and not upwash:
+    if not missing:
         return None
     estimate = repeat(aircraft, propeller, upwash)
     own = estimate.noise + estimate.systematic
@@ -100,13 +107,13 @@ def doubt(
 
     now = width(estimate.values[:3], own + covariance)
     notes = []
-    if upwash:
-        without = repeat(aircraft, propeller, 0.0)
-        known = width(estimate.values[:3], without.noise + without.systematic + covariance)
-        notes.append(_note("probe.upwash_per_CL", "1 deg, ±1 deg", 1 - known / now, V[0]))
     for key, part in added.items():
+        without = own
+        if key == UPWASH:
+            narrow = repeat(aircraft, propeller, 0.0)
+            without = narrow.noise + narrow.systematic
+        known = width(estimate.values[:3], without + covariance - part)
         what = next(one.what for one in missing if one.key == key)
-        known = width(estimate.values[:3], own + covariance - part)
         notes.append(_note(key, what, 1 - known / now, V[0]))
     if not aircraft.has("propulsion.beyond_zero_thrust") and propeller.beyond_zero_thrust != FOLD:
         folding = repeat(aircraft, propeller.with_beyond_zero_thrust(FOLD), upwash).values[:3]

@@ -38,8 +38,9 @@ def estimate(values, covariance=OWN):
 
 
 def repeat(aircraft, propeller, upwash_sigma):
-    """A0 grows by 0.01 a metre that the probe is further ahead, A1 by 0.02 a metre that the IMU is."""
+    """A0 grows by 0.01 a metre that the probe is further ahead, A1 by 0.02 a metre that the IMU is, A2 with upwash."""
     values = np.array([*A, 0.0, 0.0])
+    values[2] += 0.1 * aircraft.probe.upwash_per_CL_rad
     values[0] += 0.01 * aircraft.probe.position_m[0]
     values[1] += 0.02 * aircraft.imu_position_m[0]
     return estimate(values, OWN * (1 + upwash_sigma))
@@ -57,6 +58,7 @@ def test_what_moving_a_stand_in_changes_is_its_variance(propeller):
     assert found is not None
     wanted = np.zeros((5, 5))
     wanted[0, 0] = (0.01 * stand_ins.PROBE_SIGMA_M) ** 2
+    wanted[2, 2] = (0.1 * stand_ins.UPWASH_SIGMA_RAD) ** 2
     wanted[1, 1] = (0.02 * stand_ins.IMU_SIGMA_M) ** 2
     assert found.covariance == pytest.approx(wanted, abs=1e-15)
 
