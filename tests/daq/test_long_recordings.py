@@ -170,7 +170,7 @@ def test_the_index_of_an_hour_is_handed_over_without_being_copied(tmp_path):
         log.flush()
     before = len(stream.content)
     tracemalloc.start()
-    pieces = log._index.ending(log.size_bytes)
+    pieces = log._index.end_of_file(log.size_bytes)
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert sum(map(len, pieces)) > 2_000_000 and most < 100_000

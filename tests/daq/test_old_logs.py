@@ -67,15 +67,22 @@ def bomb(request, whole):
     return whole[: chunk_starts(whole)[1]] + chunk_record(data, BOMB_BYTES)
 
 
+MEASURE = """if True:
+    import resource, subprocess, sys
+    code = subprocess.run([sys.executable, "-m", *sys.argv[1:]], stderr=subprocess.STDOUT).returncode
+    print(code, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"""
+
+
 def resident_KiB(*command) -> tuple[int, str, int]:
-    """Exit code, output and largest resident memory of a command."""
-    with subprocess.Popen(
-        [sys.executable, "-m", *map(str, command)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    ) as process:
-        output = process.stdout.read()
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    return process.returncode, output, usage.ru_maxrss
+    """Exit code, output and largest resident memory of a command.
+
+    A small process starts it: Linux counts the memory of the process that forks as the child's.
+    """
+    arguments = [sys.executable, "-c", MEASURE, *map(str, command)]
+    output = subprocess.run(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True).stdout
+    *lines, last = output.splitlines(keepends=True)
+    code, memory_KiB = map(int, last.split())
+    return code, "".join(lines), memory_KiB
 
 
 def test_one_bad_file_stops_neither_the_recording_nor_the_completion_of_the_others(tmp_path, counter, torn, poison):  # noqa: F811

@@ -90,7 +90,7 @@ def test_a_calibration_is_read_as_it_was_written(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("change", "cause"),
     [
-        ({"format": "flightpower-probe-1"}, "format 'flightpower-probe-1' is not understood"),
+        ({"format": "flightpower-probe-1"}, "format 'flightpower-probe-1' is not supported"),
         ({"hard_iron_T": [0.0, 0.0]}, "not a magnetometer calibration"),
         ({"soft_iron": [[1.0, 0.0, 0.0]]}, "soft_iron has 1 rows"),
         ({"field_T": 48.5}, "nowhere on earth"),

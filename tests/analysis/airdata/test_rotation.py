@@ -57,7 +57,7 @@ def test_a_turning_boom_changes_no_angle_at_the_centre_of_gravity(
     nexstar: Aircraft, propeller: Propeller, rates_radps
 ) -> None:
     """At 0.5 rad/s a probe 0.6 m ahead sees 1.1 deg more or less; what is left is of second order, 0.05 deg."""
-    aircraft = replace(nexstar, probe=ProbeInstallation(position_m=(0.6, 0.0, 0.0)))
+    aircraft = replace(nexstar, probe=ProbeInstallation(position_m=(0.6, 0.0, 0.0), upwash_per_CL_rad=0.0))
     table = log_of(rates_radps, *at_probe(rates_radps, 0.6))
     air = air_data(table, aircraft, LINEAR_PROBE, propeller, None).table
     assert np.degrees(air["alpha_rad"].mean() - ALPHA_RAD) == pytest.approx(0.0, abs=0.05)

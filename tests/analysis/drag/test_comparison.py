@@ -88,7 +88,7 @@ def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, 
     propeller = load_propeller(AIRCRAFT.propulsion.propeller)
     found = find(flown.table, flown.still)
     level = found.of("acceleration", "deceleration")
-    estimate = estimate_polar(flown.table, tilted, level, AIRCRAFT, propeller)
+    estimate = estimate_polar(tilted, level, AIRCRAFT, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
     at, flown_CL = flown_condition(rows, AIRCRAFT), flown_lift(rows, AIRCRAFT)
     said = every_method(tilted, level, estimate, flown_CL, AIRCRAFT, propeller, at).disagreements
