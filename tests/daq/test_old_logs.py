@@ -70,7 +70,7 @@ def bomb(request, whole):
 MEASURE = """if True:
     import resource, subprocess, sys
     code = subprocess.run([sys.executable, "-m", *sys.argv[1:]], stderr=subprocess.STDOUT).returncode
-    print(code, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"""
+    print("\\n", code, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"""
 
 
 def resident_KiB(*command) -> tuple[int, str, int]:
