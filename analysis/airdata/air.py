@@ -37,8 +37,7 @@ def air_data(
     """The table with speed, angles, density, height, thrust, bank and `flying` added.
 
     Zeros are subtracted. Angles and specific forces are those at the centre of gravity: angles are corrected for upwash
-    and for the velocity of the probe by rotation (method section 7), specific forces for the lever arm of the IMU
-    (method section 3).
+    and for the velocity of the probe by rotation, specific forces for the lever arm of the IMU.
     """
     notes: list[str] = []
     out = table.copy()

@@ -1,4 +1,4 @@
-"""Output error on the runs alone, pitch and height as states (3.24-3.45, method section 8, "G"): the cross-check.
+"""Output error on the runs alone, pitch and height as states (3.24-3.45): the cross-check.
 
 It integrates the equations of motion through each run and uses nothing of the rest of the flight. Its errors differ
 from those of the trajectory: where the two disagree, one of them is wrong.

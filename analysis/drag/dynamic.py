@@ -1,4 +1,4 @@
-"""The dynamic method: drag polar from accelerations and decelerations, in two steps (method section 8, "T").
+"""The dynamic method: drag polar from accelerations and decelerations, in two steps.
 
 It is named for its data, dynamic maneuvers instead of steady points. First the trajectory and the sensor errors are
 reconstructed over the whole flight; then the forces of the runs along the trajectory are regressed on lift. All runs of
