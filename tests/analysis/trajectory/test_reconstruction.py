@@ -37,7 +37,7 @@ def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbule
 
 
 def test_priors_are_those_of_the_study():
-    """Priors of method.md sec. 8 are its errors over the square root of three, and up to a tenth more."""
+    """Priors are the budget's errors over the square root of three, and up to a tenth more."""
     s, ratio = load_budget("study").systematic, 3**0.5
     sizes = {"alpha_bias": s.alpha_offset_rad, "alpha_scale": s.alpha_scale, "V_scale": s.V_scale}
     for name, size in (sizes | {"ax_bias": s.accel_bias_mps2}).items():
