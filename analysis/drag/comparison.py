@@ -1,10 +1,15 @@
 """Pairs of methods that disagree: where, by how much, and which sensor error causes it.
 
-The two methods of a pair take different quantities as measured, so that only certain causes can part them: dynamic and
-direct the alignment of the angle of attack; dynamic and speed the pitch attitude; dynamic and energy the airspeed or,
-if no estimated error explains the difference, the pitch attitude of the trajectory; accelerations and decelerations
-lag or thrust; dynamic and steady points the propeller table. Named is the cause whose estimated errors explain most of
-the difference.
+The two methods of a pair differ in the quantities that they take as measured, so only the errors of these can make them
+disagree:
+
+dynamic, direct               alignment of the angle of attack
+dynamic, speed                pitch attitude
+dynamic, energy               airspeed; pitch attitude of the trajectory if no estimated error explains the difference
+dynamic, steady points        propeller table
+accelerations, decelerations  lag of the air data, or thrust
+
+The cause reported is the one whose estimated errors explain most of the difference.
 """
 
 from collections.abc import Mapping
@@ -40,7 +45,7 @@ CAUSE_BY_EXCLUSION = {"energy": "pitch attitude"}
 class ComparedMethod(NamedTuple):
     """One of the two methods compared; fields as in `MethodEstimate`.
 
-    covariance : (3, 3) of A without what the two methods share and what the sensitivities stand for
+    covariance : (3, 3) of A by noise only, except for the dynamic method: by noise and systematic errors
     trajectory_deviations : None for the dynamic method, whose covariance contains them
     """
 
@@ -94,8 +99,8 @@ def disagreements(
         if e.polar is not None
     }
     if dynamic is not None:
-        A, whole = dynamic.values[:3], dynamic.noise + dynamic.systematic
-        methods[DYNAMIC] = ComparedMethod(DYNAMIC, "the dynamic method", A, whole[:3, :3], {}, {}, None, dynamic_CL)
+        A, total = dynamic.values[:3], dynamic.noise + dynamic.systematic
+        methods[DYNAMIC] = ComparedMethod(DYNAMIC, "the dynamic method", A, total[:3, :3], {}, {}, None, dynamic_CL)
     compared = (_compare(methods[a], methods[b], errors, at) for a, b in PAIRS if a in methods and b in methods)
     return [disagreement for disagreement in compared if disagreement is not None]
 

@@ -129,9 +129,9 @@ def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Prop
     V [m/s], alpha [rad], CL, n [rev/s], rho [kg/m^3], J, throttle (0 to 1), battery_V, battery_A, battery_W, height_m,
     covered (inside the propeller's table and above LEAST_HEIGHT_M); NaN gaps.
     """
-    blocks = FlightForces(trajectory, aircraft, propeller)
-    forces = blocks.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
-    return _with_battery_and_coverage(forces, blocks.mean.means, propeller)
+    flight_forces = FlightForces(trajectory, aircraft, propeller)
+    forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
+    return _with_battery_and_coverage(forces, flight_forces.block_means.means, propeller)
 
 
 def _with_battery_and_coverage(forces: pd.DataFrame, mean: Mapping[str, Array], propeller: Propeller) -> pd.DataFrame:

@@ -26,7 +26,7 @@ def test_power_is_within_the_source_s_worst_deviation(probe, plan: str, seed: in
     flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), seed), plan, 0.0, seed)
     runs, _ = find_runs(flown.table)
     propeller = load_propeller(AIRCRAFT.propulsion.propeller)
-    estimate = estimate_polar(flown.table, reconstruct(flown.table, flown.still), runs, AIRCRAFT, propeller)
+    estimate = estimate_polar(reconstruct(flown.table, flown.still), runs, AIRCRAFT, propeller)
     rho = float(flown.table.loc[flown.table["flying"], "rho"].mean())
     at = Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
     V = np.linspace(*MID_RANGE_MPS, 20)
