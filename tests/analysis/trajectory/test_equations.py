@@ -44,7 +44,7 @@ def process_residuals(motion, sensor_errors, table=None) -> dict[str, np.ndarray
     weight = np.ones((blocks.n - 1, len(STATES)))
     equation_inputs = EquationInputs(inputs, weight, nothing, nothing, given, x, given)
     at = Equations(blocks.n).linearize(x, sensor_errors, equation_inputs)
-    return dict(zip((*STATES[:10], "v_once", "w_once", "v_twice", "w_twice"), at.process.T, strict=True))
+    return dict(zip((*STATES[:10], "v_once", "w_once", "v_twice", "w_twice"), at.process_residual.T, strict=True))
 
 
 def test_coning_and_sculling_leave_no_tilt(exact) -> None:

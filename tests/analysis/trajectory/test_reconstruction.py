@@ -199,13 +199,23 @@ def test_derivatives_are_those_of_the_equations() -> None:
         more[1, j] += h
         less[1, j] -= h
         up, down = equations.linearize(more, shared, data), equations.linearize(less, shared, data)
-        assert at.d_measured[1, :, j] == pytest.approx((up.measured - down.measured)[1] / (2 * h), abs=1e-7)
-        assert at.d_process[1, :, j] == pytest.approx((up.process - down.process)[1] / (2 * h), abs=1e-7)
-        assert at.d_process[0, :, nx + j] == pytest.approx((up.process - down.process)[0] / (2 * h), abs=1e-7)
+        assert at.measurement_jacobian[1, :, j] == pytest.approx(
+            (up.measurement_residual - down.measurement_residual)[1] / (2 * h), abs=1e-7
+        )
+        assert at.process_jacobian[1, :, j] == pytest.approx(
+            (up.process_residual - down.process_residual)[1] / (2 * h), abs=1e-7
+        )
+        assert at.process_jacobian[0, :, nx + j] == pytest.approx(
+            (up.process_residual - down.process_residual)[0] / (2 * h), abs=1e-7
+        )
     for j in range(m):
         up, down = (equations.linearize(x, shared + sign * h * np.eye(m)[j], data) for sign in (1, -1))
-        assert at.d_measured[:, :, nx + j] == pytest.approx((up.measured - down.measured) / (2 * h), abs=1e-7)
-        assert at.d_process[:, :, 2 * nx + j] == pytest.approx((up.process - down.process) / (2 * h), abs=1e-7)
+        assert at.measurement_jacobian[:, :, nx + j] == pytest.approx(
+            (up.measurement_residual - down.measurement_residual) / (2 * h), abs=1e-7
+        )
+        assert at.process_jacobian[:, :, 2 * nx + j] == pytest.approx(
+            (up.process_residual - down.process_residual) / (2 * h), abs=1e-7
+        )
 
     # Predicted states and inputs change the derivatives only.
     elsewhere, other = x + rng.normal(0, 0.1, x.shape), given + rng.normal(0, 0.1, given.shape)
@@ -217,5 +227,5 @@ def test_derivatives_are_those_of_the_equations() -> None:
         shared,
         dataclasses.replace(data, measurement_inputs=other, predicted_inputs=other, predicted_states=elsewhere),
     )
-    assert foretold.measured == pytest.approx(at.measured, abs=0)
-    assert foretold.d_measured == pytest.approx(there.d_measured, abs=0)
+    assert foretold.measurement_residual == pytest.approx(at.measurement_residual, abs=0)
+    assert foretold.measurement_jacobian == pytest.approx(there.measurement_jacobian, abs=0)
