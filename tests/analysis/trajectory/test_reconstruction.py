@@ -152,7 +152,7 @@ def test_a_saturated_airspeed_transducer_raises_standard_errors_without_bias(pro
     """Above 19 m/s it is clipped, so that neither speed nor angles are measured there; slow flight is as before."""
     _, _, air, still = flown(0, probe, "accel-decel")
     clipped = air.copy()
-    clipped.loc[air["V_mps"] > 19.0, ["V_mps", "alpha_rad", "beta_rad", "V_per_pair"]] = np.nan
+    clipped.loc[air["V_mps"] > 19.0, ["V_mps", "alpha_rad", "beta_rad", "dlnV_dlndp_alpha"]] = np.nan
     whole, trajectory = reconstruct(air, still), reconstruct(clipped, still)
     assert trajectory.converged and np.isfinite(trajectory.states.to_numpy()).all()
     for name in ("V_scale", "alpha_scale", "alpha_bias"):
