@@ -73,7 +73,7 @@ def analyze(
     progress("finding runs")
     maneuvers = select(table, data.rest, name, runs_file)
     flown = pd.concat([table.iloc[run.rows] for run in maneuvers.level_runs or maneuvers.of(*FOR_DRAG)])
-    at, flown_CL = flown_condition(flown, aircraft), flown_lift(flown, aircraft)
+    condition, flown_CL = flown_condition(flown, aircraft), flown_lift(flown, aircraft)
     coverage_warnings = thrust_coverage(flown, propeller)
 
     progress("reconstructing the trajectory")
@@ -93,23 +93,25 @@ def analyze(
         data = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
         sigma = math.hypot(contents.probe.alpha_scale_sigma, upwash_slope_sigma)
         trajectory = reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=name)
-        return main_polar(trajectory, maneuvers, aircraft, propeller, at, flown_CL, name)
+        return main_polar(trajectory, maneuvers, aircraft, propeller, condition, flown_CL, name)
 
-    assumption_uncertainty = assumed_values.assumption_uncertainty(repeat_estimate, aircraft, propeller, at, flown_CL)
+    assumption_uncertainty = assumed_values.assumption_uncertainty(
+        repeat_estimate, aircraft, propeller, condition, flown_CL
+    )
     drag = estimate(
-        table, trajectory, maneuvers, aircraft, propeller, at, flown_CL,
+        table, trajectory, maneuvers, aircraft, propeller, condition, flown_CL,
         zeroed=data.zeroed, log=name, progress=progress, assumption_uncertainty=assumption_uncertainty,
     )  # fmt: skip
 
     progress("computing performance")
-    performance = compute_performance(request, trajectory, drag, aircraft, propeller, at, flown)
+    performance = compute_performance(request, trajectory, drag, aircraft, propeller, condition, flown)
     unknown_battery = request.battery_Wh is None and aircraft.propulsion.battery_energy_Wh is None
     results = assemble(
         log=name,
         aircraft=aircraft,
         propeller=propeller,
         flown=flown,
-        at=at,
+        condition=condition,
         maneuvers=maneuvers,
         drag=drag,
         path=path_result(trajectory, agreement, sensor_errors),

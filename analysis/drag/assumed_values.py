@@ -83,11 +83,15 @@ def alpha_scale_sigma(aircraft: Aircraft) -> float:
 
 
 def assumption_uncertainty(
-    repeat: RepeatEstimate, aircraft: Aircraft, propeller: Propeller, at: Condition, flown_CL: tuple[float, float]
+    repeat: RepeatEstimate,
+    aircraft: Aircraft,
+    propeller: Propeller,
+    condition: Condition,
+    flown_CL: tuple[float, float],
 ) -> AssumptionUncertainty | None:
     """The contribution of assumed values to the interval; None where the aircraft file has all of these keys.
 
-    at, flown_CL : weight and density of the flight, and lift coefficients of the speeds flown.
+    condition, flown_CL : weight and density of the flight, and lift coefficients of the speeds flown.
     """
     missing = [assumed for assumed in ASSUMED_VALUES if not aircraft.has(assumed.key)]
     upwash = alpha_scale_sigma(aircraft)
@@ -101,11 +105,11 @@ def assumption_uncertainty(
         added[assumed.key] += np.outer(change, change)
     covariance = np.sum([np.zeros(own_covariance.shape), *added.values()], axis=0)
 
-    V = np.array([speed_at(flown_CL[1], at)])
+    V = np.array([speed_at(flown_CL[1], condition)])
 
     def standard_error(A: Array, covariance: Array) -> float:
         """Of power required at V."""
-        return float(power_required(V, Polar(A, covariance[: len(POLAR), : len(POLAR)]), at)[1][0])
+        return float(power_required(V, Polar(A, covariance[: len(POLAR), : len(POLAR)]), condition)[1][0])
 
     without_keys = standard_error(estimate.values[:3], own_covariance + covariance)
     notes = []
@@ -120,7 +124,8 @@ def assumption_uncertainty(
     if not aircraft.has("propulsion.beyond_zero_thrust") and propeller.beyond_zero_thrust != FOLD:
         folding = repeat(aircraft, propeller.with_beyond_zero_thrust(FOLD), upwash).values[:3]
         power, folded = (
-            float(power_required(V, Polar(A, own_covariance[:3, :3]), at)[0][0]) for A in (estimate.values[:3], folding)
+            float(power_required(V, Polar(A, own_covariance[:3, :3]), condition)[0][0])
+            for A in (estimate.values[:3], folding)
         )
         notes += _folding_note(folded / power - 1, V[0])
     return AssumptionUncertainty(covariance, notes)

@@ -47,7 +47,7 @@ def estimate(
     maneuvers: Maneuvers,
     aircraft: Aircraft,
     propeller: Propeller,
-    at: Condition,
+    condition: Condition,
     flown_CL: tuple[float, float],
     *,
     zeroed: bool,
@@ -57,7 +57,7 @@ def estimate(
 ) -> DragEstimates:
     """Dynamic method, all other methods, and cross-check.
 
-    table: from `air_data`. at: weight and density of the flight, at which methods are compared. flown_CL: lift
+    table: from `air_data`. condition: weight and density of the flight, at which methods are compared. flown_CL: lift
     coefficients of level flight at the speeds flown. zeroed: the gyro biases at rest were subtracted.
     assumption_uncertainty: by values assumed for keys that the aircraft file lacks.
     Raises InputError, beginning with `log`, when the maneuvers do not determine a physical polar.
@@ -73,14 +73,14 @@ def estimate(
             f"{log}: unphysical drag polar from {source}: {reason}; keep or fly more runs, longer, over more speeds"
         )
     progress("applying all other methods")
-    others = every_method(trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, at)
+    others = every_method(trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, condition)
     if by_runs:
         main = by_runs
     else:
         main, flown_CL = fallback(others.by_method, trajectory, log)
         main = with_assumption_uncertainty(main, assumption_uncertainty)
     assumptions = assumption_uncertainty.notes if assumption_uncertainty else []
-    warnings = assumptions + main.warnings + run_scatter(others.one_by_one, at)
+    warnings = assumptions + main.warnings + run_scatter(others.one_by_one, condition)
     check = None
     if runs:
         progress("cross-checking on the runs alone")
@@ -89,7 +89,7 @@ def estimate(
         except (InputError, np.linalg.LinAlgError) as error:
             warnings.append(f"The cross-check on the runs alone failed: {error}.")
         else:
-            warnings += cross_check.disagreement(main.polar, check, at, flown_CL)
+            warnings += cross_check.disagreement(main.polar, check, condition, flown_CL)
     return DragEstimates(main, flown_CL, others.by_method, others.one_by_one, others.disagreements, check, warnings)
 
 
@@ -98,7 +98,7 @@ def main_polar(
     maneuvers: Maneuvers,
     aircraft: Aircraft,
     propeller: Propeller,
-    at: Condition,
+    condition: Condition,
     flown_CL: tuple[float, float],
     log: str,
 ) -> DynamicEstimate:
@@ -106,5 +106,5 @@ def main_polar(
     runs = maneuvers.level_runs
     if runs:
         return dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
-    others = every_method(trajectory, maneuvers.maneuvers, None, flown_CL, aircraft, propeller, at)
+    others = every_method(trajectory, maneuvers.maneuvers, None, flown_CL, aircraft, propeller, condition)
     return fallback(others.by_method, trajectory, log)[0]

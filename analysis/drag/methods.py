@@ -42,7 +42,7 @@ def every_method(
     dynamic_CL: tuple[float, float],
     aircraft: Aircraft,
     propeller: Propeller,
-    at: Condition,
+    condition: Condition,
 ) -> MethodEstimates:
     """ALL_METHODS on the runs of any kind, each run alone, and the pairs that disagree at one weight and density.
 
@@ -58,4 +58,4 @@ def every_method(
     inputs = method_inputs(flight_forces, trajectory, runs, errors)
     by_method = [estimate(method, inputs) for method in ALL_METHODS]
     one_by_one = [estimate(replace(ONE_RUN, title=run.name), replace(inputs, runs=[run])) for run in level]
-    return MethodEstimates(by_method, one_by_one, disagreements(dynamic, dynamic_CL, by_method, errors, at))
+    return MethodEstimates(by_method, one_by_one, disagreements(dynamic, dynamic_CL, by_method, errors, condition))
