@@ -9,7 +9,7 @@ import pandas as pd
 
 from analysis import log_contents
 from analysis.airdata.from_log import flight_data
-from analysis.drag import stand_ins
+from analysis.drag import assumed_values
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.estimate import DragEstimates, estimate, main_polar
 from analysis.drag.polar import flown_condition, flown_lift
@@ -50,7 +50,7 @@ class Analysis:
 
 def analyze(
     log: Log,
-    given: Replacements = Replacements(),
+    replacements: Replacements = Replacements(),
     progress: Callable[[str], None] = lambda _: None,
     *,
     request: Request = Request(),
@@ -58,12 +58,12 @@ def analyze(
 ) -> Analysis:
     """Power required and performance from a log.
 
-    given: what replaces parts of the log, such as the aircraft file. request: battery, weights and density
-    altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.toml_file`).
+    replacements: files used instead of parts of the log, such as another aircraft file. request: battery, weights and
+    density altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.toml_file`).
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
     name = str(log.path)
-    contents = log_contents.contents(log, given)
+    contents = log_contents.contents(log, replacements)
     aircraft, propeller = contents.aircraft, contents.propeller
 
     progress("synchronizing")
@@ -73,11 +73,11 @@ def analyze(
     progress("finding runs")
     maneuvers = select(table, data.rest, name, runs_file)
     flown = pd.concat([table.iloc[run.rows] for run in maneuvers.level_runs or maneuvers.of(*FOR_DRAG)])
-    at, flown_CL = flown_condition(flown, aircraft), flown_lift(flown, aircraft)
+    condition, flown_CL = flown_condition(flown, aircraft), flown_lift(flown, aircraft)
     coverage_warnings = thrust_coverage(flown, propeller)
 
     progress("reconstructing the trajectory")
-    alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, stand_ins.alpha_scale_sigma(aircraft))
+    alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, assumed_values.alpha_scale_sigma(aircraft))
     trajectory = reconstruct(table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, log=name)
     sensor_errors = sensor_error_estimates(trajectory)
     runs, calibrated = len(maneuvers.level_runs), contents.magnetometer is not None
@@ -88,28 +88,30 @@ def analyze(
 
     progress(f"estimating drag from {runs or len(maneuvers.of(*FOR_DRAG))} runs")
 
-    def repeated(aircraft: Aircraft, propeller: Propeller, upwash_sigma: float) -> DynamicEstimate:
-        progress("repeating the estimate with other stand-ins for what the aircraft file lacks")
-        moved = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
-        sigma = math.hypot(contents.probe.alpha_scale_sigma, upwash_sigma)
-        along = reconstruct(moved.table, moved.rest, alpha_scale_sigma=sigma, compass=moved.compass, log=name)
-        return main_polar(along, maneuvers, aircraft, propeller, at, flown_CL, name)
+    def repeat_estimate(aircraft: Aircraft, propeller: Propeller, upwash_slope_sigma: float) -> DynamicEstimate:
+        progress("repeating the estimate with other values for what the aircraft file lacks")
+        data = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+        sigma = math.hypot(contents.probe.alpha_scale_sigma, upwash_slope_sigma)
+        trajectory = reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=name)
+        return main_polar(trajectory, maneuvers, aircraft, propeller, condition, flown_CL, name)
 
-    doubt = stand_ins.doubt(repeated, aircraft, propeller, at, flown_CL)
+    assumption_uncertainty = assumed_values.assumption_uncertainty(
+        repeat_estimate, aircraft, propeller, condition, flown_CL
+    )
     drag = estimate(
-        table, trajectory, maneuvers, aircraft, propeller, at, flown_CL,
-        zeroed=data.zeroed, log=name, progress=progress, doubt=doubt,
+        table, trajectory, maneuvers, aircraft, propeller, condition, flown_CL,
+        zeroed=data.zeroed, log=name, progress=progress, assumption_uncertainty=assumption_uncertainty,
     )  # fmt: skip
 
     progress("computing performance")
-    performance = compute_performance(request, trajectory, drag, aircraft, propeller, at, flown)
+    performance = compute_performance(request, trajectory, drag, aircraft, propeller, condition, flown)
     unknown_battery = request.battery_Wh is None and aircraft.propulsion.battery_energy_Wh is None
     results = assemble(
         log=name,
         aircraft=aircraft,
         propeller=propeller,
         flown=flown,
-        at=at,
+        condition=condition,
         maneuvers=maneuvers,
         drag=drag,
         path=path_result(trajectory, agreement, sensor_errors),

@@ -24,7 +24,7 @@ from analysis.estimation.intervals import NORMAL_95
 from flight.aircraft import PneumaticLine
 from sim.sensors.probe import port_pressures
 from sim.sensors.tubing import first_order_lag, time_constant_s
-from sim.tunnel import calibrate as tunnel_measurements
+from sim.tunnel import simulated_measurements
 
 Array = NDArray[np.float64]
 ANGLES_RAD = np.radians(np.linspace(-15, 15, 31))
@@ -36,7 +36,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 def simulated_tunnel(seed: int) -> TunnelData:
     """The simulator's: angles set to 0.03 deg, pressures to 0.6 Pa; its own probe and ring of static ports."""
-    speed, alpha, beta, *rest = tunnel_measurements(seed=seed).to_numpy().T
+    speed, alpha, beta, *rest = simulated_measurements(seed=seed).to_numpy().T
     return TunnelData(speed, np.radians(alpha), np.radians(beta), *rest)
 
 

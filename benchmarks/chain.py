@@ -25,7 +25,7 @@ import typer
 from flights import tunnel_probe
 from rich.console import Console
 
-from analysis.drag import polar as curve
+from analysis.drag.polar import Condition, Polar, power_required
 from flight.aircraft import load_aircraft
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
@@ -82,9 +82,9 @@ def compared(report: Path, truth: np.ndarray, V: np.ndarray) -> np.ndarray:
         for name in ("speed_mps", "power_W", "power_hi_W")
     )
     # The curve itself: between its points it is no straight line, nor level beyond the last.
-    at = curve.Condition(*results["test"].values(), results["aircraft"]["wing_area_m2"])
+    at = Condition(*results["test"].values(), results["aircraft"]["wing_area_m2"])
     A = np.array([results["drag_polar"][name] for name in ("A0", "A1", "A2")])
-    found, _ = curve.power_required(V, curve.Polar(A, np.zeros((3, 3))), at)
+    found, _ = power_required(V, Polar(A, np.zeros((3, 3))), at)
     true = np.interp(V, *truth.T)
     figures = np.stack([found / true - 1, np.interp(V, flown, high / power - 1) * found / true])
     return np.where((V > flown[0] - 0.2) & (V < flown[-1] + 0.2), 100 * figures, np.nan)

@@ -18,9 +18,8 @@ from rich.progress import track
 from rich.table import Table
 
 from analysis.airdata.probe import ProbeCalibration
-from analysis.drag import cross_check as output_error
 from analysis.drag import dynamic
-from analysis.drag import polar as curve
+from analysis.drag.polar import Condition, Polar, power_required
 from analysis.estimation.intervals import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
@@ -62,13 +61,13 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
     air, still, at_rest = flights.air_of(flown.table, aircraft, probe)
     runs, _ = find_runs(air)
     rho = float(air.loc[air["flying"], "rho"].mean())
-    at = curve.Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
+    at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
     truth = flight.power_required
     V = speeds(aircraft)
     true_power = np.interp(V, truth["speed_mps"], truth["power_W"])
 
-    def compared(polar: curve.Polar) -> np.ndarray:
-        power, error = curve.power_required(V, polar, at)
+    def compared(polar: Polar) -> np.ndarray:
+        power, error = power_required(V, polar, at)
         return 100 * np.stack([power / true_power - 1, NORMAL_95 * error / true_power])
 
     trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
@@ -79,7 +78,7 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
             chosen = sorted(chosen, key=lambda run: run.start_s - run.end_s)[:1]
         figures[name] = compared(dynamic.estimate_polar(trajectory, chosen, aircraft, propeller).polar)
     if cross_check:
-        integrated = output_error.estimate_polar(air, runs, aircraft, zeroed=at_rest is not None, propeller=propeller)
+        integrated = cross_check.estimate_polar(air, runs, aircraft, zeroed=at_rest is not None, propeller=propeller)
         figures["output error"] = compared(integrated.polar)
     return figures
 

@@ -18,14 +18,13 @@ from analysis.airdata.tunnel import read_tunnel
 from analysis.signals.rest import Zeros, rest_segments, zeros
 from flight.aircraft import Aircraft
 from flight.propeller_files import load_propeller
-from sim import fly as flying
+from sim.fly import Flight, fly
 from sim.plan import load_plan
 from sim.plant import plant_of
 from sim.sensors import FlightSensorTruth, draw
 from sim.sensors.budget import DrawnErrors, ErrorBudget
 from sim.trim import Trimmer
-from sim.tunnel import calibrate as tunnel_measurements
-from sim.tunnel import write_calibration
+from sim.tunnel import simulated_measurements, write_calibration
 
 KNOT_MPS = 0.514444
 TICK_S, FIFO_S, SAMPLES = 0.04, 0.005, 8
@@ -38,7 +37,7 @@ def tunnel_probe() -> ProbeCalibration:
     """A probe calibrated in the simulated tunnel; the same for every flight."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "tunnel.csv"
-        write_calibration(path, tunnel_measurements(seed=0), replace=False)
+        write_calibration(path, simulated_measurements(seed=0), replace=False)
         return calibrate(read_tunnel(path), "tunnel.csv")
 
 
@@ -55,7 +54,7 @@ def stall_mps(aircraft: Aircraft) -> float:
 class Flown(NamedTuple):
     """A simulated flight and what its sensors measure, errors included."""
 
-    flight: flying.Flight
+    flight: Flight
     sensor_truth: FlightSensorTruth
     table: pd.DataFrame  # as `analysis.channels.synchronize` leaves it
 
@@ -67,7 +66,7 @@ def flown(
     plan = load_plan(plan_name)
     if turbulence_kt:
         plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=turbulence_kt * KNOT_MPS))
-    flight = flying.fly(aircraft, plan, seed=seed, deviations=errors.deviations)
+    flight = fly(aircraft, plan, seed=seed, deviations=errors.deviations)
     sensor_truth = FlightSensorTruth(flight, errors)
     return Flown(flight, sensor_truth, sensor_table(sensor_truth, aircraft))
 

@@ -247,7 +247,7 @@ def check(
     from rich.console import Console
     from rich.table import Table
 
-    from daq import tray_check as checking
+    from daq import tray_check
     from daq.bus import LinuxBuses
     from daq.clock import SystemClock
     from daq.config import load_tray
@@ -255,9 +255,9 @@ def check(
     tray = load_tray(config)
     prepare_process()
     raise_priority()
-    report = checking.check_tray(tray, buses=LinuxBuses(), clock=SystemClock(), seconds=seconds, threaded=True)
+    report = tray_check.check_tray(tray, buses=LinuxBuses(), clock=SystemClock(), seconds=seconds, threaded=True)
     if as_json:
-        typer.echo(checking.as_json(report))
+        typer.echo(tray_check.as_json(report))
     else:
         table = Table(
             "", "topic", "part", "Hz", "value ± standard deviation", "bus errors", "problem and advice", box=None

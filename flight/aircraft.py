@@ -109,7 +109,8 @@ class PneumaticLine:
 class ProbeInstallation:
     """Installation of the five-port probe: position of its tip, upwash there, and its pneumatic lines.
 
-    The defaults are those of a probe on the nose of a small aircraft; `analysis.drag.stand_ins` has their doubt.
+    The defaults are those of a probe on the nose of a small aircraft; `analysis.drag.assumed_values` has their standard
+    deviations.
     """
 
     position_m: Position = (0.3, 0.0, 0.0)  # from the centre of gravity, body axes

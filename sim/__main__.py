@@ -61,7 +61,7 @@ def fly(
 ) -> None:
     """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors."""
     from hw_fakes.faults import load_faults
-    from sim import fly as flying
+    from sim.fly import fly as fly_plan
     from sim.plan import load_plan
     from sim.sensors import FlightSensorTruth, draw, load_budget
     from sim.truth import write_truth
@@ -75,7 +75,7 @@ def fly(
     _check_output(output, replace)
     drawn = draw(budget, seed)
     with _progress("flying") as report:
-        flight = flying.fly(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
+        flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
     try:
         output.mkdir(parents=True, exist_ok=True)
         for name in OUTPUT_FILES:
@@ -232,9 +232,9 @@ def tunnel(
     replace: ReplaceOption = False,
 ) -> None:
     """A simulated wind-tunnel calibration of the five-port probe, as a CSV file."""
-    from sim.tunnel import calibrate, write_calibration
+    from sim.tunnel import simulated_measurements, write_calibration
 
-    table = calibrate(seed=seed)
+    table = simulated_measurements(seed=seed)
     write_calibration(output, table, replace=replace)
     print(f"{output}: {len(table)} points", file=sys.stderr)
 

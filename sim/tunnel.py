@@ -41,7 +41,7 @@ class WindTunnel:
     temperature_K: float = 294.0
 
 
-def calibrate(tunnel: WindTunnel = WindTunnel(), seed: int = 0) -> pd.DataFrame:
+def simulated_measurements(tunnel: WindTunnel = WindTunnel(), seed: int = 0) -> pd.DataFrame:
     """The calibration as a table with the columns of `HEADER`, a row a point."""
     n = round(tunnel.largest_angle_deg / tunnel.step_deg)
     angles = np.arange(-n, n + 1) * tunnel.step_deg

@@ -37,8 +37,7 @@ def air_data(
     """The table with speed, angles, density, height, thrust, bank and `flying` added.
 
     Zeros are subtracted. Angles and specific forces are those at the centre of gravity: angles are corrected for upwash
-    and for the velocity of the probe by rotation (method section 7), specific forces for the lever arm of the IMU
-    (method section 3).
+    and for the velocity of the probe by rotation, specific forces for the lever arm of the IMU.
     """
     notes: list[str] = []
     out = table.copy()
@@ -85,7 +84,7 @@ def air_data(
     out["qbar_Pa"] = flow.qbar_Pa * (1 + deviation) * nan_on_ground
     out["rho"] = rho
     out["V_mps"] = V
-    out["V_per_pair"] = flow.V_per_pair * nan_on_ground
+    out["dlnV_dlndp_alpha"] = flow.dlnV_dlndp_alpha * nan_on_ground
     # Rotation moves a probe ahead of the centre of gravity upwards at q x and to the right at r x.
     out["alpha_rad"] = (
         flow.alpha_rad * nan_on_ground - aircraft.probe.upwash_per_CL_rad * CL + out["q_radps"] * x_probe / V

@@ -21,7 +21,7 @@ from flight.json_file import decoded
 Array = NDArray[np.float64]
 FORMAT = "flightpower-probe-2"
 FIRST_FORMAT = "flightpower-probe-1"  # its angles are polynomials in C_alpha and C_beta, its q_c/qbar is one itself
-PAIR_STEP = 0.01  # of a central difference; its relative error is a sixth of its square times the third derivative
+DP_ALPHA_STEP = 0.01  # of a central difference; its relative error is a sixth of its square times the third derivative
 ANGLE_MARGIN_RAD = np.radians(0.5)  # accepted beyond the last angle of the tunnel, for noise
 
 
@@ -55,7 +55,7 @@ class ProbeFlow(NamedTuple):
     alpha_rad: Array
     beta_rad: Array
     inside: NDArray[np.bool_]  # the calibration covers this point
-    V_per_pair: Array  # d ln V/d ln dp_alpha: an error of dp_alpha changes q_c/qbar, and so the airspeed
+    dlnV_dlndp_alpha: Array  # d ln V/d ln dp_alpha: an error of dp_alpha changes q_c/qbar, and so the airspeed
 
 
 def flow_at_probe(probe: ProbeCalibration, dp_alpha_Pa: Array, dp_beta_Pa: Array, q_c_Pa: Array) -> ProbeFlow:
@@ -67,8 +67,8 @@ def flow_at_probe(probe: ProbeCalibration, dp_alpha_Pa: Array, dp_beta_Pa: Array
     for angle, limits in ((alpha, probe.alpha_limits_rad), (beta, probe.beta_limits_rad)):
         if limits is not None:
             inside &= (angle > limits[0] - ANGLE_MARGIN_RAD) & (angle < limits[1] + ANGLE_MARGIN_RAD)
-    less, more = (probe.q_ratio(C_alpha * factor, C_beta) for factor in (1 - PAIR_STEP, 1 + PAIR_STEP))
-    return ProbeFlow(q_c / ratio, alpha, beta, inside, -(more - less) / (4 * PAIR_STEP * ratio))
+    less, more = (probe.q_ratio(C_alpha * factor, C_beta) for factor in (1 - DP_ALPHA_STEP, 1 + DP_ALPHA_STEP))
+    return ProbeFlow(q_c / ratio, alpha, beta, inside, -(more - less) / (4 * DP_ALPHA_STEP * ratio))
 
 
 def parse_probe(data: bytes, where: str) -> ProbeCalibration:

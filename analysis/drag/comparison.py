@@ -1,10 +1,15 @@
 """Pairs of methods that disagree: where, by how much, and which sensor error causes it.
 
-The two methods of a pair take different quantities as measured, so that only certain causes can part them: dynamic and
-direct the alignment of the angle of attack; dynamic and speed the pitch attitude; dynamic and energy the airspeed or,
-if no estimated error explains the difference, the pitch attitude of the trajectory; accelerations and decelerations
-lag or thrust; dynamic and steady points the propeller table. Named is the cause whose estimated errors explain most of
-the difference.
+The two methods of a pair differ in the quantities that they take as measured, so only the errors of these can make them
+disagree:
+
+dynamic, direct               alignment of the angle of attack
+dynamic, speed                pitch attitude
+dynamic, energy               airspeed; pitch attitude of the trajectory if no estimated error explains the difference
+dynamic, steady points        propeller table
+accelerations, decelerations  lag of the air data, or thrust
+
+The cause reported is the one whose estimated errors explain most of the difference.
 """
 
 from collections.abc import Mapping
@@ -40,7 +45,7 @@ CAUSE_BY_EXCLUSION = {"energy": "pitch attitude"}
 class ComparedMethod(NamedTuple):
     """One of the two methods compared; fields as in `MethodEstimate`.
 
-    covariance : (3, 3) of A without what the two methods share and what the sensitivities stand for
+    covariance : (3, 3) of A by noise only, except for the dynamic method: by noise and systematic errors
     trajectory_deviations : None for the dynamic method, whose covariance contains them
     """
 
@@ -76,7 +81,7 @@ def disagreements(
     dynamic_CL: tuple[float, float],
     estimates: list[MethodEstimate],
     errors: Mapping[str, ErrorEstimate],
-    at: Condition,
+    condition: Condition,
 ) -> list[MethodDisagreement]:
     """All PAIRS that disagree, at one weight and density. errors: from `estimate_errors`."""
     methods = {
@@ -94,28 +99,28 @@ def disagreements(
         if e.polar is not None
     }
     if dynamic is not None:
-        A, whole = dynamic.values[:3], dynamic.noise + dynamic.systematic
-        methods[DYNAMIC] = ComparedMethod(DYNAMIC, "the dynamic method", A, whole[:3, :3], {}, {}, None, dynamic_CL)
-    compared = (_compare(methods[a], methods[b], errors, at) for a, b in PAIRS if a in methods and b in methods)
+        A, total = dynamic.values[:3], dynamic.noise + dynamic.systematic
+        methods[DYNAMIC] = ComparedMethod(DYNAMIC, "the dynamic method", A, total[:3, :3], {}, {}, None, dynamic_CL)
+    compared = (_compare(methods[a], methods[b], errors, condition) for a, b in PAIRS if a in methods and b in methods)
     return [disagreement for disagreement in compared if disagreement is not None]
 
 
 def _compare(
-    first: ComparedMethod, second: ComparedMethod, errors: Mapping[str, ErrorEstimate], at: Condition
+    first: ComparedMethod, second: ComparedMethod, errors: Mapping[str, ErrorEstimate], condition: Condition
 ) -> MethodDisagreement | None:
     low, high = max(first.flown_CL[0], second.flown_CL[0]), min(first.flown_CL[1], second.flown_CL[1])
     if high < LEAST_SPEED_RATIO**2 * low:
         return None
-    V = speed_at(np.linspace(low, high, SPEEDS), at)
-    _, error = power_required(V, Polar(first.A, _allowed_covariance(first, second)), at)
-    differences = _power(V, second.A - first.A, at)
+    V = speed_at(np.linspace(low, high, SPEEDS), condition)
+    _, error = power_required(V, Polar(first.A, _allowed_covariance(first, second)), condition)
+    differences = _power(V, second.A - first.A, condition)
     excess = np.abs(differences) / (SIGNIFICANT * error)
     worst = int(np.argmax(excess))
     if excess[worst] <= 1:
         return None
     here = V[worst : worst + 1]
     shares = {
-        cause: float(_power(here, _cause_effect(second, cause) - _cause_effect(first, cause), at)[0])
+        cause: float(_power(here, _cause_effect(second, cause) - _cause_effect(first, cause), condition)[0])
         for cause in CAUSES
         if cause in first.cause_effects or cause in second.cause_effects
     }
@@ -124,9 +129,17 @@ def _compare(
     cause = _cause(second.name, difference, allowed, shares, errors)
     if cause is None:
         return None
-    speed, power = float(here[0]), float(_power(here, first.A, at)[0])
+    speed, power = float(here[0]), float(_power(here, first.A, condition)[0])
     text = sentences(
-        (first.title, second.title), speed, power, difference, cause, shares.get(cause), shares[UNEXPLAINED], errors, at
+        (first.title, second.title),
+        speed,
+        power,
+        difference,
+        cause,
+        shares.get(cause),
+        shares[UNEXPLAINED],
+        errors,
+        condition,
     )
     return MethodDisagreement(first.name, second.name, speed, difference, allowed, cause, shares, text)
 
@@ -172,7 +185,7 @@ def _cause_effect(method: ComparedMethod, cause: str) -> Array:
     return method.cause_effects.get(cause, np.zeros(3))
 
 
-def _power(V: Array, A: Array, at: Condition) -> Array:
+def _power(V: Array, A: Array, condition: Condition) -> Array:
     """Power required [W] (n,) by polar coefficients A (3,) or by a difference of these."""
-    power, _ = power_required(V, Polar(A, np.zeros((3, 3))), at)
+    power, _ = power_required(V, Polar(A, np.zeros((3, 3))), condition)
     return power

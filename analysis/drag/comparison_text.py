@@ -19,7 +19,7 @@ def sentences(
     share_W: float | None,
     unexplained_W: float,
     errors: Mapping[str, ErrorEstimate],
-    at: Condition,
+    condition: Condition,
 ) -> str:
     """The difference of the second method from the first at speed V [m/s], its cause, and what that explains of it.
 
@@ -35,7 +35,7 @@ def sentences(
     if share_W is None:
         # Of the pairs compared only dynamic and energy have a cause by exclusion. A pitch attitude that is too high
         # tilts lift into drag for the dynamic method: its power is higher by W V tilt.
-        tilt = np.degrees(-unexplained_W / (at.weight_N * V))
+        tilt = np.degrees(-unexplained_W / (condition.weight_N * V))
         return (
             f"{difference} Errors of airspeed, lag and thrust do not explain it: the trajectory's pitch attitude is"
             f" {abs(tilt):.2f} deg too {'high' if tilt > 0 else 'low'}."

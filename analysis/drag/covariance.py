@@ -8,14 +8,14 @@ from analysis.estimation import uncertainty
 from analysis.estimation.output_error import Fit
 
 Array = NDArray[np.float64]
-# Method section 8 has 0.05 deg, for sensor errors twice as large. Intervals in still air cover without any floor.
+# Intervals in still air have the right coverage without any floor.
 FLOOR_RAD = np.radians(0.02)
 
 
 def of_noise(fit: Fit) -> Array:
     """Covariance of all estimates by noise: per parameter the larger of those for white and for colored residuals.
 
-    Colored residuals make estimates several times less certain than white ones of the same size (method section 4),
+    Colored residuals make estimates several times less certain than white ones of the same size,
     but a short record can fail to show its color.
     """
     white, colored = uncertainty.cramer_rao(fit).covariance, uncertainty.morelli_klein(fit).covariance

@@ -1,4 +1,4 @@
-"""Output error on the runs alone, pitch and height as states (3.24-3.45, method section 8, "G"): the cross-check.
+"""Output error on the runs alone, pitch and height as states (3.24-3.45): the cross-check.
 
 It integrates the equations of motion through each run and uses nothing of the rest of the flight. Its errors differ
 from those of the trajectory: where the two disagree, one of them is wrong.
@@ -73,12 +73,12 @@ def _in_gusts(fit: Fit) -> bool:
     return uncertainty.whiteness(fit)["az"].lag_one > LARGEST_STILL_AIR_CORRELATION
 
 
-def disagreement(polar: Polar, check: CrossCheck, at: Condition, flown_CL: tuple[float, float]) -> list[str]:
+def disagreement(polar: Polar, check: CrossCheck, condition: Condition, flown_CL: tuple[float, float]) -> list[str]:
     """A warning where power curve and cross-check differ by more than the 95 % interval of the difference."""
     if not check.converged:
         return [f"The cross-check by {check.by} did not converge and is left out: {check.verdict}."]
-    V = np.linspace(speed_at(flown_CL[1], at), speed_at(flown_CL[0], at), SPEEDS)
-    (power, error), (other, other_error) = (power_required(V, p, at) for p in (polar, check.polar))
+    V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), SPEEDS)
+    (power, error), (other, other_error) = (power_required(V, p, condition) for p in (polar, check.polar))
     excess = np.abs(other - power) / (NORMAL_95 * np.hypot(error, other_error))
     worst = int(np.argmax(excess))
     if excess[worst] <= 1:

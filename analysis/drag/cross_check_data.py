@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.stand_ins import alpha_scale_sigma
+from analysis.drag.assumed_values import alpha_scale_sigma
 from analysis.estimation.aircraft_models import Priors
 from analysis.estimation.data import Segment
 from analysis.maneuvers.kinds import Maneuver

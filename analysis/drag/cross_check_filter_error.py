@@ -1,4 +1,4 @@
-"""Filter error on the runs alone: output error with gusts as states (method section 8, "F").
+"""Filter error on the runs alone: output error with gusts as states.
 
 Process noise separates turbulence, which moves the aircraft, from measurement noise.
 """

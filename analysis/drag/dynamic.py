@@ -1,15 +1,16 @@
-"""The dynamic method: drag polar from accelerations and decelerations, in two steps (method section 8, "T").
+"""The dynamic method: drag polar from accelerations and decelerations, in two steps.
 
 It is named for its data, dynamic maneuvers instead of steady points. First the trajectory and the sensor errors are
-reconstructed over the whole flight; then the forces of the runs along the trajectory are regressed on lift. All runs of
-a flight are fitted at once, as they share aerodynamics and sensor errors.
+reconstructed over the whole flight; then drag along the trajectory is regressed on lift. All runs of a flight are
+fitted at once, because their aerodynamics and sensor errors are the same.
 
 The uncertainty of the trajectory is propagated into the covariance of the polar: each independent direction of the
 sensor errors' covariance, and random draws of the state errors, which are not common to the runs, are passed through
-trajectory and regression. Without these the interval of one deceleration covered 75 to 85 % at its slow end.
+trajectory and regression. Without these the 95 % interval of one deceleration covered the truth in only 75 to 85 % of
+simulated flights, at its lowest speeds.
 
-A gust near the stall takes the wing beyond all angles of attack of level flight, where drag is no parabola. Such
-moments are left out. With them power at 1.1 V_stall came out 1.1 % high in W20 = 15 kt (200 flights).
+A gust near the stall raises the angle of attack above that of level flight, where drag is no longer a parabola of lift.
+Such samples are left out. With them, power at 1.1 V_stall was overestimated by 1.1 % at W20 = 15 kt (200 flights).
 """
 
 from collections.abc import Sequence
@@ -38,7 +39,7 @@ Array = NDArray[np.float64]
 POLAR = ("A0", "A1", "A2")
 THRUST = ("thrust_scale", "thrust_slope")  # thrust is the table's times 1 + scale + slope (J - J_REFERENCE)
 SHORTEST = 10  # blocks of a run
-# The largest angle of attack of level flight: that at the slowest speed flown, and a margin for turns and heave.
+# The largest angle of attack of level flight: that at the lowest speed flown, with a margin for turns and heave.
 SLOWEST_PERCENT, LEVEL_MARGIN_RAD = 97.5, np.radians(1.0)
 LARGEST_UNMENTIONED_SHARE = 0.02
 UNITS = {
@@ -48,16 +49,17 @@ UNITS = {
 
 
 def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
-    """Drag that specific force shows with the uncorrected thrust of the table taken out, over mass [m/s^2].
+    """Drag over mass [m/s^2] as computed from specific force with the uncorrected propeller table.
 
-    Thrust that is larger than the table's by thrust_scale + thrust_slope (J - J_REFERENCE) hides as much drag.
+    Where thrust exceeds that of the table, by the factor 1 + thrust_scale + thrust_slope (J - J_REFERENCE), this is
+    smaller than the true drag by the difference of the thrusts along the flight path.
     """
     drag_over_m = u.qS_over_m * (p.A0 + p.A1 * u.CL + p.A2 * u.CL**2)
-    return (drag_over_m - u.thrust_over_m * (p.thrust_scale + p.thrust_slope * (u.J - J_REFERENCE)),)
+    return (drag_over_m - u.thrust_along_V_over_m * (p.thrust_scale + p.thrust_slope * (u.J - J_REFERENCE)),)
 
 
 # Inputs of the model, and the columns of `FlightForces.forces` that they are taken from.
-INPUTS = {"CL": "CL", "qS_over_m": "qS_over_m_mps2", "thrust_over_m": "thrust_along_V_over_m_mps2", "J": "J"}
+INPUTS = {"CL": "CL", "qS_over_m": "qS_over_m_mps2", "thrust_along_V_over_m": "thrust_along_V_over_m_mps2", "J": "J"}
 DRAG = Model(
     name="drag",
     inputs=tuple(INPUTS),
@@ -84,11 +86,11 @@ class RunFit(NamedTuple):
 
 @dataclass(frozen=True)
 class DynamicEstimate:
-    """A drag polar with its covariance, and what a report shows.
+    """A drag polar with its covariance, and data for the report.
 
     parameters : name, value, standard error, unit
     values : (5,) of POLAR and THRUST
-    noise, systematic : the parts (5, 5) of their covariance, by noise and by what all runs share
+    noise, systematic : the parts (5, 5) of their covariance, by noise and by errors common to all runs
     """
 
     polar: Polar
@@ -105,11 +107,11 @@ def estimate_polar(
     trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
 ) -> DynamicEstimate:
     """Fit all runs at once along the reconstructed trajectory."""
-    blocks = FlightForces(trajectory, aircraft, propeller)
+    flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
-    forces = blocks.forces(states, sensor_errors)
-    aloft = (blocks.mean["height_m"] > LEAST_HEIGHT_M) & (blocks.mean["flying"] == 1)
-    level = _within_level_flight(forces, aloft, runs)
+    forces = flight_forces.forces(states, sensor_errors)
+    airborne = (flight_forces.block_means["height_m"] > LEAST_HEIGHT_M) & (flight_forces.block_means["flying"] == 1)
+    level = _within_level_flight(forces, airborne, runs)
 
     def fitted(forces: pd.DataFrame) -> output_error.Fit:
         return output_error.estimate(DRAG, _segments(forces.assign(CD=forces["CD"].where(level)), runs))
@@ -117,7 +119,7 @@ def estimate_polar(
     fit = fitted(forces)
 
     def variance(states: Array, sensor_errors: Array) -> Array:
-        change = fitted(blocks.forces(states, sensor_errors)).values - fit.values
+        change = fitted(flight_forces.forces(states, sensor_errors)).values - fit.values
         return np.outer(change, change)
 
     noise = covariance.of_noise(fit)
@@ -127,7 +129,7 @@ def estimate_polar(
         systematic += variance(states + trajectory.state_sensitivity @ error, sensor_errors + error)
     for draw in trajectory.draws:
         noise += variance(states + draw, sensor_errors) / len(trajectory.draws)
-    whole = noise + systematic
+    total = noise + systematic
     warnings = []
     if not (fit.verdict.ok and trajectory.converged):
         ended = "converged" if trajectory.converged else "not converged"
@@ -139,11 +141,11 @@ def estimate_polar(
             " the stall, where drag exceeds the parabolic polar. These moments were left out."
         )
     return DynamicEstimate(
-        polar=Polar(fit.values[:3], whole[:3, :3]),
-        parameters=parameter_list(fit.values, whole, trajectory),
+        polar=Polar(fit.values[:3], total[:3, :3]),
+        parameters=parameter_list(fit.values, total, trajectory),
         verdict=str(fit.verdict) if trajectory.converged else "the trajectory did not converge",
         warnings=warnings,
-        fits=_run_fits(blocks, forces, trajectory, fit),
+        fits=_run_fits(flight_forces, forces, trajectory, fit),
         values=fit.values,
         noise=noise,
         systematic=systematic,
@@ -162,20 +164,20 @@ def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> 
     ]
 
 
-def _within_level_flight(forces: pd.DataFrame, aloft: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
+def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
     """Where the angle of attack is at most LEVEL_MARGIN_RAD above the largest one of level flight.
 
-    That is taken from the flight's own lift curve, at the largest lift coefficient that the speeds of flight or runs
-    require in level flight.
+    The latter follows from a straight line fitted to alpha over CL of this flight, at the largest lift coefficient that
+    level flight requires at the speeds of the flight or of the runs.
     """
-    flown = forces.loc[aloft, ["CL", "alpha", "qS_over_m_mps2"]].dropna()
+    flown = forces.loc[airborne, ["CL", "alpha", "qS_over_m_mps2"]].dropna()
     if len(flown) < SHORTEST:
         return np.ones(len(forces), dtype=bool)
     slope, offset = np.polyfit(flown["CL"], flown["alpha"], 1)
     CL_level = GRAVITY_MPS2 / forces["qS_over_m_mps2"]
     in_runs = pd.concat([CL_level.loc[run.start_s : run.end_s] for run in runs])
-    slowest = max(np.nanpercentile(CL, SLOWEST_PERCENT) for CL in (CL_level[aloft], in_runs))
-    return np.asarray(~(forces["alpha"].to_numpy() > offset + slope * slowest + LEVEL_MARGIN_RAD))
+    largest_CL = max(np.nanpercentile(CL, SLOWEST_PERCENT) for CL in (CL_level[airborne], in_runs))
+    return np.asarray(~(forces["alpha"].to_numpy() > offset + slope * largest_CL + LEVEL_MARGIN_RAD))
 
 
 def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
@@ -191,7 +193,7 @@ def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
 
 
 def _run_fits(
-    blocks: FlightForces, forces: pd.DataFrame, trajectory: Trajectory, fit: output_error.Fit
+    flight_forces: FlightForces, forces: pd.DataFrame, trajectory: Trajectory, fit: output_error.Fit
 ) -> list[RunFit]:
     """Speed, angle of attack and height as measured and as the trajectory and its sensor errors give them; drag."""
     scale, slope, bias = (trajectory.value(name) for name in ("V_scale", "alpha_scale", "alpha_bias"))
@@ -201,9 +203,9 @@ def _run_fits(
         run, states = forces[rows], trajectory.states[rows]
         alpha = run["alpha"].to_numpy() * (1 + slope - 2 * scale) + bias
         measured = {
-            "V, m/s": blocks.mean["V_mps"][rows],
-            "α, deg": np.degrees(blocks.mean["alpha_rad"][rows]),
-            "height, m": blocks.mean["height_m"][rows],
+            "V, m/s": flight_forces.block_means["V_mps"][rows],
+            "α, deg": np.degrees(flight_forces.block_means["alpha_rad"][rows]),
+            "height, m": flight_forces.block_means["height_m"][rows],
             "drag / mass, m/s²": segment.z["drag"],
         }
         modelled = {

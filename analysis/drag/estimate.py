@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.drag import cross_check, dynamic
+from analysis.drag.assumed_values import AssumptionUncertainty, with_assumption_uncertainty
 from analysis.drag.comparison import MethodDisagreement
 from analysis.drag.cross_check import CrossCheck
 from analysis.drag.dynamic import DynamicEstimate
@@ -15,7 +16,6 @@ from analysis.drag.method import MethodEstimate
 from analysis.drag.methods import every_method
 from analysis.drag.polar import Condition, unphysical
 from analysis.drag.run_scatter import run_scatter
-from analysis.drag.stand_ins import Doubt, widened
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -47,36 +47,40 @@ def estimate(
     maneuvers: Maneuvers,
     aircraft: Aircraft,
     propeller: Propeller,
-    at: Condition,
+    condition: Condition,
     flown_CL: tuple[float, float],
     *,
     zeroed: bool,
     log: str,
     progress: Callable[[str], None],
-    doubt: Doubt | None = None,
+    assumption_uncertainty: AssumptionUncertainty | None = None,
 ) -> DragEstimates:
     """Dynamic method, all other methods, and cross-check.
 
-    table: from `air_data`. at: weight and density of the flight, at which methods are compared. flown_CL: lift
+    table: from `air_data`. condition: weight and density of the flight, at which methods are compared. flown_CL: lift
     coefficients of level flight at the speeds flown. zeroed: the gyro biases at rest were subtracted.
-    doubt: by what stands in for keys of the aircraft file.
+    assumption_uncertainty: by values assumed for keys that the aircraft file lacks.
     Raises InputError, beginning with `log`, when the maneuvers do not determine a physical polar.
     """
     runs = maneuvers.level_runs
-    by_runs = widened(dynamic.estimate_polar(trajectory, runs, aircraft, propeller), doubt) if runs else None
+    by_runs = None
+    if runs:
+        by_runs = dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
+        by_runs = with_assumption_uncertainty(by_runs, assumption_uncertainty)
     if by_runs and (reason := unphysical(by_runs.polar, flown_CL)):
         source = "one run" if len(runs) == 1 else f"{len(runs)} runs"
         raise InputError(
             f"{log}: unphysical drag polar from {source}: {reason}; keep or fly more runs, longer, over more speeds"
         )
     progress("applying all other methods")
-    others = every_method(trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, at)
+    others = every_method(trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, condition)
     if by_runs:
         main = by_runs
     else:
         main, flown_CL = fallback(others.by_method, trajectory, log)
-        main = widened(main, doubt)
-    warnings = (doubt.notes if doubt else []) + main.warnings + run_scatter(others.one_by_one, at)
+        main = with_assumption_uncertainty(main, assumption_uncertainty)
+    assumptions = assumption_uncertainty.notes if assumption_uncertainty else []
+    warnings = assumptions + main.warnings + run_scatter(others.one_by_one, condition)
     check = None
     if runs:
         progress("cross-checking on the runs alone")
@@ -85,7 +89,7 @@ def estimate(
         except (InputError, np.linalg.LinAlgError) as error:
             warnings.append(f"The cross-check on the runs alone failed: {error}.")
         else:
-            warnings += cross_check.disagreement(main.polar, check, at, flown_CL)
+            warnings += cross_check.disagreement(main.polar, check, condition, flown_CL)
     return DragEstimates(main, flown_CL, others.by_method, others.one_by_one, others.disagreements, check, warnings)
 
 
@@ -94,13 +98,13 @@ def main_polar(
     maneuvers: Maneuvers,
     aircraft: Aircraft,
     propeller: Propeller,
-    at: Condition,
+    condition: Condition,
     flown_CL: tuple[float, float],
     log: str,
 ) -> DynamicEstimate:
-    """The polar of the power curve alone, as `estimate` has it."""
+    """The polar of the power curve alone, the same as `estimate` gives."""
     runs = maneuvers.level_runs
     if runs:
         return dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
-    others = every_method(trajectory, maneuvers.maneuvers, None, flown_CL, aircraft, propeller, at)
+    others = every_method(trajectory, maneuvers.maneuvers, None, flown_CL, aircraft, propeller, condition)
     return fallback(others.by_method, trajectory, log)[0]

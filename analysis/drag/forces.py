@@ -1,7 +1,7 @@
 """Forces along a reconstructed trajectory: the common start of all methods that use it.
 
-Everything is averaged over the blocks of the trajectory, five a second. The trajectory is passed as states and sensor
-errors, so that a method can be repeated along a slightly different trajectory. Forces are kept over mass [m/s^2].
+All quantities are means over the blocks of the trajectory, five a second. The trajectory is passed as states and sensor
+errors, so that a method can be repeated along a perturbed trajectory. Forces are divided by mass [m/s^2].
 """
 
 import numpy as np
@@ -22,13 +22,13 @@ THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA = 0.018, 0.15  # prior standard deviation
 
 
 class FlightForces:
-    """Forces of one flight, for the reconstructed trajectory and for slightly different ones.
+    """Forces of one flight, along the reconstructed trajectory and along perturbed ones.
 
-    mean : the measurements, block means (n,) by name     t_s : (n,) centres of the blocks [s]
+    block_means : the measurements, (n,) by name     t_s : (n,) centres of the blocks [s]
     """
 
     def __init__(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller):
-        self.mean = trajectory.block_means
+        self.block_means = trajectory.block_means
         self.t_s = trajectory.states.index.to_numpy()
         self.aircraft, self.propeller = aircraft, propeller
         self._predicted_flow = NamedArrays(PREDICTED_FLOW, trajectory.predicted_flow.T)
@@ -36,19 +36,19 @@ class FlightForces:
     def forces(self, states: Array, sensor_errors: Array) -> pd.DataFrame:
         """One row per block, for states (n, len(STATES)) and sensor errors (len(SENSOR_ERRORS),).
 
-        CL, CD : from specific force less the thrust of the table (2.16)
+        CL, CD : from specific force minus the thrust by the propeller table (2.16)
         qS_over_m_mps2 : dynamic pressure times wing area over mass
-        thrust_along_V_over_m_mps2 : T cos(alpha) over mass, T from the table
+        thrust_along_V_over_m_mps2 : T cos(alpha) over mass, T by the propeller table
         V, alpha, gamma, bank, climb : true airspeed [m/s], angles relative to the air [rad], rate of climb [m/s]
         Vdot [m/s^2], n [rev/s], J, rho [kg/m^3]
         """
         x, error = NamedArrays(STATES, states.T), NamedArrays(SENSOR_ERRORS, sensor_errors)
         V, alpha, _ = flow(x, self._predicted_flow)
-        m, rho = self.aircraft.mass_kg, self.mean["rho"]
+        m, rho = self.aircraft.mass_kg, self.block_means["rho"]
         qS_N = rho * V**2 / 2 * self.aircraft.geometry.wing_area_m2
-        n = np.where(self.mean["n_revps"] > 1, self.mean["n_revps"], np.nan)
+        n = np.where(self.block_means["n_revps"] > 1, self.block_means["n_revps"], np.nan)
         thrust_N, _ = self.propeller.thrust_and_power(V, n, rho)  # (3.48): J is of the whole airspeed
-        ax, az = self.mean["ax_mps2"] - error.ax_bias, self.mean["az_mps2"] - error.az_bias
+        ax, az = self.block_means["ax_mps2"] - error.ax_bias, self.block_means["az_mps2"] - error.az_bias
         CL, CD = stability_axes((m * ax - thrust_N) / qS_N, m * az / qS_N, alpha)
         columns = {
             "CL": CL,

@@ -23,7 +23,7 @@ from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
-CL_MIN_DRAG_SIGMA = 0.2  # prior standard deviation of CL_minD, the error of a two-term form (method section 2)
+CL_MIN_DRAG_SIGMA = 0.2  # prior standard deviation of CL_minD, the error of a two-term form
 LARGEST_UNMENTIONED_SHARE = 0.02  # of the runs outside the propeller table
 
 

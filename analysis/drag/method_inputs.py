@@ -1,8 +1,9 @@
 """The data that all methods work on: quantities along the trajectory, and the same as measured.
 
 A method that takes a quantity as measured differs from the dynamic method by the error of that quantity. The table is
-therefore made several times: as it is, along perturbed trajectories, with each error at its prior size, and with the
-estimated errors of each cause removed. The last shows which cause parts two methods.
+therefore computed several times: without corrections, along perturbed trajectories, with an error of one prior standard
+deviation removed, for each error, and with the estimated errors of each cause removed. The last shows which cause makes
+two methods disagree.
 """
 
 from collections.abc import Mapping
@@ -30,8 +31,8 @@ class MethodInputs:
     """The runs of one flight and the tables (of `input_table`) that methods are applied to.
 
     nominal : along the trajectory, nothing corrected
-    trajectory_deviations : along the trajectory displaced by each independent error of one standard deviation
-    error_deviations : with each error of ERROR_PRIOR_SIGMA assumed to be of that size and removed
+    trajectory_deviations : along the trajectory perturbed by each independent error of one standard deviation
+    error_deviations : with each error of ERROR_PRIOR_SIGMA removed, as if it were one standard deviation
     cause_corrected : with the estimated errors of each of CAUSES removed
     """
 
@@ -44,25 +45,30 @@ class MethodInputs:
 
 
 def method_inputs(
-    blocks: FlightForces, trajectory: Trajectory, runs: list[Maneuver], errors: Mapping[str, ErrorEstimate]
+    flight_forces: FlightForces, trajectory: Trajectory, runs: list[Maneuver], errors: Mapping[str, ErrorEstimate]
 ) -> MethodInputs:
     """The tables of one flight. errors: from `estimate_errors`."""
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
-    flying = np.isfinite(blocks.mean["V_mps"])
-    height_m, V = (float(np.nanmedian(blocks.mean[name][flying])) for name in ("height_m", "V_mps"))
-    vertical = dryden.vertical(trajectory.gust_mps, height_m, V).as_gauss_markov()
-    along = dryden.longitudinal(trajectory.gust_mps, height_m, V)
+    flying = np.isfinite(flight_forces.block_means["V_mps"])
+    height_m, V = (float(np.nanmedian(flight_forces.block_means[name][flying])) for name in ("height_m", "V_mps"))
+    vertical_gust = dryden.vertical(trajectory.gust_mps, height_m, V).as_gauss_markov()
+    longitudinal_gust = dryden.longitudinal(trajectory.gust_mps, height_m, V)
 
     def corrected(removed: Mapping[str, float]) -> pd.DataFrame:
-        return input_table(blocks, states, sensor_errors, removed, vertical, along)
+        return input_table(flight_forces, states, sensor_errors, removed, vertical_gust, longitudinal_gust)
 
     return MethodInputs(
-        blocks.aircraft,
+        flight_forces.aircraft,
         runs,
         corrected({}),
         [
             input_table(
-                blocks, states + trajectory.state_sensitivity @ error, sensor_errors + error, {}, vertical, along
+                flight_forces,
+                states + trajectory.state_sensitivity @ error,
+                sensor_errors + error,
+                {},
+                vertical_gust,
+                longitudinal_gust,
             )
             for error in np.linalg.cholesky(trajectory.covariance).T
         ],
@@ -72,47 +78,48 @@ def method_inputs(
 
 
 def input_table(
-    blocks: FlightForces,
+    flight_forces: FlightForces,
     states: Array,
     sensor_errors: Array,
     removed: Mapping[str, float],
-    vertical: GaussMarkov,
-    along: GaussMarkov,
+    vertical_gust: GaussMarkov,
+    longitudinal_gust: GaussMarkov,
 ) -> pd.DataFrame:
-    """What methods work on, one row per block; the errors `removed` are taken out of what is measured.
+    """The data that methods work on, one row per block, with the errors `removed` subtracted from measured quantities.
 
     Along the trajectory of states (n, len(STATES)) with sensor errors (len(SENSOR_ERRORS),): V, alpha, gamma, climb,
     bank, Vdot, rho, J as in `FlightForces.forces`; specific force ax, az [m/s^2]; qS_over_m_mps2; thrust_x_over_m_mps2,
     the thrust of the table along body x.
     As measured: alpha_measured [rad]; theta_measured [rad], pitch attitude leveled by the accelerometer;
-    height_measured [m]; V_measured [m/s], with the qS_over_m and thrust_x_over_m that follow from it; static_Pa [Pa],
-    temperature_K [K]. lagged: airspeed as measured but for its scale, so that only the air-data lag is left in it.
+    height_measured [m]; V_measured [m/s], with the qS_over_m and thrust_x_over_m computed from it; static_Pa [Pa],
+    temperature_K [K]. lagged: airspeed as measured with its estimated scale error corrected, so that only the error by
+    air-data lag remains.
     covered: share of the block within the propeller table.
     Standard deviation and correlation time of vertical gusts (gust_mps, gust_s) and of those along the flight path
     (gust_along_mps, gust_along_s), the same in all rows.
     """
     e = {name: removed.get(name, 0.0) for name in ERROR_PRIOR_SIGMA}
     known = dict(zip(SENSOR_ERRORS, sensor_errors, strict=True))
-    f = blocks.forces(states, sensor_errors)
-    mean, m = blocks.mean, blocks.aircraft.mass_kg
+    f = flight_forces.forces(states, sensor_errors)
+    mean, m = flight_forces.block_means, flight_forces.aircraft.mass_kg
     V, alpha, Vdot, rho, climb = (f[name].to_numpy() for name in ("V", "alpha", "Vdot", "rho", "climb"))
     theta = states[:, STATES.index("theta")]
     # Flow angles are pressures over dynamic pressure: the estimated airspeed scale corrects them too.
     alpha_measured = mean["alpha_rad"] + 2 * known["V_scale"] * alpha
     alpha_measured = (
-        alpha_measured - e["alpha_bias"] - e["alpha_scale"] * alpha + e["lag"] * np.gradient(alpha, blocks.t_s)
+        alpha_measured - e["alpha_bias"] - e["alpha_scale"] * alpha + e["lag"] * np.gradient(alpha, flight_forces.t_s)
     )
     V_measured = mean["V_mps"] / (1 + e["airspeed_scale"]) + e["lag"] * Vdot
     V_lagged = mean["V_mps"] / (1 + known["V_scale"]) + e["lag"] * Vdot
     tilt = known["ax_bias"] / g - e["pitch"]
-    n, S = f["n"].to_numpy(), blocks.aircraft.geometry.wing_area_m2
+    n, S = f["n"].to_numpy(), flight_forces.aircraft.geometry.wing_area_m2
 
     def qS_over_m(V: Array) -> Array:
         return np.asarray(rho * V**2 / 2 * S / m)
 
     def thrust_over_m(V: Array) -> Array:
-        table_N, _ = blocks.propeller.thrust_and_power(V, n, rho)
-        J = V / (n * blocks.propeller.diameter_m)
+        table_N, _ = flight_forces.propeller.thrust_and_power(V, n, rho)
+        J = V / (n * flight_forces.propeller.diameter_m)
         return np.asarray(table_N * (1 + e["thrust_scale"] + e["thrust_slope"] * (J - J_REFERENCE)) / m)
 
     columns = {
@@ -132,9 +139,9 @@ def input_table(
         "static_Pa": mean["static_Pa"],
         "temperature_K": mean["temperature_K"],
         "covered": mean["propeller_covered"],
-        "gust_mps": vertical.sigma_mps,
-        "gust_s": vertical.time_s,
-        "gust_along_mps": along.sigma_mps,
-        "gust_along_s": along.time_s,
+        "gust_mps": vertical_gust.sigma_mps,
+        "gust_s": vertical_gust.time_s,
+        "gust_along_mps": longitudinal_gust.sigma_mps,
+        "gust_along_s": longitudinal_gust.time_s,
     }
     return pd.DataFrame(columns, index=f.index)

@@ -42,20 +42,20 @@ def every_method(
     dynamic_CL: tuple[float, float],
     aircraft: Aircraft,
     propeller: Propeller,
-    at: Condition,
+    condition: Condition,
 ) -> MethodEstimates:
     """ALL_METHODS on the runs of any kind, each run alone, and the pairs that disagree at one weight and density.
 
     dynamic: None where the flight has no run for it. dynamic_CL: its lift coefficients.
     """
-    blocks = FlightForces(trajectory, aircraft, propeller)
-    t = blocks.t_s
+    flight_forces = FlightForces(trajectory, aircraft, propeller)
+    t = flight_forces.t_s
     level = [run for run in runs if run.kind in LEVEL_RUNS]
     in_level_runs = np.zeros(len(t), dtype=bool)
     for run in level:
         in_level_runs |= (t >= run.start_s) & (t <= run.end_s)
-    errors = estimate_errors(blocks, trajectory, in_level_runs)
-    inputs = method_inputs(blocks, trajectory, runs, errors)
+    errors = estimate_errors(flight_forces, trajectory, in_level_runs)
+    inputs = method_inputs(flight_forces, trajectory, runs, errors)
     by_method = [estimate(method, inputs) for method in ALL_METHODS]
     one_by_one = [estimate(replace(ONE_RUN, title=run.name), replace(inputs, runs=[run])) for run in level]
-    return MethodEstimates(by_method, one_by_one, disagreements(dynamic, dynamic_CL, by_method, errors, at))
+    return MethodEstimates(by_method, one_by_one, disagreements(dynamic, dynamic_CL, by_method, errors, condition))

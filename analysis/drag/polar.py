@@ -53,14 +53,14 @@ def flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def lift_coefficient(V: ArrayLike, at: Condition) -> Array:
+def lift_coefficient(V: ArrayLike, condition: Condition) -> Array:
     """C_L at which lift equals weight at true airspeed V [m/s]."""
-    return 2 * at.weight_N / (at.rho * np.square(V) * at.wing_area_m2)
+    return 2 * condition.weight_N / (condition.rho * np.square(V) * condition.wing_area_m2)
 
 
-def speed_at(CL: ArrayLike, at: Condition) -> Array:
+def speed_at(CL: ArrayLike, condition: Condition) -> Array:
     """True airspeed [m/s] at which lift equals weight at C_L."""
-    return np.sqrt(2 * at.weight_N / (at.rho * np.asarray(CL) * at.wing_area_m2))
+    return np.sqrt(2 * condition.weight_N / (condition.rho * np.asarray(CL) * condition.wing_area_m2))
 
 
 def unphysical(polar: Polar, flown_CL: tuple[float, float]) -> str:
@@ -75,11 +75,13 @@ def unphysical(polar: Polar, flown_CL: tuple[float, float]) -> str:
     return ""
 
 
-def power_required(V: ArrayLike, polar: Polar, at: Condition) -> tuple[Array, Array]:
+def power_required(V: ArrayLike, polar: Polar, condition: Condition) -> tuple[Array, Array]:
     """Power required in level flight (3.45) and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
     V = np.asarray(V, dtype=float)
-    CL = lift_coefficient(V, at)
-    gradient = (at.rho * V**3 * at.wing_area_m2 / 2)[:, None] * np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+    CL = lift_coefficient(V, condition)
+    gradient = (condition.rho * V**3 * condition.wing_area_m2 / 2)[:, None] * np.stack(
+        [np.ones_like(CL), CL, CL**2], axis=1
+    )
     return gradient @ polar.A, np.sqrt(np.einsum("ni,ij,nj->n", gradient, polar.covariance, gradient))
 
 
@@ -104,16 +106,18 @@ class SpeedWithInterval(NamedTuple):
     hi_mps: float
 
 
-def optimum_speed(lift_of: Callable[[Array], float], polar: Polar, at: Condition, seed: int = 0) -> SpeedWithInterval:
+def optimum_speed(
+    lift_of: Callable[[Array], float], polar: Polar, condition: Condition, seed: int = 0
+) -> SpeedWithInterval:
     """The speed at the C_L that `lift_of(A)` computes, and its 95 % interval by random draws of the polar.
 
     Draws without such a speed (the curve has no minimum) count as speed 0.
     """
     draws = np.random.default_rng(seed).multivariate_normal(polar.A, polar.covariance, DRAWS, method="eigh")
     CL = np.array([lift_of(A) for A in draws])
-    speed = np.where(np.isfinite(CL), speed_at(np.where(CL > 0, CL, np.nan), at), 0.0)
+    speed = np.where(np.isfinite(CL), speed_at(np.where(CL > 0, CL, np.nan), condition), 0.0)
     lo, hi = np.nanpercentile(speed, [2.5, 97.5])
-    return SpeedWithInterval(float(speed_at(lift_of(polar.A), at)), float(lo), float(hi))
+    return SpeedWithInterval(float(speed_at(lift_of(polar.A), condition)), float(lo), float(hi))
 
 
 def classic_form(A: Array, aspect_ratio: float) -> ClassicPolar:

@@ -11,7 +11,7 @@ FALSE_ALARM_RATE = 0.001  # probability of a warning where there is nothing but 
 FEWEST_RUNS = 3  # of one kind, for their scatter to be tested
 
 
-def run_scatter(single_runs: list[MethodEstimate], at: Condition) -> list[str]:
+def run_scatter(single_runs: list[MethodEstimate], condition: Condition) -> list[str]:
     """A warning per kind of run whose powers differ by more than noise, at a speed common to all of them."""
     warnings = []
     for kind in LEVEL_RUNS:
@@ -21,9 +21,9 @@ def run_scatter(single_runs: list[MethodEstimate], at: Condition) -> list[str]:
         low, high = max(run.flown_CL[0] for run in runs), min(run.flown_CL[1] for run in runs)
         if low >= high:
             continue
-        V = speed_at([np.sqrt(low * high)], at)
+        V = speed_at([np.sqrt(low * high)], condition)
         power, error = np.array(
-            [power_required(V, Polar(run.polar.A, run.noise), at) for run in runs if run.polar is not None]
+            [power_required(V, Polar(run.polar.A, run.noise), condition) for run in runs if run.polar is not None]
         )[:, :, 0].T
         mean = np.average(power, weights=error**-2)
         chi_square, dof = np.sum(((power - mean) / error) ** 2), len(runs) - 1

@@ -1,7 +1,7 @@
-"""The sensor errors that part the methods: their causes, prior sizes, and their estimates for one flight.
+"""The errors that make methods disagree: their causes, prior standard deviations, and their estimates for one flight.
 
-Every method but the dynamic one takes something as measured: the angle of attack, the pitch attitude, the airspeed, or
-the propeller table. The trajectory and a regression of the forces along it estimate the errors of these.
+Every method except the dynamic one takes some quantity as measured: the angle of attack, the pitch attitude, the
+airspeed, or the propeller table. The trajectory and a regression of the forces along it estimate the errors of these.
 """
 
 from typing import NamedTuple
@@ -28,7 +28,7 @@ ERROR_PRIOR_SIGMA = {
     "thrust_scale": THRUST_SCALE_SIGMA,
     "thrust_slope": THRUST_SLOPE_SIGMA,
 }
-# Standard deviation after a careful installation: methods may differ by as much without a fault.
+# Standard deviation after a careful installation: differences of the methods that it explains are no fault.
 INSTALLATION_TOLERANCE = {
     "alpha_bias": np.radians(0.15),
     "alpha_scale": 0.01,
@@ -58,7 +58,9 @@ class ErrorEstimate(NamedTuple):
     standard_error: float
 
 
-def estimate_errors(blocks: FlightForces, trajectory: Trajectory, rows: NDArray[np.bool_]) -> dict[str, ErrorEstimate]:
+def estimate_errors(
+    flight_forces: FlightForces, trajectory: Trajectory, rows: NDArray[np.bool_]
+) -> dict[str, ErrorEstimate]:
     """Every error of ERROR_PRIOR_SIGMA, from the trajectory and the forces along it. rows: the blocks of the runs.
 
     The trajectory has a tight prior on the air-data lag. It is replaced by LAG_SIGMA_S here, so that a larger lag is
@@ -68,16 +70,16 @@ def estimate_errors(blocks: FlightForces, trajectory: Trajectory, rows: NDArray[
     states = trajectory.states.to_numpy() + trajectory.state_sensitivity @ (sensor_errors - trajectory.sensor_errors)
     standard_errors = np.sqrt(np.diag(covariance))
     estimates = {}
-    for name, key, unit in (
+    for name, sensor_error, factor in (
         ("alpha_bias", "alpha_bias", 1.0),
         ("alpha_scale", "alpha_scale", 1.0),
         ("pitch", "ax_bias", 1 / g),
         ("airspeed_scale", "V_scale", 1.0),
         ("lag", "air_data_lag", 1.0),
     ):
-        i = SENSOR_ERRORS.index(key)
-        estimates[name] = ErrorEstimate(float(sensor_errors[i] * unit), float(standard_errors[i] * unit))
-    return estimates | _thrust_errors(blocks.forces(states, sensor_errors)[rows])
+        i = SENSOR_ERRORS.index(sensor_error)
+        estimates[name] = ErrorEstimate(float(sensor_errors[i] * factor), float(standard_errors[i] * factor))
+    return estimates | _thrust_errors(flight_forces.forces(states, sensor_errors)[rows])
 
 
 def _with_lag_prior(trajectory: Trajectory, sigma_s: float) -> tuple[Array, Array]:

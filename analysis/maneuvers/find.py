@@ -16,7 +16,7 @@ from analysis.maneuvers.kinds import (
     Maneuver,
     Maneuvers,
     RejectedManeuver,
-    measured,
+    maneuver_in,
 )
 from analysis.signals.stretches import stretches
 
@@ -46,8 +46,8 @@ def _standing_and_flying(table: pd.DataFrame, rest: list[slice]) -> list[Maneuve
     # Half a second outside the probe's calibrated range does not end a flight.
     aloft = high.rolling(round(5 / step_s), center=True, min_periods=1).max().to_numpy() > 0
     flights = [rows for rows in stretches(aloft) if rows.stop - rows.start > SHORTEST_FLIGHT_S / step_s]
-    return [measured(STANDING, rows, table, np.zeros(len(table))) for rows in rest] + [
-        measured(FLYING, rows, table, V) for rows in flights
+    return [maneuver_in(STANDING, rows, table, np.zeros(len(table))) for rows in rest] + [
+        maneuver_in(FLYING, rows, table, V) for rows in flights
     ]
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.maneuvers import quality
-from analysis.maneuvers.kinds import STEPS_3211, Maneuver, RejectedManeuver, measured
+from analysis.maneuvers.kinds import STEPS_3211, Maneuver, RejectedManeuver, maneuver_in
 from analysis.maneuvers.smooth import smooth
 from analysis.signals.stretches import stretches
 
@@ -42,7 +42,7 @@ def find_3211(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
             rejected.append(RejectedManeuver(STEPS_3211, float(data.index[0]), float(data.index[-1]), reason))
         else:
             notes = (f"unit {np.sum(holds) / np.sum(UNITS):.2f} s",)
-            found.append(measured(STEPS_3211, rows, table, motion.V, notes))
+            found.append(maneuver_in(STEPS_3211, rows, table, motion.V, notes))
     return found, rejected
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.maneuvers import quality
-from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, Maneuver, RejectedManeuver, measured
+from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, Maneuver, RejectedManeuver, maneuver_in
 from analysis.maneuvers.legs import changing_part, turning_points
 from analysis.maneuvers.smooth import SmoothedMotion, smooth
 from analysis.signals.stretches import stretches
@@ -47,7 +47,7 @@ def find_runs(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
             if reason:
                 rejected.append(RejectedManeuver(kind, float(data.index[0]), float(data.index[-1]), reason))
             else:
-                runs.append(measured(kind, rows, table, motion.V, quality.notes(data, bank)))
+                runs.append(maneuver_in(kind, rows, table, motion.V, quality.notes(data, bank)))
     return sorted(runs, key=lambda run: run.start_s), sorted(rejected, key=lambda run: run.start_s)
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.maneuvers import quality
-from analysis.maneuvers.kinds import PORPOISING, ROLLER_COASTER, WIND_UP_TURN, Maneuver, RejectedManeuver, measured
+from analysis.maneuvers.kinds import PORPOISING, ROLLER_COASTER, WIND_UP_TURN, Maneuver, RejectedManeuver, maneuver_in
 from analysis.maneuvers.smooth import SmoothedMotion, load_factor, smooth
 from analysis.signals.stretches import stretches
 
@@ -47,13 +47,13 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
                 continue
             data = table.iloc[rows]
             if kind == ROLLER_COASTER and _swings(n[rows]) >= PORPOISING_SWINGS:
-                found.append(measured(PORPOISING, rows, table, motion.V, _range_of(n[rows])))
+                found.append(maneuver_in(PORPOISING, rows, table, motion.V, _range_of(n[rows])))
                 continue
             reason = quality.without_data(data) or reason_against(data, motion, rows, n[rows]) or quality.too_low(data)
             if reason:
                 rejected.append(RejectedManeuver(kind, float(data.index[0]), float(data.index[-1]), reason))
             else:
-                found.append(measured(kind, rows, table, motion.V, _range_of(n[rows])))
+                found.append(maneuver_in(kind, rows, table, motion.V, _range_of(n[rows])))
     return found, rejected
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.maneuvers import quality
-from analysis.maneuvers.kinds import STEADY, Maneuver, RejectedManeuver, measured
+from analysis.maneuvers.kinds import STEADY, Maneuver, RejectedManeuver, maneuver_in
 from analysis.maneuvers.smooth import smooth
 from analysis.signals.stretches import stretches
 
@@ -38,7 +38,7 @@ def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeu
         if reason:
             rejected.append(RejectedManeuver(STEADY, float(data.index[0]), float(data.index[-1]), reason))
         else:
-            found.append(measured(STEADY, rows, table, motion.V, quality.notes(data, motion.bank[rows])))
+            found.append(maneuver_in(STEADY, rows, table, motion.V, quality.notes(data, motion.bank[rows])))
     return found, rejected
 
 

@@ -67,7 +67,7 @@ class Maneuvers:
         return self.of(*LEVEL_RUNS)
 
 
-def measured(
+def maneuver_in(
     kind: str, rows: slice, table: pd.DataFrame, V: NDArray[np.float64], notes: tuple[str, ...] = ()
 ) -> Maneuver:
     """The maneuver in some rows of the table. V: smoothed speed [m/s], (n,), one value per row of the table."""

@@ -8,7 +8,15 @@ import numpy as np
 import pandas as pd
 
 from analysis.maneuvers import quality
-from analysis.maneuvers.kinds import CONTEXT_KINDS, KINDS, LEVEL_RUNS, Maneuver, Maneuvers, RejectedManeuver, measured
+from analysis.maneuvers.kinds import (
+    CONTEXT_KINDS,
+    KINDS,
+    LEVEL_RUNS,
+    Maneuver,
+    Maneuvers,
+    RejectedManeuver,
+    maneuver_in,
+)
 from analysis.maneuvers.smooth import smooth
 from flight.errors import InputError
 from flight.units import read_table
@@ -116,7 +124,7 @@ def apply(entries: list[ManeuverEntry], table: pd.DataFrame, rejected: list[Reje
             if other.kind in LEVEL_RUNS and other.rows.start < rows.stop - 1 and rows.start < other.rows.stop - 1:
                 raise InputError(f"{at}: overlaps the {other.name}")
         notes = () if entry.kind in CONTEXT_KINDS else quality.notes(data, motion.bank[rows])
-        kept.append(measured(entry.kind, rows, table, motion.V, notes))
+        kept.append(maneuver_in(entry.kind, rows, table, motion.V, notes))
     return Maneuvers(sorted(kept, key=_start), left_out)
 
 

@@ -20,7 +20,7 @@ from analysis.performance.available import (
     full_throttle_performance,
 )
 from analysis.performance.balance import incidence
-from analysis.performance.conditions import FlightCondition, TitledCondition, requested_conditions
+from analysis.performance.conditions import FlownCondition, TitledCondition, requested_conditions
 from analysis.performance.endurance_range import Optimum, longest_endurance, longest_range
 from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
 from analysis.performance.level_flight import LevelFlight, level_flight
@@ -60,7 +60,7 @@ class ConditionPerformance:
     """
 
     title: str
-    at: Condition
+    condition: Condition
     sustained: bool
     level_flight: LevelFlight
     endurance: Optimum
@@ -105,22 +105,22 @@ def compute(
     drag: DragEstimates,
     aircraft: Aircraft,
     propeller: Propeller,
-    at: Condition,
+    condition: Condition,
     flown: pd.DataFrame,
 ) -> FlightPerformance | None:
     """Performance at the flight's weight and density, and at those requested.
 
-    flown: rows of `air_data` within the maneuvers analysed. at: weight and density of the flight.
+    flown: rows of `air_data` within the maneuvers analysed. condition: weight and density of the flight.
     None where the battery's energy is not known, or the propeller's table cannot give the thrust of level flight.
     """
     battery_Wh = request.battery_Wh or aircraft.propulsion.battery_energy_Wh
     if battery_Wh is None:
         return None
-    flight = FlightCondition(at, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))
+    flight = FlownCondition(condition, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))
     data = power_train_data(trajectory, aircraft, propeller)
     model = performance_model(data, drag.main, aircraft, propeller, drag.flown_CL)
     requested = requested_conditions(request, flight)
-    return flight_performance(model, at, requested, battery_energy_Wh=battery_Wh, usable=request.usable)
+    return flight_performance(model, condition, requested, battery_energy_Wh=battery_Wh, usable=request.usable)
 
 
 def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> pd.DataFrame:
@@ -129,9 +129,9 @@ def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Prop
     V [m/s], alpha [rad], CL, n [rev/s], rho [kg/m^3], J, throttle (0 to 1), battery_V, battery_A, battery_W, height_m,
     covered (inside the propeller's table and above LEAST_HEIGHT_M); NaN gaps.
     """
-    blocks = FlightForces(trajectory, aircraft, propeller)
-    forces = blocks.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
-    return _with_battery_and_coverage(forces, blocks.mean.means, propeller)
+    flight_forces = FlightForces(trajectory, aircraft, propeller)
+    forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
+    return _with_battery_and_coverage(forces, flight_forces.block_means.means, propeller)
 
 
 def _with_battery_and_coverage(forces: pd.DataFrame, mean: Mapping[str, Array], propeller: Propeller) -> pd.DataFrame:
@@ -167,34 +167,34 @@ def performance_model(
 
 def flight_performance(
     model: PerformanceModel,
-    at: Condition,
+    condition: Condition,
     requested: Iterable[TitledCondition],
     *,
     battery_energy_Wh: float,
     usable: float,
 ) -> FlightPerformance | None:
-    """Performance at `at`, the flight's own weight and density, and at those requested.
+    """Performance at `condition`, the flight's own weight and density, and at those requested.
 
     None where the propeller's table cannot give the thrust of level flight.
     """
     energy_J = usable_energy_J(battery_energy_Wh, usable)
-    as_flown = performance_at(model, TitledCondition("as flown", at), energy_J)
+    as_flown = performance_at(model, TitledCondition("as flown", condition), energy_J)
     if not np.isfinite(as_flown.level_flight.battery.value).any():
         return None
     points = model.parameters.sigma_points()
 
     def level(V: Array) -> LevelFlight:
-        return level_flight(points, model.power_train, model.propeller, at, model.flown_CL, V)
+        return level_flight(points, model.power_train, model.propeller, condition, model.flown_CL, V)
 
     return FlightPerformance(
         battery_energy_Wh=battery_energy_Wh,
         usable=usable,
         model=model,
         as_flown=as_flown,
-        requested=[performance_at(model, condition, energy_J) for condition in requested],
-        efficiency=level(_flown_speeds(model, at, EFFICIENCY_SPEEDS)),
+        requested=[performance_at(model, titled, energy_J) for titled in requested],
+        efficiency=level(_flown_speeds(model, condition, EFFICIENCY_SPEEDS)),
         field_table=level(_whole_speeds(as_flown.level_flight.V)),
-        ceilings=_ceilings(model, points, at) if as_flown.full_throttle else None,
+        ceilings=_ceilings(model, points, condition) if as_flown.full_throttle else None,
     )
 
 
@@ -204,22 +204,22 @@ def usable_energy_J(battery_energy_Wh: float, usable: float) -> float:
 
 
 def performance_at(
-    model: PerformanceModel, condition: TitledCondition, energy_J: float, speeds: int = SPEEDS
+    model: PerformanceModel, titled: TitledCondition, energy_J: float, speeds: int = SPEEDS
 ) -> ConditionPerformance:
     """Performance at one weight and density, at `speeds` speeds of the flown lift coefficients."""
-    at, points = condition.at, model.parameters.sigma_points()
-    V = _flown_speeds(model, at, speeds)
-    flight = level_flight(points, model.power_train, model.propeller, at, model.flown_CL, V)
+    condition, points = titled.condition, model.parameters.sigma_points()
+    V = _flown_speeds(model, condition, speeds)
+    flight = level_flight(points, model.power_train, model.propeller, condition, model.flown_CL, V)
     full, everywhere = None, np.ones(len(V), dtype=bool)
     sustained = everywhere
     if model.full_throttle.parameters is not None:
-        full = full_throttle_performance(points, model.propeller, at, model.flown_CL)
+        full = full_throttle_performance(points, model.propeller, condition, model.flown_CL)
         sustained = ~(np.interp(V, full.V, full.climb.value) < 0)
     anywhere = bool((sustained & np.isfinite(flight.battery.value)).any())
     allowed = sustained if anywhere else everywhere
     return ConditionPerformance(
-        title=condition.title,
-        at=at,
+        title=titled.title,
+        condition=condition,
         sustained=anywhere,
         level_flight=flight,
         endurance=longest_endurance(flight, energy_J, allowed),
@@ -228,10 +228,10 @@ def performance_at(
     )
 
 
-def _flown_speeds(model: PerformanceModel, at: Condition, speeds: int) -> Array:
+def _flown_speeds(model: PerformanceModel, condition: Condition, speeds: int) -> Array:
     """Evenly spaced speeds [m/s] from the largest to the smallest lift coefficient flown."""
     smallest_CL, largest_CL = model.flown_CL
-    return np.linspace(speed_at(largest_CL, at), speed_at(smallest_CL, at), speeds)
+    return np.linspace(speed_at(largest_CL, condition), speed_at(smallest_CL, condition), speeds)
 
 
 def _whole_speeds(V: Array) -> Array:
@@ -241,5 +241,5 @@ def _whole_speeds(V: Array) -> Array:
     return np.arange(slowest, fastest + 0.5, step)
 
 
-def _ceilings(model: PerformanceModel, points: SigmaPoints, at: Condition) -> Ceilings:
-    return Ceilings(*ceilings_m(points, model.propeller, at, model.flown_CL, (SERVICE_CLIMB_MPS, 0.0)))
+def _ceilings(model: PerformanceModel, points: SigmaPoints, condition: Condition) -> Ceilings:
+    return Ceilings(*ceilings_m(points, model.propeller, condition, model.flown_CL, (SERVICE_CLIMB_MPS, 0.0)))

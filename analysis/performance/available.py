@@ -49,15 +49,19 @@ class FullThrottlePerformance:
 
 
 def full_throttle_performance(
-    parameters: SigmaPoints, propeller: Propeller, at: Condition, flown_CL: tuple[float, float], speeds: int = SPEEDS
+    parameters: SigmaPoints,
+    propeller: Propeller,
+    condition: Condition,
+    flown_CL: tuple[float, float],
+    speeds: int = SPEEDS,
 ) -> FullThrottlePerformance:
     """Power available, climb and highest level speed.
 
     parameters : A0, A1, A2, thrust_scale, thrust_slope, alpha_0, alpha_CL, unloaded_revps, revps_per_Nm
     """
-    slowest, fastest = speed_at(flown_CL[1], at), speed_at(flown_CL[0], at)
+    slowest, fastest = speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition)
     V = np.linspace(slowest, FASTEST * fastest, speeds)
-    n, power_W, climb = _climb(parameters, propeller, V, at)
+    n, power_W, climb = _climb(parameters, propeller, V, condition)
     best = int(np.argmax(np.nan_to_num(climb[0], nan=-np.inf)))
     return FullThrottlePerformance(
         V=V,
@@ -71,14 +75,18 @@ def full_throttle_performance(
     )
 
 
-def _climb(parameters: SigmaPoints, propeller: Propeller, V: Array, at: Condition) -> tuple[Array, Array, Array]:
+def _climb(parameters: SigmaPoints, propeller: Propeller, V: Array, condition: Condition) -> tuple[Array, Array, Array]:
     """n [rev/s], power available T V cos(alpha) [W] (3.47) and rate of climb V sin(gamma) [m/s], each (2m + 1, k)."""
     n = full_throttle_revps(
-        propeller, V, at.rho, unloaded_revps=parameters["unloaded_revps"], revps_per_Nm=parameters["revps_per_Nm"]
+        propeller,
+        V,
+        condition.rho,
+        unloaded_revps=parameters["unloaded_revps"],
+        revps_per_Nm=parameters["revps_per_Nm"],
     )
     correction = {name: parameters[name] for name in ("thrust_scale", "thrust_slope")}
-    thrust_N = corrected_thrust(propeller, V, n, at.rho, **correction)
-    sine, along_path_N = climb_angle(parameters, thrust_N, V, at)
+    thrust_N = corrected_thrust(propeller, V, n, condition.rho, **correction)
+    sine, along_path_N = climb_angle(parameters, thrust_N, V, condition)
     return n, along_path_N * V, V * sine
 
 
@@ -110,7 +118,7 @@ def _last_crossing(x: Array, y: Array) -> float:
 def ceilings_m(
     parameters: SigmaPoints,
     propeller: Propeller,
-    at: Condition,
+    condition: Condition,
     flown_CL: tuple[float, float],
     climbs_mps: tuple[float, ...],
 ) -> list[UncertainValue]:
@@ -121,11 +129,11 @@ def ceilings_m(
     """
     rho = density(pressure_at(HEIGHTS_M), temperature_at(HEIGHTS_M))[:, None]
     CL = np.linspace(flown_CL[1], flown_CL[0], CEILING_SPEEDS)
-    at_heights = at._replace(rho=rho)
-    V = speed_at(CL, at_heights)
+    conditions = condition._replace(rho=rho)
+    V = speed_at(CL, conditions)
     n_points = len(parameters["A0"])
     best = np.empty((n_points, len(HEIGHTS_M)))
     for i in range(n_points):
         point = {name: values[i] for name, values in parameters.items()}
-        best[i] = np.fmax.reduce(_climb(point, propeller, V, at_heights)[2], axis=1)
+        best[i] = np.fmax.reduce(_climb(point, propeller, V, conditions)[2], axis=1)
     return [from_sigma_points(_last_crossings(HEIGHTS_M, best - climb)) for climb in climbs_mps]

@@ -37,40 +37,40 @@ def incidence(data: pd.DataFrame) -> ParameterVector:
     return exact(alpha_0=float(offset), alpha_CL=float(slope))
 
 
-def drag(parameters: SigmaPoints, V: Array, CL: Array, at: Condition) -> Array:
+def drag(parameters: SigmaPoints, V: Array, CL: Array, condition: Condition) -> Array:
     """Drag [N] of the polar at V (k,) [m/s] and C_L, (2m + 1, k). parameters : A0, A1, A2"""
-    return _qS(V, at) * (parameters["A0"] + parameters["A1"] * CL + parameters["A2"] * CL**2)
+    return _qS(V, condition) * (parameters["A0"] + parameters["A1"] * CL + parameters["A2"] * CL**2)
 
 
-def level_thrust(parameters: SigmaPoints, V: Array, at: Condition) -> Array:
+def level_thrust(parameters: SigmaPoints, V: Array, condition: Condition) -> Array:
     """Thrust [N] of level flight at V (k,) [m/s], (2m + 1, k). parameters : A0, A1, A2, alpha_0, alpha_CL
 
     1/cos(alpha) makes it larger than drag; the weight that it carries reduces lift, and with it drag.
     """
     carried_N = np.zeros(1)
     for _ in range(ITERATIONS):
-        CL = (at.weight_N - carried_N) / _qS(V, at)
+        CL = (condition.weight_N - carried_N) / _qS(V, condition)
         alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
-        thrust_N = drag(parameters, V, CL, at) / np.cos(alpha)
+        thrust_N = drag(parameters, V, CL, condition) / np.cos(alpha)
         carried_N = thrust_N * np.sin(alpha)
     return thrust_N
 
 
-def climb_angle(parameters: SigmaPoints, thrust_N: Array, V: Array, at: Condition) -> tuple[Array, Array]:
+def climb_angle(parameters: SigmaPoints, thrust_N: Array, V: Array, condition: Condition) -> tuple[Array, Array]:
     """sin(gamma), and thrust along the flight path [N], each (2m + 1, k), at V (k,) [m/s].
 
     parameters : A0, A1, A2, alpha_0, alpha_CL     thrust_N : (2m + 1, k), along the propeller's axis
     """
     carried_N, sine = np.zeros(1), np.zeros(1)
     for _ in range(ITERATIONS):
-        CL = (at.weight_N * np.sqrt(1 - sine**2) - carried_N) / _qS(V, at)
+        CL = (condition.weight_N * np.sqrt(1 - sine**2) - carried_N) / _qS(V, condition)
         alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
         along_path_N, carried_N = thrust_N * np.cos(alpha), thrust_N * np.sin(alpha)
-        excess_N = along_path_N - drag(parameters, V, CL, at)
-        sine = np.clip(excess_N / at.weight_N, -STEEPEST_SINE, STEEPEST_SINE)
+        excess_N = along_path_N - drag(parameters, V, CL, condition)
+        sine = np.clip(excess_N / condition.weight_N, -STEEPEST_SINE, STEEPEST_SINE)
     return sine, along_path_N
 
 
-def _qS(V: Array, at: Condition) -> Array:
+def _qS(V: Array, condition: Condition) -> Array:
     """Dynamic pressure times wing area [N]."""
-    return at.rho * V**2 / 2 * at.wing_area_m2
+    return condition.rho * V**2 / 2 * condition.wing_area_m2

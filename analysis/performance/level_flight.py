@@ -46,7 +46,7 @@ def level_flight(
     parameters: SigmaPoints,
     train: PowerTrainModel,
     propeller: Propeller,
-    at: Condition,
+    condition: Condition,
     flown_CL: tuple[float, float],
     V: Array,
 ) -> LevelFlight:
@@ -54,17 +54,17 @@ def level_flight(
 
     parameters : A0, A1, A2, thrust_scale, thrust_slope, alpha_0, alpha_CL, shaft_scale, friction, copper, meter_scale
     """
-    CL, thrust_N = lift_coefficient(V, at), level_thrust(parameters, V, at)
+    CL, thrust_N = lift_coefficient(V, condition), level_thrust(parameters, V, condition)
     correction = {name: parameters[name] for name in ("thrust_scale", "thrust_slope")}
-    n = revps_for_thrust(propeller, V, thrust_N, at.rho, **correction)
-    _, table_shaft_W = propeller.thrust_and_power(V, n, at.rho)
+    n = revps_for_thrust(propeller, V, thrust_N, condition.rho, **correction)
+    _, table_shaft_W = propeller.thrust_and_power(V, n, condition.rho)
     battery_W = train.battery_power(table_shaft_W, n, parameters)
     shaft_W, thrust_power_W = train.shaft_power(table_shaft_W, parameters), thrust_N * V
     covered = propeller.covers(V / (n[0] * propeller.diameter_m), 60 * n[0])
     flown = (CL >= flown_CL[0] * (1 - ROUNDING)) & (CL <= flown_CL[1] * (1 + ROUNDING))
     return LevelFlight(
         V=V,
-        required=from_sigma_points(drag(parameters, V, CL, at) * V),
+        required=from_sigma_points(drag(parameters, V, CL, condition) * V),
         shaft=from_sigma_points(shaft_W),
         battery=from_sigma_points(battery_W),
         propeller=from_sigma_points(thrust_power_W / shaft_W),

@@ -30,7 +30,7 @@ def assemble(
     aircraft: Aircraft,
     propeller: Propeller,
     flown: pd.DataFrame,
-    at: Condition,
+    condition: Condition,
     maneuvers: Maneuvers,
     drag: DragEstimates,
     path: PathResult,
@@ -39,11 +39,11 @@ def assemble(
 ) -> Results:
     """The contents of `results.json`.
 
-    flown: rows of `air_data` within the maneuvers analysed. at: weight and density of the flight.
+    flown: rows of `air_data` within the maneuvers analysed. condition: weight and density of the flight.
     """
     polar, flown_CL = drag.main.polar, drag.flown_CL
     standard = Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
-    power_required = curves.points(polar, at, flown_CL, (flown, at))
+    power_required = curves.points(polar, condition, flown_CL, (flown, condition))
     check = drag.cross_check
     return Results(
         software_version=version("flightpower"),
@@ -55,7 +55,7 @@ def assemble(
             span_m=aircraft.geometry.span_m,
             propeller=propeller.name,
         ),
-        test=ConditionResult(weight_N=at.weight_N, air_density_kgpm3=at.rho),
+        test=ConditionResult(weight_N=condition.weight_N, air_density_kgpm3=condition.rho),
         standard=ConditionResult(weight_N=standard.weight_N, air_density_kgpm3=standard.rho),
         air_temperature_K=float(flown["temperature_K"].mean()),
         air_pressure_Pa=float(flown["static_Pa"].mean()),
@@ -67,17 +67,21 @@ def assemble(
         ],
         drag_polar=curves.drag_polar(polar, aircraft),
         power_required=power_required,
-        power_required_standard=curves.points(polar, standard, flown_CL, (flown, at)),
-        cross_check=curves.points(check.polar, at, flown_CL, (flown, at)) if check and check.converged else [],
+        power_required_standard=curves.points(polar, standard, flown_CL, (flown, condition)),
+        cross_check=curves.points(check.polar, condition, flown_CL, (flown, condition))
+        if check and check.converged
+        else [],
         cross_check_by=check.by if check else "output error",
-        minimum_power_speed=curves.optimum(minimum_power_lift, polar, at, flown_CL),
-        best_range_speed=curves.optimum(best_range_lift, polar, at, flown_CL),
+        minimum_power_speed=curves.optimum(minimum_power_lift, polar, condition, flown_CL),
+        best_range_speed=curves.optimum(best_range_lift, polar, condition, flown_CL),
         verdict=drag.main.verdict,
         warnings=warnings,
-        methods=[methods.method_result(answer, at) for answer in drag.methods],
-        one_by_one=[methods.method_result(answer, at) for answer in drag.one_by_one],
+        methods=[methods.method_result(answer, condition) for answer in drag.methods],
+        one_by_one=[methods.method_result(answer, condition) for answer in drag.one_by_one],
         disagreements=[methods.disagreement_result(one) for one in drag.disagreements],
-        interval_parts=curves.interval_parts(drag.main, at, np.array([point.speed_mps for point in power_required])),
+        interval_parts=curves.interval_parts(
+            drag.main, condition, np.array([point.speed_mps for point in power_required])
+        ),
         path=path,
         use=performance,
     )

@@ -29,7 +29,7 @@ CURVE_POINTS = 61
 
 def points(
     polar: Polar,
-    at: Condition,
+    condition: Condition,
     flown_CL: tuple[float, float],
     flown: tuple[pd.DataFrame, Condition] | None = None,
 ) -> list[PowerPoint]:
@@ -37,13 +37,13 @@ def points(
 
     flown: rows of the runs and their condition; marks points that depend on the propeller table's linear extrapolation.
     """
-    V = np.linspace(speed_at(flown_CL[1], at), speed_at(flown_CL[0], at), CURVE_POINTS)
-    power, error = power_required(V, polar, at)
+    V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), CURVE_POINTS)
+    power, error = power_required(V, polar, condition)
     half = NORMAL_95 * error
     known = np.ones(len(V), dtype=bool)
     if flown:
         rows, there = flown
-        known = thrust_known(rows, speed_at(lift_coefficient(V, at), there))
+        known = thrust_known(rows, speed_at(lift_coefficient(V, condition), there))
     return [
         PowerPoint(
             speed_mps=float(v),
@@ -57,13 +57,13 @@ def points(
 
 
 def optimum(
-    lift_of: Callable[[Array], float], polar: Polar, at: Condition, flown_CL: tuple[float, float]
+    lift_of: Callable[[Array], float], polar: Polar, condition: Condition, flown_CL: tuple[float, float]
 ) -> SpeedInterval:
     """The speed at the lift coefficient that `lift_of` computes from (A0, A1, A2): of least power, or of best range."""
     CL = lift_of(polar.A)
     if not np.isfinite(CL):
         return SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
-    speed, lo, hi = optimum_speed(lift_of, polar, at)
+    speed, lo, hi = optimum_speed(lift_of, polar, condition)
     return SpeedInterval(
         speed_mps=speed, lo_mps=lo or None, hi_mps=hi, inside_flown_range=bool(flown_CL[0] <= CL <= flown_CL[1])
     )
@@ -84,10 +84,10 @@ def drag_polar(polar: Polar, aircraft: Aircraft) -> DragPolar:
     )
 
 
-def interval_parts(estimate: DynamicEstimate, at: Condition, V: Array) -> list[IntervalPart]:
+def interval_parts(estimate: DynamicEstimate, condition: Condition, V: Array) -> list[IntervalPart]:
     """Half widths of the curve's interval by noise, and by the errors that all runs share."""
     (_, noise), (_, systematic) = (
-        power_required(V, Polar(estimate.polar.A, covariance[:3, :3]), at)
+        power_required(V, Polar(estimate.polar.A, covariance[:3, :3]), condition)
         for covariance in (estimate.noise, estimate.systematic)
     )
     return [

@@ -8,7 +8,7 @@ from analysis.results.curves import points
 from analysis.results.schema import DisagreementResult, MethodPoint, MethodResult
 
 
-def method_result(answer: MethodEstimate, at: Condition) -> MethodResult:
+def method_result(answer: MethodEstimate, condition: Condition) -> MethodResult:
     """A method's curve over the lift coefficients of its data, and its points, at one weight and density."""
     polar = answer.polar
     return MethodResult(
@@ -17,16 +17,16 @@ def method_result(answer: MethodEstimate, at: Condition) -> MethodResult:
         equations=answer.method.equations,
         taken_as_measured=list(answer.method.taken_as_measured),
         drag_polar=[] if polar is None else polar.A.tolist(),
-        power_required=[] if polar is None else points(polar, at, answer.flown_CL),
-        points=[_point(point, at) for point in answer.points],
+        power_required=[] if polar is None else points(polar, condition, answer.flown_CL),
+        points=[_point(point, condition) for point in answer.points],
         notes=list(answer.notes),
     )
 
 
-def _point(point: SteadyPoint, at: Condition) -> MethodPoint:
+def _point(point: SteadyPoint, condition: Condition) -> MethodPoint:
     """A steady point at another weight and density, with the same lift and drag coefficients."""
-    V = float(speed_at(point.CL, at))
-    unit = at.rho * V**3 * at.wing_area_m2 / 2
+    V = float(speed_at(point.CL, condition))
+    unit = condition.rho * V**3 * condition.wing_area_m2 / 2
     power, half = unit * point.CD, NORMAL_95 * unit * point.CD_error
     return MethodPoint(
         speed_mps=V, power_W=power, power_lo_W=power - half, power_hi_W=power + half, start_s=point.start_s

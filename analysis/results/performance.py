@@ -68,9 +68,9 @@ def _case(one: ConditionPerformance) -> PerformanceCase:
     maximum = _interval(full.maximum_speed) if full else None
     return PerformanceCase(
         title=one.title,
-        weight_N=one.at.weight_N,
-        air_density_kgpm3=one.at.rho,
-        density_altitude_m=float(density_altitude_m(one.at.rho)),
+        weight_N=one.condition.weight_N,
+        air_density_kgpm3=one.condition.rho,
+        density_altitude_m=float(density_altitude_m(one.condition.rho)),
         endurance_s=_interval_or_value(one.endurance.best),
         endurance_speed_mps=_interval_or_value(one.endurance.speed_mps),
         endurance_power_W=float(one.endurance.power_W.value),
@@ -149,7 +149,7 @@ def _available(performance: FlightPerformance) -> AvailableResult:
             maximum_speed_extrapolated=False, best_climb_mps=None, best_climb_speed_mps=None,
             service_ceiling_m=None, absolute_ceiling_m=None, notes=[],
         )  # fmt: skip
-    fastest = _fastest_flown(performance.as_flown.at, performance.model.flown_CL)
+    fastest = _fastest_flown(performance.as_flown.condition, performance.model.flown_CL)
     maximum, service = _interval(full.maximum_speed), _interval(ceilings.service_m)
     covered = _maximum_covered(full, maximum)
     end = max(BEYOND_MAXIMUM * maximum.value, fastest) if maximum else np.inf
@@ -178,8 +178,8 @@ def _available(performance: FlightPerformance) -> AvailableResult:
     )
 
 
-def _fastest_flown(at: Condition, flown_CL: tuple[float, float]) -> float:
-    return float(speed_at(flown_CL[0], at))
+def _fastest_flown(condition: Condition, flown_CL: tuple[float, float]) -> float:
+    return float(speed_at(flown_CL[0], condition))
 
 
 def _full_throttle_notes(

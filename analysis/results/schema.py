@@ -310,12 +310,12 @@ def to_csv(results: Results) -> str:
     writer = csv.writer(out, lineterminator="\n")
     fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
     writer.writerow(["condition", "weight_N", "air_density_kgpm3", *fields, "extrapolated"])
-    for name, at, curve in (
+    for name, condition, curve in (
         ("test", results.test, results.power_required),
         ("standard", results.standard, results.power_required_standard),
     ):
         for point in curve:
-            numbers = (at.weight_N, at.air_density_kgpm3, *(getattr(point, field) for field in fields))
+            numbers = (condition.weight_N, condition.air_density_kgpm3, *(getattr(point, field) for field in fields))
             flag = "true" if point.extrapolated else "false"
             writer.writerow([name, *(f"{number:.6g}" for number in numbers), flag])
     return out.getvalue()

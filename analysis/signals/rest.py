@@ -35,7 +35,7 @@ FLYING_PA, FLYING_S = 30.0, 2.0  # q_c above its zero for this time is flight: 7
 SIGNIFICANT = 4.0  # a drift of more standard errors is corrected
 # Largest difference between the zero of a log and one of another day, by the parts' drift with temperature. MPU-9250
 # PS 3.1: 30 deg/s over the range, here 10 K; MS4515DO and SSC: 1 % and 2 % of the span over their ranges.
-AGREES = {"Pa": 3.0, "rad/s": 0.01}
+LARGEST_DIFFERENCE = {"Pa": 3.0, "rad/s": 0.01}
 ZERO_FORMAT = "flightpower-zero-1"
 
 
@@ -47,13 +47,13 @@ class Zeros(NamedTuple):
     drift: dict[str, float]  # after the flight minus before it; 0 if there is rest on one side only
     seconds: float  # total time at rest
     drift_error: dict[str, float]
-    moved: dict[str, tuple[Array, Array]]  # by channel with a significant drift: two times [s] and the zeros there
+    drifting: dict[str, tuple[Array, Array]]  # by channel with a significant drift: two times [s] and the zeros there
     notes: list[str]
 
     def at(self, name: str, t_s: Array) -> Array:
         """The zero of a channel at times (n,): constant, or linear from before the flight to after it."""
-        if name in self.moved:
-            return np.interp(t_s, *self.moved[name])
+        if name in self.drifting:
+            return np.interp(t_s, *self.drifting[name])
         return np.full(len(t_s), self.value[name])
 
 
@@ -61,48 +61,48 @@ def rest_segments(table: pd.DataFrame, rate_Hz: float) -> list[slice]:
     """Stretches (slices of rows) in which the aircraft stood with its motor off, each SHORTEST_S at least."""
     window = max(3, round(WINDOW_S * rate_Hz))
     spread = table.rolling(window, center=True, min_periods=window // 2).std()
-    still = (table["n_revps"].fillna(0) < MOTOR_REVPS) & (spread["q_c_Pa"] < AIRSPEED_SPREAD_PA)
+    at_rest = (table["n_revps"].fillna(0) < MOTOR_REVPS) & (spread["q_c_Pa"] < AIRSPEED_SPREAD_PA)
     for name in ("p_radps", "q_radps", "r_radps"):
-        still &= spread[name] < RATE_SPREAD_RADPS
+        at_rest &= spread[name] < RATE_SPREAD_RADPS
     for name in ("ax_mps2", "ay_mps2", "az_mps2"):
-        still &= spread[name] < FORCE_SPREAD_MPS2
+        at_rest &= spread[name] < FORCE_SPREAD_MPS2
     margin = window // 2  # rows whose window reaches beyond the rest
-    found = [slice(s.start + margin, s.stop - margin) for s in stretches(still.to_numpy())]
+    found = [slice(s.start + margin, s.stop - margin) for s in stretches(at_rest.to_numpy())]
     return [s for s in found if s.stop - s.start >= SHORTEST_S * rate_Hz]
 
 
-def zeros(table: pd.DataFrame, still: list[slice], taken: dict[str, float] | None = None) -> Zeros | None:
+def zeros(table: pd.DataFrame, rests: list[slice], daq_zeros: dict[str, float] | None = None) -> Zeros | None:
     """The zeros of the sensors; None if the log has no rest and carries no zero.
 
-    taken: by channel, the zero in still air that the log carries (`zero_of_attachment`).
+    daq_zeros: by channel, the zero in still air that the log carries (`zero_of_attachment`).
     """
-    if not still:
-        return None if taken is None else _as_taken(taken)
+    if not rests:
+        return None if daq_zeros is None else _without_rest(daq_zeros)
     step_s = float(table.index[1] - table.index[0])
-    before, after = _around_flight(table, still)
-    value, error, drift, drift_error, moved = {}, {}, {}, {}, {}
+    before, after = _around_flight(table, rests)
+    value, error, drift, drift_error, drifting = {}, {}, {}, {}, {}
     notes: list[str] = []
     for name in CHANNELS:
-        value[name], error[name] = _mean(table[name], still, step_s)
+        value[name], error[name] = _mean(table[name], rests, step_s)
         (first, first_error), (last, last_error) = (_mean(table[name], some, step_s) for some in (before, after))
         drift[name] = last - first if before and after else 0.0
         drift_error[name] = float(np.hypot(first_error, last_error)) if before and after else float("nan")
         if abs(drift[name]) > SIGNIFICANT * drift_error[name]:
-            moved[name] = np.array([_middle(table, before), _middle(table, after)]), np.array([first, last])
+            drifting[name] = np.array([_middle(table, before), _middle(table, after)]), np.array([first, last])
             notes.append(
-                f"The zero of {_spoken(name)} moved by {_with_unit(name, drift[name], drift_error[name])} between"
+                f"The zero of {_channel_name(name)} moved by {_with_unit(name, drift[name], drift_error[name])} between"
                 " rest before and after the flight. This is corrected linearly over the flight."
                 + (" Wind on the probe at rest has the same effect." if name == "q_c_Pa" else "")
             )
-        if table[name].iloc[np.r_[tuple(still)]].isna().all():
+        if table[name].iloc[np.r_[tuple(rests)]].isna().all():
             value[name], error[name] = 0.0, float("nan")
     if not (before and after):
         side = "before" if before else "after"
         notes.append(f"The aircraft stood still only {side} the flight: the drift of the zeros is not known.")
-    for name in CHANNELS if taken else ():
-        notes += _disagreement(name, value[name], (taken or {}).get(name))
-    seconds = sum(s.stop - s.start for s in still) * step_s
-    return Zeros(value, error, drift, seconds, drift_error, moved, notes)
+    for name in CHANNELS if daq_zeros else ():
+        notes += _disagreement(name, value[name], (daq_zeros or {}).get(name))
+    seconds = sum(s.stop - s.start for s in rests) * step_s
+    return Zeros(value, error, drift, seconds, drift_error, drifting, notes)
 
 
 class _Reading(msgspec.Struct):
@@ -140,26 +140,26 @@ def load_zero(path: Path) -> dict[str, float]:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
-def _as_taken(taken: dict[str, float]) -> Zeros:
+def _without_rest(daq_zeros: dict[str, float]) -> Zeros:
     """The zeros taken by `daq zero`, for a log without rest."""
-    missing = [_spoken(name) for name in CHANNELS if name not in taken]
+    missing = [_channel_name(name) for name in CHANNELS if name not in daq_zeros]
     notes = ["The aircraft never stood still in this log: the zeros are those taken by `daq zero`."]
     if missing:
         notes.append(f"`daq zero` took no zero of {', '.join(missing)}, which are not corrected.")
-    value = {name: taken.get(name, 0.0) for name in CHANNELS}
+    value = {name: daq_zeros.get(name, 0.0) for name in CHANNELS}
     unknown = dict.fromkeys(CHANNELS, float("nan"))
     return Zeros(value, unknown, dict.fromkeys(CHANNELS, 0.0), 0.0, unknown, {}, notes)
 
 
-def _around_flight(table: pd.DataFrame, still: list[slice]) -> tuple[list[slice], list[slice]]:
+def _around_flight(table: pd.DataFrame, rests: list[slice]) -> tuple[list[slice], list[slice]]:
     """The rests before the first flight in the log, and those after the last."""
     step_s = float(table.index[1] - table.index[0])
-    rest = table["q_c_Pa"].iloc[np.r_[tuple(still)]].mean()
+    rest = table["q_c_Pa"].iloc[np.r_[tuple(rests)]].mean()
     window = max(1, round(FLYING_S / step_s))
     flown = np.flatnonzero(table["q_c_Pa"].rolling(window, min_periods=1, center=True).mean() - rest > FLYING_PA)
     if not len(flown):
-        return still, []
-    return [s for s in still if s.stop <= flown[0]], [s for s in still if s.start >= flown[-1]]
+        return rests, []
+    return [s for s in rests if s.stop <= flown[0]], [s for s in rests if s.start >= flown[-1]]
 
 
 def _mean(column: pd.Series, rows: list[slice], step_s: float) -> tuple[float, float]:
@@ -180,13 +180,13 @@ def _middle(table: pd.DataFrame, rows: list[slice]) -> float:
     return float(np.mean(table.index.to_numpy()[np.r_[tuple(rows)]]))
 
 
-def _disagreement(name: str, rest: float, taken: float | None) -> list[str]:
-    if taken is None or not abs(rest - taken) > AGREES[_unit(name)]:
+def _disagreement(name: str, rest: float, daq_zero: float | None) -> list[str]:
+    if daq_zero is None or not abs(rest - daq_zero) > LARGEST_DIFFERENCE[_unit(name)]:
         return []
     wind = " Was there wind on the probe at one of them?" if _unit(name) == "Pa" else ""
     return [
-        f"The zero of {_spoken(name)} is {_with_unit(name, rest)} at rest in this log, but {_with_unit(name, taken)} by"
-        f" `daq zero`. That of the log is used.{wind}"
+        f"The zero of {_channel_name(name)} is {_with_unit(name, rest)} at rest in this log, but"
+        f" {_with_unit(name, daq_zero)} by `daq zero`. That of the log is used.{wind}"
     ]
 
 
@@ -194,7 +194,7 @@ def _unit(name: str) -> str:
     return "Pa" if name.endswith("_Pa") else "rad/s"
 
 
-def _spoken(name: str) -> str:
+def _channel_name(name: str) -> str:
     topic, _ = COLUMNS[name]
     return topic if topic != "/imu" else f"gyro {name[0]}"
 

@@ -101,7 +101,7 @@ def _corrected(trajectory: Trajectory, measured: _AirDataAndGps) -> _AirDataAndG
     gust_V = x.gust_u * cos_alpha + x.gust_w * sin_alpha + flow.transverse_gust_variance / (2 * flow.V_predicted)
     V, alpha, beta = (_advanced(c, t_s, errors.air_data_lag) for c in (measured.V, measured.alpha, measured.beta))
     return _AirDataAndGps(
-        V - (errors.V_scale + flow.V_per_pair * alpha_slope) * flow.V_predicted + gust_V,
+        V - (errors.V_scale + flow.dlnV_dlndp_alpha * alpha_slope) * flow.V_predicted + gust_V,
         alpha
         - errors.alpha_bias
         - alpha_slope * flow.alpha_predicted

@@ -42,7 +42,7 @@ MEASUREMENTS = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_do
                 "compass")  # fmt: skip
 # Flow predicted from past data; variance of lateral and vertical gusts together, (m/s)^2; d ln V/d ln(pressure
 # difference of the alpha ports).
-PREDICTED_FLOW = ("V_predicted", "alpha_predicted", "transverse_gust_variance", "V_per_pair")
+PREDICTED_FLOW = ("V_predicted", "alpha_predicted", "transverse_gust_variance", "dlnV_dlndp_alpha")
 LEVEL_FIELD = ("field_forward", "field_right")  # measured magnetic field in level axes along and across the heading [T]
 # Regressor of the scale, its derivative (for the lag), and mean over a block less the value at its center.
 ALPHA_REGRESSORS = ("alpha", "alpha_rate", "alpha_curvature")
@@ -110,7 +110,7 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
 
     If airspeed reads high by a fraction, dynamic pressure reads high by twice that; flow angles are pressure
     differences over dynamic pressure, and read low by as much. An angle that reads low selects the wrong q_c/qbar in
-    the probe's calibration, which changes airspeed (V_per_pair). A lag subtracts the derivative times the lag.
+    the probe's calibration, which changes airspeed (dlnV_dlndp_alpha). A lag subtracts the derivative times the lag.
 
     compass: component of the earth's field across magnetic north, which is zero. Leveling of the field uses a fixed
     attitude (LEVEL_FIELD), so that this residual has a derivative by heading only. Otherwise errors of the
@@ -122,7 +122,7 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
     force = motion.earth_from_body(*specific_force, x.phi, x.theta, x.psi)
     return (
         V
-        + (errors.V_scale + inputs.V_per_pair * alpha_slope) * inputs.V_predicted
+        + (errors.V_scale + inputs.dlnV_dlndp_alpha * alpha_slope) * inputs.V_predicted
         - errors.air_data_lag * inputs.V_rate,
         alpha
         + inputs.alpha_curvature

@@ -14,7 +14,7 @@ BoolArray = NDArray[np.bool_]
 
 # GPS velocity errors are correlated over a minute; horizontal ones look like wind. Height comes from the barometer.
 GPS_MPS, GPS_DOWN_MPS, REST_MPS = 0.3, 1.0, 0.1
-ALPHA_PORT_SLOPE = 4.5  # d(pressure difference)/d(angle) over qbar: 9/4 sin 2 alpha (method section 7)
+ALPHA_PORT_SLOPE = 4.5  # d(pressure difference)/d(angle) over qbar: 9/4 sin 2 alpha (ports of a sphere at 45 deg)
 BAROMETER_PAPM = 11.8  # rho g at 100 m
 # Residual iron depends on heading, and motor current on speed: these errors repeat with every leg, and a longer flight
 # does not average them. All blocks together count as this many independent measurements.

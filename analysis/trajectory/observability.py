@@ -161,7 +161,7 @@ def gust_notes(trajectory: Trajectory, runs: int, log: str) -> list[str]:
     """The effect of turbulence on the angle of attack.
 
     Raises InputError for a single run in gusts that leave the angle of attack more uncertain than UNCERTAIN_ALPHA_DEG:
-    a degree is 20 % of power near the stall (method section 6).
+    a degree is 20 % of power near the stall.
     """
     sigma_deg = float(np.degrees(trajectory.standard_error("alpha_bias")))
     if sigma_deg < UNCERTAIN_ALPHA_DEG or trajectory.gust_mps < TURBULENT_MPS:

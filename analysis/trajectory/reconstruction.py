@@ -175,9 +175,9 @@ def _solve(
         inputs = problem.equation_inputs(x, sensor_errors, gust, process)
         remaining, prior = problem.remaining_errors(sensor_errors, gust)
         point = _LinearizationPoint(x, remaining, inputs)
-        at = problem.equations.linearize(*point)
+        linearization = problem.equations.linearize(*point)
         initial = x[0]
-        step = gauss_newton_step(at, prior, initial, remaining)
+        step = gauss_newton_step(linearization, prior, initial, remaining)
         move = step.sensor_errors / np.sqrt(np.diag(step.covariance))
         # Without a measured heading steps may oscillate between two points; the middle is better than either.
         damping = DAMPED if move @ last_move < OSCILLATING * (last_move @ last_move) else damping
@@ -185,11 +185,13 @@ def _solve(
         if np.max(np.abs(move)) < tolerance:
             converged = True
             break
-    evidence = cost(at, prior, initial, remaining) - step.cost_decrease + step.log_determinant
+    evidence = cost(linearization, prior, initial, remaining) - step.cost_decrease + step.log_determinant
     weights = inputs.measurement_weight
     evidence -= 2 * float(np.sum(np.log(inputs.process_weight)) + np.sum(np.log(weights[weights > 0])))
-    gust_ratio = float(np.sqrt(np.mean(at.process[:, GUST_STATES] ** 2)))
-    return _Solution(x, sensor_errors, step, gust, evidence, gust_ratio, at.measured, converged, point)
+    gust_ratio = float(np.sqrt(np.mean(linearization.process_residual[:, GUST_STATES] ** 2)))
+    return _Solution(
+        x, sensor_errors, step, gust, evidence, gust_ratio, linearization.measurement_residual, converged, point
+    )
 
 
 def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array:

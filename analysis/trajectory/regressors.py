@@ -58,7 +58,7 @@ class Regressors:
             "V_predicted": V,
             "alpha_predicted": alpha_predicted["alpha"],
             "transverse_gust_variance": np.full(blocks.n, self._conditions.transverse_variance(sigma_w_mps)),
-            "V_per_pair": parabola_fit(blocks["V_per_pair"], 1 / (V**2 * cos_bank), self._flying),
+            "dlnV_dlndp_alpha": parabola_fit(blocks["dlnV_dlndp_alpha"], 1 / (V**2 * cos_bank), self._flying),
             "field_forward": np.nan_to_num(field_forward),
             "field_right": np.nan_to_num(field_right),
         }

@@ -20,14 +20,16 @@ CHUNK = 64  # instants
 class Linearization(NamedTuple):
     """Residuals in units of their standard deviations, and their derivatives; m sensor errors.
 
-    process : (n-1, nx) between instants k and k+1   d_process : (n-1, nx, nx + nx + m) by x_k, x_k+1, sensor errors
-    measured : (n, ny) at instant k                  d_measured : (n, ny, nx + m) by x_k, sensor errors
+    process_residual : (n-1, nx) between instants k and k+1
+    process_jacobian : (n-1, nx, nx + nx + m) by x_k, x_k+1, sensor errors
+    measurement_residual : (n, ny) at instant k
+    measurement_jacobian : (n, ny, nx + m) by x_k, sensor errors
     """
 
-    process: Array
-    d_process: Array
-    measured: Array
-    d_measured: Array
+    process_residual: Array
+    process_jacobian: Array
+    measurement_residual: Array
+    measurement_jacobian: Array
 
 
 class TrajectoryPrior(NamedTuple):
@@ -45,17 +47,17 @@ class StatesGivenErrors(NamedTuple):
 
     factor: Array
 
-    def state_sensitivity(self, at: Linearization) -> Array:
+    def state_sensitivity(self, linearization: Linearization) -> Array:
         """Derivative of the conditional mean of the states by the sensor errors, (n, nx, m).
 
-        at : may have other derivatives by the sensor errors than `gauss_newton_step` had
+        linearization : its derivatives by the sensor errors may differ from those used by `gauss_newton_step`
         """
-        n, nx = len(at.measured), at.process.shape[1]
-        m = at.d_measured.shape[2] - nx
-        process = _state_by_error(at.d_process, 2 * nx)
+        n, nx = len(linearization.measurement_residual), linearization.process_residual.shape[1]
+        m = linearization.measurement_jacobian.shape[2] - nx
+        process = _state_by_error(linearization.process_jacobian, 2 * nx)
         border = np.empty((m, n * nx)).T  # Fortran order, as LAPACK requires
         by_instant = border.reshape(n, nx, m)
-        by_instant[:] = _state_by_error(at.d_measured, nx)
+        by_instant[:] = _state_by_error(linearization.measurement_jacobian, nx)
         by_instant[:-1] += process[:, :nx]
         by_instant[1:] += process[:, nx:]
         half = _triangular_solution(self.factor, border, overwrite=True)
@@ -68,7 +70,7 @@ class StatesGivenErrors(NamedTuple):
 
 
 class GaussNewtonStep(NamedTuple):
-    """A step and what its normal equations say.
+    """A step, and what follows from its normal equations.
 
     states, sensor_errors : corrections (n, nx), (m,)      covariance : of the sensor errors (m, m)
     conditional : distribution of the states given the sensor errors
@@ -83,48 +85,57 @@ class GaussNewtonStep(NamedTuple):
     log_determinant: float
 
 
-def cost(at: Linearization, prior: TrajectoryPrior, initial: Array, sensor_errors: Array) -> float:
-    """Sum of squares that `gauss_newton_step` reduces: minus twice the log posterior, up to a constant."""
+def cost(linearization: Linearization, prior: TrajectoryPrior, initial: Array, sensor_errors: Array) -> float:
+    """Sum of squares that `gauss_newton_step` minimizes: minus twice the log posterior, up to a constant."""
     return float(
-        np.sum(at.process**2)
-        + np.sum(at.measured**2)
+        np.sum(linearization.process_residual**2)
+        + np.sum(linearization.measurement_residual**2)
         + np.sum(((initial - prior.initial_mean) / prior.initial_sigma) ** 2)
         + np.sum(((sensor_errors - prior.error_mean) / prior.error_sigma) ** 2)
     )
 
 
 def gauss_newton_step(
-    at: Linearization, prior: TrajectoryPrior, initial: Array, sensor_errors: Array
+    linearization: Linearization, prior: TrajectoryPrior, initial: Array, sensor_errors: Array
 ) -> GaussNewtonStep:
     """The Gauss-Newton step from a linearization at this initial state (nx,) and these sensor errors (m,).
 
     Raises LinAlgError when the equations do not determine every state.
     """
-    n, _, width = at.d_measured.shape
-    nx = at.process.shape[1]
+    n, _, width = linearization.measurement_jacobian.shape
+    nx = linearization.process_residual.shape[1]
     m = width - nx
     before, after, errors = slice(nx), slice(nx, 2 * nx), slice(2 * nx, None)
-    normal, gradient = _normal_equations(at.d_measured, at.measured, nx)
+    normal, gradient = _normal_equations(linearization.measurement_jacobian, linearization.measurement_residual, nx)
 
     diagonal = normal[:, :, :nx].copy()
     diagonal[0] += np.diag(1 / prior.initial_sigma**2)
     border = normal[:, :, nx:].copy()
     above = np.empty((n - 1, nx, nx))
     for start in range(0, n - 1, CHUNK):  # temporary arrays of a chunk fit in the processor's cache
-        here, there = slice(start, min(start + CHUNK, n - 1)), slice(start + 1, min(start + CHUNK, n - 1) + 1)
-        process, process_gradient = _normal_equations(at.d_process[here], at.process[here], 2 * nx)
-        diagonal[here] += process[:, before, before]
-        diagonal[there] += process[:, after, after]
-        above[here] = process[:, before, after]
-        border[here] += process[:, before, errors]
-        border[there] += process[:, after, errors]
-        gradient[here] += process_gradient[:, before]
-        gradient[there] += process_gradient[:, after]
+        stop = min(start + CHUNK, n - 1)
+        first_instants, second_instants = slice(start, stop), slice(start + 1, stop + 1)
+        process, process_gradient = _normal_equations(
+            linearization.process_jacobian[first_instants], linearization.process_residual[first_instants], 2 * nx
+        )
+        diagonal[first_instants] += process[:, before, before]
+        diagonal[second_instants] += process[:, after, after]
+        above[first_instants] = process[:, before, after]
+        border[first_instants] += process[:, before, errors]
+        border[second_instants] += process[:, after, errors]
+        gradient[first_instants] += process_gradient[:, before]
+        gradient[second_instants] += process_gradient[:, after]
     gradient[0] += (initial - prior.initial_mean) / prior.initial_sigma**2
 
-    by_error = at.d_measured[:, :, nx:].reshape(-1, m), at.d_process[:, :, 2 * nx :].reshape(-1, m)
+    by_error = (
+        linearization.measurement_jacobian[:, :, nx:].reshape(-1, m),
+        linearization.process_jacobian[:, :, 2 * nx :].reshape(-1, m),
+    )
     corner = by_error[0].T @ by_error[0] + by_error[1].T @ by_error[1] + np.diag(1 / prior.error_sigma**2)
-    error_gradient = by_error[0].T @ at.measured.ravel() + by_error[1].T @ at.process.ravel()
+    error_gradient = (
+        by_error[0].T @ linearization.measurement_residual.ravel()
+        + by_error[1].T @ linearization.process_residual.ravel()
+    )
     error_gradient += (sensor_errors - prior.error_mean) / prior.error_sigma**2
 
     factor = cholesky_banded(_banded(diagonal, above), lower=True, overwrite_ab=True, check_finite=False)

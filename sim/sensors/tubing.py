@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def time_constant_s(line: PneumaticLine, pressure_Pa: float, temperature_K: float) -> float:
-    """Low-frequency limit of the response (method.md sec. 7; Bergh & Tijdeman 1965, k = 1).
+    """Low-frequency limit of the response (Bergh & Tijdeman 1965, k = 1).
 
     Poiseuille's resistance times the compliance of the cavity and of half the tube.
     """

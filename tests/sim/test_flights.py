@@ -292,7 +292,7 @@ def test_an_unknown_plan_lists_those_there_are():
 
 
 def test_euler_flies_nearly_the_same_flight(nexstar):
-    """method.md sec. 6: Euler against RK4 makes less than 0.5 % of power; the flights themselves stay together."""
+    """Euler against RK4 makes less than 0.5 % of power; the flights themselves stay together."""
     text = AIRBORNE_HEAD + '{}\n[[segment]]\nkind = "run"\nthrottle = 1.0\nspeed_of_max = 0.9\n'
     ends = [
         fly(nexstar, replace(parse_plan(text.replace("{}", ""), "mine"), integrator=i)).truth.iloc[-1]

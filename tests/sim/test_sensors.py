@@ -69,7 +69,7 @@ def test_coloured_noise_forgets_in_its_correlation_time():
 
 
 def test_pair_difference_of_the_hemisphere():
-    """method.md sec. 7: dp_alpha / qbar = (9/4) sin 2 alpha (cos^2 beta besides, from the geometry)."""
+    """A sphere with ports at 45 deg: dp_alpha / qbar = (9/4) sin 2 alpha (cos^2 beta besides, from the geometry)."""
     alpha, beta = np.deg2rad(np.array([-20, -5, 0, 3, 12])), np.deg2rad(np.array([4, -10, 7, 0, 0]))
     ports = port_pressures(200.0, alpha, beta)
     assert np.allclose(ports.lower_minus_upper, 200 * 9 / 4 * np.sin(2 * alpha) * np.cos(beta) ** 2)
@@ -84,7 +84,7 @@ def test_wind_from_the_right_presses_on_the_right_port():
 
 
 def test_a_probe_on_a_boom_sees_the_rotation():
-    """method.md sec. 7, inverted: alpha_cg = alpha_probe - upwash + q x/V, beta_cg = beta_probe - r x/V."""
+    """alpha_cg = alpha_probe - upwash + q x/V, beta_cg = beta_probe - r x/V."""
     V, alpha, beta = flow_at_probe(20.0, 0.05, 0.0, 0.0, 0.3, 0.2, (0.5, 0.0, 0.0), upwash_rad=0.01)
     assert alpha == pytest.approx(0.05 + 0.01 - 0.3 * 0.5 / 20, rel=0.01)
     assert beta == pytest.approx(0.2 * 0.5 / 20, rel=0.01)
@@ -95,7 +95,7 @@ def test_a_probe_on_a_boom_sees_the_rotation():
 
 
 def test_lag_of_real_tubing():
-    """method.md sec. 6: 0.5 ms for 2 ft of 1/16 in, 20 ms for 3 ft of 0.02 in, at sea level with a small cavity."""
+    """0.5 ms for 2 ft of 1/16 in, 20 ms for 3 ft of 0.02 in, at sea level with a small cavity."""
     wide = PneumaticLine(length_m=2 * FOOT, diameter_m=INCH / 16, cavity_m3=100e-9)
     narrow = PneumaticLine(length_m=3 * FOOT, diameter_m=0.02 * INCH, cavity_m3=100e-9)
     assert 0.3e-3 < time_constant_s(wide, 101325, 288) < 0.8e-3
@@ -198,7 +198,7 @@ def test_gps_says_where_it_was_and_integrates_its_own_velocity(flight, perfect):
 
 
 def test_the_autopilots_attitude_is_wrong_when_speed_changes(perfect, flight):
-    """It takes the accelerometer for the vertical: method.md sec. 6 found 8 to 11 deg in such runs."""
+    """It takes the accelerometer for the vertical, which is 8 to 11 deg off in such runs."""
     t = flight.truth["time_s"].to_numpy()
     error = np.rad2deg(perfect.autopilot_attitude_rad(t)[:, 1] - flight.truth["pitch_rad"].to_numpy())
     runs = (flight.truth["kind"] == "run").to_numpy()
@@ -341,7 +341,6 @@ def test_a_motor_that_stopped_with_its_propeller_anywhere_does_not_push(flight):
 
 
 def test_the_harsh_budget_has_the_sizes_of_the_study():
-    """method.md sec. 8."""
     s = load_budget("harsh").systematic
     found = (np.rad2deg(s.alpha_offset_rad), s.accel_bias_mps2, np.rad2deg(s.imu_misalignment_rad), s.gyro_bias_radps)
     assert found == pytest.approx((1.5, 0.3, 0.5, 0.01))

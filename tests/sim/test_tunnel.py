@@ -7,13 +7,13 @@ import pytest
 
 from flight.errors import InputError
 from sim.sensors.probe import port_pressures
-from sim.tunnel import HEADER, WindTunnel, calibrate, write_calibration
+from sim.tunnel import HEADER, WindTunnel, simulated_measurements, write_calibration
 
 
 def test_the_file_has_the_agreed_header_and_a_row_a_point(tmp_path):
     path = tmp_path / "new" / "tunnel.csv"
     tunnel = WindTunnel()
-    write_calibration(path, calibrate(tunnel))
+    write_calibration(path, simulated_measurements(tunnel))
     with path.open(encoding="utf-8") as stream:
         header, *rows = list(csv.reader(stream))
     assert ",".join(header) == (
@@ -26,7 +26,7 @@ def test_the_file_has_the_agreed_header_and_a_row_a_point(tmp_path):
 
 def test_it_is_the_probe_that_flies():
     """A perfect tunnel gives the port pressures of the flight's probe at the same dynamic pressure."""
-    table = calibrate(WindTunnel(pressure_noise_Pa=0.0, angle_setting_deg=0.0, speed_setting=0.0))
+    table = simulated_measurements(WindTunnel(pressure_noise_Pa=0.0, angle_setting_deg=0.0, speed_setting=0.0))
     speed, alpha, beta, dp_alpha, dp_beta, q_c, static, temperature = (table[name].to_numpy() for name in HEADER)
     q = static / (287.05287 * temperature) * speed**2 / 2
     ports = port_pressures(q, np.deg2rad(alpha), np.deg2rad(beta))
@@ -38,21 +38,21 @@ def test_it_is_the_probe_that_flies():
 def test_its_noise_is_what_it_says():
     tunnel = WindTunnel(angle_setting_deg=0.0, speed_setting=0.0)
     noisy, clean = (
-        calibrate(tunnel, seed=4),
-        calibrate(WindTunnel(pressure_noise_Pa=0, angle_setting_deg=0, speed_setting=0), seed=4),
+        simulated_measurements(tunnel, seed=4),
+        simulated_measurements(WindTunnel(pressure_noise_Pa=0, angle_setting_deg=0, speed_setting=0), seed=4),
     )
     for name in ("dp_alpha [Pa]", "dp_beta [Pa]", "q_c [Pa]"):
         error = (noisy[name] - clean[name]).to_numpy()
         assert np.std(error) == pytest.approx(tunnel.pressure_noise_Pa, rel=4 / np.sqrt(2 * len(error)))
-    assert not calibrate(seed=1).equals(calibrate(seed=2))
-    assert calibrate(seed=1).equals(calibrate(seed=1))
+    assert not simulated_measurements(seed=1).equals(simulated_measurements(seed=2))
+    assert simulated_measurements(seed=1).equals(simulated_measurements(seed=1))
 
 
 def test_it_does_not_overwrite(tmp_path):
     path = tmp_path / "tunnel.csv"
     path.write_text("mine")
     with pytest.raises(InputError, match="already exists"):
-        write_calibration(path, calibrate())
+        write_calibration(path, simulated_measurements())
     assert path.read_text() == "mine"
-    write_calibration(path, calibrate(), replace=True)
+    write_calibration(path, simulated_measurements(), replace=True)
     assert path.read_text().startswith("speed")

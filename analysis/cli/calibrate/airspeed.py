@@ -33,7 +33,7 @@ def airspeed(
     """
     from analysis.airdata.from_log import flight_data
     from analysis.airdata.probe import load_probe
-    from analysis.drag.stand_ins import alpha_scale_sigma
+    from analysis.drag.assumed_values import alpha_scale_sigma
     from analysis.log_contents import Replacements, contents
     from analysis.trajectory.airspeed_scale import calibrate
     from analysis.trajectory.reconstruction import reconstruct

@@ -83,7 +83,7 @@ def test_the_sensitivity_of_speed_to_the_alpha_pressure_is_its_derivative() -> N
     calibration = calibrate(tunnel())
     less, flow, more = (flow_at_probe(calibration, dp_alpha * k, dp_beta, q_c) for k in (0.999, 1.0, 1.001))
     derivative = np.log(more.qbar_Pa / less.qbar_Pa) / 2 / np.log(1.001 / 0.999)
-    assert flow.V_per_pair == pytest.approx(derivative, rel=0.02)
+    assert flow.dlnV_dlndp_alpha == pytest.approx(derivative, rel=0.02)
 
 
 def test_the_stated_error_of_the_pressure_map_is_a_fraction() -> None:

@@ -16,8 +16,7 @@ from flight.aircraft import PneumaticLine, load_aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.log_writer import LogWriter
 from flight.messages import AbsolutePressure, Controls, DifferentialPressure, Magnetometer
-from sim.tunnel import calibrate as simulated
-from sim.tunnel import write_calibration
+from sim.tunnel import simulated_measurements, write_calibration
 from tests.analysis.airdata.test_ground_calibrations import ANGLES, measured, session
 
 NARROW_TEXT = '[probe.lines.alpha]\nlength = "0.9 m"\ndiameter = "0.5 mm"\ncavity = "20 mm^3"\n'
@@ -128,7 +127,7 @@ def test_the_magnetometer_s_result_is_a_small_versioned_file(tmp_path: Path) -> 
 
 
 def test_the_probe_s_page_needs_no_network_and_shows_what_it_should(tmp_path: Path) -> None:
-    write_calibration(tmp_path / "tunnel.csv", simulated(seed=0))
+    write_calibration(tmp_path / "tunnel.csv", simulated_measurements(seed=0))
     outcome = run("probe", tmp_path / "tunnel.csv", "-o", tmp_path / "probe.json", "--angle-scale", "1")
     assert outcome.exit_code == 0, outcome.output
     page = (tmp_path / "probe.html").read_text("utf-8")
@@ -141,7 +140,7 @@ def test_the_probe_s_page_needs_no_network_and_shows_what_it_should(tmp_path: Pa
 
 def test_nothing_is_replaced_unasked(pops: Path, protractor: Path, tmp_path: Path) -> None:
     mine = tmp_path / "mine"
-    write_calibration(tmp_path / "tunnel.csv", simulated(seed=0))
+    write_calibration(tmp_path / "tunnel.csv", simulated_measurements(seed=0))
     for arguments in (
         ("tubing", pops, "-o", mine),
         ("surfaces", protractor, "--angles", "0", "-o", mine),

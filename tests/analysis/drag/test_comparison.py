@@ -68,11 +68,11 @@ def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
     errors = drawn(load_budget("study"), 1)
     flown = fly(AIRCRAFT, probe, errors, "full-test-flight", 3.0, 1)
     trajectory = reconstruct(flown.table, flown.still, alpha_scale_sigma=probe.alpha_scale_sigma)
-    blocks = FlightForces(trajectory, AIRCRAFT, load_propeller(AIRCRAFT.propulsion.propeller))
-    rows = np.zeros(len(blocks.t_s), dtype=bool)
+    flight_forces = FlightForces(trajectory, AIRCRAFT, load_propeller(AIRCRAFT.propulsion.propeller))
+    rows = np.zeros(len(flight_forces.t_s), dtype=bool)
     for run in find(flown.table, flown.still).of("acceleration", "deceleration"):
-        rows |= (blocks.t_s >= run.start_s) & (blocks.t_s <= run.end_s)
-    found = estimate_errors(blocks, trajectory, rows)
+        rows |= (flight_forces.t_s >= run.start_s) & (flight_forces.t_s <= run.end_s)
+    found = estimate_errors(flight_forces, trajectory, rows)
     lag, thrust = found["lag"], found["thrust_scale"]
     assert abs(lag.value - errors.values.lag_s) < 3 * lag.standard_error
     assert abs(thrust.value - errors.values.thrust_scale) < 3 * thrust.standard_error

@@ -71,8 +71,8 @@ def test_dynamic_method_finds_polar_and_thrust_of_a_propeller_unlike_its_table(s
 def test_sensor_errors_contain_scale_and_slope_of_thrust(scale: float, slope: float) -> None:
     f, _ = accelerations_and_decelerations()
     trajectory = measured(f, scale, slope)
-    blocks = FlightForces(trajectory, AIRCRAFT, PROPELLER)
-    errors = estimate_errors(blocks, trajectory, np.ones(len(f), dtype=bool))
+    flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
+    errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
     assert errors["thrust_scale"].value == pytest.approx(scale, abs=0.002)
     assert errors["thrust_slope"].value == pytest.approx(slope, abs=0.01)
 
@@ -86,8 +86,8 @@ def test_the_tight_prior_of_the_lag_is_replaced_by_one_of_0_3_s() -> None:
     values, C, priors = trajectory.sensor_errors.copy(), trajectory.covariance.copy(), trajectory.prior_sigma.copy()
     values[i], C[i, i], priors[i] = variance / reading**2 * 0.2, variance, prior
     tight = replace(trajectory, sensor_errors=values, covariance=C, prior_sigma=priors)
-    blocks = FlightForces(tight, AIRCRAFT, PROPELLER)
-    lag = estimate_errors(blocks, tight, np.ones(len(f), dtype=bool))["lag"]
+    flight_forces = FlightForces(tight, AIRCRAFT, PROPELLER)
+    lag = estimate_errors(flight_forces, tight, np.ones(len(f), dtype=bool))["lag"]
     assert lag.value == pytest.approx(0.2 * 0.3**2 / (0.3**2 + reading**2), rel=1e-6)
     assert lag.standard_error == pytest.approx(0.3 * reading / np.hypot(0.3, reading), rel=1e-6)
 
@@ -96,15 +96,15 @@ def test_an_accelerometer_that_reads_high_levels_the_pitch_attitude_too_high() -
     """At rest ax = g sin(theta): a bias of 0.2 m/s^2 is a pitch of 0.2/g."""
     f, _ = accelerations_and_decelerations()
     trajectory = measured(f, ax_bias=0.2)
-    blocks = FlightForces(trajectory, AIRCRAFT, PROPELLER)
-    errors = estimate_errors(blocks, trajectory, np.ones(len(f), dtype=bool))
+    flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
+    errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
     assert errors["pitch"].value == pytest.approx(0.2 / g, rel=1e-6)
 
 
 def inputs(trajectory: Trajectory, **removed: float) -> pd.DataFrame:
-    blocks = FlightForces(trajectory, AIRCRAFT, PROPELLER)
+    flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
     states = trajectory.states.to_numpy()
-    return input_table(blocks, states, trajectory.sensor_errors, removed, STILL_AIR, STILL_AIR)
+    return input_table(flight_forces, states, trajectory.sensor_errors, removed, STILL_AIR, STILL_AIR)
 
 
 def wrong(name: str, value: float) -> tuple[pd.DataFrame, Trajectory]:
@@ -195,11 +195,11 @@ def test_a_method_s_sensitivity_predicts_the_error_of_its_power(method: str, nam
     """True polar = estimate with the error in it + sensitivity times the error, to second order."""
     f, trajectory = wrong(name, value)
     _, runs = accelerations_and_decelerations()
-    blocks = FlightForces(trajectory, AIRCRAFT, PROPELLER)
-    errors = estimate_errors(blocks, trajectory, np.ones(len(f), dtype=bool))
+    flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
+    errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
     errors[name] = errors[name]._replace(value=value)
     (chosen,) = (one for one in ALL_METHODS if one.name == method)
-    result = estimate(chosen, method_inputs(blocks, trajectory, runs, errors))
+    result = estimate(chosen, method_inputs(flight_forces, trajectory, runs, errors))
     assert result.polar is not None
     (cause,) = (cause for cause, names in CAUSES.items() if name in names)
     wrong_by = power(result.polar.A) - power(polar())

@@ -50,7 +50,7 @@ def test_the_polar_of_a_cross_check_contains_noise_and_floor() -> None:
     f, _ = accelerations_and_decelerations()
     rng = np.random.default_rng(1)
     CL = 9.81 / f["qS_over_m_mps2"].to_numpy()
-    u = {"CL": CL, "qS_over_m": f["qS_over_m_mps2"].to_numpy(), "thrust_over_m": 0 * CL, "J": 0 * CL}
+    u = {"CL": CL, "qS_over_m": f["qS_over_m_mps2"].to_numpy(), "thrust_along_V_over_m": 0 * CL, "J": 0 * CL}
     drag = u["qS_over_m"] * (polar() @ [CL**0, CL, CL**2]) + 0.01 * rng.standard_normal(len(CL))
     fit = output_error.estimate(dynamic.DRAG, Segment(name="run", t_s=f.index.to_numpy(), u=u, z={"drag": drag}))
     floor = covariance.polar_of(fit).covariance - covariance.of_noise(fit)[:3, :3]
@@ -64,9 +64,9 @@ def test_an_error_of_the_trajectory_is_in_the_covariance_of_every_method() -> No
     C, i = trajectory.covariance.copy(), SENSOR_ERRORS.index("ax_bias")
     C[i, i] = 0.05**2
     trajectory = replace(trajectory, covariance=C)
-    blocks = FlightForces(trajectory, AIRCRAFT, PROPELLER)
-    errors = estimate_errors(blocks, trajectory, np.ones(len(f), dtype=bool))
-    result = estimate(ONE_RUN, method_inputs(blocks, trajectory, runs, errors))
+    flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
+    errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
+    result = estimate(ONE_RUN, method_inputs(flight_forces, trajectory, runs, errors))
     by_trajectory = power_error(result.trajectory_deviations @ result.trajectory_deviations.T)
     assert by_trajectory == pytest.approx(0.05 * m * V, rel=0.03)
     parts = [by_trajectory, power_error(covariance.floor())]

@@ -199,7 +199,7 @@ def test_steady_points_without_thrust_are_refused() -> None:
 
 
 def test_energy_is_refused_in_rough_air() -> None:
-    """Methods that integrate over a run are ruined by turbulence (method section 6): 0.8 m/s are W20 = 15 kt."""
+    """Methods that integrate over a run are ruined by turbulence: gusts of 0.8 m/s are W20 = 15 kt."""
     parts = runs_of_speed(polar())
     for part in parts:
         part["gust_mps"] = 0.8

@@ -1,4 +1,4 @@
-"""Known answers about power required (method section 1), and its interval."""
+"""Power required where it is known exactly, and its interval."""
 
 import numpy as np
 import pytest

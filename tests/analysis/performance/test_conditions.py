@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from analysis.drag.polar import Condition
-from analysis.performance.conditions import FlightCondition, density_altitude_m, requested_conditions
+from analysis.performance.conditions import FlownCondition, density_altitude_m, requested_conditions
 from analysis.performance.request import Request
 from flight.atmosphere import density, pressure_at, temperature_at
 
 TEST = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)
-FLIGHT = FlightCondition(TEST, 100_000.0, 290.0)
+FLIGHT = FlownCondition(TEST, 100_000.0, 290.0)
 
 
 def test_density_altitude_inverts_the_standard_atmosphere() -> None:

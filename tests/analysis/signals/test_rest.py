@@ -58,7 +58,7 @@ def test_zeros_lie_within_four_of_their_own_standard_errors() -> None:
             blocks = rest.seconds / BLOCK_S - 2
             assert rest.standard_error[name] == pytest.approx(NOISE[name] / expected, rel=4 / np.sqrt(2 * blocks))
             assert abs(rest.drift[name]) < 5 * rest.drift_error[name]
-        assert rest.moved == {} and rest.notes == []
+        assert rest.drifting == {} and rest.notes == []
 
 
 def test_a_drift_is_told_and_taken_out_along_a_line() -> None:
@@ -67,7 +67,7 @@ def test_a_drift_is_told_and_taken_out_along_a_line() -> None:
     table = log_table(drift=drift)
     t = table.index.to_numpy()
     rest = zeros(table, rest_segments(table, RATE_HZ))
-    assert rest is not None and set(rest.moved) == set(drift)
+    assert rest is not None and set(rest.drifting) == set(drift)
     assert any("/probe/airspeed moved by +2" in note and "linearly" in note for note in rest.notes)
     assert any("gyro q moved by +0.3" in note for note in rest.notes)
     for name, change in drift.items():
@@ -143,7 +143,7 @@ def test_something_else_than_a_zero_is_refused() -> None:
 def test_a_log_that_ends_in_flight_does_not_know_its_drift() -> None:
     table = log_table(drift={"q_c_Pa": 3.0}).iloc[: round(60 * RATE_HZ)]
     rest = zeros(table, rest_segments(table, RATE_HZ))
-    assert rest is not None and rest.moved == {}
+    assert rest is not None and rest.drifting == {}
     assert any("only before the flight" in note for note in rest.notes)
 
 

@@ -44,7 +44,7 @@ def exact_motion(duration_s: float = 60.0) -> ExactMotion:
             "q_radps": rates[1] * np.cos(phi) + rates[2] * np.cos(theta) * np.sin(phi),
             "r_radps": -rates[1] * np.sin(phi) + rates[2] * np.cos(theta) * np.cos(phi),
             "ax_mps2": ax, "ay_mps2": ay, "az_mps2": az,
-            "V_mps": V, "alpha_rad": alpha, "beta_rad": beta, "V_per_pair": 0.0 * t,
+            "V_mps": V, "alpha_rad": alpha, "beta_rad": beta, "dlnV_dlndp_alpha": 0.0 * t,
             "height_m": height_m, "rho": RHO + 0.0 * t, "flying": t >= 0, "bank_rad": phi,
             "gps_north_mps": v_north, "gps_east_mps": v_east, "gps_down_mps": v_down,
             "dp_alpha_Pa": 0.0 * t, "dp_beta_Pa": 0.0 * t, "q_c_Pa": 0.0 * t, "static_Pa": 0.0 * t,

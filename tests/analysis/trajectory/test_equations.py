@@ -44,7 +44,7 @@ def process_residuals(motion, sensor_errors, table=None) -> dict[str, np.ndarray
     weight = np.ones((blocks.n - 1, len(STATES)))
     equation_inputs = EquationInputs(inputs, weight, nothing, nothing, given, x, given)
     at = Equations(blocks.n).linearize(x, sensor_errors, equation_inputs)
-    return dict(zip((*STATES[:10], "v_once", "w_once", "v_twice", "w_twice"), at.process.T, strict=True))
+    return dict(zip((*STATES[:10], "v_once", "w_once", "v_twice", "w_twice"), at.process_residual.T, strict=True))
 
 
 def test_coning_and_sculling_leave_no_tilt(exact) -> None:
@@ -142,7 +142,7 @@ def test_sensor_errors_act_on_pressures() -> None:
     """Dynamic pressure high by 2 e: airspeed reads high by e and flow angles low by 2 e. A slope of the angle acts on
     the angle, and through the probe's calibration on airspeed."""
     V, alpha = 15.0, 0.12
-    inputs = inputs_of(V_predicted=V, alpha=alpha, alpha_predicted=alpha, V_per_pair=0.1)
+    inputs = inputs_of(V_predicted=V, alpha=alpha, alpha_predicted=alpha, dlnV_dlndp_alpha=0.1)
     x = state_of(**STEADY)
 
     def change(**errors: float) -> dict[str, float]:

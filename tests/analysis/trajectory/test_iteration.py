@@ -145,7 +145,7 @@ def test_an_oscillating_iteration_is_damped(monkeypatch) -> None:
         )  # fmt: skip
 
     weights = SimpleNamespace(process_weight=np.ones((n, nx)), measurement_weight=np.ones((n, 11)))
-    at = SimpleNamespace(process=np.zeros((n, nx)), measured=np.zeros((n, 11)))
+    at = SimpleNamespace(process_residual=np.zeros((n, nx)), measurement_residual=np.zeros((n, 11)))
     problem = SimpleNamespace(
         process_model=lambda _gust: None,
         equation_inputs=lambda *_: weights,

@@ -37,7 +37,7 @@ def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbule
 
 
 def test_priors_are_those_of_the_study():
-    """Priors of method.md sec. 8 are its errors over the square root of three, and up to a tenth more."""
+    """Priors are the budget's errors over the square root of three, and up to a tenth more."""
     s, ratio = load_budget("study").systematic, 3**0.5
     sizes = {"alpha_bias": s.alpha_offset_rad, "alpha_scale": s.alpha_scale, "V_scale": s.V_scale}
     for name, size in (sizes | {"ax_bias": s.accel_bias_mps2}).items():
@@ -152,7 +152,7 @@ def test_a_saturated_airspeed_transducer_raises_standard_errors_without_bias(pro
     """Above 19 m/s it is clipped, so that neither speed nor angles are measured there; slow flight is as before."""
     _, _, air, still = flown(0, probe, "accel-decel")
     clipped = air.copy()
-    clipped.loc[air["V_mps"] > 19.0, ["V_mps", "alpha_rad", "beta_rad", "V_per_pair"]] = np.nan
+    clipped.loc[air["V_mps"] > 19.0, ["V_mps", "alpha_rad", "beta_rad", "dlnV_dlndp_alpha"]] = np.nan
     whole, trajectory = reconstruct(air, still), reconstruct(clipped, still)
     assert trajectory.converged and np.isfinite(trajectory.states.to_numpy()).all()
     for name in ("V_scale", "alpha_scale", "alpha_bias"):
@@ -199,13 +199,23 @@ def test_derivatives_are_those_of_the_equations() -> None:
         more[1, j] += h
         less[1, j] -= h
         up, down = equations.linearize(more, shared, data), equations.linearize(less, shared, data)
-        assert at.d_measured[1, :, j] == pytest.approx((up.measured - down.measured)[1] / (2 * h), abs=1e-7)
-        assert at.d_process[1, :, j] == pytest.approx((up.process - down.process)[1] / (2 * h), abs=1e-7)
-        assert at.d_process[0, :, nx + j] == pytest.approx((up.process - down.process)[0] / (2 * h), abs=1e-7)
+        assert at.measurement_jacobian[1, :, j] == pytest.approx(
+            (up.measurement_residual - down.measurement_residual)[1] / (2 * h), abs=1e-7
+        )
+        assert at.process_jacobian[1, :, j] == pytest.approx(
+            (up.process_residual - down.process_residual)[1] / (2 * h), abs=1e-7
+        )
+        assert at.process_jacobian[0, :, nx + j] == pytest.approx(
+            (up.process_residual - down.process_residual)[0] / (2 * h), abs=1e-7
+        )
     for j in range(m):
         up, down = (equations.linearize(x, shared + sign * h * np.eye(m)[j], data) for sign in (1, -1))
-        assert at.d_measured[:, :, nx + j] == pytest.approx((up.measured - down.measured) / (2 * h), abs=1e-7)
-        assert at.d_process[:, :, 2 * nx + j] == pytest.approx((up.process - down.process) / (2 * h), abs=1e-7)
+        assert at.measurement_jacobian[:, :, nx + j] == pytest.approx(
+            (up.measurement_residual - down.measurement_residual) / (2 * h), abs=1e-7
+        )
+        assert at.process_jacobian[:, :, 2 * nx + j] == pytest.approx(
+            (up.process_residual - down.process_residual) / (2 * h), abs=1e-7
+        )
 
     # Predicted states and inputs change the derivatives only.
     elsewhere, other = x + rng.normal(0, 0.1, x.shape), given + rng.normal(0, 0.1, given.shape)
@@ -217,5 +227,5 @@ def test_derivatives_are_those_of_the_equations() -> None:
         shared,
         dataclasses.replace(data, measurement_inputs=other, predicted_inputs=other, predicted_states=elsewhere),
     )
-    assert foretold.measured == pytest.approx(at.measured, abs=0)
-    assert foretold.d_measured == pytest.approx(there.d_measured, abs=0)
+    assert foretold.measurement_residual == pytest.approx(at.measurement_residual, abs=0)
+    assert foretold.measurement_jacobian == pytest.approx(there.measurement_jacobian, abs=0)

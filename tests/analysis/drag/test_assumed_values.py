@@ -1,11 +1,19 @@
-"""What stands in for missing keys widens the interval by what moving it changes, and by nothing else."""
+"""Assumed values widen the interval by the effect of their standard deviations, and by nothing else."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from analysis.drag import stand_ins
+from analysis.drag.assumed_values import (
+    IMU_SIGMA_M,
+    PROBE_SIGMA_M,
+    UPWASH_SIGMA_RAD,
+    AssumptionUncertainty,
+    alpha_scale_sigma,
+    assumption_uncertainty,
+    with_assumption_uncertainty,
+)
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from flight.aircraft import parse_aircraft
@@ -46,33 +54,34 @@ def repeat(aircraft, propeller, upwash_sigma):
     return estimate(values, OWN * (1 + upwash_sigma))
 
 
-def test_all_keys_stand_for_no_doubt(nexstar, propeller):
-    assert stand_ins.doubt(repeat, nexstar, propeller, AT, FLOWN_CL) is None
-    assert stand_ins.alpha_scale_sigma(nexstar) == 0.0
+def test_without_missing_keys_nothing_is_added(nexstar, propeller):
+    assert assumption_uncertainty(repeat, nexstar, propeller, AT, FLOWN_CL) is None
+    assert alpha_scale_sigma(nexstar) == 0.0
     whole = estimate(np.array([*A, 0.0, 0.0]))
-    assert stand_ins.widened(whole, None) is whole
+    assert with_assumption_uncertainty(whole, None) is whole
 
 
-def test_what_moving_a_stand_in_changes_is_its_variance(propeller):
-    found = stand_ins.doubt(repeat, parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL)
+def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(propeller):
+    found = assumption_uncertainty(repeat, parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL)
     assert found is not None
     wanted = np.zeros((5, 5))
-    wanted[0, 0] = (0.01 * stand_ins.PROBE_SIGMA_M) ** 2
-    wanted[2, 2] = (0.1 * stand_ins.UPWASH_SIGMA_RAD) ** 2
-    wanted[1, 1] = (0.02 * stand_ins.IMU_SIGMA_M) ** 2
+    wanted[0, 0] = (0.01 * PROBE_SIGMA_M) ** 2
+    wanted[2, 2] = (0.1 * UPWASH_SIGMA_RAD) ** 2
+    wanted[1, 1] = (0.02 * IMU_SIGMA_M) ** 2
     assert found.covariance == pytest.approx(wanted, abs=1e-15)
 
 
 def test_the_notes_say_what_stands_in_and_by_how_much_the_key_would_narrow_the_interval(propeller):
     mine = parse_aircraft(FOUR_KEYS + '[probe]\nupwash_per_CL = "1 deg"\n', "mine.toml")
-    found = stand_ins.doubt(repeat, mine, propeller, AT, FLOWN_CL)
+    found = assumption_uncertainty(repeat, mine, propeller, AT, FLOWN_CL)
     assert found is not None
     (probe,) = (note for note in found.notes if "probe.position" in note)
     V = np.array([speed_at(FLOWN_CL[1], AT)])
     widths = []
     for key in ("", '[probe]\nposition = ["0.3 m", "0 m", "0 m"]\nupwash_per_CL = "1 deg"\n'):
-        doubt = stand_ins.doubt(repeat, parse_aircraft(FOUR_KEYS + key, "") if key else mine, propeller, AT, FLOWN_CL)
-        widened = stand_ins.widened(estimate(np.array([*A, 0.0, 0.0])), doubt)
+        aircraft = parse_aircraft(FOUR_KEYS + key, "") if key else mine
+        added = assumption_uncertainty(repeat, aircraft, propeller, AT, FLOWN_CL)
+        widened = with_assumption_uncertainty(estimate(np.array([*A, 0.0, 0.0])), added)
         widths.append(power_required(V, widened.polar, AT)[1][0])
     assert f"{100 * (1 - widths[1] / widths[0]):.0f} % narrower" in probe
     assert not any("upwash" in note for note in found.notes)
@@ -80,8 +89,8 @@ def test_the_notes_say_what_stands_in_and_by_how_much_the_key_would_narrow_the_i
 
 def test_widening_adds_to_the_systematic_part_alone():
     before = estimate(np.array([*A, 0.0, 0.0]))
-    by = stand_ins.Doubt(np.diag([4e-6, 0.0, 0.0, 0.0, 0.0]), [])
-    after = stand_ins.widened(before, by)
+    by = AssumptionUncertainty(np.diag([4e-6, 0.0, 0.0, 0.0, 0.0]), [])
+    after = with_assumption_uncertainty(before, by)
     assert after.systematic - before.systematic == pytest.approx(by.covariance)
     assert after.polar.covariance[0, 0] == pytest.approx(5e-6)
     assert np.array_equal(after.noise, before.noise) and np.array_equal(after.polar.A, before.polar.A)
@@ -91,6 +100,6 @@ def test_widening_adds_to_the_systematic_part_alone():
 def test_unknown_upwash_is_a_slope_of_angle_of_attack(nexstar):
     """1 deg per CL, 4.5 of CL per rad for an aspect ratio of 6.6: 8 % of slope."""
     mine = parse_aircraft(FOUR_KEYS, "mine.toml")
-    assert stand_ins.alpha_scale_sigma(mine) == pytest.approx(np.radians(1) * 4.5, rel=0.05)
+    assert alpha_scale_sigma(mine) == pytest.approx(np.radians(1) * 4.5, rel=0.05)
     slender = replace(mine, geometry=replace(mine.geometry, span_m=3.5))
-    assert stand_ins.alpha_scale_sigma(slender) > stand_ins.alpha_scale_sigma(mine)
+    assert alpha_scale_sigma(slender) > alpha_scale_sigma(mine)

@@ -1,0 +1,174 @@
+"""Values assumed for keys that the aircraft file lacks, and their contribution to the interval of the polar.
+
+The analysis is repeated with each assumed value changed by one standard deviation. The change of the estimate is a
+systematic error common to all runs. Upwash acts as a slope and an offset of the angle of attack, which the trajectory
+reconstruction estimates: its standard deviation is added to the prior of that slope, and the change of the estimate is
+what remains of it.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.drag.dynamic import POLAR, DynamicEstimate
+from analysis.drag.polar import Condition, Polar, power_required, speed_at
+from analysis.estimation.aircraft_models import lift_slope
+from flight.aircraft import Aircraft
+from flight.propeller import FOLD, Propeller
+
+Array = NDArray[np.float64]
+# The estimate of a flight for another aircraft and propeller; last, a prior standard deviation of the slope of angle of
+# attack.
+RepeatEstimate = Callable[[Aircraft, Propeller, float], DynamicEstimate]
+
+# A horseshoe vortex of the wing gives 1 to 2 deg of upwash per unit of lift coefficient at 0.2 to 0.4 spans ahead of
+# the quarter chord; at the end of a boom from the wing tip, or far ahead, it is next to nothing.
+UPWASH_SIGMA_RAD = np.radians(1.0)
+PROBE_SIGMA_M, IMU_SIGMA_M = 0.2, 0.1
+LEAST_SHARE = 0.005  # of the interval: narrower by less is not worth a measurement
+
+
+class AssumedValue(NamedTuple):
+    """A value assumed for a missing key.
+
+    key : of the aircraft file     description : the value and its standard deviation, in words
+    perturb : from aircraft and propeller, the same with this value changed by one standard deviation
+    """
+
+    key: str
+    description: str
+    perturb: Callable[[Aircraft, Propeller], tuple[Aircraft, Propeller]]
+
+
+def _probe_ahead(aircraft: Aircraft, propeller: Propeller) -> tuple[Aircraft, Propeller]:
+    x, y, z = aircraft.probe.position_m
+    return replace(aircraft, probe=replace(aircraft.probe, position_m=(x + PROBE_SIGMA_M, y, z))), propeller
+
+
+def _more_upwash(aircraft: Aircraft, propeller: Propeller) -> tuple[Aircraft, Propeller]:
+    upwash = aircraft.probe.upwash_per_CL_rad + UPWASH_SIGMA_RAD
+    return replace(aircraft, probe=replace(aircraft.probe, upwash_per_CL_rad=upwash)), propeller
+
+
+def _imu_displaced(axis: int) -> Callable[[Aircraft, Propeller], tuple[Aircraft, Propeller]]:
+    def perturb(aircraft: Aircraft, propeller: Propeller) -> tuple[Aircraft, Propeller]:
+        x, y, z = (part + IMU_SIGMA_M * (i == axis) for i, part in enumerate(aircraft.imu_position_m))
+        return replace(aircraft, imu_position_m=(x, y, z)), propeller
+
+    return perturb
+
+
+UPWASH = "probe.upwash_per_CL"
+ASSUMED_VALUES = (
+    AssumedValue(UPWASH, "1 deg, ±1 deg", _more_upwash),
+    AssumedValue("probe.position", f"0.3 m ahead of the centre of gravity, ±{PROBE_SIGMA_M:g} m", _probe_ahead),
+    AssumedValue("imu_position", f"the centre of gravity, ±{IMU_SIGMA_M:g} m", _imu_displaced(0)),
+    AssumedValue("imu_position", f"the centre of gravity, ±{IMU_SIGMA_M:g} m", _imu_displaced(2)),
+)
+
+
+class AssumptionUncertainty(NamedTuple):
+    """Uncertainty by assumed values.
+
+    covariance : (5, 5) of the polar and of thrust, to be added to that of the estimate     notes : sentences
+    """
+
+    covariance: Array
+    notes: list[str]
+
+
+def alpha_scale_sigma(aircraft: Aircraft) -> float:
+    """Standard deviation of the slope of angle of attack by an upwash that is missing in the aircraft file.
+
+    Upwash per CL times the lift slope of the wing. 0 where the file gives it.
+    """
+    if aircraft.has(UPWASH):
+        return 0.0
+    return float(UPWASH_SIGMA_RAD * lift_slope(aircraft.aspect_ratio))
+
+
+def assumption_uncertainty(
+    repeat: RepeatEstimate,
+    aircraft: Aircraft,
+    propeller: Propeller,
+    condition: Condition,
+    flown_CL: tuple[float, float],
+) -> AssumptionUncertainty | None:
+    """The contribution of assumed values to the interval; None where the aircraft file has all of these keys.
+
+    condition, flown_CL : weight and density of the flight, and lift coefficients of the speeds flown.
+    """
+    missing = [assumed for assumed in ASSUMED_VALUES if not aircraft.has(assumed.key)]
+    upwash = alpha_scale_sigma(aircraft)
+    if not missing:
+        return None
+    estimate = repeat(aircraft, propeller, upwash)
+    own_covariance = estimate.noise + estimate.systematic
+    added = {key: np.zeros(own_covariance.shape) for key in dict.fromkeys(assumed.key for assumed in missing)}
+    for assumed in missing:
+        change = repeat(*assumed.perturb(aircraft, propeller), upwash).values - estimate.values
+        added[assumed.key] += np.outer(change, change)
+    covariance = np.sum([np.zeros(own_covariance.shape), *added.values()], axis=0)
+
+    V = np.array([speed_at(flown_CL[1], condition)])
+
+    def standard_error(A: Array, covariance: Array) -> float:
+        """Of power required at V."""
+        return float(power_required(V, Polar(A, covariance[: len(POLAR), : len(POLAR)]), condition)[1][0])
+
+    without_keys = standard_error(estimate.values[:3], own_covariance + covariance)
+    notes = []
+    for key, part in added.items():
+        known_covariance = own_covariance
+        if key == UPWASH:
+            known_upwash = repeat(aircraft, propeller, 0.0)
+            known_covariance = known_upwash.noise + known_upwash.systematic
+        description = next(assumed.description for assumed in missing if assumed.key == key)
+        with_key = standard_error(estimate.values[:3], known_covariance + covariance - part)
+        notes.append(_note(key, description, 1 - with_key / without_keys, V[0]))
+    if not aircraft.has("propulsion.beyond_zero_thrust") and propeller.beyond_zero_thrust != FOLD:
+        folding = repeat(aircraft, propeller.with_beyond_zero_thrust(FOLD), upwash).values[:3]
+        power, folded = (
+            float(power_required(V, Polar(A, own_covariance[:3, :3]), condition)[0][0])
+            for A in (estimate.values[:3], folding)
+        )
+        notes += _folding_note(folded / power - 1, V[0])
+    return AssumptionUncertainty(covariance, notes)
+
+
+def _folding_note(change: float, V: float) -> list[str]:
+    """The change by a folding propeller. It is no part of the interval: the pilot knows which propeller was flown."""
+    if abs(change) < LEAST_SHARE:
+        return []
+    return [
+        "The aircraft file lacks propulsion.beyond_zero_thrust: the propeller is taken to windmill. If it folds, power"
+        f" at {V:.1f} m/s changes by {100 * change:+.0f} %."
+    ]
+
+
+def _note(key: str, description: str, share: float, V: float) -> str:
+    benefit = (
+        f"with it the interval at {V:.1f} m/s would be {100 * share:.0f} % narrower"
+        if share > LEAST_SHARE
+        else "on this flight it makes no difference"
+    )
+    return f"The aircraft file lacks {key}: {description}, stands in; {benefit}."
+
+
+def with_assumption_uncertainty(estimate: DynamicEstimate, added: AssumptionUncertainty | None) -> DynamicEstimate:
+    """The estimate with the uncertainty by assumed values in its systematic part."""
+    if added is None:
+        return estimate
+    systematic = estimate.systematic + added.covariance
+    n = len(POLAR)
+    polar_covariance = estimate.polar.covariance + added.covariance[:n, :n]
+    errors = np.sqrt(np.diag(estimate.noise + systematic)).tolist()
+    parameters = [
+        (name, value, errors[i] if i < len(errors) else error, unit)
+        for i, (name, value, error, unit) in enumerate(estimate.parameters)
+    ]
+    polar = Polar(estimate.polar.A, polar_covariance)
+    return replace(estimate, polar=polar, parameters=parameters, systematic=systematic)
