@@ -28,7 +28,7 @@ class LogContents(NamedTuple):
 
 
 class Replacements(NamedTuple):
-    """What replaces the log's; None keeps that.  weight_N : of the aircraft     zero : by channel"""
+    """Used instead of the contents of the log where not None. weight_N : of the aircraft     zero : by channel"""
 
     aircraft: Aircraft | None = None
     propeller: Propeller | None = None
@@ -38,21 +38,21 @@ class Replacements(NamedTuple):
     weight_N: float | None = None
 
 
-def contents(log: Log, given: Replacements = Replacements()) -> LogContents:
-    """The contents of a log; what is given replaces what the log carries.
+def contents(log: Log, replacements: Replacements = Replacements()) -> LogContents:
+    """The contents of a log; `replacements` are used instead of its own.
 
     Raises InputError if an attachment is missing or malformed and no argument replaces it.
     """
-    aircraft = given.aircraft or aircraft_of(log)
-    propeller = given.propeller or propeller_of(log, aircraft)
-    if given.weight_N is not None:
-        aircraft = aircraft.weighing(given.weight_N)
+    aircraft = replacements.aircraft or aircraft_of(log)
+    propeller = replacements.propeller or propeller_of(log, aircraft)
+    if replacements.weight_N is not None:
+        aircraft = aircraft.weighing(replacements.weight_N)
     return LogContents(
         aircraft,
         propeller.with_beyond_zero_thrust(aircraft.propulsion.beyond_zero_thrust),
-        given.probe or probe_of(log),
-        given.magnetometer or magnetometer_of(log),
-        given.zero or zero_of_attachment(log.attachments.get("zero.json"), f"{log.path}: zero.json"),
+        replacements.probe or probe_of(log),
+        replacements.magnetometer or magnetometer_of(log),
+        replacements.zero or zero_of_attachment(log.attachments.get("zero.json"), f"{log.path}: zero.json"),
         damage(log),
     )
 
@@ -105,10 +105,10 @@ def magnetometer_of(log: Log) -> MagnetometerCalibration | None:
 
 def damage(log: Log) -> list[str]:
     """Parts of the log that are torn or cannot be decoded, in sentences."""
-    said = [f"The log is torn ({log.torn}); the part before is used."] if log.torn else []
+    notes = [f"The log is torn ({log.torn}); the part before is used."] if log.torn else []
     if log.undecodable:
-        said.append(f"{log.undecodable} messages could not be decoded and are left out.")
-    return said
+        notes.append(f"{log.undecodable} messages could not be decoded and are left out.")
+    return notes
 
 
 def _attachment(log: Log, name: str, remedy: str) -> bytes:

@@ -22,7 +22,7 @@ from analysis.performance.request import Request
 from analysis.results.assemble import assemble
 from analysis.results.performance import performance_result
 from analysis.results.schema import Results
-from analysis.results.trajectory import path_result
+from analysis.results.trajectory import trajectory_result
 from analysis.trajectory.consistency import Consistency, consistency
 from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
@@ -114,7 +114,7 @@ def analyze(
         condition=condition,
         maneuvers=maneuvers,
         drag=drag,
-        path=path_result(trajectory, agreement, sensor_errors),
+        trajectory=trajectory_result(trajectory, agreement, sensor_errors),
         performance=performance_result(performance) if performance else None,
         warnings=contents.notes
         + data.notes

@@ -66,7 +66,7 @@ def write_attachments(
         "part": str(part),
         "previous_log": previous_log,
     }
-    log.describe("flightpower", facts)
+    log.add_metadata("flightpower", facts)
 
 
 def version() -> str:

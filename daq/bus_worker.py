@@ -1,10 +1,10 @@
 """Reads the sensors of one bus, or of the serial ports, one after the other, without holding up the other buses.
 
 A transfer on a hanging bus takes as long as its timeout, which is longer than a tick at 100 Hz, and a faulty bus driver
-in the kernel may take longer than its timeout. A non-blocking read of a serial line has been seen to take 300 ms on a
-busy machine. So buses and ports are read by threads of their own, which mostly wait for I/O. Readings that have not
-arrived by the deadline are passed on in a later tick, with the number of their own. Nothing new is started on that bus
-until the pending read has returned; a tick that is passed over is a timeout of all sensors of the bus.
+in the kernel may take longer than its timeout. A non-blocking read of a serial line can take 300 ms on a busy machine.
+Therefore buses and ports are read in separate threads, which mostly wait for I/O. Readings that have not arrived by the
+deadline are returned in a later tick, with the number of the tick in which their read began. No new read of that bus
+begins until the pending one has returned; in each tick skipped for this reason all sensors of the bus time out.
 """
 
 import threading
@@ -82,41 +82,43 @@ class BusWorker:
 
 
 class ThreadedBusWorker(BusWorker):
-    """Reads in a thread of its own, for a real clock: `collect` keeps its deadline even if the bus hangs.
+    """Reads in a separate thread, for a real clock: `collect` keeps its deadline even if the bus hangs.
 
-    blocking: whether a read waits for the sensors' answers, as on a bus. Then a tick at whose start the bus still
-    answers to an earlier one is passed over: a timeout. Where it is False (serial ports), a read returns only what has
-    arrived.
+    blocking: whether a read waits for the sensors to reply, as on a bus. A tick that begins while an earlier read is
+    pending is then skipped, and logged as a timeout. If False (serial ports), a read returns only what has arrived.
     """
 
     def __init__(self, supervisors: Sequence[SensorSupervisor], clock: Clock, period_ns: int, *, blocking: bool):
         super().__init__(supervisors, clock, period_ns)
         self._blocking = blocking
-        self._go, self._done = threading.Lock(), threading.Lock()  # used as signals: acquire waits, release signals
-        self._go.acquire()
-        self._done.acquire()
+        self._start_signal, self._done_signal = (
+            threading.Lock(),
+            threading.Lock(),
+        )  # acquire waits for the signal, release sends it
+        self._start_signal.acquire()
+        self._done_signal.acquire()
         self._busy = False  # a read that missed its deadline has not returned yet
         self._started_ns = 0
         self._tick = self._started_tick = 0  # the current one, and that of the latest read
         self._result = NO_READINGS
-        self._late = NO_READINGS
-        self._passed_over: list[Sample] = []  # logged after the late readings of the tick before
+        self._late_readings = NO_READINGS
+        self._skipped_samples: list[Sample] = []  # logged after the late readings of the earlier tick
         self._hang_reported = False
         self._thread = threading.Thread(target=self._work, name=f"bus worker {self.name}", daemon=True)
         self._thread.start()
 
     def start_reading(self, tick: int) -> None:
         self._tick = tick
-        if self._busy and self._done.acquire(blocking=False):
-            self._take_late()
+        if self._busy and self._done_signal.acquire(blocking=False):
+            self._take_late_readings()
         if not self._busy:
             self._started_ns, self._started_tick = self._clock.now_ns(), tick
-            self._go.release()
+            self._start_signal.release()
 
     def collect(self, deadline_ns: int) -> BusReadings:
         wait_s = max(0.0, (deadline_ns - self._clock.now_ns()) / 1e9)
-        late, self._late = self._late, NO_READINGS
-        if not self._busy and self._done.acquire(timeout=wait_s):
+        late, self._late_readings = self._late_readings, NO_READINGS
+        if not self._busy and self._done_signal.acquire(timeout=wait_s):
             result = self._measured(self._result)
             return BusReadings(late.samples + result.samples, late.events + result.events, result.durations_ns)
         self._busy = True
@@ -129,13 +131,13 @@ class ThreadedBusWorker(BusWorker):
             events = [*events, Event(severity="error", sensor="daq", text=text)]
         if (self._blocking or hangs) and self._started_tick != self._tick:
             skipped = [sample for supervisor in self._supervisors for sample in supervisor.skip(now_ns)]
-            self._passed_over += [sample._replace(tick=self._tick) for sample in skipped]
+            self._skipped_samples += [sample._replace(tick=self._tick) for sample in skipped]
         if hangs:
-            samples = samples + self._passed_over
-            self._passed_over = []
+            samples = samples + self._skipped_samples
+            self._skipped_samples = []
         return BusReadings(samples, events, {})
 
-    def _take_late(self) -> None:
+    def _take_late_readings(self) -> None:
         """Take over a read that returned after its deadline."""
         self._busy = False
         result = self._measured(self._result)
@@ -143,18 +145,18 @@ class ThreadedBusWorker(BusWorker):
         if self._hang_reported:
             self._hang_reported = False
             events = [*events, Event(sensor="daq", text=f"{self.name} answers again")]
-        samples = [sample._replace(tick=self._started_tick) for sample in result.samples] + self._passed_over
-        self._passed_over = []
-        self._late = BusReadings(samples, events, {})
+        samples = [sample._replace(tick=self._started_tick) for sample in result.samples] + self._skipped_samples
+        self._skipped_samples = []
+        self._late_readings = BusReadings(samples, events, {})
 
     def _measured(self, readings: BusReadings) -> BusReadings:
         return self._with_load(readings) if self._blocking else readings
 
     def _work(self) -> None:
         while True:
-            self._go.acquire()
+            self._start_signal.acquire()
             self._result = self._read()
-            self._done.release()
+            self._done_signal.release()
 
 
 def bus_workers(

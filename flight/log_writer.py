@@ -87,7 +87,7 @@ class LogWriter:
         self.flush()
         self._record(Opcode.ATTACHMENT, Attachment(time_ns, time_ns, name, media_type, data))
 
-    def describe(self, name: str, values: dict[str, str]) -> None:
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Add a metadata record of names and values."""
         self.flush()
         self._record(Opcode.METADATA, Metadata(name, values))
@@ -155,11 +155,11 @@ class LogWriter:
                     id=self._schemas[kind], name=kind.__name__, encoding="jsonschema", data=schema_text(kind)
                 )
                 self._record(Opcode.SCHEMA, schema)
-            self.announce(topic, self._schemas[kind])
+            self.add_channel(topic, self._schemas[kind])
         return self._channels[topic]
 
-    def announce(self, topic: str, schema: int) -> int:
-        """Add a channel of JSON messages; its number. schema: the number of its schema, 0 for none."""
+    def add_channel(self, topic: str, schema: int) -> int:
+        """Add a channel of JSON messages, and return its number. schema: the number of its schema, 0 for none."""
         number = self._channels[topic] = len(self._channels) + 1
         self._record(
             Opcode.CHANNEL, Channel(id=number, topic=topic, message_encoding="json", metadata={}, schema_id=schema)

@@ -1,8 +1,9 @@
-"""Equations of motion of a rigid aircraft over a flat, still earth (3.6-3.23, in the corrected form).
+"""Equations of motion of a rigid aircraft over a flat, non-rotating earth (3.6-3.23).
 
-Simulator, trim and estimator use this one definition; the functions accept floats, arrays and CasADi symbols. Body
-axes: x forward, y right, z down, origin at the centre of gravity. One symbol is one quantity: qS is dynamic pressure
-times reference area, a force [N]; T is thrust [N]; V airspeed [m/s]; g standard gravity [m/s^2].
+Simulator, trim and estimators all use these functions, which accept floats, arrays and CasADi symbols. Misprints of
+the source are corrected, such as signs in (3.10) and (3.11). Body axes: x forward, y right, z down, origin at the
+centre of gravity. qS is dynamic pressure times reference area, a force [N]; T thrust [N]; V airspeed [m/s]; g standard
+gravity [m/s^2]. In function bodies c and s are cosine and sine; a, b, f, t, p stand for alpha, beta, phi, theta, psi.
 """
 
 from typing import Any, NamedTuple

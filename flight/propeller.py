@@ -21,8 +21,8 @@ BEYOND_ZERO_THRUST = (WINDMILL, FOLD)
 # wetted on both sides, with the friction coefficient of a turbulent plate (0.011; Hoerner, Fluid-Dynamic Drag, ch. 2).
 # Blades of a stopped propeller are flat plates across the flow (drag coefficient 1.2; Hoerner ch. 3) with half of that
 # area as frontal area: the pitch angle of a model propeller is some 30 deg.
-FOLDED_DRAG = 2 * 2 * 0.07 * 0.5 * 0.011
-STANDING_DRAG = 2 * 0.07 * 0.5 * 0.5 * 1.2
+FOLDED_DRAG_AREA = 2 * 2 * 0.07 * 0.5 * 0.011
+STANDING_DRAG_AREA = 2 * 0.07 * 0.5 * 0.5 * 1.2
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class PropellerModel:
         """(cT, cP) at advance ratio J [-] and speed of rotation `rpm` [1/min], elementwise; folded blades included."""
         cT, cP = self.table(J, rpm)
         if self.beyond_zero_thrust == FOLD:
-            # A drag D = q f is cT = -J^2 f / (2 D^2).
-            return np.maximum(cT, -FOLDED_DRAG / 2 * J**2), np.maximum(cP, 0)
+            # The drag of area f at dynamic pressure rho V^2/2 is cT = -J^2/2 f/diameter^2.
+            return np.maximum(cT, -FOLDED_DRAG_AREA / 2 * J**2), np.maximum(cP, 0)
         return cT, cP
 
     def thrust_and_power(self, V: Number, n: Number, rho: Number) -> tuple[Number, Number]:
@@ -68,8 +68,8 @@ class PropellerModel:
 
     def standing_thrust(self, V: Number, rho: Number) -> Number:
         """Thrust [N] of the stopped propeller: minus the drag of its blades, elementwise. V [m/s], rho [kg/m^3]."""
-        share = FOLDED_DRAG if self.beyond_zero_thrust == FOLD else STANDING_DRAG
-        return -rho * V**2 / 2 * share * self.diameter_m**2
+        drag_area_ratio = FOLDED_DRAG_AREA if self.beyond_zero_thrust == FOLD else STANDING_DRAG_AREA
+        return -rho * V**2 / 2 * drag_area_ratio * self.diameter_m**2
 
 
 class Propeller(PropellerModel):
@@ -108,13 +108,13 @@ class Propeller(PropellerModel):
         self._slope_changes = [(_slope_changes(row.J, row.cT), _slope_changes(row.J, row.cP)) for row in self.rows]
 
     def table(self, J: Number, rpm: Number) -> tuple[Number, Number]:
-        hinges = {knot: np.maximum(J - knot, 0) for knot in self._knots}  # shared by all rows
+        ramps = {knot: np.maximum(J - knot, 0) for knot in self._knots}  # the same for all rows
         cT, cP = 0.0, 0.0
         for weight, row, (cT_changes, cP_changes) in zip(
             _interpolation_weights(rpm, self._rpm), self.rows, self._slope_changes, strict=True
         ):
-            cT = cT + weight * _piecewise_linear(hinges, row.cT[0], cT_changes)
-            cP = cP + weight * _piecewise_linear(hinges, row.cP[0], cP_changes)
+            cT = cT + weight * _piecewise_linear(ramps, row.cT[0], cT_changes)
+            cP = cP + weight * _piecewise_linear(ramps, row.cP[0], cP_changes)
         return cT, cP
 
     def with_beyond_zero_thrust(self, behaviour: str) -> "Propeller":
@@ -128,7 +128,7 @@ class Propeller(PropellerModel):
         return (J_min <= J) & (J <= J_max) & (self._rpm[0] <= rpm) & (rpm <= self._rpm[-1])
 
     def to_csv(self) -> str:
-        """The table in our own format; `parse_csv` gives back the same propeller."""
+        """The table as CSV, which `parse_csv` reads back without loss."""
         out = io.StringIO()
         for line in self.source.splitlines():
             out.write(f"# {line}\n")
@@ -143,7 +143,7 @@ class Propeller(PropellerModel):
 class TableCell(PropellerModel):
     """One cell of a propeller's table, where cT and cP are bilinear: (a + b J) + (c + d J) rpm; extrapolated outside.
 
-    It takes a few products instead of the whole table, where the cell of J and rpm is known (see `TableCells`).
+    Cheaper to evaluate than the whole table where the cell of J and rpm is known (see `TableCells`).
     """
 
     diameter_m: Any
@@ -209,9 +209,9 @@ def _slope_changes(knots: tuple[float, ...], values: tuple[float, ...]) -> dict[
     return dict(zip(knots[:-1], np.diff(slopes, prepend=0.0).tolist(), strict=True))
 
 
-def _piecewise_linear(hinges: Number, first: Number, slope_changes: dict[float, float]) -> Number:
-    """Interpolation as a sum of hinges max(x - knot, 0): constant below the first knot, linear beyond the last."""
+def _piecewise_linear(ramps: Number, first: Number, slope_changes: dict[float, float]) -> Number:
+    """Interpolation as a sum of ramps max(x - knot, 0): constant below the first knot, linear beyond the last."""
     result = first
     for knot, change in slope_changes.items():
-        result = result + change * hinges[knot]
+        result = result + change * ramps[knot]
     return result

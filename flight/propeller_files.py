@@ -143,18 +143,22 @@ def parse_uiuc(texts: dict[float, str], name: str, diameter_m: float, static: st
     measured without wind; rows within its range of speeds get their point at J = 0 from it.
     """
     tests = sorted((rpm, _columns(text, ("J", "CT", "CP"), name)) for rpm, text in texts.items())
-    still = _columns(static, ("RPM", "CT", "CP"), name) if static else []
+    static_points = _columns(static, ("RPM", "CT", "CP"), name) if static else []
     points: dict[float, list[tuple[float, float, float]]] = {}
     while tests:
         rpm = tests[0][0]
         same = [test for test in tests if test[0] <= rpm * (1 + SAME_RPM)]
         tests = tests[len(same) :]
-        at = float(np.mean([speed for speed, _ in same]))
+        rpm_mean = float(np.mean([speed for speed, _ in same]))
         row = [point for _, table in same for point in table]
-        if still and still[0][0] <= at * (1 + SAME_RPM) and at <= still[-1][0] * (1 + SAME_RPM):
-            speeds, cT, cP = zip(*still, strict=True)
-            row.append((0.0, float(np.interp(at, speeds, cT)), float(np.interp(at, speeds, cP))))
-        points[at] = row
+        if (
+            static_points
+            and static_points[0][0] <= rpm_mean * (1 + SAME_RPM)
+            and rpm_mean <= static_points[-1][0] * (1 + SAME_RPM)
+        ):
+            speeds, cT, cP = zip(*static_points, strict=True)
+            row.append((0.0, float(np.interp(rpm_mean, speeds, cT)), float(np.interp(rpm_mean, speeds, cP))))
+        points[rpm_mean] = row
     return Propeller(name, diameter_m, _rows(points), "UIUC Propeller Database, wind-tunnel measurement")
 
 
@@ -175,10 +179,10 @@ def _rows(points: dict[float, list[tuple[float, float, float]]]) -> tuple[Row, .
     """Rows in ascending J; repeated measurements at one J are averaged."""
     rows = []
     for rpm, table in points.items():
-        at: dict[float, list[tuple[float, float]]] = {}
+        coefficients_at_J: dict[float, list[tuple[float, float]]] = {}
         for J, *coefficients in table:
-            at.setdefault(J, []).append((coefficients[0], coefficients[1]))
-        means = np.array([(J, *np.mean(at[J], axis=0)) for J in sorted(at)])
+            coefficients_at_J.setdefault(J, []).append((coefficients[0], coefficients[1]))
+        means = np.array([(J, *np.mean(coefficients_at_J[J], axis=0)) for J in sorted(coefficients_at_J)])
         rows.append(Row(rpm, *(tuple(column) for column in means.T.tolist())))
     return tuple(rows)
 

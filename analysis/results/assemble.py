@@ -8,7 +8,7 @@ import pandas as pd
 from analysis.drag.estimate import DragEstimates
 from analysis.drag.polar import Condition, best_range_lift, minimum_power_lift
 from analysis.maneuvers.kinds import Maneuvers
-from analysis.results import curves, methods
+from analysis.results import methods, power_curves
 from analysis.results.schema import (
     AircraftResult,
     ConditionResult,
@@ -33,7 +33,7 @@ def assemble(
     condition: Condition,
     maneuvers: Maneuvers,
     drag: DragEstimates,
-    path: PathResult,
+    trajectory: PathResult,
     performance: PerformanceResult | None,
     warnings: list[str],
 ) -> Results:
@@ -43,7 +43,7 @@ def assemble(
     """
     polar, flown_CL = drag.main.polar, drag.flown_CL
     standard = Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
-    power_required = curves.points(polar, condition, flown_CL, (flown, condition))
+    power_required = power_curves.power_curve(polar, condition, flown_CL, (flown, condition))
     check = drag.cross_check
     return Results(
         software_version=version("flightpower"),
@@ -65,24 +65,24 @@ def assemble(
             ParameterResult(name=name, value=value, standard_error=error, unit=unit)
             for name, value, error, unit in drag.main.parameters
         ],
-        drag_polar=curves.drag_polar(polar, aircraft),
+        drag_polar=power_curves.drag_polar(polar, aircraft),
         power_required=power_required,
-        power_required_standard=curves.points(polar, standard, flown_CL, (flown, condition)),
-        cross_check=curves.points(check.polar, condition, flown_CL, (flown, condition))
+        power_required_standard=power_curves.power_curve(polar, standard, flown_CL, (flown, condition)),
+        cross_check=power_curves.power_curve(check.polar, condition, flown_CL, (flown, condition))
         if check and check.converged
         else [],
         cross_check_by=check.by if check else "output error",
-        minimum_power_speed=curves.optimum(minimum_power_lift, polar, condition, flown_CL),
-        best_range_speed=curves.optimum(best_range_lift, polar, condition, flown_CL),
+        minimum_power_speed=power_curves.optimum(minimum_power_lift, polar, condition, flown_CL),
+        best_range_speed=power_curves.optimum(best_range_lift, polar, condition, flown_CL),
         verdict=drag.main.verdict,
         warnings=warnings,
-        methods=[methods.method_result(answer, condition) for answer in drag.methods],
-        one_by_one=[methods.method_result(answer, condition) for answer in drag.one_by_one],
+        methods=[methods.method_result(estimate, condition) for estimate in drag.methods],
+        one_by_one=[methods.method_result(estimate, condition) for estimate in drag.one_by_one],
         disagreements=[methods.disagreement_result(one) for one in drag.disagreements],
-        interval_parts=curves.interval_parts(
+        interval_parts=power_curves.interval_parts(
             drag.main, condition, np.array([point.speed_mps for point in power_required])
         ),
-        path=path,
+        path=trajectory,
         use=performance,
     )
 

@@ -4,22 +4,22 @@ from analysis.drag.comparison import MethodDisagreement
 from analysis.drag.method import MethodEstimate, SteadyPoint
 from analysis.drag.polar import Condition, speed_at
 from analysis.estimation.intervals import NORMAL_95
-from analysis.results.curves import points
+from analysis.results.power_curves import power_curve
 from analysis.results.schema import DisagreementResult, MethodPoint, MethodResult
 
 
-def method_result(answer: MethodEstimate, condition: Condition) -> MethodResult:
+def method_result(estimate: MethodEstimate, condition: Condition) -> MethodResult:
     """A method's curve over the lift coefficients of its data, and its points, at one weight and density."""
-    polar = answer.polar
+    polar = estimate.polar
     return MethodResult(
-        name=answer.method.name,
-        title=answer.method.title,
-        equations=answer.method.equations,
-        taken_as_measured=list(answer.method.taken_as_measured),
+        name=estimate.method.name,
+        title=estimate.method.title,
+        equations=estimate.method.equations,
+        taken_as_measured=list(estimate.method.taken_as_measured),
         drag_polar=[] if polar is None else polar.A.tolist(),
-        power_required=[] if polar is None else points(polar, condition, answer.flown_CL),
-        points=[_point(point, condition) for point in answer.points],
-        notes=list(answer.notes),
+        power_required=[] if polar is None else power_curve(polar, condition, estimate.flown_CL),
+        points=[_point(point, condition) for point in estimate.points],
+        notes=list(estimate.notes),
     )
 
 

@@ -13,18 +13,18 @@ _CHECKS = (
 )
 
 
-def path_result(trajectory: Trajectory, agreement: Consistency, errors: list[SensorErrorEstimate]) -> PathResult:
+def trajectory_result(trajectory: Trajectory, agreement: Consistency, errors: list[SensorErrorEstimate]) -> PathResult:
     """Quality of the trajectory, agreement of channels and sensor errors."""
     checks = []
     for column, title, factor, unit in _CHECKS:
         both = [difference_statistics(factor * differences[column]) for differences in agreement]
-        said = [
+        measured_checks = [
             Check(title=title, unit=unit, mean=s.mean, mean_standard_error=s.standard_error, sigma=s.sigma)
             for s in both
             if s is not None
         ]
-        if len(said) == len(both):
-            checks.append(ConsistencyCheck(before=said[0], after=said[1]))
+        if len(measured_checks) == len(both):
+            checks.append(ConsistencyCheck(before=measured_checks[0], after=measured_checks[1]))
     return PathResult(
         converged=trajectory.converged,
         gust_mps=trajectory.gust_mps,

@@ -38,7 +38,7 @@ def rewritten(
         if name != without_attachment:
             writer.attach(name, data, "text/plain", 0)
     for name, values in log.metadata.items():
-        writer.describe(name, values)
+        writer.add_metadata(name, values)
     for topic, entries in log.entries.items():
         for entry in entries if topic != without_topic else ():
             writer.write(topic, entry.message, time_ns=entry.time_ns, tick=entry.tick)

@@ -48,7 +48,7 @@ class RecordingSession:
         self.events: list = []
 
         def begin(recorder, number, now_ns, previous):
-            recorder.log.describe("part", {"number": str(number), "before": previous.name if previous else ""})
+            recorder.log.add_metadata("part", {"number": str(number), "before": previous.name if previous else ""})
             recorder.log.declare("/imu")
 
         self.files = LogFiles(

@@ -163,7 +163,7 @@ def test_the_index_of_an_hour_is_handed_over_without_being_copied(tmp_path):
     """9,000 chunks of 15 topics make 2 MB, whose copying cost a tick when a file was changed."""
     stream = Stream()
     log = LogWriter(stream)
-    channels = [log.announce(f"/{i}", 0) for i in range(15)]
+    channels = [log.add_channel(f"/{i}", 0) for i in range(15)]
     for chunk in range(9000):
         for channel in channels:
             log.write_encoded(channel, b"{}", time_ns=chunk, tick=chunk)

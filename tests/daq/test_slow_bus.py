@@ -52,8 +52,8 @@ class Bench:
     def answer(self):
         """The pending read returns, and its thread has signalled that before this returns."""
         self.part.permit.release()
-        self.worker._done.acquire(timeout=GIVE_UP_S)
-        self.worker._done.release()
+        self.worker._done_signal.acquire(timeout=GIVE_UP_S)
+        self.worker._done_signal.release()
 
 
 def test_a_reading_that_arrives_before_the_next_tick_is_logged_with_its_own_time_and_tick():

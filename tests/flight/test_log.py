@@ -40,7 +40,7 @@ def filled(kind: type[Message], number: int) -> Message:
 def write(stream, ticks: int, *, finish: bool = True, chunk_bytes: int = 2000) -> dict[str, list[Message]]:
     log = LogWriter(stream, chunk_bytes=chunk_bytes)
     log.attach("tray.toml", b"rate_Hz = 25\n", "text/plain", 5)
-    log.describe("software", {"version": "1.2.3"})
+    log.add_metadata("software", {"version": "1.2.3"})
     written: dict[str, list[Message]] = {topic: [] for topic in TYPE_OF_TOPIC}
     for tick in range(ticks):
         for topic, kind in TYPE_OF_TOPIC.items():
@@ -118,7 +118,7 @@ def test_a_topic_we_do_not_know_and_a_message_we_cannot_read_are_passed_over(tmp
         log = LogWriter(stream)
         log.write("/imu", Imu(samples=8), time_ns=1, tick=0)
         imu = log._channels["/imu"]
-        other = log.announce("/other", schema=0)
+        other = log.add_channel("/other", schema=0)
         log.write_encoded(other, b"{}", time_ns=2, tick=0)
         log.write_encoded(imu, b'{"samples": "eight"}', time_ns=3, tick=0)
         log.write("/daq/tick", Tick(late_ns=7), time_ns=4, tick=1)

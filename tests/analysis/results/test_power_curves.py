@@ -10,7 +10,7 @@ import pytest
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.method import SteadyPoint
 from analysis.drag.polar import Condition, Polar, best_range_lift, minimum_power_lift
-from analysis.results import curves
+from analysis.results import power_curves
 from analysis.results.methods import _point
 from analysis.results.schema import ConditionResult, PowerPoint, to_csv
 
@@ -21,7 +21,7 @@ POLAR = Polar(np.array([CD0, 0.0, K]), np.diag([0.001**2, 0.0, 0.0]))
 
 def test_the_curve_is_drag_times_speed_with_a_95_percent_interval() -> None:
     """An A0 known to 0.001 is power known to rho V^3 S / 2 times that."""
-    found = curves.points(POLAR, AT, (0.3, 0.9))
+    found = power_curves.power_curve(POLAR, AT, (0.3, 0.9))
     assert found[0].speed_mps < found[-1].speed_mps
     for point in found:
         qS_N = AT.rho * point.speed_mps**2 / 2 * AT.wing_area_m2
@@ -45,8 +45,8 @@ def test_a_point_of_a_method_keeps_its_coefficients_at_another_weight_and_densit
 
 def test_optimum_speeds_are_those_of_the_textbook_and_marked_outside_the_flown_range() -> None:
     """CDi = 3 CD0 at least power (1.6), CDi = CD0 at least drag (1.10)."""
-    slow = curves.optimum(minimum_power_lift, POLAR, AT, (0.3, 1.6))
-    far = curves.optimum(best_range_lift, POLAR, AT, (0.3, 0.7))
+    slow = power_curves.optimum(minimum_power_lift, POLAR, AT, (0.3, 1.6))
+    far = power_curves.optimum(best_range_lift, POLAR, AT, (0.3, 0.7))
     for found, CL, inside in ((slow, np.sqrt(3 * CD0 / K), True), (far, np.sqrt(CD0 / K), False)):
         V = np.sqrt(2 * AT.weight_N / (AT.rho * CL * AT.wing_area_m2))
         assert found.speed_mps == pytest.approx(V)
@@ -56,7 +56,9 @@ def test_optimum_speeds_are_those_of_the_textbook_and_marked_outside_the_flown_r
 
 def test_a_polar_without_an_optimum_has_none() -> None:
     assert (
-        curves.optimum(best_range_lift, Polar(np.array([-0.01, 0, K]), POLAR.covariance), AT, (0.3, 0.9)).speed_mps
+        power_curves.optimum(
+            best_range_lift, Polar(np.array([-0.01, 0, K]), POLAR.covariance), AT, (0.3, 0.9)
+        ).speed_mps
         is None
     )
 
@@ -95,13 +97,13 @@ def test_the_two_parts_of_an_interval_are_those_of_their_covariances() -> None:
         polar=POLAR, parameters=[], verdict="", warnings=[], fits=[], values=np.zeros(5), noise=noise,
         systematic=systematic,
     )  # fmt: skip
-    (part,) = curves.interval_parts(estimate, AT, np.array([15.0]))
+    (part,) = power_curves.interval_parts(estimate, AT, np.array([15.0]))
     unit_W = AT.rho * 15.0**3 / 2 * AT.wing_area_m2
     assert (part.noise_W, part.systematic_W) == pytest.approx((1.96 * 0.001 * unit_W, 1.96 * 0.002 * unit_W), rel=1e-4)
 
 
 def test_the_drag_polar_in_both_forms_is_the_same(nexstar) -> None:
-    found = curves.drag_polar(Polar(np.array([0.05, -0.02, 0.06]), np.zeros((3, 3))), nexstar)
+    found = power_curves.drag_polar(Polar(np.array([0.05, -0.02, 0.06]), np.zeros((3, 3))), nexstar)
     CL = np.array([0.2, 0.6, 1.0])
     assert found.A0 + found.A1 * CL + found.A2 * CL**2 == pytest.approx(found.CD0 + found.K * (CL - found.CL_minD) ** 2)
     assert found.oswald_efficiency == pytest.approx(1 / (np.pi * 0.06 * nexstar.aspect_ratio))

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from test_reconstruction import flown as fly
 
-from analysis.results.trajectory import path_result
+from analysis.results.trajectory import trajectory_result
 from analysis.trajectory import observability
 from analysis.trajectory.block_means import block_mean
 from analysis.trajectory.consistency import ANGLES, SPEED, consistency, difference_statistics
@@ -111,7 +111,7 @@ def test_without_gps_the_latency_is_not_determined_and_the_reason_is_given(witho
     latency = next(error for error in sensor_error_estimates(trajectory) if error.name == "gps_latency")
     assert not latency.determined
     assert latency.missing == ("no GPS",)
-    said = path_result(trajectory, consistency(trajectory), sensor_error_estimates(trajectory))
+    said = trajectory_result(trajectory, consistency(trajectory), sensor_error_estimates(trajectory))
     assert [check.before.unit for check in said.checks] == ["deg"], "nothing to compare airspeed with"
 
 

@@ -27,13 +27,13 @@ Array = NDArray[np.float64]
 CURVE_POINTS = 61
 
 
-def points(
+def power_curve(
     polar: Polar,
     condition: Condition,
     flown_CL: tuple[float, float],
     flown: tuple[pd.DataFrame, Condition] | None = None,
 ) -> list[PowerPoint]:
-    """A curve over a range of lift coefficients.
+    """Power required over a range of lift coefficients.
 
     flown: rows of the runs and their condition; marks points that depend on the propeller table's linear extrapolation.
     """
@@ -42,8 +42,8 @@ def points(
     half = NORMAL_95 * error
     known = np.ones(len(V), dtype=bool)
     if flown:
-        rows, there = flown
-        known = thrust_known(rows, speed_at(lift_coefficient(V, condition), there))
+        rows, flown_condition = flown
+        known = thrust_known(rows, speed_at(lift_coefficient(V, condition), flown_condition))
     return [
         PowerPoint(
             speed_mps=float(v),
