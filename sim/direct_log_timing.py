@@ -61,8 +61,8 @@ class ReadTimes:
         done = np.maximum(self.tick_ns - IMU_SINCE_NS, 0) / self.imu_period_ns
         self.imu_done: Ints = done.astype(np.int64)  # samples so far
         taken = np.diff(self.imu_done, prepend=0)
-        # Status, count and identity registers; the samples; each transfer with addresses and register.
-        self.mag = self.tick_ns + (13 + 3 + 14 * taken) * I2C_BYTE_NS
+        # Status, count and identity registers; the samples; the count again; each with addresses and register.
+        self.mag = self.tick_ns + (13 + 3 + 14 * taken + 5) * I2C_BYTE_NS
         self.baro = self.mag + 12 * I2C_BYTE_NS
         self.static = self.baro + 8 * I2C_BYTE_NS
         self.alpha = self.static + 8 * I2C_BYTE_NS

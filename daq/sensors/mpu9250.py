@@ -132,8 +132,13 @@ class MPU9250Driver:
             return Imu(status=Status.STALE)
         size = waiting - waiting % SAMPLE.size
         self._partial_sample = True
-        counts = mean(self._bus.write_read(self._address, bytes([FIFO_R_W]), size))
+        data = self._bus.write_read(self._address, bytes([FIFO_R_W]), size)
+        left = int.from_bytes(self._bus.write_read(self._address, bytes([FIFO_COUNTH]), 2), "big") & 0x1FFF
+        if left >= FIFO_BYTES - size:  # it may have been full before the burst, which then began within a sample
+            self._restart_fifo()
+            return Imu(status=Status.CORRUPT)
         self._partial_sample = False
+        counts = mean(data)
         return self._message(counts, FIFO_FILTER_DELAY_S + counts.samples / 2 / SAMPLE_RATE_HZ)
 
     def _message(self, counts: Counts, group_delay_s: float) -> Imu:

@@ -166,3 +166,28 @@ def test_a_chip_mounted_turned_round_gives_body_axes():
 def test_axes_that_no_mounting_can_have_are_refused(names):
     with pytest.raises(ValueError, match="axes"):
         parse_axes(names)
+
+
+@pytest.mark.parametrize("later", [20, 40])
+def test_samples_that_fill_the_fifo_before_the_burst_give_no_wrong_value(later):
+    """A full FIFO of 512 bytes overwrites its oldest ones, and 512 is no multiple of 14: the burst begins within a
+    sample. A reader that is only late, without an overflow, loses nothing."""
+    chip, sensor = started()
+    chip.put(*[ONE_G_DOWN] * 8)
+    whole_read = chip.write_read
+
+    def late_read(address: int, data: bytes, count: int) -> bytes:
+        if data[0] == 0x74:
+            chip.put(*[ONE_G_DOWN] * later)
+            chip.fifo = chip.fifo[-512:]
+        return whole_read(address, data, count)
+
+    chip.write_read = late_read  # type: ignore[method-assign]
+    message = read(sensor)
+    chip.write_read = whole_read  # type: ignore[method-assign]
+    if later == 40:
+        assert message.status is Status.CORRUPT
+        chip.put(*[ONE_G_DOWN] * 8)
+        message = read(sensor)
+    assert message.status is Status.OK
+    assert message.specific_force_z_mps2 == pytest.approx(-9.80665)
