@@ -172,7 +172,7 @@ def _significant(cause: str, errors: Mapping[str, ErrorEstimate]) -> bool:
 def _allowed_covariance(first: ComparedMethod, second: ComparedMethod) -> Array:
     """Covariance (3, 3) of the difference of two methods without a fault: noise, and INSTALLATION_TOLERANCE."""
     C = first.covariance + second.covariance
-    for name in set(first.sensitivities) | set(second.sensitivities):
+    for name in sorted(set(first.sensitivities) | set(second.sensitivities)):
         sensitivity = second.sensitivities.get(name, np.zeros(3)) - first.sensitivities.get(name, np.zeros(3))
         C = C + np.outer(sensitivity, sensitivity) * INSTALLATION_TOLERANCE[name] ** 2
     if first.trajectory_deviations is not None and second.trajectory_deviations is not None:

@@ -45,6 +45,7 @@ LARGEST_UNMENTIONED_SHARE = 0.02
 UNITS = {
     "p_bias": "rad/s", "q_bias": "rad/s", "r_bias": "rad/s", "ax_bias": "m/s^2", "ay_bias": "m/s^2", "az_bias": "m/s^2",
     "alpha_bias": "rad", "beta_bias": "rad", "heading_bias": "rad", "gps_latency": "s",
+    "air_data_lag": "s",
 }  # fmt: skip
 
 

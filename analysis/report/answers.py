@@ -28,7 +28,7 @@ def headline_answers(results: Results) -> list[HeadlineAnswer]:
             ),
             HeadlineAnswer("Longest range", optimum_speed_text(results.best_range_speed), "least drag"),
         ]
-    return [_endurance(results, use), _range(use), _full_throttle(results, use.available)]
+    return [_endurance(use), _range(use), _full_throttle(results, use.available)]
 
 
 def optimum_speed_text(optimum: SpeedInterval) -> str:
@@ -45,15 +45,14 @@ def interval_text(interval: Interval, unit: str, digits: int) -> str:
     return f"{interval.value:.{digits}f} {unit} ({interval.lo:.{digits}f} to {interval.hi:.{digits}f})"
 
 
-def _endurance(results: Results, use: PerformanceResult) -> HeadlineAnswer:
+def _endurance(use: PerformanceResult) -> HeadlineAnswer:
     flown = use.loadings[0]
     note = f"{interval_text(flown.endurance_s.times(1 / 60), 'min', 0)} {_battery(use)}."
     if flown.extrapolated:
         note += f" {BEYOND_TABLE}"
     if flown.endurance_at_slowest:
-        note += " Power still decreases at the slowest speed flown"
-        least = results.minimum_power_speed.speed_mps
-        note += "." if least is None else f"; the curve has its minimum at {least:.1f} m/s, not flown. Mind the stall."
+        note += f" Power still decreases at {flown.endurance_speed_mps.value:.1f} m/s, the slowest speed flown: do not"
+        note += " fly slower unless you have explored it. Mind the stall."
     speed = _best_speed(flown.endurance_speed_mps, flown.endurance_at_slowest, flown.endurance_at_fastest)
     return HeadlineAnswer("Longest endurance", speed, note)
 
@@ -86,5 +85,5 @@ def _battery(use: PerformanceResult) -> str:
 def _best_speed(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
     """ "13.5 m/s (13.2 to 13.9)"; at an end of the speeds flown the best speed may lie outside them."""
     if at_slowest or at_fastest:
-        return f"{speed.value:.1f} m/s or {'slower' if at_slowest else 'faster'}"
+        return f"{speed.value:.1f} m/s, the {'slowest' if at_slowest else 'fastest'} flown"
     return interval_text(speed, "m/s", 1)

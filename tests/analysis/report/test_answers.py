@@ -58,9 +58,9 @@ def test_an_answer_that_is_not_sure_says_so(with_battery: Results, use: Performa
         ),
     )
     endurance, far, throttle = headline_answers(results)
-    assert endurance.answer == "14.0 m/s or slower" and far.answer == "16.0 m/s or faster"
+    assert endurance.answer == "14.0 m/s, the slowest flown" and far.answer == "16.0 m/s, the fastest flown"
     assert "Outside the propeller table: an extrapolation." in endurance.note
-    assert "minimum at 10.2 m/s, not flown. Mind the stall." in endurance.note
+    assert "the slowest speed flown: do not fly slower" in endurance.note and "10.2" not in endurance.note
     assert "assumed" not in endurance.note
     assert throttle.note.endswith("Outside the propeller table: an extrapolation.")
     unknown = replace(results, use=replace(use, available=replace(use.available, reason="No full throttle.")))
