@@ -1,4 +1,7 @@
-"""Log files: nothing is overwritten, data are soon on the disk, failures of the disk are survived and reported."""
+"""Log files: nothing is overwritten, data are soon on the disk, failures of the disk are survived and reported.
+
+More than 350 lines: all tests share one simulated disk that fails on command.
+"""
 
 import errno
 import fcntl

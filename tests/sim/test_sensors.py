@@ -1,4 +1,7 @@
-"""What the sensors feel: each against the physics it stands for, and the noise against what was asked for."""
+"""Inputs of the sensors: each against its physics, and the noise against its specification.
+
+More than 350 lines: all tests share one set of constructed flights.
+"""
 
 from dataclasses import replace
 
