@@ -183,11 +183,14 @@ def chunk_of(content: bytes) -> tuple[Chunk, bytes]:
 
 
 def chunk_is_intact(content: bytes) -> bool:
-    """Whether a chunk can be decompressed and its checksum is right. Raises LogTooLarge."""
+    """Whether a chunk holds messages that decompress to its checksum. Raises LogTooLarge.
+
+    A checksum of 0 would mean "none" in MCAP; here it is the head of a chunk that zeros follow after a power cut.
+    """
     try:
         chunk, data = chunk_of(content)
     except LogTooLarge:
         raise
     except Exception:  # a damaged chunk makes the decoders raise various exceptions
         return False
-    return len(data) == chunk.uncompressed_size and chunk.uncompressed_crc in (0, zlib.crc32(data))
+    return 0 < len(data) == chunk.uncompressed_size and chunk.uncompressed_crc == zlib.crc32(data)

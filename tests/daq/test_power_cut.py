@@ -73,6 +73,19 @@ def test_the_statistics_of_a_mended_log_count_every_message(flight, tmp_path):
         assert statistics.channel_message_counts == found
 
 
+def test_zeros_after_the_head_of_a_chunk_are_not_taken_for_an_empty_chunk(flight, tmp_path):
+    """A file system may have extended the file and not written the data: the rest of a record is then zeros."""
+    data, _ = flight
+    path = tmp_path / "log-0001.mcap"
+    path.write_bytes(data)
+    with path.open("rb") as stream:
+        fifth = make_reader(stream).get_summary().chunk_indexes[4]
+    for written in range(1, 60):
+        path.write_bytes(data[: fifth.chunk_start_offset + written] + bytes(5000))
+        done = recover(path)
+        assert done is not None and path.read_bytes()[: done.kept_bytes] == data[: done.kept_bytes], written
+
+
 @pytest.mark.parametrize("zeros", [0, 5000])
 def test_a_cut_anywhere_costs_less_than_a_second(flight, tmp_path, zeros):
     data, ends = flight
