@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from running import command, done, rewritten
 
-pytestmark = pytest.mark.xdist_group("test_own_aircraft")  # its fixtures are made once
-
 pytestmark = pytest.mark.xdist_group("chain")
 
 FOUR_KEYS = """name = "mine"

@@ -8,8 +8,6 @@ from sim.__main__ import fly
 from sim.direct_log import ACCEL_MPS2, BRIDGE_KELVIN, BRIDGES, GYRO_RADPS, MAG_T
 from sim.direct_log_timing import FIRST_TICK
 
-pytestmark = pytest.mark.xdist_group("test_direct_log")  # its fixtures are made once
-
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("straight")]  # one recording for all
 
 PASCAL = {f"/probe/{name}": 2 * range_Pa / (high - low) for name, (range_Pa, low, high) in BRIDGES.items()}
