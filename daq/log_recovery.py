@@ -193,4 +193,4 @@ def chunk_is_intact(content: bytes) -> bool:
         raise
     except Exception:  # a damaged chunk makes the decoders raise various exceptions
         return False
-    return 0 < len(data) == chunk.uncompressed_size and chunk.uncompressed_crc == zlib.crc32(data)
+    return 0 < len(data) == int(chunk.uncompressed_size) and int(chunk.uncompressed_crc) == zlib.crc32(data)
