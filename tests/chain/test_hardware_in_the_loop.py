@@ -7,7 +7,6 @@ import sys
 import sysconfig
 import time
 from contextlib import ExitStack
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -33,10 +32,8 @@ FORCE_MPS2, DIFFERENCE_PA, STATIC_PA, MOTOR_REVPS = [0.5, 0.2, -9.7], 120.0, 98_
 
 
 GIVE_UP_S = 120.0  # so that a test that hangs ends
-TOPICS = (
-    *("/imu", "/mag", "/baro", "/static", "/probe/alpha", "/probe/beta", "/probe/airspeed"),
-    *("/gps", "/rpm", "/controls"),
-)
+SERIAL_TOPICS = ("/gps", "/rpm", "/controls")
+TOPICS = ("/imu", "/mag", "/baro", "/static", "/probe/alpha", "/probe/beta", "/probe/airspeed", *SERIAL_TOPICS)
 # A reader that comes late makes others: an overflowed FIFO or line is CORRUPT, for instance.
 NEVER_BY_LATENESS = {Status.FAULT, Status.SATURATED, Status.WRONG_DEVICE, Status.NO_REPLY}
 
@@ -99,7 +96,8 @@ def test_the_installed_daemon_records_from_device_files(tmp_path, messages):
     assert len(ticks) + sum(entry.message.missed for entry in ticks) == ticks[-1].tick + 1
     for topic in TOPICS:
         entries = log.entries[topic]
-        assert all(a.tick < b.tick for a, b in pairwise(entries)) or topic == "/gps", topic
+        # A bus answers each tick once, late or not. Late bytes of a serial line join those of a later tick.
+        assert topic in SERIAL_TOPICS or len({entry.tick for entry in entries}) == len(entries), topic
         assert not {entry.message.status for entry in entries} & NEVER_BY_LATENESS, topic
     for imu in good["/imu"]:
         force = [imu.specific_force_x_mps2, imu.specific_force_y_mps2, imu.specific_force_z_mps2]
