@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimation.collinearity import collinearities
 from analysis.estimation.fit import Fit, FitStatus, ParameterEstimate, SegmentFit, Verdict
 from analysis.estimation.problem import Problem
 
@@ -197,7 +198,11 @@ def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations:
     ]
     if at_bound:
         return Verdict(FitStatus.AT_BOUND, f"converged at a bound: {', '.join(at_bound)}")
-    return Verdict(FitStatus.CONVERGED, f"converged in {iterations} iterations")
+    text = f"converged in {iterations} iterations"
+    information = point.information + np.diag(problem.prior_information)
+    for collinear in collinearities(problem.names, information):
+        text += f"; collinear: {collinear}: fix one of them, or give data in which they do not move together"
+    return Verdict(FitStatus.CONVERGED, text)
 
 
 def _combination(names: tuple[str, ...], direction: Array, shares: Array) -> str:

@@ -6,7 +6,7 @@ increase this likelihood, so that the usual oscillation between R and the parame
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -70,7 +70,7 @@ def estimate(
     if not np.isfinite(point.cost):
         raise InputError(_not_finite(likelihood))
     point, iterations, why_stopped = maximize(likelihood, point, max_iterations)
-    return make_fit(likelihood, point, iterations, why_stopped)
+    return replace(make_fit(likelihood, point, iterations, why_stopped), integrator=integrator, inputs=inputs)
 
 
 def _known_covariance(given: ArrayLike, model: Model) -> Array:
