@@ -3,9 +3,13 @@
 A line of the file is a pattern (`*` and `?`) for "test id: reason"; empty lines and lines with # in front are ignored.
 """
 
+import os
 from fnmatch import fnmatchcase
 
 import pytest
+
+# Before the first test imports NumPy: as `make test` sets it, and as the commands do for themselves.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
