@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flight.errors import InputError
+from flight.text_file import read_text
 from flight.units import read_table
 from sim.air import Air
 from sim.pilot import Gains, pilot_named
@@ -46,10 +47,7 @@ def load_plan(name_or_path: str | Path) -> Plan:
         return parse_plan(shipped.read_text("utf-8"), str(name_or_path))
     if not path.is_file():
         raise InputError(f"plan {name_or_path}: neither a file nor one of {', '.join(shipped_plans())}")
-    try:
-        return parse_plan(path.read_text("utf-8"), path.stem)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error})") from None
+    return parse_plan(read_text(path), path.stem)
 
 
 def parse_plan(text: str, name: str) -> Plan:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flight.atmosphere import density
 from flight.errors import InputError
+from flight.text_file import read_text
 from flight.units import to_si
 
 Array = NDArray[np.float64]
@@ -62,9 +63,9 @@ def read_tunnel(path: str | Path) -> TunnelData:
     """
     path = Path(path)
     try:
-        rows = list(csv.reader(path.read_text("utf-8").splitlines()))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error})") from None
+        rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
+    except csv.Error as error:
+        raise InputError(f"{path}: not a CSV file ({error})") from None
     if len(rows) < 2:
         raise InputError(f"{path}: holds no measurements")
     header, *lines = rows

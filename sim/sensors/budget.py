@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.errors import InputError
+from flight.text_file import read_text
 from flight.units import read_table
 from sim.plant import Deviations
 from sim.sensors.noise import rng_of
@@ -189,10 +190,7 @@ def load_budget(name_or_path: str | Path) -> ErrorBudget:
     if path.suffix == "" and shipped.is_file():
         text = shipped.read_text("utf-8")
     elif path.is_file():
-        try:
-            text = path.read_text("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: cannot be read ({error})") from None
+        text = read_text(path)
     else:
         raise InputError(f"errors {name_or_path}: neither a file nor one of {', '.join(shipped_budgets())}")
     try:
