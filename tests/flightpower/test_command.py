@@ -63,11 +63,8 @@ def test_bad_input_is_one_line_under_it_too(tmp_path: Path) -> None:
 
 def test_a_side_that_is_not_installed_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(umbrella, "find_spec", lambda name: None if name == "scipy" else object())
-    with pytest.raises(InputError, match=r"scipy not installed; run: pip install 'flightpower\[analysis\]'"):
+    with pytest.raises(InputError, match=r'scipy not installed; run: pip install "flightpower\[analysis\]"'):
         umbrella.load("analyze")
-    monkeypatch.setattr(umbrella, "find_spec", lambda name: None if name == "termios" else object())
-    with pytest.raises(InputError, match=r"runs on Linux only.*termios is missing"):
-        umbrella.load("daq")
 
 
 def test_completion_knows_the_options_of_a_command(monkeypatch: pytest.MonkeyPatch) -> None:
