@@ -40,7 +40,7 @@ TrayOption = Annotated[
 ]
 
 
-@app.command(no_args_is_help=True)
+@app.command()
 def run(
     config: TrayOption,
     output: Annotated[
@@ -142,7 +142,7 @@ def run(
         os._exit(FAILURE)
 
 
-@app.command(no_args_is_help=True, short_help="Take the still-air zero of pressures and gyroscopes.")
+@app.command(short_help="Take the still-air zero of pressures and gyroscopes.")
 def zero(
     config: TrayOption,
     seconds: Annotated[
@@ -186,7 +186,7 @@ def zero(
     typer.echo(f"{tray.zero}: attached to every log from now on")
 
 
-@app.command(no_args_is_help=True, short_help="Check whether the tray is fit to fly.")
+@app.command(short_help="Check whether the tray is fit to fly.")
 def check(
     config: TrayOption,
     seconds: Annotated[
@@ -241,7 +241,7 @@ def check(
         raise typer.Exit(FAILURE)
 
 
-@app.command(no_args_is_help=True)
+@app.command()
 def info(log: Annotated[Path, typer.Argument(metavar="LOG", help="A log; may be unfinished.")]) -> None:
     """Summarise a log: topics, rates, failed readings and attachments.
 

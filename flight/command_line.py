@@ -89,15 +89,21 @@ def quantity(
         try:
             value = float(text)
         except ValueError:
-            try:
-                value = to_si(text, unit, option)
-            except InputError:
-                value = math.nan
+            value = _si_or_nan(text, unit)
         if not (math.isfinite(value) and least <= value <= most and value > above):
             raise InputError(f"{option} {text}: {wanted}")
         return value
 
     return parse
+
+
+def _si_or_nan(text: str, unit: str) -> float:
+    try:
+        if unit == "%":  # not of other dimensionless units, such as degrees
+            return float(text.strip().removesuffix("%"))
+        return to_si(text, unit, "")
+    except (InputError, ValueError):
+        return math.nan
 
 
 def check_writable(path: Path) -> None:

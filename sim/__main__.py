@@ -43,7 +43,7 @@ TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.tom
 OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
 
 
-@app.command(no_args_is_help=True, short_help="Fly a plan; write the truth and the log.")
+@app.command(short_help="Fly a plan; write the truth and the log.")
 def fly(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the truth and the log.")],
     aircraft: AircraftOption = "nexstar",
@@ -74,6 +74,7 @@ def fly(
       sim fly --probe probe.json -o out/demo
       sim fly --aircraft my.toml --plan full-test-flight --no-hardware -o out
     """
+    from daq.attachments import calibration_text
     from hw_fakes.faults import load_faults
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
@@ -84,8 +85,10 @@ def fly(
         raise InputError("--no-hardware excludes --faults and --real-time")
     craft, flight_plan, budget = load_complete_aircraft(aircraft), load_plan(plan), load_budget(errors)
     schedule = load_faults(faults) if faults is not None else ()
-    if probe is not None and not probe.is_file():
-        raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
+    if probe is not None:
+        if not probe.exists():
+            raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
+        calibration_text(str(probe), "probe")
     _check_output(output, replace)
     drawn = draw(budget, seed)
     with progress_bar("flying") as report:
@@ -238,7 +241,7 @@ def _parts(sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft) -> "
     )
 
 
-@app.command(no_args_is_help=True, short_help="A simulated wind-tunnel calibration of the probe.")
+@app.command(short_help="A simulated wind-tunnel calibration of the probe.")
 def tunnel(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="CSV file to write.")],
     seed: SeedOption = 0,
@@ -308,7 +311,7 @@ def show_modes(
     Console().print(modes_table(trimmer, V))
 
 
-@app.command(no_args_is_help=True)
+@app.command()
 def plot(
     truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="truth.parquet of a simulated flight, or its folder.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="HTML file to write.")],

@@ -14,6 +14,7 @@ from sim.pilot import Gains, pilot_named
 from sim.segments import AIRBORNE, GROUND
 
 DT_S = 0.02
+LONGEST_S = 4 * 3600.0  # of a segment
 KINDS = AIRBORNE | GROUND
 
 
@@ -113,7 +114,10 @@ def _segments(raw: Any, where: str) -> list[Any]:
                 raise InputError(f"{at}: repeat: unknown key {next(iter(entry))!r}; known here: times, segment")
             segments += inner * times
         elif kind in KINDS:
-            segments.append(read_table(KINDS[kind], entry, f"{at} ({kind})"))
+            segment = read_table(KINDS[kind], entry, f"{at} ({kind})")
+            if not 0 < getattr(segment, "duration_s", 1.0) < LONGEST_S:
+                raise InputError(f"{at} ({kind}): duration should be above zero and below {LONGEST_S / 3600:g} h")
+            segments.append(segment)
         else:
             raise InputError(f"{at}: kind = {kind!r} is not one of {', '.join([*KINDS, 'repeat'])}")
     return segments

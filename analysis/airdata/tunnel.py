@@ -56,6 +56,9 @@ _COLUMNS = {
 }
 
 
+_POSITIVE = ("speed_mps", "q_c_Pa", "static_Pa", "temperature_K")
+
+
 def read_tunnel(path: str | Path) -> TunnelData:
     """The measurements in a CSV file whose header names each column with its unit, `alpha [deg]`.
 
@@ -76,14 +79,25 @@ def read_tunnel(path: str | Path) -> TunnelData:
             raise InputError(f"{path}: column {title!r}: must be one of {', '.join(_COLUMNS)}, followed by its [unit]")
         name, unit = _COLUMNS[match[1]]
         zero, one = (to_si(f"{x} {match[2]}", unit, f"{path}: {title}") for x in (0, 1))
-        try:
-            values[name] = zero + (one - zero) * np.array([float(line[i]) for line in lines])
-        except (ValueError, IndexError):
-            raise InputError(f"{path}: column {title!r}: not a number in every line") from None
+        values[name] = zero + (one - zero) * np.array([_number(line, i) for line in lines])
+        wrong = ~np.isfinite(values[name]) | ((values[name] <= 0) & (name in _POSITIVE))
+        if wrong.any():
+            entry = lines[int(wrong.argmax())]
+            raise InputError(
+                f"{path}: column {title!r}: should be a number{' above zero' * (name in _POSITIVE)} in every line; the"
+                f" first that is not: {','.join(entry)}"
+            )
     missing = [title for title, (name, _) in _COLUMNS.items() if name not in values]
     if missing:
         raise InputError(f"{path}: no column {', '.join(missing)}")
     return TunnelData(**values)
+
+
+def _number(line: list[str], column: int) -> float:
+    try:
+        return float(line[column])
+    except (ValueError, IndexError):
+        return float("nan")
 
 
 def dynamic_pressure(tunnel: TunnelData) -> Array:

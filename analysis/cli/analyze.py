@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 app = application(no_args_is_help=False)
 
 
-@app.command(no_args_is_help=True)
+@app.command()
 def analyze(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A log that the daemon recorded.")],
     output: Annotated[
@@ -137,11 +137,14 @@ def analyze(
         from analysis.airdata.magnetometer import load_magnetometer
         from analysis.airdata.probe import load_probe
         from analysis.log_contents import Replacements
+        from analysis.maneuvers import toml_file
         from analysis.pipeline import analyze as run_pipeline
         from analysis.report.terminal import print_summary
         from analysis.report.write import write_report, write_run_list
         from analysis.signals.rest import load_zero
 
+        if runs:
+            toml_file.load(runs)  # a wrong one is refused before anything is computed
         given = Replacements(
             aircraft=given_aircraft,
             propeller=given_propeller,

@@ -27,7 +27,7 @@ for command, short_help in (
     (magnetometer, "Hard and soft iron, from a log with turns."),
     (surfaces, "Surface angle and servo pulse, with a protractor."),
 ):
-    app.command(no_args_is_help=True, short_help=short_help)(command)
+    app.command(short_help=short_help)(command)
 
 
 def main() -> None:
