@@ -1,5 +1,6 @@
 """`flightpower new`: files to begin with."""
 
+import json
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
@@ -57,7 +58,8 @@ def tray(
     """
     text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
     if aircraft is not None:
-        text = text.replace('aircraft = "nexstar" ', f'aircraft = "{aircraft}" ', 1)
+        # A JSON string is a TOML string: the backslashes of a Windows path are escaped.
+        text = text.replace('aircraft = "nexstar" ', f"aircraft = {json.dumps(aircraft, ensure_ascii=False)} ", 1)
     _write(text, output, replace)
 
 

@@ -15,6 +15,7 @@ from sim.segments import AIRBORNE, GROUND
 
 DT_S = 0.02
 LONGEST_S = 4 * 3600.0  # of a segment
+STRONGEST_WIND_MPS = 60.0
 KINDS = AIRBORNE | GROUND
 
 
@@ -63,6 +64,8 @@ def parse_plan(text: str, name: str) -> Plan:
     if not segments:
         raise InputError(f"{where}: has no [[segment]]")
     air = read_table(Air, table.pop("air", {}), f"{where}: air")
+    if not 0 <= air.wind_mps < STRONGEST_WIND_MPS:
+        raise InputError(f"{where}: air: wind should be at least zero and below {STRONGEST_WIND_MPS:g} m/s")
     pilot = table.pop("pilot", "good")
     gains = pilot_named(pilot) if isinstance(pilot, str) else _gains(pilot, f"{where}: pilot")
     head = read_table(_Head, table, where)
@@ -114,9 +117,11 @@ def _segments(raw: Any, where: str) -> list[Any]:
                 raise InputError(f"{at}: repeat: unknown key {next(iter(entry))!r}; known here: times, segment")
             segments += inner * times
         elif kind in KINDS:
-            segment = read_table(KINDS[kind], entry, f"{at} ({kind})")
+            segment: Any = read_table(KINDS[kind], entry, f"{at} ({kind})")
             if not 0 < getattr(segment, "duration_s", 1.0) < LONGEST_S:
                 raise InputError(f"{at} ({kind}): duration should be above zero and below {LONGEST_S / 3600:g} h")
+            if not getattr(segment, "climb_mps", 1.0) > 0:
+                raise InputError(f"{at} ({kind}): climb should be above zero; the height says whether up or down")
             segments.append(segment)
         else:
             raise InputError(f"{at}: kind = {kind!r} is not one of {', '.join([*KINDS, 'repeat'])}")

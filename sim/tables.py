@@ -63,6 +63,11 @@ def trim_table(
             f"{J:.3f}",
             f"{power[0]:.1f}",
         )
+    if not table.row_count:
+        raise InputError(
+            f"{plant.aircraft.name}: {climb_mps:+.2f} m/s of climb at {np.rad2deg(bank_rad):.0f} deg of bank cannot be"
+            " flown at any speed"
+        )
     return table
 
 

@@ -56,9 +56,6 @@ _COLUMNS = {
 }
 
 
-_POSITIVE = ("speed_mps", "q_c_Pa", "static_Pa", "temperature_K")
-
-
 def read_tunnel(path: str | Path) -> TunnelData:
     """The measurements in a CSV file whose header names each column with its unit, `alpha [deg]`.
 
@@ -80,13 +77,10 @@ def read_tunnel(path: str | Path) -> TunnelData:
         name, unit = _COLUMNS[match[1]]
         zero, one = (to_si(f"{x} {match[2]}", unit, f"{path}: {title}") for x in (0, 1))
         values[name] = zero + (one - zero) * np.array([_number(line, i) for line in lines])
-        wrong = ~np.isfinite(values[name]) | ((values[name] <= 0) & (name in _POSITIVE))
+        wrong = ~np.isfinite(values[name])
         if wrong.any():
-            entry = lines[int(wrong.argmax())]
-            raise InputError(
-                f"{path}: column {title!r}: should be a number{' above zero' * (name in _POSITIVE)} in every line; the"
-                f" first that is not: {','.join(entry)}"
-            )
+            first = ",".join(lines[int(wrong.argmax())])
+            raise InputError(f"{path}: column {title!r}: not a number in every line; the first without: {first}")
     missing = [title for title, (name, _) in _COLUMNS.items() if name not in values]
     if missing:
         raise InputError(f"{path}: no column {', '.join(missing)}")

@@ -113,10 +113,10 @@ def analyze(
 
     \b
     Examples:
-      analyze log.mcap                                 the report goes to log.report
+      analyze log.mcap                               the report is in log.report
       analyze log.mcap --aircraft my.toml -o results
       analyze log.mcap --battery-Wh "5000 mAh, 14.8 V" --usable 70%
-      analyze log.mcap --runs log.report/runs.toml     after editing that file
+      analyze log.mcap --runs log.report/runs.toml   after editing that file
 
     Exit code 0: done. 2: the input cannot be used; one line on stderr says why, and nothing was written.
     """

@@ -197,4 +197,9 @@ def load_budget(name_or_path: str | Path) -> ErrorBudget:
         table: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"errors {name_or_path}: not valid TOML ({error})") from None
-    return read_table(ErrorBudget, table, f"errors {name_or_path}")
+    budget = read_table(ErrorBudget, table, f"errors {name_or_path}")
+    for section in (budget.noise, budget.systematic):
+        for name, value in asdict(section).items():
+            if value < 0:
+                raise InputError(f"errors {name_or_path}: {name} is negative; give the size of the error")
+    return budget

@@ -9,6 +9,7 @@ from flight.log_reader import read_log
 from flight.log_writer import LogWriter
 
 BIN = Path(sys.executable).parent
+WITHOUT_POSIX = Path(__file__).with_name("without_posix.py")
 
 
 def command(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -19,6 +20,14 @@ def command(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
 def done(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     """Run one of our commands that has to succeed."""
     outcome = command(name, *arguments)
+    assert outcome.returncode == 0, f"{name} {arguments}: {outcome.stderr}"
+    return outcome
+
+
+def done_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """The same as on a computer without POSIX."""
+    line = [sys.executable, "-X", "warn_default_encoding", WITHOUT_POSIX, name, *map(str, arguments)]
+    outcome = subprocess.run(line, capture_output=True, text=True, timeout=120)
     assert outcome.returncode == 0, f"{name} {arguments}: {outcome.stderr}"
     return outcome
 

@@ -121,6 +121,6 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
 
 def test_a_new_tray_names_the_aircraft(tmp_path: Path) -> None:
     path = tmp_path / "tray.toml"
-    (tmp_path / "my.toml").write_text(load_aircraft("nexstar").text)
-    assert flightpower("new", "tray", "-o", path, "--aircraft", "my.toml").returncode == 0
-    assert str(load_tray(path).aircraft).endswith("my.toml")
+    for name in ("my.toml", r"C:\new\my.toml"):
+        assert flightpower("new", "tray", "-o", path, "--aircraft", name, "--replace").returncode == 0
+        assert str(load_tray(path).aircraft).endswith(name)

@@ -61,10 +61,10 @@ def probe(
     from analysis.airdata.tunnel import read_tunnel
     from analysis.report import calibration as page
 
+    check_output(output, replace)
     where = report or output.with_suffix(".html")
     if where == output:
         raise InputError(f"{where}: report and calibration cannot be the same file; name another with --report")
-    check_output(output, replace)
     check_output(where, replace)
     measured = read_tunnel(tunnel)
     calibration = calibrate(measured, tunnel.name, angle_scale_sigma=angle_scale / 100)
