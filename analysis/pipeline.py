@@ -76,7 +76,8 @@ def analyze(
     maneuvers = select(table, data.rest, name, runs_file)
     flown = pd.concat([table.iloc[run.rows] for run in maneuvers.level_runs or maneuvers.of(*FOR_DRAG)])
     condition, flown_CL = flown_condition(flown, aircraft), flown_lift(flown, aircraft)
-    coverage_warnings = thrust_coverage(flown, propeller)
+    kinds = {run.kind for run in maneuvers.level_runs}
+    coverage_warnings = thrust_coverage(flown, propeller, kinds, str(runs_file or ""))
 
     progress("reconstructing the trajectory")
     alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, assumed_values.alpha_scale_sigma(aircraft))

@@ -14,6 +14,7 @@ from flight.log_writer import LogWriter
 
 BIN = Path(sys.executable).parent
 UNSHOWN = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)  # by an interpreter
+WITHOUT_POSIX = Path(__file__).with_name("without_posix.py")
 
 
 def installed(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -52,6 +53,12 @@ def succeeded(outcome: subprocess.CompletedProcess[str]) -> subprocess.Completed
     """The outcome of a command that has to succeed."""
     assert outcome.returncode == 0, f"{outcome.args}: {outcome.stderr}"
     return outcome
+
+
+def done_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run one of our commands in a process of its own, as on a computer without POSIX; it has to succeed."""
+    line = [sys.executable, "-X", "warn_default_encoding", WITHOUT_POSIX, name, *map(str, arguments)]
+    return succeeded(subprocess.run(line, capture_output=True, text=True, timeout=120))
 
 
 def rewritten(
