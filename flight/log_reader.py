@@ -73,7 +73,7 @@ def read_log(path: str | Path) -> Log:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     if not any(log.entries.values()):
-        raise InputError(f"{path}: holds no message ({_why_empty(log)})")
+        raise InputError(f"{path}: {_why_empty(log)}")
     for entries in log.entries.values():
         entries.sort(key=attrgetter("time_ns"))
     return log
@@ -81,14 +81,19 @@ def read_log(path: str | Path) -> Log:
 
 def _why_empty(log: Log) -> str:
     if log.torn:
-        return f"it is torn: {log.torn}"
+        return f"holds no message (it is torn: {log.torn})"
     for topic, found in log.undecodable_of.items():
-        return f"none of {log.undecodable} can be decoded; the first, of {topic}: {found.mistake}"
+        return f"none of its {log.undecodable} messages can be decoded; {topic}: {found.mistake}"
     for topic, encoding in log.other_encodings.items():
-        return f"{topic} is encoded as {encoding!r}; write JSON with the message encoding {ENCODING!r}"
+        return f"{topic}: {other_encoding(encoding)}"
     if log.unknown_topics:
-        return f"none of a topic of {FORMAT_PAGE}; its topics: {', '.join(log.unknown_topics)}"
-    return "it is complete, but nothing was recorded"
+        return f"holds no message of a topic that {FORMAT_PAGE} has; its topics: {', '.join(log.unknown_topics)}"
+    return "holds no message (it is complete, but nothing was recorded)"
+
+
+def other_encoding(encoding: str) -> str:
+    """What to do about messages of another encoding."""
+    return f"its messages are encoded as {encoding!r}; write JSON with the message encoding {ENCODING!r}"
 
 
 def records(reader: StreamReader, allowed: int) -> Iterator[McapRecord]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from flight.messages import Status
 
 AT_FIELD = re.compile(r" - at `\$\.(\w+)")
+STATUS = re.compile(rb'"status"\s*:\s*("[^"]*"|[\w.-]+)')
 NOT_A_NUMBER = re.compile(rb"[\s:\[,](-?Infinity|-?inf|NaN|nan)\b")
 
 
@@ -23,7 +24,7 @@ class Undecodable:
         at = AT_FIELD.search(self.reason)
         field, reason = at[1] if at else "", self.reason.split(" - at ")[0]
         if field == "status":
-            return f"status is not one of {', '.join(Status)} (in lower case)"
+            return f"status is {self._status()}; write one of {', '.join(Status)}"
         if not at and (found := NOT_A_NUMBER.search(self.first)):
             return f"{found[1].decode()} is not JSON; write null where nothing was measured"
         if field and reason.startswith("Expected `float") and reason.endswith("got `str`"):
@@ -32,4 +33,10 @@ class Undecodable:
             return f"{field} is a string; write an integer without quotation marks"
         if field and reason.startswith("Expected `int") and reason.endswith("got `float`"):
             return f"{field} has a fraction; write an integer"
+        if reason.startswith("Expected `object"):
+            return "a message is not a JSON object with the names of its fields"
         return f"{field}: {reason}" if field else reason
+
+    def _status(self) -> str:
+        found = STATUS.search(self.first)
+        return found[1].decode(errors="replace") if found else "not text"

@@ -6,7 +6,7 @@ import msgspec
 
 from analysis.signals.synchronize import COLUMNS, NEEDED, TOPICS
 from flight.errors import InputError
-from flight.log_reader import ENCODING, FORMAT_PAGE, Log
+from flight.log_reader import FORMAT_PAGE, Log, other_encoding
 from flight.messages import TYPE_OF_TOPIC, Status
 
 MOST_UNDECODABLE = 0.5  # of a topic's messages; a damaged log has a few
@@ -17,10 +17,7 @@ def check_messages(log: Log) -> None:
     """Raises InputError if a required topic or field has no value, or messages of a topic are not of the format."""
     for topic in TOPICS:
         if topic in log.other_encodings:
-            raise InputError(
-                f"{log.path}: {topic} is encoded as {log.other_encodings[topic]!r}; write JSON with the message"
-                f" encoding {ENCODING!r}"
-            )
+            raise InputError(f"{log.path}: {topic}: {other_encoding(log.other_encodings[topic])}")
         entries, undecodable = log.entries.get(topic, []), log.undecodable_of.get(topic)
         if undecodable and undecodable.count > MOST_UNDECODABLE * (len(entries) + undecodable.count):
             raise InputError(
@@ -50,7 +47,7 @@ def _check_fields(log: Log, topic: str) -> None:
 
 def _why_empty(log: Log, topic: str, unknown: list[str], good: bool) -> str:
     if unknown:
-        return f"has no value; its messages have {', '.join(unknown)}, which {FORMAT_PAGE} does not have"
+        return f"has no value; fields of its messages that {FORMAT_PAGE} does not have: {', '.join(unknown)}"
     statuses = ", ".join(sorted({str(entry.message.status) for entry in log.entries[topic]}))
     return f"never carried a value (its status: {statuses})" if good else f"was never measured (its status: {statuses})"
 

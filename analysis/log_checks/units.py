@@ -93,7 +93,7 @@ def _check_specific_force(log: Log) -> None:
         unit = next((unit for unit, factor in factors.items() if low <= magnitude * factor <= high), None)
         remedy = f"it looks like {unit}; multiply by {factors[unit]:.6g}" if unit else "write m/s^2"
         raise InputError(
-            f"{log.path}: /imu: specific_force_{{x,y,z}}_mps2 have a magnitude of {magnitude:.3g} (median of the flight),"
+            f"{log.path}: /imu: specific_force_{{x,y,z}}_mps2 have a magnitude of {magnitude:.3g} (median in flight),"
             f" but rest and flight have about 9.8: {remedy}"
         )
     if median[2] > UPRIGHT * magnitude:
@@ -103,7 +103,7 @@ def _check_specific_force(log: Log) -> None:
             axis = int(np.argmax(np.abs(median)))
             cause = f"the axes are exchanged ({'xyz'[axis]} has {median[axis]:+.1f})"
         raise InputError(
-            f"{log.path}: /imu: specific_force_z_mps2 is {median[2]:+.1f} (median of the flight), but rest and level"
+            f"{log.path}: /imu: specific_force_z_mps2 is {median[2]:+.1f} (median in flight), but rest and level"
             f" flight have about -9.8: {cause}; axes are x forward, y right, z down"
         )
 
@@ -115,7 +115,7 @@ def _check_temperature(log: Log) -> None:
         return
     other = OTHER_DEGREES[0] <= found <= OTHER_DEGREES[1]
     remedy = "it looks like degrees Celsius (add 273.15) or Fahrenheit" if other else "write kelvin"
-    raise InputError(f"{log.path}: /static: temperature_K is {found:.1f} (median): {remedy}")
+    raise InputError(f"{log.path}: /static: temperature_K is {found:.1f} (median), but air has 220 to 330 K: {remedy}")
 
 
 def _check_motor_speed(log: Log, diameter_m: float) -> None:
