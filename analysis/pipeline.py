@@ -16,6 +16,8 @@ from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.estimate import DragEstimates, estimate, main_polar, main_values
 from analysis.drag.polar import flown_condition, flown_lift
 from analysis.drag.thrust_coverage import thrust_coverage
+from analysis.log_checks.axes import check_axes
+from analysis.log_checks.log import check_log
 from analysis.log_contents import Replacements
 from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
@@ -68,9 +70,13 @@ def analyze(
     contents = log_contents.contents(log, replacements)
     aircraft, propeller = contents.aircraft, contents.propeller
 
+    progress("checking the log")
+    check_log(log, propeller.diameter_m)
+
     progress("synchronizing")
     data = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
     table = data.table
+    check_axes(table, name)
 
     progress("finding runs")
     maneuvers = select(table, data.rest, name, runs_file)

@@ -41,6 +41,8 @@ def airspeed(
     from analysis.airdata.from_log import flight_data
     from analysis.airdata.probe import load_probe
     from analysis.drag.assumed_values import alpha_scale_sigma
+    from analysis.log_checks.axes import check_axes
+    from analysis.log_checks.log import check_log
     from analysis.log_contents import Replacements, contents
     from analysis.trajectory.airspeed_scale import calibrate
     from analysis.trajectory.reconstruction import reconstruct
@@ -53,9 +55,11 @@ def airspeed(
         aircraft=load_aircraft(aircraft) if aircraft else None, probe=load_probe(probe) if probe else None
     )
     carried = contents(recorded, given)
+    check_log(recorded, carried.propeller.diameter_m)
     data = flight_data(recorded, carried.aircraft, carried.propeller, carried.probe, carried.magnetometer, carried.zero)
     if not data.table["flying"].any():
         raise InputError(f"{log}: no flight in this log")
+    check_axes(data.table, str(log))
     sigma = math.hypot(carried.probe.alpha_scale_sigma, alpha_scale_sigma(carried.aircraft))
     trajectory = reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=str(log))
     found = calibrate(data.table, trajectory)
