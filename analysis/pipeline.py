@@ -34,11 +34,6 @@ from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
 
-NO_BATTERY = (
-    "No endurance, range or climb: the aircraft file lacks propulsion.battery_energy, such as"
-    ' battery_energy = "74 W h"; or give --battery-Wh.'
-)
-
 
 @dataclass(frozen=True)
 class Analysis:
@@ -128,7 +123,6 @@ def analyze(
 
     progress("computing performance")
     performance = compute_performance(request, trajectory, drag, aircraft, propeller, condition, flown)
-    unknown_battery = request.battery_Wh is None and aircraft.propulsion.battery_energy_Wh is None
     results = assemble(
         log=name,
         aircraft=aircraft,
@@ -144,6 +138,6 @@ def analyze(
         + coverage_warnings
         + trajectory_warnings
         + drag.warnings
-        + ([NO_BATTERY] if unknown_battery else []),
+        + request.notes(aircraft),
     )
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)

@@ -4,6 +4,7 @@ import math
 import re
 from dataclasses import dataclass
 
+from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2, to_si, weight_to_N
 
@@ -24,6 +25,19 @@ class Request:
     usable: float = USABLE
     weights_N: tuple[float, ...] = ()
     density_altitudes_m: tuple[float, ...] = ()
+
+    def battery_energy_Wh(self, aircraft: Aircraft) -> float | None:
+        """Of this request, or else of the aircraft file. None where neither gives it."""
+        return aircraft.propulsion.battery_energy_Wh if self.battery_Wh is None else self.battery_Wh
+
+    def notes(self, aircraft: Aircraft) -> list[str]:
+        """A sentence where the battery's energy is not known."""
+        if self.battery_energy_Wh(aircraft) is not None:
+            return []
+        return [
+            "No endurance, range or climb: the aircraft file lacks propulsion.battery_energy, such as"
+            ' battery_energy = "74 W h"; or give --battery-Wh.'
+        ]
 
 
 def parse_request(

@@ -109,3 +109,12 @@ def test_unknown_upwash_is_a_slope_of_angle_of_attack(nexstar):
     assert alpha_scale_sigma(mine) == pytest.approx(np.radians(1) * 4.5, rel=0.05)
     slender = replace(mine, geometry=replace(mine.geometry, span_m=3.5))
     assert alpha_scale_sigma(slender) > alpha_scale_sigma(mine)
+
+
+@pytest.mark.parametrize(("span_m", "lift_slope"), [(1e5, 2 * np.pi), (1e-3, np.pi / 2 * 1e-6 / 0.46), (1.75, 4.673)])
+def test_the_slope_by_unknown_upwash_is_upwash_times_the_lift_slope_of_the_wing(span_m, lift_slope):
+    """2 pi for a wing without ends, pi/2 AR for one without span (Jones), 4.673 for an aspect ratio of 6.66 by
+    Helmbold's equation: an angle alpha has a lift coefficient of a alpha, and that 1 deg of upwash for each unit."""
+    mine = parse_aircraft(FOUR_KEYS, "mine.toml")
+    wing = replace(mine, geometry=replace(mine.geometry, span_m=span_m))
+    assert alpha_scale_sigma(wing) == pytest.approx(np.radians(1) * lift_slope, rel=2e-3)

@@ -1,80 +1,75 @@
-"""The optimizer: curvature of the concentrated likelihood, and the number of iterations."""
+"""Where the optimizer stops: on likelihoods whose optimum and whose rate of convergence are known."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from analysis.estimation import output_error
-from analysis.estimation.data import Segment
-from analysis.estimation.model import Model
-from analysis.estimation.output_error import _OutputErrorLikelihood
-from analysis.estimation.problem import Problem, free_names
-from analysis.estimation.simulation import build_simulator
-from tests.analysis.estimation.test_output_error import CLEAN, DE, SHORT_PERIOD, T_S, TRUTH, noisy
+from analysis.estimation.optimizer import Evaluation, maximize
 
-# A third output that contradicts the other two: lift from a wrong speed. R then changes along the step.
-CONTRADICTORY = Model(
-    name="short period with load factor",
-    states=SHORT_PERIOD.states,
-    inputs=SHORT_PERIOD.inputs,
-    outputs=("alpha", "q", "n_z"),
-    parameters=SHORT_PERIOD.parameters,
-    dynamics=SHORT_PERIOD.dynamics,
-    output_function=lambda x, u, p: (x.alpha, x.q, -2 * p.Zal * x.alpha),
-)
+CURVATURE = 4.0  # of the cost: a standard error of 0.5
 
 
-def contradictory(seed, factor=1.3):
-    rng = np.random.default_rng(seed)
-    n_z = -2 * factor * TRUTH["Zal"] * CLEAN["alpha"] + 0.01 * rng.standard_normal(len(T_S))
-    return Segment(name="run", t_s=T_S, u={"de": DE}, z={**noisy(seed).z, "n_z": n_z})
+@dataclass
+class Parabola:
+    """Cost with its minimum at zero. Its information exceeds the curvature: each step goes `share` of the way.
 
-
-@pytest.mark.parametrize("noise", ["diagonal", "full"])
-def test_the_curvature_is_the_hessian_of_the_cost(noise):
-    """Up to the second derivatives of the response, which are left out: zero in an output linear in its parameters.
-
-    The model is a regression, y = a u1 + b u2, on data that it does not fit, so that R changes with a and b.
+    ln_det_R: grows by this with each standard error of distance     kink: slope of the cost on either side of the start
     """
-    model = Model(
-        name="regression",
-        inputs=("u1", "u2"),
-        outputs=("y1", "y2"),
-        parameters=SHORT_PERIOD.parameters[:2],
-        output_function=lambda x, u, p: (p.Zal * u.u1 + p.Mal * u.u2, p.Zal * u.u2 - p.Mal * u.u1),
-    )
-    rng = np.random.default_rng(3)
-    u1, u2 = rng.standard_normal((2, 40))
-    z = {"y1": 2 * u1 + rng.standard_normal(40), "y2": -u2 + 2 * u1 + rng.standard_normal(40)}
-    segment = Segment(name="run", t_s=np.arange(40.0), u={"u1": u1, "u2": u2}, z=z)
-    problem = Problem.assemble(model, (segment,), "free", {})
-    simulator = build_simulator(model, free_names(model), "rk4", "linear")
-    likelihood = _OutputErrorLikelihood(problem, simulator, noise, None, None)
-    theta, h = np.array([1.0, -1.0]), 1e-4
-    steps = h * np.eye(2)
-    hessian = np.array(
-        [
-            [
-                sum(a * b * likelihood.evaluate(theta + a * i + b * j).cost for a in (1, -1) for b in (1, -1))
-                for j in steps
-            ]
-            for i in steps
-        ]
-    ) / (4 * h**2)
-    point = likelihood.evaluate(theta)
-    assert point.curvature == pytest.approx(hessian, rel=1e-4)
-    assert not np.allclose(point.information, hessian, rtol=0.1), "the data do not show the difference"
+
+    share: float = 1.0
+    ln_det_R: float = 0.0
+    kink: float = 0.0
+
+    @property
+    def problem(self):
+        return SimpleNamespace(prior_information=np.zeros(1), lower=np.array([-np.inf]), upper=np.array([np.inf]))
+
+    def evaluate(self, theta):
+        (x,) = theta
+        cost = CURVATURE * x**2 / 2 + self.kink * abs(x - self.start)
+        information = np.array([[CURVATURE / self.share]])
+        ln_det_R = self.ln_det_R * abs(x) * np.sqrt(information[0, 0])
+        gradient = -CURVATURE * theta
+        return Evaluation(theta, cost, (), np.eye(1), gradient, information, ln_det_R=ln_det_R)
+
+    def stop(self, start, **options):
+        """Distance from the optimum where the search from distance `start` stops, in standard errors; reason."""
+        error = np.sqrt(self.share / CURVATURE)
+        self.start = start * error
+        point, _, reason = maximize(self, self.evaluate(np.array([self.start])), 100, **options)
+        return abs(point.theta[0]) / error, reason
 
 
-def test_outputs_that_contradict_each_other_converge_quadratically():
-    """With the information matrix alone these take 16 to 23 iterations: each step is wrong by the same factor."""
-    fits = [output_error.estimate(CONTRADICTORY, contradictory(seed, factor=1.6)) for seed in range(6)]
-    assert all(fit.verdict.ok for fit in fits)
-    assert max(fit.iterations for fit in fits) <= 13
+@pytest.mark.parametrize("last", [1.01, 1.3, 1.9])
+def test_the_gradient_at_the_stop_is_zero_to_a_ten_thousandth_of_a_standard_error(last):
+    """Each step halves the distance, so the last step is as long as what is left of the way. Steps are `last` times
+    1e-4 standard errors, then half of it: the second is the first that is short enough."""
+    left, reason = Parabola(share=0.5).stop(2**10 * last * 1e-4)
+    assert reason == ""
+    assert left == pytest.approx(last / 2 * 1e-4)
 
 
-@pytest.mark.parametrize("factor", [1.0, 1.3])
-def test_at_the_stop_the_gradient_is_zero(factor):
-    """A Newton step from the stop is shorter than 1e-3 standard errors."""
-    fit = output_error.estimate(CONTRADICTORY, contradictory(2, factor))
-    g = sum(piece.white.S.reshape(-1, len(piece.columns)).T @ piece.white.e.ravel() for piece in fit.segment_fits)
-    assert np.sqrt(g @ fit.covariance @ g) < 1e-3
+@pytest.mark.parametrize("last", [1.01, 1.9])
+def test_the_change_of_the_residuals_covariance_at_the_stop_is_a_millionth(last):
+    """ln det R changes by 1/10 for each standard error: the steps that the tolerance of the step allows change it by
+    1e-5, ten times too much."""
+    left, reason = Parabola(share=0.5, ln_det_R=0.1).stop(2**12 * last * 1e-5)
+    assert reason == ""
+    assert 0.1 * left == pytest.approx(last / 2 * 1e-6)
+
+
+@pytest.mark.parametrize(("gain", "optimum"), [(0.51e-4, True), (0.99e-4, True), (1.01e-4, False), (1.99e-4, False)])
+def test_where_no_step_lowers_the_cost_the_predicted_gain_decides(gain, optimum):
+    """The cost rises on either side of the start. Twice the predicted decrease is the squared distance in standard
+    errors: below 1e-4 rounding hides the decrease, above it the gradient is wrong."""
+    left, reason = Parabola(kink=1e3).stop(np.sqrt(gain))
+    assert left == pytest.approx(np.sqrt(gain)), "no step was taken"
+    assert (reason == "") == optimum
+    assert optimum or "no step, however short" in reason
+
+
+def test_a_caller_may_stop_earlier():
+    point = Parabola(share=0.5).stop(1.0, step_tolerance=0.1)
+    assert point == (pytest.approx(1 / 16), ""), "the first step shorter than 0.1 of a standard error"
