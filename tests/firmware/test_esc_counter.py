@@ -14,13 +14,8 @@ from flight.messages import Status
 HERE = Path(__file__).parent
 SOURCE = HERE.parents[1] / "firmware" / "esc_counter"
 HEADERS = [Path("/usr/include/simavr/sim_avr.h"), Path("/usr/include/libelf.h")]
-pytestmark = [
-    pytest.mark.skipif(
-        not (shutil.which("avr-gcc") and shutil.which("gcc") and all(header.exists() for header in HEADERS)),
-        reason="needs gcc, gcc-avr, avr-libc, libsimavr-dev and libelf-dev",
-    ),
-    pytest.mark.xdist_group("firmware"),
-]
+if not (shutil.which("avr-gcc") and shutil.which("gcc") and all(header.exists() for header in HEADERS)):
+    pytest.skip("needs gcc, gcc-avr, avr-libc, libsimavr-dev and libelf-dev", allow_module_level=True)
 
 
 class Sent(NamedTuple):
