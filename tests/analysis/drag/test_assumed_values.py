@@ -54,15 +54,21 @@ def repeat(aircraft, propeller, upwash_sigma):
     return estimate(values, OWN * (1 + upwash_sigma))
 
 
+def repeat_values(aircraft, propeller, upwash_sigma):
+    return repeat(aircraft, propeller, upwash_sigma).values
+
+
 def test_without_missing_keys_nothing_is_added(nexstar, propeller):
-    assert assumption_uncertainty(repeat, nexstar, propeller, AT, FLOWN_CL) is None
+    assert assumption_uncertainty(repeat, repeat_values, nexstar, propeller, AT, FLOWN_CL) is None
     assert alpha_scale_sigma(nexstar) == 0.0
     whole = estimate(np.array([*A, 0.0, 0.0]))
     assert with_assumption_uncertainty(whole, None) is whole
 
 
 def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(propeller):
-    found = assumption_uncertainty(repeat, parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL)
+    found = assumption_uncertainty(
+        repeat, repeat_values, parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL
+    )
     assert found is not None
     wanted = np.zeros((5, 5))
     wanted[0, 0] = (0.01 * PROBE_SIGMA_M) ** 2
@@ -73,14 +79,14 @@ def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(pro
 
 def test_the_notes_say_what_stands_in_and_by_how_much_the_key_would_narrow_the_interval(propeller):
     mine = parse_aircraft(FOUR_KEYS + '[probe]\nupwash_per_CL = "1 deg"\n', "mine.toml")
-    found = assumption_uncertainty(repeat, mine, propeller, AT, FLOWN_CL)
+    found = assumption_uncertainty(repeat, repeat_values, mine, propeller, AT, FLOWN_CL)
     assert found is not None
     (probe,) = (note for note in found.notes if "probe.position" in note)
     V = np.array([speed_at(FLOWN_CL[1], AT)])
     widths = []
     for key in ("", '[probe]\nposition = ["0.3 m", "0 m", "0 m"]\nupwash_per_CL = "1 deg"\n'):
         aircraft = parse_aircraft(FOUR_KEYS + key, "") if key else mine
-        added = assumption_uncertainty(repeat, aircraft, propeller, AT, FLOWN_CL)
+        added = assumption_uncertainty(repeat, repeat_values, aircraft, propeller, AT, FLOWN_CL)
         widened = with_assumption_uncertainty(estimate(np.array([*A, 0.0, 0.0])), added)
         widths.append(power_required(V, widened.polar, AT)[1][0])
     assert f"{100 * (1 - widths[1] / widths[0]):.0f} % narrower" in probe
