@@ -130,7 +130,7 @@ def analyze(
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with stderr.status("reading the log …") as status:
         # Wrong input is refused before the numerical libraries are loaded, which takes a second.
-        recorded = read_log(log)
+        recorded = read_log(_not_a_folder(log))
         check_writable(folder / "report.html")
         given_aircraft = load_aircraft(aircraft) if aircraft else None
         given_propeller = _load_propeller(propeller) if propeller else None
@@ -164,6 +164,15 @@ def analyze(
         stderr.print(note, highlight=False, markup=False)
     if not quiet:
         print_summary(analysis.results, folder / "report.html", Console())
+
+
+def _not_a_folder(log: Path) -> Path:
+    if log.is_dir():
+        inside = sorted(log.glob("*.mcap"))
+        raise InputError(
+            f"{log}: cannot be read, it is a folder; give a log, such as {inside[0] if inside else 'log.mcap'}"
+        )
+    return log
 
 
 def _load_propeller(name_or_path: str) -> "Propeller":
