@@ -24,10 +24,15 @@ def done(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     return outcome
 
 
-def done_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    """The same as on a computer without POSIX."""
+def command_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run one of our commands as on a computer without POSIX."""
     line = [sys.executable, "-X", "warn_default_encoding", WITHOUT_POSIX, name, *map(str, arguments)]
-    outcome = subprocess.run(line, capture_output=True, text=True, timeout=120)
+    return subprocess.run(line, capture_output=True, text=True, timeout=120)
+
+
+def done_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """The same for a command that has to succeed."""
+    outcome = command_without_posix(name, *arguments)
     assert outcome.returncode == 0, f"{name} {arguments}: {outcome.stderr}"
     return outcome
 
