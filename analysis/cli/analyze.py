@@ -9,9 +9,10 @@ from rich.console import Console
 
 from analysis.performance.request import parse_request, parse_weight
 from flight.aircraft import load_aircraft
-from flight.command_line import application, check_writable, run
+from flight.command_line import application, run
 from flight.errors import InputError
 from flight.log_reader import read_log
+from flight.output_file import check_writable
 
 if TYPE_CHECKING:
     from flight.propeller import Propeller
