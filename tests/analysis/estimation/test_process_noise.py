@@ -1,5 +1,7 @@
 """Process noise in filter error: priors, starting values, standard errors and significance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from disturbed import INTENSITY, LINEAR, LINEAR_NOISE, T_S, linear_record
@@ -18,6 +20,27 @@ def test_a_prior_pulls_the_estimate():
     pulled = filter_error.estimate(model, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
     assert pulled.value == pytest.approx(Mq.value + Mq.standard_error / 2, abs=0.1 * Mq.standard_error)
     assert pulled.standard_error == pytest.approx(Mq.standard_error / np.sqrt(2), rel=0.05)
+
+
+def test_the_interval_of_an_intensity_is_that_of_its_logarithm():
+    fit = filter_error.estimate(LINEAR, linear_record(3), LINEAR_NOISE, test_significance=False)
+    found, ln_w = fit.process_noise["alpha"], fit.parameters["ln w(alpha)"]
+    factor = np.exp(1.96 * ln_w.standard_error)
+    assert (found.lo, found.hi) == pytest.approx((found.value / factor, found.value * factor), rel=1e-4)
+    assert found.lo < INTENSITY < found.hi
+
+
+def test_a_known_offset_of_the_sensors_changes_nothing():
+    """Outputs that are not zero at zero state, and measurements shifted by as much: the same estimates."""
+    segment = linear_record(3)
+    offset = replace(LINEAR, output_function=lambda x, u, p: (x.alpha + 0.1, x.q - 0.2))
+    shifted = replace(segment, z={"alpha": segment.z["alpha"] + 0.1, "q": segment.z["q"] - 0.2})
+    fits = [
+        filter_error.estimate(model, data, LINEAR_NOISE, test_significance=False)
+        for model, data in ((LINEAR, segment), (offset, shifted))
+    ]
+    assert fits[1].verdict.ok
+    assert np.all(np.abs(fits[1].values - fits[0].values) < 0.01 * np.sqrt(np.diag(fits[0].covariance)))
 
 
 @pytest.mark.parametrize("factor", [1 / 300, 3])
