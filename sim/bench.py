@@ -32,6 +32,9 @@ class BenchSegment:
     def duration_s(self) -> float:
         raise NotImplementedError
 
+    def check(self) -> None:
+        """Raises InputError if the segment cannot be done."""
+
     def motion(self, position: Array, attitude: Array, t: Array) -> Motion:
         """The motion at times t (n,) from the segment's start."""
         return stand(position, attitude, len(t))
@@ -50,9 +53,11 @@ class BurstsSegment(BenchSegment):
     count: int = 8
     kind = "bursts"
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
         if self.line not in LINES:
-            raise InputError(f"bursts: line: {self.line!r} is not one of {', '.join(LINES)}")
+            raise InputError(f"line: {self.line!r} is not one of {', '.join(LINES)}")
+        if self.count < 1:
+            raise InputError(f"count: {self.count} should be one or more")
 
     @property
     def duration_s(self) -> float:
@@ -88,6 +93,10 @@ class HandTurnSegment(BenchSegment):
     seconds_s: float = 60.0
     kind = "turn-by-hand"
 
+    def check(self) -> None:
+        if self.seconds_s < 2 * HAND_YAW_S:
+            raise InputError(f"seconds: {self.seconds_s:g} s are too short; {2 * HAND_YAW_S:g} at least")
+
     @property
     def duration_s(self) -> float:
         return self.seconds_s
@@ -117,11 +126,11 @@ class DeflectSegment(BenchSegment):
     hold_s: float = 4.0
     kind = "deflect"
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
         if self.surface not in SURFACES:
-            raise InputError(f"deflect: surface: {self.surface!r} is not one of {', '.join(SURFACES)}")
+            raise InputError(f"surface: {self.surface!r} is not one of {', '.join(SURFACES)}")
         if not self.angle_rad:
-            raise InputError("deflect: angle: give the angles to hold, in order")
+            raise InputError("angle: give the angles to hold, in order")
 
     @property
     def duration_s(self) -> float:

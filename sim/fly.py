@@ -219,8 +219,9 @@ class _FlightSimulation:
         self._kinematic(motion, np.zeros(n), None, None, index, "stand")
 
     def _bench(self, segment: BenchSegment, index: int, where: str) -> None:
-        t: Array = np.arange(round(segment.duration_s / self.dt), dtype=np.float64) * self.dt
         try:
+            segment.check()
+            t: Array = np.arange(round(segment.duration_s / self.dt), dtype=np.float64) * self.dt
             columns = segment.columns(self.aircraft, t)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
