@@ -1,6 +1,6 @@
 """The commands of the documentation: found, run in this process, and compared with the output that a page shows.
 
-    python -m tests.documented_commands docs/tutorial.md     # renew the outputs that a page shows
+python -m tests.documented_commands docs/tutorial.md     # renew the outputs that a page shows
 """
 
 import contextlib
@@ -12,7 +12,7 @@ import shlex
 import sys
 import tempfile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from unittest import mock
 
 import typer
@@ -26,6 +26,9 @@ MODULES = {
     "daq": "daq.__main__",
     "flightpower": "flightpower.__main__",
 }
+SHELL = ("", "sh", "bash", "console")
+DRAWN = "──"  # a block with this is a drawing
+COMPLETION = ("--install-completion", "--show-completion")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FILE_BEFORE = re.compile(r"`([\w.-]+)`:\s*\Z")
 UNCOMMENT = re.compile(r"In `([\w.-]+)` remove the `# ` before `([^`]+)`")
@@ -44,12 +47,16 @@ class Step(NamedTuple):
 
 
 def commands_in(page: Path) -> list[str]:
-    """Commands of our programs in the fenced blocks of a page, and those in backticks that have an argument."""
-    text = page.read_text("utf-8")
-    blocks = [body for language, body in FENCE.findall(text) if language in ("", "sh", "bash", "console")]
-    lines = [line.removeprefix("$ ").strip() for body in blocks for line in body.splitlines()]
-    lines += re.findall(r"`([^`\n]+ [^`\n]+)`", FENCE.sub("", text))
-    return [line for line in lines if line.split(maxsplit=1)[:1] and line.split()[0] in MODULES and "…" not in line]
+    """Commands of our programs in the fenced blocks of a page."""
+    blocks = [body for language, body in FENCE.findall(page.read_text("utf-8")) if language in SHELL]
+    lines = [line.removeprefix("$ ").strip() for body in blocks if DRAWN not in body for line in body.splitlines()]
+    return [line for line in lines if line.split() and line.split()[0] in MODULES]
+
+
+def mentions_in(page: Path) -> list[str]:
+    """Commands of our programs in backticks, which may lack arguments; those with a word at least after their name."""
+    words = re.findall(r"`([^`\n]+ [^`\n]+)`", FENCE.sub("", page.read_text("utf-8")))
+    return [command for command in words if command.split()[0] in MODULES and "…" not in command]
 
 
 def arguments_of(command: str) -> list[str]:
@@ -126,16 +133,20 @@ def same(shown: str, printed: str) -> bool:
     )
 
 
-def parse(command: str) -> None:
-    """Check name, options and types of the arguments of a command without running it. Raises click's errors."""
+def parse(command: str, *, whole: bool) -> None:
+    """Check names and options of a command without running it, and also its arguments if it is `whole`.
+
+    Raises typer's errors, or AssertionError for an unknown option.
+    """
     name, *arguments = arguments_of(command)
-    group = typer.main.get_command(importlib.import_module(MODULES[name]).app)
-    while hasattr(group, "commands") or hasattr(group, "list_commands"):
-        context = group.make_context(name, arguments, resilient_parsing=False)
-        rest = [*context.protected_args, *context.args] if hasattr(context, "protected_args") else context.args
-        name, group, arguments = group.resolve_command(context, rest)
-        assert group is not None
-    group.make_context(name, arguments)
+    program: Any = typer.main.get_command(importlib.import_module(MODULES[name]).app)
+    while hasattr(program, "resolve_command") and arguments and not arguments[0].startswith("-"):
+        name, program, arguments = program.resolve_command(typer.Context(program), arguments)
+    known = {option for parameter in program.params for option in (*parameter.opts, *parameter.secondary_opts)}
+    unknown = [word for word in arguments if word.startswith("--") and word not in {*known, "--help", *COMPLETION}]
+    assert not unknown, f"{command}: there is no option {unknown}"
+    if whole:
+        program.make_context(name, arguments)
 
 
 def main(page: Path) -> None:
