@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,14 @@ REST_S, PRESS_S, HOLD_S, JITTER_S = 2.0, 1.0, 2.0, 0.2  # of a burst
 MOVE_S = 0.5  # of a surface from one angle to the next
 HAND_ROLL_RAD, HAND_PITCH_RAD = 2.9, 1.3
 HAND_ROLL_S, HAND_PITCH_S, HAND_YAW_S, LIFT_S = 13.0, 9.7, 15.0, 4.0
+
+
+class LineResponse(Protocol):
+    """Pressure at the end of a pneumatic line (`sim.sensors.tubing.StepResponse`); times t (n,) since its beginning."""
+
+    def step(self, t: Array) -> Array: ...
+
+    def ramp(self, t: Array) -> Array: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +72,8 @@ class BurstsSegment(BenchSegment):
     def duration_s(self) -> float:
         return self.count * (REST_S + PRESS_S + HOLD_S) + REST_S
 
-    def response(self, t: Array, tau_s: float, jitter: Array) -> Array:
-        """Pressure [Pa] behind a first-order lag at times t (n,) from the start. jitter: (count,), -1 to 1.
+    def response(self, t: Array, line: LineResponse, jitter: Array) -> Array:
+        """Pressure [Pa] at the end of the line at times t (n,) from the start. jitter: of each burst, -1 to 1.
 
         The sum of the responses to two ramps and a step for each burst, so that a burst is not tied to the times t.
         """
@@ -72,18 +81,9 @@ class BurstsSegment(BenchSegment):
         for number, shift in enumerate(jitter.tolist()):
             pressed = t - REST_S - number * (REST_S + PRESS_S + HOLD_S)
             burst = pressed - PRESS_S - HOLD_S - JITTER_S * shift
-            rise = _ramp_response(pressed, tau_s) - _ramp_response(pressed - PRESS_S, tau_s)
-            total += self.pressure_Pa * (rise / PRESS_S - _step_response(burst, tau_s))
+            rise = (line.ramp(pressed) - line.ramp(pressed - PRESS_S)) / PRESS_S
+            total += self.pressure_Pa * (rise - line.step(burst))
         return total
-
-
-def _step_response(t: Array, tau_s: float) -> Array:
-    since = np.maximum(t, 0.0)
-    return np.where(t >= 0, 1 - np.exp(-since / tau_s), 0.0) if tau_s > 0 else np.where(t >= 0, 1.0, 0.0)
-
-
-def _ramp_response(t: Array, tau_s: float) -> Array:
-    return np.asarray(np.maximum(t, 0.0) - tau_s * _step_response(t, tau_s))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.airdata.step_test import find_steps, fit_lag, through
-from analysis.airdata.tubing import air
-from flight.aircraft import load_aircraft
+from analysis.airdata.tubing import air, low_frequency_lag_s
+from flight.aircraft import PneumaticLine, load_aircraft
 from flight.complete_aircraft import as_complete
 from flight.errors import InputError
 from flight.motion import attitude_derivative
@@ -13,10 +13,12 @@ from sim.bench import BurstsSegment, HandTurnSegment
 from sim.fly import fly
 from sim.plan import parse_plan
 from sim.sensors import FlightSensorTruth, draw, load_budget
-from sim.sensors.tubing import time_constant_s
+from sim.sensors.tubing import step_response, time_constant_s
 
 DT = 0.02
 AIRBORNE = '[[segment]]\nkind = "hold"\nduration = "1 s"\n'
+NO_LINE = PneumaticLine(length_m=0.0, diameter_m=1e-3, cavity_m3=0.0)
+GROUND_AIR = (101_325.0, 288.15)
 STANDING = np.array([0.0, 0.0, 0.3])
 
 
@@ -24,8 +26,9 @@ def test_a_burst_arrives_late_by_the_lag_of_its_line() -> None:
     """The area under a step behind a first-order lag is larger by pressure times lag; the pressing up is as late."""
     segment = BurstsSegment(line="alpha", pressure_Pa=300.0, count=1)
     t = np.arange(0.0, segment.duration_s, 1e-3)
-    at_once, late = (segment.response(t, tau, np.zeros(1)) for tau in (0.0, 0.025))
-    assert at_once.max() == pytest.approx(300.0) and at_once[0] == at_once[-1] == 0.0
+    at_once, late = (segment.response(t, step_response(NO_LINE, *GROUND_AIR, lag), np.zeros(1)) for lag in (0.0, 0.025))
+    assert at_once.max() == pytest.approx(300.0)
+    assert at_once[[0, -1]] == pytest.approx(0.0, abs=1e-6)
     assert late[-1] == pytest.approx(0.0, abs=1e-6)
     burst = 2.0 + 1.0 + 2.0
     assert t[at_once > 299.9][-1] == pytest.approx(burst, abs=2e-3)
@@ -38,7 +41,7 @@ def test_a_burst_arrives_late_by_the_lag_of_its_line() -> None:
 def test_bursts_are_not_tied_to_the_ticks() -> None:
     segment = BurstsSegment(line="alpha", count=2)
     t = np.arange(0.0, segment.duration_s, 1e-3)
-    pressure = segment.response(t, 0.0, np.array([1.0, -1.0]))
+    pressure = segment.response(t, step_response(NO_LINE, *GROUND_AIR), np.array([1.0, -1.0]))
     ends = t[np.flatnonzero(np.diff(pressure) < -100)]
     assert ends == pytest.approx([5.2, 9.8], abs=2e-3)
 
@@ -73,6 +76,23 @@ def test_deflected_surfaces_are_held_and_their_pulses_are_those_of_the_aircraft_
     assert truth["rudder_command_rad"].iloc[-1] == pytest.approx(0.0, abs=1e-2)
     assert set(truth["phase"]) == {"ground"} and truth["motor_speed_revps"].max() == 0.0
     assert np.all(truth["elevator_command_rad"] == 0.0)
+
+
+@pytest.mark.parametrize(("diameter_mm", "cavity_mm3"), [(0.3, 20), (0.42, 20), (0.8, 500)])
+def test_the_response_of_a_line_has_its_lag(diameter_mm: float, cavity_mm3: float) -> None:
+    line = PneumaticLine(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=cavity_mm3 * 1e-9)
+    found = step_response(line, *GROUND_AIR)
+    assert found.value[0] == pytest.approx(0.0, abs=1e-6) and found.value[-1] == pytest.approx(1.0, abs=1e-3)
+    assert np.trapezoid(1 - found.value, found.t_s) == pytest.approx(time_constant_s(line, *GROUND_AIR), rel=5e-3)
+
+
+@pytest.mark.parametrize("diameter_mm", [0.3, 0.42])
+def test_the_response_is_that_of_bergh_and_tijdeman(diameter_mm: float) -> None:
+    """Two independent models: cells with inertia here, Bessel functions of the frequency there."""
+    line = PneumaticLine(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
+    found, gas = step_response(line, *GROUND_AIR), air(*GROUND_AIR)
+    expected = 1 - through(line, gas)(low_frequency_lag_s([line], gas))(found.t_s)
+    assert np.abs(found.value - expected).max() < 0.03
 
 
 def test_bursts_on_a_narrow_line_show_the_lag_of_the_simulator() -> None:
