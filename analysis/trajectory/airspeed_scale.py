@@ -48,6 +48,8 @@ def calibrate(table: pd.DataFrame, trajectory: Trajectory) -> AirspeedCalibratio
     unsupported = ""
     if not trajectory.converged:
         unsupported = "the trajectory reconstruction did not converge"
+    elif not trajectory.block_means.measured("gps_north_mps"):
+        unsupported = "no GPS in this log, so wind and scale are not determined: fly with GPS"
     elif error > DETERMINED_SHARE * prior:
         unsupported = (
             f"the flight does not determine the scale (standard error {100 * error:.1f} %, before the flight"

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import pytest
+from running import rewritten
 
 from flight.aircraft import load_aircraft
 from sim.plan import load_plan
@@ -151,6 +152,13 @@ def test_rehearsed_surfaces_are_those_of_the_aircraft_file(walk: Walk) -> None:
     elevator = load_aircraft("nexstar").elevator
     for pulse, angle_deg in zip(pulses, (-20, -10, 0, 10, 20), strict=True):
         assert np.degrees(elevator.angle_of_pulse_rad(pulse)) == pytest.approx(angle_deg, abs=0.05)
+
+
+def test_without_gps_no_airspeed_calibration_is_written(walk: Walk, tmp_path: Path) -> None:
+    rewritten(walk.folder / "out/box", tmp_path / "no-gps.mcap", without_topic="/gps")
+    code, output = run(f"calibrate airspeed {tmp_path}/no-gps.mcap -o {tmp_path}/airspeed.json")
+    assert code == 2 and output[-1].endswith("not determined: fly with GPS")
+    assert not (tmp_path / "airspeed.json").exists()
 
 
 def test_the_rehearsed_airspeed_scale_and_wind_are_the_simulator_s(walk: Walk) -> None:
