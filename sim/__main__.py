@@ -4,10 +4,8 @@ It connects simulator, fake hardware and daemon; no module imports it.
 """
 
 import math
-import shutil
 import sys
 from datetime import datetime
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,6 +27,18 @@ from sim.options import (
     SeedOption,
     SpeedOption,
 )
+from sim.output_folder import (
+    CURVE,
+    LOG,
+    OUTPUT_FILES,
+    PROBE,
+    TRAY,
+    TRUTH,
+    check_output,
+    check_probe,
+    probe_text,
+    tray_text,
+)
 from sim.progress import Report, progress_bar
 
 if TYPE_CHECKING:
@@ -40,8 +50,6 @@ if TYPE_CHECKING:
 app = application(help="Simulated flights and wind tunnel: what the sensors would measure, and the truth beside it.")
 
 HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
-TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
-OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
 
 
 @app.command(short_help="Fly a plan; write the truth and the log.")
@@ -55,7 +63,10 @@ def fly(
         str, typer.Option(metavar="NAME", help="Error budget: bench, none, study, harsh, or a file.")
     ] = "bench",
     seed: SeedOption = 0,
-    probe: Annotated[Path | None, typer.Option(metavar="FILE", help="Probe calibration to put into the log.")] = None,
+    probe: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Probe calibration for the log, instead of that of the simulated tunnel."),
+    ] = None,
     faults: Annotated[
         Path | None,
         typer.Option(
@@ -72,10 +83,9 @@ def fly(
 
     \b
     Examples:
-      sim fly --probe probe.json -o out/demo
+      sim fly -o out/demo
       sim fly --aircraft my.toml --plan full-test-flight --no-hardware -o out
     """
-    from daq.attachments import calibration_text
     from hw_fakes.faults import load_faults
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
@@ -86,11 +96,9 @@ def fly(
         raise InputError("--no-hardware excludes --faults and --real-time")
     craft, flight_plan, budget = load_complete_aircraft(aircraft), load_plan(plan), load_budget(errors)
     schedule = load_faults(faults) if faults is not None else ()
-    if probe is not None:
-        if not probe.exists():
-            raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
-        calibration_text(str(probe), "probe")
-    _check_output(output, replace)
+    calibration = probe_text(probe)
+    check_output(output, replace)
+    check_probe(output, calibration, probe)
     drawn = draw(budget, seed)
     with progress_bar("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
@@ -101,7 +109,8 @@ def fly(
         metadata = {**flight.metadata, "errors": drawn.as_dict()}
         write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
         flight.power_required.to_csv(output / CURVE, index=False)
-        (output / TRAY).write_text(_tray_text(output, aircraft, craft, probe), "utf-8")
+        (output / TRAY).write_text(tray_text(output, aircraft, craft), "utf-8")
+        (output / PROBE).write_bytes(calibration.encode())
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
     sensor_truth = FlightSensorTruth(flight, drawn)
@@ -111,40 +120,6 @@ def fly(
         else:
             _record(output, sensor_truth, seed, craft, schedule, real_time, report)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
-
-
-def _check_output(output: Path, replace: bool) -> None:
-    """Raise InputError if writing would replace something else than an earlier simulation."""
-    if output.exists() and not output.is_dir():
-        raise InputError(f"{output}: not a folder; give another one")
-    taken = [name for name in OUTPUT_FILES if (output / name).exists()]
-    if taken and not replace:
-        raise InputError(f"{output}: already contains {taken[0]}; give another folder, or --replace")
-    if taken and not (output / TRUTH).exists():
-        raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another folder")
-    check_writable(output / LOG)
-
-
-def _tray_text(output: Path, name: str, craft: CompleteAircraft, probe: Path | None) -> str:
-    """The daemon's example tray, changed for this flight. Files it needs are copied, so the directory can be moved."""
-    text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
-    if Path(name).is_file():
-        (output / "aircraft.toml").write_text(craft.text, "utf-8")
-        name = "aircraft.toml"
-    lines = []
-    for line in text.splitlines():
-        key = line.lstrip("# ").split("=")[0].strip()
-        if key == "aircraft":
-            line = f'aircraft = "{name}"'
-        elif key == "directory":
-            line = 'directory = "."'
-        elif key == "probe_calibration" and probe is not None:
-            target = output / "probe.json"
-            if not (target.exists() and target.samefile(probe)):
-                shutil.copyfile(probe, target)
-            line = 'probe_calibration = "probe.json"'
-        lines.append(line)
-    return "\n".join(lines) + "\n"
 
 
 def _record(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import cos, pi, sin
 
 from flight.errors import InputError
+from sim.bench import BurstsSegment, DeflectSegment, HandTurnSegment
 from sim.integration import Observation
 from sim.manoeuvres import MultistepSegment, PorpoiseSegment, RollerCoasterSegment, WindUpTurnSegment
 from sim.pilot import Targets, wrap_angle
@@ -224,4 +225,7 @@ AIRBORNE: dict[str, type] = {
         ManualSegment,
     )
 }
-GROUND: dict[str, type] = {kind.kind: kind for kind in (StandSegment, TakeOffSegment, LandSegment)}
+GROUND: dict[str, type] = {
+    kind.kind: kind
+    for kind in (StandSegment, TakeOffSegment, LandSegment, BurstsSegment, HandTurnSegment, DeflectSegment)
+}

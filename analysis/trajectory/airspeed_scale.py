@@ -20,6 +20,7 @@ class AirspeedCalibration(NamedTuple):
     wind_from_deg: float
     one_way: float  # length of the mean heading vector: 0 for evenly distributed headings, 1 for a single one
     notes: list[str]
+    unsupported: str  # why the flight does not determine the scale, and what to fly; empty if it does
 
 
 def calibrate(table: pd.DataFrame, trajectory: Trajectory) -> AirspeedCalibration:
@@ -44,6 +45,16 @@ def calibrate(table: pd.DataFrame, trajectory: Trajectory) -> AirspeedCalibratio
         )
     if not trajectory.converged:
         notes.append("The trajectory reconstruction did not converge: do not rely on these values.")
+    unsupported = ""
+    if not trajectory.converged:
+        unsupported = "the trajectory reconstruction did not converge"
+    elif not trajectory.block_means.measured("gps_north_mps"):
+        unsupported = "no GPS in this log, so wind and scale are not determined: fly with GPS"
+    elif error > DETERMINED_SHARE * prior:
+        unsupported = (
+            f"the flight does not determine the scale (standard error {100 * error:.1f} %, before the flight"
+            f" {100 * prior:.1f} %): fly legs of half a minute there and back, with GPS"
+        )
     return AirspeedCalibration(
         scale=trajectory.value("V_scale"),
         scale_error=error,
@@ -51,4 +62,5 @@ def calibrate(table: pd.DataFrame, trajectory: Trajectory) -> AirspeedCalibratio
         wind_from_deg=float(np.degrees(np.arctan2(-east, -north)) % 360),
         one_way=one_way,
         notes=notes,
+        unsupported=unsupported,
     )

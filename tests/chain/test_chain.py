@@ -2,6 +2,7 @@
 
 import json
 import re
+from importlib import resources
 from pathlib import Path
 
 import msgspec
@@ -48,6 +49,17 @@ def test_the_curve_lies_within_ten_per_cent_of_the_truth(flown: Path, results: R
     assert V[0] < 12.0 and V[-1] > 22.0, "the flown range is that of the plan"
     assert power == pytest.approx(np.interp(V, truth["speed_mps"], truth["power_W"]), rel=0.10)
     assert results.verdict.startswith("converged")
+
+
+def test_the_default_probe_of_the_simulator_is_that_of_its_tunnel(flown: Path) -> None:
+    """`sim fly` without --probe puts into the log what `calibrate probe` makes of `sim tunnel`."""
+    shipped = json.loads((resources.files("sim") / "data" / "probe.json").read_text("utf-8"))
+    made = json.loads((flown / "probe.json").read_text("utf-8"))
+    assert shipped.keys() == made.keys()
+    for key, value in made.items():
+        for name in value if isinstance(value, dict) else [None]:
+            here, there = (one[key] if name is None else one[key][name] for one in (shipped, made))
+            assert here == there or np.array(here) == pytest.approx(np.array(there), rel=1e-6, abs=1e-9), (key, name)
 
 
 def test_the_interval_is_an_interval(results: Results) -> None:

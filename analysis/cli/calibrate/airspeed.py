@@ -31,7 +31,10 @@ def airspeed(
     Fly two legs or more of half a minute at a steady speed, there and back along one line, better along two crossing
     lines; turns help. A steady wind changes the ground speed by opposite amounts on opposite headings; the mean
     difference is the scale error. On one heading only, wind and scale error cannot be told apart, and a note says so.
-    `analyze` estimates the same for each flight.
+    `analyze` estimates the same for each flight. Exit code 2 and no file without GPS, or if the standard error of the
+    scale stays above 0.8 of what it was before the flight.
+
+    To rehearse it: `sim fly --plan airspeed-box -o out/box`.
 
     \b
     Examples:
@@ -65,8 +68,11 @@ def airspeed(
     found = calibrate(data.table, trajectory)
     for line in summary(found, carried.notes + data.notes):
         print(line)
+    if found.unsupported:
+        raise InputError(f"{log}: {found.unsupported}")
     if output:
-        write_json(output, {"format": "flightpower-airspeed-1", "source": log.name, **found._asdict()})
+        content = {name: value for name, value in found._asdict().items() if name != "unsupported"}
+        write_json(output, {"format": "flightpower-airspeed-1", "source": log.name, **content})
         print(f"wrote {output}")
 
 
