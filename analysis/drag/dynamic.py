@@ -111,16 +111,11 @@ def estimate_polar(
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     forces = flight_forces.forces(states, sensor_errors)
-    airborne = (flight_forces.block_means["height_m"] > LEAST_HEIGHT_M) & (flight_forces.block_means["flying"] == 1)
-    level = _within_level_flight(forces, airborne, runs)
-
-    def fitted(forces: pd.DataFrame) -> output_error.Fit:
-        return output_error.estimate(DRAG, _segments(forces.assign(CD=forces["CD"].where(level)), runs))
-
-    fit = fitted(forces)
+    level = _within_level_flight(forces, flight_forces, runs)
+    fit = _fitted(forces, level, runs)
 
     def variance(states: Array, sensor_errors: Array) -> Array:
-        change = fitted(flight_forces.forces(states, sensor_errors)).values - fit.values
+        change = _fitted(flight_forces.forces(states, sensor_errors), level, runs).values - fit.values
         return np.outer(change, change)
 
     noise = covariance.of_noise(fit)
@@ -153,6 +148,17 @@ def estimate_polar(
     )
 
 
+def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller) -> Array:
+    """The `values` (5,) of `estimate_polar`, without the work for their covariance."""
+    flight_forces = FlightForces(trajectory, aircraft, propeller)
+    forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
+    return _fitted(forces, _within_level_flight(forces, flight_forces, runs), runs).values
+
+
+def _fitted(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
+    return output_error.estimate(DRAG, _segments(forces.assign(CD=forces["CD"].where(level)), runs))
+
+
 def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> list[tuple[str, float, float, str]]:
     """Name, value, standard error and unit of POLAR and THRUST, and of the sensor errors of the trajectory."""
     errors = np.sqrt(np.diag(covariance))
@@ -165,12 +171,13 @@ def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> 
     ]
 
 
-def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
+def _within_level_flight(forces: pd.DataFrame, flight_forces: FlightForces, runs: list[Maneuver]) -> NDArray[np.bool_]:
     """Where the angle of attack is at most LEVEL_MARGIN_RAD above the largest one of level flight.
 
     The latter follows from a straight line fitted to alpha over CL of this flight, at the largest lift coefficient that
     level flight requires at the speeds of the flight or of the runs.
     """
+    airborne = (flight_forces.block_means["height_m"] > LEAST_HEIGHT_M) & (flight_forces.block_means["flying"] == 1)
     flown = forces.loc[airborne, ["CL", "alpha", "qS_over_m_mps2"]].dropna()
     if len(flown) < SHORTEST:
         return np.ones(len(forces), dtype=bool)
@@ -183,13 +190,17 @@ def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs
 
 def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
     segments = []
+    table, t_s = forces[[*INPUTS.values(), "CD"]], forces.index.to_numpy()
     for run in runs:
-        measured = forces.loc[run.start_s : run.end_s, [*INPUTS.values(), "CD"]]
-        data = measured.interpolate(limit_direction="both")
-        if len(data) >= SHORTEST and np.isfinite(data.to_numpy()).all():
-            u = {name: data[column].to_numpy() for name, column in INPUTS.items()}
-            z = {"drag": (data["qS_over_m_mps2"] * measured["CD"]).to_numpy()}
-            segments.append(Segment(name=run.name, t_s=data.index.to_numpy(), u=u, z=z))
+        rows = slice(np.searchsorted(t_s, run.start_s), np.searchsorted(t_s, run.end_s, side="right"))
+        measured = table.iloc[rows].to_numpy().T
+        data = measured
+        if np.isnan(measured).any():
+            data = table.iloc[rows].interpolate(limit_direction="both").to_numpy().T
+        if data.shape[1] >= SHORTEST and np.isfinite(data).all():
+            u = dict(zip(INPUTS, data, strict=False))
+            z = {"drag": u["qS_over_m"] * measured[-1]}
+            segments.append(Segment(name=run.name, t_s=t_s[rows], u=u, z=z))
     return segments
 
 
