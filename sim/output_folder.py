@@ -1,12 +1,13 @@
 """The folder of a simulated flight: which files it holds, and what must not be replaced there."""
 
+import json
 from importlib import resources
 from pathlib import Path
 
-from daq.attachments import calibration_text
 from flight.complete_aircraft import CompleteAircraft
 from flight.errors import InputError
 from flight.output_file import check_writable
+from flight.text_file import read_text
 
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
 OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
@@ -31,7 +32,14 @@ def probe_text(probe: Path | None) -> str:
         return (resources.files("sim") / "data" / PROBE).read_bytes().decode()
     if not probe.exists():
         raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
-    return calibration_text(str(probe), "probe") or ""
+    text = read_text(probe)
+    try:
+        calibration = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"{probe}: not a probe calibration ({error})") from None
+    if not isinstance(calibration, dict):
+        raise InputError(f"{probe}: not a probe calibration (not a JSON object)")
+    return text
 
 
 def check_probe(output: Path, calibration: str, probe: Path | None) -> None:
