@@ -1,16 +1,14 @@
-"""The command line of the simulator: `sim fly`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
+"""The command line of the simulator: `sim fly`, `sim worlds`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
 
 It connects simulator, fake hardware and daemon; no module imports it.
 """
 
 import math
-import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +18,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
+from sim.output_files import LOG, TRAY, TRUTH, check_output, write_flight
 
 if TYPE_CHECKING:
     from hw_fakes.faults import Fault
@@ -31,8 +30,6 @@ Report = Callable[[float], None]  # takes how many seconds are done
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
 
 HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
-TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
-OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
 
 AircraftOption = Annotated[str, typer.Option(help="Name of a shipped aircraft, or a file.")]
 ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
@@ -46,7 +43,12 @@ def fly(
     output: Annotated[Path, typer.Option("--output", "-o", help="Directory for the truth and the log.")],
     aircraft: AircraftOption = "nexstar",
     plan: Annotated[str, typer.Option(help="Name of a shipped plan, or a file.")] = "accel-decel",
-    errors: Annotated[str, typer.Option(help="Error budget: bench, none, study, harsh, or a file.")] = "bench",
+    errors: Annotated[
+        str | None, typer.Option(help="Error budget: bench (the default), none, study, harsh, or a file.")
+    ] = None,
+    world: Annotated[
+        str | None, typer.Option(help="What the analysis does not assume: one of those that `sim worlds` lists.")
+    ] = None,
     seed: SeedOption = 0,
     probe: Annotated[Path | None, typer.Option(help="Probe calibration to put into the log.")] = None,
     faults: Annotated[
@@ -64,28 +66,26 @@ def fly(
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
     from sim.sensors import FlightSensorTruth, draw, load_budget
-    from sim.truth import write_truth
+    from sim.world import World, load_world
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
-    craft, flight_plan, budget = load_complete_aircraft(aircraft), load_plan(plan), load_budget(errors)
+    if world is not None and errors is not None:
+        raise InputError("--world has an error budget of its own: leave out --errors")
+    if world is not None:
+        flown_in = load_world(world)
+    else:
+        budget = load_budget(errors or "bench")
+        flown_in = World(errors or "bench", budget.title, budget)
+    craft, flight_plan = load_complete_aircraft(aircraft), flown_in.plan(load_plan(plan), seed)
     schedule = load_faults(faults) if faults is not None else ()
     if probe is not None and not probe.is_file():
         raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
-    _check_output(output, replace)
-    drawn = draw(budget, seed)
+    check_output(output, replace)
+    drawn = draw(flown_in.errors, seed)
     with _progress("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        for name in OUTPUT_FILES:
-            (output / name).unlink(missing_ok=True)
-        metadata = {**flight.metadata, "errors": drawn.as_dict()}
-        write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
-        flight.power_required.to_csv(output / CURVE, index=False)
-        (output / TRAY).write_text(_tray_text(output, aircraft, craft, probe), "utf-8")
-    except OSError as error:
-        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+    write_flight(output, flight, drawn, flown_in, aircraft, probe)
     sensor_truth = FlightSensorTruth(flight, drawn)
     with _progress("recording", flight.duration_s) as report:
         if no_hardware:
@@ -93,41 +93,6 @@ def fly(
         else:
             _record(output, sensor_truth, seed, craft, schedule, real_time, report)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
-
-
-def _check_output(output: Path, replace: bool) -> None:
-    """Raise InputError if writing would replace something else than an earlier simulation."""
-    if output.exists() and not output.is_dir():
-        raise InputError(f"{output}: not a directory; give another one")
-    taken = [name for name in OUTPUT_FILES if (output / name).exists()]
-    if not taken:
-        return
-    if not replace:
-        raise InputError(f"{output}: already contains {taken[0]}; give another directory, or --replace")
-    if not (output / TRUTH).exists():
-        raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another directory")
-
-
-def _tray_text(output: Path, name: str, craft: CompleteAircraft, probe: Path | None) -> str:
-    """The daemon's example tray, changed for this flight. Files it needs are copied, so the directory can be moved."""
-    text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
-    if Path(name).is_file():
-        (output / "aircraft.toml").write_text(craft.text, "utf-8")
-        name = "aircraft.toml"
-    lines = []
-    for line in text.splitlines():
-        key = line.lstrip("# ").split("=")[0].strip()
-        if key == "aircraft":
-            line = f'aircraft = "{name}"'
-        elif key == "directory":
-            line = 'directory = "."'
-        elif key == "probe_calibration" and probe is not None:
-            target = output / "probe.json"
-            if not (target.exists() and target.samefile(probe)):
-                shutil.copyfile(probe, target)
-            line = 'probe_calibration = "probe.json"'
-        lines.append(line)
-    return "\n".join(lines) + "\n"
 
 
 def _record(
@@ -223,6 +188,15 @@ def _parts(sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft) -> "
         barometers={"baro": barometer(tray.baro, MS5611), "static": barometer(tray.static, MS5805)},
         pole_pairs=craft.propulsion.pole_pairs,
     )
+
+
+@app.command(name="worlds")
+def list_worlds() -> None:
+    """List the worlds of `sim fly --world`, with a sentence each."""
+    from sim.world import load_world, worlds
+
+    for name in worlds():
+        print(f"{name:20s} {load_world(name).title}")
 
 
 @app.command()

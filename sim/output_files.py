@@ -1,0 +1,77 @@
+"""The directory of a simulated flight: truth, true curve, and what the daemon or the log needs."""
+
+import shutil
+from importlib import resources
+from pathlib import Path
+
+from flight.errors import InputError
+from sim.fly import Flight
+from sim.sensors.budget import DrawnErrors
+from sim.truth import write_truth
+from sim.world import World
+
+TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
+OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
+AIRCRAFT, PROPELLER, PROBE = "aircraft.toml", "propeller.csv", "probe.json"
+
+
+def check_output(output: Path, replace: bool) -> None:
+    """Raise InputError if writing would replace something else than an earlier simulation."""
+    if output.exists() and not output.is_dir():
+        raise InputError(f"{output}: not a directory; give another one")
+    taken = [name for name in OUTPUT_FILES if (output / name).exists()]
+    if not taken:
+        return
+    if not replace:
+        raise InputError(f"{output}: already contains {taken[0]}; give another directory, or --replace")
+    if not (output / TRUTH).exists():
+        raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another directory")
+
+
+def write_flight(
+    output: Path, flight: Flight, drawn: DrawnErrors, world: World, aircraft: str, probe: Path | None
+) -> None:
+    """Write all but the log. aircraft: name or file. Raises InputError when something cannot be written."""
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        for name in OUTPUT_FILES:
+            (output / name).unlink(missing_ok=True)
+        metadata = {**flight.metadata, "world": world.name, "errors": drawn.as_dict()}
+        write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
+        flight.power_required.to_csv(output / CURVE, index=False)
+        (output / TRAY).write_text(_tray_text(output, _aircraft(output, flight, world, aircraft), probe), "utf-8")
+    except OSError as error:
+        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+
+
+def _aircraft(output: Path, flight: Flight, world: World, name: str) -> str:
+    """What the tray calls the aircraft; its file and the propeller table are written where they are not shipped."""
+    text = flight.aircraft.text
+    table = world.table(flight.aircraft.propulsion)
+    if table is not None:
+        (output / PROPELLER).write_text(table.to_csv(), "utf-8")
+        named = f'propeller = "{flight.aircraft.propulsion.propeller}"'
+        text = text.replace(named, f'propeller = "{(output / PROPELLER).resolve()}"')
+    elif not Path(name).is_file():
+        return name
+    (output / AIRCRAFT).write_text(text, "utf-8")
+    return AIRCRAFT
+
+
+def _tray_text(output: Path, aircraft: str, probe: Path | None) -> str:
+    """The daemon's example tray, changed for this flight. Files it needs are copied, so the directory can be moved."""
+    text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
+    lines = []
+    for line in text.splitlines():
+        key = line.lstrip("# ").split("=")[0].strip()
+        if key == "aircraft":
+            line = f'aircraft = "{aircraft}"'
+        elif key == "directory":
+            line = 'directory = "."'
+        elif key == "probe_calibration" and probe is not None:
+            target = output / PROBE
+            if not (target.exists() and target.samefile(probe)):
+                shutil.copyfile(probe, target)
+            line = f'probe_calibration = "{PROBE}"'
+        lines.append(line)
+    return "\n".join(lines) + "\n"
