@@ -46,13 +46,15 @@ def write_flight(
 
 def _aircraft(output: Path, flight: Flight, world: World, name: str) -> str:
     """What the tray calls the aircraft; its file and the propeller table are written where they are not shipped."""
-    text = flight.aircraft.text
+    text, said = flight.aircraft.text, world.uncertainty
     table = world.table(flight.aircraft.propulsion)
+    if said is not None and not flight.aircraft.has("uncertainty"):
+        text += f'\n[uncertainty]\nweight = "{100 * said.weight_fraction:g} %"\nupdraft = "{said.updraft_mps:g} m/s"\n'
     if table is not None:
         (output / PROPELLER).write_text(table.to_csv(), "utf-8")
         named = f'propeller = "{flight.aircraft.propulsion.propeller}"'
         text = text.replace(named, f'propeller = "{(output / PROPELLER).resolve()}"')
-    elif not Path(name).is_file():
+    if text == flight.aircraft.text and not Path(name).is_file():
         return name
     (output / AIRCRAFT).write_text(text, "utf-8")
     return AIRCRAFT

@@ -40,11 +40,11 @@ def table_until(table: Propeller, least_cT: float) -> Propeller:
 def _true_row(row: Row, bow: float, windmilling: float) -> Row:
     J, cT, cP = (np.array(values) for values in (row.J, row.cT, row.cP))
     slopes = [float((y[-1] - y[-2]) / (J[-1] - J[-2])) for y in (cT, cP)]
-    zero_J = float(J[-1] - cT[-1] / slopes[0])
+    zero_J = row.J[-1] - row.cT[-1] / slopes[0]
     first, last = int(np.ceil(zero_J / STEP_J + 0.5)), round(FARTHEST_J / STEP_J)
     beyond: Array = np.linspace(first * STEP_J, last * STEP_J, last - first + 1)
-    lines = [float(y[-1]) + slope * (beyond - J[-1]) for y, slope in zip((cT, cP), slopes, strict=True)]
-    cP_at_zero = float(cP[-1]) + slopes[1] * (zero_J - J[-1])
+    lines = [float(y[-1]) + slope * (beyond - row.J[-1]) for y, slope in zip((cT, cP), slopes, strict=True)]
+    cP_at_zero = row.cP[-1] + slopes[1] * (zero_J - row.J[-1])
     branch = _blade_element(beyond, zero_J, slopes[0], cP_at_zero)
     mixed = [line + windmilling * (element - line) for line, element in zip(lines, branch, strict=True)]
     x = 2 * J / zero_J - 1

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from typing import Any
 
-from flight.aircraft import Propulsion
+from flight.aircraft import Propulsion, Uncertainty
 from flight.errors import InputError
 from flight.propeller import Propeller
 from flight.propeller_files import load_propeller
@@ -34,7 +34,9 @@ class PropellerTable:
 
 @dataclass(frozen=True)
 class World:
-    """title : one sentence     air : the differences from a plan's air, by the names of `Air`"""
+    """title : one sentence     air : the differences from a plan's air, by the names of `Air`
+    uncertainty : what the user says of this world in the aircraft file; None for the defaults
+    """
 
     name: str
     title: str
@@ -42,6 +44,7 @@ class World:
     air: dict[str, Any] = field(default_factory=dict)
     pilot: PilotWander | None = None
     propeller_table: PropellerTable = PropellerTable()
+    uncertainty: Uncertainty | None = None
 
     def plan(self, plan: Plan, seed: int) -> Plan:
         """The plan in this world's air, by this world's pilot. seed: draws the places of updrafts and sinks."""
@@ -69,6 +72,7 @@ class _File:
     air: Air = field(default_factory=Air)
     pilot: PilotWander | None = None
     propeller_table: PropellerTable = PropellerTable()
+    uncertainty: Uncertainty | None = None
 
 
 def worlds() -> list[str]:
@@ -106,7 +110,7 @@ def parse_world(text: str, name: str) -> World:
         systematic=replace(budget.systematic, **_given(changes.systematic, changed["systematic"])),
     )
     air = _given(file.air, table.get("air", {}))
-    return World(name, file.title, errors, air, file.pilot, file.propeller_table)
+    return World(name, file.title, errors, air, file.pilot, file.propeller_table, file.uncertainty)
 
 
 def _given(read: Any, table: dict[str, Any]) -> dict[str, Any]:
