@@ -12,6 +12,7 @@ from analysis.airdata.from_log import flight_data
 from analysis.drag import assumed_values
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.estimate import DragEstimates, estimate, main_polar
+from analysis.drag.hysteresis import with_hysteresis_uncertainty
 from analysis.drag.polar import flown_condition, flown_lift
 from analysis.drag.thrust_coverage import thrust_coverage
 from analysis.log_contents import Replacements
@@ -98,6 +99,13 @@ def analyze(
     assumption_uncertainty = assumed_values.assumption_uncertainty(
         repeat_estimate, aircraft, propeller, condition, flown_CL
     )
+
+    def estimate_from(air: pd.DataFrame) -> DynamicEstimate:
+        progress("repeating the estimate with hysteresis")
+        trajectory = reconstruct(air, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, log=name)
+        return main_polar(trajectory, maneuvers, aircraft, propeller, condition, flown_CL, name)
+
+    assumption_uncertainty = with_hysteresis_uncertainty(assumption_uncertainty, estimate_from, table, aircraft)
     drag = estimate(
         table, trajectory, maneuvers, aircraft, propeller, condition, flown_CL,
         zeroed=data.zeroed, log=name, progress=progress, assumption_uncertainty=assumption_uncertainty,

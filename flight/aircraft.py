@@ -124,10 +124,12 @@ class Uncertainty:
 
     weight_fraction : a scale with divisions of 5 g may be two of them wrong at 4 kg (OIML R 76-1, class III in service)
     updraft_mps : mean vertical motion of the air over the runs of one flight
+    hysteresis_fraction : of the differential pressure transducers, over the range of pressure in the flight
     """
 
     weight_fraction: float = 0.002
     updraft_mps: float = 0.0
+    hysteresis_fraction: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,6 +263,7 @@ def _not_positive(aircraft: Aircraft) -> Iterator[str]:
     for key, value in (
         ("uncertainty.weight", aircraft.uncertainty.weight_fraction),
         ("uncertainty.updraft", aircraft.uncertainty.updraft_mps),
+        ("uncertainty.hysteresis", aircraft.uncertainty.hysteresis_fraction),
     ):
         if value < 0:
             yield f"{key}: must not be negative"

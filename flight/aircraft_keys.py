@@ -193,6 +193,13 @@ KEYS: dict[str, Key] = {
         "analysis",
         "0",
     ),
+    "uncertainty.hysteresis": Key(
+        '"0.2 %"',
+        "Standard deviation of the hysteresis of the differential pressure transducers, of the range flown.",
+        "A pressure up and down again on the bench; the data sheet gives a limit with nonlinearity, of full scale.",
+        "analysis",
+        "0",
+    ),
     "aerodynamics": Key(
         "{ … }",
         "Coefficients and derivatives per radian (`flight/aerodynamics.py`); see the shipped files.",

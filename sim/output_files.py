@@ -49,7 +49,10 @@ def _aircraft(output: Path, flight: Flight, world: World, name: str) -> str:
     text, said = flight.aircraft.text, world.uncertainty
     table = world.table(flight.aircraft.propulsion)
     if said is not None and not flight.aircraft.has("uncertainty"):
-        text += f'\n[uncertainty]\nweight = "{100 * said.weight_fraction:g} %"\nupdraft = "{said.updraft_mps:g} m/s"\n'
+        text += (
+            f'\n[uncertainty]\nweight = "{100 * said.weight_fraction:g} %"\nupdraft = "{said.updraft_mps:g} m/s"\n'
+            f'hysteresis = "{100 * said.hysteresis_fraction:g} %"\n'
+        )
     if table is not None:
         (output / PROPELLER).write_text(table.to_csv(), "utf-8")
         named = f'propeller = "{flight.aircraft.propulsion.propeller}"'
