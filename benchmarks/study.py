@@ -201,6 +201,8 @@ def main(
     missing = [job for identity, job in wanted.items() if identity not in done]
     began = time.monotonic()
     with ProcessPoolExecutor(jobs) as pool, file.open("a", encoding="utf-8") as stream:
+        if stream.tell() and not file.read_text("utf-8").endswith("\n"):
+            stream.write("\n")  # after a line that was cut off
         running = [pool.submit(one_flight, job) for job in missing]
         for count, future in enumerate(as_completed(running), start=1):
             line = future.result()
