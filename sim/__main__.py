@@ -5,55 +5,62 @@ It connects simulator, fake hardware and daemon; no module imports it.
 
 import math
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from flight.command_line import application, check_writable, run
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
+from sim.options import (
+    AircraftOption,
+    BankOption,
+    ClimbOption,
+    HeightOption,
+    ReplaceFileOption,
+    ReplaceOption,
+    RpmOption,
+    SeedOption,
+    SpeedOption,
+)
 from sim.output_files import LOG, TRAY, TRUTH, check_output, write_flight
+from sim.progress import Report, progress_bar
 
 if TYPE_CHECKING:
     from hw_fakes.faults import Fault
     from sim.direct_log_timing import IndividualParts
     from sim.sensor_truth import SensorTruth
 
-Report = Callable[[float], None]  # takes how many seconds are done
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
+app = application(help="Simulated flights and wind tunnel: what the sensors would measure, and the truth beside it.")
 
 HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
 
-AircraftOption = Annotated[str, typer.Option(help="Name of a shipped aircraft, or a file.")]
-ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
-SeedOption = Annotated[
-    int, typer.Option(min=0, help="Draws turbulence, noise and errors. The same seed gives the same flight.")
-]
 
-
-@app.command()
+@app.command(short_help="Fly a plan; write the truth and the log.")
 def fly(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Directory for the truth and the log.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the truth and the log.")],
     aircraft: AircraftOption = "nexstar",
-    plan: Annotated[str, typer.Option(help="Name of a shipped plan, or a file.")] = "accel-decel",
+    plan: Annotated[
+        str, typer.Option(metavar="NAME", help="A shipped plan (docs/simulation.md lists them), or a file.")
+    ] = "accel-decel",
     errors: Annotated[
-        str | None, typer.Option(help="Error budget: bench (the default), none, study, harsh, or a file.")
+        str | None,
+        typer.Option(metavar="NAME", help="Error budget: bench (the default), none, study, harsh, or a file."),
     ] = None,
     world: Annotated[
-        str | None, typer.Option(help="What the analysis does not assume: one of those that `sim worlds` lists.")
+        str | None, typer.Option(metavar="NAME", help="World that the analysis does not assume: see `sim worlds`.")
     ] = None,
     seed: SeedOption = 0,
-    probe: Annotated[Path | None, typer.Option(help="Probe calibration to put into the log.")] = None,
+    probe: Annotated[Path | None, typer.Option(metavar="FILE", help="Probe calibration to put into the log.")] = None,
     faults: Annotated[
         Path | None,
-        typer.Option(help="Faults of the fake sensors and their times: a file as in docs/fake-tray.md."),
+        typer.Option(
+            metavar="FILE", help="Faults of the fake sensors and their times: a file as in docs/fake-tray.md."
+        ),
     ] = None,
     real_time: Annotated[bool, typer.Option("--real-time", help="Record in real time.")] = False,
     no_hardware: Annotated[
@@ -61,7 +68,14 @@ def fly(
     ] = False,
     replace: ReplaceOption = False,
 ) -> None:
-    """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors."""
+    """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors.
+
+    \b
+    Examples:
+      sim fly --probe probe.json -o out/demo
+      sim fly --aircraft my.toml --plan full-test-flight --no-hardware -o out
+    """
+    from daq.attachments import calibration_text
     from hw_fakes.faults import load_faults
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
@@ -79,15 +93,17 @@ def fly(
         flown_in = World(errors or "bench", budget.title, budget)
     craft, flight_plan = load_complete_aircraft(aircraft), flown_in.plan(load_plan(plan), seed)
     schedule = load_faults(faults) if faults is not None else ()
-    if probe is not None and not probe.is_file():
-        raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
+    if probe is not None:
+        if not probe.exists():
+            raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
+        calibration_text(str(probe), "probe")
     check_output(output, replace)
     drawn = draw(flown_in.errors, seed)
-    with _progress("flying") as report:
+    with progress_bar("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
     write_flight(output, flight, drawn, flown_in, aircraft, probe)
     sensor_truth = FlightSensorTruth(flight, drawn)
-    with _progress("recording", flight.duration_s) as report:
+    with progress_bar("recording", flight.duration_s) as report:
         if no_hardware:
             _write_without_hardware(output, sensor_truth, seed, craft, report)
         else:
@@ -190,7 +206,7 @@ def _parts(sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft) -> "
     )
 
 
-@app.command(name="worlds")
+@app.command(name="worlds", short_help="List the worlds of `sim fly --world`.")
 def list_worlds() -> None:
     """List the worlds of `sim fly --world`, with a sentence each."""
     from sim.world import load_world, worlds
@@ -199,13 +215,18 @@ def list_worlds() -> None:
         print(f"{name:20s} {load_world(name).title}")
 
 
-@app.command()
+@app.command(short_help="A simulated wind-tunnel calibration of the probe.")
 def tunnel(
-    output: Annotated[Path, typer.Option("--output", "-o", help="CSV file to write.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="CSV file to write.")],
     seed: SeedOption = 0,
-    replace: ReplaceOption = False,
+    replace: ReplaceFileOption = False,
 ) -> None:
-    """A simulated wind-tunnel calibration of the five-port probe, as a CSV file."""
+    """A simulated wind-tunnel calibration of the five-port probe, as a CSV file for `calibrate probe`.
+
+    \b
+    Example:
+      sim tunnel -o tunnel.csv
+    """
     from sim.tunnel import simulated_measurements, write_calibration
 
     table = simulated_measurements(seed=seed)
@@ -213,20 +234,23 @@ def tunnel(
     print(f"{output}: {len(table)} points", file=sys.stderr)
 
 
-@app.command()
+@app.command(short_help="Trimmed flight: angle of attack, controls, motor, power.")
 def trim(
     aircraft: AircraftOption = "nexstar",
-    height: Annotated[float, typer.Option(help="Above the ground [m].")] = 100.0,
-    climb: Annotated[float, typer.Option(help="Rate of climb [m/s].")] = 0.0,
-    bank: Annotated[float, typer.Option(help="Bank of a level turn [deg].")] = 0.0,
-    speed: Annotated[float | None, typer.Option(help="One airspeed [m/s] instead of the whole range.")] = None,
-    rpm: Annotated[
-        float | None, typer.Option(help="Motor speed: gives the climb at --speed, or the speed at --climb.")
-    ] = None,
+    height: HeightOption = 100.0,
+    climb: ClimbOption = 0.0,
+    bank: BankOption = 0.0,
+    speed: SpeedOption = None,
+    rpm: RpmOption = None,
 ) -> None:
     """Trimmed flight over the range of airspeeds: angle of attack, controls, motor, power.
 
-    Any two of airspeed, climb and motor speed give the third.
+    Any two of airspeed, climb and motor speed give the third. Values may have units: --speed "30 kt".
+
+    \b
+    Examples:
+      sim trim --aircraft my.toml
+      sim trim --speed 15 --climb 2
     """
     from sim.plant import plant_of
     from sim.tables import trim_table
@@ -240,13 +264,18 @@ def trim(
     console.print(f"stall {trimmer.V_stall:.2f} m/s, highest level speed {trimmer.V_max:.2f} m/s")
 
 
-@app.command(name="modes")
+@app.command(name="modes", short_help="Short period, phugoid, dutch roll, roll and spiral.")
 def show_modes(
     aircraft: AircraftOption = "nexstar",
-    height: Annotated[float, typer.Option(help="Above the ground [m].")] = 100.0,
-    speed: Annotated[float | None, typer.Option(help="Airspeed [m/s]; 1.6 times the stall speed otherwise.")] = None,
+    height: HeightOption = 100.0,
+    speed: SpeedOption = None,
 ) -> None:
-    """Short period, phugoid, dutch roll, roll and spiral about level trim."""
+    """Short period, phugoid, dutch roll, roll and spiral about level trim; by default at 1.6 times the stall speed.
+
+    \b
+    Example:
+      sim modes --aircraft nexstar --speed 15
+    """
     from sim.plant import plant_of
     from sim.tables import modes_table
     from sim.trim import Trimmer
@@ -258,60 +287,35 @@ def show_modes(
 
 @app.command()
 def plot(
-    truth: Annotated[Path, typer.Argument(help="truth.parquet of a simulated flight, or its directory.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="HTML file to write.")],
-    replace: ReplaceOption = False,
+    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="truth.parquet of a simulated flight, or its folder.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="HTML file to write.")],
+    replace: ReplaceFileOption = False,
 ) -> None:
-    """Plot a flight: speed, height, angles, controls, power. Needs plotly, from the extra [analysis]."""
+    """Plot a flight: speed, height, angles, controls, power. Needs plotly, from the extra [analysis].
+
+    \b
+    Example:
+      sim plot out/demo -o flight.html
+    """
     from sim.plot import figure
     from sim.truth import read_truth
 
-    if output.exists() and not replace:
+    if output.is_file() and not replace:
         raise InputError(f"{output}: already exists; give another name, or --replace")
+    check_writable(output)
     table, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
     drawn = figure(table, metadata)
     try:
+        output.parent.mkdir(parents=True, exist_ok=True)
         drawn.write_html(output, include_plotlyjs=True)
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
     print(f"{output}: {len(table)} samples", file=sys.stderr)
 
 
-@contextmanager
-def _progress(what: str, total_s: float | None = None) -> Iterator[Report]:
-    """A function that takes the seconds done; it shows a progress bar on stderr after two seconds."""
-    bar = Progress(
-        TextColumn(what),
-        BarColumn(),
-        TextColumn("{task.completed:.0f} s"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
-    task = bar.add_task(what, total=total_s)
-    begun, shown = time.monotonic(), False
-
-    def report(seconds: float) -> None:
-        nonlocal shown
-        if not shown and time.monotonic() - begun > 2:
-            bar.start()
-            shown = True
-        bar.update(task, completed=seconds)
-
-    try:
-        yield report
-    finally:
-        if shown:
-            bar.stop()
-
-
 def main() -> None:
     """Entry point: a wrong input gives one line on stderr and exit code 2."""
-    try:
-        app()
-    except InputError as error:
-        print(f"sim: {error}", file=sys.stderr)
-        sys.exit(2)
+    run(app, "sim", "sim")
 
 
 if __name__ == "__main__":

@@ -3,12 +3,15 @@
 import shutil
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from flight.command_line import check_writable
 from flight.errors import InputError
-from sim.fly import Flight
-from sim.sensors.budget import DrawnErrors
-from sim.truth import write_truth
-from sim.world import World
+
+if TYPE_CHECKING:
+    from sim.fly import Flight
+    from sim.sensors.budget import DrawnErrors
+    from sim.world import World
 
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
 OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
@@ -18,20 +21,21 @@ AIRCRAFT, PROPELLER, PROBE = "aircraft.toml", "propeller.csv", "probe.json"
 def check_output(output: Path, replace: bool) -> None:
     """Raise InputError if writing would replace something else than an earlier simulation."""
     if output.exists() and not output.is_dir():
-        raise InputError(f"{output}: not a directory; give another one")
+        raise InputError(f"{output}: not a folder; give another one")
     taken = [name for name in OUTPUT_FILES if (output / name).exists()]
-    if not taken:
-        return
-    if not replace:
-        raise InputError(f"{output}: already contains {taken[0]}; give another directory, or --replace")
-    if not (output / TRUTH).exists():
-        raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another directory")
+    if taken and not replace:
+        raise InputError(f"{output}: already contains {taken[0]}; give another folder, or --replace")
+    if taken and not (output / TRUTH).exists():
+        raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another folder")
+    check_writable(output / LOG)
 
 
 def write_flight(
-    output: Path, flight: Flight, drawn: DrawnErrors, world: World, aircraft: str, probe: Path | None
+    output: Path, flight: "Flight", drawn: "DrawnErrors", world: "World", aircraft: str, probe: Path | None
 ) -> None:
     """Write all but the log. aircraft: name or file. Raises InputError when something cannot be written."""
+    from sim.truth import write_truth
+
     try:
         output.mkdir(parents=True, exist_ok=True)
         for name in OUTPUT_FILES:
@@ -44,7 +48,7 @@ def write_flight(
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
 
 
-def _aircraft(output: Path, flight: Flight, world: World, name: str) -> str:
+def _aircraft(output: Path, flight: "Flight", world: "World", name: str) -> str:
     """What the tray calls the aircraft; its file and the propeller table are written where they are not shipped."""
     text, said = flight.aircraft.text, world.uncertainty
     table = world.table(flight.aircraft.propulsion)

@@ -7,73 +7,97 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from analysis.cli.errors import run
 from analysis.performance.request import parse_request, parse_weight
 from flight.aircraft import load_aircraft
+from flight.command_line import application, check_writable, run
 from flight.errors import InputError
 from flight.log_reader import read_log
 
 if TYPE_CHECKING:
     from flight.propeller import Propeller
 
-app = typer.Typer(add_completion=False)
+app = application(no_args_is_help=False)
 
 
 @app.command()
 def analyze(
-    log: Annotated[Path, typer.Argument(help="A log that the daemon recorded.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log that the daemon recorded.")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Folder for the results; default: LOG without .mcap, plus .report"),
+        typer.Option(
+            "-o", "--output", metavar="FOLDER", help="Folder for the results; default: LOG without .mcap, plus .report"
+        ),
     ] = None,
     aircraft: Annotated[
-        Path | None, typer.Option("--aircraft", help="Aircraft file to use instead of the one the log carries.")
+        Path | None,
+        typer.Option("--aircraft", metavar="FILE", help="Aircraft file to use instead of the one the log carries."),
     ] = None,
     propeller: Annotated[
         str | None,
         typer.Option(
             "--propeller",
+            metavar="NAME",
             help="Propeller to use instead of the log's: a name shipped with flightpower, a CSV file of its format,"
             " a PER3 file of APC, or tables of UIUC.",
         ),
     ] = None,
     probe: Annotated[
-        Path | None, typer.Option("--probe", help="Probe calibration to use instead of the one the log carries.")
+        Path | None,
+        typer.Option("--probe", metavar="FILE", help="Probe calibration to use instead of the one the log carries."),
     ] = None,
     zero: Annotated[
-        Path | None, typer.Option("--zero", help="Still-air zero of `daq zero` to use instead of the log's.")
+        Path | None,
+        typer.Option("--zero", metavar="FILE", help="Still-air zero of `daq zero` to use instead of the log's."),
     ] = None,
     weight: Annotated[
         str | None,
-        typer.Option("--weight", help='Weight in this flight, such as "4.1 kg", instead of the aircraft file\'s.'),
+        typer.Option(
+            "--weight",
+            metavar="WEIGHT",
+            help='Weight in this flight, such as "4.1 kg" or "9 lb", instead of the aircraft file\'s.',
+        ),
     ] = None,
     runs: Annotated[
         Path | None,
         typer.Option(
             "--runs",
+            metavar="FILE",
             help="Runs to use: a runs.toml written by an earlier analysis and edited (keep, start, end, kind).",
         ),
     ] = None,
     magnetometer: Annotated[
         Path | None,
-        typer.Option("--magnetometer", help="Magnetometer calibration to use instead of the one the log carries."),
+        typer.Option(
+            "--magnetometer",
+            metavar="FILE",
+            help="Magnetometer calibration to use instead of the one the log carries.",
+        ),
     ] = None,
     battery_Wh: Annotated[
-        str | None, typer.Option("--battery-Wh", help="Energy of the battery [Wh]; default: that of the aircraft file.")
+        str | None,
+        typer.Option(
+            "--battery-Wh",
+            metavar="ENERGY",
+            help='Energy of the battery [Wh], such as 74, or "5000 mAh, 14.8 V"; default: that of the aircraft file.',
+        ),
     ] = None,
     usable: Annotated[
-        str | None, typer.Option("--usable", help="Usable share of that energy, 0 to 1; default: 0.8.")
+        str | None,
+        typer.Option("--usable", metavar="SHARE", help="Usable share of that energy; default: 0.8, which is 80%."),
     ] = None,
     weights: Annotated[
         str | None,
         typer.Option(
-            "--weights", help='Weights to compute, such as "3.8 kg, 9 lbf"; default: 300 and 600 g more than flown.'
+            "--weights",
+            metavar="LIST",
+            help='Weights to compute, such as "3.8 kg, 9 lbf"; default: 300 and 600 g more than flown.',
         ),
     ] = None,
     density_altitudes: Annotated[
         str | None,
         typer.Option(
             "--density-altitudes",
+            metavar="LIST",
             help='Density altitudes to compute, such as "0 m, 5000 ft"; default: 15 °C hotter and 1000 m higher.',
         ),
     ] = None,
@@ -87,10 +111,17 @@ def analyze(
     endurance and range on a battery, climb and highest speed at full throttle, and the effect of weight and air
     density on these.
 
+    \b
+    Examples:
+      analyze log.mcap                               the report is in log.report
+      analyze log.mcap --aircraft my.toml -o results
+      analyze log.mcap --battery-Wh "5000 mAh, 14.8 V" --usable 70%
+      analyze log.mcap --runs log.report/runs.toml   after editing that file
+
     Exit code 0: done. 2: the input cannot be used; one line on stderr says why, and nothing was written.
     """
     stderr = Console(stderr=True, quiet=quiet)
-    folder = output or log.with_suffix(".report")
+    folder = output or log.parent / f"{log.stem}.report"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give the folder for the results with -o")
     request = parse_request(battery_Wh, usable, weights, density_altitudes)
@@ -100,16 +131,20 @@ def analyze(
     with stderr.status("reading the log …") as status:
         # Wrong input is refused before the numerical libraries are loaded, which takes a second.
         recorded = read_log(log)
+        check_writable(folder / "report.html")
         given_aircraft = load_aircraft(aircraft) if aircraft else None
         given_propeller = _load_propeller(propeller) if propeller else None
         from analysis.airdata.magnetometer import load_magnetometer
         from analysis.airdata.probe import load_probe
         from analysis.log_contents import Replacements
+        from analysis.maneuvers import toml_file
         from analysis.pipeline import analyze as run_pipeline
         from analysis.report.terminal import print_summary
         from analysis.report.write import write_report, write_run_list
         from analysis.signals.rest import load_zero
 
+        if runs:
+            toml_file.load(runs)  # a wrong one is refused before anything is computed
         given = Replacements(
             aircraft=given_aircraft,
             propeller=given_propeller,
@@ -138,7 +173,7 @@ def _load_propeller(name_or_path: str) -> "Propeller":
 
 
 def main() -> None:
-    run(app)
+    run(app, "analyze")
 
 
 if __name__ == "__main__":
