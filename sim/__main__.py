@@ -208,7 +208,12 @@ def _parts(sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft) -> "
 
 @app.command(name="worlds", short_help="List the worlds of `sim fly --world`.")
 def list_worlds() -> None:
-    """List the worlds of `sim fly --world`, with a sentence each."""
+    """List the worlds of `sim fly --world`, with a sentence each: what the analysis does not assume.
+
+    \b
+    Example:
+      sim worlds
+    """
     from sim.world import load_world, worlds
 
     for name in worlds():
