@@ -11,6 +11,7 @@ from analysis import log_contents
 from analysis.airdata.from_log import FlightData, flight_data
 from analysis.drag import assumed_values
 from analysis.drag.estimate import DragEstimates, estimate
+from analysis.drag.hysteresis import with_hysteresis_uncertainty
 from analysis.drag.polar import flown_condition, flown_lift
 from analysis.drag.repetition import Repetition
 from analysis.drag.thrust_coverage import thrust_coverage
@@ -99,6 +100,9 @@ def analyze(
     )  # fmt: skip
     assumption_uncertainty = assumed_values.assumption_uncertainty(
         repetition.estimate, repetition.values, aircraft, propeller, condition, flown_CL
+    )
+    assumption_uncertainty = with_hysteresis_uncertainty(
+        assumption_uncertainty, lambda air: repetition.values_with_air(air, propeller), table, aircraft
     )
     drag = estimate(
         table, trajectory, maneuvers, aircraft, propeller, condition, flown_CL,

@@ -1,4 +1,4 @@
-"""The command line of the simulator: `sim fly`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
+"""The command line of the simulator: `sim fly`, `sim worlds`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
 
 It connects simulator, fake hardware and daemon; no module imports it.
 """
@@ -27,18 +27,7 @@ from sim.options import (
     SeedOption,
     SpeedOption,
 )
-from sim.output_folder import (
-    CURVE,
-    LOG,
-    OUTPUT_FILES,
-    PROBE,
-    TRAY,
-    TRUTH,
-    check_output,
-    check_probe,
-    probe_text,
-    tray_text,
-)
+from sim.output_folder import LOG, TRAY, TRUTH, check_output, check_probe, probe_text, write_flight
 from sim.progress import Report, progress_bar
 
 if TYPE_CHECKING:
@@ -60,8 +49,12 @@ def fly(
         str, typer.Option(metavar="NAME", help="A shipped plan (docs/simulation.md lists them), or a file.")
     ] = "accel-decel",
     errors: Annotated[
-        str, typer.Option(metavar="NAME", help="Error budget: bench, none, study, harsh, or a file.")
-    ] = "bench",
+        str | None,
+        typer.Option(metavar="NAME", help="Error budget: bench (the default), none, study, harsh, or a file."),
+    ] = None,
+    world: Annotated[
+        str | None, typer.Option(metavar="NAME", help="World that the analysis does not assume: see `sim worlds`.")
+    ] = None,
     seed: SeedOption = 0,
     probe: Annotated[
         Path | None,
@@ -90,29 +83,26 @@ def fly(
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
     from sim.sensors import FlightSensorTruth, draw, load_budget
-    from sim.truth import write_truth
+    from sim.world import World, load_world
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
-    craft, flight_plan, budget = load_complete_aircraft(aircraft), load_plan(plan), load_budget(errors)
+    if world is not None and errors is not None:
+        raise InputError("--world has an error budget of its own: leave out --errors")
+    if world is not None:
+        flown_in = load_world(world)
+    else:
+        budget = load_budget(errors or "bench")
+        flown_in = World(errors or "bench", budget.title, budget)
+    craft, flight_plan = load_complete_aircraft(aircraft), flown_in.plan(load_plan(plan), seed)
     schedule = load_faults(faults) if faults is not None else ()
     calibration = probe_text(probe)
     check_output(output, replace)
     check_probe(output, calibration, probe)
-    drawn = draw(budget, seed)
+    drawn = draw(flown_in.errors, seed)
     with progress_bar("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        for name in OUTPUT_FILES:
-            (output / name).unlink(missing_ok=True)
-        metadata = {**flight.metadata, "errors": drawn.as_dict()}
-        write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
-        flight.power_required.to_csv(output / CURVE, index=False)
-        (output / TRAY).write_text(tray_text(output, aircraft, craft), "utf-8")
-        (output / PROBE).write_bytes(calibration.encode())
-    except OSError as error:
-        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+    write_flight(output, flight, drawn, flown_in, aircraft, calibration)
     sensor_truth = FlightSensorTruth(flight, drawn)
     with progress_bar("recording", flight.duration_s) as report:
         if no_hardware:
@@ -215,6 +205,20 @@ def _parts(sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft) -> "
         barometers={"baro": barometer(tray.baro, MS5611), "static": barometer(tray.static, MS5805)},
         pole_pairs=craft.propulsion.pole_pairs,
     )
+
+
+@app.command(name="worlds", short_help="List the worlds of `sim fly --world`.")
+def list_worlds() -> None:
+    """List the worlds of `sim fly --world`, with a sentence each: what the analysis does not assume.
+
+    \b
+    Example:
+      sim worlds
+    """
+    from sim.world import load_world, worlds
+
+    for name in worlds():
+        print(f"{name:20s} {load_world(name).title}")
 
 
 @app.command(short_help="A simulated wind-tunnel calibration of the probe.")

@@ -33,6 +33,7 @@ class Targets(NamedTuple):
     throttle: float | None = None
     heading_rad: float | None = None
     bank_rad: float | None = None
+    bank_wander_rad: float = 0.0  # added to the bank wanted
     load_factor: float | None = None  # replaces the height loop: roller coaster, wind-up turn
     elevator_rad: float = 0.0  # added to the pilot's: 3-2-1-1 inputs
     hold_elevator: bool = False  # elevator constant, for a free response
@@ -186,7 +187,7 @@ class Pilot:
             elevator, self._slowest.elevator + STALL_PUSH * (seen.alpha - self._slowest.alpha - STALL_MARGIN_RAD)
         )
 
-        bank_wanted = self._bank_wanted(seen, want, V)
+        bank_wanted = self._bank_wanted(seen, want, V) + want.bank_wander_rad
         bank_error = bank_wanted - seen.phi
         self._bank_integral = min(max(self._bank_integral + 0.15 * k * bank_error * dt, -0.1), 0.1)
         aileron = level.aileron + stiffness * k * (gains.bank * bank_error - gains.bank_rate_s * seen.p)

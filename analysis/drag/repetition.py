@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.from_log import FlightData
@@ -47,6 +48,15 @@ class Repetition:
         """The `values` (5,) of `estimate` alone, by `main_values`."""
         trajectory = self._trajectory_of(aircraft, upwash_slope_sigma)
         return main_values(trajectory, self.maneuvers, aircraft, propeller, self.condition, self.flown_CL, self.log)
+
+    def values_with_air(self, air: pd.DataFrame, propeller: Propeller) -> NDArray[np.float64]:
+        """The `values` (5,) by other air data than the flight's."""
+        self.progress("repeating the estimate with other air data")
+        rest, sigma, compass = self.data.rest, self.alpha_scale_sigma, self.data.compass
+        trajectory = reconstruct(air, rest, alpha_scale_sigma=sigma, compass=compass, log=self.log)
+        return main_values(
+            trajectory, self.maneuvers, self.aircraft, propeller, self.condition, self.flown_CL, self.log
+        )
 
     def _trajectory_of(self, aircraft: Aircraft, upwash_slope_sigma: float) -> Trajectory:
         """The trajectory, which does not depend on the propeller; the first one where nothing has changed."""

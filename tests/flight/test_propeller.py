@@ -255,3 +255,17 @@ def test_a_broken_table_is_refused_by_name(text, cause):
 def test_an_unknown_propeller_lists_those_there_are():
     with pytest.raises(InputError, match="apc-10x5e, apc-12x8e"):
         load_propeller("apc-99x99")
+
+
+def test_the_error_of_the_continuation_grows_with_the_square_of_the_distance_beyond_the_table():
+    """0 inside; 19 % of the change of thrust where the blade element departs by that much, 0.3 beyond the end."""
+    table = Propeller("two", 0.3, (Row(4000, (0.2, 0.6, 0.8), (0.1, 0.04, 0.0), (0.05, 0.03, 0.005)),))
+    J = np.array([0.1, 0.5, 0.8, 0.9, 1.1])
+    error = table.continuation_error(J, 4000.0)
+    assert (error[:3] == 0).all()
+    assert error[4] == pytest.approx(9 * error[3])
+    change = table.coefficients(1.1, 4000.0)[0] - 0.0
+    assert error[4] / abs(change) == pytest.approx(0.18)
+    assert (table.with_beyond_zero_thrust("fold").continuation_error(J, 4000.0) == 0).all(), (
+        "folded blades do not brake"
+    )
