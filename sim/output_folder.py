@@ -59,7 +59,10 @@ def check_probe(output: Path, calibration: str, probe: Path | None) -> None:
 def write_flight(
     output: Path, flight: "Flight", drawn: "DrawnErrors", world: "World", aircraft: str, calibration: str
 ) -> None:
-    """Write all but the log. aircraft: name or file. calibration: of the probe. Raises InputError when something cannot be written."""
+    """Write all but the log. Raises InputError when something cannot be written.
+
+    aircraft: name or file     calibration: of the probe
+    """
     from sim.truth import write_truth
 
     try:
