@@ -21,7 +21,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag import covariance
 from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
 from analysis.drag.polar import Polar
@@ -111,7 +110,8 @@ def estimate_polar(
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     forces = flight_forces.forces(states, sensor_errors)
-    airborne = (flight_forces.block_means["height_m"] > LEAST_HEIGHT_M) & (flight_forces.block_means["flying"] == 1)
+    means = flight_forces.block_means
+    airborne = (means["height_m"] > means.least_height_m) & (means["flying"] == 1)
     level = _within_level_flight(forces, airborne, runs)
 
     def fitted(forces: pd.DataFrame) -> output_error.Fit:

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 from motor_data import RHO, STEP_S, full_throttle_run, steady_points
 
-from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.polar import Condition, Polar, speed_at
 from analysis.performance.analysis import (
@@ -22,6 +21,7 @@ from analysis.performance.conditions import TitledCondition
 from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, UncertainValue, combine_independent, exact
+from analysis.signals.aircraft_size import LEAST_HEIGHT_M
 from sim.plant import plant_of
 
 UNKNOWN = FullThrottle(None, reason="not flown")
