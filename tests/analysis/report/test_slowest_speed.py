@@ -74,7 +74,11 @@ def test_a_best_speed_that_was_not_flown_is_replaced_by_the_slowest_with_its_mar
 ) -> None:
     """The largest lift coefficient is 10 % above that of the slowest speed."""
     drawings = (drawn(seed, results, nexstar, propeller) for seed in SEEDS)
-    results = next(one for one in drawings if one.minimum_power_speed.reason == BELOW_SLOWEST)
+    results = next(
+        one
+        for one in drawings
+        if one.minimum_power_speed.reason == BELOW_SLOWEST and one.use and one.use.loadings[0].endurance_at_slowest
+    )
     assert results.slowest_flown is not None and results.use is not None
     slowest = results.slowest_flown
     assert optimum_speed_text(results.minimum_power_speed) == "not found: it lies below the slowest speed flown"
