@@ -2,7 +2,7 @@
 
 import numpy as np
 from msgspec.structs import replace
-from slowest_speed import below_slowest
+from named_speeds import below_slowest
 
 from analysis.drag.polar import Condition, Polar, best_range_lift, minimum_power_lift, speed_at
 from analysis.performance.analysis import PerformanceModel, flight_performance
