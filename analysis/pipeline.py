@@ -116,6 +116,7 @@ def analyze(
         aircraft=aircraft,
         propeller=propeller,
         flown=flown,
+        table=table,
         condition=condition,
         maneuvers=maneuvers,
         drag=drag,

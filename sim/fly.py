@@ -155,7 +155,7 @@ class _FlightSimulation:
             elif segment.speed_of_max is not None:
                 speed = segment.speed_of_max * high
             try:
-                self.trimmer.solve(V=speed, climb=segment.climb_mps)
+                self.trimmer.solve(V=speed, climb=segment.rate_mps(self.context))
             except InputError as error:
                 raise InputError(f"{where}: {error}") from None
 

@@ -21,7 +21,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag import consider, covariance
 from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
 from analysis.drag.polar import Polar
@@ -194,7 +193,8 @@ def _within_level_flight(forces: pd.DataFrame, flight_forces: FlightForces, runs
     The latter follows from a straight line fitted to alpha over CL of this flight, at the largest lift coefficient that
     level flight requires at the speeds of the flight or of the runs.
     """
-    airborne = (flight_forces.block_means["height_m"] > LEAST_HEIGHT_M) & (flight_forces.block_means["flying"] == 1)
+    means = flight_forces.block_means
+    airborne = (means["height_m"] > means.least_height_m) & (means["flying"] == 1)
     flown = forces.loc[airborne, ["CL", "alpha", "qS_over_m_mps2"]].dropna()
     if len(flown) < SHORTEST:
         return np.ones(len(forces), dtype=bool)
