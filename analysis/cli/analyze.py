@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from analysis.autopilot_logs.read import firmware_of
+from analysis.cli.electrical import OrdinaryFlight, lacks_drag_topics, refuse_daemon_options
 from analysis.cli.errors import run
 from analysis.performance.request import parse_request, parse_weight
 from flight.aircraft import load_aircraft
@@ -21,7 +23,9 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def analyze(
-    log: Annotated[Path, typer.Argument(help="A log that the daemon recorded.")],
+    log: Annotated[
+        Path, typer.Argument(help="A log that the daemon recorded, or one of PX4 (.ulg) or ArduPilot (.BIN).")
+    ],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="Folder for the results; default: LOG without .mcap, plus .report"),
@@ -77,6 +81,11 @@ def analyze(
             help='Density altitudes to compute, such as "0 m, 5000 ft"; default: 15 °C hotter and 1000 m higher.',
         ),
     ] = None,
+    mass: Annotated[str | None, typer.Option("--mass", help='For an autopilot\'s log: mass, such as "9.4 kg".')] = None,
+    wing_area: Annotated[
+        str | None, typer.Option("--wing-area", help='For an autopilot\'s log: wing area, such as "1.5 m^2".')
+    ] = None,
+    span: Annotated[str | None, typer.Option("--span", help='For an autopilot\'s log: span, such as "4 m".')] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
     """Compute the power required from a log: report.html, results.json, power_required.csv and a table for the field.
@@ -86,6 +95,7 @@ def analyze(
     The curve covers the speeds flown in accelerations and decelerations, with a 95 % interval. The report also has
     endurance and range on a battery, climb and highest speed at full throttle, and the effect of weight and air
     density on these.
+    A log of PX4 or ArduPilot, or one without flow angles or motor speed, gives the electrical power of level flight.
 
     Exit code 0: done. 2: the input cannot be used; one line on stderr says why, and nothing was written.
     """
@@ -97,9 +107,23 @@ def analyze(
     weight_N = None if weight is None else parse_weight(weight, "--weight")
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    ordinary = OrdinaryFlight(log, folder, request, mass or weight, wing_area, span, aircraft)
+    firmware = firmware_of(log)
+    if firmware:
+        refuse_daemon_options(log, propeller=propeller, probe=probe, zero=zero, runs=runs, magnetometer=magnetometer)
+        with stderr.status("reading the log …") as status:
+            print_electrical = ordinary.analyze_autopilot_log(firmware, lambda step: status.update(f"{step} …"))
+        if not quiet:
+            print_electrical(Console())
+        return
     with stderr.status("reading the log …") as status:
         # Wrong input is refused before the numerical libraries are loaded, which takes a second.
         recorded = read_log(log)
+        if lacks_drag_topics(recorded):
+            print_electrical = ordinary.analyze_daemon_log(recorded, lambda step: status.update(f"{step} …"))
+            if not quiet:
+                print_electrical(Console())
+            return
         given_aircraft = load_aircraft(aircraft) if aircraft else None
         given_propeller = _load_propeller(propeller) if propeller else None
         from analysis.airdata.magnetometer import load_magnetometer

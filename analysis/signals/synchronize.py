@@ -79,7 +79,7 @@ def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
     notes = [note for topic in TOPICS for note in _losses(topic, log.entries.get(topic, []), start_ns, period_s)]
     for name, (topic, field) in COLUMNS.items():
         entries = log.entries.get(topic, [])
-        taken_s, value = _samples(entries, field, start_ns)
+        taken_s, value = samples(entries, field, start_ns)
         if topic in NEEDED and not len(value):
             statuses = sorted({str(entry.message.status) for entry in entries})
             raise InputError(f"{log.path}: {topic} never carried a value (its status: {', '.join(statuses)})")
@@ -119,7 +119,7 @@ def _losses(topic: str, entries: list[LogEntry], start_ns: int, period_s: float)
     return notes
 
 
-def _samples(entries: list[LogEntry], field: str, start_ns: int) -> tuple[Array, Array]:
+def samples(entries: list[LogEntry], field: str, start_ns: int) -> tuple[Array, Array]:
     """Times [s] and values of the good messages, (m,), in order of time, one for each time."""
     good = [
         ((time_ns - start_ns) / 1e9 - _delay_s(message), value)

@@ -55,7 +55,7 @@ def _add_continuation(figure: go.Figure, results: Results, slowest: float, faste
     top = use.available.maximum_speed_mps if use else None
     polar, at, S = results.drag_polar, results.test, results.aircraft.wing_area_m2
     for start, end in ((least or slowest, slowest), (fastest, top.value if top else fastest)):
-        if SLOWEST_CONTINUED * slowest <= start < end:
+        if polar and SLOWEST_CONTINUED * slowest <= start < end:
             V = np.linspace(start, end, 15)
             q = at.air_density_kgpm3 * V**2 / 2
             CL = at.weight_N / (q * S)
