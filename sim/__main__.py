@@ -32,7 +32,8 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_
 
 HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
-OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
+PX4_LOG = "log.ulg"
+OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, PX4_LOG)
 
 AircraftOption = Annotated[str, typer.Option(help="Name of a shipped aircraft, or a file.")]
 ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
@@ -57,6 +58,12 @@ def fly(
     no_hardware: Annotated[
         bool, typer.Option("--no-hardware", help="Write the log directly, without fake sensors and daemon; faster.")
     ] = False,
+    recorder: Annotated[
+        str | None, typer.Option("--as", help="px4: write the log as this autopilot would, instead of the daemon's.")
+    ] = None,
+    log_faults: Annotated[
+        str, typer.Option("--log-faults", help="With --as px4: traps of real logs, such as landed,dropouts,truncated.")
+    ] = "",
     replace: ReplaceOption = False,
 ) -> None:
     """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors."""
@@ -68,6 +75,7 @@ def fly(
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
+    traps = _log_faults(recorder, log_faults)
     craft, flight_plan, budget = load_complete_aircraft(aircraft), load_plan(plan), load_budget(errors)
     schedule = load_faults(faults) if faults is not None else ()
     if probe is not None and not probe.is_file():
@@ -87,12 +95,33 @@ def fly(
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
     sensor_truth = FlightSensorTruth(flight, drawn)
+    if recorder is not None:
+        from sim.px4_log import write_px4_log
+
+        write_px4_log(output / PX4_LOG, flight, sensor_truth, drawn, traps)
+        print(f"{output / PX4_LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
+        return
     with _progress("recording", flight.duration_s) as report:
         if no_hardware:
             _write_without_hardware(output, sensor_truth, seed, craft, report)
         else:
             _record(output, sensor_truth, seed, craft, schedule, real_time, report)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
+
+
+def _log_faults(recorder: str | None, text: str) -> list[str]:
+    """The faults that --log-faults names. Raises InputError for what is unknown, or has no use."""
+    from sim.px4_log import FAULTS
+
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if recorder not in (None, "px4"):
+        raise InputError(f"--as {recorder}: not known; give px4")
+    if names and recorder is None:
+        raise InputError("--log-faults: needs --as px4")
+    unknown = [name for name in names if name not in FAULTS]
+    if unknown:
+        raise InputError(f"--log-faults {', '.join(unknown)}: not known; known: {', '.join(FAULTS)}")
+    return names
 
 
 def _check_output(output: Path, replace: bool) -> None:

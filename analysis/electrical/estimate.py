@@ -32,7 +32,8 @@ FALL, FALL_LN_SIGMA = 0.7, 0.5
 IDLE_DRAG, IDLE_DRAG_SIGMA = 0.1, 0.15
 
 # Standard deviations of errors common to the whole flight.
-CURRENT_SIGMA, MASS_SIGMA, UPDRAFT_SIGMA_MPS, IDLE_POWER_SIGMA_W = 0.02, 0.005, 0.03, 1.0
+CURRENT_SIGMA, MASS_SIGMA, IDLE_POWER_SIGMA_W = 0.0115, 0.005, 1.0  # the first: evenly within 2 %
+LEAST_UPDRAFT_MPS, UPDRAFT_SHARE = 0.01, 0.08  # mean updraft: at least, and over the size of vertical air motion
 
 FIRST_SIGMA_MPS, FIRST_TIME_S = 0.3, 3.0
 TIMES_S = (1.0, 2.0, 4.0, 8.0, 16.0)
@@ -212,7 +213,9 @@ def _shared_effects(
     yield effect(balance.samples, c._replace(mass_kg=c.mass_kg * heavier))
     yield effect(balance.samples, c._replace(power_scale=1 + CURRENT_SIGMA))
     yield effect(balance.samples, c._replace(idle_power_W=c.idle_power_W + IDLE_POWER_SIGMA_W))
-    yield effect(balance.samples, c._replace(updraft_mps=UPDRAFT_SIGMA_MPS))
+    yield effect(
+        balance.samples, c._replace(updraft_mps=float(np.hypot(LEAST_UPDRAFT_MPS, UPDRAFT_SHARE * fit.gust_mps)))
+    )
 
 
 def _marginal_efficiency(V: Array, parameters: Array, c: FlightConditions) -> Array:
