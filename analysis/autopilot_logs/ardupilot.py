@@ -76,8 +76,13 @@ def _tables(path: Path) -> dict[tuple[str, int], Table]:
     """By kind and instance of message, the times and FIELDS."""
     tables: dict[tuple[str, int], Table] = {}
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        with (
+            contextlib.ExitStack() as files,
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(io.StringIO()),
+        ):
             reader = DFReader.DFReader_binary(str(path))
+            files.callback(reader.filehandle.close)
             while (message := reader.recv_match(type=[*FIELDS, "MSG"])) is not None:
                 kind = message.get_type()
                 if kind == "MSG":

@@ -74,8 +74,8 @@ def read_px4(path: Path) -> FlightRecording:
 
 def _topics(path: Path) -> tuple[dict[str, list[_Topic]], list[str]]:
     try:
-        with contextlib.redirect_stdout(io.StringIO()):
-            log = ULog(str(path), list(TOPICS))
+        with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
+            log = ULog(stream, list(TOPICS))
     except Exception as error:  # a torn or altered file raises whatever its bytes lead to
         raise InputError(f"{path}: cannot be read as a PX4 log ({type(error).__name__}: {_line(error)})") from None
     topics: dict[str, list[_Topic]] = {}
@@ -98,7 +98,11 @@ def _line(error: Exception) -> str:
 def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]]) -> None:
     for status in topics.get("vehicle_status", []):
         kinds = status.values("vehicle_type") if status.has("vehicle_type") else np.empty(0)
-        mav = set(status.values("system_type").astype(int)) if status.has("system_type") else set()
+        mav = (
+            set(np.nan_to_num(status.values("system_type")).astype(int).tolist())
+            if status.has("system_type")
+            else set()
+        )
         vtol = status.has("is_vtol") and bool(status.values("is_vtol").any())
         if mav & set(ROVERS) or (len(kinds) and (kinds == ROVER).all()):
             raise InputError(f"{path}: the log of a rover or boat; power required is that of a fixed wing")

@@ -19,6 +19,18 @@ CLOCK_JUMP_S = 60.0  # a longer step of the clock within one channel is no dropo
 FEWEST_SAMPLES = 20
 
 
+# By channel: the least and greatest possible value, and the greatest difference from the median of five samples.
+POSSIBLE = {
+    AIRSPEED_PRESSURE: (-2000.0, 20_000.0, 600.0),
+    STATIC: (20_000.0, 120_000.0, 300.0),
+    FORCE_Z: (-300.0, 300.0, 100.0),
+    VOLTAGE: (0.0, 1000.0, 50.0),
+    CURRENT: (-1000.0, 2000.0, 300.0),
+    **dict.fromkeys(GPS, (-300.0, 300.0, 30.0)),
+}
+POSSIBLE_TEMPERATURE_K = (150.0, 450.0, 50.0)
+
+
 class Channel(NamedTuple):
     """Times [s], ascending, and values, both (n,)."""
 
@@ -55,7 +67,13 @@ def pressure_of_indicated_airspeed(speed_mps: ArrayLike) -> Array:
 
 
 def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple[dict[str, Channel], list[str]]:
-    """The channels over the longest part of `main` between jumps of the clock, ascending in time, and a note."""
+    """The channels over the longest part of `main` between jumps of the clock, ascending in time, and a note.
+
+    Values that are impossible, single wrong times and channels that are too short are left out.
+    """
+    main = _without_single_times(main)
+    channels = {name: _without_single_times(one) for name, one in channels.items()}
+    channels = {name: _possible(one, *POSSIBLE.get(name, POSSIBLE_TEMPERATURE_K)) for name, one in channels.items()}
     parts = _parts(main.t_s)
     notes = []
     if len(parts) > 1:
@@ -68,6 +86,26 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
         channels = {name: _within(one, float(low), float(high)) for name, one in channels.items()}
     ascending = {name: _ascending(one) for name, one in channels.items()}
     return {name: one for name, one in ascending.items() if len(one.t_s) >= FEWEST_SAMPLES}, notes
+
+
+def _without_single_times(one: Channel) -> Channel:
+    """Without samples whose time differs from those of both neighbours, which agree with one another."""
+    if len(one.t_s) < 3:
+        return one
+    before, here, after = one.t_s[:-2], one.t_s[1:-1], one.t_s[2:]
+    wrong = (after >= before) & ((here > after) | (here < before))
+    kept = np.concatenate([[True], ~wrong, [True]])
+    return Channel(one.t_s[kept], one.value[kept])
+
+
+def _possible(one: Channel, least: float, greatest: float, spike: float) -> Channel:
+    kept = (one.value >= least) & (one.value <= greatest)
+    t_s, value = one.t_s[kept], one.value[kept]
+    if len(value) < FEWEST_SAMPLES:
+        return Channel(t_s, value)
+    around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(value, 2, mode="edge"), 5), axis=1)
+    kept = np.abs(value - around) <= spike
+    return Channel(t_s[kept], value[kept])
 
 
 def _parts(t_s: Array) -> list[slice]:

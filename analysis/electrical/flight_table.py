@@ -30,7 +30,7 @@ ZERO_BLOCK_S, ZERO_NEAR_S, ZERO_SIGMA_PA, UNKNOWN_ZERO_SIGMA_PA = 10.0, 300.0, 0
 COLDEST_K, HOTTEST_K = 233.0, 323.0
 WARM_BAROMETER_K = 303.0  # a thermometer above this is probably inside the electronics
 TEMPERATURE_SIGMA_K, UNKNOWN_TEMPERATURE_SIGMA_K, STANDARD_K = 3.0, 8.0, 288.15
-LONGEST_LOG_S = 100_000.0
+LONGEST_LOG_S = 40_000.0
 
 WHAT_IS_NEEDED = {
     recording.AIRSPEED_PRESSURE: "airspeed: a pitot tube and its sensor",
