@@ -14,6 +14,7 @@ from sim.fly import Flight
 from sim.sensor_truth import SensorTruth
 from sim.sensors.budget import DrawnErrors
 from sim.sensors.noise import white
+from sim.ulog_faults import begun_at, with_clock_set, with_dropouts
 from sim.ulog_writer import Dropout, UlogContents, UlogTopic, write_ulog
 
 Array = NDArray[np.float64]
@@ -29,6 +30,7 @@ HOT_K, AIRFLOW_WARMTH_K = 25.0, 2.0  # of barometer and pitot sensor above the a
 ZERO_SIGMA_PA = 1.5  # what PX4's own calibration before the flight leaves
 VALIDATED_S = 0.2  # over which PX4 averages the differential pressure
 GPS_JITTER_S = 0.04
+CLOCK_SET_US = 3_600_000_000
 
 FAULTS = ("landed", "wrong-battery-first", "dropouts", "clock-jump", "airborne-start", "truncated", "no-airspeed")
 
@@ -43,16 +45,11 @@ def write_px4_log(
         topics = [one for one in topics if one.name not in ("airspeed_validated", "differential_pressure")]
     dropouts: list[Dropout] = []
     if "dropouts" in faults:
-        rng = np.random.default_rng(errors.seed)
-        for start_s in rng.uniform(0, sensors.duration_s, 12):
-            start_us, length_ms = BOOT_US + int(start_s * 1e6), int(rng.integers(100, 4000))
-            dropouts.append(Dropout(start_us, length_ms))
-            topics = [_without(one, start_us, start_us + 1000 * length_ms) for one in topics]
+        topics, dropouts = with_dropouts(topics, errors.seed)
     if "airborne-start" in faults:
-        topics = [_without(one, 0, BOOT_US + _airborne_us(flight)) for one in topics]
+        topics = begun_at(topics, BOOT_US + _airborne_us(flight))
     if "clock-jump" in faults:
-        at_us = BOOT_US + int(0.15 * sensors.duration_s * 1e6)
-        topics = [_clock_set(one, at_us, 3_600_000_000) for one in topics]
+        topics = with_clock_set(topics, BOOT_US + int(0.15 * sensors.duration_s * 1e6), CLOCK_SET_US)
     write_ulog(path, UlogContents([one for one in topics if len(one.time_us)], {"sys_name": "PX4"}, dropouts))
     if "truncated" in faults:
         data = path.read_bytes()
@@ -152,13 +149,3 @@ def _status_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogTo
 def _airborne_us(flight: Flight) -> int:
     flying = flight.truth["height_m"].to_numpy() > 15.0
     return int(1e6 * float(flight.truth["time_s"].to_numpy()[int(np.argmax(flying))]))
-
-
-def _without(topic: UlogTopic, start_us: int, end_us: int) -> UlogTopic:
-    kept = (topic.time_us < start_us) | (topic.time_us >= end_us)
-    return replace(topic, time_us=topic.time_us[kept], columns={name: x[kept] for name, x in topic.columns.items()})
-
-
-def _clock_set(topic: UlogTopic, at_us: int, by_us: int) -> UlogTopic:
-    later = topic.time_us >= at_us
-    return replace(topic, time_us=topic.time_us + np.where(later, by_us, 0).astype(np.uint64))

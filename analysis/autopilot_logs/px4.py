@@ -54,7 +54,8 @@ def read_px4(path: Path) -> FlightRecording:
     """
     topics, notes = _topics(path)
     _refuse_wingless(path, topics)
-    channels = _airspeed(topics) | _static(topics) | _force(topics) | _gps(topics)
+    airspeed, zeroed = _airspeed(topics)
+    channels = airspeed | _static(topics) | _force(topics) | _gps(topics)
     batteries = [
         Battery(f"battery_status {one.instance}", one.channel("voltage_v"), one.channel("current_a"))
         for one in topics.get("battery_status", [])
@@ -69,7 +70,7 @@ def read_px4(path: Path) -> FlightRecording:
         channels = {name: both[name] for name in channels if name in both}
         thermometers = {name: both[name] for name in thermometers if name in both}
         notes += jumps
-    return FlightRecording(path, channels, thermometers, tuple(notes + battery_notes))
+    return FlightRecording(path, channels, thermometers, tuple(notes + battery_notes), zeroed)
 
 
 def _topics(path: Path) -> tuple[dict[str, list[_Topic]], list[str]]:
@@ -111,8 +112,11 @@ def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]]) -> None:
             raise InputError(f"{path}: the log of {kind}; power required is that of a fixed wing")
 
 
-def _airspeed(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
-    """Differential pressure of the pitot. The validated airspeed has most samples; all instances are looked at."""
+def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool]:
+    """Differential pressure of the pitot, and whether its zero is corrected.
+
+    The validated airspeed has most samples; all instances are looked at.
+    """
     for name, fields in AIRSPEED_TOPICS:
         found = []
         for one in topics.get(name, []):
@@ -123,10 +127,10 @@ def _airspeed(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
                 found.append(channel(one.t_s, recording.pressure_of_indicated_airspeed(speed)))
         best = most_varying(found)
         if best is not None and len(best.t_s) >= recording.FEWEST_SAMPLES:
-            return {recording.AIRSPEED_PRESSURE: best}
+            return {recording.AIRSPEED_PRESSURE: best}, True
     raw = [one.channel(field) for one in topics.get("differential_pressure", []) for field in PRESSURE_FIELDS]
     best = most_varying(raw)
-    return {} if best is None else {recording.AIRSPEED_PRESSURE: best}
+    return ({} if best is None else {recording.AIRSPEED_PRESSURE: best}), False
 
 
 def _static(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:

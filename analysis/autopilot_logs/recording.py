@@ -43,6 +43,7 @@ class FlightRecording:
     """A log of any autopilot.
 
     channels : by name, in SI units; a name is missing where nothing was measured
+    zeroed : whether whatever recorded them has corrected the zero of the airspeed's pressure
     thermometers : by description, temperatures of the air, or of parts that the air cools [K]
     notes : choices and damage, in sentences
     """
@@ -51,6 +52,7 @@ class FlightRecording:
     channels: Mapping[str, Channel]
     thermometers: Mapping[str, Channel] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    zeroed: bool = True
 
 
 def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:

@@ -34,4 +34,4 @@ def recording_of(log: Log) -> FlightRecording:
     air = Channel(warm.t_s, np.full(len(warm.t_s), first))
     missing = ", ".join(topic for topic in NEEDED if not log.entries.get(topic))
     note = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
-    return FlightRecording(log.path, channels, {"/static": air}, (note, NOTE))
+    return FlightRecording(log.path, channels, {"/static": air}, (note, NOTE), zeroed=False)

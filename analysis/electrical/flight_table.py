@@ -64,8 +64,8 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
     t_s = _grid(flight)
     columns = _columns(flight.channels, t_s)
     least_Pa = weight_N / wing_area_m2 / HIGHEST_CL
-    standing, moving = _standing_and_moving(columns, least_Pa)
-    zero_Pa, zero_sigma_Pa, notes = _zero(columns["pressure_Pa"], standing, moving)
+    standing, moving = _standing_and_moving(columns, least_Pa, flight.zeroed)
+    zero_Pa, zero_sigma_Pa, notes = _zero(flight, columns["pressure_Pa"], standing, moving)
     columns["pressure_Pa"] = columns["pressure_Pa"] - zero_Pa
     temperature_K, temperature_sigma_K, temperature_note = _air_temperature_K(flight.thermometers, moving, t_s)
     columns["rho"] = np.asarray(density(columns["static_Pa"], temperature_K))
@@ -119,7 +119,7 @@ def _columns(channels: Mapping[str, Channel], t_s: Array) -> dict[str, Array]:
     return columns | {name: column(name) for name in recording.GPS}
 
 
-def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float) -> tuple[BoolArray, BoolArray]:
+def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: bool) -> tuple[BoolArray, BoolArray]:
     """Rows in which the aircraft stands, and in which it flies or rolls fast, before the zero is known."""
     window = round(FLYING_S / STEP_S)
     pressure = pd.Series(columns["pressure_Pa"]).rolling(window, center=True, min_periods=1).mean().to_numpy()
@@ -129,7 +129,7 @@ def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float) -> tuple
     standing = pressure - low < least_Pa / 2
     if has_gps:
         standing &= np.nan_to_num(ground_speed, nan=np.inf) < STANDING_MPS
-    known_zero = low if standing.any() and low < least_Pa else 0.0
+    known_zero = 0.0 if zeroed and (low > least_Pa or not standing.any()) else low
     # Airborne all along: the lowest reading is a flown one, and the zero is the autopilot's.
     standing &= pressure - known_zero < least_Pa / 2
     moving = pressure - known_zero > least_Pa
@@ -139,7 +139,9 @@ def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float) -> tuple
     return standing, moving
 
 
-def _zero(pressure: Array, standing: BoolArray, moving: BoolArray) -> tuple[float, float, list[str]]:
+def _zero(
+    flight: FlightRecording, pressure: Array, standing: BoolArray, moving: BoolArray
+) -> tuple[float, float, list[str]]:
     """Zero of the pitot [Pa] and its standard deviation, from the time on the ground next to the flight."""
     near = np.zeros(len(pressure), dtype=bool)
     if moving.any():
@@ -149,6 +151,11 @@ def _zero(pressure: Array, standing: BoolArray, moving: BoolArray) -> tuple[floa
     block = round(ZERO_BLOCK_S / STEP_S)
     rows = np.flatnonzero(standing & near & np.isfinite(pressure))
     means = pressure[rows[: len(rows) // block * block]].reshape(-1, block).mean(axis=1)
+    if not len(means) and not flight.zeroed:
+        raise InputError(
+            f"{flight.path}: the pressure of the pitot is raw, and the log has no {ZERO_BLOCK_S:.0f} s on the ground"
+            " that show its zero"
+        )
     if not len(means):
         note = (
             "The log has no time on the ground: the pitot's zero is the autopilot's, taken as good to"
