@@ -32,8 +32,8 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_
 
 HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
-PX4_LOG = "log.ulg"
-OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, PX4_LOG)
+PX4_LOG, ARDUPILOT_LOG = "log.ulg", "log.BIN"
+OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, PX4_LOG, ARDUPILOT_LOG)
 
 AircraftOption = Annotated[str, typer.Option(help="Name of a shipped aircraft, or a file.")]
 ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
@@ -59,7 +59,8 @@ def fly(
         bool, typer.Option("--no-hardware", help="Write the log directly, without fake sensors and daemon; faster.")
     ] = False,
     recorder: Annotated[
-        str | None, typer.Option("--as", help="px4: write the log as this autopilot would, instead of the daemon's.")
+        str | None,
+        typer.Option("--as", help="px4 or ardupilot: write the log as this autopilot would, not the daemon's."),
     ] = None,
     log_faults: Annotated[
         str, typer.Option("--log-faults", help="With --as px4: traps of real logs, such as landed,dropouts,truncated.")
@@ -96,10 +97,15 @@ def fly(
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
     sensor_truth = FlightSensorTruth(flight, drawn)
     if recorder is not None:
+        from sim.ardupilot_log import write_ardupilot_log
         from sim.px4_log import write_px4_log
 
-        write_px4_log(output / PX4_LOG, flight, sensor_truth, drawn, traps)
-        print(f"{output / PX4_LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
+        written = output / (PX4_LOG if recorder == "px4" else ARDUPILOT_LOG)
+        if recorder == "px4":
+            write_px4_log(written, flight, sensor_truth, drawn, traps)
+        else:
+            write_ardupilot_log(written, flight, sensor_truth, drawn)
+        print(f"{written}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
         return
     with _progress("recording", flight.duration_s) as report:
         if no_hardware:
@@ -114,9 +120,9 @@ def _log_faults(recorder: str | None, text: str) -> list[str]:
     from sim.px4_log import FAULTS
 
     names = [name.strip() for name in text.split(",") if name.strip()]
-    if recorder not in (None, "px4"):
-        raise InputError(f"--as {recorder}: not known; give px4")
-    if names and recorder is None:
+    if recorder not in (None, "px4", "ardupilot"):
+        raise InputError(f"--as {recorder}: not known; give px4 or ardupilot")
+    if names and recorder != "px4":
         raise InputError("--log-faults: needs --as px4")
     unknown = [name for name in names if name not in FAULTS]
     if unknown:

@@ -1,7 +1,4 @@
-"""A simulated flight as PX4 would log it, at its default rates, with the traps of real logs as faults.
-
-The pitot is that of an autopilot, at the wing: it shows dynamic pressure, with the errors of the budget's airspeed.
-"""
+"""A simulated flight as PX4 would log it, at its default rates, with the traps of real logs as faults."""
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
@@ -10,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.autopilot_pitot import AutopilotPitot, indicated_airspeed
 from sim.fly import Flight
 from sim.sensor_truth import SensorTruth
 from sim.sensors.budget import DrawnErrors
-from sim.sensors.noise import white
 from sim.ulog_faults import begun_at, with_clock_set, with_dropouts
 from sim.ulog_writer import Dropout, UlogContents, UlogTopic, write_ulog
 
@@ -26,8 +23,7 @@ RATES_HZ = {"vehicle_angular_velocity": 50.0, "vehicle_acceleration": 20.0, "veh
             "vehicle_land_detected": 1.0}  # fmt: skip
 AVIONICS_V, IDLE_A = 5.1, 0.05
 RAW_OFFSET_PA, RAW_STEP_PA = 100.0, 6.3
-HOT_K, AIRFLOW_WARMTH_K = 25.0, 2.0  # of barometer and pitot sensor above the air
-ZERO_SIGMA_PA = 1.5  # what PX4's own calibration before the flight leaves
+HOT_K, AIRFLOW_WARMTH_K, KELVIN = 25.0, 2.0, 273.15  # of barometer and pitot sensor above the air
 VALIDATED_S = 0.2  # over which PX4 averages the differential pressure
 GPS_JITTER_S = 0.04
 CLOCK_SET_US = 3_600_000_000
@@ -39,8 +35,12 @@ def write_px4_log(
     path: Path, flight: Flight, sensors: SensorTruth, errors: DrawnErrors, faults: Collection[str] = ()
 ) -> None:
     """Write a flight as ULog. faults: of FAULTS. Raises OSError where the file cannot be written."""
-    topics = [*_sensor_topics(sensors), *_air_topics(flight, sensors, errors), *_status_topics(sensors, faults)]
-    topics += _battery_topics(sensors, errors, faults)
+    topics = [
+        *_sensor_topics(sensors),
+        *_air_topics(AutopilotPitot(flight, errors), sensors),
+        *_status_topics(sensors, faults),
+    ]
+    topics += _battery_topics(sensors, faults)
     if "no-airspeed" in faults:
         topics = [one for one in topics if one.name not in ("airspeed_validated", "differential_pressure")]
     dropouts: list[Dropout] = []
@@ -99,28 +99,17 @@ def _quaternion(roll: Array, pitch: Array, yaw: Array) -> dict[str, Array]:
     return {f"q[{i}]": part for i, part in enumerate(q)}
 
 
-def _air_topics(flight: Flight, sensors: SensorTruth, errors: DrawnErrors) -> list[UlogTopic]:
-    truth_s = flight.truth["time_s"].to_numpy()
-    qbar = np.nan_to_num(flight.truth["dynamic_pressure_Pa"].to_numpy(dtype=float)) * (1 + errors.values.V_scale) ** 2
-    air_K = flight.truth["temperature_K"].to_numpy(dtype=float)
-    zero_Pa = ZERO_SIGMA_PA * float(white(errors.seed, "pitot zero", np.zeros(1))[0])
-
-    def pressure(t_s: Array, averaged: float) -> Array:
-        noise = errors.noise.airspeed_Pa * averaged * white(errors.seed, "pitot", t_s)
-        return np.asarray(np.interp(t_s, truth_s, qbar) + zero_Pa + noise)
-
+def _air_topics(pitot: AutopilotPitot, sensors: SensorTruth) -> list[UlogTopic]:
     t_s = _times("airspeed_validated", sensors, 0.05)
-    shown = pressure(t_s, np.sqrt(0.04 / VALIDATED_S))
-    indicated = np.sign(shown) * np.sqrt(2 * np.abs(shown) / 1.225)
+    indicated = indicated_airspeed(pitot.pressure_Pa(t_s, VALIDATED_S))
     validated = _topic("airspeed_validated", t_s, {"indicated_airspeed_m_s": indicated},
                        selected_airspeed_index=np.ones(len(t_s)))  # fmt: skip
     t_s = _times("differential_pressure", sensors, 0.31)
-    raw = np.round((pressure(t_s, 1.0) + RAW_OFFSET_PA) / RAW_STEP_PA) * RAW_STEP_PA
-    celsius = np.interp(t_s, truth_s, air_K) + AIRFLOW_WARMTH_K - 273.15
+    raw = np.round((pitot.pressure_Pa(t_s, 0.0) + RAW_OFFSET_PA) / RAW_STEP_PA) * RAW_STEP_PA
+    celsius = pitot.air_K(t_s) + AIRFLOW_WARMTH_K - KELVIN
     differential = _topic("differential_pressure", t_s, {"differential_pressure_pa": raw, "temperature": celsius})
     t_s = _times("vehicle_air_data", sensors, 0.11)
-    static = sensors.absolute_pressure_Pa("baro", t_s)
-    hot = np.interp(t_s, truth_s, air_K) + HOT_K - 273.15
+    static, hot = sensors.absolute_pressure_Pa("baro", t_s), pitot.air_K(t_s) + HOT_K - KELVIN
     return [
         validated,
         differential,
@@ -128,7 +117,7 @@ def _air_topics(flight: Flight, sensors: SensorTruth, errors: DrawnErrors) -> li
     ]
 
 
-def _battery_topics(sensors: SensorTruth, errors: DrawnErrors, faults: Collection[str]) -> list[UlogTopic]:
+def _battery_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogTopic]:
     t_s = _times("battery_status", sensors, 0.17)
     voltage, current = sensors.battery(t_s)
     propulsion = _topic("battery_status", t_s, {"voltage_v": voltage, "current_a": np.maximum(current + IDLE_A, 0)})

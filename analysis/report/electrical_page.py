@@ -14,7 +14,7 @@ from analysis.files import write_file
 from analysis.report.answers import HeadlineAnswer, interval_text, optimum_speed_text
 from analysis.report.figures import electrical as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
-from analysis.results.schema import ElectricalResult, Results, to_csv, to_json
+from analysis.results.schema import ElectricalResult, Results, SpeedInterval, to_csv, to_json
 from flight.units import GRAVITY_MPS2
 
 CURVE_ROWS = 12
@@ -63,9 +63,17 @@ def electrical_answers(results: Results) -> list[HeadlineAnswer]:
     distance = f", {interval_text(found.range_m.times(1e-3), 'km', 1)}" if found.range_m else ""
     least, best = found.least_power_speed, found.best_range_speed
     return [
-        HeadlineAnswer("Longest endurance", optimum_speed_text(least), note(least.speed_mps, endurance)),
-        HeadlineAnswer("Longest range", optimum_speed_text(best), note(best.speed_mps, distance)),
+        HeadlineAnswer("Longest endurance", _speed_text(least, results), note(least.speed_mps, endurance)),
+        HeadlineAnswer("Longest range", _speed_text(best, results), note(best.speed_mps, distance)),
     ]
+
+
+def _speed_text(best: SpeedInterval, results: Results) -> str:
+    """At an end of the speeds flown the best speed may lie outside them."""
+    if best.inside_flown_range or best.speed_mps is None:
+        return optimum_speed_text(best)
+    slowest = best.speed_mps <= results.electrical_power[0].speed_mps
+    return f"{best.speed_mps:.1f} m/s, the {'slowest' if slowest else 'fastest'} flown"
 
 
 def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate) -> str:
