@@ -5,15 +5,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from analysis import log_contents
 from analysis.airdata.from_log import flight_data
 from analysis.drag import assumed_values
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.estimate import DragEstimates, estimate, main_polar
+from analysis.drag.estimate import DragEstimates, estimate, main_polar, main_values
 from analysis.drag.polar import flown_condition, flown_lift
 from analysis.drag.thrust_coverage import thrust_coverage
+from analysis.log_checks.axes import check_axes
+from analysis.log_checks.log import check_log
 from analysis.log_contents import Replacements
 from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
@@ -29,11 +33,6 @@ from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
-
-NO_BATTERY = (
-    "No endurance, range or climb: the aircraft file lacks propulsion.battery_energy, such as"
-    ' battery_energy = "74 W h"; or give --battery-Wh.'
-)
 
 
 @dataclass(frozen=True)
@@ -66,15 +65,20 @@ def analyze(
     contents = log_contents.contents(log, replacements)
     aircraft, propeller = contents.aircraft, contents.propeller
 
+    progress("checking the log")
+    check_log(log, propeller.diameter_m)
+
     progress("synchronizing")
     data = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
     table = data.table
+    check_axes(table, name)
 
     progress("finding runs")
     maneuvers = select(table, data.rest, name, runs_file)
     flown = pd.concat([table.iloc[run.rows] for run in maneuvers.level_runs or maneuvers.of(*FOR_DRAG)])
     condition, flown_CL = flown_condition(flown, aircraft), flown_lift(flown, aircraft)
-    coverage_warnings = thrust_coverage(flown, propeller)
+    kinds = {run.kind for run in maneuvers.level_runs}
+    coverage_warnings = thrust_coverage(flown, propeller, kinds, str(runs_file or ""))
 
     progress("reconstructing the trajectory")
     alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, assumed_values.alpha_scale_sigma(aircraft))
@@ -88,15 +92,29 @@ def analyze(
 
     progress(f"estimating drag from {runs or len(maneuvers.of(*FOR_DRAG))} runs")
 
-    def repeat_estimate(aircraft: Aircraft, propeller: Propeller, upwash_slope_sigma: float) -> DynamicEstimate:
+    def trajectory_with(assumed: Aircraft, upwash_slope_sigma: float) -> Trajectory:
+        """It does not depend on the propeller."""
         progress("repeating the estimate with other values for what the aircraft file lacks")
-        data = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
         sigma = math.hypot(contents.probe.alpha_scale_sigma, upwash_slope_sigma)
-        trajectory = reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=name)
-        return main_polar(trajectory, maneuvers, aircraft, propeller, condition, flown_CL, name)
+        if assumed is aircraft and sigma == alpha_scale_sigma:
+            return trajectory
+        table, rest, _, compass, _ = (
+            data
+            if assumed is aircraft
+            else flight_data(log, assumed, propeller, contents.probe, contents.magnetometer, contents.zero)
+        )
+        return reconstruct(table, rest, alpha_scale_sigma=sigma, compass=compass, log=name)
+
+    def repeat_estimate(aircraft: Aircraft, propeller: Propeller, upwash_slope_sigma: float) -> DynamicEstimate:
+        repeated = trajectory_with(aircraft, upwash_slope_sigma)
+        return main_polar(repeated, maneuvers, aircraft, propeller, condition, flown_CL, name)
+
+    def repeat_values(aircraft: Aircraft, propeller: Propeller, upwash_slope_sigma: float) -> NDArray[np.float64]:
+        repeated = trajectory_with(aircraft, upwash_slope_sigma)
+        return main_values(repeated, maneuvers, aircraft, propeller, condition, flown_CL, name)
 
     assumption_uncertainty = assumed_values.assumption_uncertainty(
-        repeat_estimate, aircraft, propeller, condition, flown_CL
+        repeat_estimate, repeat_values, aircraft, propeller, condition, flown_CL
     )
     drag = estimate(
         table, trajectory, maneuvers, aircraft, propeller, condition, flown_CL,
@@ -105,7 +123,6 @@ def analyze(
 
     progress("computing performance")
     performance = compute_performance(request, trajectory, drag, aircraft, propeller, condition, flown)
-    unknown_battery = request.battery_Wh is None and aircraft.propulsion.battery_energy_Wh is None
     results = assemble(
         log=name,
         aircraft=aircraft,
@@ -121,6 +138,6 @@ def analyze(
         + coverage_warnings
         + trajectory_warnings
         + drag.warnings
-        + ([NO_BATTERY] if unknown_battery else []),
+        + request.notes(aircraft),
     )
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)

@@ -1,6 +1,7 @@
 """Simulated flights as the analysis receives them, without buses, counts or log: what benchmarks and tests share."""
 
 import dataclasses
+import pickle
 import tempfile
 from collections.abc import Iterator
 from functools import lru_cache
@@ -62,10 +63,21 @@ class Flown(NamedTuple):
 def flown(
     aircraft: Aircraft, errors: DrawnErrors, plan_name: str | Path, seed: int, turbulence_kt: float = 0.0
 ) -> Flown:
-    """Fly a plan; turbulence of W20 in place of the plan's where it is not 0."""
+    """Fly a plan; turbulence of W20 in place of the plan's where it is not 0. The table is the caller's own.
+
+    The last flights are kept, because flying takes most of the time of many tests: truth must not be changed.
+    """
     plan = load_plan(plan_name)
     if turbulence_kt:
         plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=turbulence_kt * KNOT_MPS))
+    found = _flown(pickle.dumps((aircraft, errors, plan, seed)))
+    return found._replace(table=found.table.copy())
+
+
+@lru_cache(maxsize=4)
+def _flown(arguments: bytes) -> Flown:
+    """The flight by its arguments, pickled: they have no hash."""
+    aircraft, errors, plan, seed = pickle.loads(arguments)
     flight = fly(aircraft, plan, seed=seed, deviations=errors.deviations)
     sensor_truth = FlightSensorTruth(flight, errors)
     return Flown(flight, sensor_truth, sensor_table(sensor_truth, aircraft))

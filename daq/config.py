@@ -7,15 +7,16 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 from msgspec import Meta
 
-from daq.disk_space import FullDiskPolicy
 from daq.sensors import honeywell, ms45xxdo
 from daq.sensors.axes import Axes, parse_axes
 from daq.sensors.bridge import TransferFunction
 from flight.errors import InputError
+from flight.text_file import read_text
 
 Address = Annotated[int, Meta(ge=0x03, le=0x77)]
 ZERO_FILE = "zero.json"
 Baud = Annotated[int, Meta(ge=1200)]
+FullDiskPolicy = Literal["stop", "delete_oldest"]
 
 
 def _check_udp(port: str) -> None:
@@ -268,16 +269,6 @@ def load_tray(path: str | Path) -> Tray:
     """
     path = Path(path)
     return parse_tray(read_text(path), str(path), path.parent)
-
-
-def read_text(path: Path) -> str:
-    """The content of a text file. Raises InputError when it cannot be read."""
-    try:
-        return path.read_text("utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file") from None
 
 
 def parse_tray(text: str, where: str, folder: Path) -> Tray:

@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 from flight import units
 from flight.aircraft_keys import EXAMPLES, SURFACES
 from flight.errors import InputError
+from flight.text_file import read_text
 from flight.units import GRAVITY_MPS2, NO_KEY
 
 Position = tuple[float, float, float]
@@ -179,10 +180,7 @@ def aircraft_text(name_or_path: str | Path) -> tuple[str, str]:
         return (shipped / f"{name_or_path}.toml").read_text("utf-8"), f"{name_or_path}.toml"
     if not path.is_file():
         raise InputError(f"aircraft {name_or_path}: neither a file nor one of {', '.join(shipped_aircraft())}")
-    try:
-        return path.read_text("utf-8"), str(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error})") from None
+    return read_text(path), str(path)
 
 
 def parse_aircraft(text: str, where: str) -> Aircraft:

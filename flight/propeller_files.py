@@ -45,9 +45,12 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text("utf-8", errors="replace")
+        text = path.read_text("utf-8-sig", errors="replace")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if "\0" in text:
+        raise InputError(f"{path}: not a text file; give a propeller table as in docs/propellers.md")
+    return text
 
 
 def _load_uiuc(folder: Path, name: str = "") -> Propeller:

@@ -6,9 +6,6 @@ It connects simulator, fake hardware and daemon; no module imports it.
 import math
 import shutil
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from datetime import datetime
 from importlib import resources
 from pathlib import Path
@@ -16,43 +13,54 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from flight.command_line import application, check_writable, run
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
+from sim.options import (
+    AircraftOption,
+    BankOption,
+    ClimbOption,
+    HeightOption,
+    ReplaceFileOption,
+    ReplaceOption,
+    RpmOption,
+    SeedOption,
+    SpeedOption,
+)
+from sim.progress import Report, progress_bar
 
 if TYPE_CHECKING:
     from hw_fakes.faults import Fault
     from sim.direct_log_timing import IndividualParts
     from sim.sensor_truth import SensorTruth
 
-Report = Callable[[float], None]  # takes how many seconds are done
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
+app = application(help="Simulated flights and wind tunnel: what the sensors would measure, and the truth beside it.")
 
 HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
 PX4_LOG, ARDUPILOT_LOG = "log.ulg", "log.BIN"
 OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, PX4_LOG, ARDUPILOT_LOG)
 
-AircraftOption = Annotated[str, typer.Option(help="Name of a shipped aircraft, or a file.")]
-ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
-SeedOption = Annotated[
-    int, typer.Option(min=0, help="Draws turbulence, noise and errors. The same seed gives the same flight.")
-]
 
-
-@app.command()
+@app.command(short_help="Fly a plan; write the truth and the log.")
 def fly(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Directory for the truth and the log.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the truth and the log.")],
     aircraft: AircraftOption = "nexstar",
-    plan: Annotated[str, typer.Option(help="Name of a shipped plan, or a file.")] = "accel-decel",
-    errors: Annotated[str, typer.Option(help="Error budget: bench, none, study, harsh, or a file.")] = "bench",
+    plan: Annotated[
+        str, typer.Option(metavar="NAME", help="A shipped plan (docs/simulation.md lists them), or a file.")
+    ] = "accel-decel",
+    errors: Annotated[
+        str, typer.Option(metavar="NAME", help="Error budget: bench, none, study, harsh, or a file.")
+    ] = "bench",
     seed: SeedOption = 0,
-    probe: Annotated[Path | None, typer.Option(help="Probe calibration to put into the log.")] = None,
+    probe: Annotated[Path | None, typer.Option(metavar="FILE", help="Probe calibration to put into the log.")] = None,
     faults: Annotated[
         Path | None,
-        typer.Option(help="Faults of the fake sensors and their times: a file as in docs/fake-tray.md."),
+        typer.Option(
+            metavar="FILE", help="Faults of the fake sensors and their times: a file as in docs/fake-tray.md."
+        ),
     ] = None,
     real_time: Annotated[bool, typer.Option("--real-time", help="Record in real time.")] = False,
     no_hardware: Annotated[
@@ -60,14 +68,26 @@ def fly(
     ] = False,
     recorder: Annotated[
         str | None,
-        typer.Option("--as", help="px4 or ardupilot: write the log as this autopilot would, not the daemon's."),
+        typer.Option(
+            "--as", metavar="NAME", help="px4 or ardupilot: write the log as this autopilot would, not the daemon's."
+        ),
     ] = None,
     log_faults: Annotated[
-        str, typer.Option("--log-faults", help="With --as px4: traps of real logs, such as landed,dropouts,truncated.")
+        str,
+        typer.Option(
+            "--log-faults", metavar="LIST", help="With --as px4: traps of real logs, such as landed,dropouts,truncated."
+        ),
     ] = "",
     replace: ReplaceOption = False,
 ) -> None:
-    """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors."""
+    """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors.
+
+    \b
+    Examples:
+      sim fly --probe probe.json -o out/demo
+      sim fly --aircraft my.toml --plan full-test-flight --no-hardware -o out
+    """
+    from daq.attachments import calibration_text
     from hw_fakes.faults import load_faults
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
@@ -79,11 +99,13 @@ def fly(
     traps = _log_faults(recorder, log_faults)
     craft, flight_plan, budget = load_complete_aircraft(aircraft), load_plan(plan), load_budget(errors)
     schedule = load_faults(faults) if faults is not None else ()
-    if probe is not None and not probe.is_file():
-        raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
+    if probe is not None:
+        if not probe.exists():
+            raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
+        calibration_text(str(probe), "probe")
     _check_output(output, replace)
     drawn = draw(budget, seed)
-    with _progress("flying") as report:
+    with progress_bar("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
     try:
         output.mkdir(parents=True, exist_ok=True)
@@ -107,7 +129,7 @@ def fly(
             write_ardupilot_log(written, flight, sensor_truth, drawn)
         print(f"{written}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
         return
-    with _progress("recording", flight.duration_s) as report:
+    with progress_bar("recording", flight.duration_s) as report:
         if no_hardware:
             _write_without_hardware(output, sensor_truth, seed, craft, report)
         else:
@@ -133,14 +155,13 @@ def _log_faults(recorder: str | None, text: str) -> list[str]:
 def _check_output(output: Path, replace: bool) -> None:
     """Raise InputError if writing would replace something else than an earlier simulation."""
     if output.exists() and not output.is_dir():
-        raise InputError(f"{output}: not a directory; give another one")
+        raise InputError(f"{output}: not a folder; give another one")
     taken = [name for name in OUTPUT_FILES if (output / name).exists()]
-    if not taken:
-        return
-    if not replace:
-        raise InputError(f"{output}: already contains {taken[0]}; give another directory, or --replace")
-    if not (output / TRUTH).exists():
-        raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another directory")
+    if taken and not replace:
+        raise InputError(f"{output}: already contains {taken[0]}; give another folder, or --replace")
+    if taken and not (output / TRUTH).exists():
+        raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another folder")
+    check_writable(output / LOG)
 
 
 def _tray_text(output: Path, name: str, craft: CompleteAircraft, probe: Path | None) -> str:
@@ -260,13 +281,18 @@ def _parts(sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft) -> "
     )
 
 
-@app.command()
+@app.command(short_help="A simulated wind-tunnel calibration of the probe.")
 def tunnel(
-    output: Annotated[Path, typer.Option("--output", "-o", help="CSV file to write.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="CSV file to write.")],
     seed: SeedOption = 0,
-    replace: ReplaceOption = False,
+    replace: ReplaceFileOption = False,
 ) -> None:
-    """A simulated wind-tunnel calibration of the five-port probe, as a CSV file."""
+    """A simulated wind-tunnel calibration of the five-port probe, as a CSV file for `calibrate probe`.
+
+    \b
+    Example:
+      sim tunnel -o tunnel.csv
+    """
     from sim.tunnel import simulated_measurements, write_calibration
 
     table = simulated_measurements(seed=seed)
@@ -274,20 +300,23 @@ def tunnel(
     print(f"{output}: {len(table)} points", file=sys.stderr)
 
 
-@app.command()
+@app.command(short_help="Trimmed flight: angle of attack, controls, motor, power.")
 def trim(
     aircraft: AircraftOption = "nexstar",
-    height: Annotated[float, typer.Option(help="Above the ground [m].")] = 100.0,
-    climb: Annotated[float, typer.Option(help="Rate of climb [m/s].")] = 0.0,
-    bank: Annotated[float, typer.Option(help="Bank of a level turn [deg].")] = 0.0,
-    speed: Annotated[float | None, typer.Option(help="One airspeed [m/s] instead of the whole range.")] = None,
-    rpm: Annotated[
-        float | None, typer.Option(help="Motor speed: gives the climb at --speed, or the speed at --climb.")
-    ] = None,
+    height: HeightOption = 100.0,
+    climb: ClimbOption = 0.0,
+    bank: BankOption = 0.0,
+    speed: SpeedOption = None,
+    rpm: RpmOption = None,
 ) -> None:
     """Trimmed flight over the range of airspeeds: angle of attack, controls, motor, power.
 
-    Any two of airspeed, climb and motor speed give the third.
+    Any two of airspeed, climb and motor speed give the third. Values may have units: --speed "30 kt".
+
+    \b
+    Examples:
+      sim trim --aircraft my.toml
+      sim trim --speed 15 --climb 2
     """
     from sim.plant import plant_of
     from sim.tables import trim_table
@@ -301,13 +330,18 @@ def trim(
     console.print(f"stall {trimmer.V_stall:.2f} m/s, highest level speed {trimmer.V_max:.2f} m/s")
 
 
-@app.command(name="modes")
+@app.command(name="modes", short_help="Short period, phugoid, dutch roll, roll and spiral.")
 def show_modes(
     aircraft: AircraftOption = "nexstar",
-    height: Annotated[float, typer.Option(help="Above the ground [m].")] = 100.0,
-    speed: Annotated[float | None, typer.Option(help="Airspeed [m/s]; 1.6 times the stall speed otherwise.")] = None,
+    height: HeightOption = 100.0,
+    speed: SpeedOption = None,
 ) -> None:
-    """Short period, phugoid, dutch roll, roll and spiral about level trim."""
+    """Short period, phugoid, dutch roll, roll and spiral about level trim; by default at 1.6 times the stall speed.
+
+    \b
+    Example:
+      sim modes --aircraft nexstar --speed 15
+    """
     from sim.plant import plant_of
     from sim.tables import modes_table
     from sim.trim import Trimmer
@@ -319,60 +353,35 @@ def show_modes(
 
 @app.command()
 def plot(
-    truth: Annotated[Path, typer.Argument(help="truth.parquet of a simulated flight, or its directory.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="HTML file to write.")],
-    replace: ReplaceOption = False,
+    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="truth.parquet of a simulated flight, or its folder.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="HTML file to write.")],
+    replace: ReplaceFileOption = False,
 ) -> None:
-    """Plot a flight: speed, height, angles, controls, power. Needs plotly, from the extra [analysis]."""
+    """Plot a flight: speed, height, angles, controls, power. Needs plotly, from the extra [analysis].
+
+    \b
+    Example:
+      sim plot out/demo -o flight.html
+    """
     from sim.plot import figure
     from sim.truth import read_truth
 
-    if output.exists() and not replace:
+    if output.is_file() and not replace:
         raise InputError(f"{output}: already exists; give another name, or --replace")
+    check_writable(output)
     table, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
     drawn = figure(table, metadata)
     try:
+        output.parent.mkdir(parents=True, exist_ok=True)
         drawn.write_html(output, include_plotlyjs=True)
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
     print(f"{output}: {len(table)} samples", file=sys.stderr)
 
 
-@contextmanager
-def _progress(what: str, total_s: float | None = None) -> Iterator[Report]:
-    """A function that takes the seconds done; it shows a progress bar on stderr after two seconds."""
-    bar = Progress(
-        TextColumn(what),
-        BarColumn(),
-        TextColumn("{task.completed:.0f} s"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
-    task = bar.add_task(what, total=total_s)
-    begun, shown = time.monotonic(), False
-
-    def report(seconds: float) -> None:
-        nonlocal shown
-        if not shown and time.monotonic() - begun > 2:
-            bar.start()
-            shown = True
-        bar.update(task, completed=seconds)
-
-    try:
-        yield report
-    finally:
-        if shown:
-            bar.stop()
-
-
 def main() -> None:
     """Entry point: a wrong input gives one line on stderr and exit code 2."""
-    try:
-        app()
-    except InputError as error:
-        print(f"sim: {error}", file=sys.stderr)
-        sys.exit(2)
+    run(app, "sim", "sim")
 
 
 if __name__ == "__main__":

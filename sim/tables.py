@@ -1,6 +1,7 @@
 """The tables that `sim trim` and `sim modes` print."""
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from flight.errors import InputError
@@ -25,19 +26,22 @@ def trim_table(
     else:
         speeds = np.linspace(1.05 * trimmer.V_stall, 0.999 * trimmer.V_max, 10)
         asked = [{"V": float(V), "climb": climb_mps} for V in speeds]
-    table = Table(title=f"{plant.aircraft.title}, {trimmer.height_m:.0f} m, {np.rad2deg(bank_rad):.0f} deg of bank")
+    table = Table(
+        box=None,
+        title=f"{escape(plant.aircraft.title)}, {trimmer.height_m:.0f} m, {np.rad2deg(bank_rad):.0f} deg of bank",
+    )
     for heading in (
-        "V [m/s]",
-        "climb [m/s]",
-        "alpha [deg]",
-        "elevator [deg]",
-        "pitch [deg]",
+        "V\n[m/s]",
+        "climb\n[m/s]",
+        "alpha\n[deg]",
+        "elevator\n[deg]",
+        "pitch\n[deg]",
         "rpm",
         "throttle",
         "J",
-        "P_req [W]",
+        "P_req\n[W]",
     ):
-        table.add_column(heading, justify="right")
+        table.add_column(escape(heading), justify="right")
     for given in asked:
         try:
             trimmed = trimmer.solve(bank_rad=bank_rad, start=None, **given)
@@ -59,15 +63,20 @@ def trim_table(
             f"{J:.3f}",
             f"{power[0]:.1f}",
         )
+    if not table.row_count:
+        raise InputError(
+            f"{plant.aircraft.name}: {climb_mps:+.2f} m/s of climb at {np.rad2deg(bank_rad):.0f} deg of bank cannot be"
+            " flown at any speed"
+        )
     return table
 
 
 def modes_table(trimmer: Trimmer, V: float) -> Table:
     """The modes about level trim at airspeed V [m/s]."""
     found = modes(trimmer.plant, trimmer.solve(V=V, climb=0.0))
-    table = Table(title=f"{trimmer.plant.aircraft.title}, {V:.2f} m/s, {trimmer.height_m:.0f} m")
-    for heading in ("mode", "eigenvalue [1/s]", "frequency [Hz]", "damping", "period [s]", "time constant [s]"):
-        table.add_column(heading, justify="left" if heading == "mode" else "right")
+    table = Table(box=None, title=f"{escape(trimmer.plant.aircraft.title)}, {V:.2f} m/s, {trimmer.height_m:.0f} m")
+    for heading in ("mode", "eigenvalue\n[1/s]", "frequency\n[Hz]", "damping", "period\n[s]", "time constant\n[s]"):
+        table.add_column(escape(heading), justify="left" if heading == "mode" else "right")
     for mode in found:
         oscillates = bool(mode.eigenvalue.imag)
         table.add_row(

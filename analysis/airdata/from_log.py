@@ -43,8 +43,8 @@ def flight_data(
 ) -> FlightData:
     """All measurements of a log on one time base, in SI units, at the centre of gravity.
 
+    log: accepted by `analysis.log_checks`.
     zero: by channel, the reading in still air that `daq zero` took before the flight.
-    Raises InputError if a required topic is missing or never carried a value.
     """
     gas = lines.air_in(log)
     channels = synchronize(log, lines.lags_s(aircraft, gas))

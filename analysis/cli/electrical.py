@@ -39,14 +39,14 @@ def refuse_daemon_options(log: Path, **given: object) -> None:
 
 @dataclass(frozen=True)
 class OrdinaryFlight:
-    """An analysis as the command line asks for it. mass, wing_area, span: as text, instead of the aircraft file's."""
+    """An analysis as the command line asks for it. weight_N, wing_area_m2, span_m: instead of the aircraft file's."""
 
     log: Path
     folder: Path
     request: Request
-    mass: str | None
-    wing_area: str | None
-    span: str | None
+    weight_N: float | None
+    wing_area_m2: float | None
+    span_m: float | None
     aircraft: Path | None
 
     def analyze_autopilot_log(self, firmware: str, progress: Progress) -> Print:
@@ -54,7 +54,7 @@ class OrdinaryFlight:
         from analysis.electrical.flown_aircraft import flown_aircraft
 
         given = load_aircraft(self.aircraft) if self.aircraft else None
-        flown = flown_aircraft(given, self.mass, self.wing_area, self.span, str(self.log))
+        flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
         if firmware == PX4:
             from analysis.autopilot_logs.px4 import read_px4 as read
         else:
@@ -70,7 +70,7 @@ class OrdinaryFlight:
         given = load_aircraft(self.aircraft) if self.aircraft else None
         if given is None and text is not None:
             given = parse_aircraft(text.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
-        flown = flown_aircraft(given, self.mass, self.wing_area, self.span, str(self.log))
+        flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
         return self._analyze(recording_of(log), flown, self._battery_Wh(given), progress)
 
     def _battery_Wh(self, aircraft: Aircraft | None) -> float | None:

@@ -111,16 +111,11 @@ def estimate_polar(
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     forces = flight_forces.forces(states, sensor_errors)
-    airborne = (flight_forces.block_means["height_m"] > LEAST_HEIGHT_M) & (flight_forces.block_means["flying"] == 1)
-    level = _within_level_flight(forces, airborne, runs)
-
-    def fitted(forces: pd.DataFrame) -> output_error.Fit:
-        return output_error.estimate(DRAG, _segments(forces.assign(CD=forces["CD"].where(level)), runs))
-
-    fit = fitted(forces)
+    level = _within_level_flight(forces, flight_forces, runs)
+    fit = _fitted(forces, level, runs)
 
     def variance(states: Array, sensor_errors: Array) -> Array:
-        change = fitted(flight_forces.forces(states, sensor_errors)).values - fit.values
+        change = _fitted(flight_forces.forces(states, sensor_errors), level, runs).values - fit.values
         return np.outer(change, change)
 
     noise = covariance.of_noise(fit)
@@ -153,6 +148,17 @@ def estimate_polar(
     )
 
 
+def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller) -> Array:
+    """The `values` (5,) of `estimate_polar`, without the work for their covariance."""
+    flight_forces = FlightForces(trajectory, aircraft, propeller)
+    forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
+    return _fitted(forces, _within_level_flight(forces, flight_forces, runs), runs).values
+
+
+def _fitted(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
+    return output_error.estimate(DRAG, _segments(forces.assign(CD=forces["CD"].where(level)), runs))
+
+
 def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> list[tuple[str, float, float, str]]:
     """Name, value, standard error and unit of POLAR and THRUST, and of the sensor errors of the trajectory."""
     errors = np.sqrt(np.diag(covariance))
@@ -165,12 +171,13 @@ def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> 
     ]
 
 
-def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
+def _within_level_flight(forces: pd.DataFrame, flight_forces: FlightForces, runs: list[Maneuver]) -> NDArray[np.bool_]:
     """Where the angle of attack is at most LEVEL_MARGIN_RAD above the largest one of level flight.
 
     The latter follows from a straight line fitted to alpha over CL of this flight, at the largest lift coefficient that
     level flight requires at the speeds of the flight or of the runs.
     """
+    airborne = (flight_forces.block_means["height_m"] > LEAST_HEIGHT_M) & (flight_forces.block_means["flying"] == 1)
     flown = forces.loc[airborne, ["CL", "alpha", "qS_over_m_mps2"]].dropna()
     if len(flown) < SHORTEST:
         return np.ones(len(forces), dtype=bool)

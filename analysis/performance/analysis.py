@@ -113,7 +113,7 @@ def compute(
     flown: rows of `air_data` within the maneuvers analysed. condition: weight and density of the flight.
     None where the battery's energy is not known, or the propeller's table cannot give the thrust of level flight.
     """
-    battery_Wh = request.battery_Wh or aircraft.propulsion.battery_energy_Wh
+    battery_Wh = request.battery_energy_Wh(aircraft)
     if battery_Wh is None:
         return None
     flight = FlownCondition(condition, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.errors import InputError
+from flight.text_file import read_text
 from flight.units import read_table
 from sim.plant import Deviations
 from sim.sensors.noise import rng_of
@@ -189,14 +190,16 @@ def load_budget(name_or_path: str | Path) -> ErrorBudget:
     if path.suffix == "" and shipped.is_file():
         text = shipped.read_text("utf-8")
     elif path.is_file():
-        try:
-            text = path.read_text("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: cannot be read ({error})") from None
+        text = read_text(path)
     else:
         raise InputError(f"errors {name_or_path}: neither a file nor one of {', '.join(shipped_budgets())}")
     try:
         table: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"errors {name_or_path}: not valid TOML ({error})") from None
-    return read_table(ErrorBudget, table, f"errors {name_or_path}")
+    budget = read_table(ErrorBudget, table, f"errors {name_or_path}")
+    for section in (budget.noise, budget.systematic):
+        for name, value in asdict(section).items():
+            if value < 0:
+                raise InputError(f"errors {name_or_path}: {name} is negative; give the size of the error")
+    return budget

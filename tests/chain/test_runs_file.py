@@ -1,6 +1,7 @@
 """`analyze` writes the runs it found as a file to edit, and takes one back."""
 
 import re
+import shutil
 from pathlib import Path
 
 import msgspec
@@ -59,7 +60,7 @@ def test_a_run_too_short_to_tell_is_refused_and_not_drawn(flown: Path, tmp_path:
 
 def test_an_edited_file_of_runs_in_the_report_s_folder_is_not_lost(flown: Path, tmp_path: Path) -> None:
     report, mine = tmp_path / "report", tmp_path / "report" / "runs.toml"
-    done("analyze", flown / "log.mcap", "-o", report, "-q")
+    shutil.copytree(flown / "log.report", report)
     edited = mine.read_text("utf-8") + "# my remark\n"
     mine.write_text(edited, "utf-8")
     done("analyze", flown / "log.mcap", "--runs", mine, "-o", report, "-q")

@@ -1,12 +1,12 @@
 """`calibrate tubing`"""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from analysis.cli.calibrate.options import AircraftFile, LogFile, Replace, refuse_existing, write_or_print
+from analysis.cli.calibrate.options import AircraftFile, LogFile, Replace, check_output, write_or_print
 
 if TYPE_CHECKING:
     from analysis.airdata.line_lags import LineLag
@@ -19,7 +19,12 @@ def tubing(
     aircraft: AircraftFile = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="File to write with the lines for the aircraft file; default: printed."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="File to write with the lines for the aircraft file; default: printed.",
+        ),
     ] = None,
     replace: Replace = False,
 ) -> None:
@@ -36,22 +41,26 @@ def tubing(
 
     A lag below a third of a tick only gets an upper bound; at 25 Hz such a line needs no correction. The result is the
     inner diameter of the tube that has the measured lag, with the length and cavity of the aircraft file.
+
+    \b
+    Example:
+      calibrate tubing log.mcap -o lines.toml
     """
     from analysis.airdata.line_lags import line_lags, to_toml
     from analysis.log_contents import aircraft_of
     from flight.aircraft import load_aircraft
     from flight.log_reader import read_log
 
-    refuse_existing(output, replace)
+    check_output(output, replace)
     recorded = read_log(log)
     lags = line_lags(recorded, load_aircraft(aircraft) if aircraft else aircraft_of(recorded))
-    console = Console(stderr=output is None)
+    messages = sys.stderr if output is None else sys.stdout
     for one in lags:
         for line in summary(one):
-            console.print(line)
+            print(line, file=messages)
     sections = to_toml(lags)
     if not sections:
-        console.print("Nothing to change in the aircraft file.")
+        print("Nothing to change in the aircraft file.", file=messages)
         return
     write_or_print(sections, output)
 

@@ -89,6 +89,24 @@ def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
     assert was[SPEED].mean() == pytest.approx(0.03 * 15.0, abs=0.1)
 
 
+@pytest.mark.parametrize(("bias", "gust"), [(0.1, 0.0), (-0.1, 0.0), (0.0, 1.5), (0.0, -1.5)])
+def test_bias_and_gust_are_taken_out_of_sideslip(exact, bias: float, gust: float) -> None:
+    """Banked 9 deg, 0.1 rad of sideslip too much turns the climb angle by 0.1 sin(9 deg), 0.9 deg.
+
+    A gust to the right comes from the left: sideslip is less by it over the airspeed.
+    """
+    states = exact.states.copy()
+    states[:, STATES.index("phi")] = np.radians(9.0)
+    calm = consistency(trajectory_of(exact.table, states, {})).before[ANGLES]
+    states[:, STATES.index("gust_v")] = gust
+    sensed = trajectory_of(exact.table, states, {"beta_bias": bias})
+    V = sensed.predicted_flow[:, PREDICTED_FLOW.index("V_predicted")]
+    sensed.block_means.means["beta_rad"] = sensed.block_means["beta_rad"] + bias - gust / V
+    before, after = consistency(sensed)
+    assert np.degrees((before[ANGLES] - calm).abs().mean()) > 0.7
+    assert after[ANGLES].dropna().to_numpy() == pytest.approx(calm.dropna().to_numpy(), abs=1e-5)
+
+
 def test_perfect_sensors_agree(exact) -> None:
     """But for means of the climb angle over three seconds in a turn, of which only near-level parts count."""
     before, after = consistency(trajectory_of(exact.table, exact.states, {}))
