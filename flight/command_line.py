@@ -83,7 +83,7 @@ def quantity(
     """
     limits = (("above", above), ("at least", least), ("at most", most))
     within = " and ".join(f"{words} {limit:g}" for words, limit in limits if math.isfinite(limit))
-    wanted = f"should be a number{' ' * bool(within)}{within} [{unit}], or one with its unit, such as {example}"
+    wanted = f"should be {within or 'a quantity in'} {unit}: a plain number, or with a unit, such as {example}"
 
     def parse(text: str) -> float:
         try:
@@ -119,7 +119,7 @@ def check_writable(path: Path) -> None:
         with TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}); give another name with -o") from None
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}); give another name") from None
     finally:
         for folder in reversed(made):
             folder.rmdir()

@@ -1,7 +1,9 @@
 """`flightpower new`: files to begin with."""
 
 import json
+import sys
 from importlib import resources
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
 
@@ -65,6 +67,8 @@ def tray(
 
 def _write(text: str, output: Path | None, replace: bool) -> None:
     if output is None:
+        if isinstance(sys.stdout, TextIOWrapper):
+            sys.stdout.reconfigure(encoding="utf-8")  # the encoding of the files, if it is redirected into one
         print(text, end="")
         return
     if output.is_file() and not replace:

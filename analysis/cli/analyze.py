@@ -166,9 +166,10 @@ def analyze(
     ordinary = OrdinaryFlight(
         log, folder, request, weight_N if mass is None else mass * GRAVITY_MPS2, wing_area, span, aircraft
     )
-    firmware = firmware_of(log)
+    firmware = firmware_of(_not_a_folder(log))
     if firmware:
         refuse_daemon_options(log, propeller=propeller, probe=probe, zero=zero, runs=runs, magnetometer=magnetometer)
+        check_writable(folder / "report.html")
         with stderr.status("reading the log …") as status:
             print_electrical = ordinary.analyze_autopilot_log(firmware, lambda step: status.update(f"{step} …"))
         if not quiet:
@@ -176,8 +177,9 @@ def analyze(
         return
     with stderr.status("reading the log …") as status:
         # Wrong input is refused before the numerical libraries are loaded, which takes a second.
-        recorded = read_log(log)
+        recorded = read_log(_not_a_folder(log))
         if lacks_drag_topics(recorded):
+            check_writable(folder / "report.html")
             print_electrical = ordinary.analyze_daemon_log(recorded, lambda step: status.update(f"{step} …"))
             if not quiet:
                 print_electrical(Console())
@@ -215,6 +217,15 @@ def analyze(
         stderr.print(note, highlight=False, markup=False)
     if not quiet:
         print_summary(analysis.results, folder / "report.html", Console())
+
+
+def _not_a_folder(log: Path) -> Path:
+    if log.is_dir():
+        inside = sorted(log.glob("*.mcap"))
+        raise InputError(
+            f"{log}: cannot be read, it is a folder; give a log, such as {inside[0] if inside else 'log.mcap'}"
+        )
+    return log
 
 
 def _load_propeller(name_or_path: str) -> "Propeller":

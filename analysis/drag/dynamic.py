@@ -190,13 +190,17 @@ def _within_level_flight(forces: pd.DataFrame, flight_forces: FlightForces, runs
 
 def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
     segments = []
+    table, t_s = forces[[*INPUTS.values(), "CD"]], forces.index.to_numpy()
     for run in runs:
-        measured = forces.loc[run.start_s : run.end_s, [*INPUTS.values(), "CD"]]
-        data = measured.interpolate(limit_direction="both")
-        if len(data) >= SHORTEST and np.isfinite(data.to_numpy()).all():
-            u = {name: data[column].to_numpy() for name, column in INPUTS.items()}
-            z = {"drag": (data["qS_over_m_mps2"] * measured["CD"]).to_numpy()}
-            segments.append(Segment(name=run.name, t_s=data.index.to_numpy(), u=u, z=z))
+        rows = slice(np.searchsorted(t_s, run.start_s), np.searchsorted(t_s, run.end_s, side="right"))
+        measured = table.iloc[rows].to_numpy().T
+        data = measured
+        if np.isnan(measured).any():
+            data = table.iloc[rows].interpolate(limit_direction="both").to_numpy().T
+        if data.shape[1] >= SHORTEST and np.isfinite(data).all():
+            u = dict(zip(INPUTS, data, strict=False))
+            z = {"drag": u["qS_over_m"] * measured[-1]}
+            segments.append(Segment(name=run.name, t_s=t_s[rows], u=u, z=z))
     return segments
 
 
