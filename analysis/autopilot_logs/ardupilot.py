@@ -1,12 +1,14 @@
 """Reads an ArduPilot dataflash log (.BIN) into the channels of an ordinary flight."""
 
 import contextlib
-import io
+import os
 import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pymavlink import DFReader
 
 from analysis.autopilot_logs import recording
@@ -29,7 +31,13 @@ INSTANCE = ("I", "Inst", "Instance")
 WINGLESS = re.compile(r"Ardu(Copter|Rover|Sub)|APM:(Copter|Rover|Sub)|^(Copter|Rover|Sub|Blimp|AntennaTracker)\b")
 KINDS = {"Copter": "a multicopter", "Rover": "a rover or boat", "Sub": "a submarine"}
 
-Table = dict[str, Any]  # by field, a list of values
+# Codes of packed fields, as NumPy types. Those of cCeE are in hundredths.
+PACKED = {"a": "(32,)<i2", "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4",
+          "d": "<f8", "g": "<f2", "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4",
+          "L": "<i4", "q": "<i8", "Q": "<u8"}  # fmt: skip
+HEADER_BYTES, HUNDREDTH = 3, 0.01
+
+Table = dict[str, NDArray[np.float64]]  # by field
 
 
 def read_ardupilot(path: Path) -> FlightRecording:
@@ -74,42 +82,59 @@ def _of(tables: dict[tuple[str, int], Table], kinds: tuple[str, ...]) -> list[Ta
 
 def _tables(path: Path) -> dict[tuple[str, int], Table]:
     """By kind and instance of message, the times and FIELDS."""
-    tables: dict[tuple[str, int], Table] = {}
     try:
-        with (
-            contextlib.ExitStack() as files,
-            contextlib.redirect_stdout(io.StringIO()),
-            contextlib.redirect_stderr(io.StringIO()),
-        ):
+        with contextlib.ExitStack() as files:
+            nowhere = files.enter_context(Path(os.devnull).open("w"))  # the reader prints a line for each damaged byte
+            files.enter_context(contextlib.redirect_stdout(nowhere))
+            files.enter_context(contextlib.redirect_stderr(nowhere))
             reader = DFReader.DFReader_binary(str(path))
             files.callback(reader.filehandle.close)
-            while (message := reader.recv_match(type=[*FIELDS, "MSG"])) is not None:
-                kind = message.get_type()
-                if kind == "MSG":
-                    _refuse_wingless(path, str(getattr(message, "Message", "")))
-                else:
-                    _append(tables, kind, message)
+            while (message := reader.recv_match(type="MSG")) is not None:
+                _refuse_wingless(path, str(getattr(message, "Message", "")))
+            data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+            rows = {one.name: _rows(data, reader.offsets[number], one) for number, one in reader.formats.items()}
     except InputError:
         raise
     except Exception as error:  # a torn or altered file raises whatever its bytes lead to
         line = " ".join(str(error).split())[:120]
         raise InputError(f"{path}: cannot be read as an ArduPilot log ({type(error).__name__}: {line})") from None
+    tables = {key: table for kind in FIELDS for key, table in _instances(kind, rows.get(kind))}
     if not tables:
         raise InputError(f"{path}: holds no message of airspeed, battery or barometer; is the log complete?")
     return tables
 
 
-def _append(tables: dict[tuple[str, int], Table], kind: str, message: Any) -> None:
-    fields = FIELDS[kind]
-    time_us = getattr(message, "TimeUS", None)
-    values = [getattr(message, field, None) for field in fields]
-    if not isinstance(time_us, int) or values[0] is None:
+def _rows(data: NDArray[np.uint8], offsets: Sequence[int], kind: Any) -> NDArray[np.void] | None:
+    """All messages of one kind (n,), as they are packed; None where it is none of FIELDS or has unknown fields."""
+    if kind.name not in FIELDS or len(kind.columns) != len(kind.format) or not set(kind.format) <= set(PACKED):
+        return None
+    names = {f"{i} {name}": name for i, name in enumerate(kind.columns)}  # damaged formats repeat names
+    dtype = np.dtype([(key, PACKED[code]) for key, code in zip(names, kind.format, strict=True)])
+    starts = np.asarray(offsets, dtype=np.int64) + HEADER_BYTES
+    starts = starts[starts + dtype.itemsize <= len(data)]
+    packed = data[starts[:, None] + np.arange(dtype.itemsize)]
+    rows = np.ascontiguousarray(packed).view(dtype).reshape(-1)
+    scaled = {name: HUNDREDTH if code in "cCeE" else 1.0 for name, code in zip(kind.columns, kind.format, strict=True)}
+    wanted = [old for old, name in names.items() if name in ("TimeUS", *INSTANCE, *FIELDS[kind.name])]
+    out = np.zeros(len(rows), dtype=[(names[old], np.float64) for old in dict.fromkeys(wanted)])
+    for old in wanted:
+        if rows[old].ndim == 1 and rows[old].dtype.kind in "iuf":
+            out[names[old]] = rows[old] * scaled[names[old]]
+    return out
+
+
+def _instances(kind: str, rows: NDArray[np.void] | None) -> Iterator[tuple[tuple[str, int], Table]]:
+    """The times [s] and FIELDS of each instance of a kind of message."""
+    names = () if rows is None else rows.dtype.names or ()
+    if rows is None or "TimeUS" not in names or FIELDS[kind][0] not in names:
         return
-    instance = next((int(getattr(message, name)) for name in INSTANCE if hasattr(message, name)), 0)
-    table = tables.setdefault((kind, instance), {name: [] for name in ("t_s", *fields)})
-    table["t_s"].append(time_us * 1e-6)
-    for field, value in zip(fields, values, strict=True):
-        table[field].append(float(value) if isinstance(value, int | float) else float("nan"))
+    field = next((name for name in INSTANCE if name in names), None)
+    instance = np.zeros(len(rows)) if field is None else rows[field]
+    for number in np.unique(instance[np.isfinite(instance)]):
+        one = rows[instance == number]
+        unknown = np.full(len(one), np.nan)
+        values = {name: one[name] if name in names else unknown for name in FIELDS[kind]}
+        yield (kind, int(number)), {"t_s": one["TimeUS"] * 1e-6, **values}
 
 
 def _refuse_wingless(path: Path, text: str) -> None:
