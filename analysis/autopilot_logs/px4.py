@@ -55,6 +55,7 @@ def read_px4(path: Path) -> FlightRecording:
     topics, notes = _topics(path)
     _refuse_wingless(path, topics)
     airspeed, zeroed = _airspeed(topics)
+    airspeed = {name: _on_the_wing(one, topics) for name, one in airspeed.items()}
     channels = airspeed | _static(topics) | _force(topics) | _gps(topics)
     batteries = [
         Battery(f"battery_status {one.instance}", one.channel("voltage_v"), one.channel("current_a"))
@@ -131,6 +132,16 @@ def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool
     raw = [one.channel(field) for one in topics.get("differential_pressure", []) for field in PRESSURE_FIELDS]
     best = most_varying(raw)
     return ({} if best is None else {recording.AIRSPEED_PRESSURE: best}), False
+
+
+def _on_the_wing(one: Channel, topics: dict[str, list[_Topic]]) -> Channel:
+    """Without the times in which a VTOL hovered."""
+    for status in topics.get("vehicle_status", []):
+        if status.has("vehicle_type"):
+            latest = np.clip(np.searchsorted(status.t_s, one.t_s, side="right") - 1, 0, None)
+            winged = status.values("vehicle_type")[latest] != ROTARY_WING
+            return Channel(one.t_s[winged], one.value[winged])
+    return one
 
 
 def _static(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:

@@ -30,6 +30,15 @@ def lacks_drag_topics(log: Log) -> bool:
     return not all(map(log.entries.get, NEEDED)) and all(map(log.entries.get, ELECTRICAL))
 
 
+def read_autopilot_log(log: Path, firmware: str) -> "FlightRecording":
+    """The recording in a log of PX4 or ArduPilot. Raises InputError."""
+    if firmware == PX4:
+        from analysis.autopilot_logs.px4 import read_px4 as read
+    else:
+        from analysis.autopilot_logs.ardupilot import read_ardupilot as read
+    return read(log)
+
+
 def refuse_daemon_options(log: Path, **given: object) -> None:
     """Raises InputError for an option that an autopilot's log has no use for."""
     names = [f"--{name}" for name, value in given.items() if value is not None]
@@ -55,11 +64,7 @@ class OrdinaryFlight:
 
         given = load_aircraft(self.aircraft) if self.aircraft else None
         flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
-        if firmware == PX4:
-            from analysis.autopilot_logs.px4 import read_px4 as read
-        else:
-            from analysis.autopilot_logs.ardupilot import read_ardupilot as read
-        return self._analyze(read(self.log), flown, self._battery_Wh(given), progress)
+        return self._analyze(read_autopilot_log(self.log, firmware), flown, self._battery_Wh(given), progress)
 
     def analyze_daemon_log(self, log: Log, progress: Progress) -> Print:
         """Write the report of a log of the daemon; returns what prints the summary. Raises InputError."""

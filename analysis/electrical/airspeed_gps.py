@@ -35,6 +35,15 @@ class AirspeedErrors(NamedTuple):
     covariance: Array
     wind_mps: float | None
     wind_from_deg: float | None
+    prior_sigma: float = SCALE_SIGMA  # of the scale
+
+
+def one_way(north_mps: Array, east_mps: Array, errors: AirspeedErrors) -> float:
+    """Length of the mean heading vector over ground velocities (n,): 0 for even headings, 1 for a single one."""
+    toward = np.radians((errors.wind_from_deg or 0.0) + 180.0)
+    wind = (errors.wind_mps or 0.0) * complex(np.cos(toward), np.sin(toward))
+    through_air = north_mps + 1j * east_mps - wind
+    return float(np.abs(np.nanmean(np.exp(1j * np.angle(through_air)))))
 
 
 def true_airspeed(pressure_Pa: Array, rho: Array, scale: float, zero_Pa: float) -> Array:

@@ -22,6 +22,21 @@ class AirspeedCalibration(NamedTuple):
     notes: list[str]
 
 
+def notes_on(one_way: float, error: float, prior: float) -> list[str]:
+    """What limits a scale, in sentences. one_way: length of the mean heading vector; prior: its standard deviation."""
+    notes = []
+    if one_way > ONE_WAY:
+        notes.append(
+            "Nearly all was flown in one direction: scale and wind along it cannot be separated. Fly back, too."
+        )
+    if error > DETERMINED_SHARE * prior:
+        notes.append(
+            f"This flight hardly determines the scale: standard error {100 * error:.1f} %,"
+            f" before the flight {100 * prior:.1f} %."
+        )
+    return notes
+
+
 def calibrate(table: pd.DataFrame, trajectory: Trajectory) -> AirspeedCalibration:
     """Airspeed scale and wind of a reconstructed flight. table: as `air_data` returns it."""
     flying = table["flying"].to_numpy()[trajectory.block_means.rows]
@@ -33,15 +48,9 @@ def calibrate(table: pd.DataFrame, trajectory: Trajectory) -> AirspeedCalibratio
     notes = []
     if not trajectory.block_means.measured("gps_north_mps"):
         notes.append("No GPS in this log: neither scale nor wind can be determined.")
-    elif one_way > ONE_WAY:
-        notes.append(
-            "Nearly all was flown in one direction: scale and wind along it cannot be separated. Fly back, too."
-        )
-    if error > DETERMINED_SHARE * prior:
-        notes.append(
-            f"This flight hardly determines the scale: standard error {100 * error:.1f} %,"
-            f" before the flight {100 * prior:.1f} %."
-        )
+        notes += notes_on(0.0, error, prior)
+    else:
+        notes += notes_on(one_way, error, prior)
     if not trajectory.converged:
         notes.append("The trajectory reconstruction did not converge: do not rely on these values.")
     return AirspeedCalibration(

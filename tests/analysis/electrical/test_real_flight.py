@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from analysis.cli.analyze import app
+from analysis.cli.calibrate import app as calibrate
 
 LOG = Path(__file__).parents[2] / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
 AIRCRAFT = ["--mass", "9.4 kg", "--wing-area", "1.499 m^2", "--span", "4.0 m"]
@@ -68,6 +69,15 @@ def test_wind_is_that_of_the_autopilot(results: dict) -> None:
     found = results["electrical"]
     assert found["wind_mps"] == pytest.approx(4.4, abs=0.7)
     assert found["wind_from_deg"] == pytest.approx(96, abs=10)
+
+
+def test_calibrate_airspeed_of_an_autopilots_log(tmp_path: Path, results: dict) -> None:
+    done = CliRunner().invoke(calibrate, ["airspeed", str(LOG), "-o", str(tmp_path / "airspeed.json")])
+    assert done.exit_code == 0, done.output
+    found = json.loads((tmp_path / "airspeed.json").read_text("utf-8"))
+    assert found["scale"] == pytest.approx(results["electrical"]["airspeed_scale"]["value"], abs=0.002)
+    assert found["wind_mps"] == pytest.approx(results["electrical"]["wind_mps"], abs=0.2)
+    assert found["one_way"] < 0.4  # circles
 
 
 def test_endurance_is_the_battery_at_least_power(results: dict) -> None:

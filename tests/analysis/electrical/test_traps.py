@@ -49,6 +49,20 @@ def airborne_start(found: list[UlogTopic]) -> list[UlogTopic]:
     return [without(one, end - 75_000_000, end + 1) for one in begun_at(found, start + int(1e6 * TAKE_OFF_S))]
 
 
+def hovering_after_the_flight(found: list[UlogTopic]) -> list[UlogTopic]:
+    """A VTOL: in its last two minutes it is a multicopter, in a wind that shows as airspeed of 10 m/s."""
+    late = found[0].time_us[-1] - np.uint64(100_000_000)
+    changed = []
+    for one in found:
+        columns = {name: np.array(values) for name, values in one.columns.items()}
+        if one.name == "vehicle_status":
+            columns["vehicle_type"][one.time_us > late] = 1
+        if one.name == "airspeed_validated":
+            columns["indicated_airspeed_m_s"][one.time_us > late + np.uint64(20_000_000)] = 10.0
+        changed.append(UlogTopic(one.name, one.time_us, columns, one.instance))
+    return changed
+
+
 def raw_pressure_alone(found: list[UlogTopic]) -> list[UlogTopic]:
     """Differential pressure once a second with an offset of 110 Pa, in steps of 6 Pa."""
     return [one for one in found if one.name != "airspeed_validated"]
@@ -61,6 +75,7 @@ def raw_pressure_alone(found: list[UlogTopic]) -> list[UlogTopic]:
         (clock_set, "clock jumped"),
         (airborne_start, "no time on the ground"),
         (raw_pressure_alone, ""),
+        (hovering_after_the_flight, ""),
     ],
 )
 def test_handled(
