@@ -27,7 +27,15 @@ from sim.options import (
     SeedOption,
     SpeedOption,
 )
-from sim.output_folder import LOG, TRAY, TRUTH, check_output, check_probe, probe_text, write_flight
+from sim.output_folder import (
+    LOG,
+    TRAY,
+    TRUTH,
+    check_output,
+    check_probe,
+    probe_text,
+    write_flight,
+)
 from sim.progress import Report, progress_bar
 
 if TYPE_CHECKING:
@@ -70,6 +78,18 @@ def fly(
     no_hardware: Annotated[
         bool, typer.Option("--no-hardware", help="Write the log directly, without fake sensors and daemon; faster.")
     ] = False,
+    recorder: Annotated[
+        str | None,
+        typer.Option(
+            "--as", metavar="NAME", help="px4 or ardupilot: write the log as this autopilot would, not the daemon's."
+        ),
+    ] = None,
+    log_faults: Annotated[
+        str,
+        typer.Option(
+            "--log-faults", metavar="LIST", help="With --as px4: traps of real logs, such as landed,dropouts,truncated."
+        ),
+    ] = "",
     replace: ReplaceOption = False,
 ) -> None:
     """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors.
@@ -80,6 +100,7 @@ def fly(
       sim fly --aircraft my.toml --plan full-test-flight --no-hardware -o out
     """
     from hw_fakes.faults import load_faults
+    from sim.autopilot_log import faults_of, write_autopilot_log
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
     from sim.sensors import FlightSensorTruth, draw, load_budget
@@ -87,6 +108,7 @@ def fly(
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
+    traps = faults_of(recorder, log_faults)
     if world is not None and errors is not None:
         raise InputError("--world has an error budget of its own: leave out --errors")
     if world is not None:
@@ -104,6 +126,10 @@ def fly(
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
     write_flight(output, flight, drawn, flown_in, aircraft, calibration)
     sensor_truth = FlightSensorTruth(flight, drawn)
+    if recorder is not None:
+        written = write_autopilot_log(output, recorder, flight, sensor_truth, drawn, traps)
+        print(f"{written}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
+        return
     with progress_bar("recording", flight.duration_s) as report:
         if no_hardware:
             _write_without_hardware(output, sensor_truth, seed, craft, report)

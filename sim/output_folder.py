@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from sim.world import World
 
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
-OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
+PX4_LOG, ARDUPILOT_LOG = "log.ulg", "log.BIN"
+OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, PX4_LOG, ARDUPILOT_LOG)
 AIRCRAFT, PROPELLER, PROBE = "aircraft.toml", "propeller.csv", "probe.json"
 
 

@@ -286,6 +286,23 @@ class PerformanceResult(msgspec.Struct, frozen=True, kw_only=True):
     too_much: list[str] = []  # requested conditions in which full throttle does not sustain level flight
 
 
+class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What stands beside `electrical_power`: how it was found, and what else this flight does not give."""
+
+    least_power_speed: SpeedInterval  # longest endurance
+    best_range_speed: SpeedInterval  # least energy per distance
+    endurance_s: Interval | None  # at these speeds, on the battery given; null without one
+    range_m: Interval | None
+    interval_parts: list[IntervalPart]
+    residual_W: float  # rms of the energy balance, means over windows of some 8 s
+    idle_power_W: float  # drawn with the motor off; contained in the curve
+    airspeed_scale: Interval  # fraction by which airspeed reads high, by GPS and the prior
+    wind_mps: float | None  # null without GPS
+    wind_from_deg: float | None
+    flown_s: float  # used for the balance
+    withheld: list[str]  # what is not known, and what it would take
+
+
 class Results(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of `results.json`."""
 
@@ -300,7 +317,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     runs: list[RunResult]
     rejected: list[RejectedResult]
     parameters: list[ParameterResult]
-    drag_polar: DragPolar
+    drag_polar: DragPolar | None  # null where drag is not known: see `electrical_power`
     power_required: list[PowerPoint]  # at the test's weight and density, over the flown range
     power_required_standard: list[PowerPoint]  # at the standard weight and sea-level density
     cross_check: list[PowerPoint]  # the same over the runs alone, at the test's weight and density, by
@@ -316,6 +333,8 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     interval_parts: list[IntervalPart] = []  # of `power_required`
     path: PathResult | None = None
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
+    electrical_power: list[PowerPoint] = []  # from the battery in level flight, where thrust is not known
+    electrical: ElectricalResult | None = None
 
 
 def to_json(results: Results) -> bytes:
@@ -323,13 +342,13 @@ def to_json(results: Results) -> bytes:
 
 
 def to_csv(results: Results) -> str:
-    """Both curves, one row per point, units in the header."""
+    """Both curves of power required, or that of electrical power; one row per point, units in the header."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
     writer.writerow(["condition", "weight_N", "air_density_kgpm3", *fields, "extrapolated"])
     for name, condition, curve in (
-        ("test", results.test, results.power_required),
+        ("test", results.test, results.power_required or results.electrical_power),
         ("standard", results.standard, results.power_required_standard),
     ):
         for point in curve:

@@ -52,7 +52,7 @@ def _add_continuation(figure: go.Figure, results: Results, fastest: float) -> No
     """The curve from the fastest speed flown up to the highest level speed, dashed. There is none below the slowest."""
     top = results.use.available.maximum_speed_mps if results.use else None
     polar, at, S = results.drag_polar, results.test, results.aircraft.wing_area_m2
-    if top is None or top.value <= fastest:
+    if polar is None or top is None or top.value <= fastest:
         return
     V = np.linspace(fastest, top.value, 15)
     q = at.air_density_kgpm3 * V**2 / 2
