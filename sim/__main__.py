@@ -103,19 +103,13 @@ def fly(
     from sim.autopilot_log import faults_of, write_autopilot_log
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
-    from sim.sensors import FlightSensorTruth, draw, load_budget
-    from sim.world import World, load_world
+    from sim.sensors import FlightSensorTruth, draw
+    from sim.world import world_of
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
     traps = faults_of(recorder, log_faults)
-    if world is not None and errors is not None:
-        raise InputError("--world has an error budget of its own: leave out --errors")
-    if world is not None:
-        flown_in = load_world(world)
-    else:
-        budget = load_budget(errors or "bench")
-        flown_in = World(errors or "bench", budget.title, budget)
+    flown_in = world_of(world, errors)
     craft, flight_plan = load_complete_aircraft(aircraft), flown_in.plan(load_plan(plan), seed)
     schedule = load_faults(faults) if faults is not None else ()
     calibration = probe_text(probe)
