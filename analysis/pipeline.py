@@ -8,12 +8,15 @@ from pathlib import Path
 import pandas as pd
 
 from analysis import log_contents
-from analysis.airdata.from_log import flight_data
+from analysis.airdata.from_log import FlightData, flight_data
 from analysis.drag import assumed_values
-from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.estimate import DragEstimates, estimate, main_polar
+from analysis.drag.estimate import DragEstimates, estimate
+from analysis.drag.hysteresis import with_hysteresis_uncertainty
 from analysis.drag.polar import flown_condition, flown_lift
+from analysis.drag.repetition import Repetition
 from analysis.drag.thrust_coverage import thrust_coverage
+from analysis.log_checks.axes import check_axes
+from analysis.log_checks.log import check_log
 from analysis.log_contents import Replacements
 from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
@@ -28,12 +31,6 @@ from analysis.trajectory.observability import sensor_error_estimates, trajectory
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
-from flight.propeller import Propeller
-
-NO_BATTERY = (
-    "No endurance, range or climb: the aircraft file lacks propulsion.battery_energy, such as"
-    ' battery_energy = "74 W h"; or give --battery-Wh.'
-)
 
 
 @dataclass(frozen=True)
@@ -66,15 +63,24 @@ def analyze(
     contents = log_contents.contents(log, replacements)
     aircraft, propeller = contents.aircraft, contents.propeller
 
+    progress("checking the log")
+    check_log(log, propeller.diameter_m)
+
     progress("synchronizing")
-    data = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+
+    def data_of(aircraft: Aircraft) -> FlightData:
+        return flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+
+    data = data_of(aircraft)
     table = data.table
+    check_axes(table, name)
 
     progress("finding runs")
     maneuvers = select(table, data.rest, name, runs_file)
     flown = pd.concat([table.iloc[run.rows] for run in maneuvers.level_runs or maneuvers.of(*FOR_DRAG)])
     condition, flown_CL = flown_condition(flown, aircraft), flown_lift(flown, aircraft)
-    coverage_warnings = thrust_coverage(flown, propeller)
+    kinds = {run.kind for run in maneuvers.level_runs}
+    coverage_warnings = thrust_coverage(flown, propeller, kinds, str(runs_file or ""))
 
     progress("reconstructing the trajectory")
     alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, assumed_values.alpha_scale_sigma(aircraft))
@@ -88,15 +94,15 @@ def analyze(
 
     progress(f"estimating drag from {runs or len(maneuvers.of(*FOR_DRAG))} runs")
 
-    def repeat_estimate(aircraft: Aircraft, propeller: Propeller, upwash_slope_sigma: float) -> DynamicEstimate:
-        progress("repeating the estimate with other values for what the aircraft file lacks")
-        data = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
-        sigma = math.hypot(contents.probe.alpha_scale_sigma, upwash_slope_sigma)
-        trajectory = reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=name)
-        return main_polar(trajectory, maneuvers, aircraft, propeller, condition, flown_CL, name)
-
+    repetition = Repetition(
+        data, data_of, trajectory, alpha_scale_sigma, contents.probe.alpha_scale_sigma, maneuvers, aircraft, condition,
+        flown_CL, name, progress,
+    )  # fmt: skip
     assumption_uncertainty = assumed_values.assumption_uncertainty(
-        repeat_estimate, aircraft, propeller, condition, flown_CL
+        repetition.estimate, repetition.values, aircraft, propeller, condition, flown_CL
+    )
+    assumption_uncertainty = with_hysteresis_uncertainty(
+        assumption_uncertainty, lambda air: repetition.values_with_air(air, propeller), table, aircraft
     )
     drag = estimate(
         table, trajectory, maneuvers, aircraft, propeller, condition, flown_CL,
@@ -105,12 +111,12 @@ def analyze(
 
     progress("computing performance")
     performance = compute_performance(request, trajectory, drag, aircraft, propeller, condition, flown)
-    unknown_battery = request.battery_Wh is None and aircraft.propulsion.battery_energy_Wh is None
     results = assemble(
         log=name,
         aircraft=aircraft,
         propeller=propeller,
         flown=flown,
+        table=table,
         condition=condition,
         maneuvers=maneuvers,
         drag=drag,
@@ -121,6 +127,6 @@ def analyze(
         + coverage_warnings
         + trajectory_warnings
         + drag.warnings
-        + ([NO_BATTERY] if unknown_battery else []),
+        + request.notes(aircraft),
     )
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)

@@ -20,8 +20,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from analysis.estimation import aircraft_models as models
-from analysis.estimation import filter_error, output_error, uncertainty
+from analysis.estimation import aircraft_models, filter_error, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.intervals import NORMAL_95
 from analysis.trajectory.reconstruction import reconstruct
@@ -44,7 +43,7 @@ def speed() -> None:
     table = Table("what", "measured", "wanted", box=None)
     table.add_row("import and model build", f"{_import_s():.2f} s", "0.5 s")
     run_s = [timed.made_by_the_model(f"run {i}", i) for i in range(20)]
-    start = models.starting_values(timed.NEXSTAR, run_s[0])
+    start = aircraft_models.starting_values(timed.NEXSTAR, run_s[0])
 
     def fit(segments):
         return output_error.estimate(timed.MODEL, segments, start=start)
@@ -70,9 +69,9 @@ def speed() -> None:
 def _import_s() -> float:
     """Processor time of a new Python process that imports the package and NumPy and compiles an aircraft model."""
     program = (
-        "import time; from analysis.estimation import aircraft_models as models, output_error;"
+        "import time; from analysis.estimation import aircraft_models, output_error;"
         "from analysis.estimation.simulation import build_simulator;"
-        "from flight.aircraft import load_aircraft; m = models.pitch_and_height(load_aircraft('nexstar'));"
+        "from flight.aircraft import load_aircraft; m = aircraft_models.pitch_and_height(load_aircraft('nexstar'));"
         "build_simulator(m, tuple(q.name for q in m.parameters if q.free)); print(time.process_time())"
     )
     ran = [
@@ -180,11 +179,13 @@ def measured(run: pd.DataFrame, factor: float, gyro_radps: float, seed: int) -> 
 
 def t_of_CLq(aircraft: Aircraft, run: pd.DataFrame, factor: float, gyro_radps: float, seeds: int) -> float:
     """Mean over the seeds of CLq divided by its standard error (4.4, 4.5), without a prior of CLq."""
-    model = models.pitch_and_height(aircraft).changed(CLq={"start": 0.0, "prior_sigma": np.inf})
+    model = aircraft_models.pitch_and_height(aircraft).changed(CLq={"start": 0.0, "prior_sigma": np.inf})
     t = []
     for seed in range(seeds):
         segment = measured(run, factor, gyro_radps, seed)
-        CLq = output_error.estimate(model, segment, start=models.starting_values(aircraft, segment)).parameters["CLq"]
+        CLq = output_error.estimate(
+            model, segment, start=aircraft_models.starting_values(aircraft, segment)
+        ).parameters["CLq"]
         t.append(CLq.value / CLq.standard_error)
     return float(np.mean(t))
 

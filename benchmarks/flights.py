@@ -1,6 +1,7 @@
 """Simulated flights as the analysis receives them, without buses, counts or log: what benchmarks and tests share."""
 
 import dataclasses
+import pickle
 import tempfile
 from collections.abc import Iterator
 from functools import lru_cache
@@ -15,6 +16,7 @@ from analysis.airdata.air import air_data
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.probe_fit import calibrate
 from analysis.airdata.tunnel import read_tunnel
+from analysis.signals.aircraft_size import flying_Pa, speed_scale
 from analysis.signals.rest import Zeros, rest_segments, zeros
 from flight.aircraft import Aircraft
 from flight.propeller_files import load_propeller
@@ -62,10 +64,21 @@ class Flown(NamedTuple):
 def flown(
     aircraft: Aircraft, errors: DrawnErrors, plan_name: str | Path, seed: int, turbulence_kt: float = 0.0
 ) -> Flown:
-    """Fly a plan; turbulence of W20 in place of the plan's where it is not 0."""
+    """Fly a plan; turbulence of W20 in place of the plan's where it is not 0. The table is the caller's own.
+
+    The last flights are kept, because flying takes most of the time of many tests: truth must not be changed.
+    """
     plan = load_plan(plan_name)
     if turbulence_kt:
         plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=turbulence_kt * KNOT_MPS))
+    found = _flown(pickle.dumps((aircraft, errors, plan, seed)))
+    return found._replace(table=found.table.copy())
+
+
+@lru_cache(maxsize=4)
+def _flown(arguments: bytes) -> Flown:
+    """The flight by its arguments, pickled: they have no hash."""
+    aircraft, errors, plan, seed = pickle.loads(arguments)
     flight = fly(aircraft, plan, seed=seed, deviations=errors.deviations)
     sensor_truth = FlightSensorTruth(flight, errors)
     return Flown(flight, sensor_truth, sensor_table(sensor_truth, aircraft))
@@ -105,7 +118,7 @@ class AirOf(NamedTuple):
 def air_of(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration) -> AirOf:
     """The chain's steps up to the air data, for a table as `synchronize` leaves it."""
     still = rest_segments(table, 1 / TICK_S)
-    at_rest = zeros(table, still)
+    at_rest = zeros(table, still, flying_Pa=flying_Pa(speed_scale(aircraft)))
     propeller = load_propeller(aircraft.propulsion.propeller)
     return AirOf(air_data(table, aircraft, probe, propeller, at_rest).table, still, at_rest)
 

@@ -1,9 +1,6 @@
 """The command `daq`: record the tray, check it before flight, take its zero, summarise a log, print an example."""
 
-import ctypes
-import gc
 import os
-import shutil
 import signal
 import sys
 import threading
@@ -13,26 +10,24 @@ from typing import Annotated
 
 import typer
 
+from daq.process_setup import prepare_process, raise_priority
 from daq.systemd_notify import ALIVE, READY, STOPPING, is_service, notify
+from daq.terminal import StatusLine, has_terminal, print_error, show_event
+from flight.command_line import FAILURE, application, quantity
+from flight.command_line import run as run_command
 from flight.errors import InputError
 from flight.messages import Event
 
-BAD_INPUT, FAILURE = 2, 1
-THREAD_STACK_BYTES = 512 * 1024
-UNIT_PRIORITY = 50  # CPUSchedulingPriority in systemd/flightpower-daq.service
-SWITCH_S = 0.001  # the sampling thread waits at most this long for another computing thread
-M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # malloc.h
-LARGE_BYTES = 128 * 1024
-MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # sys/mman.h; ONFAULT locks pages when they are first used
+LONGEST_CHECK_S = 3600.0
 
-app = typer.Typer(
-    add_completion=False,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
+app = application(
     help="""Records the sensors of the tray at a fixed rate into a log (MCAP) that `analyze` reads.
 
-    To begin: `daq config --example > tray.toml`, edit it, `daq check --config tray.toml`, then
-    `daq run --config tray.toml`; stop with Ctrl-C.
+    \b
+    To begin:
+      daq config --example > tray.toml     then edit it
+      daq check --config tray.toml         are all sensors there?
+      daq run --config tray.toml           stop with Ctrl-C
 
     Exit code: 0 on success, 1 when something failed while running, 2 when input or configuration is wrong or another
     program uses the tray.
@@ -40,31 +35,47 @@ app = typer.Typer(
 )
 
 
+TrayOption = Annotated[
+    Path, typer.Option("--config", "-c", metavar="TRAY", help="The tray file: sensors, buses, rates.")
+]
+
+
 @app.command()
 def run(
-    config: Annotated[Path, typer.Option("--config", "-c", help="The tray file: sensors, buses, rates.")],
+    config: TrayOption,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The log; by default the next free log-NNNN.mcap.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="The log; by default the next free log-NNNN.mcap."),
     ] = None,
     duration_s: Annotated[
         float | None,
-        typer.Option("--duration", min=0.0, help="Stop after this many seconds."),
+        typer.Option(
+            "--duration",
+            parser=quantity("--duration", "s", '"5 min"', least=0.0),
+            metavar="TIME",
+            help='Stop after this many seconds, or "5 min".',
+        ),
     ] = None,
     record_bus: Annotated[
         Path | None,
-        typer.Option(help="Also write every bus transaction to this file, to replay it in a test."),
+        typer.Option(metavar="FILE", help="Also write every bus transaction to this file, to replay it in a test."),
     ] = None,
 ) -> None:
     """Record until SIGTERM or Ctrl-C, which finish the log. SIGHUP starts a new log.
 
     A sensor that fails is logged as failed and restarted twice a second; the others are not affected. Events are
     written to stderr and into the log.
+
+    \b
+    Examples:
+      daq run --config tray.toml
+      daq run --config tray.toml --duration "5 min" -o test.mcap
     """
-    from daq.bus import LinuxBuses
     from daq.bus_recording import BusRecording
     from daq.clock import SystemClock
     from daq.config import load_tray
     from daq.daemon import NoDeviceOpened, check_configuration, record
+    from daq.linux_bus import LinuxBuses
     from daq.telemetry import TelemetryLink
 
     tray, buses = load_tray(config), LinuxBuses()
@@ -131,90 +142,31 @@ def run(
         os._exit(FAILURE)
 
 
-def print_error(line: str) -> None:
-    """Print a line to stderr, which may be closed."""
-    try:
-        print(line, file=sys.stderr, flush=True)
-    except OSError:
-        return
-
-
-def show_event(event: Event) -> None:
-    """Print an event. Under systemd the prefix <n> is its priority in the journal (sd-daemon(3))."""
-    priority = {"error": "<3>", "warning": "<4>"}.get(event.severity, "<6>")
-    print_error(f"{priority if 'JOURNAL_STREAM' in os.environ else ''}{event.text}")
-
-
-def has_terminal() -> bool:
-    """Whether the process has a controlling terminal."""
-    try:
-        os.close(os.open("/dev/tty", os.O_RDONLY | os.O_NOCTTY))
-    except OSError:
-        return False
-    return True
-
-
-class StatusLine:
-    """A line on the terminal that is overwritten once a second. Does nothing when stderr is not a terminal."""
-
-    def __init__(self) -> None:
-        self._on = sys.stderr.isatty()
-
-    def show(self, line: str) -> None:
-        self._write(f"\r{line[: shutil.get_terminal_size().columns - 1]}\x1b[K")
-
-    def clear(self) -> None:
-        self._write("\r\x1b[K")
-
-    def _write(self, text: str) -> None:
-        if self._on:
-            try:
-                sys.stderr.write(text)
-                sys.stderr.flush()
-            except OSError:
-                self._on = False
-
-
-def prepare_process() -> None:
-    """Set up for low latency: no garbage collection of permanent objects, locked memory, small thread stacks."""
-    gc.collect()
-    gc.freeze()
-    threading.stack_size(THREAD_STACK_BYTES)  # all of a thread's stack is locked in memory
-    sys.setswitchinterval(SWITCH_S)
-    libc = ctypes.CDLL(None)
-    if hasattr(libc, "mallopt"):  # glibc
-        libc.mallopt(M_ARENA_MAX, 1)  # one heap for all threads, instead of a growing one for each
-        # Large blocks are returned to the system when freed; by default, glibc keeps larger and larger ones.
-        libc.mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
-    # Fails without the permission (LimitMEMLOCK); then memory is not locked.
-    libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT)
-
-
-def raise_priority() -> None:
-    """Use the real-time priority that the systemd unit gives to `run`, if permitted.
-
-    Without it, other programs' load can look like a hanging bus.
-    """
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(UNIT_PRIORITY))
-    except OSError:
-        return
-
-
-@app.command()
+@app.command(short_help="Take the still-air zero of pressures and gyroscopes.")
 def zero(
-    config: Annotated[Path, typer.Option("--config", "-c", help="The tray.")],
-    seconds: Annotated[float, typer.Option(min=4.0, help="How long to measure.")] = 10.0,
+    config: TrayOption,
+    seconds: Annotated[
+        float,
+        typer.Option(
+            parser=quantity("--seconds", "s", '"1 min"', least=4, most=LONGEST_CHECK_S),
+            metavar="TIME",
+            help="How long to measure [s].",
+        ),
+    ] = 10.0,
 ) -> None:
     """Take the still-air zero of pressure differences and gyroscopes, to be attached to every later log.
 
     Cover the probe, leave the aircraft at rest with the motor off, everything switched on for some minutes. If the
     readings are not steady, the exit code is 1 and an existing zero is kept.
+
+    \b
+    Example:
+      daq zero --config tray.toml
     """
-    from daq.bus import LinuxBuses
     from daq.clock import SystemClock
     from daq.config import load_tray
     from daq.dry_run import dry_run
+    from daq.linux_bus import LinuxBuses
     from daq.still_air_zero import NotStill, save_zero, zero_from_samples
 
     tray, clock = load_tray(config), SystemClock()
@@ -234,23 +186,35 @@ def zero(
     typer.echo(f"{tray.zero}: attached to every log from now on")
 
 
-@app.command()
+@app.command(short_help="Check whether the tray is fit to fly.")
 def check(
-    config: Annotated[Path, typer.Option("--config", "-c", help="The tray.")],
-    seconds: Annotated[float, typer.Option(min=1.0, help="How long to read.")] = 5.0,
+    config: TrayOption,
+    seconds: Annotated[
+        float,
+        typer.Option(
+            parser=quantity("--seconds", "s", '"1 min"', least=1, most=LONGEST_CHECK_S),
+            metavar="TIME",
+            help="How long to read [s].",
+        ),
+    ] = 5.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Check whether the tray is fit to fly: read every sensor for a few seconds. Exit code 1 if a check fails.
 
     Stop the service first: while it records, the exit code is 2.
+
+    \b
+    Example:
+      daq check --config tray.toml
     """
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from daq import tray_check
-    from daq.bus import LinuxBuses
     from daq.clock import SystemClock
     from daq.config import load_tray
+    from daq.linux_bus import LinuxBuses
 
     tray = load_tray(config)
     prepare_process()
@@ -264,22 +228,27 @@ def check(
         )
         for line in report.lines:
             mark = {True: "[green]ok", False: "[bold red]BAD", None: "[yellow]?"}[line.ok]
-            trouble = "\n".join(filter(None, (line.trouble, line.advice)))
-            values = "\n".join(filter(None, line.values))
+            trouble = escape("\n".join(filter(None, (line.trouble, line.advice))))
+            values = escape("\n".join(filter(None, line.values)))
             table.add_row(mark, line.topic, line.identity, f"{line.rate_Hz:.1f}", values, str(line.bus_errors), trouble)
         console = Console()
         console.print(table)
         for fact in report.facts:
             mark = "[green]ok " if fact.ok else "[bold red]BAD"
-            console.print(f" {mark}[/] {fact.text}", highlight=False)
+            console.print(f" {mark}[/] {escape(fact.text)}", highlight=False)
         console.print("[bold green]fit to fly" if report.fit else "[bold red]not fit to fly")
     if not report.fit:
         raise typer.Exit(FAILURE)
 
 
 @app.command()
-def info(log: Annotated[Path, typer.Argument(help="A log; may be unfinished.")]) -> None:
-    """Summarise a log: topics, rates, failed readings and attachments."""
+def info(log: Annotated[Path, typer.Argument(metavar="LOG", help="A log; may be unfinished.")]) -> None:
+    """Summarise a log: topics, rates, failed readings and attachments.
+
+    \b
+    Example:
+      daq info log-0001.mcap
+    """
     from rich.console import Console
     from rich.table import Table
 
@@ -288,20 +257,28 @@ def info(log: Annotated[Path, typer.Argument(help="A log; may be unfinished.")])
     summary = summarise(log)
     console = Console()
     for line in summary.lines:
-        console.print(line, highlight=False)
+        console.print(line, highlight=False, markup=False)
     table = Table("topic", "messages", "Hz", "without measurement", box=None)
     for row in summary.topics:
         table.add_row(row.topic, str(row.messages), f"{row.rate_Hz:.1f}", row.failures or "-")
     console.print(table)
 
 
-@app.command()
+@app.command(short_help="Print an example tray file, or check one.")
 def config(
     example: Annotated[bool, typer.Option("--example", help="Print an example tray with every sensor.")] = False,
-    check: Annotated[Path | None, typer.Option("--check", help="Check this tray file.")] = None,
-    unit: Annotated[Path | None, typer.Option("--unit", help="Print the systemd drop-in for this tray.")] = None,
+    check: Annotated[Path | None, typer.Option("--check", metavar="FILE", help="Check this tray file.")] = None,
+    unit: Annotated[
+        Path | None, typer.Option("--unit", metavar="FILE", help="Print the systemd drop-in for this tray.")
+    ] = None,
 ) -> None:
-    """Print an example configuration, check one, or print its systemd drop-in."""
+    """Print an example configuration, check one, or print its systemd drop-in.
+
+    \b
+    Examples:
+      daq config --example > tray.toml
+      daq config --check tray.toml
+    """
     if unit is not None:
         from daq.config import load_tray
         from daq.systemd_unit import unit_drop_in
@@ -318,16 +295,12 @@ def config(
     elif example:
         typer.echo(resources.files("daq").joinpath("tray.example.toml").read_text("utf-8"), nl=False)
     else:
-        raise InputError("daq config: give --example, --check FILE or --unit FILE")
+        raise InputError("give --example, --check FILE or --unit FILE")
 
 
 def main() -> None:
     """Entry point. Wrong input gives one line on stderr and exit code 2."""
-    try:
-        app()
-    except InputError as error:
-        print(f"daq: {error}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
+    run_command(app, "daq", "daq")
 
 
 if __name__ == "__main__":

@@ -5,11 +5,12 @@ from importlib import metadata, resources
 from pathlib import Path
 from typing import NamedTuple
 
-from daq.config import Tray, read_text
+from daq.config import Tray
 from daq.still_air_zero import parse_zero
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.log_writer import LogWriter
+from flight.text_file import read_text
 
 
 class Attachments(NamedTuple):

@@ -7,15 +7,16 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 from msgspec import Meta
 
-from daq.disk_space import FullDiskPolicy
 from daq.sensors import honeywell, ms45xxdo
 from daq.sensors.axes import Axes, parse_axes
 from daq.sensors.bridge import TransferFunction
 from flight.errors import InputError
+from flight.text_file import read_text
 
 Address = Annotated[int, Meta(ge=0x03, le=0x77)]
 ZERO_FILE = "zero.json"
 Baud = Annotated[int, Meta(ge=1200)]
+FullDiskPolicy = Literal["stop", "delete_oldest"]
 
 
 def _check_udp(port: str) -> None:
@@ -271,16 +272,6 @@ def load_tray(path: str | Path) -> Tray:
     return parse_tray(read_text(path), str(path), path.parent)
 
 
-def read_text(path: Path) -> str:
-    """The content of a text file. Raises InputError when it cannot be read."""
-    try:
-        return path.read_text("utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file") from None
-
-
 def parse_tray(text: str, where: str, folder: Path) -> Tray:
     """Parse a tray file's text. where: its name in errors. folder: base of relative paths."""
     try:
@@ -310,6 +301,8 @@ def _with_key(error: msgspec.ValidationError) -> str:
     what, _, key = str(error).partition(" - at `$.")
     if number := re.fullmatch(r"Invalid enum value (\d+)", what):
         what = f"{number[1]} (0x{int(number[1]):02x}) is not one of the permitted values; see `daq config --example`"
+    if what.startswith("Object contains unknown field"):
+        what += "; `daq config --example` shows every key"
     return f"{key.rstrip('`')}: {what}" if key else what
 
 

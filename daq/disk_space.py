@@ -5,12 +5,11 @@ import os
 import threading
 from collections import deque
 from pathlib import Path
-from typing import Literal
 
+from daq.config import FullDiskPolicy
 from flight.log_index import MAGIC
 from flight.messages import Event
 
-FullDiskPolicy = Literal["stop", "delete_oldest"]
 CHECK_EVERY_S = 2.0
 RESUME_FACTOR = 1.25  # recording resumes when this multiple of the space to be kept is free
 UNKNOWN = -1

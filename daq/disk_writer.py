@@ -14,6 +14,8 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
+from daq.sync_directory import sync_directory
+
 SYNC_EVERY_S = 0.25
 RETRY_EVERY_S = 1.0  # after a write error: space may be freed, a stalled card may recover
 SLOW_CALL_S = 2.0  # a write or sync that takes longer is reported
@@ -206,12 +208,3 @@ class DiskWriter:
         with self._changed:
             for _ in range(count):
                 self._unsynced.popleft()
-
-
-def sync_directory(directory: Path) -> None:
-    """Sync a directory, so that a new file name in it survives a power cut."""
-    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

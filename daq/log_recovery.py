@@ -18,7 +18,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Chunk
 
-from daq.disk_writer import sync_directory
+from daq.sync_directory import sync_directory
 from flight.log_chunk import LogTooLarge, decompressed
 from flight.log_index import MAGIC, RECORD_HEAD, LogIndex
 from flight.log_writer import INDEX_ENTRY, MESSAGE_HEAD, message_index

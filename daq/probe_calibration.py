@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from daq.config import read_text
+from flight.text_file import read_text
 
 FIRST_FORMAT = "flightpower-probe-1"
 FORMATS = (FIRST_FORMAT, "flightpower-probe-2")

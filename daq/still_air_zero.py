@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import msgspec
 
-from daq.disk_writer import sync_directory
 from daq.sensors import Sample
+from daq.sync_directory import sync_directory
 from flight.errors import InputError
 from flight.json_file import decoded
 from flight.messages import DifferentialPressure, Imu, Rpm, Status

@@ -19,8 +19,8 @@ from typing import Any
 
 import msgspec
 
-from daq.bus import LinuxSerial
 from daq.config import AutopilotConfig, TelemetryConfig, Tray, parse_port
+from daq.linux_bus import LinuxSerial
 from daq.probe_calibration import ProbeMaps, load_probe_maps
 from daq.sampling_loop import Cycle
 from daq.still_air_zero import DIFFERENCE, Zero, parse_zero

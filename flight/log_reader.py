@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,9 +16,12 @@ from flight.errors import InputError
 from flight.log_chunk import LogTooLarge, allowed_bytes, decompressed
 from flight.log_index import MAGIC
 from flight.log_writer import PROFILE
-from flight.messages import TYPE_OF_TOPIC, Message
+from flight.messages import TYPE_OF_TOPIC, Message, Status
+from flight.undecodable import Undecodable
 
 MAX_RECORD_BYTES = 256 * 2**20
+ENCODING = "json"
+FORMAT_PAGE = "docs/log-format.md"
 
 
 class LogEntry(NamedTuple):
@@ -33,19 +37,27 @@ class Log:
     """A whole log in memory."""
 
     path: Path
-    entries: dict[str, list[LogEntry]] = field(default_factory=dict)
+    entries: dict[str, list[LogEntry]] = field(default_factory=dict)  # by topic, in order of time
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    undecodable: int = 0
+    fields: dict[str, frozenset[str]] = field(default_factory=dict)  # by topic, those of its first good message
+    unknown_topics: dict[str, None] = field(default_factory=dict)  # in order
+    other_encodings: dict[str, str] = field(default_factory=dict)  # by topic that is not encoded as JSON
+    undecodable_of: dict[str, Undecodable] = field(default_factory=dict)  # by topic
     torn: str = ""  # why reading stopped before the end; empty for a complete log
+
+    @property
+    def undecodable(self) -> int:
+        """The number of messages that cannot be decoded."""
+        return sum(found.count for found in self.undecodable_of.values())
 
 
 def read_log(path: str | Path) -> Log:
     """Every message, attachment and metadata record of an MCAP file, up to its end or to the first torn record.
 
-    Unknown topics are ignored; a message that cannot be decoded is counted in `undecodable`. Reading also stops, with
-    the limit in `torn`, where the log decompresses to more than `flight.log_chunk` permits.
-    Raises InputError when the file is missing, empty, not MCAP, not written by this program, or has no message.
+    Unknown topics and those of another encoding are named, but not read; a message that cannot be decoded is counted.
+    Reading also stops, with the limit in `torn`, where the log decompresses to more than `flight.log_chunk` permits.
+    Raises InputError when the file is missing, empty, not MCAP, of another profile, or has no message.
     """
     path = Path(path)
     try:
@@ -61,9 +73,27 @@ def read_log(path: str | Path) -> Log:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     if not any(log.entries.values()):
-        cause = f"it is torn: {log.torn}" if log.torn else "it is complete, but nothing was recorded"
-        raise InputError(f"{path}: holds no message ({cause})")
+        raise InputError(f"{path}: {_why_empty(log)}")
+    for entries in log.entries.values():
+        entries.sort(key=attrgetter("time_ns"))
     return log
+
+
+def _why_empty(log: Log) -> str:
+    if log.torn:
+        return f"holds no message (it is torn: {log.torn})"
+    for topic, found in log.undecodable_of.items():
+        return f"none of its {log.undecodable} messages can be decoded; {topic}: {found.mistake}"
+    for topic, encoding in log.other_encodings.items():
+        return f"{topic}: {other_encoding(encoding)}"
+    if log.unknown_topics:
+        return f"holds no message of a topic that {FORMAT_PAGE} has; its topics: {', '.join(log.unknown_topics)}"
+    return "holds no message (it is complete, but nothing was recorded)"
+
+
+def other_encoding(encoding: str) -> str:
+    """What to do about messages of another encoding."""
+    return f"its messages are encoded as {encoding!r}; write JSON with the message encoding {ENCODING!r}"
 
 
 def records(reader: StreamReader, allowed: int) -> Iterator[McapRecord]:
@@ -82,28 +112,37 @@ def records(reader: StreamReader, allowed: int) -> Iterator[McapRecord]:
 
 def _read(path: Path, stream: Iterator[McapRecord]) -> Log:
     log = Log(path)
-    decoders: dict[int, tuple[list[LogEntry], msgspec.json.Decoder[Any]]] = {}
+    decoders: dict[int, tuple[str, list[LogEntry], msgspec.json.Decoder[Any]]] = {}
     kinds = {kind: msgspec.json.Decoder(kind) for kind in set(TYPE_OF_TOPIC.values())}
     try:
         for record in stream:
             if isinstance(record, Record):
                 if record.channel_id in decoders:
-                    entries, decoder = decoders[record.channel_id]
+                    topic, entries, decoder = decoders[record.channel_id]
                     try:
-                        entries.append(LogEntry(record.log_time, record.sequence, decoder.decode(record.data)))
-                    except (msgspec.MsgspecError, RecursionError):
-                        log.undecodable += 1
+                        message = decoder.decode(record.data)
+                    except (msgspec.MsgspecError, RecursionError) as error:
+                        log.undecodable_of.setdefault(topic, Undecodable(record.data, str(error))).count += 1
+                        continue
+                    entries.append(LogEntry(record.log_time, record.sequence, message))
+                    if topic not in log.fields and message.status is Status.OK:
+                        log.fields[topic] = frozenset(msgspec.json.decode(record.data))
             elif isinstance(record, Channel):
-                if record.topic in TYPE_OF_TOPIC:
+                if record.topic not in TYPE_OF_TOPIC:
+                    log.unknown_topics[record.topic] = None
+                elif record.message_encoding.lower() != ENCODING:
+                    log.other_encodings[record.topic] = record.message_encoding
+                else:
                     entries = log.entries.setdefault(record.topic, [])
-                    decoders[record.id] = (entries, kinds[TYPE_OF_TOPIC[record.topic]])
+                    decoders[record.id] = (record.topic, entries, kinds[TYPE_OF_TOPIC[record.topic]])
             elif isinstance(record, Attachment):
                 log.attachments[record.name] = record.data
             elif isinstance(record, Metadata):
                 log.metadata[record.name] = record.metadata
             elif isinstance(record, Header) and record.profile != PROFILE:
                 raise InputError(
-                    f"{path}: an MCAP file, but not a log of this program (its profile is {record.profile!r})"
+                    f"{path}: an MCAP file, but not a log of this program: the profile in its header is"
+                    f" {record.profile!r}, not {PROFILE!r} ({FORMAT_PAGE} describes the format)"
                 )
     except InputError:
         raise

@@ -45,9 +45,12 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text("utf-8", errors="replace")
+        text = path.read_text("utf-8-sig", errors="replace")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if "\0" in text:
+        raise InputError(f"{path}: not a text file; give a propeller table as in docs/propellers.md")
+    return text
 
 
 def _load_uiuc(folder: Path, name: str = "") -> Propeller:
@@ -94,7 +97,7 @@ def parse_csv(text: str, name: str) -> Propeller:
     comments = [line.lstrip("# ") for line in text.splitlines() if line.startswith("#")]
     diameter = next((re.match(r"diameter_m\s*=\s*(\S+)", c) for c in comments if c.startswith("diameter_m")), None)
     if diameter is None:
-        raise InputError(f"propeller {name}: no line `# diameter_m = …`")
+        raise InputError(f"propeller {name}: no line `# diameter_m = …`; docs/propellers.md describes the formats")
     try:
         diameter_m = float(diameter[1])
     except ValueError:

@@ -5,6 +5,7 @@ pint knows the units; this module knows the naming.
 """
 
 import dataclasses
+import math
 import re
 import types
 import typing
@@ -38,6 +39,7 @@ UNIT_OF_SUFFIX = {
     "Nm": "N m",
     "T": "T",
     "revps": "turn/s",
+    "fraction": "dimensionless",
 }
 
 NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)
@@ -69,7 +71,10 @@ def to_si(text: object, unit: str, where: str) -> float:
         if found is None:
             raise ValueError("no number at its beginning")
         quantity = registry.Quantity(float(found[1]), found[2].strip() or "dimensionless")
-        return float(quantity.to(unit).magnitude)
+        value = float(quantity.to(unit).magnitude)
+        if not math.isfinite(value):
+            raise ValueError("not finite")
+        return value
     except Exception as error:  # pint raises half a dozen unrelated exceptions
         raise InputError(f"{where} = {text!r}: cannot be read as a quantity in {unit} ({error})") from None
 

@@ -1,7 +1,6 @@
 """`flightpower COMMAND …`: the commands of all sides under one name, and `flightpower new` for files to begin with."""
 
 import importlib
-import sys
 from importlib import metadata
 from importlib.util import find_spec
 from typing import Annotated, Any, NamedTuple
@@ -9,6 +8,7 @@ from typing import Annotated, Any, NamedTuple
 import typer
 from typer.core import TyperGroup
 
+from flight.command_line import application, run
 from flight.errors import InputError
 
 
@@ -26,7 +26,7 @@ SIDES = {
     "analyze": Side("analysis.cli.analyze", "From a log to the power-required curve.", LAPTOP, "analysis"),
     "calibrate": Side("analysis.cli.calibrate", "Probe, tubes, magnetometer, surfaces, airspeed.", LAPTOP, "analysis"),
     "sim": Side("sim.__main__", "Simulated flights and wind tunnel.", ("casadi", "numpy", "pandas", "pyarrow"), "sim"),
-    "daq": Side("daq.__main__", "Record the sensors on the aircraft's computer.", ("smbus2", "serial", "termios")),
+    "daq": Side("daq.__main__", "Record the sensors on the aircraft's computer.", ()),
     "new": Side("flightpower.new", "Files to begin with: an aircraft, a tray.", ()),
 }
 
@@ -40,7 +40,7 @@ class Sides(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in SIDES:
             return None
-        listed = typer.Typer(add_completion=False)
+        listed = application()
         listed.command(name=cmd_name, help=SIDES[cmd_name].help)(lambda: None)
         return typer.main.get_command(listed)
 
@@ -53,27 +53,33 @@ def load(name: str) -> Any:
     """The command of a side. Raises InputError saying what to install when something that it needs is missing."""
     side = SIDES[name]
     missing = [module for module in side.needs if find_spec(module) is None]
-    if missing and side.extra:
-        raise InputError(
-            f"flightpower {name}: {', '.join(missing)} not installed; run: pip install 'flightpower[{side.extra}]'"
-        )
     if missing:
         raise InputError(
-            f"flightpower {name}: runs on Linux only, on the aircraft's computer ({missing[0]} is missing)"
+            f'flightpower {name}: {", ".join(missing)} not installed; run: pip install "flightpower[{side.extra}]"'
         )
     command = typer.main.get_command(importlib.import_module(side.module).app)
     command.name = name
     return command
 
 
-app = typer.Typer(
+app = application(
     cls=Sides,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
+    add_completion=True,
     help="""Power required of small electric aircraft, measured in accelerations and decelerations.
 
-    To begin with an aircraft of your own: `flightpower new aircraft -o my.toml`, then
-    `flightpower analyze log.mcap --aircraft my.toml`.
+    \b
+    A simulated flight:
+      flightpower sim tunnel -o tunnel.csv
+      flightpower calibrate probe tunnel.csv -o probe.json
+      flightpower sim fly --probe probe.json -o out
+      flightpower analyze out/log.mcap
+
+    \b
+    An aircraft of your own:
+      flightpower new aircraft -o my.toml      then fill it in
+      flightpower analyze log.mcap --aircraft my.toml
+
+    Each command has --help.
     """,
 )
 
@@ -95,13 +101,7 @@ def _group(
 
 def main() -> None:
     """Entry point. Wrong input gives one line on stderr and exit code 2."""
-    try:
-        app(prog_name="flightpower")
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except BrokenPipeError:
-        sys.exit(1)
+    run(app, "flightpower")
 
 
 if __name__ == "__main__":

@@ -1,27 +1,32 @@
 """`flightpower new`: files to begin with."""
 
+import json
+import sys
 from importlib import resources
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from flight.aircraft import shipped_aircraft
+from flight.command_line import application
 from flight.errors import InputError
+from flight.output_file import check_writable
 from flightpower import templates
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, help="Write a commented file to fill in.")
+app = application(help="Write a commented file to fill in.")
 
-Output = Annotated[Path | None, typer.Option("-o", "--output", help="File to write; default: printed.")]
+Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="File to write; default: printed.")]
 Replace = Annotated[bool, typer.Option("--replace", help="Replace an existing file.")]
 
 
-@app.command()
+@app.command(short_help="An aircraft file: what has to be filled in, and what may be.")
 def aircraft(
     output: Output = None,
     like: Annotated[
         str | None,
-        typer.Option("--like", help=f"Fill it in as one of these: {', '.join(shipped_aircraft())}."),
+        typer.Option("--like", metavar="NAME", help=f"Fill it in as one of these: {', '.join(shipped_aircraft())}."),
     ] = None,
     replace: Replace = False,
 ) -> None:
@@ -29,32 +34,49 @@ def aircraft(
 
     Name, span, wing area and weight are enough for a power-required curve. --like fills in all keys, those of the
     simulator too, with the values of an aircraft that comes with flightpower: change what differs.
+
+    \b
+    Examples:
+      flightpower new aircraft -o my.toml
+      flightpower new aircraft --like nexstar -o my.toml
     """
     if like is not None and like not in shipped_aircraft():
         raise InputError(f"--like {like}: should be one of {', '.join(shipped_aircraft())}")
     _write(templates.like(like, output) if like else templates.blank(), output, replace)
 
 
-@app.command()
+@app.command(short_help="A tray file: the sensors and how they are connected.")
 def tray(
     output: Output = None,
-    aircraft: Annotated[str | None, typer.Option("--aircraft", help="Aircraft file that goes into every log.")] = None,
+    aircraft: Annotated[
+        str | None, typer.Option("--aircraft", metavar="FILE", help="Aircraft file that goes into every log.")
+    ] = None,
     replace: Replace = False,
 ) -> None:
-    """A tray file: the sensors of the aircraft's computer and how they are connected, for `daq run --config`."""
+    """A tray file: the sensors of the aircraft's computer and how they are connected, for `daq run --config`.
+
+    \b
+    Example:
+      flightpower new tray --aircraft my.toml -o tray.toml
+    """
     text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
     if aircraft is not None:
-        text = text.replace('aircraft = "nexstar" ', f'aircraft = "{aircraft}" ', 1)
+        # A JSON string is a TOML string: the backslashes of a Windows path are escaped.
+        text = text.replace('aircraft = "nexstar" ', f"aircraft = {json.dumps(aircraft, ensure_ascii=False)} ", 1)
     _write(text, output, replace)
 
 
 def _write(text: str, output: Path | None, replace: bool) -> None:
     if output is None:
+        if isinstance(sys.stdout, TextIOWrapper):
+            sys.stdout.reconfigure(encoding="utf-8")  # the encoding of the files, if it is redirected into one
         print(text, end="")
         return
-    if output.exists() and not replace:
+    if output.is_file() and not replace:
         raise InputError(f"{output}: exists already; give --replace, or another name with -o")
+    check_writable(output)
     try:
+        output.parent.mkdir(parents=True, exist_ok=True)
         output.write_text(text, "utf-8")
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None

@@ -26,6 +26,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from flight.errors import InputError
+from flight.text_file import read_text
 from flight.units import read_table
 from hw_fakes.i2c import I2CBus, no_acknowledge
 
@@ -83,10 +84,8 @@ def load_faults(path: str | Path) -> tuple[Fault, ...]:
     Raises InputError when it cannot be read, or names a kind, a device or a pair of them that does not exist.
     """
     try:
-        table = tomllib.loads(Path(path).read_text("utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        table = tomllib.loads(read_text(Path(path)))
+    except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not valid TOML ({error})") from None
     entries = table.pop("fault", [])
     if table or not isinstance(entries, list):

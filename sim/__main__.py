@@ -1,104 +1,136 @@
-"""The command line of the simulator: `sim fly`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
+"""The command line of the simulator: `sim fly`, `sim worlds`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
 
 It connects simulator, fake hardware and daemon; no module imports it.
 """
 
 import math
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from flight.command_line import application, run
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
+from flight.output_file import check_writable
+from sim.options import (
+    AircraftOption,
+    BankOption,
+    ClimbOption,
+    HeightOption,
+    ReplaceFileOption,
+    ReplaceOption,
+    RpmOption,
+    SeedOption,
+    SpeedOption,
+)
 from sim.output_folder import (
-    CURVE,
     LOG,
-    OUTPUT_FILES,
-    PROBE,
     TRAY,
     TRUTH,
     check_output,
     check_probe,
     probe_text,
-    tray_text,
+    write_flight,
 )
+from sim.progress import Report, progress_bar
 
 if TYPE_CHECKING:
     from hw_fakes.faults import Fault
     from sim.direct_log_timing import IndividualParts
     from sim.sensor_truth import SensorTruth
 
-Report = Callable[[float], None]  # takes how many seconds are done
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
+app = application(help="Simulated flights and wind tunnel: what the sensors would measure, and the truth beside it.")
 
 HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
 
-AircraftOption = Annotated[str, typer.Option(help="Name of a shipped aircraft, or a file.")]
-ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
-SeedOption = Annotated[
-    int, typer.Option(min=0, help="Draws turbulence, noise and errors. The same seed gives the same flight.")
-]
 
-
-@app.command()
+@app.command(short_help="Fly a plan; write the truth and the log.")
 def fly(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Directory for the truth and the log.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the truth and the log.")],
     aircraft: AircraftOption = "nexstar",
-    plan: Annotated[str, typer.Option(help="Name of a shipped plan, or a file.")] = "accel-decel",
-    errors: Annotated[str, typer.Option(help="Error budget: bench, none, study, harsh, or a file.")] = "bench",
+    plan: Annotated[
+        str, typer.Option(metavar="NAME", help="A shipped plan (docs/simulation.md lists them), or a file.")
+    ] = "accel-decel",
+    errors: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Error budget: bench (the default), none, study, harsh, or a file."),
+    ] = None,
+    world: Annotated[
+        str | None, typer.Option(metavar="NAME", help="World that the analysis does not assume: see `sim worlds`.")
+    ] = None,
     seed: SeedOption = 0,
     probe: Annotated[
-        Path | None, typer.Option(help="Probe calibration to put into the log instead of that of the simulated tunnel.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Probe calibration for the log, instead of that of the simulated tunnel."),
     ] = None,
     faults: Annotated[
         Path | None,
-        typer.Option(help="Faults of the fake sensors and their times: a file as in docs/fake-tray.md."),
+        typer.Option(
+            metavar="FILE", help="Faults of the fake sensors and their times: a file as in docs/fake-tray.md."
+        ),
     ] = None,
     real_time: Annotated[bool, typer.Option("--real-time", help="Record in real time.")] = False,
     no_hardware: Annotated[
         bool, typer.Option("--no-hardware", help="Write the log directly, without fake sensors and daemon; faster.")
     ] = False,
+    recorder: Annotated[
+        str | None,
+        typer.Option(
+            "--as", metavar="NAME", help="px4 or ardupilot: write the log as this autopilot would, not the daemon's."
+        ),
+    ] = None,
+    log_faults: Annotated[
+        str,
+        typer.Option(
+            "--log-faults", metavar="LIST", help="With --as px4: traps of real logs, such as landed,dropouts,truncated."
+        ),
+    ] = "",
     replace: ReplaceOption = False,
 ) -> None:
-    """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors."""
+    """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors.
+
+    \b
+    Examples:
+      sim fly -o out/demo
+      sim fly --aircraft my.toml --plan full-test-flight --no-hardware -o out
+    """
     from hw_fakes.faults import load_faults
+    from sim.autopilot_log import faults_of, write_autopilot_log
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
     from sim.sensors import FlightSensorTruth, draw, load_budget
-    from sim.truth import write_truth
+    from sim.world import World, load_world
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
-    craft, flight_plan, budget = load_complete_aircraft(aircraft), load_plan(plan), load_budget(errors)
+    traps = faults_of(recorder, log_faults)
+    if world is not None and errors is not None:
+        raise InputError("--world has an error budget of its own: leave out --errors")
+    if world is not None:
+        flown_in = load_world(world)
+    else:
+        budget = load_budget(errors or "bench")
+        flown_in = World(errors or "bench", budget.title, budget)
+    craft, flight_plan = load_complete_aircraft(aircraft), flown_in.plan(load_plan(plan), seed)
     schedule = load_faults(faults) if faults is not None else ()
     calibration = probe_text(probe)
     check_output(output, replace)
     check_probe(output, calibration, probe)
-    drawn = draw(budget, seed)
-    with _progress("flying") as report:
+    drawn = draw(flown_in.errors, seed)
+    with progress_bar("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        for name in OUTPUT_FILES:
-            (output / name).unlink(missing_ok=True)
-        metadata = {**flight.metadata, "errors": drawn.as_dict()}
-        write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
-        flight.power_required.to_csv(output / CURVE, index=False)
-        (output / TRAY).write_text(tray_text(output, aircraft, craft), "utf-8")
-        (output / PROBE).write_bytes(calibration.encode())
-    except OSError as error:
-        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+    write_flight(output, flight, drawn, flown_in, aircraft, calibration)
     sensor_truth = FlightSensorTruth(flight, drawn)
-    with _progress("recording", flight.duration_s) as report:
+    if recorder is not None:
+        written = write_autopilot_log(output, recorder, flight, sensor_truth, drawn, traps)
+        print(f"{written}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
+        return
+    with progress_bar("recording", flight.duration_s) as report:
         if no_hardware:
             _write_without_hardware(output, sensor_truth, seed, craft, report)
         else:
@@ -201,13 +233,32 @@ def _parts(sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft) -> "
     )
 
 
-@app.command()
+@app.command(name="worlds", short_help="List the worlds of `sim fly --world`.")
+def list_worlds() -> None:
+    """List the worlds of `sim fly --world`, with a sentence each: what the analysis does not assume.
+
+    \b
+    Example:
+      sim worlds
+    """
+    from sim.world import load_world, worlds
+
+    for name in worlds():
+        print(f"{name:20s} {load_world(name).title}")
+
+
+@app.command(short_help="A simulated wind-tunnel calibration of the probe.")
 def tunnel(
-    output: Annotated[Path, typer.Option("--output", "-o", help="CSV file to write.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="CSV file to write.")],
     seed: SeedOption = 0,
-    replace: ReplaceOption = False,
+    replace: ReplaceFileOption = False,
 ) -> None:
-    """A simulated wind-tunnel calibration of the five-port probe, as a CSV file."""
+    """A simulated wind-tunnel calibration of the five-port probe, as a CSV file for `calibrate probe`.
+
+    \b
+    Example:
+      sim tunnel -o tunnel.csv
+    """
     from sim.tunnel import simulated_measurements, write_calibration
 
     table = simulated_measurements(seed=seed)
@@ -215,20 +266,23 @@ def tunnel(
     print(f"{output}: {len(table)} points", file=sys.stderr)
 
 
-@app.command()
+@app.command(short_help="Trimmed flight: angle of attack, controls, motor, power.")
 def trim(
     aircraft: AircraftOption = "nexstar",
-    height: Annotated[float, typer.Option(help="Above the ground [m].")] = 100.0,
-    climb: Annotated[float, typer.Option(help="Rate of climb [m/s].")] = 0.0,
-    bank: Annotated[float, typer.Option(help="Bank of a level turn [deg].")] = 0.0,
-    speed: Annotated[float | None, typer.Option(help="One airspeed [m/s] instead of the whole range.")] = None,
-    rpm: Annotated[
-        float | None, typer.Option(help="Motor speed: gives the climb at --speed, or the speed at --climb.")
-    ] = None,
+    height: HeightOption = 100.0,
+    climb: ClimbOption = 0.0,
+    bank: BankOption = 0.0,
+    speed: SpeedOption = None,
+    rpm: RpmOption = None,
 ) -> None:
     """Trimmed flight over the range of airspeeds: angle of attack, controls, motor, power.
 
-    Any two of airspeed, climb and motor speed give the third.
+    Any two of airspeed, climb and motor speed give the third. Values may have units: --speed "30 kt".
+
+    \b
+    Examples:
+      sim trim --aircraft my.toml
+      sim trim --speed 15 --climb 2
     """
     from sim.plant import plant_of
     from sim.tables import trim_table
@@ -242,13 +296,18 @@ def trim(
     console.print(f"stall {trimmer.V_stall:.2f} m/s, highest level speed {trimmer.V_max:.2f} m/s")
 
 
-@app.command(name="modes")
+@app.command(name="modes", short_help="Short period, phugoid, dutch roll, roll and spiral.")
 def show_modes(
     aircraft: AircraftOption = "nexstar",
-    height: Annotated[float, typer.Option(help="Above the ground [m].")] = 100.0,
-    speed: Annotated[float | None, typer.Option(help="Airspeed [m/s]; 1.6 times the stall speed otherwise.")] = None,
+    height: HeightOption = 100.0,
+    speed: SpeedOption = None,
 ) -> None:
-    """Short period, phugoid, dutch roll, roll and spiral about level trim."""
+    """Short period, phugoid, dutch roll, roll and spiral about level trim; by default at 1.6 times the stall speed.
+
+    \b
+    Example:
+      sim modes --aircraft nexstar --speed 15
+    """
     from sim.plant import plant_of
     from sim.tables import modes_table
     from sim.trim import Trimmer
@@ -260,60 +319,35 @@ def show_modes(
 
 @app.command()
 def plot(
-    truth: Annotated[Path, typer.Argument(help="truth.parquet of a simulated flight, or its directory.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="HTML file to write.")],
-    replace: ReplaceOption = False,
+    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="truth.parquet of a simulated flight, or its folder.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="HTML file to write.")],
+    replace: ReplaceFileOption = False,
 ) -> None:
-    """Plot a flight: speed, height, angles, controls, power. Needs plotly, from the extra [analysis]."""
+    """Plot a flight: speed, height, angles, controls, power. Needs plotly, from the extra [analysis].
+
+    \b
+    Example:
+      sim plot out/demo -o flight.html
+    """
     from sim.plot import figure
     from sim.truth import read_truth
 
-    if output.exists() and not replace:
+    if output.is_file() and not replace:
         raise InputError(f"{output}: already exists; give another name, or --replace")
+    check_writable(output)
     table, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
     drawn = figure(table, metadata)
     try:
+        output.parent.mkdir(parents=True, exist_ok=True)
         drawn.write_html(output, include_plotlyjs=True)
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
     print(f"{output}: {len(table)} samples", file=sys.stderr)
 
 
-@contextmanager
-def _progress(what: str, total_s: float | None = None) -> Iterator[Report]:
-    """A function that takes the seconds done; it shows a progress bar on stderr after two seconds."""
-    bar = Progress(
-        TextColumn(what),
-        BarColumn(),
-        TextColumn("{task.completed:.0f} s"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
-    task = bar.add_task(what, total=total_s)
-    begun, shown = time.monotonic(), False
-
-    def report(seconds: float) -> None:
-        nonlocal shown
-        if not shown and time.monotonic() - begun > 2:
-            bar.start()
-            shown = True
-        bar.update(task, completed=seconds)
-
-    try:
-        yield report
-    finally:
-        if shown:
-            bar.stop()
-
-
 def main() -> None:
     """Entry point: a wrong input gives one line on stderr and exit code 2."""
-    try:
-        app()
-    except InputError as error:
-        print(f"sim: {error}", file=sys.stderr)
-        sys.exit(2)
+    run(app, "sim", "sim")
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ def _arrivals(read_times: ReadTimes, arrived_ns: Ints) -> Ints:
 
 
 def gps_messages(sensor_truth: SensorTruth, read_times: ReadTimes, utc_at_start_ns: int) -> Iterator[TimedMessage]:
-    sent_ns: Ints = np.arange(read_times.tick_ns[-1] // GPS_PERIOD_NS + 1) * GPS_PERIOD_NS
+    sent_ns: Ints = np.arange(read_times.tick_ns[-1] // GPS_PERIOD_NS + 1, dtype=np.int64) * GPS_PERIOD_NS
     ticks = _arrivals(read_times, sent_ns + GPS_ARRIVES_NS)
     found = sensor_truth.gps(seconds(sent_ns))
     for i, tick in enumerate(ticks.tolist()):
@@ -71,7 +71,7 @@ def rpm_messages(sensor_truth: SensorTruth, read_times: ReadTimes, parts: Indivi
     pulses_s = np.interp(np.arange(1, np.floor(phase[-1]) + 1), phase, t_s)
     periods_us = np.rint(np.diff(pulses_s) * 1e6).astype(int).tolist()
     sent: list[tuple[int, int]] = []
-    for at_ns, period_us in zip(np.rint(pulses_s[1:] * 1e9).astype(int).tolist(), periods_us, strict=True):
+    for at_ns, period_us in zip(np.rint(pulses_s[1:] * 1e9).astype(np.int64).tolist(), periods_us, strict=True):
         if period_us <= RPM_LONGEST_US and (not sent or at_ns - sent[-1][0] >= RPM_INTERVAL_NS):
             sent.append((at_ns, period_us))
     newest: dict[int, int] = {}
@@ -114,7 +114,7 @@ def autopilot_messages(
 
 
 def battery_messages(sensor_truth: SensorTruth, read_times: ReadTimes) -> Iterator[TimedMessage]:
-    sent_ns: Ints = np.arange(AUTOPILOT_SINCE_NS, int(read_times.tick_ns[-1]), BATTERY_PERIOD_NS)
+    sent_ns: Ints = np.arange(AUTOPILOT_SINCE_NS, int(read_times.tick_ns[-1]), BATTERY_PERIOD_NS, dtype=np.int64)
     voltage, current = sensor_truth.battery(seconds(sent_ns))
     for i, tick in enumerate(_arrivals(read_times, sent_ns + BATTERY_ARRIVES_NS).tolist()):
         if FIRST_TICK <= tick < len(read_times.serial):

@@ -56,7 +56,7 @@ class ReadTimes:
     """The time at which each part is read in each tick [ns since the start], (n,): one after the other on the bus."""
 
     def __init__(self, duration_s: float, parts: IndividualParts):
-        self.tick_ns: Ints = np.arange(int(np.ceil(duration_s * 1e9 / TICK_NS))) * TICK_NS
+        self.tick_ns: Ints = np.arange(int(np.ceil(duration_s * 1e9 / TICK_NS)), dtype=np.int64) * TICK_NS
         self.imu_period_ns = 1e9 / IMU_RATE_HZ / (1 + parts.imu_clock_error)
         done = np.maximum(self.tick_ns - IMU_SINCE_NS, 0) / self.imu_period_ns
         self.imu_done: Ints = done.astype(np.int64)  # samples so far

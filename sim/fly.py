@@ -16,6 +16,7 @@ from sim.bench import BenchSegment
 from sim.ground import EndState, Motion, move, smooth_step, stand
 from sim.integration import Observation, Stepper
 from sim.pilot import Pilot
+from sim.pilot_wander import drawn_phases
 from sim.plan import DT_S, Plan
 from sim.plan_segment import FlightContext
 from sim.plant import NO_DEVIATIONS, AircraftState, Commands, Deviations, Plant, plant_of
@@ -77,6 +78,7 @@ class _FlightSimulation:
         self.stepper = Stepper(plant, dt, plan.integrator)
         self.pilot = Pilot(plant, self.trimmer, plan.pilot, dt)
         self.white = _white_noise(seed, dt) if plan.air.turbulence_mps > 0 else None
+        self.wander_phases = drawn_phases(seed)
         self.context = FlightContext(
             V_stall=self.trimmer.V_stall,
             V_max=self.trimmer.V_max,
@@ -153,7 +155,7 @@ class _FlightSimulation:
             elif segment.speed_of_max is not None:
                 speed = segment.speed_of_max * high
             try:
-                self.trimmer.solve(V=speed, climb=segment.climb_mps)
+                self.trimmer.solve(V=speed, climb=segment.rate_mps(self.context))
             except InputError as error:
                 raise InputError(f"{where}: {error}") from None
 
@@ -187,8 +189,10 @@ class _FlightSimulation:
             targets = next(targets_of, None)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
-        step = 0
+        step, wanders = 0, bool(self.plan.wander.bank_rad or self.plan.wander.height_m)
         while targets is not None:
+            if wanders:
+                targets = self.plan.wander.wandering(targets, self.t + step * self.dt, self.wander_phases)
             command = pilot.fly(seen, targets)
             stepper.commands[:] = command
             if white is not None:

@@ -7,12 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from flight.errors import InputError
+from flight.text_file import read_text
 from flight.units import read_table
 from sim.air import Air
 from sim.pilot import Gains, pilot_named
+from sim.pilot_wander import PilotWander
 from sim.segments import AIRBORNE, GROUND
 
 DT_S = 0.02
+LONGEST_S = 4 * 3600.0  # of a segment
+STRONGEST_WIND_MPS = 60.0
 KINDS = AIRBORNE | GROUND
 
 
@@ -23,6 +27,7 @@ class Plan:
     segments: tuple[Any, ...]
     air: Air = field(default_factory=Air)
     pilot: Gains = field(default_factory=Gains)
+    wander: PilotWander = field(default_factory=PilotWander)
     heading_rad: float = 0.0
     # Where a plan that starts in the air begins.
     height_m: float = 100.0
@@ -46,10 +51,7 @@ def load_plan(name_or_path: str | Path) -> Plan:
         return parse_plan(shipped.read_text("utf-8"), str(name_or_path))
     if not path.is_file():
         raise InputError(f"plan {name_or_path}: neither a file nor one of {', '.join(shipped_plans())}")
-    try:
-        return parse_plan(path.read_text("utf-8"), path.stem)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error})") from None
+    return parse_plan(read_text(path), path.stem)
 
 
 def parse_plan(text: str, name: str) -> Plan:
@@ -64,13 +66,16 @@ def parse_plan(text: str, name: str) -> Plan:
     if not segments:
         raise InputError(f"{where}: has no [[segment]]")
     air = read_table(Air, table.pop("air", {}), f"{where}: air")
+    if not 0 <= air.wind_mps < STRONGEST_WIND_MPS:
+        raise InputError(f"{where}: air: wind should be at least zero and below {STRONGEST_WIND_MPS:g} m/s")
     pilot = table.pop("pilot", "good")
     gains = pilot_named(pilot) if isinstance(pilot, str) else _gains(pilot, f"{where}: pilot")
+    wander = read_table(PilotWander, table.pop("wander", {}), f"{where}: wander")
     head = read_table(_Head, table, where)
     if head.integrator not in ("rk4", "euler"):
         raise InputError(f"{where}: integrator: {head.integrator!r} is neither rk4 nor euler")
     values = {f.name: getattr(head, f.name) for f in fields(_Head)}
-    return Plan(name=name, segments=segments, air=air, pilot=gains, **values)
+    return Plan(name=name, segments=segments, air=air, pilot=gains, wander=wander, **values)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +120,12 @@ def _segments(raw: Any, where: str) -> list[Any]:
                 raise InputError(f"{at}: repeat: unknown key {next(iter(entry))!r}; known here: times, segment")
             segments += inner * times
         elif kind in KINDS:
-            segments.append(read_table(KINDS[kind], entry, f"{at} ({kind})"))
+            segment: Any = read_table(KINDS[kind], entry, f"{at} ({kind})")
+            if not 0 < getattr(segment, "duration_s", 1.0) < LONGEST_S:
+                raise InputError(f"{at} ({kind}): duration should be above zero and below {LONGEST_S / 3600:g} h")
+            if not getattr(segment, "climb_mps", 1.0) > 0:
+                raise InputError(f"{at} ({kind}): climb should be above zero; the height says whether up or down")
+            segments.append(segment)
         else:
             raise InputError(f"{at}: kind = {kind!r} is not one of {', '.join([*KINDS, 'repeat'])}")
     return segments

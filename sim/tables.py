@@ -1,6 +1,7 @@
 """The tables that `sim trim` and `sim modes` print."""
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from flight.errors import InputError
@@ -13,36 +14,39 @@ def trim_table(
 ) -> Table:
     """Trimmed flight at one airspeed, at one motor speed, or over the range of level airspeeds when neither is given.
 
-    Raises InputError when the one condition asked for cannot be flown.
+    Raises InputError when a single condition was given and cannot be flown.
     """
     plant = trimmer.plant
     motor = {} if motor_revps is None else {"motor": motor_revps}
-    asked: list[dict[str, float]]
+    conditions: list[dict[str, float]]
     if speed_mps is not None:
-        asked = [{"V": speed_mps, **(motor or {"climb": climb_mps})}]
+        conditions = [{"V": speed_mps, **(motor or {"climb": climb_mps})}]
     elif motor:
-        asked = [{**motor, "climb": climb_mps}]
+        conditions = [{**motor, "climb": climb_mps}]
     else:
         speeds = np.linspace(1.05 * trimmer.V_stall, 0.999 * trimmer.V_max, 10)
-        asked = [{"V": float(V), "climb": climb_mps} for V in speeds]
-    table = Table(title=f"{plant.aircraft.title}, {trimmer.height_m:.0f} m, {np.rad2deg(bank_rad):.0f} deg of bank")
+        conditions = [{"V": float(V), "climb": climb_mps} for V in speeds]
+    table = Table(
+        box=None,
+        title=f"{escape(plant.aircraft.title)}, {trimmer.height_m:.0f} m, {np.rad2deg(bank_rad):.0f} deg of bank",
+    )
     for heading in (
-        "V [m/s]",
-        "climb [m/s]",
-        "alpha [deg]",
-        "elevator [deg]",
-        "pitch [deg]",
+        "V\n[m/s]",
+        "climb\n[m/s]",
+        "alpha\n[deg]",
+        "elevator\n[deg]",
+        "pitch\n[deg]",
         "rpm",
         "throttle",
         "J",
-        "P_req [W]",
+        "P_req\n[W]",
     ):
-        table.add_column(heading, justify="right")
-    for given in asked:
+        table.add_column(escape(heading), justify="right")
+    for condition in conditions:
         try:
-            trimmed = trimmer.solve(bank_rad=bank_rad, start=None, **given)
+            trimmed = trimmer.solve(bank_rad=bank_rad, start=None, **condition)
         except InputError:
-            if len(asked) == 1:
+            if len(conditions) == 1:
                 raise
             continue  # the table leaves out what cannot be flown
         z = trimmed.unknowns
@@ -59,15 +63,20 @@ def trim_table(
             f"{J:.3f}",
             f"{power[0]:.1f}",
         )
+    if not table.row_count:
+        raise InputError(
+            f"{plant.aircraft.name}: {climb_mps:+.2f} m/s of climb at {np.rad2deg(bank_rad):.0f} deg of bank cannot be"
+            " flown at any speed"
+        )
     return table
 
 
 def modes_table(trimmer: Trimmer, V: float) -> Table:
     """The modes about level trim at airspeed V [m/s]."""
     found = modes(trimmer.plant, trimmer.solve(V=V, climb=0.0))
-    table = Table(title=f"{trimmer.plant.aircraft.title}, {V:.2f} m/s, {trimmer.height_m:.0f} m")
-    for heading in ("mode", "eigenvalue [1/s]", "frequency [Hz]", "damping", "period [s]", "time constant [s]"):
-        table.add_column(heading, justify="left" if heading == "mode" else "right")
+    table = Table(box=None, title=f"{escape(trimmer.plant.aircraft.title)}, {V:.2f} m/s, {trimmer.height_m:.0f} m")
+    for heading in ("mode", "eigenvalue\n[1/s]", "frequency\n[Hz]", "damping", "period\n[s]", "time constant\n[s]"):
+        table.add_column(escape(heading), justify="left" if heading == "mode" else "right")
     for mode in found:
         oscillates = bool(mode.eigenvalue.imag)
         table.add_row(

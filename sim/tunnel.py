@@ -12,6 +12,7 @@ import pandas as pd
 
 from flight.atmosphere import density
 from flight.errors import InputError
+from flight.output_file import check_writable
 from sim.sensors.noise import rng_of
 from sim.sensors.probe import port_pressures
 
@@ -72,8 +73,9 @@ def simulated_measurements(tunnel: WindTunnel = WindTunnel(), seed: int = 0) -> 
 
 def write_calibration(path: Path, table: pd.DataFrame, *, replace: bool = False) -> None:
     """The table as CSV. Raises InputError when the file exists and is not to be replaced."""
-    if path.exists() and not replace:
+    if path.is_file() and not replace:
         raise InputError(f"{path}: already exists; give another name, or --replace")
+    check_writable(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         table.to_csv(path, index=False, float_format="%.4f")

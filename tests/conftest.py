@@ -1,11 +1,18 @@
-"""Skips that are not expected fail the run: `pytest --expected-skips FILE`, as continuous integration does.
+"""How tests are shared among processes, and which skips are expected.
 
-A line of the file is a pattern (`*` and `?`) for "test id: reason"; empty lines and lines with # in front are ignored.
+Skips that are not expected fail the run: `pytest --expected-skips FILE`, as continuous integration does. A line of the
+file is a pattern (`*` and `?`) for "test id: reason"; empty lines and lines with # in front are ignored.
 """
 
+import os
+from collections import Counter
 from fnmatch import fnmatchcase
+from typing import Any
 
 import pytest
+
+# Before the first test imports NumPy: as `make test` sets it, and as the commands do for themselves.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -22,6 +29,27 @@ def pytest_configure(config: pytest.Config) -> None:
         raise pytest.UsageError(f"--expected-skips {file}: cannot be read ({error.strerror})") from None
     patterns = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
     config.pluginmanager.register(SkipWatch(patterns), "skip-watch")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Groups of modules first, then modules by the number of slow tests: at the end processes wait for short ones."""
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    items.sort(key=lambda item: (item.get_closest_marker("xdist_group") is None, -slow[item.path]))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """`--dist loadgroup` keeps the tests of a module together, too: the module's fixtures are made once."""
+    if config.getoption("dist") != "loadgroup":
+        return None
+    from xdist.scheduler import LoadGroupScheduling
+
+    class ModulesTogether(LoadGroupScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return super()._split_scope(nodeid).split("::")[0]
+
+    config.option.loadscopereorder = False
+    return ModulesTogether(config, log)
 
 
 class SkipWatch:

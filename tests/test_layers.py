@@ -1,4 +1,4 @@
-"""The house stands as drawn: who may import whom, and what the aircraft's computer is spared."""
+"""Which package may import which, no circular imports, and no heavy libraries in the daemon."""
 
 import ast
 import subprocess
@@ -17,7 +17,7 @@ ALLOWED = {
     "hw_fakes": {"flight", "sim"},
     "analysis": {"flight"},
 }
-# The one place where simulator, fake hardware and daemon meet: the command line that flies.
+# The command `sim` alone combines simulator, fake hardware and daemon.
 ALLOWED_IN_FILE = {"sim/__main__.py": {"flight", "hw_fakes", "daq"}}
 
 
@@ -33,18 +33,18 @@ def imported_packages(path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("package", ALLOWED)
-def test_a_floor_imports_only_what_it_may(package: str) -> None:
+def test_a_package_imports_only_what_it_may(package: str) -> None:
     files = sorted((ROOT / package).rglob("*.py"))
     assert files, f"{package} has no code"
     for path in files:
         name = path.relative_to(ROOT).as_posix()
         allowed = ALLOWED_IN_FILE.get(name, ALLOWED[package]) | {package}
-        strangers = (imported_packages(path) & set(ALLOWED)) - allowed
-        assert not strangers, f"{name} imports {strangers}"
+        others = (imported_packages(path) & set(ALLOWED)) - allowed
+        assert not others, f"{name} imports {others}"
 
 
 @pytest.mark.parametrize("module", ["daq.__main__", "daq.daemon"])
-def test_the_daemon_needs_nothing_of_the_laptop(module: str) -> None:
+def test_the_daemon_imports_no_library_of_the_analysis(module: str) -> None:
     heavy = ["numpy", "scipy", "pandas", "casadi", "plotly", "pyarrow"]
     code = f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
@@ -52,7 +52,7 @@ def test_the_daemon_needs_nothing_of_the_laptop(module: str) -> None:
 
 
 def imports_in(path: Path) -> set[str]:
-    """Modules of ours that a file imports, as dotted names that may end in a name of the module."""
+    """Modules of this project that a file imports, as dotted names that may end in a name of the module."""
     names = set()
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Import):
@@ -63,7 +63,7 @@ def imports_in(path: Path) -> set[str]:
 
 
 def import_graph() -> dict[str, set[str]]:
-    """Which of our files imports which, by dotted name; a package stands for its `__init__.py`."""
+    """Which file of this project imports which, by dotted name; a package stands for its `__init__.py`."""
     files = {
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
         for package in ALLOWED
@@ -95,6 +95,6 @@ def test_imports_make_no_circle(of) -> None:
         pytest.fail(f"imports go in a circle: {' -> '.join(error.args[1])}")
 
 
-def test_the_root_of_analysis_holds_the_pipeline_and_what_every_room_uses() -> None:
+def test_the_root_of_analysis_holds_the_pipeline_and_what_every_folder_uses() -> None:
     files = {path.name for path in (ROOT / "analysis").glob("*.py")}
     assert files == {"__init__.py", "pipeline.py", "log_contents.py", "files.py"}

@@ -8,6 +8,7 @@ from analysis.airdata import lines, magnetometer
 from analysis.airdata.air import air_data
 from analysis.airdata.magnetometer import Compass, MagnetometerCalibration
 from analysis.airdata.probe import ProbeCalibration
+from analysis.signals.aircraft_size import flying_Pa, speed_scale
 from analysis.signals.rest import rest_segments, zeros
 from analysis.signals.synchronize import COLUMNS, synchronize
 from flight.aircraft import Aircraft
@@ -43,14 +44,14 @@ def flight_data(
 ) -> FlightData:
     """All measurements of a log on one time base, in SI units, at the centre of gravity.
 
+    log: accepted by `analysis.log_checks`.
     zero: by channel, the reading in still air that `daq zero` took before the flight.
-    Raises InputError if a required topic is missing or never carried a value.
     """
     gas = lines.air_in(log)
     channels = synchronize(log, lines.lags_s(aircraft, gas))
     table, line_notes = lines.without_remainder(channels.table, aircraft, gas)
     rest = rest_segments(table, channels.rate_Hz)
-    at_rest = zeros(table, rest, zero)
+    at_rest = zeros(table, rest, zero, flying_Pa(speed_scale(aircraft)))
     air = air_data(table, aircraft, probe, propeller, at_rest)
     notes = channels.notes + line_notes + air.notes + silent_topics(air.table)
     compass = None

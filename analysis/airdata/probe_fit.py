@@ -14,6 +14,7 @@ from flight.errors import InputError
 
 Array = NDArray[np.float64]
 FEWEST_POINTS = 30
+HIGHEST_SPEED_MPS = 150.0  # the air is taken as incompressible
 LEAST_PREDICTED = 0.9  # of the angles' variance, at points left out (predictive R^2)
 LARGEST_SLOPE_SIGMA = 0.1  # relative standard error of the slope of alpha, beyond which it is not determined
 
@@ -23,15 +24,19 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
 
     angle_scale_sigma: relative standard error of the tunnel's own angles (turntable, blockage, walls). The measurements
     do not show it.
-    Raises InputError if there are too few points, or points without flow, or if they do not support a calibration: the
-    maps predict less than LEAST_PREDICTED of the variance of alpha or beta at points left out, or the standard error of
-    the slope of alpha exceeds LARGEST_SLOPE_SIGMA.
+    Raises InputError if there are too few points, points without flow or at one angle only, or if they do not support
+    a calibration: the maps predict less than LEAST_PREDICTED of the variance of alpha or beta at points left out, or
+    the standard error of the slope of alpha exceeds LARGEST_SLOPE_SIGMA.
     """
+    if np.any(tunnel.speed_mps > HIGHEST_SPEED_MPS):
+        raise InputError(f"{source}: speeds above {HIGHEST_SPEED_MPS:.0f} m/s; is their unit right?")
     qbar = dynamic_pressure(tunnel)
     if len(qbar) < FEWEST_POINTS:
         raise InputError(f"{source}: {len(qbar)} points are too few to calibrate a probe; {FEWEST_POINTS} are needed")
     if np.any(tunnel.q_c_Pa <= 0) or np.any(qbar <= 0):
         raise InputError(f"{source}: q_c and speed must be positive at every point")
+    if min(np.ptp(tunnel.alpha_rad), np.ptp(tunnel.beta_rad)) == 0:
+        raise InputError(f"{source}: alpha and beta must both vary; measure over a grid of angles")
     C_alpha, C_beta = tunnel.C_alpha, tunnel.C_beta
     q_ratio = fit_map(C_alpha, C_beta, tunnel.q_c_Pa / qbar, qbar, exponent=-0.5).map
     ratio = q_ratio(C_alpha, C_beta)

@@ -14,6 +14,7 @@ diameter that has the lag in question.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -111,7 +112,7 @@ def exponential(lag_s: float) -> Shape:
 
 
 def fit_lag(steps: list[PressureStep], noise: float, shape_of: Callable[[float], Shape] = exponential) -> Lag:
-    """The most likely lag of all steps, with its interval by the likelihood ratio.
+    """The most likely lag of all steps, which have as many samples each, with its interval by the likelihood ratio.
 
     shape_of: the shape of a step, by lag; `through(line, gas)` if the line's length and cavity are known.
     Raises InputError if there is no step.
@@ -119,19 +120,19 @@ def fit_lag(steps: list[PressureStep], noise: float, shape_of: Callable[[float],
     if not steps:
         raise InputError("no step of pressure found")
 
-    def misfits_of(lags: Array) -> list[list[Misfit]]:
-        found = []
-        for lag in lags:
-            shape = shape_of(float(lag))
-            found.append([_misfit(step, lag, shape) for step in steps])
-        return found
+    times, values = np.array([step.t_s for step in steps]), np.array([step.value for step in steps])
+    # A step happened near its last quiet sample; noise may hide the beginning of a slow step.
+    near_s = np.array([step.t_s[[min(step.last_quiet + i, len(step.t_s) - 1) for i in range(3)]] for step in steps])
+
+    def misfits_of(lags: Array) -> list[Misfit]:
+        return [_misfit(times, values, near_s, lag_s, shape_of(lag_s)) for lag_s in lags.tolist()]
 
     rough = np.geomspace(SHORTEST_LAG_S, LONGEST_LAG_S, LAGS)
     rough_misfits = misfits_of(rough)
-    near = int(np.argmin(_deviance(rough_misfits, _variance(rough_misfits, steps))))
+    near = int(np.argmin(_deviance(rough_misfits, _variance(rough_misfits, times.size))))
     lags = np.geomspace(rough[max(near - 1, 0)], rough[min(near + 1, LAGS - 1)], FINE)
     misfits = misfits_of(lags)
-    variance = _variance(misfits, steps)
+    variance = _variance(misfits, times.size)
     cost = _deviance(misfits, variance)
     best = int(np.argmin(cost))
     all_lags = np.concatenate([rough, lags])
@@ -150,6 +151,7 @@ def fit_lag(steps: list[PressureStep], noise: float, shape_of: Callable[[float],
 def through(line: PneumaticLine, gas: Gas) -> Callable[[float], Shape]:
     """Shapes of a step, by lag, at the end of a tube with this length and cavity and the diameter that has the lag."""
 
+    @cache
     def shape_of(lag_s: float) -> Shape:
         tube = replace(line, diameter_m=diameter_of_lag_m(line, lag_s, gas))
         step_s = max(FINEST_S, lag_s / 100)
@@ -167,55 +169,56 @@ def through(line: PneumaticLine, gas: Gas) -> Callable[[float], Shape]:
 
 
 class Misfit(NamedTuple):
-    """Residuals of one step for one lag, by the time of the step, with fitted levels."""
+    """Residuals of all steps for one lag, by the times of the steps, with fitted levels."""
 
-    instants_s: Array  # possible times of the step, (m,), ascending
-    squares: Array  # sums of squared residuals, (m,)
+    instants_s: Array  # possible times of each step, (steps, m), ascending
+    squares: Array  # sums of squared residuals, (steps, m)
 
 
-def _misfit(step: PressureStep, lag_s: float, shape: Shape) -> Misfit:
-    """Times of the step are closest together where they fit best."""
-    # The step happened near the last quiet sample; noise may hide the beginning of a slow step.
-    near_s = step.t_s[step.last_quiet : step.last_quiet + 3]
+def _misfit(times: Array, values: Array, near_s: Array, lag_s: float, shape: Shape) -> Misfit:
+    """Instants are closest together where they fit best. times, values : (steps, n)      near_s : (steps, 3)"""
     # A step that is short against a tick shows in a sample only if it happened just before it.
-    just_before = (near_s[:, None] - lag_s * np.linspace(0, 4, 9)).ravel()
-    instants = np.unique(np.append(np.linspace(near_s[0] - lag_s, near_s[-1], INSTANTS), just_before))
-    reach = 2 * (near_s[-1] - near_s[0] + lag_s) / (INSTANTS - 1)
+    just_before = (near_s[:, :, None] - lag_s * np.linspace(0, 4, 9)).reshape(len(near_s), -1)
+    evenly = np.linspace(near_s[:, 0] - lag_s, near_s[:, -1], INSTANTS, axis=1)
+    instants = np.sort(np.hstack([evenly, just_before]), axis=1)
+    reach = 2 * (near_s[:, -1] - near_s[:, 0] + lag_s) / (INSTANTS - 1)
     tried, squares = [], []
     for _ in range(ZOOMS):
         tried.append(instants)
-        squares.append(_residual_squares(step, shape(step.t_s[None, :] - instants[:, None])))
-        best = instants[np.argmin(squares[-1])]
-        instants = np.linspace(best - reach, best + reach, INSTANTS)
+        squares.append(_residual_squares(values, shape(times[:, None, :] - instants[:, :, None])))
+        best = np.take_along_axis(instants, np.argmin(squares[-1], axis=1)[:, None], axis=1)[:, 0]
+        instants = np.linspace(best - reach, best + reach, INSTANTS, axis=1)
         reach *= 4 / (INSTANTS - 1)
-    all_instants, first = np.unique(np.concatenate(tried), return_index=True)
-    return Misfit(all_instants, np.concatenate(squares)[first])
+    all_instants, all_squares = np.hstack(tried), np.hstack(squares)
+    order = np.argsort(all_instants, axis=1, kind="stable")
+    return Misfit(np.take_along_axis(all_instants, order, axis=1), np.take_along_axis(all_squares, order, axis=1))
 
 
-def _variance(misfits: list[list[Misfit]], steps: list[PressureStep]) -> float:
-    """Variance of a sample's noise, from the residuals of the best lag."""
-    degrees = sum(len(step.t_s) - 3 for step in steps) - 1
-    least = min(sum(float(m.squares.min()) for m in of_lag) for of_lag in misfits)
+def _variance(misfits: list[Misfit], samples: int) -> float:
+    """Variance of a sample's noise, from the residuals of the best lag. samples : of all steps together"""
+    degrees = samples - 3 * len(misfits[0].squares) - 1
+    least = min(float(misfit.squares.min(axis=1).sum()) for misfit in misfits)
     return max(least / max(degrees, 1), 1e-12)
 
 
-def _deviance(misfits: list[list[Misfit]], variance: float) -> Array:
+def _deviance(misfits: list[Misfit], variance: float) -> Array:
     """-2 log likelihood of each lag, integrated over the times of its steps."""
 
-    def of_step(misfit: Misfit) -> float:
-        least = float(misfit.squares.min())
-        likely = np.exp((least - misfit.squares) / (2 * variance))
-        return least / variance - 2 * float(np.log(np.trapezoid(likely, misfit.instants_s)))
+    def of_lag(misfit: Misfit) -> float:
+        least = misfit.squares.min(axis=1)
+        likely = np.exp((least[:, None] - misfit.squares) / (2 * variance))
+        of_steps = least / variance - 2 * np.log(np.trapezoid(likely, misfit.instants_s, axis=1))
+        return float(of_steps.sum())
 
-    return np.array([sum(of_step(misfit) for misfit in of_lag) for of_lag in misfits])
+    return np.array([of_lag(misfit) for misfit in misfits])
 
 
-def _residual_squares(step: PressureStep, g: Array) -> Array:
-    """Residual sums of squares, (m,), of the linear regression of the values on each row of g, (m, n)."""
-    y = step.value - step.value.mean()
-    h = g - g.mean(axis=1, keepdims=True)
-    explained = (h @ y) ** 2 / np.maximum(np.sum(h**2, axis=1), 1e-12)
-    return np.asarray(np.sum(y**2) - explained)
+def _residual_squares(values: Array, g: Array) -> Array:
+    """Residual sums of squares, (steps, m), of the linear regression of values (steps, n) on g (steps, m, n)."""
+    y = values - values.mean(axis=1, keepdims=True)
+    h = g - g.mean(axis=2, keepdims=True)
+    explained = np.einsum("smn,sn->sm", h, y) ** 2 / np.maximum(np.einsum("smn,smn->sm", h, h), 1e-12)
+    return np.asarray(np.sum(y**2, axis=1)[:, None] - explained)
 
 
 def _minimum(lags: Array, cost: Array, best: int) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flight.atmosphere import density
 from flight.errors import InputError
+from flight.text_file import read_text
 from flight.units import to_si
 
 Array = NDArray[np.float64]
@@ -62,9 +63,9 @@ def read_tunnel(path: str | Path) -> TunnelData:
     """
     path = Path(path)
     try:
-        rows = list(csv.reader(path.read_text("utf-8").splitlines()))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error})") from None
+        rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
+    except csv.Error as error:
+        raise InputError(f"{path}: not a CSV file ({error})") from None
     if len(rows) < 2:
         raise InputError(f"{path}: holds no measurements")
     header, *lines = rows
@@ -75,14 +76,22 @@ def read_tunnel(path: str | Path) -> TunnelData:
             raise InputError(f"{path}: column {title!r}: must be one of {', '.join(_COLUMNS)}, followed by its [unit]")
         name, unit = _COLUMNS[match[1]]
         zero, one = (to_si(f"{x} {match[2]}", unit, f"{path}: {title}") for x in (0, 1))
-        try:
-            values[name] = zero + (one - zero) * np.array([float(line[i]) for line in lines])
-        except (ValueError, IndexError):
-            raise InputError(f"{path}: column {title!r}: not a number in every line") from None
+        values[name] = zero + (one - zero) * np.array([_number(line, i) for line in lines])
+        wrong = ~np.isfinite(values[name])
+        if wrong.any():
+            first = ",".join(lines[int(wrong.argmax())])
+            raise InputError(f"{path}: column {title!r}: not a number in every line; the first without: {first}")
     missing = [title for title, (name, _) in _COLUMNS.items() if name not in values]
     if missing:
         raise InputError(f"{path}: no column {', '.join(missing)}")
     return TunnelData(**values)
+
+
+def _number(line: list[str], column: int) -> float:
+    try:
+        return float(line[column])
+    except (ValueError, IndexError):
+        return float("nan")
 
 
 def dynamic_pressure(tunnel: TunnelData) -> Array:

@@ -20,9 +20,10 @@ from flight.aircraft import Aircraft
 from flight.propeller import FOLD, Propeller
 
 Array = NDArray[np.float64]
-# The estimate of a flight for another aircraft and propeller; last, a prior standard deviation of the slope of angle of
-# attack.
+# The estimate of a flight for another aircraft and propeller, and its values alone; last, a prior standard deviation of
+# the slope of angle of attack.
 RepeatEstimate = Callable[[Aircraft, Propeller, float], DynamicEstimate]
+RepeatValues = Callable[[Aircraft, Propeller, float], Array]
 
 # A horseshoe vortex of the wing gives 1 to 2 deg of upwash per unit of lift coefficient at 0.2 to 0.4 spans ahead of
 # the quarter chord; at the end of a boom from the wing tip, or far ahead, it is next to nothing.
@@ -92,6 +93,7 @@ def alpha_scale_sigma(aircraft: Aircraft) -> float:
 
 def assumption_uncertainty(
     repeat: RepeatEstimate,
+    repeat_values: RepeatValues,
     aircraft: Aircraft,
     propeller: Propeller,
     condition: Condition,
@@ -109,7 +111,7 @@ def assumption_uncertainty(
     own_covariance = estimate.noise + estimate.systematic
     added = {key: np.zeros(own_covariance.shape) for key in dict.fromkeys(assumed.key for assumed in missing)}
     for assumed in missing:
-        change = repeat(*assumed.perturb(aircraft, propeller), upwash).values - estimate.values
+        change = repeat_values(*assumed.perturb(aircraft, propeller), upwash) - estimate.values
         added[assumed.key] += np.outer(change, change)
     covariance = np.sum([np.zeros(own_covariance.shape), *added.values()], axis=0)
 
@@ -130,7 +132,7 @@ def assumption_uncertainty(
         with_key = standard_error(estimate.values[:3], known_covariance + covariance - part)
         notes.append(_note(key, description, 1 - with_key / without_keys, V[0]))
     if not aircraft.has("propulsion.beyond_zero_thrust") and propeller.beyond_zero_thrust != FOLD:
-        folding = repeat(aircraft, propeller.with_beyond_zero_thrust(FOLD), upwash).values[:3]
+        folding = repeat_values(aircraft, propeller.with_beyond_zero_thrust(FOLD), upwash)[:3]
         power, folded = (
             float(power_required(V, Polar(A, own_covariance[:3, :3]), condition)[0][0])
             for A in (estimate.values[:3], folding)

@@ -13,8 +13,7 @@ from analysis.drag import covariance
 from analysis.drag.cross_check_data import priors, segments_of
 from analysis.drag.cross_check_filter_error import filter_error_fit
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
-from analysis.estimation import aircraft_models as models
-from analysis.estimation import output_error, uncertainty
+from analysis.estimation import aircraft_models, output_error, uncertainty
 from analysis.estimation.fit import Fit
 from analysis.estimation.intervals import NORMAL_95
 from analysis.maneuvers.kinds import Maneuver
@@ -65,8 +64,8 @@ def output_error_fit(
 ) -> Fit:
     """The output-error fit of all runs at once, in still air."""
     segments = segments_of(table, runs, propeller, block=BLOCK)
-    model = models.level_run(aircraft, priors=priors(aircraft, zeroed=zeroed))
-    return output_error.estimate(model, segments, start=models.starting_values(aircraft, segments))
+    model = aircraft_models.level_run(aircraft, priors=priors(aircraft, zeroed=zeroed))
+    return output_error.estimate(model, segments, start=aircraft_models.starting_values(aircraft, segments))
 
 
 def _in_gusts(fit: Fit) -> bool:

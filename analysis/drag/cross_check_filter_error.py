@@ -8,8 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.cross_check_data import OUTPUTS, priors, segments_of
-from analysis.estimation import aircraft_models as models
-from analysis.estimation import filter_error, output_error
+from analysis.estimation import aircraft_models, filter_error, output_error
 from analysis.estimation.filter_error import FilterFit, ProcessNoise
 from analysis.maneuvers.kinds import Maneuver
 from flight.aircraft import Aircraft
@@ -28,7 +27,9 @@ def filter_error_fit(
     segments = segments_of(table, runs, propeller, block=BLOCK)
     known = priors(aircraft, zeroed=zeroed)
     still_air = output_error.estimate(
-        models.level_run(aircraft, priors=known), segments, start=models.starting_values(aircraft, segments)
+        aircraft_models.level_run(aircraft, priors=known),
+        segments,
+        start=aircraft_models.starting_values(aircraft, segments),
     )
     V = float(np.mean([segment.u["V_ref"].mean() for segment in segments]))
     sample_s = segments[0].step_s / BLOCK
@@ -39,9 +40,9 @@ def filter_error_fit(
     }
     gyro = ProcessNoise(state="theta", start=GYRO_NOISE_RADPS * float(np.sqrt(sample_s)), free=False)
     return filter_error.estimate(
-        models.level_run(aircraft, priors=known, gusts=True),
+        aircraft_models.level_run(aircraft, priors=known, gusts=True),
         segments,
-        (*models.gust_noise(V), gyro),
+        (*aircraft_models.gust_noise(V), gyro),
         noise_sigma=known_noise,
         start=dict(zip(still_air.names, still_air.values.tolist(), strict=True)),
         test_significance=False,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from analysis.drag.method import Method
 from analysis.drag.regression import RunRegression, TimeSeriesRegression
 from analysis.drag.run_data import run_data
+from analysis.drag.sensor_errors import CAUSES
 from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
 from flight.aircraft import Aircraft
 from flight.units import GRAVITY_MPS2 as g
@@ -38,22 +39,6 @@ AIRSPEED_LAGGED = ALONG_TRAJECTORY | {
 }
 
 
-def _regression(
-    drag_and_lift: Callable[[Mapping[str, Array]], tuple[Array, Array]], columns: dict[str, str]
-) -> Callable[[pd.DataFrame, list[Maneuver], Aircraft], TimeSeriesRegression]:
-    def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
-        regressions = []
-        for run, t, data in run_data(table, runs, tuple(columns.values())):
-            f = {quantity: data[column] for quantity, column in columns.items()}
-            drag, lift = drag_and_lift(f)
-            CL = lift / f["qS_over_m"]
-            X = f["qS_over_m"][:, None] * CL[:, None] ** np.arange(3)
-            regressions.append(RunRegression(run.name, t, X, drag, CL))
-        return TimeSeriesRegression(regressions)
-
-    return regression
-
-
 def from_accelerometers(f: Mapping[str, Array]) -> tuple[Array, Array]:
     """Drag (2.16), (2.20) and lift (2.19), both over mass [m/s^2]."""
     alpha, az = f["alpha"], f["az"]
@@ -69,46 +54,50 @@ def from_speed(f: Mapping[str, Array]) -> tuple[Array, Array]:
     return f["thrust_x_over_m"] * np.cos(alpha) - f["Vdot"] - g * sin_gamma, lift
 
 
-DIRECT = Method(
-    name="direct",
-    title="direct drag, accelerometers",
-    equations="(2.16), (2.18)-(2.21)",
-    kinds=(*LEVEL_RUNS, *LOAD_FACTOR_MANEUVERS),
-    taken_as_measured=("alpha_bias", "alpha_scale", "lag", "thrust_scale", "thrust_slope"),
-    regression=_regression(from_accelerometers, ALPHA_MEASURED),
-)
-FROM_SPEED = Method(
-    name="direct-speed",
-    title="direct drag, speed and pitch attitude",
-    equations="(2.22), (2.18)-(2.21)",
-    kinds=(*LEVEL_RUNS, *LOAD_FACTOR_MANEUVERS),
-    taken_as_measured=("pitch", "thrust_scale", "thrust_slope"),
-    regression=_regression(from_speed, THETA_MEASURED),
-)
-ONE_RUN = Method(
-    name="run",
-    title="one run alone, propeller table as it is",
-    equations="(2.16), (2.18)-(2.21) along the path",
-    kinds=LEVEL_RUNS,
-    taken_as_measured=("thrust_scale", "thrust_slope"),
-    regression=_regression(from_accelerometers, ALONG_TRAJECTORY),
-)
-VARIED_LIFT = Method(
-    name="varied-lift",
-    title="roller coasters and wind-up turns",
-    equations="(2.16), (2.18)-(2.21) along the path",
-    kinds=LOAD_FACTOR_MANEUVERS,
-    taken_as_measured=("thrust_scale", "thrust_slope"),
-    regression=_regression(from_accelerometers, ALONG_TRAJECTORY),
-)
+def _direct_method(
+    name: str,
+    title: str,
+    equations: str,
+    kinds: tuple[str, ...],
+    drag_and_lift: Callable[[Mapping[str, Array]], tuple[Array, Array]],
+    columns: dict[str, str],
+    *taken_as_measured: str,
+) -> Method:
+    """A regression of drag on lift, with the propeller table as it is. taken_as_measured: other errors than its own."""
+
+    def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
+        regressions = []
+        for run, t, data in run_data(table, runs, tuple(columns.values())):
+            f = {quantity: data[column] for quantity, column in columns.items()}
+            drag, lift = drag_and_lift(f)
+            CL = lift / f["qS_over_m"]
+            X = f["qS_over_m"][:, None] * CL[:, None] ** np.arange(3)
+            regressions.append(RunRegression(run.name, t, X, drag, CL))
+        return TimeSeriesRegression(regressions)
+
+    return Method(name, title, equations, kinds, (*taken_as_measured, *CAUSES["propeller table"]), regression)
+
+
+DIRECT = _direct_method(
+    "direct", "direct drag, accelerometers", "(2.16), (2.18)-(2.21)", (*LEVEL_RUNS, *LOAD_FACTOR_MANEUVERS),
+    from_accelerometers, ALPHA_MEASURED, "alpha_bias", "alpha_scale", "lag",
+)  # fmt: skip
+FROM_SPEED = _direct_method(
+    "direct-speed", "direct drag, speed and pitch attitude", "(2.22), (2.18)-(2.21)",
+    (*LEVEL_RUNS, *LOAD_FACTOR_MANEUVERS), from_speed, THETA_MEASURED, "pitch",
+)  # fmt: skip
+ONE_RUN = _direct_method(
+    "run", "one run alone, propeller table as it is", "(2.16), (2.18)-(2.21) along the path", LEVEL_RUNS,
+    from_accelerometers, ALONG_TRAJECTORY,
+)  # fmt: skip
+VARIED_LIFT = _direct_method(
+    "varied-lift", "roller coasters and wind-up turns", "(2.16), (2.18)-(2.21) along the path", LOAD_FACTOR_MANEUVERS,
+    from_accelerometers, ALONG_TRAJECTORY,
+)  # fmt: skip
 ACCELERATIONS, DECELERATIONS = (
-    Method(
-        name=f"{kind}s",
-        title=f"{kind}s alone, propeller table as it is",
-        equations="(2.16), (2.18)-(2.21)",
-        kinds=(kind,),
-        taken_as_measured=("lag", "thrust_scale", "thrust_slope"),
-        regression=_regression(from_accelerometers, AIRSPEED_LAGGED),
+    _direct_method(
+        f"{kind}s", f"{kind}s alone, propeller table as it is", "(2.16), (2.18)-(2.21)", (kind,),
+        from_accelerometers, AIRSPEED_LAGGED, "lag",
     )
     for kind in (ACCELERATION, DECELERATION)
-)
+)  # fmt: skip

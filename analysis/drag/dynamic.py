@@ -21,8 +21,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import LEAST_HEIGHT_M
-from analysis.drag import covariance
+from analysis.drag import consider, covariance
 from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
 from analysis.drag.polar import Polar
 from analysis.estimation import output_error
@@ -52,15 +51,23 @@ UNITS = {
 def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
     """Drag over mass [m/s^2] as computed from specific force with the uncorrected propeller table.
 
-    Where thrust exceeds that of the table, by the factor 1 + thrust_scale + thrust_slope (J - J_REFERENCE), this is
-    smaller than the true drag by the difference of the thrusts along the flight path.
+    Where thrust exceeds that of the table, by the factor 1 + thrust_scale + thrust_slope (J - J_REFERENCE) and, beyond
+    its last J, by thrust_beyond standard deviations of its continuation, this is smaller than the true drag by the
+    difference of the thrusts along the flight path.
     """
     drag_over_m = u.qS_over_m * (p.A0 + p.A1 * u.CL + p.A2 * u.CL**2)
-    return (drag_over_m - u.thrust_along_V_over_m * (p.thrust_scale + p.thrust_slope * (u.J - J_REFERENCE)),)
+    excess = u.thrust_along_V_over_m * (p.thrust_scale + p.thrust_slope * (u.J - J_REFERENCE))
+    return (drag_over_m - excess - u.thrust_beyond_over_m * p.thrust_beyond,)
 
 
 # Inputs of the model, and the columns of `FlightForces.forces` that they are taken from.
-INPUTS = {"CL": "CL", "qS_over_m": "qS_over_m_mps2", "thrust_along_V_over_m": "thrust_along_V_over_m_mps2", "J": "J"}
+INPUTS = {
+    "CL": "CL",
+    "qS_over_m": "qS_over_m_mps2",
+    "thrust_along_V_over_m": "thrust_along_V_over_m_mps2",
+    "thrust_beyond_over_m": "thrust_beyond_over_m_mps2",
+    "J": "J",
+}
 DRAG = Model(
     name="drag",
     inputs=tuple(INPUTS),
@@ -72,8 +79,10 @@ DRAG = Model(
         Parameter(name="A2", start=0.06),
         Parameter(name="thrust_scale", start=0.0, prior_sigma=THRUST_SCALE_SIGMA),
         Parameter(name="thrust_slope", start=0.0, prior_sigma=THRUST_SLOPE_SIGMA),
+        Parameter(name="thrust_beyond", start=0.0, prior_sigma=1.0),
     ),
 )
+KEPT = len(POLAR + THRUST)  # parameters of the estimate; the thrust beyond the table is in their covariance
 
 
 class RunFit(NamedTuple):
@@ -111,16 +120,11 @@ def estimate_polar(
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     forces = flight_forces.forces(states, sensor_errors)
-    airborne = (flight_forces.block_means["height_m"] > LEAST_HEIGHT_M) & (flight_forces.block_means["flying"] == 1)
-    level = _within_level_flight(forces, airborne, runs)
-
-    def fitted(forces: pd.DataFrame) -> output_error.Fit:
-        return output_error.estimate(DRAG, _segments(forces.assign(CD=forces["CD"].where(level)), runs))
-
-    fit = fitted(forces)
+    level = _within_level_flight(forces, flight_forces, runs)
+    fit = _fitted(forces, level, runs)
 
     def variance(states: Array, sensor_errors: Array) -> Array:
-        change = fitted(flight_forces.forces(states, sensor_errors)).values - fit.values
+        change = _fitted(flight_forces.forces(states, sensor_errors), level, runs).values - fit.values
         return np.outer(change, change)
 
     noise = covariance.of_noise(fit)
@@ -130,6 +134,13 @@ def estimate_polar(
         systematic += variance(states + trajectory.state_sensitivity @ error, sensor_errors + error)
     for draw in trajectory.draws:
         noise += variance(states + draw, sensor_errors) / len(trajectory.draws)
+    weighing_more = FlightForces(trajectory, consider.weighing_more(aircraft), propeller)
+    for values in (
+        _fitted(consider.without_updraft(forces, aircraft), level, runs).values,
+        consider.at_nominal_weight(_fitted(weighing_more.forces(states, sensor_errors), level, runs).values, aircraft),
+    ):
+        systematic += np.outer(values - fit.values, values - fit.values)
+    values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
     warnings = []
     if not (fit.verdict.ok and trajectory.converged):
@@ -143,14 +154,25 @@ def estimate_polar(
         )
     return DynamicEstimate(
         polar=Polar(fit.values[:3], total[:3, :3]),
-        parameters=parameter_list(fit.values, total, trajectory),
+        parameters=parameter_list(values, total, trajectory),
         verdict=str(fit.verdict) if trajectory.converged else "the trajectory did not converge",
         warnings=warnings,
         fits=_run_fits(flight_forces, forces, trajectory, fit),
-        values=fit.values,
+        values=values,
         noise=noise,
         systematic=systematic,
     )
+
+
+def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller) -> Array:
+    """The `values` (5,) of `estimate_polar`, without the work for their covariance."""
+    flight_forces = FlightForces(trajectory, aircraft, propeller)
+    forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
+    return _fitted(forces, _within_level_flight(forces, flight_forces, runs), runs).values[:KEPT]
+
+
+def _fitted(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
+    return output_error.estimate(DRAG, _segments(forces.assign(CD=forces["CD"].where(level)), runs))
 
 
 def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> list[tuple[str, float, float, str]]:
@@ -165,12 +187,14 @@ def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> 
     ]
 
 
-def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
+def _within_level_flight(forces: pd.DataFrame, flight_forces: FlightForces, runs: list[Maneuver]) -> NDArray[np.bool_]:
     """Where the angle of attack is at most LEVEL_MARGIN_RAD above the largest one of level flight.
 
     The latter follows from a straight line fitted to alpha over CL of this flight, at the largest lift coefficient that
     level flight requires at the speeds of the flight or of the runs.
     """
+    means = flight_forces.block_means
+    airborne = (means["height_m"] > means.least_height_m) & (means["flying"] == 1)
     flown = forces.loc[airborne, ["CL", "alpha", "qS_over_m_mps2"]].dropna()
     if len(flown) < SHORTEST:
         return np.ones(len(forces), dtype=bool)
@@ -183,13 +207,17 @@ def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs
 
 def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
     segments = []
+    table, t_s = forces[[*INPUTS.values(), "CD"]], forces.index.to_numpy()
     for run in runs:
-        measured = forces.loc[run.start_s : run.end_s, [*INPUTS.values(), "CD"]]
-        data = measured.interpolate(limit_direction="both")
-        if len(data) >= SHORTEST and np.isfinite(data.to_numpy()).all():
-            u = {name: data[column].to_numpy() for name, column in INPUTS.items()}
-            z = {"drag": (data["qS_over_m_mps2"] * measured["CD"]).to_numpy()}
-            segments.append(Segment(name=run.name, t_s=data.index.to_numpy(), u=u, z=z))
+        rows = slice(np.searchsorted(t_s, run.start_s), np.searchsorted(t_s, run.end_s, side="right"))
+        measured = table.iloc[rows].to_numpy().T
+        data = measured
+        if np.isnan(measured).any():
+            data = table.iloc[rows].interpolate(limit_direction="both").to_numpy().T
+        if data.shape[1] >= SHORTEST and np.isfinite(data).all():
+            u = dict(zip(INPUTS, data, strict=False))
+            z = {"drag": u["qS_over_m"] * measured[-1]}
+            segments.append(Segment(name=run.name, t_s=t_s[rows], u=u, z=z))
     return segments
 
 

@@ -4,16 +4,11 @@ PIW VIW = m0 VIW^4 + b0 is a straight line only for a polar with least drag at z
 m1 VIW^2. Both forms are linear in the polar: m0 = rho_sl S A0/2, m1 = W_s A1, b0 = 2 W_s^2 A2/(rho_sl S).
 """
 
-from collections.abc import Callable
-
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.method import Method
-from analysis.drag.regression import THREE_TERM, TWO_TERM, PointRegression
-from analysis.drag.steady_points import SteadyMeans, require_speeds, steady_means, steady_points
-from analysis.maneuvers.kinds import STEADY, Maneuver
+from analysis.drag.regression import THREE_TERM, TWO_TERM
+from analysis.drag.steady_points import SteadyMeans, steady_method
 from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY
 
@@ -26,37 +21,14 @@ def piw_viw(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
     return points.power_W * np.sqrt(sigma) / w**1.5, points.V * np.sqrt(sigma / w)
 
 
-def _regression(terms: Array) -> Callable[[pd.DataFrame, list[Maneuver], Aircraft], PointRegression]:
-    def regression(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> PointRegression:
-        points = steady_means(table, runs, aircraft)
-        require_speeds(points, terms.shape[1])
-        PIW, VIW = piw_viw(points, aircraft)
-        S, Ws = aircraft.geometry.wing_area_m2, aircraft.mass.standard_weight_N
-        q = SEA_LEVEL_DENSITY * S / 2
-        X = np.stack([q * VIW**4, Ws * VIW**2, np.full_like(VIW, Ws**2 / q)], axis=1)
-        z = PIW * VIW
-        sigma = z * points.power_error_W / points.power_W
-        return PointRegression(X, z, sigma, terms, points.lift_coefficient(aircraft))
-
-    return regression
+def _regression(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
+    PIW, VIW = piw_viw(points, aircraft)
+    S, Ws = aircraft.geometry.wing_area_m2, aircraft.mass.standard_weight_N
+    q = SEA_LEVEL_DENSITY * S / 2
+    return np.stack([q * VIW**4, Ws * VIW**2, np.full_like(VIW, Ws**2 / q)], axis=1), PIW * VIW
 
 
-PIW_VIW_THREE = Method(
-    name="piw-viw",
-    title="PIW-VIW, three terms",
-    equations="(2.1)-(2.6) with the term in VIW^2",
-    kinds=(STEADY,),
-    taken_as_measured=("thrust_scale", "thrust_slope"),
-    regression=_regression(THREE_TERM),
-    points=steady_points,
+PIW_VIW_THREE = steady_method(
+    "piw-viw", "PIW-VIW, three terms", "(2.1)-(2.6) with the term in VIW^2", THREE_TERM, _regression
 )
-PIW_VIW_TWO = Method(
-    name="piw-viw-two-term",
-    title="PIW-VIW, two terms",
-    equations="(2.1)-(2.6)",
-    kinds=(STEADY,),
-    taken_as_measured=("thrust_scale", "thrust_slope"),
-    regression=_regression(TWO_TERM),
-    points=steady_points,
-    two_term=True,
-)
+PIW_VIW_TWO = steady_method("piw-viw-two-term", "PIW-VIW, two terms", "(2.1)-(2.6)", TWO_TERM, _regression)

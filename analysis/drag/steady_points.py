@@ -4,14 +4,17 @@ Speed comes from the trajectory, power from the uncorrected propeller table: a d
 dynamic method shows a wrong table.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.method import SteadyPoint
-from analysis.maneuvers.kinds import Maneuver
+from analysis.drag.method import Method, SteadyPoint
+from analysis.drag.regression import TWO_TERM, PointRegression
+from analysis.drag.sensor_errors import CAUSES
+from analysis.maneuvers.kinds import STEADY, Maneuver
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
@@ -107,3 +110,35 @@ def _error_of_mean(x: Array, step_s: float) -> float:
     for lag in range(1, window + 1):
         variance += 2 * (1 - lag / (window + 1)) * float(e[lag:] @ e[:-lag]) / n
     return float(np.sqrt(max(variance, 0.0) / n))
+
+
+def steady_method(
+    name: str,
+    title: str,
+    equations: str,
+    terms: Array,
+    regression: Callable[[SteadyMeans, Aircraft], tuple[Array, Array]],
+) -> Method:
+    """A classic method: a straight regression of power or drag at steady points, with the propeller table as it is.
+
+    terms : columns (3, k) of the polar's A that it fits
+    regression : of (points, aircraft); X (n, 3) and z (n,), proportional to power
+    """
+
+    def point_regression(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> PointRegression:
+        points = steady_means(table, runs, aircraft)
+        require_speeds(points, terms.shape[1])
+        X, z = regression(points, aircraft)
+        sigma = z * points.power_error_W / points.power_W
+        return PointRegression(X, z, sigma, terms, points.lift_coefficient(aircraft))
+
+    return Method(
+        name=name,
+        title=title,
+        equations=equations,
+        kinds=(STEADY,),
+        taken_as_measured=CAUSES["propeller table"],
+        regression=point_regression,
+        points=steady_points,
+        two_term=terms is TWO_TERM,
+    )

@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
+from analysis.estimation.frequency_domain import Band
 from analysis.estimation.model import Model, NamedValues
 from analysis.estimation.problem import inputs_of, measurements_of
 from flight.errors import InputError
@@ -37,6 +39,35 @@ def estimate(model: Model, segments: Segment | Sequence[Segment], *, smoothing_s
     """
     segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
     return output_error.estimate(regression_of(model), [_filtered(model, s, smoothing_s) for s in segments])
+
+
+def estimate_in_band(model: Model, segments: Segment | Sequence[Segment], *, band_Hz: Band) -> output_error.Fit:
+    """Fit xdot = dynamics(x, u, p), and the outputs that are not states, in the frequency domain.
+
+    The time derivatives are those of cubic splines through the samples; the noise that differentiation amplifies lies
+    above the band. All terms of the equations are evaluated in time, so that the model need not be linear. Parameters
+    without effect in the band, such as a constant moment, must be fixed.
+
+    band_Hz : lowest and highest frequency
+
+    Raises InputError for a state that is not measured, a missing sample, or a band that the record does not resolve.
+    """
+    segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
+    derived = []
+    for segment in segments:
+        states, u = measurements_of(model, segment), dict(segment.u)
+        z: dict[str, Array] = {}
+        for name, signal in zip(model.outputs, states.T, strict=True):
+            if not np.isfinite(signal).all():
+                raise InputError(
+                    f"segment {segment.name}: output {name} has missing samples; the frequency domain needs all of them"
+                )
+            if name in model.states:
+                z[f"{name}dot"], u[name] = CubicSpline(segment.t_s, signal)(segment.t_s, 1), signal
+            else:
+                z[name] = signal
+        derived.append(Segment(name=segment.name, t_s=segment.t_s, u=u, z=z))
+    return output_error.estimate(regression_of(model), derived, band_Hz=band_Hz)
 
 
 def regression_of(model: Model) -> Model:

@@ -153,7 +153,7 @@ def estimate(
         likelihood, theta = likelihood.without(zero, point.theta)
         point, more, why_stopped = maximize(likelihood, likelihood.evaluate(theta), max_iterations, STEP_TOLERANCE)
         iterations += more
-    fit = make_fit(likelihood, point, iterations, why_stopped)
+    fit = replace(make_fit(likelihood, point, iterations, why_stopped), integrator=integrator, inputs=inputs)
     intensities = {noise.state: _intensity(fit, noise, set(zero)) for noise in noises}
     if test_significance and fit.verdict.status in (FitStatus.CONVERGED, FitStatus.AT_BOUND):
         for name in likelihood.intensities:

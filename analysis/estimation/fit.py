@@ -1,6 +1,7 @@
 """The result of an estimation: estimates, covariance, residuals, and a verdict on convergence and identifiability."""
 
 import enum
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, NamedValues
 from analysis.estimation.noise import Whitened
-from analysis.estimation.simulation import Response
+from analysis.estimation.simulation import InputRule, Integrator, Response
+from analysis.estimation.summary import FitSummary, SummaryRow
 
 Array = NDArray[np.float64]
 
@@ -72,6 +74,7 @@ class Fit:
     negative_log_likelihood : up to a constant, priors included
     information : (m, m) Fisher information of the data     prior_information : (m, m), diagonal
     variance_information : the part of `information` that comes from the variances of the residuals, not their means
+    integrator, inputs : with which the response was computed
     """
 
     model: Model
@@ -87,6 +90,13 @@ class Fit:
     prior_information: Array
     segment_fits: tuple[SegmentFit, ...]
     variance_information: Array | float = 0.0
+    integrator: Integrator = "rk4"
+    inputs: InputRule = "linear"
+
+    def __str__(self) -> str:
+        return self.summary().table()
+
+    __repr__ = __str__
 
     @property
     def residuals(self) -> dict[str, Array]:
@@ -103,8 +113,43 @@ class Fit:
         """Number of measured values, over all outputs and segments."""
         return int(sum(fit.white.present.sum() for fit in self.segment_fits))
 
+    @property
+    def correlation(self) -> Array:
+        """(m, m) of the estimates; NaN for unknowns that are not identifiable."""
+        errors = np.sqrt(np.diag(self.covariance))
+        with np.errstate(invalid="ignore"):
+            matrix: Array = self.covariance / np.outer(errors, errors)
+        return matrix
+
+    def summary(self, corrected: Array | None = None) -> FitSummary:
+        """The numbers without the data. corrected : (m, m) covariance for colored residuals (`uncertainty`)."""
+        residuals = np.concatenate([fit.residuals for fit in self.segment_fits])
+        wider = [None] * len(self.names) if corrected is None else np.sqrt(np.diag(corrected)).tolist()
+        units = {q.name: q.unit for q in self.model.parameters}
+        return FitSummary(
+            model=self.model.name,
+            status=self.verdict.status.value,
+            verdict=self.verdict.text,
+            iterations=self.iterations,
+            samples=self.samples,
+            negative_log_likelihood=self.negative_log_likelihood,
+            rows=[
+                SummaryRow(name, units.get(name.partition("[")[0], ""), float(value), _finite(error), _finite(wide))
+                for name, value, error, wide in zip(
+                    self.names, self.values, np.sqrt(np.diag(self.covariance)).tolist(), wider, strict=True
+                )
+            ],
+            fixed={q.name: q.start for q in self.model.parameters if not q.free},
+            correlation=[[_finite(value) for value in row] for row in self.correlation.tolist()],
+            noise=dict(zip(self.model.outputs, np.sqrt(np.nanmean(residuals**2, axis=0)).tolist(), strict=True)),
+        )
+
     def shared(self, values: Array | None = None) -> NamedValues:
         """Shared parameters by name, free and fixed. values : (m,) in the order of `names`; default: the estimate."""
         free = dict(zip(self.names, self.values if values is None else values, strict=True))
         shared = {q.name: free.get(q.name, q.start) for q in self.model.parameters if q.shared}
         return NamedValues("shared parameter", shared)
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimation.collinearity import collinearities
 from analysis.estimation.fit import Fit, FitStatus, ParameterEstimate, SegmentFit, Verdict
 from analysis.estimation.problem import Problem
 
@@ -17,7 +18,15 @@ Array = NDArray[np.float64]
 
 STEP_TOLERANCE = 1e-4  # length of the last step in the metric of the information matrix, in standard errors
 LNDET_TOLERANCE = 1e-6  # change of ln det R in the last step
+# Twice the predicted decrease in cost of a Newton step, relative to the cost: rounding errors of the cost hide less.
+ROUNDING = 1e-13
 GAIN_TOLERANCE = 1e-4  # twice the predicted decrease in cost of a Newton step, when no step decreases the cost
+# Steps that change the response by less than this share of the residuals (rms) use the curvature of the cost. Longer
+# steps use the information matrix, which is a better guide far from the optimum.
+NEAR = 0.25
+# The curvature of the cost serves for the step where its smallest scaled eigenvalue is above this share of that of the
+# information matrix; further from the optimum it may be indefinite.
+SMALLEST_CURVATURE = 1e-2
 SINGULAR = 1e-11  # eigenvalues of the scaled information matrix below this are rounding errors
 HALVINGS = 3  # of a step before the damping is increased
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
@@ -35,6 +44,7 @@ class Evaluation(NamedTuple):
     information: Array  # (m, m) of the data
     variance_information: Array | float = 0.0  # part of `information` from the variances of the residuals
     ln_det_R: float = 0.0  # 0 if R is not re-estimated at every point
+    curvature: Array | None = None  # (m, m) Hessian of the data's part of the cost, where it is not `information`
 
 
 class Likelihood(Protocol):
@@ -75,7 +85,8 @@ def maximize(
     Returns the last point, the number of iterations, and "" or the reason why the point is not the optimum.
     """
     problem = likelihood.problem
-    damping = 0.0
+    damping, length = 0.0, np.inf
+    values = sum(fit.white.present.sum() for fit in point.segment_fits)
     for iteration in range(1, max_iterations + 1):
         H = point.information + np.diag(problem.prior_information)
         # An unknown at a bound stays there in this step if the gradient points out of the bounds.
@@ -85,11 +96,13 @@ def maximize(
         moving = np.flatnonzero(~held)
         if not len(moving):
             return point, iteration, ""
-        eigen = _EigenSystem.of(H[np.ix_(moving, moving)])
+        eigen = _step_matrix(problem, point, moving, length < NEAR * np.sqrt(values))
+        gain = point.gradient[moving] @ eigen.step(point.gradient[moving], 0.0)
+        if gain < ROUNDING * abs(point.cost):
+            return point, iteration, ""
         new, damping = _improve(likelihood, point, eigen, moving, damping)
         if new is None or new.cost == point.cost:  # rounding errors dominate, or the gradient is wrong
-            newton = eigen.step(point.gradient[moving], 0.0)
-            if point.gradient[moving] @ newton < GAIN_TOLERANCE:
+            if gain < GAIN_TOLERANCE:
                 return point, iteration, ""
             return point, iteration, "no step, however short, improves the likelihood any more"
         step = new.theta - point.theta
@@ -99,6 +112,20 @@ def maximize(
         if damping == 0 and length < step_tolerance and change < LNDET_TOLERANCE:
             return point, iteration, ""
     return point, max_iterations, f"{max_iterations} iterations were not enough"
+
+
+def _step_matrix(problem: Problem, point: Evaluation, moving: NDArray[np.intp], near: bool) -> _EigenSystem:
+    """The matrix of the Newton step of the unknowns `moving`: the curvature of the cost, or the information matrix."""
+    block = np.ix_(moving, moving)
+    prior = np.diag(problem.prior_information)
+    eigen = _EigenSystem.of((point.information + prior)[block])
+    if near and point.curvature is not None:
+        curvature = (point.curvature + prior)[block]
+        if (np.diag(curvature) > 0).all():
+            of_curvature = _EigenSystem.of(curvature)
+            if of_curvature.values[0] > SMALLEST_CURVATURE * eigen.values[0] > 0:
+                return of_curvature
+    return eigen
 
 
 def _improve(
@@ -171,7 +198,11 @@ def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations:
     ]
     if at_bound:
         return Verdict(FitStatus.AT_BOUND, f"converged at a bound: {', '.join(at_bound)}")
-    return Verdict(FitStatus.CONVERGED, f"converged in {iterations} iterations")
+    text = f"converged in {iterations} iterations"
+    information = point.information + np.diag(problem.prior_information)
+    for collinear in collinearities(problem.names, information):
+        text += f"; collinear: {collinear}: fix one of them, or give data in which they do not move together"
+    return Verdict(FitStatus.CONVERGED, text)
 
 
 def _combination(names: tuple[str, ...], direction: Array, shares: Array) -> str:

@@ -6,7 +6,7 @@ increase this likelihood, so that the usual oscillation between R and the parame
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit as Fit
 from analysis.estimation.fit import SegmentFit
+from analysis.estimation.frequency_domain import Band, band_matrix
 from analysis.estimation.model import Model
 from analysis.estimation.noise import (
     NoiseKind,
@@ -41,6 +42,7 @@ def estimate(
     noise: NoiseKind = "diagonal",
     noise_covariance: ArrayLike | None = None,
     tail_dof: float | None = None,
+    band_Hz: Band | None = None,
     start: Mapping[str, float] | None = None,
     max_iterations: int = 50,
 ) -> Fit:
@@ -52,6 +54,9 @@ def estimate(
     noise : structure of R where it is estimated
     noise_covariance : known R (outputs, outputs), or known variances (outputs,); default: R is estimated
     tail_dof : degrees of freedom of t noise (about 4) for data with outliers; for an estimated diagonal R only
+    band_Hz : lowest and highest frequency of the residuals that are used; default: all. The likelihood is then that of
+    the Fourier transforms of z - y (see `frequency_domain`), in which biases have no part and must be fixed. Of the
+    functions of `uncertainty`, those for colored residuals do not apply.
     start : starting values by name or full name; they replace those of the parameters
 
     The verdict says whether the optimum was reached, is at a bound, or leaves unknowns undetermined. Raises InputError
@@ -65,12 +70,22 @@ def estimate(
             "tail_dof must be greater than zero, and needs noise='diagonal' without a given noise_covariance"
         )
     known = None if noise_covariance is None else _known_covariance(noise_covariance, model)
-    likelihood = _OutputErrorLikelihood(problem, simulator, noise, known, tail_dof)
+    transforms = None if band_Hz is None else [_band_matrix(model, segment, band_Hz) for segment in segments]
+    likelihood = _OutputErrorLikelihood(problem, simulator, noise, known, tail_dof, transforms)
     point = likelihood.evaluate(problem.start)
     if not np.isfinite(point.cost):
         raise InputError(_not_finite(likelihood))
     point, iterations, why_stopped = maximize(likelihood, point, max_iterations)
-    return make_fit(likelihood, point, iterations, why_stopped)
+    return replace(make_fit(likelihood, point, iterations, why_stopped), integrator=integrator, inputs=inputs)
+
+
+def _band_matrix(model: Model, segment: Segment, band_Hz: Band) -> Array:
+    for name in model.outputs:
+        if name in segment.z and not np.isfinite(segment.z[name]).all():
+            raise InputError(
+                f"segment {segment.name}: output {name} has missing samples; the frequency domain needs all of them"
+            )
+    return band_matrix(band_Hz, len(segment), segment.step_s)
 
 
 def _known_covariance(given: ArrayLike, model: Model) -> Array:
@@ -84,13 +99,17 @@ def _known_covariance(given: ArrayLike, model: Model) -> Array:
 
 @dataclass(frozen=True)
 class _OutputErrorLikelihood:
-    """Of the residuals z - y. known_R : (outputs, outputs), or None to estimate R."""
+    """Of the residuals z - y. known_R : (outputs, outputs), or None to estimate R.
+
+    transforms : per segment a matrix (k, n) that residuals and sensitivities are multiplied by; None: used as they are
+    """
 
     problem: Problem
     simulator: Simulator
     noise: NoiseKind
     known_R: Array | None
     tail_dof: float | None
+    transforms: list[Array] | None = None
 
     def respond(self, theta: Array, i: int) -> Response:
         """Segment i's response, with sensitivities to the unknowns of this segment only."""
@@ -106,22 +125,49 @@ class _OutputErrorLikelihood:
             residuals = [z - response.y for z, response in zip(problem.Z, responses, strict=True)]
         if not all(np.isfinite(r.y).all() and np.isfinite(r.S).all() for r in responses):
             return Evaluation(theta, np.inf, (), np.zeros((0, 0)), np.zeros(m), np.zeros((m, m)))
-        R = self._covariance(residuals)
+        used, S = residuals, [response.S for response in responses]
+        if self.transforms is not None:
+            used = [T @ e for T, e in zip(self.transforms, residuals, strict=True)]
+            S = [np.tensordot(T, s, axes=1) for T, s in zip(self.transforms, S, strict=True)]
+        R = self._covariance(used)
         g, H, cost = np.zeros(m), np.zeros((m, m)), 0.0
         segment_fits = []
         for i, response in enumerate(responses):
-            white = whiten(residuals[i], response.S, R, self.tail_dof)
+            white = whiten(used[i], S[i], R, self.tail_dof)
             cost += negative_log_likelihood(white, R, self.tail_dof)
             columns = problem.columns[i]
             flat = white.S.reshape(-1, len(columns))
             g[columns] += flat.T @ (white.weight * white.e).ravel()
             H[np.ix_(columns, columns)] += flat.T @ flat
             segment_fits.append(SegmentFit(problem.segments[i], response, residuals[i], white, columns))
+        R_is_free = self.known_R is None and self.tail_dof is None
+        curvature = H - self._curvature_of_R(segment_fits, m) if R_is_free else None
         from_prior = theta - problem.prior_mean
         cost += float(problem.prior_information @ from_prior**2) / 2
         g -= problem.prior_information * from_prior
         H *= information_factor(self.tail_dof)
-        return Evaluation(theta, cost, tuple(segment_fits), R, g, H, ln_det_R=float(np.linalg.slogdet(R)[1]))
+        ln_det_R = float(np.linalg.slogdet(R)[1])
+        return Evaluation(theta, cost, tuple(segment_fits), R, g, H, ln_det_R=ln_det_R, curvature=curvature)
+
+    def _curvature_of_R(self, segment_fits: list[SegmentFit], m: int) -> Array:
+        """(m, m) what re-estimating R takes from the curvature of the cost, N/2 tr(R^-1 dR/dtheta_j R^-1 dR/dtheta_k).
+
+        The cost is N/2 ln det R(theta). Its second derivative is N/2 [tr(R^-1 d2R) - tr(R^-1 dR_j R^-1 dR_k)]; the
+        first term is the information matrix.
+        """
+        outputs = len(self.problem.model.outputs)
+        d_R, samples = np.zeros((outputs, outputs, m)), np.zeros(outputs)
+        for fit in segment_fits:
+            white = fit.white
+            rows = white.present.all(axis=1) if self.noise == "full" else slice(None)
+            product = np.tensordot(white.e[rows], white.S[rows], axes=(0, 0))
+            d_R[:, :, fit.columns] += product + product.transpose(1, 0, 2)
+            samples += white.present[rows].sum(axis=0)
+        if self.noise == "diagonal":
+            d_R *= np.eye(outputs)[:, :, None]
+        d_R /= np.sqrt(2 * np.maximum(samples, 1))[:, None, None]
+        flat = d_R.reshape(-1, m)
+        return flat.T @ flat
 
     def _covariance(self, residuals: list[Array]) -> Array:
         if self.known_R is not None:

@@ -18,7 +18,7 @@ from analysis.estimation.model import Model
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-Integrator = Literal["rk4", "euler", "trapezoidal"]
+Integrator = Literal["rk4", "euler", "heun"]
 InputRule = Literal["linear", "mean", "held"]
 
 if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: keep NumPy functions on symbols as they always were
@@ -42,8 +42,8 @@ def euler(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
     return x + h * f(x, u(0))
 
 
-def trapezoidal(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
-    """Explicit trapezoidal rule (Heun's method), second order."""
+def heun(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
+    """Heun's method, the explicit trapezoidal rule, second order."""
     k1 = f(x, u(0))
     return x + h / 2 * (k1 + f(x + h * k1, u(1)))
 
@@ -57,7 +57,7 @@ def rk4(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
     return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
-INTEGRATORS: dict[str, Callable[..., Any]] = {"rk4": rk4, "euler": euler, "trapezoidal": trapezoidal}
+INTEGRATORS: dict[str, Callable[..., Any]] = {"rk4": rk4, "euler": euler, "heun": heun}
 INPUT_RULES: dict[str, Callable[[Any, Any], InputAt]] = {
     "linear": lambda u0, u1: lambda s: u0 + s * (u1 - u0),
     "mean": lambda u0, u1: lambda s: (u0 + u1) / 2,

@@ -19,6 +19,7 @@ from analysis.maneuvers.kinds import (
 )
 from analysis.maneuvers.smooth import smooth
 from flight.errors import InputError
+from flight.text_file import read_text
 from flight.units import read_table
 
 HEAD = """\
@@ -66,10 +67,8 @@ def load(path: Path) -> list[ManeuverEntry]:
     Raises InputError naming file, entry and key if something is missing, unknown or has a wrong unit.
     """
     try:
-        table = tomllib.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        table = tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not valid TOML ({error})") from None
     raw = table.pop("run", [])
     if table:

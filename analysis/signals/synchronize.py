@@ -47,6 +47,7 @@ COLUMNS = {
     "battery_V": ("/battery", "voltage_V"),
     "battery_A": ("/battery", "current_A"),
 }
+MOST_MISSED = 3.0  # times its nominal period, the median interval of /imu
 COUNTER_S = 0.01  # least time between two periods that the pulse counter sends
 TOPICS = tuple(dict.fromkeys(topic for topic, _ in COLUMNS.values()))
 NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")
@@ -64,12 +65,10 @@ class Channels(NamedTuple):
 def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
     """Every channel of a log on one uniform grid.
 
+    log: accepted by `analysis.log_checks`.
     lag_s: by topic, a known delay of its quantity [s], in addition to the delay in its messages.
-    Raises InputError if a required topic is missing or never carried a value.
+    Raises InputError if the log's metadata have a wrong rate.
     """
-    for topic in NEEDED:
-        if topic not in log.entries or not log.entries[topic]:
-            raise InputError(f"{log.path}: no topic {topic}, which the power curve needs")
     ticks = np.array([(entry.tick, entry.time_ns) for entry in log.entries["/imu"]], dtype=np.int64)
     period_s = _period_s(ticks, log)
     start_ns = int(ticks[0, 1])
@@ -79,10 +78,7 @@ def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
     notes = [note for topic in TOPICS for note in _losses(topic, log.entries.get(topic, []), start_ns, period_s)]
     for name, (topic, field) in COLUMNS.items():
         entries = log.entries.get(topic, [])
-        taken_s, value = _samples(entries, field, start_ns)
-        if topic in NEEDED and not len(value):
-            statuses = sorted({str(entry.message.status) for entry in entries})
-            raise InputError(f"{log.path}: {topic} never carried a value (its status: {', '.join(statuses)})")
+        taken_s, value = samples(entries, field, start_ns)
         table[name] = on_grid(t_s, taken_s - (lag_s or {}).get(topic, 0.0), value)
     return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns, notes)
 
@@ -119,7 +115,7 @@ def _losses(topic: str, entries: list[LogEntry], start_ns: int, period_s: float)
     return notes
 
 
-def _samples(entries: list[LogEntry], field: str, start_ns: int) -> tuple[Array, Array]:
+def samples(entries: list[LogEntry], field: str, start_ns: int) -> tuple[Array, Array]:
     """Times [s] and values of the good messages, (m,), in order of time, one for each time."""
     good = [
         ((time_ns - start_ns) / 1e9 - _delay_s(message), value)
@@ -147,9 +143,23 @@ def _delay_s(message: object) -> float:
 
 
 def _period_s(ticks: NDArray[np.int64], log: Log) -> float:
-    """The period of the daemon's loop from tick numbers and times; missed ticks do not matter."""
-    count = int(ticks[-1, 0] - ticks[0, 0])
-    if count < 1 or ticks[-1, 1] <= ticks[0, 1]:
-        raise InputError(f"{log.path}: {len(ticks)} ticks are too few to analyze")
+    """The period of the grid. ticks: sequence number and time [ns] of the messages of /imu, (n, 2).
+
+    The nominal one where the log's metadata give it. Else from the time between the first and the last tick, so that
+    missed ticks do not matter; or, where the sequence does not count ticks, from the median interval.
+    """
+    interval_s = float(np.median(np.diff(ticks[:, 1]))) / 1e9
     nominal = log.metadata.get("flightpower", {}).get("tick_rate_Hz")
-    return 1 / float(nominal) if nominal else float(ticks[-1, 1] - ticks[0, 1]) / count / 1e9
+    if nominal:
+        try:
+            period_s = 1 / float(nominal)
+        except (ValueError, ZeroDivisionError):
+            period_s = math.nan
+        if not 1 / MOST_MISSED <= interval_s / period_s <= MOST_MISSED:
+            raise InputError(
+                f"{log.path}: metadata flightpower: tick_rate_Hz is {nominal!r}, but /imu has {1 / interval_s:.4g}"
+                " messages a second: write that number, or leave it out"
+            )
+        return period_s
+    count, lasted_ns = ticks[-1] - ticks[0]
+    return float(lasted_ns) / float(count) / 1e9 if np.median(np.diff(ticks[:, 0])) == 1 else interval_s

@@ -29,6 +29,8 @@ EARTH_RADIUS_M = 6_371_000.0
 PNEUMATIC_DT_S = 1 / 200
 # The electronics warm the tray above air temperature, exponentially.
 WARM_UP_K, WARM_UP_S = 10.0, 240.0
+# The airstream cools one side of a transducer: the gradient is full at this airspeed, and lags by this time constant.
+COOLING_MPS, COOLING_S = 15.0, 60.0
 # Time constant of the autopilot's correction towards the vertical of the accelerometer.
 ATTITUDE_FILTER_S = 2.0
 GYRO_AND_ACCEL_RATE = GRID_HZ / 25  # noise is given for 25 Hz means of 200 Hz samples
@@ -88,6 +90,10 @@ class FlightSensorTruth:
         noise = {"alpha": e.noise.alpha_Pa, "beta": e.noise.beta_Pa, "airspeed": e.noise.airspeed_Pa}[which]
         warm = WARM_UP_K * (1 - np.exp(-np.maximum(t_s, 0.0) / WARM_UP_S)) / 10.0
         value = self._pneumatic(which, t_s) + e.zero[which] + e.zero_drift[which] * warm
+        if e.zero_cooling[which]:
+            value = value + e.zero_cooling[which] * np.interp(self._clipped(t_s), self._t, self._cooled)
+        if e.zero_step[which]:
+            value = value + e.zero_step[which] * (np.asarray(t_s) > e.zero_step_at * self.duration_s)
         return value + noise * white(e.seed, f"differential {which}", t_s)
 
     def transducer_temperature_K(self, which: str, t_s: Array) -> Array:
@@ -194,6 +200,12 @@ class FlightSensorTruth:
     def _warmed(self, t_s: Array) -> Array:
         warm = WARM_UP_K * (1 - np.exp(-np.maximum(t_s, 0.0) / WARM_UP_S))
         return self._linear("temperature_K", t_s) + warm
+
+    @cached_property
+    def _cooled(self) -> Array:
+        """Share of the temperature gradient across a transducer that the airstream makes, along the truth (n,)."""
+        V = self._truth["V_mps"].to_numpy(dtype=float)
+        return first_order_lag(np.minimum(V / COOLING_MPS, 1.5), float(self._t[1] - self._t[0]), COOLING_S)
 
     @cached_property
     def _wander_grid(self) -> tuple[Array, Array]:

@@ -1,26 +1,69 @@
-"""Runs our commands the way a user does."""
+"""Runs our commands: installed, the way a user does, or in this process, which spares the import of the libraries."""
 
 import io
 import subprocess
 import sys
+import warnings
+from contextlib import redirect_stderr, redirect_stdout
+from importlib.metadata import entry_points
 from pathlib import Path
+from unittest.mock import patch
 
 from flight.log_reader import read_log
 from flight.log_writer import LogWriter
 
 BIN = Path(sys.executable).parent
+UNSHOWN = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)  # by an interpreter
+WITHOUT_POSIX = Path(__file__).with_name("without_posix.py")
 
 
-def command(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run one of our commands; the caller looks at exit code and output."""
+def installed(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run one of our commands in a process of its own; the caller looks at exit code and output."""
     return subprocess.run([BIN / name, *map(str, arguments)], capture_output=True, text=True, timeout=120)
 
 
+def command(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """The same in this process: what `installed` would return. An error that is not caught is raised."""
+    main = next(iter(entry_points(group="console_scripts", name=name))).load()
+    line, out, err, code = [name, *map(str, arguments)], io.StringIO(), io.StringIO(), 0
+    with (
+        patch.object(sys, "argv", line),
+        redirect_stdout(out),
+        redirect_stderr(err),
+        warnings.catch_warnings(record=True) as warned,
+    ):
+        warnings.simplefilter("default")
+        for category in UNSHOWN:
+            warnings.simplefilter("ignore", category)
+        try:
+            main()
+        except SystemExit as end:
+            code = end.code if isinstance(end.code, int) else int(end.code is not None)
+    for w in warned:
+        err.write(warnings.formatwarning(w.message, w.category, w.filename, w.lineno))
+    return subprocess.CompletedProcess(line, code, out.getvalue(), err.getvalue())
+
+
 def done(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run one of our commands that has to succeed."""
-    outcome = command(name, *arguments)
-    assert outcome.returncode == 0, f"{name} {arguments}: {outcome.stderr}"
+    """Run one of our commands in this process; it has to succeed."""
+    return succeeded(command(name, *arguments))
+
+
+def succeeded(outcome: subprocess.CompletedProcess[str]) -> subprocess.CompletedProcess[str]:
+    """The outcome of a command that has to succeed."""
+    assert outcome.returncode == 0, f"{outcome.args}: {outcome.stderr}"
     return outcome
+
+
+def command_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run one of our commands in a process of its own, as on a computer without POSIX."""
+    line = [sys.executable, "-X", "warn_default_encoding", WITHOUT_POSIX, name, *map(str, arguments)]
+    return subprocess.run(line, capture_output=True, text=True, timeout=120)
+
+
+def done_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """The same for a command that has to succeed."""
+    return succeeded(command_without_posix(name, *arguments))
 
 
 def rewritten(

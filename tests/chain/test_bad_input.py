@@ -1,18 +1,22 @@
 """Whatever a user hands over by mistake: one clear line on stderr, exit code 2, nothing written."""
 
+from collections.abc import Callable
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
-from running import command, rewritten
+from running import command, installed, rewritten
 
 from flight.aircraft import load_aircraft
 
 pytestmark = pytest.mark.xdist_group("chain")
 
 
-def refused(*arguments: object, naming: str, cause: str, folder: Path) -> None:
+def refused(
+    *arguments: object, naming: str, cause: str, folder: Path, run: Callable[..., CompletedProcess[str]] = command
+) -> None:
     before = sorted(path for path in folder.rglob("*"))
-    outcome = command("analyze", *arguments)
+    outcome = run("analyze", *arguments)
     assert outcome.returncode == 2, outcome.stderr
     lines = outcome.stderr.strip().splitlines()
     assert len(lines) == 1, outcome.stderr
@@ -38,7 +42,7 @@ def test_what_is_no_log(tmp_path: Path, content: bytes | None, cause: str) -> No
     path = tmp_path / "flight.mcap"
     if content is not None:
         path.write_bytes(content)
-    refused(path, naming="flight.mcap", cause=cause, folder=tmp_path)
+    refused(path, naming="flight.mcap", cause=cause, folder=tmp_path, run=installed)
 
 
 def test_a_folder_is_no_log(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from running import command, done
 
 from analysis.results.schema import Results
+from benchmarks.named_speeds import below_slowest
 from flight.messages import TYPE_OF_TOPIC
 
 pytestmark = pytest.mark.xdist_group("chain")
@@ -66,7 +67,12 @@ def test_the_interval_is_an_interval(results: Results) -> None:
     for point in results.power_required + results.power_required_standard:
         assert point.power_lo_W < point.power_W < point.power_hi_W
     for special in (results.minimum_power_speed, results.best_range_speed):
-        assert special.lo_mps < special.speed_mps < special.hi_mps
+        ends = [v for v in (special.lo_mps, special.speed_mps, special.hi_mps) if v is not None]
+        assert ends == sorted(ends) and (len(ends) == 3 or special.reason)
+
+
+def test_nothing_names_a_speed_below_the_slowest_flown(results: Results) -> None:
+    assert below_slowest(results) == []
 
 
 def test_the_runs_of_the_plan_are_found(flown: Path, results: Results) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from daq.bus import LinuxBuses
+from daq.linux_bus import LinuxBuses
 from daq.sensors.autopilot import AutopilotDriver
 from flight.messages import Status
 from hw_fakes.pty import PtyServer

@@ -256,7 +256,7 @@ def daq(*arguments, **options):
 
 def test_the_daemon_stays_light():
     heavy = "numpy", "pandas", "scipy", "casadi", "plotly"
-    modules = "daq.__main__, daq.daemon, daq.bus, daq.log_summary"
+    modules = "daq.__main__, daq.daemon, daq.linux_bus, daq.log_summary"
     code = f"import sys, {modules}; print([m for m in {heavy} if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scripted_parts import ScriptedPort, bring_up
 from test_driver_ublox import PVT
 
-from daq.bus import LinuxBuses
+from daq.linux_bus import LinuxBuses
 from daq.sensors.navio2 import Navio2Driver, message
 from daq.sensors.ublox import UBloxDriver, configuration
 from daq.sensors.ublox_ddc import DdcPort

@@ -7,7 +7,7 @@ import tty
 
 import pytest
 
-from daq.bus import LinuxBuses, LinuxI2C
+from daq.linux_bus import LinuxBuses, LinuxI2C
 from daq.sensor_supervisor import status_of
 from flight.messages import Status
 from hw_fakes import fuse_i2c

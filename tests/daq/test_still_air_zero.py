@@ -109,7 +109,7 @@ def test_what_was_not_still_is_refused_with_what_to_do(tmp_path, sensor_truth, s
 
 def test_a_dead_transducer_is_no_zero(tmp_path):
     with pytest.raises(NotStill, match="/probe/beta gave 0 measurements"):
-        taken(tmp_path, StandingSensorTruth(), **{"MS4515DO-DS5AK002DP": "MS4515DO-DS5A0002DP"})
+        taken(tmp_path, StandingSensorTruth(), **{"MS4515DO-DS3AK002DP": "MS4515DO-DS3A0002DP"})
 
 
 def test_it_travels_in_every_log_and_the_readings_stay_raw(tmp_path):

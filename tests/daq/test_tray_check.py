@@ -96,7 +96,7 @@ def test_every_part_says_who_it_is_and_where(tmp_path):
     assert identity["/static"].startswith("MS5805 with C1 ")
     assert (
         identity["/probe/beta"]
-        == "MS4515DO-DS5AK002DP (answers; the part has no identity register), 0x46 on /dev/i2c-1"
+        == "MS4515DO-DS3AK002DP (answers; the part has no identity register), 0x46 on /dev/i2c-1"
     )
     version = "u-blox ROM CORE 3.01 (107888), hardware 00080000, FWVER=SPG 3.01, PROTVER=18.00"
     assert identity["/gps"] == f"{version}, /dev/ttyAMA0"

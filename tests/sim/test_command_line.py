@@ -137,3 +137,16 @@ def test_tunnel(sim, tmp_path):
     first = (tmp_path / "tunnel.csv").read_bytes()
     code, said = sim("tunnel", "-o", "tunnel.csv", "--seed", "2")
     assert code == 2 and "already exists" in said and (tmp_path / "tunnel.csv").read_bytes() == first
+
+
+def test_a_world_flies_and_its_log_has_the_table_that_the_analysis_gets(sim, tmp_path):
+    code, _ = sim("fly", "--plan", "short.toml", "--world", "short-table", "--no-hardware", "-o", "out")
+    assert code == 0
+    _, metadata = read_truth(tmp_path / "out" / "truth.parquet")
+    assert metadata["world"] == "short-table"
+    text = read_log(tmp_path / "out" / "log.mcap").attachments["propeller.csv"].decode()
+    assert min(float(line.split(",")[2]) for line in text.splitlines() if line[0].isdigit()) >= 0.035
+    code, said = sim("fly", "--plan", "short.toml", "--world", "weight", "--errors", "bench", "-o", "again")
+    assert code == 2 and "--world" in said
+    code, said = sim("fly", "--plan", "short.toml", "--world", "atlantis", "-o", "again")
+    assert code == 2 and "short-table" in said

@@ -2,16 +2,14 @@
 
 import os
 
-import typer
-
 from analysis.cli.calibrate.airspeed import airspeed
 from analysis.cli.calibrate.magnetometer import magnetometer
 from analysis.cli.calibrate.probe import probe
 from analysis.cli.calibrate.surfaces import surfaces
 from analysis.cli.calibrate.tubing import tubing
-from analysis.cli.errors import run
+from flight.command_line import application, run
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode="markdown")
+app = application()
 
 
 @app.callback()
@@ -22,9 +20,15 @@ def _group() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-for command in (probe, tubing, airspeed, magnetometer, surfaces):
-    app.command()(command)
+for command, short_help in (
+    (probe, "The five-port probe, from a wind tunnel."),
+    (tubing, "The lag of each pneumatic line, from steps of pressure."),
+    (airspeed, "Scale error of the airspeed, and wind, from a flight."),
+    (magnetometer, "Hard and soft iron, from a log with turns."),
+    (surfaces, "Surface angle and servo pulse, with a protractor."),
+):
+    app.command(short_help=short_help)(command)
 
 
 def main() -> None:
-    run(app)
+    run(app, "calibrate")

@@ -5,23 +5,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from analysis.cli.calibrate.options import AircraftFile, LogFile, Replace, refuse_existing, write_json
+from analysis.autopilot_logs.read import firmware_of
+from analysis.cli.calibrate.options import AircraftFile, LogFile, Replace, check_output, write_json
+from analysis.cli.electrical import refuse_daemon_options
 from analysis.estimation.intervals import NORMAL_95
 from flight.errors import InputError
 
 if TYPE_CHECKING:
     from analysis.trajectory.airspeed_scale import AirspeedCalibration
 
+TYPICAL_WEIGHT_N, TYPICAL_WING_AREA_M2 = 60.0, 1.0  # only their ratio counts, to recognise flight
+
 
 def airspeed(
     log: LogFile,
     aircraft: AircraftFile = None,
     probe: Annotated[
-        Path | None, typer.Option("--probe", help="Probe calibration to use instead of the one the log carries.")
+        Path | None,
+        typer.Option("--probe", metavar="FILE", help="Probe calibration to use instead of the one the log carries."),
     ] = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="JSON file to write as well.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write as well.")
+    ] = None,
     replace: Replace = False,
 ) -> None:
     """Estimate the scale error of the airspeed and the wind, from flight on several headings with GPS.
@@ -33,37 +39,82 @@ def airspeed(
     scale stays above 0.8 of what it was before the flight.
 
     To rehearse it: `sim fly --plan airspeed-box -o out/box`.
+
+    \b
+    Examples:
+      calibrate airspeed log.mcap
+      calibrate airspeed log.mcap --probe probe.json -o airspeed.json
+      calibrate airspeed log.ulg                     a log of PX4 or ArduPilot
     """
     from analysis.airdata.from_log import flight_data
     from analysis.airdata.probe import load_probe
     from analysis.drag.assumed_values import alpha_scale_sigma
+    from analysis.log_checks.axes import check_axes
+    from analysis.log_checks.log import check_log
     from analysis.log_contents import Replacements, contents
     from analysis.trajectory.airspeed_scale import calibrate
     from analysis.trajectory.reconstruction import reconstruct
     from flight.aircraft import load_aircraft
     from flight.log_reader import read_log
 
-    refuse_existing(output, replace)
+    check_output(output, replace)
+    firmware = firmware_of(log)
+    if firmware:
+        refuse_daemon_options(log, probe=probe, aircraft=aircraft)
+        _report(autopilot_airspeed(log, firmware), [], log, output)
+        return
     recorded = read_log(log)
     given = Replacements(
         aircraft=load_aircraft(aircraft) if aircraft else None, probe=load_probe(probe) if probe else None
     )
     carried = contents(recorded, given)
+    check_log(recorded, carried.propeller.diameter_m)
     data = flight_data(recorded, carried.aircraft, carried.propeller, carried.probe, carried.magnetometer, carried.zero)
     if not data.table["flying"].any():
         raise InputError(f"{log}: no flight in this log")
+    check_axes(data.table, str(log))
     sigma = math.hypot(carried.probe.alpha_scale_sigma, alpha_scale_sigma(carried.aircraft))
     trajectory = reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=str(log))
     found = calibrate(data.table, trajectory)
-    console = Console()
-    for line in summary(found, carried.notes + data.notes):
-        console.print(line)
+    _report(found, carried.notes + data.notes, log, output)
+
+
+def autopilot_airspeed(log: Path, firmware: str) -> "AirspeedCalibration":
+    """Scale and wind of a flight under PX4 or ArduPilot. Raises InputError."""
+    from analysis.autopilot_logs.recording import GPS
+    from analysis.cli.electrical import read_autopilot_log
+    from analysis.electrical.airspeed_gps import airspeed_errors, one_way
+    from analysis.electrical.flight_table import flight_table
+    from analysis.trajectory.airspeed_scale import AirspeedCalibration, notes_on, why_not_determined
+
+    flight = flight_table(read_autopilot_log(log, firmware), TYPICAL_WEIGHT_N, TYPICAL_WING_AREA_M2)
+    found = airspeed_errors(flight)
+    if found.wind_mps is None or found.wind_from_deg is None:
+        raise InputError(f"{log}: no GPS velocity in flight: neither scale nor wind can be determined")
+    table = flight.table[flight.flown]
+    spread = one_way(table[GPS[0]].to_numpy(), table[GPS[1]].to_numpy(), found)
+    error = float(found.covariance[0, 0] ** 0.5)
+    notes = [*flight.notes, *notes_on(spread, error, found.prior_sigma)]
+    return AirspeedCalibration(
+        found.scale,
+        error,
+        found.wind_mps,
+        found.wind_from_deg,
+        spread,
+        notes,
+        why_not_determined(error, found.prior_sigma),
+    )
+
+
+def _report(found: "AirspeedCalibration", notes: list[str], log: Path, output: Path | None) -> None:
+    for line in summary(found, notes):
+        print(line)
     if found.unsupported:
         raise InputError(f"{log}: {found.unsupported}")
     if output:
         content = {name: value for name, value in found._asdict().items() if name != "unsupported"}
         write_json(output, {"format": "flightpower-airspeed-1", "source": log.name, **content})
-        console.print(f"wrote {output}")
+        print(f"wrote {output}")
 
 
 def summary(found: "AirspeedCalibration", notes: list[str]) -> list[str]:

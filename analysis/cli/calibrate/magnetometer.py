@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from analysis.cli.calibrate.options import LogFile, Replace, refuse_existing, write_json
+from analysis.cli.calibrate.options import LogFile, Replace, check_output, write_json
 from flight.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,7 +16,7 @@ FLAT = 0.25  # spread of the measured directions across their flattest plane; 0.
 
 def magnetometer(
     log: LogFile,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Calibration file to write.")] = Path(
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write.")] = Path(
         "magnetometer.json"
     ),
     replace: Replace = False,
@@ -31,6 +30,10 @@ def magnetometer(
     where the earth's field is level.
 
     To rehearse it: `sim fly --plan magnetometer-turn -o out/turned`.
+
+    \b
+    Example:
+      calibrate magnetometer log.mcap -o magnetometer.json
     """
     import numpy as np
 
@@ -38,17 +41,16 @@ def magnetometer(
     from analysis.signals.log_fields import field_of
     from flight.log_reader import read_log
 
-    refuse_existing(output, replace)
+    check_output(output, replace)
     recorded = read_log(log)
     components = [field_of(recorded, "/mag", f"field_{axis}_T")[1] for axis in "xyz"]
     if not len(components[0]):
         raise InputError(f"{log}: no magnetometer in this log")
     found = calibrate(np.column_stack(components), str(log))
     write_json(output, found)
-    console = Console()
     for line in summary(found):
-        console.print(line)
-    console.print(f"wrote {output}")
+        print(line)
+    print(f"wrote {output}")
 
 
 def summary(found: "MagnetometerCalibration") -> list[str]:

@@ -5,22 +5,26 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 
 from analysis.files import write_file
 from flight.errors import InputError
+from flight.output_file import check_writable
 
 Replace = Annotated[bool, typer.Option("--replace", help="Replace an existing file.")]
-LogFile = Annotated[Path, typer.Argument(help="A log recorded by the daemon.")]
+LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log recorded by the daemon.")]
 AircraftFile = Annotated[
-    Path | None, typer.Option("--aircraft", help="Aircraft file to use instead of the one in the log.")
+    Path | None,
+    typer.Option("--aircraft", metavar="FILE", help="Aircraft file to use instead of the one in the log."),
 ]
 
 
-def refuse_existing(path: Path | None, replace: bool) -> None:
-    """Raises InputError if the file exists and must not be replaced."""
-    if path is not None and path.exists() and not replace:
+def check_output(path: Path | None, replace: bool) -> None:
+    """Raises InputError if the file exists and must not be replaced, or cannot be written."""
+    if path is None:
+        return
+    if path.is_file() and not replace:
         raise InputError(f"{path}: exists already; give --replace, or another name with -o")
+    check_writable(path)
 
 
 def write_json(path: Path, content: object) -> None:
@@ -34,4 +38,4 @@ def write_or_print(text: str, output: Path | None) -> None:
         print(text, end="")
         return
     write_file(output, text)
-    Console().print(f"wrote {output}")
+    print(f"wrote {output}")

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from analysis.cli.calibrate.options import Replace, refuse_existing, write_json
+from analysis.cli.calibrate.options import Replace, check_output, write_json
 from analysis.files import write_file
+from flight.command_line import quantity
 from flight.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,13 +18,24 @@ LARGEST_ANGLE_SCALE = 20.0  # per cent
 
 
 def probe(
-    tunnel: Annotated[Path, typer.Argument(help="CSV with a header such as `speed [m/s],alpha [deg],…`")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Calibration file to write.")] = Path("probe.json"),
+    tunnel: Annotated[
+        Path, typer.Argument(metavar="TUNNEL", help="CSV with a header such as `speed [m/s],alpha [deg],…`")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write.")] = Path(
+        "probe.json"
+    ),
     report: Annotated[
-        Path | None, typer.Option("--report", help="Report page to write; default: beside the calibration, .html")
+        Path | None,
+        typer.Option("--report", metavar="FILE", help="Report page to write; default: beside the calibration, .html"),
     ] = None,
     angle_scale: Annotated[
-        float, typer.Option("--angle-scale", help="Standard error of the tunnel's own angles, in per cent.")
+        float,
+        typer.Option(
+            "--angle-scale",
+            parser=quantity("--angle-scale", "%", '"0.5 %"', least=0, most=LARGEST_ANGLE_SCALE),
+            metavar="PERCENT",
+            help="Standard error of the tunnel's own angles, in per cent.",
+        ),
     ] = 0.5,
     replace: Replace = False,
 ) -> None:
@@ -42,27 +53,31 @@ def probe(
     out, or the slope is uncertain by more than 10 % (1 sigma).
 
     To rehearse it: `sim tunnel -o tunnel.csv`.
+
+    \b
+    Example:
+      calibrate probe tunnel.csv -o probe.json --angle-scale 1
+    with tunnel.csv such as
+      speed [m/s],alpha [deg],beta [deg],dp_alpha [Pa],dp_beta [Pa],q_c [Pa],
+      static [hPa],temperature [degC]     (on one line; then a line a point)
     """
     from analysis.airdata.probe_fit import calibrate
     from analysis.airdata.tunnel import read_tunnel
     from analysis.report import calibration as page
 
+    check_output(output, replace)
     where = report or output.with_suffix(".html")
     if where == output:
         raise InputError(f"{where}: report and calibration cannot be the same file; name another with --report")
-    refuse_existing(output, replace)
-    refuse_existing(where, replace)
-    if not 0 <= angle_scale < LARGEST_ANGLE_SCALE:
-        raise InputError(f"--angle-scale {angle_scale:g}: give a percentage, 0 to {LARGEST_ANGLE_SCALE:g}")
+    check_output(where, replace)
     measured = read_tunnel(tunnel)
     calibration = calibrate(measured, tunnel.name, angle_scale_sigma=angle_scale / 100)
     html = page.render(measured, calibration, angle_scale_sigma=angle_scale / 100)
     write_json(output, calibration)
     write_file(where, html)
-    console = Console()
     for line in summary(calibration):
-        console.print(line)
-    console.print(f"wrote {output} and {where}")
+        print(line)
+    print(f"wrote {output} and {where}")
 
 
 def summary(calibration: "ProbeCalibration") -> list[str]:

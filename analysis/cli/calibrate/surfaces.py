@@ -1,14 +1,17 @@
 """`calibrate surfaces`"""
 
+import math
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from analysis.cli.calibrate.options import LogFile, Replace, refuse_existing, write_or_print
+from analysis.cli.calibrate.options import LogFile, Replace, check_output, write_or_print
 from flight.errors import InputError
+
+LARGEST_ANGLE_DEG = 90.0
 
 
 class SurfaceName(StrEnum):
@@ -20,21 +23,29 @@ class SurfaceName(StrEnum):
 def surfaces(
     log: LogFile,
     surface: Annotated[
-        SurfaceName, typer.Option("--surface", help="The surface that was moved.")
+        SurfaceName,
+        typer.Option("--surface", metavar="SURFACE", help="The surface that was moved: elevator, aileron or rudder."),
     ] = SurfaceName.elevator,
     angles: Annotated[
         str,
         typer.Option(
             "--angles",
+            metavar="ANGLES",
             help='Angles read from the protractor, in order, in degrees: "-22 -11 0 11 -". Give - for one not read.',
         ),
     ] = "",
     channel: Annotated[
-        int | None, typer.Option("--channel", help="Servo output, from 1; default: that of the log's aircraft file.")
+        int | None,
+        typer.Option("--channel", metavar="N", help="Servo output, from 1; default: that of the log's aircraft file."),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="File to write with the section for the aircraft file; default: printed."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="File to write with the section for the aircraft file; default: printed.",
+        ),
     ] = None,
     replace: Replace = False,
 ) -> None:
@@ -51,6 +62,11 @@ def surfaces(
     twice the difference of two readings of one position.
 
     To rehearse it: `sim fly --plan surface-deflections -o out/surfaces`.
+
+    \b
+    Examples:
+      calibrate surfaces log.mcap --surface elevator
+      calibrate surfaces log.mcap --surface elevator --angles "-22 -11 0 11 22"
     """
     from analysis.airdata.surfaces import found_in_words, held_pulses, surface_table, to_toml
     from analysis.log_contents import aircraft_of
@@ -58,7 +74,7 @@ def surfaces(
     from flight.aircraft import ControlSurface
     from flight.log_reader import read_log
 
-    refuse_existing(output, replace)
+    check_output(output, replace)
     recorded = read_log(log)
     number = channel
     if number is None:
@@ -75,12 +91,13 @@ def surfaces(
     if not found:
         raise InputError(f"{log}: servo output {number} was never held for two seconds; hold each position for three")
     if not angles.strip():
-        Console().print(f"positions of output {number}: {found_in_words(found)}. Now give --angles.")
+        print(f"positions of output {number}: {found_in_words(found)}. Now give --angles.")
         return
     table = surface_table(found, [_angle_deg(word) for word in angles.replace(",", " ").split()])
-    Console(stderr=output is None).print(
+    print(
         f"{len(table.pulse_us)} positions; angles of a position read twice differ by {table.hysteresis_deg:.1f} deg"
-        " at most"
+        " at most",
+        file=sys.stderr if output is None else sys.stdout,
     )
     write_or_print(to_toml(surface.value, number, table), output)
 
@@ -89,6 +106,9 @@ def _angle_deg(word: str) -> float | None:
     if word == "-":
         return None
     try:
-        return float(word)
+        angle = float(word)
     except ValueError:
-        raise InputError(f"--angles: {word!r} is not an angle in degrees; give - for a position not read") from None
+        angle = math.nan
+    if not abs(angle) < LARGEST_ANGLE_DEG:
+        raise InputError(f"--angles: {word!r} is not an angle in degrees; give - for a position not read")
+    return angle

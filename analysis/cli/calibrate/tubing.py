@@ -1,12 +1,12 @@
 """`calibrate tubing`"""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from analysis.cli.calibrate.options import AircraftFile, LogFile, Replace, refuse_existing, write_or_print
+from analysis.cli.calibrate.options import AircraftFile, LogFile, Replace, check_output, write_or_print
 from flight.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,7 +21,12 @@ def tubing(
     aircraft: AircraftFile = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="File to write with the lines for the aircraft file; default: printed."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="File to write with the lines for the aircraft file; default: printed.",
+        ),
     ] = None,
     replace: Replace = False,
 ) -> None:
@@ -42,19 +47,23 @@ def tubing(
     burst was found, or none of the lags is determined.
 
     To rehearse it: `sim fly --plan tubing-bursts -o out/bursts`.
+
+    \b
+    Example:
+      calibrate tubing log.mcap -o lines.toml
     """
     from analysis.airdata.line_lags import line_lags, to_toml
     from analysis.log_contents import aircraft_of
     from flight.aircraft import load_aircraft
     from flight.log_reader import read_log
 
-    refuse_existing(output, replace)
+    check_output(output, replace)
     recorded = read_log(log)
     lags = line_lags(recorded, load_aircraft(aircraft) if aircraft else aircraft_of(recorded))
-    console = Console(stderr=output is None)
+    messages = sys.stderr if output is None else sys.stdout
     for one in lags:
         for line in summary(one):
-            console.print(line)
+            print(line, file=messages)
     if all(one.measured is None for one in lags):
         raise InputError(
             f"{log}: no burst of pressure on any line; press to half of the transducer's range, hold for two seconds,"
@@ -65,7 +74,7 @@ def tubing(
     if refused and not sections:
         raise InputError(f"{log}: nothing to write; {'; '.join(refused)}")
     if not sections:
-        console.print("Nothing to change in the aircraft file.")
+        print("Nothing to change in the aircraft file.", file=messages)
         return
     write_or_print(sections, output)
 

@@ -54,15 +54,21 @@ def repeat(aircraft, propeller, upwash_sigma):
     return estimate(values, OWN * (1 + upwash_sigma))
 
 
+def repeat_values(aircraft, propeller, upwash_sigma):
+    return repeat(aircraft, propeller, upwash_sigma).values
+
+
 def test_without_missing_keys_nothing_is_added(nexstar, propeller):
-    assert assumption_uncertainty(repeat, nexstar, propeller, AT, FLOWN_CL) is None
+    assert assumption_uncertainty(repeat, repeat_values, nexstar, propeller, AT, FLOWN_CL) is None
     assert alpha_scale_sigma(nexstar) == 0.0
     whole = estimate(np.array([*A, 0.0, 0.0]))
     assert with_assumption_uncertainty(whole, None) is whole
 
 
 def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(propeller):
-    found = assumption_uncertainty(repeat, parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL)
+    found = assumption_uncertainty(
+        repeat, repeat_values, parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL
+    )
     assert found is not None
     wanted = np.zeros((5, 5))
     wanted[0, 0] = (0.01 * PROBE_SIGMA_M) ** 2
@@ -73,14 +79,14 @@ def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(pro
 
 def test_the_notes_say_what_stands_in_and_by_how_much_the_key_would_narrow_the_interval(propeller):
     mine = parse_aircraft(FOUR_KEYS + '[probe]\nupwash_per_CL = "1 deg"\n', "mine.toml")
-    found = assumption_uncertainty(repeat, mine, propeller, AT, FLOWN_CL)
+    found = assumption_uncertainty(repeat, repeat_values, mine, propeller, AT, FLOWN_CL)
     assert found is not None
     (probe,) = (note for note in found.notes if "probe.position" in note)
     V = np.array([speed_at(FLOWN_CL[1], AT)])
     widths = []
     for key in ("", '[probe]\nposition = ["0.3 m", "0 m", "0 m"]\nupwash_per_CL = "1 deg"\n'):
         aircraft = parse_aircraft(FOUR_KEYS + key, "") if key else mine
-        added = assumption_uncertainty(repeat, aircraft, propeller, AT, FLOWN_CL)
+        added = assumption_uncertainty(repeat, repeat_values, aircraft, propeller, AT, FLOWN_CL)
         widened = with_assumption_uncertainty(estimate(np.array([*A, 0.0, 0.0])), added)
         widths.append(power_required(V, widened.polar, AT)[1][0])
     assert f"{100 * (1 - widths[1] / widths[0]):.0f} % narrower" in probe
@@ -103,3 +109,12 @@ def test_unknown_upwash_is_a_slope_of_angle_of_attack(nexstar):
     assert alpha_scale_sigma(mine) == pytest.approx(np.radians(1) * 4.5, rel=0.05)
     slender = replace(mine, geometry=replace(mine.geometry, span_m=3.5))
     assert alpha_scale_sigma(slender) > alpha_scale_sigma(mine)
+
+
+@pytest.mark.parametrize(("span_m", "lift_slope"), [(1e5, 2 * np.pi), (1e-3, np.pi / 2 * 1e-6 / 0.46), (1.75, 4.673)])
+def test_the_slope_by_unknown_upwash_is_upwash_times_the_lift_slope_of_the_wing(span_m, lift_slope):
+    """2 pi for a wing without ends, pi/2 AR for one without span (Jones), 4.673 for an aspect ratio of 6.66 by
+    Helmbold's equation: an angle alpha has a lift coefficient of a alpha, and that 1 deg of upwash for each unit."""
+    mine = parse_aircraft(FOUR_KEYS, "mine.toml")
+    wing = replace(mine, geometry=replace(mine.geometry, span_m=span_m))
+    assert alpha_scale_sigma(wing) == pytest.approx(np.radians(1) * lift_slope, rel=2e-3)

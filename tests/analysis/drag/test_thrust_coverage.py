@@ -38,6 +38,15 @@ def test_a_propeller_that_was_not_flown_is_refused() -> None:
         thrust_coverage(data, load_propeller("apc-10x5e"))
 
 
+def test_decelerations_alone_are_no_sign_of_another_propeller() -> None:
+    """With the motor slow the advance ratio goes beyond any table."""
+    data = flown(np.linspace(0.5, 1.1, 100), np.arange(100) < 20)
+    with pytest.raises(InputError, match=r"^mine\.toml: keeps decelerations only.*keep an acceleration as well$"):
+        thrust_coverage(data, load_propeller("apc-12x8e"), {"deceleration"}, "mine.toml")
+    with pytest.raises(InputError, match=r"all are decelerations: fly accelerations as well$"):
+        thrust_coverage(data, load_propeller("apc-12x8e"), {"deceleration"})
+
+
 def test_the_curve_is_flagged_where_the_table_was_extrapolated() -> None:
     V = np.linspace(12, 24, 400)
     data = pd.DataFrame({"V_mps": V, "propeller_covered": V > 16})

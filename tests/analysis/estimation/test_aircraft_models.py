@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.estimation import aircraft_models as models
-from analysis.estimation import output_error, uncertainty
+from analysis.estimation import aircraft_models, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.simulation import build_simulator
 from flight import motion
@@ -131,13 +130,13 @@ TRUE_POWER_W = RHO * SPEEDS**3 / 2 * S * np.array(
 
 
 ALL_MODELS = {
-    "two_state": models.two_state(NEXSTAR),
-    "pitch_and_height": models.pitch_and_height(NEXSTAR),
-    "pitch_and_height with climb rate": models.pitch_and_height(NEXSTAR, with_climb_rate=True),
-    "longitudinal": models.longitudinal(NEXSTAR),
-    "wind_axis_forces": models.wind_axis_forces(NEXSTAR),
-    "level_run": models.level_run(NEXSTAR),
-    "level_run in gusts": models.level_run(NEXSTAR, gusts=True),
+    "two_state": aircraft_models.two_state(NEXSTAR),
+    "pitch_and_height": aircraft_models.pitch_and_height(NEXSTAR),
+    "pitch_and_height with climb rate": aircraft_models.pitch_and_height(NEXSTAR, with_climb_rate=True),
+    "longitudinal": aircraft_models.longitudinal(NEXSTAR),
+    "wind_axis_forces": aircraft_models.wind_axis_forces(NEXSTAR),
+    "level_run": aircraft_models.level_run(NEXSTAR),
+    "level_run in gusts": aircraft_models.level_run(NEXSTAR, gusts=True),
 }
 
 
@@ -192,15 +191,20 @@ def test_sensitivities_are_those_of_a_complex_step(name):
 def test_the_models_do_not_use_the_simulator_s_aerodynamics(runs):
     stripped = replace(NEXSTAR, aerodynamics=None)
     segments = [measured(name, truth) for name, truth in runs.items()]
-    assert models.starting_values(stripped, segments) == models.starting_values(NEXSTAR, segments)
-    for build in (models.two_state, models.pitch_and_height, models.longitudinal, models.wind_axis_forces):
+    assert aircraft_models.starting_values(stripped, segments) == aircraft_models.starting_values(NEXSTAR, segments)
+    for build in (
+        aircraft_models.two_state,
+        aircraft_models.pitch_and_height,
+        aircraft_models.longitudinal,
+        aircraft_models.wind_axis_forces,
+    ):
         assert [q.start for q in build(stripped).parameters] == [q.start for q in build(NEXSTAR).parameters]
 
 
 def test_pitch_and_height_estimates_power_in_spite_of_sensor_errors(runs):
     """Systematic errors drawn from their priors, bench noise on all else but the gyro, which the model takes as
     exact: the power lies within four of its own standard errors, and within 10 %, at low, middle and high speed."""
-    model = models.pitch_and_height(NEXSTAR)
+    model = aircraft_models.pitch_and_height(NEXSTAR)
     spread = {q.name: q.prior_sigma for q in model.parameters if np.isfinite(q.prior_sigma) and q.name != "CLde"}
     deviation = []
     for seed in range(4):
@@ -208,7 +212,7 @@ def test_pitch_and_height_estimates_power_in_spite_of_sensor_errors(runs):
         wrong = {name: sigma * rng.standard_normal() for name, sigma in spread.items()}
         noise = BENCH_NOISE | {"q": 0.0}
         segments = [measured(k, truth, noise, 2 * seed + i, wrong) for i, (k, truth) in enumerate(runs.items())]
-        fit = output_error.estimate(model, segments, start=models.starting_values(NEXSTAR, segments))
+        fit = output_error.estimate(model, segments, start=aircraft_models.starting_values(NEXSTAR, segments))
         assert fit.verdict.ok
         power = uncertainty.delta_method(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
         deviation.append((power.value - TRUE_POWER_W) / power.standard_error)
@@ -219,24 +223,26 @@ def test_pitch_and_height_estimates_power_in_spite_of_sensor_errors(runs):
 
 
 def test_with_gyro_noise_power_is_right_within_15_percent(runs):
-    model = models.pitch_and_height(NEXSTAR)
+    model = aircraft_models.pitch_and_height(NEXSTAR)
     for seed in range(2):
         segments = [measured(k, truth, BENCH_NOISE, 2 * seed + i) for i, (k, truth) in enumerate(runs.items())]
-        fit = output_error.estimate(model, segments, start=models.starting_values(NEXSTAR, segments))
+        fit = output_error.estimate(model, segments, start=aircraft_models.starting_values(NEXSTAR, segments))
         assert fit.verdict.ok
         assert power_W(fit.shared(), SPEEDS) == pytest.approx(TRUE_POWER_W, rel=0.15)
 
 
 def test_two_states_with_true_pitch_angle(runs):
     segments = [measured(k, t, BENCH_NOISE | {"q": 0.0}, i) for i, (k, t) in enumerate(runs.items())]
-    fit = output_error.estimate(models.two_state(NEXSTAR), segments, start=models.starting_values(NEXSTAR, segments))
+    fit = output_error.estimate(
+        aircraft_models.two_state(NEXSTAR), segments, start=aircraft_models.starting_values(NEXSTAR, segments)
+    )
     assert fit.verdict.ok
     power = uncertainty.delta_method(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
     assert np.all(np.abs(power.value - TRUE_POWER_W) < 4 * power.standard_error)
 
 
 def test_a_3211_input_identifies_pitching_moment_and_lift_due_to_pitch_rate(manoeuvre):
-    model = models.longitudinal(NEXSTAR)
+    model = aircraft_models.longitudinal(NEXSTAR)
     quiet = {"V": 0.1, "alpha": 0.001, "q": 0.001, "ax": 0.03, "az": 0.03, "h": 0.1}
     fit = output_error.estimate(model, measured("3211", manoeuvre, quiet))
     assert fit.verdict.ok
@@ -252,35 +258,37 @@ def test_forces_on_a_known_trajectory_reproduce_the_polar(runs):
     segments = []
     for name, truth in runs.items():
         segment = measured(name, truth)
-        z = models.wind_axis_outputs(truth["ax"], truth["az"], truth["alpha"])
+        z = aircraft_models.wind_axis_outputs(truth["ax"], truth["az"], truth["alpha"])
         segments.append(
             Segment(name=name, t_s=segment.t_s, u=segment.u | {"V": truth["V"], "alpha": truth["alpha"]}, z=z)
         )
     exact = {"thrust_scale": {"free": False}, "thrust_slope": {"free": False}}
-    model = models.wind_axis_forces(NEXSTAR).changed(**exact, CLq={"start": AERO.CLq}, CLde={"prior_sigma": np.inf})
+    model = aircraft_models.wind_axis_forces(NEXSTAR).changed(
+        **exact, CLq={"start": AERO.CLq}, CLde={"prior_sigma": np.inf}
+    )
     p = output_error.estimate(model, segments).shared()
     assert (p.A0, p.A1, p.A2) == pytest.approx(TRUE_POLAR, rel=1e-5)
     assert (p.CL0, p.CLa, p.CLde) == pytest.approx((AERO.CL0, AERO.CLa, AERO.CLde), rel=1e-5)
 
 
 def test_quick_start_are_close_on_clean_data_and_the_defaults_on_nonsense(runs):
-    clean = models.starting_values(NEXSTAR, [measured(k, t) for k, t in runs.items()])
+    clean = aircraft_models.starting_values(NEXSTAR, [measured(k, t) for k, t in runs.items()])
     assert (clean["A0"], clean["A2"]) == pytest.approx((TRUE_POLAR[0], TRUE_POLAR[2]), rel=0.02)
     assert clean["CLa"] == pytest.approx(AERO.CLa, rel=0.05)
     upside_down = measured("nonsense", runs["acceleration"] | {"az": -runs["acceleration"]["az"]})
-    generic = models.starting_values(NEXSTAR, upside_down)
-    assert generic["CLa"] == models.lift_slope(NEXSTAR.aspect_ratio)
+    generic = aircraft_models.starting_values(NEXSTAR, upside_down)
+    assert generic["CLa"] == aircraft_models.lift_slope(NEXSTAR.aspect_ratio)
 
 
 def test_lift_slope_of_long_and_of_vanishing_wings():
     """Thin airfoil theory, 2 pi, for a wing without ends; Jones' slender wing, pi AR / 2, for one without span."""
-    assert models.lift_slope(1e6) == pytest.approx(2 * np.pi, rel=1e-4)
-    assert models.lift_slope(1e-3) == pytest.approx(np.pi / 2 * 1e-3, rel=1e-3)
+    assert aircraft_models.lift_slope(1e6) == pytest.approx(2 * np.pi, rel=1e-4)
+    assert aircraft_models.lift_slope(1e-3) == pytest.approx(np.pi / 2 * 1e-3, rel=1e-3)
 
 
 def test_state_at_the_start_of_a_climb():
     t = np.arange(50) * STEP_S
     segment = Segment(name="climb", t_s=t, u={}, z={"V": 20 + 0 * t, "alpha": 0.05 + 0 * t, "h": 100 + 2 * t})
-    state = models.level_flight_state(segment)
+    state = aircraft_models.level_flight_state(segment)
     assert state["theta"] == pytest.approx(0.05 + np.arcsin(2 / 20))
     assert state["h"] == pytest.approx(100)

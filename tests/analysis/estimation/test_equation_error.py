@@ -80,3 +80,26 @@ def test_unusable_data_and_models_are_refused():
     )
     with pytest.raises(InputError, match="hidden: equation error needs every state measured, but x is not an output"):
         equation_error.regression_of(hidden)
+
+
+@pytest.mark.parametrize("smoothing_s", [0.1, 0.2])
+def test_the_low_pass_has_the_width_it_is_given(smoothing_s):
+    """A Gaussian kernel of standard deviation s multiplies a sine of w by exp(-(w s)^2/2): 3 dB at 0.13/s Hz."""
+    t = np.arange(1000) * STEP_S
+    w = 2 * np.pi * 0.13 / smoothing_s
+    integrator = Model(
+        name="integrator",
+        states=("x",),
+        inputs=("u",),
+        outputs=("x",),
+        parameters=(Parameter(name="k", start=1.0),),
+        dynamics=lambda x, u, p: (p.k * u.u,),
+        output_function=lambda x, u, p: (x.x,),
+    )
+    rate, integral = np.sin(w * t), (1 - np.cos(w * t)) / w
+    given = Segment(name="sine", t_s=t, u={"u": rate}, z={"x": integral})
+    filtered = equation_error.estimate(integrator, given, smoothing_s=smoothing_s).segment_fits[0].segment
+    expected = np.exp(-((w * smoothing_s) ** 2) / 2) * np.sin(w * filtered.t_s)
+    assert expected.max() == pytest.approx(np.sqrt(0.5), abs=0.02)
+    assert filtered.u["u"] == pytest.approx(expected, abs=1e-3)
+    assert filtered.z["xdot"] == pytest.approx(expected, abs=1e-2)

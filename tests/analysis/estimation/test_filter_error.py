@@ -21,8 +21,7 @@ from disturbed import (
     nonlinear_record,
 )
 
-from analysis.estimation import aircraft_models as models
-from analysis.estimation import filter_error, output_error, uncertainty
+from analysis.estimation import aircraft_models, filter_error, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise
 from analysis.estimation.intervals import NORMAL_95
@@ -103,7 +102,7 @@ def test_likelihood_and_derivatives_equal_those_of_the_matrix_form_of_the_filter
 
 def test_derivatives_of_the_aircraft_in_gusts():
     """Central differences of the innovations and their variances, extrapolated to an error of h^4."""
-    model = models.level_run(load_aircraft("nexstar"), gusts=True)
+    model = aircraft_models.level_run(load_aircraft("nexstar"), gusts=True)
     rng = np.random.default_rng(0)
     n = 10
     typical = {"V": 18.0, "V_ref": 18.0, "thrust": 6.0, "thrust_per_speed": -0.3, "J": 0.5, "rho": 1.2, "alpha": 0.05}

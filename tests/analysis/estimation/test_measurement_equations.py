@@ -3,7 +3,7 @@
 import pytest
 from test_aircraft_models import ALL_MODELS, NEXSTAR, RHO
 
-from analysis.estimation import aircraft_models as models
+from analysis.estimation import aircraft_models
 
 m = NEXSTAR.mass_kg
 
@@ -64,7 +64,7 @@ def test_gusts_are_dryden_turbulence_100_m_above_the_ground():
     derivative, _ = at_state(ALL_MODELS["level_run in gusts"], gust=1.0, gust_alpha=0.1)
     assert derivative["gust"] == pytest.approx(-V / lengths["gust"], rel=0.01)
     assert derivative["gust_alpha"] == pytest.approx(-0.1 * V / lengths["gust_alpha"], rel=0.01)
-    for noise, sigma in zip(models.gust_noise(V, gust_mps=gust), (gust, gust / V), strict=True):
+    for noise, sigma in zip(aircraft_models.gust_noise(V, gust_mps=gust), (gust, gust / V), strict=True):
         time_constant_s = lengths[noise.state] / V
         assert noise.start**2 * time_constant_s / 2 == pytest.approx(sigma**2, rel=0.01)
         assert noise.start**2 * noise.active_before_s == pytest.approx(sigma**2)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from analysis.estimation import aircraft_models as models
-from analysis.estimation import output_error
+from analysis.estimation import aircraft_models, output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.simulation import build_simulator
 from flight.aircraft import load_aircraft
@@ -17,7 +16,7 @@ pytestmark = pytest.mark.slow
 NEXSTAR = load_aircraft("nexstar")
 STEP_S, N = 0.04, 500
 # Two states, four outputs, twelve parameters.
-MODEL = models.two_state(NEXSTAR).changed(CLde={"free": False}, thrust_slope={"free": False})
+MODEL = aircraft_models.two_state(NEXSTAR).changed(CLde={"free": False}, thrust_slope={"free": False})
 TRUTH = {"CL0": 0.3, "CLa": 4.6, "A0": 0.0465, "A1": -0.0195, "A2": 0.065}
 SIGMA = {"V": 0.29, "alpha": 0.008, "ax": 0.058, "az": 0.058}
 
@@ -51,7 +50,7 @@ def processor_time_s(work, repeats):
 def test_one_run_in_60_ms_and_twenty_in_2_s():
     assert sum(q.free for q in MODEL.parameters) == 12
     runs = [made_by_the_model(f"run {i}", i) for i in range(20)]
-    start = models.starting_values(NEXSTAR, runs[0])
+    start = aircraft_models.starting_values(NEXSTAR, runs[0])
     assert output_error.estimate(MODEL, runs, start=start).verdict.ok
     one = processor_time_s(lambda: output_error.estimate(MODEL, runs[0], start=start), 10)
     twenty = processor_time_s(lambda: output_error.estimate(MODEL, runs, start=start), 2)
@@ -64,7 +63,7 @@ def general_optimiser(run):
 
     Its processor time [s], how many evaluations it took, and by how much its cost ends above ours.
     """
-    start = models.starting_values(NEXSTAR, run)
+    start = aircraft_models.starting_values(NEXSTAR, run)
     fit = output_error.estimate(MODEL, run, start=start)
     free = tuple(q for q in MODEL.parameters if q.free)
     plain = build_simulator(MODEL, ())  # without sensitivities, as a general optimiser would have it
@@ -93,7 +92,7 @@ def general_optimiser(run):
 def test_a_hundred_times_faster_than_a_general_optimiser():
     """To the same cost within 0.01, or it has not arrived at all."""
     run = made_by_the_model("run", 1)
-    start = models.starting_values(NEXSTAR, run)
+    start = aircraft_models.starting_values(NEXSTAR, run)
     ours = processor_time_s(lambda: output_error.estimate(MODEL, run, start=start), 5)
     theirs, _, above = general_optimiser(run)
     assert above > -0.01

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
+from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, exact
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
@@ -12,6 +13,11 @@ from sim.plant import plant_of
 from sim.propulsion import power_train, throttle_for
 
 RHO, STEP_S = 1.19, 0.2
+POLAR = {"A0": 0.0465, "A1": -0.0195, "A2": 0.065}
+NO_CORRECTION = {"thrust_scale": 0.0, "thrust_slope": 0.0}
+ALONG_PATH = {"alpha_0": 0.0, "alpha_CL": 0.0}  # thrust carries no weight
+LOSSLESS = PowerTrainModel(exact(shaft_scale=1.0, friction=0.0, copper=0.0, meter_scale=0.0), 0.0, True, "", ())
+FLOWN_CL = (0.2, 1.1)
 
 
 def height_of(air: Air, rho: float) -> float:

@@ -5,9 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from motor_data import RHO, STEP_S, full_throttle_run, steady_points
+from motor_data import (
+    ALONG_PATH,
+    FLOWN_CL,
+    LOSSLESS,
+    NO_CORRECTION,
+    POLAR,
+    RHO,
+    STEP_S,
+    full_throttle_run,
+    steady_points,
+)
 
-from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.polar import Condition, Polar, speed_at
 from analysis.performance.analysis import (
@@ -20,21 +29,11 @@ from analysis.performance.analysis import (
 )
 from analysis.performance.conditions import TitledCondition
 from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
-from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, UncertainValue, combine_independent, exact
+from analysis.signals.aircraft_size import LEAST_HEIGHT_M
 from sim.plant import plant_of
 
 UNKNOWN = FullThrottle(None, reason="not flown")
-POLAR = {"A0": 0.0465, "A1": -0.0195, "A2": 0.065}
-NO_CORRECTION = {"thrust_scale": 0.0, "thrust_slope": 0.0}
-ALONG_PATH = {"alpha_0": 0.0, "alpha_CL": 0.0}  # thrust carries no weight
-LOSSLESS = PowerTrainModel(exact(shaft_scale=1.0, friction=0.0, copper=0.0, meter_scale=0.0), 0.0, True, "", ())
-FLOWN_CL = (0.2, 1.1)
-
-
-@pytest.fixture(scope="module")
-def at(nexstar) -> Condition:
-    return Condition(nexstar.mass.weight_N, RHO, nexstar.geometry.wing_area_m2)
 
 
 def test_range_goes_with_energy_and_its_speed_with_the_root_of_density(propeller, at) -> None:

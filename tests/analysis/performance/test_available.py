@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from motor_data import RHO, full_throttle_run, height_of, incidence_of
 
-from analysis.drag.polar import Condition, lift_coefficient
+from analysis.drag.polar import lift_coefficient
 from analysis.performance.available import (
     FASTEST,
     SERVICE_CLIMB_MPS,
@@ -38,11 +38,6 @@ def parameters(nexstar, motor) -> ParameterVector:
     A0, A1, A2 = aero.CD0 + aero.K * aero.CL_minD**2, -2 * aero.K * aero.CL_minD, aero.K
     polar = exact(A0=A0, A1=A1, A2=A2, thrust_scale=0.0, thrust_slope=0.0)
     return combine_independent(polar, incidence_of(nexstar), motor)
-
-
-@pytest.fixture(scope="module")
-def at(nexstar) -> Condition:
-    return Condition(nexstar.mass.weight_N, RHO, nexstar.geometry.wing_area_m2)
 
 
 @pytest.fixture(scope="module")

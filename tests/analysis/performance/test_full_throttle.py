@@ -102,3 +102,22 @@ def test_the_first_tenths_of_a_second_at_full_throttle_are_left_out(nexstar, pro
     expected, found = (fit_full_throttle(run, nexstar.propulsion, propeller).parameters for run in (settled, ramping))
     assert expected is not None and found is not None
     assert found.values == pytest.approx(expected.values, rel=1e-9)
+
+
+def test_one_speed_leaves_the_loss_by_torque_to_the_resistances(nexstar, propeller) -> None:
+    """At one torque the flight determines n_0 - c Q and not c: it stays what the simulator's motor loses for each
+    N m between two other speeds, uncertain by half of it. (Density makes the torque the same at every noisy n, and the
+    rotor is light.)"""
+    run = at_throttle(nexstar, propeller, np.full(40, 15.0), 1.0)
+    noisy = run["n"].to_numpy() + np.random.default_rng(0).normal(0, 0.05, len(run))
+    power_W = [propeller.thrust_and_power(15.0, n, RHO)[1] / n for n in (run["n"].to_numpy(), noisy)]
+    same_torque = run.assign(n=noisy, rho=RHO * power_W[0] / power_W[1])
+    light = replace(nexstar.propulsion, propeller_inertia_kgm2=1e-9)
+    found = fit_full_throttle(same_torque, light, propeller)
+    assert found.parameters is not None, found.reason
+    n = at_throttle(nexstar, propeller, np.array([12.0, 24.0]), 1.0)["n"].to_numpy()
+    _, shaft_W = propeller.thrust_and_power(np.array([12.0, 24.0]), n, RHO)
+    loss = -np.diff(n)[0] / np.diff(shaft_W / (2 * np.pi * n))[0]
+    i = found.parameters.names.index("revps_per_Nm")
+    assert found.parameters.values[i] == pytest.approx(loss, rel=0.005)
+    assert np.sqrt(found.parameters.covariance[i, i]) == pytest.approx(loss / 2, rel=0.02)

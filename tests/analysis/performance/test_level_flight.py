@@ -2,27 +2,16 @@
 
 import numpy as np
 import pytest
-from motor_data import RHO, height_of, incidence_of, steady_points
+from motor_data import ALONG_PATH, FLOWN_CL, LOSSLESS, NO_CORRECTION, POLAR, RHO, height_of, incidence_of, steady_points
 from scipy.optimize import brentq
 
-from analysis.drag.polar import Condition, lift_coefficient, speed_at
+from analysis.drag.polar import lift_coefficient, speed_at
 from analysis.performance.level_flight import level_flight
 from analysis.performance.power_train import PowerTrainModel, fit_power_train
 from analysis.performance.propagation import combine_independent, exact
 from sim.plant import plant_of
 from sim.propulsion import power_train as true_train
 from sim.trim import Trimmer
-
-POLAR = {"A0": 0.0465, "A1": -0.0195, "A2": 0.065}
-NO_CORRECTION = {"thrust_scale": 0.0, "thrust_slope": 0.0}
-ALONG_PATH = {"alpha_0": 0.0, "alpha_CL": 0.0}  # thrust carries no weight
-LOSSLESS = PowerTrainModel(exact(shaft_scale=1.0, friction=0.0, copper=0.0, meter_scale=0.0), 0.0, True, "", ())
-FLOWN_CL = (0.2, 1.1)
-
-
-@pytest.fixture(scope="module")
-def at(nexstar) -> Condition:
-    return Condition(nexstar.mass.weight_N, RHO, nexstar.geometry.wing_area_m2)
 
 
 def test_one_speed_by_hand(propeller, at) -> None:

@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motor_data import RHO, STEP_S, recorded, steady_points
+from motor_data import NO_CORRECTION, RHO, STEP_S, recorded, steady_points
 
 from analysis.performance.power_train import PowerTrainModel, fit_power_train
 from analysis.performance.propagation import exact, from_sigma_points
 from analysis.performance.propeller_speed import corrected_thrust, revps_for_thrust
 from sim.propulsion import throttle_for
-
-NO_CORRECTION = {"thrust_scale": 0.0, "thrust_slope": 0.0}
 
 
 def test_the_speed_of_rotation_found_gives_the_thrust_asked_for(propeller) -> None:

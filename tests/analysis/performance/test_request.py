@@ -17,13 +17,30 @@ def test_units_are_understood() -> None:
     assert asked.density_altitudes_m == pytest.approx((0.0, 1524.0, -200.0))
 
 
-@pytest.mark.parametrize("text", ["0", "-5", "nan", "inf", "seventy", "", "74 Wh"])
+@pytest.mark.parametrize("text", ["0", "-5", "nan", "inf", "seventy", "", "74 W", "5000 mAh, 14.8", "5000 mAh, 0 V"])
 def test_an_energy_that_is_none(text: str) -> None:
     with pytest.raises(InputError, match=r"--battery-Wh.*watt hours above zero"):
         parse_request(battery_Wh=text)
 
 
-@pytest.mark.parametrize("text", ["0", "1.01", "80", "most"])
+@pytest.mark.parametrize(
+    "text", ["74", "74 Wh", "74Wh", "0.074 kWh", "5000 mAh, 14.8 V", "5000mAh 14.8V", "5 Ah at 14.8 V", "5Ah x 14.8 V"]
+)
+def test_an_energy(text: str) -> None:
+    assert parse_request(battery_Wh=text).battery_Wh == pytest.approx(74.0)
+
+
+def test_a_charge_without_its_voltage_asks_for_it() -> None:
+    with pytest.raises(InputError, match=r'voltage as well, such as "5000 mAh, 14.8 V"'):
+        parse_request(battery_Wh="5000 mAh")
+
+
+@pytest.mark.parametrize("text", ["0.8", "80%", "80 %"])
+def test_a_share(text: str) -> None:
+    assert parse_request(usable=text).usable == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("text", ["120 %", "-10 %", "80 %%", "nan", "0", "1.01", "80", "most"])
 def test_a_share_that_is_none(text: str) -> None:
     with pytest.raises(InputError, match=r"--usable.*between 0 and 1"):
         parse_request(usable=text)

@@ -16,11 +16,12 @@ from analysis.trajectory.equations import (
     NamedArrays,
     measurement_model,
 )
-from analysis.trajectory.observability import FlightExcitation, excitation, heading_notes, missing
+from analysis.trajectory.observability import FlightExcitation, excitation, gust_notes, heading_notes, missing
 from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.time_shift import TimeShift, time_shift_notes, time_shifts
+from flight.errors import InputError
 
 ERRORS = {"alpha_bias": 0.02, "alpha_scale": 0.05, "beta_bias": -0.02, "V_scale": 0.03, "air_data_lag": 0.1,
           "gps_latency": 0.3}  # fmt: skip
@@ -87,6 +88,24 @@ def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
     was = (before - calm).iloc[inside].dropna()
     assert np.degrees(was[ANGLES].abs().mean()) > 0.7
     assert was[SPEED].mean() == pytest.approx(0.03 * 15.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("bias", "gust"), [(0.1, 0.0), (-0.1, 0.0), (0.0, 1.5), (0.0, -1.5)])
+def test_bias_and_gust_are_taken_out_of_sideslip(exact, bias: float, gust: float) -> None:
+    """Banked 9 deg, 0.1 rad of sideslip too much turns the climb angle by 0.1 sin(9 deg), 0.9 deg.
+
+    A gust to the right comes from the left: sideslip is less by it over the airspeed.
+    """
+    states = exact.states.copy()
+    states[:, STATES.index("phi")] = np.radians(9.0)
+    calm = consistency(trajectory_of(exact.table, states, {})).before[ANGLES]
+    states[:, STATES.index("gust_v")] = gust
+    sensed = trajectory_of(exact.table, states, {"beta_bias": bias})
+    V = sensed.predicted_flow[:, PREDICTED_FLOW.index("V_predicted")]
+    sensed.block_means.means["beta_rad"] = sensed.block_means["beta_rad"] + bias - gust / V
+    before, after = consistency(sensed)
+    assert np.degrees((before[ANGLES] - calm).abs().mean()) > 0.7
+    assert after[ANGLES].dropna().to_numpy() == pytest.approx(calm.dropna().to_numpy(), abs=1e-5)
 
 
 def test_perfect_sensors_agree(exact) -> None:
@@ -198,3 +217,20 @@ def test_a_compass_contradicts_beyond_twice_its_error_or_thirty_degrees(
         calibrated=True,
     )
     assert bool(notes) == contradicts and all("contradicts GPS" in note for note in notes)
+
+
+def test_an_aircraft_that_never_flew_has_one_heading_and_one_speed(exact) -> None:
+    parked = excitation(trajectory_of(exact.table.assign(height_m=0.0), exact.states, {}))
+    assert (parked.mean_heading_vector, parked.speed_ratio) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize(("error_deg", "gust_mps", "said"), [(0.31, 0.31, True), (0.29, 0.31, False),
+                                                             (0.31, 0.29, False), (0.55, 0.5, True)])  # fmt: skip
+def test_gusts_are_said_to_limit_the_angle_of_attack_from_0_3_deg_in_0_3_mps(exact, error_deg, gust_mps, said) -> None:
+    """For a single run that is an error: a degree is 20 % of power near the stall."""
+    known = np.radians(error_deg) / PRIOR_SIGMA["alpha_bias"]
+    trajectory = trajectory_of(exact.table, exact.states, {}, known, gust_mps=gust_mps)
+    assert bool(gust_notes(trajectory, 4, "log")) == said
+    if said:
+        with pytest.raises(InputError, match=f"gusts of {gust_mps:.1f} m/s .* uncertain by {error_deg:.1f} deg"):
+            gust_notes(trajectory, 1, "log")

@@ -1,0 +1,59 @@
+"""Topics and fields of a log: what is required, and names that differ from those of flight/messages.py."""
+
+from difflib import get_close_matches
+
+import msgspec
+
+from analysis.signals.synchronize import COLUMNS, NEEDED, TOPICS
+from flight.errors import InputError
+from flight.log_reader import FORMAT_PAGE, Log, other_encoding
+from flight.messages import TYPE_OF_TOPIC, Status
+
+MOST_UNDECODABLE = 0.5  # of a topic's messages; a damaged log has a few
+SIMILAR = 0.7  # of 1, by difflib
+
+
+def check_messages(log: Log) -> None:
+    """Raises InputError if a required topic or field has no value, or messages of a topic are not of the format."""
+    for topic in TOPICS:
+        if topic in log.other_encodings:
+            raise InputError(f"{log.path}: {topic}: {other_encoding(log.other_encodings[topic])}")
+        entries, undecodable = log.entries.get(topic, []), log.undecodable_of.get(topic)
+        if undecodable and undecodable.count > MOST_UNDECODABLE * (len(entries) + undecodable.count):
+            raise InputError(
+                f"{log.path}: {topic}: {undecodable.count} of {len(entries) + undecodable.count} messages cannot be"
+                f" decoded: {undecodable.mistake}"
+            )
+        if topic in NEEDED and not entries:
+            raise InputError(f"{log.path}: no topic {topic}, which the power curve needs{_similar_topic(log, topic)}")
+        if entries:
+            _check_fields(log, topic)
+
+
+def _check_fields(log: Log, topic: str) -> None:
+    """Raises InputError if a required field has no value, or an optional one is there under another name."""
+    good = [entry.message for entry in log.entries[topic] if entry.message.status is Status.OK]
+    used = [field for of, field in COLUMNS.values() if of == topic]
+    empty = [field for field in used if all(getattr(message, field) is None for message in good)]
+    known = {field.name for field in msgspec.structs.fields(TYPE_OF_TOPIC[topic])}
+    unknown = sorted(log.fields.get(topic, frozenset()) - known)
+    misnamed = [(field, match) for field in empty for match in get_close_matches(field, unknown, 1, SIMILAR)]
+    if misnamed:
+        field, match = misnamed[0]
+        raise InputError(f"{log.path}: {topic}: {field} has no value, but there is an unknown field {match}: rename it")
+    if (unknown and good and len(empty) == len(used)) or (topic in NEEDED and empty):
+        raise InputError(f"{log.path}: {topic}: {empty[0]} {_why_empty(log, topic, unknown, bool(good))}")
+
+
+def _why_empty(log: Log, topic: str, unknown: list[str], good: bool) -> str:
+    if unknown:
+        return f"has no value; fields of its messages that {FORMAT_PAGE} does not have: {', '.join(unknown)}"
+    statuses = ", ".join(sorted({str(entry.message.status) for entry in log.entries[topic]}))
+    return f"never carried a value (its status: {statuses})" if good else f"was never measured (its status: {statuses})"
+
+
+def _similar_topic(log: Log, topic: str) -> str:
+    match = get_close_matches(topic, log.unknown_topics, 1, SIMILAR)
+    if match:
+        return f"; is it {match[0]}? Rename it"
+    return f"; unknown topics of the log: {', '.join(log.unknown_topics)}" if log.unknown_topics else ""

@@ -1,0 +1,104 @@
+"""What the commands have in common: plain help, quantities with units, one line for what is wrong, exit codes.
+
+Exit codes: 0 success, 1 a failure while running, 2 wrong input or configuration, 130 stopped by Ctrl-C.
+"""
+
+import math
+import sys
+from collections.abc import Callable
+from io import TextIOWrapper
+from typing import Any
+
+import typer
+
+from flight.errors import InputError
+from flight.units import to_si
+
+FAILURE, BAD_INPUT = 1, 2
+UsageError: Any = typer.BadParameter.__mro__[1]  # typer has it, but under a name that differs between its versions
+LINUX_ONLY = ("fcntl", "resource", "smbus2", "termios")
+
+
+def application(**options: Any) -> typer.Typer:
+    """A Typer application whose help is plain text: no markup, which would swallow units in brackets, and no boxes."""
+    defaults: dict[str, Any] = {"add_completion": False, "no_args_is_help": True}
+    return typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, **defaults | options)
+
+
+def run(app: typer.Typer, name: str, prefix: str = "error") -> None:
+    """Run the command `name`. What is wrong with the input is one line on stderr that begins with `prefix`."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")  # characters that the terminal's encoding lacks
+    try:
+        code = app(prog_name=name, standalone_mode=False)
+    except UsageError as error:
+        _stop(prefix, _usage(error, name))
+    except InputError as error:
+        _stop(prefix, str(error))
+    except ModuleNotFoundError as error:
+        if error.name not in LINUX_ONLY:
+            raise
+        _stop(prefix, f"{name}: runs on Linux only, on the aircraft's computer ({error.name} is missing)")
+    except BrokenPipeError:
+        sys.exit(FAILURE)
+    except OSError as error:
+        if not isinstance(error.filename, str):
+            raise
+        _stop(prefix, f"{error.filename}: cannot be read or written ({error.strerror or error})")
+    else:
+        if code:
+            sys.exit(code)
+
+
+def _stop(prefix: str, message: str) -> None:
+    print(f"{prefix}: {' '.join(message.splitlines())}", file=sys.stderr)
+    sys.exit(BAD_INPUT)
+
+
+def _usage(error: Any, name: str) -> str:
+    """What is wrong with the arguments, in one line; or the help, for a command without any."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        error.show()
+        sys.exit(BAD_INPUT)
+    command = error.ctx.command_path if error.ctx else name
+    return f"{error.format_message().rstrip('.')}; see `{command} --help`"
+
+
+def quantity(
+    option: str,
+    unit: str,
+    example: str,
+    *,
+    least: float = -math.inf,
+    most: float = math.inf,
+    above: float = -math.inf,
+) -> Callable[[str], float]:
+    """A parser for `typer.Option`: a plain number in `unit`, or one with a unit ("300 ft"), converted to `unit`.
+
+    example: with a unit other than `unit`, for messages. It raises InputError naming the option when the text is
+    neither, or when the value is not finite or outside least <= value <= most, value > above.
+    """
+    limits = (("above", above), ("at least", least), ("at most", most))
+    within = " and ".join(f"{words} {limit:g}" for words, limit in limits if math.isfinite(limit))
+    wanted = f"should be {within or 'a quantity in'} {unit}: a plain number, or with a unit, such as {example}"
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = _si_or_nan(text, unit)
+        if not (math.isfinite(value) and least <= value <= most and value > above):
+            raise InputError(f"{option} {text}: {wanted}")
+        return value
+
+    return parse
+
+
+def _si_or_nan(text: str, unit: str) -> float:
+    try:
+        if unit == "%":  # not of other dimensionless units, such as degrees
+            return float(text.strip().removesuffix("%"))
+        return to_si(text, unit, "")
+    except (InputError, ValueError):
+        return math.nan

@@ -1,0 +1,75 @@
+"""Where the optimizer stops: on likelihoods whose optimum and whose rate of convergence are known."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from analysis.estimation.optimizer import Evaluation, maximize
+
+CURVATURE = 4.0  # of the cost: a standard error of 0.5
+
+
+@dataclass
+class Parabola:
+    """Cost with its minimum at zero. Its information exceeds the curvature: each step goes `share` of the way.
+
+    ln_det_R: grows by this with each standard error of distance     kink: slope of the cost on either side of the start
+    """
+
+    share: float = 1.0
+    ln_det_R: float = 0.0
+    kink: float = 0.0
+
+    @property
+    def problem(self):
+        return SimpleNamespace(prior_information=np.zeros(1), lower=np.array([-np.inf]), upper=np.array([np.inf]))
+
+    def evaluate(self, theta):
+        (x,) = theta
+        cost = CURVATURE * x**2 / 2 + self.kink * abs(x - self.start)
+        information = np.array([[CURVATURE / self.share]])
+        ln_det_R = self.ln_det_R * abs(x) * np.sqrt(information[0, 0])
+        gradient = -CURVATURE * theta
+        return Evaluation(theta, cost, (), np.eye(1), gradient, information, ln_det_R=ln_det_R)
+
+    def stop(self, start, **options):
+        """Distance from the optimum where the search from distance `start` stops, in standard errors; reason."""
+        error = np.sqrt(self.share / CURVATURE)
+        self.start = start * error
+        point, _, reason = maximize(self, self.evaluate(np.array([self.start])), 100, **options)
+        return abs(point.theta[0]) / error, reason
+
+
+@pytest.mark.parametrize("last", [1.01, 1.3, 1.9])
+def test_the_gradient_at_the_stop_is_zero_to_a_ten_thousandth_of_a_standard_error(last):
+    """Each step halves the distance, so the last step is as long as what is left of the way. Steps are `last` times
+    1e-4 standard errors, then half of it: the second is the first that is short enough."""
+    left, reason = Parabola(share=0.5).stop(2**10 * last * 1e-4)
+    assert reason == ""
+    assert left == pytest.approx(last / 2 * 1e-4)
+
+
+@pytest.mark.parametrize("last", [1.01, 1.9])
+def test_the_change_of_the_residuals_covariance_at_the_stop_is_a_millionth(last):
+    """ln det R changes by 1/10 for each standard error: the steps that the tolerance of the step allows change it by
+    1e-5, ten times too much."""
+    left, reason = Parabola(share=0.5, ln_det_R=0.1).stop(2**12 * last * 1e-5)
+    assert reason == ""
+    assert 0.1 * left == pytest.approx(last / 2 * 1e-6)
+
+
+@pytest.mark.parametrize(("gain", "optimum"), [(0.51e-4, True), (0.99e-4, True), (1.01e-4, False), (1.99e-4, False)])
+def test_where_no_step_lowers_the_cost_the_predicted_gain_decides(gain, optimum):
+    """The cost rises on either side of the start. Twice the predicted decrease is the squared distance in standard
+    errors: below 1e-4 rounding hides the decrease, above it the gradient is wrong."""
+    left, reason = Parabola(kink=1e3).stop(np.sqrt(gain))
+    assert left == pytest.approx(np.sqrt(gain)), "no step was taken"
+    assert (reason == "") == optimum
+    assert optimum or "no step, however short" in reason
+
+
+def test_a_caller_may_stop_earlier():
+    point = Parabola(share=0.5).stop(1.0, step_tolerance=0.1)
+    assert point == (pytest.approx(1 / 16), ""), "the first step shorter than 0.1 of a standard error"

@@ -1,0 +1,103 @@
+"""Structure selection on a simulated nonlinear aircraft, whose terms are known."""
+
+import numpy as np
+import pytest
+
+from analysis.estimation.term_selection import orthogonal_functions, stepwise
+from flight.errors import InputError
+
+NOISE = 0.02
+
+
+def with_noise_known_to_a_factor_of_four(candidates, z):
+    return orthogonal_functions(candidates, z, largest_noise_variance=16 * NOISE**2)
+
+
+METHODS = [stepwise, with_noise_known_to_a_factor_of_four]
+# Vertical force coefficient with stall and pitch-rate terms (made up, of the size of a light aircraft's).
+TRUE = {"alpha": -4.5, "alpha^2": 6.0, "q": -8.0, "elevator": -0.4, "alpha elevator": 2.5}
+
+
+def flight(seed, n=400, noise=NOISE):
+    """Motion from filtered random controls: candidates up to third order, and the coefficient with noise."""
+    rng = np.random.default_rng(seed)
+
+    def motion(size, tau):
+        x = np.zeros(n)
+        for k in range(1, n):
+            x[k] = x[k - 1] * np.exp(-0.04 / tau) + rng.standard_normal()
+        return size * x / x.std()
+
+    alpha, q, elevator = 0.05 + motion(0.05, 1.0), motion(0.01, 0.5), motion(0.08, 0.3)
+    first = {"alpha": alpha, "q": q, "elevator": elevator, "beta": motion(0.05, 1.0), "p": motion(0.02, 0.4)}
+    names = list(first)
+    candidates = dict(first)
+    for i, a in enumerate(names):
+        for b in names[i:]:
+            candidates[f"{a}^2" if a == b else f"{a} {b}"] = first[a] * first[b]
+    candidates["alpha^3"] = alpha**3
+    z = -0.3 + sum(value * candidates[name] for name, value in TRUE.items()) + noise * rng.standard_normal(n)
+    return candidates, z
+
+
+def test_the_true_terms_are_found_in_95_of_100_flights():
+    right = dict.fromkeys(METHODS, 0)
+    for seed in range(1000, 1100):
+        candidates, z = flight(seed)
+        for method in right:
+            right[method] += set(method(candidates, z).names) == set(TRUE)
+    assert min(right.values()) >= 95, right
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_coefficients_are_those_of_the_regression(method):
+    """Within four standard errors; and the standard errors are those of least squares, about 0.02/sqrt(400)/rms."""
+    candidates, z = flight(7)
+    found = method(candidates, z)
+    for name, value, error in zip(found.names, found.coefficients, found.standard_errors, strict=True):
+        assert value == pytest.approx(TRUE[name], abs=4 * error)
+    assert found.constant == pytest.approx(-0.3, abs=4 * found.constant_error)
+    assert np.std(z - found.predict(candidates)) == pytest.approx(0.02, rel=0.1)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_noise_alone_needs_no_terms(method):
+    rng = np.random.default_rng(0)
+    candidates, _ = flight(1)
+    empty = sum(not method(candidates, NOISE * rng.standard_normal(400)).names for _ in range(20))
+    assert empty >= 19
+
+
+def test_without_knowledge_of_the_noise_small_terms_are_left_out():
+    """Barron's bound takes all of z for noise: a term must explain 1/400 of its variance."""
+    candidates, z = flight(7)
+    found = orthogonal_functions(candidates, z)
+    assert found.names[0] == "alpha" and found.R2 > 0.98
+    assert len(found.names) < len(TRUE)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_candidate_that_is_a_combination_of_others_is_taken_once(method):
+    candidates, z = flight(3)
+    twice = candidates | {"alpha in degrees": np.degrees(candidates["alpha"])}
+    found = method(twice, z)
+    assert len({"alpha", "alpha in degrees"} & set(found.names)) == 1
+    assert np.all(np.isfinite(found.standard_errors))
+
+
+def test_a_replaced_term_leaves_again():
+    """A candidate that stands for the sum of two enters first, and is superfluous when both are in."""
+    rng = np.random.default_rng(2)
+    a, b = rng.standard_normal((2, 300))
+    stand_in = a + b + 0.3 * rng.standard_normal(300)
+    found = stepwise({"stand-in": stand_in, "a": a, "b": b}, a + b + 0.1 * rng.standard_normal(300))
+    assert set(found.names) == {"a", "b"}
+
+
+def test_wrong_arrays_are_named():
+    with pytest.raises(InputError, match=r"candidate a: shape \(3,\)"):
+        stepwise({"a": np.ones(3)}, np.ones(4))
+    with pytest.raises(InputError, match="a: not finite at sample 2"):
+        stepwise({"a": [1, 2, np.nan, 4]}, np.ones(4))
+    with pytest.raises(InputError, match="more samples than candidates"):
+        orthogonal_functions({"a": np.arange(3)}, np.arange(3))

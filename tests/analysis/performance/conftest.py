@@ -1,0 +1,11 @@
+"""The weight and density that several tests compute performance for."""
+
+import pytest
+from motor_data import RHO
+
+from analysis.drag.polar import Condition
+
+
+@pytest.fixture(scope="module")
+def at(nexstar) -> Condition:
+    return Condition(nexstar.mass.weight_N, RHO, nexstar.geometry.wing_area_m2)

@@ -1,0 +1,89 @@
+"""Predicted regressors of sensor errors in straight flight of changing speed, where they are known."""
+
+import numpy as np
+import pytest
+from exact_motion import exact_motion
+
+from analysis.trajectory.block_means import BLOCK, BlockMeans
+from analysis.trajectory.equations import MEASUREMENT_INPUTS, SENSOR_ERRORS, STATES
+from analysis.trajectory.initial_estimate import initial_states
+from analysis.trajectory.problem import TrajectoryProblem
+
+INSIDE = slice(20, -20)
+NO_ERRORS = np.zeros(len(SENSOR_ERRORS))
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return exact_motion()
+
+
+def straight_flight(exact, V, bank=0.0, wind=(3.0, -2.0), **columns):
+    """Problem and states of level flight to the north at airspeed V (rows of the table,) in a wind."""
+    table = exact.table.assign(V_mps=V, **columns)
+    problem = TrajectoryProblem(table, [slice(0, 0)], 0.0, None)
+    values = {"phi": bank, "v_north": problem.blocks["V_mps"] + wind[0], "v_east": wind[1]}
+    values |= {"wind_north": wind[0], "wind_east": wind[1]}
+    states = np.column_stack([values.get(name, 0.0) + np.zeros(problem.blocks.n) for name in STATES])
+    return problem, states
+
+
+def predicted(problem, states, errors=NO_ERRORS) -> dict[str, np.ndarray]:
+    _, inputs = problem.regressors.measurement_inputs(states, errors, 0.1)
+    return dict(zip(MEASUREMENT_INPUTS, inputs.T, strict=True))
+
+
+def test_predicted_airspeed_is_that_of_the_motion_through_the_wind(exact) -> None:
+    """A steady acceleration: a straight line through the past predicts speed and acceleration exactly."""
+    t = exact.table.index.to_numpy()
+    found = predicted(*straight_flight(exact, 10.0 + 0.2 * t))
+    V = (10.0 + 0.2 * t)[BLOCK // 2 :: BLOCK]
+    assert found["V_predicted"][INSIDE] == pytest.approx(V[INSIDE], abs=1e-3)
+    assert found["V_rate"][INSIDE] == pytest.approx(0.2, abs=1e-3)
+
+
+def test_the_angle_of_attack_of_level_flight_is_predicted_from_speed_and_its_change(exact) -> None:
+    """alpha = a + k/V^2, so that alphadot = -2 k Vdot/V^3. Nothing else predicts it here: the states have no angle.
+
+    Acceleration is the mean of the second before, half a second late: a phase of 1/8, 2 % of the variance.
+    """
+    t = exact.table.index.to_numpy()
+    V, Vdot = 15.0 + 6.0 * np.sin(0.25 * t), 1.5 * np.cos(0.25 * t)
+    alpha, rate = -0.05 + 25.0 / V**2, -50.0 * Vdot / V**3
+    found = predicted(*straight_flight(exact, V, alpha_rad=alpha))
+    for name, true in (("V_rate", Vdot), ("alpha", alpha), ("alpha_rate", rate)):
+        at_blocks = true[BLOCK // 2 :: BLOCK]
+        share = np.var((found[name] - at_blocks)[INSIDE]) / np.var(at_blocks[INSIDE])
+        assert share < 0.04, name
+
+
+def test_turns_are_flown_at_the_lift_coefficient_of_their_bank(exact) -> None:
+    """Bank swings to 60 deg, where lift is doubled: alpha, and the probe's d ln V/d ln dp, over lift."""
+    t = exact.table.index.to_numpy()
+    bank, V = np.radians(60.0) * np.sin(0.2 * t), 15.0 + 4.0 * np.sin(0.13 * t)
+    lift = (15.0 / V) ** 2 / np.cos(bank)
+    problem, states = straight_flight(
+        exact, V, bank[BLOCK // 2 :: BLOCK], alpha_rad=0.1 * lift, dlnV_dlndp_alpha=0.05 * lift
+    )
+    found = predicted(problem, states)
+    for name, true in (("alpha", 0.1 * lift), ("dlnV_dlndp_alpha", 0.05 * lift)):
+        at_blocks = true[BLOCK // 2 :: BLOCK]
+        share = np.var((found[name] - at_blocks)[INSIDE]) / np.var(at_blocks[INSIDE])
+        assert share < 0.05, name
+
+
+@pytest.mark.parametrize("fast_blocks", [5, 20])
+def test_a_short_ground_track_gives_the_heading_its_offset(exact, fast_blocks: int) -> None:
+    """Heading is the integral of yaw rate, here 0.1 rad/s from north. GPS is fast for a moment, at a heading of 2 rad
+    more: the first estimate is this heading all the time with few fast blocks, and at those blocks with many."""
+    t = exact.table.index.to_numpy()
+    heading = 2.0 + 0.1 * t
+    start = len(t) // 2 // BLOCK * BLOCK
+    speed = np.full(len(t), 0.5)
+    speed[start : start + fast_blocks * BLOCK] = 15.0
+    gps = {"gps_north_mps": speed * np.cos(heading), "gps_east_mps": speed * np.sin(heading)}
+    blocks = BlockMeans(exact.table.assign(r_radps=0.1, **gps))
+    psi = initial_states(blocks, np.zeros(blocks.n), np.full(blocks.n, 15.0), None)[:, STATES.index("psi")]
+    at = slice(start // BLOCK + 1, start // BLOCK + fast_blocks - 1) if fast_blocks > 10 else slice(None)
+    off = psi - heading[BLOCK // 2 :: BLOCK]
+    assert (off[at] + np.pi) % (2 * np.pi) - np.pi == pytest.approx(0.0, abs=0.05)

@@ -1,0 +1,61 @@
+"""`--help` of every command: plain, within 80 columns, with units, defaults and an example."""
+
+import re
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import analysis.cli.analyze
+import analysis.cli.calibrate
+import daq.__main__
+import flightpower.__main__
+import flightpower.new
+import sim.__main__
+
+APPLICATIONS = {
+    "analyze": analysis.cli.analyze.app,
+    "calibrate": analysis.cli.calibrate.app,
+    "daq": daq.__main__.app,
+    "flightpower": flightpower.__main__.app,
+    "flightpower new": flightpower.new.app,
+    "sim": sim.__main__.app,
+}
+
+
+def commands() -> list[tuple[str, str]]:
+    """(application, its command); the command is empty for the application itself."""
+    found = [(name, "") for name in APPLICATIONS]
+    for name, app in APPLICATIONS.items():
+        several = getattr(typer.main.get_command(app), "commands", {})
+        found += [(name, command) for command in several]
+    return found
+
+
+def help_of(name: str, command: str) -> str:
+    arguments = [*([command] if command else []), "--help"]
+    outcome = CliRunner().invoke(APPLICATIONS[name], arguments, prog_name=name, env={"COLUMNS": "80"})
+    assert outcome.exit_code == 0
+    return outcome.output
+
+
+@pytest.mark.parametrize(("name", "command"), commands())
+def test_help_is_plain_and_teaches(name: str, command: str) -> None:
+    text = help_of(name, command)
+    assert max(map(len, text.splitlines())) <= 80
+    assert not re.search(r"<bool>|\[/|[╭│]|[^\]]\.\.\.$", text, re.MULTILINE)
+    if command or name == "analyze":
+        assert re.search(rf"^  Examples?:\n    (flightpower )?{name.split()[-1]} {command}", text, re.MULTILINE)
+    assert text.encode("cp1252")  # the encoding of a Windows console that is not UTF-8
+
+
+def test_units_stay() -> None:
+    text = help_of("sim", "trim")
+    for words in ("above the ground [m].  [default: 100.0]", "Rate of climb [m/s]", "[deg]", "[rpm]"):
+        assert words in text
+
+
+def test_units_stay_in_tables() -> None:
+    outcome = CliRunner().invoke(sim.__main__.app, ["trim", "--speed", "30 kt"], env={"COLUMNS": "80"})
+    assert outcome.exit_code == 0
+    assert all(words in outcome.output for words in ("[m/s]", "[deg]", "[W]", " 15.43 "))

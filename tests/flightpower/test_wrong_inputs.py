@@ -1,0 +1,283 @@
+"""Whatever is given by mistake: the right exit code, one line on stderr that says what is wrong where, nothing written.
+
+Each line of WRONG is a command as it is typed, in a folder with the files of `given`, and words of its message. Run as
+a program, this module prints the table with the whole messages.
+"""
+
+import contextlib
+import io
+import os
+import shlex
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import analysis.cli.analyze
+import analysis.cli.calibrate
+import daq.__main__
+import flightpower.__main__
+import sim.__main__
+from flight.aircraft import load_aircraft
+from flight.command_line import BAD_INPUT
+
+MAIN: dict[str, Callable[[], None]] = {
+    "analyze": analysis.cli.analyze.main,
+    "calibrate": analysis.cli.calibrate.main,
+    "daq": daq.__main__.main,
+    "flightpower": flightpower.__main__.main,
+    "sim": sim.__main__.main,
+}
+
+WRONG = {
+    # analyze: the log
+    "analyze missing.mcap": "missing.mcap: cannot be read",
+    "analyze .": ".: cannot be read, it is a folder; give a log, such as no-probe.mcap",
+    "analyze folder": "folder: cannot be read",
+    "analyze ''": ": cannot be read",
+    "analyze empty.txt": "empty.txt: the file is empty",
+    "analyze tunnel.csv": "tunnel.csv: not an MCAP file",
+    "analyze torn.mcap": "torn.mcap: holds no message",
+    "analyze stood.mcap": "stood.mcap: /rpm never carried a value",
+    "analyze no-probe.mcap": "give --probe FILE",
+    "analyze stood.mcap empty.txt": "unexpected extra argument",
+    # … its outputs and options
+    "analyze stood.mcap -o empty.txt": "empty.txt: is a file",
+    "analyze stood.mcap -o empty.txt/report": "cannot be written",
+    "analyze stood.mcap --spam": "No such option: --spam",
+    "analyze stood.mcap --runs": "requires an argument",
+    "analyze stood.mcap --aircraft missing.toml": "missing.toml: neither a file nor one of",
+    "analyze stood.mcap --aircraft folder": "folder: neither a file nor one of",
+    "analyze stood.mcap --aircraft binary.bin": "binary.bin: not a text file",
+    "analyze stood.mcap --aircraft empty.txt": "geometry.span is missing",
+    "analyze stood.mcap --aircraft probe.json": "probe.json: not valid TOML",
+    "analyze stood.mcap --aircraft no-unit.toml": "no-unit.toml: geometry.span = 1.7",
+    "analyze stood.mcap --aircraft nan.toml": "nan.toml: geometry.span = 'nan m'",
+    "analyze stood.mcap --aircraft huge.toml": "huge.toml: geometry.span = '1e400 m'",
+    "analyze stood.mcap --aircraft negative.toml": "mass.weight: must be greater than zero",
+    "analyze stood.mcap --probe missing.json": "missing.json: cannot be read",
+    "analyze stood.mcap --probe folder": "folder: cannot be read",
+    "analyze stood.mcap --probe mine.toml": "mine.toml: not a probe calibration",
+    "analyze stood.mcap --magnetometer probe.json": "probe.json: not a magnetometer calibration",
+    "analyze stood.mcap --zero probe.json": "probe.json: not a still-air zero",
+    "analyze stood.mcap --propeller apc-99x9": "apc-99x9: neither a file nor one of",
+    "analyze stood.mcap --propeller binary.bin": "binary.bin: not a text file",
+    "analyze stood.mcap --propeller folder": "folder: no UIUC table here",
+    "analyze stood.mcap --propeller tunnel.csv": "propeller tunnel: no line `# diameter_m",
+    "analyze stood.mcap --weight 4.1": "--weight '4.1'",
+    "analyze stood.mcap --weight 'nan kg'": "--weight 'nan kg'",
+    "analyze stood.mcap --weight '-4 kg'": "--weight '-4 kg'",
+    "analyze stood.mcap --weights '4 kg,,5 kg'": "--weights ''",
+    "analyze stood.mcap --battery-Wh '5000 mAh'": "give the voltage as well",
+    "analyze stood.mcap --battery-Wh '74 W'": "--battery-Wh 74 W",
+    "analyze stood.mcap --battery-Wh nan": "--battery-Wh nan",
+    "analyze stood.mcap --usable 80": "--usable 80",
+    "analyze stood.mcap --usable '-80 %'": "--usable -80 %",
+    "analyze stood.mcap --density-altitudes 1000": "--density-altitudes '1000'",
+    "analyze stood.mcap --density-altitudes '20 km'": "--density-altitudes '20 km'",
+    "analyze stood.mcap --runs missing.toml": "missing.toml: cannot be read",
+    "analyze stood.mcap --runs folder": "folder: cannot be read",
+    "analyze stood.mcap --runs binary.bin": "binary.bin: not a text file",
+    "analyze stood.mcap --runs mine.toml": "mine.toml: unknown key",
+    "analyze stood.mcap --runs empty.txt": "empty.txt: has no [[run]] table",
+    "analyze stood.mcap --runs none-kept.toml": "none-kept.toml: no [[run]] has keep = true",
+    "analyze stood.mcap --runs no-unit-run.toml": "run 1.start = 3",
+    # calibrate
+    "calibrate spam": "No such command 'spam'",
+    "calibrate probe missing.csv -o new.json": "missing.csv: cannot be read",
+    "calibrate probe folder -o new.json": "folder: cannot be read (it is a folder)",
+    "calibrate probe binary.bin -o new.json": "binary.bin: not a text file",
+    "calibrate probe empty.txt -o new.json": "empty.txt: holds no measurements",
+    "calibrate probe mine.toml -o new.json": "mine.toml: column",
+    "calibrate probe nan.csv -o new.json": "nan.csv: column 'alpha [deg]': not a number in every line",
+    "calibrate probe words.csv -o new.json": "in every line; the first without: 15,left,0,10,",
+    "calibrate probe one-angle.csv -o new.json": "one-angle.csv: alpha and beta must both vary",
+    "calibrate probe zero.csv -o new.json": "zero.csv: q_c and speed must be positive",
+    "calibrate probe no-unit.csv -o new.json": "no-unit.csv: column 'alpha'",
+    "calibrate probe no-column.csv -o new.json": "no-column.csv: no column temperature",
+    "calibrate probe few.csv -o new.json": "few.csv: ",
+    "calibrate probe tunnel.csv -o probe.json": "probe.json: exists already; give --replace",
+    "calibrate probe tunnel.csv -o folder": "folder: cannot be written",
+    "calibrate probe tunnel.csv -o ''": "cannot be written (it is a folder)",
+    "calibrate probe tunnel.csv -o empty.txt/new.json": "empty.txt/new.json: cannot be written",
+    "calibrate probe tunnel.csv -o new.json --report new.json": "cannot be the same file",
+    "calibrate probe tunnel.csv -o new.json --angle-scale nan": "--angle-scale nan",
+    "calibrate probe tunnel.csv -o new.json --angle-scale '2 deg'": "--angle-scale 2 deg",
+    "calibrate tubing missing.mcap": "missing.mcap: cannot be read",
+    "calibrate tubing stood.mcap --aircraft probe.json": "probe.json: not valid TOML",
+    "calibrate tubing stood.mcap -o mine.toml": "mine.toml: exists already",
+    "calibrate magnetometer tunnel.csv -o new.json": "tunnel.csv: not an MCAP file",
+    "calibrate magnetometer stood.mcap -o probe.json": "probe.json: exists already",
+    "calibrate airspeed stood.mcap": "stood.mcap: /rpm never carried a value",
+    "calibrate airspeed stood.mcap -o empty.txt/new.json": "cannot be written",
+    "calibrate surfaces stood.mcap --surface wing": "'wing'",
+    "calibrate surfaces stood.mcap --channel 0": "--channel 0",
+    "calibrate surfaces stood.mcap --channel one": "'--channel'",
+    "calibrate surfaces stood.mcap --angles '-20 x 20'": "--angles: 'x' is not an angle",
+    "calibrate surfaces stood.mcap --angles 'nan 0 20'": "--angles: 'nan' is not an angle",
+    # sim
+    "sim fly": "Missing option '--output'",
+    "sim fly -o new --aircraft spitfire": "spitfire: neither a file nor one of",
+    "sim fly -o new --aircraft four-keys.toml": "four-keys.toml: the simulator also needs",
+    "sim fly -o new --plan missing": "plan missing: neither a file nor one of",
+    "sim fly -o new --plan binary.bin": "binary.bin: not a text file",
+    "sim fly -o new --plan mine.toml": "plan mine: has no [[segment]]",
+    "sim fly -o new --plan no-unit-plan.toml": "segment 1 (stand).duration = 5: give a number with a unit",
+    "sim fly -o new --plan backwards.toml": "segment 1 (stand): duration",
+    "sim fly -o new --plan no-climb.toml": "segment 1 (climb): climb should be above zero",
+    "sim fly -o new --plan storm.toml": "air: wind should be at least zero and below 60 m/s",
+    "sim fly -o new --errors huge": "errors huge: neither a file nor one of",
+    "sim fly -o new --errors negative-noise.toml": "accel_mps2 is negative",
+    "sim fly -o new --seed -1": "'--seed'",
+    "sim fly -o new --seed 1.5": "'--seed'",
+    "sim fly -o new --probe missing.json": "missing.json: no such file",
+    "sim fly -o new --probe mine.toml": "mine.toml: not a probe calibration",
+    "sim fly -o new --faults mine.toml": "mine.toml: only [[fault]] tables",
+    "sim fly -o new --faults folder": "folder: cannot be read",
+    "sim fly -o new --no-hardware --real-time": "--no-hardware excludes",
+    "sim fly -o empty.txt": "empty.txt: not a folder",
+    "sim fly -o empty.txt/new": "cannot be written",
+    "sim fly -o flown": "flown: already contains truth.parquet",
+    "sim tunnel -o tunnel.csv": "tunnel.csv: already exists",
+    "sim tunnel -o folder": "folder: cannot be written",
+    "sim trim --speed nan": "--speed nan: should be above 0 and at most 300 m/s",
+    "sim trim --speed '15 kg'": "--speed 15 kg",
+    "sim trim --speed 5": "stalls at",
+    "sim trim --height -9000": "--height -9000",
+    "sim trim --bank 90": "--bank 90",
+    "sim trim --rpm 0": "--rpm 0",
+    "sim trim --climb 90": "cannot be flown at any speed",
+    "sim trim --climb inf": "--climb inf",
+    "sim modes --speed 200": "level flight is possible up to",
+    "sim plot missing -o new.html": "missing: no such file; give truth.parquet",
+    "sim plot tunnel.csv -o new.html": "tunnel.csv: not the truth of a simulated flight",
+    "sim plot flown -o empty.txt": "empty.txt: already exists",
+    "sim plot flown -o empty.txt/new.html": "cannot be written",
+    # daq
+    "daq run": "Missing option '--config'",
+    "daq run -c missing.toml": "missing.toml: cannot be read",
+    "daq run -c folder": "folder: cannot be read",
+    "daq run -c binary.bin": "binary.bin: not a text file",
+    "daq run -c probe.json": "probe.json: not valid TOML",
+    "daq run -c mine.toml": "mine.toml: ",
+    "daq run -c tray.toml --duration nan": "--duration nan",
+    "daq run -c tray.toml --duration '-5 min'": "--duration -5 min",
+    "daq check -c tray.toml --seconds 0": "--seconds 0",
+    "daq zero -c tray.toml --seconds '1 kg'": "--seconds 1 kg",
+    "daq info missing.mcap": "missing.mcap: cannot be read",
+    "daq info folder": "folder: cannot be read",
+    "daq info tunnel.csv": "tunnel.csv: not an MCAP file",
+    "daq config": "give --example, --check FILE or --unit FILE",
+    "daq config --check mine.toml": "mine.toml: ",
+    "daq config --unit missing.toml": "missing.toml: cannot be read",
+    # flightpower
+    "flightpower spam": "No such command 'spam'",
+    "flightpower --spam": "No such option: --spam",
+    "flightpower analyze missing.mcap": "missing.mcap: cannot be read",
+    "flightpower calibrate probe folder -o new.json": "folder: cannot be read",
+    "flightpower sim trim --speed nan": "--speed nan",
+    "flightpower daq info .": ".: cannot be read",
+    "flightpower new plane": "No such command 'plane'",
+    "flightpower new aircraft --like spitfire": "--like spitfire: should be one of",
+    "flightpower new aircraft -o mine.toml": "mine.toml: exists already; give --replace",
+    "flightpower new aircraft -o folder": "folder: cannot be written",
+    "flightpower new tray -o empty.txt/tray.toml": "cannot be written",
+    "flightpower new tray -o tray.toml": "tray.toml: exists already",
+}
+
+
+def typed(line: str) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of a command as it is typed."""
+    out, err = io.StringIO(), io.StringIO()
+    arguments = sys.argv
+    sys.argv = shlex.split(line)
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            MAIN[sys.argv[0]]()
+    except SystemExit as stopped:
+        return int(stopped.code or 0), out.getvalue(), err.getvalue()
+    finally:
+        sys.argv = arguments
+    return 0, out.getvalue(), err.getvalue()
+
+
+def give(folder: Path) -> None:
+    """Write the files that the commands above name into `folder`, and go there."""
+    os.chdir(folder)
+    Path("folder").mkdir()
+    aircraft = load_aircraft("nexstar").text
+    span = 'span = "5.73 ft"'
+    tunnel_line = "15,{},0,10,0,140,1000,20\n"
+    header = "speed [m/s],alpha [deg],beta [deg],dp_alpha [Pa],dp_beta [Pa],q_c [Pa],static [hPa],temperature [degC]\n"
+    files = {
+        "binary.bin": bytes(range(256)) * 8,
+        "empty.txt": "",
+        "mine.toml": aircraft,
+        "no-unit.toml": aircraft.replace(span, "span = 1.7"),
+        "nan.toml": aircraft.replace(span, 'span = "nan m"'),
+        "negative.toml": aircraft.replace('weight = "8.47 lbf"', 'weight = "-8.47 lbf"', 1),
+        "four-keys.toml": 'name = "mine"\n[geometry]\nspan = "1.7 m"\nwing_area = "0.5 m^2"\n[mass]\nweight = "4 kg"\n',
+        "none-kept.toml": '[[run]]\nkind = "acceleration"\nstart = "3 s"\nend = "9 s"\nkeep = false\n',
+        "no-unit-run.toml": '[[run]]\nkind = "acceleration"\nstart = 3\nend = "9 s"\n',
+        "stand.toml": '[[segment]]\nkind = "stand"\nduration = "4 s"\n',
+        "no-unit-plan.toml": '[[segment]]\nkind = "stand"\nduration = 5\n',
+        "backwards.toml": '[[segment]]\nkind = "stand"\nduration = "-5 s"\n',
+        "no-climb.toml": '[[segment]]\nkind = "climb"\nheight = "200 m"\nclimb = "0 m/s"\n',
+        "storm.toml": '[air]\nwind = "900 m/s"\n[[segment]]\nkind = "stand"\nduration = "5 s"\n',
+        "huge.toml": aircraft.replace(span, 'span = "1e400 m"'),
+        "negative-noise.toml": '[noise]\naccel = "-1 m/s^2"\n',
+        "nan.csv": header + tunnel_line.format(0) + tunnel_line.format("nan"),
+        "words.csv": header + tunnel_line.format(0) + tunnel_line.format("left"),
+        "zero.csv": header + tunnel_line.format(0).replace("15,", "0,", 1) * 40,
+        "one-angle.csv": header + tunnel_line.format(0) * 40,
+        "no-unit.csv": header.replace("alpha [deg]", "alpha", 1) + tunnel_line.format(0),
+        "no-column.csv": header.replace(",temperature [degC]", "") + tunnel_line.format(0).replace(",20\n", "\n"),
+        "few.csv": header + tunnel_line.format(0) * 3,
+    }
+    for name, content in files.items():
+        Path(name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    for line in (
+        "sim tunnel -o tunnel.csv",
+        "calibrate probe tunnel.csv -o probe.json",
+        "sim fly --plan stand.toml --no-hardware --probe probe.json -o flown",
+        "flightpower new tray -o tray.toml",
+    ):
+        code, _, said = typed(line)
+        assert code == 0, said
+    Path("stood.mcap").write_bytes(Path("flown/log.mcap").read_bytes())
+    Path("torn.mcap").write_bytes(Path("flown/log.mcap").read_bytes()[:3000])
+    from tests.chain.running import rewritten
+
+    rewritten(Path("flown"), Path("no-probe.mcap"), without_attachment="probe.json")
+
+
+def contents(folder: Path) -> dict[Path, bytes | None]:
+    return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    folder, before = tmp_path_factory.mktemp("given"), Path.cwd()
+    give(folder)
+    yield folder
+    os.chdir(before)
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_wrong_input_is_one_line_and_changes_nothing(given: Path, line: str) -> None:
+    before = contents(given)
+    code, out, err = typed(line)
+    assert code == BAD_INPUT, err
+    assert err.count("\n") == 1 and err.endswith("\n"), err
+    assert WRONG[line] in err
+    assert out == ""
+    assert contents(given) == before
+
+
+if __name__ == "__main__":
+    give(Path(sys.argv[1]))
+    print("| command | exit code | message |\n|---|---|---|")
+    for line in WRONG:
+        code, _, err = typed(line)
+        print(f"| `{line}` | {code} | {err.strip()} |".replace("`|`", "`\\|`"))

@@ -1,0 +1,91 @@
+"""docs/log-format.md has every topic, field, status, attachment and metadata name of the code, and no other."""
+
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from analysis.signals.synchronize import COLUMNS, NEEDED
+from daq.attachments import Attachments, write_attachments
+from flight.aircraft import load_aircraft
+from flight.messages import TYPE_OF_TOPIC, Status
+
+PAGE = (Path(__file__).parent.parent / "docs" / "log-format.md").read_text("utf-8")
+UNITS = {
+    "mps2": "m/s²", "radps": "rad/s", "revps": "rev/s", "mps": "m/s", "counts": "counts", "rad": "rad", "deg": "deg",
+    "Pa": "Pa", "K": "K", "T": "T", "V": "V", "A": "A", "m": "m", "s": "s", "ms": "ms", "us": "µs", "ns": "ns",
+}  # fmt: skip
+
+
+def section(title: str) -> str:
+    """The text from a heading to the next one of the same level or above."""
+    level, _, _ = title.partition(" ")
+    return re.split(rf"^#{{2,{len(level)}}} ", PAGE.split(f"\n{title}\n")[1], maxsplit=1, flags=re.MULTILINE)[0]
+
+
+def rows(text: str) -> list[list[str]]:
+    """The cells of the rows of tables whose first cell is code."""
+    table = [line.strip("|").split("|") for line in text.splitlines() if re.match(r"\| (\*\*)?`", line)]
+    return [[cell.strip() for cell in row] for row in table]
+
+
+def names(text: str) -> list[str]:
+    return [row[0].strip("*`") for row in rows(text)]
+
+
+HEADINGS = re.findall(r"^### (`/.*`)$", PAGE, flags=re.MULTILINE)
+SECTIONS = {topic: section(f"### {heading}") for heading in HEADINGS for topic in re.findall("`(.*?)`", heading)}
+
+
+def test_the_page_has_every_topic() -> None:
+    assert sorted(SECTIONS) == sorted(TYPE_OF_TOPIC)
+
+
+@pytest.mark.parametrize("topic", TYPE_OF_TOPIC)
+def test_a_topic_has_its_fields_with_their_units(topic: str) -> None:
+    fields = {field.name: field for field in msgspec.structs.fields(TYPE_OF_TOPIC[topic]) if field.name != "status"}
+    assert sorted(names(SECTIONS[topic])) == sorted(fields)
+    for cell, unit, _, meaning in rows(SECTIONS[topic]):
+        name = cell.strip("*`")
+        assert unit == UNITS.get(name.rsplit("_", 1)[-1], "–"), name
+        if fields[name].type == (int | None) and "counts" not in name:
+            assert meaning.startswith("integer"), name
+
+
+@pytest.mark.parametrize("topic", NEEDED)
+def test_required_fields_are_bold(topic: str) -> None:
+    bold = {row[0].strip("*`") for row in rows(SECTIONS[topic]) if row[0].startswith("**")}
+    assert bold == {field for of, field in COLUMNS.values() if of == topic}
+
+
+def test_the_table_of_methods_begins_with_the_required_topics() -> None:
+    first = next(line for line in section("## What each method needs").splitlines() if line.startswith("| every"))
+    assert re.findall("`(.*?)`", first) == list(NEEDED)
+    assert set(re.findall("`(/[a-z/]+)`", section("## What each method needs"))) == set(TYPE_OF_TOPIC)
+
+
+def test_statuses_are_those_of_the_messages() -> None:
+    assert names(section("## The file")) == list(Status)
+
+
+class Recorded:
+    """Takes the names in place of a log."""
+
+    def __init__(self) -> None:
+        self.attachments: list[str] = []
+        self.metadata: dict[str, str] = {}
+
+    def attach(self, name: str, *_: object) -> None:
+        self.attachments.append(name)
+
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        assert name == "flightpower"
+        self.metadata = values
+
+
+def test_attachments_and_metadata_are_those_of_the_daemon() -> None:
+    log = Recorded()
+    every = Attachments("", load_aircraft("nexstar"), "", "", "", "")
+    write_attachments(log, every, rate_Hz=25, start_unix_ns=0, start_monotonic_ns=0)  # type: ignore[arg-type]
+    assert sorted(names(section("## Attachments and metadata"))) == sorted([*log.attachments, *log.metadata])
