@@ -295,7 +295,7 @@ def config(
     elif example:
         typer.echo(resources.files("daq").joinpath("tray.example.toml").read_text("utf-8"), nl=False)
     else:
-        raise InputError("daq config: give --example, --check FILE or --unit FILE")
+        raise InputError("give --example, --check FILE or --unit FILE")
 
 
 def main() -> None:

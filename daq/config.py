@@ -300,6 +300,8 @@ def _with_key(error: msgspec.ValidationError) -> str:
     what, _, key = str(error).partition(" - at `$.")
     if number := re.fullmatch(r"Invalid enum value (\d+)", what):
         what = f"{number[1]} (0x{int(number[1]):02x}) is not one of the permitted values; see `daq config --example`"
+    if what.startswith("Object contains unknown field"):
+        what += "; `daq config --example` shows every key"
     return f"{key.rstrip('`')}: {what}" if key else what
 
 

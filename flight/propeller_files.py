@@ -97,7 +97,7 @@ def parse_csv(text: str, name: str) -> Propeller:
     comments = [line.lstrip("# ") for line in text.splitlines() if line.startswith("#")]
     diameter = next((re.match(r"diameter_m\s*=\s*(\S+)", c) for c in comments if c.startswith("diameter_m")), None)
     if diameter is None:
-        raise InputError(f"propeller {name}: no line `# diameter_m = …`")
+        raise InputError(f"propeller {name}: no line `# diameter_m = …`; docs/propellers.md describes the formats")
     try:
         diameter_m = float(diameter[1])
     except ValueError:

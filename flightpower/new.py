@@ -1,15 +1,18 @@
 """`flightpower new`: files to begin with."""
 
 import json
+import sys
 from importlib import resources
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from flight.aircraft import shipped_aircraft
-from flight.command_line import application, check_writable
+from flight.command_line import application
 from flight.errors import InputError
+from flight.output_file import check_writable
 from flightpower import templates
 
 app = application(help="Write a commented file to fill in.")
@@ -65,6 +68,8 @@ def tray(
 
 def _write(text: str, output: Path | None, replace: bool) -> None:
     if output is None:
+        if isinstance(sys.stdout, TextIOWrapper):
+            sys.stdout.reconfigure(encoding="utf-8")  # the encoding of the files, if it is redirected into one
         print(text, end="")
         return
     if output.is_file() and not replace:

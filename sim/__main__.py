@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from flight.command_line import application, check_writable, run
+from flight.command_line import application, run
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
+from flight.output_file import check_writable
 from sim.options import (
     AircraftOption,
     BankOption,

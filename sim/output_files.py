@@ -5,8 +5,8 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flight.command_line import check_writable
 from flight.errors import InputError
+from flight.output_file import check_writable
 
 if TYPE_CHECKING:
     from sim.fly import Flight

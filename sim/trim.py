@@ -14,7 +14,7 @@ import numpy as np
 from flight.aerodynamics import lift_and_drag
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
-from flight.motion import velocity_derivative, velocity_of
+from flight.motion import body_from_earth, velocity_derivative, velocity_of
 from flight.number import Number
 from sim.air import Air, ambient
 from sim.plant import FIRST_GUST, MOTOR, AircraftState, Commands, Plant, in_still_air
@@ -50,8 +50,6 @@ class Trim:
         self, *, heading_rad: float = 0.0, wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ) -> AircraftState:
         """The state of the aircraft in this trim, at the origin, in a given mean wind [m/s] and without gusts."""
-        from flight.motion import body_from_earth
-
         z = self.unknowns
         air_velocity = velocity_of(z.V, z.alpha, z.beta)
         wind = body_from_earth(*wind_ned, z.phi, z.theta, heading_rad)

@@ -281,9 +281,11 @@ def read_truth(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; give truth.parquet of a simulated flight, or its folder")
     try:
         table = pq.read_table(path)
         metadata = json.loads(table.schema.metadata[METADATA_KEY])
-    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: not the truth of a simulated flight ({error})") from None
+    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError):
+        raise InputError(f"{path}: not the truth of a simulated flight, which `sim fly` writes") from None
     return table.to_pandas(), metadata

@@ -9,9 +9,10 @@ from rich.console import Console
 
 from analysis.performance.request import parse_request, parse_weight
 from flight.aircraft import load_aircraft
-from flight.command_line import application, check_writable, run
+from flight.command_line import application, run
 from flight.errors import InputError
 from flight.log_reader import read_log
+from flight.output_file import check_writable
 
 if TYPE_CHECKING:
     from flight.propeller import Propeller
@@ -130,7 +131,7 @@ def analyze(
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with stderr.status("reading the log …") as status:
         # Wrong input is refused before the numerical libraries are loaded, which takes a second.
-        recorded = read_log(log)
+        recorded = read_log(_not_a_folder(log))
         check_writable(folder / "report.html")
         given_aircraft = load_aircraft(aircraft) if aircraft else None
         given_propeller = _load_propeller(propeller) if propeller else None
@@ -164,6 +165,15 @@ def analyze(
         stderr.print(note, highlight=False, markup=False)
     if not quiet:
         print_summary(analysis.results, folder / "report.html", Console())
+
+
+def _not_a_folder(log: Path) -> Path:
+    if log.is_dir():
+        inside = sorted(log.glob("*.mcap"))
+        raise InputError(
+            f"{log}: cannot be read, it is a folder; give a log, such as {inside[0] if inside else 'log.mcap'}"
+        )
+    return log
 
 
 def _load_propeller(name_or_path: str) -> "Propeller":

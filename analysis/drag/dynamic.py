@@ -121,7 +121,7 @@ def estimate_polar(
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     forces = flight_forces.forces(states, sensor_errors)
-    level = _within_level_flight(forces, flight_forces, runs)
+    level = _within_level_flight(forces, _airborne(flight_forces), runs)
     fit = _fitted(forces, level, runs)
 
     def variance(states: Array, sensor_errors: Array) -> Array:
@@ -169,7 +169,7 @@ def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Airc
     """The `values` (5,) of `estimate_polar`, without the work for their covariance."""
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
-    return _fitted(forces, _within_level_flight(forces, flight_forces, runs), runs).values[:KEPT]
+    return _fitted(forces, _within_level_flight(forces, _airborne(flight_forces), runs), runs).values[:KEPT]
 
 
 def _fitted(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
@@ -188,13 +188,17 @@ def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> 
     ]
 
 
-def _within_level_flight(forces: pd.DataFrame, flight_forces: FlightForces, runs: list[Maneuver]) -> NDArray[np.bool_]:
+def _airborne(flight_forces: FlightForces) -> NDArray[np.bool_]:
+    mean = flight_forces.block_means
+    return (mean["height_m"] > LEAST_HEIGHT_M) & (mean["flying"] == 1)
+
+
+def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
     """Where the angle of attack is at most LEVEL_MARGIN_RAD above the largest one of level flight.
 
     The latter follows from a straight line fitted to alpha over CL of this flight, at the largest lift coefficient that
     level flight requires at the speeds of the flight or of the runs.
     """
-    airborne = (flight_forces.block_means["height_m"] > LEAST_HEIGHT_M) & (flight_forces.block_means["flying"] == 1)
     flown = forces.loc[airborne, ["CL", "alpha", "qS_over_m_mps2"]].dropna()
     if len(flown) < SHORTEST:
         return np.ones(len(forces), dtype=bool)
@@ -207,13 +211,17 @@ def _within_level_flight(forces: pd.DataFrame, flight_forces: FlightForces, runs
 
 def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
     segments = []
+    table, t_s = forces[[*INPUTS.values(), "CD"]], forces.index.to_numpy()
     for run in runs:
-        measured = forces.loc[run.start_s : run.end_s, [*INPUTS.values(), "CD"]]
-        data = measured.interpolate(limit_direction="both")
-        if len(data) >= SHORTEST and np.isfinite(data.to_numpy()).all():
-            u = {name: data[column].to_numpy() for name, column in INPUTS.items()}
-            z = {"drag": (data["qS_over_m_mps2"] * measured["CD"]).to_numpy()}
-            segments.append(Segment(name=run.name, t_s=data.index.to_numpy(), u=u, z=z))
+        rows = slice(np.searchsorted(t_s, run.start_s), np.searchsorted(t_s, run.end_s, side="right"))
+        measured = table.iloc[rows].to_numpy().T
+        data = measured
+        if np.isnan(measured).any():
+            data = table.iloc[rows].interpolate(limit_direction="both").to_numpy().T
+        if data.shape[1] >= SHORTEST and np.isfinite(data).all():
+            u = dict(zip(INPUTS, data, strict=False))
+            z = {"drag": u["qS_over_m"] * measured[-1]}
+            segments.append(Segment(name=run.name, t_s=t_s[rows], u=u, z=z))
     return segments
 
 

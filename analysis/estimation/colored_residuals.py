@@ -82,18 +82,17 @@ class Autoregression(NamedTuple):
     def fitted(cls, gamma: Array, samples: int) -> "Autoregression":
         """Solution of the Yule-Walker equations, of the order up to len(gamma) - 1 with the smallest AIC (Akaike)."""
         outputs = gamma.shape[1]
-
-        def G(k: int) -> Array:
-            value: Array = gamma[k] if k >= 0 else gamma[-k].T
-            return value
-
+        G = np.concatenate([gamma, gamma[:0:-1].transpose(0, 2, 1)])  # G[-k] is the transpose of G[k]
+        numbers = np.arange(len(gamma) - 1)
+        blocks = G[numbers[None, :] - numbers[:, None]].transpose(0, 2, 1, 3)
+        largest_toeplitz = blocks.reshape(len(numbers) * outputs, -1)  # those of lower orders are its corners
         candidates = [(np.linalg.slogdet(gamma[0])[1], cls(np.zeros((0, outputs, outputs)), gamma[0]))]
         for order in range(1, len(gamma)):
             lags = range(1, order + 1)
-            toeplitz = np.block([[G(k - i) for k in lags] for i in lags])
-            row = np.linalg.solve(toeplitz.T, np.hstack([G(k) for k in lags]).T).T
+            toeplitz = largest_toeplitz[: order * outputs, : order * outputs]
+            row = np.linalg.solve(toeplitz.T, np.hstack(list(gamma[1 : order + 1])).T).T
             A = row.reshape(outputs, order, outputs).transpose(1, 0, 2)
-            Q = gamma[0] - sum(A_i @ G(-i) for i, A_i in zip(lags, A, strict=True))
+            Q = gamma[0] - sum(A_i @ G[-i] for i, A_i in zip(lags, A, strict=True))
             Q = (Q + Q.T) / 2
             if np.linalg.eigvalsh(Q)[0] > 0:
                 akaike = np.linalg.slogdet(Q)[1] + 2 * order * outputs**2 / samples

@@ -149,8 +149,8 @@ def _check_differential_pressures(log: Log) -> None:
     if sides[largest] > max(SWAPPED * high, LEAST_FLIGHT_PA):
         raise InputError(
             f"{log.path}: /probe/{largest}: differential_pressure_Pa reaches {sides[largest]:.3g} Pa, but that of"
-            f" /probe/airspeed only {high:.3g} Pa, which is larger in flight: the topics or tubes are exchanged, or one"
-            " of them is not in Pa"
+            f" /probe/airspeed only {high:.3g} Pa, which is larger in flight: the topics or tubes are exchanged, a"
+            " tube is blocked, or one of the pressures is not in Pa"
         )
     if high < LEAST_FLIGHT_PA:
         raise InputError(

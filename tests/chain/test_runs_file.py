@@ -48,6 +48,15 @@ def test_a_wrong_file_of_runs_is_one_line_and_nothing_is_written(flown: Path, tm
     assert not (tmp_path / "report").exists()
 
 
+def test_decelerations_alone_do_not_put_the_blame_on_the_propeller(flown: Path, tmp_path: Path) -> None:
+    text = (flown / "log.report" / "runs.toml").read_text("utf-8")
+    parts = [part.replace("true", "false") if '"acceleration"' in part else part for part in text.split("[[run]]")]
+    (tmp_path / "mine.toml").write_text("[[run]]".join(parts), "utf-8")
+    outcome = command("analyze", flown / "log.mcap", "--runs", tmp_path / "mine.toml", "-o", tmp_path / "report")
+    assert outcome.returncode == 2
+    assert "mine.toml: keeps decelerations only" in outcome.stderr and "was flown?" not in outcome.stderr
+
+
 def test_a_run_too_short_to_tell_is_refused_and_not_drawn(flown: Path, tmp_path: Path) -> None:
     """2.4 s of one acceleration: what a parabola makes of it falls with lift."""
     path = tmp_path / "short.toml"

@@ -55,6 +55,15 @@ def read(sensor: MPU9250Driver) -> Imu:
     return sample.message
 
 
+def test_the_part_is_given_the_time_of_its_datasheet_to_start():
+    """From sleep the gyroscope takes 35 ms (PS 3.1), for which it gives zeros."""
+    chip = Chip()
+    waits_s = {0x80: 0.0, 0x01: 0.0}  # by power management: after the reset, after waking
+    for wait_s in MPU9250Driver(chip, ADDRESS).start():
+        waits_s[chip.registers[ADDRESS][0x6B]] += wait_s
+    assert waits_s[0x80] >= 0.1 and waits_s[0x01] >= 0.035
+
+
 def test_one_g_at_rest_in_any_range():
     for range_g, counts in ((2, 16384), (4, 8192), (8, 4096), (16, 2048)):
         chip, sensor = started(range_g=range_g)

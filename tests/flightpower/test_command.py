@@ -86,6 +86,15 @@ def test_the_blank_aircraft_asks_for_what_is_required_and_is_an_aircraft_when_fi
     assert mine.mass_kg == pytest.approx(4) and not mine.has("mass.Ix")
 
 
+def test_the_blank_aircraft_is_printed_in_utf_8_whatever_the_terminal_s_encoding(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("PYTHONIOENCODING", "cp1252")
+    line = [sys.executable, "-m", "flightpower", "new", "aircraft"]
+    printed = subprocess.run(line, capture_output=True, check=True, timeout=120).stdout
+    assert printed.decode("utf-8").splitlines() == templates.blank().splitlines()
+
+
 def test_every_line_of_the_blank_aircraft_can_be_used() -> None:
     text = templates.blank()
     for key in REQUIRED:

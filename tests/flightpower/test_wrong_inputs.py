@@ -33,7 +33,7 @@ MAIN: dict[str, Callable[[], None]] = {
 WRONG = {
     # analyze: the log
     "analyze missing.mcap": "missing.mcap: cannot be read",
-    "analyze .": ".: cannot be read",
+    "analyze .": ".: cannot be read, it is a folder; give a log, such as no-probe.mcap",
     "analyze folder": "folder: cannot be read",
     "analyze ''": ": cannot be read",
     "analyze empty.txt": "empty.txt: the file is empty",
@@ -141,7 +141,7 @@ WRONG = {
     "sim fly -o flown": "flown: already contains truth.parquet",
     "sim tunnel -o tunnel.csv": "tunnel.csv: already exists",
     "sim tunnel -o folder": "folder: cannot be written",
-    "sim trim --speed nan": "--speed nan: should be a number above 0",
+    "sim trim --speed nan": "--speed nan: should be above 0 and at most 300 m/s",
     "sim trim --speed '15 kg'": "--speed 15 kg",
     "sim trim --speed 5": "stalls at",
     "sim trim --height -9000": "--height -9000",
@@ -150,7 +150,7 @@ WRONG = {
     "sim trim --climb 90": "cannot be flown at any speed",
     "sim trim --climb inf": "--climb inf",
     "sim modes --speed 200": "level flight is possible up to",
-    "sim plot missing -o new.html": "missing: not the truth of a simulated flight",
+    "sim plot missing -o new.html": "missing: no such file; give truth.parquet",
     "sim plot tunnel.csv -o new.html": "tunnel.csv: not the truth of a simulated flight",
     "sim plot flown -o empty.txt": "empty.txt: already exists",
     "sim plot flown -o empty.txt/new.html": "cannot be written",

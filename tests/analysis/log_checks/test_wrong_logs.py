@@ -219,7 +219,8 @@ WRONG: dict[str, tuple[Change, str]] = {
         "(add 273.15) or Fahrenheit"),
     "difference in hPa": (scaled("/probe/airspeed", DIFFERENCE, 0.01),
         "/probe/alpha: differential_pressure_Pa reaches 56.3 Pa, but that of /probe/airspeed only 2.25 Pa, "
-        "which is larger in flight: the topics or tubes are exchanged, or one of them is not in Pa"),
+        "which is larger in flight: the topics or tubes are exchanged, a tube is blocked, or one of the "
+        "pressures is not in Pa"),
     "all differences in hPa": (all_of(*(scaled(topic, DIFFERENCE, 0.01) for topic in PROBE)),
         "no flight in it: differential_pressure_Pa of /probe/airspeed reaches only 2.2 Pa, but 7 m/s make 30 "
         "Pa; is it in hPa (mbar), kPa or inches of water?"),
@@ -237,7 +238,8 @@ WRONG: dict[str, tuple[Change, str]] = {
         "wrong sign; write right minus left port, in the calibration of the probe too"),
     "airspeed and alpha exchanged": (exchanged("/probe/airspeed", "/probe/alpha"),
         "/probe/alpha: differential_pressure_Pa reaches 225 Pa, but that of /probe/airspeed only 52.4 Pa, "
-        "which is larger in flight: the topics or tubes are exchanged, or one of them is not in Pa"),
+        "which is larger in flight: the topics or tubes are exchanged, a tube is blocked, or one of the "
+        "pressures is not in Pa"),
     "alpha and beta exchanged": (exchanged("/probe/alpha", "/probe/beta"),
         "/probe/alpha and /probe/beta: differential_pressure_Pa of beta follows the lift (correlation +0.79),"
         " that of alpha does not (+0.09): the topics or tubes are exchanged"),

@@ -16,11 +16,12 @@ from analysis.trajectory.equations import (
     NamedArrays,
     measurement_model,
 )
-from analysis.trajectory.observability import FlightExcitation, excitation, heading_notes, missing
+from analysis.trajectory.observability import FlightExcitation, excitation, gust_notes, heading_notes, missing
 from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.time_shift import TimeShift, time_shift_notes, time_shifts
+from flight.errors import InputError
 
 ERRORS = {"alpha_bias": 0.02, "alpha_scale": 0.05, "beta_bias": -0.02, "V_scale": 0.03, "air_data_lag": 0.1,
           "gps_latency": 0.3}  # fmt: skip
@@ -216,3 +217,20 @@ def test_a_compass_contradicts_beyond_twice_its_error_or_thirty_degrees(
         calibrated=True,
     )
     assert bool(notes) == contradicts and all("contradicts GPS" in note for note in notes)
+
+
+def test_an_aircraft_that_never_flew_has_one_heading_and_one_speed(exact) -> None:
+    parked = excitation(trajectory_of(exact.table.assign(height_m=0.0), exact.states, {}))
+    assert (parked.mean_heading_vector, parked.speed_ratio) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize(("error_deg", "gust_mps", "said"), [(0.31, 0.31, True), (0.29, 0.31, False),
+                                                             (0.31, 0.29, False), (0.55, 0.5, True)])  # fmt: skip
+def test_gusts_are_said_to_limit_the_angle_of_attack_from_0_3_deg_in_0_3_mps(exact, error_deg, gust_mps, said) -> None:
+    """For a single run that is an error: a degree is 20 % of power near the stall."""
+    known = np.radians(error_deg) / PRIOR_SIGMA["alpha_bias"]
+    trajectory = trajectory_of(exact.table, exact.states, {}, known, gust_mps=gust_mps)
+    assert bool(gust_notes(trajectory, 4, "log")) == said
+    if said:
+        with pytest.raises(InputError, match=f"gusts of {gust_mps:.1f} m/s .* uncertain by {error_deg:.1f} deg"):
+            gust_notes(trajectory, 1, "log")

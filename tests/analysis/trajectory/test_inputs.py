@@ -106,6 +106,19 @@ def test_gusts_of_the_process_model_are_stationary_with_drydens_variance(exact, 
     assert problem._conditions.transverse_variance(sigma_w) == pytest.approx(sigma_u**2 + sigma_w**2, rel=0.01)
 
 
+def test_gusts_decay_with_the_distance_flown(exact) -> None:
+    """A gust of length L decays by V dt/L in a step: twice as much at twice the speed. On the ground, and slower than
+    5 m/s, gusts are those of cruise, and of 5 m/s."""
+    blocks = BlockMeans(exact.table)
+    at = {V: GustConditions(blocks, np.full(blocks.n, 15.0), np.full(blocks.n, V)) for V in (2.0, 5.0, 10.0, 20.0)}
+    logs = {V: np.log(conditions.vertical_decay) for V, conditions in at.items()}
+    assert logs[20.0] == pytest.approx(2 * logs[10.0])
+    assert logs[2.0] == pytest.approx(logs[5.0]) and logs[10.0] == pytest.approx(2 * logs[5.0])
+    parked = BlockMeans(exact.table.assign(height_m=0.0))
+    conditions = GustConditions(parked, np.full(blocks.n, 15.0), np.full(blocks.n, 2.0))
+    assert conditions.V_mps == pytest.approx(15.0)
+
+
 def test_the_wind_follows_the_profile_over_height_and_else_walks(exact) -> None:
     """Two heights in a log layer: ratio of the logarithms of height over roughness. A random walk of 0.02 m/s in a
     second: 0.15 m/s in a minute."""
