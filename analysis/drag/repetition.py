@@ -51,9 +51,11 @@ class Repetition:
 
     def values_from(self, air: pd.DataFrame, propeller: Propeller) -> NDArray[np.float64]:
         """The `values` (5,) from other air data of the same flight."""
-        self.progress("repeating the estimate with hysteresis")
-        sigma, data = self.alpha_scale_sigma, self.data
-        trajectory = reconstruct(air, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=self.log)
+        trajectory, data = self.trajectory, self.data
+        if air is not data.table:
+            self.progress("repeating the estimate with hysteresis")
+            sigma = self.alpha_scale_sigma
+            trajectory = reconstruct(air, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=self.log)
         return main_values(
             trajectory, self.maneuvers, self.aircraft, propeller, self.condition, self.flown_CL, self.log
         )
