@@ -24,15 +24,11 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 demo: $(READY) ## fly, record and analyse a simulated Nexstar; the report lands in out/demo
-	$(BIN)/sim tunnel --replace -o out/demo/tunnel.csv
-	$(BIN)/calibrate probe --replace out/demo/tunnel.csv -o out/demo/probe.json
-	$(BIN)/sim fly --replace --aircraft nexstar --plan accel-decel --probe out/demo/probe.json -o out/demo
+	$(BIN)/sim fly --replace --plan demo -o out/demo
 	$(BIN)/analyze out/demo/log.mcap
 
-picture: demo ## renew the README's picture: the top of the demo's report, drawn by Chromium
-	chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --disable-background-networking \
-		--virtual-time-budget=5000 --window-size=1280,720 --screenshot=docs/power-required.png \
-		"file://$(CURDIR)/out/demo/log.report/report.html"
+picture: demo ## renew the README's picture: the demo's curve with the truth over it, drawn by Chromium
+	$(BIN)/python benchmarks/picture.py out/demo docs/power-required.png
 
 test: $(READY) ## the whole test suite
 	$(IN_NAMESPACE) $(BIN)/pytest -n auto --dist loadgroup

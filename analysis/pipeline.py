@@ -102,7 +102,7 @@ def analyze(
         repetition.estimate, repetition.values, aircraft, propeller, condition, flown_CL
     )
     assumption_uncertainty = with_hysteresis_uncertainty(
-        assumption_uncertainty, lambda air: repetition.values_from(air, propeller), table, aircraft
+        assumption_uncertainty, lambda air: repetition.values_with_air(air, propeller), table, aircraft
     )
     drag = estimate(
         table, trajectory, maneuvers, aircraft, propeller, condition, flown_CL,
@@ -116,6 +116,7 @@ def analyze(
         aircraft=aircraft,
         propeller=propeller,
         flown=flown,
+        table=table,
         condition=condition,
         maneuvers=maneuvers,
         drag=drag,

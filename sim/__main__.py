@@ -27,7 +27,15 @@ from sim.options import (
     SeedOption,
     SpeedOption,
 )
-from sim.output_files import LOG, TRAY, TRUTH, check_output, write_flight
+from sim.output_folder import (
+    LOG,
+    TRAY,
+    TRUTH,
+    check_output,
+    check_probe,
+    probe_text,
+    write_flight,
+)
 from sim.progress import Report, progress_bar
 
 if TYPE_CHECKING:
@@ -56,7 +64,10 @@ def fly(
         str | None, typer.Option(metavar="NAME", help="World that the analysis does not assume: see `sim worlds`.")
     ] = None,
     seed: SeedOption = 0,
-    probe: Annotated[Path | None, typer.Option(metavar="FILE", help="Probe calibration to put into the log.")] = None,
+    probe: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Probe calibration for the log, instead of that of the simulated tunnel."),
+    ] = None,
     faults: Annotated[
         Path | None,
         typer.Option(
@@ -67,43 +78,52 @@ def fly(
     no_hardware: Annotated[
         bool, typer.Option("--no-hardware", help="Write the log directly, without fake sensors and daemon; faster.")
     ] = False,
+    recorder: Annotated[
+        str | None,
+        typer.Option(
+            "--as", metavar="NAME", help="px4 or ardupilot: write the log as this autopilot would, not the daemon's."
+        ),
+    ] = None,
+    log_faults: Annotated[
+        str,
+        typer.Option(
+            "--log-faults", metavar="LIST", help="With --as px4: traps of real logs, such as landed,dropouts,truncated."
+        ),
+    ] = "",
     replace: ReplaceOption = False,
 ) -> None:
     """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors.
 
     \b
     Examples:
-      sim fly --probe probe.json -o out/demo
+      sim fly -o out/demo
       sim fly --aircraft my.toml --plan full-test-flight --no-hardware -o out
     """
-    from daq.attachments import calibration_text
     from hw_fakes.faults import load_faults
+    from sim.autopilot_log import faults_of, write_autopilot_log
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
-    from sim.sensors import FlightSensorTruth, draw, load_budget
-    from sim.world import World, load_world
+    from sim.sensors import FlightSensorTruth, draw
+    from sim.world import world_of
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
-    if world is not None and errors is not None:
-        raise InputError("--world has an error budget of its own: leave out --errors")
-    if world is not None:
-        flown_in = load_world(world)
-    else:
-        budget = load_budget(errors or "bench")
-        flown_in = World(errors or "bench", budget.title, budget)
+    traps = faults_of(recorder, log_faults)
+    flown_in = world_of(world, errors)
     craft, flight_plan = load_complete_aircraft(aircraft), flown_in.plan(load_plan(plan), seed)
     schedule = load_faults(faults) if faults is not None else ()
-    if probe is not None:
-        if not probe.exists():
-            raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
-        calibration_text(str(probe), "probe")
+    calibration = probe_text(probe)
     check_output(output, replace)
+    check_probe(output, calibration, probe)
     drawn = draw(flown_in.errors, seed)
     with progress_bar("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
-    write_flight(output, flight, drawn, flown_in, aircraft, probe)
+    write_flight(output, flight, drawn, flown_in, aircraft, calibration)
     sensor_truth = FlightSensorTruth(flight, drawn)
+    if recorder is not None:
+        written = write_autopilot_log(output, recorder, flight, sensor_truth, drawn, traps)
+        print(f"{written}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
+        return
     with progress_bar("recording", flight.duration_s) as report:
         if no_hardware:
             _write_without_hardware(output, sensor_truth, seed, craft, report)

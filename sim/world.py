@@ -83,6 +83,16 @@ def worlds() -> list[str]:
     )
 
 
+def world_of(name: str | None, errors: str | None) -> World:
+    """The named world, or the assumed one with an error budget, by default "bench". Raises InputError for both."""
+    if name is not None and errors is not None:
+        raise InputError("--world has an error budget of its own: leave out --errors")
+    if name is not None:
+        return load_world(name)
+    budget = load_budget(errors or "bench")
+    return World(errors or "bench", budget.title, budget)
+
+
 def load_world(name: str) -> World:
     """A shipped world by its name. Raises InputError when there is none."""
     if name in shipped_budgets():

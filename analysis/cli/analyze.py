@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from analysis.autopilot_logs.read import firmware_of
+from analysis.cli.electrical import OrdinaryFlight, lacks_drag_topics, refuse_daemon_options
 from analysis.performance.request import parse_request, parse_weight
 from flight.aircraft import load_aircraft
-from flight.command_line import application, run
+from flight.command_line import application, quantity, run
 from flight.errors import InputError
 from flight.log_reader import read_log
 from flight.output_file import check_writable
+from flight.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
     from flight.propeller import Propeller
@@ -22,7 +25,10 @@ app = application(no_args_is_help=False)
 
 @app.command()
 def analyze(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log that the daemon recorded.")],
+    log: Annotated[
+        Path,
+        typer.Argument(metavar="LOG", help="A log that the daemon recorded, or one of PX4 (.ulg) or ArduPilot (.BIN)."),
+    ],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -102,6 +108,33 @@ def analyze(
             help='Density altitudes to compute, such as "0 m, 5000 ft"; default: 15 °C hotter and 1000 m higher.',
         ),
     ] = None,
+    mass: Annotated[
+        float | None,
+        typer.Option(
+            "--mass",
+            metavar="MASS",
+            parser=quantity("--mass", "kg", '"9 lb"', above=0, most=1000),
+            help='Mass [kg], such as 9.4 or "21 lb", for a log of an autopilot.',
+        ),
+    ] = None,
+    wing_area: Annotated[
+        float | None,
+        typer.Option(
+            "--wing-area",
+            metavar="AREA",
+            parser=quantity("--wing-area", "m^2", '"5 ft^2"', above=0, most=200),
+            help='Wing area [m^2], such as 1.5 or "16 ft^2", for a log of an autopilot.',
+        ),
+    ] = None,
+    span: Annotated[
+        float | None,
+        typer.Option(
+            "--span",
+            metavar="LENGTH",
+            parser=quantity("--span", "m", '"13 ft"', above=0, most=100),
+            help='Span [m], such as 4 or "13 ft", for a log of an autopilot.',
+        ),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
     """Compute the power required from a log: report.html, results.json, power_required.csv and a table for the field.
@@ -111,6 +144,7 @@ def analyze(
     The curve covers the speeds flown in accelerations and decelerations, with a 95 % interval. The report also has
     endurance and range on a battery, climb and highest speed at full throttle, and the effect of weight and air
     density on these.
+    A log of PX4 or ArduPilot, or one without flow angles or motor speed, gives the electrical power of level flight.
 
     \b
     Examples:
@@ -118,6 +152,7 @@ def analyze(
       analyze log.mcap --aircraft my.toml -o results
       analyze log.mcap --battery-Wh "5000 mAh, 14.8 V" --usable 70%
       analyze log.mcap --runs log.report/runs.toml   after editing that file
+      analyze log.ulg --mass 9.4 --wing-area 1.5 --span 4
 
     Exit code 0: done. 2: the input cannot be used; one line on stderr says why, and nothing was written.
     """
@@ -129,9 +164,27 @@ def analyze(
     weight_N = None if weight is None else parse_weight(weight, "--weight")
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    ordinary = OrdinaryFlight(
+        log, folder, request, weight_N if mass is None else mass * GRAVITY_MPS2, wing_area, span, aircraft
+    )
+    firmware = firmware_of(_not_a_folder(log))
+    if firmware:
+        refuse_daemon_options(log, propeller=propeller, probe=probe, zero=zero, runs=runs, magnetometer=magnetometer)
+        check_writable(folder / "report.html")
+        with stderr.status("reading the log …") as status:
+            print_electrical = ordinary.analyze_autopilot_log(firmware, lambda step: status.update(f"{step} …"))
+        if not quiet:
+            print_electrical(Console())
+        return
     with stderr.status("reading the log …") as status:
         # Wrong input is refused before the numerical libraries are loaded, which takes a second.
         recorded = read_log(_not_a_folder(log))
+        if lacks_drag_topics(recorded):
+            check_writable(folder / "report.html")
+            print_electrical = ordinary.analyze_daemon_log(recorded, lambda step: status.update(f"{step} …"))
+            if not quiet:
+                print_electrical(Console())
+            return
         check_writable(folder / "report.html")
         given_aircraft = load_aircraft(aircraft) if aircraft else None
         given_propeller = _load_propeller(propeller) if propeller else None

@@ -21,7 +21,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag import consider, covariance
 from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
 from analysis.drag.polar import Polar
@@ -189,8 +188,8 @@ def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> 
 
 
 def _airborne(flight_forces: FlightForces) -> NDArray[np.bool_]:
-    mean = flight_forces.block_means
-    return (mean["height_m"] > LEAST_HEIGHT_M) & (mean["flying"] == 1)
+    means = flight_forces.block_means
+    return (means["height_m"] > means.least_height_m) & (means["flying"] == 1)
 
 
 def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:

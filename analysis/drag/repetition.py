@@ -49,11 +49,11 @@ class Repetition:
         trajectory = self._trajectory_of(aircraft, upwash_slope_sigma)
         return main_values(trajectory, self.maneuvers, aircraft, propeller, self.condition, self.flown_CL, self.log)
 
-    def values_from(self, air: pd.DataFrame, propeller: Propeller) -> NDArray[np.float64]:
-        """The `values` (5,) from other air data of the same flight."""
+    def values_with_air(self, air: pd.DataFrame, propeller: Propeller) -> NDArray[np.float64]:
+        """The `values` (5,) by other air data than the flight's, or by these."""
         trajectory, data = self.trajectory, self.data
         if air is not data.table:
-            self.progress("repeating the estimate with hysteresis")
+            self.progress("repeating the estimate with other air data")
             sigma = self.alpha_scale_sigma
             trajectory = reconstruct(air, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=self.log)
         return main_values(

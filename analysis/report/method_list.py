@@ -8,7 +8,8 @@ def listed_methods(results: Results) -> list[MethodResult]:
     """All methods; the first is the one whose curve is `results.power_required`."""
     if not any(run.kind in LEVEL_RUNS for run in results.runs):
         polar = results.drag_polar  # without level runs the curve is that of one of the other methods
-        return sorted(results.methods, key=lambda m: m.drag_polar != [polar.A0, polar.A1, polar.A2])
+        main = [polar.A0, polar.A1, polar.A2] if polar else []
+        return sorted(results.methods, key=lambda m: m.drag_polar != main)
     from_level_runs = (
         MethodResult(
             name="dynamic", title="dynamic, two steps", equations="(3.45), trajectory and forces",

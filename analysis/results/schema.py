@@ -6,6 +6,7 @@ import io
 import msgspec
 
 FORMAT = "flightpower-results-2"
+BELOW_SLOWEST = "It lies below the slowest speed flown."  # reason of a `SpeedInterval`
 
 
 class PowerPoint(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,15 +55,28 @@ class DisagreementResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SpeedInterval(msgspec.Struct, frozen=True, kw_only=True):
-    """A speed with its 95 % interval; `lo_mps` is null where that has no lower end.
+    """A speed with its 95 % interval; null where there is none, and where it lies below the slowest speed flown.
 
     `inside_flown_range` is false where it is an extrapolation.
     """
 
     speed_mps: float | None
-    lo_mps: float | None
+    lo_mps: float | None  # null too where the interval has no lower end
     hi_mps: float | None
     inside_flown_range: bool
+    reason: str = ""  # why one of these is null
+
+
+class SlowestFlown(msgspec.Struct, frozen=True, kw_only=True):
+    """The slowest speed flown, at the test's weight and density, its lift coefficient, and the largest one in flight.
+
+    The latter was reached for a moment, in turns, pull-ups or gusts: that the wing carried it shows how far the stall
+    is at least.
+    """
+
+    speed_mps: float
+    lift_coefficient: float
+    largest_lift_coefficient: float
 
 
 class ParameterResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -223,7 +237,10 @@ class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
-    """Endurance, range and climb at one weight and density, each at its best speed among those flown."""
+    """Endurance, range and climb at one weight and density, each at its best speed among those flown.
+
+    Intervals of speeds end at the slowest speed flown.
+    """
 
     title: str
     weight_N: float
@@ -232,8 +249,8 @@ class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
     endurance_s: Interval
     endurance_speed_mps: Interval
     endurance_power_W: float  # from the battery
-    endurance_at_slowest: bool  # the best speed lies at or below the slowest flown,
-    endurance_at_fastest: bool = False  # or at or above the fastest
+    endurance_at_slowest: bool  # power still falls at the slowest speed flown, which is then the best of those flown,
+    endurance_at_fastest: bool = False  # or at the fastest
     range_m: Interval
     range_speed_mps: Interval
     range_power_W: float
@@ -269,6 +286,23 @@ class PerformanceResult(msgspec.Struct, frozen=True, kw_only=True):
     too_much: list[str] = []  # requested conditions in which full throttle does not sustain level flight
 
 
+class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What stands beside `electrical_power`: how it was found, and what else this flight does not give."""
+
+    least_power_speed: SpeedInterval  # longest endurance
+    best_range_speed: SpeedInterval  # least energy per distance
+    endurance_s: Interval | None  # at these speeds, on the battery given; null without one
+    range_m: Interval | None
+    interval_parts: list[IntervalPart]
+    residual_W: float  # rms of the energy balance, means over windows of some 8 s
+    idle_power_W: float  # drawn with the motor off; contained in the curve
+    airspeed_scale: Interval  # fraction by which airspeed reads high, by GPS and the prior
+    wind_mps: float | None  # null without GPS
+    wind_from_deg: float | None
+    flown_s: float  # used for the balance
+    withheld: list[str]  # what is not known, and what it would take
+
+
 class Results(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of `results.json`."""
 
@@ -283,13 +317,14 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     runs: list[RunResult]
     rejected: list[RejectedResult]
     parameters: list[ParameterResult]
-    drag_polar: DragPolar
+    drag_polar: DragPolar | None  # null where drag is not known: see `electrical_power`
     power_required: list[PowerPoint]  # at the test's weight and density, over the flown range
     power_required_standard: list[PowerPoint]  # at the standard weight and sea-level density
     cross_check: list[PowerPoint]  # the same over the runs alone, at the test's weight and density, by
     cross_check_by: str = "output error"  # or filter error, where the air moved
     minimum_power_speed: SpeedInterval  # longest endurance, at the test's weight and density
     best_range_speed: SpeedInterval
+    slowest_flown: SlowestFlown | None = None
     verdict: str  # of the estimation: "converged", or what was wrong
     warnings: list[str]
     methods: list[MethodResult] = []
@@ -298,6 +333,8 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     interval_parts: list[IntervalPart] = []  # of `power_required`
     path: PathResult | None = None
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
+    electrical_power: list[PowerPoint] = []  # from the battery in level flight, where thrust is not known
+    electrical: ElectricalResult | None = None
 
 
 def to_json(results: Results) -> bytes:
@@ -305,13 +342,13 @@ def to_json(results: Results) -> bytes:
 
 
 def to_csv(results: Results) -> str:
-    """Both curves, one row per point, units in the header."""
+    """Both curves of power required, or that of electrical power; one row per point, units in the header."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
     writer.writerow(["condition", "weight_N", "air_density_kgpm3", *fields, "extrapolated"])
     for name, condition, curve in (
-        ("test", results.test, results.power_required),
+        ("test", results.test, results.power_required or results.electrical_power),
         ("standard", results.standard, results.power_required_standard),
     ):
         for point in curve:

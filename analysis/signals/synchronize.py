@@ -78,7 +78,7 @@ def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
     notes = [note for topic in TOPICS for note in _losses(topic, log.entries.get(topic, []), start_ns, period_s)]
     for name, (topic, field) in COLUMNS.items():
         entries = log.entries.get(topic, [])
-        taken_s, value = _samples(entries, field, start_ns)
+        taken_s, value = samples(entries, field, start_ns)
         table[name] = on_grid(t_s, taken_s - (lag_s or {}).get(topic, 0.0), value)
     return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns, notes)
 
@@ -115,7 +115,7 @@ def _losses(topic: str, entries: list[LogEntry], start_ns: int, period_s: float)
     return notes
 
 
-def _samples(entries: list[LogEntry], field: str, start_ns: int) -> tuple[Array, Array]:
+def samples(entries: list[LogEntry], field: str, start_ns: int) -> tuple[Array, Array]:
     """Times [s] and values of the good messages, (m,), in order of time, one for each time."""
     good = [
         ((time_ns - start_ns) / 1e9 - _delay_s(message), value)

@@ -11,12 +11,13 @@ from flight.aircraft import ControlSurface, PneumaticLine
 from flight.atmosphere import GRAVITY_MPS2
 from flight.complete_aircraft import CompleteAircraft
 from flight.motion import body_from_earth, specific_force_at
+from sim.bench import BurstsSegment
 from sim.fly import Flight
 from sim.sensor_truth import GpsSolution
 from sim.sensors.budget import DIFFERENTIAL, DrawnErrors
-from sim.sensors.noise import GRID_HZ, gauss_markov, white
+from sim.sensors.noise import GRID_HZ, gauss_markov, rng_of, white
 from sim.sensors.probe import flow_at_probe, port_pressures
-from sim.sensors.tubing import first_order_lag, time_constant_s
+from sim.sensors.tubing import StepResponse, first_order_lag, step_response, time_constant_s
 
 Array = NDArray[np.float64]
 
@@ -264,7 +265,9 @@ class FlightSensorTruth:
 
         def through(name: str, x: Array) -> Array:
             line = self._aircraft.probe.lines.get(name, DEFAULT_LINE)
-            return first_order_lag(x, PNEUMATIC_DT_S, time_constant_s(line, pressure, kelvin) + e.lag_s)
+            tau_s = time_constant_s(line, pressure, kelvin) + e.lag_s
+            bursts = self._bursts(name, grid, step_response(line, pressure, kelvin, e.lag_s))
+            return first_order_lag(x, PNEUMATIC_DT_S, tau_s) + bursts
 
         static_line = through("static", static + ports.static + e.static_position * q_bar)
         centre_line = through("airspeed", static + ports.centre)
@@ -278,6 +281,16 @@ class FlightSensorTruth:
         for name in DIFFERENTIAL:
             at[name] = with_hysteresis(at[name], e.hysteresis) + self._coloured(name, len(grid))
         return grid, at
+
+    def _bursts(self, name: str, t: Array, line: StepResponse) -> Array:
+        """The plan's bursts of pressure at the end of a line [Pa], (n,)."""
+        total = np.zeros_like(t)
+        for index, segment in enumerate(self._flight.plan.segments):
+            if isinstance(segment, BurstsSegment) and segment.line == name:
+                start_s = float(self._truth.loc[self._truth["segment"] == index, "time_s"].iloc[0])
+                jitter = rng_of(self._errors.seed, f"bursts {index}").uniform(-1, 1, segment.count)
+                total += segment.response(t - start_s, line, jitter)
+        return total
 
     def _coloured(self, name: str, n: int) -> Array:
         noise = self._errors.noise

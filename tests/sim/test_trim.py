@@ -15,7 +15,7 @@ from sim.modes import modes
 from sim.plant import AircraftState, Deviations, plant_of
 from sim.trim import RESIDUAL_LIMIT, Trimmer, power_required
 
-AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs")
+AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs", "light-1kg", "survey-6kg")
 
 
 @pytest.mark.parametrize("name", AIRCRAFT)

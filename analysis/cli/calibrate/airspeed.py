@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from analysis.autopilot_logs.read import firmware_of
 from analysis.cli.calibrate.options import AircraftFile, LogFile, Replace, check_output, write_json
+from analysis.cli.electrical import refuse_daemon_options
 from analysis.estimation.intervals import NORMAL_95
 from flight.errors import InputError
 
 if TYPE_CHECKING:
     from analysis.trajectory.airspeed_scale import AirspeedCalibration
+
+TYPICAL_WEIGHT_N, TYPICAL_WING_AREA_M2 = 60.0, 1.0  # only their ratio counts, to recognise flight
 
 
 def airspeed(
@@ -31,12 +35,16 @@ def airspeed(
     Fly two legs or more of half a minute at a steady speed, there and back along one line, better along two crossing
     lines; turns help. A steady wind changes the ground speed by opposite amounts on opposite headings; the mean
     difference is the scale error. On one heading only, wind and scale error cannot be told apart, and a note says so.
-    `analyze` estimates the same for each flight.
+    `analyze` estimates the same for each flight. Exit code 2 and no file without GPS, or if the standard error of the
+    scale stays above 0.8 of what it was before the flight.
+
+    To rehearse it: `sim fly --plan airspeed-box -o out/box`.
 
     \b
     Examples:
       calibrate airspeed log.mcap
       calibrate airspeed log.mcap --probe probe.json -o airspeed.json
+      calibrate airspeed log.ulg                     a log of PX4 or ArduPilot
     """
     from analysis.airdata.from_log import flight_data
     from analysis.airdata.probe import load_probe
@@ -50,6 +58,11 @@ def airspeed(
     from flight.log_reader import read_log
 
     check_output(output, replace)
+    firmware = firmware_of(log)
+    if firmware:
+        refuse_daemon_options(log, probe=probe, aircraft=aircraft)
+        _report(autopilot_airspeed(log, firmware), [], log, output)
+        return
     recorded = read_log(log)
     given = Replacements(
         aircraft=load_aircraft(aircraft) if aircraft else None, probe=load_probe(probe) if probe else None
@@ -63,10 +76,44 @@ def airspeed(
     sigma = math.hypot(carried.probe.alpha_scale_sigma, alpha_scale_sigma(carried.aircraft))
     trajectory = reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=str(log))
     found = calibrate(data.table, trajectory)
-    for line in summary(found, carried.notes + data.notes):
+    _report(found, carried.notes + data.notes, log, output)
+
+
+def autopilot_airspeed(log: Path, firmware: str) -> "AirspeedCalibration":
+    """Scale and wind of a flight under PX4 or ArduPilot. Raises InputError."""
+    from analysis.autopilot_logs.recording import GPS
+    from analysis.cli.electrical import read_autopilot_log
+    from analysis.electrical.airspeed_gps import airspeed_errors, one_way
+    from analysis.electrical.flight_table import flight_table
+    from analysis.trajectory.airspeed_scale import AirspeedCalibration, notes_on, why_not_determined
+
+    flight = flight_table(read_autopilot_log(log, firmware), TYPICAL_WEIGHT_N, TYPICAL_WING_AREA_M2)
+    found = airspeed_errors(flight)
+    if found.wind_mps is None or found.wind_from_deg is None:
+        raise InputError(f"{log}: no GPS velocity in flight: neither scale nor wind can be determined")
+    table = flight.table[flight.flown]
+    spread = one_way(table[GPS[0]].to_numpy(), table[GPS[1]].to_numpy(), found)
+    error = float(found.covariance[0, 0] ** 0.5)
+    notes = [*flight.notes, *notes_on(spread, error, found.prior_sigma)]
+    return AirspeedCalibration(
+        found.scale,
+        error,
+        found.wind_mps,
+        found.wind_from_deg,
+        spread,
+        notes,
+        why_not_determined(error, found.prior_sigma),
+    )
+
+
+def _report(found: "AirspeedCalibration", notes: list[str], log: Path, output: Path | None) -> None:
+    for line in summary(found, notes):
         print(line)
+    if found.unsupported:
+        raise InputError(f"{log}: {found.unsupported}")
     if output:
-        write_json(output, {"format": "flightpower-airspeed-1", "source": log.name, **found._asdict()})
+        content = {name: value for name, value in found._asdict().items() if name != "unsupported"}
+        write_json(output, {"format": "flightpower-airspeed-1", "source": log.name, **content})
         print(f"wrote {output}")
 
 

@@ -25,7 +25,9 @@ class CurveSection(NamedTuple):
 
 
 def curve_section(results: Results) -> CurveSection:
-    polar, best = results.drag_polar, results.drag_polar.maximum_lift_to_drag
+    polar = results.drag_polar
+    assert polar is not None  # this page is that of a known drag
+    best = polar.maximum_lift_to_drag
     return CurveSection(
         least_power=optimum_speed_text(results.minimum_power_speed),
         least_drag=optimum_speed_text(results.best_range_speed) + _best_range_on_battery(results),

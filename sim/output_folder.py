@@ -1,12 +1,13 @@
-"""The directory of a simulated flight: truth, true curve, and what the daemon or the log needs."""
+"""The folder of a simulated flight: which files it holds, and what must not be replaced there."""
 
-import shutil
+import json
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flight.errors import InputError
 from flight.output_file import check_writable
+from flight.text_file import read_text
 
 if TYPE_CHECKING:
     from sim.fly import Flight
@@ -14,7 +15,8 @@ if TYPE_CHECKING:
     from sim.world import World
 
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
-OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG)
+PX4_LOG, ARDUPILOT_LOG = "log.ulg", "log.BIN"
+OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, PX4_LOG, ARDUPILOT_LOG)
 AIRCRAFT, PROPELLER, PROBE = "aircraft.toml", "propeller.csv", "probe.json"
 
 
@@ -30,10 +32,38 @@ def check_output(output: Path, replace: bool) -> None:
     check_writable(output / LOG)
 
 
+def probe_text(probe: Path | None) -> str:
+    """The probe calibration of a file; by default the shipped one, of the simulated probe in the simulated tunnel."""
+    if probe is None:
+        return (resources.files("sim") / "data" / PROBE).read_bytes().decode()
+    if not probe.exists():
+        raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
+    text = read_text(probe)
+    try:
+        calibration = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"{probe}: not a probe calibration ({error})") from None
+    if not isinstance(calibration, dict):
+        raise InputError(f"{probe}: not a probe calibration (not a JSON object)")
+    return text
+
+
+def check_probe(output: Path, calibration: str, probe: Path | None) -> None:
+    """Raise InputError if the flight would replace a probe calibration in its folder."""
+    there = output / PROBE
+    if not there.exists() or (probe is not None and there.samefile(probe)):
+        return
+    if there.read_bytes() != calibration.encode():
+        raise InputError(f"{there}: is another calibration; give it with --probe, or give another folder")
+
+
 def write_flight(
-    output: Path, flight: "Flight", drawn: "DrawnErrors", world: "World", aircraft: str, probe: Path | None
+    output: Path, flight: "Flight", drawn: "DrawnErrors", world: "World", aircraft: str, calibration: str
 ) -> None:
-    """Write all but the log. aircraft: name or file. Raises InputError when something cannot be written."""
+    """Write all but the log. Raises InputError when something cannot be written.
+
+    aircraft: name or file     calibration: of the probe
+    """
     from sim.truth import write_truth
 
     try:
@@ -43,7 +73,8 @@ def write_flight(
         metadata = {**flight.metadata, "world": world.name, "errors": drawn.as_dict()}
         write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
         flight.power_required.to_csv(output / CURVE, index=False)
-        (output / TRAY).write_text(_tray_text(output, _aircraft(output, flight, world, aircraft), probe), "utf-8")
+        (output / TRAY).write_text(_tray_text(_aircraft(output, flight, world, aircraft)), "utf-8")
+        (output / PROBE).write_bytes(calibration.encode())
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
 
@@ -67,8 +98,8 @@ def _aircraft(output: Path, flight: "Flight", world: "World", name: str) -> str:
     return AIRCRAFT
 
 
-def _tray_text(output: Path, aircraft: str, probe: Path | None) -> str:
-    """The daemon's example tray, changed for this flight. Files it needs are copied, so the directory can be moved."""
+def _tray_text(aircraft: str) -> str:
+    """The daemon's example tray, changed for this flight. Files it needs are copied, so the folder can be moved."""
     text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
     lines = []
     for line in text.splitlines():
@@ -77,10 +108,7 @@ def _tray_text(output: Path, aircraft: str, probe: Path | None) -> str:
             line = f'aircraft = "{aircraft}"'
         elif key == "directory":
             line = 'directory = "."'
-        elif key == "probe_calibration" and probe is not None:
-            target = output / PROBE
-            if not (target.exists() and target.samefile(probe)):
-                shutil.copyfile(probe, target)
+        elif key == "probe_calibration":
             line = f'probe_calibration = "{PROBE}"'
         lines.append(line)
     return "\n".join(lines) + "\n"

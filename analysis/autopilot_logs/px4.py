@@ -1,0 +1,196 @@
+"""Reads a PX4 log (ULog) into the channels of an ordinary flight."""
+
+import contextlib
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pyulog import ULog
+
+from analysis.autopilot_logs import recording
+from analysis.autopilot_logs.instances import Battery, measuring_battery, most_varying
+from analysis.autopilot_logs.recording import Array, Channel, FlightRecording, channel, without_clock_jumps
+from flight.errors import InputError
+
+TOPICS = (
+    "airspeed", "airspeed_validated", "battery_status", "differential_pressure", "sensor_baro", "sensor_combined",
+    "sensor_gps", "vehicle_acceleration", "vehicle_air_data", "vehicle_gps_position", "vehicle_status",
+)  # fmt: skip
+ROTARY_WING, FIXED_WING, ROVER = 1, 2, 3  # vehicle_status.vehicle_type
+MULTICOPTERS, ROVERS = (2, 3, 4, 13, 14, 15), (10, 11, 12)  # MAV_TYPE
+CELSIUS = 273.15
+HECTOPASCAL_BELOW = 2000.0  # sensor_baro.pressure of old firmware
+AIRSPEED_TOPICS = (  # in order of preference
+    ("airspeed_validated", ("indicated_airspeed_m_s",)),
+    ("airspeed", ("indicated_airspeed_m_s",)),
+)
+PRESSURE_FIELDS = ("differential_pressure_pa", "differential_pressure_filtered_pa", "differential_pressure_raw_pa")
+
+
+class _Topic:
+    """One instance of a topic."""
+
+    def __init__(self, data: dict[str, NDArray[Any]], instance: int):
+        self.instance, self._data = instance, data
+        self.t_s: Array = np.asarray(data["timestamp"], dtype=float) * 1e-6
+
+    def has(self, field: str) -> bool:
+        return field in self._data
+
+    def values(self, field: str) -> Array:
+        return np.asarray(self._data[field], dtype=float)
+
+    def channel(self, field: str) -> Channel:
+        """The field; empty where the firmware does not log it."""
+        return channel(self.t_s, self.values(field)) if self.has(field) else channel([], [])
+
+
+def read_px4(path: Path) -> FlightRecording:
+    """The channels of a PX4 log.
+
+    Raises InputError, in one line, when the file is not a readable ULog file, and for aircraft without wings.
+    """
+    topics, notes = _topics(path)
+    _refuse_wingless(path, topics)
+    airspeed, zeroed = _airspeed(topics)
+    airspeed = {name: _on_the_wing(one, topics) for name, one in airspeed.items()}
+    channels = airspeed | _static(topics) | _force(topics) | _gps(topics)
+    batteries = [
+        Battery(f"battery_status {one.instance}", one.channel("voltage_v"), one.channel("current_a"))
+        for one in topics.get("battery_status", [])
+    ]
+    battery, battery_notes = measuring_battery(batteries)
+    if battery:
+        channels |= {recording.VOLTAGE: battery.voltage, recording.CURRENT: battery.current}
+    thermometers = _thermometers(topics)
+    if recording.AIRSPEED_PRESSURE in channels:
+        main = channels[recording.AIRSPEED_PRESSURE]
+        both, jumps = without_clock_jumps(main, {**channels, **thermometers})
+        channels = {name: both[name] for name in channels if name in both}
+        thermometers = {name: both[name] for name in thermometers if name in both}
+        notes += jumps
+    return FlightRecording(path, channels, thermometers, tuple(notes + battery_notes), zeroed)
+
+
+def _topics(path: Path) -> tuple[dict[str, list[_Topic]], list[str]]:
+    try:
+        with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
+            log = ULog(stream, list(TOPICS))
+    except Exception as error:  # a torn or altered file raises whatever its bytes lead to
+        raise InputError(f"{path}: cannot be read as a PX4 log ({type(error).__name__}: {_line(error)})") from None
+    topics: dict[str, list[_Topic]] = {}
+    for data in sorted(log.data_list, key=lambda one: one.multi_id):
+        if "timestamp" in data.data and len(data.data["timestamp"]):
+            topics.setdefault(data.name, []).append(_Topic(data.data, int(data.multi_id)))
+    if not topics:
+        raise InputError(f"{path}: holds no message of airspeed, battery or barometer; is the log complete?")
+    notes = ["The log is damaged; what could be read is used."] if log.file_corruption else []
+    lost_s = sum(dropout.duration for dropout in log.dropouts) / 1000
+    if lost_s > 1.0:
+        notes.append(f"The autopilot dropped {lost_s:.0f} s of messages, in {len(log.dropouts)} gaps.")
+    return topics, notes
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:120]
+
+
+def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]]) -> None:
+    for status in topics.get("vehicle_status", []):
+        kinds = status.values("vehicle_type") if status.has("vehicle_type") else np.empty(0)
+        mav = (
+            set(np.nan_to_num(status.values("system_type")).astype(int).tolist())
+            if status.has("system_type")
+            else set()
+        )
+        vtol = status.has("is_vtol") and bool(status.values("is_vtol").any())
+        if mav & set(ROVERS) or (len(kinds) and (kinds == ROVER).all()):
+            raise InputError(f"{path}: the log of a rover or boat; power required is that of a fixed wing")
+        if mav & set(MULTICOPTERS) or (len(kinds) and (kinds == ROTARY_WING).all()):
+            kind = "a multicopter, or of a VTOL that never flew on its wing" if vtol else "a multicopter"
+            raise InputError(f"{path}: the log of {kind}; power required is that of a fixed wing")
+
+
+def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool]:
+    """Differential pressure of the pitot, and whether its zero is corrected.
+
+    The validated airspeed has most samples; all instances are looked at.
+    """
+    for name, fields in AIRSPEED_TOPICS:
+        found = []
+        for one in topics.get(name, []):
+            for field in fields:
+                speed = one.values(field) if one.has(field) else np.full(len(one.t_s), np.nan)
+                if one.has("selected_airspeed_index"):  # 0: ground speed less wind; below: none
+                    speed = np.where(one.values("selected_airspeed_index") > 0, speed, np.nan)
+                found.append(channel(one.t_s, recording.pressure_of_indicated_airspeed(speed)))
+        best = most_varying(found)
+        if best is not None and len(best.t_s) >= recording.FEWEST_SAMPLES:
+            return {recording.AIRSPEED_PRESSURE: best}, True
+    raw = [one.channel(field) for one in topics.get("differential_pressure", []) for field in PRESSURE_FIELDS]
+    best = most_varying(raw)
+    return ({} if best is None else {recording.AIRSPEED_PRESSURE: best}), False
+
+
+def _on_the_wing(one: Channel, topics: dict[str, list[_Topic]]) -> Channel:
+    """Without the times in which a VTOL hovered."""
+    for status in topics.get("vehicle_status", []):
+        if status.has("vehicle_type"):
+            latest = np.clip(np.searchsorted(status.t_s, one.t_s, side="right") - 1, 0, None)
+            winged = status.values("vehicle_type")[latest] != ROTARY_WING
+            return Channel(one.t_s[winged], one.value[winged])
+    return one
+
+
+def _static(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
+    for one in topics.get("vehicle_air_data", []):
+        if one.has("baro_pressure_pa"):
+            return {recording.STATIC: one.channel("baro_pressure_pa")}
+    for one in topics.get("sensor_baro", []):
+        pressure = one.channel("pressure")
+        if len(pressure.value):
+            factor = 100.0 if np.median(pressure.value) < HECTOPASCAL_BELOW else 1.0
+            return {recording.STATIC: Channel(pressure.t_s, factor * pressure.value)}
+    return {}
+
+
+def _force(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
+    for name, field in (("vehicle_acceleration", "xyz[2]"), ("sensor_combined", "accelerometer_m_s2[2]")):
+        for one in topics.get(name, []):
+            if one.has(field):
+                return {recording.FORCE_Z: one.channel(field)}
+    return {}
+
+
+def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
+    fields = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
+    for name in ("vehicle_gps_position", "sensor_gps"):
+        for one in topics.get(name, []):
+            if not all(one.has(field) for field in fields):
+                continue
+            fixed = one.values("fix_type") >= 3 if one.has("fix_type") else np.ones(len(one.t_s), dtype=bool)
+            if fixed.sum() >= recording.FEWEST_SAMPLES:
+                return {
+                    axis: channel(one.t_s[fixed], one.values(field)[fixed])
+                    for axis, field in zip(recording.GPS, fields, strict=True)
+                }
+    return {}
+
+
+def _thermometers(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
+    sources = (
+        ("differential_pressure", "temperature"),
+        ("airspeed", "air_temperature_celsius"),
+        ("vehicle_air_data", "baro_temp_celcius"),
+        ("vehicle_air_data", "ambient_temperature"),
+        ("sensor_baro", "temperature"),
+    )
+    found = {}
+    for name, field in sources:
+        for one in topics.get(name, []):
+            celsius = one.channel(field)
+            if len(celsius.value):
+                found[f"{name} {one.instance}"] = Channel(celsius.t_s, celsius.value + CELSIUS)
+    return found

@@ -1,0 +1,135 @@
+"""The channels of an ordinary flight, each with its own times, whatever recorded them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot less static pressure, its zero not yet corrected
+STATIC, FORCE_Z = "static_Pa", "az_mps2"
+VOLTAGE, CURRENT = "battery_V", "battery_A"
+GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
+SEA_LEVEL_DENSITY_KGPM3 = 1.225  # of indicated airspeed
+CLOCK_JUMP_S = 60.0  # a longer step of the clock within one channel is no dropout
+FEWEST_SAMPLES = 20
+
+
+# By channel: the least and greatest possible value, and the greatest difference from the median of five samples.
+POSSIBLE = {
+    AIRSPEED_PRESSURE: (-2000.0, 20_000.0, 600.0),
+    STATIC: (20_000.0, 120_000.0, 300.0),
+    FORCE_Z: (-300.0, 300.0, 100.0),
+    VOLTAGE: (0.0, 1000.0, 50.0),
+    CURRENT: (-1000.0, 2000.0, 300.0),
+    **dict.fromkeys(GPS, (-300.0, 300.0, 30.0)),
+}
+POSSIBLE_TEMPERATURE_K = (150.0, 450.0, 50.0)
+
+
+class Channel(NamedTuple):
+    """Times [s], ascending, and values, both (n,)."""
+
+    t_s: Array
+    value: Array
+
+
+@dataclass(frozen=True)
+class FlightRecording:
+    """A log of any autopilot.
+
+    channels : by name, in SI units; a name is missing where nothing was measured
+    zeroed : whether whatever recorded them has corrected the zero of the airspeed's pressure
+    thermometers : by description, temperatures of the air, or of parts that the air cools [K]
+    notes : choices and damage, in sentences
+    """
+
+    path: Path
+    channels: Mapping[str, Channel]
+    thermometers: Mapping[str, Channel] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    zeroed: bool = True
+
+
+def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:
+    """A channel without its samples that are not finite."""
+    t, x = np.asarray(t_s, dtype=float), np.asarray(value, dtype=float)
+    known = np.isfinite(t) & np.isfinite(x)
+    return Channel(t[known], x[known])
+
+
+def pressure_of_indicated_airspeed(speed_mps: ArrayLike) -> Array:
+    """Differential pressure [Pa] that an autopilot showed as this indicated airspeed; negative below zero."""
+    speed = np.asarray(speed_mps, dtype=float)
+    return np.asarray(np.sign(speed) * SEA_LEVEL_DENSITY_KGPM3 / 2 * speed**2)
+
+
+def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple[dict[str, Channel], list[str]]:
+    """The channels over the longest part of `main` between jumps of the clock, ascending in time, and a note.
+
+    Values that are impossible, single wrong times and channels that are too short are left out.
+    """
+    main = _without_single_times(main)
+    channels = {name: _without_single_times(one) for name, one in channels.items()}
+    channels = {name: _possible(one, *POSSIBLE.get(name, POSSIBLE_TEMPERATURE_K)) for name, one in channels.items()}
+    parts = _parts(main.t_s)
+    notes = []
+    if len(parts) > 1:
+        kept = max(parts, key=lambda rows: rows.stop - rows.start)
+        span = float(main.t_s[kept.stop - 1] - main.t_s[kept.start])
+        notes = [
+            f"The log's clock jumped {len(parts) - 1} times; the longest part between jumps, {span:.0f} s, is used."
+        ]
+        low, high = main.t_s[kept.start], main.t_s[kept.stop - 1]
+        channels = {name: _within(one, float(low), float(high)) for name, one in channels.items()}
+    ascending = {name: _ascending(one) for name, one in channels.items()}
+    return {name: one for name, one in ascending.items() if len(one.t_s) >= FEWEST_SAMPLES}, notes
+
+
+def _without_single_times(one: Channel) -> Channel:
+    """Without samples whose time differs from those of both neighbours, which agree with one another."""
+    if len(one.t_s) < 3:
+        return one
+    before, here, after = one.t_s[:-2], one.t_s[1:-1], one.t_s[2:]
+    wrong = (after >= before) & ((here > after) | (here < before))
+    kept = np.concatenate([[True], ~wrong, [True]])
+    return Channel(one.t_s[kept], one.value[kept])
+
+
+def _possible(one: Channel, least: float, greatest: float, spike: float) -> Channel:
+    kept = (one.value >= least) & (one.value <= greatest)
+    t_s, value = one.t_s[kept], one.value[kept]
+    if len(value) < FEWEST_SAMPLES:
+        return Channel(t_s, value)
+    around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(value, 2, mode="edge"), 5), axis=1)
+    kept = np.abs(value - around) <= spike
+    return Channel(t_s[kept], value[kept])
+
+
+def _parts(t_s: Array) -> list[slice]:
+    """Rows between steps back, and steps forward by more than CLOCK_JUMP_S."""
+    step = np.diff(t_s)
+    edges = np.flatnonzero((step < -1.0) | (step > CLOCK_JUMP_S)) + 1
+    return [slice(int(a), int(b)) for a, b in zip([0, *edges], [*edges, len(t_s)], strict=True)]
+
+
+def _within(one: Channel, low: float, high: float) -> Channel:
+    """The part of a channel that overlaps most with an interval of time."""
+    best = Channel(np.empty(0), np.empty(0))
+    for rows in _parts(one.t_s) if len(one.t_s) else []:
+        t_s, value = one.t_s[rows], one.value[rows]
+        inside = (t_s >= low) & (t_s <= high)
+        if inside.sum() > len(best.t_s):
+            best = Channel(t_s[inside], value[inside])
+    return best
+
+
+def _ascending(one: Channel) -> Channel:
+    if not len(one.t_s):
+        return one
+    later = np.concatenate([[True], one.t_s[1:] > np.maximum.accumulate(one.t_s)[:-1]])
+    return Channel(one.t_s[later], one.value[later])

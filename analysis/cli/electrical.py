@@ -1,0 +1,101 @@
+"""`analyze` of an autopilot's log, or of one without flow angles or motor speed: electrical power of level flight."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from analysis.autopilot_logs.read import PX4
+from analysis.performance.request import Request
+from flight.aircraft import Aircraft, load_aircraft, parse_aircraft
+from flight.errors import InputError
+from flight.log_reader import Log
+
+if TYPE_CHECKING:
+    from analysis.autopilot_logs.recording import FlightRecording
+    from analysis.electrical.flown_aircraft import FlownAircraft
+
+JOULES_PER_WH = 3600.0
+NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # by drag
+ELECTRICAL = ("/probe/airspeed", "/static", "/battery")
+
+Progress = Callable[[str], None]
+Print = Callable[[Console], None]
+
+
+def lacks_drag_topics(log: Log) -> bool:
+    """Whether a log of the daemon gives no drag, but electrical power."""
+    return not all(map(log.entries.get, NEEDED)) and all(map(log.entries.get, ELECTRICAL))
+
+
+def read_autopilot_log(log: Path, firmware: str) -> "FlightRecording":
+    """The recording in a log of PX4 or ArduPilot. Raises InputError."""
+    if firmware == PX4:
+        from analysis.autopilot_logs.px4 import read_px4 as read
+    else:
+        from analysis.autopilot_logs.ardupilot import read_ardupilot as read
+    return read(log)
+
+
+def refuse_daemon_options(log: Path, **given: object) -> None:
+    """Raises InputError for an option that an autopilot's log has no use for."""
+    names = [f"--{name}" for name, value in given.items() if value is not None]
+    if names:
+        raise InputError(f"{log}: {', '.join(names)}: only for logs of the daemon, not for an autopilot's")
+
+
+@dataclass(frozen=True)
+class OrdinaryFlight:
+    """An analysis as the command line asks for it. weight_N, wing_area_m2, span_m: instead of the aircraft file's."""
+
+    log: Path
+    folder: Path
+    request: Request
+    weight_N: float | None
+    wing_area_m2: float | None
+    span_m: float | None
+    aircraft: Path | None
+
+    def analyze_autopilot_log(self, firmware: str, progress: Progress) -> Print:
+        """Write the report of a log of PX4 or ArduPilot; returns what prints the summary. Raises InputError."""
+        from analysis.electrical.flown_aircraft import flown_aircraft
+
+        given = load_aircraft(self.aircraft) if self.aircraft else None
+        flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
+        return self._analyze(read_autopilot_log(self.log, firmware), flown, self._battery_Wh(given), progress)
+
+    def analyze_daemon_log(self, log: Log, progress: Progress) -> Print:
+        """Write the report of a log of the daemon; returns what prints the summary. Raises InputError."""
+        from analysis.electrical.daemon_log import recording_of
+        from analysis.electrical.flown_aircraft import flown_aircraft
+
+        text = log.attachments.get("aircraft.toml")
+        given = load_aircraft(self.aircraft) if self.aircraft else None
+        if given is None and text is not None:
+            given = parse_aircraft(text.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
+        flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
+        return self._analyze(recording_of(log), flown, self._battery_Wh(given), progress)
+
+    def _battery_Wh(self, aircraft: Aircraft | None) -> float | None:
+        in_file = aircraft.propulsion.battery_energy_Wh if aircraft else None
+        return in_file if self.request.battery_Wh is None else self.request.battery_Wh
+
+    def _analyze(
+        self, recording: "FlightRecording", flown: "FlownAircraft", battery_Wh: float | None, progress: Progress
+    ) -> Print:
+        from analysis.electrical.estimate import estimate
+        from analysis.electrical.flight_table import flight_table
+        from analysis.report.electrical_page import print_electrical_summary, write_electrical_report
+        from analysis.results.electrical import electrical_results
+
+        progress("finding the flight")
+        table = flight_table(recording, flown.weight_N, flown.wing_area_m2)
+        progress("balancing energy")
+        found = estimate(table, flown.weight_N, flown.wing_area_m2, flown.span_m, str(self.log))
+        battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
+        results = electrical_results(self.log, flown, table, found, battery_J)
+        progress("writing the report")
+        write_electrical_report(results, table, found, self.folder)
+        return lambda console: print_electrical_summary(results, self.folder / "report.html", console)

@@ -1,0 +1,158 @@
+"""Energy balance of an ordinary flight (2.23)-(2.26): P eta = D V + dE/dt, averaged over windows.
+
+P is the motor's electrical power, eta its efficiency to thrust, E = m (g h + V^2/2). The derivative is moved to the
+window's weight (integration by parts), so nothing noisy is differentiated. C_L comes from the accelerometer.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.electrical import propulsion
+from analysis.electrical.air_motion import Windows
+from flight.units import GRAVITY_MPS2 as g
+
+Array = NDArray[np.float64]
+
+WINDOW_S, LEAST_STEP_S, MOST_WINDOWS = 8.0, 2.0, 400
+GREATEST_POWER_W, POWER_POINTS = 1e5, 600
+LEAST_POWER_W = 0.5
+
+# The natural logarithms of CD0, K, x_at_maximum and fall, and the logit of the efficiency, keep them possible.
+PARAMETERS = ("ln_CD0", "ln_K", "CL_minD", "K4", "logit_efficiency", "ln_x", "ln_fall", "idle_drag")
+
+
+class FlightConditions(NamedTuple):
+    """What stays the same in a flight.
+
+    updraft_mps : mean over the flight          power_scale : true over measured electrical power
+    """
+
+    mass_kg: float
+    wing_area_m2: float
+    rho: float
+    idle_power_W: float
+    updraft_mps: float = 0.0
+    power_scale: float = 1.0
+
+
+class Samples(NamedTuple):
+    """Measurements (n,), uniform in time within each stretch. stretches: slices of rows"""
+
+    t_s: Array
+    V_mps: Array
+    height_m: Array
+    power_W: Array
+    load_factor: Array
+    stretches: list[slice]
+
+
+@dataclass(frozen=True)
+class DragAndEfficiency:
+    """The parameters in their usual form. CD = CD0 + K (CL - CL_minD)^2 + K4 (CL - CL_minD)^4 above CL_minD"""
+
+    CD0: float
+    K: float
+    CL_minD: float
+    K4: float
+    efficiency: float
+    x_at_maximum: float
+    fall: float
+    idle_drag: float  # drag of the idling propeller over that of CD0
+
+    @classmethod
+    def of(cls, parameters: Array) -> "DragAndEfficiency":
+        CD0, K, CL_minD, K4, efficiency, x, fall, idle = parameters
+        exp = np.exp
+        return cls(exp(CD0), exp(K), CL_minD, K4, 1 / (1 + exp(-efficiency)), exp(x), exp(fall), idle)
+
+
+class EnergyBalance:
+    """The balance of one flight. windows: of `air_motion`; V_mps, power_W: (n,) their means"""
+
+    def __init__(self, samples: Samples, conditions: FlightConditions):
+        self.samples, self.conditions = samples, conditions
+        step_s = float(np.median(np.diff(samples.t_s)))
+        length_s = sum(rows.stop - rows.start for rows in samples.stretches) * step_s
+        spacing_s = step_s * round(max(LEAST_STEP_S, length_s / MOST_WINDOWS) / step_s)
+        window_s = max(WINDOW_S, 2 * spacing_s)
+        count = 2 * round(window_s / step_s / 2) + 1
+        u = (np.arange(count) - count // 2) / (count - 1)
+        weight = 1 + np.cos(2 * np.pi * u)
+        slope = -2 * np.pi / window_s * np.sin(2 * np.pi * u)
+        total = weight.sum()
+        starts = [
+            start
+            for rows in samples.stretches
+            for start in range(rows.start, rows.stop - count + 1, round(spacing_s / step_s))
+        ]
+        self._rows = np.array(starts, dtype=int)[:, None] + np.arange(count)
+        centers_s = samples.t_s[self._rows[:, count // 2]]
+        self.windows = Windows(centers_s, u * (count - 1) * step_s, weight / total, slope / total)
+        self.V_mps, self.power_W = self._mean(samples.V_mps), self._mean(samples.power_W)
+        self._x = propulsion.advance(samples.V_mps, self._motor_power(conditions), conditions.rho)
+
+    def residual(
+        self, parameters: Array, samples: Samples | None = None, given: FlightConditions | None = None
+    ) -> Array:
+        """Useful power less that of drag and of the change of energy, mean of each window (n,) [W].
+
+        samples, given: perturbed ones, for the effect of an error.
+        """
+        s, c, p = samples or self.samples, given or self.conditions, DragAndEfficiency.of(parameters)
+        drag_W, useful_W = self._drag_and_useful_W(p, s, c)
+        energy = c.mass_kg * (g * s.height_m + s.V_mps**2 / 2)
+        rising = c.mass_kg * g * c.updraft_mps
+        return self._mean(useful_W - drag_W) + energy[self._rows] @ self.windows.slope + rising
+
+    def useful_W(self, parameters: Array) -> Array:
+        """Thrust times airspeed, mean of each window (n,) [W]."""
+        return self._mean(self._drag_and_useful_W(DragAndEfficiency.of(parameters), self.samples, self.conditions)[1])
+
+    def powered_x(self) -> float:
+        """Median argument of the efficiency where the motor works."""
+        motor = self._motor_power(self.conditions)
+        rows = np.unique(self._rows)
+        working = rows[motor[rows] > 0.2 * np.percentile(motor[rows], 95)]
+        return float(np.median(self._x[working])) if len(working) else 1.0
+
+    def _motor_power(self, c: FlightConditions) -> Array:
+        return np.asarray(np.maximum(c.power_scale * self.samples.power_W - c.idle_power_W, 0.0))
+
+    def _drag_and_useful_W(self, p: DragAndEfficiency, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
+        motor = self._motor_power(c)
+        x = propulsion.advance(s.V_mps, motor, c.rho)
+        useful = motor * propulsion.efficiency(x, p.efficiency, p.x_at_maximum, p.fall)
+        idle = propulsion.idling(x, p.x_at_maximum, p.fall)
+        return drag_power(s.V_mps, s.load_factor, idle, p, c), useful
+
+    def _mean(self, values: Array) -> Array:
+        return np.asarray(values[self._rows] @ self.windows.weight)
+
+
+def drag_power(
+    V: Array, load_factor: Array | float, idle: Array | float, p: DragAndEfficiency, c: FlightConditions
+) -> Array:
+    """Drag times airspeed [W]."""
+    qS = c.rho * V**2 / 2 * c.wing_area_m2
+    above = load_factor * c.mass_kg * g / qS - p.CL_minD
+    CD = p.CD0 * (1 + idle * p.idle_drag) + p.K * above**2 + p.K4 * np.maximum(above, 0.0) ** 4
+    return np.asarray(qS * V * CD)
+
+
+def level_power(V: Array, parameters: Array, c: FlightConditions) -> Array:
+    """Electrical power of steady level flight (n,) [W]; NaN where the motor cannot give it."""
+    p = DragAndEfficiency.of(parameters)
+    drag_W = drag_power(V, 1.0, 0.0, p, c)
+    motor = np.geomspace(LEAST_POWER_W, GREATEST_POWER_W, POWER_POINTS)
+    x = propulsion.advance(V[:, None], motor, c.rho)
+    surplus = motor * propulsion.efficiency(x, p.efficiency, p.x_at_maximum, p.fall) - drag_W[:, None]
+    enough = surplus >= 0
+    first = np.maximum(np.argmax(enough, axis=1), 1)
+    at = np.arange(len(V))
+    low, high = surplus[at, first - 1], surplus[at, first]
+    share = low / (low - high)
+    found = motor[first - 1] + share * (motor[first] - motor[first - 1])
+    return np.where(enough.any(axis=1), found + c.idle_power_W, np.nan)

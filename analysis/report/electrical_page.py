@@ -1,0 +1,141 @@
+"""The report of electrical power: HTML page, files, and the summary on the terminal."""
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from analysis.electrical.airspeed_gps import true_airspeed
+from analysis.electrical.estimate import ElectricalEstimate
+from analysis.electrical.flight_table import FlightTable
+from analysis.files import write_file
+from analysis.report.answers import HeadlineAnswer, interval_text, optimum_speed_text
+from analysis.report.figures import electrical as figures
+from analysis.report.html_page import HtmlTable, html_figure, render_page
+from analysis.results.schema import ElectricalResult, Results, SpeedInterval, to_csv, to_json
+from flight.units import GRAVITY_MPS2
+
+CURVE_ROWS = 12
+
+
+def write_electrical_report(results: Results, flight: FlightTable, estimate: ElectricalEstimate, folder: Path) -> None:
+    """Write report.html, results.json and electrical_power.csv. Raises InputError when the folder cannot be written."""
+    files: dict[str, str | bytes] = {
+        "results.json": to_json(results),
+        "electrical_power.csv": to_csv(results),
+        "report.html": _page(results, flight, estimate),
+    }
+    for name, content in files.items():
+        write_file(folder / name, content)
+
+
+def print_electrical_summary(results: Results, page: Path, console: Console) -> None:
+    """Print the curve, the best speeds, notes, and where the page is."""
+    curve = _curve_table(results)
+    table = Table(title=f"{escape(results.aircraft.title)}: electrical power of level flight", title_justify="left")
+    for heading in curve.header:
+        table.add_column(heading, justify="right")
+    for row in curve.rows:
+        table.add_row(*row)
+    console.print(table)
+    for question, answer, note in electrical_answers(results):
+        console.print(f"[bold]{question}: {escape(answer)}[/bold]. {escape(note)}", highlight=False)
+    for warning in [*results.warnings, *(results.electrical.withheld if results.electrical else [])]:
+        console.print(f"[yellow]note:[/yellow] {escape(warning)}", highlight=False)
+    console.print(f"report: {escape(str(page))}")
+
+
+def electrical_answers(results: Results) -> list[HeadlineAnswer]:
+    """Speeds of longest endurance and range, with both where the battery is known."""
+    found = results.electrical
+    if found is None:
+        return []
+    power = {round(p.speed_mps, 6): p for p in results.electrical_power}
+
+    def note(speed_mps: float | None, on_battery: str) -> str:
+        point = power.get(round(speed_mps or 0.0, 6))
+        taken = f"{point.power_W:.0f} W ({point.power_lo_W:.0f} to {point.power_hi_W:.0f})" if point else ""
+        return f"{taken}{on_battery}, in still air."
+
+    endurance = f", {interval_text(found.endurance_s.times(1 / 60), 'min', 0)}" if found.endurance_s else ""
+    distance = f", {interval_text(found.range_m.times(1e-3), 'km', 1)}" if found.range_m else ""
+    least, best = found.least_power_speed, found.best_range_speed
+    return [
+        HeadlineAnswer("Longest endurance", _speed_text(least, results), note(least.speed_mps, endurance)),
+        HeadlineAnswer("Longest range", _speed_text(best, results), note(best.speed_mps, distance)),
+    ]
+
+
+def _speed_text(best: SpeedInterval, results: Results) -> str:
+    """At an end of the speeds flown the best speed may lie outside them."""
+    if best.inside_flown_range or best.speed_mps is None:
+        return optimum_speed_text(best)
+    slowest = best.speed_mps <= results.electrical_power[0].speed_mps
+    return f"{best.speed_mps:.1f} m/s, the {'slowest' if slowest else 'fastest'} flown"
+
+
+def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate) -> str:
+    found, table = results.electrical, flight.table
+    assert found is not None
+    errors = estimate.airspeed
+    V = true_airspeed(table["pressure_Pa"].to_numpy(), table["rho"].to_numpy(), errors.scale, errors.zero_Pa)
+    drawn = {
+        "power": figures.electrical_power(results, estimate),
+        "flight": figures.flight(flight, V),
+        "residuals": figures.residuals(estimate),
+    }
+    return render_page(
+        "electrical.html",
+        title=f"{results.aircraft.title}: electrical power",
+        condition=(
+            f"{results.test.weight_N / GRAVITY_MPS2:.2f} kg, air {results.test.air_density_kgpm3:.3f} kg/m³"
+            f" ({results.air_temperature_K - 273.15:.0f} °C)"
+        ),
+        cards=electrical_answers(results),
+        warnings=results.warnings,
+        curve=_curve_table(results),
+        shared_part=_shared_part(found),
+        withheld=found.withheld,
+        air=_air(found),
+        balance=(
+            f"Useful power less that of drag and of the change of energy, {found.residual_W:.0f} W rms over"
+            f" {found.flown_s:.0f} s. Vertical motion of the air appears here; slow waves do so too, and the interval"
+            " contains them."
+        ),
+        source=f"flightpower {results.software_version}, from {results.log}",
+        figures={name: html_figure(figure, name) for name, figure in drawn.items()},
+    )
+
+
+def _curve_table(results: Results) -> HtmlTable:
+    points = results.electrical_power
+    return HtmlTable(
+        ("speed, m/s", "power, W", "95 % interval, W"),
+        [
+            (f"{p.speed_mps:.1f}", f"{p.power_W:.0f}", f"{p.power_lo_W:.0f} to {p.power_hi_W:.0f}")
+            for p in points[:: max(1, len(points) // CURVE_ROWS)]
+        ],
+        numbers=True,
+    )
+
+
+def _shared_part(found: ElectricalResult) -> str:
+    middle = found.interval_parts[len(found.interval_parts) // 2]
+    whole = float(np.hypot(middle.noise_W, middle.systematic_W))
+    return (
+        f"At {middle.speed_mps:.0f} m/s the half width of the interval is {whole:.0f} W: {middle.noise_W:.0f} W by air"
+        " motion and what the flight does not tell apart, which a longer flight reduces, and"
+        f" {middle.systematic_W:.0f} W by what the whole flight shares: airspeed, current meter, mass, density."
+    )
+
+
+def _air(found: ElectricalResult) -> str:
+    if found.wind_mps is None or found.wind_from_deg is None:
+        return "Without GPS neither wind nor the error of the airspeed is known."
+    return (
+        f"Wind {found.wind_mps:.1f} m/s from {found.wind_from_deg:.0f} deg. Airspeed reads"
+        f" {100 * found.airspeed_scale.value:+.1f} % ({100 * found.airspeed_scale.lo:+.1f} to"
+        f" {100 * found.airspeed_scale.hi:+.1f}) high, by GPS; corrected."
+    )

@@ -1,0 +1,149 @@
+"""The electrical power of level flight in the form of `results.json`."""
+
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.electrical.estimate import ElectricalEstimate
+from analysis.electrical.flight_table import STEP_S, FlightTable
+from analysis.electrical.flown_aircraft import FlownAircraft
+from analysis.estimation.intervals import NORMAL_95
+from analysis.results.schema import (
+    AircraftResult,
+    ConditionResult,
+    ElectricalResult,
+    Interval,
+    IntervalPart,
+    PowerPoint,
+    Results,
+    SpeedInterval,
+)
+from flight.atmosphere import SEA_LEVEL_DENSITY
+
+Array = NDArray[np.float64]
+
+DRAWS = 400  # of the curve, for the intervals of its best speeds
+UNKNOWN = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
+LARGE_SCALE = 0.03
+LARGE_HALF_WIDTH = 0.3
+
+WITHHELD = (
+    "Drag and shaft power are not known: they take the propeller's table and motor speed (ESC telemetry or RPM"
+    " messages), or the motor's constants.",
+    "Climb, highest speed and ceiling are not known: they take thrust at full throttle, from the same data.",
+)
+
+
+def electrical_results(
+    log: Path,
+    aircraft: FlownAircraft,
+    flight: FlightTable,
+    estimate: ElectricalEstimate,
+    battery_J: float | None,
+) -> Results:
+    """The contents of `results.json`. battery_J: usable energy; None where it is not known."""
+    rows = flight.table[flight.flown]
+    weight = ConditionResult(weight_N=aircraft.weight_N, air_density_kgpm3=estimate.conditions.rho)
+    return Results(
+        software_version=version("flightpower"),
+        log=str(log),
+        aircraft=AircraftResult(
+            name=aircraft.name, title=aircraft.name, wing_area_m2=aircraft.wing_area_m2, span_m=aircraft.span_m,
+            propeller="",
+        ),
+        test=weight,
+        standard=ConditionResult(weight_N=aircraft.weight_N, air_density_kgpm3=SEA_LEVEL_DENSITY),
+        air_temperature_K=flight.air_temperature_K,
+        air_pressure_Pa=float(rows["static_Pa"].mean()),
+        runs=[],
+        rejected=[],
+        parameters=[],
+        drag_polar=None,
+        power_required=[],
+        power_required_standard=[],
+        cross_check=[],
+        minimum_power_speed=UNKNOWN,
+        best_range_speed=UNKNOWN,
+        verdict="converged",
+        warnings=[*flight.notes, *_warnings(estimate)],
+        electrical_power=_curve(estimate),
+        electrical=_beside_the_curve(flight, estimate, battery_J),
+    )  # fmt: skip
+
+
+def _curve(estimate: ElectricalEstimate) -> list[PowerPoint]:
+    half = NORMAL_95 * estimate.standard_error_W
+    return [
+        PowerPoint(speed_mps=float(v), power_W=float(p), power_lo_W=float(max(p - h, 0.0)), power_hi_W=float(p + h))
+        for v, p, h in zip(estimate.V_mps, estimate.power_W, half, strict=True)
+    ]
+
+
+def _beside_the_curve(flight: FlightTable, estimate: ElectricalEstimate, battery_J: float | None) -> ElectricalResult:
+    V, power = estimate.V_mps, estimate.power_W
+    covariance = estimate.noise + estimate.systematic
+    draws = np.random.default_rng(0).multivariate_normal(power, covariance, DRAWS, method="eigh")
+    draws = np.maximum(draws, 0.1 * power)
+    endurance = range_m = None
+    if battery_J is not None:
+        endurance = _interval(battery_J / float(np.min(power)), battery_J / np.min(draws, axis=1))
+        range_m = _interval(battery_J / float(np.min(power / V)), battery_J / np.min(draws / V, axis=1))
+    noise, systematic = (NORMAL_95 * np.sqrt(np.diag(part)) for part in (estimate.noise, estimate.systematic))
+    scale, scale_error = estimate.airspeed.scale, float(np.sqrt(estimate.airspeed.covariance[0, 0]))
+    return ElectricalResult(
+        least_power_speed=_best_speed(V, power, draws),
+        best_range_speed=_best_speed(V, power / V, draws / V),
+        endurance_s=endurance,
+        range_m=range_m,
+        interval_parts=[
+            IntervalPart(speed_mps=float(v), noise_W=float(n), systematic_W=float(s))
+            for v, n, s in zip(V, noise, systematic, strict=True)
+        ],
+        residual_W=float(np.sqrt(np.mean(estimate.residual_W**2))),
+        idle_power_W=estimate.conditions.idle_power_W,
+        airspeed_scale=Interval(value=scale, lo=scale - NORMAL_95 * scale_error, hi=scale + NORMAL_95 * scale_error),
+        wind_mps=estimate.airspeed.wind_mps,
+        wind_from_deg=estimate.airspeed.wind_from_deg,
+        flown_s=float(flight.flown.sum() * STEP_S),
+        withheld=list(WITHHELD),
+    )
+
+
+def _best_speed(V: Array, cost: Array, draws: Array) -> SpeedInterval:
+    """The speed of least cost (n,), with the interval of that of the draws (k, n)."""
+    at = int(np.argmin(cost))
+    low, high = np.percentile(V[np.argmin(draws, axis=1)], [2.5, 97.5])
+    inside = 0 < at < len(V) - 1
+    return SpeedInterval(
+        speed_mps=float(V[at]),
+        lo_mps=float(low) if low > V[0] else None,
+        hi_mps=float(high),
+        inside_flown_range=inside,
+    )
+
+
+def _interval(value: float, draws: Array) -> Interval:
+    low, high = np.percentile(draws, [2.5, 97.5])
+    return Interval(value=value, lo=float(low), hi=float(high))
+
+
+def _warnings(estimate: ElectricalEstimate) -> list[str]:
+    notes = []
+    scale, airspeed = estimate.airspeed.scale, estimate.airspeed
+    if airspeed.wind_mps is None:
+        notes.append("No GPS in this log: the airspeed is taken as measured, and wind is not known.")
+    elif abs(scale) > LARGE_SCALE:
+        notes.append(
+            f"Airspeed reads {100 * abs(scale):.0f} % too {'high' if scale > 0 else 'low'} by GPS; this is corrected."
+            " Check the pitot's place and the calibration."
+        )
+    wide = estimate.standard_error_W * NORMAL_95 > LARGE_HALF_WIDTH * estimate.power_W
+    if wide.any():
+        notes.append(
+            f"The interval is wider than ±{100 * LARGE_HALF_WIDTH:.0f} % at"
+            f" {100 * wide.mean():.0f} % of the speeds flown: a longer flight with steady legs at several speeds"
+            " narrows it."
+        )
+    return notes

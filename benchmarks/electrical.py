@@ -1,0 +1,94 @@
+"""Errors and coverage of the electrical power of level flight over simulated flights that PX4 logs.
+
+`python benchmarks/electrical.py [--plan NAME] [--flights N] [--wind KT ...]` prints a table for each turbulence: at
+seven speeds from the slowest to the fastest of each curve, 95 % of errors, their mean, half widths, coverage.
+"""
+
+import argparse
+import dataclasses
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from flights import KNOT_MPS, drawn, error_rows
+from numpy.typing import NDArray
+
+from analysis.autopilot_logs.px4 import read_px4
+from analysis.electrical.estimate import estimate
+from analysis.electrical.flight_table import flight_table
+from analysis.estimation.intervals import NORMAL_95
+from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
+from sim.fly import Flight, fly
+from sim.plan import load_plan
+from sim.plant import plant_of
+from sim.propulsion import power_train, throttle_for
+from sim.px4_log import IDLE_A, write_px4_log
+from sim.sensors import FlightSensorTruth, load_budget
+from sim.sensors.budget import DrawnErrors
+
+Array = NDArray[np.float64]
+
+SPEEDS = 7
+MOTOR_REVPS = np.linspace(20.0, 250.0, 3000)
+
+
+def true_power(aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, V: Array, rho: float) -> Array:
+    """Electrical power of level flight (n,) [W]; NaN below the slowest speed of the true curve.
+
+    The true curve is that of one density; at another, the same lift coefficient is flown faster with the same drag.
+    """
+    truth = flight.power_required
+    faster = np.sqrt(truth["density_kgpm3"].iloc[0] / rho)
+    drag_N = np.interp(V / faster, truth["speed_mps"], truth["drag_N"], left=np.nan)
+    plant, e = plant_of(aircraft), errors.values
+    power = []
+    for v, D in zip(V, drag_N, strict=True):
+        thrust, _ = plant.propeller.thrust_and_power(np.full_like(MOTOR_REVPS, v), MOTOR_REVPS, rho)
+        J = v / (MOTOR_REVPS * plant.propeller.diameter_m)
+        thrust = thrust * (1 + e.thrust_scale) * (1 + e.thrust_slope_J * (J - 0.5))
+        n = float(np.interp(D, thrust[np.argmin(thrust) :], MOTOR_REVPS[np.argmin(thrust) :]))
+        throttle = float(throttle_for(aircraft.propulsion, plant.propeller, V=v, n=n, rho=rho))
+        now = power_train(aircraft.propulsion, plant.propeller, V=v, n=n, throttle=throttle, rho=rho)
+        power.append(float(now.battery_voltage_V * (now.battery_current_A + IDLE_A)))
+    return np.where(np.isfinite(drag_N), power, np.nan)
+
+
+def one_flight(
+    aircraft: CompleteAircraft, plan_name: str, knots: float, seed: int, folder: Path
+) -> tuple[Array, Array]:
+    """Errors and half widths of the interval at SPEEDS speeds, both in percent."""
+    plan = load_plan(plan_name)
+    if knots:
+        plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=knots * KNOT_MPS))
+    errors = drawn(load_budget("study"), seed)
+    flight = fly(aircraft, plan, seed=seed, deviations=errors.deviations)
+    write_px4_log(folder / "log.ulg", flight, FlightSensorTruth(flight, errors), errors, ["wrong-battery-first"])
+    weight, geometry = aircraft.mass.weight_N, aircraft.geometry
+    table = flight_table(read_px4(folder / "log.ulg"), weight, geometry.wing_area_m2)
+    found = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
+    at = np.linspace(0, len(found.V_mps) - 1, SPEEDS).round().astype(int)
+    power, half = found.power_W[at], NORMAL_95 * found.standard_error_W[at]
+    truth = true_power(aircraft, flight, errors, found.V_mps[at], found.conditions.rho)
+    return 100 * (power / truth - 1), 100 * half / truth
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--plan", default="ordinary-flight")
+    parser.add_argument("--flights", type=int, default=60)
+    parser.add_argument("--wind", type=float, nargs="*", default=[0.0, 3.0, 8.0], help="W20 of the turbulence [kt]")
+    arguments = parser.parse_args()
+    aircraft = load_complete_aircraft("nexstar")
+    with tempfile.TemporaryDirectory() as folder:
+        for knots in arguments.wind:
+            flown = [
+                one_flight(aircraft, arguments.plan, knots, seed, Path(folder)) for seed in range(arguments.flights)
+            ]
+            error, half = (np.array(part) for part in zip(*flown, strict=True))
+            print(f"{arguments.plan}, {len(error)} flights, W20 = {knots:g} kt, percent, slowest to fastest speed")
+            for name, values, form in error_rows(error, half):
+                print(f"  {name:24}", " ".join(f"{form.format(value):>6}" for value in values))
+
+
+if __name__ == "__main__":
+    main()

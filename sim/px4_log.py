@@ -1,0 +1,140 @@
+"""A simulated flight as PX4 would log it, at its default rates, with the traps of real logs as faults."""
+
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.autopilot_pitot import AutopilotPitot, indicated_airspeed
+from sim.fly import Flight
+from sim.sensor_truth import SensorTruth
+from sim.sensors.budget import DrawnErrors
+from sim.ulog_faults import begun_at, with_clock_set, with_dropouts
+from sim.ulog_writer import Dropout, UlogContents, UlogTopic, write_ulog
+
+Array = NDArray[np.float64]
+
+BOOT_US = 35_000_000  # clock of the autopilot when logging begins
+RATES_HZ = {"vehicle_angular_velocity": 50.0, "vehicle_acceleration": 20.0, "vehicle_attitude": 20.0,
+            "airspeed_validated": 5.0, "differential_pressure": 1.0, "battery_status": 5.0,
+            "vehicle_air_data": 5.0, "vehicle_gps_position": 5.0, "vehicle_status": 2.0,
+            "vehicle_land_detected": 1.0}  # fmt: skip
+AVIONICS_V, IDLE_A = 5.1, 0.05
+RAW_OFFSET_PA, RAW_STEP_PA = 100.0, 6.3
+HOT_K, AIRFLOW_WARMTH_K, KELVIN = 25.0, 2.0, 273.15  # of barometer and pitot sensor above the air
+VALIDATED_S = 0.2  # over which PX4 averages the differential pressure
+GPS_JITTER_S = 0.04
+CLOCK_SET_US = 3_600_000_000
+
+FAULTS = ("landed", "wrong-battery-first", "dropouts", "clock-jump", "airborne-start", "truncated", "no-airspeed")
+
+
+def write_px4_log(
+    path: Path, flight: Flight, sensors: SensorTruth, errors: DrawnErrors, faults: Collection[str] = ()
+) -> None:
+    """Write a flight as ULog. faults: of FAULTS. Raises OSError where the file cannot be written."""
+    topics = [
+        *_sensor_topics(sensors),
+        *_air_topics(AutopilotPitot(flight, errors), sensors),
+        *_status_topics(sensors, faults),
+    ]
+    topics += _battery_topics(sensors, faults)
+    if "no-airspeed" in faults:
+        topics = [one for one in topics if one.name not in ("airspeed_validated", "differential_pressure")]
+    dropouts: list[Dropout] = []
+    if "dropouts" in faults:
+        topics, dropouts = with_dropouts(topics, errors.seed)
+    if "airborne-start" in faults:
+        topics = begun_at(topics, BOOT_US + _airborne_us(flight))
+    if "clock-jump" in faults:
+        topics = with_clock_set(topics, BOOT_US + int(0.15 * sensors.duration_s * 1e6), CLOCK_SET_US)
+    write_ulog(path, UlogContents([one for one in topics if len(one.time_us)], {"sys_name": "PX4"}, dropouts))
+    if "truncated" in faults:
+        data = path.read_bytes()
+        path.write_bytes(data[: int(0.7 * len(data))])
+
+
+def _times(name: str, sensors: SensorTruth, phase_s: float = 0.0) -> Array:
+    return np.asarray(np.arange(phase_s, sensors.duration_s, 1 / RATES_HZ[name]))
+
+
+def _topic(name: str, t_s: Array, columns: dict[str, Array], instance: int = 0, **whole: Array) -> UlogTopic:
+    """columns: written as float; whole: as uint8."""
+    fields: dict[str, NDArray[np.generic]] = {key: np.asarray(x, dtype=np.float32) for key, x in columns.items()}
+    fields |= {key: np.asarray(x, dtype=np.uint8) for key, x in whole.items()}
+    return UlogTopic(name, BOOT_US + np.round(t_s * 1e6).astype(np.uint64), fields, instance)
+
+
+def _sensor_topics(sensors: SensorTruth) -> list[UlogTopic]:
+    found = []
+    measurements: tuple[tuple[str, Callable[[Array], Array]], ...] = (
+        ("vehicle_acceleration", lambda t: sensors.imu(t)[0]),
+        ("vehicle_angular_velocity", lambda t: sensors.imu(t)[1]),
+    )
+    for name, of in measurements:
+        t_s = _times(name, sensors, 0.003)
+        found.append(_topic(name, t_s, {f"xyz[{i}]": part for i, part in enumerate(of(t_s).T)}))
+    t_s = _times("vehicle_attitude", sensors, 0.003)
+    roll, pitch, yaw = sensors.autopilot_attitude_rad(t_s).T
+    found.append(_topic("vehicle_attitude", t_s, _quaternion(roll, pitch, yaw)))
+    t_s = _times("vehicle_gps_position", sensors, 0.07)
+    t_s = t_s + GPS_JITTER_S * np.sin(np.arange(len(t_s)) * 2.4)  # uneven, but ascending
+    gps = sensors.gps(t_s)
+    names = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
+    velocity = dict(zip(names, gps.velocity_ned_mps.T, strict=True))
+    found.append(_topic("vehicle_gps_position", t_s, velocity, fix_type=np.where(gps.fix, 3, 0)))
+    return found
+
+
+def _quaternion(roll: Array, pitch: Array, yaw: Array) -> dict[str, Array]:
+    (cr, cp, cy), (sr, sp, sy) = ([of(x / 2) for x in (roll, pitch, yaw)] for of in (np.cos, np.sin))
+    q = (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+    return {f"q[{i}]": part for i, part in enumerate(q)}
+
+
+def _air_topics(pitot: AutopilotPitot, sensors: SensorTruth) -> list[UlogTopic]:
+    t_s = _times("airspeed_validated", sensors, 0.05)
+    indicated = indicated_airspeed(pitot.pressure_Pa(t_s, VALIDATED_S))
+    validated = _topic("airspeed_validated", t_s, {"indicated_airspeed_m_s": indicated},
+                       selected_airspeed_index=np.ones(len(t_s)))  # fmt: skip
+    t_s = _times("differential_pressure", sensors, 0.31)
+    raw = np.round((pitot.pressure_Pa(t_s, 0.0) + RAW_OFFSET_PA) / RAW_STEP_PA) * RAW_STEP_PA
+    celsius = pitot.air_K(t_s) + AIRFLOW_WARMTH_K - KELVIN
+    differential = _topic("differential_pressure", t_s, {"differential_pressure_pa": raw, "temperature": celsius})
+    t_s = _times("vehicle_air_data", sensors, 0.11)
+    static, hot = sensors.absolute_pressure_Pa("baro", t_s), pitot.air_K(t_s) + HOT_K - KELVIN
+    return [
+        validated,
+        differential,
+        _topic("vehicle_air_data", t_s, {"baro_pressure_pa": static, "baro_temp_celcius": hot}),
+    ]
+
+
+def _battery_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogTopic]:
+    t_s = _times("battery_status", sensors, 0.17)
+    voltage, current = sensors.battery(t_s)
+    propulsion = _topic("battery_status", t_s, {"voltage_v": voltage, "current_a": np.maximum(current + IDLE_A, 0)})
+    other = _topic("battery_status", t_s, {"voltage_v": np.full(len(t_s), AVIONICS_V), "current_a": 0 * t_s}, 1)
+    if "wrong-battery-first" not in faults:
+        return [propulsion, other]
+    return [replace(other, instance=0), replace(propulsion, instance=1)]
+
+
+def _status_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogTopic]:
+    t_s = _times("vehicle_status", sensors)
+    fixed_wing = _topic("vehicle_status", t_s, {}, vehicle_type=2 + 0 * t_s, system_type=1 + 0 * t_s)
+    t_s = _times("vehicle_land_detected", sensors)
+    landed = np.where(sensors.motor_speed_revps(t_s) < 1.0, 1.0, 1.0 if "landed" in faults else 0.0)
+    return [fixed_wing, _topic("vehicle_land_detected", t_s, {}, landed=landed)]
+
+
+def _airborne_us(flight: Flight) -> int:
+    flying = flight.truth["height_m"].to_numpy() > 15.0
+    return int(1e6 * float(flight.truth["time_s"].to_numpy()[int(np.argmax(flying))]))

@@ -1,0 +1,85 @@
+"""Writes a log in PX4's ULog format (version 1): definitions, subscriptions, then all messages in order of time.
+
+Format: https://docs.px4.io/main/en/dev_log/ulog_file_format
+"""
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+MAGIC_AND_VERSION = b"ULog\x01\x12\x35\x01"
+TYPE_NAMES = {"float32": "float", "float64": "double", "uint8": "uint8_t", "int8": "int8_t", "int32": "int32_t",
+              "uint32": "uint32_t", "uint64": "uint64_t", "bool": "bool"}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class UlogTopic:
+    """Messages of one instance of a topic. time_us: (n,); columns: by field, (n,), in the type to be written"""
+
+    name: str
+    time_us: NDArray[np.uint64]
+    columns: dict[str, NDArray[np.generic]]
+    instance: int = 0
+
+
+@dataclass(frozen=True)
+class Dropout:
+    time_us: int
+    duration_ms: int
+
+
+@dataclass(frozen=True)
+class UlogContents:
+    topics: Sequence[UlogTopic]
+    info: dict[str, str] = field(default_factory=dict)
+    dropouts: Sequence[Dropout] = ()
+
+
+def write_ulog(path: Path, contents: UlogContents) -> None:
+    """Write a log. Raises OSError where the file cannot be written."""
+    formats = {topic.name: _format(topic) for topic in contents.topics}
+    start_us = min(int(topic.time_us.min()) for topic in contents.topics)
+    out = [MAGIC_AND_VERSION + struct.pack("<Q", start_us), _message("B", bytes(40))]
+    out += [_message("F", text.encode()) for text in formats.values()]
+    for key, value in contents.info.items():
+        typed_key = f"char[{len(value)}] {key}".encode()
+        out.append(_message("I", bytes([len(typed_key)]) + typed_key + value.encode()))
+    timed: list[tuple[int, bytes]] = []
+    for number, topic in enumerate(contents.topics):
+        out.append(_message("A", struct.pack("<BH", topic.instance, number) + topic.name.encode()))
+        rows = _rows(topic)
+        header = struct.pack("<HBH", rows.dtype.itemsize + 2, ord("D"), number)
+        timed += [(int(t), header + row.tobytes()) for t, row in zip(topic.time_us, rows, strict=True)]
+    timed += [(one.time_us, _message("O", struct.pack("<H", one.duration_ms))) for one in contents.dropouts]
+    timed.sort(key=lambda entry: entry[0])
+    path.write_bytes(b"".join(out + [data for _, data in timed]))
+
+
+def _message(kind: str, payload: bytes) -> bytes:
+    return struct.pack("<HB", len(payload), ord(kind)) + payload
+
+
+def _format(topic: UlogTopic) -> str:
+    """`name:uint64_t timestamp;float[3] xyz;`: columns `xyz[0]` to `xyz[2]`, which stand together, are one array."""
+    fields, counts = ["uint64_t timestamp"], dict[str, int]()
+    types: dict[str, str] = {}
+    for name, values in topic.columns.items():
+        base = name.partition("[")[0]
+        counts[base] = counts.get(base, 0) + 1
+        types[base] = TYPE_NAMES[values.dtype.name] + ("[]" if "[" in name else "")
+    for base, kind in types.items():
+        fields.append(f"{kind.replace('[]', f'[{counts[base]}]')} {base}")
+    return f"{topic.name}:" + "".join(f"{one};" for one in fields)
+
+
+def _rows(topic: UlogTopic) -> NDArray[np.void]:
+    kinds = [("timestamp", "<u8"), *((name, values.dtype.str) for name, values in topic.columns.items())]
+    rows = np.zeros(len(topic.time_us), dtype=np.dtype(kinds))
+    rows["timestamp"] = topic.time_us
+    for name, values in topic.columns.items():
+        rows[name] = values
+    return rows

@@ -1,0 +1,93 @@
+"""What cannot be analysed is refused in one line, and damaged files never end in a traceback."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from analysis.autopilot_logs.px4 import read_px4
+from analysis.autopilot_logs.read import ARDUPILOT, PX4, firmware_of
+from analysis.cli.analyze import app
+from analysis.electrical.flight_table import flight_table
+from flight.errors import InputError
+from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+
+LOG = Path(__file__).parents[2] / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
+SHARED = Path(__file__).parents[4] / "shared" / "data" / "pixhawk"
+WEIGHT_N, WING_AREA_M2 = 92.2, 1.499
+
+
+def topic(name: str, columns: dict[str, np.ndarray], instance: int = 0) -> UlogTopic:
+    n = len(next(iter(columns.values())))
+    return UlogTopic(name, (1_000_000 + 200_000 * np.arange(n)).astype(np.uint64), columns, instance)
+
+
+def status(kind: int, mav: int) -> UlogTopic:
+    return topic(
+        "vehicle_status", {"vehicle_type": np.full(100, kind, np.uint8), "system_type": np.full(100, mav, np.uint8)}
+    )
+
+
+def floats(value: float, n: int = 1000) -> np.ndarray:
+    return np.full(n, value, dtype=np.float32) + np.random.default_rng(1).normal(0, 0.01, n).astype(np.float32)
+
+
+AIRSPEED = topic("airspeed_validated", {"indicated_airspeed_m_s": floats(1.0)})
+BARO = topic("vehicle_air_data", {"baro_pressure_pa": floats(1e5)})
+BATTERY = topic("battery_status", {"voltage_v": floats(15.0), "current_a": floats(1.0)})
+
+
+@pytest.mark.parametrize(
+    ("topics", "reason"),
+    [
+        ([status(1, 2)], "multicopter"),
+        ([status(3, 10)], "rover"),
+        ([status(2, 1), BARO, BATTERY], "lacks airspeed"),
+        ([status(2, 1), AIRSPEED, BATTERY], "lacks static pressure"),
+        ([status(2, 1), AIRSPEED, BARO], "lacks battery"),
+        ([status(2, 1), AIRSPEED, BARO, BATTERY], "no flight"),
+    ],
+)
+def test_refused_in_one_line(tmp_path: Path, topics: list[UlogTopic], reason: str) -> None:
+    path = tmp_path / "log.ulg"
+    write_ulog(path, UlogContents(topics))
+    with pytest.raises(InputError, match=reason) as raised:
+        flight_table(read_px4(path), WEIGHT_N, WING_AREA_M2)
+    assert "\n" not in str(raised.value)
+
+
+def test_the_format_is_that_of_the_first_bytes(tmp_path: Path) -> None:
+    assert firmware_of(LOG) == PX4
+    named_wrong = tmp_path / "log.mcap"
+    named_wrong.write_bytes(b"\xa3\x95\x80\x80\x59")
+    assert firmware_of(named_wrong) == ARDUPILOT
+    named_wrong.write_bytes(b"\x89MCAP0\r\n")
+    assert firmware_of(named_wrong) is None
+
+
+def test_what_the_aircraft_is_must_be_given() -> None:
+    done = CliRunner().invoke(app, [str(LOG), "--mass", "9.4 kg"])
+    assert isinstance(done.exception, InputError) and '--wing-area "1.5 m^2"' in str(done.exception)
+
+
+@pytest.mark.parametrize("name, reason", [("multicopter.ulg", "multicopter"), ("arduplane-1s.BIN", "lacks airspeed")])
+def test_real_logs_that_cannot_be_analysed(name: str, reason: str) -> None:
+    if not (SHARED / name).exists():
+        pytest.skip("needs ../shared/data/pixhawk")
+    arguments = ["--mass", "2 kg", "--wing-area", "0.4 m^2", "--span", "1.8 m"]
+    done = CliRunner().invoke(app, [str(SHARED / name), *arguments])
+    assert isinstance(done.exception, InputError) and reason in str(done.exception)
+
+
+def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
+    data, rng, path = LOG.read_bytes(), np.random.default_rng(0), tmp_path / "damaged.ulg"
+    for _ in range(12):
+        damaged = bytearray(data[: int(rng.integers(1000, 60_000))])
+        for at in rng.integers(0, len(damaged), rng.integers(0, 20)):
+            damaged[at] = rng.integers(256)
+        path.write_bytes(damaged)
+        try:
+            flight_table(read_px4(path), WEIGHT_N, WING_AREA_M2)
+        except InputError as error:
+            assert "\n" not in str(error)

@@ -1,0 +1,86 @@
+"""The command `analyze` on a real flight under PX4, shortened, against a published analysis of it."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from analysis.cli.analyze import app
+from analysis.cli.calibrate import app as calibrate
+
+LOG = Path(__file__).parents[2] / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
+AIRCRAFT = ["--mass", "9.4 kg", "--wing-area", "1.499 m^2", "--span", "4.0 m"]
+# Electrical power [W] of level flight by P. Sharpe's method (smoothed energy balance, four-term drag polar, efficiency
+# over V / I^(1/3)), which his figure power_curve_with_physics shows, at 9 to 16 m/s.
+SPEEDS = np.arange(9.0, 17.0)
+PUBLISHED_W = np.array([96.1, 91.9, 103.3, 124.7, 154.1, 190.3, 233.3, 282.9])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("report")
+    done = CliRunner().invoke(app, [str(LOG), *AIRCRAFT, "--battery-Wh", "300", "-o", str(folder), "--quiet"])
+    assert done.exit_code == 0, done.output
+    return folder
+
+
+@pytest.fixture(scope="module")
+def results(folder: Path) -> dict:
+    return json.loads((folder / "results.json").read_text("utf-8"))
+
+
+def at_speeds(results: dict, name: str) -> np.ndarray:
+    curve = results["electrical_power"]
+    return np.interp(SPEEDS, [point["speed_mps"] for point in curve], [point[name] for point in curve])
+
+
+def test_the_curve_agrees_with_the_published_one(results: dict) -> None:
+    power = at_speeds(results, "power_W")
+    assert np.abs(power / PUBLISHED_W - 1)[:4] == pytest.approx(0.0, abs=0.10)  # 9 to 12 m/s
+    assert (at_speeds(results, "power_lo_W") < PUBLISHED_W).all()
+    assert (at_speeds(results, "power_hi_W") > PUBLISHED_W).all()
+
+
+def test_the_interval_is_useful(results: dict) -> None:
+    half_width = (at_speeds(results, "power_hi_W") - at_speeds(results, "power_lo_W")) / 2
+    assert (half_width / at_speeds(results, "power_W"))[1:6].max() < 0.25  # 10 to 14 m/s
+    assert results["electrical"]["residual_W"] < 36.0
+
+
+def test_drag_is_withheld_with_what_it_would_take(results: dict, folder: Path) -> None:
+    assert results["drag_polar"] is None and results["power_required"] == []
+    (drag, *_) = results["electrical"]["withheld"]
+    assert "motor speed" in drag
+    assert drag.replace("'", "&#39;") in (folder / "report.html").read_text("utf-8")
+
+
+def test_what_the_log_does_is_noted(results: dict) -> None:
+    """The first battery monitor reads 0 A, and the barometer 40 °C beside air of 9 °C."""
+    notes = " ".join(results["warnings"])
+    assert "battery_status 1 measures the propulsion" in notes
+    assert "Air temperature 9 °C" in notes and "vehicle_air_data 0 shows 40 °C" in notes
+    assert results["test"]["air_density_kgpm3"] == pytest.approx(1.232, abs=0.002)
+
+
+def test_wind_is_that_of_the_autopilot(results: dict) -> None:
+    """PX4's own estimate in flight is about 4 m/s from the east."""
+    found = results["electrical"]
+    assert found["wind_mps"] == pytest.approx(4.4, abs=0.7)
+    assert found["wind_from_deg"] == pytest.approx(96, abs=10)
+
+
+def test_calibrate_airspeed_of_an_autopilots_log(tmp_path: Path) -> None:
+    """The flight knows the scale no better than before it: its result is printed, and no calibration is written."""
+    done = CliRunner().invoke(calibrate, ["airspeed", str(LOG), "-o", str(tmp_path / "airspeed.json")])
+    assert re.search(r"airspeed reads 0\.\d+ ± 2\.\d+ % too high", done.output)
+    assert re.search(r"wind 4\.\d m/s from 9\d deg", done.output)
+    assert "the flight does not determine the scale" in str(done.exception)
+    assert not (tmp_path / "airspeed.json").exists()
+
+
+def test_endurance_is_the_battery_at_least_power(results: dict) -> None:
+    least = min(point["power_W"] for point in results["electrical_power"])
+    assert results["electrical"]["endurance_s"]["value"] == pytest.approx(0.8 * 300 * 3600 / least)
