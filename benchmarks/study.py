@@ -63,7 +63,7 @@ class Job(NamedTuple):
 
 
 def version() -> str:
-    """Hash of everything that a result depends on: code and data of simulator and analysis, and this benchmark."""
+    """Hash of what a result depends on: code and data of simulator, daemon and analysis."""
     digest = hashlib.sha256()
     for folder in ("analysis", "flight", "sim", "hw_fakes", "daq"):
         for path in sorted((ROOT / folder).rglob("*")):
