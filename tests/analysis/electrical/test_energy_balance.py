@@ -39,8 +39,11 @@ def samples() -> Samples:
     V, Vdot = 15 + np.sin(0.3 * t), 0.3 * np.cos(0.3 * t)
     h, hdot = 100 + 4 * np.sin(0.17 * t), 4 * 0.17 * np.cos(0.17 * t)
     load = 1.2 + 0.2 * np.sin(0.11 * t)
-    drag = drag_power(V, load, 0.0, DragAndEfficiency.of(PARAMETERS), CONDITIONS)
-    useful = drag + CONDITIONS.mass_kg * (V * Vdot + g * hdot)
+    qS = 1.2 * V**2 / 2 * 0.5
+    CL = load * 3.0 * g / qS
+    useful = qS * V * (0.04 + 0.06 * (CL - 0.2) ** 2 + 0.01 * (CL - 0.2) ** 4) + CONDITIONS.mass_kg * (
+        V * Vdot + g * hdot
+    )
     assert (useful > 5).all()
     return Samples(t, V, h, motor_power(useful, V) + CONDITIONS.idle_power_W, load, [slice(0, len(t))])
 
