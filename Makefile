@@ -3,6 +3,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
+JOBS ?= 2
 READY := $(VENV)/.ready
 # The matrices here are small: a pool of threads in every test process costs more than it gives.
 export OPENBLAS_NUM_THREADS := 1
@@ -10,7 +11,7 @@ export OPENBLAS_NUM_THREADS := 1
 IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null && echo unshare -Urm; })
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench soak lint types check constraints clean
+.PHONY: help demo picture test bench study soak lint types check constraints clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -23,15 +24,11 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 demo: $(READY) ## fly, record and analyse a simulated Nexstar; the report lands in out/demo
-	$(BIN)/sim tunnel --replace -o out/demo/tunnel.csv
-	$(BIN)/calibrate probe --replace out/demo/tunnel.csv -o out/demo/probe.json
-	$(BIN)/sim fly --replace --aircraft nexstar --plan accel-decel --probe out/demo/probe.json -o out/demo
+	$(BIN)/sim fly --replace --plan demo -o out/demo
 	$(BIN)/analyze out/demo/log.mcap
 
-picture: demo ## renew the README's picture: the top of the demo's report, drawn by Chromium
-	chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --disable-background-networking \
-		--virtual-time-budget=5000 --window-size=1280,720 --screenshot=docs/power-required.png \
-		"file://$(CURDIR)/out/demo/log.report/report.html"
+picture: demo ## renew the README's picture: the demo's curve with the truth over it, drawn by Chromium
+	$(BIN)/python benchmarks/picture.py out/demo docs/power-required.png
 
 test: $(READY) ## the whole test suite
 	$(IN_NAMESPACE) $(BIN)/pytest -n auto --dist loadgroup
@@ -46,6 +43,9 @@ bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/daemon.py faults
 	$(BIN)/python benchmarks/daemon.py mend
 	$(BIN)/python benchmarks/daemon.py day
+
+study: $(READY) ## coverage over worlds, weather and plans; hours, goes on where it stopped; JOBS=4 for four processes
+	$(BIN)/python benchmarks/study.py --jobs $(JOBS)
 
 soak: $(READY) ## the daemon for ten minutes in real time at 25 and at 100 Hz, on device files (needs root)
 	$(BIN)/python benchmarks/daemon.py soak --fifo --rate 25

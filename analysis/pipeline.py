@@ -5,16 +5,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis import log_contents
-from analysis.airdata.from_log import flight_data
+from analysis.airdata.from_log import FlightData, flight_data
 from analysis.drag import assumed_values
-from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.estimate import DragEstimates, estimate, main_polar, main_values
+from analysis.drag.estimate import DragEstimates, estimate
+from analysis.drag.hysteresis import with_hysteresis_uncertainty
 from analysis.drag.polar import flown_condition, flown_lift
+from analysis.drag.repetition import Repetition
 from analysis.drag.thrust_coverage import thrust_coverage
 from analysis.log_checks.axes import check_axes
 from analysis.log_checks.log import check_log
@@ -32,7 +31,6 @@ from analysis.trajectory.observability import sensor_error_estimates, trajectory
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
-from flight.propeller import Propeller
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,11 @@ def analyze(
     check_log(log, propeller.diameter_m)
 
     progress("synchronizing")
-    data = flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+
+    def data_of(aircraft: Aircraft) -> FlightData:
+        return flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+
+    data = data_of(aircraft)
     table = data.table
     check_axes(table, name)
 
@@ -92,29 +94,15 @@ def analyze(
 
     progress(f"estimating drag from {runs or len(maneuvers.of(*FOR_DRAG))} runs")
 
-    def trajectory_with(assumed: Aircraft, upwash_slope_sigma: float) -> Trajectory:
-        """It does not depend on the propeller."""
-        progress("repeating the estimate with other values for what the aircraft file lacks")
-        sigma = math.hypot(contents.probe.alpha_scale_sigma, upwash_slope_sigma)
-        if assumed is aircraft and sigma == alpha_scale_sigma:
-            return trajectory
-        table, rest, _, compass, _ = (
-            data
-            if assumed is aircraft
-            else flight_data(log, assumed, propeller, contents.probe, contents.magnetometer, contents.zero)
-        )
-        return reconstruct(table, rest, alpha_scale_sigma=sigma, compass=compass, log=name)
-
-    def repeat_estimate(aircraft: Aircraft, propeller: Propeller, upwash_slope_sigma: float) -> DynamicEstimate:
-        repeated = trajectory_with(aircraft, upwash_slope_sigma)
-        return main_polar(repeated, maneuvers, aircraft, propeller, condition, flown_CL, name)
-
-    def repeat_values(aircraft: Aircraft, propeller: Propeller, upwash_slope_sigma: float) -> NDArray[np.float64]:
-        repeated = trajectory_with(aircraft, upwash_slope_sigma)
-        return main_values(repeated, maneuvers, aircraft, propeller, condition, flown_CL, name)
-
+    repetition = Repetition(
+        data, data_of, trajectory, alpha_scale_sigma, contents.probe.alpha_scale_sigma, maneuvers, aircraft, condition,
+        flown_CL, name, progress,
+    )  # fmt: skip
     assumption_uncertainty = assumed_values.assumption_uncertainty(
-        repeat_estimate, repeat_values, aircraft, propeller, condition, flown_CL
+        repetition.estimate, repetition.values, aircraft, propeller, condition, flown_CL
+    )
+    assumption_uncertainty = with_hysteresis_uncertainty(
+        assumption_uncertainty, lambda air: repetition.values_with_air(air, propeller), table, aircraft
     )
     drag = estimate(
         table, trajectory, maneuvers, aircraft, propeller, condition, flown_CL,
@@ -128,6 +116,7 @@ def analyze(
         aircraft=aircraft,
         propeller=propeller,
         flown=flown,
+        table=table,
         condition=condition,
         maneuvers=maneuvers,
         drag=drag,

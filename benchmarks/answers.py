@@ -108,8 +108,8 @@ def one_flight(job: Job) -> np.ndarray:
 def main(
     errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
     plan: Annotated[str, typer.Option(help="Flight plan.")] = "accel-decel",
-    count: Annotated[int, typer.Option("--flights", help="How many; seeds 0, 1, …")] = 8,
-    first_seed: Annotated[int, typer.Option(help="The first seed.")] = 0,
+    count: Annotated[int, typer.Option("--flights", help="How many; one seed each.")] = 8,
+    first_seed: Annotated[int, typer.Option("--seed", help="The first seed; development uses those below 1000.")] = 0,
     turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
     blind: Annotated[bool, typer.Option("--blind", help="Without battery data.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,

@@ -1,6 +1,6 @@
 """The whole chain over simulated flights: fakes, daemon, log, analysis; error and coverage of the curve in the results.
 
-    python benchmarks/chain.py --turbulence-kt 3 --flights 8
+    python benchmarks/chain.py --turbulence-kt 3 --flights 8 --seed 0
 
 Each flight is flown and recorded by `sim fly` and analysed by `analyze`, as a user would: all runs, and by an edited
 runs.toml the longest acceleration and the longest deceleration alone. Compared is the curve of results.json with the
@@ -17,7 +17,7 @@ import tomllib
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import estimators
 import numpy as np
@@ -50,15 +50,14 @@ def one_flight(
     run(SCRIPTS / "sim", "fly", "--plan", plan, "--errors", errors, "--seed", seed,
         "--probe", folder.parent / "probe.json", "-o", folder, *flags)  # fmt: skip
     run(SCRIPTS / "analyze", log, "--quiet")
-    with (folder / "truth_power_required.csv").open() as file:
-        truth = np.array([(float(row["speed_mps"]), float(row["power_W"])) for row in csv.DictReader(file)])
-    found = {"all runs": compared(report, truth, V)}
+    truth = read_truth(folder)
+    found = {"all runs": compared(read_results(report), truth, V)}
     runs = tomllib.loads((report / "runs.toml").read_text("utf-8"))["run"]
     for name, kind in ALONE.items():
         edited = folder / f"{kind}.toml"
         edited.write_text(alone(runs, kind), "utf-8")
         answered = run(SCRIPTS / "analyze", log, "--quiet", "--runs", edited, "-o", folder / kind, may_refuse=True)
-        found[name] = compared(folder / kind, truth, V) if answered else np.full((2, len(V)), np.nan)
+        found[name] = compared(read_results(folder / kind), truth, V) if answered else np.full((2, len(V)), np.nan)
     log.unlink()
     return found
 
@@ -74,9 +73,25 @@ def alone(runs: list[dict], kind: str) -> str:
     return f'[[run]]\nkind = "{kind}"\nstart = "{one["start"]}"\nend = "{one["end"]}"\nkeep = true\n'
 
 
-def compared(report: Path, truth: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """Error and half the interval, % of the truth (2, speeds). truth: speed [m/s] and power [W], (n, 2)."""
-    results = json.loads((report / "results.json").read_text("utf-8"))
+def read_results(report: Path) -> dict[str, Any]:
+    """The content of results.json."""
+    return json.loads((report / "results.json").read_text("utf-8"))
+
+
+def read_truth(folder: Path) -> np.ndarray:
+    """The simulator's curve: speed [m/s] and power [W], (n, 2)."""
+    with (folder / "truth_power_required.csv").open() as file:
+        return np.array([(float(row["speed_mps"]), float(row["power_W"])) for row in csv.DictReader(file)])
+
+
+def plan_text(plan: str, turbulence_kt: float) -> str:
+    """A shipped plan with turbulence of this W20."""
+    text = (resources.files("sim") / "plans" / f"{plan}.toml").read_text("utf-8")
+    return text.replace("[air]\n", f'[air]\nturbulence = "{turbulence_kt} kt"\n')
+
+
+def compared(results: dict[str, Any], truth: np.ndarray, V: np.ndarray) -> np.ndarray:
+    """Error and half the interval, % of the truth (2, speeds). truth: as of `read_truth`."""
     flown, power, high = (
         np.array([point[name] for point in results["power_required"]])
         for name in ("speed_mps", "power_W", "power_hi_W")
@@ -94,7 +109,8 @@ def main(
     plan: Annotated[str, typer.Option(help="Flight plan.")] = "full-test-flight",
     errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
     turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
-    flights: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 8,
+    flights: Annotated[int, typer.Option(help="How many; one seed each.")] = 8,
+    first_seed: Annotated[int, typer.Option("--seed", help="The first seed; development uses those below 1000.")] = 0,
     hardware: Annotated[bool, typer.Option(help="Through fakes and daemon; or straight to the same log.")] = True,
     jobs: Annotated[int, typer.Option(help="Flights at a time.")] = 2,
 ) -> None:
@@ -102,21 +118,19 @@ def main(
     V = estimators.speeds(aircraft)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        text = (resources.files("sim") / "plans" / f"{plan}.toml").read_text("utf-8")
-        text = text.replace("[air]\n", f'[air]\nturbulence = "{turbulence_kt} kt"\n')
-        (folder / "plan.toml").write_text(text, "utf-8")
+        (folder / "plan.toml").write_text(plan_text(plan, turbulence_kt), "utf-8")
         run(SCRIPTS / "sim", "tunnel", "-o", folder / "tunnel.csv")
         run(SCRIPTS / "calibrate", "probe", folder / "tunnel.csv", "-o", folder / "probe.json")
         with ThreadPoolExecutor(jobs) as pool:
             figures = list(
                 pool.map(
                     lambda seed: one_flight(folder / str(seed), folder / "plan.toml", errors, seed, hardware, V),
-                    range(flights),
+                    range(first_seed, first_seed + flights),
                 )
             )
         todo = [
             estimators.Job(aircraft, tunnel_probe(), errors, plan, turbulence_kt, seed, False)
-            for seed in range(flights)
+            for seed in range(first_seed, first_seed + flights)
         ]
         with ProcessPoolExecutor(jobs) as processes:
             direct = list(processes.map(estimators.one_flight, todo))

@@ -16,6 +16,7 @@ from analysis.airdata.air import air_data
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.probe_fit import calibrate
 from analysis.airdata.tunnel import read_tunnel
+from analysis.signals.aircraft_size import flying_Pa, speed_scale
 from analysis.signals.rest import Zeros, rest_segments, zeros
 from flight.aircraft import Aircraft
 from flight.propeller_files import load_propeller
@@ -117,7 +118,7 @@ class AirOf(NamedTuple):
 def air_of(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration) -> AirOf:
     """The chain's steps up to the air data, for a table as `synchronize` leaves it."""
     still = rest_segments(table, 1 / TICK_S)
-    at_rest = zeros(table, still)
+    at_rest = zeros(table, still, flying_Pa=flying_Pa(speed_scale(aircraft)))
     propeller = load_propeller(aircraft.propulsion.propeller)
     return AirOf(air_data(table, aircraft, probe, propeller, at_rest).table, still, at_rest)
 

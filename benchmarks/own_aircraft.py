@@ -67,7 +67,8 @@ def one_flight(folder: Path, plan: str, errors: str, seed: int, V: np.ndarray) -
 def main(
     plan: Annotated[str, typer.Option(help="Flight plan.")] = "accel-decel",
     errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
-    count: Annotated[int, typer.Option("--flights", help="How many; seeds 0, 1, …")] = 20,
+    count: Annotated[int, typer.Option("--flights", help="How many.")] = 20,
+    first_seed: Annotated[int, typer.Option("--seed", help="The first seed.")] = 0,
     jobs: Annotated[int, typer.Option(help="Flights at a time.")] = 2,
 ) -> None:
     V = estimators.speeds(load_aircraft("nexstar"))
@@ -77,10 +78,17 @@ def main(
         run(*FLIGHTPOWER, "calibrate", "probe", folder / "tunnel.csv", "-o", folder / "probe.json")
         with ThreadPoolExecutor(jobs) as pool:
             found = np.array(
-                list(pool.map(lambda seed: one_flight(folder / str(seed), plan, errors, seed, V), range(count)))
+                list(
+                    pool.map(
+                        lambda seed: one_flight(folder / str(seed), plan, errors, seed, V),
+                        range(first_seed, first_seed + count),
+                    )
+                )
             )
     console = Console(width=120)
-    console.print(f"{errors}, {plan}, {count} flights; at " + " / ".join(f"{v:.1f}" for v in V) + " m/s")
+    console.print(
+        f"{errors}, {plan}, {count} flights from seed {first_seed}; at " + " / ".join(f"{v:.1f}" for v in V) + " m/s"
+    )
     for title, both in (("all keys", found[:, 0]), ("four keys", found[:, 1])):
         for name, values, form in flights.error_rows(both[:, 0], both[:, 1]):
             console.print(f"{title:9}  {name:24} " + " / ".join(form.format(value) for value in values))

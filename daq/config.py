@@ -234,7 +234,8 @@ class TelemetryConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     to: str  # udp:HOST:PORT, or a serial device
     baud: Baud = 57600
     rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 4.0
-    system_id: Annotated[int, Meta(ge=1, le=255)] = 25
+    vehicle: bool | None = None  # whether to appear as the aircraft itself; default: without an autopilot in the tray
+    system_id: Annotated[int, Meta(ge=1, le=255)] | None = None  # default: 25, or that of the autopilot
 
     def __post_init__(self) -> None:
         _check_udp(self.to)

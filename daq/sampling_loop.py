@@ -35,6 +35,7 @@ class Cycle(NamedTuple):
     samples: list[Sample]
     events: list[Event]
     slow: list[str] = []  # noqa: RUF012  what to do about buses that are too slow
+    autopilot_system: int | None = None  # MAVLink system of the autopilot, once it was heard
 
 
 def grid_ticks(period_ns: int, clock: Clock, stop: StopFlag, until_ns: int | None = None) -> Iterator[GridTick]:
@@ -92,7 +93,9 @@ def cycles(
             samples.append(Sample("/time", clock.now_ns(), time_message(clock, gps_utc)))
         message = Tick(late_ns=tick.late_ns, missed=tick.missed, duration_ns=durations)
         samples.append(Sample("/daq/tick", begin_ns, message))
-        yield Cycle(tick, begin_ns, samples, events, [worker.slow for worker in workers if worker.slow])
+        slow = [worker.slow for worker in workers if worker.slow]
+        systems = (supervisor.system_id for supervisor in supervisors)
+        yield Cycle(tick, begin_ns, samples, events, slow, next(filter(None, systems), None))
 
 
 def time_message(clock: Clock, gps_utc: tuple[int, int] | None) -> Time:

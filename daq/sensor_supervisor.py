@@ -87,6 +87,11 @@ class SensorSupervisor:
         """Number of messages without a measurement, not counting those during startup."""
         return self.health.errors + self.skipped
 
+    @property
+    def system_id(self) -> int | None:
+        """MAVLink system of an autopilot that was heard; None for any other sensor."""
+        return getattr(self._sensor, "system_id", None)
+
     def _is_ready(self, now_ns: int) -> bool:
         """Whether the sensor can be read now. Continues its startup when the next step is due."""
         if self._sensor is not None and self._startup is None:

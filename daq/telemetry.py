@@ -19,7 +19,7 @@ from typing import Any
 
 import msgspec
 
-from daq.config import TelemetryConfig, Tray, parse_port
+from daq.config import AutopilotConfig, TelemetryConfig, Tray, parse_port
 from daq.linux_bus import LinuxSerial
 from daq.probe_calibration import ProbeMaps, load_probe_maps
 from daq.sampling_loop import Cycle
@@ -35,12 +35,15 @@ GAS_CONSTANT = 287.05287  # of air [J/(kg K)] (ISO 2533)
 SEVERITIES = {"error": 3, "warning": 4, "info": 6}  # MAV_SEVERITY
 TOPICS = ("/gps", "/static", "/rpm", "/controls", "/probe/alpha", "/probe/beta", "/probe/airspeed", "/attitude")
 MAX_AGE_S = 2.0  # older readings are not sent
+VEHICLE_SYSTEM = 25  # without an autopilot
+AUTOPILOT_SYSTEM = 1  # of an autopilot that was not heard yet: the default of ArduPilot and PX4
 
 
 class Snapshot(msgspec.Struct, kw_only=True):
     """One line of JSON in the pipe: the latest good messages by topic, their ages, and the new events."""
 
     elapsed_s: float
+    autopilot_system: int | None = None
     messages: dict[str, dict[str, Any]] = {}
     ages_s: dict[str, float] = {}
     events: list[Event] = []
@@ -58,6 +61,9 @@ class TelemetryLink:
         self._encoder = msgspec.json.Encoder()
         self._read_end, self._write_end = os.pipe2(os.O_CLOEXEC)
         os.set_blocking(self._write_end, False)
+        if telemetry.vehicle is None:
+            alone = not any(isinstance(sensor, AutopilotConfig) for sensor in tray.sensors)
+            telemetry = msgspec.structs.replace(telemetry, vehicle=alone)
         self._command = [
             sys.executable,
             "-m",
@@ -86,6 +92,7 @@ class TelemetryLink:
         line = self._encoder.encode(
             {
                 "elapsed_s": (cycle.now_ns - self._start_ns) / 1e9,
+                "autopilot_system": cycle.autopilot_system,
                 "messages": {topic: message for topic, (_, message) in self._latest.items()},
                 "ages_s": {topic: (cycle.now_ns - at_ns) / 1e9 for topic, (at_ns, _) in self._latest.items()},
                 "events": events,
@@ -127,20 +134,31 @@ class TelemetryLink:
 
 
 class MavlinkEncoder:
-    """Encodes snapshots as MAVLink packets for one ground station."""
+    """Encodes snapshots as MAVLink packets for one ground station.
+
+    Without an autopilot they come from component 1 of a fixed-wing aircraft: QGroundControl creates a vehicle for
+    component 1 only, and for no onboard computer (its MultiVehicleManager). With an autopilot they come from component
+    191 of its system, and belong to its vehicle. Speeds and position are then left to the autopilot: QGroundControl
+    does not distinguish which component sent VFR_HUD and GLOBAL_POSITION_INT.
+    """
 
     def __init__(self, telemetry: TelemetryConfig, probe: ProbeMaps | None, zero: Zero | None):
         from pymavlink.dialects.v20 import common as mavlink
 
         self._mavlink: Any = mavlink
-        component = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
-        self._link = mavlink.MAVLink(None, srcSystem=telemetry.system_id, srcComponent=component)
+        self._vehicle = telemetry.vehicle is not False
+        self._system_id = telemetry.system_id
+        component = mavlink.MAV_COMP_ID_AUTOPILOT1 if self._vehicle else mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+        self._link = mavlink.MAVLink(None, srcComponent=component)
         self._probe = probe
         self._zero = zero
         self._heartbeat_s: float | None = None
+        self._first_height_m: float | None = None
 
     def packets(self, snapshot: Snapshot) -> Iterator[bytes]:
         """The packets for a snapshot."""
+        own = VEHICLE_SYSTEM if self._vehicle else snapshot.autopilot_system or AUTOPILOT_SYSTEM
+        self._link.srcSystem = self._system_id or own
         for message in self._messages(snapshot):
             yield message.pack(self._link)
 
@@ -149,42 +167,55 @@ class MavlinkEncoder:
         boot_ms = round(snapshot.elapsed_s * 1e3) & 0xFFFFFFFF
         if self._heartbeat_s is None or snapshot.elapsed_s - self._heartbeat_s >= HEARTBEAT_PERIOD_S:
             self._heartbeat_s = snapshot.elapsed_s
-            yield link.heartbeat_encode(
-                m.MAV_TYPE_ONBOARD_CONTROLLER, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE
+            # Of a generic autopilot QGroundControl expects no parameters.
+            yield (
+                link.heartbeat_encode(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_GENERIC, 0, 0, m.MAV_STATE_ACTIVE)
+                if self._vehicle
+                else link.heartbeat_encode(
+                    m.MAV_TYPE_ONBOARD_CONTROLLER, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE
+                )
             )
         for event in snapshot.events:
             text = event.text.encode("ascii", "replace")[:TEXT_BYTES]
             yield link.statustext_encode(SEVERITIES.get(event.severity, 6), text)
         fresh = {topic: values for topic, values in snapshot.messages.items() if snapshot.ages_s[topic] <= MAX_AGE_S}
         gps, static, controls = fresh.get("/gps", {}), fresh.get("/static", {}), fresh.get("/controls", {})
-        if gps.get("latitude_deg") is not None:
-            yield self._position(gps, boot_ms)
         flow = self._flow(fresh)
         airspeed = airspeed_mps(flow.get("qbar_Pa"), static.get("pressure_Pa"), static.get("temperature_K"))
-        north, east, down = (gps.get(f"velocity_{axis}_mps") or 0.0 for axis in ("north", "east", "down"))
-        yield link.vfr_hud_encode(
-            airspeed,
-            math.hypot(north, east),
-            round(course_deg(north, east)),
-            round(100 * (controls.get("throttle") or 0.0)),
-            gps.get("height_msl_m") or 0.0,
-            -down,
-        )
+        if self._vehicle:
+            if gps.get("latitude_deg") is not None:
+                yield self._position(gps, boot_ms)
+            yield self._hud(gps, airspeed, controls.get("throttle") or 0.0)
+        elif airspeed:
+            yield link.named_value_float_encode(boot_ms, b"airspeed", airspeed)
         rpm = fresh.get("/rpm", {}).get("motor_speed_revps")
         named = {name: value for name, value in flow.items() if name != "qbar_Pa"}
         for name, value in {**named, "rpm": None if rpm is None else 60 * rpm}.items():
             if value is not None:
                 yield link.named_value_float_encode(boot_ms, name.encode(), value)
 
+    def _hud(self, gps: dict[str, Any], airspeed: float, throttle: float) -> Any:
+        north, east, down = (gps.get(f"velocity_{axis}_mps") or 0.0 for axis in ("north", "east", "down"))
+        return self._link.vfr_hud_encode(
+            airspeed,
+            math.hypot(north, east),
+            round(course_deg(north, east)),
+            round(100 * throttle),
+            gps.get("height_msl_m") or 0.0,
+            -down,
+        )
+
     def _position(self, gps: dict[str, Any], boot_ms: int) -> Any:
         north, east, down = (gps.get(f"velocity_{axis}_mps") or 0.0 for axis in ("north", "east", "down"))
-        height_mm = round(1e3 * (gps.get("height_msl_m") or 0.0))
+        height_m = gps.get("height_msl_m") or 0.0
+        if self._first_height_m is None:
+            self._first_height_m = height_m
         return self._link.global_position_int_encode(
             boot_ms,
             round(gps["latitude_deg"] * 1e7),
             round(gps["longitude_deg"] * 1e7),
-            height_mm,
-            height_mm,
+            round(1e3 * height_m),
+            round(1e3 * (height_m - self._first_height_m)),
             round(100 * north),
             round(100 * east),
             round(100 * down),

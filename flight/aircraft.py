@@ -120,6 +120,20 @@ class ProbeInstallation:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Uncertainty:
+    """Standard deviations of what the analysis cannot find in the data: priors, which are the user's.
+
+    weight_fraction : a scale with divisions of 5 g may be two of them wrong at 4 kg (OIML R 76-1, class III in service)
+    updraft_mps : mean vertical motion of the air over the runs of one flight
+    hysteresis_fraction : of the differential pressure transducers, over the range of pressure in the flight
+    """
+
+    weight_fraction: float = 0.002
+    updraft_mps: float = 0.0
+    hysteresis_fraction: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Aircraft:
     """What an aircraft file says. keys: the keys it has, with their sections ("mass.Ix")."""
 
@@ -133,6 +147,7 @@ class Aircraft:
     rudder: ControlSurface | None = None
     probe: ProbeInstallation = ProbeInstallation()
     imu_position_m: Position = (0.0, 0.0, 0.0)
+    uncertainty: Uncertainty = Uncertainty()
     source: str = ""
     aerodynamics: dict[str, object] | None = None
     text: str = field(default="", repr=False, metadata=NO_KEY)  # text of the file, which the log contains
@@ -243,3 +258,10 @@ def _not_positive(aircraft: Aircraft) -> Iterator[str]:
     ):
         if value is not None and not value > 0:
             yield f"{key}: must be greater than zero"
+    for key, value in (
+        ("uncertainty.weight", aircraft.uncertainty.weight_fraction),
+        ("uncertainty.updraft", aircraft.uncertainty.updraft_mps),
+        ("uncertainty.hysteresis", aircraft.uncertainty.hysteresis_fraction),
+    ):
+        if value < 0:
+            yield f"{key}: must not be negative"

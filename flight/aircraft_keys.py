@@ -179,6 +179,27 @@ KEYS: dict[str, Key] = {
         "analysis, simulator",
         NO_LINE,
     ),
+    "uncertainty.weight": Key(
+        '"0.2 %"',
+        "Standard deviation of the weight.",
+        "Divisions of the scale; what was changed since weighing.",
+        "analysis",
+        "0.2 %: two divisions of 5 g at 4 kg; intervals contain it",
+    ),
+    "uncertainty.updraft": Key(
+        '"0.02 m/s"',
+        "Standard deviation of the mean vertical motion of the air over the runs of one flight.",
+        "Some 0.4 times the convective velocity at 40 m on a sunny day, wind times slope of the ground; none at dawn.",
+        "analysis",
+        "0",
+    ),
+    "uncertainty.hysteresis": Key(
+        '"0.2 %"',
+        "Standard deviation of the hysteresis of the differential pressure transducers, of the range flown.",
+        "A pressure up and down again on the bench; the data sheet gives a limit with nonlinearity, of full scale.",
+        "analysis",
+        "0",
+    ),
     "aerodynamics": Key(
         "{ … }",
         "Coefficients and derivatives per radian (`flight/aerodynamics.py`); see the shipped files.",

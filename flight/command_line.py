@@ -7,8 +7,6 @@ import math
 import sys
 from collections.abc import Callable
 from io import TextIOWrapper
-from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any
 
 import typer
@@ -104,22 +102,3 @@ def _si_or_nan(text: str, unit: str) -> float:
         return to_si(text, unit, "")
     except (InputError, ValueError):
         return math.nan
-
-
-def check_writable(path: Path) -> None:
-    """Raises InputError unless a file of this name can be written, with its folder. Leaves nothing behind."""
-    made: list[Path] = []
-    try:
-        if path.is_dir():
-            raise IsADirectoryError(0, "it is a folder")
-        for folder in reversed(path.parents):
-            if not folder.exists():
-                folder.mkdir()
-                made.append(folder)
-        with TemporaryFile(dir=path.parent):
-            pass
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}); give another name") from None
-    finally:
-        for folder in reversed(made):
-            folder.rmdir()

@@ -39,6 +39,7 @@ UNIT_OF_SUFFIX = {
     "Nm": "N m",
     "T": "T",
     "revps": "turn/s",
+    "fraction": "dimensionless",
 }
 
 NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)

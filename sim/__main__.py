@@ -1,22 +1,21 @@
-"""The command line of the simulator: `sim fly`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
+"""The command line of the simulator: `sim fly`, `sim worlds`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
 
 It connects simulator, fake hardware and daemon; no module imports it.
 """
 
 import math
-import shutil
 import sys
 from datetime import datetime
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
-from flight.command_line import application, check_writable, run
+from flight.command_line import application, run
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
+from flight.output_file import check_writable
 from sim.options import (
     AircraftOption,
     BankOption,
@@ -27,6 +26,15 @@ from sim.options import (
     RpmOption,
     SeedOption,
     SpeedOption,
+)
+from sim.output_folder import (
+    LOG,
+    TRAY,
+    TRUTH,
+    check_output,
+    check_probe,
+    probe_text,
+    write_flight,
 )
 from sim.progress import Report, progress_bar
 
@@ -39,9 +47,6 @@ if TYPE_CHECKING:
 app = application(help="Simulated flights and wind tunnel: what the sensors would measure, and the truth beside it.")
 
 HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
-TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
-PX4_LOG, ARDUPILOT_LOG = "log.ulg", "log.BIN"
-OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, PX4_LOG, ARDUPILOT_LOG)
 
 
 @app.command(short_help="Fly a plan; write the truth and the log.")
@@ -52,10 +57,17 @@ def fly(
         str, typer.Option(metavar="NAME", help="A shipped plan (docs/simulation.md lists them), or a file.")
     ] = "accel-decel",
     errors: Annotated[
-        str, typer.Option(metavar="NAME", help="Error budget: bench, none, study, harsh, or a file.")
-    ] = "bench",
+        str | None,
+        typer.Option(metavar="NAME", help="Error budget: bench (the default), none, study, harsh, or a file."),
+    ] = None,
+    world: Annotated[
+        str | None, typer.Option(metavar="NAME", help="World that the analysis does not assume: see `sim worlds`.")
+    ] = None,
     seed: SeedOption = 0,
-    probe: Annotated[Path | None, typer.Option(metavar="FILE", help="Probe calibration to put into the log.")] = None,
+    probe: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Probe calibration for the log, instead of that of the simulated tunnel."),
+    ] = None,
     faults: Annotated[
         Path | None,
         typer.Option(
@@ -84,49 +96,32 @@ def fly(
 
     \b
     Examples:
-      sim fly --probe probe.json -o out/demo
+      sim fly -o out/demo
       sim fly --aircraft my.toml --plan full-test-flight --no-hardware -o out
     """
-    from daq.attachments import calibration_text
     from hw_fakes.faults import load_faults
+    from sim.autopilot_log import faults_of, write_autopilot_log
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
-    from sim.sensors import FlightSensorTruth, draw, load_budget
-    from sim.truth import write_truth
+    from sim.sensors import FlightSensorTruth, draw
+    from sim.world import world_of
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
-    traps = _log_faults(recorder, log_faults)
-    craft, flight_plan, budget = load_complete_aircraft(aircraft), load_plan(plan), load_budget(errors)
+    traps = faults_of(recorder, log_faults)
+    flown_in = world_of(world, errors)
+    craft, flight_plan = load_complete_aircraft(aircraft), flown_in.plan(load_plan(plan), seed)
     schedule = load_faults(faults) if faults is not None else ()
-    if probe is not None:
-        if not probe.exists():
-            raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
-        calibration_text(str(probe), "probe")
-    _check_output(output, replace)
-    drawn = draw(budget, seed)
+    calibration = probe_text(probe)
+    check_output(output, replace)
+    check_probe(output, calibration, probe)
+    drawn = draw(flown_in.errors, seed)
     with progress_bar("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        for name in OUTPUT_FILES:
-            (output / name).unlink(missing_ok=True)
-        metadata = {**flight.metadata, "errors": drawn.as_dict()}
-        write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
-        flight.power_required.to_csv(output / CURVE, index=False)
-        (output / TRAY).write_text(_tray_text(output, aircraft, craft, probe), "utf-8")
-    except OSError as error:
-        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+    write_flight(output, flight, drawn, flown_in, aircraft, calibration)
     sensor_truth = FlightSensorTruth(flight, drawn)
     if recorder is not None:
-        from sim.ardupilot_log import write_ardupilot_log
-        from sim.px4_log import write_px4_log
-
-        written = output / (PX4_LOG if recorder == "px4" else ARDUPILOT_LOG)
-        if recorder == "px4":
-            write_px4_log(written, flight, sensor_truth, drawn, traps)
-        else:
-            write_ardupilot_log(written, flight, sensor_truth, drawn)
+        written = write_autopilot_log(output, recorder, flight, sensor_truth, drawn, traps)
         print(f"{written}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
         return
     with progress_bar("recording", flight.duration_s) as report:
@@ -135,55 +130,6 @@ def fly(
         else:
             _record(output, sensor_truth, seed, craft, schedule, real_time, report)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
-
-
-def _log_faults(recorder: str | None, text: str) -> list[str]:
-    """The faults that --log-faults names. Raises InputError for what is unknown, or has no use."""
-    from sim.px4_log import FAULTS
-
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    if recorder not in (None, "px4", "ardupilot"):
-        raise InputError(f"--as {recorder}: not known; give px4 or ardupilot")
-    if names and recorder != "px4":
-        raise InputError("--log-faults: needs --as px4")
-    unknown = [name for name in names if name not in FAULTS]
-    if unknown:
-        raise InputError(f"--log-faults {', '.join(unknown)}: not known; known: {', '.join(FAULTS)}")
-    return names
-
-
-def _check_output(output: Path, replace: bool) -> None:
-    """Raise InputError if writing would replace something else than an earlier simulation."""
-    if output.exists() and not output.is_dir():
-        raise InputError(f"{output}: not a folder; give another one")
-    taken = [name for name in OUTPUT_FILES if (output / name).exists()]
-    if taken and not replace:
-        raise InputError(f"{output}: already contains {taken[0]}; give another folder, or --replace")
-    if taken and not (output / TRUTH).exists():
-        raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another folder")
-    check_writable(output / LOG)
-
-
-def _tray_text(output: Path, name: str, craft: CompleteAircraft, probe: Path | None) -> str:
-    """The daemon's example tray, changed for this flight. Files it needs are copied, so the directory can be moved."""
-    text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
-    if Path(name).is_file():
-        (output / "aircraft.toml").write_text(craft.text, "utf-8")
-        name = "aircraft.toml"
-    lines = []
-    for line in text.splitlines():
-        key = line.lstrip("# ").split("=")[0].strip()
-        if key == "aircraft":
-            line = f'aircraft = "{name}"'
-        elif key == "directory":
-            line = 'directory = "."'
-        elif key == "probe_calibration" and probe is not None:
-            target = output / "probe.json"
-            if not (target.exists() and target.samefile(probe)):
-                shutil.copyfile(probe, target)
-            line = 'probe_calibration = "probe.json"'
-        lines.append(line)
-    return "\n".join(lines) + "\n"
 
 
 def _record(
@@ -279,6 +225,20 @@ def _parts(sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft) -> "
         barometers={"baro": barometer(tray.baro, MS5611), "static": barometer(tray.static, MS5805)},
         pole_pairs=craft.propulsion.pole_pairs,
     )
+
+
+@app.command(name="worlds", short_help="List the worlds of `sim fly --world`.")
+def list_worlds() -> None:
+    """List the worlds of `sim fly --world`, with a sentence each: what the analysis does not assume.
+
+    \b
+    Example:
+      sim worlds
+    """
+    from sim.world import load_world, worlds
+
+    for name in worlds():
+        print(f"{name:20s} {load_world(name).title}")
 
 
 @app.command(short_help="A simulated wind-tunnel calibration of the probe.")

@@ -1,4 +1,4 @@
-"""The air of a flight: pressure, temperature, wind with shear, updraft, thermal, and Dryden turbulence.
+"""The air of a flight: pressure, temperature, wind with shear and veer, updrafts, and Dryden turbulence.
 
 The functions accept floats, arrays and CasADi symbols.
 """
@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flight.atmosphere import density, pressure_at, temperature_at
+from flight.errors import InputError
 from flight.number import Number
+from sim.convection import updraft
 
 FOOT_M = 0.3048
 # MIL-F-8785C sec. 3.7.3.4: the wind is given at 20 ft; roughness length 0.15 ft for all but the terminal phase.
@@ -19,6 +21,8 @@ ROUGHNESS_M = 0.15 * FOOT_M
 LOWEST_M, HIGHEST_M = 10 * FOOT_M, 1000 * FOOT_M
 # Vertical wind is zero at the ground; a steady updraft grows linearly to its full speed over the first 20 m.
 UPDRAFT_DEPTH_M = 20.0
+VEER_DEPTH_M = 100.0
+DRYDEN, VON_KARMAN = "dryden", "von-karman"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,11 +34,21 @@ class Air:
     ground_elevation_m: float = 110.0
     wind_mps: float = 0.0  # at 20 ft; other heights by the logarithmic profile
     wind_from_rad: float = 0.0
-    turbulence_mps: float = 0.0  # W20 of the Dryden model
+    veer_rad: float = 0.0  # the wind's turn to the right from the ground to VEER_DEPTH_M; linear in height
+    turbulence_mps: float = 0.0  # W20
+    gust_spectrum: str = DRYDEN
+    gust_length_factor: float = 1.0  # scale lengths are this many times those of the standard
+    convection_mps: float = 0.0  # rms of updrafts and sinks that vary from place to place
+    convection_length_m: float = 200.0
+    convection_seed: int = 0
     thermal_mps: float = 0.0  # core updraft of one thermal
     thermal_radius_m: float = 60.0
     thermal_north_m: float = 0.0
     thermal_east_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.gust_spectrum not in (DRYDEN, VON_KARMAN):
+            raise InputError(f"air: gust_spectrum: {self.gust_spectrum!r} is neither {DRYDEN} nor {VON_KARMAN}")
 
 
 class Ambient(NamedTuple):
@@ -55,20 +69,28 @@ def ambient(air: Air, height_m: Number) -> Ambient:
 def mean_wind(
     air: Air, north_m: Number, east_m: Number, height_m: Number, updraft_mps: Number = 0.0
 ) -> tuple[Number, Number, Number]:
-    """(north, east, down) [m/s]: logarithmic profile (MIL-F-8785C sec. 3.7.3.4), steady updraft and one thermal.
+    """(north, east, down) [m/s]: logarithmic profile (MIL-F-8785C sec. 3.7.3.4), updrafts, and one thermal.
 
-    Zero at the ground. The thermal is a Gaussian column.
+    Zero at the ground. The thermal is a Gaussian column. A wind that turns to the right with height is that of the
+    Ekman layer of the northern hemisphere (Stull, Boundary Layer Meteorology, sec. 6.6).
     """
     profile = np.log(np.maximum(height_m, ROUGHNESS_M) / ROUGHNESS_M) / np.log(WIND_HEIGHT_M / ROUGHNESS_M)
     speed = air.wind_mps * profile
     r2 = (north_m - air.thermal_north_m) ** 2 + (east_m - air.thermal_east_m) ** 2
     rising = updraft_mps + air.thermal_mps * np.exp(-r2 / (2 * air.thermal_radius_m**2))
+    if air.convection_mps:
+        rising = rising + air.convection_mps * updraft(
+            north_m, east_m, length_m=air.convection_length_m, seed=air.convection_seed
+        )
     depth = np.clip(height_m / UPDRAFT_DEPTH_M, 0.0, 1.0)
-    return -speed * np.cos(air.wind_from_rad), -speed * np.sin(air.wind_from_rad), -rising * depth
+    wind_from: Number = air.wind_from_rad
+    if air.veer_rad:
+        wind_from = wind_from + air.veer_rad * height_m / VEER_DEPTH_M
+    return -speed * np.cos(wind_from), -speed * np.sin(wind_from), -rising * depth
 
 
 class GustStates(NamedTuple):
-    """States of the shaping filters that turn white noise into gusts."""
+    """States of the shaping filters that turn white noise into gusts. The Dryden filters do not use the last three."""
 
     u: Any
     v1: Any
@@ -78,6 +100,9 @@ class GustStates(NamedTuple):
     p: Any
     q: Any
     r: Any
+    u2: Any
+    v3: Any
+    w3: Any
 
 
 class Gust(NamedTuple):
@@ -100,43 +125,57 @@ class Scales(NamedTuple):
     L_w: Any
 
 
-def dryden_scales(W20_mps: Number, height_m: Number) -> Scales:
+def gust_scales(W20_mps: Number, height_m: Number, length_factor: float = 1.0) -> Scales:
     """Low-altitude intensities and lengths (MIL-F-8785C sec. 3.7.3.4.1); lateral as longitudinal."""
     h_ft = np.clip(height_m, LOWEST_M, HIGHEST_M) / FOOT_M
     shape = 0.177 + 0.000823 * h_ft
     sigma_w = 0.1 * W20_mps
-    return Scales(sigma_w / np.power(shape, 0.4), sigma_w, h_ft / np.power(shape, 1.2) * FOOT_M, h_ft * FOOT_M)
+    L_u, L_w = h_ft / np.power(shape, 1.2) * FOOT_M, h_ft * FOOT_M
+    return Scales(sigma_w / np.power(shape, 0.4), sigma_w, length_factor * L_u, length_factor * L_w)
 
 
-def dryden(
-    states: GustStates, white: Number, *, V: Number, height_m: Number, span_m: float, W20_mps: float
-) -> tuple[GustStates, Gust]:
+def dryden(states: GustStates, white: Number, *, V: Number, span_m: float, scales: Scales) -> tuple[GustStates, Gust]:
     """Rates of change of the shaping filters, and the gusts they give (MIL-F-8785C sec. 3.7.1.2, Dryden form).
 
     white: four noises of unit two-sided intensity [1/sqrt(s)], for u, v, w and p; constant over a step of dt, they are
     standard normal numbers over sqrt(dt). V: airspeed [m/s]. The filters have the standard's spectra for frequencies
     s = j Omega V: first order in u and p, (1 + sqrt3 T s)/(1 + T s)^2 in v and w. q and r follow from w and v.
     """
-    sigma_u, sigma_w, L_u, L_w = dryden_scales(W20_mps, height_m)
+    sigma_u, sigma_w, L_u, L_w = scales
     V = np.maximum(V, 5.0)  # the filters need a speed above zero
     T_u, T_w = L_u / V, L_w / V
     n_u, n_v, n_w, n_p = white
-    # Spectrum of p, integrated: variance 0.8 (pi/2) (pi/4b) (pi L_w/4b)^(1/3) sigma_w^2 / L_w.
-    per_span = np.pi / (4 * span_m)
-    sigma_p = sigma_w * np.sqrt(0.8 * np.pi / 2 * per_span / L_w * np.power(L_w * per_span, 1 / 3))
-    T_p, T_r = 1 / (per_span * V), 3 * span_m / (np.pi * V)
-
     v = states.v2 + np.sqrt(3) * (states.v1 - states.v2)
     w = states.w2 + np.sqrt(3) * (states.w1 - states.w2)
+    p_rate, q_rate, r_rate = rotation_rates(states, v, w, n_p, V=V, span_m=span_m, scales=scales)
     rates = GustStates(
         u=-states.u / T_u + sigma_u * np.sqrt(2 / T_u) * n_u,
         v1=-states.v1 / T_u + sigma_u / np.sqrt(T_u) * n_v,
         v2=(states.v1 - states.v2) / T_u,
         w1=-states.w1 / T_w + sigma_w / np.sqrt(T_w) * n_w,
         w2=(states.w1 - states.w2) / T_w,
-        p=-states.p / T_p + sigma_p * np.sqrt(2 / T_p) * n_p,
-        q=(w - states.q) / T_p,
-        r=(v - states.r) / T_r,
+        p=p_rate,
+        q=q_rate,
+        r=r_rate,
+        u2=-states.u2 / T_u,
+        v3=-states.v3 / T_u,
+        w3=-states.w3 / T_w,
     )
-    # A gradient along x is a rotation of the air: q_g = -dw_g/dx, r_g = +dv_g/dx, with d/dx = (d/dt)/V.
-    return rates, Gust(states.u, v, w, states.p, -rates.q / V, rates.r / V)
+    return rates, gust_of(states, rates, states.u, v, w, V)
+
+
+def rotation_rates(
+    states: GustStates, v: Number, w: Number, n_p: Number, *, V: Number, span_m: float, scales: Scales
+) -> tuple[Number, Number, Number]:
+    """Rates of change of the states p, q, r; the same for the spectra of Dryden and of von Karman."""
+    _, sigma_w, _, L_w = scales
+    # Spectrum of p, integrated: variance 0.8 (pi/2) (pi/4b) (pi L_w/4b)^(1/3) sigma_w^2 / L_w.
+    per_span = np.pi / (4 * span_m)
+    sigma_p = sigma_w * np.sqrt(0.8 * np.pi / 2 * per_span / L_w * np.power(L_w * per_span, 1 / 3))
+    T_p, T_r = 1 / (per_span * V), 3 * span_m / (np.pi * V)
+    return -states.p / T_p + sigma_p * np.sqrt(2 / T_p) * n_p, (w - states.q) / T_p, (v - states.r) / T_r
+
+
+def gust_of(states: GustStates, rates: GustStates, u: Number, v: Number, w: Number, V: Number) -> Gust:
+    """A gradient along x is a rotation of the air: q_g = -dw_g/dx, r_g = +dv_g/dx, with d/dx = (d/dt)/V."""
+    return Gust(u, v, w, states.p, -rates.q / V, rates.r / V)

@@ -12,9 +12,11 @@ from flight.complete_aircraft import CompleteAircraft
 from flight.errors import InputError
 from flight.motion import earth_from_body, velocity_derivative
 from sim.air import mean_wind
-from sim.ground import EndState, Motion, move, stand
+from sim.bench import BenchSegment
+from sim.ground import EndState, Motion, move, smooth_step, stand
 from sim.integration import Observation, Stepper
 from sim.pilot import Pilot
+from sim.pilot_wander import drawn_phases
 from sim.plan import DT_S, Plan
 from sim.plan_segment import FlightContext
 from sim.plant import NO_DEVIATIONS, AircraftState, Commands, Deviations, Plant, plant_of
@@ -76,6 +78,7 @@ class _FlightSimulation:
         self.stepper = Stepper(plant, dt, plan.integrator)
         self.pilot = Pilot(plant, self.trimmer, plan.pilot, dt)
         self.white = _white_noise(seed, dt) if plan.air.turbulence_mps > 0 else None
+        self.wander_phases = drawn_phases(seed)
         self.context = FlightContext(
             V_stall=self.trimmer.V_stall,
             V_max=self.trimmer.V_max,
@@ -113,12 +116,15 @@ class _FlightSimulation:
 
     def _fly_segment(self, segment: Any, index: int) -> None:
         where = f"plan {self.plan.name}: segment {index + 1} ({segment.kind})"
-        if segment.kind in ("stand", "take-off") and self.airborne:
+        from_ground = segment.kind in GROUND and segment.kind != "land"
+        if from_ground and self.airborne:
             raise InputError(f"{where}: the aircraft is in the air; put a segment 'land' before")
-        if segment.kind not in ("stand", "take-off") and not self.airborne:
+        if not from_ground and not self.airborne:
             raise InputError(f"{where}: the aircraft is on the ground; put a segment 'take-off' before")
         if segment.kind == "stand":
             self._stand(segment, index)
+        elif isinstance(segment, BenchSegment):
+            self._bench(segment, index, where)
         elif segment.kind == "take-off":
             self._take_off(segment, index)
         elif segment.kind == "land":
@@ -149,7 +155,7 @@ class _FlightSimulation:
             elif segment.speed_of_max is not None:
                 speed = segment.speed_of_max * high
             try:
-                self.trimmer.solve(V=speed, climb=segment.climb_mps)
+                self.trimmer.solve(V=speed, climb=segment.rate_mps(self.context))
             except InputError as error:
                 raise InputError(f"{where}: {error}") from None
 
@@ -183,8 +189,10 @@ class _FlightSimulation:
             targets = next(targets_of, None)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
-        step = 0
+        step, wanders = 0, bool(self.plan.wander.bank_rad or self.plan.wander.height_m)
         while targets is not None:
+            if wanders:
+                targets = self.plan.wander.wandering(targets, self.t + step * self.dt, self.wander_phases)
             command = pilot.fly(seen, targets)
             stepper.commands[:] = command
             if white is not None:
@@ -213,6 +221,17 @@ class _FlightSimulation:
         n = round(segment.duration_s / self.dt)
         motion = stand(self.pose.position, self.pose.attitude, n)
         self._kinematic(motion, np.zeros(n), None, None, index, "stand")
+
+    def _bench(self, segment: BenchSegment, index: int, where: str) -> None:
+        try:
+            segment.check()
+            t: Array = np.arange(round(segment.duration_s / self.dt), dtype=np.float64) * self.dt
+            columns = segment.columns(self.aircraft, t)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+        motion = segment.motion(self.pose.position, self.pose.attitude, t)
+        self._kinematic(motion, np.zeros(len(t)), None, None, index, "stand")
+        self.rows[-1].update(columns, kind=np.full(len(t), segment.kind))
 
     def _take_off(self, segment: Any, index: int) -> None:
         context, T = self.context, segment.duration_s
@@ -289,11 +308,6 @@ def _divergence_message(seen: Observation, t: float) -> str:
         f"height = {seen.height:.1f} m, roll {np.rad2deg(seen.phi):.0f}, pitch {np.rad2deg(seen.theta):.0f} deg, "
         f"q = {seen.q:.1f} rad/s"
     )
-
-
-def smooth_step(x: Array) -> Array:
-    """0 to 1 with zero slope and curvature at both ends."""
-    return x**3 * (10 - 15 * x + 6 * x**2)
 
 
 class _GrowingTable:

@@ -78,6 +78,16 @@ def move(start: EndState, end: EndState, duration_s: float, t: Array) -> Motion:
     ]
     x, v, a = (np.column_stack([c.deriv(k)(t) if k else c(t) for c in position]) for k in range(3))
     angle, rate, rate_dot = (np.column_stack([c.deriv(k)(t) if k else c(t) for c in angles]) for k in range(3))
+    return motion_of(x, v, a, angle, rate, rate_dot)
+
+
+def smooth_step(x: Array) -> Array:
+    """0 to 1 with zero slope and curvature at both ends."""
+    return x**3 * (10 - 15 * x + 6 * x**2)
+
+
+def motion_of(x: Array, v: Array, a: Array, angle: Array, rate: Array, rate_dot: Array) -> Motion:
+    """The motion with these positions, attitudes and their first two derivatives, each (n, 3)."""
     phi, theta, _ = angle.T
     # (3.12-3.14) inverted, and differentiated.
     (f1, t1, s1), (f2, t2, s2) = rate.T, rate_dot.T

@@ -33,6 +33,7 @@ class Targets(NamedTuple):
     throttle: float | None = None
     heading_rad: float | None = None
     bank_rad: float | None = None
+    bank_wander_rad: float = 0.0  # added to the bank wanted
     load_factor: float | None = None  # replaces the height loop: roller coaster, wind-up turn
     elevator_rad: float = 0.0  # added to the pilot's: 3-2-1-1 inputs
     hold_elevator: bool = False  # elevator constant, for a free response
@@ -91,7 +92,7 @@ class TrimSchedule:
         position = (V - self._low) * self._per_mps
         i = min(max(int(position), 0), self._last)
         share = min(max(position - i, 0.0), 1.0)
-        # Written out for speed: three calls in every step of a flight.
+        # Written out for speed: called three times in every step of a flight.
         alpha, elevator, aileron, rudder, throttle = self._rows[i]
         d_alpha, d_elevator, d_aileron, d_rudder, d_throttle = self._rises[i]
         return TrimPoint(
@@ -166,10 +167,10 @@ class Pilot:
             climb = want.climb_mps
             if want.height_m is not None:
                 climb += k * gains.height_per_s * (want.height_m - seen.height)
-            asked = asin(min(max(climb / V, -MAX_GAMMA_RAD), MAX_GAMMA_RAD))
+            gamma_unlimited = asin(min(max(climb / V, -MAX_GAMMA_RAD), MAX_GAMMA_RAD))
             gamma = seen.climb / V
             most = MAX_GAMMA_RATE_RADPS * dt
-            gamma_wanted = self._gamma + min(max(asked - self._gamma, -most), most)
+            gamma_wanted = self._gamma + min(max(gamma_unlimited - self._gamma, -most), most)
             self._gamma = gamma_wanted
             self._gamma_integral += k * gains.climb_integral_per_s * (gamma_wanted - gamma) * dt
             self._gamma_integral = min(max(self._gamma_integral, -0.3), 0.3)
@@ -186,7 +187,7 @@ class Pilot:
             elevator, self._slowest.elevator + STALL_PUSH * (seen.alpha - self._slowest.alpha - STALL_MARGIN_RAD)
         )
 
-        bank_wanted = self._bank_wanted(seen, want, V)
+        bank_wanted = self._bank_wanted(seen, want, V) + want.bank_wander_rad
         bank_error = bank_wanted - seen.phi
         self._bank_integral = min(max(self._bank_integral + 0.15 * k * bank_error * dt, -0.1), 0.1)
         aileron = level.aileron + stiffness * k * (gains.bank * bank_error - gains.bank_rate_s * seen.p)

@@ -11,6 +11,7 @@ from flight.text_file import read_text
 from flight.units import read_table
 from sim.air import Air
 from sim.pilot import Gains, pilot_named
+from sim.pilot_wander import PilotWander
 from sim.segments import AIRBORNE, GROUND
 
 DT_S = 0.02
@@ -26,6 +27,7 @@ class Plan:
     segments: tuple[Any, ...]
     air: Air = field(default_factory=Air)
     pilot: Gains = field(default_factory=Gains)
+    wander: PilotWander = field(default_factory=PilotWander)
     heading_rad: float = 0.0
     # Where a plan that starts in the air begins.
     height_m: float = 100.0
@@ -68,11 +70,12 @@ def parse_plan(text: str, name: str) -> Plan:
         raise InputError(f"{where}: air: wind should be at least zero and below {STRONGEST_WIND_MPS:g} m/s")
     pilot = table.pop("pilot", "good")
     gains = pilot_named(pilot) if isinstance(pilot, str) else _gains(pilot, f"{where}: pilot")
+    wander = read_table(PilotWander, table.pop("wander", {}), f"{where}: wander")
     head = read_table(_Head, table, where)
     if head.integrator not in ("rk4", "euler"):
         raise InputError(f"{where}: integrator: {head.integrator!r} is neither rk4 nor euler")
     values = {f.name: getattr(head, f.name) for f in fields(_Head)}
-    return Plan(name=name, segments=segments, air=air, pilot=gains, **values)
+    return Plan(name=name, segments=segments, air=air, pilot=gains, wander=wander, **values)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,8 +24,11 @@ from flight.motion import (
 from flight.number import Number
 from flight.propeller import PropellerModel
 from flight.propeller_files import load_propeller
-from sim.air import Air, Gust, GustStates, ambient, dryden, mean_wind
+from sim.air import VON_KARMAN, Air, Gust, GustStates, ambient, dryden, gust_scales, mean_wind
+from sim.drag_shape import PARABOLA, REFERENCE_CL, DragShape
 from sim.propulsion import PowerTrainState, power_train
+from sim.true_propeller import true_propeller
+from sim.von_karman import von_karman
 
 
 class AircraftState(NamedTuple):
@@ -56,6 +59,9 @@ class AircraftState(NamedTuple):
     gust_p: Any
     gust_q: Any
     gust_r: Any
+    gust_u2: Any
+    gust_v3: Any
+    gust_w3: Any
 
 
 FIRST_GUST = AircraftState._fields.index("gust_u")
@@ -79,10 +85,13 @@ class Deviations:
     thrust_slope_J: float = 0.0  # and times (1 + thrust_slope_J (J - 0.5))
     weight_scale: float = 0.0  # weight is (1 + weight_scale) times the file's
     updraft_mps: float = 0.0
-    CD_quartic: float = 0.0  # added to the polar: CD += CD_quartic (CL - CL_minD)^4
+    thrust_bow: float = 0.0  # of cT over the table, and
+    windmilling: float = 0.0  # share of the blade-element branch beyond it: `sim.true_propeller`
+    drag: DragShape = PARABOLA
 
 
 NO_DEVIATIONS = Deviations()
+STANDARD_DENSITY_KGPM3 = 1.225
 
 
 class FlightCondition(NamedTuple):
@@ -154,7 +163,7 @@ class Plant:
             aileron=x.aileron,
             rudder=x.rudder,
         )
-        CD = C.CD + self.deviations.CD_quartic * (C.CL - aero.CL_minD) ** 4
+        CD = C.CD + self.added_CD(C.CL, V)
         CX, CZ = body_axes(C.CL, CD, alpha)
         train = power_train(
             self.aircraft.propulsion,
@@ -206,19 +215,22 @@ class Plant:
             gust_rates,
         )
 
+    def added_CD(self, CL: Number, V: Number) -> Number:
+        """Drag coefficient beyond that of the aircraft file, elementwise."""
+        wing_loading_Pa = self.aircraft.mass.weight_N / self.aircraft.geometry.wing_area_m2
+        reference_mps = float(np.sqrt(2 * wing_loading_Pa / (STANDARD_DENSITY_KGPM3 * REFERENCE_CL)))
+        return self.deviations.drag.added_CD(self.aero, CL, V, reference_mps)
+
     def _gusts(self, x: AircraftState, wind_body: Number, white: Number) -> tuple[GustStates, Gust]:
         if self.air.turbulence_mps == 0:
             # Zeros of the state's own type (CasADi symbols too), so that calm air costs nothing.
             return GustStates(*(0 * v for v in x[FIRST_GUST:])), Gust(*(0 * v for v in x[FIRST_GUST : FIRST_GUST + 6]))
         # The gust filters use the airspeed without gusts; with it the gusts would feed back into themselves.
         V_mean = np.sqrt((x.u - wind_body[0]) ** 2 + (x.v - wind_body[1]) ** 2 + (x.w - wind_body[2]) ** 2)
-        return dryden(
-            GustStates(*x[FIRST_GUST:]),
-            white,
-            V=V_mean,
-            height_m=-x.down,
-            span_m=self.aircraft.geometry.span_m,
-            W20_mps=self.air.turbulence_mps,
+        filters = von_karman if self.air.gust_spectrum == VON_KARMAN else dryden
+        scales = gust_scales(self.air.turbulence_mps, -x.down, self.air.gust_length_factor)
+        return filters(
+            GustStates(*x[FIRST_GUST:]), white, V=V_mean, span_m=self.aircraft.geometry.span_m, scales=scales
         )
 
     def derivative(self, x: AircraftState, commands: Commands, white: Number = (0.0, 0.0, 0.0, 0.0)) -> AircraftState:
@@ -261,6 +273,7 @@ def plant_of(aircraft: CompleteAircraft, air: Air | None = None, deviations: Dev
     propeller = load_propeller(aircraft.propulsion.propeller).with_beyond_zero_thrust(
         aircraft.propulsion.beyond_zero_thrust
     )
+    propeller = true_propeller(propeller, bow=deviations.thrust_bow, windmilling=deviations.windmilling)
     return Plant(aircraft, aerodynamics_of(aircraft), propeller, air or Air(), deviations)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import cos, pi, sin
 
 from flight.errors import InputError
+from sim.bench import BurstsSegment, DeflectSegment, HandTurnSegment
 from sim.integration import Observation
 from sim.manoeuvres import MultistepSegment, PorpoiseSegment, RollerCoasterSegment, WindUpTurnSegment
 from sim.pilot import Targets, wrap_angle
@@ -85,24 +86,30 @@ def _wander(t: float, amplitude: float, period: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class ClimbSegment:
-    """Climb or descend to a height at a rate and a speed."""
+    """Climb or descend to a height at a rate and a speed.
+
+    climb_over_stall : the rate is at most this many stalling speeds, for aircraft that climb as steeply but fly slower.
+    """
 
     height_m: float
     climb_mps: float = 2.5
+    climb_over_stall: float | None = None
     speed_mps: float | None = None
     speed_over_stall: float | None = None
     speed_of_max: float | None = None
     kind = "climb"
 
+    def rate_mps(self, context: FlightContext) -> float:
+        limit = self.climb_over_stall
+        return self.climb_mps if limit is None else min(self.climb_mps, limit * context.V_stall)
+
     def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
         speed = chosen_speed(context, self.speed_mps, self.speed_over_stall, self.speed_of_max)
-        start, target = seen.height, context.height_m
+        start, target, rate = seen.height, context.height_m, self.rate_mps(context)
         up = 1.0 if self.height_m >= start else -1.0
         while (self.height_m - target) * up > 0:
-            target += up * self.climb_mps * context.dt
-            seen = yield Targets(
-                height_m=target, climb_mps=up * self.climb_mps, speed_mps=speed, heading_rad=context.heading_rad
-            )
+            target += up * rate * context.dt
+            seen = yield Targets(height_m=target, climb_mps=up * rate, speed_mps=speed, heading_rad=context.heading_rad)
         context.height_m, context.speed_mps = self.height_m, speed
         for _ in range(steps_in(LEVEL_OFF_S, context)):
             if abs(seen.height - self.height_m) < 0.5 and abs(seen.climb) < 0.2:
@@ -224,4 +231,7 @@ AIRBORNE: dict[str, type] = {
         ManualSegment,
     )
 }
-GROUND: dict[str, type] = {kind.kind: kind for kind in (StandSegment, TakeOffSegment, LandSegment)}
+GROUND: dict[str, type] = {
+    kind.kind: kind
+    for kind in (StandSegment, TakeOffSegment, LandSegment, BurstsSegment, HandTurnSegment, DeflectSegment)
+}

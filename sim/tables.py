@@ -14,18 +14,18 @@ def trim_table(
 ) -> Table:
     """Trimmed flight at one airspeed, at one motor speed, or over the range of level airspeeds when neither is given.
 
-    Raises InputError when the one condition asked for cannot be flown.
+    Raises InputError when a single condition was given and cannot be flown.
     """
     plant = trimmer.plant
     motor = {} if motor_revps is None else {"motor": motor_revps}
-    asked: list[dict[str, float]]
+    conditions: list[dict[str, float]]
     if speed_mps is not None:
-        asked = [{"V": speed_mps, **(motor or {"climb": climb_mps})}]
+        conditions = [{"V": speed_mps, **(motor or {"climb": climb_mps})}]
     elif motor:
-        asked = [{**motor, "climb": climb_mps}]
+        conditions = [{**motor, "climb": climb_mps}]
     else:
         speeds = np.linspace(1.05 * trimmer.V_stall, 0.999 * trimmer.V_max, 10)
-        asked = [{"V": float(V), "climb": climb_mps} for V in speeds]
+        conditions = [{"V": float(V), "climb": climb_mps} for V in speeds]
     table = Table(
         box=None,
         title=f"{escape(plant.aircraft.title)}, {trimmer.height_m:.0f} m, {np.rad2deg(bank_rad):.0f} deg of bank",
@@ -42,11 +42,11 @@ def trim_table(
         "P_req\n[W]",
     ):
         table.add_column(escape(heading), justify="right")
-    for given in asked:
+    for condition in conditions:
         try:
-            trimmed = trimmer.solve(bank_rad=bank_rad, start=None, **given)
+            trimmed = trimmer.solve(bank_rad=bank_rad, start=None, **condition)
         except InputError:
-            if len(asked) == 1:
+            if len(conditions) == 1:
                 raise
             continue  # the table leaves out what cannot be flown
         z = trimmed.unknowns

@@ -14,10 +14,10 @@ import numpy as np
 from flight.aerodynamics import lift_and_drag
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
-from flight.motion import velocity_derivative, velocity_of
+from flight.motion import body_from_earth, velocity_derivative, velocity_of
 from flight.number import Number
 from sim.air import Air, ambient
-from sim.plant import AircraftState, Commands, Plant, in_still_air
+from sim.plant import FIRST_GUST, MOTOR, AircraftState, Commands, Plant, in_still_air
 from sim.propulsion import throttle_for
 
 RESIDUAL_LIMIT = 1e-9
@@ -50,8 +50,6 @@ class Trim:
         self, *, heading_rad: float = 0.0, wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ) -> AircraftState:
         """The state of the aircraft in this trim, at the origin, in a given mean wind [m/s] and without gusts."""
-        from flight.motion import body_from_earth
-
         z = self.unknowns
         air_velocity = velocity_of(z.V, z.alpha, z.beta)
         wind = body_from_earth(*wind_ned, z.phi, z.theta, heading_rad)
@@ -74,7 +72,7 @@ class Trim:
             z.aileron,
             z.rudder,
             z.motor,
-            *([0.0] * 9),
+            *([0.0] * (len(AircraftState._fields) - MOTOR - 1)),
         )
 
     @property
@@ -92,7 +90,7 @@ def residuals(plant: Plant, z: TrimUnknowns, height_m: float) -> tuple[Number, .
     """The eight equations, in m/s^2, rad/s^2 and m/s; zero in trim."""
     u, v, w = velocity_of(z.V, z.alpha, z.beta)
     p, q, r = turn_rates(z.turn, z.phi, z.theta)
-    gusts = [0.0] * 8
+    gusts = [0.0] * (len(AircraftState._fields) - FIRST_GUST)
     x = AircraftState(
         0.0,
         0.0,
@@ -269,7 +267,7 @@ def power_required(
         elevator = -(aero.Cm0 + aero.Cma * alpha) / aero.Cmde
         CL, CD = lift_and_drag(aero, alpha, elevator)
         low, high = np.where(CL < wanted, alpha, low), np.where(CL < wanted, high, alpha)
-    CD = CD + plant.deviations.CD_quartic * (CL - aero.CL_minD) ** 4
+    CD = CD + plant.added_CD(CL, V)
     return qS * CD * np.asarray(V), CL, CD
 
 

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from flight.atmosphere import density
-from flight.command_line import check_writable
 from flight.errors import InputError
+from flight.output_file import check_writable
 from sim.sensors.noise import rng_of
 from sim.sensors.probe import port_pressures
 

@@ -4,9 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from analysis.airdata.bank import bank_angle
 from analysis.airdata.probe import ProbeCalibration, flow_at_probe
+from analysis.signals.aircraft_size import LEAST_HEIGHT_M, SPEED_SCALE, flying_Pa, speed_scale
 from analysis.signals.derivative import derivative
 from analysis.signals.rest import Zeros
 from analysis.signals.synchronize import COLUMNS
@@ -15,8 +17,8 @@ from flight.atmosphere import density, height_at, temperature_at
 from flight.motion import specific_force_at
 from flight.propeller import Propeller
 
-FLYING_PA = 30.0  # dynamic pressure above which flow angles are determined: 7 m/s at sea level
-LEAST_HEIGHT_M = 20.0  # above the ground; below are wind shear and ground effect
+Array = NDArray[np.float64]
+
 SMOOTHING_S = 0.2  # of q_c in quotients; short against the seconds in which an aircraft's speed changes
 STUCK_PA = 0.02  # a tenth of a count of the finest transducer
 FEWEST_SAMPLES = 250  # to judge whether a transducer is stuck
@@ -41,6 +43,8 @@ def air_data(
     """
     notes: list[str] = []
     out = table.copy()
+    out[SPEED_SCALE] = scale = speed_scale(aircraft)
+    least_Pa = flying_Pa(scale)
     if zeros is None:
         notes.append("The aircraft never stood still in this log: zeros of transducers and gyros are not corrected.")
     else:
@@ -48,7 +52,7 @@ def air_data(
         for name in zeros.value:
             out[name] -= zeros.at(name, table.index.to_numpy())
     for name in ("dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa"):
-        if _stuck(out[name], out["q_c_Pa"]):
+        if _stuck(out[name], out["q_c_Pa"], least_Pa):
             out[name] = np.nan
             notes.append(
                 f"{COLUMNS[name][0]} never changed in flight and is left out: a broken transducer or a blocked tube."
@@ -60,15 +64,15 @@ def air_data(
 
     dp_beta = np.nan_to_num(sideslip)  # the maps take missing sideslip as zero
     # The mean of a quotient by a noisy number is biased, and so is that of a root: near the stall by 0.5 % of angle and
-    # 0.07 % of speed. So quotients use the mean of q_c, and speed is linear in the deviation of q_c from its mean.
+    # 0.07 % of speed. So quotients use the mean of q_c, and speed is linear in the deviation of q_c from its mean. The
+    # bias is as the square of noise over dynamic pressure: means of slower aircraft are over more samples.
     step_s = table.index[1] - table.index[0]
-    window = max(1, round(SMOOTHING_S / step_s))
+    window = max(1, round(SMOOTHING_S / scale**2 / step_s))
     mean_q_c = out["q_c_Pa"].rolling(window, center=True, min_periods=1).mean().to_numpy()
-    flow = flow_at_probe(
-        probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, np.where(out["q_c_Pa"].notna(), mean_q_c, np.nan)
-    )
+    known_q_c = np.where(out["q_c_Pa"].notna(), mean_q_c, np.nan)
+    flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, known_q_c, samples=round(scale**-4))
     deviation = out["q_c_Pa"].to_numpy() / mean_q_c - 1
-    flying = (flow.qbar_Pa > FLYING_PA) & flow.inside
+    flying = (flow.qbar_Pa > least_Pa) & flow.inside
     nan_on_ground = np.where(flying, 1.0, np.nan)
     ground_Pa, ground_K = _ground(out)
     out["height_m"] = height_at(out["static_Pa"], ground_pressure_Pa=ground_Pa, ground_temperature_K=ground_K)
@@ -93,7 +97,8 @@ def air_data(
     out["beta_rad"] = measured - out["r_radps"] * x_probe / V
     out["bank_rad"] = bank_angle(out)
     _add_thrust(out, propeller)
-    outside = ~flow.inside[flow.qbar_Pa > FLYING_PA]
+    notes += _slow_flight(out["height_m"].to_numpy(), flow.qbar_Pa, least_Pa, scale)
+    outside = ~flow.inside[flow.qbar_Pa > least_Pa]
     if len(outside) and np.mean(outside) > LARGEST_UNMENTIONED_SHARE:
         notes.append(
             f"{100 * np.mean(outside):.0f} % of the flight lies outside the probe's calibrated range of angles"
@@ -102,9 +107,21 @@ def air_data(
     return AirData(out, notes)
 
 
-def _stuck(pressure: pd.Series, q_c: pd.Series) -> bool:
+def _slow_flight(height_m: Array, qbar_Pa: Array, least_Pa: float, scale: float) -> list[str]:
+    """A note where much of the time aloft has too little dynamic pressure to count as flight."""
+    aloft = height_m > LEAST_HEIGHT_M * scale
+    share = float(np.mean(qbar_Pa[aloft] <= least_Pa)) if aloft.any() else 0.0
+    if share <= LARGEST_UNMENTIONED_SHARE:
+        return []
+    return [
+        f"{100 * share:.0f} % of the time above {LEAST_HEIGHT_M * scale:.0f} m has a dynamic pressure below"
+        f" {least_Pa:.0f} Pa, too little for this aircraft to fly level, and is left out."
+    ]
+
+
+def _stuck(pressure: pd.Series, q_c: pd.Series, least_Pa: float) -> bool:
     """Whether a transducer read the same value throughout the flight; a working one shows at least noise."""
-    flown = pressure[q_c > FLYING_PA].dropna() if pressure.name != "q_c_Pa" else pressure.dropna()
+    flown = pressure[q_c > least_Pa].dropna() if pressure.name != "q_c_Pa" else pressure.dropna()
     return len(flown) > FEWEST_SAMPLES and float(flown.max() - flown.min()) < STUCK_PA
 
 

@@ -8,6 +8,7 @@ from analysis.airdata import lines, magnetometer
 from analysis.airdata.air import air_data
 from analysis.airdata.magnetometer import Compass, MagnetometerCalibration
 from analysis.airdata.probe import ProbeCalibration
+from analysis.signals.aircraft_size import flying_Pa, speed_scale
 from analysis.signals.rest import rest_segments, zeros
 from analysis.signals.synchronize import COLUMNS, synchronize
 from flight.aircraft import Aircraft
@@ -50,7 +51,7 @@ def flight_data(
     channels = synchronize(log, lines.lags_s(aircraft, gas))
     table, line_notes = lines.without_remainder(channels.table, aircraft, gas)
     rest = rest_segments(table, channels.rate_Hz)
-    at_rest = zeros(table, rest, zero)
+    at_rest = zeros(table, rest, zero, flying_Pa(speed_scale(aircraft)))
     air = air_data(table, aircraft, probe, propeller, at_rest)
     notes = channels.notes + line_notes + air.notes + silent_topics(air.table)
     compass = None

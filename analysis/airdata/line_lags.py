@@ -10,6 +10,10 @@ from analysis.signals.log_fields import field_of
 from flight.aircraft import Aircraft, PneumaticLine
 from flight.log_reader import Log
 
+# The inner diameter of a narrow tube is known to some 5 %, and its lag varies with the fourth power: a 95 % interval
+# that is wider than this says less than the aircraft file.
+WIDEST = 0.4  # half width, relative to the lag
+
 
 class LineLag(NamedTuple):
     """What a log shows of one line.
@@ -17,7 +21,7 @@ class LineLag(NamedTuple):
     name : in the aircraft file     topic : of the line's transducer
     measured : None if the log has no step of this pressure
     expected_s : lag of the line in the aircraft file; None if its length is not given there
-    line : with the diameter that has the measured lag; None if length or lag is not known
+    line : with the diameter that has the measured lag; None if length or lag is not known, or not supported
     """
 
     name: str
@@ -25,6 +29,20 @@ class LineLag(NamedTuple):
     measured: Lag | None
     expected_s: float | None
     line: PneumaticLine | None
+
+    @property
+    def unsupported(self) -> str:
+        """Why the bursts do not support a calibration of this line, and what to do; empty if they do."""
+        lag = self.measured
+        if lag is None:
+            return ""
+        half_width = (lag.hi_s - lag.lo_s) / 2
+        if lag.hi_s == float("inf") or (lag.bounded and half_width > WIDEST * lag.lag_s):
+            return (
+                f"the bursts found ({lag.steps}) do not determine the lag within {100 * WIDEST:.0f} %: record more of"
+                " them in one log, or at 100 Hz"
+            )
+        return ""
 
 
 def line_lags(log: Log, aircraft: Aircraft) -> list[LineLag]:
@@ -41,11 +59,10 @@ def line_lags(log: Log, aircraft: Aircraft) -> list[LineLag]:
             found.append(LineLag(name, topic, None, expected_s, None))
             continue
         lag = fit_lag(steps, noise, through(line, gas) if line else exponential)
-        if line and lag.bounded:
-            line = replace(line, diameter_m=diameter_of_lag_m(line, lag.lag_s, gas))
-            found.append(LineLag(name, topic, lag, expected_s, line))
-        else:
-            found.append(LineLag(name, topic, lag, expected_s, None))
+        one = LineLag(name, topic, lag, expected_s, None)
+        if line and lag.bounded and not one.unsupported:
+            one = one._replace(line=replace(line, diameter_m=diameter_of_lag_m(line, lag.lag_s, gas)))
+        found.append(one)
     return found
 
 

@@ -140,7 +140,8 @@ _AGAIN = "Calibrate it again, in the aircraft ready to fly."
 def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
     """Hard and soft iron from measurements in many directions, (n, 3) [T].
 
-    Raises InputError if there are too few, or if their strength is not that of the earth's field.
+    Raises InputError if there are too few, if their strength is not that of the earth's field, or if the standard error
+    of the calibration exceeds WORST_RAD of heading even where the whole field is level: no compass could use it.
     """
     field = field_T[np.isfinite(field_T).all(axis=1)]
     if len(field) < FEWEST_SAMPLES:
@@ -163,15 +164,23 @@ def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
             f"{source}: the estimated field is {1e6 * F:.0f} uT, which is nowhere on earth ({1e6 * EARTH_T[0]:.0f} to"
             f" {1e6 * EARTH_T[1]:.0f}): turn the aircraft through more directions, away from iron and motors"
         )
+    hard_iron_error_T, soft_iron_error = error[:3] * HARD_IRON_T, float(error[3:8].max() * SOFT_IRON)
+    if np.hypot(np.linalg.norm(hard_iron_error_T), soft_iron_error * F) > WORST_RAD * F:
+        axis = int(np.argmax(hard_iron_error_T))
+        raise InputError(
+            f"{source}: hard iron along {'xyz'[axis]} stays uncertain by {1e6 * hard_iron_error_T[axis]:.0f} uT"
+            f" (1 sigma, of a field of {1e6 * F:.0f}): turn the aircraft about more axes, nose up and down, on its"
+            " sides and its back"
+        )
     A, b = _matrix(fit.x), fit.x[:3] * HARD_IRON_T
     unit = (field - b) @ A.T / np.linalg.norm((field - b) @ A.T, axis=1)[:, None]
     return MagnetometerCalibration(
         source=source,
         samples=len(field),
         hard_iron_T=tuple(b.tolist()),
-        hard_iron_error_T=tuple((error[:3] * HARD_IRON_T).tolist()),
+        hard_iron_error_T=tuple(hard_iron_error_T.tolist()),
         soft_iron=tuple(tuple(row) for row in A.tolist()),
-        soft_iron_error=float(error[3:8].max() * SOFT_IRON),
+        soft_iron_error=soft_iron_error,
         field_T=F,
         residual_before_T=float(np.std(strength)),
         residual_T=float(np.std(residual)),

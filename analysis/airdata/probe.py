@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.polynomial_map import PolynomialMap
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 FORMAT = "flightpower-probe-2"
 FIRST_FORMAT = "flightpower-probe-1"  # its angles are polynomials in C_alpha and C_beta, its q_c/qbar is one itself
 DP_ALPHA_STEP = 0.01  # of a central difference; its relative error is a sixth of its square times the third derivative
+C_STEP = 0.02  # of a central difference of the angles
 ANGLE_MARGIN_RAD = np.radians(0.5)  # accepted beyond the last angle of the tunnel, for noise
 
 
@@ -58,17 +60,34 @@ class ProbeFlow(NamedTuple):
     dlnV_dlndp_alpha: Array  # d ln V/d ln dp_alpha: an error of dp_alpha changes q_c/qbar, and so the airspeed
 
 
-def flow_at_probe(probe: ProbeCalibration, dp_alpha_Pa: Array, dp_beta_Pa: Array, q_c_Pa: Array) -> ProbeFlow:
-    """Dynamic pressure and flow angles from the three pressures, (n,); NaN where there is no flow (q_c <= 0)."""
+def flow_at_probe(
+    probe: ProbeCalibration, dp_alpha_Pa: Array, dp_beta_Pa: Array, q_c_Pa: Array, samples: int = 1
+) -> ProbeFlow:
+    """Dynamic pressure and flow angles from the three pressures, (n,); NaN where there is no flow (q_c <= 0).
+
+    The maps are curved, and the mean of a curved function of a noisy number is biased. So they are evaluated at the
+    mean of dp_alpha and dp_beta over so many samples, and angles are linear in the deviation from it. `inside` is that
+    of the means: leaving out what only noise takes out of the calibrated range would lower the angle of slow flight.
+    """
     q_c = np.where(q_c_Pa > 0, q_c_Pa, np.nan)
-    C_alpha, C_beta = dp_alpha_Pa / q_c, dp_beta_Pa / q_c
+    C_alpha, C_beta = (_moving_mean(dp, samples) / q_c for dp in (dp_alpha_Pa, dp_beta_Pa))
     inside = _inside(np.array(probe.hull), C_alpha, C_beta)
     alpha, beta, ratio = probe.maps(C_alpha, C_beta)
+    if samples > 1:
+        inside &= np.isfinite(dp_alpha_Pa) & np.isfinite(dp_beta_Pa)
+        higher, lower = (probe.maps(C_alpha + step, C_beta) for step in (C_STEP, -C_STEP))
+        alpha = alpha + (higher[0] - lower[0]) / (2 * C_STEP) * (dp_alpha_Pa / q_c - C_alpha)
+        higher, lower = (probe.maps(C_alpha, C_beta + step) for step in (C_STEP, -C_STEP))
+        beta = beta + (higher[1] - lower[1]) / (2 * C_STEP) * (dp_beta_Pa / q_c - C_beta)
     for angle, limits in ((alpha, probe.alpha_limits_rad), (beta, probe.beta_limits_rad)):
         if limits is not None:
             inside &= (angle > limits[0] - ANGLE_MARGIN_RAD) & (angle < limits[1] + ANGLE_MARGIN_RAD)
     less, more = (probe.q_ratio(C_alpha * factor, C_beta) for factor in (1 - DP_ALPHA_STEP, 1 + DP_ALPHA_STEP))
     return ProbeFlow(q_c / ratio, alpha, beta, inside, -(more - less) / (4 * DP_ALPHA_STEP * ratio))
+
+
+def _moving_mean(values: Array, samples: int) -> Array:
+    return pd.Series(values).rolling(samples, center=True, min_periods=1).mean().to_numpy()
 
 
 def parse_probe(data: bytes, where: str) -> ProbeCalibration:

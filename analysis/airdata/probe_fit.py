@@ -15,6 +15,8 @@ from flight.errors import InputError
 Array = NDArray[np.float64]
 FEWEST_POINTS = 30
 HIGHEST_SPEED_MPS = 150.0  # the air is taken as incompressible
+LEAST_PREDICTED = 0.9  # of the angles' variance, at points left out (predictive R^2)
+LARGEST_SLOPE_SIGMA = 0.1  # relative standard error of the slope of alpha, beyond which it is not determined
 
 
 def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float = 0.0) -> ProbeCalibration:
@@ -22,7 +24,9 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
 
     angle_scale_sigma: relative standard error of the tunnel's own angles (turntable, blockage, walls). The measurements
     do not show it.
-    Raises InputError if there are too few points, points without flow, or at one angle only.
+    Raises InputError if there are too few points, points without flow or at one angle only, or if they do not support
+    a calibration: the maps predict less than LEAST_PREDICTED of the variance of alpha or beta at points left out, or
+    the standard error of the slope of alpha exceeds LARGEST_SLOPE_SIGMA.
     """
     if np.any(tunnel.speed_mps > HIGHEST_SPEED_MPS):
         raise InputError(f"{source}: speeds above {HIGHEST_SPEED_MPS:.0f} m/s; is their unit right?")
@@ -39,6 +43,14 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
     x, y = C_alpha * ratio, C_beta * ratio  # dp_alpha/qbar, dp_beta/qbar
     alpha, alpha_covariance, weight = fit_map(x, y, tunnel.alpha_rad, qbar)
     beta = fit_map(x, y, tunnel.beta_rad, qbar).map
+    for name, fitted, measured in (("alpha", alpha, tunnel.alpha_rad), ("beta", beta, tunnel.beta_rad)):
+        spread = float(np.std(measured))
+        if fitted.residual_rms**2 > (1 - LEAST_PREDICTED) * spread**2:
+            raise InputError(
+                f"{source}: the pressures do not determine {name}: points left out are predicted within"
+                f" {np.degrees(fitted.residual_rms):.2f} deg rms, of {np.degrees(spread):.2f} deg that they vary by;"
+                f" measure at more angles {name}, and check the tubes"
+            )
 
     slope_of = _slope_by_coefficient(alpha, (float(x.min()), float(x.max())))
     noise = np.sqrt(slope_of(alpha.powers) @ alpha_covariance @ slope_of(alpha.powers))
@@ -49,6 +61,12 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
     form = max((abs(other - slope) for other in other_slopes), default=0.0)
     with_speed = speed_dependence(tunnel, alpha(x, y) - tunnel.alpha_rad, tunnel.alpha_rad)
 
+    sigma = float(np.sqrt(noise**2 + form**2 + with_speed.spread**2 + angle_scale_sigma**2))
+    if sigma > LARGEST_SLOPE_SIGMA and angle_scale_sigma <= LARGEST_SLOPE_SIGMA:
+        raise InputError(
+            f"{source}: the slope of alpha is uncertain by {100 * sigma:.0f} % (1 sigma): measure at more angles and"
+            " longer at each"
+        )
     corners = np.column_stack([C_alpha, C_beta])[ConvexHull(np.column_stack([C_alpha, C_beta])).vertices]
     return ProbeCalibration(
         format=FORMAT,
@@ -57,7 +75,7 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
         alpha_rad=alpha,
         beta_rad=beta,
         q_ratio=q_ratio,
-        alpha_scale_sigma=float(np.sqrt(noise**2 + form**2 + with_speed.spread**2 + angle_scale_sigma**2)),
+        alpha_scale_sigma=sigma,
         hull=[(float(a), float(b)) for a, b in corners],
         alpha_limits_rad=(float(tunnel.alpha_rad.min()), float(tunnel.alpha_rad.max())),
         beta_limits_rad=(float(tunnel.beta_rad.min()), float(tunnel.beta_rad.max())),

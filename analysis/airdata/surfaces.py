@@ -13,7 +13,8 @@ Array = NDArray[np.float64]
 HELD_S = 2.0  # least time for which a position is held
 JITTER_US = 4.0  # of the pulse while the stick is not moved
 SAME_US = 12.0  # two held pulses as near as this are one position, read twice
-FEWEST_POSITIONS = 2
+FEWEST_POSITIONS = 3  # with two, a wrong reading cannot show
+PLAY_STEPS = 2.0  # a step between positions must exceed the difference of two readings of one position by this factor
 MEDIAN_SAMPLES = 25  # at the beginning of a hold, whose median is the reference for JITTER_US
 
 
@@ -56,7 +57,9 @@ def held_pulses(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
 def surface_table(found: Sequence[HeldPulse], angles_deg: Sequence[float | None]) -> SurfaceTable:
     """The table of pulses and angles; an angle is None where it was not read.
 
-    Raises InputError if there are not as many angles as held pulses, or they do not rise or fall with the pulse.
+    Raises InputError if there are not as many angles as held pulses, if fewer than FEWEST_POSITIONS were read, if they
+    do not rise or fall with the pulse, or if a step between two positions is not significant: two readings of one
+    position that differ by d have a standard deviation of d/sqrt(2) each, so a step is significant (95 %) from 1.96 d.
     """
     if len(found) != len(angles_deg):
         raise InputError(
@@ -71,14 +74,23 @@ def surface_table(found: Sequence[HeldPulse], angles_deg: Sequence[float | None]
         else:
             groups.append([(pulse, angle)])
     if len(groups) < FEWEST_POSITIONS:
-        raise InputError(f"{len(groups)} position with an angle; {FEWEST_POSITIONS} at least are needed, better five")
+        raise InputError(
+            f"too few positions with an angle ({len(groups)}); {FEWEST_POSITIONS} at least are needed, better five"
+        )
     pulses = [round(float(np.mean([p for p, _ in group]))) for group in groups]
     angles = [float(np.mean([a for _, a in group])) for group in groups]
     steps = np.diff(angles)
     if not (np.all(steps > 0) or np.all(steps < 0)):
         pairs = ", ".join(f"{p} us {a:+.1f} deg" for p, a in zip(pulses, angles, strict=True))
         raise InputError(f"the angle does not rise or fall steadily with the pulse ({pairs}): is the order right?")
-    return SurfaceTable(pulses, angles, max(float(np.ptp([a for _, a in group])) for group in groups))
+    play = max(float(np.ptp([a for _, a in group])) for group in groups)
+    least = float(np.min(np.abs(steps)))
+    if least < PLAY_STEPS * play:
+        raise InputError(
+            f"two readings of one position differ by {play:.1f} deg, neighbouring positions only by {least:.1f} deg:"
+            " remove the play of the linkage, or hold positions further apart, and measure again"
+        )
+    return SurfaceTable(pulses, angles, play)
 
 
 def found_in_words(found: Sequence[HeldPulse]) -> str:

@@ -11,9 +11,10 @@ from analysis.autopilot_logs.read import firmware_of
 from analysis.cli.electrical import OrdinaryFlight, lacks_drag_topics, refuse_daemon_options
 from analysis.performance.request import parse_request, parse_weight
 from flight.aircraft import load_aircraft
-from flight.command_line import application, check_writable, quantity, run
+from flight.command_line import application, quantity, run
 from flight.errors import InputError
 from flight.log_reader import read_log
+from flight.output_file import check_writable
 from flight.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:

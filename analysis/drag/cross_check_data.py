@@ -11,6 +11,7 @@ from analysis.drag.assumed_values import alpha_scale_sigma
 from analysis.estimation.aircraft_models import Priors
 from analysis.estimation.data import Segment
 from analysis.maneuvers.kinds import Maneuver
+from analysis.signals.aircraft_size import speed_scale_of
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
@@ -27,7 +28,7 @@ INPUTS = {
 OUTPUTS = {"V": "V_mps", "alpha": "alpha_rad", "ax": "ax_mps2", "az": "az_mps2", "h": "height_m"}
 SMOOTHING_S = 0.5  # of V_ref, at which thrust is read from the table; the model adds thrust_per_speed (V - V_ref)
 SPEED_STEP_MPS = 0.3  # for the slope of thrust over speed
-LEAST_SPEED_MPS = 5.0
+LEAST_SPEED_MPS = 5.0  # times the speed scale
 SHORTEST = 12  # blocks of a run
 
 # Standard deviations over many probes, IMUs and propeller tables.
@@ -57,7 +58,8 @@ def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller,
     step_s = float(table.index[1] - table.index[0])
     width = max(1, round(SMOOTHING_S / step_s))
     V_ref = table["V_mps"].interpolate(limit_direction="both").rolling(width, center=True, min_periods=1).mean()
-    V_ref = V_ref.fillna(LEAST_SPEED_MPS).clip(lower=LEAST_SPEED_MPS)
+    least_mps = LEAST_SPEED_MPS * speed_scale_of(table)
+    V_ref = V_ref.fillna(least_mps).clip(lower=least_mps)
     n, rho = table["n_revps"].where(table["n_revps"] > 1), table["rho"]
 
     def thrust(V: pd.Series) -> pd.Series:

@@ -21,8 +21,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import LEAST_HEIGHT_M
-from analysis.drag import covariance
+from analysis.drag import consider, covariance
 from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
 from analysis.drag.polar import Polar
 from analysis.estimation import output_error
@@ -52,15 +51,23 @@ UNITS = {
 def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
     """Drag over mass [m/s^2] as computed from specific force with the uncorrected propeller table.
 
-    Where thrust exceeds that of the table, by the factor 1 + thrust_scale + thrust_slope (J - J_REFERENCE), this is
-    smaller than the true drag by the difference of the thrusts along the flight path.
+    Where thrust exceeds that of the table, by the factor 1 + thrust_scale + thrust_slope (J - J_REFERENCE) and, beyond
+    its last J, by thrust_beyond standard deviations of its continuation, this is smaller than the true drag by the
+    difference of the thrusts along the flight path.
     """
     drag_over_m = u.qS_over_m * (p.A0 + p.A1 * u.CL + p.A2 * u.CL**2)
-    return (drag_over_m - u.thrust_along_V_over_m * (p.thrust_scale + p.thrust_slope * (u.J - J_REFERENCE)),)
+    excess = u.thrust_along_V_over_m * (p.thrust_scale + p.thrust_slope * (u.J - J_REFERENCE))
+    return (drag_over_m - excess - u.thrust_beyond_over_m * p.thrust_beyond,)
 
 
 # Inputs of the model, and the columns of `FlightForces.forces` that they are taken from.
-INPUTS = {"CL": "CL", "qS_over_m": "qS_over_m_mps2", "thrust_along_V_over_m": "thrust_along_V_over_m_mps2", "J": "J"}
+INPUTS = {
+    "CL": "CL",
+    "qS_over_m": "qS_over_m_mps2",
+    "thrust_along_V_over_m": "thrust_along_V_over_m_mps2",
+    "thrust_beyond_over_m": "thrust_beyond_over_m_mps2",
+    "J": "J",
+}
 DRAG = Model(
     name="drag",
     inputs=tuple(INPUTS),
@@ -72,8 +79,10 @@ DRAG = Model(
         Parameter(name="A2", start=0.06),
         Parameter(name="thrust_scale", start=0.0, prior_sigma=THRUST_SCALE_SIGMA),
         Parameter(name="thrust_slope", start=0.0, prior_sigma=THRUST_SLOPE_SIGMA),
+        Parameter(name="thrust_beyond", start=0.0, prior_sigma=1.0),
     ),
 )
+KEPT = len(POLAR + THRUST)  # parameters of the estimate; the thrust beyond the table is in their covariance
 
 
 class RunFit(NamedTuple):
@@ -125,6 +134,13 @@ def estimate_polar(
         systematic += variance(states + trajectory.state_sensitivity @ error, sensor_errors + error)
     for draw in trajectory.draws:
         noise += variance(states + draw, sensor_errors) / len(trajectory.draws)
+    weighing_more = FlightForces(trajectory, consider.weighing_more(aircraft), propeller)
+    for values in (
+        _fitted(consider.without_updraft(forces, aircraft), level, runs).values,
+        consider.at_nominal_weight(_fitted(weighing_more.forces(states, sensor_errors), level, runs).values, aircraft),
+    ):
+        systematic += np.outer(values - fit.values, values - fit.values)
+    values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
     warnings = []
     if not (fit.verdict.ok and trajectory.converged):
@@ -138,11 +154,11 @@ def estimate_polar(
         )
     return DynamicEstimate(
         polar=Polar(fit.values[:3], total[:3, :3]),
-        parameters=parameter_list(fit.values, total, trajectory),
+        parameters=parameter_list(values, total, trajectory),
         verdict=str(fit.verdict) if trajectory.converged else "the trajectory did not converge",
         warnings=warnings,
         fits=_run_fits(flight_forces, forces, trajectory, fit),
-        values=fit.values,
+        values=values,
         noise=noise,
         systematic=systematic,
     )
@@ -152,7 +168,7 @@ def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Airc
     """The `values` (5,) of `estimate_polar`, without the work for their covariance."""
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
-    return _fitted(forces, _within_level_flight(forces, flight_forces, runs), runs).values
+    return _fitted(forces, _within_level_flight(forces, flight_forces, runs), runs).values[:KEPT]
 
 
 def _fitted(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
@@ -177,7 +193,8 @@ def _within_level_flight(forces: pd.DataFrame, flight_forces: FlightForces, runs
     The latter follows from a straight line fitted to alpha over CL of this flight, at the largest lift coefficient that
     level flight requires at the speeds of the flight or of the runs.
     """
-    airborne = (flight_forces.block_means["height_m"] > LEAST_HEIGHT_M) & (flight_forces.block_means["flying"] == 1)
+    means = flight_forces.block_means
+    airborne = (means["height_m"] > means.least_height_m) & (means["flying"] == 1)
     flown = forces.loc[airborne, ["CL", "alpha", "qS_over_m_mps2"]].dropna()
     if len(flown) < SHORTEST:
         return np.ones(len(forces), dtype=bool)

@@ -39,6 +39,7 @@ class FlightForces:
         CL, CD : from specific force minus the thrust by the propeller table (2.16)
         qS_over_m_mps2 : dynamic pressure times wing area over mass
         thrust_along_V_over_m_mps2 : T cos(alpha) over mass, T by the propeller table
+        thrust_beyond_over_m_mps2 : standard deviation of it by the table's continuation beyond its last J
         V, alpha, gamma, bank, climb : true airspeed [m/s], angles relative to the air [rad], rate of climb [m/s]
         Vdot [m/s^2], n [rev/s], J, rho [kg/m^3]
         """
@@ -50,12 +51,15 @@ class FlightForces:
         thrust_N, _ = self.propeller.thrust_and_power(V, n, rho)  # (3.48): J is of the whole airspeed
         ax, az = self.block_means["ax_mps2"] - error.ax_bias, self.block_means["az_mps2"] - error.az_bias
         CL, CD = stability_axes((m * ax - thrust_N) / qS_N, m * az / qS_N, alpha)
+        J = V / (n * self.propeller.diameter_m)
+        beyond_N = self.propeller.continuation_error(J, 60 * n) * rho * n**2 * self.propeller.diameter_m**4
         columns = {
             "CL": CL,
             "CD": CD,
             "qS_over_m_mps2": qS_N / m,
             "thrust_along_V_over_m_mps2": thrust_N * np.cos(alpha) / m,
-            "J": V / (n * self.propeller.diameter_m),
+            "thrust_beyond_over_m_mps2": beyond_N * np.cos(alpha) / m,
+            "J": J,
             "V": V,
             "alpha": alpha,
             "gamma": np.arcsin(np.clip((x.gust_w - x.v_down) / V, -1, 1)),

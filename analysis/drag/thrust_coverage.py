@@ -12,7 +12,7 @@ from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 
-NEARBY, LEAST_COVERED = 0.04, 0.2  # relative difference of speeds; share of the samples near a speed
+NEARBY, LEAST_COVERED = 0.04, 0.5  # relative difference of speeds; share of the samples near a speed
 LARGEST_UNMENTIONED_SHARE, LARGEST_SHARE_OUTSIDE = 0.02, 0.5  # of the runs, outside the propeller table
 
 
@@ -54,5 +54,8 @@ def thrust_coverage(
         if kinds == {DECELERATION}:
             raise InputError(f"{text}; all are decelerations: fly accelerations as well")
         raise InputError(f"{text}; is it the propeller that was flown?")
-    rest = "thrust is extrapolated linearly there, and the curve is dashed where it depends mostly on that"
+    rest = (
+        "thrust is extrapolated linearly there, with an error that grows with the distance, and the curve is dashed"
+        " where it depends mostly on that"
+    )
     return [f"{text[0].upper()}{text[1:]}; {rest}."]

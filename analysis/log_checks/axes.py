@@ -24,7 +24,11 @@ REVERSED = -0.5  # correlation of angle of attack and lift coefficient; 0.76 to 
 # does not depend on it.
 REVERSED_SIDESLIP = 0.4
 LEAST_SLOPE = 0.03  # of alpha's pressure over q_c on the relative lift coefficient; 0.22 to 0.58; in hPa 0.01 at most
-EXCHANGED, NO_ANGLE_OF_ATTACK = 0.6, 0.4  # of lift coefficient and beta's pressure; of lift and alpha's
+# Correlation of lift and beta's pressure over q_c, and how much more than alpha's; -0.11 to 0.52, alpha's 0.74 to 1.00.
+EXCHANGED, EXCHANGED_MORE = 0.6, 0.2
+REVERSED_PITCH = -0.35  # correlation of pitch rate and load; 0.46 to 0.98
+LEAST_GAIN_MPS2 = 0.3  # standard deviation; correlation 0.68 to 1.00
+LEAST_TURN_RADPS = 0.1  # standard deviation; correlation 0.97 to 1.00
 LEAST_LIFT_SPREAD = 0.05  # relative; at a constant lift coefficient nothing correlates with it
 LEAST_CLIMB_MPS = 0.5  # standard deviation of the climb rate
 FASTEST_GROUND, SLOWEST_GROUND = 2.5, 0.05  # times the airspeed, median; wind is slower than 1.5 of it
@@ -40,11 +44,14 @@ def check_axes(table: pd.DataFrame, log: str) -> None:
     means = _means(table, flown, MEAN_S)
     if means["V_mps"].notna().sum() < FEWEST_MEANS:
         return
+    climb_mps = _climb_mps(table)[means.index]
     _check_angular_rate(means, log)
     _check_angle_of_attack(means, log)
+    _check_forward_force(means, climb_mps, log)
     for seconds in (GUST_S, MEAN_S):
         _check_sideslip(_means(table, flown, seconds), log)
-    _check_gps(means, _climb_mps(table)[means.index], log)
+    _check_gps(means, climb_mps, log)
+    _check_course(means, log)
 
 
 def _check_angular_rate(means: pd.DataFrame, log: str) -> None:
@@ -57,6 +64,11 @@ def _check_angular_rate(means: pd.DataFrame, log: str) -> None:
             f"{log}: /imu: angular_rate_y_radps and angular_rate_z_radps are too large for the specific force in"
             f" {100 * exceeded:.0f} % of the flight: they look like degrees per second; multiply by 0.0174533"
         )
+    if _correlation(means["V_mps"] * means["q_radps"], -means["az_mps2"]) < REVERSED_PITCH:
+        raise InputError(
+            f"{log}: /imu: the nose goes down where specific_force_z_mps2 shows a pull-up: angular_rate_y_radps has the"
+            " wrong sign; write it positive nose up"
+        )
 
 
 def _check_angle_of_attack(means: pd.DataFrame, log: str) -> None:
@@ -66,7 +78,7 @@ def _check_angle_of_attack(means: pd.DataFrame, log: str) -> None:
         return
     ratio = {name: means[f"dp_{name}_Pa"] / means["q_c_Pa"] for name in ("alpha", "beta")}
     alpha, beta = (_correlation(ratio[name], lift) for name in ("alpha", "beta"))
-    if abs(beta) > EXCHANGED and abs(alpha) < NO_ANGLE_OF_ATTACK:
+    if abs(beta) > max(EXCHANGED, abs(alpha) + EXCHANGED_MORE):
         raise InputError(
             f"{log}: /probe/alpha and /probe/beta: differential_pressure_Pa of beta follows the lift (correlation"
             f" {beta:+.2f}), that of alpha does not ({alpha:+.2f}): the topics or tubes are exchanged"
@@ -84,12 +96,25 @@ def _check_angle_of_attack(means: pd.DataFrame, log: str) -> None:
         )
 
 
+def _check_forward_force(means: pd.DataFrame, climb_mps: pd.Series, log: str) -> None:
+    """The specific force along the flight path is the gain of speed and the share of gravity in a climb."""
+    V, alpha = means["V_mps"], means["alpha_rad"]
+    forward = means["ax_mps2"] * np.cos(alpha) + means["az_mps2"] * np.sin(alpha)
+    gain = (V.shift(-1) - V.shift(1)) / (2 * MEAN_S) + GRAVITY_MPS2 * climb_mps / V
+    if gain.std() > LEAST_GAIN_MPS2 and _correlation(forward, gain) < REVERSED:
+        raise InputError(
+            f"{log}: /imu: specific_force_x_mps2 falls where the aircraft speeds up or climbs; write it positive"
+            " forward"
+        )
+
+
 def _check_sideslip(means: pd.DataFrame, log: str) -> None:
     """Air from the right pushes to the left. Changes are compared: offsets of both sensors drop out."""
     if _correlation((means["beta_rad"] * means["qbar_Pa"]).diff(), means["ay_mps2"].diff()) > REVERSED_SIDESLIP:
         raise InputError(
-            f"{log}: /probe/beta: the side force points to where the air comes from: differential_pressure_Pa has the"
-            " wrong sign; write right minus left port, in the calibration of the probe too"
+            f"{log}: /probe/beta: the side force points to where the air comes from: differential_pressure_Pa (right"
+            " minus left port, in the probe's calibration too) or specific_force_y_mps2 of /imu (to the right) has the"
+            " wrong sign"
         )
 
 
@@ -109,6 +134,18 @@ def _check_gps(means: pd.DataFrame, climb_mps: pd.Series, log: str) -> None:
     if climb_mps.std() > LEAST_CLIMB_MPS and _correlation(climb_mps, means["gps_down_mps"]) > -REVERSED:
         raise InputError(
             f"{log}: /gps: velocity_down_mps is positive where /static shows a climb: write it positive downwards"
+        )
+
+
+def _check_course(means: pd.DataFrame, log: str) -> None:
+    """In a turn the course turns as the nose does."""
+    course = pd.Series(np.arctan2(means["gps_east_mps"], means["gps_north_mps"]), means.index)
+    change = course.shift(-1) - course.shift(1)
+    turn = pd.Series(np.arctan2(np.sin(change), np.cos(change)), means.index) / (2 * MEAN_S)
+    if turn.std() > LEAST_TURN_RADPS and _correlation(turn, means["r_radps"]) < REVERSED:
+        raise InputError(
+            f"{log}: /imu and /gps: angular_rate_z_radps turns against the course of velocity_north_mps and"
+            " velocity_east_mps: the rate is not positive to the right, or north and east are exchanged"
         )
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 
-from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.maneuvers.find_elevator import find_3211
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.find_loads import find_loads
@@ -18,6 +17,7 @@ from analysis.maneuvers.kinds import (
     RejectedManeuver,
     maneuver_in,
 )
+from analysis.signals.aircraft_size import least_height_m
 from analysis.signals.stretches import stretches
 
 SHORTEST_FLIGHT_S = 10.0
@@ -42,7 +42,7 @@ def find(table: pd.DataFrame, rest: list[slice]) -> Maneuvers:
 def _standing_and_flying(table: pd.DataFrame, rest: list[slice]) -> list[Maneuver]:
     step_s = float(table.index[1] - table.index[0])
     V = table["V_mps"].to_numpy()
-    high = table["flying"] & (table["height_m"] > LEAST_HEIGHT_M)
+    high = table["flying"] & (table["height_m"] > least_height_m(table))
     # Half a second outside the probe's calibrated range does not end a flight.
     aloft = high.rolling(round(5 / step_s), center=True, min_periods=1).max().to_numpy() > 0
     flights = [rows for rows in stretches(aloft) if rows.stop - rows.start > SHORTEST_FLIGHT_S / step_s]

@@ -18,6 +18,10 @@ PAUSE_S = 1.0  # … with pauses no longer than this
 PULLED, PUSHED = 1.25, 0.75  # a roller coaster goes beyond both
 SHORTEST_S, LONGEST_S = 2.5, 40.0
 PORPOISING_SWINGS = 8  # this many swings in one stretch are porpoising, not a roller coaster
+# A porpoise that is too gentle is told from gusts by its regular swings: this many in a row, beyond this load factor
+# to either side of 1, the times between them (0.4 to 1.6 s) within a third of their median.
+GENTLE, REGULAR_SWINGS, REGULAR = 0.05, 12, 0.35
+SWING_S = (0.4, 1.6)
 WINGS_LEVEL_RAD = np.radians(25)
 BANKED_RAD = np.radians(15)
 WOUND_UP = 1.4  # load factor that a wind-up turn reaches
@@ -54,7 +58,33 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
                 rejected.append(RejectedManeuver(kind, float(data.index[0]), float(data.index[-1]), reason))
             else:
                 found.append(maneuver_in(kind, rows, table, motion.V, _range_of(n[rows])))
-    return found, rejected
+    return found, rejected + _gentle_porpoises(table, n, flying & (np.abs(motion.bank) < WINGS_LEVEL_RAD), found)
+
+
+def _gentle_porpoises(
+    table: pd.DataFrame, n: Array, level: NDArray[np.bool_], found: list[Maneuver]
+) -> list[RejectedManeuver]:
+    """Porpoises in which the load factor stays within PUSHED and PULLED. level: in flight with wings level."""
+    t = table.index.to_numpy()
+    rejected = []
+    for rows in stretches(level):
+        side = np.where(n[rows] > 1 + GENTLE, 1, np.where(n[rows] < 1 - GENTLE, -1, 0))
+        beyond = np.flatnonzero(side)
+        swings = t[rows][beyond[1:][np.diff(side[beyond]) != 0]]
+        between = np.diff(swings)
+        usual = pd.Series(between).rolling(REGULAR_SWINGS, center=True, min_periods=1).median().to_numpy()
+        regular = (between > SWING_S[0]) & (between < SWING_S[1]) & (np.abs(between / usual - 1) < REGULAR)
+        for part in stretches(regular):
+            start, end = float(swings[part.start]), float(swings[part.stop])
+            if part.stop - part.start < REGULAR_SWINGS or any(m.start_s < end and start < m.end_s for m in found):
+                continue
+            within = n[(t >= start) & (t <= end)]
+            reason = (
+                f"too gentle to count: load factor {np.nanmin(within):.2f} to {np.nanmax(within):.2f}, beyond"
+                f" {PUSHED:g} and {PULLED:g} is needed"
+            )
+            rejected.append(RejectedManeuver(PORPOISING, start, end, reason))
+    return rejected
 
 
 def _pulled_and_pushed(n: Array) -> bool:

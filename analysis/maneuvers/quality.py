@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import LEAST_HEIGHT_M
+from analysis.signals.aircraft_size import least_height_m
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
@@ -28,9 +28,8 @@ def too_low(data: pd.DataFrame) -> str:
     """Reason if a stretch is too near the ground; empty if it is not."""
     if not data["height_m"].notna().any():
         return "no height was measured"
-    if np.nanmin(data["height_m"]) >= LEAST_HEIGHT_M:
-        return ""
-    return f"too low: down to {np.nanmin(data['height_m']):.0f} m above the ground, {LEAST_HEIGHT_M:.0f} m are needed"
+    lowest, least = np.nanmin(data["height_m"]), least_height_m(data)
+    return "" if lowest >= least else f"too low: down to {lowest:.0f} m above the ground, {least:.0f} m are needed"
 
 
 def without_data(data: pd.DataFrame) -> str:

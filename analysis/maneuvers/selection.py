@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from analysis.airdata.air import FLYING_PA
 from analysis.maneuvers import toml_file
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import FOR_DRAG, LEVEL_RUNS, Maneuvers, RejectedManeuver
+from analysis.signals.aircraft_size import flying_Pa, speed_scale_of
 from analysis.signals.synchronize import COLUMNS
 from flight.errors import InputError
 
@@ -38,7 +38,8 @@ def nearest_miss(rejected: list[RejectedManeuver], table: pd.DataFrame) -> str:
         if dead:
             return f": {', '.join(dead)} showed nothing (a broken transducer or a blocked tube)"
         return (
-            f": no flight in it (dynamic pressure below {FLYING_PA:g} Pa, or flow angles outside the probe calibration)"
+            f": no flight in it (dynamic pressure below {flying_Pa(speed_scale_of(table)):.0f} Pa,"
+            " or flow angles outside the probe calibration)"
         )
     missed = [stretch for stretch in rejected if stretch.kind in LEVEL_RUNS]
     if not missed:

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag.dynamic import POLAR, THRUST, DynamicEstimate
 from analysis.drag.estimate import DragEstimates
 from analysis.drag.forces import FlightForces
@@ -27,6 +26,7 @@ from analysis.performance.level_flight import LevelFlight, level_flight
 from analysis.performance.power_train import PowerTrainModel, fit_power_train
 from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, combine_independent
 from analysis.performance.request import Request
+from analysis.signals.aircraft_size import LEAST_HEIGHT_M, SPEED_SCALE
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
@@ -127,7 +127,7 @@ def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Prop
     """What the power train did along the trajectory, five rows a second; index t_s.
 
     V [m/s], alpha [rad], CL, n [rev/s], rho [kg/m^3], J, throttle (0 to 1), battery_V, battery_A, battery_W, height_m,
-    covered (inside the propeller's table and above LEAST_HEIGHT_M); NaN gaps.
+    covered (inside the propeller's table and above `least_height_m`); NaN gaps.
     """
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
@@ -141,7 +141,7 @@ def _with_battery_and_coverage(forces: pd.DataFrame, mean: Mapping[str, Array], 
         data[name] = mean.get(name, np.nan)
     data["battery_W"] = data["battery_V"] * data["battery_A"]
     inside = propeller.covers(data["J"].to_numpy(), 60 * data["n"].to_numpy())
-    data["covered"] = inside & (data["height_m"] > LEAST_HEIGHT_M).to_numpy()
+    data["covered"] = inside & (data["height_m"] > LEAST_HEIGHT_M * mean.get(SPEED_SCALE, 1.0)).to_numpy()
     return data
 
 

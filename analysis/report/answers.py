@@ -2,7 +2,14 @@
 
 from typing import NamedTuple
 
-from analysis.results.schema import AvailableResult, Interval, PerformanceResult, Results, SpeedInterval
+from analysis.results.schema import (
+    BELOW_SLOWEST,
+    AvailableResult,
+    Interval,
+    PerformanceResult,
+    Results,
+    SpeedInterval,
+)
 
 BEYOND_TABLE = "Outside the propeller table: an extrapolation."
 
@@ -23,19 +30,39 @@ def headline_answers(results: Results) -> list[HeadlineAnswer]:
     use = results.use
     if use is None:
         return [
-            HeadlineAnswer(
-                "Longest endurance", optimum_speed_text(results.minimum_power_speed), "least power required"
-            ),
-            HeadlineAnswer("Longest range", optimum_speed_text(results.best_range_speed), "least drag"),
+            _optimum(results, "Longest endurance", results.minimum_power_speed, "least power required"),
+            _optimum(results, "Longest range", results.best_range_speed, "least drag"),
         ]
-    return [_endurance(use), _range(use), _full_throttle(results, use.available)]
+    return [_endurance(results, use), _range(results, use), _full_throttle(results, use.available)]
+
+
+def _optimum(results: Results, question: str, optimum: SpeedInterval, note: str) -> HeadlineAnswer:
+    """The card of a speed of the curve; where that lies below the slowest flown, the card of the slowest flown."""
+    slowest = results.slowest_flown
+    if optimum.reason == BELOW_SLOWEST and slowest:
+        return HeadlineAnswer(question, f"{slowest.speed_mps:.1f} m/s, the slowest flown", not_slower(results))
+    return HeadlineAnswer(question, optimum_speed_text(optimum), note)
+
+
+def not_slower(results: Results) -> str:
+    """What the slowest speed flown means, in sentences; empty where it is not known."""
+    slowest = results.slowest_flown
+    if slowest is None:
+        return "Not slower than this unless you fly slower first. Mind the stall."
+    CL, largest = slowest.lift_coefficient, slowest.largest_lift_coefficient
+    return (
+        f"The slowest speed flown is {slowest.speed_mps:.1f} m/s, at a lift coefficient of {CL:.2f}; the largest one of"
+        f" the flight is {largest:.2f}, {100 * (largest / CL - 1):.0f} % more. Not slower than this unless you fly"
+        " slower first. Mind the stall."
+    )
 
 
 def optimum_speed_text(optimum: SpeedInterval) -> str:
     """ "13.2 m/s (12.9 to 13.5)", "(up to 13.5)" where the interval has no lower end, or why there is none."""
     lo, hi = optimum.lo_mps, optimum.hi_mps
     if optimum.speed_mps is None or hi is None:
-        return "not found: the curve has no such point"
+        reason = optimum.reason or "The curve has no such point."
+        return f"not found: {reason[0].lower()}{reason[1:-1]}"
     text = f"{optimum.speed_mps:.1f} m/s ({f'{lo:.1f}' if lo else 'up'} to {hi:.1f})"
     return text if optimum.inside_flown_range else text + ", outside the speeds flown: an extrapolation"
 
@@ -45,21 +72,22 @@ def interval_text(interval: Interval, unit: str, digits: int) -> str:
     return f"{interval.value:.{digits}f} {unit} ({interval.lo:.{digits}f} to {interval.hi:.{digits}f})"
 
 
-def _endurance(use: PerformanceResult) -> HeadlineAnswer:
+def _endurance(results: Results, use: PerformanceResult) -> HeadlineAnswer:
     flown = use.loadings[0]
     note = f"{interval_text(flown.endurance_s.times(1 / 60), 'min', 0)} {_battery(use)}."
     if flown.extrapolated:
         note += f" {BEYOND_TABLE}"
     if flown.endurance_at_slowest:
-        note += f" Power still decreases at {flown.endurance_speed_mps.value:.1f} m/s, the slowest speed flown: do not"
-        note += " fly slower unless you have explored it. Mind the stall."
+        note += f" Power still decreases there. {not_slower(results)}"
     speed = _best_speed(flown.endurance_speed_mps, flown.endurance_at_slowest, flown.endurance_at_fastest)
     return HeadlineAnswer("Longest endurance", speed, note)
 
 
-def _range(use: PerformanceResult) -> HeadlineAnswer:
+def _range(results: Results, use: PerformanceResult) -> HeadlineAnswer:
     flown = use.loadings[0]
     note = f"{interval_text(flown.range_m.times(1e-3), 'km', 1)} {_battery(use)}, in still air."
+    if flown.range_at_slowest:
+        note += f" {not_slower(results)}"
     speed = _best_speed(flown.range_speed_mps, flown.range_at_slowest, flown.range_at_fastest)
     return HeadlineAnswer("Longest range", speed, note)
 

@@ -9,6 +9,7 @@ from flight.units import GRAVITY_MPS2
 
 SPEEDS = ("speed, m/s", "power required, W", "from the battery, W", "endurance, min", "range, km", "climb, m/s")
 LOADINGS = ("", "mass, kg", "endurance, min", "at m/s", "range, km", "at m/s", "top speed, m/s", "climb, m/s")
+SLOWER = "Not slower than the slowest flown unless you fly slower first."
 MARK = " *"  # of an extrapolated row
 
 
@@ -45,9 +46,9 @@ def loading_rows(use: PerformanceResult) -> list[list[str]]:
 
 
 def _best_speed(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
-    """ "11.6"; "≤ 11.6" or "≥ 24.0" where the best speed is an end of the speeds flown."""
-    sign = "≤\u00a0" if at_slowest else "≥\u00a0" if at_fastest else ""  # the line must not break here
-    return f"{sign}{speed.value:.1f}"
+    """ "11.6"; "11.6 (slowest)" or "24.0 (fastest)" where it is an end of the speeds flown."""
+    end = "\u00a0(slowest)" if at_slowest else "\u00a0(fastest)" if at_fastest else ""  # the line must not break here
+    return f"{speed.value:.1f}{end}"
 
 
 def has_extrapolation(use: PerformanceResult) -> bool:
@@ -80,7 +81,8 @@ def to_markdown(results: Results, use: PerformanceResult) -> str:
         parts.append("\\* outside the propeller table: an extrapolation.")
     parts += use.too_much
     parts.append(
-        "Level flight in still air, true airspeed. Climb and top speed at full throttle. ≤: or slower, ≥: or faster."
+        "Level flight in still air, true airspeed. Climb and top speed at full throttle."
+        f" Slowest, fastest: of the speeds flown. {SLOWER}"
     )
     if assumption(use):
         parts.append(assumption(use))

@@ -30,6 +30,7 @@ def assemble(
     aircraft: Aircraft,
     propeller: Propeller,
     flown: pd.DataFrame,
+    table: pd.DataFrame,
     condition: Condition,
     maneuvers: Maneuvers,
     drag: DragEstimates,
@@ -39,7 +40,8 @@ def assemble(
 ) -> Results:
     """The contents of `results.json`.
 
-    flown: rows of `air_data` within the maneuvers analysed. condition: weight and density of the flight.
+    table: of `air_data`, and flown: its rows within the maneuvers analysed. condition: weight and density of the
+    flight.
     """
     polar, flown_CL = drag.main.polar, drag.flown_CL
     standard = Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
@@ -74,10 +76,11 @@ def assemble(
         cross_check_by=check.by if check else "output error",
         minimum_power_speed=power_curves.optimum(minimum_power_lift, polar, condition, flown_CL),
         best_range_speed=power_curves.optimum(best_range_lift, polar, condition, flown_CL),
+        slowest_flown=power_curves.slowest_flown(table, flown_CL, condition),
         verdict=drag.main.verdict,
         warnings=warnings,
-        methods=[methods.method_result(estimate, condition) for estimate in drag.methods],
-        one_by_one=[methods.method_result(estimate, condition) for estimate in drag.one_by_one],
+        methods=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.methods],
+        one_by_one=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.one_by_one],
         disagreements=[methods.disagreement_result(one) for one in drag.disagreements],
         interval_parts=power_curves.interval_parts(
             drag.main, condition, np.array([point.speed_mps for point in power_required])

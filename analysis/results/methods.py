@@ -8,16 +8,22 @@ from analysis.results.power_curves import power_curve
 from analysis.results.schema import DisagreementResult, MethodPoint, MethodResult
 
 
-def method_result(estimate: MethodEstimate, condition: Condition) -> MethodResult:
-    """A method's curve over the lift coefficients of its data, and its points, at one weight and density."""
+def method_result(estimate: MethodEstimate, condition: Condition, largest_CL: float) -> MethodResult:
+    """A method's curve over the lift coefficients of its data, and its points, at one weight and density.
+
+    largest_CL : of level flight at the slowest speed flown. Gusts and pull-ups take lift coefficients beyond that; the
+    curve ends there, or at a method's own slowest steady point.
+    """
     polar = estimate.polar
+    smallest, largest = estimate.flown_CL
+    largest = min(largest, max([largest_CL, *(point.CL for point in estimate.points)]))
     return MethodResult(
         name=estimate.method.name,
         title=estimate.method.title,
         equations=estimate.method.equations,
         taken_as_measured=list(estimate.method.taken_as_measured),
         drag_polar=[] if polar is None else polar.A.tolist(),
-        power_required=[] if polar is None else power_curve(polar, condition, estimate.flown_CL),
+        power_required=power_curve(polar, condition, (smallest, largest)) if polar and smallest < largest else [],
         points=[_point(point, condition) for point in estimate.points],
         notes=list(estimate.notes),
     )

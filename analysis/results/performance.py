@@ -63,7 +63,14 @@ def _interval_or_value(value: UncertainValue) -> Interval:
     return _interval(value) or Interval(value=float(value.value), lo=float(value.value), hi=float(value.value))
 
 
+def _flown_speed(value: UncertainValue, slowest: float) -> Interval:
+    """A best speed among those flown; its interval ends at the slowest."""
+    speed = _interval_or_value(value)
+    return Interval(value=speed.value, lo=max(speed.lo, min(slowest, speed.value)), hi=speed.hi)
+
+
 def _case(one: ConditionPerformance) -> PerformanceCase:
+    slowest = float(one.level_flight.V[0])
     full = one.full_throttle
     maximum = _interval(full.maximum_speed) if full else None
     return PerformanceCase(
@@ -72,12 +79,12 @@ def _case(one: ConditionPerformance) -> PerformanceCase:
         air_density_kgpm3=one.condition.rho,
         density_altitude_m=float(density_altitude_m(one.condition.rho)),
         endurance_s=_interval_or_value(one.endurance.best),
-        endurance_speed_mps=_interval_or_value(one.endurance.speed_mps),
+        endurance_speed_mps=_flown_speed(one.endurance.speed_mps, slowest),
         endurance_power_W=float(one.endurance.power_W.value),
         endurance_at_slowest=one.endurance.at_slowest,
         endurance_at_fastest=one.endurance.at_fastest,
         range_m=_interval_or_value(one.range.best),
-        range_speed_mps=_interval_or_value(one.range.speed_mps),
+        range_speed_mps=_flown_speed(one.range.speed_mps, slowest),
         range_power_W=float(one.range.power_W.value),
         range_at_slowest=one.range.at_slowest,
         range_at_fastest=one.range.at_fastest,

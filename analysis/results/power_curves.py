@@ -11,6 +11,7 @@ from analysis.drag.polar import (
     Condition,
     Polar,
     classic_form,
+    largest_lift,
     lift_coefficient,
     maximum_lift_to_drag,
     optimum_speed,
@@ -19,7 +20,7 @@ from analysis.drag.polar import (
 )
 from analysis.drag.thrust_coverage import thrust_known
 from analysis.estimation.intervals import NORMAL_95
-from analysis.results.schema import DragPolar, IntervalPart, PowerPoint, SpeedInterval
+from analysis.results.schema import BELOW_SLOWEST, DragPolar, IntervalPart, PowerPoint, SlowestFlown, SpeedInterval
 from flight.aircraft import Aircraft
 
 Array = NDArray[np.float64]
@@ -59,13 +60,40 @@ def power_curve(
 def optimum(
     lift_of: Callable[[Array], float], polar: Polar, condition: Condition, flown_CL: tuple[float, float]
 ) -> SpeedInterval:
-    """The speed at the lift coefficient that `lift_of` computes from (A0, A1, A2): of least power, or of best range."""
+    """The speed at the lift coefficient that `lift_of` computes from (A0, A1, A2): of least power, or of best range.
+
+    No speed below the slowest flown is given: what the curve does there is not known, and the stall may be near.
+    """
     CL = lift_of(polar.A)
     if not np.isfinite(CL):
-        return SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
+        return SpeedInterval(
+            speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False, reason="The curve has no such point."
+        )
+    slowest = float(speed_at(flown_CL[1], condition))
     speed, lo, hi = optimum_speed(lift_of, polar, condition)
+    if speed < slowest:
+        return SpeedInterval(
+            speed_mps=None,
+            lo_mps=None,
+            hi_mps=hi if hi >= slowest else None,
+            inside_flown_range=False,
+            reason=BELOW_SLOWEST,
+        )
     return SpeedInterval(
-        speed_mps=speed, lo_mps=lo or None, hi_mps=hi, inside_flown_range=bool(flown_CL[0] <= CL <= flown_CL[1])
+        speed_mps=speed,
+        lo_mps=lo if lo >= slowest else None,
+        hi_mps=hi,
+        inside_flown_range=bool(flown_CL[0] <= CL <= flown_CL[1]),
+        reason="" if lo >= slowest else "The interval reaches below the slowest speed flown.",
+    )
+
+
+def slowest_flown(table: pd.DataFrame, flown_CL: tuple[float, float], condition: Condition) -> SlowestFlown:
+    """The slowest speed flown, and the largest lift coefficient. table: of `air_data`, the whole flight."""
+    return SlowestFlown(
+        speed_mps=float(speed_at(flown_CL[1], condition)),
+        lift_coefficient=flown_CL[1],
+        largest_lift_coefficient=max(flown_CL[1], largest_lift(table, condition)),
     )
 
 

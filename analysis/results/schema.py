@@ -6,6 +6,7 @@ import io
 import msgspec
 
 FORMAT = "flightpower-results-2"
+BELOW_SLOWEST = "It lies below the slowest speed flown."  # reason of a `SpeedInterval`
 
 
 class PowerPoint(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,15 +55,28 @@ class DisagreementResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SpeedInterval(msgspec.Struct, frozen=True, kw_only=True):
-    """A speed with its 95 % interval; `lo_mps` is null where that has no lower end.
+    """A speed with its 95 % interval; null where there is none, and where it lies below the slowest speed flown.
 
     `inside_flown_range` is false where it is an extrapolation.
     """
 
     speed_mps: float | None
-    lo_mps: float | None
+    lo_mps: float | None  # null too where the interval has no lower end
     hi_mps: float | None
     inside_flown_range: bool
+    reason: str = ""  # why one of these is null
+
+
+class SlowestFlown(msgspec.Struct, frozen=True, kw_only=True):
+    """The slowest speed flown, at the test's weight and density, its lift coefficient, and the largest one in flight.
+
+    The latter was reached for a moment, in turns, pull-ups or gusts: that the wing carried it shows how far the stall
+    is at least.
+    """
+
+    speed_mps: float
+    lift_coefficient: float
+    largest_lift_coefficient: float
 
 
 class ParameterResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -223,7 +237,10 @@ class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
-    """Endurance, range and climb at one weight and density, each at its best speed among those flown."""
+    """Endurance, range and climb at one weight and density, each at its best speed among those flown.
+
+    Intervals of speeds end at the slowest speed flown.
+    """
 
     title: str
     weight_N: float
@@ -232,8 +249,8 @@ class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
     endurance_s: Interval
     endurance_speed_mps: Interval
     endurance_power_W: float  # from the battery
-    endurance_at_slowest: bool  # the best speed lies at or below the slowest flown,
-    endurance_at_fastest: bool = False  # or at or above the fastest
+    endurance_at_slowest: bool  # power still falls at the slowest speed flown, which is then the best of those flown,
+    endurance_at_fastest: bool = False  # or at the fastest
     range_m: Interval
     range_speed_mps: Interval
     range_power_W: float
@@ -307,6 +324,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     cross_check_by: str = "output error"  # or filter error, where the air moved
     minimum_power_speed: SpeedInterval  # longest endurance, at the test's weight and density
     best_range_speed: SpeedInterval
+    slowest_flown: SlowestFlown | None = None
     verdict: str  # of the estimation: "converged", or what was wrong
     warnings: list[str]
     methods: list[MethodResult] = []

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.signals.aircraft_size import FLYING_PA
 from analysis.signals.stretches import stretches
 from analysis.signals.synchronize import COLUMNS
 from flight.errors import InputError
@@ -31,7 +32,7 @@ AIRSPEED_SPREAD_PA = 8.0
 CHANNELS = ("p_radps", "q_radps", "r_radps", "dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa")
 BLOCK_S = 1.0  # longer than the correlation of the noise: means over blocks are independent
 FEWEST_BLOCKS = 8
-FLYING_PA, FLYING_S = 30.0, 2.0  # q_c above its zero for this time is flight: 7 m/s at sea level, more than wind
+FLYING_S = 2.0  # q_c above its zero by the dynamic pressure of flight for this time is flight, not wind
 SIGNIFICANT = 4.0  # a drift of more standard errors is corrected
 # Largest difference between the zero of a log and one of another day, by the parts' drift with temperature. MPU-9250
 # PS 3.1: 30 deg/s over the range, here 10 K; MS4515DO and SSC: 1 % and 2 % of the span over their ranges.
@@ -71,15 +72,21 @@ def rest_segments(table: pd.DataFrame, rate_Hz: float) -> list[slice]:
     return [s for s in found if s.stop - s.start >= SHORTEST_S * rate_Hz]
 
 
-def zeros(table: pd.DataFrame, rests: list[slice], daq_zeros: dict[str, float] | None = None) -> Zeros | None:
+def zeros(
+    table: pd.DataFrame,
+    rests: list[slice],
+    daq_zeros: dict[str, float] | None = None,
+    flying_Pa: float = FLYING_PA,
+) -> Zeros | None:
     """The zeros of the sensors; None if the log has no rest and carries no zero.
 
-    daq_zeros: by channel, the zero in still air that the log carries (`zero_of_attachment`).
+    daq_zeros: by channel, the zero in still air that the log carries (`zero_of_attachment`). flying_Pa: dynamic
+    pressure of flight.
     """
     if not rests:
         return None if daq_zeros is None else _without_rest(daq_zeros)
     step_s = float(table.index[1] - table.index[0])
-    before, after = _around_flight(table, rests)
+    before, after = _around_flight(table, rests, flying_Pa)
     value, error, drift, drift_error, drifting = {}, {}, {}, {}, {}
     notes: list[str] = []
     for name in CHANNELS:
@@ -151,12 +158,12 @@ def _without_rest(daq_zeros: dict[str, float]) -> Zeros:
     return Zeros(value, unknown, dict.fromkeys(CHANNELS, 0.0), 0.0, unknown, {}, notes)
 
 
-def _around_flight(table: pd.DataFrame, rests: list[slice]) -> tuple[list[slice], list[slice]]:
+def _around_flight(table: pd.DataFrame, rests: list[slice], flying_Pa: float) -> tuple[list[slice], list[slice]]:
     """The rests before the first flight in the log, and those after the last."""
     step_s = float(table.index[1] - table.index[0])
     rest = table["q_c_Pa"].iloc[np.r_[tuple(rests)]].mean()
     window = max(1, round(FLYING_S / step_s))
-    flown = np.flatnonzero(table["q_c_Pa"].rolling(window, min_periods=1, center=True).mean() - rest > FLYING_PA)
+    flown = np.flatnonzero(table["q_c_Pa"].rolling(window, min_periods=1, center=True).mean() - rest > flying_Pa)
     if not len(flown):
         return rests, []
     return [s for s in rests if s.stop <= flown[0]], [s for s in rests if s.start >= flown[-1]]

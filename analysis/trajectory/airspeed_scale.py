@@ -20,6 +20,17 @@ class AirspeedCalibration(NamedTuple):
     wind_from_deg: float
     one_way: float  # length of the mean heading vector: 0 for evenly distributed headings, 1 for a single one
     notes: list[str]
+    unsupported: str  # why the flight does not determine the scale, and what to fly; empty if it does
+
+
+def why_not_determined(error: float, prior: float) -> str:
+    """Why a flight does not determine the scale, and what to fly; empty if it does. Both: standard errors."""
+    if error <= DETERMINED_SHARE * prior:
+        return ""
+    return (
+        f"the flight does not determine the scale (standard error {100 * error:.1f} %, before the flight"
+        f" {100 * prior:.1f} %): fly legs of half a minute there and back, with GPS"
+    )
 
 
 def notes_on(one_way: float, error: float, prior: float) -> list[str]:
@@ -53,6 +64,12 @@ def calibrate(table: pd.DataFrame, trajectory: Trajectory) -> AirspeedCalibratio
         notes += notes_on(one_way, error, prior)
     if not trajectory.converged:
         notes.append("The trajectory reconstruction did not converge: do not rely on these values.")
+    if not trajectory.converged:
+        unsupported = "the trajectory reconstruction did not converge"
+    elif not trajectory.block_means.measured("gps_north_mps"):
+        unsupported = "no GPS in this log, so wind and scale are not determined: fly with GPS"
+    else:
+        unsupported = why_not_determined(error, prior)
     return AirspeedCalibration(
         scale=trajectory.value("V_scale"),
         scale_error=error,
@@ -60,4 +77,5 @@ def calibrate(table: pd.DataFrame, trajectory: Trajectory) -> AirspeedCalibratio
         wind_from_deg=float(np.degrees(np.arctan2(-east, -north)) % 360),
         one_way=one_way,
         notes=notes,
+        unsupported=unsupported,
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import LEAST_HEIGHT_M
+from analysis.signals.aircraft_size import least_height_m, speed_scale_of
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -17,7 +17,8 @@ class BlockMeans:
 
     n : number of whole blocks             t_s : (n,) centers of the blocks
     rows : (n,) rows of the table there    step_s : time between them    rate_Hz : of the table
-    flying : (n,) whether the aircraft is above LEAST_HEIGHT_M and airspeed is measured
+    flying : (n,) whether the aircraft is above `least_height_m` and airspeed is measured
+    speed_scale, least_height_m : of the aircraft (`aircraft_size`)
     """
 
     def __init__(self, table: pd.DataFrame):
@@ -27,7 +28,8 @@ class BlockMeans:
         self.rows = np.arange(self.n) * BLOCK + BLOCK // 2
         self.t_s: Array = table.index.to_numpy()[self.rows]
         self.means = {str(name): block_mean(table[name], self.n) for name in table.columns}
-        self.flying: BoolArray = (self["height_m"] > LEAST_HEIGHT_M) & np.isfinite(self["V_mps"])
+        self.speed_scale, self.least_height_m = speed_scale_of(table), least_height_m(table)
+        self.flying: BoolArray = (self["height_m"] > self.least_height_m) & np.isfinite(self["V_mps"])
 
     def __getitem__(self, name: str) -> Array:
         return self.means[name]

@@ -9,7 +9,7 @@ from analysis.trajectory.level_field import LevelField
 
 Array = NDArray[np.float64]
 
-GROUND_TRACK_MPS = 5.0  # ground speed above which the ground track approximates the heading
+GROUND_TRACK_MPS = 5.0  # ground speed above which the ground track approximates the heading; times the speed scale
 FEWEST_TRACK_BLOCKS = 10
 
 
@@ -26,7 +26,7 @@ def initial_states(blocks: BlockMeans, bank: Array, V_reference: Array, field: L
     heading = np.cumsum(yaw_rate) * (blocks.t_s[1] - blocks.t_s[0])
     north, east = (moving_average(blocks[f"gps_{axis}_mps"], 3) for axis in ("north", "east"))
     if np.isfinite(north).all():
-        heading = _with_ground_track(heading, north, east)
+        heading = _with_ground_track(heading, north, east, GROUND_TRACK_MPS * blocks.speed_scale)
         x[:, 3], x[:, 4] = north, east
     else:
         if field is not None:
@@ -47,9 +47,9 @@ def initial_sensor_errors(prior_mean: Array, blocks: BlockMeans, x: Array, field
     return errors
 
 
-def _with_ground_track(heading: Array, north: Array, east: Array) -> Array:
-    """The ground track where it is fast enough; otherwise the integrated heading with its mean offset corrected."""
-    fast = np.hypot(north, east) > GROUND_TRACK_MPS
+def _with_ground_track(heading: Array, north: Array, east: Array, least_mps: float) -> Array:
+    """The ground track where faster than `least_mps`; otherwise the integrated heading, its mean offset corrected."""
+    fast = np.hypot(north, east) > least_mps
     if fast.sum() > FEWEST_TRACK_BLOCKS:
         track = np.unwrap(np.arctan2(east, north)[fast])
         return np.interp(np.arange(len(heading)), np.flatnonzero(fast), track)

@@ -37,7 +37,8 @@ class TrajectoryProblem:
         noise, at_rest = noise_at_rest(table, rest), _blocks_at_rest(rest, blocks.n)
         V = pd.Series(blocks["V_mps"])
         smooth_V = V.interpolate(limit_direction="both").rolling(5, center=True, min_periods=1).mean()
-        V_reference = np.maximum(smooth_V.fillna(SLOWEST_MPS).to_numpy(), SLOWEST_MPS)
+        slowest_mps = SLOWEST_MPS * blocks.speed_scale
+        V_reference = np.maximum(smooth_V.fillna(slowest_mps).to_numpy(), slowest_mps)
         V_predicted, _ = extrapolated(blocks["V_mps"], blocks.flying, blocks.step_s)
         field = LevelField(compass, blocks)
         self._inertial = InertialInputs(table, blocks, noise)

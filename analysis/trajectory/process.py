@@ -11,7 +11,7 @@ from analysis.trajectory.inertial import InertialInputs
 Array = NDArray[np.float64]
 
 HEIGHT_SIGMA_M = 2e-3  # in a step
-SLOWEST_MPS = 5.0  # least speed in quotients
+SLOWEST_MPS = 5.0  # least speed in quotients, times the speed scale
 WIND_WALK_MPS = 0.02  # random walk of the wind in a second: place and time of day, without turbulence
 
 
@@ -27,7 +27,7 @@ class GustConditions:
         self.cruise_mps = float(np.median(V_reference[flown]))
         self.cruise_height_m = float(np.nanmedian(blocks["height_m"][flown]))
         flying = blocks.flying[:-1]
-        self.V_mps = np.where(flying, np.maximum(V_predicted[:-1], SLOWEST_MPS), self.cruise_mps)
+        self.V_mps = np.where(flying, np.maximum(V_predicted[:-1], SLOWEST_MPS * blocks.speed_scale), self.cruise_mps)
         self.height_m = np.where(flying, blocks["height_m"][:-1], self.cruise_height_m)
         self.vertical_decay = dryden.vertical(1.0, self.height_m, self.V_mps).discretize(blocks.step_s)[0]
 

@@ -35,6 +35,7 @@ class Regressors:
         """measured_V_predicted: (n,) measured airspeed, predicted from past data."""
         self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
         self._measured_V_predicted, self._conditions, self._field = measured_V_predicted, conditions, field
+        self._slowest_mps = SLOWEST_MPS * blocks.speed_scale
 
     def measurement_inputs(self, x: Array, sensor_errors: Array, sigma_w_mps: float) -> tuple[Array, Array]:
         """MEASUREMENT_INPUTS (n, ·) at states x and sensor errors of the current iteration: actual, and predicted from
@@ -44,9 +45,9 @@ class Regressors:
         inertial_V = np.sqrt(
             (state.v_north - state.wind_north) ** 2 + (state.v_east - state.wind_east) ** 2 + state.v_down**2
         )
-        V = np.maximum(self._extrapolated(inertial_V)[0], SLOWEST_MPS)
+        V = np.maximum(self._extrapolated(inertial_V)[0], self._slowest_mps)
         _, V_rate_predicted = self._extrapolated(inertial_V, RATE_S)
-        measured_V = np.maximum(self._measured_V_predicted / (1 + errors.V_scale), SLOWEST_MPS)
+        measured_V = np.maximum(self._measured_V_predicted / (1 + errors.V_scale), self._slowest_mps)
         cos_bank = np.cos(np.clip(self._extrapolated(state.phi)[0], -LARGEST_BANK_RAD, LARGEST_BANK_RAD))
         lift = 1 / (measured_V**2 * cos_bank)  # lift coefficient up to a factor
         alpha_actual, alpha_predicted = self._alpha(state, errors, lift, lift * V_rate_predicted / V)

@@ -43,6 +43,7 @@ class AutopilotDriver:
         self._silence_ns = {"/controls": SILENCE_NS, "/attitude": SILENCE_NS, "/battery": BATTERY_SILENCE_NS}
         if rpm:
             self._silence_ns["/rpm"] = SILENCE_NS
+        self.system_id: int | None = None  # of the autopilot, once it was heard
         self._last_ns: dict[str, int] = {}
         self._requested_ns: int | None = None
         self._has_battery_status = False
@@ -58,7 +59,8 @@ class AutopilotDriver:
         newest: dict[str, Message] = {}
         system = None
         for received in self._link.parse_buffer(self._port.read_available()) or ():
-            system = received.get_srcSystem() if is_autopilot(received) else system
+            if is_autopilot(received):
+                self.system_id = system = received.get_srcSystem()
             self._damaged |= received.get_type() == "BAD_DATA"
             self._take(received, newest)
         self._damaged &= not newest

@@ -1,4 +1,4 @@
-"""Error budgets: the size of each sensor error. `draw` draws the errors of one flight from a budget.
+"""Error budgets: the size of each error. `draw` draws the errors of one flight from a budget.
 
 Shipped: `none`, `bench` (noise of Table 4.1, small residual errors; the default), `study` (the budget of the method's
 study, systematic errors drawn at random by the seed) and `harsh` (`study` with the errors that the study left out).
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from flight.errors import InputError
 from flight.text_file import read_text
 from flight.units import read_table
+from sim.drag_shape import DragShape
 from sim.plant import Deviations
 from sim.sensors.noise import rng_of
 
@@ -60,6 +61,8 @@ class Systematic:
     lag_s: float = 0.0  # longest; added to every pneumatic line
     zero_Pa: float = 0.0  # of the differential transducers, at power-on
     zero_drift_Pa: float = 0.0  # change of it after warming up by 10 K
+    zero_cooling_Pa: float = 0.0  # change of it by the temperature gradient that the airstream makes in flight
+    zero_step_Pa: float = 0.0  # a step of it in mid-flight
     hysteresis: float = 0.0  # of the differential transducers, as a fraction of the last swing
     absolute_Pa: float = 0.0  # of the two absolute transducers
     accel_bias_mps2: float = 0.0
@@ -76,9 +79,13 @@ class Systematic:
     # Differences from the files of the aircraft and the propeller.
     thrust_scale: float = 0.0
     thrust_slope_J: float = 0.0
+    thrust_bow: float = 0.0
+    windmilling: float = 0.0
     weight_scale: float = 0.0
     updraft_mps: float = 0.0
     CD_quartic: float = 0.0
+    CD_bucket: float = 0.0
+    reynolds_exponent: float = 0.0
     # GPS has no fix from `gps_lost` on, for `gps_lost_for`.
     gps_lost_s: float = 0.0
     gps_lost_for_s: float = 0.0
@@ -108,6 +115,9 @@ class DrawnErrors:
     soft_iron: Array  # (3, 3)
     zero: dict[str, float]
     zero_drift: dict[str, float]
+    zero_cooling: dict[str, float]
+    zero_step: dict[str, float]
+    zero_step_at: float  # share of the flight
     absolute: dict[str, float]
 
     def as_dict(self) -> dict[str, Any]:
@@ -122,12 +132,14 @@ class DrawnErrors:
             thrust_slope_J=v.thrust_slope_J,
             weight_scale=v.weight_scale,
             updraft_mps=v.updraft_mps,
-            CD_quartic=abs(v.CD_quartic),
+            thrust_bow=v.thrust_bow,
+            windmilling=v.windmilling,
+            drag=DragShape(quartic=abs(v.CD_quartic), bucket=v.CD_bucket, reynolds_exponent=v.reynolds_exponent),
         )
 
 
 FROM_ZERO = ("lag_s", "gps_latency_s")
-AS_GIVEN = ("hysteresis", "gps_lost_s", "gps_lost_for_s")
+AS_GIVEN = ("hysteresis", "gps_lost_s", "gps_lost_for_s", "windmilling", "CD_bucket", "reynolds_exponent")
 DIFFERENTIAL = ("alpha", "beta", "airspeed")
 
 
@@ -150,6 +162,8 @@ def draw(budget: ErrorBudget, seed: int) -> DrawnErrors:
             values[field.name] = size * float(of_size_one(field.name, 1)[0])
     skew = of_size_one("soft iron matrix", 9).reshape(3, 3)
     zeros, drifts = of_size_one("zeros", 3) * s.zero_Pa, of_size_one("zero drifts", 3) * s.zero_drift_Pa
+    coolings = of_size_one("zero coolings", 3) * s.zero_cooling_Pa
+    steps = of_size_one("zero steps", 3) * s.zero_step_Pa
     absolute = of_size_one("absolute", 2) * s.absolute_Pa
     return DrawnErrors(
         seed=seed,
@@ -164,6 +178,9 @@ def draw(budget: ErrorBudget, seed: int) -> DrawnErrors:
         soft_iron=np.eye(3) + s.soft_iron * (skew + skew.T) / 2,
         zero=dict(zip(DIFFERENTIAL, zeros.tolist(), strict=True)),
         zero_drift=dict(zip(DIFFERENTIAL, drifts.tolist(), strict=True)),
+        zero_cooling=dict(zip(DIFFERENTIAL, coolings.tolist(), strict=True)),
+        zero_step=dict(zip(DIFFERENTIAL, steps.tolist(), strict=True)),
+        zero_step_at=float(rng_of(seed, "zero step time").uniform(0.3, 0.8)),
         absolute=dict(zip(("baro", "static"), absolute.tolist(), strict=True)),
     )
 

@@ -11,12 +11,13 @@ from flight.aircraft import ControlSurface, PneumaticLine
 from flight.atmosphere import GRAVITY_MPS2
 from flight.complete_aircraft import CompleteAircraft
 from flight.motion import body_from_earth, specific_force_at
+from sim.bench import BurstsSegment
 from sim.fly import Flight
 from sim.sensor_truth import GpsSolution
 from sim.sensors.budget import DIFFERENTIAL, DrawnErrors
-from sim.sensors.noise import GRID_HZ, gauss_markov, white
+from sim.sensors.noise import GRID_HZ, gauss_markov, rng_of, white
 from sim.sensors.probe import flow_at_probe, port_pressures
-from sim.sensors.tubing import first_order_lag, time_constant_s
+from sim.sensors.tubing import StepResponse, first_order_lag, step_response, time_constant_s
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ EARTH_RADIUS_M = 6_371_000.0
 PNEUMATIC_DT_S = 1 / 200
 # The electronics warm the tray above air temperature, exponentially.
 WARM_UP_K, WARM_UP_S = 10.0, 240.0
+# The airstream cools one side of a transducer: the gradient is full at this airspeed, and lags by this time constant.
+COOLING_MPS, COOLING_S = 15.0, 60.0
 # Time constant of the autopilot's correction towards the vertical of the accelerometer.
 ATTITUDE_FILTER_S = 2.0
 GYRO_AND_ACCEL_RATE = GRID_HZ / 25  # noise is given for 25 Hz means of 200 Hz samples
@@ -87,6 +90,10 @@ class FlightSensorTruth:
         noise = {"alpha": e.noise.alpha_Pa, "beta": e.noise.beta_Pa, "airspeed": e.noise.airspeed_Pa}[which]
         warm = WARM_UP_K * (1 - np.exp(-np.maximum(t_s, 0.0) / WARM_UP_S)) / 10.0
         value = self._pneumatic(which, t_s) + e.zero[which] + e.zero_drift[which] * warm
+        if e.zero_cooling[which]:
+            value = value + e.zero_cooling[which] * np.interp(self._clipped(t_s), self._t, self._cooled)
+        if e.zero_step[which]:
+            value = value + e.zero_step[which] * (np.asarray(t_s) > e.zero_step_at * self.duration_s)
         return value + noise * white(e.seed, f"differential {which}", t_s)
 
     def transducer_temperature_K(self, which: str, t_s: Array) -> Array:
@@ -195,6 +202,12 @@ class FlightSensorTruth:
         return self._linear("temperature_K", t_s) + warm
 
     @cached_property
+    def _cooled(self) -> Array:
+        """Share of the temperature gradient across a transducer that the airstream makes, along the truth (n,)."""
+        V = self._truth["V_mps"].to_numpy(dtype=float)
+        return first_order_lag(np.minimum(V / COOLING_MPS, 1.5), float(self._t[1] - self._t[0]), COOLING_S)
+
+    @cached_property
     def _wander_grid(self) -> tuple[Array, Array]:
         """Slow GPS errors on a 10 Hz grid: three of position, three of velocity, unit variance."""
         dt, e = 0.1, self._errors
@@ -252,7 +265,9 @@ class FlightSensorTruth:
 
         def through(name: str, x: Array) -> Array:
             line = self._aircraft.probe.lines.get(name, DEFAULT_LINE)
-            return first_order_lag(x, PNEUMATIC_DT_S, time_constant_s(line, pressure, kelvin) + e.lag_s)
+            tau_s = time_constant_s(line, pressure, kelvin) + e.lag_s
+            bursts = self._bursts(name, grid, step_response(line, pressure, kelvin, e.lag_s))
+            return first_order_lag(x, PNEUMATIC_DT_S, tau_s) + bursts
 
         static_line = through("static", static + ports.static + e.static_position * q_bar)
         centre_line = through("airspeed", static + ports.centre)
@@ -266,6 +281,16 @@ class FlightSensorTruth:
         for name in DIFFERENTIAL:
             at[name] = with_hysteresis(at[name], e.hysteresis) + self._coloured(name, len(grid))
         return grid, at
+
+    def _bursts(self, name: str, t: Array, line: StepResponse) -> Array:
+        """The plan's bursts of pressure at the end of a line [Pa], (n,)."""
+        total = np.zeros_like(t)
+        for index, segment in enumerate(self._flight.plan.segments):
+            if isinstance(segment, BurstsSegment) and segment.line == name:
+                start_s = float(self._truth.loc[self._truth["segment"] == index, "time_s"].iloc[0])
+                jitter = rng_of(self._errors.seed, f"bursts {index}").uniform(-1, 1, segment.count)
+                total += segment.response(t - start_s, line, jitter)
+        return total
 
     def _coloured(self, name: str, n: int) -> Array:
         noise = self._errors.noise

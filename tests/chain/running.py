@@ -55,10 +55,15 @@ def succeeded(outcome: subprocess.CompletedProcess[str]) -> subprocess.Completed
     return outcome
 
 
-def done_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run one of our commands in a process of its own, as on a computer without POSIX; it has to succeed."""
+def command_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run one of our commands in a process of its own, as on a computer without POSIX."""
     line = [sys.executable, "-X", "warn_default_encoding", WITHOUT_POSIX, name, *map(str, arguments)]
-    return succeeded(subprocess.run(line, capture_output=True, text=True, timeout=120))
+    return subprocess.run(line, capture_output=True, text=True, timeout=120)
+
+
+def done_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """The same for a command that has to succeed."""
+    return succeeded(command_without_posix(name, *arguments))
 
 
 def rewritten(

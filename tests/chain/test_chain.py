@@ -2,6 +2,7 @@
 
 import json
 import re
+from importlib import resources
 from pathlib import Path
 
 import msgspec
@@ -12,6 +13,7 @@ from mcap.reader import make_reader
 from running import command, done
 
 from analysis.results.schema import Results
+from benchmarks.named_speeds import below_slowest
 from flight.messages import TYPE_OF_TOPIC
 
 pytestmark = pytest.mark.xdist_group("chain")
@@ -50,11 +52,27 @@ def test_the_curve_lies_within_ten_per_cent_of_the_truth(flown: Path, results: R
     assert results.verdict.startswith("converged")
 
 
+def test_the_default_probe_of_the_simulator_is_that_of_its_tunnel(flown: Path) -> None:
+    """`sim fly` without --probe puts into the log what `calibrate probe` makes of `sim tunnel`."""
+    shipped = json.loads((resources.files("sim") / "data" / "probe.json").read_text("utf-8"))
+    made = json.loads((flown / "probe.json").read_text("utf-8"))
+    assert shipped.keys() == made.keys()
+    for key, value in made.items():
+        for name in value if isinstance(value, dict) else [None]:
+            here, there = (one[key] if name is None else one[key][name] for one in (shipped, made))
+            assert here == there or np.array(here) == pytest.approx(np.array(there), rel=1e-6, abs=1e-9), (key, name)
+
+
 def test_the_interval_is_an_interval(results: Results) -> None:
     for point in results.power_required + results.power_required_standard:
         assert point.power_lo_W < point.power_W < point.power_hi_W
     for special in (results.minimum_power_speed, results.best_range_speed):
-        assert special.lo_mps < special.speed_mps < special.hi_mps
+        ends = [v for v in (special.lo_mps, special.speed_mps, special.hi_mps) if v is not None]
+        assert ends == sorted(ends) and (len(ends) == 3 or special.reason)
+
+
+def test_nothing_names_a_speed_below_the_slowest_flown(results: Results) -> None:
+    assert below_slowest(results) == []
 
 
 def test_the_runs_of_the_plan_are_found(flown: Path, results: Results) -> None:

@@ -8,6 +8,7 @@ import threading
 import time
 import tty
 
+import msgspec
 import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mavlink
@@ -78,8 +79,20 @@ WANTED = {
 }
 
 
+NO_VEHICLES = (
+    mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_TYPE_GIMBAL, mavlink.MAV_TYPE_ADSB,
+)  # fmt: skip
+
+
+def creates_a_vehicle(heartbeat) -> None:
+    """QGroundControl's rules (MultiVehicleManager), and no request for parameters that are not there."""
+    assert heartbeat.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
+    assert heartbeat.type not in NO_VEHICLES and heartbeat.type == mavlink.MAV_TYPE_FIXED_WING
+    assert heartbeat.autopilot == mavlink.MAV_AUTOPILOT_GENERIC
+
+
 def assert_right(found):
-    assert found["HEARTBEAT"].type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER
+    creates_a_vehicle(found["HEARTBEAT"])
     hud = found["VFR_HUD"]
     # q_c for qbar without a calibration; rho = p/(R T) = 1.1412 kg/m^3
     assert hud.airspeed == pytest.approx((2 * 150 / 1.1412) ** 0.5, rel=1e-3)
@@ -88,6 +101,7 @@ def assert_right(found):
     position = found["GLOBAL_POSITION_INT"]
     assert (position.lat, position.lon, position.alt) == (481_000_000, 112_000_000, 450_000)
     assert (position.vx, position.vy, position.vz) == (300, -400, 50)
+    assert position.relative_alt == 0  # above the first position
     assert found["STATUSTEXT"].text == "imu failed: Remote I/O error" and found["STATUSTEXT"].severity == 3
     assert found["NAMED_VALUE_FLOAT rpm"].value == 6000
     assert found["NAMED_VALUE_FLOAT dpa_per_qc"].value == pytest.approx(0.2)
@@ -187,11 +201,10 @@ def decoded(packets):
     return [message for packet in packets for message in parser.parse_buffer(packet)]
 
 
-def snapshot(readings, age_s=0.0, elapsed_s=10.0):
-    import msgspec
-
+def snapshot(readings, age_s=0.0, elapsed_s=10.0, autopilot_system=None):
     messages = {topic: msgspec.to_builtins(message) for topic, message in readings.items()}
-    return Snapshot(elapsed_s=elapsed_s, messages=messages, ages_s=dict.fromkeys(messages, age_s))
+    ages_s = dict.fromkeys(messages, age_s)
+    return Snapshot(elapsed_s=elapsed_s, messages=messages, ages_s=ages_s, autopilot_system=autopilot_system)
 
 
 def named(ground, readings, **options):
@@ -233,6 +246,79 @@ def test_a_failed_reading_is_not_handed_on(tmp_path):
     link.hear(cycle_of(1, [Sample("/static", 0, AbsolutePressure(pressure_Pa=1e5))]), [])
     assert list(link._latest) == ["/static"]
     link.close()
+
+
+def test_height_is_given_above_the_first_position_too():
+    ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9"), None, None)
+    higher = msgspec.structs.replace(READINGS["/gps"], height_msl_m=530.0)
+    list(ground.packets(snapshot(READINGS)))
+    position = next(
+        m for m in decoded(ground.packets(snapshot({"/gps": higher}))) if m.get_type() == "GLOBAL_POSITION_INT"
+    )
+    assert (position.alt, position.relative_alt) == (530_000, 80_000)
+
+
+def sent(readings, system, **config):
+    ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9", **config), None, None)
+    return decoded(ground.packets(snapshot(readings, autopilot_system=system)))
+
+
+def test_beside_an_autopilot_it_is_a_companion_of_the_same_system():
+    """Nothing that the autopilot sends as well: a ground station could not tell which is which."""
+    messages = sent(READINGS, 7, vehicle=False)
+    assert {(m.get_srcSystem(), m.get_srcComponent()) for m in messages} == {(7, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)}
+    kinds = {m.get_type() for m in messages}
+    assert kinds == {"HEARTBEAT", "NAMED_VALUE_FLOAT"}
+    heartbeat = next(m for m in messages if m.get_type() == "HEARTBEAT")
+    assert heartbeat.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER
+    assert heartbeat.autopilot == mavlink.MAV_AUTOPILOT_INVALID
+    values = {m.name: m.value for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
+    assert values["airspeed"] == pytest.approx((2 * 150 / 1.1412) ** 0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("system", "config", "expected"),
+    [(None, {}, 25), (None, {"system_id": 9}, 9), (None, {"vehicle": False}, 1), (7, {"vehicle": False}, 7),
+     (7, {"vehicle": False, "system_id": 9}, 9)],
+)  # fmt: skip
+def test_the_system_is_the_autopilot_s_if_none_is_given(system, config, expected):
+    assert {m.get_srcSystem() for m in sent(READINGS, system, **config)} == {expected}
+
+
+@pytest.mark.parametrize(
+    ("sensors", "key", "expected"),
+    [("", "", True), ('[[sensors]]\ndriver="autopilot"\nport="/dev/ttyUSB1"\n', "", False),
+     ('[[sensors]]\ndriver="autopilot"\nport="/dev/ttyUSB1"\n', "vehicle = true\n", True)],
+)  # fmt: skip
+def test_with_an_autopilot_in_the_tray_it_is_a_companion_unless_the_tray_says_otherwise(
+    tmp_path, sensors, key, expected
+):
+    to = parse_tray(f'[telemetry]\nto = "udp:127.0.0.1:9"\n{key}{IMU}{sensors}', "tray.toml", tmp_path)
+    link = TelemetryLink(to.telemetry, to)
+    link.close()
+    assert msgspec.json.decode(link._command[3])["vehicle"] is expected
+
+
+def test_the_autopilot_that_the_daemon_hears_gives_its_system_to_the_ground_station(tmp_path):
+    """From the fake autopilot's serial line through the sampling loop to a ground station."""
+    from daq.daemon import record
+    from hw_fakes.clock import SimulatedClock
+    from hw_fakes.tray import FakeTray
+    from tests.hw_fakes.analytic_sensor_truth import AnalyticSensorTruth
+
+    cycles = []
+
+    class Listener:
+        def hear(self, cycle, events):
+            cycles.append(cycle)
+
+    clock = SimulatedClock()
+    to = parse_tray('[[sensors]]\ndriver = "autopilot"\nport = "/dev/ttyUSB1"\n', "tray.toml", tmp_path)
+    record(
+        to, buses=FakeTray(AnalyticSensorTruth(), clock, 0), clock=clock, log_path=tmp_path / "log.mcap",
+        until_ns=clock.now_ns() + 3_000_000_000, listener=Listener(),
+    )  # fmt: skip
+    assert cycles[0].autopilot_system is None and cycles[-1].autopilot_system == 1
 
 
 def test_heartbeats_come_once_a_second():

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flight.aircraft import Aircraft, load_aircraft, parse_aircraft
+from flight.aircraft import Aircraft, load_aircraft, parse_aircraft, shipped_aircraft
 from flight.aircraft_keys import EXAMPLES, KEYS, LINES, SURFACES, to_markdown
 from flight.complete_aircraft import as_complete
 from flight.errors import InputError
@@ -31,8 +31,11 @@ def test_shipped_aircraft_have_the_sources_numbers(name, span_ft, chord_ft, area
     assert aircraft.geometry.chord_m == pytest.approx(chord_ft * FOOT)
     assert aircraft.geometry.wing_area_m2 == pytest.approx(area_ft2 * FOOT**2)
     assert aircraft.mass.weight_N == pytest.approx(weight_lbf * POUND)
-    # No body has a moment of inertia larger than the sum of the other two.
-    m = aircraft.mass
+
+
+@pytest.mark.parametrize("name", shipped_aircraft())
+def test_no_shipped_aircraft_has_a_moment_of_inertia_larger_than_the_sum_of_the_other_two(name):
+    m = load_aircraft(name).mass
     for one, other, third in (
         (m.Ix_kgm2, m.Iy_kgm2, m.Iz_kgm2),
         (m.Iy_kgm2, m.Iz_kgm2, m.Ix_kgm2),

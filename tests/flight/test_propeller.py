@@ -14,7 +14,7 @@ from flight.propeller import Propeller, Row
 from flight.propeller_files import load_propeller, parse_apc, parse_csv, parse_uiuc
 
 DATA = Path(__file__).parents[1] / "data" / "propellers"
-SHIPPED = ("apc-10x5e", "apc-12x8e")
+SHIPPED = ("apc-10x5e", "apc-12x8e", "blade-11x5", "blade-16x10")
 APC_HEAD = """\
          {size}                    ({size}.dat)                                  12/19/14
 
@@ -253,5 +253,19 @@ def test_a_broken_table_is_refused_by_name(text, cause):
 
 
 def test_an_unknown_propeller_lists_those_there_are():
-    with pytest.raises(InputError, match="apc-10x5e, apc-12x8e"):
+    with pytest.raises(InputError, match="apc-10x5e, apc-12x8e, blade-11x5, blade-16x10"):
         load_propeller("apc-99x99")
+
+
+def test_the_error_of_the_continuation_grows_with_the_square_of_the_distance_beyond_the_table():
+    """0 inside; 19 % of the change of thrust where the blade element departs by that much, 0.3 beyond the end."""
+    table = Propeller("two", 0.3, (Row(4000, (0.2, 0.6, 0.8), (0.1, 0.04, 0.0), (0.05, 0.03, 0.005)),))
+    J = np.array([0.1, 0.5, 0.8, 0.9, 1.1])
+    error = table.continuation_error(J, 4000.0)
+    assert (error[:3] == 0).all()
+    assert error[4] == pytest.approx(9 * error[3])
+    change = table.coefficients(1.1, 4000.0)[0] - 0.0
+    assert error[4] / abs(change) == pytest.approx(0.18)
+    assert (table.with_beyond_zero_thrust("fold").continuation_error(J, 4000.0) == 0).all(), (
+        "folded blades do not brake"
+    )

@@ -23,7 +23,7 @@ def test_thrust_and_power_grow_with_speed_diameter_and_density():
     assert power_W == pytest.approx(0.04 * 1.2 * 50.0**3 * 0.3**5)
 
 
-@pytest.mark.parametrize("name", ["apc-10x5e", "apc-12x8e"])
+@pytest.mark.parametrize("name", ["apc-10x5e", "apc-12x8e", "blade-11x5", "blade-16x10"])
 def test_efficiency_is_below_one_wherever_the_propeller_pulls(name):
     propeller = load_propeller(name)
     n, V = np.meshgrid(np.linspace(40.0, 150.0, 20), np.linspace(1.0, 30.0, 40))

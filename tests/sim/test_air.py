@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from sim.air import FOOT_M, Air, GustStates, ambient, dryden, dryden_scales, mean_wind
+from sim.air import FOOT_M, Air, GustStates, ambient, dryden, gust_scales, mean_wind
 
 V, H, SPAN, W20 = 17.0, 60.0, 1.75, 7.7
 N = len(GustStates._fields)
@@ -14,7 +14,7 @@ def linear_system():
     """The filters as x' = A x + B n, y = C x + D n: they are linear, so unit inputs give the columns."""
 
     def evaluate(x, n):
-        rates, gust = dryden(GustStates(*x), n, V=V, height_m=H, span_m=SPAN, W20_mps=W20)
+        rates, gust = dryden(GustStates(*x), n, V=V, span_m=SPAN, scales=gust_scales(W20, H))
         return np.array(rates, dtype=float), np.array(gust, dtype=float)
 
     columns = [evaluate(np.eye(N)[i], np.zeros(4)) for i in range(N)]
@@ -27,7 +27,7 @@ def linear_system():
 def test_spectra_are_those_of_the_standard():
     """One-sided in spatial frequency, MIL-F-8785C sec. 3.7.1.2 (u, v, w) and 3.7.5 (p, q, r)."""
     A, B, C, D = linear_system()
-    s = dryden_scales(W20, H)
+    s = gust_scales(W20, H)
     omegas = np.geomspace(0.05, 60, 25)
     for omega in omegas:
         response = C @ np.linalg.solve(1j * omega * np.eye(N) - A, B) + D
@@ -48,14 +48,14 @@ def test_spectra_are_those_of_the_standard():
 
 def test_variances_are_those_of_the_standard():
     A, B, C, _ = linear_system()
-    s = dryden_scales(W20, H)
+    s = gust_scales(W20, H)
     P = solve_continuous_lyapunov(A, -B @ B.T)
     assert np.sqrt(np.diag(C @ P @ C.T)[:3]) == pytest.approx([s.sigma_u, s.sigma_u, s.sigma_w])
     # Low-altitude model (sec. 3.7.3.4.1): sigma_w is a tenth of the wind at 20 ft, scale of w is the height.
     assert s.sigma_w == pytest.approx(0.1 * W20)
     assert s.L_w == pytest.approx(H)
     h = 1000 * FOOT_M  # where the model meets that of high altitude: everything isotropic, 1000 ft
-    top = dryden_scales(W20, h)
+    top = gust_scales(W20, h)
     assert (top.L_u, top.sigma_u) == pytest.approx((top.L_w, top.sigma_w), rel=1e-9)
 
 
@@ -69,7 +69,7 @@ def test_noise_held_over_a_step_gives_the_same_variance():
         white = rng.standard_normal((4, members)) / np.sqrt(dt)
 
         def rate(state, white=white):
-            return np.array(dryden(GustStates(*state), tuple(white), V=V, height_m=H, span_m=SPAN, W20_mps=W20)[0])
+            return np.array(dryden(GustStates(*state), tuple(white), V=V, span_m=SPAN, scales=gust_scales(W20, H))[0])
 
         # Trapezoidal predictor-corrector: of second order, as good as exact at a hundredth of the filters' time.
         a = np.array(x)
@@ -77,10 +77,10 @@ def test_noise_held_over_a_step_gives_the_same_variance():
         k2 = rate(a + dt * k1)
         x = GustStates(*(a + dt * (k1 + k2) / 2))
         if step in (1000, 1500, 1999):
-            _, gust = dryden(x, tuple(np.zeros((4, members))), V=V, height_m=H, span_m=SPAN, W20_mps=W20)
+            _, gust = dryden(x, tuple(np.zeros((4, members))), V=V, span_m=SPAN, scales=gust_scales(W20, H))
             last.append(np.array(gust[:3]))
     sigma = np.std(np.concatenate(last, axis=1), axis=1)
-    s = dryden_scales(W20, H)
+    s = gust_scales(W20, H)
     # Samples 10 s apart are independent for w (L/V = 3.5 s) and nearly so for u and v (7 s): count half of them.
     standard_error = 1 / np.sqrt(2 * members * len(last) / 2)
     assert np.all(np.abs(sigma / [s.sigma_u, s.sigma_u, s.sigma_w] - 1) < 4 * standard_error)

@@ -1,6 +1,7 @@
 """The commands as a person types them: what they write, and one clear line with exit code 2 when they cannot."""
 
 import sys
+from importlib import resources
 
 import pandas as pd
 import pytest
@@ -64,12 +65,23 @@ def test_fly_writes_truth_curve_tray_and_log(sim, tmp_path):
         e.message.differential_pressure_Pa for e in log.entries["/probe/airspeed"] if e.message.differential_pressure_Pa
     ]
     assert max(flown) > 100  # it did fly
+    assert log.attachments["probe.json"] == (resources.files("sim") / "data" / "probe.json").read_bytes()
 
     before = (out / "log.mcap").read_bytes()
     code, said = sim("fly", "--plan", "short.toml", "-o", "out")
     assert code == 2 and "already contains" in said and (out / "log.mcap").read_bytes() == before
     code, _ = sim("fly", "--plan", "short.toml", "-o", "out", "--replace")
     assert code == 0 and (out / "log.mcap").read_bytes() != before
+
+
+def test_another_probe_calibration_is_not_replaced_but_can_be_given(sim, tmp_path):
+    (tmp_path / "out").mkdir()
+    mine = tmp_path / "out" / "probe.json"
+    mine.write_text('{"format": "mine"}')
+    code, said = sim("fly", "--no-hardware", "--plan", "short.toml", "-o", "out")
+    assert code == 2 and "another calibration" in said and "--probe" in said
+    code, _ = sim("fly", "--no-hardware", "--plan", "short.toml", "--probe", str(mine), "-o", "out")
+    assert code == 0 and read_log(tmp_path / "out" / "log.mcap").attachments["probe.json"] == mine.read_bytes()
 
 
 def test_a_real_log_is_never_replaced(sim, tmp_path):
@@ -125,3 +137,16 @@ def test_tunnel(sim, tmp_path):
     first = (tmp_path / "tunnel.csv").read_bytes()
     code, said = sim("tunnel", "-o", "tunnel.csv", "--seed", "2")
     assert code == 2 and "already exists" in said and (tmp_path / "tunnel.csv").read_bytes() == first
+
+
+def test_a_world_flies_and_its_log_has_the_table_that_the_analysis_gets(sim, tmp_path):
+    code, _ = sim("fly", "--plan", "short.toml", "--world", "short-table", "--no-hardware", "-o", "out")
+    assert code == 0
+    _, metadata = read_truth(tmp_path / "out" / "truth.parquet")
+    assert metadata["world"] == "short-table"
+    text = read_log(tmp_path / "out" / "log.mcap").attachments["propeller.csv"].decode()
+    assert min(float(line.split(",")[2]) for line in text.splitlines() if line[0].isdigit()) >= 0.035
+    code, said = sim("fly", "--plan", "short.toml", "--world", "weight", "--errors", "bench", "-o", "again")
+    assert code == 2 and "--world" in said
+    code, said = sim("fly", "--plan", "short.toml", "--world", "atlantis", "-o", "again")
+    assert code == 2 and "short-table" in said

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.propeller import Propeller, Row
 from sim.air import Air
+from sim.drag_shape import DragShape
 from sim.integration import Stepper, rk4
 from sim.plant import AircraftState, Commands, Plant, servo_rate
 from sim.trim import Trimmer
@@ -159,5 +160,5 @@ def test_deviations_change_what_they_say(plant, trimmer):
     assert now.specific_force[2] == pytest.approx(base.specific_force[2] / 1.1)
     _, now = changed(updraft_mps=0.5)
     assert now.alpha - base.alpha == pytest.approx(0.5 / 17.0, rel=0.01)
-    _, now = changed(CD_quartic=0.05)
+    _, now = changed(drag=DragShape(quartic=0.05))
     assert now.CD - base.CD == pytest.approx(0.05 * (base.CL - plant.aero.CL_minD) ** 4)

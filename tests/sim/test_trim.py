@@ -9,12 +9,13 @@ from flight.aerodynamics import drag_coefficient
 from flight.aircraft import load_aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
+from sim.drag_shape import DragShape
 from sim.integration import Stepper
 from sim.modes import modes
 from sim.plant import AircraftState, Deviations, plant_of
 from sim.trim import RESIDUAL_LIMIT, Trimmer, power_required
 
-AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs")
+AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs", "light-1kg", "survey-6kg")
 
 
 @pytest.mark.parametrize("name", AIRCRAFT)
@@ -77,7 +78,7 @@ def test_required_power_is_that_of_the_polar(plant, trimmer):
 
 def test_the_quartic_in_the_polar_is_in_the_truth(plant, trimmer):
     V = np.array([12.5])
-    bent = replace(plant, deviations=Deviations(CD_quartic=0.05))
+    bent = replace(plant, deviations=Deviations(drag=DragShape(quartic=0.05)))
     (straight, CL, _), (curved, _, _) = (power_required(p, V, density=trimmer.density) for p in (plant, bent))
     qS = trimmer.density * V**2 / 2 * plant.aircraft.geometry.wing_area_m2
     assert curved - straight == pytest.approx(qS * V * 0.05 * (CL - plant.aero.CL_minD) ** 4)

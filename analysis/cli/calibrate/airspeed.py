@@ -35,7 +35,10 @@ def airspeed(
     Fly two legs or more of half a minute at a steady speed, there and back along one line, better along two crossing
     lines; turns help. A steady wind changes the ground speed by opposite amounts on opposite headings; the mean
     difference is the scale error. On one heading only, wind and scale error cannot be told apart, and a note says so.
-    `analyze` estimates the same for each flight.
+    `analyze` estimates the same for each flight. Exit code 2 and no file without GPS, or if the standard error of the
+    scale stays above 0.8 of what it was before the flight.
+
+    To rehearse it: `sim fly --plan airspeed-box -o out/box`.
 
     \b
     Examples:
@@ -82,7 +85,7 @@ def autopilot_airspeed(log: Path, firmware: str) -> "AirspeedCalibration":
     from analysis.cli.electrical import read_autopilot_log
     from analysis.electrical.airspeed_gps import airspeed_errors, one_way
     from analysis.electrical.flight_table import flight_table
-    from analysis.trajectory.airspeed_scale import AirspeedCalibration, notes_on
+    from analysis.trajectory.airspeed_scale import AirspeedCalibration, notes_on, why_not_determined
 
     flight = flight_table(read_autopilot_log(log, firmware), TYPICAL_WEIGHT_N, TYPICAL_WING_AREA_M2)
     found = airspeed_errors(flight)
@@ -92,14 +95,25 @@ def autopilot_airspeed(log: Path, firmware: str) -> "AirspeedCalibration":
     spread = one_way(table[GPS[0]].to_numpy(), table[GPS[1]].to_numpy(), found)
     error = float(found.covariance[0, 0] ** 0.5)
     notes = [*flight.notes, *notes_on(spread, error, found.prior_sigma)]
-    return AirspeedCalibration(found.scale, error, found.wind_mps, found.wind_from_deg, spread, notes)
+    return AirspeedCalibration(
+        found.scale,
+        error,
+        found.wind_mps,
+        found.wind_from_deg,
+        spread,
+        notes,
+        why_not_determined(error, found.prior_sigma),
+    )
 
 
 def _report(found: "AirspeedCalibration", notes: list[str], log: Path, output: Path | None) -> None:
     for line in summary(found, notes):
         print(line)
+    if found.unsupported:
+        raise InputError(f"{log}: {found.unsupported}")
     if output:
-        write_json(output, {"format": "flightpower-airspeed-1", "source": log.name, **found._asdict()})
+        content = {name: value for name, value in found._asdict().items() if name != "unsupported"}
+        write_json(output, {"format": "flightpower-airspeed-1", "source": log.name, **content})
         print(f"wrote {output}")
 
 

@@ -26,7 +26,10 @@ def magnetometer(
     Best on the ground, away from cars and reinforced concrete, with everything aboard switched on and the motor off:
     turn the aircraft slowly through all attitudes for a minute, nose up and down, on its sides and on its back. Steep
     turns in flight in both directions also serve, but determine the vertical component poorly. The standard error of
-    each component is printed.
+    each component is printed. Nothing is written if they would leave the heading uncertain by 10 deg (1 sigma) even
+    where the earth's field is level.
+
+    To rehearse it: `sim fly --plan magnetometer-turn -o out/turned`.
 
     \b
     Example:

@@ -7,8 +7,8 @@ import msgspec
 import typer
 
 from analysis.files import write_file
-from flight.command_line import check_writable
 from flight.errors import InputError
+from flight.output_file import check_writable
 
 Replace = Annotated[bool, typer.Option("--replace", help="Replace an existing file.")]
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log recorded by the daemon.")]

@@ -48,7 +48,11 @@ def probe(
 
     The report page shows the residuals of the calibration, the effect of speed, and the range of validity. The file
     contains the standard error of the slope of alpha (alpha_scale_sigma). Errors of the turntable and of the tunnel
-    walls are part of it; the measurements do not show them: give them by --angle-scale.
+    walls are part of it; the measurements do not show them: give them by --angle-scale. Nothing is written if the
+    points do not support a calibration: less than 90 % of the variance of alpha or beta is predicted at points left
+    out, or the slope is uncertain by more than 10 % (1 sigma).
+
+    To rehearse it: `sim tunnel -o tunnel.csv`.
 
     \b
     Example:

@@ -58,7 +58,10 @@ def surfaces(
 
     Run this command without --angles first: it lists the time and pulse of each position found. Then give the angles,
     and - for a position that was not read (a pause at neutral, for example). The resulting section goes into the
-    aircraft file.
+    aircraft file. Nothing is written for fewer than three positions, or if positions are nearer to each other than
+    twice the difference of two readings of one position.
+
+    To rehearse it: `sim fly --plan surface-deflections -o out/surfaces`.
 
     \b
     Examples:
@@ -85,6 +88,8 @@ def surfaces(
     if not len(pulse_us):
         raise InputError(f"{log}: no pulse of servo output {number} in this log; name another with --channel")
     found = held_pulses(t_s, pulse_us)
+    if not found:
+        raise InputError(f"{log}: servo output {number} was never held for two seconds; hold each position for three")
     if not angles.strip():
         print(f"positions of output {number}: {found_in_words(found)}. Now give --angles.")
         return

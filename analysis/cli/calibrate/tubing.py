@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from analysis.cli.calibrate.options import AircraftFile, LogFile, Replace, check_output, write_or_print
+from flight.errors import InputError
 
 if TYPE_CHECKING:
     from analysis.airdata.line_lags import LineLag
+
 
 LARGEST_MISFIT = 2.0  # rms of the residuals over the noise, beyond which the model of the line is doubted
 
@@ -40,7 +42,11 @@ def tubing(
     none at 100 Hz; at 25 Hz about thirty for a lag of half a tick.
 
     A lag below a third of a tick only gets an upper bound; at 25 Hz such a line needs no correction. The result is the
-    inner diameter of the tube that has the measured lag, with the length and cavity of the aircraft file.
+    inner diameter of the tube that has the measured lag, with the length and cavity of the aircraft file. A line is
+    left out if its 95 % interval is wider than 40 % either way: a diameter known to 5 % says as much. Exit code 2: no
+    burst was found, or none of the lags is determined.
+
+    To rehearse it: `sim fly --plan tubing-bursts -o out/bursts`.
 
     \b
     Example:
@@ -58,7 +64,15 @@ def tubing(
     for one in lags:
         for line in summary(one):
             print(line, file=messages)
+    if all(one.measured is None for one in lags):
+        raise InputError(
+            f"{log}: no burst of pressure on any line; press to half of the transducer's range, hold for two seconds,"
+            " burst, and repeat eight times for each line"
+        )
     sections = to_toml(lags)
+    refused = [f"{one.topic}: {one.unsupported}" for one in lags if one.unsupported]
+    if refused and not sections:
+        raise InputError(f"{log}: nothing to write; {'; '.join(refused)}")
     if not sections:
         print("Nothing to change in the aircraft file.", file=messages)
         return
@@ -70,7 +84,9 @@ def summary(line: "LineLag") -> list[str]:
     lag = line.measured
     if lag is None:
         return [f"{line.topic}: no step found"]
-    if lag.bounded:
+    if lag.hi_s == float("inf"):
+        value = f"{1e3 * lag.lag_s:.1f} ms, without an upper bound"
+    elif lag.bounded:
         value = f"{1e3 * lag.lag_s:.1f} ms ({1e3 * lag.lo_s:.1f} to {1e3 * lag.hi_s:.1f})"
     else:
         value = f"shorter than {1e3 * lag.hi_s:.1f} ms, too short for this tick rate"
@@ -82,4 +98,6 @@ def summary(line: "LineLag") -> list[str]:
         )
     if lag.misfit > LARGEST_MISFIT:
         lines.append(f"  the steps do not fit the model of a line ({lag.misfit:.1f} times the noise): look for a leak")
+    if line.unsupported:
+        lines.append(f"  left out: {line.unsupported}")
     return lines

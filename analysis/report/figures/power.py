@@ -24,7 +24,6 @@ from analysis.report.figures.style import (
 from analysis.results.schema import Results, SpeedInterval
 
 POLAR_POINTS = 60
-SLOWEST_CONTINUED = 0.8  # of the slowest speed flown: how far down the curve is continued
 
 
 def power_required(results: Results) -> go.Figure:
@@ -36,7 +35,7 @@ def power_required(results: Results) -> go.Figure:
     with_points = [method for method in results.methods if method.points]
     if with_points:
         add_measured_points(figure, with_points[0], ORANGE, "steady points")
-    _add_continuation(figure, results, float(V[0]), float(V[-1]))
+    _add_continuation(figure, results, float(V[-1]))
     top = float(np.max(hi)) * 1.12
     if results.use and results.use.available.power_available:
         available = results.use.available.power_available
@@ -49,21 +48,20 @@ def power_required(results: Results) -> go.Figure:
     return styled(figure, 400)
 
 
-def _add_continuation(figure: go.Figure, results: Results, slowest: float, fastest: float) -> None:
-    """The curve outside the speeds flown, dashed: down to the speed of least power, up to the highest level speed."""
-    use, least = results.use, results.minimum_power_speed.speed_mps
-    top = use.available.maximum_speed_mps if use else None
+def _add_continuation(figure: go.Figure, results: Results, fastest: float) -> None:
+    """The curve from the fastest speed flown up to the highest level speed, dashed. There is none below the slowest."""
+    top = results.use.available.maximum_speed_mps if results.use else None
     polar, at, S = results.drag_polar, results.test, results.aircraft.wing_area_m2
-    for start, end in ((least or slowest, slowest), (fastest, top.value if top else fastest)):
-        if polar and SLOWEST_CONTINUED * slowest <= start < end:
-            V = np.linspace(start, end, 15)
-            q = at.air_density_kgpm3 * V**2 / 2
-            CL = at.weight_N / (q * S)
-            power = q * S * V * (polar.A0 + polar.A1 * CL + polar.A2 * CL**2)
-            figure.add_scatter(
-                x=rounded(V), y=rounded(power), mode="lines", line={"color": BLUE, "width": 3, "dash": "dash"},
-                showlegend=False, hovertemplate="%{y:.1f} W, not flown", name="power required",
-            )  # fmt: skip
+    if polar is None or top is None or top.value <= fastest:
+        return
+    V = np.linspace(fastest, top.value, 15)
+    q = at.air_density_kgpm3 * V**2 / 2
+    CL = at.weight_N / (q * S)
+    power = q * S * V * (polar.A0 + polar.A1 * CL + polar.A2 * CL**2)
+    figure.add_scatter(
+        x=rounded(V), y=rounded(power), mode="lines", line={"color": BLUE, "width": 3, "dash": "dash"},
+        showlegend=False, hovertemplate="%{y:.1f} W, not flown", name="power required",
+    )  # fmt: skip
 
 
 def _add_speed(
@@ -79,7 +77,7 @@ def _add_speed(
         error_x={
             "symmetric": False,
             "array": [(optimum.hi_mps or speed) - speed],
-            "arrayminus": [speed - (optimum.lo_mps or speed)],
+            "arrayminus": [speed - (optimum.lo_mps or min(V[0], speed))],
             "thickness": 3,
             "width": 7,
         },

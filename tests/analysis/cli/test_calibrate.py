@@ -3,6 +3,7 @@
 import io
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 from calibration import bursts
 from typer.testing import CliRunner
 
+from analysis.airdata.line_lags import LineLag
+from analysis.airdata.step_test import Lag
 from analysis.airdata.tubing import air, low_frequency_lag_s
 from analysis.cli.calibrate import app
 from flight.aircraft import PneumaticLine, load_aircraft, parse_aircraft
@@ -87,11 +90,77 @@ def test_too_few_bursts_for_five_per_cent_are_told_how_many_more(tmp_path: Path)
     assert 5 < int(told[1]) < 60
 
 
-def test_a_log_without_steps_changes_nothing(tmp_path: Path) -> None:
+def refused(cause: str, *arguments: object) -> None:
+    """One line that names the cause, and no file."""
+    outcome = run(*arguments)
+    assert isinstance(outcome.exception, InputError), outcome.output
+    assert cause in str(outcome.exception) and "\n" not in str(outcome.exception)
+    assert not Path(str(arguments[-1])).exists()
+
+
+def test_a_log_without_bursts_is_refused(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     quiet = [("/probe/alpha", k / 25, DifferentialPressure(differential_pressure_Pa=rng.normal())) for k in range(500)]
-    outcome = run("tubing", written(tmp_path / "quiet.mcap", quiet))
-    assert outcome.exit_code == 0 and "Nothing to change" in outcome.output
+    refused("eight times for each line", "tubing", written(tmp_path / "quiet.mcap", quiet), "-o", tmp_path / "new")
+
+
+def test_a_lag_that_the_bursts_do_not_determine_is_not_written(tmp_path: Path) -> None:
+    """One burst of a line whose lag is half a tick: 5.5 % for eight of them is 15.5 % for one, +-31 %; this one is less
+    lucky."""
+    one = popped(tmp_path / "one.mcap", rate_Hz=25.0, steps=1, seed=4)
+    refused("the bursts found (1) do not determine the lag within 40 %", "tubing", one, "-o", tmp_path / "new")
+    lag = Lag(lag_s=0.020, lo_s=0.013, hi_s=0.027, steps=3, noise=6.0, misfit=1.0)
+    assert not LineLag("alpha", "/probe/alpha", lag, None, None).unsupported
+    for wider in (replace(lag, hi_s=0.030), replace(lag, lo_s=0.0, hi_s=float("inf"))):
+        assert "(3) do not determine" in LineLag("alpha", "/probe/alpha", wider, None, None).unsupported
+
+
+@pytest.mark.parametrize("way", ["standing", "one level turn"])
+def test_a_magnetometer_calibration_without_directions_is_not_written(tmp_path: Path, way: str) -> None:
+    rng = np.random.default_rng(0)
+    heading = np.linspace(0, 0 if way == "standing" else 2 * np.pi, 800)
+    level, down = 22e-6, 43e-6
+    field = np.column_stack([level * np.cos(heading), -level * np.sin(heading), np.full(800, down)])
+    field += 0.5e-6 * rng.normal(size=field.shape)
+    messages = [
+        ("/mag", k / 25, Magnetometer(field_x_T=x, field_y_T=y, field_z_T=z))
+        for k, (x, y, z) in enumerate(field.tolist())
+    ]
+    refused("turn the aircraft about more axes", "magnetometer", written(tmp_path / "log.mcap", messages), "-o",
+            tmp_path / "new")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("angles", "cause"),
+    [("0 -22 - - -", "3 at least are needed"), ("0 -22 - - 21 6", "two readings of one position differ by 6.0 deg")],
+)
+def test_surface_angles_that_do_not_support_a_table_are_not_written(tmp_path: Path, angles: str, cause: str) -> None:
+    held = (1500.0, 1000.0, 1250.0, 1750.0, 2000.0, 1500.0)[: len(angles.split())]
+    t, pulse = session(held)
+    messages = [
+        ("/controls", s, Controls(pulse_us=[1500, round(p), 1000, 1500]))
+        for s, p in zip(t, pulse.tolist(), strict=True)
+    ]
+    log = written(tmp_path / "log.mcap", messages)
+    refused(cause, "surfaces", log, "--angles", angles.replace("21 6", "10 6"), "-o", tmp_path / "new")
+
+
+def test_a_stick_that_is_never_still_is_refused(tmp_path: Path) -> None:
+    moving = [("/controls", k / 25, Controls(pulse_us=[1500, 1500 + 20 * (k % 21), 1000, 1500])) for k in range(500)]
+    refused("never held for two seconds", "surfaces", written(tmp_path / "log.mcap", moving), "-o", tmp_path / "new")
+
+
+@pytest.mark.parametrize(
+    ("column", "cause"),
+    [("dp_alpha [Pa]", "do not determine alpha"), ("dp_beta [Pa]", "do not determine beta")],
+)
+def test_a_probe_whose_pressures_say_nothing_is_not_calibrated(tmp_path: Path, column: str, cause: str) -> None:
+    """The tube of one pair of ports is off: its transducer shows noise."""
+    table = simulated_measurements(seed=0)
+    table[column] = np.random.default_rng(0).normal(scale=2.0, size=len(table))
+    write_calibration(tmp_path / "tunnel.csv", table)
+    refused(cause, "probe", tmp_path / "tunnel.csv", "-o", tmp_path / "new")
+    assert not (tmp_path / "new.html").exists()
 
 
 @pytest.fixture

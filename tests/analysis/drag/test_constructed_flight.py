@@ -18,6 +18,7 @@ from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA, estimate_erro
 from analysis.trajectory.dryden import GaussMarkov
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
+from flight.aircraft import Aircraft, Uncertainty
 from flight.units import GRAVITY_MPS2 as g
 
 AT = Condition(W, 1.15, AIRCRAFT.geometry.wing_area_m2)
@@ -164,13 +165,30 @@ def test_the_scale_of_airspeed_in_flow_angles_is_removed() -> None:
     assert found["V_measured"].to_numpy() == pytest.approx(1.03 * f["V"].to_numpy(), rel=1e-6)
 
 
+def weighed_within(fraction: float) -> Aircraft:
+    """The aircraft whose weight is known to this standard deviation."""
+    return replace(AIRCRAFT, uncertainty=Uncertainty(weight_fraction=fraction))
+
+
+def test_a_wrong_weight_changes_power_by_what_the_interval_has_for_it() -> None:
+    """The same flight analysed with a weight 1 % too large; its curve is that of the heavier aircraft."""
+    f, runs = accelerations_and_decelerations()
+    trajectory = measured(f)
+    known, unsure = (estimate_polar(trajectory, runs, weighed_within(x), PROPELLER) for x in (0.0, 0.01))
+    heavier = estimate_polar(trajectory, runs, AIRCRAFT.weighing(1.01 * W), PROPELLER)
+    at_its_weight, _ = power_required(V, heavier.polar, AT._replace(weight_N=1.01 * W))
+    added = Polar(polar(), (unsure.systematic - known.systematic)[:3, :3])
+    assert power_required(V, added, AT)[1] == pytest.approx(np.abs(at_its_weight - power(known.polar.A)), rel=1e-6)
+    assert np.array_equal(unsure.values, known.values)
+
+
 def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
     """Power W V tan(0.02 deg) at every speed: in the covariance of the dynamic method and of every other."""
     lift_direction_W = W * V * np.tan(np.radians(0.02))
     assert power_required(V, Polar(polar(), covariance.floor()), AT)[1] == pytest.approx(lift_direction_W, rel=1e-9)
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
-    result = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
+    result = estimate_polar(trajectory, runs, weighed_within(0.0), PROPELLER)
     systematic = Polar(polar(), result.systematic[:3, :3])
     assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-3)
     assert np.all(power_required(V, result.polar, AT)[1] > 0.999 * lift_direction_W)

@@ -50,7 +50,8 @@ def test_the_polar_of_a_cross_check_contains_noise_and_floor() -> None:
     f, _ = accelerations_and_decelerations()
     rng = np.random.default_rng(1)
     CL = 9.81 / f["qS_over_m_mps2"].to_numpy()
-    u = {"CL": CL, "qS_over_m": f["qS_over_m_mps2"].to_numpy(), "thrust_along_V_over_m": 0 * CL, "J": 0 * CL}
+    u = {"CL": CL, "qS_over_m": f["qS_over_m_mps2"].to_numpy()}
+    u |= dict.fromkeys(("thrust_along_V_over_m", "thrust_beyond_over_m", "J"), 0 * CL)
     drag = u["qS_over_m"] * (polar() @ [CL**0, CL, CL**2]) + 0.01 * rng.standard_normal(len(CL))
     fit = output_error.estimate(dynamic.DRAG, Segment(name="run", t_s=f.index.to_numpy(), u=u, z={"drag": drag}))
     floor = covariance.polar_of(fit).covariance - covariance.of_noise(fit)[:3, :3]

@@ -1,10 +1,13 @@
 """Process noise in filter error: priors, starting values, standard errors and significance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from disturbed import INTENSITY, LINEAR, LINEAR_NOISE, T_S, linear_record
 
 from analysis.estimation import filter_error, uncertainty
+from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise
 
 NONE = ProcessNoise(state="alpha", start=0.0, free=False)
@@ -18,6 +21,37 @@ def test_a_prior_pulls_the_estimate():
     pulled = filter_error.estimate(model, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
     assert pulled.value == pytest.approx(Mq.value + Mq.standard_error / 2, abs=0.1 * Mq.standard_error)
     assert pulled.standard_error == pytest.approx(Mq.standard_error / np.sqrt(2), rel=0.05)
+
+
+def test_the_interval_of_an_intensity_is_that_of_its_logarithm():
+    fit = filter_error.estimate(LINEAR, linear_record(3), LINEAR_NOISE, test_significance=False)
+    found, ln_w = fit.process_noise["alpha"], fit.parameters["ln w(alpha)"]
+    factor = np.exp(1.96 * ln_w.standard_error)
+    assert (found.lo, found.hi) == pytest.approx((found.value / factor, found.value * factor), rel=1e-4)
+    assert found.lo < INTENSITY < found.hi
+
+
+def test_the_search_for_measurement_noise_starts_at_the_noise_of_the_record():
+    """Of a slow motion with white noise, 2000 samples: to 5 %."""
+    t_s, noise = np.arange(2000) * 0.02, np.random.default_rng(0).standard_normal((2, 2000))
+    z = {"alpha": 0.1 * np.sin(0.5 * t_s) + 0.003 * noise[0], "q": 0.05 * np.cos(0.5 * t_s) + 0.005 * noise[1]}
+    segment = Segment(name="slow", t_s=t_s, u={"de": 0 * t_s}, z=z)
+    unknowns = filter_error._noise_unknowns(LINEAR, (segment,), (LINEAR_NOISE,))
+    start = {unknown.name: np.exp(unknown.start) for unknown in unknowns}
+    assert (start["ln v(alpha)"], start["ln v(q)"]) == pytest.approx((0.003, 0.005), rel=0.05)
+
+
+def test_a_known_offset_of_the_sensors_changes_nothing():
+    """Outputs that are not zero at zero state, and measurements shifted by as much: the same estimates."""
+    segment = linear_record(3)
+    offset = replace(LINEAR, output_function=lambda x, u, p: (x.alpha + 0.1, x.q - 0.2))
+    shifted = replace(segment, z={"alpha": segment.z["alpha"] + 0.1, "q": segment.z["q"] - 0.2})
+    fits = [
+        filter_error.estimate(model, data, LINEAR_NOISE, test_significance=False)
+        for model, data in ((LINEAR, segment), (offset, shifted))
+    ]
+    assert fits[1].verdict.ok
+    assert np.all(np.abs(fits[1].values - fits[0].values) < 0.01 * np.sqrt(np.diag(fits[0].covariance)))
 
 
 @pytest.mark.parametrize("factor", [1 / 300, 3])

@@ -3,7 +3,6 @@
 One simulated flight, written by docs/examples/write_log.py. Every wrong log is this one, changed.
 """
 
-import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,12 +14,10 @@ import msgspec
 import numpy as np
 import pandas as pd
 import pytest
-from mcap.writer import Writer
 
 from analysis.airdata.from_log import flight_data
 from analysis.log_checks.axes import check_axes
 from analysis.log_checks.log import check_log
-from analysis.log_checks.messages import check_messages
 from analysis.log_contents import contents
 from analysis.pipeline import analyze
 from daq.attachments import propeller_text
@@ -234,8 +231,15 @@ WRONG: dict[str, tuple[Change, str]] = {
         "/probe/alpha: the angle of attack falls where lift rises: differential_pressure_Pa has the wrong "
         "sign; write lower minus upper port, in the calibration of the probe too"),
     "beta reversed": (scaled("/probe/beta", DIFFERENCE, -1),
-        "/probe/beta: the side force points to where the air comes from: differential_pressure_Pa has the "
-        "wrong sign; write right minus left port, in the calibration of the probe too"),
+        "/probe/beta: the side force points to where the air comes from: differential_pressure_Pa (right "
+        "minus left port, in the probe's calibration too) or specific_force_y_mps2 of /imu (to the right) has "
+        "the wrong sign"),
+    "x reversed": (scaled("/imu", FORCE[:1], -1),
+        "/imu: specific_force_x_mps2 falls where the aircraft speeds up or climbs; write it positive "
+        "forward"),
+    "pitch rate reversed": (scaled("/imu", RATE[1:2], -1),
+        "/imu: the nose goes down where specific_force_z_mps2 shows a pull-up: angular_rate_y_radps has the "
+        "wrong sign; write it positive nose up"),
     "airspeed and alpha exchanged": (exchanged("/probe/airspeed", "/probe/alpha"),
         "/probe/alpha: differential_pressure_Pa reaches 225 Pa, but that of /probe/airspeed only 52.4 Pa, "
         "which is larger in flight: the topics or tubes are exchanged, a tube is blocked, or one of the "
@@ -281,129 +285,6 @@ WRONG: dict[str, tuple[Change, str]] = {
 @pytest.mark.parametrize(("change", "message"), WRONG.values(), ids=WRONG.keys())
 def test_a_mistake_is_refused_with_its_name(written: Log, change: Change, message: str) -> None:
     assert refusal(change(written)) == message
-
-
-def file_of(path: Path, messages: dict[str, bytes], *, encoding: str = "json", profile: str = "flightpower") -> Path:
-    """A log of thirty times the same message on each topic."""
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start(profile=profile)
-        for topic, data in messages.items():
-            channel = writer.register_channel(topic, encoding, schema_id=0)
-            for number in range(30 if data else 0):
-                writer.add_message(channel, number * 40_000_000, data, number * 40_000_000)
-        writer.finish()
-    return path
-
-
-IMU: dict[str, object] = dict.fromkeys((*FORCE, *RATE), 1.0)
-REQUIRED = {
-    "/imu": json.dumps(IMU).encode(),
-    **dict.fromkeys(("/probe/alpha", "/probe/airspeed"), b'{"differential_pressure_Pa": 1.0}'),
-    "/static": b'{"pressure_Pa": 1e5, "temperature_K": 288.0}',
-    "/rpm": b'{"motor_speed_revps": 70.0}',
-}
-
-
-def imu(**fields: object) -> dict[str, bytes]:
-    return {"/imu": json.dumps(IMU | fields).encode()}
-
-
-UNREADABLE: dict[str, tuple[dict[str, bytes], dict[str, str], str]] = {
-    "strings": (
-        imu(specific_force_x_mps2="1.0"),
-        {},
-        "none of its 30 messages can be decoded; /imu: specific_force_x_mps2 is a string; write a number "
-        "without quotation marks",
-    ),
-    "strings of one topic": (
-        REQUIRED | {"/probe/beta": b'{"differential_pressure_Pa": "1"}'},
-        {},
-        "/probe/beta: 30 of 30 messages cannot be decoded: differential_pressure_Pa is a string; write a "
-        "number without quotation marks",
-    ),
-    "fractions of one topic": (
-        REQUIRED | {"/gps": b'{"itow_ms": 1.5}'},
-        {},
-        "/gps: 30 of 30 messages cannot be decoded: itow_ms has a fraction; write an integer",
-    ),
-    "capitals": (
-        imu(status="OK"),
-        {},
-        'none of its 30 messages can be decoded; /imu: status is "OK"; write one of ok, starting, stale, '
-        "fault, saturated, no_reply, timeout, busy, corrupt, wrong_device, no_data",
-    ),
-    "not a number": (
-        imu(specific_force_y_mps2=float("nan")),
-        {},
-        "none of its 30 messages can be decoded; /imu: NaN is not JSON; write null where nothing was measured",
-    ),
-    "list": (
-        {"/imu": b"[1, 2]"},
-        {},
-        "none of its 30 messages can be decoded; /imu: a message is not a JSON object with the names of its fields",
-    ),
-    "protobuf": (
-        {"/imu": b"\x08\x01"},
-        {"encoding": "protobuf"},
-        "/imu: its messages are encoded as 'protobuf'; write JSON with the message encoding 'json'",
-    ),
-    "ROS 2": (
-        imu(),
-        {"encoding": "cdr"},
-        "/imu: its messages are encoded as 'cdr'; write JSON with the message encoding 'json'",
-    ),
-    "ROS 2 profile": (
-        imu(),
-        {"profile": "ros2"},
-        "an MCAP file, but not a log of this program: the profile in its header is 'ros2', not 'flightpower' "
-        "(docs/log-format.md describes the format)",
-    ),
-    "no profile": (
-        imu(),
-        {"profile": ""},
-        "an MCAP file, but not a log of this program: the profile in its header is '', not 'flightpower' "
-        "(docs/log-format.md describes the format)",
-    ),
-    "other topics": (
-        {"imu": b"{}", "baro": b"{}"},
-        {},
-        "holds no message of a topic that docs/log-format.md has; its topics: imu, baro",
-    ),
-    "a topic is missing": (imu(), {}, "no topic /probe/alpha, which the power curve needs"),
-    "empty": ({"/imu": b""}, {}, "holds no message (it is complete, but nothing was recorded)"),
-    "never measured": (
-        REQUIRED | {"/rpm": b'{"status": "no_reply"}'},
-        {},
-        "/rpm: motor_speed_revps was never measured (its status: no_reply)",
-    ),
-    "without its value": (
-        REQUIRED | {"/rpm": b"{}"},
-        {},
-        "/rpm: motor_speed_revps never carried a value (its status: ok)",
-    ),
-}
-
-
-@pytest.mark.parametrize(("messages", "options", "message"), UNREADABLE.values(), ids=UNREADABLE.keys())
-def test_what_cannot_be_read_is_refused_with_its_mistake(
-    tmp_path: Path, messages: dict[str, bytes], options: dict[str, str], message: str
-) -> None:
-    path = file_of(tmp_path / "flight.mcap", messages, **options)
-    with pytest.raises(InputError) as caught:
-        check_messages(read_log(path))
-    assert str(caught.value) == f"{path}: {message}"
-
-
-def test_messages_out_of_order_are_sorted(tmp_path: Path) -> None:
-    with (tmp_path / "flight.mcap").open("wb") as stream:
-        writer = Writer(stream)
-        writer.start(profile="flightpower")
-        channel = writer.register_channel("/rpm", "json", schema_id=0)
-        for time_ns in (3, 1, 2):
-            writer.add_message(channel, time_ns, b"{}", time_ns)
-        writer.finish()
-    assert [entry.time_ns for entry in read_log(tmp_path / "flight.mcap").entries["/rpm"]] == [1, 2, 3]
 
 
 def test_some_damaged_messages_are_no_reason_to_refuse(written: Log) -> None:

@@ -17,7 +17,6 @@ from motor_data import (
     steady_points,
 )
 
-from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.polar import Condition, Polar, speed_at
 from analysis.performance.analysis import (
@@ -31,6 +30,7 @@ from analysis.performance.analysis import (
 from analysis.performance.conditions import TitledCondition
 from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
 from analysis.performance.propagation import ParameterVector, UncertainValue, combine_independent, exact
+from analysis.signals.aircraft_size import LEAST_HEIGHT_M
 from sim.plant import plant_of
 
 UNKNOWN = FullThrottle(None, reason="not flown")

@@ -60,7 +60,7 @@ def test_an_answer_that_is_not_sure_says_so(with_battery: Results, use: Performa
     endurance, far, throttle = headline_answers(results)
     assert endurance.answer == "14.0 m/s, the slowest flown" and far.answer == "16.0 m/s, the fastest flown"
     assert "Outside the propeller table: an extrapolation." in endurance.note
-    assert "the slowest speed flown: do not fly slower" in endurance.note and "10.2" not in endurance.note
+    assert "Not slower than this unless you fly slower first." in endurance.note and "10.2" not in endurance.note
     assert "assumed" not in endurance.note
     assert throttle.note.endswith("Outside the propeller table: an extrapolation.")
     unknown = replace(results, use=replace(use, available=replace(use.available, reason="No full throttle.")))
@@ -82,7 +82,7 @@ def test_the_field_table_is_in_its_units(with_battery: Results, use: Performance
     assert speed_rows(use) == [["14 *", "50", "80", "50", "42.0", "–"]]
     assert loading_rows(use) == [["as flown", "3.77", "50", "14.0", "40.0", "16.0", "25.0", "4.0"]]
     ends = replace(use, loadings=[replace(use.loadings[0], endurance_at_slowest=True, range_at_fastest=True)])
-    assert loading_rows(ends)[0][3] == "≤\u00a014.0" and loading_rows(ends)[0][5] == "≥\u00a016.0"
+    assert loading_rows(ends)[0][3] == "14.0\u00a0(slowest)" and loading_rows(ends)[0][5] == "16.0\u00a0(fastest)"
     text = to_markdown(with_battery, use)
     assert "\\* outside the propeller table" in text and "The motor is assumed." in text
     flown = replace(use, field_table=[replace(use.field_table[0], extrapolated=False)])

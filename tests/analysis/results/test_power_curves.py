@@ -46,12 +46,22 @@ def test_a_point_of_a_method_keeps_its_coefficients_at_another_weight_and_densit
 def test_optimum_speeds_are_those_of_the_textbook_and_marked_outside_the_flown_range() -> None:
     """CDi = 3 CD0 at least power (1.6), CDi = CD0 at least drag (1.10)."""
     slow = power_curves.optimum(minimum_power_lift, POLAR, AT, (0.3, 1.6))
-    far = power_curves.optimum(best_range_lift, POLAR, AT, (0.3, 0.7))
+    far = power_curves.optimum(best_range_lift, POLAR, AT, (0.9, 1.6))
     for found, CL, inside in ((slow, np.sqrt(3 * CD0 / K), True), (far, np.sqrt(CD0 / K), False)):
         V = np.sqrt(2 * AT.weight_N / (AT.rho * CL * AT.wing_area_m2))
         assert found.speed_mps == pytest.approx(V)
         assert found.lo_mps is not None and found.hi_mps is not None and found.lo_mps < V < found.hi_mps
         assert found.inside_flown_range == inside
+
+
+def test_an_optimum_slower_than_was_flown_is_not_named() -> None:
+    """Least drag at C_L = 0.82, flown up to 0.7; and one that is just inside, its interval is not."""
+    not_flown = power_curves.optimum(best_range_lift, POLAR, AT, (0.3, 0.7))
+    assert (not_flown.speed_mps, not_flown.lo_mps, not_flown.inside_flown_range) == (None, None, False)
+    assert not_flown.reason == "It lies below the slowest speed flown."
+    at_end = power_curves.optimum(best_range_lift, POLAR, AT, (0.3, np.sqrt(CD0 / K) + 1e-4))
+    assert at_end.speed_mps is not None and at_end.lo_mps is None and at_end.inside_flown_range
+    assert at_end.reason == "The interval reaches below the slowest speed flown."
 
 
 def test_a_polar_without_an_optimum_has_none() -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from test_reconstruction import flown as fly
 
-from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.airdata.magnetometer import calibrate, compass
+from analysis.signals.aircraft_size import LEAST_HEIGHT_M
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from analysis.trajectory import dryden
-from sim.air import Air, dryden_scales, mean_wind
+from sim.air import Air, gust_scales, mean_wind
 
 
 def test_mean_wind_profile_is_the_standards_and_constant_outside_its_layer() -> None:
@@ -22,7 +22,7 @@ def test_mean_wind_profile_is_the_standards_and_constant_outside_its_layer() -> 
 
 def test_longitudinal_gusts_have_the_standards_intensity_and_length() -> None:
     heights = np.array([5.0, 40.0, 100.0])
-    scales = dryden_scales(4.0, heights)
+    scales = gust_scales(4.0, heights)
     found = dryden.longitudinal(0.4, heights, 15.0)
     assert found.sigma_mps == pytest.approx(scales.sigma_u)
     assert found.time_s == pytest.approx(scales.L_u / 15.0)
@@ -30,7 +30,7 @@ def test_longitudinal_gusts_have_the_standards_intensity_and_length() -> None:
 
 def test_lateral_gusts_are_as_longitudinal_ones_and_vertical_ones_as_long_as_the_height() -> None:
     heights = np.array([5.0, 40.0, 100.0])
-    scales = dryden_scales(4.0, heights)
+    scales = gust_scales(4.0, heights)
     lateral, vertical = dryden.lateral(0.4, heights, 15.0), dryden.vertical(0.4, heights, 15.0)
     assert (lateral.sigma_mps, vertical.sigma_mps) == (pytest.approx(scales.sigma_u), pytest.approx(scales.sigma_w))
     assert (lateral.time_s, vertical.time_s) == (pytest.approx(scales.L_u / 15.0), pytest.approx(scales.L_w / 15.0))

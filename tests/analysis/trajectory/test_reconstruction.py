@@ -6,8 +6,8 @@ import flights
 import numpy as np
 import pytest
 
-from analysis.airdata.air import LEAST_HEIGHT_M
 from analysis.drag.forces import THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA
+from analysis.signals.aircraft_size import LEAST_HEIGHT_M
 from analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,

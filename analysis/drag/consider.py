@@ -1,0 +1,39 @@
+"""Errors that no residual of the flight shows: consider terms (Schmidt 1966; Tapley et al. 2004, ch. 6).
+
+Each has a size that the user gives in [uncertainty] of the aircraft file, or its default there. The estimate is
+repeated with each error of one standard deviation, and the outer product of its change is added to the covariance.
+"""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from flight.aircraft import Aircraft
+
+Array = NDArray[np.float64]
+
+
+def without_updraft(forces: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
+    """Forces as in still air, if the air rose by one standard deviation. forces: of `FlightForces.forces`.
+
+    Air that rises by w carries the aircraft: drag is larger than measured by lift times w/V.
+    """
+    return forces.assign(CD=forces["CD"] + forces["CL"] * aircraft.uncertainty.updraft_mps / forces["V"])
+
+
+def weighing_more(aircraft: Aircraft) -> Aircraft:
+    """The aircraft heavier by one standard deviation of its weight."""
+    return aircraft.weighing(_factor(aircraft) * aircraft.mass.weight_N)
+
+
+def at_nominal_weight(values: Array, aircraft: Aircraft) -> Array:
+    """An estimate (m,) of A0, A1, A2 and others for `weighing_more`, so that it gives the same power at each speed.
+
+    The lift coefficient at a speed is larger by the same factor as the weight.
+    """
+    factor = _factor(aircraft)
+    return values * np.concatenate([[1.0, factor, factor**2], np.ones(len(values) - 3)])
+
+
+def _factor(aircraft: Aircraft) -> float:
+    return 1 + aircraft.uncertainty.weight_fraction

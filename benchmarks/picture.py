@@ -1,0 +1,52 @@
+"""The README's picture: the curve of the demonstration with the truth of the simulator drawn over it, by Chromium.
+
+.venv/bin/python benchmarks/picture.py out/demo docs/power-required.png
+"""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import pandas as pd
+import typer
+
+from analysis.report.figures.power import power_required
+from analysis.report.figures.style import ORANGE
+from analysis.results.schema import Results
+from sim.figures import picture
+from sim.output_folder import CURVE, LOG
+
+WIDTH, HEIGHT = 1200, 600
+
+
+def main(
+    flight: Annotated[Path, typer.Argument(help="Folder of a simulated flight that was analysed.")],
+    output: Annotated[Path, typer.Argument(help="PNG file to write.")],
+) -> None:
+    report = (flight / LOG).with_suffix(".report")
+    results = msgspec.json.decode((report / "results.json").read_bytes(), type=Results)
+    picture(drawn(results, pd.read_csv(flight / CURVE)), output)
+
+
+def drawn(results: Results, truth: pd.DataFrame) -> Any:
+    """The report's figure with the true curve over the speeds that it shows."""
+    figure = power_required(results)
+    band, *curves = figure.data
+    band.update(name="95 % interval", showlegend=True)
+    for number, trace in enumerate(trace for trace in curves if trace.line.dash == "dash"):
+        trace.update(name="not flown", showlegend=number == 0)
+    shown = [float(V) for trace in curves for V in trace.x]
+    truth = truth[truth["speed_mps"].between(min(shown), max(shown))]
+    figure.add_scatter(
+        x=truth["speed_mps"], y=truth["power_W"], mode="lines", name="truth (simulator)",
+        line={"color": ORANGE, "width": 3, "dash": "dot"},
+    )  # fmt: skip
+    title = f"{results.aircraft.title}: power required, from one simulated flight of two and a half minutes"
+    figure.update_layout(
+        width=WIDTH, height=HEIGHT, margin={"t": 130}, title={"text": title, "x": 0.02, "y": 0.96, "font": {"size": 22}}
+    )
+    return figure
+
+
+if __name__ == "__main__":
+    typer.run(main)

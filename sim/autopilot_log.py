@@ -1,0 +1,35 @@
+"""A simulated flight as PX4 or ArduPilot logs it."""
+
+from pathlib import Path
+
+from flight.errors import InputError
+from sim.ardupilot_log import write_ardupilot_log
+from sim.fly import Flight
+from sim.output_folder import ARDUPILOT_LOG, PX4_LOG
+from sim.px4_log import FAULTS, write_px4_log
+from sim.sensors import FlightSensorTruth
+from sim.sensors.budget import DrawnErrors
+
+
+def faults_of(recorder: str | None, text: str) -> list[str]:
+    """The faults that --log-faults names. Raises InputError for what is unknown, or has no use."""
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if recorder not in (None, "px4", "ardupilot"):
+        raise InputError(f"--as {recorder}: not known; give px4 or ardupilot")
+    if names and recorder != "px4":
+        raise InputError("--log-faults: needs --as px4")
+    unknown = [name for name in names if name not in FAULTS]
+    if unknown:
+        raise InputError(f"--log-faults {', '.join(unknown)}: not known; known: {', '.join(FAULTS)}")
+    return names
+
+
+def write_autopilot_log(
+    output: Path, recorder: str, flight: Flight, sensor_truth: FlightSensorTruth, drawn: DrawnErrors, faults: list[str]
+) -> Path:
+    """Write the log and return its path. recorder: "px4" or "ardupilot"."""
+    if recorder == "px4":
+        write_px4_log(output / PX4_LOG, flight, sensor_truth, drawn, faults)
+        return output / PX4_LOG
+    write_ardupilot_log(output / ARDUPILOT_LOG, flight, sensor_truth, drawn)
+    return output / ARDUPILOT_LOG

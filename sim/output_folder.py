@@ -1,0 +1,114 @@
+"""The folder of a simulated flight: which files it holds, and what must not be replaced there."""
+
+import json
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flight.errors import InputError
+from flight.output_file import check_writable
+from flight.text_file import read_text
+
+if TYPE_CHECKING:
+    from sim.fly import Flight
+    from sim.sensors.budget import DrawnErrors
+    from sim.world import World
+
+TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
+PX4_LOG, ARDUPILOT_LOG = "log.ulg", "log.BIN"
+OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, PX4_LOG, ARDUPILOT_LOG)
+AIRCRAFT, PROPELLER, PROBE = "aircraft.toml", "propeller.csv", "probe.json"
+
+
+def check_output(output: Path, replace: bool) -> None:
+    """Raise InputError if writing would replace something else than an earlier simulation."""
+    if output.exists() and not output.is_dir():
+        raise InputError(f"{output}: not a folder; give another one")
+    taken = [name for name in OUTPUT_FILES if (output / name).exists()]
+    if taken and not replace:
+        raise InputError(f"{output}: already contains {taken[0]}; give another folder, or --replace")
+    if taken and not (output / TRUTH).exists():
+        raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another folder")
+    check_writable(output / LOG)
+
+
+def probe_text(probe: Path | None) -> str:
+    """The probe calibration of a file; by default the shipped one, of the simulated probe in the simulated tunnel."""
+    if probe is None:
+        return (resources.files("sim") / "data" / PROBE).read_bytes().decode()
+    if not probe.exists():
+        raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
+    text = read_text(probe)
+    try:
+        calibration = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"{probe}: not a probe calibration ({error})") from None
+    if not isinstance(calibration, dict):
+        raise InputError(f"{probe}: not a probe calibration (not a JSON object)")
+    return text
+
+
+def check_probe(output: Path, calibration: str, probe: Path | None) -> None:
+    """Raise InputError if the flight would replace a probe calibration in its folder."""
+    there = output / PROBE
+    if not there.exists() or (probe is not None and there.samefile(probe)):
+        return
+    if there.read_bytes() != calibration.encode():
+        raise InputError(f"{there}: is another calibration; give it with --probe, or give another folder")
+
+
+def write_flight(
+    output: Path, flight: "Flight", drawn: "DrawnErrors", world: "World", aircraft: str, calibration: str
+) -> None:
+    """Write all but the log. Raises InputError when something cannot be written.
+
+    aircraft: name or file     calibration: of the probe
+    """
+    from sim.truth import write_truth
+
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        for name in OUTPUT_FILES:
+            (output / name).unlink(missing_ok=True)
+        metadata = {**flight.metadata, "world": world.name, "errors": drawn.as_dict()}
+        write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
+        flight.power_required.to_csv(output / CURVE, index=False)
+        (output / TRAY).write_text(_tray_text(_aircraft(output, flight, world, aircraft)), "utf-8")
+        (output / PROBE).write_bytes(calibration.encode())
+    except OSError as error:
+        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+
+
+def _aircraft(output: Path, flight: "Flight", world: "World", name: str) -> str:
+    """What the tray calls the aircraft; its file and the propeller table are written where they are not shipped."""
+    text, said = flight.aircraft.text, world.uncertainty
+    table = world.table(flight.aircraft.propulsion)
+    if said is not None and not flight.aircraft.has("uncertainty"):
+        text += (
+            f'\n[uncertainty]\nweight = "{100 * said.weight_fraction:g} %"\nupdraft = "{said.updraft_mps:g} m/s"\n'
+            f'hysteresis = "{100 * said.hysteresis_fraction:g} %"\n'
+        )
+    if table is not None:
+        (output / PROPELLER).write_text(table.to_csv(), "utf-8")
+        named = f'propeller = "{flight.aircraft.propulsion.propeller}"'
+        text = text.replace(named, f'propeller = "{(output / PROPELLER).resolve()}"')
+    if text == flight.aircraft.text and not Path(name).is_file():
+        return name
+    (output / AIRCRAFT).write_text(text, "utf-8")
+    return AIRCRAFT
+
+
+def _tray_text(aircraft: str) -> str:
+    """The daemon's example tray, changed for this flight. Files it needs are copied, so the folder can be moved."""
+    text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
+    lines = []
+    for line in text.splitlines():
+        key = line.lstrip("# ").split("=")[0].strip()
+        if key == "aircraft":
+            line = f'aircraft = "{aircraft}"'
+        elif key == "directory":
+            line = 'directory = "."'
+        elif key == "probe_calibration":
+            line = f'probe_calibration = "{PROBE}"'
+        lines.append(line)
+    return "\n".join(lines) + "\n"

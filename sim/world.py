@@ -1,0 +1,135 @@
+"""Named worlds: what a simulated flight has that the analysis does not assume.
+
+A world is an error budget, with differences of the air, of the pilot, and of the propeller table that the analysis
+gets. Every error budget is a world too, without such differences. `worlds` lists all.
+"""
+
+import tomllib
+from dataclasses import dataclass, field, fields, replace
+from importlib import resources
+from typing import Any
+
+from flight.aircraft import Propulsion, Uncertainty
+from flight.errors import InputError
+from flight.propeller import Propeller
+from flight.propeller_files import load_propeller
+from flight.units import read_table, split_unit
+from sim.air import Air
+from sim.pilot_wander import PilotWander
+from sim.plan import Plan
+from sim.sensors.budget import AS_GIVEN, ErrorBudget, Systematic, load_budget, shipped_budgets
+from sim.true_propeller import table_until, true_propeller
+
+
+@dataclass(frozen=True, kw_only=True)
+class PropellerTable:
+    """The table that the analysis gets, where it is not the one of the aircraft file.
+
+    ends_at_cT : of each row, the points up to the first with less thrust. Where it is negative, the windmilling branch
+    of the propeller that is flown belongs to the table.
+    """
+
+    ends_at_cT: float | None = None
+
+
+@dataclass(frozen=True)
+class World:
+    """title : one sentence     air : the differences from a plan's air, by the names of `Air`
+    uncertainty : what the user says of this world in the aircraft file; None for the defaults
+    """
+
+    name: str
+    title: str
+    errors: ErrorBudget
+    air: dict[str, Any] = field(default_factory=dict)
+    pilot: PilotWander | None = None
+    propeller_table: PropellerTable = PropellerTable()
+    uncertainty: Uncertainty | None = None
+
+    def plan(self, plan: Plan, seed: int) -> Plan:
+        """The plan in this world's air, by this world's pilot. seed: draws the places of updrafts and sinks."""
+        air = replace(plan.air, **self.air, convection_seed=seed) if self.air else plan.air
+        return replace(plan, air=air, wander=self.pilot or plan.wander)
+
+    def table(self, propulsion: Propulsion) -> Propeller | None:
+        """The propeller table that the analysis gets; None for the one that the aircraft file names."""
+        least_cT = self.propeller_table.ends_at_cT
+        if least_cT is None or propulsion.propeller is None:
+            return None
+        table = load_propeller(propulsion.propeller)
+        if least_cT < 0:
+            table = true_propeller(table, windmilling=self.errors.systematic.windmilling)
+        return table_until(table, least_cT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _File:
+    """errors : the budget that [noise] and [systematic] change     times : factor on its systematic errors"""
+
+    title: str
+    errors: str = "study"
+    times: float = 1.0
+    air: Air = field(default_factory=Air)
+    pilot: PilotWander | None = None
+    propeller_table: PropellerTable = PropellerTable()
+    uncertainty: Uncertainty | None = None
+
+
+def worlds() -> list[str]:
+    """Names of all worlds: the error budgets first."""
+    folder = resources.files("sim") / "data" / "worlds"
+    return shipped_budgets() + sorted(
+        f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")
+    )
+
+
+def world_of(name: str | None, errors: str | None) -> World:
+    """The named world, or the assumed one with an error budget, by default "bench". Raises InputError for both."""
+    if name is not None and errors is not None:
+        raise InputError("--world has an error budget of its own: leave out --errors")
+    if name is not None:
+        return load_world(name)
+    budget = load_budget(errors or "bench")
+    return World(errors or "bench", budget.title, budget)
+
+
+def load_world(name: str) -> World:
+    """A shipped world by its name. Raises InputError when there is none."""
+    if name in shipped_budgets():
+        errors = load_budget(name)
+        return World(name, errors.title, errors)
+    shipped = resources.files("sim") / "data" / "worlds" / f"{name}.toml"
+    if name not in worlds():
+        raise InputError(f"world {name}: not one of {', '.join(worlds())}")
+    return parse_world(shipped.read_text("utf-8"), name)
+
+
+def parse_world(text: str, name: str) -> World:
+    """The world described by the text of a file. Raises InputError naming the key that is wrong."""
+    where = f"world {name}"
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{where}: not valid TOML ({error})") from None
+    changed = {section: table.pop(section, {}) for section in ("noise", "systematic")}
+    file = read_table(_File, table, where)
+    budget, changes = _times(load_budget(file.errors), file.times), read_table(ErrorBudget, changed, where)
+    errors = replace(
+        budget,
+        noise=replace(budget.noise, **_given(changes.noise, changed["noise"])),
+        systematic=replace(budget.systematic, **_given(changes.systematic, changed["systematic"])),
+    )
+    air = _given(file.air, table.get("air", {}))
+    return World(name, file.title, errors, air, file.pilot, file.propeller_table, file.uncertainty)
+
+
+def _given(read: Any, table: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a dataclass whose keys the table has."""
+    return {f.name: getattr(read, f.name) for f in fields(read) if split_unit(f.name)[0] in table}
+
+
+def _times(budget: ErrorBudget, factor: float) -> ErrorBudget:
+    """The budget with its systematic errors times a factor; not those that are given and not drawn."""
+    sizes = {f.name: getattr(budget.systematic, f.name) for f in fields(Systematic) if f.name not in AS_GIVEN}
+    larger = {name: factor * size for name, size in sizes.items()}
+    return replace(budget, systematic=replace(budget.systematic, **larger))

@@ -1,0 +1,80 @@
+"""Thresholds scale with the speed of the aircraft; what a light aircraft or a gentle pilot loses is told."""
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.maneuvers.find_level import find_runs
+from analysis.maneuvers.find_loads import find_loads
+from analysis.maneuvers.quality import too_low
+from analysis.signals.aircraft_size import SPEED_SCALE, flying_Pa, speed_scale
+from flight.aircraft import Aircraft, load_aircraft
+from flight.units import GRAVITY_MPS2
+from tests.analysis.maneuvers.test_find import RATE_HZ, flight, up_and_down
+
+LIGHT, NEXSTAR, HEAVY = (load_aircraft(name) for name in ("light-1kg", "nexstar", "survey-6kg"))
+SCALE = speed_scale(LIGHT)
+
+
+def test_only_slower_aircraft_have_other_thresholds() -> None:
+    assert speed_scale(NEXSTAR) == speed_scale(HEAVY) == 1.0
+    assert flying_Pa(speed_scale(NEXSTAR)) == 30.0
+
+
+def test_the_pressure_of_flight_is_one_lift_coefficient_for_all_slower_aircraft() -> None:
+    """Half the wing loading, half the pressure; the light aircraft stalls at 22.9 Pa."""
+
+    def CL(aircraft: Aircraft) -> float:
+        return aircraft.mass.weight_N / aircraft.geometry.wing_area_m2 / flying_Pa(speed_scale(aircraft))
+
+    assert CL(LIGHT) == pytest.approx(CL(LIGHT.weighing(1.5 * LIGHT.mass.weight_N)))
+    assert flying_Pa(SCALE) < 22.9 / 2
+    feather = dataclasses.replace(LIGHT, geometry=dataclasses.replace(LIGHT.geometry, wing_area_m2=2.0))
+    assert flying_Pa(speed_scale(feather)) == 8.0, "never below the noise of the transducer"
+
+
+def scaled(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(**{SPEED_SCALE: SCALE})
+
+
+def test_a_short_gentle_run_counts_for_a_light_aircraft_and_is_told_for_another() -> None:
+    """From 7 to 9.2 m/s in 6 s is 0.37 m/s^2; 7 to 14 m/s in 3.2 s is short."""
+    speed = up_and_down(low=7.0, high=9.2, seconds=6.0)
+    slow = flight(speed).assign(V_mps=speed)
+    runs, rejected = find_runs(scaled(slow))
+    assert [run.kind for run in runs] == ["acceleration", "deceleration"] and not rejected
+    runs, rejected = find_runs(slow)
+    assert not runs and [one.reason.split(":")[0] for one in rejected] == ["too gentle"] * 2
+    assert "0.50 m/s² are needed" in rejected[0].reason
+    brief = flight(up_and_down(low=7.0, high=14.0, seconds=2.2))
+    assert len(find_runs(scaled(brief))[0]) == 2 and not find_runs(brief)[0]
+
+
+def test_a_light_aircraft_may_fly_lower() -> None:
+    data = flight(np.full(250, 9.0), height=np.full(250, 15.0))
+    assert "20 m are needed" in too_low(data)
+    assert too_low(scaled(data)) == ""
+
+
+def oscillating(amplitude: float, irregular: bool = False) -> pd.DataFrame:
+    """30 s of level flight whose load factor swings by an amplitude, once in 1.5 s or at random."""
+    n = round(40 * RATE_HZ)
+    t = np.arange(n) / RATE_HZ
+    wave = np.sin(2 * np.pi * t / 1.5)
+    if irregular:
+        noise = np.random.default_rng(3).standard_normal(n)
+        wave = np.convolve(noise, np.exp(-np.arange(50) / 8), mode="same") / 2
+    load = 1 + amplitude * wave * ((t > 5) & (t < 35))
+    return flight(np.full(n, 15.0)).assign(az_mps2=-GRAVITY_MPS2 * load)
+
+
+def test_a_porpoise_too_gentle_to_count_is_told_and_gusts_are_not() -> None:
+    found, rejected = find_loads(oscillating(0.2))
+    (gentle,) = rejected
+    assert not found and gentle.kind == "porpoising" and "too gentle to count: load factor 0.8" in gentle.reason
+    assert gentle.start_s == pytest.approx(5.0, abs=2.0) and gentle.end_s == pytest.approx(35.0, abs=2.0)
+    assert find_loads(oscillating(0.2, irregular=True))[1] == []
+    enough, rejected = find_loads(oscillating(0.6))
+    assert [one.kind for one in enough] == ["porpoising"] and rejected == []

@@ -1,0 +1,37 @@
+"""The table of the study, and what it does not fly again."""
+
+import json
+
+import pytest
+from study import Cell, cells, key, known_lines, tables
+
+
+def line(seed: int, error: list[float | None], half: list[float | None], alarm: bool = False) -> dict[str, object]:
+    found = {"world": "weight", "weather_kt": 3.0, "plan": "two-pairs", "seed": seed, "version": "v"}
+    return found | {"error": error, "half": half, "warnings": ["x"], "alarm": alarm}
+
+
+def test_coverage_is_counted_at_each_speed_and_over_all():
+    """Five points covered of seven; the fastest speed was reached by one flight alone."""
+    lines = [line(0, [1.0, -3.0, 0.5, None], [2.0] * 3 + [None], True), line(1, [1.0, 1.0, -2.5, 0.1], [2.0] * 4)]
+    row = tables(lines).splitlines()[-1]
+    assert row.startswith("| weight | 3 | two-pairs | 2 | 71 | 100 / 50 / 50 / 100 |")
+    assert row.endswith("| 1.0 | 50 |")
+
+
+def test_refused_flights_are_counted_and_not_averaged():
+    refused = {name: value for name, value in line(1, [], []).items() if name not in ("error", "half")}
+    text = tables([line(0, [1.0], [2.0]), refused | {"refused": "too rough"}])
+    assert "| 1 (1 refused) | 100 |" in text
+
+
+def test_a_line_cut_off_by_an_interruption_is_flown_again(tmp_path):
+    path = tmp_path / "study.jsonl"
+    path.write_text(json.dumps(line(0, [1.0], [2.0])) + "\n" + json.dumps(line(1, [1.0], [2.0]))[:40], "utf-8")
+    assert [key(found) for found in known_lines(path)] == [("weight", 3.0, "two-pairs", 0, "v")]
+    assert known_lines(tmp_path / "none.jsonl") == []
+
+
+@pytest.mark.parametrize(("world", "flown"), [("gusts", [3.0, 15.0]), ("weight", [0.0, 3.0, 15.0])])
+def test_a_world_of_other_gusts_is_not_flown_in_calm_air(world, flown):
+    assert list(cells([world], [0.0, 3.0, 15.0], ["two-pairs"])) == [Cell(world, kt, "two-pairs") for kt in flown]

@@ -1,0 +1,44 @@
+"""When a flight supports a calibration of the airspeed, and what it lacks otherwise."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.trajectory.airspeed_scale import calibrate
+
+PRIOR = 0.01
+
+
+def found(*, error: float = 0.2 * PRIOR, converged: bool = True, gps: bool = True):
+    """The calibration of a flight around a box, from a trajectory with this standard error of the scale."""
+    rows = np.arange(40)
+    states = pd.DataFrame({"psi": np.repeat([0.0, 1.57, 3.14, -1.57], 10), "wind_north": 3.0, "wind_east": -4.0})
+    trajectory = SimpleNamespace(
+        block_means=SimpleNamespace(rows=rows, measured=lambda name: gps),
+        states=states,
+        standard_error=lambda name: error,
+        prior_standard_error=lambda name: PRIOR,
+        value=lambda name: 0.004,
+        converged=converged,
+    )
+    return calibrate(pd.DataFrame({"flying": np.ones(40, dtype=bool)}), trajectory)
+
+
+def test_a_determined_scale_is_supported() -> None:
+    assert found().unsupported == "" and found().notes == []
+    assert (found().wind_mps, found().wind_from_deg) == pytest.approx((5.0, 126.87), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("flight", "cause"),
+    [
+        ({"error": 0.81 * PRIOR}, "does not determine the scale (standard error 0.8 %, before the flight 1.0 %)"),
+        ({"gps": False}, "fly with GPS"),
+        ({"converged": False}, "did not converge"),
+    ],
+)
+def test_otherwise_one_line_says_what_is_missing(flight: dict, cause: str) -> None:
+    assert cause in found(**flight).unsupported and "\n" not in found(**flight).unsupported
+    assert found(error=0.79 * PRIOR).unsupported == ""

@@ -1,0 +1,176 @@
+"""The commands of README, tutorial and docs run as they stand, and print what the tutorial shows.
+
+Which of them run here: those of the tutorial that have an output, and every other one that needs no log. Of the rest,
+names and options are checked: they need the aircraft's sensors (`daq run`, `check`, `zero`), a log or a file of the
+reader's own, or minutes (long flights, benchmarks).
+"""
+
+import contextlib
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import pytest
+from running import rewritten
+
+from flight.aircraft import load_aircraft
+from sim.plan import load_plan
+from sim.sensors import load_budget
+from sim.truth import read_truth
+from tests.documented_commands import (
+    PAGES,
+    ROOT,
+    Step,
+    arguments_of,
+    commands_in,
+    do,
+    mentions_in,
+    parse,
+    run,
+    same,
+    steps_in,
+)
+
+pytestmark = pytest.mark.xdist_group("documented")
+
+TUTORIAL = ROOT / "docs" / "tutorial.md"
+# The first words of commands that need no log and no sensor.
+QUICK = ("sim tunnel", "sim trim", "sim modes", "flightpower new", "flightpower --version", "daq config")
+BENCHMARK = re.compile(r"python ((?:benchmarks/|-m )[\w./]+)([^`\n]*)")
+
+
+class Walk(NamedTuple):
+    """What was done: the folder, and each step with what it printed."""
+
+    folder: Path
+    steps: list[tuple[Step, list[str]]]
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Walk]:
+    """The tutorial, walked through in an empty folder."""
+    folder = tmp_path_factory.mktemp("tutorial")
+    with contextlib.chdir(folder):
+        yield Walk(folder, [(step, do(step)) for step in steps_in(TUTORIAL)])
+
+
+def test_the_tutorial_shows_what_its_commands_print(walk: Walk) -> None:
+    """To renew the outputs: python -m tests.documented_commands docs/tutorial.md"""
+    assert sum(bool(step.command) for step, _ in walk.steps) > 15
+    for step, printed in walk.steps:
+        if step.command:
+            assert step.shown, step.command
+            different = [pair for pair in zip(step.shown, printed, strict=False) if not same(*pair)]
+            assert len(step.shown) == len(printed) and not different, (step.command, printed)
+
+
+def quick_commands() -> list[str]:
+    """Commands of all pages that need no log, each once, without those of the tutorial."""
+    walked = {step.command for step in steps_in(TUTORIAL)}
+    found = (" ".join(command.split("  #")[0].split()) for page in PAGES for command in commands_in(page))
+    return [one for one in dict.fromkeys(found) if one.startswith(QUICK) and one not in walked]
+
+
+def test_the_other_commands_that_need_no_log_run_as_they_stand(walk: Walk) -> None:
+    """In the tutorial's folder: its files are what such a command reads. A file that exists is not in the way."""
+    for command in quick_commands():
+        written = re.search(r"(?:-o|--output|>) (\S+)", command)
+        if written:
+            Path(written[1]).unlink(missing_ok=True)
+        code, output = run(command.partition(">")[0])
+        assert code == 0, (command, output)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_words_of_every_command_are_known(page: Path) -> None:
+    for command in mentions_in(page):
+        parse(command, whole=False)
+    for command in commands_in(page):
+        parse(command, whole=True)
+        for option, load in (("--plan", load_plan), ("--errors", load_budget)):
+            words = arguments_of(command)
+            if option in words[:-1]:
+                load(words[words.index(option) + 1])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_benchmarks_have_the_options_that_are_named(page: Path) -> None:
+    for program, words in BENCHMARK.findall(page.read_text("utf-8")):
+        path = program.removeprefix("-m ").replace(".", "/") + ".py" if program.startswith("-m ") else program
+        source = (ROOT / path).read_text("utf-8")
+        for option in re.findall(r"(?<!\S)--[\w-]+", words):
+            name = option.removeprefix("--").replace("-", "_")
+            assert option in source or re.search(rf"\b{name}: ", source), f"{program} has no {option}"
+
+
+def truth(folder: Path) -> tuple[pd.DataFrame, dict]:
+    return read_truth(folder / "truth.parquet")
+
+
+def printed(walk: Walk, start: str) -> str:
+    """What the last command that starts like this printed, in one line."""
+    return " ".join([" ".join(output) for step, output in walk.steps if step.command.startswith(start)][-1].split())
+
+
+def test_the_curve_of_the_demonstration_contains_the_truth_and_needs_no_warning(walk: Walk) -> None:
+    """The propeller stays inside its table, so that nothing of the README's picture has to be explained away."""
+    results = json.loads((walk.folder / "out/demo/log.report/results.json").read_text("utf-8"))
+    assert results["warnings"] == []
+    points = results["power_required"]
+    assert not any(point["extrapolated"] for point in points)
+    V, low, high = (np.array([p[name] for p in points]) for name in ("speed_mps", "power_lo_W", "power_hi_W"))
+    curve = pd.read_csv(walk.folder / "out/demo/truth_power_required.csv")
+    true = np.interp(V, curve["speed_mps"], curve["power_W"])
+    assert np.all((low < true) & (true < high))
+
+
+def test_rehearsed_bursts_bound_the_lag_of_short_lines(walk: Walk) -> None:
+    """0.4 ms, a hundredth of a tick: no more than an upper bound, and nothing to change."""
+    said = printed(walk, "calibrate tubing")
+    assert said.count("from 8 steps") == 3 and "Nothing to change" in said
+    for bound, expected in re.findall(r"shorter than ([\d.]+) ms.*?file ([\d.]+) ms", said):
+        assert float(expected) < float(bound) < 14
+
+
+def test_the_rehearsed_magnetometer_calibration_is_the_simulator_s(walk: Walk) -> None:
+    found = json.loads((walk.folder / "magnetometer.json").read_text("utf-8"))
+    _, metadata = truth(walk.folder / "out/turned")
+    error = np.array(found["hard_iron_T"]) - metadata["errors"]["hard_iron"]
+    assert np.all(np.abs(error) < 4 * np.array(found["hard_iron_error_T"]))
+    # Lengths do not determine a rotation, and the scale of all axes is the field's.
+    iron = np.array(found["soft_iron"]) @ np.array(metadata["errors"]["soft_iron"])
+    assert np.allclose(iron / (np.trace(iron) / 3), np.eye(3), atol=5 * found["soft_iron_error"])
+
+
+def test_rehearsed_surfaces_are_those_of_the_aircraft_file(walk: Walk) -> None:
+    said = printed(walk, "calibrate surfaces")
+    pulses = [int(word) for word in re.search(r"pulse_us = \[([\d, ]+)\]", said)[1].split(",")]
+    elevator = load_aircraft("nexstar").elevator
+    for pulse, angle_deg in zip(pulses, (-20, -10, 0, 10, 20), strict=True):
+        assert np.degrees(elevator.angle_of_pulse_rad(pulse)) == pytest.approx(angle_deg, abs=0.05)
+
+
+def test_without_gps_no_airspeed_calibration_is_written(walk: Walk, tmp_path: Path) -> None:
+    rewritten(walk.folder / "out/box", tmp_path / "no-gps.mcap", without_topic="/gps")
+    code, output = run(f"calibrate airspeed {tmp_path}/no-gps.mcap -o {tmp_path}/airspeed.json")
+    assert code == 2 and output[-1].endswith("not determined: fly with GPS")
+    assert not (tmp_path / "airspeed.json").exists()
+
+
+def test_the_rehearsed_airspeed_scale_and_wind_are_the_simulator_s(walk: Walk) -> None:
+    said = printed(walk, "calibrate airspeed")
+    value, half_width, side = re.search(r"reads ([\d.]+) ± ([\d.]+) % too (high|low)", said).groups()
+    table, metadata = truth(walk.folder / "out/box")
+    scale = (1 if side == "high" else -1) * float(value) / 100
+    assert abs(scale - metadata["errors"]["values"]["V_scale"]) < 1.5 * float(half_width) / 100
+    assert float(half_width) < 0.5
+    wind, direction = re.search(r"wind ([\d.]+) m/s from (\d+) deg", said).groups()
+    flown = table[table["phase"] == "flight"]
+    assert float(wind) == pytest.approx(
+        np.hypot(flown["wind_north_mps"].mean(), flown["wind_east_mps"].mean()), abs=0.3
+    )
+    assert float(direction) == pytest.approx(310, abs=3)

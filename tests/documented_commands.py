@@ -1,0 +1,171 @@
+"""The commands of the documentation: found, run in this process, and compared with the output that a page shows.
+
+python -m tests.documented_commands docs/tutorial.md     # renew the outputs that a page shows
+"""
+
+import contextlib
+import importlib
+import io
+import os
+import re
+import shlex
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest import mock
+
+import typer
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+MODULES = {
+    "analyze": "analysis.cli.analyze",
+    "calibrate": "analysis.cli.calibrate",
+    "sim": "sim.__main__",
+    "daq": "daq.__main__",
+    "flightpower": "flightpower.__main__",
+}
+SHELL = ("", "sh", "bash", "console")
+DRAWN = "──"  # a block with this is a drawing
+COMPLETION = ("--install-completion", "--show-completion")
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+FILE_BEFORE = re.compile(r"`([\w.-]+)`:\s*\Z")
+UNCOMMENT = re.compile(r"In `([\w.-]+)` remove the `# ` before `([^`]+)`")
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?")
+BORDER = re.compile(r"[─━]+")
+
+
+class Step(NamedTuple):
+    """Something that a page asks for: a command with its output, a file to write, or a line to uncomment."""
+
+    command: str = ""
+    shown: tuple[str, ...] = ()
+    file: str = ""
+    text: str = ""
+    uncomment: str = ""
+
+
+def commands_in(page: Path) -> list[str]:
+    """Commands of our programs in the fenced blocks of a page."""
+    blocks = [body for language, body in FENCE.findall(page.read_text("utf-8")) if language in SHELL]
+    lines = [line.removeprefix("$ ").strip() for body in blocks if DRAWN not in body for line in body.splitlines()]
+    return [line for line in lines if line.split() and line.split()[0] in MODULES]
+
+
+def mentions_in(page: Path) -> list[str]:
+    """Commands of our programs in backticks, which may lack arguments; those with a word at least after their name."""
+    words = re.findall(r"`([^`\n]+ [^`\n]+)`", FENCE.sub("", page.read_text("utf-8")))
+    return [command for command in words if command.split()[0] in MODULES and "…" not in command]
+
+
+def arguments_of(command: str) -> list[str]:
+    """The words of a command, without a comment."""
+    return shlex.split(command, comments=True)
+
+
+def steps_in(page: Path) -> list[Step]:
+    """What a page's reader does, in order."""
+    text = page.read_text("utf-8")
+    found: list[tuple[int, Step]] = []
+    for block in FENCE.finditer(text):
+        before = FILE_BEFORE.search(text[: block.start()])
+        if block[1] == "console":
+            found += [(block.start(), Step(command=c, shown=tuple(o))) for c, o in _sessions(block[2])]
+        elif block[1] == "toml" and before:
+            found.append((block.start(), Step(file=before[1], text=block[2])))
+    found += [(edit.start(), Step(file=edit[1], uncomment=edit[2])) for edit in UNCOMMENT.finditer(text)]
+    return [step for _, step in sorted(found, key=lambda item: item[0])]
+
+
+def _sessions(body: str) -> list[tuple[str, list[str]]]:
+    """Commands (after "$ ") with the lines that follow them."""
+    sessions: list[tuple[str, list[str]]] = []
+    for line in body.splitlines():
+        if line.startswith("$ "):
+            sessions.append((line.removeprefix("$ "), []))
+        else:
+            sessions[-1][1].append(line)
+    return sessions
+
+
+def run(command: str) -> tuple[int, list[str]]:
+    """Exit code and lines of output of one of our commands, run in this process, 80 columns wide."""
+    name, *arguments = arguments_of(command)
+    main = importlib.import_module(MODULES[name]).main
+    out, code = io.StringIO(), 0
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(out),
+        mock.patch.object(sys, "argv", [name, *arguments]),
+        mock.patch.dict(os.environ, {"COLUMNS": "80"}),
+    ):
+        try:
+            main()
+        except SystemExit as ended:
+            code = int(ended.code or 0)
+    return code, [line.rstrip() for line in out.getvalue().splitlines() if line.strip()]
+
+
+def do(step: Step) -> list[str]:
+    """Do a step in the working directory; the output of its command."""
+    if step.command:
+        code, output = run(step.command)
+        assert code == 0, f"{step.command}: exit code {code}: {output}"
+        return output
+    path = Path(step.file)
+    if step.uncomment:
+        before = path.read_text("utf-8")
+        assert f"# {step.uncomment}" in before, f"{path} has no line # {step.uncomment}"
+        path.write_text(before.replace(f"# {step.uncomment}", step.uncomment), "utf-8")
+    else:
+        path.write_text(step.text, "utf-8")
+    return []
+
+
+def same(shown: str, printed: str) -> bool:
+    """Equal words, and numbers equal within 2 % or two units of their last digit."""
+    if NUMBER.sub("#", BORDER.sub("-", shown)).split() != NUMBER.sub("#", BORDER.sub("-", printed)).split():
+        return False
+    return all(
+        abs(float(a) - float(b)) <= 0.02 * abs(float(a)) + 2.1 * 10.0 ** -len(a.partition(".")[2])
+        for a, b in zip(NUMBER.findall(shown), NUMBER.findall(printed), strict=True)
+    )
+
+
+def parse(command: str, *, whole: bool) -> None:
+    """Check names and options of a command without running it, and also its arguments if it is `whole`.
+
+    Raises typer's errors, or AssertionError for an unknown option.
+    """
+    name, *arguments = arguments_of(command)
+    program: Any = typer.main.get_command(importlib.import_module(MODULES[name]).app)
+    while hasattr(program, "resolve_command") and arguments and not arguments[0].startswith("-"):
+        name, program, arguments = program.resolve_command(typer.Context(program), arguments)
+    known = {option for parameter in program.params for option in (*parameter.opts, *parameter.secondary_opts)}
+    unknown = [word for word in arguments if word.startswith("--") and word not in {*known, "--help", *COMPLETION}]
+    assert not unknown, f"{command}: there is no option {unknown}"
+    if whole:
+        program.make_context(name, arguments)
+
+
+def main(page: Path) -> None:
+    """Do all steps of a page in a new folder, and put the outputs into the page."""
+    text = page.read_text("utf-8")
+    steps = steps_in(page)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        outputs = iter([do(step) for step in steps])
+        commands = [output for step, output in zip(steps, outputs, strict=True) if step.command]
+    queue = iter(commands)
+
+    def renewed(block: re.Match[str]) -> str:
+        if block[1] != "console":
+            return block[0]
+        lines = [line for command, _ in _sessions(block[2]) for line in (f"$ {command}", *next(queue))]
+        return "```console\n" + "\n".join(lines) + "\n```"
+
+    page.write_text(FENCE.sub(renewed, text), "utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]).resolve())
