@@ -81,8 +81,9 @@ class EnergyBalance:
         count = 2 * round(window_s / step_s / 2) + 1
         u = (np.arange(count) - count // 2) / (count - 1)
         weight = 1 + np.cos(2 * np.pi * u)
-        slope = -2 * np.pi / window_s * np.sin(2 * np.pi * u)
-        total = weight.sum()
+        offsets_s = u * (count - 1) * step_s
+        slope = -np.sin(2 * np.pi * u)
+        slope = slope / -(slope @ offsets_s)  # exact for a straight line
         starts = [
             start
             for rows in samples.stretches
@@ -90,7 +91,7 @@ class EnergyBalance:
         ]
         self._rows = np.array(starts, dtype=int)[:, None] + np.arange(count)
         centers_s = samples.t_s[self._rows[:, count // 2]]
-        self.windows = Windows(centers_s, u * (count - 1) * step_s, weight / total, slope / total)
+        self.windows = Windows(centers_s, offsets_s, weight / weight.sum(), slope)
         self.V_mps, self.power_W = self._mean(samples.V_mps), self._mean(samples.power_W)
         self._x = propulsion.advance(samples.V_mps, self._motor_power(conditions), conditions.rho)
 

@@ -1,0 +1,118 @@
+"""The energy balance of constructed flights, and its parts against what is known of them."""
+
+import numpy as np
+import pytest
+
+from analysis.electrical import propulsion
+from analysis.electrical.air_motion import covariance
+from analysis.electrical.correlated import correlation, most_likely_noise
+from analysis.electrical.energy_balance import (
+    DragAndEfficiency,
+    EnergyBalance,
+    FlightConditions,
+    Samples,
+    drag_power,
+    level_power,
+)
+from analysis.electrical.smoothing import smoothed
+from flight.propeller_files import load_propeller
+from flight.units import GRAVITY_MPS2 as g
+
+PARAMETERS = np.array([np.log(0.04), np.log(0.06), 0.2, 0.01, 0.4, np.log(1.3), np.log(0.7), 0.1])
+CONDITIONS = FlightConditions(mass_kg=3.0, wing_area_m2=0.5, rho=1.2, idle_power_W=4.0)
+
+
+def motor_power(useful_W: np.ndarray, V: np.ndarray) -> np.ndarray:
+    """The motor's power that gives a useful power."""
+    p, grid = DragAndEfficiency.of(PARAMETERS), np.geomspace(5.0, 3000.0, 4000)
+    gives = [
+        grid * propulsion.efficiency(propulsion.advance(v, grid, CONDITIONS.rho), p.efficiency, p.x_at_maximum, p.fall)
+        for v in V
+    ]
+    return np.array([np.interp(useful, row, grid) for useful, row in zip(useful_W, gives, strict=True)])
+
+
+@pytest.fixture(scope="module")
+def samples() -> Samples:
+    """Climbs, descents, changes of speed and turns at once; the balance holds at every instant."""
+    t = np.arange(0, 90, 0.2)
+    V, Vdot = 15 + np.sin(0.3 * t), 0.3 * np.cos(0.3 * t)
+    h, hdot = 100 + 4 * np.sin(0.17 * t), 4 * 0.17 * np.cos(0.17 * t)
+    load = 1.2 + 0.2 * np.sin(0.11 * t)
+    qS = 1.2 * V**2 / 2 * 0.5
+    CL = load * 3.0 * g / qS
+    useful = qS * V * (0.04 + 0.06 * (CL - 0.2) ** 2 + 0.01 * (CL - 0.2) ** 4) + CONDITIONS.mass_kg * (
+        V * Vdot + g * hdot
+    )
+    assert (useful > 5).all()
+    return Samples(t, V, h, motor_power(useful, V) + CONDITIONS.idle_power_W, load, [slice(0, len(t))])
+
+
+def test_the_balance_holds_in_climbs_accelerations_and_turns(samples: Samples) -> None:
+    balance = EnergyBalance(samples, CONDITIONS)
+    useful = balance.useful_W(PARAMETERS)
+    assert balance.residual(PARAMETERS) == pytest.approx(0.0, abs=0.01 * useful.mean())
+
+
+def test_climbing_takes_weight_times_climb_unless_the_air_rises(samples: Samples) -> None:
+    level = samples._replace(load_factor=np.ones(len(samples.t_s)), V_mps=np.full(len(samples.t_s), 15.0))
+    climbing = level._replace(height_m=2.0 * level.t_s)
+    balance, weight_N = EnergyBalance(level, CONDITIONS), CONDITIONS.mass_kg * g
+    in_level_flight = balance.residual(PARAMETERS, level._replace(height_m=0 * level.t_s))
+    change = balance.residual(PARAMETERS, climbing) - in_level_flight
+    assert change == pytest.approx(-2.0 * weight_N, rel=1e-3)
+    rising = balance.residual(PARAMETERS, climbing, CONDITIONS._replace(updraft_mps=2.0))
+    assert rising == pytest.approx(in_level_flight, abs=1e-3 * weight_N)
+
+
+def test_level_power_is_where_drag_meets_the_motor() -> None:
+    V = np.array([12.0, 16.0, 20.0])
+    p = DragAndEfficiency.of(PARAMETERS)
+    motor = level_power(V, PARAMETERS, CONDITIONS) - CONDITIONS.idle_power_W
+    x = propulsion.advance(V, motor, CONDITIONS.rho)
+    useful = motor * propulsion.efficiency(x, p.efficiency, p.x_at_maximum, p.fall)
+    assert useful == pytest.approx(drag_power(V, 1.0, 0.0, p, CONDITIONS), rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["apc-10x5e", "apc-12x8e"])
+def test_propellers_have_the_form_of_the_efficiency(name: str) -> None:
+    """Up to the advance ratio of greatest efficiency, within 0.04 of it."""
+    propeller = load_propeller(name)
+    n = np.full(60, 100.0)
+    V = np.linspace(0.05, 1.0, 60) * n * propeller.diameter_m
+    thrust, shaft = propeller.thrust_and_power(V, n, 1.2)
+    efficiency, x = thrust * V / shaft, propulsion.advance(V, shaft, 1.2)
+    best = int(np.argmax(np.where(thrust > 0.1 * thrust[0], efficiency, 0.0)))
+    form = propulsion.efficiency(x[:best], float(efficiency[best]), float(x[best]), 0.7)
+    assert form == pytest.approx(efficiency[:best], abs=0.04 * efficiency[best])
+
+
+def test_the_covariance_is_that_of_air_motion_in_windows(samples: Samples) -> None:
+    """Against many random first-order air motions put through the balance's own windows."""
+    balance = EnergyBalance(samples, CONDITIONS)
+    rng, sigma, time_s, step = np.random.default_rng(0), 0.5, 3.0, 0.2
+    decay = np.exp(-step / time_s)
+    w = np.zeros((4000, len(samples.t_s)))
+    w[:, 0] = rng.normal(size=4000)
+    for i in range(1, w.shape[1]):
+        w[:, i] = decay * w[:, i - 1] + np.sqrt(1 - decay**2) * rng.normal(size=4000)
+    count = len(balance.windows.weight)
+    starts = [int(np.argmin(np.abs(samples.t_s - c))) - count // 2 for c in balance.windows.centers_s[:6]]
+    means = np.stack([w[:, s : s + count] @ balance.windows.weight for s in starts], axis=1)
+    found = np.cov((CONDITIONS.mass_kg * g * sigma * means).T)
+    n = len(balance.windows.centers_s)
+    expected = covariance(balance.windows, CONDITIONS.mass_kg, 0.0, np.zeros(n), sigma, time_s)[:6, :6] - np.eye(6)
+    assert found == pytest.approx(expected, abs=0.08 * expected[0, 0])
+
+
+def test_noise_is_recognised() -> None:
+    t = np.arange(0, 300, 1.0)
+    apart = np.abs(t[:, None] - t)
+    draw = np.linalg.cholesky(correlation(apart, 10.0)) @ np.random.default_rng(2).normal(size=len(t))
+    sigma, time_s = most_likely_noise(2.0 * draw, apart, (2.0, 5.0, 10.0, 20.0, 40.0))
+    assert sigma == pytest.approx(2.0, rel=0.25) and time_s in (5.0, 10.0, 20.0)
+
+
+def test_smoothing_keeps_a_straight_line() -> None:
+    line = np.arange(50.0)
+    assert smoothed(line, 7)[5:-5] == pytest.approx(line[5:-5])
