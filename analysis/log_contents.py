@@ -11,6 +11,13 @@ from flight.log_reader import Log
 from flight.propeller import Propeller
 from flight.propeller_files import load_propeller, parse_propeller
 
+# By attachment that an analysis needs, what can be given instead.
+REMEDIES = {
+    "aircraft.toml": "give --aircraft FILE, for which `flightpower new aircraft` writes a template",
+    "propeller.csv": 'give --propeller NAME or FILE, or [propulsion] propeller = "apc-12x8e" in the aircraft file',
+    "probe.json": "give --probe FILE, which `calibrate probe` writes",
+}
+
 
 class LogContents(NamedTuple):
     """What an analysis takes from a log beside its measurements.
@@ -41,8 +48,10 @@ class Replacements(NamedTuple):
 def contents(log: Log, replacements: Replacements = Replacements()) -> LogContents:
     """The contents of a log; `replacements` are used instead of its own.
 
-    Raises InputError if an attachment is missing or malformed and no argument replaces it.
+    Raises InputError if attachments are missing and no argument replaces them, naming all of them, or one is malformed.
     """
+    if lacking := _lacking(log, replacements):
+        raise _not_in_log(log, lacking)
     aircraft = replacements.aircraft or aircraft_of(log)
     propeller = replacements.propeller or propeller_of(log, aircraft)
     if replacements.weight_N is not None:
@@ -59,8 +68,8 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
 
 def aircraft_of(log: Log) -> Aircraft:
     """The aircraft file in a log. Raises InputError when there is none, or it is malformed."""
-    text = _attachment(log, "aircraft.toml", "give --aircraft FILE (`flightpower new aircraft` writes one to fill in)")
-    return parse_aircraft(text.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
+    text = _attachment(log, "aircraft.toml").decode("utf-8", errors="replace")
+    return parse_aircraft(text, f"{log.path}: aircraft.toml")
 
 
 def propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
@@ -77,10 +86,7 @@ def propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
     name = name or recorded
     if name is not None:
         return load_propeller(name)
-    raise InputError(
-        f"{log.path}: no propeller.csv in the log, and the aircraft file names no propeller; give --propeller NAME or"
-        ' FILE, or [propulsion] propeller = "apc-12x8e" in the aircraft file'
-    )
+    raise _not_in_log(log, ["propeller.csv"])
 
 
 def _recorded_propeller(log: Log) -> str | None:
@@ -93,8 +99,7 @@ def _recorded_propeller(log: Log) -> str | None:
 
 def probe_of(log: Log) -> ProbeCalibration:
     """The probe's calibration in a log. Raises InputError when there is none, or it is malformed."""
-    remedy = "give --probe FILE, which `calibrate probe` writes (and name it in the tray file as probe_calibration)"
-    return parse_probe(_attachment(log, "probe.json", remedy), "probe.json")
+    return parse_probe(_attachment(log, "probe.json"), "probe.json")
 
 
 def magnetometer_of(log: Log) -> MagnetometerCalibration | None:
@@ -111,7 +116,27 @@ def damage(log: Log) -> list[str]:
     return notes
 
 
-def _attachment(log: Log, name: str, remedy: str) -> bytes:
+def _lacking(log: Log, replacements: Replacements) -> list[str]:
+    """The attachments that are needed, but neither in the log nor replaced."""
+    aircraft = replacements.aircraft or (aircraft_of(log) if "aircraft.toml" in log.attachments else None)
+    propeller_named = (aircraft and aircraft.propulsion.propeller) or _recorded_propeller(log)
+    given = {
+        "aircraft.toml": aircraft is not None,
+        "propeller.csv": replacements.propeller is not None or propeller_named is not None,
+        "probe.json": replacements.probe is not None,
+    }
+    return [name for name in REMEDIES if not given[name] and name not in log.attachments]
+
+
+def _not_in_log(log: Log, names: list[str]) -> InputError:
+    remedies = "; ".join(f"{name}: {REMEDIES[name]}" for name in names)
+    return InputError(
+        f"{log.path}: no {', '.join(names)} in the log; attach {'it' if len(names) == 1 else 'them'} to the log (the"
+        f" daemon attaches what the tray file names), or: {remedies}"
+    )
+
+
+def _attachment(log: Log, name: str) -> bytes:
     if name not in log.attachments:
-        raise InputError(f"{log.path}: no {name} in the log; {remedy}")
+        raise _not_in_log(log, [name])
     return log.attachments[name]

@@ -17,6 +17,7 @@ from analysis.drag.repetition import Repetition
 from analysis.drag.thrust_coverage import thrust_coverage
 from analysis.log_checks.axes import check_axes
 from analysis.log_checks.log import check_log
+from analysis.log_checks.messages import check_decodable
 from analysis.log_contents import Replacements
 from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
@@ -60,6 +61,7 @@ def analyze(
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
     name = str(log.path)
+    check_decodable(log)
     contents = log_contents.contents(log, replacements)
     aircraft, propeller = contents.aircraft, contents.propeller
 

@@ -110,6 +110,24 @@ def records(reader: StreamReader, allowed: int) -> Iterator[McapRecord]:
         yield from breakup_chunk(replace(record, compression="", data=data))
 
 
+def _decoded(decoder: msgspec.json.Decoder[Any], data: bytes) -> Message:
+    """A message; 3.0 is accepted for an integer. Raises MsgspecError or RecursionError if it is not of the format."""
+    try:
+        message: Message = decoder.decode(data)
+    except msgspec.ValidationError:
+        message = msgspec.convert(_with_integers(msgspec.json.decode(data)), decoder.type)
+    return message
+
+
+def _with_integers(value: Any) -> Any:
+    """The same JSON value with integers instead of numbers without a fraction."""
+    if isinstance(value, dict):
+        return {name: _with_integers(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [_with_integers(item) for item in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
 def _read(path: Path, stream: Iterator[McapRecord]) -> Log:
     log = Log(path)
     decoders: dict[int, tuple[str, list[LogEntry], msgspec.json.Decoder[Any]]] = {}
@@ -120,7 +138,7 @@ def _read(path: Path, stream: Iterator[McapRecord]) -> Log:
                 if record.channel_id in decoders:
                     topic, entries, decoder = decoders[record.channel_id]
                     try:
-                        message = decoder.decode(record.data)
+                        message = _decoded(decoder, record.data)
                     except (msgspec.MsgspecError, RecursionError) as error:
                         log.undecodable_of.setdefault(topic, Undecodable(record.data, str(error))).count += 1
                         continue

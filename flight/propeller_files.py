@@ -6,13 +6,13 @@
 import csv
 import re
 import sys
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 
 from flight.errors import InputError
 from flight.propeller import Propeller, Row
+from flight.shipped_propellers import FOLDER, shipped_propellers
 
 INCH_M = 0.0254
 LARGEST_INCHES = 40.0  # larger numbers are millimetres: UIUC names a few small propellers so (E-Flite 130x70)
@@ -27,15 +27,13 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
     folder with the UIUC tables of one propeller.
     Raises InputError when there is no such propeller or a file cannot be read.
     """
-    shipped = resources.files("flight") / "data" / "propellers"
     path = Path(name_or_path)
-    if path.suffix == "" and (shipped / f"{name_or_path}.csv").is_file():
-        return parse_csv((shipped / f"{name_or_path}.csv").read_text("utf-8"), str(name_or_path))
+    if path.suffix == "" and (FOLDER / f"{name_or_path}.csv").is_file():
+        return parse_csv((FOLDER / f"{name_or_path}.csv").read_text("utf-8"), str(name_or_path))
     if path.is_dir():
         return _load_uiuc(path)
     if not path.is_file():
-        names = sorted(f.name.removesuffix(".csv") for f in shipped.iterdir() if f.name.endswith(".csv"))
-        raise InputError(f"propeller {name_or_path}: neither a file nor one of {', '.join(names)}")
+        raise InputError(f"propeller {name_or_path}: neither a file nor one of {', '.join(shipped_propellers())}")
     text = _text(path)
     named = UIUC_NAME.fullmatch(path.name)
     if named and _is_uiuc(text):

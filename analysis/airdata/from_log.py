@@ -1,5 +1,6 @@
 """From a log to air data at the centre of gravity: synchronizes channels, corrects for line lags and zeros."""
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import pandas as pd
@@ -17,6 +18,12 @@ from flight.propeller import Propeller
 
 LARGEST_UNMENTIONED_LOSS = 0.02
 OPTIONAL_TOPICS = ("/battery", "/mag")
+# Topics that are not needed: what a log without them lacks; empty where another note says so.
+LOST_WITHOUT = {
+    "/controls": "the cross-check takes the elevator as fixed, and full throttle is not recognised",
+    "/gps": "",
+    "/probe/beta": "",
+}
 
 
 class FlightData(NamedTuple):
@@ -53,7 +60,8 @@ def flight_data(
     rest = rest_segments(table, channels.rate_Hz)
     at_rest = zeros(table, rest, zero, flying_Pa(speed_scale(aircraft)))
     air = air_data(table, aircraft, probe, propeller, at_rest)
-    notes = channels.notes + line_notes + air.notes + silent_topics(air.table)
+    recorded = [topic for topic, entries in log.entries.items() if entries]
+    notes = channels.notes + line_notes + air.notes + silent_topics(air.table, recorded)
     compass = None
     if magnetometer_calibration:
         compass, compass_notes = magnetometer.compass(air.table, magnetometer_calibration)
@@ -61,16 +69,20 @@ def flight_data(
     return FlightData(air.table, rest, at_rest is not None, compass, notes)
 
 
-def silent_topics(table: pd.DataFrame) -> list[str]:
-    """A note for each topic none of whose values was measured for more than LARGEST_UNMENTIONED_LOSS of the flight."""
+def silent_topics(table: pd.DataFrame, recorded: Collection[str]) -> list[str]:
+    """A note for each topic none of whose values was measured for more than LARGEST_UNMENTIONED_LOSS of the flight.
+
+    recorded: the topics in the log
+    """
     lost = table.loc[table["flying"], list(COLUMNS)].isna()
     columns: dict[str, list[str]] = {}
     for name, (topic, _) in COLUMNS.items():
         if topic not in OPTIONAL_TOPICS:
             columns.setdefault(topic, []).append(name)
     by_topic = {topic: float(lost[names].all(axis=1).mean()) for topic, names in columns.items()}
-    return [
+    absent = [topic for topic in LOST_WITHOUT if topic not in recorded]
+    return [f"No {topic} in this log: {LOST_WITHOUT[topic]}." for topic in absent if LOST_WITHOUT[topic]] + [
         f"{topic} carried no value for {100 * share:.0f} % of the flight."
         for topic, share in by_topic.items()
-        if share > LARGEST_UNMENTIONED_LOSS
+        if share > LARGEST_UNMENTIONED_LOSS and topic not in absent
     ]

@@ -15,6 +15,7 @@ from flight.command_line import application, quantity, run
 from flight.errors import InputError
 from flight.log_reader import read_log
 from flight.output_file import check_writable
+from flight.shipped_propellers import shipped_propellers
 from flight.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
@@ -27,7 +28,11 @@ app = application(no_args_is_help=False)
 def analyze(
     log: Annotated[
         Path,
-        typer.Argument(metavar="LOG", help="A log that the daemon recorded, or one of PX4 (.ulg) or ArduPilot (.BIN)."),
+        typer.Argument(
+            metavar="LOG",
+            help="A log that the daemon recorded, one of other software (docs/log-format.md), or one of PX4 (.ulg) or"
+            " ArduPilot (.BIN).",
+        ),
     ],
     output: Annotated[
         Path | None,
@@ -44,8 +49,8 @@ def analyze(
         typer.Option(
             "--propeller",
             metavar="NAME",
-            help="Propeller to use instead of the log's: a name shipped with flightpower, a CSV file of its format,"
-            " a PER3 file of APC, or tables of UIUC.",
+            help="Propeller to use instead of the log's: one shipped with flightpower"
+            f" ({', '.join(shipped_propellers())}), a CSV file of its format, a PER3 file of APC, or tables of UIUC.",
         ),
     ] = None,
     probe: Annotated[
@@ -139,8 +144,8 @@ def analyze(
 ) -> None:
     """Compute the power required from a log: report.html, results.json, power_required.csv and a table for the field.
 
-    A log of the daemon carries the aircraft file, the propeller table, the calibrations of probe and magnetometer, and
-    the zero. Each can be replaced, or given where the log lacks it.
+    The log carries the aircraft file, the propeller table, the calibrations of probe and magnetometer, and the zero.
+    Each can be replaced, or given where the log lacks it.
     The curve covers the speeds flown in accelerations and decelerations, with a 95 % interval. The report also has
     endurance and range on a battery, climb and highest speed at full throttle, and the effect of weight and air
     density on these.

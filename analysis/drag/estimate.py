@@ -31,6 +31,7 @@ class DragEstimates:
     main : the polar of the power curve, valid over the lift coefficients flown_CL
     methods, one_by_one : by all other methods; from each acceleration and deceleration alone
     cross_check : None where the flight has no run for it, or it failed
+    cross_check_differs : from the power curve by more than the 95 % interval of the difference
     """
 
     main: DynamicEstimate
@@ -40,6 +41,7 @@ class DragEstimates:
     disagreements: list[MethodDisagreement]
     cross_check: CrossCheck | None
     warnings: list[str]
+    cross_check_differs: bool = False
 
 
 def estimate(
@@ -82,7 +84,7 @@ def estimate(
         main = with_assumption_uncertainty(main, assumption_uncertainty)
     assumptions = assumption_uncertainty.notes if assumption_uncertainty else []
     warnings = assumptions + main.warnings + run_scatter(others.one_by_one, condition)
-    check = None
+    check, differs = None, False
     if runs:
         progress("cross-checking on the runs alone")
         try:
@@ -90,8 +92,12 @@ def estimate(
         except (InputError, np.linalg.LinAlgError) as error:
             warnings.append(f"The cross-check on the runs alone failed: {error}.")
         else:
-            warnings += cross_check.disagreement(main.polar, check, condition, flown_CL)
-    return DragEstimates(main, flown_CL, others.by_method, others.one_by_one, others.disagreements, check, warnings)
+            warned = cross_check.disagreement(main.polar, check, condition, flown_CL)
+            differs = check.converged and bool(warned)
+            warnings += warned
+    return DragEstimates(
+        main, flown_CL, others.by_method, others.one_by_one, others.disagreements, check, warnings, differs
+    )
 
 
 def main_polar(

@@ -13,8 +13,8 @@ MOST_UNDECODABLE = 0.5  # of a topic's messages; a damaged log has a few
 SIMILAR = 0.7  # of 1, by difflib
 
 
-def check_messages(log: Log) -> None:
-    """Raises InputError if a required topic or field has no value, or messages of a topic are not of the format."""
+def check_decodable(log: Log) -> None:
+    """Raises InputError if most messages of a topic cannot be decoded."""
     for topic in TOPICS:
         if topic in log.other_encodings:
             raise InputError(f"{log.path}: {topic}: {other_encoding(log.other_encodings[topic])}")
@@ -24,6 +24,13 @@ def check_messages(log: Log) -> None:
                 f"{log.path}: {topic}: {undecodable.count} of {len(entries) + undecodable.count} messages cannot be"
                 f" decoded: {undecodable.mistake}"
             )
+
+
+def check_messages(log: Log) -> None:
+    """Raises InputError if messages of a topic cannot be decoded, or a required topic or field has no value."""
+    check_decodable(log)
+    for topic in TOPICS:
+        entries = log.entries.get(topic, [])
         if topic in NEEDED and not entries:
             raise InputError(f"{log.path}: no topic {topic}, which the power curve needs{_similar_topic(log, topic)}")
         if entries:
@@ -42,6 +49,10 @@ def _check_fields(log: Log, topic: str) -> None:
         field, match = misnamed[0]
         raise InputError(f"{log.path}: {topic}: {field} has no value, but there is an unknown field {match}: rename it")
     if (unknown and good and len(empty) == len(used)) or (topic in NEEDED and empty):
+        left_out = [field for field in empty if good and field not in log.fields[topic]]
+        if left_out and not unknown:
+            words = "is missing; it is" if len(left_out) == 1 else "are missing; they are"
+            raise InputError(f"{log.path}: {topic}: {', '.join(left_out)} {words} required")
         raise InputError(f"{log.path}: {topic}: {empty[0]} {_why_empty(log, topic, unknown, bool(good))}")
 
 

@@ -74,6 +74,7 @@ def assemble(
         if check and check.converged
         else [],
         cross_check_by=check.by if check else "output error",
+        cross_check_differs=drag.cross_check_differs,
         minimum_power_speed=power_curves.optimum(minimum_power_lift, polar, condition, flown_CL),
         best_range_speed=power_curves.optimum(best_range_lift, polar, condition, flown_CL),
         slowest_flown=power_curves.slowest_flown(table, flown_CL, condition),

@@ -54,8 +54,8 @@ def time_shifts(trajectory: Trajectory) -> list[TimeShift]:
 def time_shift_notes(trajectory: Trajectory) -> list[str]:
     """A significant shift of the probe; a latency of GPS is normal."""
     return [
-        f"{shift.in_words()} The analysis corrects for it. Check the tube lengths in the aircraft file;"
-        " `calibrate tubing` measures the lag."
+        f"{shift.in_words()} The analysis corrects for it. Check the tube lengths in the aircraft file, or the log"
+        " times; `calibrate tubing` measures the lag."
         for shift in time_shifts(trajectory)
         if shift.name == SHIFTED_CHANNELS["air_data_lag"] and shift.determined and shift.significant
     ]

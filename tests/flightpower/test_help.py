@@ -12,6 +12,7 @@ import daq.__main__
 import flightpower.__main__
 import flightpower.new
 import sim.__main__
+from flight.shipped_propellers import shipped_propellers
 
 APPLICATIONS = {
     "analyze": analysis.cli.analyze.app,
@@ -59,3 +60,8 @@ def test_units_stay_in_tables() -> None:
     outcome = CliRunner().invoke(sim.__main__.app, ["trim", "--speed", "30 kt"], env={"COLUMNS": "80"})
     assert outcome.exit_code == 0
     assert all(words in outcome.output for words in ("[m/s]", "[deg]", "[W]", " 15.43 "))
+
+
+def test_the_shipped_propellers_are_named() -> None:
+    text = " ".join(help_of("analyze", "").split())
+    assert shipped_propellers() and ", ".join(shipped_propellers()) in text

@@ -51,6 +51,7 @@ def airspeed(
     from analysis.drag.assumed_values import alpha_scale_sigma
     from analysis.log_checks.axes import check_axes
     from analysis.log_checks.log import check_log
+    from analysis.log_checks.messages import check_decodable
     from analysis.log_contents import Replacements, contents
     from analysis.trajectory.airspeed_scale import calibrate
     from analysis.trajectory.reconstruction import reconstruct
@@ -67,6 +68,7 @@ def airspeed(
     given = Replacements(
         aircraft=load_aircraft(aircraft) if aircraft else None, probe=load_probe(probe) if probe else None
     )
+    check_decodable(recorded)
     carried = contents(recorded, given)
     check_log(recorded, carried.propeller.diameter_m)
     data = flight_data(recorded, carried.aircraft, carried.propeller, carried.probe, carried.magnetometer, carried.zero)

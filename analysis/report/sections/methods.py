@@ -13,6 +13,7 @@ class MethodsSection(NamedTuple):
     table: HtmlTable
     disagreements: list[str]
     agree: bool  # methods were compared and no pair disagrees
+    cross_check_differs: bool
 
 
 def methods_section(results: Results) -> MethodsSection:
@@ -30,6 +31,7 @@ def methods_section(results: Results) -> MethodsSection:
         HtmlTable(("method", "equations", "taken as measured", "slowest, W", "fastest, W", "notes"), rows),
         [disagreement.text for disagreement in results.disagreements],
         bool(results.methods) and not results.disagreements,
+        results.cross_check_differs,
     )
 
 

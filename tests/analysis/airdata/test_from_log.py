@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.airdata.from_log import silent_topics
-from analysis.signals.synchronize import COLUMNS
+from analysis.signals.synchronize import COLUMNS, TOPICS
 
 
 def flight(**lost: float) -> pd.DataFrame:
@@ -16,10 +16,21 @@ def flight(**lost: float) -> pd.DataFrame:
 
 
 def test_a_topic_is_silent_where_none_of_its_values_was_measured() -> None:
-    assert silent_topics(flight(elevator_rad=0.3, throttle=0.3)) == [
+    assert silent_topics(flight(elevator_rad=0.3, throttle=0.3), TOPICS) == [
         "/controls carried no value for 30 % of the flight."
     ]
 
 
 def test_an_aircraft_without_a_throttle_channel_has_no_silent_controls() -> None:
-    assert silent_topics(flight(throttle=1.0)) == []
+    assert silent_topics(flight(throttle=1.0), TOPICS) == []
+
+
+def test_a_log_without_an_optional_topic_is_told_what_it_lacks() -> None:
+    without = flight(elevator_rad=1.0, throttle=1.0, gps_north_mps=1.0, gps_east_mps=1.0, gps_down_mps=1.0)
+    assert silent_topics(without, ("/imu",)) == [
+        "No /controls in this log: the cross-check takes the elevator as fixed, and full throttle is not recognised."
+    ]
+    assert silent_topics(without, TOPICS) == [
+        "/controls carried no value for 100 % of the flight.",
+        "/gps carried no value for 100 % of the flight.",
+    ]

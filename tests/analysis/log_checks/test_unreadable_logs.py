@@ -7,8 +7,11 @@ import pytest
 from mcap.writer import Writer
 
 from analysis.log_checks.messages import check_messages
+from analysis.log_contents import Replacements, contents
+from flight.aircraft import load_aircraft
 from flight.errors import InputError
-from flight.log_reader import read_log
+from flight.log_reader import Log, read_log
+from flight.messages import Controls, Gps
 
 
 def file_of(path: Path, messages: dict[str, bytes], *, encoding: str = "json", profile: str = "flightpower") -> Path:
@@ -113,9 +116,24 @@ UNREADABLE: dict[str, tuple[dict[str, bytes], dict[str, str], str]] = {
         "/rpm: motor_speed_revps was never measured (its status: no_reply)",
     ),
     "without its value": (
-        REQUIRED | {"/rpm": b"{}"},
+        REQUIRED | {"/rpm": b'{"motor_speed_revps": null}'},
         {},
         "/rpm: motor_speed_revps never carried a value (its status: ok)",
+    ),
+    "without a field": (
+        REQUIRED | {"/static": b'{"pressure_Pa": 1e5}'},
+        {},
+        "/static: temperature_K is missing; it is required",
+    ),
+    "without two fields": (
+        REQUIRED | {"/static": b"{}"},
+        {},
+        "/static: pressure_Pa, temperature_K are missing; they are required",
+    ),
+    "a string for an integer, beside 3.0 for another": (
+        REQUIRED | {"/gps": b'{"fix_type": 3.0, "itow_ms": "4"}'},
+        {},
+        "/gps: 30 of 30 messages cannot be decoded: itow_ms is a string; write an integer without quotation marks",
     ),
 }
 
@@ -128,6 +146,38 @@ def test_what_cannot_be_read_is_refused_with_its_mistake(
     with pytest.raises(InputError) as caught:
         check_messages(read_log(path))
     assert str(caught.value) == f"{path}: {message}"
+
+
+def test_numbers_without_a_fraction_are_integers(tmp_path: Path) -> None:
+    path = file_of(
+        tmp_path / "flight.mcap",
+        {"/gps": b'{"fix_type": 3.0, "velocity_north_mps": 12.0}', "/controls": b'{"pulse_us": [1500.0, 1.1e3]}'},
+    )
+    log = read_log(path)
+    gps, controls = (log.entries[topic][0].message for topic in ("/gps", "/controls"))
+    assert gps == Gps(fix_type=3, velocity_north_mps=12.0) and controls == Controls(pulse_us=[1500, 1100])
+    assert log.undecodable == 0
+
+
+def test_all_that_a_log_lacks_is_named_at_once(tmp_path: Path) -> None:
+    log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED))
+    message = lacking(log, Replacements())
+    assert message.startswith(f"{log.path}: no aircraft.toml, propeller.csv, probe.json in the log; attach them to the")
+    assert all(option in message for option in ("--aircraft FILE", "--propeller NAME", "--probe FILE"))
+
+
+def test_only_what_a_log_lacks_is_named(tmp_path: Path) -> None:
+    log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED))
+    named = Replacements(aircraft=load_aircraft("nexstar"))  # its propeller is a shipped one
+    assert lacking(log, named).startswith(f"{log.path}: no probe.json in the log; attach it to the log")
+    log.attachments["propeller.csv"] = b""
+    assert ": no aircraft.toml, probe.json in the log" in lacking(log, Replacements())
+
+
+def lacking(log: Log, replacements: Replacements) -> str:
+    with pytest.raises(InputError) as caught:
+        contents(log, replacements)
+    return str(caught.value)
 
 
 def test_messages_out_of_order_are_sorted(tmp_path: Path) -> None:
