@@ -49,7 +49,7 @@ def _check_fields(log: Log, topic: str) -> None:
         field, match = misnamed[0]
         raise InputError(f"{log.path}: {topic}: {field} has no value, but there is an unknown field {match}: rename it")
     if (unknown and good and len(empty) == len(used)) or (topic in NEEDED and empty):
-        left_out = [field for field in empty if good and field not in log.fields[topic]]
+        left_out = [field for field in empty if good and field not in log.fields.get(topic, frozenset(empty))]
         if left_out and not unknown:
             words = "is missing; it is" if len(left_out) == 1 else "are missing; they are"
             raise InputError(f"{log.path}: {topic}: {', '.join(left_out)} {words} required")
