@@ -26,7 +26,7 @@ RHO, NU = 1.225, 1.46e-5  # air at sea level
 LIFT_SLOPE, ZERO_LIFT_RAD, MOST_LIFT, LEAST_LIFT = 5.7, np.radians(-4.0), 1.2, -0.7
 # Drag of the section: least at Re = 100 000, the lift coefficient of that, rise with lift, a plate across the flow.
 LEAST_DRAG, CL_LEAST_DRAG, DRAG_RISE, PLATE_DRAG = 0.018, 0.4, 0.02, 1.2
-POINTS, BEYOND = 17, 0.02  # points of a row, which ends this far in J beyond zero thrust
+POINTS, BEYOND = 25, 0.35  # points of a row, which ends this far in J beyond zero thrust: windmilling in a dive
 
 
 def section(alpha: Array, reynolds: Array) -> tuple[Array, Array]:
@@ -70,7 +70,7 @@ def coefficients(J: float, rpm: float, diameter_m: float, pitch_m: float) -> tup
 
 
 def row(rpm: float, diameter_m: float, pitch_m: float) -> Row:
-    grid = np.linspace(0, 2 * pitch_m / diameter_m, 400)
+    grid = np.linspace(0, 2 * pitch_m / diameter_m, 200)
     thrust = [coefficients(J, rpm, diameter_m, pitch_m)[0] for J in grid]
     end = grid[int(np.argmax(np.array(thrust) < 0))] + BEYOND
     J = np.round(np.linspace(0, end, POINTS), 3)

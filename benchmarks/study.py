@@ -32,7 +32,7 @@ from flights import error_rows, tunnel_probe
 from analysis.drag import cross_check
 from analysis.drag.polar import Condition
 from analysis.pipeline import Analysis, analyze
-from analysis.results.schema import to_json
+from analysis.results.files import to_json
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log
@@ -63,7 +63,7 @@ class Job(NamedTuple):
 
 
 def version() -> str:
-    """Hash of everything that a result depends on: code and data of simulator and analysis, and this benchmark."""
+    """Hash of what a result depends on: code and data of simulator, daemon and analysis."""
     digest = hashlib.sha256()
     for folder in ("analysis", "flight", "sim", "hw_fakes", "daq"):
         for path in sorted((ROOT / folder).rglob("*")):

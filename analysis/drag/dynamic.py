@@ -120,7 +120,7 @@ def estimate_polar(
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     forces = flight_forces.forces(states, sensor_errors)
-    level = _within_level_flight(forces, flight_forces, runs)
+    level = _within_level_flight(forces, _airborne(flight_forces), runs)
     fit = _fitted(forces, level, runs)
 
     def variance(states: Array, sensor_errors: Array) -> Array:
@@ -168,7 +168,7 @@ def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Airc
     """The `values` (5,) of `estimate_polar`, without the work for their covariance."""
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
-    return _fitted(forces, _within_level_flight(forces, flight_forces, runs), runs).values[:KEPT]
+    return _fitted(forces, _within_level_flight(forces, _airborne(flight_forces), runs), runs).values[:KEPT]
 
 
 def _fitted(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
@@ -187,14 +187,17 @@ def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> 
     ]
 
 
-def _within_level_flight(forces: pd.DataFrame, flight_forces: FlightForces, runs: list[Maneuver]) -> NDArray[np.bool_]:
+def _airborne(flight_forces: FlightForces) -> NDArray[np.bool_]:
+    means = flight_forces.block_means
+    return (means["height_m"] > means.least_height_m) & (means["flying"] == 1)
+
+
+def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
     """Where the angle of attack is at most LEVEL_MARGIN_RAD above the largest one of level flight.
 
     The latter follows from a straight line fitted to alpha over CL of this flight, at the largest lift coefficient that
     level flight requires at the speeds of the flight or of the runs.
     """
-    means = flight_forces.block_means
-    airborne = (means["height_m"] > means.least_height_m) & (means["flying"] == 1)
     flown = forces.loc[airborne, ["CL", "alpha", "qS_over_m_mps2"]].dropna()
     if len(flown) < SHORTEST:
         return np.ones(len(forces), dtype=bool)

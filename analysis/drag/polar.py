@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.signals.aircraft_size import least_height_m
+from analysis.signals.aircraft_size import least_height_m, speed_scale_of
 from flight.aircraft import Aircraft
 from flight.units import GRAVITY_MPS2
 
@@ -50,8 +50,12 @@ def flown_condition(flown: pd.DataFrame, aircraft: Aircraft) -> Condition:
 
 
 def flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
-    """Range of the lift coefficients of level flight at the speeds flown. flown: rows of `air_data`."""
-    CL = 2 * aircraft.mass.weight_N / (flown["rho"] * flown["V_mps"] ** 2 * aircraft.geometry.wing_area_m2)
+    """Range of the lift coefficients of level flight at the speeds flown. flown: rows of `air_data`.
+
+    Of slow aircraft, whose speed is noisy, means are taken: noise would make the slowest speed lower than was flown.
+    """
+    V = flown["V_mps"].rolling(round(speed_scale_of(flown) ** -4), center=True, min_periods=1).mean()
+    CL = 2 * aircraft.mass.weight_N / (flown["rho"] * V**2 * aircraft.geometry.wing_area_m2)
     low, high = np.percentile(CL.dropna(), ROBUST_RANGE)
     return float(low), float(high)
 

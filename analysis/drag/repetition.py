@@ -1,4 +1,4 @@
-"""The estimate of a flight, repeated for another aircraft file or propeller."""
+"""The estimate of a flight, repeated for another aircraft file, propeller or air data."""
 
 import math
 from collections.abc import Callable
@@ -50,10 +50,12 @@ class Repetition:
         return main_values(trajectory, self.maneuvers, aircraft, propeller, self.condition, self.flown_CL, self.log)
 
     def values_with_air(self, air: pd.DataFrame, propeller: Propeller) -> NDArray[np.float64]:
-        """The `values` (5,) by other air data than the flight's."""
-        self.progress("repeating the estimate with other air data")
-        rest, sigma, compass = self.data.rest, self.alpha_scale_sigma, self.data.compass
-        trajectory = reconstruct(air, rest, alpha_scale_sigma=sigma, compass=compass, log=self.log)
+        """The `values` (5,) by other air data than the flight's, or by these."""
+        trajectory, data = self.trajectory, self.data
+        if air is not data.table:
+            self.progress("repeating the estimate with other air data")
+            sigma = self.alpha_scale_sigma
+            trajectory = reconstruct(air, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=self.log)
         return main_values(
             trajectory, self.maneuvers, self.aircraft, propeller, self.condition, self.flown_CL, self.log
         )

@@ -68,6 +68,15 @@ def test_the_tutorial_shows_what_its_commands_print(walk: Walk) -> None:
             assert len(step.shown) == len(printed) and not different, (step.command, printed)
 
 
+def test_the_comparison_can_fail() -> None:
+    assert same("│ 11.9 │ 41.1 │", "│ 11.9 │ 41.2 │") and same("wrote a.json", "wrote a.json")
+    assert not same("range 13.5 m/s", "range 14.5 m/s")
+    assert not same("range 13.5 m/s", "reach 13.5 m/s") and not same("from 8 steps", "from 8 steps of 9")
+    for wrong in ("sim fly --plan demo --no-such-option", "calibrate tubing LOG --output"):
+        with pytest.raises(Exception, match=r"."):
+            parse(wrong, whole=True)
+
+
 def quick_commands() -> list[str]:
     """Commands of all pages that need no log, each once, without those of the tutorial."""
     walked = {step.command for step in steps_in(TUTORIAL)}

@@ -39,7 +39,7 @@ WRONG = {
     "analyze empty.txt": "empty.txt: the file is empty",
     "analyze tunnel.csv": "tunnel.csv: not an MCAP file",
     "analyze torn.mcap": "torn.mcap: holds no message",
-    "analyze stood.mcap": "stood.mcap: /rpm never carried a value",
+    "analyze stood.mcap": "stood.mcap: /rpm: motor_speed_revps was never measured",
     "analyze no-probe.mcap": "give --probe FILE",
     "analyze stood.mcap empty.txt": "unexpected extra argument",
     # … its outputs and options
@@ -109,7 +109,7 @@ WRONG = {
     "calibrate tubing stood.mcap -o mine.toml": "mine.toml: exists already",
     "calibrate magnetometer tunnel.csv -o new.json": "tunnel.csv: not an MCAP file",
     "calibrate magnetometer stood.mcap -o probe.json": "probe.json: exists already",
-    "calibrate airspeed stood.mcap": "stood.mcap: /rpm never carried a value",
+    "calibrate airspeed stood.mcap": "stood.mcap: /rpm: motor_speed_revps was never measured",
     "calibrate airspeed stood.mcap -o empty.txt/new.json": "cannot be written",
     "calibrate surfaces stood.mcap --surface wing": "'wing'",
     "calibrate surfaces stood.mcap --channel 0": "--channel 0",

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.drag.polar import flown_condition, flown_lift, speed_at
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.find_loads import find_loads
 from analysis.maneuvers.quality import too_low
@@ -78,3 +79,11 @@ def test_a_porpoise_too_gentle_to_count_is_told_and_gusts_are_not() -> None:
     assert find_loads(oscillating(0.2, irregular=True))[1] == []
     enough, rejected = find_loads(oscillating(0.6))
     assert [one.kind for one in enough] == ["porpoising"] and rejected == []
+
+
+def test_noise_of_speed_does_not_make_the_slowest_speed_of_a_light_aircraft_lower() -> None:
+    """6 Pa at 7 m/s are 0.7 m/s of noise: the first percentile of single samples is 5.4 m/s, below the stall."""
+    speed = np.linspace(7.0, 14.0, 250)
+    data = scaled(flight(speed)).assign(V_mps=speed + np.random.default_rng(1).normal(0, 4.9, 250) / speed)
+    slowest = speed_at(flown_lift(data, LIGHT)[1], flown_condition(data, LIGHT))
+    assert slowest == pytest.approx(7.0, rel=0.05)
