@@ -19,7 +19,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "sim": ("sim",),
     "hw_fakes": ("sim",),
 }
-IMPORTED_AS = {"pyserial": "serial"}  # where that is not the distribution's name
+IMPORTED_AS = {"pytest-xdist": "xdist", "pyserial": "serial"}  # where that is not the distribution's name
 
 
 def declared(*extras: str) -> set[str]:
