@@ -32,7 +32,7 @@ from flights import error_rows, tunnel_probe
 from analysis.drag import cross_check
 from analysis.drag.polar import Condition
 from analysis.pipeline import Analysis, analyze
-from analysis.results.schema import to_json
+from analysis.results.files import to_json
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log

@@ -19,7 +19,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "sim": ("sim",),
     "hw_fakes": ("sim",),
 }
-IMPORTED_AS = {"pyserial": "serial"}  # where that is not the distribution's name
+IMPORTED_AS = {"pytest-xdist": "xdist", "pyserial": "serial"}  # where that is not the distribution's name
 
 
 def declared(*extras: str) -> set[str]:
@@ -53,7 +53,8 @@ def test_a_package_imports_only_what_is_declared(package: str) -> None:
 
 @pytest.mark.parametrize("folder", ["tests", "benchmarks"])
 def test_tests_and_benchmarks_import_only_what_the_developers_extra_has(folder: str) -> None:
-    own = {"tests"} | {path.stem for name in ("tests", "benchmarks") for path in (ROOT / name).rglob("*.py")}
+    folders = ("tests", "benchmarks", "docs/examples")
+    own = {"tests", "benchmarks"} | {path.stem for name in folders for path in (ROOT / name).rglob("*.py")}
     for path in sorted((ROOT / folder).rglob("*.py")):
         assert foreign_imports(path, at_import=False) - own <= declared("analysis", "sim", "dev"), path
 

@@ -81,9 +81,7 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
     if len(parts) > 1:
         kept = max(parts, key=lambda rows: rows.stop - rows.start)
         span = float(main.t_s[kept.stop - 1] - main.t_s[kept.start])
-        notes = [
-            f"The log's clock jumped {len(parts) - 1} times; the longest part between jumps, {span:.0f} s, is used."
-        ]
+        notes = [f"The log's clock jumped; the longest part without a jump, {span:.0f} s, is used."]
         low, high = main.t_s[kept.start], main.t_s[kept.stop - 1]
         channels = {name: _within(one, float(low), float(high)) for name, one in channels.items()}
     ascending = {name: _ascending(one) for name, one in channels.items()}

@@ -8,7 +8,12 @@ import typer
 from rich.console import Console
 
 from analysis.autopilot_logs.read import firmware_of
-from analysis.cli.electrical import OrdinaryFlight, lacks_drag_topics, refuse_daemon_options
+from analysis.cli.electrical import (
+    OrdinaryFlight,
+    lacks_drag_topics,
+    refuse_autopilot_options,
+    refuse_daemon_options,
+)
 from analysis.performance.request import parse_request, parse_weight
 from flight.aircraft import load_aircraft
 from flight.command_line import application, quantity, run
@@ -191,6 +196,7 @@ def analyze(
                 print_electrical(Console())
             return
         check_writable(folder / "report.html")
+        refuse_autopilot_options(log, mass=mass, wing_area=wing_area, span=span)
         given_aircraft = load_aircraft(aircraft) if aircraft else None
         given_propeller = _load_propeller(propeller) if propeller else None
         from analysis.airdata.magnetometer import load_magnetometer

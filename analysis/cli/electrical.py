@@ -41,9 +41,18 @@ def read_autopilot_log(log: Path, firmware: str) -> "FlightRecording":
 
 def refuse_daemon_options(log: Path, **given: object) -> None:
     """Raises InputError for an option that an autopilot's log has no use for."""
-    names = [f"--{name}" for name, value in given.items() if value is not None]
-    if names:
-        raise InputError(f"{log}: {', '.join(names)}: only for logs of the daemon, not for an autopilot's")
+    if names := _given(given):
+        raise InputError(f"{log}: {names}: only for logs of the daemon, not for an autopilot's")
+
+
+def refuse_autopilot_options(log: Path, **given: object) -> None:
+    """Raises InputError for an option that a log with an aircraft file of its own has no use for."""
+    if names := _given(given):
+        raise InputError(f"{log}: {names}: only for logs of autopilots; give --weight, or --aircraft FILE")
+
+
+def _given(options: dict[str, object]) -> str:
+    return ", ".join(f"--{name.replace('_', '-')}" for name, value in options.items() if value is not None)
 
 
 @dataclass(frozen=True)

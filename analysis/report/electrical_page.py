@@ -14,7 +14,8 @@ from analysis.files import write_file
 from analysis.report.answers import HeadlineAnswer, interval_text, optimum_speed_text
 from analysis.report.figures import electrical as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
-from analysis.results.schema import ElectricalResult, Results, SpeedInterval, to_csv, to_json
+from analysis.results.files import to_csv, to_json
+from analysis.results.schema import ElectricalResult, Results, SpeedInterval
 from flight.units import GRAVITY_MPS2
 
 CURVE_ROWS = 12

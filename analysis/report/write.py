@@ -8,7 +8,7 @@ from analysis.pipeline import Analysis
 from analysis.report import field_table, page
 from analysis.report.report_figures import figures_by_name, run_fits
 from analysis.report.trajectory_csv import trajectory_csv
-from analysis.results.schema import to_csv, to_json
+from analysis.results.files import to_csv, to_json
 
 
 def write_report(analysis: Analysis, folder: Path) -> None:

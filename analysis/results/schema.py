@@ -1,8 +1,5 @@
 """The documented, versioned format of `results.json` and `power_required.csv` (docs/results.md)."""
 
-import csv
-import io
-
 import msgspec
 
 FORMAT = "flightpower-results-2"
@@ -336,27 +333,6 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
     electrical_power: list[PowerPoint] = []  # from the battery in level flight, where thrust is not known
     electrical: ElectricalResult | None = None
-
-
-def to_json(results: Results) -> bytes:
-    return msgspec.json.format(msgspec.json.encode(results), indent=1)
-
-
-def to_csv(results: Results) -> str:
-    """Both curves of power required, or that of electrical power; one row per point, units in the header."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
-    writer.writerow(["condition", "weight_N", "air_density_kgpm3", *fields, "extrapolated"])
-    for name, condition, curve in (
-        ("test", results.test, results.power_required or results.electrical_power),
-        ("standard", results.standard, results.power_required_standard),
-    ):
-        for point in curve:
-            numbers = (condition.weight_N, condition.air_density_kgpm3, *(getattr(point, field) for field in fields))
-            flag = "true" if point.extrapolated else "false"
-            writer.writerow([name, *(f"{number:.6g}" for number in numbers), flag])
-    return out.getvalue()
 
 
 def schema() -> bytes:

@@ -75,6 +75,7 @@ def surfaces(
     from flight.log_reader import read_log
 
     check_output(output, replace)
+    angles_deg = [_angle_deg(word) for word in angles.replace(",", " ").split()]
     recorded = read_log(log)
     number = channel
     if number is None:
@@ -90,10 +91,10 @@ def surfaces(
     found = held_pulses(t_s, pulse_us)
     if not found:
         raise InputError(f"{log}: servo output {number} was never held for two seconds; hold each position for three")
-    if not angles.strip():
+    if not angles_deg:
         print(f"positions of output {number}: {found_in_words(found)}. Now give --angles.")
         return
-    table = surface_table(found, [_angle_deg(word) for word in angles.replace(",", " ").split()])
+    table = surface_table(found, angles_deg)
     print(
         f"{len(table.pulse_us)} positions; angles of a position read twice differ by {table.hysteresis_deg:.1f} deg"
         " at most",

@@ -71,6 +71,14 @@ def test_what_the_aircraft_is_must_be_given() -> None:
     assert isinstance(done.exception, InputError) and '--wing-area "1.5 m^2"' in str(done.exception)
 
 
+def test_options_of_the_daemons_logs_are_refused(tmp_path: Path) -> None:
+    given = ["--mass", "9.4", "--wing-area", "1.5", "--span", "4", "-o", str(tmp_path / "report")]
+    done = CliRunner().invoke(app, [str(LOG), *given, "--propeller", "apc-10x5e"])
+    assert isinstance(done.exception, InputError) and "--propeller: only for logs of the daemon" in str(done.exception)
+    done = CliRunner().invoke(app, [str(LOG), *given[:-3], "4 kg"])
+    assert isinstance(done.exception, InputError) and "--span 4 kg" in str(done.exception)
+
+
 @pytest.mark.parametrize("name, reason", [("multicopter.ulg", "multicopter"), ("arduplane-1s.BIN", "lacks airspeed")])
 def test_real_logs_that_cannot_be_analysed(name: str, reason: str) -> None:
     if not (SHARED / name).exists():

@@ -13,8 +13,9 @@ from analysis.report.figures.flight import run_fit
 from analysis.report.figures.methods import every_method
 from analysis.report.figures.power import interval_parts, power_required
 from analysis.report.method_list import listed_methods
+from analysis.results.files import to_csv
 from analysis.results.power_curves import optimum
-from analysis.results.schema import ParameterResult, PathResult, RejectedResult, Results, SensorError, to_csv
+from analysis.results.schema import ParameterResult, PathResult, RejectedResult, Results, SensorError
 
 T = np.linspace(0.0, 1.0, 5)
 

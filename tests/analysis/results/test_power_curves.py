@@ -11,8 +11,9 @@ from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.method import SteadyPoint
 from analysis.drag.polar import Condition, Polar, best_range_lift, minimum_power_lift
 from analysis.results import power_curves
+from analysis.results.files import to_csv
 from analysis.results.methods import _point
-from analysis.results.schema import ConditionResult, PowerPoint, to_csv
+from analysis.results.schema import ConditionResult, PowerPoint
 
 AT = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)
 CD0, K = 0.04, 0.06
