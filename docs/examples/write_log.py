@@ -3,6 +3,7 @@
 python write_log.py flight.csv flight.mcap aircraft.toml propeller.csv probe.json
 
 flight.csv has a row for each instant, 25 a second: `time_s`, and the columns that FIELDS names, in SI units.
+`gps_fix_type` may be left out. The attachments are found by their names, which must be exactly these three.
 """
 
 import csv
@@ -21,8 +22,10 @@ FIELDS = {
     "/probe/airspeed": {"differential_pressure_Pa": "q_c_Pa"},
     "/static": {"pressure_Pa": "static_Pa", "temperature_K": "static_temperature_K"},
     "/rpm": {"motor_speed_revps": "n_revps"},
-    "/gps": {f"velocity_{axis}_mps": f"gps_{axis}_mps" for axis in ("north", "east", "down")},
+    "/gps": {f"velocity_{axis}_mps": f"gps_{axis}_mps" for axis in ("north", "east", "down")}
+    | {"fix_type": "gps_fix_type"},
 }
+INTEGERS = ("fix_type",)
 
 
 def write_log(table: Path, log: Path, attachments: list[Path]) -> None:
@@ -35,7 +38,11 @@ def write_log(table: Path, log: Path, attachments: list[Path]) -> None:
         for number, row in enumerate(csv.DictReader(rows)):
             time_ns = round(float(row["time_s"]) * 1e9)
             for topic, columns in FIELDS.items():
-                message = {field: float(row[column]) for field, column in columns.items() if row[column]}
+                message = {
+                    field: int(float(row[column])) if field in INTEGERS else float(row[column])
+                    for field, column in columns.items()
+                    if row.get(column)
+                }
                 if message:  # an empty cell was not measured
                     writer.add_message(channels[topic], time_ns, json.dumps(message).encode(), time_ns, number)
         writer.finish()
