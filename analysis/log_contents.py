@@ -11,11 +11,11 @@ from flight.log_reader import Log
 from flight.propeller import Propeller
 from flight.propeller_files import load_propeller, parse_propeller
 
-# By attachment that an analysis needs, what can be given instead.
+# By attachment that an analysis needs, the option instead.
 REMEDIES = {
-    "aircraft.toml": "give --aircraft FILE, for which `flightpower new aircraft` writes a template",
-    "propeller.csv": 'give --propeller NAME or FILE, or [propulsion] propeller = "apc-12x8e" in the aircraft file',
-    "probe.json": "give --probe FILE, which `calibrate probe` writes",
+    "aircraft.toml": "--aircraft FILE (`flightpower new aircraft` writes a template)",
+    "propeller.csv": '--propeller NAME or FILE (or [propulsion] propeller = "apc-12x8e" in the aircraft file)',
+    "probe.json": "--probe FILE (`calibrate probe` writes it)",
 }
 
 
@@ -129,10 +129,9 @@ def _lacking(log: Log, replacements: Replacements) -> list[str]:
 
 
 def _not_in_log(log: Log, names: list[str]) -> InputError:
-    remedies = "; ".join(f"{name}: {REMEDIES[name]}" for name in names)
     return InputError(
         f"{log.path}: no {', '.join(names)} in the log; attach {'it' if len(names) == 1 else 'them'} to the log (the"
-        f" daemon attaches what the tray file names), or: {remedies}"
+        f" daemon attaches what the tray file names), or give {', '.join(REMEDIES[name] for name in names)}"
     )
 
 
