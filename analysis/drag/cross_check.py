@@ -72,18 +72,27 @@ def _in_gusts(fit: Fit) -> bool:
     return uncertainty.whiteness(fit)["az"].lag_one > LARGEST_STILL_AIR_CORRELATION
 
 
-def disagreement(polar: Polar, check: CrossCheck, condition: Condition, flown_CL: tuple[float, float]) -> list[str]:
-    """A warning where power curve and cross-check differ by more than the 95 % interval of the difference."""
+class Disagreement(NamedTuple):
+    """Whether power curve and cross-check differ by more than the 95 % interval of the difference, and warnings."""
+
+    differs: bool
+    warnings: list[str]
+
+
+def disagreement(polar: Polar, check: CrossCheck, condition: Condition, flown_CL: tuple[float, float]) -> Disagreement:
+    """The comparison of power curve and cross-check over the speeds flown."""
     if not check.converged:
-        return [f"The cross-check by {check.by} did not converge and is left out: {check.verdict}."]
+        left_out = f"The cross-check by {check.by} did not converge and is left out: {check.verdict}."
+        return Disagreement(False, [left_out])
     V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), SPEEDS)
     (power, error), (other, other_error) = (power_required(V, p, condition) for p in (polar, check.polar))
     excess = np.abs(other - power) / (NORMAL_95 * np.hypot(error, other_error))
     worst = int(np.argmax(excess))
     if excess[worst] <= 1:
-        return []
-    return [
+        return Disagreement(False, [])
+    warning = (
         f"{check.by.capitalize()} on the runs alone differs from the power curve by"
         f" {100 * (other[worst] / power[worst] - 1):+.0f} % at {V[worst]:.1f} m/s, more than their 95 % intervals"
         " allow: check the fits below."
-    ]
+    )
+    return Disagreement(True, [warning])

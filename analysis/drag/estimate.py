@@ -92,9 +92,9 @@ def estimate(
         except (InputError, np.linalg.LinAlgError) as error:
             warnings.append(f"The cross-check on the runs alone failed: {error}.")
         else:
-            warned = cross_check.disagreement(main.polar, check, condition, flown_CL)
-            differs = check.converged and bool(warned)
-            warnings += warned
+            compared = cross_check.disagreement(main.polar, check, condition, flown_CL)
+            differs = compared.differs
+            warnings += compared.warnings
     return DragEstimates(
         main, flown_CL, others.by_method, others.one_by_one, others.disagreements, check, warnings, differs
     )

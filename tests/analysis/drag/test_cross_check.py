@@ -4,8 +4,8 @@ import methods
 import numpy as np
 import pytest
 
-from analysis.drag.cross_check import estimate_polar
-from analysis.drag.polar import Condition, power_required
+from analysis.drag.cross_check import CrossCheck, disagreement, estimate_polar
+from analysis.drag.polar import Condition, Polar, power_required
 from analysis.maneuvers.find import find
 from sim.sensors import load_budget
 
@@ -47,3 +47,18 @@ def test_air_that_moves_is_noticed_and_allowed_for(flown, nexstar, propeller):
     assert np.abs(deviation).max() < 3
     still, _, _ = asked(flown(2, 0.0), nexstar, propeller)
     assert np.all(np.diag(check.polar.covariance) > np.diag(still.polar.covariance)), "moving air costs certainty"
+
+
+def test_it_differs_where_the_intervals_do_not_allow_it() -> None:
+    at, flown_CL = Condition(37.7, 1.2, 0.46), (0.3, 1.0)
+
+    def polar(CD0: float) -> Polar:
+        return Polar(np.array([CD0, 0.0, 0.06]), np.diag([0.001, 0.0, 0.0]) ** 2)
+
+    def compared(CD0: float, *, converged: bool = True) -> tuple[bool, int]:
+        found = disagreement(polar(0.04), CrossCheck(polar(CD0), "no minimum", converged), at, flown_CL)
+        return found.differs, len(found.warnings)
+
+    assert compared(0.0427) == (False, 0)  # 1.96 times the root of two: 2.8 standard errors
+    assert compared(0.0429) == (True, 1)
+    assert compared(0.05, converged=False) == (False, 1)  # it is left out, and said to be
