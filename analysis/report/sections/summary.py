@@ -23,6 +23,7 @@ class SummarySection(NamedTuple):
     title: str
     condition: str
     cards: list[AnswerCard]
+    steady_points: bool  # shown in the figure
     motor_note: str  # where the motor was not measured
     warnings: list[str]
     source: str
@@ -37,6 +38,7 @@ def summary_section(results: Results) -> SummarySection:
             f" ({results.air_temperature_K - 273.15:.0f} °C), propeller {results.aircraft.propeller}"
         ),
         cards=[_card(answer) for answer in headline_answers(results)],
+        steady_points=any(method.points for method in results.methods),
         motor_note=use.power_train.basis if use and not use.power_train.measured else "",
         warnings=results.warnings,
         source=f"flightpower {results.software_version}, from {results.log}",

@@ -101,6 +101,12 @@ def test_what_a_battery_gives_stands_on_the_page(with_battery: Results) -> None:
     assert "friction loss of the motor" in text
 
 
+def test_the_caption_names_the_circles_where_there_are_some(results: Results) -> None:
+    without = replace(results, methods=[method for method in results.methods if not method.points])
+    assert "Circles: steady points, with the thrust" in page.render(results, drawings(results), [])
+    assert "Circles: steady points, with the thrust" not in page.render(without, drawings(without), [])
+
+
 def test_methods_that_agree_are_said_to_agree(results: Results) -> None:
     agreeing = replace(results, disagreements=[])
     assert "All methods agree within their intervals." in page.render(agreeing, drawings(results), [])
