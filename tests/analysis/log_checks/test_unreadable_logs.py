@@ -8,6 +8,7 @@ from mcap.writer import Writer
 
 from analysis.log_checks.messages import check_messages
 from analysis.log_contents import Replacements, contents
+from analysis.pipeline import analyze
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log, read_log
@@ -172,6 +173,12 @@ def test_only_what_a_log_lacks_is_named(tmp_path: Path) -> None:
     assert lacking(log, named).startswith(f"{log.path}: no probe.json in the log; attach it to the log")
     log.attachments["propeller.csv"] = b""
     assert ": no aircraft.toml, probe.json in the log" in lacking(log, Replacements())
+
+
+def test_messages_that_cannot_be_decoded_are_refused_before_missing_attachments(tmp_path: Path) -> None:
+    log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED | {"/gps": b'{"itow_ms": 1.5}'}))
+    with pytest.raises(InputError, match="/gps: 30 of 30 messages cannot be decoded"):
+        analyze(log)
 
 
 def lacking(log: Log, replacements: Replacements) -> str:
