@@ -17,7 +17,7 @@ import estimators
 import flights
 import numpy as np
 import typer
-from chain import compared, run
+from chain import compared, read_results, run
 from rich.console import Console
 
 from flight.aircraft import load_aircraft
@@ -61,7 +61,7 @@ def one_flight(folder: Path, plan: str, errors: str, seed: int, V: np.ndarray) -
     run(*FLIGHTPOWER, "analyze", log, "--quiet", "-o", folder / "four", "--aircraft", folder / "four.toml")
     log.unlink()
     truth = np.loadtxt(folder / "out" / "truth_power_required.csv", delimiter=",", skiprows=1, usecols=(0, 1))
-    return np.stack([compared(folder / name, truth, V) for name in ("all", "four")])
+    return np.stack([compared(read_results(folder / name), truth, V) for name in ("all", "four")])
 
 
 def main(

@@ -1,11 +1,12 @@
 """Whatever a user hands over by mistake: one clear line on stderr, exit code 2, nothing written."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess
 
 import pytest
-from running import command, installed, rewritten
+from running import command, done, installed, rewritten
 
 from flight.aircraft import load_aircraft
 
@@ -55,10 +56,21 @@ def test_a_log_torn_before_its_first_message(flown: Path, tmp_path: Path) -> Non
     refused(path, naming="torn.mcap", cause="holds no message", folder=tmp_path)
 
 
-@pytest.mark.parametrize("topic", ["/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm"])
+@pytest.mark.parametrize("topic", ["/probe/airspeed", "/static"])
 def test_a_log_without_a_needed_topic(flown: Path, tmp_path: Path, topic: str) -> None:
     rewritten(flown, tmp_path / "flight.mcap", without_topic=topic)
     refused(tmp_path / "flight.mcap", naming="flight.mcap", cause=topic, folder=tmp_path)
+
+
+@pytest.mark.parametrize("topic", ["/imu", "/probe/alpha", "/rpm"])
+def test_a_log_without_a_topic_that_drag_needs_gives_electrical_power(flown: Path, tmp_path: Path, topic: str) -> None:
+    """The curve of what the battery gives, and a sentence on what drag would take."""
+    rewritten(flown, tmp_path / "flight.mcap", without_topic=topic)
+    done("analyze", tmp_path / "flight.mcap", "--quiet", "-o", tmp_path / "report")
+    results = json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))
+    assert results["electrical_power"] and not results["power_required"]
+    assert f"The log lacks {topic}, which drag needs" in results["warnings"][0]
+    assert "motor speed" in results["electrical"]["withheld"][0]
 
 
 @pytest.mark.parametrize(("name", "option"), [("aircraft.toml", "--aircraft FILE"), ("probe.json", "--probe FILE")])
