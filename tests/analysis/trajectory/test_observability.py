@@ -180,3 +180,10 @@ def test_the_standard_error_of_a_mean_allows_for_slow_changes() -> None:
     wave = pd.Series(np.sign(np.sin(np.pi * t / 20)), index=t)
     assert difference_statistics(wave).standard_error > 5 * wave.std() / np.sqrt(len(t))
     assert difference_statistics(white[:50]) is None, "one batch says nothing of the scatter between them"
+
+
+def test_each_error_is_shown_in_its_unit():
+    """The factor is what one SI unit (rad, s, 1) is in the unit that stands beside the number."""
+    in_unit = {"deg": 180 / np.pi, "deg/s": 180 / np.pi, "%": 100.0, "ms": 1000.0, "m/s²": 1.0}
+    for title, factor, unit in observability.TITLES.values():
+        assert factor == pytest.approx(in_unit[unit]), title
