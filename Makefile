@@ -10,6 +10,9 @@ export OPENBLAS_NUM_THREADS := 1
 # Some tests mount file systems. Without root they run in a user namespace, or are skipped where there is none.
 IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null && echo unshare -Urm; })
 
+# One process more than processors: some tests wait for daemons that record in real time.
+WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
+
 .DEFAULT_GOAL := help
 .PHONY: help demo picture test bench study soak lint types check constraints clean
 
@@ -31,7 +34,7 @@ picture: demo ## renew the README's picture: the demo's curve with the truth ove
 	$(BIN)/python benchmarks/picture.py out/demo docs/power-required.png
 
 test: $(READY) ## the whole test suite
-	$(IN_NAMESPACE) $(BIN)/pytest -n auto --dist loadgroup
+	$(IN_NAMESPACE) $(BIN)/pytest -n $(WORKERS) --dist loadgroup
 
 bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/drivers.py

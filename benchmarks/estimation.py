@@ -30,7 +30,8 @@ from sim.sensors import load_budget
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
 import disturbed
-import test_speed_and_starts as timed
+import test_starts_of_an_aircraft as timed
+from general_optimizer import general_optimizer, processor_time_s
 
 PLAN = "full-test-flight"
 CONSOLE = Console(width=120)
@@ -49,17 +50,17 @@ def speed() -> None:
         return output_error.estimate(timed.MODEL, segments, start=start)
 
     fit(run_s[0])
-    one = timed.processor_time_s(lambda: fit(run_s[0]), 10)
+    one = processor_time_s(lambda: fit(run_s[0]), 10)
     table.add_row("500 samples, 2 states, 4 outputs, 12 parameters", f"{1e3 * one:.0f} ms", "60 ms")
-    table.add_row("20 such runs jointly", f"{timed.processor_time_s(lambda: fit(run_s), 2):.2f} s", "2 s")
-    theirs, evaluations, above = timed.general_optimiser(run_s[1])
+    table.add_row("20 such runs jointly", f"{processor_time_s(lambda: fit(run_s), 2):.2f} s", "2 s")
+    theirs, evaluations, above = general_optimizer(run_s[1])
     table.add_row(
         "trust-constr with finite differences, one run",
         f"{theirs:.1f} s, {theirs / one:.0f} times ours, {evaluations} evaluations, cost {above:+.3f}",
         "100 times ours",
     )
     segment = disturbed.linear_record(0)
-    filtered = timed.processor_time_s(
+    filtered = processor_time_s(
         lambda: filter_error.estimate(disturbed.LINEAR, segment, disturbed.LINEAR_NOISE, test_significance=False), 5
     )
     table.add_row("filter error, 250 samples, 2 states, 12 unknowns", f"{1e3 * filtered:.0f} ms", "")
@@ -218,7 +219,7 @@ def trajectory() -> None:
     for turbulence_kt in (0.0, 3.0, 15.0):
         flown = flights.flown(aircraft, flights.drawn(load_budget("study"), 0), PLAN, 0, turbulence_kt)
         air, still, _ = flights.air_of(flown.table, aircraft, probe)
-        one = timed.processor_time_s(lambda: reconstruct(air, still), 2)  # noqa: B023 -- called at once
+        one = processor_time_s(lambda: reconstruct(air, still), 2)  # noqa: B023 -- called at once
         table.add_row(f"W20 = {turbulence_kt:g} kt", f"{one * 1200 / float(air.index[-1]):.2f} s", "2 s")
     CONSOLE.print(table)
 

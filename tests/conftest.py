@@ -5,8 +5,11 @@ file is a pattern (`*` and `?`) for "test id: reason"; empty lines and lines wit
 """
 
 import os
+import re
 from collections import Counter
 from fnmatch import fnmatchcase
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -46,10 +49,20 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
     class ModulesTogether(LoadGroupScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return super()._split_scope(nodeid).split("::")[0]
+            return group_of(config.rootpath / nodeid.split("::")[0])
 
     config.option.loadscopereorder = False
     return ModulesTogether(config, log)
+
+
+@lru_cache
+def group_of(module: Path) -> str:
+    """The group that the module's `pytestmark` names, or the module itself.
+
+    It is read from the text: pytest-xdist 3.8 does not tell the scheduler of groups under pytest 9.2.
+    """
+    named = re.search(r'xdist_group\("(\w+)"\)', module.read_text("utf-8"))
+    return named[1] if named else str(module)
 
 
 class SkipWatch:
