@@ -268,6 +268,9 @@ class _InnovationsLikelihood:
         )
         return innovations._replace(d_e=innovations.d_e[:, :, own], d_ln_s=innovations.d_ln_s[:, :, own]), ln_v
 
+    def curvature(self, point: Evaluation) -> Array:
+        return point.information
+
     def evaluate(self, theta: Array) -> Evaluation:
         problem, m = self.problem, len(theta)
         g, H, of_variances, cost = np.zeros(m), np.zeros((m, m)), np.zeros((m, m)), 0.0

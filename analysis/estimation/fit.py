@@ -116,10 +116,7 @@ class Fit:
     @property
     def correlation(self) -> Array:
         """(m, m) of the estimates; NaN for unknowns that are not identifiable."""
-        errors = np.sqrt(np.diag(self.covariance))
-        with np.errstate(invalid="ignore"):
-            matrix: Array = self.covariance / np.outer(errors, errors)
-        return matrix
+        return correlation_of(self.covariance)
 
     def summary(self, corrected: Array | None = None) -> FitSummary:
         """The numbers without the data. corrected : (m, m) covariance for colored residuals (`uncertainty`)."""
@@ -149,6 +146,14 @@ class Fit:
         free = dict(zip(self.names, self.values if values is None else values, strict=True))
         shared = {q.name: free.get(q.name, q.start) for q in self.model.parameters if q.shared}
         return NamedValues("shared parameter", shared)
+
+
+def correlation_of(covariance: Array) -> Array:
+    """(m, m); NaN where the covariance is not finite."""
+    errors = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore"):
+        matrix: Array = covariance / np.outer(errors, errors)
+    return matrix
 
 
 def _finite(value: float | None) -> float | None:

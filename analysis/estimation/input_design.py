@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from analysis.estimation.frequency_domain import frequencies_of
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -69,17 +70,18 @@ def multisine(
     Raises InputError for a band with fewer than two harmonics an input, or above half the sampling rate.
     """
     k = len(amplitudes)
-    first, last = max(1, int(np.ceil(band_Hz[0] * duration_s))), int(np.floor(band_Hz[1] * duration_s))
-    if (last - first + 1) // k < 2 or 2 * band_Hz[1] * step_s >= 1:
+    samples = round(duration_s / step_s)
+    available = frequencies_of(band_Hz, samples, step_s)
+    if len(available) // k < 2:
         raise InputError(
-            f"band {band_Hz[0]:g} to {band_Hz[1]:g} Hz in {duration_s:g} s has {max(0, last - first + 1)} harmonics for"
-            f" {k} inputs; at least two each are needed, below half the sampling rate"
+            f"band {band_Hz[0]:g} to {band_Hz[1]:g} Hz in {duration_s:g} s has {len(available)} harmonics for"
+            f" {k} inputs; at least two each are needed"
         )
-    t = np.asarray(np.arange(round(duration_s / step_s) + 1) * step_s, dtype=np.float64)
+    t = np.asarray(np.arange(samples + 1) * step_s, dtype=np.float64)
     rng = np.random.default_rng(seed)
     inputs, harmonics, factors = [], [], []
     for i, amplitude in enumerate(amplitudes):
-        f = np.arange(first + i, last + 1, k) / duration_s
+        f = available[i::k]
         signal = _of_small_peak(f, t, rng)
         peak = np.abs(signal).max()
         inputs.append(amplitude * signal / peak)

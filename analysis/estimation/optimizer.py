@@ -44,7 +44,6 @@ class Evaluation(NamedTuple):
     information: Array  # (m, m) of the data
     variance_information: Array | float = 0.0  # part of `information` from the variances of the residuals
     ln_det_R: float = 0.0  # 0 if R is not re-estimated at every point
-    curvature: Array | None = None  # (m, m) Hessian of the data's part of the cost, where it is not `information`
 
 
 class Likelihood(Protocol):
@@ -52,6 +51,10 @@ class Likelihood(Protocol):
     def problem(self) -> Problem: ...
 
     def evaluate(self, theta: Array) -> Evaluation: ...
+
+    def curvature(self, point: Evaluation) -> Array:
+        """(m, m) Hessian of the data's part of the cost; `point.information` where nothing better is known."""
+        ...
 
 
 class _EigenSystem(NamedTuple):
@@ -96,7 +99,7 @@ def maximize(
         moving = np.flatnonzero(~held)
         if not len(moving):
             return point, iteration, ""
-        eigen = _step_matrix(problem, point, moving, length < NEAR * np.sqrt(values))
+        eigen = _step_matrix(likelihood, point, moving, length < NEAR * np.sqrt(values))
         gain = point.gradient[moving] @ eigen.step(point.gradient[moving], 0.0)
         if gain < ROUNDING * abs(point.cost):
             return point, iteration, ""
@@ -114,13 +117,13 @@ def maximize(
     return point, max_iterations, f"{max_iterations} iterations were not enough"
 
 
-def _step_matrix(problem: Problem, point: Evaluation, moving: NDArray[np.intp], near: bool) -> _EigenSystem:
+def _step_matrix(likelihood: Likelihood, point: Evaluation, moving: NDArray[np.intp], near: bool) -> _EigenSystem:
     """The matrix of the Newton step of the unknowns `moving`: the curvature of the cost, or the information matrix."""
     block = np.ix_(moving, moving)
-    prior = np.diag(problem.prior_information)
+    prior = np.diag(likelihood.problem.prior_information)
     eigen = _EigenSystem.of((point.information + prior)[block])
-    if near and point.curvature is not None:
-        curvature = (point.curvature + prior)[block]
+    if near:
+        curvature = (likelihood.curvature(point) + prior)[block]
         if (np.diag(curvature) > 0).all():
             of_curvature = _EigenSystem.of(curvature)
             if of_curvature.values[0] > SMALLEST_CURVATURE * eigen.values[0] > 0:

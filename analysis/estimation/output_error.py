@@ -140,24 +140,24 @@ class _OutputErrorLikelihood:
             g[columns] += flat.T @ (white.weight * white.e).ravel()
             H[np.ix_(columns, columns)] += flat.T @ flat
             segment_fits.append(SegmentFit(problem.segments[i], response, residuals[i], white, columns))
-        R_is_free = self.known_R is None and self.tail_dof is None
-        curvature = H - self._curvature_of_R(segment_fits, m) if R_is_free else None
         from_prior = theta - problem.prior_mean
         cost += float(problem.prior_information @ from_prior**2) / 2
         g -= problem.prior_information * from_prior
         H *= information_factor(self.tail_dof)
-        ln_det_R = float(np.linalg.slogdet(R)[1])
-        return Evaluation(theta, cost, tuple(segment_fits), R, g, H, ln_det_R=ln_det_R, curvature=curvature)
+        return Evaluation(theta, cost, tuple(segment_fits), R, g, H, ln_det_R=float(np.linalg.slogdet(R)[1]))
 
-    def _curvature_of_R(self, segment_fits: list[SegmentFit], m: int) -> Array:
-        """(m, m) what re-estimating R takes from the curvature of the cost, N/2 tr(R^-1 dR/dtheta_j R^-1 dR/dtheta_k).
+    def curvature(self, point: Evaluation) -> Array:
+        """(m, m) Hessian of the cost, second derivatives of the response neglected.
 
-        The cost is N/2 ln det R(theta). Its second derivative is N/2 [tr(R^-1 d2R) - tr(R^-1 dR_j R^-1 dR_k)]; the
-        first term is the information matrix.
+        With R re-estimated the cost is N/2 ln det R(theta). Its second derivative is
+        N/2 [tr(R^-1 d2R) - tr(R^-1 dR_j R^-1 dR_k)]; the first term is the information matrix.
         """
+        if self.known_R is not None or self.tail_dof is not None:
+            return point.information
+        m = len(point.theta)
         outputs = len(self.problem.model.outputs)
         d_R, samples = np.zeros((outputs, outputs, m)), np.zeros(outputs)
-        for fit in segment_fits:
+        for fit in point.segment_fits:
             white = fit.white
             rows = white.present.all(axis=1) if self.noise == "full" else slice(None)
             product = np.tensordot(white.e[rows], white.S[rows], axes=(0, 0))
@@ -167,7 +167,7 @@ class _OutputErrorLikelihood:
             d_R *= np.eye(outputs)[:, :, None]
         d_R /= np.sqrt(2 * np.maximum(samples, 1))[:, None, None]
         flat = d_R.reshape(-1, m)
-        return flat.T @ flat
+        return point.information - flat.T @ flat
 
     def _covariance(self, residuals: list[Array]) -> Array:
         if self.known_R is not None:

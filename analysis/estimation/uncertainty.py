@@ -19,7 +19,7 @@ from analysis.estimation.colored_residuals import (
     score_covariance,
     spectrum_of,
 )
-from analysis.estimation.fit import Fit
+from analysis.estimation.fit import Fit, correlation_of
 from analysis.estimation.model import NamedValues
 from flight.errors import InputError
 
@@ -46,8 +46,7 @@ class Uncertainty:
 
     @property
     def correlation(self) -> Array:
-        errors: Array = np.sqrt(np.diag(self.covariance))
-        return self.covariance / np.outer(errors, errors)
+        return correlation_of(self.covariance)
 
 
 def cramer_rao(fit: Fit) -> Uncertainty:

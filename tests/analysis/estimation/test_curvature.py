@@ -61,7 +61,7 @@ def test_the_curvature_is_the_hessian_of_the_cost(noise):
         ]
     ) / (4 * h**2)
     point = likelihood.evaluate(theta)
-    assert point.curvature == pytest.approx(hessian, rel=1e-4)
+    assert likelihood.curvature(point) == pytest.approx(hessian, rel=1e-4)
     assert not np.allclose(point.information, hessian, rtol=0.1), "the data do not show the difference"
 
 
