@@ -6,7 +6,7 @@ import sys
 import threading
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -142,17 +142,15 @@ def run(
         os._exit(FAILURE)
 
 
+def _seconds_option(least: float, text: str) -> Any:
+    parser = quantity("--seconds", "s", '"1 min"', least=least, most=LONGEST_CHECK_S)
+    return typer.Option(parser=parser, metavar="TIME", help=text)
+
+
 @app.command(short_help="Take the still-air zero of pressures and gyroscopes.")
 def zero(
     config: TrayOption,
-    seconds: Annotated[
-        float,
-        typer.Option(
-            parser=quantity("--seconds", "s", '"1 min"', least=4, most=LONGEST_CHECK_S),
-            metavar="TIME",
-            help="How long to measure [s].",
-        ),
-    ] = 10.0,
+    seconds: Annotated[float, _seconds_option(4, "How long to measure [s].")] = 10.0,
 ) -> None:
     """Take the still-air zero of pressure differences and gyroscopes, to be attached to every later log.
 
@@ -189,14 +187,7 @@ def zero(
 @app.command(short_help="Check whether the tray is fit to fly.")
 def check(
     config: TrayOption,
-    seconds: Annotated[
-        float,
-        typer.Option(
-            parser=quantity("--seconds", "s", '"1 min"', least=1, most=LONGEST_CHECK_S),
-            metavar="TIME",
-            help="How long to read [s].",
-        ),
-    ] = 5.0,
+    seconds: Annotated[float, _seconds_option(1, "How long to read [s].")] = 5.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Check whether the tray is fit to fly: read every sensor for a few seconds. Exit code 1 if a check fails.

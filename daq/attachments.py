@@ -1,6 +1,5 @@
 """The files attached to a log beside its messages, so that `analyze log.mcap` needs nothing else."""
 
-import json
 from importlib import metadata, resources
 from pathlib import Path
 from typing import NamedTuple
@@ -9,6 +8,7 @@ from daq.config import Tray
 from daq.still_air_zero import parse_zero
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
+from flight.json_file import json_object_text
 from flight.log_writer import LogWriter
 from flight.text_file import read_text
 
@@ -92,14 +92,7 @@ def calibration_text(path: str | None, of: str) -> str | None:
     """The calibration file of the probe or the magnetometer. Checked only for being a JSON object."""
     if path is None:
         return None
-    text = read_text(Path(path))
-    try:
-        calibration = json.loads(text)
-    except ValueError as error:
-        raise InputError(f"{path}: not a {of} calibration ({error})") from None
-    if not isinstance(calibration, dict):
-        raise InputError(f"{path}: not a {of} calibration (not a JSON object)")
-    return text
+    return json_object_text(Path(path), f"a {of} calibration")
 
 
 def zero_text(path: str) -> str | None:

@@ -1,10 +1,13 @@
 """Small JSON files with a field `format`: calibrations and transducer zeros, as files or attached to a log."""
 
+import json
+from pathlib import Path
 from typing import Protocol, TypeVar
 
 import msgspec
 
 from flight.errors import InputError
+from flight.text_file import read_text
 
 
 class _HasFormat(Protocol):
@@ -13,6 +16,21 @@ class _HasFormat(Protocol):
 
 
 File = TypeVar("File", bound=_HasFormat)
+
+
+def json_object_text(path: Path, of: str) -> str:
+    """The text of a file that holds a JSON object. of: what it should be, such as "a probe calibration".
+
+    Raises InputError when it cannot be read or is something else.
+    """
+    text = read_text(path)
+    try:
+        found = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"{path}: not {of} ({error})") from None
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: not {of} (not a JSON object)")
+    return text
 
 
 def decoded(

@@ -1,13 +1,12 @@
 """The folder of a simulated flight: which files it holds, and what must not be replaced there."""
 
-import json
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flight.errors import InputError
+from flight.json_file import json_object_text
 from flight.output_file import check_writable
-from flight.text_file import read_text
 
 if TYPE_CHECKING:
     from sim.fly import Flight
@@ -38,14 +37,7 @@ def probe_text(probe: Path | None) -> str:
         return (resources.files("sim") / "data" / PROBE).read_bytes().decode()
     if not probe.exists():
         raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
-    text = read_text(probe)
-    try:
-        calibration = json.loads(text)
-    except ValueError as error:
-        raise InputError(f"{probe}: not a probe calibration ({error})") from None
-    if not isinstance(calibration, dict):
-        raise InputError(f"{probe}: not a probe calibration (not a JSON object)")
-    return text
+    return json_object_text(probe, "a probe calibration")
 
 
 def check_probe(output: Path, calibration: str, probe: Path | None) -> None:

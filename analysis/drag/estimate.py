@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.drag import cross_check, dynamic
 from analysis.drag.assumed_values import AssumptionUncertainty, with_assumption_uncertainty
@@ -98,35 +97,3 @@ def estimate(
     return DragEstimates(
         main, flown_CL, others.by_method, others.one_by_one, others.disagreements, check, warnings, differs
     )
-
-
-def main_polar(
-    trajectory: Trajectory,
-    maneuvers: Maneuvers,
-    aircraft: Aircraft,
-    propeller: Propeller,
-    condition: Condition,
-    flown_CL: tuple[float, float],
-    log: str,
-) -> DynamicEstimate:
-    """The polar of the power curve alone, the same as `estimate` gives."""
-    runs = maneuvers.level_runs
-    if runs:
-        return dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
-    others = every_method(trajectory, maneuvers.maneuvers, None, flown_CL, aircraft, propeller, condition)
-    return fallback(others.by_method, trajectory, log)[0]
-
-
-def main_values(
-    trajectory: Trajectory,
-    maneuvers: Maneuvers,
-    aircraft: Aircraft,
-    propeller: Propeller,
-    condition: Condition,
-    flown_CL: tuple[float, float],
-    log: str,
-) -> NDArray[np.float64]:
-    """The `values` (5,) of `main_polar`, without the work for their covariance where the flight has runs."""
-    if runs := maneuvers.level_runs:
-        return dynamic.estimate_values(trajectory, runs, aircraft, propeller)
-    return main_polar(trajectory, maneuvers, aircraft, propeller, condition, flown_CL, log).values

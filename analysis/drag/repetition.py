@@ -9,8 +9,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.from_log import FlightData
+from analysis.drag import dynamic
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.estimate import main_polar, main_values
+from analysis.drag.fallback import fallback
+from analysis.drag.methods import every_method
 from analysis.drag.polar import Condition
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
@@ -40,14 +42,18 @@ class Repetition:
     progress: Callable[[str], None]
 
     def estimate(self, aircraft: Aircraft, propeller: Propeller, upwash_slope_sigma: float) -> DynamicEstimate:
-        """By `main_polar`; upwash_slope_sigma: prior standard deviation of the slope of angle of attack by upwash."""
+        """The polar of the power curve.
+
+        upwash_slope_sigma: prior standard deviation of the slope of angle of attack by upwash
+        """
         trajectory = self._trajectory_of(aircraft, upwash_slope_sigma)
-        return main_polar(trajectory, self.maneuvers, aircraft, propeller, self.condition, self.flown_CL, self.log)
+        if runs := self.maneuvers.level_runs:
+            return dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
+        return self._without_runs(trajectory, aircraft, propeller)
 
     def values(self, aircraft: Aircraft, propeller: Propeller, upwash_slope_sigma: float) -> NDArray[np.float64]:
-        """The `values` (5,) of `estimate` alone, by `main_values`."""
-        trajectory = self._trajectory_of(aircraft, upwash_slope_sigma)
-        return main_values(trajectory, self.maneuvers, aircraft, propeller, self.condition, self.flown_CL, self.log)
+        """The `values` (5,) of `estimate` alone."""
+        return self._values(self._trajectory_of(aircraft, upwash_slope_sigma), aircraft, propeller)
 
     def values_with_air(self, air: pd.DataFrame, propeller: Propeller) -> NDArray[np.float64]:
         """The `values` (5,) by other air data than the flight's, or by these."""
@@ -56,9 +62,18 @@ class Repetition:
             self.progress("repeating the estimate with other air data")
             sigma = self.alpha_scale_sigma
             trajectory = reconstruct(air, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=self.log)
-        return main_values(
-            trajectory, self.maneuvers, self.aircraft, propeller, self.condition, self.flown_CL, self.log
-        )
+        return self._values(trajectory, self.aircraft, propeller)
+
+    def _values(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> NDArray[np.float64]:
+        """Without the work for their covariance where the flight has runs."""
+        if runs := self.maneuvers.level_runs:
+            return dynamic.estimate_values(trajectory, runs, aircraft, propeller)
+        return self._without_runs(trajectory, aircraft, propeller).values
+
+    def _without_runs(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> DynamicEstimate:
+        maneuvers = self.maneuvers.maneuvers
+        others = every_method(trajectory, maneuvers, None, self.flown_CL, aircraft, propeller, self.condition)
+        return fallback(others.by_method, trajectory, self.log)[0]
 
     def _trajectory_of(self, aircraft: Aircraft, upwash_slope_sigma: float) -> Trajectory:
         """The trajectory, which does not depend on the propeller; the first one where nothing has changed."""
