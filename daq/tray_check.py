@@ -40,7 +40,8 @@ SHOWN_FIELDS: dict[str, tuple[tuple[str, float, str], ...]] = {
     "/rpm": (("motor_speed_revps", 60, "rpm"),),
     "/controls": (("elevator_rad", 57.29578, "deg elevator"), ("throttle", 100, "% throttle")),
     "/attitude": (("pitch_rad", 57.29578, "deg pitch"),),
-    "/battery": (("voltage_V", 1, "V"),),
+    "/battery": (("voltage_V", 1, "V"), ("current_A", 1, "A")),
+    "/analog": (("voltage_V", 1, "V"),),
 }
 ADVICE = {
     Status.STARTING: "the part does not start: check its supply",
