@@ -19,6 +19,7 @@ from flight.errors import InputError
 from flight.messages import Event
 
 LONGEST_CHECK_S = 3600.0
+SERVICE_LOGS = Path("/var/lib/flightpower")
 
 app = application(
     help="""Records the sensors of the tray at a fixed rate into a log (MCAP) that `analyze` reads.
@@ -253,6 +254,33 @@ def info(log: Annotated[Path, typer.Argument(metavar="LOG", help="A log; may be 
     for row in summary.topics:
         table.add_row(row.topic, str(row.messages), f"{row.rate_Hz:.1f}", row.failures or "-")
     console.print(table)
+
+
+@app.command("list", short_help="List the logs of a folder.")
+def list_(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the logs are.")] = Path(
+        "/var/lib/flightpower"
+    ),
+) -> None:
+    """List the logs of a folder: begin, length, size, and whether each is complete.
+
+    Times are those of the satellites, UTC. A ? marks the system clock, which is wrong where there is no network.
+
+    \b
+    Example:
+      daq list /var/lib/flightpower
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    from daq.log_list import list_logs
+
+    table = Table("log", "begin (UTC)", "min", "MB", "state", box=None)
+    for log in list_logs(folder):
+        begin = "-" if log.begin is None else f"{log.begin:%Y-%m-%d %H:%M:%S}{'' if log.by_satellites else ' ?'}"
+        length = f"{log.duration_s / 60:.1f}" if log.begin else "-"
+        table.add_row(log.path.name, begin, length, f"{log.bytes / 1e6:.1f}", log.state)
+    Console().print(table if table.rows else f"{folder}: no logs", highlight=False)
 
 
 @app.command(short_help="Print an example tray file, or check one.")

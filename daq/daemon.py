@@ -15,7 +15,8 @@ from daq.clock import Clock
 from daq.config import SensorConfig, Tray
 from daq.disk_space import DiskSpace
 from daq.driver_factory import DriverFactory, driver_factory
-from daq.log_files import FileLimits, LogFiles, numbered_names, part_names
+from daq.log_files import FileLimits, LogFiles
+from daq.log_names import numbered_logs, numbered_names, part_names
 from daq.recorder import Recorder
 from daq.sampling_loop import Cycle, StopFlag, cycles
 from daq.sensor_health import SensorState
@@ -23,7 +24,7 @@ from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample
 from flight.aircraft import Aircraft
 from flight.errors import InputError
-from flight.messages import Event
+from flight.messages import Event, Time
 
 REPORT_EVERY_NS = 1_000_000_000
 STOP_SERVICE = "sudo systemctl stop flightpower-daq"
@@ -144,7 +145,7 @@ def record(
     path = Path(log_path) if log_path is not None else None
     directory = Path(tray.directory) if path is None else path.parent
     name = numbered_names(directory) if path is None else part_names(path)
-    old_logs = sorted(directory.glob("log-*.mcap")) if path is None else []
+    old_logs = numbered_logs(directory) if path is None else []
     recovery = BackgroundRecovery(old_logs) if threaded else Recovery(old_logs)
     disk_space = DiskSpace(directory, round(tray.files.keep_free_MB * 1e6), tray.files.when_full)
     disk_space.check()
@@ -180,6 +181,8 @@ def record(
             new_file_requested = new_file is not None and new_file.is_set()
             if new_file_requested and new_file is not None:
                 new_file.clear()
+            if (offset := satellite_offset_ns(cycle.samples)) is not None:
+                log_files.satellite_offset_ns = offset
             events = recovery.events() + cycle.events + arm_switch.update(cycle.samples)
             events += log_files.update(cycle.now_ns, wanted=arm_switch.recording, new_file=new_file_requested)
             for event in events:
@@ -209,6 +212,15 @@ def record(
         write_error = write_error or f"the disk of {directory} was full"
     errors = {supervisor.name: supervisor.errors for supervisor in supervisors}
     return RecordingResult(log_files.paths, ticks, missed, errors, write_error)
+
+
+def satellite_offset_ns(samples: list[Sample]) -> int | None:
+    """Unix time by the satellites minus monotonic time, from a tick's messages; None if it is not in them."""
+    for sample in samples:
+        message = sample.message
+        if isinstance(message, Time) and message.gps_utc_ns is not None and message.monotonic_ns is not None:
+            return message.gps_utc_ns - message.monotonic_ns
+    return None
 
 
 def write_header(

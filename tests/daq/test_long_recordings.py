@@ -307,6 +307,6 @@ def test_the_status_line_says_how_it_goes(tmp_path):
         report=lines.append,
     )  # fmt: skip
     assert len(lines) == 6
-    assert lines[-1].startswith("recording log-0001.mcap, 5 s, 126 ticks, 0 missed, ")
+    assert lines[-1].startswith("recording log-0001_2016-05-14_093000Z.mcap, 5 s, 126 ticks, 0 missed, ")
     assert lines[-1].endswith("GB free; all sensors ok")
     assert "starting" in lines[0]

@@ -141,7 +141,7 @@ def test_install_and_uninstall_can_be_run_twice_and_keep_what_is_the_users(tmp_p
     log = root / "var/lib/flightpower/log-0001.mcap"
     log.parent.mkdir(parents=True)
     log.write_bytes(b"a day's work")
-    script("install.sh", root)
+    script("install.sh", root, "--tray")
     assert "/dev/i2c-7" in mine.read_text()
     assert b"DeviceAllow=/dev/char/89:7 rw" in tree(root)["etc/systemd/system/flightpower-daq.service.d/tray.conf"]
 
@@ -150,6 +150,17 @@ def test_install_and_uninstall_can_be_run_twice_and_keep_what_is_the_users(tmp_p
         assert set(tree(root)) == {"etc/flightpower/tray.toml", "var/lib/flightpower/log-0001.mcap"}
     script("uninstall.sh", root, "--purge-tray")
     assert set(tree(root)) == {"var/lib/flightpower/log-0001.mcap"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "cause"),
+    [(["--wheels"], "one folder"), (["--wheels", "."], "no wheel of flightpower"), (["--try"], "unknown option --try")],
+)
+def test_a_wrong_use_of_install_changes_nothing(tmp_path, arguments, cause):
+    with pytest.raises(subprocess.CalledProcessError) as failed:
+        script("install.sh", tmp_path, *arguments)
+    assert failed.value.returncode == 2 and cause in failed.value.stderr.decode()
+    assert tree(tmp_path) == {}
 
 
 def test_the_scripts_are_sound():
