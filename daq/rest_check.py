@@ -59,21 +59,16 @@ def _force_problem(force: Sequence[float]) -> str:
 def field_problem(messages: Sequence[Message]) -> str:
     """Why the mean flux density is not the earth's, with advice; empty if it can be."""
     fields = [
-        (m.field_x_T, m.field_y_T, m.field_z_T)
+        (m.field_x_T or 0.0, m.field_y_T or 0.0, m.field_z_T or 0.0)
         for m in messages
-        if isinstance(m, Magnetometer)
-        and m.field_x_T is not None
-        and m.field_y_T is not None
-        and m.field_z_T is not None
+        if isinstance(m, Magnetometer) and m.field_x_T is not None
     ]
     if not fields:
         return ""
     size_T = math.hypot(*(fmean(component) for component in zip(*fields, strict=True)))
     if EARTH_FIELD_T[0] <= size_T <= EARTH_FIELD_T[1]:
         return ""
-    return (
-        f"{size_T * 1e6:.0f} uT, the earth's field is 22 to 67: move iron, magnets and battery wires away from the IMU"
-    )
+    return f"{size_T * 1e6:.0f} uT, the earth's field is 22 to 67: move iron and battery wires away from the IMU"
 
 
 def height_comparison(messages: Mapping[str, Sequence[Message]]) -> tuple[bool, str] | None:
@@ -99,7 +94,7 @@ def height_comparison(messages: Mapping[str, Sequence[Message]]) -> tuple[bool, 
 
 def standard_height_m(pressure_Pa: float) -> float:
     """Height in the standard atmosphere's troposphere [m] (ISO 2533)."""
-    return 44330.77 * (1 - (pressure_Pa / 101325.0) ** 0.190263)
+    return 44330.77 * (1 - math.pow(pressure_Pa / 101325.0, 0.190263))
 
 
 def pressures_Pa(messages: Sequence[Message]) -> list[float]:
