@@ -188,6 +188,22 @@ def is_writable(directory: Path) -> bool:
         return False
 
 
+def check_file(tray: Tray) -> Path:
+    """Where the result of the last check is kept: beside the zero."""
+    return Path(tray.zero).with_name("check.json")
+
+
+def save(report: TrayCheck, tray: Tray) -> None:
+    """Keep the result for the status page. Not an error if the folder cannot be written."""
+    path = check_file(tray)
+    beside = path.with_name(f"{path.name}.new")
+    try:
+        beside.write_text(f"{as_json(report)}\n", "utf-8")
+        beside.replace(path)
+    except OSError:
+        return
+
+
 def as_json(report: TrayCheck) -> str:
     """The fields of the check as JSON, with `fit`."""
     lines = [line._asdict() for line in report.lines]

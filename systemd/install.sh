@@ -53,6 +53,7 @@ if ! [ -x "$daq" ]; then
 fi
 
 install -D -m 0644 "$here/flightpower-daq.service" "$units/flightpower-daq.service"
+install -D -m 0644 "$here/flightpower-status.service" "$units/flightpower-status.service" # not enabled
 install -D -m 0644 "$here/60-flightpower.rules" "$root/etc/udev/rules.d/60-flightpower.rules"
 install -D -m 0644 "$here/flightpower.sysusers" "$root/usr/lib/sysusers.d/flightpower.conf"
 install -d -m 0755 "$root/etc/flightpower"

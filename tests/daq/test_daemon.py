@@ -133,7 +133,7 @@ def test_logs_are_listed_by_the_satellites_time(flight, tmp_path):
 
 def test_every_topic_is_there_with_its_schema(flight):
     recording, log = flight
-    assert set(log.entries) == set(TYPE_OF_TOPIC)
+    assert set(log.entries) == set(TYPE_OF_TOPIC) - {"/analog"}
     from mcap.reader import make_reader
 
     with recording.path.open("rb") as stream:
