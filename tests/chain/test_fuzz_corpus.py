@@ -16,9 +16,9 @@ def test_ordinary_nonsense_is_refused_or_ignored(name):
         TARGETS[name](data)
 
 
-@pytest.mark.parametrize("path", KEPT, ids=lambda path: f"{path.parent.name}-{path.name[:16]}")
-def test_an_input_that_once_found_a_defect_finds_none(path):
-    TARGETS[path.parent.name](path.read_bytes())
+def test_inputs_that_once_found_a_defect_find_none():
+    for path in KEPT:
+        TARGETS[path.parent.name](path.read_bytes())
 
 
 def test_a_defect_would_be_found():
