@@ -40,6 +40,8 @@ from daq.log_names import numbered_logs
 from daq.log_recovery import recovery_event
 from flight.log_reader import read_log
 
+# The daemon has the priority of its service. Parts and disk stand above it: real ones do not wait for a scheduler.
+REAL_TIME = ("chrt", "-f")
 DISK_BYTES = 300 * 2**20
 LARGEST_LOSS_S = 1.0
 STARTED_S = 4.0  # instants before this, after the daemon's start, are not judged
@@ -79,7 +81,16 @@ def run(*command: object) -> str:
 @contextmanager
 def fake_tray(folder: Path) -> Iterator[Path]:
     """The tray file of fake parts on device files, served by another process."""
-    command = [sys.executable, ROOT / "benchmarks" / "daemon.py", "serve", folder, "--file-min", "0.3"]
+    command = [
+        *REAL_TIME,
+        "60",
+        sys.executable,
+        ROOT / "benchmarks" / "daemon.py",
+        "serve",
+        folder,
+        "--file-min",
+        "0.3",
+    ]
     process = subprocess.Popen([str(part) for part in command], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:
@@ -104,7 +115,7 @@ def logged_disk(folder: Path) -> Iterator[Path]:
     node = f"driver=blklogwrites,node-name=logged,file.driver=file,file.filename={image}"
     node += f",log.driver=file,log.filename={log},log-sector-size={SECTOR}"
     export = f"fuse,id=disk,node-name=logged,mountpoint={disk},writable=on"
-    server = subprocess.Popen(["qemu-storage-daemon", "--blockdev", node, "--export", export])
+    server = subprocess.Popen([*REAL_TIME, "60", "qemu-storage-daemon", "--blockdev", node, "--export", export])
     try:
         while disk.stat().st_size < DISK_BYTES:
             assert server.poll() is None, "qemu-storage-daemon ended"
@@ -140,7 +151,7 @@ def record(folder: Path, seconds: float) -> tuple[list[tuple[float, int]], float
         sampler = threading.Thread(target=sample, daemon=True)
         sampler.start()
         started_s = time.monotonic()
-        daemon = subprocess.Popen([str(DAQ), "run", "-c", str(tray)], stderr=subprocess.DEVNULL)
+        daemon = subprocess.Popen([*REAL_TIME, "50", str(DAQ), "run", "-c", str(tray)], stderr=subprocess.DEVNULL)
         time.sleep(seconds)
         daemon.kill()
         daemon.wait()
