@@ -56,7 +56,9 @@ def test_tests_and_benchmarks_import_only_what_the_developers_extra_has(folder: 
     folders = ("tests", "benchmarks", "docs/examples")
     own = {"tests", "benchmarks"} | {path.stem for name in folders for path in (ROOT / name).rglob("*.py")}
     for path in sorted((ROOT / folder).rglob("*.py")):
-        assert foreign_imports(path, at_import=False) - own <= declared("analysis", "sim", "status", "dev"), path
+        assert foreign_imports(path, at_import=False) - own <= declared("analysis", "sim", "status", "dev", "fuzz"), (
+            path
+        )
 
 
 @pytest.mark.parametrize("package", EXTRAS)
