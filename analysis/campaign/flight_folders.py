@@ -2,6 +2,7 @@
 
 import contextlib
 import shutil
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from tempfile import mkdtemp
@@ -29,20 +30,24 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
 def names(logs: Sequence[Path]) -> list[str]:
     """A folder's name for each log: its own without suffix, with as many parents before it as tell the logs apart."""
     absolute = [log.absolute() for log in logs]
-    found = [log.stem for log in absolute]
+    repeated = _repeated([str(log.with_suffix("")) for log in absolute])  # one flight in two formats
+    own = [log.name if str(log.with_suffix("")).casefold() in repeated else log.stem for log in absolute]
+    found = own
     for depth in range(1, max(len(log.parts) for log in absolute)):
-        repeated = {name.casefold() for name in found if [n.casefold() for n in found].count(name.casefold()) > 1}
+        repeated = _repeated(found)
         if not repeated:
-            return found
+            break
         found = [
-            "-".join([*log.parent.parts[-depth:], log.stem]).strip("/") if name.casefold() in repeated else name
-            for name, log in zip(found, absolute, strict=True)
+            "-".join([*log.parts[1:-1][-depth:], last]) if name.casefold() in repeated else name
+            for name, last, log in zip(found, own, absolute, strict=True)
         ]
-    taken: dict[str, int] = {}
-    for i, name in enumerate(found):  # one log in two formats: log.mcap and log.ulg
-        taken[name] = taken.get(name, 0) + 1
-        found[i] = name if taken[name] == 1 else f"{name}-{taken[name]}"
     return found
+
+
+def _repeated(texts: Sequence[str]) -> set[str]:
+    """Texts that occur more than once, without regard to case, which some file systems do not have."""
+    counts = Counter(text.casefold() for text in texts)
+    return {text for text, count in counts.items() if count > 1}
 
 
 def record_of(folder: Path) -> Record | None:

@@ -14,6 +14,7 @@ from analysis.campaign.campaign import Campaign, Work, run
 from analysis.campaign.flight_folders import exclusive
 from analysis.campaign.jobs import Outcome, below
 from analysis.campaign.jobs import Progress as Step
+from analysis.campaign.pooled import read_results
 from analysis.cli.files_used import files_used
 from analysis.cli.one_log import Options, analyze_log, replacements
 from flight.command_line import FAILURE
@@ -76,8 +77,19 @@ def analyze_logs(
 
 
 def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> None:
+    """Write and print the results of all flights. Raises InputError when they cannot be pooled."""
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
-        pass
+        from analysis.pooling import pool_results
+        from analysis.report.write_pooled import print_pooled, write_pooled
+
+        found = read_results(campaign.folders)
+        if not found.to_pool:
+            raise InputError(f"{output}: no flight to pool; {found.left_out[0]}; the folder of each flight is complete")
+        pooled = pool_results(found.to_pool).to_json()
+        pooled |= {"left_out": found.left_out, "failures": campaign.failures}
+        write_pooled(pooled, output)
+    if not quiet:
+        print_pooled(pooled, output / "report.html", Console())
 
 
 def _processors() -> int:
