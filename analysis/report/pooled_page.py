@@ -110,13 +110,13 @@ def pooled_answers(pooled: Content) -> list[HeadlineAnswer]:
             HeadlineAnswer(
                 "Do the flights agree?",
                 "yes" if agree else "no",
-                f"{named}Probability of a scatter this large without a cause: {test['p']:.2g}.",
+                f"{named}Probability of a scatter this large without a cause: {probability(test['p'])}.",
             )
         )
     answers.append(
         HeadlineAnswer(
             "One flight more",
-            f"±{more['half_width_percent'][worst]:.1f} to ±{more['half_width_then_percent'][worst]:.1f} %",
+            f"from ±{more['half_width_percent'][worst]:.1f} to ±{more['half_width_then_percent'][worst]:.1f} %",
             f"At {more['speed_mps'][worst]:.1f} m/s, by another flight like {more['like']}.",
         )
     )
@@ -138,7 +138,7 @@ def comparison_answers(comparison: Content) -> list[HeadlineAnswer]:
         HeadlineAnswer(
             "Do they differ?",
             "yes" if comparison["differs"] else "not seen",
-            f"Probability of a difference this large without a cause: {comparison['p']:.2g}.",
+            f"Probability of a difference this large without a cause: {probability(comparison['p'])}.",
         ),
         HeadlineAnswer(
             "Where it is known best",
@@ -198,6 +198,11 @@ def count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
+def probability(p: float) -> str:
+    """ "0.62", "below 0.0001"."""
+    return "below 0.0001" if p < 1e-4 else f"{p:.2g}"
+
+
 @cache
 def plotly_gzip() -> str:
     """Plotly's script, compressed, as base64."""
@@ -250,7 +255,7 @@ def _trends(rows: Sequence[Content]) -> HtmlTable:
                 f"{row['slope_percent']:+.2g} % per {row['unit']}",
                 f"{row['standard_error_percent']:.2g} %",
                 str(row["flights"]),
-                f"{'a trend' if row['p'] < 0.05 else 'none seen'} (p = {row['p']:.2g})",
+                f"{'a trend' if row['p'] < 0.05 else 'none seen'} (p = {probability(row['p'])})",
             )
             for row in rows
         ],

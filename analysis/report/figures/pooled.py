@@ -49,7 +49,7 @@ def power_required(pooled: Content) -> go.Figure:
         if flag.any():
             figure.add_scatter(
                 x=rounded(V), y=rounded(np.where(flag, P, np.nan)), mode="lines", name="power required, all flights",
-                line={"color": BLUE, "width": 5, "dash": dash}, hovertemplate="%{y:.1f} W",
+                line={"color": BLUE, "width": 3, "dash": dash}, hovertemplate="%{y:.1f} W",
                 showlegend=dash == "solid" or bool(outside.all()),
             )  # fmt: skip
     figure.update_xaxes(title="true airspeed, m/s")
@@ -93,7 +93,10 @@ def against_pool(flights: Sequence[Content], at: int) -> go.Figure:
         )  # fmt: skip
     figure.add_vline(x=0, line={"color": INK, "width": 2})
     figure.update_xaxes(title="power less that of all flights, %")
-    figure.update_yaxes(categoryorder="array", categoryarray=names[::-1], automargin=True, tickfont={"size": 14})
+    figure.update_yaxes(
+        categoryorder="array", categoryarray=names[::-1], range=[-0.7, len(names) - 0.3], automargin=True,
+        tickfont={"size": 14},
+    )  # fmt: skip
     return styled(figure, MARGIN_PX + ROW_PX * max(3, len(flights)), hover="closest")
 
 
