@@ -1,0 +1,91 @@
+"""The pool of several flights: its curve, how the flights agree with it, what each contributed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.drag import covariance
+from analysis.drag.polar import Condition, Polar, power_required, speed_at
+from analysis.estimation.intervals import NORMAL_95
+from analysis.pooling.agreement import Difference, Test, differences_to_others, homogeneity
+from analysis.pooling.flight_statistics import POLAR, FlightStatistics
+from analysis.pooling.joint import Information, JointEstimate, pooled_estimate
+
+Array = NDArray[np.float64]
+
+CURVE_POINTS, SPEEDS = 61, 7
+_N_POLAR = len(POLAR)
+
+
+@dataclass(frozen=True)
+class JointPool:
+    """The joint estimate of one or more flights of one aircraft, propeller and installation.
+
+    condition : mean weight and density of the flights, at which curves are given
+    flown_CL : lift coefficients that at least one flight covers
+    """
+
+    flights: tuple[FlightStatistics, ...]
+    informations: tuple[Information, ...]
+    estimate: JointEstimate
+    polar: Polar
+    condition: Condition
+    flown_CL: tuple[float, float]
+
+    @cached_property
+    def curve_speeds_mps(self) -> Array:
+        """Speeds (CURVE_POINTS,) of the curve [m/s]."""
+        low, high = self.flown_CL
+        return np.linspace(speed_at(high, self.condition), speed_at(low, self.condition), CURVE_POINTS)
+
+    @cached_property
+    def speeds_mps(self) -> Array:
+        """Speeds (SPEEDS,) of comparisons [m/s]."""
+        return np.linspace(self.curve_speeds_mps[0], self.curve_speeds_mps[-1], SPEEDS)
+
+    @cached_property
+    def differences(self) -> list[Difference]:
+        """Each flight against the pool of all others; empty for one flight."""
+        return differences_to_others(self.flights, self.informations) if len(self.flights) > 1 else []
+
+    @cached_property
+    def homogeneity(self) -> Test | None:
+        """Test of homogeneity; None for one flight."""
+        if len(self.flights) == 1:
+            return None
+        return homogeneity(self.flights, self.informations, self.estimate)
+
+    def power(self, V: Array) -> tuple[Array, Array]:
+        """Power required and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
+        return power_required(V, self.polar, self.condition)
+
+    def half_widths_percent(self, flights: Sequence[int], V: Array) -> Array:
+        """Half width (n,) of the 95 % interval at speeds V by some of the flights, by number; a flight may repeat."""
+        return half_width_percent(
+            [self.flights[i] for i in flights], [self.informations[i] for i in flights], self.polar.A, self.condition, V
+        )
+
+
+def mean_condition(flights: Sequence[FlightStatistics]) -> Condition:
+    """Mean weight and density of the flights."""
+    weight, rho, area = (float(np.mean(values)) for values in zip(*(f.condition for f in flights), strict=True))
+    return Condition(weight, rho, area)
+
+
+def half_width_percent(
+    flights: Sequence[FlightStatistics], informations: Sequence[Information], A: Array, condition: Condition, V: Array
+) -> Array:
+    """Half width (n,) of the 95 % interval at speeds V that flights promise, percent of the power by A."""
+    estimate = pooled_estimate(flights, informations)
+    power, error = power_required(V, Polar(A, pooled_polar(flights, estimate).covariance), condition)
+    return np.asarray(100 * NORMAL_95 * error / power)
+
+
+def pooled_polar(flights: Sequence[FlightStatistics], estimate: JointEstimate) -> Polar:
+    """For one flight its own polar: the joint estimate equals it but for rounding."""
+    if len(flights) == 1:
+        return Polar(flights[0].values[:_N_POLAR], flights[0].polar_covariance)
+    return Polar(estimate.x[:_N_POLAR], estimate.total[:_N_POLAR, :_N_POLAR] + covariance.floor())
