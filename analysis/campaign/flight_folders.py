@@ -33,7 +33,7 @@ def names(logs: Sequence[Path]) -> list[str]:
     repeated = _repeated([str(log.with_suffix("")) for log in absolute])  # one flight in two formats
     own = [log.name if str(log.with_suffix("")).casefold() in repeated else log.stem for log in absolute]
     found = own
-    for depth in range(1, max(len(log.parts) for log in absolute)):
+    for depth in range(1, max((len(log.parts) for log in absolute), default=1)):
         repeated = _repeated(found)
         if not repeated:
             break

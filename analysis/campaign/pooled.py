@@ -14,9 +14,10 @@ UNUSED = ("methods", "one_by_one", "cross_check", "power_required_standard", "in
 
 
 class FlightResults(NamedTuple):
-    """Contents of results.json, `log` in them being the folder's name, and reasons why others are not among them."""
+    """Contents of results.json, `log` in them being the folder's name. left_out: why others are not in the pool."""
 
     to_pool: list[dict[str, Any]]
+    electrical: list[dict[str, Any]]  # flights that give electrical power only
     left_out: list[str]
 
 
@@ -25,17 +26,19 @@ def read_results(folders: Sequence[Path]) -> FlightResults:
 
     Raises InputError when a file cannot be read.
     """
-    to_pool, left_out = [], []
+    found = FlightResults([], [], [])
     for folder in folders:
         content = read_json(folder / RESULTS)
         content["log"] = folder.name
+        content = {name: value for name, value in content.items() if name not in UNUSED}
         if content.get("pooling") is not None:
-            to_pool.append({name: value for name, value in content.items() if name not in UNUSED})
+            found.to_pool.append(content)
         elif content.get("electrical") is not None:
-            left_out.append(f"{folder.name}: gives electrical power only, which is not pooled")
+            found.electrical.append(content)
+            found.left_out.append(f"{folder.name}: gives electrical power only, which is not pooled")
         else:
-            left_out.append(f"{folder.name}: has no accelerations and decelerations, and is not pooled")
-    return FlightResults(to_pool, left_out)
+            found.left_out.append(f"{folder.name}: has no accelerations and decelerations, and is not pooled")
+    return found
 
 
 def flight_folders_of(folder: Path) -> list[Path]:

@@ -36,7 +36,7 @@ def analyze(
     logs: Annotated[
         list[Path],
         typer.Argument(
-            metavar="LOG...",
+            metavar="LOG",
             help="A log that the daemon recorded, one of other software (docs/log-format.md), or one of PX4 (.ulg) or"
             " ArduPilot (.BIN). Several: each is analysed, and the flights of one aircraft are pooled.",
         ),
@@ -185,7 +185,7 @@ def analyze(
       analyze log.mcap --battery-Wh "5000 mAh, 14.8 V" --usable 70%
       analyze log.mcap --runs log.report/runs.toml   after editing that file
       analyze log.ulg --mass 9.4 --wing-area 1.5 --span 4
-      analyze flights/*.mcap -o out                  many flights: docs/many-flights.md
+      analyze flights/*.mcap -o out                  many flights as one
       analyze compare old/ new/ -o difference
 
     Exit code 0: done. 1: of several logs, some cannot be used. 2: the input cannot be used; one line on stderr says

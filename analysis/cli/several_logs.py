@@ -68,6 +68,7 @@ def analyze_logs(
     with exclusive(output):
         with ProgressOnConsole(stderr, quiet) as monitor:
             campaign = run(logs, output, work, monitor, jobs=jobs or _processors(), scheduler=scheduler)
+            monitor.finished(campaign.peak_bytes)
         for note in campaign.notes:
             stderr.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
         if not campaign.folders:
@@ -80,16 +81,24 @@ def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> Non
     """Write and print the results of all flights. Raises InputError when they cannot be pooled."""
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
         from analysis.pooling import pool_results
-        from analysis.report.write_pooled import print_pooled, write_pooled
+        from analysis.report.write_pooled import print_pooled, write_electrical_flights, write_pooled
 
-        found = read_results(campaign.folders)
-        if not found.to_pool:
-            raise InputError(f"{output}: no flight to pool; {found.left_out[0]}; the folder of each flight is complete")
-        pooled = pool_results(found.to_pool).to_json()
-        pooled |= {"left_out": found.left_out, "failures": campaign.failures}
-        write_pooled(pooled, output)
-    if not quiet:
-        print_pooled(pooled, output / "report.html", Console())
+        page, found = output / "report.html", read_results(campaign.folders)
+        if not found.to_pool and not found.electrical:
+            raise InputError(f"{output}: no flight to pool; {found.left_out[0]}; each flight has its folder")
+        if found.to_pool:
+            pooled = pool_results(found.to_pool).to_json()
+            pooled |= {"left_out": found.left_out, "failures": campaign.failures}
+            write_pooled(pooled, output)
+        else:
+            write_electrical_flights(found.electrical, campaign.failures, output)
+    if quiet:
+        return
+    if found.to_pool:
+        print_pooled(pooled, page, Console())
+    else:
+        note = f"{len(found.electrical)} flights give electrical power only, which is not pooled"
+        Console().print(f"{note}\nreport: {page}", highlight=False, markup=False)
 
 
 def _processors() -> int:
@@ -148,6 +157,10 @@ class ProgressOnConsole:
             self.failed(outcome.error)
         else:
             self._note(f"{name}: {outcome.seconds:.1f} s ({self.done} of {self.jobs})")
+
+    def finished(self, peak_bytes: int) -> None:
+        if peak_bytes:
+            self._note(f"{self.done} analysed, with at most {peak_bytes / 1e6:.0f} MB of memory each")
 
     def _note(self, text: str) -> None:
         if not self.quiet:

@@ -30,6 +30,15 @@ class FlightRow(NamedTuple):
     remark: str
 
 
+class ElectricalRow(NamedTuple):
+    name: str
+    link: str
+    aircraft: str
+    weight: str
+    least_power: str
+    speed: str
+
+
 def render_pooled(pooled: Content) -> str:
     """The page as one HTML file.
 
@@ -63,6 +72,35 @@ def render_pooled(pooled: Content) -> str:
         left_out=[*pooled.get("left_out", []), *pooled.get("failures", [])],
         parameters=_parameters(pooled["parameters"]),
         source=f"flightpower {pooled['software_version']}, from the {count(len(flights), 'flight')} listed",
+    )
+
+
+def render_electrical_flights(content: Content) -> str:
+    """The page of flights that give electrical power only, side by side."""
+    flights = content["flights"]
+    rows = []
+    for flight in flights:
+        points = flight["electrical_power"]
+        least = min(points, key=lambda point: point["power_W"])
+        rows.append(
+            ElectricalRow(
+                flight["log"],
+                f"{quote(flight['log'])}/report.html",
+                flight["aircraft"]["title"],
+                f"{flight['test']['weight_N'] / GRAVITY_MPS2:.2f} kg",
+                f"{least['power_W']:.0f} ({least['power_lo_W']:.0f} to {least['power_hi_W']:.0f})",
+                f"{least['speed_mps']:.1f}",
+            )
+        )
+    figure = figures.electrical_power(flights)
+    return render_page(
+        "electrical_flights.html",
+        plotly_gzip=plotly_gzip(),
+        title=f"Electrical power of level flight, {count(len(flights), 'flight')}",
+        figures={"power": html_figure(figure, "power")},
+        flights=rows,
+        left_out=content["failures"],
+        source=f"flightpower {flights[0]['software_version']}, from the {count(len(flights), 'flight')} listed",
     )
 
 
@@ -110,7 +148,7 @@ def pooled_answers(pooled: Content) -> list[HeadlineAnswer]:
             HeadlineAnswer(
                 "Do the flights agree?",
                 "yes" if agree else "no",
-                f"{named}Probability of a scatter this large without a cause: {probability(test['p'])}.",
+                f"{named}Probability of a scatter this large by the known errors alone: {probability(test['p'])}.",
             )
         )
     answers.append(
@@ -138,7 +176,7 @@ def comparison_answers(comparison: Content) -> list[HeadlineAnswer]:
         HeadlineAnswer(
             "Do they differ?",
             "yes" if comparison["differs"] else "not seen",
-            f"Probability of a difference this large without a cause: {probability(comparison['p'])}.",
+            f"Probability of a difference this large by errors alone: {probability(comparison['p'])}.",
         ),
         HeadlineAnswer(
             "Where it is known best",
@@ -199,8 +237,8 @@ def count(number: int, noun: str) -> str:
 
 
 def probability(p: float) -> str:
-    """ "0.62", "below 0.0001"."""
-    return "below 0.0001" if p < 1e-4 else f"{p:.2g}"
+    """ "p = 0.62", "p below 0.0001"."""
+    return "p below 0.0001" if p < 1e-4 else f"p = {p:.2g}"
 
 
 @cache
@@ -255,7 +293,7 @@ def _trends(rows: Sequence[Content]) -> HtmlTable:
                 f"{row['slope_percent']:+.2g} % per {row['unit']}",
                 f"{row['standard_error_percent']:.2g} %",
                 str(row["flights"]),
-                f"{'a trend' if row['p'] < 0.05 else 'none seen'} (p = {probability(row['p'])})",
+                f"{'a trend' if row['p'] < 0.05 else 'none seen'} ({probability(row['p'])})",
             )
             for row in rows
         ],

@@ -16,15 +16,26 @@ from analysis.report.pooled_page import (
     differences_table,
     pooled_answers,
     render_comparison,
+    render_electrical_flights,
     render_pooled,
 )
 
+FLIGHTS_FORMAT = "flightpower-flights-1"
 ROWS = 8  # of a table on the terminal
 
 
 def write_pooled(pooled: dict[str, Any], folder: Path) -> None:
     """Write report.html and results.json. Raises InputError when the folder cannot be written."""
     _write(render_pooled(pooled), pooled, folder)
+
+
+def write_electrical_flights(flights: list[dict[str, Any]], failures: list[str], folder: Path) -> None:
+    """Write report.html and results.json of flights whose electrical power stands side by side, not pooled.
+
+    Raises InputError when the folder cannot be written.
+    """
+    content = {"format": FLIGHTS_FORMAT, "flights": flights, "failures": failures}
+    _write(render_electrical_flights(content), content, folder)
 
 
 def write_comparison(comparison: dict[str, Any], folder: Path) -> None:

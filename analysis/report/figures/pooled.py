@@ -11,6 +11,7 @@ from analysis.report.figures.style import (
     GREY,
     INK,
     ORANGE,
+    PALETTE,
     RED,
     Array,
     add_band,
@@ -98,6 +99,20 @@ def against_pool(flights: Sequence[Content], at: int) -> go.Figure:
         tickfont={"size": 14},
     )  # fmt: skip
     return styled(figure, MARGIN_PX + ROW_PX * max(3, len(flights)), hover="closest")
+
+
+def electrical_power(flights: Sequence[Content]) -> go.Figure:
+    """The electrical power of each flight at its own weight and density."""
+    figure = go.Figure()
+    for i, flight in enumerate(flights):
+        V, P = (column(flight["electrical_power"], name) for name in ("speed_mps", "power_W"))
+        figure.add_scatter(
+            x=rounded(V), y=rounded(P), mode="lines", name=flight["log"], showlegend=len(flights) <= len(PALETTE),
+            line={"color": PALETTE[i % len(PALETTE)], "width": 3}, hovertemplate="%{y:.0f} W",
+        )  # fmt: skip
+    figure.update_xaxes(title="true airspeed, m/s")
+    figure.update_yaxes(title="power from the battery, W", rangemode="tozero")
+    return styled(figure, 480, hover="closest")
 
 
 def difference(comparison: Content) -> go.Figure:

@@ -128,10 +128,11 @@ def test_an_edited_list_of_runs_is_used_and_kept(tmp_path: Path, work: Work, ana
 
 
 def test_a_killed_campaign_goes_on_where_it_stopped(tmp_path: Path, work: Work, analyzed) -> None:
-    out, paths = tmp_path / "out", logs(tmp_path / "in", a="1", b="2", c="slow", d="slow too", e="5")
+    out, calls = tmp_path / "out", tmp_path / "calls"
+    logs(tmp_path / "in", a="1", b="2", c="slow", d="slow too", e="5")
     code = (
         "import sys; from pathlib import Path; from test_campaign import *;"
-        f"run_in(Path({str(out)!r}), logs(Path({str(tmp_path / 'in')!r})), Work(Stub(Path({str(tmp_path / 'calls')!r}))))"
+        f"run_in(Path({str(out)!r}), logs(Path({str(tmp_path / 'in')!r})), Work(Stub(Path({str(calls)!r}))))"
     )
     search = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     with subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": search}) as process:
