@@ -55,6 +55,7 @@ class Campaign:
     failures: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     kept: int = 0  # folders that were complete before
+    processor_seconds: float = 0.0  # of all analyses
     peak_bytes: int = 0  # the most memory of a process
 
 
@@ -95,6 +96,7 @@ def run(
         else:
             complete(partial, output / job.name, key=planned[job.name].key, log=str(job.log), runs=job.runs)
             campaign.folders.append(output / job.name)
+        campaign.processor_seconds += outcome.processor_seconds
         campaign.peak_bytes = max(campaign.peak_bytes, outcome.peak_bytes)
         monitor.ended(job.name, outcome)
     campaign.folders.sort(key=lambda folder: folder.name)
@@ -119,14 +121,15 @@ def _plan(logs: Sequence[Path], output: Path, work: Work, jobs: int, campaign: C
         try:
             record = record_of(folder)
             runs = edited_runs(folder, record)
-            wanted = key(found, work.settings, work.files(log), runs)
+            files = work.files(log)
+            wanted = key(found, work.settings, files, runs)
         except InputError as error:
             campaign.failures.append(str(error))
             continue
         if record is None and wanted in earlier:
             earlier[wanted].rename(folder)  # the log was moved, or has got a namesake
         elif record is None or record.key != wanted:
-            planned.append(Planned(Job(name, log, runs, tuple(path for _, path in work.files(log))), wanted))
+            planned.append(Planned(Job(name, log, runs, tuple(path for _, path in files)), wanted))
             continue
         campaign.folders.append(folder)
     return planned

@@ -40,16 +40,17 @@ class Job:
 
 
 class Outcome(NamedTuple):
-    """How a job ended: the time it took, the most memory its process had, and one line where it failed."""
+    """How a job ended: elapsed and processor time, the most memory of its process, and one line where it failed."""
 
     error: str = ""
     seconds: float = 0.0
+    processor_seconds: float = 0.0
     peak_bytes: int = 0
 
 
 def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Outcome:
     """Run one job in this process, which is its own: the memory of the process is limited. Never raises."""
-    start = time.monotonic()
+    start, processor_start = time.monotonic(), time.process_time()
     limit_memory(MEMORY_LIMIT_BYTES)
     error = ""
     try:
@@ -64,7 +65,8 @@ def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Out
             f"{job.log}: {type(cause).__name__}: {cause} ({Path(where.filename).name}:{where.lineno}), an error of the"
             " software; analyse it alone for the details, and report it"
         )
-    return Outcome(" ".join(error.splitlines()), time.monotonic() - start, peak_bytes())
+    seconds, processor_seconds = time.monotonic() - start, time.process_time() - processor_start
+    return Outcome(" ".join(error.splitlines()), seconds, processor_seconds, peak_bytes())
 
 
 def below(root: Path, path: Path) -> Path:

@@ -68,7 +68,7 @@ def analyze_logs(
     with exclusive(output):
         with ProgressOnConsole(stderr, quiet) as monitor:
             campaign = run(logs, output, work, monitor, jobs=jobs or _processors(), scheduler=scheduler)
-            monitor.finished(campaign.peak_bytes)
+            monitor.finished(campaign)
         for note in campaign.notes:
             stderr.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
         if not campaign.folders:
@@ -158,9 +158,12 @@ class ProgressOnConsole:
         else:
             self._note(f"{name}: {outcome.seconds:.1f} s ({self.done} of {self.jobs})")
 
-    def finished(self, peak_bytes: int) -> None:
-        if peak_bytes:
-            self._note(f"{self.done} analysed, with at most {peak_bytes / 1e6:.0f} MB of memory each")
+    def finished(self, campaign: Campaign) -> None:
+        if self.done:
+            self._note(
+                f"{self.done} analysed in {campaign.processor_seconds:.0f} s of processor time, with at most"
+                f" {campaign.peak_bytes / 1e6:.0f} MB of memory each"
+            )
 
     def _note(self, text: str) -> None:
         if not self.quiet:
