@@ -89,12 +89,29 @@ def difference_to_pool(flight: FlightStatistics, info: Information, pool: JointE
 
 
 def differences_to_others(flights: Sequence[FlightStatistics], informations: Sequence[Information]) -> list[Difference]:
-    """Each flight against the pool of all others; two flights or more."""
+    """Each flight against the pool of all others, of two flights or more."""
     found = []
     for i, (flight, info) in enumerate(zip(flights, informations, strict=True)):
         others, theirs = [*flights[:i], *flights[i + 1 :]], [*informations[:i], *informations[i + 1 :]]
         pool = pooled_estimate(others, theirs)
         found.append(difference_to_pool(flight, info, pool, informations=theirs, flights=others))
+    return found
+
+
+def outliers(flights: Sequence[FlightStatistics], informations: Sequence[Information]) -> dict[int, Difference]:
+    """By number, flights that differ from the pool of those that agree; the worst is taken out first.
+
+    The level of each test is OUTLIER_LEVEL over the number of flights. At most half of the flights are named, and none
+    of two: which of them is wrong is not known.
+    """
+    inside, found = list(range(len(flights))), dict[int, Difference]()
+    while len(inside) > 2 and 2 * (len(found) + 1) <= len(flights):
+        differences = differences_to_others([flights[i] for i in inside], [informations[i] for i in inside])
+        worst = min(range(len(inside)), key=lambda j: differences[j].p)
+        if differences[worst].p >= OUTLIER_LEVEL / len(flights):
+            break
+        found[inside[worst]] = differences[worst]
+        del inside[worst]
     return found
 
 

@@ -6,6 +6,7 @@ propeller those of thrust: such an error moves both curves alike and cancels in 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -115,10 +116,9 @@ def flights_to_see(pooled: JointPool, difference: float) -> int | None:
     d = difference * pooled.polar.A
 
     def seen(n: int) -> bool:
-        numbers = [i % len(pooled.flights) for i in range(n)]
-        flights = [pooled.flights[i] for i in numbers]
-        infos = [pooled.informations[i] for i in numbers]
-        C = _joint_polars(flights, infos, flights, infos, same_installation=True, same_propeller=True).covariance
+        counts = [len(range(i, n, len(pooled.flights))) for i in range(len(pooled.flights))]
+        one = pooled.flights, pooled.informations
+        C = _joint_polars(*one, *one, same_installation=True, same_propeller=True, counts=counts).covariance
         T = np.hstack([-np.eye(_N_POLAR), np.eye(_N_POLAR)])
         return _quadratic(d, T @ C @ T.T) >= needed
 
@@ -131,6 +131,7 @@ def flights_to_see(pooled: JointPool, difference: float) -> int | None:
     return high
 
 
+@cache
 def _needed_noncentrality() -> float:
     limit = chi2.isf(LEVEL, _N_POLAR)
     return float(brentq(lambda x: ncx2.sf(limit, _N_POLAR, x) - POWER, 1e-3, 100.0))
@@ -168,8 +169,9 @@ def _joint_polars(
     infos_b: Sequence[Information],
     same_installation: bool,
     same_propeller: bool,
+    counts: Sequence[int] = (),
 ) -> Polar:
-    """Polars of A and B (6,) with their joint covariance (6, 6)."""
+    """Polars of A and B (6,) with their joint covariance (6, 6). counts: as in `solve`, of A and of B."""
     n_installation = M - _N_POLAR - _N_THRUST
     mean, information = shared_prior([*flights_a, *flights_b] if same_installation else flights_a)
     mean_b, information_b = shared_prior(flights_b)
@@ -192,6 +194,7 @@ def _joint_polars(
         [at_a] * len(flights_a) + [at_b] * len(flights_b),
         np.concatenate([prior[0] for prior in priors]),
         np.concatenate([prior[1] for prior in priors]),
+        [*counts, *counts],
     )
     polars = slice(0, 2 * _N_POLAR)
     floor = np.kron(np.ones((2, 2)) if same_installation else np.eye(2), covariance.floor())

@@ -103,13 +103,18 @@ def solve(
     columns: Sequence[NDArray[np.intp]],
     prior_mean: Array,
     prior_information: Array,
+    counts: Sequence[int] = (),
 ) -> JointEstimate:
-    """Solve for all shared parameters (n,). columns: (M,) of each flight, where its parameters are among them."""
-    n = len(prior_mean)
+    """Solve for all shared parameters (n,).
+
+    columns : (M,) of each flight, where its parameters are among them
+    counts : how many flights like it there are, each with its own errors; one where it is empty
+    """
+    times = counts or [1] * len(flights)
     H, b = np.diag(prior_information), prior_information * prior_mean
-    for info, at in zip(informations, columns, strict=True):
-        H[np.ix_(at, at)] += info.matrix
-        b[at] += info.vector
+    for info, at, count in zip(informations, columns, times, strict=True):
+        H[np.ix_(at, at)] += count * info.matrix
+        b[at] += count * info.vector
     scale = 1 / np.sqrt(np.diag(H))
     C = np.linalg.inv(H * np.outer(scale, scale)) * np.outer(scale, scale)
     C = (C + C.T) / 2
@@ -118,14 +123,15 @@ def solve(
         prior_covariance = np.where(prior_information > 0, 1 / prior_information, 0.0)
     prior_part = C * prior_information
     total = (prior_part * prior_covariance) @ prior_part.T
-    for influence, info in zip(influences, informations, strict=True):
-        total += influence @ info.own_covariance @ influence.T
+    for influence, info, count in zip(influences, informations, times, strict=True):
+        total += count * influence @ info.own_covariance @ influence.T
     for name in common_changes(flights):
-        change = np.sum(
-            [W @ flight.changes.get(name, np.zeros(M)) for W, flight in zip(influences, flights, strict=True)], axis=0
-        )
+        changes = [
+            count * W @ flight.changes.get(name, np.zeros(M))
+            for W, flight, count in zip(influences, flights, times, strict=True)
+        ]
+        change = np.sum(changes, axis=0)
         total += np.outer(change, change)
-    assert prior_part.shape == (n, n)
     return JointEstimate(C @ b, C, influences, prior_part, prior_covariance, total)
 
 
@@ -134,7 +140,9 @@ def common_changes(flights: Sequence[FlightStatistics]) -> list[str]:
     return sorted({name for flight in flights for name in flight.changes} - OWN_CHANGES)
 
 
-def pooled_estimate(flights: Sequence[FlightStatistics], informations: Sequence[Information]) -> JointEstimate:
-    """The joint estimate (M,) of flights of one aircraft and installation."""
+def pooled_estimate(
+    flights: Sequence[FlightStatistics], informations: Sequence[Information], counts: Sequence[int] = ()
+) -> JointEstimate:
+    """The joint estimate (M,) of flights of one aircraft and installation. counts: as in `solve`."""
     at = np.arange(M)
-    return solve(flights, informations, [at] * len(flights), *shared_prior(flights))
+    return solve(flights, informations, [at] * len(flights), *shared_prior(flights), counts)

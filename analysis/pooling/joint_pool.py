@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.drag import covariance
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.estimation.intervals import NORMAL_95
-from analysis.pooling.agreement import Difference, Test, differences_to_others, homogeneity
+from analysis.pooling.agreement import Difference, Test, differences_to_others, homogeneity, outliers
 from analysis.pooling.flight_statistics import POLAR, FlightStatistics
 from analysis.pooling.joint import Information, JointEstimate, pooled_estimate
 
@@ -50,6 +50,11 @@ class JointPool:
     def differences(self) -> list[Difference]:
         """Each flight against the pool of all others; empty for one flight."""
         return differences_to_others(self.flights, self.informations) if len(self.flights) > 1 else []
+
+    @cached_property
+    def outliers(self) -> dict[int, Difference]:
+        """By number, flights that differ from the pool of those that agree."""
+        return outliers(self.flights, self.informations)
 
     @cached_property
     def homogeneity(self) -> Test | None:

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from analysis.drag.polar import Polar, lift_coefficient, power_required
 from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling.agreement import (
-    OUTLIER_LEVEL,
-    Difference,
     difference_to_pool,
     likely_reason,
     polar_covariance,
@@ -154,8 +152,7 @@ def _flights(pooled: JointPool) -> list[dict[str, Any]]:
     shares = np.maximum(gains, 0) / np.maximum(gains, 0).sum()
     found = []
     for i, (flight, (value, limit)) in enumerate(zip(pooled.flights, _deviations(pooled), strict=True)):
-        difference = pooled.differences[i] if pooled.differences else None
-        outlier = difference is not None and difference.p < OUTLIER_LEVEL / n
+        difference = pooled.outliers.get(i) or (pooled.differences[i] if pooled.differences else None)
         found.append(
             {
                 "log": flight.name,
@@ -170,17 +167,11 @@ def _flights(pooled: JointPool) -> list[dict[str, Any]]:
                     for v, d, m in zip(V.tolist(), value.tolist(), limit.tolist(), strict=True)
                 ],
                 "p": difference.p if difference else None,
-                "outlier": outlier,
-                "reason": _reason(difference, n) if difference and outlier else "",
+                "outlier": i in pooled.outliers,
+                "reason": likely_reason(pooled.outliers[i]) if i in pooled.outliers else "",
             }
         )
     return found
-
-
-def _reason(difference: Difference, flights: int) -> str:
-    if flights == 2:
-        return f"which of the two is not known; {likely_reason(difference)}"
-    return likely_reason(difference)
 
 
 def _one_more(pooled: JointPool, flights: list[dict[str, Any]]) -> dict[str, Any]:
