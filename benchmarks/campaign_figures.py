@@ -103,7 +103,7 @@ def pools_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
 def promised(lines: list[dict[str, Any]], number: int, V: Array) -> Array:
     """Half width (speeds,) [%] that so many flights promise, of which some are the same."""
     pool = pooled(lines)
-    return pool.half_widths_percent([i % len(lines) for i in range(number)], V)
+    return pool.half_widths_percent([len(range(i, number, len(lines))) for i in range(len(lines))], V)
 
 
 def comparisons_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:

@@ -5,15 +5,14 @@ estimate is v_f - x = a_f e + n_f + sum of c_f: e is the error of the prior's me
 the effect of errors that all flights have in common. Both tests use the covariance of the differences that follows.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from analysis.pooling.flight_statistics import INSTALLATION, POLAR, POOLED, THRUST, FlightStatistics, M
-from analysis.pooling.joint import Information, JointEstimate, common_changes, pooled_estimate
+from analysis.pooling.flight_statistics import INSTALLATION, POLAR, POOLED, THRUST, M
+from analysis.pooling.joint import FlightStack, JointEstimate, Prior, pooled_estimate, take
 from analysis.trajectory.observability import TITLES
 
 Array = NDArray[np.float64]
@@ -63,82 +62,99 @@ class Test(NamedTuple):
     p: float
 
 
-def difference_to_pool(flight: FlightStatistics, info: Information, pool: JointEstimate, in_pool: int = -1,
-                       informations: Sequence[Information] = (),
-                       flights: Sequence[FlightStatistics] = ()) -> Difference:  # fmt: skip
-    """The flight's own estimate less the pool.
-
-    in_pool : number of the flight in the pool; -1 where the pool is of other flights
-    informations, flights : of the pool
-    """
-    prior = info.prior_part - pool.prior_part
-    covariance = (prior * pool.prior_covariance) @ prior.T
-    for i, (W, other) in enumerate(zip(pool.influences, informations, strict=True)):
-        own = np.eye(M) - W if i == in_pool else -W
-        covariance += own @ other.own_covariance @ own.T
-    if in_pool < 0:
-        covariance += info.own_covariance
-    for name in common_changes([flight, *flights]):
-        change = flight.changes.get(name, np.zeros(M)) - np.sum(
-            [W @ f.changes.get(name, np.zeros(M)) for W, f in zip(pool.influences, flights, strict=True)], axis=0
-        )
-        covariance += np.outer(change, change)
-    value = flight.values - pool.x
-    d, C = value[:_N_POLAR], covariance[:_N_POLAR, :_N_POLAR]
-    return Difference(value, covariance, float(chi2.sf(_quadratic(d, C), _N_POLAR)))
+def differences_in_pool(stack: FlightStack, pool: JointEstimate) -> list[Difference]:
+    """Each flight less the pool that it is part of."""
+    (W,) = pool.influences
+    by_others = np.einsum("fij,fjk,flk->il", W, stack.own_covariance, W, optimize=True)
+    # Of flight f less W_f of the same errors: (1 - W) C (1 - W)' instead of W C W'.
+    cross = W @ stack.own_covariance
+    own = stack.own_covariance - cross - cross.transpose(0, 2, 1)
+    return [_difference(stack, pool, i, by_others + own[i]) for i in range(len(stack.values))]
 
 
-def differences_to_others(flights: Sequence[FlightStatistics], informations: Sequence[Information]) -> list[Difference]:
-    """Each flight against the pool of all others, of two flights or more."""
+def differences_to_others(stack: FlightStack, prior: Prior) -> list[Difference]:
+    """Each flight less the pool of all others, of two flights or more."""
+    n = len(stack.values)
     found = []
-    for i, (flight, info) in enumerate(zip(flights, informations, strict=True)):
-        others, theirs = [*flights[:i], *flights[i + 1 :]], [*informations[:i], *informations[i + 1 :]]
-        pool = pooled_estimate(others, theirs)
-        found.append(difference_to_pool(flight, info, pool, informations=theirs, flights=others))
+    for i in range(n):
+        counts = np.ones(n)
+        counts[i] = 0.0
+        pool = pooled_estimate(stack, prior, counts.tolist())
+        by_others = pool.total - _by_prior(pool) - _by_changes(stack, pool, counts)
+        found.append(_difference(stack, pool, i, by_others + stack.own_covariance[i], counts))
     return found
 
 
-def outliers(flights: Sequence[FlightStatistics], informations: Sequence[Information]) -> dict[int, Difference]:
+def _by_prior(pool: JointEstimate) -> Array:
+    return np.asarray((pool.prior_part * pool.prior_covariance) @ pool.prior_part.T)
+
+
+def _common(change: Array, pool: JointEstimate, counts: Array) -> Array:
+    return np.asarray(np.einsum("f,fij,fj->i", counts, pool.influences[0], change, optimize=True))
+
+
+def _by_changes(stack: FlightStack, pool: JointEstimate, counts: Array) -> Array:
+    covariance = np.zeros((M, M))
+    for change in stack.changes.values():
+        common = _common(change, pool, counts)
+        covariance += np.outer(common, common)
+    return covariance
+
+
+def _difference(
+    stack: FlightStack, pool: JointEstimate, number: int, own: Array, counts: Array | None = None
+) -> Difference:
+    """Of one flight. own: (M, M) covariance by the errors that each flight has of its own."""
+    prior = stack.prior_part[number] - pool.prior_part
+    covariance = own + (prior * pool.prior_covariance) @ prior.T
+    for change in stack.changes.values():
+        apart = change[number] - _common(change, pool, np.ones(len(change)) if counts is None else counts)
+        covariance = covariance + np.outer(apart, apart)
+    value = stack.values[number] - pool.x
+    d, C = value[:_N_POLAR], covariance[:_N_POLAR, :_N_POLAR]
+    return Difference(value, covariance, float(chi2.sf(quadratic_form(d, C), _N_POLAR)))
+
+
+def outliers(stack: FlightStack, prior: Prior) -> dict[int, Difference]:
     """By number, flights that differ from the pool of those that agree; the worst is taken out first.
 
     The level of each test is OUTLIER_LEVEL over the number of flights. At most half of the flights are named, and none
     of two: which of them is wrong is not known.
     """
-    inside, found = list(range(len(flights))), dict[int, Difference]()
-    while len(inside) > 2 and 2 * (len(found) + 1) <= len(flights):
-        differences = differences_to_others([flights[i] for i in inside], [informations[i] for i in inside])
+    n = len(stack.values)
+    inside, found = list(range(n)), dict[int, Difference]()
+    while len(inside) > 2 and 2 * (len(found) + 1) <= n:
+        differences = differences_to_others(take(stack, inside), prior)
         worst = min(range(len(inside)), key=lambda j: differences[j].p)
-        if differences[worst].p >= OUTLIER_LEVEL / len(flights):
+        if differences[worst].p >= OUTLIER_LEVEL / n:
             break
         found[inside[worst]] = differences[worst]
         del inside[worst]
     return found
 
 
-def polar_covariance(
-    flights: Sequence[FlightStatistics], informations: Sequence[Information], pool: JointEstimate
-) -> Array:
+def polar_covariance(stack: FlightStack, pool: JointEstimate) -> Array:
     """Covariance (3 n, 3 n) of the polars that the n flights estimate alone; common errors make them correlated."""
-    k = _N_POLAR
-    a = np.concatenate([info.prior_part[:k] for info in informations])
-    covariance = np.asarray((a * pool.prior_covariance) @ a.T, dtype=np.float64)
-    for name in common_changes(flights):
-        change = np.concatenate([flight.changes.get(name, np.zeros(M))[:k] for flight in flights])
-        covariance = covariance + np.outer(change, change)
-    for i, info in enumerate(informations):
-        covariance[k * i : k * (i + 1), k * i : k * (i + 1)] += info.own_covariance[:k, :k]
-    return covariance
+    n, k = len(stack.values), _N_POLAR
+    a = stack.prior_part[:, :k].reshape(n * k, M)
+    covariance = (a * pool.prior_covariance) @ a.T
+    for change in stack.changes.values():
+        flat = change[:, :k].ravel()
+        covariance = covariance + np.outer(flat, flat)
+    for i in range(n):
+        covariance[k * i : k * (i + 1), k * i : k * (i + 1)] += stack.own_covariance[i, :k, :k]
+    return np.asarray(covariance)
 
 
-def homogeneity(flights: Sequence[FlightStatistics], informations: Sequence[Information], pool: JointEstimate) -> Test:
+def homogeneity(stack: FlightStack, pool: JointEstimate) -> Test:
     """Whether the polars of the flights differ by more than their errors: generalized least squares on one polar."""
-    n, k = len(flights), _N_POLAR
-    covariance = polar_covariance(flights, informations, pool)
-    z, X = np.concatenate([flight.values[:k] for flight in flights]), np.tile(np.eye(k), (n, 1))
+    n, k = len(stack.values), _N_POLAR
+    covariance = polar_covariance(stack, pool)
     scale = np.sqrt(np.diag(covariance))
     factor = np.linalg.cholesky(covariance / np.outer(scale, scale))
-    white_z, white_X = np.linalg.solve(factor, z / scale), np.linalg.solve(factor, X / scale[:, None])
-    residual = white_z - white_X @ np.linalg.lstsq(white_X, white_z, rcond=None)[0]
+    z = np.linalg.solve(factor, stack.values[:, :k].ravel() / scale)
+    X = np.linalg.solve(factor, np.tile(np.eye(k), (n, 1)) / scale[:, None])
+    residual = z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
     chi_square = float(residual @ residual)
     return Test(chi_square, k * (n - 1), float(chi2.sf(chi_square, k * (n - 1))))
 
@@ -158,6 +174,7 @@ def likely_reason(difference: Difference) -> str:
     )
 
 
-def _quadratic(d: Array, C: Array) -> float:
+def quadratic_form(d: Array, C: Array) -> float:
+    """d' C^-1 d."""
     scale = np.sqrt(np.diag(C))
     return float(d / scale @ np.linalg.solve(C / np.outer(scale, scale), d / scale))

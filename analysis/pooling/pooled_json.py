@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from analysis.drag.polar import Polar, lift_coefficient, power_required
 from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling.agreement import (
-    difference_to_pool,
+    differences_in_pool,
     likely_reason,
     polar_covariance,
 )
@@ -106,8 +106,7 @@ def _deviations(pooled: JointPool) -> list[tuple[Array, Array]]:
     """Of each flight's curve from the pooled one: percent and 95 % limits, each (n,), at `speeds_mps`."""
     J = _percent(pooled, pooled.speeds_mps)
     found = []
-    for i, (flight, info) in enumerate(zip(pooled.flights, pooled.informations, strict=True)):
-        difference = difference_to_pool(flight, info, pooled.estimate, i, pooled.informations, pooled.flights)
+    for difference in differences_in_pool(pooled.stack, pooled.estimate):
         value, C = J @ difference.value[:_N_POLAR], difference.covariance[:_N_POLAR, :_N_POLAR]
         found.append((value, NORMAL_95 * np.sqrt(np.maximum(np.einsum("vi,ij,vj->v", J, C, J), 0.0))))
     return found
@@ -145,9 +144,8 @@ def _homogeneity(pooled: JointPool) -> dict[str, Any] | None:
 
 def _flights(pooled: JointPool) -> list[dict[str, Any]]:
     n, V = len(pooled.flights), pooled.speeds_mps
-    everyone = list(range(n))
-    half = pooled.half_widths_percent(everyone, V)
-    without = [pooled.half_widths_percent(everyone[:i] + everyone[i + 1 :], V) for i in everyone] if n > 1 else []
+    half = pooled.half_widths_percent([1] * n, V)
+    without = [pooled.half_widths_percent([int(j != i) for j in range(n)], V) for i in range(n)] if n > 1 else []
     gains = np.array([np.mean(half**-2 - other**-2) for other in without]) if without else np.ones(1)
     shares = np.maximum(gains, 0) / np.maximum(gains, 0).sum()
     found = []
@@ -159,7 +157,7 @@ def _flights(pooled: JointPool) -> list[dict[str, Any]]:
                 "installation": flight.installation,
                 "test": {"weight_N": flight.condition.weight_N, "air_density_kgpm3": flight.condition.rho},
                 "drag_polar": dict(zip(POLAR, flight.values[:_N_POLAR].tolist(), strict=True)),
-                "half_width_percent": pooled.half_widths_percent([i], V).tolist(),
+                "half_width_percent": pooled.half_widths_percent([int(j == i) for j in range(n)], V).tolist(),
                 "half_width_without_percent": without[i].tolist() if without else None,
                 "share_of_information": float(shares[i]),
                 "against_pool": [
@@ -176,13 +174,13 @@ def _flights(pooled: JointPool) -> list[dict[str, Any]]:
 
 def _one_more(pooled: JointPool, flights: list[dict[str, Any]]) -> dict[str, Any]:
     """Half widths now, and with one more flight like the one that contributed most."""
-    V, everyone = pooled.speeds_mps, list(range(len(flights)))
+    V, n = pooled.speeds_mps, len(flights)
     best = int(np.argmax([flight["share_of_information"] for flight in flights]))
     return {
         "like": flights[best]["log"],
         "speed_mps": V.tolist(),
-        "half_width_percent": pooled.half_widths_percent(everyone, V).tolist(),
-        "half_width_then_percent": pooled.half_widths_percent([*everyone, best], V).tolist(),
+        "half_width_percent": pooled.half_widths_percent([1] * n, V).tolist(),
+        "half_width_then_percent": pooled.half_widths_percent([1 + (j == best) for j in range(n)], V).tolist(),
     }
 
 
@@ -190,11 +188,11 @@ def _trends(pooled: JointPool) -> list[Any]:
     """At the speed where the flights alone are most certain."""
     n = len(pooled.flights)
     J = _percent(pooled, pooled.speeds_mps)
-    C = polar_covariance(pooled.flights, pooled.informations, pooled.estimate)
-    at = int(np.argmin([np.trace(np.kron(np.eye(n), row) @ C @ np.kron(np.eye(n), row).T) for row in J]))
-    pick = np.kron(np.eye(n), J[at])
+    C = polar_covariance(pooled.stack, pooled.estimate)
+    blocks = C.reshape(n, 3, n, 3)
+    at = int(np.argmin(np.einsum("vi,figj,vj,fg->v", J, blocks, J, np.eye(n), optimize=True)))
     deviations = np.array([J[at] @ (flight.values[:_N_POLAR] - pooled.polar.A) for flight in pooled.flights])
-    return trends(pooled.flights, deviations, pick @ C @ pick.T)
+    return trends(pooled.flights, deviations, np.einsum("i,figj,j->fg", J[at], blocks, J[at]))
 
 
 def _notes(pooled: JointPool) -> list[str]:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from synthetic_flights import flight, truth
 
+from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling import pool_results
+from analysis.pooling.agreement import differences_in_pool
 from analysis.pooling.flight_statistics import POOLED
 
 
@@ -30,9 +32,10 @@ def test_differences_from_the_pool_have_the_covariance_stated() -> None:
     for seed in range(40):
         rng = np.random.default_rng(seed)
         x = truth(rng)
-        for one in pool_results([flight(x, rng, f"{i}") for i in range(3)]).to_json()["flights"]:
-            ratios += [row["difference_percent"] / row["limit_percent"] for row in one["against_pool"][::6]]
-    assert np.mean(np.abs(ratios) < 1) == pytest.approx(0.95, abs=0.04)
+        pooled = pool_results([flight(x, rng, f"{i}") for i in range(3)])
+        for difference in differences_in_pool(pooled.stack, pooled.estimate):
+            ratios += difference.standardized.tolist()
+    assert np.mean(np.abs(ratios) < NORMAL_95) == pytest.approx(0.95, abs=0.03)
 
 
 def spoiled(name: str, change: float) -> dict[str, Any]:
