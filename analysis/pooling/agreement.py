@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 OUTLIER_LEVEL = 0.05  # probability of naming any of the flights of a homogeneous pool
 CONSPICUOUS = 2.5  # standard deviations of a difference that is named as the likely reason
 _N_POLAR = len(POLAR)
+POLAR_PART, INSTALLATION_PART = slice(0, _N_POLAR), slice(M - len(INSTALLATION), M)
 _REASONS = {
     "alpha_bias": "was the probe or the tray touched?",
     "beta_bias": "was the probe touched?",
@@ -42,11 +43,15 @@ _NO_REASON = (
 
 
 class Difference(NamedTuple):
-    """One flight less the pool of the others: difference (M,), its covariance (M, M), probability of a larger one."""
+    """One flight less a pool: difference (M,) and its covariance (M, M).
+
+    p, p_installation : probability of a larger difference of the polar, and of the errors of the installation
+    """
 
     value: Array
     covariance: Array
     p: float
+    p_installation: float
 
     @property
     def standardized(self) -> Array:
@@ -111,48 +116,52 @@ def _difference(
         apart = change[number] - _common(change, pool, np.ones(len(change)) if counts is None else counts)
         covariance = covariance + np.outer(apart, apart)
     value = stack.values[number] - pool.x
-    d, C = value[:_N_POLAR], covariance[:_N_POLAR, :_N_POLAR]
-    return Difference(value, covariance, float(chi2.sf(quadratic_form(d, C), _N_POLAR)))
+    p, p_installation = (
+        float(chi2.sf(quadratic_form(value[part], covariance[part, part]), len(value[part])))
+        for part in (POLAR_PART, INSTALLATION_PART)
+    )
+    return Difference(value, covariance, p, p_installation)
 
 
 def outliers(stack: FlightStack, prior: Prior) -> dict[int, Difference]:
     """By number, flights that differ from the pool of those that agree; the worst is taken out first.
 
-    The level of each test is OUTLIER_LEVEL over the number of flights. At most half of the flights are named, and none
-    of two: which of them is wrong is not known.
+    Polar and installation are tested; the level of each test is OUTLIER_LEVEL over the number of tests. At most half of
+    the flights are named, and none of two: which of them is wrong is not known.
     """
     n = len(stack.values)
     inside, found = list(range(n)), dict[int, Difference]()
     while len(inside) > 2 and 2 * (len(found) + 1) <= n:
         differences = differences_to_others(take(stack, inside), prior)
-        worst = min(range(len(inside)), key=lambda j: differences[j].p)
-        if differences[worst].p >= OUTLIER_LEVEL / n:
+        p = [min(difference.p, difference.p_installation) for difference in differences]
+        worst = int(np.argmin(p))
+        if p[worst] >= OUTLIER_LEVEL / (2 * n):
             break
         found[inside[worst]] = differences[worst]
         del inside[worst]
     return found
 
 
-def polar_covariance(stack: FlightStack, pool: JointEstimate) -> Array:
-    """Covariance (3 n, 3 n) of the polars that the n flights estimate alone; common errors make them correlated."""
-    n, k = len(stack.values), _N_POLAR
-    a = stack.prior_part[:, :k].reshape(n * k, M)
+def flights_covariance(stack: FlightStack, pool: JointEstimate, part: slice = POLAR_PART) -> Array:
+    """Covariance (k n, k n) of k parameters that each of n flights estimates alone; common errors correlate them."""
+    n, k = stack.values[:, part].shape
+    a = stack.prior_part[:, part].reshape(n * k, M)
     covariance = (a * pool.prior_covariance) @ a.T
     for change in stack.changes.values():
-        flat = change[:, :k].ravel()
+        flat = change[:, part].ravel()
         covariance = covariance + np.outer(flat, flat)
     for i in range(n):
-        covariance[k * i : k * (i + 1), k * i : k * (i + 1)] += stack.own_covariance[i, :k, :k]
+        covariance[k * i : k * (i + 1), k * i : k * (i + 1)] += stack.own_covariance[i, part, part]
     return np.asarray(covariance)
 
 
-def homogeneity(stack: FlightStack, pool: JointEstimate) -> Test:
-    """Whether the polars of the flights differ by more than their errors: generalized least squares on one polar."""
-    n, k = len(stack.values), _N_POLAR
-    covariance = polar_covariance(stack, pool)
+def homogeneity(stack: FlightStack, pool: JointEstimate, part: slice = POLAR_PART) -> Test:
+    """Whether the flights differ by more than their errors: generalized least squares on common parameters."""
+    n, k = stack.values[:, part].shape
+    covariance = flights_covariance(stack, pool, part)
     scale = np.sqrt(np.diag(covariance))
     factor = np.linalg.cholesky(covariance / np.outer(scale, scale))
-    z = np.linalg.solve(factor, stack.values[:, :k].ravel() / scale)
+    z = np.linalg.solve(factor, stack.values[:, part].ravel() / scale)
     X = np.linalg.solve(factor, np.tile(np.eye(k), (n, 1)) / scale[:, None])
     residual = z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
     chi_square = float(residual @ residual)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.drag import covariance
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.estimation.intervals import NORMAL_95
-from analysis.pooling.agreement import Difference, Test, differences_to_others, homogeneity, outliers
+from analysis.pooling.agreement import INSTALLATION_PART, Difference, Test, differences_to_others, homogeneity, outliers
 from analysis.pooling.flight_statistics import POLAR, FlightStatistics
 from analysis.pooling.joint import FlightStack, JointEstimate, Prior, pooled_estimate
 
@@ -59,10 +59,13 @@ class JointPool:
 
     @cached_property
     def homogeneity(self) -> Test | None:
-        """Test of homogeneity; None for one flight."""
-        if len(self.flights) == 1:
-            return None
-        return homogeneity(self.stack, self.estimate)
+        """Test of whether the polars of the flights agree; None for one flight."""
+        return homogeneity(self.stack, self.estimate) if len(self.flights) > 1 else None
+
+    @cached_property
+    def installation_homogeneity(self) -> Test | None:
+        """Test of whether the errors of the installation are the same in all flights; None for one flight."""
+        return homogeneity(self.stack, self.estimate, INSTALLATION_PART) if len(self.flights) > 1 else None
 
     def power(self, V: Array) -> tuple[Array, Array]:
         """Power required and its standard error [W], each (n,), at speeds V (n,) [m/s]."""

@@ -10,8 +10,8 @@ from analysis.drag.polar import Polar, lift_coefficient, power_required
 from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling.agreement import (
     differences_in_pool,
+    flights_covariance,
     likely_reason,
-    polar_covariance,
 )
 from analysis.pooling.comparison import DIFFERENCES_TO_SEE, flights_to_see
 from analysis.pooling.flight_statistics import INSTALLATION, POLAR, THRUST
@@ -46,9 +46,10 @@ def pooled_json(pooled: JointPool) -> dict[str, Any]:
         "power_required": _curve(pooled),
         "between_flights": _between_flights(pooled),
         "homogeneity": _homogeneity(pooled),
+        "installation_homogeneity": _installation_homogeneity(pooled),
         "flights": flights,
         "outliers": [
-            {"log": flight["log"], "p": flight["p"], "reason": flight["reason"]}
+            {"log": flight["log"], "p": min(flight["p"], flight["p_installation"]), "reason": flight["reason"]}
             for flight in flights
             if flight["outlier"]
         ],
@@ -104,6 +105,8 @@ def _percent(pooled: JointPool, V: Array) -> Array:
 
 def _deviations(pooled: JointPool) -> list[tuple[Array, Array]]:
     """Of each flight's curve from the pooled one: percent and 95 % limits, each (n,), at `speeds_mps`."""
+    if len(pooled.flights) == 1:
+        return [(np.zeros(len(pooled.speeds_mps)), np.zeros(len(pooled.speeds_mps)))]
     J = _percent(pooled, pooled.speeds_mps)
     found = []
     for difference in differences_in_pool(pooled.stack, pooled.estimate):
@@ -131,14 +134,26 @@ def _homogeneity(pooled: JointPool) -> dict[str, Any] | None:
     test = pooled.homogeneity
     if test is None:
         return None
-    if test.p < HOMOGENEITY_LEVEL:
-        text = (
-            f"The flights differ by more than their errors explain (p = {test.p:.2g}): the interval of the pooled curve"
-            " may be too narrow. Look at the outliers and trends; something changed between flights, or an error is"
-            " larger than assumed."
-        )
-    else:
-        text = f"The flights agree within their errors (p = {test.p:.2g})."
+    text = (
+        f"The flights differ by more than their errors explain (p = {test.p:.2g}): the interval of the pooled curve may"
+        " be too narrow. Look at the outliers and trends: something changed between flights, or an error is larger than"
+        " assumed."
+        if test.p < HOMOGENEITY_LEVEL
+        else f"The flights agree within their errors (p = {test.p:.2g})."
+    )
+    return {**test._asdict(), "text": text}
+
+
+def _installation_homogeneity(pooled: JointPool) -> dict[str, Any] | None:
+    test = pooled.installation_homogeneity
+    if test is None:
+        return None
+    text = (
+        f"The errors of the installation differ between flights (p = {test.p:.2g}): probe, tubes or tray were moved."
+        " Give the flights before and after different [installation] names, or none."
+        if test.p < HOMOGENEITY_LEVEL
+        else f"The errors of the installation are the same in all flights within their errors (p = {test.p:.2g})."
+    )
     return {**test._asdict(), "text": text}
 
 
@@ -165,6 +180,7 @@ def _flights(pooled: JointPool) -> list[dict[str, Any]]:
                     for v, d, m in zip(V.tolist(), value.tolist(), limit.tolist(), strict=True)
                 ],
                 "p": difference.p if difference else None,
+                "p_installation": difference.p_installation if difference else None,
                 "outlier": i in pooled.outliers,
                 "reason": likely_reason(pooled.outliers[i]) if i in pooled.outliers else "",
             }
@@ -188,7 +204,7 @@ def _trends(pooled: JointPool) -> list[Any]:
     """At the speed where the flights alone are most certain."""
     n = len(pooled.flights)
     J = _percent(pooled, pooled.speeds_mps)
-    C = polar_covariance(pooled.stack, pooled.estimate)
+    C = flights_covariance(pooled.stack, pooled.estimate)
     blocks = C.reshape(n, 3, n, 3)
     at = int(np.argmin(np.einsum("vi,figj,vj,fg->v", J, blocks, J, np.eye(n), optimize=True)))
     deviations = np.array([J[at] @ (flight.values[:_N_POLAR] - pooled.polar.A) for flight in pooled.flights])
@@ -202,11 +218,7 @@ def _notes(pooled: JointPool) -> list[str]:
             "The aircraft file has no [installation] name: the probe is taken to be mounted anew for each flight. Give"
             " flights between which nothing was moved one name."
         )
-    if pooled.homogeneity and pooled.homogeneity.p < HOMOGENEITY_LEVEL:
-        notes.append(_homogeneity_text(pooled))
+    for found in (_homogeneity(pooled), _installation_homogeneity(pooled)):
+        if found and found["p"] < HOMOGENEITY_LEVEL:
+            notes.append(found["text"])
     return notes
-
-
-def _homogeneity_text(pooled: JointPool) -> str:
-    found = _homogeneity(pooled)
-    return str(found["text"]) if found else ""

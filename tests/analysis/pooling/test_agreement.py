@@ -13,15 +13,17 @@ from analysis.pooling.flight_statistics import POOLED
 
 
 def test_homogeneity_is_calibrated_on_flights_drawn_from_the_model() -> None:
-    p, of_flights = [], []
+    p, of_installation, of_flights = [], [], []
     for seed in range(80):
         rng = np.random.default_rng(seed)
         x = truth(rng)
         pooled = pool_results([flight(x, rng, f"{i}", noise) for i, noise in enumerate((0.5, 1.0, 1.0, 3.0))])
         assert pooled.homogeneity is not None
+        assert pooled.installation_homogeneity is not None
         p.append(pooled.homogeneity.p)
+        of_installation.append(pooled.installation_homogeneity.p)
         of_flights += [difference.p for difference in pooled.differences]
-    for values in (p, of_flights):
+    for values in (p, of_installation, of_flights):
         assert np.mean(np.array(values) < 0.05) == pytest.approx(0.05, abs=0.05)
         assert np.mean(values) == pytest.approx(0.5, abs=0.07)
 
@@ -54,6 +56,16 @@ def test_an_outlier_is_named_and_the_scatter_between_flights_exceeds_what_is_exp
     assert found["homogeneity"]["p"] < 1e-3
     assert found["between_flights"][-1]["excess_percent"] > 1
     assert any("differ by more than their errors" in note for note in found["notes"])
+
+
+def test_a_probe_that_was_moved_in_one_flight_is_named() -> None:
+    found = spoiled("alpha_bias", 0.02)
+    assert [outlier["log"] for outlier in found["outliers"]] == ["2.mcap"]
+    assert "offset of angle of attack differs by +1." in found["outliers"][0]["reason"]
+    assert "was the probe or the tray touched?" in found["outliers"][0]["reason"]
+    assert found["installation_homogeneity"]["p"] < 1e-3
+    assert found["homogeneity"]["p"] > 1e-3
+    assert any("different [installation] names" in note for note in found["notes"])
 
 
 def test_flights_that_agree_have_no_outlier() -> None:
