@@ -166,15 +166,22 @@ def main(
     with_B: Annotated[int, typer.Option("--flights-b", help="Flights of configuration B in the calmest weather.")] = 5,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
     file: Annotated[Path, typer.Option(help="Where flights are kept, one a line.")] = Path("out/campaigns.jsonl"),
-    fly_missing: Annotated[bool, typer.Option("--fly/--no-fly", help="Fly what is missing, or use what is.")] = True,
+    fly_missing: Annotated[
+        bool, typer.Option("--fly/--no-fly", help="Fly what is missing; or print the figures of what is in the file.")
+    ] = True,
 ) -> None:
     """Fly what is missing and print the figures."""
     wanted = list(
         jobs_of(worlds or ["study"], weather_kt or [3.0, 15.0], range(first, first + campaigns), most, with_B)
     )
     file.parent.mkdir(parents=True, exist_ok=True)
-    done = {tuple(line[name] for name in Job._fields): line for line in known_lines(file)}
-    missing = [job for job in wanted if tuple(job) not in done] if fly_missing else []
+    known = known_lines(file)
+    if not fly_missing:
+        places = {tuple(job)[:-1] for job in wanted}  # by any version
+        campaign_figures.print_figures([line for line in known if tuple(line[n] for n in Job._fields[:-1]) in places])
+        return
+    done = {tuple(line[name] for name in Job._fields): line for line in known}
+    missing = [job for job in wanted if tuple(job) not in done]
     began = time.monotonic()
     with ProcessPoolExecutor(jobs) as pool, file.open("a", encoding="utf-8") as stream:
         running = [pool.submit(one_flight, job) for job in missing]

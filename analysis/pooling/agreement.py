@@ -5,15 +5,14 @@ estimate is v_f - x = a_f e + n_f + sum of c_f: e is the error of the prior's me
 the effect of errors that all flights have in common. Both tests use the covariance of the differences that follows.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from analysis.pooling.flight_statistics import INSTALLATION, POLAR, POOLED, THRUST, FlightStatistics, M
-from analysis.pooling.joint import Information, JointEstimate, common_changes, pooled_estimate
+from analysis.pooling.flight_statistics import INSTALLATION, POLAR, POOLED, THRUST, M
+from analysis.pooling.joint import FlightStack, JointEstimate, Prior, pooled_estimate, take
 from analysis.trajectory.observability import TITLES
 
 Array = NDArray[np.float64]
@@ -21,6 +20,7 @@ Array = NDArray[np.float64]
 OUTLIER_LEVEL = 0.05  # probability of naming any of the flights of a homogeneous pool
 CONSPICUOUS = 2.5  # standard deviations of a difference that is named as the likely reason
 _N_POLAR = len(POLAR)
+POLAR_PART, INSTALLATION_PART = slice(0, _N_POLAR), slice(M - len(INSTALLATION), M)
 _REASONS = {
     "alpha_bias": "was the probe or the tray touched?",
     "beta_bias": "was the probe touched?",
@@ -43,11 +43,15 @@ _NO_REASON = (
 
 
 class Difference(NamedTuple):
-    """One flight less the pool of the others: difference (M,), its covariance (M, M), probability of a larger one."""
+    """One flight less a pool: difference (M,) and its covariance (M, M).
+
+    p, p_installation : probability of a larger difference of the polar, and of the errors of the installation
+    """
 
     value: Array
     covariance: Array
     p: float
+    p_installation: float
 
     @property
     def standardized(self) -> Array:
@@ -63,65 +67,103 @@ class Test(NamedTuple):
     p: float
 
 
-def difference_to_pool(flight: FlightStatistics, info: Information, pool: JointEstimate, in_pool: int = -1,
-                       informations: Sequence[Information] = (),
-                       flights: Sequence[FlightStatistics] = ()) -> Difference:  # fmt: skip
-    """The flight's own estimate less the pool.
-
-    in_pool : number of the flight in the pool; -1 where the pool is of other flights
-    informations, flights : of the pool
-    """
-    prior = info.prior_part - pool.prior_part
-    covariance = (prior * pool.prior_covariance) @ prior.T
-    for i, (W, other) in enumerate(zip(pool.influences, informations, strict=True)):
-        own = np.eye(M) - W if i == in_pool else -W
-        covariance += own @ other.own_covariance @ own.T
-    if in_pool < 0:
-        covariance += info.own_covariance
-    for name in common_changes([flight, *flights]):
-        change = flight.changes.get(name, np.zeros(M)) - np.sum(
-            [W @ f.changes.get(name, np.zeros(M)) for W, f in zip(pool.influences, flights, strict=True)], axis=0
-        )
-        covariance += np.outer(change, change)
-    value = flight.values - pool.x
-    d, C = value[:_N_POLAR], covariance[:_N_POLAR, :_N_POLAR]
-    return Difference(value, covariance, float(chi2.sf(_quadratic(d, C), _N_POLAR)))
+def differences_in_pool(stack: FlightStack, pool: JointEstimate) -> list[Difference]:
+    """Each flight less the pool that it is part of."""
+    (W,) = pool.influences
+    by_others = np.einsum("fij,fjk,flk->il", W, stack.own_covariance, W, optimize=True)
+    # Of flight f less W_f of the same errors: (1 - W) C (1 - W)' instead of W C W'.
+    cross = W @ stack.own_covariance
+    own = stack.own_covariance - cross - cross.transpose(0, 2, 1)
+    return [_difference(stack, pool, i, by_others + own[i]) for i in range(len(stack.values))]
 
 
-def differences_to_others(flights: Sequence[FlightStatistics], informations: Sequence[Information]) -> list[Difference]:
-    """Each flight against the pool of all others; two flights or more."""
+def differences_to_others(stack: FlightStack, prior: Prior) -> list[Difference]:
+    """Each flight less the pool of all others, of two flights or more."""
+    n = len(stack.values)
     found = []
-    for i, (flight, info) in enumerate(zip(flights, informations, strict=True)):
-        others, theirs = [*flights[:i], *flights[i + 1 :]], [*informations[:i], *informations[i + 1 :]]
-        pool = pooled_estimate(others, theirs)
-        found.append(difference_to_pool(flight, info, pool, informations=theirs, flights=others))
+    for i in range(n):
+        counts = np.ones(n)
+        counts[i] = 0.0
+        pool = pooled_estimate(stack, prior, counts.tolist())
+        by_others = pool.total - _by_prior(pool) - _by_changes(stack, pool, counts)
+        found.append(_difference(stack, pool, i, by_others + stack.own_covariance[i], counts))
     return found
 
 
-def polar_covariance(
-    flights: Sequence[FlightStatistics], informations: Sequence[Information], pool: JointEstimate
-) -> Array:
-    """Covariance (3 n, 3 n) of the polars that the n flights estimate alone; common errors make them correlated."""
-    k = _N_POLAR
-    a = np.concatenate([info.prior_part[:k] for info in informations])
-    covariance = np.asarray((a * pool.prior_covariance) @ a.T, dtype=np.float64)
-    for name in common_changes(flights):
-        change = np.concatenate([flight.changes.get(name, np.zeros(M))[:k] for flight in flights])
-        covariance = covariance + np.outer(change, change)
-    for i, info in enumerate(informations):
-        covariance[k * i : k * (i + 1), k * i : k * (i + 1)] += info.own_covariance[:k, :k]
+def _by_prior(pool: JointEstimate) -> Array:
+    return np.asarray((pool.prior_part * pool.prior_covariance) @ pool.prior_part.T)
+
+
+def _common(change: Array, pool: JointEstimate, counts: Array) -> Array:
+    return np.asarray(np.einsum("f,fij,fj->i", counts, pool.influences[0], change, optimize=True))
+
+
+def _by_changes(stack: FlightStack, pool: JointEstimate, counts: Array) -> Array:
+    covariance = np.zeros((M, M))
+    for change in stack.changes.values():
+        common = _common(change, pool, counts)
+        covariance += np.outer(common, common)
     return covariance
 
 
-def homogeneity(flights: Sequence[FlightStatistics], informations: Sequence[Information], pool: JointEstimate) -> Test:
-    """Whether the polars of the flights differ by more than their errors: generalized least squares on one polar."""
-    n, k = len(flights), _N_POLAR
-    covariance = polar_covariance(flights, informations, pool)
-    z, X = np.concatenate([flight.values[:k] for flight in flights]), np.tile(np.eye(k), (n, 1))
+def _difference(
+    stack: FlightStack, pool: JointEstimate, number: int, own: Array, counts: Array | None = None
+) -> Difference:
+    """Of one flight. own: (M, M) covariance by the errors that each flight has of its own."""
+    prior = stack.prior_part[number] - pool.prior_part
+    covariance = own + (prior * pool.prior_covariance) @ prior.T
+    for change in stack.changes.values():
+        apart = change[number] - _common(change, pool, np.ones(len(change)) if counts is None else counts)
+        covariance = covariance + np.outer(apart, apart)
+    value = stack.values[number] - pool.x
+    p, p_installation = (
+        float(chi2.sf(quadratic_form(value[part], covariance[part, part]), len(value[part])))
+        for part in (POLAR_PART, INSTALLATION_PART)
+    )
+    return Difference(value, covariance, p, p_installation)
+
+
+def outliers(stack: FlightStack, prior: Prior) -> dict[int, Difference]:
+    """By number, flights that differ from the pool of those that agree; the worst is taken out first.
+
+    Polar and installation are tested; the level of each test is OUTLIER_LEVEL over the number of tests. At most half of
+    the flights are named, and none of two: which of them is wrong is not known.
+    """
+    n = len(stack.values)
+    inside, found = list(range(n)), dict[int, Difference]()
+    while len(inside) > 2 and 2 * (len(found) + 1) <= n:
+        differences = differences_to_others(take(stack, inside), prior)
+        p = [min(difference.p, difference.p_installation) for difference in differences]
+        worst = int(np.argmin(p))
+        if p[worst] >= OUTLIER_LEVEL / (2 * n):
+            break
+        found[inside[worst]] = differences[worst]
+        del inside[worst]
+    return found
+
+
+def flights_covariance(stack: FlightStack, pool: JointEstimate, part: slice = POLAR_PART) -> Array:
+    """Covariance (k n, k n) of k parameters that each of n flights estimates alone; common errors correlate them."""
+    n, k = stack.values[:, part].shape
+    a = stack.prior_part[:, part].reshape(n * k, M)
+    covariance = (a * pool.prior_covariance) @ a.T
+    for change in stack.changes.values():
+        flat = change[:, part].ravel()
+        covariance = covariance + np.outer(flat, flat)
+    for i in range(n):
+        covariance[k * i : k * (i + 1), k * i : k * (i + 1)] += stack.own_covariance[i, part, part]
+    return np.asarray(covariance)
+
+
+def homogeneity(stack: FlightStack, pool: JointEstimate, part: slice = POLAR_PART) -> Test:
+    """Whether the flights differ by more than their errors: generalized least squares on common parameters."""
+    n, k = stack.values[:, part].shape
+    covariance = flights_covariance(stack, pool, part)
     scale = np.sqrt(np.diag(covariance))
     factor = np.linalg.cholesky(covariance / np.outer(scale, scale))
-    white_z, white_X = np.linalg.solve(factor, z / scale), np.linalg.solve(factor, X / scale[:, None])
-    residual = white_z - white_X @ np.linalg.lstsq(white_X, white_z, rcond=None)[0]
+    z = np.linalg.solve(factor, stack.values[:, part].ravel() / scale)
+    X = np.linalg.solve(factor, np.tile(np.eye(k), (n, 1)) / scale[:, None])
+    residual = z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
     chi_square = float(residual @ residual)
     return Test(chi_square, k * (n - 1), float(chi2.sf(chi_square, k * (n - 1))))
 
@@ -141,6 +183,7 @@ def likely_reason(difference: Difference) -> str:
     )
 
 
-def _quadratic(d: Array, C: Array) -> float:
+def quadratic_form(d: Array, C: Array) -> float:
+    """d' C^-1 d."""
     scale = np.sqrt(np.diag(C))
     return float(d / scale @ np.linalg.solve(C / np.outer(scale, scale), d / scale))

@@ -4,8 +4,8 @@ Both pools are one joint estimate with two polars. Flights of one installation s
 propeller those of thrust: such an error moves both curves alike and cancels in the difference.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -17,9 +17,9 @@ from scipy.stats import chi2, ncx2
 from analysis.drag import covariance
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.estimation.intervals import NORMAL_95
-from analysis.pooling.agreement import Test
-from analysis.pooling.flight_statistics import POLAR, THRUST, FlightStatistics, M
-from analysis.pooling.joint import OWN_CHANGES, Information, shared_prior, solve
+from analysis.pooling.agreement import Test, quadratic_form
+from analysis.pooling.flight_statistics import POLAR, THRUST, M
+from analysis.pooling.joint import Group, Prior, shared_prior, solve
 from analysis.pooling.joint_pool import SPEEDS, JointPool
 from flight.errors import InputError
 
@@ -76,7 +76,7 @@ def compare(a: JointPool, b: JointPool) -> Comparison:
     same_installation, same_propeller = _same_installation(a, b), _same_propeller(a, b)
     condition_b = Condition(a.condition.weight_N, a.condition.rho, b.condition.wing_area_m2)
     V = _common_speeds(a, b, condition_b)
-    polars = _joint_polars(a.flights, a.informations, b.flights, b.informations, same_installation, same_propeller)
+    polars = _joint_polars(a, b, same_installation, same_propeller)
     A, B = polars.A[:_N_POLAR], polars.A[_N_POLAR:]
     gradients = [_gradient(V, a.condition), _gradient(V, condition_b)]
     power_a, power_b = gradients[0] @ A, gradients[1] @ B
@@ -85,7 +85,7 @@ def compare(a: JointPool, b: JointPool) -> Comparison:
     alone = np.zeros((2 * _N_POLAR, 2 * _N_POLAR))
     alone[:_N_POLAR, :_N_POLAR], alone[_N_POLAR:, _N_POLAR:] = a.polar.covariance, b.polar.covariance
     three = [0, len(V) // 2, -1]  # the curves have three parameters: three speeds contain all of the difference
-    chi_square = _quadratic(difference[three], J[three] @ polars.covariance @ J[three].T)
+    chi_square = quadratic_form(difference[three], J[three] @ polars.covariance @ J[three].T)
     return Comparison(
         a=a,
         b=b,
@@ -115,12 +115,12 @@ def flights_to_see(pooled: JointPool, difference: float) -> int | None:
     d = difference * pooled.polar.A
 
     def seen(n: int) -> bool:
-        numbers = [i % len(pooled.flights) for i in range(n)]
-        flights = [pooled.flights[i] for i in numbers]
-        infos = [pooled.informations[i] for i in numbers]
-        C = _joint_polars(flights, infos, flights, infos, same_installation=True, same_propeller=True).covariance
+        counts = np.array([len(range(i, n, len(pooled.flights))) for i in range(len(pooled.flights))], dtype=float)
+        C = _joint_polars(
+            pooled, pooled, same_installation=True, same_propeller=True, counts=(counts, counts)
+        ).covariance
         T = np.hstack([-np.eye(_N_POLAR), np.eye(_N_POLAR)])
-        return _quadratic(d, T @ C @ T.T) >= needed
+        return quadratic_form(d, T @ C @ T.T) >= needed
 
     if not seen(MOST_FLIGHTS):
         return None
@@ -131,6 +131,7 @@ def flights_to_see(pooled: JointPool, difference: float) -> int | None:
     return high
 
 
+@cache
 def _needed_noncentrality() -> float:
     limit = chi2.isf(LEVEL, _N_POLAR)
     return float(brentq(lambda x: ncx2.sf(limit, _N_POLAR, x) - POWER, 1e-3, 100.0))
@@ -162,46 +163,36 @@ def _common_speeds(a: JointPool, b: JointPool, condition_b: Condition) -> Array:
 
 
 def _joint_polars(
-    flights_a: Sequence[FlightStatistics],
-    infos_a: Sequence[Information],
-    flights_b: Sequence[FlightStatistics],
-    infos_b: Sequence[Information],
+    a: JointPool,
+    b: JointPool,
     same_installation: bool,
     same_propeller: bool,
+    counts: tuple[Array, Array] | None = None,
 ) -> Polar:
-    """Polars of A and B (6,) with their joint covariance (6, 6)."""
-    n_installation = M - _N_POLAR - _N_THRUST
-    mean, information = shared_prior([*flights_a, *flights_b] if same_installation else flights_a)
-    mean_b, information_b = shared_prior(flights_b)
-    at_a = np.r_[0:_N_POLAR, 2 * _N_POLAR : _N_POLAR + M]
-    end = _N_POLAR + M
-    thrust_b, installation_b = at_a[_N_POLAR : _N_POLAR + _N_THRUST], at_a[_N_POLAR + _N_THRUST :]
-    priors = [(np.zeros(_N_POLAR), np.zeros(_N_POLAR)), (mean, information)]
-    if not same_propeller:
-        thrust_b, end = np.arange(end, end + _N_THRUST), end + _N_THRUST
-        own = slice(_N_POLAR, _N_POLAR + _N_THRUST)
-        priors.append((mean_b[own], information_b[own]))
-    if not same_installation:
-        installation_b = np.arange(end, end + n_installation)
-        priors.append((mean_b[-n_installation:], information_b[-n_installation:]))
-        flights_b = [_with_own_changes(flight) for flight in flights_b]
-    at_b = np.concatenate([np.arange(_N_POLAR, 2 * _N_POLAR), thrust_b, installation_b])
+    """Polars of A and B (6,) with their joint covariance (6, 6). counts: of `Group`, of A and of B."""
+    prior_a = shared_prior([*a.flights, *b.flights]) if same_installation else a.prior
+    at_a, end = np.r_[0:_N_POLAR, 2 * _N_POLAR : _N_POLAR + M], _N_POLAR + M
+    thrust = slice(_N_POLAR, _N_POLAR + _N_THRUST)
+    installation = slice(_N_POLAR + _N_THRUST, M)
+    at_b = at_a.copy()
+    at_b[:_N_POLAR] += _N_POLAR
+    priors = [Prior(np.zeros(_N_POLAR), np.zeros(_N_POLAR)), prior_a]
+    for shared, part in ((same_propeller, thrust), (same_installation, installation)):
+        if not shared:
+            priors.append(Prior(b.prior.mean[part], b.prior.information[part]))
+            at_b[part] = np.arange(end, end + len(at_b[part]))
+            end += len(at_b[part])
+    stack_b = b.stack
+    if not same_installation:  # errors that no residual shows are those of another installation: they do not cancel
+        stack_b = stack_b._replace(changes={f"{name}, B": change for name, change in stack_b.changes.items()})
+    of_a, of_b = counts or (np.ones(len(a.flights)), np.ones(len(b.flights)))
     joint = solve(
-        [*flights_a, *flights_b],
-        [*infos_a, *infos_b],
-        [at_a] * len(flights_a) + [at_b] * len(flights_b),
-        np.concatenate([prior[0] for prior in priors]),
-        np.concatenate([prior[1] for prior in priors]),
+        [Group(a.stack, at_a, of_a), Group(stack_b, at_b, of_b)],
+        Prior(np.concatenate([p.mean for p in priors]), np.concatenate([p.information for p in priors])),
     )
     polars = slice(0, 2 * _N_POLAR)
     floor = np.kron(np.ones((2, 2)) if same_installation else np.eye(2), covariance.floor())
     return Polar(joint.x[polars], joint.total[polars, polars] + floor)
-
-
-def _with_own_changes(flight: FlightStatistics) -> FlightStatistics:
-    """With errors that no residual shows as those of another installation: they do not cancel."""
-    changes = {name if name in OWN_CHANGES else f"{name}, B": change for name, change in flight.changes.items()}
-    return flight._replace(changes=changes)
 
 
 def _gradient(V: Array, condition: Condition) -> Array:
@@ -211,11 +202,6 @@ def _gradient(V: Array, condition: Condition) -> Array:
 
 def _half_width(J: Array, C: Array) -> Array:
     return np.asarray(NORMAL_95 * np.sqrt(np.einsum("vi,ij,vj->v", J, C, J)))
-
-
-def _quadratic(d: Array, C: Array) -> float:
-    scale = np.sqrt(np.diag(C))
-    return float(d / scale @ np.linalg.solve(C / np.outer(scale, scale), d / scale))
 
 
 def _comparison_json(comparison: Comparison) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.pooling.flight_statistics import FlightStatistics, check_one_aircraft, read_statistics
-from analysis.pooling.joint import information, pooled_estimate
+from analysis.pooling.joint import pooled_estimate, shared_prior, stacked
 from analysis.pooling.joint_pool import JointPool, mean_condition, pooled_polar
 from analysis.pooling.pooled_json import pooled_json
 from flight.errors import InputError
@@ -36,11 +36,12 @@ def pool(flights: Sequence[FlightStatistics]) -> PooledResult:
     """The same from the statistics of the flights."""
     _refuse_repeated(flights)
     check_one_aircraft(flights)
-    informations = [information(flight) for flight in flights]
-    estimate = pooled_estimate(flights, informations)
+    stack, prior = stacked(flights), shared_prior(flights)
+    estimate = pooled_estimate(stack, prior)
     return PooledResult(
         flights=tuple(flights),
-        informations=tuple(informations),
+        stack=stack,
+        prior=prior,
         estimate=estimate,
         polar=pooled_polar(flights, estimate),
         condition=mean_condition(flights),

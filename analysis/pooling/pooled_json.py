@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 from analysis.drag.polar import Polar, lift_coefficient, power_required
 from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling.agreement import (
-    OUTLIER_LEVEL,
-    Difference,
-    difference_to_pool,
+    differences_in_pool,
+    flights_covariance,
     likely_reason,
-    polar_covariance,
 )
 from analysis.pooling.comparison import DIFFERENCES_TO_SEE, flights_to_see
 from analysis.pooling.flight_statistics import INSTALLATION, POLAR, THRUST
@@ -48,9 +46,10 @@ def pooled_json(pooled: JointPool) -> dict[str, Any]:
         "power_required": _curve(pooled),
         "between_flights": _between_flights(pooled),
         "homogeneity": _homogeneity(pooled),
+        "installation_homogeneity": _installation_homogeneity(pooled),
         "flights": flights,
         "outliers": [
-            {"log": flight["log"], "p": flight["p"], "reason": flight["reason"]}
+            {"log": flight["log"], "p": min(flight["p"], flight["p_installation"]), "reason": flight["reason"]}
             for flight in flights
             if flight["outlier"]
         ],
@@ -106,10 +105,11 @@ def _percent(pooled: JointPool, V: Array) -> Array:
 
 def _deviations(pooled: JointPool) -> list[tuple[Array, Array]]:
     """Of each flight's curve from the pooled one: percent and 95 % limits, each (n,), at `speeds_mps`."""
+    if len(pooled.flights) == 1:
+        return [(np.zeros(len(pooled.speeds_mps)), np.zeros(len(pooled.speeds_mps)))]
     J = _percent(pooled, pooled.speeds_mps)
     found = []
-    for i, (flight, info) in enumerate(zip(pooled.flights, pooled.informations, strict=True)):
-        difference = difference_to_pool(flight, info, pooled.estimate, i, pooled.informations, pooled.flights)
+    for difference in differences_in_pool(pooled.stack, pooled.estimate):
         value, C = J @ difference.value[:_N_POLAR], difference.covariance[:_N_POLAR, :_N_POLAR]
         found.append((value, NORMAL_95 * np.sqrt(np.maximum(np.einsum("vi,ij,vj->v", J, C, J), 0.0))))
     return found
@@ -134,35 +134,45 @@ def _homogeneity(pooled: JointPool) -> dict[str, Any] | None:
     test = pooled.homogeneity
     if test is None:
         return None
-    if test.p < HOMOGENEITY_LEVEL:
-        text = (
-            f"The flights differ by more than their errors explain (p = {test.p:.2g}): the interval of the pooled curve"
-            " may be too narrow. Look at the outliers and trends; something changed between flights, or an error is"
-            " larger than assumed."
-        )
-    else:
-        text = f"The flights agree within their errors (p = {test.p:.2g})."
+    text = (
+        f"The flights differ by more than their errors explain (p = {test.p:.2g}): the interval of the pooled curve may"
+        " be too narrow. Look at the outliers and trends: something changed between flights, or an error is larger than"
+        " assumed."
+        if test.p < HOMOGENEITY_LEVEL
+        else f"The flights agree within their errors (p = {test.p:.2g})."
+    )
+    return {**test._asdict(), "text": text}
+
+
+def _installation_homogeneity(pooled: JointPool) -> dict[str, Any] | None:
+    test = pooled.installation_homogeneity
+    if test is None:
+        return None
+    text = (
+        f"The errors of the installation differ between flights (p = {test.p:.2g}): probe, tubes or tray were moved."
+        " Give the flights before and after different [installation] names, or none."
+        if test.p < HOMOGENEITY_LEVEL
+        else f"The errors of the installation are the same in all flights within their errors (p = {test.p:.2g})."
+    )
     return {**test._asdict(), "text": text}
 
 
 def _flights(pooled: JointPool) -> list[dict[str, Any]]:
     n, V = len(pooled.flights), pooled.speeds_mps
-    everyone = list(range(n))
-    half = pooled.half_widths_percent(everyone, V)
-    without = [pooled.half_widths_percent(everyone[:i] + everyone[i + 1 :], V) for i in everyone] if n > 1 else []
+    half = pooled.half_widths_percent([1] * n, V)
+    without = [pooled.half_widths_percent([int(j != i) for j in range(n)], V) for i in range(n)] if n > 1 else []
     gains = np.array([np.mean(half**-2 - other**-2) for other in without]) if without else np.ones(1)
     shares = np.maximum(gains, 0) / np.maximum(gains, 0).sum()
     found = []
     for i, (flight, (value, limit)) in enumerate(zip(pooled.flights, _deviations(pooled), strict=True)):
-        difference = pooled.differences[i] if pooled.differences else None
-        outlier = difference is not None and difference.p < OUTLIER_LEVEL / n
+        difference = pooled.outliers.get(i) or (pooled.differences[i] if pooled.differences else None)
         found.append(
             {
                 "log": flight.name,
                 "installation": flight.installation,
                 "test": {"weight_N": flight.condition.weight_N, "air_density_kgpm3": flight.condition.rho},
                 "drag_polar": dict(zip(POLAR, flight.values[:_N_POLAR].tolist(), strict=True)),
-                "half_width_percent": pooled.half_widths_percent([i], V).tolist(),
+                "half_width_percent": pooled.half_widths_percent([int(j == i) for j in range(n)], V).tolist(),
                 "half_width_without_percent": without[i].tolist() if without else None,
                 "share_of_information": float(shares[i]),
                 "against_pool": [
@@ -170,28 +180,23 @@ def _flights(pooled: JointPool) -> list[dict[str, Any]]:
                     for v, d, m in zip(V.tolist(), value.tolist(), limit.tolist(), strict=True)
                 ],
                 "p": difference.p if difference else None,
-                "outlier": outlier,
-                "reason": _reason(difference, n) if difference and outlier else "",
+                "p_installation": difference.p_installation if difference else None,
+                "outlier": i in pooled.outliers,
+                "reason": likely_reason(pooled.outliers[i]) if i in pooled.outliers else "",
             }
         )
     return found
 
 
-def _reason(difference: Difference, flights: int) -> str:
-    if flights == 2:
-        return f"which of the two is not known; {likely_reason(difference)}"
-    return likely_reason(difference)
-
-
 def _one_more(pooled: JointPool, flights: list[dict[str, Any]]) -> dict[str, Any]:
     """Half widths now, and with one more flight like the one that contributed most."""
-    V, everyone = pooled.speeds_mps, list(range(len(flights)))
+    V, n = pooled.speeds_mps, len(flights)
     best = int(np.argmax([flight["share_of_information"] for flight in flights]))
     return {
         "like": flights[best]["log"],
         "speed_mps": V.tolist(),
-        "half_width_percent": pooled.half_widths_percent(everyone, V).tolist(),
-        "half_width_then_percent": pooled.half_widths_percent([*everyone, best], V).tolist(),
+        "half_width_percent": pooled.half_widths_percent([1] * n, V).tolist(),
+        "half_width_then_percent": pooled.half_widths_percent([1 + (j == best) for j in range(n)], V).tolist(),
     }
 
 
@@ -199,11 +204,11 @@ def _trends(pooled: JointPool) -> list[Any]:
     """At the speed where the flights alone are most certain."""
     n = len(pooled.flights)
     J = _percent(pooled, pooled.speeds_mps)
-    C = polar_covariance(pooled.flights, pooled.informations, pooled.estimate)
-    at = int(np.argmin([np.trace(np.kron(np.eye(n), row) @ C @ np.kron(np.eye(n), row).T) for row in J]))
-    pick = np.kron(np.eye(n), J[at])
+    C = flights_covariance(pooled.stack, pooled.estimate)
+    blocks = C.reshape(n, 3, n, 3)
+    at = int(np.argmin(np.einsum("vi,figj,vj,fg->v", J, blocks, J, np.eye(n), optimize=True)))
     deviations = np.array([J[at] @ (flight.values[:_N_POLAR] - pooled.polar.A) for flight in pooled.flights])
-    return trends(pooled.flights, deviations, pick @ C @ pick.T)
+    return trends(pooled.flights, deviations, np.einsum("i,figj,j->fg", J[at], blocks, J[at]))
 
 
 def _notes(pooled: JointPool) -> list[str]:
@@ -213,11 +218,7 @@ def _notes(pooled: JointPool) -> list[str]:
             "The aircraft file has no [installation] name: the probe is taken to be mounted anew for each flight. Give"
             " flights between which nothing was moved one name."
         )
-    if pooled.homogeneity and pooled.homogeneity.p < HOMOGENEITY_LEVEL:
-        notes.append(_homogeneity_text(pooled))
+    for found in (_homogeneity(pooled), _installation_homogeneity(pooled)):
+        if found and found["p"] < HOMOGENEITY_LEVEL:
+            notes.append(found["text"])
     return notes
-
-
-def _homogeneity_text(pooled: JointPool) -> str:
-    found = _homogeneity(pooled)
-    return str(found["text"]) if found else ""
