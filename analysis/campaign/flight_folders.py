@@ -142,14 +142,22 @@ def exclusive(output: Path) -> Iterator[None]:
                 raise InputError(f"{output}: another `analyze` is writing into it; wait for its end") from None
             except OSError:
                 pass  # a file system without locks
-        for name in output.glob(f".*{REPLACED}"):
-            whole = output / name.name[1 : -len(REPLACED)]
-            if not whole.exists():  # killed between the two renames
-                name.rename(whole)
-        for suffix in (PARTIAL, REPLACED):
-            for left in output.glob(f".*{suffix}"):
-                shutil.rmtree(left, ignore_errors=True)
-        yield
+        _mend(output)
+        try:
+            yield
+        finally:
+            _mend(output)
+
+
+def _mend(output: Path) -> None:
+    """Remove what is not complete; put back a folder that was to be replaced, where its replacement is missing."""
+    for replaced in output.glob(f".*{REPLACED}"):
+        whole = output / replaced.name[1 : -len(REPLACED)]
+        if not whole.exists():  # killed between the two renames
+            replaced.rename(whole)
+    for suffix in (PARTIAL, REPLACED):
+        for left in output.glob(f".*{suffix}"):
+            shutil.rmtree(left, ignore_errors=True)
 
 
 @contextlib.contextmanager

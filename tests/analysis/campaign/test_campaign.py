@@ -148,6 +148,13 @@ def test_a_killed_campaign_goes_on_where_it_stopped(tmp_path: Path, work: Work, 
     assert not list(out.glob(".*.partial"))
 
 
+def test_a_folder_that_was_being_replaced_comes_back(tmp_path: Path, work: Work, analyzed) -> None:
+    out, paths = tmp_path / "out", logs(tmp_path / "in", a="1")
+    run_in(out, paths, work)
+    (out / "a").rename(out / ".a.replaced")  # killed between the two renames
+    assert run_in(out, paths, work).kept == 1 and analyzed() == ["a.mcap"]
+
+
 def test_two_at_once_in_one_folder_are_refused(tmp_path: Path) -> None:
     with exclusive(tmp_path / "out"), pytest.raises(InputError, match="another `analyze`"), exclusive(tmp_path / "out"):
         pass
