@@ -17,19 +17,29 @@ import sys
 import sysconfig
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
+import numpy as np
 import typer
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from rich.console import Console
 
+from analysis.campaign.campaign import Work, run
+from analysis.campaign.flight_folders import exclusive
+from analysis.campaign.jobs import Outcome
+from analysis.cli.files_used import files_used
+from analysis.cli.one_log import Options
+from analysis.cli.several_logs import settings
 from flight.log_writer import PROFILE
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
 ANALYZE = (sys.executable, "-m", "analysis.cli.analyze")
 FIRST_SEED, PORT = 1000, 8797
+PARTS = ["processors", "killed", "one-more", "cluster", "hundred", "memory"]
 console = Console(width=120, highlight=False)
 
 
@@ -212,18 +222,98 @@ def memory(log: Path, folder: Path) -> None:
     console.print(f"{log.stat().st_size / 1e6:.0f} MB of log: {told}")
 
 
+@dataclass(frozen=True)
+class Scattered:
+    """In place of an analysis: the results of another flight, its estimates scattered by half their covariance."""
+
+    flights: list[Path]
+
+    def __call__(self, log: Path, folder: Path, runs: Path | None, progress: Callable[[str], None]) -> None:
+        number = int(log.stem.rpartition("-")[2])
+        source = self.flights[number % len(self.flights)]
+        content = msgspec.json.decode((source / "results.json").read_bytes())
+        statistics = content["pooling"]
+        lower = np.zeros((len(statistics["values"]),) * 2)
+        for i, row in enumerate(statistics["covariance"]):
+            lower[i, : i + 1] = row
+        covariance = lower + np.tril(lower, -1).T
+        noise = np.random.default_rng(number).multivariate_normal(np.zeros(len(lower)), covariance / 2)
+        statistics["values"] = (np.array(statistics["values"]) + noise).tolist()
+        content["log"] = str(log)
+        (folder / "results.json").write_bytes(msgspec.json.encode(content))
+        shutil.copy(source / "report.html", folder)
+
+    def under(self, root: Path) -> "Scattered":
+        return self
+
+
+class Silent:
+    def planned(self, jobs: int, kept: int) -> None: ...
+
+    def step(self, name: str, step: str) -> None: ...
+
+    def failed(self, error: str) -> None: ...
+
+    def ended(self, name: str, outcome: Outcome) -> None: ...
+
+
+def hundred(folder: Path, whole: Path, count: int = 100) -> None:
+    """What a pool of a hundred flights costs beside the analyses, and its page."""
+    out, logs = folder / "hundred", folder / "hundred-logs"
+    for old in (out, logs):
+        shutil.rmtree(old, ignore_errors=True)
+    logs.mkdir()
+    names = [logs / f"2026-05-01-{k:03d}.mcap" for k in range(count)]
+    for name in names:
+        name.write_text(name.stem)
+    options = Options()
+    done = Work(
+        Scattered([path.parent for path in sorted(whole.glob("[!.]*/inputs.json"))]),
+        settings(options),
+        lambda log: files_used(log, options),
+    )
+    with exclusive(out):
+        run(names, out, done, Silent(), jobs=2)
+    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+    analyze(names, out)
+    elapsed, used = time.monotonic() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    busy = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime
+    page = out / "report.html"
+    console.print(
+        f"{count} flights that are analysed: pooled and reported in {elapsed:.1f} s, {busy:.1f} s of processor time;"
+        f" the page has {page.stat().st_size / 1e6:.2f} MB"
+    )
+    before, start = used, time.monotonic()
+    words = command(
+        "chromium",
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--virtual-time-budget=10000",
+        "--dump-dom",
+        page.resolve().as_uri(),
+    )
+    shown = subprocess.run(words, check=True, capture_output=True, text=True).stdout
+    elapsed, used = time.monotonic() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    busy = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime
+    console.print(
+        f"opened with {shown.count('main-svg')} layers of figures in {elapsed:.1f} s, {busy:.1f} s of processor time,"
+        f" the start of Chromium included; load of the machine {os.getloadavg()[0]:.1f}"
+    )
+
+
 def main(
     flights: Annotated[int, typer.Option(help="Copies to analyse.")] = 100,
     logs: Annotated[int, typer.Option(help="Simulated flights that are copied.")] = 4,
     log: Annotated[Path | None, typer.Option(help="Copy this log instead.")] = None,
     out: Annotated[Path, typer.Option(help="Folder to work in; what is there already is used.")] = Path("out/campaign"),
-    part: Annotated[list[str] | None, typer.Option(help="processors, killed, one-more, cluster, memory")] = None,
+    part: Annotated[list[str] | None, typer.Option(help=f"{', '.join(PARTS)}; may repeat")] = None,
 ) -> None:
     out.mkdir(parents=True, exist_ok=True)
     originals = [log] if log else simulated(out, logs)
     *given, more = copies(originals, out / "logs", flights + 1)
     whole = out / "jobs-2"
-    wanted = part or ["processors", "killed", "one-more", "cluster", "memory"]
+    wanted = part or PARTS
     if "processors" in wanted:
         processors(given, out)
     elif not whole.exists():
@@ -234,6 +324,8 @@ def main(
         one_more(given, out, more, whole)
     if "cluster" in wanted:
         cluster(given, out, whole)
+    if "hundred" in wanted:
+        hundred(out, whole)
     if "memory" in wanted:
         memory(originals[0], out)
 

@@ -1,19 +1,22 @@
 """Many logs into many folders: what is done already stays, the rest runs, and each failure is one line."""
 
+import contextlib
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from analysis.campaign.cluster import run_on_cluster
 from analysis.campaign.flight_folders import (
-    RECORD,
+    LogFile,
+    Record,
     complete,
     edited_runs,
     names,
     partial_folder,
     record_of,
+    records,
 )
 from analysis.campaign.inputs import digests, key
 from analysis.campaign.jobs import Analyze, Job, Outcome
@@ -62,6 +65,7 @@ class Campaign:
 class Planned(NamedTuple):
     job: Job
     key: str
+    log: LogFile  # as it was before the analysis
 
 
 def run(
@@ -94,7 +98,8 @@ def run(
             shutil.rmtree(partial, ignore_errors=True)
             campaign.failures.append(outcome.error)
         else:
-            complete(partial, output / job.name, key=planned[job.name].key, log=str(job.log), runs=job.runs)
+            _, wanted, log = planned[job.name]
+            complete(partial, output / job.name, key=wanted, log=log, runs=job.runs)
             campaign.folders.append(output / job.name)
         campaign.processor_seconds += outcome.processor_seconds
         campaign.peak_bytes = max(campaign.peak_bytes, outcome.peak_bytes)
@@ -107,14 +112,15 @@ def run(
 def _plan(logs: Sequence[Path], output: Path, work: Work, jobs: int, campaign: Campaign) -> list[Planned]:
     """The jobs that are left. Folders that are complete, unreadable logs and repeated ones go into `campaign`."""
     by_digest: dict[str, Path] = {}
-    for log, found in zip(logs, digests(logs, jobs), strict=True):
+    earlier = records(output)
+    for log, found in zip(logs, digests(logs, _known_digest(earlier.values()), jobs), strict=True):
         if isinstance(found, InputError):
             campaign.failures.append(str(found))
         elif found in by_digest:
             campaign.notes.append(f"{log}: has the same content as {by_digest[found]}; used once")
         else:
             by_digest[found] = log
-    earlier = _folders_by_key(output)
+    folder_of = {record.key: folder for folder, record in earlier.items()}
     planned = []
     for (found, log), name in zip(by_digest.items(), names(list(by_digest.values())), strict=True):
         folder = output / name
@@ -122,27 +128,28 @@ def _plan(logs: Sequence[Path], output: Path, work: Work, jobs: int, campaign: C
             record = record_of(folder)
             runs = edited_runs(folder, record)
             files = work.files(log)
-            wanted = key(found, work.settings, files, runs)
-        except InputError as error:
+            wanted, file = key(found, work.settings, files, runs), LogFile.of(log, found)
+        except (InputError, OSError) as error:
             campaign.failures.append(str(error))
             continue
-        if record is None and wanted in earlier:
-            earlier[wanted].rename(folder)  # the log was moved, or has got a namesake
+        if record is None and wanted in folder_of:
+            folder_of[wanted].rename(folder)  # the log was moved, or has got a namesake
         elif record is None or record.key != wanted:
-            planned.append(Planned(Job(name, log, runs, tuple(path for _, path in files)), wanted))
+            planned.append(Planned(Job(name, log, runs, tuple(path for _, path in files)), wanted, file))
             continue
         campaign.folders.append(folder)
     return planned
 
 
-def _folders_by_key(output: Path) -> dict[str, Path]:
-    """Flights' folders by the keys of their records."""
-    found = {}
-    for path in output.glob(f"*/{RECORD}"):
-        try:
-            record = record_of(path.parent)
-        except InputError:
-            continue
-        if record:
-            found[record.key] = path.parent
-    return found
+def _known_digest(records: Iterable[Record]) -> Callable[[Path], str | None]:
+    """By log, its digest where it was analysed before and has the same path, size and time of change."""
+    by_path = {record.log.path: record.log for record in records}
+
+    def known(log: Path) -> str | None:
+        found = by_path.get(str(log.absolute()))
+        with contextlib.suppress(OSError):
+            if found and found == LogFile.of(log, found.digest):
+                return found.digest
+        return None
+
+    return known

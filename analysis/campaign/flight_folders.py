@@ -17,11 +17,26 @@ RECORD, RUNS = "inputs.json", "runs.toml"
 PARTIAL, REPLACED = ".partial", ".replaced"  # ends of the names of folders that a run leaves behind when it is killed
 
 
+class LogFile(msgspec.Struct, frozen=True, kw_only=True):
+    """A log when it was analysed. While path, size and time of change are the same, its content is not read again."""
+
+    path: str  # absolute
+    size: int
+    changed_ns: int
+    digest: str
+
+    @classmethod
+    def of(cls, log: Path, log_digest: str) -> "LogFile":
+        """Raises OSError."""
+        status = log.stat()
+        return cls(path=str(log.absolute()), size=status.st_size, changed_ns=status.st_mtime_ns, digest=log_digest)
+
+
 class Record(msgspec.Struct, frozen=True, kw_only=True):
     """inputs.json in a flight's folder."""
 
     key: str  # digest of everything that the results depend on (`inputs.key`)
-    log: str
+    log: LogFile
     runs_edited: bool  # the results use the folder's own runs.toml
     runs_digest: str | None  # of that file when the folder was written
     files: list[str]  # that the analysis wrote
@@ -65,6 +80,19 @@ def record_of(folder: Path) -> Record | None:
         ) from None
 
 
+def records(output: Path) -> dict[Path, Record]:
+    """The records of all flights' folders below `output`."""
+    found = {}
+    for path in output.glob(f"*/{RECORD}"):
+        try:
+            record = record_of(path.parent)
+        except InputError:
+            continue
+        if record:
+            found[path.parent] = record
+    return found
+
+
 def edited_runs(folder: Path, record: Record | None) -> Path | None:
     """The list of runs in a flight's folder where the user edited it since it was written; None otherwise."""
     runs = folder / RUNS
@@ -79,7 +107,7 @@ def partial_folder(output: Path, name: str) -> Path:
         return Path(mkdtemp(prefix=f".{name}-", suffix=PARTIAL, dir=output))
 
 
-def complete(partial: Path, folder: Path, *, key: str, log: str, runs: Path | None) -> None:
+def complete(partial: Path, folder: Path, *, key: str, log: LogFile, runs: Path | None) -> None:
     """Turn a partial folder into that of the flight, in place of an earlier one.
 
     runs: the edited list of runs that was used. It and files that the user put into the earlier folder are kept.

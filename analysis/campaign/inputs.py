@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -26,12 +26,12 @@ def digest(path: Path) -> str:
         raise InputError(f"{path}: cannot be read ({cause})") from None
 
 
-def digests(paths: Iterable[Path], jobs: int) -> list[str | InputError]:
-    """`digest` of each path, `jobs` at a time; the error where a file cannot be read."""
+def digests(paths: Iterable[Path], known: Callable[[Path], str | None], jobs: int) -> list[str | InputError]:
+    """`digest` of each path, `jobs` at a time, where it is not known; the error where a file cannot be read."""
 
     def one(path: Path) -> str | InputError:
         try:
-            return digest(path)
+            return known(path) or digest(path)
         except InputError as error:
             return error
 

@@ -27,6 +27,9 @@ class AnalyzeCommand(TyperCommand):
             return compare.make_context(f"{info_name} compare", args[1:], parent, **extra)
         return super().make_context(info_name, args, parent, **extra)
 
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        return ["[OPTIONS]", "LOG [LOG]..."]
+
     def invoke(self, ctx: Any) -> Any:
         return super().invoke(ctx) if ctx.command is self else ctx.command.invoke(ctx)
 

@@ -1,6 +1,8 @@
 """`analyze` of several logs: each flight into its folder, and all together above them."""
 
+import importlib
 import os
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -65,6 +67,8 @@ def analyze_logs(
     replacements(options)  # a wrong file is refused once, not for each log
     work = Work(FlightAnalysis(options), settings(options), lambda log: files_used(log, options), PRELOAD)
     stderr = Console(stderr=True)
+    # Meanwhile this process has nothing else to do: what the report needs is loaded before the last flight has ended.
+    threading.Thread(target=_load_report, daemon=True).start()
     with exclusive(output):
         with ProgressOnConsole(stderr, quiet) as monitor:
             campaign = run(logs, output, work, monitor, jobs=jobs or _processors(), scheduler=scheduler)
@@ -75,6 +79,14 @@ def analyze_logs(
             raise InputError(f"{output}: none of the {len(logs)} logs can be used")
         _pool(campaign, output, stderr, quiet)
     return FAILURE if campaign.failures else 0
+
+
+def _load_report() -> None:
+    for module in ("analysis.pooling", "analysis.report.write_pooled"):
+        importlib.import_module(module)
+    from analysis.report.pooled_page import plotly_gzip
+
+    plotly_gzip()
 
 
 def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> None:
