@@ -4,12 +4,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from campaign_draws import MORE_DRAG, Draws, with_more_drag
 from estimators import OVER_STALL, speeds
 from numpy.typing import NDArray
 
 from analysis.drag.polar import Polar, power_required
 from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling import PooledResult, compare, flights_to_see, pool_results
+from analysis.pooling.flight_statistics import read_statistics
 from flight.aircraft import load_aircraft
 
 Array = NDArray[np.float64]
@@ -17,7 +19,8 @@ Flights = dict[int, dict[str, Any]]  # lines by the number of the flight in its 
 Cell = tuple[str, float, str]  # world, weather, configuration
 
 NUMBERS, EACH = (1, 2, 5, 10, 20), (1, 2, 5, 10)
-TO_SEE = 0.03
+TO_SEE = MORE_DRAG
+DRAWN = 200
 
 
 def print_figures(lines: list[dict[str, Any]]) -> None:
@@ -29,7 +32,8 @@ def print_figures(lines: list[dict[str, Any]]) -> None:
         cell = campaigns.setdefault((line["world"], line["weather_kt"], line["configuration"]), {})
         cell.setdefault(line["campaign"], {})[line["flight"]] = line
     print("\n".join(pools_table(campaigns)), end="\n\n")
-    print("\n".join(comparisons_table(campaigns)))
+    print("\n".join(comparisons_table(campaigns)), end="\n\n")
+    print("\n".join(drawn_table(flown)))
 
 
 def groups(flights: Flights, size: int) -> Iterator[list[dict[str, Any]]]:
@@ -142,6 +146,50 @@ def comparisons_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
                 )
             wanted = f"{np.median(to_see):.0f}" if to_see else "-"
             out.append(f"| {world} | {weather:g} | {each} | {text} | {alarmed} | {wanted} |")
+    return out
+
+
+def drawn_table(flown: list[dict[str, Any]]) -> list[str]:
+    """Pools and comparisons of campaigns drawn from the flights' statistics."""
+    V = speeds(load_aircraft("nexstar"))
+    out = [
+        f"{DRAWN} campaigns a row, drawn from the statistics of the flights of A (`benchmarks/campaign_draws.py`).",
+        "",
+        "| world | W20, kt | flights | half width | rms | coverage, % | inhomogeneous, % | mean: rms | its coverage, %"
+        " | 3 % more drag seen, % | alarms, % |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    cells = sorted({(line["world"], line["weather_kt"]) for line in flown})
+    for world, weather in cells:
+        own = [
+            line
+            for line in flown
+            if (line["world"], line["weather_kt"], line["configuration"]) == (world, weather, "A")
+        ]
+        statistics = [read_statistics(line["results"]) for line in own]
+        polar = np.mean([flight.values[:3] for flight in statistics], axis=0)
+        condition = statistics[0].condition
+        truth, _ = power_required(V, Polar(polar, np.zeros((3, 3))), condition)
+        for number in NUMBERS:
+            draws = Draws(statistics, polar, seed=number)
+            of_pool, of_mean, p, seen, alarms = [], [], [], [], []
+            for _ in range(DRAWN):
+                shared = draws.shared()
+                pool = draws.pool(shared, number)
+                for found, kept in ((pool.polar, of_pool), (mean_polar(pool), of_mean)):
+                    power, error = power_required(V, found, condition)
+                    kept.append((100 * (power / truth - 1), 100 * NORMAL_95 * error / truth))
+                p += [pool.homogeneity.p] if pool.homogeneity else []
+                alarms.append(compare(pool, draws.pool(shared, number)).differs)
+                seen.append(compare(pool, draws.pool(with_more_drag(shared), number)).differs)
+            error, half = np.array(of_pool).transpose(1, 0, 2)
+            mean_error, mean_half = np.array(of_mean).transpose(1, 0, 2)
+            inhomogeneous = f"{100 * np.mean(np.array(p) < 0.05):.0f}" if p else "-"
+            out.append(
+                f"| {world} | {weather:g} | {number} | {_listed(np.median(half, axis=0))} | {_listed(_rms(error))}"
+                f" | {_covered(error, half)} | {inhomogeneous} | {_listed(_rms(mean_error))}"
+                f" | {_covered(mean_error, mean_half)} | {100 * np.mean(seen):.0f} | {100 * np.mean(alarms):.0f} |"
+            )
     return out
 
 

@@ -26,6 +26,7 @@ import flights
 import msgspec
 import numpy as np
 import typer
+from campaign_draws import MORE_DRAG
 from estimators import speeds
 from study import known_lines
 
@@ -45,7 +46,6 @@ from sim.world import World, load_world
 
 ROOT = Path(__file__).parents[1]
 PLAN, SEEDS_A_CAMPAIGN, SEEDS_B = "full-test-flight", 100, 50
-MORE_DRAG = 0.03
 FOLDERS = ("analysis/airdata", "analysis/drag", "analysis/estimation", "analysis/maneuvers", "analysis/signals",
            "analysis/trajectory", "flight", "sim")  # fmt: skip
 
