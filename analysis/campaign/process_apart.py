@@ -36,7 +36,8 @@ def main() -> None:
 
 
 def _end_with_parent(temporary: Path) -> None:
-    sys.stdin.buffer.read()
+    while os.read(sys.stdin.fileno(), 4096):  # not a buffered read, whose lock would block the end of this process
+        pass
     shutil.rmtree(temporary, ignore_errors=True)
     os._exit(1)
 

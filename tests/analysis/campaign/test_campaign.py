@@ -167,7 +167,7 @@ def test_a_folder_of_something_else_is_not_replaced(tmp_path: Path, work: Work) 
 
 
 @pytest.mark.parametrize("way", ["absolute", "relative"])
-def test_a_worker_without_the_senders_files_gives_the_same(tmp_path: Path, monkeypatch, way: str) -> None:
+def test_a_worker_without_the_senders_files_gives_the_same(tmp_path: Path, monkeypatch, capfd, way: str) -> None:
     (log,) = logs(tmp_path / "in", a="1")
     here = tmp_path / "here"
     here.mkdir()
@@ -186,6 +186,7 @@ def test_a_worker_without_the_senders_files_gives_the_same(tmp_path: Path, monke
     assert returned.files == {path.name: path.read_bytes() for path in here.iterdir()}
     other = analyze_parcel(Parcel(stub, Job("a", log), here, files, "older"))
     assert "another version" in other.outcome.error
+    assert capfd.readouterr().err == ""
 
 
 def test_folders_have_the_shortest_names_that_tell_logs_apart() -> None:
