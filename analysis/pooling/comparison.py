@@ -251,7 +251,12 @@ def _comparison_text(c: Comparison) -> str:
     difference, half_width = c.difference_percent[least], c.half_width_percent[least]
     said = f"at {c.speeds_mps[least]:.1f} m/s the power of B is {difference:+.1f} ± {half_width:.1f} % from that of A"
     verdict = f"B differs from A (p = {c.test.p:.2g})" if c.differs else f"No difference is seen (p = {c.test.p:.2g})"
-    if c.same_installation and c.same_propeller:
+    if c.same_installation and not c.a.flights[0].installation:
+        shared = (
+            "The files name no installation: the probe is taken to be mounted anew for each flight, and only the common"
+            " part of these errors cancels."
+        )
+    elif c.same_installation and c.same_propeller:
         shared = "Errors of installation and propeller table cancel, since both share them."
     elif c.same_installation:
         shared = "Errors of the installation cancel, since both share it; those of the two propeller tables do not."

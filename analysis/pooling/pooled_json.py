@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 FORMAT = "flightpower-pooled-1"
 HOMOGENEITY_LEVEL = 0.05
+CONVERGED = "converged"  # a verdict of `results.json` begins with it
 _N_POLAR = len(POLAR)
 
 
@@ -218,6 +219,10 @@ def _notes(pooled: JointPool) -> list[str]:
             "The aircraft file has no [installation] name: the probe is taken to be mounted anew for each flight. Give"
             " flights between which nothing was moved one name."
         )
+    for flight in pooled.flights:
+        verdict = str(flight.results.get("verdict", CONVERGED))
+        if not verdict.startswith(CONVERGED):
+            notes.append(f"{flight.name}: the estimation did not converge ({verdict}); leave this flight out.")
     for found in (_homogeneity(pooled), _installation_homogeneity(pooled)):
         if found and found["p"] < HOMOGENEITY_LEVEL:
             notes.append(found["text"])

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 POLAR = np.array([0.0465, -0.0195, 0.065])
 PRIOR_SIGMA = np.array([np.inf] * 3 + [0.018, 0.15, 1.0, 0.0175, 0.03, 0.0175, 0.0125, 0.012])
+PRIOR_MEAN = np.r_[np.zeros(M - 1), 0.006]  # a lag, as latency has one
 # Of one flight in turbulence, for given shared errors: polar, thrust, installation.
 NOISE = np.array([3e-4, 9e-4, 6e-4, 0.006, 0.04, 0.5, 0.005, 0.02, 0.01, 0.006, 0.004])
 # Change of the polar by one unit of thrust scale, thrust slope and errors of the installation.
@@ -29,7 +30,7 @@ CHANGES = {"weight": np.r_[1e-4, -4e-5, 1.2e-4, 2e-3, np.zeros(M - 4)]}
 
 def truth(rng: np.random.Generator, polar: Array = POLAR) -> Array:
     """Shared parameters (M,) drawn from their priors."""
-    return np.concatenate([polar, PRIOR_SIGMA[3:] * rng.standard_normal(M - 3)])
+    return np.concatenate([polar, PRIOR_MEAN[3:] + PRIOR_SIGMA[3:] * rng.standard_normal(M - 3)])
 
 
 def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **facts: Any) -> dict[str, Any]:
@@ -59,9 +60,9 @@ def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **
         "pooling": {
             "format": FORMAT,
             "names": list(POOLED),
-            "values": (S @ whitened.T @ data).tolist(),
+            "values": (S @ (whitened.T @ data + P @ PRIOR_MEAN)).tolist(),
             "covariance": [row[: i + 1] for i, row in enumerate(S.tolist())],
-            "prior_mean": [0.0] * M,
+            "prior_mean": PRIOR_MEAN.tolist(),
             "prior_sigma": [s if np.isfinite(s) else None for s in PRIOR_SIGMA.tolist()],
             "changes": {key: change.tolist() for key, change in CHANGES.items()},
             "polar_covariance": total.tolist(),

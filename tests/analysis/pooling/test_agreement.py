@@ -40,6 +40,14 @@ def test_differences_from_the_pool_have_the_covariance_stated() -> None:
     assert np.mean(np.abs(ratios) < NORMAL_95) == pytest.approx(0.95, abs=0.03)
 
 
+def test_errors_common_to_all_flights_do_not_widen_the_differences_between_them() -> None:
+    rng = np.random.default_rng(3)
+    x = truth(rng)
+    pooled = pool_results([flight(x, rng, f"{i}", 0.01) for i in range(8)])
+    polar = [d.standardized[:3] for d in pooled.differences]
+    assert np.sqrt(np.mean(np.square(polar))) == pytest.approx(1, abs=0.4)
+
+
 def spoiled(name: str, change: float) -> dict[str, Any]:
     """The pool of six calm flights, of which the third flew with another value of a parameter."""
     rng = np.random.default_rng(1)

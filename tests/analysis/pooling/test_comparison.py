@@ -8,7 +8,9 @@ from analysis.pooling import Comparison, PooledResult, compare, flights_to_see, 
 from flight.errors import InputError
 
 
-def pools(seed: int, factor: float, flights: int = 4, **facts: str) -> tuple[PooledResult, PooledResult]:
+def pools(
+    seed: int, factor: float, flights: int = 4, noise: float = 0.3, **facts: str
+) -> tuple[PooledResult, PooledResult]:
     """Of one installation and propeller unless `facts` say otherwise of B, whose drag is larger by the factor."""
     rng = np.random.default_rng(seed)
     x = truth(rng)
@@ -16,8 +18,8 @@ def pools(seed: int, factor: float, flights: int = 4, **facts: str) -> tuple[Poo
     if "installation" in facts:
         y[6:] = truth(rng)[6:]
     return (
-        pool_results([flight(x, rng, f"a{i}", 0.3) for i in range(flights)]),
-        pool_results([flight(y, rng, f"b{i}", 0.3, **facts) for i in range(flights)]),
+        pool_results([flight(x, rng, f"a{i}", noise) for i in range(flights)]),
+        pool_results([flight(y, rng, f"b{i}", noise, **facts) for i in range(flights)]),
     )
 
 
@@ -48,6 +50,27 @@ def test_another_propeller_leaves_its_thrust_error_in_the_difference() -> None:
     assert not other.same_propeller
     assert other.same_installation
     assert np.all(other.half_width_percent > same.half_width_percent)
+
+
+def test_without_a_named_installation_only_the_common_part_cancels() -> None:
+    rng = np.random.default_rng(6)
+    x = truth(rng)
+    a, b = (pool_results([flight(x, rng, f"{name}{i}", 0.3, installation="") for i in range(4)]) for name in ("a", "b"))
+    found = compare(a, b)
+    assert found.same_installation
+    assert "mounted anew for each flight" in found.to_json()["text"]
+
+
+def test_where_nothing_is_shared_nothing_cancels() -> None:
+    found = compared(7, 1.0, installation="nose", propeller="apc-10x5")
+    np.testing.assert_allclose(found.half_width_percent, found.independent_half_width_percent, rtol=1e-3)
+    assert "No error cancels" in found.to_json()["text"]
+
+
+def test_errors_that_no_residual_shows_cancel_too_in_one_installation() -> None:
+    found = compare(*pools(8, 1.0, noise=0.01))
+    assert np.all(found.half_width_percent < 0.1)
+    assert np.all(found.independent_half_width_percent > 0.5)
 
 
 def test_comparison_is_symmetric() -> None:

@@ -134,6 +134,14 @@ def test_the_pool_of_files_equals_that_of_their_content(tmp_path: Path) -> None:
     assert json.dumps(pool_results(paths).to_json()) == json.dumps(pool_results(results).to_json())
 
 
+def test_a_flight_that_did_not_converge_is_noted() -> None:
+    good, bad = campaign(10, 2)
+    (note,) = pool_results(
+        [{**good, "verdict": "converged in 4 iterations"}, {**bad, "verdict": "not converged"}]
+    ).to_json()["notes"]
+    assert note.startswith("10-1.mcap: the estimation did not converge (not converged)")
+
+
 def test_a_calm_flight_contributes_most_and_another_like_it_is_offered() -> None:
     rng = np.random.default_rng(8)
     x = truth(rng)
