@@ -1,6 +1,8 @@
 """The command `analyze`: from a log to the report. Arguments, messages and exit codes only."""
 
 import os
+import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -217,16 +219,27 @@ def analyze(
             magnetometer=load_magnetometer(magnetometer) if magnetometer else None,
             zero=load_zero(zero) if zero else None,
             weight_N=weight_N,
-        )
+            files={
+                name: str(given)
+                for name, given in (
+                    ("aircraft.toml", aircraft), ("propeller.csv", propeller), ("probe.json", probe),
+                    ("magnetometer.json", magnetometer), ("zero.json", zero),
+                )
+                if given is not None
+            },
+        )  # fmt: skip
         analysis = run_pipeline(
-            recorded, given, lambda step: status.update(f"{step} …"), request=request, runs_file=runs
-        )
+            recorded, given, lambda step: status.update(f"{step} …"), request=request, runs_file=runs,
+            command_line=shlex.join(["analyze", *sys.argv[1:]]),
+        )  # fmt: skip
         status.update("writing the report …")
-        write_report(analysis, folder)
+        replaced_report = write_report(analysis, folder)
         previous = write_run_list(analysis, folder, log.name, given=runs)
     if previous:
         note = f"note: {folder / 'runs.toml'} was written; the previous file is now {previous.name}"
         stderr.print(note, highlight=False, markup=False)
+    if replaced_report:
+        stderr.print(f"note: {replaced_report}", highlight=False, markup=False, soft_wrap=True)
     if not quiet:
         print_summary(analysis.results, folder / "report.html", Console())
 

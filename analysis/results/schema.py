@@ -2,6 +2,8 @@
 
 import msgspec
 
+from analysis.results.schema_provenance import AirFound, Correlation, Provenance, RunResidual, Track
+
 FORMAT = "flightpower-results-2"
 BELOW_SLOWEST = "It lies below the slowest speed flown."  # reason of a `SpeedInterval`
 
@@ -333,6 +335,11 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
     electrical_power: list[PowerPoint] = []  # from the battery in level flight, where thrust is not known
     electrical: ElectricalResult | None = None
+    provenance: Provenance | None = None
+    air: AirFound | None = None
+    run_residuals: list[RunResidual] = []
+    parameter_correlation: Correlation | None = None
+    track: Track | None = None
 
 
 def schema() -> bytes:
