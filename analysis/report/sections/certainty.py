@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.report.html_page import HtmlTable
+from analysis.report.sections.sensors import decimals
 from analysis.report.sections.verdict import reference_point
 from analysis.results.schema import IntervalPart, Results
 
@@ -128,20 +129,25 @@ def halving(results: Results) -> str:
     at = reference_point(results).point.speed_mps
     part = min(results.interval_parts, key=lambda part: abs(part.speed_mps - at))
     whole = math.hypot(part.noise_W, part.systematic_W)
-    start = f"To halve ±{whole:.1f} W at {part.speed_mps:.1f} m/s"
+    start = f"To halve ±{_watts(whole)} at {part.speed_mps:.1f} m/s"
     runs = len(results.runs)
     more = more_runs_to_halve(part, runs)
     if more is not None and more <= MOST_RUNS:
         return (
-            f"{start}, fly {more} more runs like these {runs}: noise of ±{part.noise_W:.1f} W averages, and"
-            f" ±{part.systematic_W:.1f} W, which all runs share, remains."
+            f"{start}, fly {more} more runs like these {runs}: noise of ±{_watts(part.noise_W)} averages, and"
+            f" ±{_watts(part.systematic_W)}, which all runs share, remains."
         )
     share = 100 * part.systematic_W**2 / whole**2
     four = math.hypot(part.noise_W / 2, part.systematic_W)
     return (
-        f"{start}, more runs of this kind are not enough: ±{part.systematic_W:.1f} W, {share:.0f} % of its square, is"
-        f" shared by all runs. Four times the runs would give ±{four:.1f} W. {_largest_shared(results)}"
+        f"{start}, more runs of this kind are not enough: ±{_watts(part.systematic_W)}, {share:.0f} % of its square, is"
+        f" shared by all runs. Four times the runs would give ±{_watts(four)}. {_largest_shared(results)}"
     )
+
+
+def _watts(power_W: float) -> str:
+    """With two significant digits."""
+    return f"{power_W:.{decimals(power_W)}f} W"
 
 
 def more_runs_to_halve(part: IntervalPart, runs: int) -> int | None:

@@ -3,6 +3,7 @@
 const figures = {};  // by the id of the element: data and layout
 const drawn = new Map();  // by the same, the width and colors that it was drawn with
 const NARROW_PX = 520;
+const PAPER_HEIGHT = 0.8;  // of a figure's height on a screen
 const root = document.documentElement;
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
 
@@ -41,7 +42,7 @@ function draw(name) {
   drawn.set(name, key);
   let {data, layout} = structuredClone(figures[name]);
   if (inDark) [data, layout] = [recolored(data), recolored(layout)];
-  layout = {...layout, width};
+  layout = {...layout, width, height: Math.round(layout.height * (onPaper() ? PAPER_HEIGHT : 1))};
   if (width < NARROW_PX) layout = narrowed(layout, data);
   else if (onPaper()) layout = {...layout, font: {...layout.font, size: 14}, legend: {...layout.legend, font: {size: 13}}};
   for (const name of Object.keys(layout).filter(name => /^[xy]axis/.test(name)))
