@@ -176,8 +176,9 @@ def analyze(
     weight_N = None if weight is None else parse_weight(weight, "--weight")
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    command_line = shlex.join(["analyze", *sys.argv[1:]])
     ordinary = OrdinaryFlight(
-        log, folder, request, weight_N if mass is None else mass * GRAVITY_MPS2, wing_area, span, aircraft
+        log, folder, request, weight_N if mass is None else mass * GRAVITY_MPS2, wing_area, span, aircraft, command_line
     )
     firmware = firmware_of(_not_a_folder(log))
     if firmware:
@@ -230,7 +231,7 @@ def analyze(
         )  # fmt: skip
         analysis = run_pipeline(
             recorded, given, lambda step: status.update(f"{step} …"), request=request, runs_file=runs,
-            command_line=shlex.join(["analyze", *sys.argv[1:]]),
+            command_line=command_line,
         )  # fmt: skip
         status.update("writing the report …")
         replaced_report = write_report(analysis, folder)

@@ -38,7 +38,7 @@ def provenance(
         recorded_by=log.metadata.get("flightpower", {}).get("version", ""),
         start_utc=start_utc,
         clock=clock,
-        duration_s=(end_ns - start_ns) * 1e-9,
+        duration_s=(end_ns - start_ns) / 1e9,
         latitude_deg=fix.latitude_deg if fix else None,
         longitude_deg=fix.longitude_deg if fix else None,
         height_msl_m=fix.height_msl_m if fix else None,
@@ -55,6 +55,19 @@ def provenance(
             if isinstance(entry.message, Event) and entry.message.severity != "info"
         ],
     )
+
+
+def provenance_of_file(log: Path, weight_source: str, aircraft: Path | None, command_line: str) -> Provenance:
+    """Of a log of other software, whose contents are not known here: hashes, weight and command alone."""
+    files = []
+    if aircraft:
+        origin, sha256 = _given(str(aircraft))
+        files.append(SourceFile(role=ROLES["aircraft.toml"], name="", origin=origin, sha256=sha256))
+    return Provenance(
+        command_line=command_line, log_sha256=_sha256_of_file(log), log_bytes=log.stat().st_size, recorded_by="",
+        start_utc=None, clock="", duration_s=None, latitude_deg=None, longitude_deg=None, height_msl_m=None,
+        weight_source=weight_source, files=files, ticks=None, ticks_missed=None, sensors=[], events=[],
+    )  # fmt: skip
 
 
 def _span_ns(log: Log) -> tuple[int, int]:

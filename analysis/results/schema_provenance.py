@@ -32,7 +32,7 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True):
     recorded_by: str  # version of the software that wrote the log; empty where the log does not say
     start_utc: str | None  # ISO 8601
     clock: str  # that start_utc is from: satellites, computer; empty without one
-    duration_s: float
+    duration_s: float | None  # of the log
     latitude_deg: float | None  # of the first satellite fix
     longitude_deg: float | None
     height_msl_m: float | None

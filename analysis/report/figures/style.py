@@ -31,7 +31,7 @@ ON_DARK = {
     INK: "#e8edf2", GRID: "#39424c", PAPER: "#12171d", GREY: "#9fb0bf", BLUE: "#6cb6ff", RED: "#ff8375",
     GREEN: "#3fd18b", ORANGE: "#ffa657", "#00735c": "#4fd1b5", "#8a2f8f": "#e08be6", "#6b4e00": "#d9b44a",
     "#3d3d3d": "#c0c0c0", "#0087b3": "#4cc9f0", "#a3123f": "#ff7aa2", "#5a7d00": "#b5d94c", "#b58900": "#f2cc60",
-    "#5a3fc0": "#b39dff", "#d4007f": "#ff6ec7", "#d95f02": "#ff9a4d", "#1b9e77": "#45d6a9",
+    "#5a3fc0": "#b39dff", "#d4007f": "#ff6ec7", "#d95f02": "#ff9a4d", "#1b9e77": "#b8f2c0",
 }  # fmt: skip
 POINTS_DRAWN = 1200  # of a time history; more do not show on a screen
 SIGNIFICANT_DIGITS = 5  # enough to draw with, and to zoom a little

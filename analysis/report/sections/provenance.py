@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from analysis.report.html_page import HtmlTable
 from analysis.results.schema import Results
+from analysis.results.schema_provenance import Provenance
 from flight.units import GRAVITY_MPS2
 
 
@@ -28,7 +29,7 @@ def provenance_section(results: Results) -> ProvenanceSection | None:
         ("Date and place", "; ".join(text for text in (_date(results), place) if text)),
         *_air(results),
         ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
-        ("Log", f"{results.log}, {found.duration_s:.0f} s, {found.log_bytes / 1e6:.1f} MB, SHA-256 {found.log_sha256}"),
+        ("Log", _log(results, found)),
         ("Recorded by", f"flightpower {found.recorded_by}" if found.recorded_by else "not known"),
         ("Sampling", _ticks(results)),
         ("Messages of the daemon", "; ".join(found.events) or "no warning"),
@@ -58,6 +59,26 @@ def provenance_section(results: Results) -> ProvenanceSection | None:
         ),
         correlation=_correlation(results),
     )
+
+
+def _log(results: Results, found: Provenance) -> str:
+    length = "" if found.duration_s is None else f" {found.duration_s:.0f} s,"
+    return f"{results.log},{length} {found.log_bytes / 1e6:.1f} MB, SHA-256 {found.log_sha256}"
+
+
+def electrical_facts(results: Results) -> list[tuple[str, str]]:
+    """The same where only log, weight and command are known."""
+    found = results.provenance
+    if found is None:
+        return []
+    files = [(file.role.capitalize(), f"{file.origin}, SHA-256 {file.sha256}") for file in found.files]
+    return [
+        ("Log", _log(results, found)),
+        ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
+        *files,
+        ("Analysed by", f"flightpower {results.software_version}"),
+        ("Command", found.command_line),
+    ]
 
 
 def _date(results: Results) -> str:
