@@ -54,8 +54,9 @@ def _checks(results: Results) -> list[tuple[str, str]]:
     if white:
         rows.append(("Do the fits leave only noise?", white))
     if results.path is not None:
-        large = [name for name, rms in results.path.residuals.items() if rms > RESIDUAL_TOO_LARGE]
-        answer = f"Not {', '.join(large)}" if large else "Yes"
+        largest = max(results.path.residuals.values(), default=0.0)
+        large = [CHANNELS.get(name, name) for name, rms in results.path.residuals.items() if rms > RESIDUAL_TOO_LARGE]
+        answer = f"Not {', '.join(large)}: residuals are" if large else "Yes: no residual is more than"
         rows.append(
             (
                 "Do the sensors agree with one path?",
