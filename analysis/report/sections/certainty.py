@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.report.html_page import HtmlTable
-from analysis.report.sections.sensors import decimals
+from analysis.report.sections.sensors import CHANNELS, decimals
 from analysis.report.sections.verdict import reference_point
 from analysis.results.schema import IntervalPart, Results
 
@@ -56,13 +56,8 @@ def _checks(results: Results) -> list[tuple[str, str]]:
     if results.path is not None:
         largest = max(results.path.residuals.values(), default=0.0)
         large = [CHANNELS.get(name, name) for name, rms in results.path.residuals.items() if rms > RESIDUAL_TOO_LARGE]
-        answer = f"Not {', '.join(large)}: residuals are" if large else "Yes: no residual is more than"
-        rows.append(
-            (
-                "Do the sensors agree with one path?",
-                f"{answer}: residuals against {RESIDUAL_TOO_LARGE:g} of their noise.",
-            )
-        )
+        answer = f"Not {', '.join(large)}: the largest residual is" if large else "Yes: no residual is above"
+        rows.append(("Do the sensors agree with one path?", f"{answer} {largest:.1f} times its channel's noise (rms)."))
     if results.provenance is not None:
         rows.append(("Is the log whole?", _health(results)))
     return rows
