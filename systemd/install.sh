@@ -46,6 +46,9 @@ if [ -z "$root" ] && [ $install_program = yes ]; then
     else
         $prefix/bin/pip install --quiet --upgrade "$(dirname "$here")"
     fi
+    # The daemon speaks one dialect of MAVLink; the others take 70 MB of the card.
+    find $prefix/lib/python3*/site-packages/pymavlink/dialects -type f \
+        ! -name __init__.py ! -path '*/v20/ardupilotmega*' -delete
 fi
 if ! [ -x "$daq" ]; then
     echo "install.sh: $daq is missing: run it once without --tray" >&2
