@@ -6,7 +6,7 @@ from pathlib import Path
 
 from analysis.log_contents import LogContents, Replacements
 from analysis.results.schema_provenance import Provenance, SensorHealth, SourceFile
-from flight.log_reader import Log, LogEntry
+from flight.log_reader import Log
 from flight.messages import Event, Gps, Status, Tick, Time
 from flight.shipped_propellers import FOLDER, shipped_propellers
 
@@ -47,7 +47,9 @@ def provenance(
         ticks=len(ticks) if ticks else None,
         ticks_missed=sum(tick.missed for tick in ticks) if ticks else None,
         sensors=[
-            _health(topic, entries) for topic, entries in log.entries.items() if entries and topic not in NOT_SENSORS
+            _health(topic, [entry.message.status for entry in entries])
+            for topic, entries in log.entries.items()
+            if entries and topic not in NOT_SENSORS
         ],
         events=[
             f"{(entry.time_ns - start_ns) * 1e-9:.0f} s: {entry.message.text}"
@@ -95,9 +97,8 @@ def _iso(unix_ns: int) -> str | None:
     return at.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def _health(topic: str, entries: list[LogEntry]) -> SensorHealth:
+def _health(topic: str, statuses: list[Status]) -> SensorHealth:
     """Counted from the first measurement on: before it the sensor was being brought up."""
-    statuses = [entry.message.status for entry in entries]
     since = statuses[statuses.index(Status.OK) :] if Status.OK in statuses else statuses
     counts = {str(status.value): since.count(status) for status in FAULTS}
     return SensorHealth(

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.results.schema import PowerPoint, Results
+from analysis.results.trust import reasons_not_to_trust
 from flight.units import GRAVITY_MPS2
 
 
@@ -46,24 +47,9 @@ def _point_at(results: Results, speed_mps: float) -> PowerPoint:
     return PowerPoint(speed_mps=speed_mps, power_W=power, power_lo_W=lo, power_hi_W=hi)
 
 
-def doubts(results: Results) -> list[str]:
-    """Why the result is not to be trusted; empty where nothing speaks against it."""
-    found = []
-    if not results.verdict.startswith(("converged", "by ")):
-        found.append(f"the estimation ended with: {results.verdict}")
-    if results.path is not None and not results.path.converged:
-        found.append("the reconstruction of the flight path did not converge")
-    if results.cross_check_differs:
-        found.append("the cross-check on the runs alone differs by more than the intervals allow")
-    if results.disagreements:
-        number = len(results.disagreements)
-        found.append(f"{number} {'pair' if number == 1 else 'pairs'} of methods disagree")
-    return found
-
-
 def verdict_section(results: Results) -> VerdictSection:
     at, meaning = reference_point(results)
-    against = doubts(results)
+    against = reasons_not_to_trust(results)
     return VerdictSection(
         number=f"{at.power_W:.1f} W",
         interval=f"{at.power_lo_W:.1f} to {at.power_hi_W:.1f} W",
@@ -72,7 +58,7 @@ def verdict_section(results: Results) -> VerdictSection:
             f" {results.test.weight_N / GRAVITY_MPS2:.2f} kg in air of {results.test.air_density_kgpm3:.3f} kg/m³."
         ),
         trusted=not against,
-        reasons=("; ".join(against) if against else _support(results)) + ".",
+        reasons=" ".join(against) if against else _support(results),
     )
 
 
@@ -80,8 +66,10 @@ def _support(results: Results) -> str:
     """What speaks for the result."""
     others = sum(bool(method.power_required) for method in results.methods)
     parts = ["the estimation converged" if results.verdict.startswith("converged") else results.verdict]
-    if others:
+    pairs = len(results.disagreements)
+    if others and not pairs:
         parts.append(f"{others} other {'method agrees' if others == 1 else 'methods agree'} within the intervals")
     if results.cross_check:
-        parts.append("so does the cross-check on the runs alone")
-    return ", ".join(parts)
+        parts.append("the cross-check on the runs alone agrees")
+    but = f", but {pairs} {'pair' if pairs == 1 else 'pairs'} of methods disagree: see the comparison" if pairs else ""
+    return f"{', '.join(parts)}{but}."

@@ -10,7 +10,7 @@ from analysis.report.sections.certainty import (
     stall_margin,
     thrust_share,
 )
-from analysis.report.sections.verdict import doubts, reference_point, verdict_section
+from analysis.report.sections.verdict import reference_point, verdict_section
 from analysis.results.schema import IntervalPart, ParameterResult, Results, SlowestFlown
 from analysis.results.schema_provenance import Correlation, RunResidual
 
@@ -68,11 +68,11 @@ def test_the_verdict_is_the_curve_at_the_speed_of_least_drag(results: Results) -
     at, meaning = reference_point(results)
     assert (at.speed_mps, meaning) == (13.1, "the speed of least drag")
     assert at.power_lo_W < at.power_W < at.power_hi_W
-    assert not verdict_section(results).trusted, "two methods disagree"
+    assert "but 1 pair of methods disagree" in verdict_section(results).reasons
     agreeing = replace(results, disagreements=[])
-    assert verdict_section(agreeing).trusted and doubts(agreeing) == []
+    assert "1 other method agrees within the intervals" in verdict_section(agreeing).reasons
     for wrong in ({"verdict": "not converged"}, {"cross_check_differs": True}):
-        assert len(doubts(replace(agreeing, **wrong))) == 1
+        assert verdict_section(agreeing).trusted and not verdict_section(replace(agreeing, **wrong)).trusted
 
 
 def test_residuals_that_are_not_white_are_said_to_be(results: Results) -> None:
