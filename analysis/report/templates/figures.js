@@ -46,7 +46,7 @@ function draw(name) {
   if (width < NARROW_PX) layout = narrowed(layout, data);
   else if (onPaper()) layout = {...layout, font: {...layout.font, size: 14}, legend: {...layout.legend, font: {size: 13}}};
   for (const name of Object.keys(layout).filter(name => /^[xy]axis/.test(name)))
-    if (layout[name].title) layout[name].title.font = {size: layout.font.size};
+    if (layout[name].title) Object.assign(layout[name].title, {font: {size: layout.font.size}, standoff: 10});
   element.style.height = `${layout.height}px`;
   Plotly.react(element, data, layout, {displayModeBar: false, scrollZoom: false});
 }
