@@ -236,10 +236,8 @@ class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
-    """Endurance, range and climb at one weight and density, each at its best speed among those flown.
-
-    Intervals of speeds end at the slowest speed flown.
-    """
+    """Endurance, range and climb at one weight and density, each at its best speed among those flown. Intervals of
+    speeds end at the slowest speed flown."""
 
     title: str
     weight_N: float
