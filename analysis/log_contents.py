@@ -1,7 +1,9 @@
 """The attachments of a log: aircraft file, propeller table, calibrations, zeros."""
 
 import tomllib
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 from analysis.airdata.magnetometer import MagnetometerCalibration, parse_magnetometer
@@ -37,7 +39,11 @@ class LogContents(NamedTuple):
 
 
 class Replacements(NamedTuple):
-    """Used instead of the contents of the log where not None. weight_N : of the aircraft     zero : by channel"""
+    """Used instead of the contents of the log where not None.
+
+    weight_N : of the aircraft     zero : by channel
+    files : where these were read from, or the name of a shipped propeller, by the attachment that each replaces
+    """
 
     aircraft: Aircraft | None = None
     propeller: Propeller | None = None
@@ -45,6 +51,7 @@ class Replacements(NamedTuple):
     magnetometer: MagnetometerCalibration | None = None
     zero: dict[str, float] | None = None
     weight_N: float | None = None
+    files: Mapping[str, str] = MappingProxyType({})
 
 
 def contents(log: Log, replacements: Replacements = Replacements()) -> LogContents:

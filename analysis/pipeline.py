@@ -24,8 +24,10 @@ from analysis.maneuvers.selection import select
 from analysis.performance.analysis import compute as compute_performance
 from analysis.performance.request import Request
 from analysis.results.assemble import assemble
+from analysis.results.flight_found import air_found, track
 from analysis.results.performance import performance_result
 from analysis.results.pooling_statistics import mean_battery_V, pooling_statistics, start_unix_s
+from analysis.results.provenance import provenance
 from analysis.results.schema import Results
 from analysis.results.trajectory import trajectory_result
 from analysis.trajectory.consistency import Consistency, consistency
@@ -54,11 +56,13 @@ def analyze(
     *,
     request: Request = Request(),
     runs_file: Path | None = None,
+    command_line: str = "",
 ) -> Analysis:
     """Power required and performance from a log.
 
     replacements: files used instead of parts of the log, such as another aircraft file. request: battery, weights and
     density altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.toml_file`).
+    command_line: that started the analysis, for the report.
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
     name = str(log.path)
@@ -129,6 +133,9 @@ def analyze(
             drag.main, drag.flown_CL, aircraft, propeller, contents.probe,
             start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),
         ),
+        provenance=provenance(log, contents, replacements, runs_file, command_line),
+        air=air_found(trajectory, flown, condition),
+        ground_track=track(trajectory),
         warnings=contents.notes
         + data.notes
         + coverage_warnings

@@ -1,6 +1,8 @@
 """The command `analyze`: from a log to the report. Arguments, messages and exit codes only."""
 
 import os
+import shlex
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -219,13 +221,16 @@ def analyze(
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give the folder for the results with -o")
     stderr = Console(stderr=True, quiet=quiet)
+    command_line = shlex.join(["analyze", *sys.argv[1:]])
     with stderr.status("reading the log …") as status:
-        print_results, previous = analyze_log(log, folder, options, lambda step: status.update(f"{step} …"))
-    if previous:
-        note = f"note: {folder / 'runs.toml'} was written; the previous file is now {previous.name}"
+        written = analyze_log(log, folder, options, lambda step: status.update(f"{step} …"), command_line)
+    if written.previous_runs:
+        note = f"note: {folder / 'runs.toml'} was written; the previous file is now {written.previous_runs.name}"
         stderr.print(note, highlight=False, markup=False)
+    if written.replaced_report:
+        stderr.print(f"note: {written.replaced_report}", highlight=False, markup=False, soft_wrap=True)
     if not quiet:
-        print_results(Console())
+        written.print_summary(Console())
 
 
 def main() -> None:

@@ -66,6 +66,7 @@ class OrdinaryFlight:
     wing_area_m2: float | None
     span_m: float | None
     aircraft: Path | None
+    command_line: str
 
     def analyze_autopilot_log(self, firmware: str, progress: Progress) -> Print:
         """Write the report of a log of PX4 or ArduPilot; returns what prints the summary. Raises InputError."""
@@ -98,13 +99,16 @@ class OrdinaryFlight:
         from analysis.electrical.flight_table import flight_table
         from analysis.report.electrical_page import print_electrical_summary, write_electrical_report
         from analysis.results.electrical import electrical_results
+        from analysis.results.provenance import provenance_of_file
 
         progress("finding the flight")
         table = flight_table(recording, flown.weight_N, flown.wing_area_m2)
         progress("balancing energy")
         found = estimate(table, flown.weight_N, flown.wing_area_m2, flown.span_m, str(self.log))
         battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
-        results = electrical_results(self.log, flown, table, found, battery_J)
+        source = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
+        provenance = provenance_of_file(self.log, source, self.aircraft, self.command_line)
+        results = electrical_results(self.log, flown, table, found, battery_J, provenance)
         progress("writing the report")
-        write_electrical_report(results, table, found, self.folder)
-        return lambda console: print_electrical_summary(results, self.folder / "report.html", console)
+        replaced = write_electrical_report(results, table, found, self.folder)
+        return lambda console: print_electrical_summary(results, self.folder / "report.html", console, replaced)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 
@@ -46,11 +46,18 @@ class Options:
     span_m: float | None = None
 
 
-def analyze_log(log: Path, folder: Path, options: Options, progress: Progress) -> tuple[Print, Path | None]:
-    """Write the report of a log into `folder`.
+class Written(NamedTuple):
+    """What was written, beside the results in the folder."""
 
-    Returns what prints the summary, and where a previous runs.toml is kept, if there was another one. Raises
-    InputError when the log or a file cannot be used; nothing was written then.
+    print_summary: Print
+    previous_runs: Path | None  # where a previous runs.toml is kept, if there was another one
+    replaced_report: str  # what was different in a report that was replaced; empty if nothing was
+
+
+def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, command_line: str = "") -> Written:
+    """Write the report of a log into `folder`. command_line: that asked for it, for the report.
+
+    Raises InputError when the log or a file cannot be used; nothing was written then.
     """
     progress("reading the log")
     ordinary = OrdinaryFlight(
@@ -61,6 +68,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress) -
         options.wing_area_m2,
         options.span_m,
         options.aircraft,
+        command_line,
     )
     firmware = firmware_of(_not_a_folder(log))
     if firmware:
@@ -73,23 +81,27 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress) -
             magnetometer=options.magnetometer,
         )
         check_writable(folder / "report.html")
-        return ordinary.analyze_autopilot_log(firmware, progress), None
+        return Written(ordinary.analyze_autopilot_log(firmware, progress), None, "")
     # Wrong input is refused before the numerical libraries are loaded, which takes a second.
     recorded = read_log(_not_a_folder(log))
     check_writable(folder / "report.html")
     if lacks_drag_topics(recorded):
-        return ordinary.analyze_daemon_log(recorded, progress), None
+        return Written(ordinary.analyze_daemon_log(recorded, progress), None, "")
     refuse_autopilot_options(log, mass=options.mass_kg, wing_area=options.wing_area_m2, span=options.span_m)
     given = replacements(options)
     from analysis.pipeline import analyze as run_pipeline
     from analysis.report.terminal import print_summary
     from analysis.report.write import write_report, write_run_list
 
-    analysis = run_pipeline(recorded, given, progress, request=options.request, runs_file=options.runs)
+    analysis = run_pipeline(
+        recorded, given, progress, request=options.request, runs_file=options.runs, command_line=command_line
+    )
     progress("writing the report")
-    write_report(analysis, folder)
-    previous = write_run_list(analysis, folder, log.name, given=options.runs)
-    return lambda console: print_summary(analysis.results, folder / "report.html", console), previous
+    replaced_report = write_report(analysis, folder)
+    previous_runs = write_run_list(analysis, folder, log.name, given=options.runs)
+    return Written(
+        lambda console: print_summary(analysis.results, folder / "report.html", console), previous_runs, replaced_report
+    )
 
 
 def replacements(options: Options) -> "Replacements":
@@ -104,6 +116,13 @@ def replacements(options: Options) -> "Replacements":
 
     if options.runs:
         toml_file.load(options.runs)  # a wrong one is refused before anything is computed
+    files = {
+        "aircraft.toml": options.aircraft,
+        "propeller.csv": options.propeller,
+        "probe.json": options.probe,
+        "magnetometer.json": options.magnetometer,
+        "zero.json": options.zero,
+    }
     return Replacements(
         aircraft=aircraft,
         propeller=propeller,
@@ -111,6 +130,7 @@ def replacements(options: Options) -> "Replacements":
         magnetometer=load_magnetometer(options.magnetometer) if options.magnetometer else None,
         zero=load_zero(options.zero) if options.zero else None,
         weight_N=options.weight_N,
+        files={name: str(path) for name, path in files.items() if path is not None},
     )
 
 

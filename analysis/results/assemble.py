@@ -8,7 +8,7 @@ import pandas as pd
 from analysis.drag.estimate import DragEstimates
 from analysis.drag.polar import Condition, best_range_lift, minimum_power_lift
 from analysis.maneuvers.kinds import Maneuvers
-from analysis.results import methods, power_curves
+from analysis.results import flight_found, methods, power_curves
 from analysis.results.pooling_statistics import PoolingStatistics
 from analysis.results.schema import (
     AircraftResult,
@@ -20,6 +20,7 @@ from analysis.results.schema import (
     Results,
     RunResult,
 )
+from analysis.results.schema_provenance import AirFound, Provenance, Track
 from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.propeller import Propeller
@@ -39,6 +40,9 @@ def assemble(
     performance: PerformanceResult | None,
     pooling: PoolingStatistics | None,
     warnings: list[str],
+    provenance: Provenance,
+    air: AirFound,
+    ground_track: Track,
 ) -> Results:
     """The contents of `results.json`.
 
@@ -91,6 +95,11 @@ def assemble(
         path=trajectory,
         use=performance,
         pooling=pooling,
+        provenance=provenance,
+        air=air,
+        run_residuals=flight_found.run_residuals(drag.main),
+        parameter_correlation=flight_found.parameter_correlation(drag.main),
+        track=ground_track,
     )
 
 

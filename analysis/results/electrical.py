@@ -20,6 +20,7 @@ from analysis.results.schema import (
     Results,
     SpeedInterval,
 )
+from analysis.results.schema_provenance import Provenance
 from flight.atmosphere import SEA_LEVEL_DENSITY
 
 Array = NDArray[np.float64]
@@ -42,6 +43,7 @@ def electrical_results(
     flight: FlightTable,
     estimate: ElectricalEstimate,
     battery_J: float | None,
+    provenance: Provenance,
 ) -> Results:
     """The contents of `results.json`. battery_J: usable energy; None where it is not known."""
     rows = flight.table[flight.flown]
@@ -70,6 +72,7 @@ def electrical_results(
         warnings=[*flight.notes, *_warnings(estimate)],
         electrical_power=_curve(estimate),
         electrical=_beside_the_curve(flight, estimate, battery_J),
+        provenance=provenance,
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 import msgspec
 
 from analysis.results.pooling_statistics import PoolingStatistics
+from analysis.results.schema_provenance import AirFound, Correlation, Provenance, RunResidual, Track
 
 FORMAT = "flightpower-results-2"
 BELOW_SLOWEST = "It lies below the slowest speed flown."  # reason of a `SpeedInterval`
@@ -236,10 +237,8 @@ class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
-    """Endurance, range and climb at one weight and density, each at its best speed among those flown.
-
-    Intervals of speeds end at the slowest speed flown.
-    """
+    """Endurance, range and climb at one weight and density, each at its best speed among those flown. Intervals of
+    speeds end at the slowest speed flown."""
 
     title: str
     weight_N: float
@@ -336,6 +335,11 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     electrical_power: list[PowerPoint] = []  # from the battery in level flight, where thrust is not known
     electrical: ElectricalResult | None = None
     pooling: PoolingStatistics | None = None  # null where no acceleration or deceleration was analysed
+    provenance: Provenance | None = None
+    air: AirFound | None = None
+    run_residuals: list[RunResidual] = []
+    parameter_correlation: Correlation | None = None
+    track: Track | None = None
 
 
 def schema() -> bytes:

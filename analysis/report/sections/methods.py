@@ -14,6 +14,8 @@ class MethodsSection(NamedTuple):
     disagreements: list[str]
     agree: bool  # methods were compared and no pair disagrees
     cross_check_differs: bool
+    points: bool  # a method has points of its own
+    says: str  # whether they agree, in a few words
 
 
 def methods_section(results: Results) -> MethodsSection:
@@ -32,6 +34,8 @@ def methods_section(results: Results) -> MethodsSection:
         [disagreement.text for disagreement in results.disagreements],
         bool(results.methods) and not results.disagreements,
         results.cross_check_differs,
+        any(method.points for method in results.methods),
+        f"{len(results.disagreements)} pairs disagree" if results.disagreements else "none disagrees",
     )
 
 
