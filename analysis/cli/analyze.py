@@ -1,6 +1,7 @@
 """The command `analyze`: from a log to the report. Arguments, messages and exit codes only."""
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,7 @@ from rich.console import Console
 
 from analysis.autopilot_logs.read import firmware_of
 from analysis.cli.electrical import (
+    Done,
     OrdinaryFlight,
     lacks_drag_topics,
     refuse_autopilot_options,
@@ -16,7 +18,7 @@ from analysis.cli.electrical import (
 )
 from analysis.performance.request import parse_request, parse_weight
 from flight.aircraft import load_aircraft
-from flight.command_line import application, quantity, run
+from flight.command_line import FAILURE, application, quantity, run
 from flight.errors import InputError
 from flight.log_reader import read_log
 from flight.output_file import check_writable
@@ -145,8 +147,12 @@ def analyze(
             help='Span [m], such as 4 or "13 ft", for a log of an autopilot.',
         ),
     ] = None,
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print the results as JSON on stdout (docs/results.md), instead of a summary."),
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-) -> None:
+) -> int:
     """Compute the power required from a log: report.html, results.json, power_required.csv and a table for the field.
 
     The log carries the aircraft file, the propeller table, the calibrations of probe and magnetometer, and the zero.
@@ -164,7 +170,8 @@ def analyze(
       analyze log.mcap --runs log.report/runs.toml   after editing that file
       analyze log.ulg --mass 9.4 --wing-area 1.5 --span 4
 
-    Exit code 0: done. 2: the input cannot be used; one line on stderr says why, and nothing was written.
+    Exit code 0: done. 1: done, but the result is not to be trusted; lines on stderr say why. 2: the input cannot be
+    used; one line on stderr says why, and nothing was written.
     """
     stderr = Console(stderr=True, quiet=quiet)
     folder = output or log.parent / f"{log.stem}.report"
@@ -182,19 +189,14 @@ def analyze(
         refuse_daemon_options(log, propeller=propeller, probe=probe, zero=zero, runs=runs, magnetometer=magnetometer)
         check_writable(folder / "report.html")
         with stderr.status("reading the log …") as status:
-            print_electrical = ordinary.analyze_autopilot_log(firmware, lambda step: status.update(f"{step} …"))
-        if not quiet:
-            print_electrical(Console())
-        return
+            done = ordinary.analyze_autopilot_log(firmware, lambda step: status.update(f"{step} …"))
+        return _finish(done, json, quiet)
     with stderr.status("reading the log …") as status:
         # Wrong input is refused before the numerical libraries are loaded, which takes a second.
         recorded = read_log(_not_a_folder(log))
         if lacks_drag_topics(recorded):
             check_writable(folder / "report.html")
-            print_electrical = ordinary.analyze_daemon_log(recorded, lambda step: status.update(f"{step} …"))
-            if not quiet:
-                print_electrical(Console())
-            return
+            return _finish(ordinary.analyze_daemon_log(recorded, lambda step: status.update(f"{step} …")), json, quiet)
         check_writable(folder / "report.html")
         refuse_autopilot_options(log, mass=mass, wing_area=wing_area, span=span)
         given_aircraft = load_aircraft(aircraft) if aircraft else None
@@ -227,8 +229,23 @@ def analyze(
     if previous:
         note = f"note: {folder / 'runs.toml'} was written; the previous file is now {previous.name}"
         stderr.print(note, highlight=False, markup=False)
-    if not quiet:
-        print_summary(analysis.results, folder / "report.html", Console())
+    summary = Done(analysis.results, lambda console: print_summary(analysis.results, folder / "report.html", console))
+    return _finish(summary, json, quiet)
+
+
+def _finish(done: Done, json: bool, quiet: bool) -> int:
+    """Print the results, and on stderr why they are not to be trusted. Returns the exit code."""
+    from analysis.results.files import to_json
+    from analysis.results.trust import reasons_not_to_trust
+
+    if json:
+        print(to_json(done.results).decode())
+    elif not quiet:
+        done.print_summary(Console())
+    reasons = reasons_not_to_trust(done.results)
+    for reason in reasons:
+        print(f"not to be trusted: {reason}", file=sys.stderr)
+    return FAILURE if reasons else 0
 
 
 def _not_a_folder(log: Path) -> Path:
