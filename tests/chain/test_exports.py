@@ -23,7 +23,7 @@ from flight.units import UNIT_OF_SUFFIX
 pytestmark = pytest.mark.xdist_group("chain")
 
 ROOT = Path(__file__).parents[2]
-NOTEBOOK = ROOT / "docs" / "notebooks" / "flight.ipynb"
+NOTEBOOK = ROOT / "docs" / "notebooks" / "one-flight.ipynb"
 TABLES = {"synchronized", "states", "derived", "runs", "curves"}
 UNITS = {*UNIT_OF_SUFFIX, "W", "kgpm3"}
 
