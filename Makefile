@@ -50,6 +50,7 @@ bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/estimation.py trajectory
 	$(BIN)/python benchmarks/estimation.py statistics
 	$(BIN)/python benchmarks/estimation.py significance
+	$(BIN)/python benchmarks/speed.py --before HEAD~1
 	$(BIN)/python benchmarks/daemon.py faults
 	$(BIN)/python benchmarks/daemon.py mend
 	$(BIN)/python benchmarks/daemon.py day
