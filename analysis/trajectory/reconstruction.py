@@ -131,11 +131,6 @@ class _Solution:
     converged: bool
     linearized_at: _LinearizationPoint
 
-    @property
-    def candidate(self) -> "_Candidate":
-        """Without the matrices, which take 30 MB in a flight of 20 minutes."""
-        return _Candidate(self.x, self.sensor_errors, self.gust_mps, self.negative_log_evidence, self.gust_ratio)
-
 
 class _Candidate(NamedTuple):
     """A solution to compare and to start others from."""
@@ -147,11 +142,16 @@ class _Candidate(NamedTuple):
     gust_ratio: float
 
 
+def _candidate(solution: _Solution) -> _Candidate:
+    """The solution without its matrices, which take 30 MB in a flight of 20 minutes."""
+    return _Candidate(*(getattr(solution, name) for name in _Candidate._fields))
+
+
 def _reconstruct(problem: TrajectoryProblem) -> Trajectory:
     first = _solve(
         problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST
-    ).candidate
-    gust, nearest = _most_probable_gust(problem, first)
+    )
+    gust, nearest = _most_probable_gust(problem, _candidate(first))
     return _trajectory(problem, _solve(problem, nearest.x, nearest.sensor_errors, gust, MOST_ITERATIONS, CONVERGED))
 
 
@@ -168,7 +168,7 @@ def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[
             last = solutions[i]
             i += direction
             found = _solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], GRID_ITERATIONS, CONVERGED)
-            solutions[i] = found.candidate
+            solutions[i] = _candidate(found)
             if solutions[i].negative_log_evidence > last.negative_log_evidence:
                 break  # the only maximum of evidence has been passed
         if i != start + direction:
