@@ -12,6 +12,7 @@ import pytest
 from mcap.reader import make_reader
 from running import command, done
 
+from analysis.pooling import pool_results
 from analysis.results.schema import Results
 from benchmarks.named_speeds import below_slowest
 from flight.messages import TYPE_OF_TOPIC
@@ -69,6 +70,14 @@ def test_the_interval_is_an_interval(results: Results) -> None:
     for special in (results.minimum_power_speed, results.best_range_speed):
         ends = [v for v in (special.lo_mps, special.speed_mps, special.hi_mps) if v is not None]
         assert ends == sorted(ends) and (len(ends) == 3 or special.reason)
+
+
+def test_one_flight_through_the_pool_equals_its_analysis_to_the_digit(flown: Path) -> None:
+    path = flown / "log.report" / "results.json"
+    results, pooled = json.loads(path.read_bytes()), pool_results([path]).to_json()
+    assert pooled["power_required"] == results["power_required"]
+    assert pooled["test"] == results["test"]
+    assert pooled["drag_polar"] == {name: results["drag_polar"][name] for name in ("A0", "A1", "A2")}
 
 
 def test_nothing_names_a_speed_below_the_slowest_flown(results: Results) -> None:
