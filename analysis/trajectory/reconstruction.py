@@ -1,7 +1,7 @@
 """Maximum a posteriori trajectory and sensor errors of a whole flight, by Gauss-Newton iterations."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -132,15 +132,30 @@ class _Solution:
     linearized_at: _LinearizationPoint
 
 
+class _Candidate(NamedTuple):
+    """A solution to compare and to start others from."""
+
+    x: Array
+    sensor_errors: Array
+    gust_mps: float
+    negative_log_evidence: float
+    gust_ratio: float
+
+
+def _candidate(solution: _Solution) -> _Candidate:
+    """The solution without its matrices, which take 30 MB in a flight of 20 minutes."""
+    return _Candidate(*(getattr(solution, name) for name in _Candidate._fields))
+
+
 def _reconstruct(problem: TrajectoryProblem) -> Trajectory:
     first = _solve(
         problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST
     )
-    gust, nearest = _most_probable_gust(problem, first)
+    gust, nearest = _most_probable_gust(problem, _candidate(first))
     return _trajectory(problem, _solve(problem, nearest.x, nearest.sensor_errors, gust, MOST_ITERATIONS, CONVERGED))
 
 
-def _most_probable_gust(problem: TrajectoryProblem, first: _Solution) -> tuple[float, _Solution]:
+def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[float, _Candidate]:
     """The gust intensity of greatest evidence [m/s], and the solution nearest to it on the grid.
 
     A search along GUST_GRID_MPS from the first solution until evidence falls, then a parabola through the best three.
@@ -152,7 +167,8 @@ def _most_probable_gust(problem: TrajectoryProblem, first: _Solution) -> tuple[f
         while 0 <= i + direction < len(GUST_GRID_MPS):
             last = solutions[i]
             i += direction
-            solutions[i] = _solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], GRID_ITERATIONS, CONVERGED)
+            found = _solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], GRID_ITERATIONS, CONVERGED)
+            solutions[i] = _candidate(found)
             if solutions[i].negative_log_evidence > last.negative_log_evidence:
                 break  # the only maximum of evidence has been passed
         if i != start + direction:
@@ -171,10 +187,13 @@ def _solve(
     """Gauss-Newton iterations for one gust intensity, until the step is within the tolerance or for so many."""
     converged, last_move, damping = False, np.zeros(len(SENSOR_ERRORS)), 1.0
     process = problem.process_model(gust)
+    linearization: Any
+    step: Any
     for _ in range(iterations):
         inputs = problem.equation_inputs(x, sensor_errors, gust, process)
         remaining, prior = problem.remaining_errors(sensor_errors, gust)
         point = _LinearizationPoint(x, remaining, inputs)
+        linearization = step = None  # frees 70 MB before as many are taken again
         linearization = problem.equations.linearize(*point)
         initial = x[0]
         step = gauss_newton_step(linearization, prior, initial, remaining)

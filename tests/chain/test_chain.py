@@ -143,7 +143,8 @@ def test_a_torn_log_is_analysed_up_to_the_tear_and_says_so(flown: Path, tmp_path
     data = (flown / "log.mcap").read_bytes()
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(data[: int(0.8 * len(data))])
-    done("analyze", torn, "--quiet")
+    printed = done("analyze", torn, "--json").stdout
+    assert json.loads(printed) == json.loads((tmp_path / "torn.report" / "results.json").read_bytes())
     again = msgspec.json.decode((tmp_path / "torn.report" / "results.json").read_bytes(), type=Results)
     assert {run.kind for run in again.runs} >= {"acceleration", "deceleration"}
     assert any("torn" in warning for warning in again.warnings)

@@ -13,7 +13,8 @@ from analysis.airdata.step_test import diameter_of_lag_m, find_steps, fit_lag, t
 from analysis.airdata.tubing import Gas, air, low_frequency_lag_s, response
 from flight.aircraft import Aircraft, PneumaticLine
 from flight.errors import InputError
-from flight.log_reader import Log, LogEntry
+from flight.log_entries import LogEntry
+from flight.log_reader import Log
 from flight.messages import AbsolutePressure
 
 DATA = Path(__file__).parents[2] / "data" / "tubing" / "bergh-tijdeman.csv"
