@@ -1,8 +1,9 @@
 """The commands of README, tutorial and docs run as they stand, and print what the tutorial shows.
 
-Which of them run here: those of the tutorial that have an output, and every other one that needs no log. Of the rest,
-names and options are checked: they need the aircraft's sensors (`daq run`, `check`, `zero`), a log or a file of the
-reader's own, or minutes (long flights, benchmarks).
+Which of them run here: those of the tutorial that have an output, and every other one that needs no log; those of the
+daemon in test_documented_daemon_commands.py. Of the rest, names and options are checked, because they need a log or a
+file of the reader's own, or minutes: long flights are flown and analysed by the same commands with shorter plans here;
+benchmarks repeat over many seeds what single tests show.
 """
 
 import json
