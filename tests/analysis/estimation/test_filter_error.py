@@ -123,6 +123,26 @@ def test_the_covariance_of_a_nonlinear_model_is_propagated_by_the_derivative_of_
     assert np.sqrt(variance[1] / variance[0]) == pytest.approx((1 + x0 * step_s) ** -2, rel=2e-3)
 
 
+def test_the_covariance_is_propagated_with_the_input_in_the_middle_of_the_step():
+    """x' = -u x with an input that rises linearly through the step: x(h)/x is exp(-h times the mean of u)."""
+    model = Model(
+        name="damping that is an input",
+        states=("x",),
+        inputs=("u",),
+        outputs=("x",),
+        parameters=(Parameter(name="k", start=1.0),),
+        dynamics=lambda x, u, p: (-p.k * u.u * x.x,),
+        output_function=lambda x, u, p: (x.x,),
+    )
+    step_s, before_s, w, v = 0.1, 1e4, 1e-3, 1e-6
+    found = build_filter(model, (), ("x",)).run(
+        np.array([1.0]), np.array([[1.0], [3.0]]), np.full((2, 1), np.nan), np.array([1.0]),
+        np.log([w]), np.log([v]), np.array([before_s]), step_s,
+    )  # fmt: skip
+    variance = np.exp(found.ln_s[:, 0]) - v**2
+    assert np.sqrt(variance[1] / variance[0]) == pytest.approx(np.exp(-step_s * 2.0), rel=1e-4)
+
+
 def test_derivatives_of_the_aircraft_in_gusts():
     """Central differences of the innovations and their variances, extrapolated to an error of h^4."""
     model = aircraft_models.level_run(load_aircraft("nexstar"), gusts=True)
