@@ -32,7 +32,12 @@ def test_the_example_is_the_default_tray(example):
         "imu": 0x68, "mag": 0x0C, "baro": 0x77, "static": 0x76,
         "probe-alpha": 0x36, "probe-beta": 0x46, "probe-airspeed": 0x28,
     }  # fmt: skip
-    assert {t for s in tray.sensors for t in s.topics} == set(TYPE_OF_TOPIC) - {"/time", "/daq/tick", "/daq/event"}
+    assert {t for s in tray.sensors for t in s.topics} == set(TYPE_OF_TOPIC) - {
+        "/analog",
+        "/time",
+        "/daq/tick",
+        "/daq/event",
+    }
     assert tray.text == example.read_text()
 
 
