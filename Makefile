@@ -7,6 +7,8 @@ JOBS ?= 2
 READY := $(VENV)/.ready
 # The matrices here are small: a pool of threads in every test process costs more than it gives.
 export OPENBLAS_NUM_THREADS := 1
+# Each process would compile the tests and our code again.
+unexport PYTHONDONTWRITEBYTECODE
 # Some tests mount file systems. Without root they run in a user namespace, or are skipped where there is none.
 IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null && echo unshare -Urm; })
 

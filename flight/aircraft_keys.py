@@ -138,7 +138,7 @@ KEYS: dict[str, Key] = {
     "propulsion.throttle_channel": Key("3", "Servo output of the throttle, from 1.", "Transmitter.", "daemon", "3"),
     "propulsion.beyond_zero_thrust": Key(
         '"windmill"',
-        'What the propeller does at negative thrust: "windmill", or "fold".',
+        'What the propeller does at negative thrust and with the motor stopped: "windmill" (rigid blades), or "fold".',
         "Folding propellers fold.",
         "analysis, simulator",
         "windmill",

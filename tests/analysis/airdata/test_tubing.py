@@ -99,6 +99,17 @@ def test_the_lag_of_a_simulated_step_is_found_within_five_per_cent(diameter_mm: 
         assert 0.8 < found.misfit < 1.2
 
 
+def test_a_step_across_a_gap_of_the_record_is_not_used() -> None:
+    """What happened meanwhile is unknown. Twice its length is missing in the middle of the fourth of eight steps."""
+    t, value = bursts(NARROW, full=False)
+    steps, _ = find_steps(t, value)
+    middle_s = steps[3].t_s[0] + 0.5 * np.ptp(steps[3].t_s)
+    later = np.where(t > middle_s, t + 2 * np.ptp(steps[3].t_s), t)
+    found, _ = find_steps(later, value)
+    assert len(steps) == 8 and len(found) == 7
+    assert not any(step.t_s[0] < middle_s < step.t_s[-1] for step in found)
+
+
 @pytest.mark.slow
 def test_at_25_Hz_as_many_bursts_as_are_asked_for_give_five_per_cent() -> None:
     """Half a tick of lag. What eight bursts ask for is told from eight, so it scatters; what it comes to must hold.
