@@ -5,6 +5,7 @@ nothing about the quality of the fit when R is re-estimated from the residuals: 
 constant.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -81,9 +82,13 @@ class _EigenSystem(NamedTuple):
 
 
 def maximize(
-    likelihood: Likelihood, point: Evaluation, max_iterations: int, step_tolerance: float = STEP_TOLERANCE
+    likelihood: Likelihood,
+    point: Evaluation,
+    max_iterations: int,
+    step_tolerance: float = STEP_TOLERANCE,
+    stop: Callable[[Evaluation], bool] | None = None,
 ) -> tuple[Evaluation, int, str]:
-    """Maximize the likelihood from `point`.
+    """Maximize the likelihood from `point`, to the optimum or the first point at which `stop` is true.
 
     Returns the last point, the number of iterations, and "" or the reason why the point is not the optimum.
     """
@@ -112,6 +117,8 @@ def maximize(
         length = np.sqrt(max(float(step @ H @ step), 0.0))
         change = abs(new.ln_det_R - point.ln_det_R)
         point = new
+        if stop is not None and stop(point):
+            return point, iteration, ""
         if damping == 0 and length < step_tolerance and change < LNDET_TOLERANCE:
             return point, iteration, ""
     return point, max_iterations, f"{max_iterations} iterations were not enough"
@@ -136,11 +143,12 @@ def _improve(
 ) -> tuple[Evaluation | None, float]:
     """A point whose cost is not larger, and the damping for the next step. None if no step gives one."""
     problem = likelihood.problem
+    largest = problem.largest_step[moving]
     while damping <= LARGEST_DAMPING:
         step = eigen.step(point.gradient[moving], damping)
         for halving in range(HALVINGS + 1):
             theta = point.theta.copy()
-            theta[moving] += step / 2**halving
+            theta[moving] += np.clip(step, -largest, largest) / 2**halving
             new = likelihood.evaluate(np.clip(theta, problem.lower, problem.upper))
             if new.cost <= point.cost:
                 if halving == 0:
