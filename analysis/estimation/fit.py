@@ -25,17 +25,18 @@ class FitStatus(enum.StrEnum):
 
 
 class Verdict(NamedTuple):
-    """Whether a fit can be used: a status, and one line of text for the user."""
+    """Whether a fit can be used: a status, one line of text for the user, and hints at what may be wrong with it."""
 
     status: FitStatus
     text: str
+    hints: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
         return self.status is FitStatus.CONVERGED
 
     def __str__(self) -> str:
-        return self.text
+        return "; ".join((self.text, *self.hints))
 
 
 class ParameterEstimate(NamedTuple):
@@ -126,7 +127,7 @@ class Fit:
         return FitSummary(
             model=self.model.name,
             status=self.verdict.status.value,
-            verdict=self.verdict.text,
+            verdict=str(self.verdict),
             iterations=self.iterations,
             samples=self.samples,
             negative_log_likelihood=self.negative_log_likelihood,

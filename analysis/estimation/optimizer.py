@@ -195,6 +195,11 @@ def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_sto
 def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations: int, why_stopped: str) -> Verdict:
     if why_stopped:
         return Verdict(FitStatus.NOT_CONVERGED, f"not converged: {why_stopped}")
+    values = sum(fit.white.present.sum() for fit in point.segment_fits)
+    without_prior = int((problem.prior_information == 0).sum())
+    if values <= without_prior:
+        text = f"not identifiable: {values} measured values are too few for {without_prior} unknowns without prior"
+        return Verdict(FitStatus.NOT_IDENTIFIABLE, text)
     if not eigen.identifiable.all():
         directions = eigen.vectors[:, ~eigen.identifiable] / eigen.scale[:, None]
         combinations = "; ".join(
@@ -209,11 +214,16 @@ def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations:
     ]
     if at_bound:
         return Verdict(FitStatus.AT_BOUND, f"converged at a bound: {', '.join(at_bound)}")
-    text = f"converged in {iterations} iterations"
     information = point.information + np.diag(problem.prior_information)
-    for collinear in collinearities(problem.names, information):
+    return Verdict(FitStatus.CONVERGED, converged_text(problem.names, information, iterations))
+
+
+def converged_text(names: tuple[str, ...], information: Array, iterations: int) -> str:
+    """The verdict on a fit that converged, with unknowns that are collinear. information : (m, m), priors included."""
+    text = f"converged in {iterations} iterations"
+    for collinear in collinearities(names, information):
         text += f"; collinear: {collinear}: fix one of them, or give data in which they do not move together"
-    return Verdict(FitStatus.CONVERGED, text)
+    return text
 
 
 def _combination(names: tuple[str, ...], direction: Array, shares: Array) -> str:

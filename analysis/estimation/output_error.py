@@ -16,6 +16,7 @@ from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit as Fit
 from analysis.estimation.fit import SegmentFit
 from analysis.estimation.frequency_domain import Band, band_matrix
+from analysis.estimation.hints import hints_of
 from analysis.estimation.model import Model
 from analysis.estimation.noise import (
     NoiseKind,
@@ -59,8 +60,9 @@ def estimate(
     functions of `uncertainty`, those for colored residuals do not apply.
     start : starting values by name or full name; they replace those of the parameters
 
-    The verdict says whether the optimum was reached, is at a bound, or leaves unknowns undetermined. Raises InputError
-    for data or options that cannot be used, and when the response to the starting values is not finite.
+    The verdict says whether the optimum was reached, is at a bound, or leaves unknowns undetermined; its hints name
+    residuals that are not white and unstable motion. Raises InputError for data or options that cannot be used, and
+    when the response to the starting values is not finite.
     """
     segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
     simulator = build_simulator(model, free_names(model), integrator, inputs)
@@ -71,12 +73,13 @@ def estimate(
         )
     known = None if noise_covariance is None else _known_covariance(noise_covariance, model)
     transforms = None if band_Hz is None else [_band_matrix(model, segment, band_Hz) for segment in segments]
-    likelihood = _OutputErrorLikelihood(problem, simulator, noise, known, tail_dof, transforms)
+    likelihood = OutputErrorLikelihood(problem, simulator, noise, known, tail_dof, transforms)
     point = likelihood.evaluate(problem.start)
     if not np.isfinite(point.cost):
         raise InputError(_not_finite(likelihood))
     point, iterations, why_stopped = maximize(likelihood, point, max_iterations)
-    return replace(make_fit(likelihood, point, iterations, why_stopped), integrator=integrator, inputs=inputs)
+    fit = replace(make_fit(likelihood, point, iterations, why_stopped), integrator=integrator, inputs=inputs)
+    return fit if band_Hz else replace(fit, verdict=fit.verdict._replace(hints=hints_of(fit)))
 
 
 def _band_matrix(model: Model, segment: Segment, band_Hz: Band) -> Array:
@@ -98,7 +101,7 @@ def _known_covariance(given: ArrayLike, model: Model) -> Array:
 
 
 @dataclass(frozen=True)
-class _OutputErrorLikelihood:
+class OutputErrorLikelihood:
     """Of the residuals z - y. known_R : (outputs, outputs), or None to estimate R.
 
     transforms : per segment a matrix (k, n) that residuals and sensitivities are multiplied by; None: used as they are
@@ -106,9 +109,9 @@ class _OutputErrorLikelihood:
 
     problem: Problem
     simulator: Simulator
-    noise: NoiseKind
-    known_R: Array | None
-    tail_dof: float | None
+    noise: NoiseKind = "diagonal"
+    known_R: Array | None = None
+    tail_dof: float | None = None
     transforms: list[Array] | None = None
 
     def respond(self, theta: Array, i: int) -> Response:
@@ -181,7 +184,7 @@ class _OutputErrorLikelihood:
         return noise_covariance_of(np.concatenate(residuals), scale, self.noise, self.tail_dof)
 
 
-def _not_finite(likelihood: _OutputErrorLikelihood) -> str:
+def _not_finite(likelihood: OutputErrorLikelihood) -> str:
     """The message that names the segment and time from which the response to the starting values is not finite."""
     problem = likelihood.problem
     for i, segment in enumerate(problem.segments):

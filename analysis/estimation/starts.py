@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.estimation import equation_error, output_error
 from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit, FitStatus, Verdict
+from analysis.estimation.fit import Fit, FitStatus
 from analysis.estimation.model import Model
 from analysis.estimation.simulation import InputRule, Integrator
 from flight.errors import InputError
@@ -88,4 +88,4 @@ def estimate(
         text += f", {others} ended at worse optima"
     if len(usable) < len(tried):
         text += f", {len(tried) - len(usable)} did not converge"
-    return replace(best, verdict=Verdict(best.verdict.status, text))
+    return replace(best, verdict=best.verdict._replace(text=text))
