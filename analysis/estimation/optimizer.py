@@ -45,6 +45,7 @@ class Evaluation(NamedTuple):
     information: Array  # (m, m) of the data
     variance_information: Array | float = 0.0  # part of `information` from the variances of the residuals
     ln_det_R: float = 0.0  # 0 if R is not re-estimated at every point
+    products: Array | None = None  # (outputs, m) sums of white residuals times sensitivities, if those are not kept
 
 
 class Likelihood(Protocol):

@@ -17,6 +17,7 @@ from analysis.estimation.fit import Fit as Fit
 from analysis.estimation.fit import SegmentFit
 from analysis.estimation.frequency_domain import Band, band_matrix
 from analysis.estimation.hints import hints_of
+from analysis.estimation.long_records import summed
 from analysis.estimation.model import Model
 from analysis.estimation.noise import (
     NoiseKind,
@@ -31,6 +32,8 @@ from analysis.estimation.simulation import InputRule, Integrator, Response, Simu
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
+
+LONG = 1_000_000  # elements of the sensitivities above which iterations do not keep them (8 MB)
 
 
 def estimate(
@@ -78,6 +81,8 @@ def estimate(
     if not np.isfinite(point.cost):
         raise InputError(_not_finite(likelihood))
     point, iterations, why_stopped = maximize(likelihood, point, max_iterations)
+    if likelihood.is_long:
+        point = likelihood.evaluate_whole(point.theta)
     fit = replace(make_fit(likelihood, point, iterations, why_stopped), integrator=integrator, inputs=inputs)
     return fit if band_Hz else replace(fit, verdict=fit.verdict._replace(hints=hints_of(fit)))
 
@@ -121,7 +126,48 @@ class OutputErrorLikelihood:
         x, y, S = self.simulator.run(x0, problem.U[i], p, problem.segments[i].step_s)
         return Response(x, y, S[:, :, np.concatenate([np.arange(count), count + problem.free_states])])
 
+    @property
+    def is_long(self) -> bool:
+        """Whether iterations should not keep the sensitivities; they need them with a diagonal R only."""
+        elements = sum(Z.size * len(own) for Z, own in zip(self.problem.Z, self.problem.columns, strict=True))
+        plain = self.noise == "diagonal" and self.known_R is None and self.tail_dof is None
+        return plain and self.transforms is None and elements > LONG
+
+    def evaluate_in_blocks(self, theta: Array) -> Evaluation:
+        """`evaluate` for an estimated diagonal R, without sensitivities in the segment fits."""
+        problem, m = self.problem, len(theta)
+        kept = np.concatenate([np.arange(len(self.simulator.free)), len(self.simulator.free) + problem.free_states])
+        sums = []
+        for i, segment in enumerate(problem.segments):
+            p, x0, _ = problem.unpack(theta, i)
+            with np.errstate(over="ignore", invalid="ignore"):
+                found = summed(self.simulator, x0, problem.U[i], problem.Z[i], p, segment.step_s, kept)
+            if found is None:
+                return Evaluation(theta, np.inf, (), np.zeros((0, 0)), np.zeros(m), np.zeros((m, m)))
+            sums.append(found)
+        R = self._covariance([of_segment.residuals for of_segment in sums])
+        variance = np.diag(R)
+        g, H, products, cost = np.zeros(m), np.zeros((m, m)), np.zeros((len(variance), m)), 0.0
+        segment_fits = []
+        for of_segment, segment, own in zip(sums, problem.segments, problem.columns, strict=True):
+            white = whiten(of_segment.residuals, np.zeros((*of_segment.residuals.shape, 0)), R, None)
+            cost += negative_log_likelihood(white, R, None)
+            products[:, own] += of_segment.product / variance[:, None]
+            H[np.ix_(own, own)] += np.tensordot(1 / variance, of_segment.gram, axes=1)
+            response = Response(np.zeros((len(segment), 0)), of_segment.y, white.S)
+            segment_fits.append(SegmentFit(segment, response, of_segment.residuals, white, own))
+        g += products.sum(axis=0)
+        from_prior = theta - problem.prior_mean
+        cost += float(problem.prior_information @ from_prior**2) / 2
+        g -= problem.prior_information * from_prior
+        ln_det_R = float(np.linalg.slogdet(R)[1])
+        return Evaluation(theta, cost, tuple(segment_fits), R, g, H, ln_det_R=ln_det_R, products=products)
+
     def evaluate(self, theta: Array) -> Evaluation:
+        return self.evaluate_in_blocks(theta) if self.is_long else self.evaluate_whole(theta)
+
+    def evaluate_whole(self, theta: Array) -> Evaluation:
+        """The likelihood with the whitened sensitivities of all segments."""
         problem, m = self.problem, len(theta)
         with np.errstate(over="ignore", invalid="ignore"):
             responses = [self.respond(theta, i) for i in range(len(problem.segments))]
@@ -163,9 +209,12 @@ class OutputErrorLikelihood:
         for fit in point.segment_fits:
             white = fit.white
             rows = white.present.all(axis=1) if self.noise == "full" else slice(None)
-            product = np.tensordot(white.e[rows], white.S[rows], axes=(0, 0))
-            d_R[:, :, fit.columns] += product + product.transpose(1, 0, 2)
             samples += white.present[rows].sum(axis=0)
+            if point.products is None:
+                product = np.tensordot(white.e[rows], white.S[rows], axes=(0, 0))
+                d_R[:, :, fit.columns] += product + product.transpose(1, 0, 2)
+        if point.products is not None:
+            d_R[np.arange(outputs), np.arange(outputs)] = 2 * point.products
         if self.noise == "diagonal":
             d_R *= np.eye(outputs)[:, :, None]
         d_R /= np.sqrt(2 * np.maximum(samples, 1))[:, None, None]

@@ -5,7 +5,7 @@ compiled function is then called for each sample with buffers: 6 us a step with 
 `mapaccum` takes 9 us and needs a new graph for each record length.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
@@ -78,15 +78,16 @@ class Simulator:
 
         If the state overflows, the response is inf or NaN from there on; no exception is raised.
         """
+        return next(self.run_in_blocks(x0, U, p, step_s, len(U)))
+
+    def run_in_blocks(self, x0: Array, U: Array, p: Array, step_s: float, length: int) -> Iterator[Response]:
+        """The response as `run` gives it, in blocks of `length` samples, of which the last may be shorter."""
         states, outputs = len(self.model.states), len(self.model.outputs)
         unknowns = len(self.free) + states
-        n = len(U)
-        inputs = np.hstack([U, np.vstack([U[1:], U[-1:]])])
         sensitivity = np.hstack([np.zeros((states, len(self.free))), np.eye(states)])
         now = np.concatenate([x0, sensitivity.ravel("F")])
-        following, u = np.zeros_like(now), np.zeros(inputs.shape[1])
+        following, u = np.zeros_like(now), np.zeros(2 * U.shape[1])
         observed = np.zeros(self.step.size1_out(1))
-        record = np.empty((n, len(observed)))
 
         buffer: Any
         buffer, evaluate = self.step.buffer()
@@ -94,13 +95,18 @@ class Simulator:
             buffer.set_arg(i, argument.data)
         buffer.set_res(0, following.data)
         buffer.set_res(1, observed.data)
-        for k in range(n):
-            u[:] = inputs[k]
-            evaluate()
-            now[:] = following
-            record[k] = observed
-        y, x, S = np.split(record, [outputs, outputs + states], axis=1)
-        return Response(x, y, S.reshape(n, unknowns, outputs).transpose(0, 2, 1))
+        for first in range(0, len(U), length):
+            inputs = U[first : first + length]
+            after = U[first + 1 : first + length + 1]
+            inputs = np.hstack([inputs, after if len(after) == len(inputs) else np.vstack([after, U[-1:]])])
+            record = np.empty((len(inputs), len(observed)))
+            for k in range(len(inputs)):
+                u[:] = inputs[k]
+                evaluate()
+                now[:] = following
+                record[k] = observed
+            y, x, S = np.split(record, [outputs, outputs + states], axis=1)
+            yield Response(x, y, S.reshape(len(inputs), unknowns, outputs).transpose(0, 2, 1))
 
 
 @lru_cache(maxsize=64)
@@ -148,6 +154,7 @@ def build_simulator(
             ca.densify(ca.vertcat(x_next, ca.vec(total_derivative(x_next)))),
             ca.densify(ca.vertcat(y, x, ca.vec(total_derivative(y)))),
         ],
+        {"cse": True},
     )
     return Simulator(model, free, step)
 
