@@ -75,7 +75,7 @@ def whiten(residuals: Array, S: Array, R: Array, tail_dof: float | None) -> Whit
     if present.all() and not np.any(R - np.diag(np.diag(R))):
         inverse = 1 / np.sqrt(np.diag(R))
         e = residuals * inverse
-        S_white = np.multiply(S, inverse[:, None], order="C")
+        S_white = S * inverse[:, None]
     else:
         e, S_white = _whiten_patterns(residuals, S, R, present)
     weight = np.ones_like(e) if tail_dof is None else (tail_dof + 1) / (tail_dof + e**2)

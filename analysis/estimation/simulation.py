@@ -154,7 +154,6 @@ def build_simulator(
             ca.densify(ca.vertcat(x_next, ca.vec(total_derivative(x_next)))),
             ca.densify(ca.vertcat(y, x, ca.vec(total_derivative(y)))),
         ],
-        {"cse": True},
     )
     return Simulator(model, free, step)
 
