@@ -29,7 +29,7 @@ from analysis.estimation.innovations import InnovationsLikelihood, not_finite
 from analysis.estimation.kalman_filter import build_filter
 from analysis.estimation.model import Model
 from analysis.estimation.optimizer import Evaluation, make_fit, maximize
-from analysis.estimation.problem import Problem, free_names
+from analysis.estimation.problem import Problem, as_segments, free_names
 from analysis.estimation.process_noise import (
     SIGNIFICANCE_LEVEL,
     Intensity,
@@ -92,7 +92,7 @@ def estimate(
     The verdict names noise that is negligible, and process noise that is not significant; output error is then
     sufficient. Raises InputError like output error, and for process noise of an unknown state or two of the same state.
     """
-    segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
+    segments = as_segments(segments)
     noises = (process_noise,) if isinstance(process_noise, ProcessNoise) else tuple(process_noise)
     check_noise(model, noises, noise_sigma or {})
     random_start = {noise.state for noise in noises if noise.active_before_s > 0}

@@ -83,7 +83,10 @@ def unstable_growth(fit: Fit, segment_fit: SegmentFit) -> tuple[float, float, st
         return np.array([rate + np.zeros(len(at)) for rate in fit.model.evaluate_dynamics(x.T, u, values)])
 
     steps = DIFFERENCE_STEP * np.maximum(np.abs(x).max(axis=0), DIFFERENCE_STEP)
-    A = np.stack([(rates(x[at] + d) - rates(x[at] - d)) / (2 * d.max()) for d in np.diag(steps)], axis=1)  # (i, j, k)
+    with np.errstate(all="ignore"):
+        A = np.stack(
+            [(rates(x[at] + d) - rates(x[at] - d)) / (2 * d.max()) for d in np.diag(steps)], axis=1
+        )  # (i, j, k)
     real_parts = np.linalg.eigvals(np.nan_to_num(A).transpose(2, 0, 1)).real.max(axis=1)
     mean = float(np.mean(real_parts))
     return mean * float(segment.t_s[-1] - segment.t_s[0]), mean, segment.name

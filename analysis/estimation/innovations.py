@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from analysis.estimation.fit import SegmentFit
 from analysis.estimation.kalman_filter import Innovations, KalmanFilter
 from analysis.estimation.noise import Whitened
-from analysis.estimation.optimizer import Evaluation
+from analysis.estimation.optimizer import Evaluation, nowhere
 from analysis.estimation.problem import Problem
 from analysis.estimation.process_noise import ProcessNoise
 from analysis.estimation.simulation import Response
@@ -87,7 +87,7 @@ class InnovationsLikelihood:
             innovations, ln_v = self.filtered(theta, i)
             present = np.isfinite(problem.Z[i])
             if not (_finite(innovations, present) and np.isfinite(innovations.x).all()):
-                return Evaluation(theta, np.inf, (), np.zeros((0, 0)), np.zeros(m), np.zeros((m, m)))
+                return nowhere(theta)
             own = problem.columns[i]
             sigma = np.where(present, np.exp(innovations.ln_s / 2), 1.0)
             e = np.where(present, innovations.e / sigma, 0.0)

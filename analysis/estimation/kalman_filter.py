@@ -21,7 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.model import Model
-from analysis.estimation.simulation import INPUT_RULES, INTEGRATORS, InputRule, Integrator, not_differentiable
+from analysis.estimation.simulation import (
+    INPUT_RULES,
+    INTEGRATORS,
+    InputRule,
+    Integrator,
+    check_symbols,
+    not_differentiable,
+)
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -296,4 +303,5 @@ def build_filter(
         ],
         {"cse": True},
     )
+    check_symbols(model, cycle)
     return KalmanFilter(model, free, driven, cycle, tuple(patterns))

@@ -22,7 +22,7 @@ from analysis.estimation.hints import hints_of
 from analysis.estimation.model import Model
 from analysis.estimation.optimizer import Evaluation, converged_text, make_fit, maximize
 from analysis.estimation.output_error import OutputErrorLikelihood
-from analysis.estimation.problem import Problem, free_names, inputs_of
+from analysis.estimation.problem import Problem, as_segments, free_names, inputs_of
 from analysis.estimation.simulation import InputRule, Integrator, Simulator, build_simulator
 from flight.errors import InputError
 
@@ -48,7 +48,7 @@ def estimate(
 
     Raises InputError like output error, for fewer than two parts, and when the parts do not determine their states.
     """
-    segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
+    segments = as_segments(segments)
     if parts < 2:
         raise InputError(f"parts = {parts}: multiple shooting needs at least two; use output_error for whole segments")
     cut = [split(segment, parts) for segment in segments]

@@ -31,6 +31,7 @@ SMALLEST_CURVATURE = 1e-2
 SINGULAR = 1e-11  # eigenvalues of the scaled information matrix below this are rounding errors
 HALVINGS = 3  # of a step before the damping is increased
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
+NO_STEP = "no step, however short, improves the likelihood any more"
 NEGLIGIBLE_SHARE = 0.01  # of an eigenvector's element: unknowns below it do not take part in the combination
 
 
@@ -46,6 +47,12 @@ class Evaluation(NamedTuple):
     variance_information: Array | float = 0.0  # part of `information` from the variances of the residuals
     ln_det_R: float = 0.0  # 0 if R is not re-estimated at every point
     products: Array | None = None  # (outputs, m) sums of white residuals times sensitivities, if those are not kept
+
+
+def nowhere(theta: Array) -> Evaluation:
+    """The evaluation of a theta at which the response is not finite."""
+    m = len(theta)
+    return Evaluation(theta, np.inf, (), np.zeros((0, 0)), np.zeros(m), np.zeros((m, m)))
 
 
 class Likelihood(Protocol):
@@ -113,7 +120,7 @@ def maximize(
         if new is None or new.cost == point.cost:  # rounding errors dominate, or the gradient is wrong
             if gain < GAIN_TOLERANCE:
                 return point, iteration, ""
-            return point, iteration, "no step, however short, improves the likelihood any more"
+            return point, iteration, NO_STEP
         step = new.theta - point.theta
         length = np.sqrt(max(float(step @ H @ step), 0.0))
         change = abs(new.ln_det_R - point.ln_det_R)
@@ -194,13 +201,13 @@ def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_sto
 
 
 def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations: int, why_stopped: str) -> Verdict:
-    if why_stopped:
-        return Verdict(FitStatus.NOT_CONVERGED, f"not converged: {why_stopped}")
     values = sum(fit.white.present.sum() for fit in point.segment_fits)
     without_prior = int((problem.prior_information == 0).sum())
     if values <= without_prior:
         text = f"not identifiable: {values} measured values are too few for {without_prior} unknowns without prior"
         return Verdict(FitStatus.NOT_IDENTIFIABLE, text)
+    if why_stopped:
+        return Verdict(FitStatus.NOT_CONVERGED, f"not converged: {why_stopped}")
     if not eigen.identifiable.all():
         directions = eigen.vectors[:, ~eigen.identifiable] / eigen.scale[:, None]
         combinations = "; ".join(

@@ -26,9 +26,9 @@ from analysis.estimation.noise import (
     noise_covariance_of,
     whiten,
 )
-from analysis.estimation.optimizer import Evaluation, make_fit, maximize
-from analysis.estimation.problem import Problem, free_names
-from analysis.estimation.simulation import InputRule, Integrator, Response, Simulator, build_simulator
+from analysis.estimation.optimizer import NO_STEP, Evaluation, make_fit, maximize, nowhere
+from analysis.estimation.problem import Problem, as_segments, free_names
+from analysis.estimation.simulation import InputRule, Integrator, Response, Simulator, build_simulator, has_branches
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ def estimate(
     residuals that are not white and unstable motion. Raises InputError for data or options that cannot be used, and
     when the response to the starting values is not finite.
     """
-    segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
+    segments = as_segments(segments)
     simulator = build_simulator(model, free_names(model), integrator, inputs)
     problem = Problem.assemble(model, segments, initial_states, start or {})
     if tail_dof is not None and (noise == "full" or noise_covariance is not None or tail_dof <= 0):
@@ -83,6 +83,11 @@ def estimate(
     point, iterations, why_stopped = maximize(likelihood, point, max_iterations)
     if likelihood.is_long:
         point = likelihood.evaluate_whole(point.theta)
+    if why_stopped == NO_STEP and has_branches(simulator.step):
+        why_stopped += (
+            "; the model has branches (np.where, np.sign, np.maximum), where the likelihood may jump: smooth them,"
+            " for example with np.tanh"
+        )
     fit = replace(make_fit(likelihood, point, iterations, why_stopped), integrator=integrator, inputs=inputs)
     return fit if band_Hz else replace(fit, verdict=fit.verdict._replace(hints=hints_of(fit)))
 
@@ -143,9 +148,11 @@ class OutputErrorLikelihood:
             with np.errstate(over="ignore", invalid="ignore"):
                 found = summed(self.simulator, x0, problem.U[i], problem.Z[i], p, segment.step_s, kept)
             if found is None:
-                return Evaluation(theta, np.inf, (), np.zeros((0, 0)), np.zeros(m), np.zeros((m, m)))
+                return nowhere(theta)
             sums.append(found)
         R = self._covariance([of_segment.residuals for of_segment in sums])
+        if not np.isfinite(R).all():
+            return nowhere(theta)
         variance = np.diag(R)
         g, H, products, cost = np.zeros(m), np.zeros((m, m)), np.zeros((len(variance), m)), 0.0
         segment_fits = []
@@ -164,7 +171,10 @@ class OutputErrorLikelihood:
         return Evaluation(theta, cost, tuple(segment_fits), R, g, H, ln_det_R=ln_det_R, products=products)
 
     def evaluate(self, theta: Array) -> Evaluation:
-        return self.evaluate_in_blocks(theta) if self.is_long else self.evaluate_whole(theta)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            point = self.evaluate_in_blocks(theta) if self.is_long else self.evaluate_whole(theta)
+            finite = np.isfinite(point.cost) and np.isfinite(point.information).all()
+        return point if finite else nowhere(theta)
 
     def evaluate_whole(self, theta: Array) -> Evaluation:
         """The likelihood with the whitened sensitivities of all segments."""
@@ -173,12 +183,14 @@ class OutputErrorLikelihood:
             responses = [self.respond(theta, i) for i in range(len(problem.segments))]
             residuals = [z - response.y for z, response in zip(problem.Z, responses, strict=True)]
         if not all(np.isfinite(r.y).all() and np.isfinite(r.S).all() for r in responses):
-            return Evaluation(theta, np.inf, (), np.zeros((0, 0)), np.zeros(m), np.zeros((m, m)))
+            return nowhere(theta)
         used, S = residuals, [response.S for response in responses]
         if self.transforms is not None:
             used = [T @ e for T, e in zip(self.transforms, residuals, strict=True)]
             S = [np.tensordot(T, s, axes=1) for T, s in zip(self.transforms, S, strict=True)]
         R = self._covariance(used)
+        if not np.isfinite(R).all():  # the response is so far off that its square overflows
+            return nowhere(theta)
         g, H, cost = np.zeros(m), np.zeros((m, m)), 0.0
         segment_fits = []
         for i, response in enumerate(responses):
@@ -236,14 +248,14 @@ class OutputErrorLikelihood:
 def _not_finite(likelihood: OutputErrorLikelihood) -> str:
     """The message that names the segment and time from which the response to the starting values is not finite."""
     problem = likelihood.problem
+    advice = "give better starting values; if the model is unstable, split the segment (data.split)"
     for i, segment in enumerate(problem.segments):
         with np.errstate(over="ignore", invalid="ignore"):
             response = likelihood.respond(problem.start, i)
         finite = np.isfinite(response.y).all(axis=1) & np.isfinite(response.S).all(axis=(1, 2))
         if not finite.all():
-            at = segment.t_s[int(np.argmin(finite))]
-            break
-    return (
-        f"model {problem.model.name}, segment {segment.name}: with the starting values the response is not finite from"
-        f" t = {at:g} s on; give better starting values; if the model is unstable, split the segment (data.split)"
-    )
+            return (
+                f"model {problem.model.name}, segment {segment.name}: with the starting values the response is not"
+                f" finite from t = {segment.t_s[int(np.argmin(finite))]:g} s on; {advice}"
+            )
+    return f"model {problem.model.name}: with the starting values the squares of the residuals are not finite; {advice}"

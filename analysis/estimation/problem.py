@@ -69,6 +69,8 @@ class Problem:
 
         Raises InputError for missing or contradictory data, unknown names, or when nothing is free.
         """
+        if not isinstance(start, Mapping):
+            raise InputError(f"start must give values by name, {{'CLa': 4.5}}, is {start!r}")
         if not segments:
             raise InputError(f"model {model.name}: there is no segment to fit; give at least one")
         for name, count in Counter(segment.name for segment in segments).items():
@@ -150,6 +152,15 @@ class Problem:
         x0 = self.x0[i].copy()
         x0[self.free_states] = states
         return p, x0, noise
+
+
+def as_segments(segments: Segment | Sequence[Segment]) -> tuple[Segment, ...]:
+    """One or several segments as a tuple. Raises InputError for anything else."""
+    found = (segments,) if isinstance(segments, Segment) else tuple(segments)
+    for segment in found:
+        if not isinstance(segment, Segment):
+            raise InputError(f"segments: give Segment objects, not {segment!r}")
+    return found
 
 
 def free_names(model: Model) -> tuple[str, ...]:

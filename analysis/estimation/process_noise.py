@@ -80,6 +80,9 @@ class Intensity(NamedTuple):
 
 
 def check_noise(model: Model, noises: tuple[ProcessNoise, ...], noise_sigma: Mapping[str, float]) -> None:
+    for noise in noises:
+        if not isinstance(noise, ProcessNoise):
+            raise InputError(f"process_noise: give ProcessNoise(state=..., start=...), not {noise!r}")
     for state, count in Counter(noise.state for noise in noises).items():
         if state not in model.states:
             raise InputError(
