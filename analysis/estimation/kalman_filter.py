@@ -221,6 +221,8 @@ def build_filter(
     Raises InputError as `simulation.build_simulator` does, and for a model without states.
     """
     nx, ny, nu, nw = len(model.states), len(model.outputs), len(model.inputs), len(driven)
+    if model.delays:
+        raise InputError(f"model {model.name}: filter error has no delays; fix the delay and shift the input itself")
     if not nx:
         raise InputError(f"model {model.name}: it has no states for process noise to act on; use output error")
     names = [q.name for q in model.parameters]

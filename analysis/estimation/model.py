@@ -81,9 +81,12 @@ class Model:
     """xdot = dynamics(x, u, p), y = outputs(x, u, p), z = y + noise (3.24-3.26).
 
     A model without states is an ordinary regression and needs no `dynamics`. `initial_state` computes a starting value
-    of the state at a segment's first sample from the segment's data; `Segment.x0` takes precedence over it.
+    of the state at a segment's first sample from the segment's data; `Segment.x0` takes precedence over it. `delays`
+    names inputs that act late, each with the parameter that is its delay [s]: (("elevator", "tau"),). Output error and
+    equation error estimate it; inputs are interpolated between samples.
 
-    Raises InputError when a name occurs twice, there are no outputs, or states have no dynamics.
+    Raises InputError when a name occurs twice, there are no outputs, states have no dynamics, or a delay's input or
+    parameter does not exist.
     """
 
     name: str
@@ -94,6 +97,7 @@ class Model:
     inputs: tuple[str, ...] = ()
     dynamics: ModelFunction | None = None
     initial_state: Callable[[Segment], Mapping[str, float]] | None = None
+    delays: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         for kind in ("states", "inputs", "outputs", "parameters"):
@@ -107,6 +111,12 @@ class Model:
             for name, count in Counter(names).items():
                 if count > 1:
                     raise InputError(f"model {self.name}: two {kind} are named {name!r}")
+        object.__setattr__(self, "delays", tuple(dict(self.delays).items()))
+        for input_name, parameter in self.delays:
+            if input_name not in self.inputs or parameter not in [q.name for q in self.parameters if q.shared]:
+                raise InputError(
+                    f"model {self.name}: delays: {input_name!r} must be an input and {parameter!r} a shared parameter"
+                )
         if not self.outputs:
             raise InputError(f"model {self.name}: it has no outputs to compare with data; name at least one")
         if self.states and self.dynamics is None:

@@ -14,12 +14,15 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimation.delays import delayed
 from analysis.estimation.model import Model
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-Integrator = Literal["rk4", "euler", "heun"]
+Integrator = Literal["rk4", "euler", "heun", "trapezoidal"]
 InputRule = Literal["linear", "mean", "held"]
+
+NEWTON_STEPS = 3  # of the implicit rule: its error is squared in each
 
 if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: keep NumPy functions on symbols as they always were
     ca.GlobalOptions.setNumpyMode(-1)
@@ -57,7 +60,22 @@ def rk4(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
     return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
-INTEGRATORS: dict[str, Callable[..., Any]] = {"rk4": rk4, "euler": euler, "heun": heun}
+def trapezoidal(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
+    """The implicit trapezoidal rule, second order; stable for any step, for models with fast modes.
+
+    x + h/2 (f(x, u) + f(x_next, u_next)) = x_next is solved by Newton's method; one step is exact for a linear model.
+    """
+    now, y = f(x, u(0)), ca.SX.sym("y", x.shape[0])
+    rate = f(y, u(1))
+    error = x + h / 2 * (now + rate) - y
+    newton = y - ca.solve(ca.jacobian(error, y), error)
+    x_next = x
+    for _ in range(NEWTON_STEPS):
+        x_next = ca.substitute(newton, y, x_next)
+    return x_next
+
+
+INTEGRATORS: dict[str, Callable[..., Any]] = {"rk4": rk4, "euler": euler, "heun": heun, "trapezoidal": trapezoidal}
 INPUT_RULES: dict[str, Callable[[Any, Any], InputAt]] = {
     "linear": lambda u0, u1: lambda s: u0 + s * (u1 - u0),
     "mean": lambda u0, u1: lambda s: (u0 + u1) / 2,
@@ -86,7 +104,10 @@ class Simulator:
         unknowns = len(self.free) + states
         sensitivity = np.hstack([np.zeros((states, len(self.free))), np.eye(states)])
         now = np.concatenate([x0, sensitivity.ravel("F")])
-        following, u = np.zeros_like(now), np.zeros(2 * U.shape[1])
+        U, constant = self._with_delays(U, p, step_s)
+        following, u = np.zeros_like(now), np.zeros(2 * U.shape[1] + len(constant))
+        u[2 * U.shape[1] :] = constant
+        used = u[: 2 * U.shape[1]]
         observed = np.zeros(self.step.size1_out(1))
 
         buffer: Any
@@ -101,12 +122,26 @@ class Simulator:
             inputs = np.hstack([inputs, after if len(after) == len(inputs) else np.vstack([after, U[-1:]])])
             record = np.empty((len(inputs), len(observed)))
             for k in range(len(inputs)):
-                u[:] = inputs[k]
+                used[:] = inputs[k]
                 evaluate()
                 now[:] = following
                 record[k] = observed
             y, x, S = np.split(record, [outputs, outputs + states], axis=1)
             yield Response(x, y, S.reshape(len(inputs), unknowns, outputs).transpose(0, 2, 1))
+
+    def _with_delays(self, U: Array, p: Array, step_s: float) -> tuple[Array, Array]:
+        """Inputs with those that act late shifted, followed by the slopes of these; and the delays (k,) [s]."""
+        model = self.model
+        if not model.delays:
+            return U, np.zeros(0)
+        names = [q.name for q in model.parameters]
+        shifted, slopes, delays_s = U.copy(), [], []
+        for input_name, parameter in model.delays:
+            column = model.inputs.index(input_name)
+            delays_s.append(float(p[names.index(parameter)]))
+            shifted[:, column], slope = delayed(U[:, column], step_s, delays_s[-1])
+            slopes.append(slope)
+        return np.column_stack([shifted, *slopes]), np.array(delays_s)
 
 
 @lru_cache(maxsize=64)
@@ -128,10 +163,22 @@ def build_simulator(
     states, unknowns = len(model.states), len(free) + len(model.states)
     x = ca.SX.sym("x", states)
     S = ca.SX.sym("S", states, unknowns)
-    u0, u1 = ca.SX.sym("u0", len(model.inputs)), ca.SX.sym("u1", len(model.inputs))
+    late = len(model.delays)
+    given0, given1 = (ca.SX.sym(name, len(model.inputs) + late) for name in ("u0", "u1"))
+    delays_s = ca.SX.sym("delays", late)
     p = ca.SX.sym("p", len(names))
     h = ca.SX.sym("h")
     p_free = ca.vertcat(*(p[names.index(name)] for name in free))
+
+    def at_delay(given: Any) -> Any:
+        """The inputs, whose derivatives to the delays are the slopes. In value, p of a delay equals `delays_s`."""
+        u = given[: len(model.inputs)]
+        for k, (input_name, parameter) in enumerate(model.delays):
+            slope = given[len(model.inputs) + k]
+            u[model.inputs.index(input_name)] -= slope * (p[names.index(parameter)] - delays_s[k])
+        return u
+
+    u0, u1 = at_delay(given0), at_delay(given1)
 
     def xdot(x: Any, u: Any) -> Any:
         return ca.vertcat(*model.evaluate_dynamics(ca.vertsplit(x), ca.vertsplit(u), ca.vertsplit(p)))
@@ -149,7 +196,7 @@ def build_simulator(
         raise not_differentiable(model, error) from None
     step = ca.Function(
         "step",
-        [ca.vertcat(x, ca.vec(S)), ca.vertcat(u0, u1), p, h],
+        [ca.vertcat(x, ca.vec(S)), ca.vertcat(given0, given1, delays_s), p, h],
         [
             ca.densify(ca.vertcat(x_next, ca.vec(total_derivative(x_next)))),
             ca.densify(ca.vertcat(y, x, ca.vec(total_derivative(y)))),
