@@ -76,6 +76,7 @@ class Fit:
     information : (m, m) Fisher information of the data     prior_information : (m, m), diagonal
     variance_information : the part of `information` that comes from the variances of the residuals, not their means
     integrator, inputs : with which the response was computed
+    costs : negative log-likelihood at the start and after each iteration, if kept
     """
 
     model: Model
@@ -93,6 +94,7 @@ class Fit:
     variance_information: Array | float = 0.0
     integrator: Integrator = "rk4"
     inputs: InputRule = "linear"
+    costs: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         return self.summary().table()

@@ -46,6 +46,7 @@ class Evaluation(NamedTuple):
     information: Array  # (m, m) of the data
     variance_information: Array | float = 0.0  # part of `information` from the variances of the residuals
     ln_det_R: float = 0.0  # 0 if R is not re-estimated at every point
+    costs: tuple[float, ...] = ()  # of the points before in the maximization
     products: Array | None = None  # (outputs, m) sums of white residuals times sensitivities, if those are not kept
 
 
@@ -124,7 +125,7 @@ def maximize(
         step = new.theta - point.theta
         length = np.sqrt(max(float(step @ H @ step), 0.0))
         change = abs(new.ln_det_R - point.ln_det_R)
-        point = new
+        point = new._replace(costs=(*point.costs, float(point.cost)))
         if stop is not None and stop(point):
             return point, iteration, ""
         if damping == 0 and length < step_tolerance and change < LNDET_TOLERANCE:
@@ -197,6 +198,7 @@ def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_sto
         prior_information=np.diag(problem.prior_information),
         segment_fits=point.segment_fits,
         variance_information=point.variance_information,
+        costs=(*point.costs, point.cost),
     )
 
 
