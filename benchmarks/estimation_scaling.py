@@ -6,6 +6,7 @@
 docs/estimation.md quotes the output. `aeroid` takes part where it is installed (`pip install aeroid`).
 """
 
+import importlib.util
 import resource
 import subprocess
 import sys
@@ -142,11 +143,10 @@ def ratios() -> None:
 
     found = optimize.least_squares(residuals, theta0, x_scale=np.abs(theta0) + 0.01)
     row("scipy least_squares", processor_time_s(lambda: optimize.least_squares(residuals, theta0), 1), found.x)
-    try:
-        import aeroid
-    except ImportError:
+    if importlib.util.find_spec("aeroid") is None:
         table.add_row("aeroid", "not installed", "", "")
     else:
+        aeroid = importlib.import_module("aeroid")  # no dependency of this project
         theirs = aeroid.Model(
             states=list(model.states), controls=["de"], parameters=dict(start),
             dynamics=lambda t, x, u, p: np.array(model.evaluate_dynamics(x, u, [p[name] for name in truth])),

@@ -92,11 +92,12 @@ def convergence(fit: Fit) -> go.Figure:
     """The negative log-likelihood above its last value over the iterations. Raises InputError if it was not kept."""
     if len(fit.costs) < 2:
         raise InputError(f"model {fit.model.name}: the fit has no history of costs to show")
-    above = np.array(fit.costs) - min(fit.costs)
+    above = np.array(fit.costs[:-1]) - fit.costs[-1]
     figure = go.Figure(go.Scatter(x=np.arange(len(above)), y=above, mode="lines+markers", line={"color": FITTED}))
-    figure.update_layout(title=f"{fit.model.name}: {fit.verdict.text}", height=350, width=700)
-    figure.update_xaxes(title_text="iteration")
-    figure.update_yaxes(title_text="cost above the last one", type="log")
+    title = f"{fit.model.name}: {fit.verdict.text}"
+    figure.update_layout(title=title, height=350, width=700, plot_bgcolor="white")
+    figure.update_xaxes(title_text="iteration", gridcolor="#eeeeee")
+    figure.update_yaxes(title_text="cost above the last one", type="log", exponentformat="power", gridcolor="#eeeeee")
     return figure
 
 
