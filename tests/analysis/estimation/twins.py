@@ -88,8 +88,8 @@ def unstable(seed, sigma=UNSTABLE_SIGMA):
 
 
 def _simulated(model, truth, sigma, t, u, w, rng, feedback=None):
-    """RK4 with ten parts a step; inputs straight between samples, or held over a step where there is feedback."""
-    p, parts = [truth[q.name] for q in model.parameters], 10
+    """RK4 with three parts a step; inputs straight between samples, or held over a step where there is feedback."""
+    p, parts = [truth[q.name] for q in model.parameters], 3
     U, x = np.column_stack([u[name] for name in model.inputs]), np.zeros((t.size, len(model.states)))
     h = STEP_S / parts
     for k in range(t.size):
