@@ -32,8 +32,7 @@ class ProcessNoise:
 
     start : starting value of the intensity [unit of the state per sqrt(s)]; in one second the noise adds intensity^2 to
     the variance of the state. Fixed unless `free`; a fixed intensity may be zero. The starting value may be 1000 times
-    too small. From 10 times too large on, the fit may end at a local optimum where process noise explains everything
-    and "ln v" is at its lower bound; the verdict then says so. In doubt start with a small value.
+    too small. If it is so large that process noise explains everything, the fit is repeated with a hundredth of it.
     active_before_s : time for which the noise has acted before a segment begins. If positive, the initial state is not
     estimated and has the variance intensity^2 active_before_s. For a stationary first-order state with time constant T
     this is T/2.
