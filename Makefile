@@ -14,10 +14,10 @@ IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null &&
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench study soak lint types check constraints clean
+.PHONY: help demo picture test bench study soak fuzz crash-points lint types check constraints clean
 
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed; try: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11" >&2; exit 1; }
@@ -58,6 +58,13 @@ study: $(READY) ## coverage over worlds, weather and plans; hours, goes on where
 soak: $(READY) ## the daemon for ten minutes in real time at 25 and at 100 Hz, on device files (needs root)
 	$(BIN)/python benchmarks/daemon.py soak --fifo --rate 25
 	$(BIN)/python benchmarks/daemon.py soak --fifo --rate 100
+
+fuzz: $(READY) ## a million inputs into every parser of bytes from outside (half an hour)
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
+	$(BIN)/python benchmarks/fuzz.py run
+
+crash-points: $(READY) ## cut the daemon's power at 500 writes of each of three recordings (needs root; 15 min)
+	for seed in 1003 1004 1005; do $(BIN)/python benchmarks/crash_points.py --points 500 --seed $$seed || exit; done
 
 lint: $(READY) ## ruff
 	$(BIN)/ruff check .

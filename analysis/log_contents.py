@@ -1,11 +1,13 @@
 """The attachments of a log: aircraft file, propeller table, calibrations, zeros."""
 
+import tomllib
+from dataclasses import replace
 from typing import NamedTuple
 
 from analysis.airdata.magnetometer import MagnetometerCalibration, parse_magnetometer
 from analysis.airdata.probe import ProbeCalibration, parse_probe
 from analysis.signals.rest import zero_of_attachment
-from flight.aircraft import Aircraft, parse_aircraft
+from flight.aircraft import Aircraft, Installation, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
 from flight.propeller import Propeller
@@ -56,6 +58,8 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
     propeller = replacements.propeller or propeller_of(log, aircraft)
     if replacements.weight_N is not None:
         aircraft = aircraft.weighing(replacements.weight_N)
+    if not aircraft.installation.name:
+        aircraft = replace(aircraft, installation=Installation(name=_installation_of_tray(log)))
     return LogContents(
         aircraft,
         propeller.with_beyond_zero_thrust(aircraft.propulsion.beyond_zero_thrust),
@@ -106,6 +110,17 @@ def magnetometer_of(log: Log) -> MagnetometerCalibration | None:
     """The magnetometer's calibration in a log, None if there is none. Raises InputError when it is malformed."""
     data = log.attachments.get("magnetometer.json")
     return None if data is None else parse_magnetometer(data, f"{log.path}: magnetometer.json")
+
+
+def _installation_of_tray(log: Log) -> str:
+    """[installation] name of the tray file; empty where there is none."""
+    try:
+        tray = tomllib.loads(log.attachments.get("tray.toml", b"").decode("utf-8", errors="replace"))
+    except tomllib.TOMLDecodeError:
+        return ""
+    section = tray.get("installation")
+    name = section.get("name") if isinstance(section, dict) else None
+    return name if isinstance(name, str) else ""
 
 
 def damage(log: Log) -> list[str]:

@@ -25,6 +25,7 @@ from analysis.performance.analysis import compute as compute_performance
 from analysis.performance.request import Request
 from analysis.results.assemble import assemble
 from analysis.results.performance import performance_result
+from analysis.results.pooling_statistics import mean_battery_V, pooling_statistics, start_unix_s
 from analysis.results.schema import Results
 from analysis.results.trajectory import trajectory_result
 from analysis.trajectory.consistency import Consistency, consistency
@@ -124,11 +125,15 @@ def analyze(
         drag=drag,
         trajectory=trajectory_result(trajectory, agreement, sensor_errors),
         performance=performance_result(performance) if performance else None,
+        pooling=pooling_statistics(
+            drag.main, drag.flown_CL, aircraft, propeller, contents.probe,
+            start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),
+        ),
         warnings=contents.notes
         + data.notes
         + coverage_warnings
         + trajectory_warnings
         + drag.warnings
         + request.notes(aircraft),
-    )
+    )  # fmt: skip
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)

@@ -19,6 +19,8 @@ from flight.errors import InputError
 from flight.messages import Event
 
 LONGEST_CHECK_S = 3600.0
+SERVICE_STATUS = Path("/run/flightpower/status.json")
+SERVICE_LOGS = Path("/var/lib/flightpower")
 
 app = application(
     help="""Records the sensors of the tray at a fixed rate into a log (MCAP) that `analyze` reads.
@@ -60,6 +62,10 @@ def run(
         Path | None,
         typer.Option(metavar="FILE", help="Also write every bus transaction to this file, to replay it in a test."),
     ] = None,
+    status: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the state once a second to this file in /run, for `daq status`."),
+    ] = None,
 ) -> None:
     """Record until SIGTERM or Ctrl-C, which finish the log. SIGHUP starts a new log.
 
@@ -76,6 +82,7 @@ def run(
     from daq.config import load_tray
     from daq.daemon import NoDeviceOpened, check_configuration, record
     from daq.linux_bus import LinuxBuses
+    from daq.recording_status import RecordingStatus, StatusFile
     from daq.telemetry import TelemetryLink
 
     tray, buses = load_tray(config), LinuxBuses()
@@ -91,15 +98,20 @@ def run(
     link = TelemetryLink(tray.telemetry, tray) if tray.telemetry else None
     prepare_process()
     terminal = StatusLine()
+    status_file = StatusFile(status) if status else None
     ready = False
 
-    def report(line: str) -> None:
+    def report(now: RecordingStatus) -> None:
         nonlocal ready
-        notify(ALIVE if ready else READY, f"STATUS={line}")
-        terminal.show(line)
+        notify(ALIVE if ready else READY, f"STATUS={now.line}")
+        terminal.show(now.line)
+        if status_file is not None:
+            status_file.write(now)
         ready = True
 
     def on_event(event: Event) -> None:
+        if status_file is not None:
+            status_file.add(event)
         terminal.clear()
         show_event(event)
 
@@ -211,6 +223,7 @@ def check(
     prepare_process()
     raise_priority()
     report = tray_check.check_tray(tray, buses=LinuxBuses(), clock=SystemClock(), seconds=seconds, threaded=True)
+    tray_check.save(report, tray)
     if as_json:
         typer.echo(tray_check.as_json(report))
     else:
@@ -253,6 +266,56 @@ def info(log: Annotated[Path, typer.Argument(metavar="LOG", help="A log; may be 
     for row in summary.topics:
         table.add_row(row.topic, str(row.messages), f"{row.rate_Hz:.1f}", row.failures or "-")
     console.print(table)
+
+
+@app.command("list", short_help="List the logs of a folder.")
+def list_(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the logs are.")] = Path(
+        "/var/lib/flightpower"
+    ),
+) -> None:
+    """List the logs of a folder: begin, length, size, and whether each is complete.
+
+    Times are those of the satellites, UTC. A ? marks the system clock, which is wrong where there is no network.
+
+    \b
+    Example:
+      daq list /var/lib/flightpower
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    from daq.log_list import list_logs
+
+    table = Table("log", "begin (UTC)", "min", "MB", "state", box=None)
+    for log in list_logs(folder):
+        begin = "-" if log.begin is None else f"{log.begin:%Y-%m-%d %H:%M:%S}{'' if log.by_satellites else ' ?'}"
+        length = f"{log.duration_s / 60:.1f}" if log.begin else "-"
+        table.add_row(log.path.name, begin, length, f"{log.bytes / 1e6:.1f}", log.state)
+    Console().print(table if table.rows else f"{folder}: no logs", highlight=False)
+
+
+@app.command(short_help="Serve a page that shows the state of the daemon.")
+def status(
+    config: TrayOption,
+    file: Annotated[Path, typer.Option(metavar="FILE", help="The file of `daq run --status`.")] = SERVICE_STATUS,
+    listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where to serve it.")] = "127.0.0.1:8080",
+) -> None:
+    """Serve a page for the phone: recording, sensors, events, logs, last zero and check. It can only be read.
+
+    Everybody who reaches the address can read it. Needs the extra `status` of the package.
+
+    \b
+    Example:
+      daq status --config tray.toml --listen 0.0.0.0:8080
+    """
+    from daq.config import load_tray
+    from daq.status_page import serve, sources_of
+
+    host, _, port = listen.rpartition(":")
+    if not host or not port.isdigit() or not 0 < int(port) < 65536:
+        raise InputError(f"--listen {listen}: write HOST:PORT, such as 0.0.0.0:8080")
+    serve(sources_of(load_tray(config), file), host, int(port))
 
 
 @app.command(short_help="Print an example tray file, or check one.")

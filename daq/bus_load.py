@@ -17,15 +17,17 @@ class BusLoad:
     def __init__(self, name: str, period_ns: int):
         self._name, self._period_ns = name, period_ns
         self._latest: deque[Mapping[str, int]] = deque(maxlen=READINGS)
+        self._totals_ns: deque[int] = deque(maxlen=READINGS)  # of the same readings
         self._above = 0  # readings in a row since which the bus has been slow
         self.slow = ""  # what to do, as one clause; empty while the bus is fast enough
 
     def add(self, durations_ns: Mapping[str, int]) -> list[Event]:
         """Take the durations of one reading, by sensor. Returns an event when the bus becomes slow or fast enough."""
         self._latest.append(durations_ns)
+        self._totals_ns.append(sum(durations_ns.values()))
         if len(self._latest) < READINGS:
             return []
-        need_ns = sorted(sum(durations.values()) for durations in self._latest)[NEED_RANK]
+        need_ns = sorted(self._totals_ns)[NEED_RANK]
         was_slow = bool(self.slow)
         if need_ns > (FAST_FRACTION if was_slow else SLOW_FRACTION) * self._period_ns:
             self._above += 1

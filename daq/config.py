@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from daq.sensors import honeywell, ms45xxdo
+from daq.sensors.ads1115 import FULL_SCALE_V
 from daq.sensors.axes import Axes, parse_axes
 from daq.sensors.bridge import TransferFunction
 from flight.errors import InputError
@@ -175,14 +176,42 @@ class EscCounterConfig(_PortSensorConfig, frozen=True, tag="esc_counter"):
 class AutopilotConfig(_PortSensorConfig, frozen=True, tag="autopilot"):
     baud: Baud = 57600
     rpm: bool = False  # take motor speed from its RPM or RAW_RPM
+    battery: bool = True  # take the battery from it; false where a power monitor measures
 
     @property
     def topics(self) -> tuple[str, ...]:
-        return ("/controls", "/attitude", "/battery", "/rpm") if self.rpm else ("/controls", "/attitude", "/battery")
+        return ("/controls", "/attitude", *["/battery"] * self.battery, *["/rpm"] * self.rpm)
 
     @property
     def name(self) -> str:
         return "autopilot"
+
+
+class _PowerMonitorConfig(_BusSensorConfig, frozen=True):
+    shunt_ohm: Annotated[float, Meta(gt=0, le=1)]  # 0.0005 for 0.5 milliohm
+    address: Annotated[int, Meta(ge=0x40, le=0x4F)] = 0x40
+    topics: ClassVar[tuple[str, ...]] = ("/battery",)
+
+
+class Ina226Config(_PowerMonitorConfig, frozen=True, tag="ina226"):
+    """Up to 36 V and 82 mV at the shunt."""
+
+
+class Ina228Config(_PowerMonitorConfig, frozen=True, tag="ina228"):
+    """Up to 85 V and 164 mV at the shunt."""
+
+
+class Ads1115Config(_BusSensorConfig, frozen=True, tag="ads1115"):
+    address: Annotated[int, Meta(ge=0x48, le=0x4B)] = 0x48
+    inputs: Annotated[tuple[Annotated[int, Meta(ge=0, le=3)], ...], Meta(min_length=1, max_length=4)] = (0, 1, 2, 3)
+    full_scale_V: float = 4.096
+    topics: ClassVar[tuple[str, ...]] = ("/analog",)
+
+    def __post_init__(self) -> None:
+        if self.full_scale_V not in FULL_SCALE_V:
+            raise ValueError(f"full_scale_V is one of {', '.join(map(str, FULL_SCALE_V))}")
+        if len(set(self.inputs)) < len(self.inputs):
+            raise ValueError("inputs: each at most once")
 
 
 class Navio2Config(_SensorConfig, frozen=True, tag="navio2"):
@@ -204,6 +233,9 @@ SensorConfig = (
     | EscCounterConfig
     | AutopilotConfig
     | Navio2Config
+    | Ina226Config
+    | Ina228Config
+    | Ads1115Config
 )
 
 
@@ -241,6 +273,12 @@ class TelemetryConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
         _check_udp(self.to)
 
 
+class InstallationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Name of the installation of probe, tubes and tray, where the aircraft file does not give it."""
+
+    name: str
+
+
 class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The contents of a tray file."""
 
@@ -249,6 +287,7 @@ class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     aircraft: str | None = None
     probe_calibration: str | None = None
     magnetometer_calibration: str | None = None
+    installation: InstallationConfig | None = None
     files: FilesConfig = FilesConfig()
     arm: ArmSwitchConfig | None = None
     telemetry: TelemetryConfig | None = None
@@ -281,19 +320,13 @@ def parse_tray(text: str, where: str, folder: Path) -> Tray:
     except msgspec.DecodeError as error:
         raise InputError(f"{where}: not valid TOML ({error})") from None
     _reject_conflicts(file, where)
-    return Tray(
-        rate_Hz=file.rate_Hz,
-        directory=str(folder / file.directory),
-        aircraft=_resolve_name(file.aircraft, folder),
-        probe_calibration=_resolve(file.probe_calibration, folder),
-        magnetometer_calibration=_resolve(file.magnetometer_calibration, folder),
-        files=file.files,
-        arm=file.arm,
-        telemetry=file.telemetry,
-        sensors=file.sensors,
-        text=text,
-        zero=str(folder / ZERO_FILE),
-    )
+    resolved = {
+        "directory": str(folder / file.directory),
+        "aircraft": _resolve_name(file.aircraft, folder),
+        "probe_calibration": _resolve(file.probe_calibration, folder),
+        "magnetometer_calibration": _resolve(file.magnetometer_calibration, folder),
+    }
+    return Tray(**(msgspec.structs.asdict(file) | resolved), text=text, zero=str(folder / ZERO_FILE))
 
 
 def _with_key(error: msgspec.ValidationError) -> str:

@@ -15,15 +15,16 @@ from daq.clock import Clock
 from daq.config import SensorConfig, Tray
 from daq.disk_space import DiskSpace
 from daq.driver_factory import DriverFactory, driver_factory
-from daq.log_files import FileLimits, LogFiles, numbered_names, part_names
+from daq.log_files import FileLimits, LogFiles
+from daq.log_names import numbered_logs, numbered_names, part_names
 from daq.recorder import Recorder
+from daq.recording_status import RecordingStatus
 from daq.sampling_loop import Cycle, StopFlag, cycles
-from daq.sensor_health import SensorState
 from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample
 from flight.aircraft import Aircraft
 from flight.errors import InputError
-from flight.messages import Event
+from flight.messages import Event, Time
 
 REPORT_EVERY_NS = 1_000_000_000
 STOP_SERVICE = "sudo systemctl stop flightpower-daq"
@@ -123,7 +124,7 @@ def record(
     listener: CycleListener | None = None,
     bus_recording: BusRecording | None = None,
     progress: Callable[[float], None] | None = None,
-    report: Callable[[str], None] | None = None,
+    report: Callable[[RecordingStatus], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> RecordingResult:
     """Record the tray into new logs until `until_ns` (monotonic time of `clock`) or until `stop` is set.
@@ -131,7 +132,7 @@ def record(
     log_path: the first log; by default the next free log-NNNN.mcap in the tray's directory. new_file: when set, a new
     log is started and the flag is cleared. threaded: see `cycles`. bus_recording: receives every bus transaction.
     Called from the sampling thread: progress, once a second of the clock, with the elapsed time [s]; report, as often,
-    with a status line; on_event, with each event.
+    with the status; on_event, with each event.
     Raises InputError before anything is written (wrong configuration, unreadable file, existing log, devices in use),
     and NoDeviceOpened when no bus and no port can be opened.
     """
@@ -144,7 +145,7 @@ def record(
     path = Path(log_path) if log_path is not None else None
     directory = Path(tray.directory) if path is None else path.parent
     name = numbered_names(directory) if path is None else part_names(path)
-    old_logs = sorted(directory.glob("log-*.mcap")) if path is None else []
+    old_logs = numbered_logs(directory) if path is None else []
     recovery = BackgroundRecovery(old_logs) if threaded else Recovery(old_logs)
     disk_space = DiskSpace(directory, round(tray.files.keep_free_MB * 1e6), tray.files.when_full)
     disk_space.check()
@@ -180,6 +181,8 @@ def record(
             new_file_requested = new_file is not None and new_file.is_set()
             if new_file_requested and new_file is not None:
                 new_file.clear()
+            if (offset := satellite_offset_ns(cycle.samples)) is not None:
+                log_files.satellite_offset_ns = offset
             events = recovery.events() + cycle.events + arm_switch.update(cycle.samples)
             events += log_files.update(cycle.now_ns, wanted=arm_switch.recording, new_file=new_file_requested)
             for event in events:
@@ -197,9 +200,17 @@ def record(
                 if progress is not None:
                     progress(elapsed_s)
                 if report is not None:
-                    armed = arm_switch.recording
-                    line = status_line(elapsed_s, ticks, missed, supervisors, log_files, disk_space, armed=armed)
-                    report("; ".join([line, *cycle.slow]))
+                    status = recording_status(
+                        elapsed_s,
+                        ticks,
+                        missed,
+                        supervisors,
+                        log_files,
+                        disk_space,
+                        armed=arm_switch.recording,
+                        slow=cycle.slow,
+                    )
+                    report(status)
     finally:
         recovery.stop()
         write_error = log_files.close()
@@ -209,6 +220,15 @@ def record(
         write_error = write_error or f"the disk of {directory} was full"
     errors = {supervisor.name: supervisor.errors for supervisor in supervisors}
     return RecordingResult(log_files.paths, ticks, missed, errors, write_error)
+
+
+def satellite_offset_ns(samples: list[Sample]) -> int | None:
+    """Unix time by the satellites minus monotonic time, from a tick's messages; None if it is not in them."""
+    for sample in samples:
+        message = sample.message
+        if isinstance(message, Time) and message.gps_utc_ns is not None and message.monotonic_ns is not None:
+            return message.gps_utc_ns - message.monotonic_ns
+    return None
 
 
 def write_header(
@@ -235,7 +255,7 @@ def write_header(
         recorder.log.declare(topic)
 
 
-def status_line(
+def recording_status(
     elapsed_s: float,
     ticks: int,
     missed: int,
@@ -244,14 +264,18 @@ def status_line(
     disk_space: DiskSpace,
     *,
     armed: bool,
-) -> str:
-    """The state of the recording in one line."""
-    failing = [f"{each.name} {each.health.state}" for each in supervisors if each.health.state is not SensorState.OK]
-    if log_files.recording:
-        state = f"recording {log_files.path.name if log_files.path else 'to memory'}"
-    else:
-        state = "NOT RECORDING: the card is full" if armed else "waiting for the arm switch"
-    error = f"{log_files.error}; " if log_files.error else ""
-    free = "" if disk_space.free_bytes < 0 else f", {disk_space.free_bytes / 1e9:.1f} GB free"
-    sensors = ", ".join(failing) or "all sensors ok"
-    return f"{state}, {elapsed_s:.0f} s, {ticks} ticks, {missed} missed{free}; {error}{sensors}"
+    slow: list[str],
+) -> RecordingStatus:
+    """The state of the recording."""
+    return RecordingStatus(
+        recording=log_files.recording,
+        waiting_for_switch=not armed,
+        log=log_files.path.name if log_files.path else "",
+        elapsed_s=elapsed_s,
+        ticks=ticks,
+        missed=missed,
+        free_bytes=disk_space.free_bytes if disk_space.free_bytes >= 0 else None,
+        error=log_files.error,
+        sensors={each.name: str(each.health.state) for each in supervisors},
+        slow=slow,
+    )

@@ -7,6 +7,7 @@ from collections import deque
 from pathlib import Path
 
 from daq.config import FullDiskPolicy
+from daq.log_names import numbered_logs
 from flight.log_index import MAGIC
 from flight.messages import Event
 
@@ -73,8 +74,8 @@ class DiskSpace:
 
     def _delete_oldest(self) -> bool:
         """Whether a finished log could be deleted."""
-        for path in sorted(self._directory.glob("log-*.mcap"), key=log_number):
-            if log_number(path) >= 0 and is_finished(path):
+        for path in numbered_logs(self._directory):
+            if is_finished(path):
                 size = path.stat().st_size
                 path.unlink()
                 self._report("warning", f"{path} ({_MB(size)}) was deleted to free space (when_full in the tray file)")
@@ -83,12 +84,6 @@ class DiskSpace:
 
     def _report(self, severity: str, text: str) -> None:
         self._events.append(Event(severity=severity, sensor="daq", text=text))
-
-
-def log_number(path: Path) -> int:
-    """The number in log-NNNN.mcap; -1 for any other name."""
-    digits = path.name.removeprefix("log-").removesuffix(".mcap")
-    return int(digits) if digits.isdigit() else -1
 
 
 def is_finished(path: Path) -> bool:

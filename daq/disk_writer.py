@@ -35,6 +35,7 @@ class DiskWriter:
     def __init__(self, name: Callable[[int], Path], *, wait: bool = True):
         self._name, self._attempt = name, 0
         self.path: Path | None = None  # None until the file is open
+        self._new_path: Path | None = None  # requested by `rename`
         self._file = -1
         self._error = ""
         self._errno = 0
@@ -79,6 +80,11 @@ class DiskWriter:
             self._backlog_bytes += len(data)
             self._changed.notify_all()
         return len(data)
+
+    def rename(self, path: Path) -> None:
+        """Give the file another name, before the next write. It keeps its name if the other one is not possible."""
+        with self._changed:
+            self._new_path = path
 
     def unsaved(self) -> list[bytes]:
         """The data not known to be on the disk, in the pieces given to `write`."""
@@ -132,6 +138,7 @@ class DiskWriter:
                     raise OSError(self._errno, "a sync failed, nothing more is written to this file")
                 if self._file < 0:
                     self._open()
+                self._rename()
                 self._write_some()
                 if self._unsynced and (closing or time.monotonic() - synced_s >= SYNC_EVERY_S):
                     self._sync()
@@ -169,6 +176,23 @@ class DiskWriter:
         fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # marks the file as being written, see log_recovery
         sync_directory(path.parent)
         self._busy_since_s = None
+
+    def _rename(self) -> None:
+        """Change the name as requested. An existing file is not replaced; an error changes nothing."""
+        with self._changed:
+            path, self._new_path = self._new_path, None
+        if path is None or self.path is None or path == self.path:
+            return
+        try:
+            if not path.exists():
+                self._busy_since_s = time.monotonic()
+                self.path.rename(path)
+                self.path = path
+                sync_directory(path.parent)
+        except OSError:
+            pass
+        finally:
+            self._busy_since_s = None
 
     def _write_some(self) -> None:
         """Write the waiting data and move what the disk has accepted to the unsynced data."""

@@ -6,13 +6,13 @@ from daq import config
 from daq.bus import Buses
 from daq.config import SensorConfig, Tray
 from daq.sensors import Sensor
+from daq.sensors.ads1115 import ADS1115Driver
 from daq.sensors.ak8963 import AK8963Driver
-from daq.sensors.autopilot import AutopilotDriver
 from daq.sensors.bridge import BridgeTransducerDriver
 from daq.sensors.esc_counter import EscCounterDriver
+from daq.sensors.ina2xx import INA226, INA228, PowerMonitorDriver
 from daq.sensors.mpu9250 import MPU9250Driver
 from daq.sensors.ms56xx import MS5611, MS5805, MS56xxDriver
-from daq.sensors.navio2 import Navio2Driver
 from daq.sensors.ublox import UBloxDriver
 from daq.sensors.ublox_ddc import DdcPort
 from flight.aircraft import Aircraft
@@ -61,6 +61,8 @@ def driver_factory(table: SensorConfig, tray: Tray, buses: Buses, aircraft: Airc
         case config.UBloxDdcConfig():
             return lambda: UBloxDriver(DdcPort(buses.i2c(table.bus), table.address), rate_Hz=table.rate_Hz, baud=None)
         case config.Navio2Config():
+            from daq.sensors.navio2 import Navio2Driver  # needs pymavlink too
+
             return lambda: Navio2Driver(buses.port(table.port, 0), aircraft=aircraft)
         case config.EscCounterConfig():
             pole_pairs = table.pole_pairs or (aircraft.propulsion.pole_pairs if aircraft else None)
@@ -73,6 +75,25 @@ def driver_factory(table: SensorConfig, tray: Tray, buses: Buses, aircraft: Airc
                 buses.port(table.port, table.baud), pole_pairs=pole_pairs, framed=table.framed
             )
         case config.AutopilotConfig():
+            from daq.sensors.autopilot import AutopilotDriver  # pymavlink doubles the time of the daemon's imports
+
             return lambda: AutopilotDriver(
-                buses.port(table.port, table.baud), aircraft=aircraft, rate_Hz=tray.rate_Hz, rpm=table.rpm
+                buses.port(table.port, table.baud),
+                aircraft=aircraft,
+                rate_Hz=tray.rate_Hz,
+                rpm=table.rpm,
+                battery=table.battery,
+            )
+        case config.Ina226Config() | config.Ina228Config():
+            part = INA226 if isinstance(table, config.Ina226Config) else INA228
+            return lambda: PowerMonitorDriver(
+                buses.i2c(table.bus), table.address, part, shunt_ohm=table.shunt_ohm, period_s=period_s
+            )
+        case config.Ads1115Config():
+            return lambda: ADS1115Driver(
+                buses.i2c(table.bus),
+                table.address,
+                inputs=table.inputs,
+                full_scale_V=table.full_scale_V,
+                period_s=period_s,
             )

@@ -4,6 +4,7 @@ The only module that imports smbus2 and pyserial. Devices are locked with flock(
 readers of a bus spoil each other's readings; opening a locked one raises 16 (EBUSY).
 """
 
+import ctypes
 import errno
 import fcntl
 import os
@@ -48,17 +49,17 @@ class LinuxI2C:
         self._do(address, data, 0)
 
     def read(self, address: int, count: int) -> bytes:
-        return bytes(self._do(address, b"", count))
+        return self._do(address, b"", count)
 
     def write_read(self, address: int, data: bytes, count: int) -> bytes:
-        return bytes(self._do(address, data, count))
+        return self._do(address, data, count)
 
-    def _do(self, address: int, data: bytes, count: int) -> Any:
-        """The last message of the transfer. Raises OSError if incomplete: it then holds an old reading."""
+    def _do(self, address: int, data: bytes, count: int) -> bytes:
+        """The bytes read. Raises OSError if the transfer is incomplete: the buffer then holds an old reading."""
         request, messages = self._prepared(address, data, count)
         if fcntl.ioctl(self._bus.fd, I2C_RDWR, request) != len(messages):  # type: ignore[arg-type]  # it is open
             raise OSError(errno.EIO, os.strerror(errno.EIO))
-        return messages[-1]
+        return ctypes.string_at(messages[-1].buf, count)  # bytes(message) takes one byte after the other
 
 
 def _prepare(address: int, data: bytes, count: int) -> tuple[Any, list[Any]]:

@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 from zstandard import ZstdCompressor
 
-from daq.disk_space import DiskSpace, log_number
+from daq.disk_space import DiskSpace
 from daq.disk_writer import CLOSE_WITHIN_S
+from daq.log_names import name_with_start
 from daq.recorder import BACKLOG_BYTES, Recorder
 from daq.sensors import Sample
 from flight.errors import InputError
@@ -35,6 +36,8 @@ class LogFiles:
 
     name: path of file number 0, 1, …; begin: writes the header of a new file, given the recorder, the file's number,
     its start in monotonic time [ns] and the path of the previous file. limits: when a new file is started.
+    satellite_offset_ns: set it once it is known (Unix time by the satellites minus monotonic time): numbered files are
+    then named by it.
     """
 
     def __init__(
@@ -56,7 +59,9 @@ class LogFiles:
         self._began_ns = 0
         self._previous: Path | None = None
         self._patience_s = GIVE_UP_AFTER_S
-        self._announced = True  # whether the path of the current file has been reported
+        self._announced: Path | None = None  # the path of the current file that was reported last
+        self.satellite_offset_ns: int | None = None
+        self._renamed = -1  # number of the file that was given its name last
         self._reported_error = ""
         self._dropped_before = 0  # messages dropped from earlier files
         self._reported_dropped = 0
@@ -122,6 +127,7 @@ class LogFiles:
         elif current.ticks and (new_file or self._reached_limit(current, now_ns)):
             self._finish_current()
             self._start(now_ns)
+        self._name_by_start()
         for number, recorder in list(self._closing.items()):
             self._note_path(number, recorder)
             if recorder.disk.done:
@@ -151,7 +157,7 @@ class LogFiles:
         recorder = Recorder(name, offset_ns=self._offset_ns, wait=wait, compressor=self._compressor)
         self._attempts = max(self._attempts, first + 1)
         self._begin(recorder, self._files, now_ns, self._previous)
-        self._current, self._files, self._began_ns, self._announced = recorder, self._files + 1, now_ns, False
+        self._current, self._files, self._began_ns = recorder, self._files + 1, now_ns
 
     def _finish_current(self) -> None:
         assert self._current is not None
@@ -177,6 +183,14 @@ class LogFiles:
         self._dropped_before += self._current.dropped
         self._current = None
 
+    def _name_by_start(self) -> None:
+        """Give the current file the name that says when it began, as soon as the satellites' time is known."""
+        path, number = self.path, self._files - 1
+        if self._current is None or path is None or self.satellite_offset_ns is None or self._renamed == number:
+            return
+        self._renamed = number
+        self._current.disk.rename(name_with_start(path, self._began_ns + self.satellite_offset_ns))
+
     def _reached_limit(self, current: Recorder, now_ns: int) -> bool:
         return now_ns - self._began_ns >= self._limits.duration_ns or current.log.size_bytes >= self._limits.size_bytes
 
@@ -187,9 +201,8 @@ class LogFiles:
     def _events(self) -> list[Event]:
         events = []
         error, before = self.error, self._reported_error
-        if self.path is not None and not self._announced:
-            self._announced = True
-            self._paths[self._files - 1] = self.path
+        if self.path is not None and self.path != self._announced:
+            self._announced = self._paths[self._files - 1] = self.path
             events.append(_event("info", f"recording {self.path}"))
         if error and not before:
             events.append(_event("error", f"the log cannot be written and is kept in memory: {error}"))
@@ -207,20 +220,3 @@ class LogFiles:
 
 def _event(severity: str, text: str) -> Event:
     return Event(severity=severity, sensor="daq", text=text)
-
-
-def numbered_names(directory: Path) -> Callable[[int], Path]:
-    """Names log-NNNN.mcap after the highest number in use. Raises InputError if the directory is unusable."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        # Names such as log-0007.mcap.part count too: somebody is copying or renaming that log.
-        taken = [log_number(Path(path.name.partition(".mcap")[0] + ".mcap")) for path in directory.glob("log-*.mcap*")]
-    except OSError as error:
-        raise InputError(f"{directory}: cannot be used for logs ({error.strerror or error})") from None
-    first = max(taken, default=0) + 1
-    return lambda number: directory / f"log-{max(first, 1) + number:04d}.mcap"
-
-
-def part_names(path: Path) -> Callable[[int], Path]:
-    """Names for a recording whose first file is given: log.mcap, log-part2.mcap, …"""
-    return lambda number: path if number == 0 else path.with_name(f"{path.stem}-part{number + 1}{path.suffix}")

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from daq.sensor_health import GOOD_STATUSES
 from flight.log_reader import Log, LogEntry, read_log
+from flight.messages import Time
 
 
 class TopicSummary(NamedTuple):
@@ -32,9 +33,11 @@ def summarise(path: Path) -> Summary:
     begin_ns, end_ns = min(times_ns), max(times_ns)
     duration_s = (end_ns - begin_ns) / 1e9
     facts = log.metadata.get("flightpower", {})
-    begin = datetime.fromtimestamp(begin_ns / 1e9, UTC)
+    offset_ns = _satellites_minus_log_time_ns(log)
+    begin = datetime.fromtimestamp((begin_ns + (offset_ns or 0)) / 1e9, UTC)
+    clock = "system clock" if offset_ns is None else "satellites' time"
     lines = [
-        f"{path}: {duration_s:.1f} s from {begin:%Y-%m-%d %H:%M:%S} (system clock, UTC)",
+        f"{path}: {duration_s:.1f} s from {begin:%Y-%m-%d %H:%M:%S} ({clock}, UTC)",
         f"aircraft {facts.get('aircraft') or 'not given'}, {facts.get('tick_rate_Hz', '?')} Hz, "
         f"software {facts.get('version', '?')}",
         f"attachments: {', '.join(log.attachments) or 'none'}",
@@ -45,6 +48,13 @@ def summarise(path: Path) -> Summary:
     if log.undecodable:
         lines.append(f"{log.undecodable} messages cannot be decoded")
     return Summary(lines, [_topic(topic, entries, duration_s) for topic, entries in sorted(log.entries.items())])
+
+
+def _satellites_minus_log_time_ns(log: Log) -> int | None:
+    for entry in reversed(log.entries.get("/time", [])):
+        if isinstance(entry.message, Time) and entry.message.gps_utc_ns is not None:
+            return entry.message.gps_utc_ns - entry.time_ns
+    return None
 
 
 def _ticks(log: Log) -> str:

@@ -12,8 +12,10 @@ from daq import config
 from daq.bus import Buses, BytePort, I2CBus
 from daq.clock import Clock
 from daq.config import SensorConfig
+from daq.sensors.ads1115 import CONFIG as ADS1115_CONFIG
 from daq.sensors.autopilot import OUR_COMPONENT, OUR_SYSTEM, is_autopilot
 from daq.sensors.esc_counter import FramedParser, LegacyParser
+from daq.sensors.ina2xx import INA226, INA228
 from daq.sensors.ms56xx import MS5611, MS5805, PROM_WORDS, READ_PROM
 from daq.sensors.ublox import frame_of, take_frames
 from daq.sensors.ublox_ddc import DdcPort
@@ -61,6 +63,14 @@ def _identify(table: SensorConfig, buses: Buses, clock: Clock) -> str:
             return _counter(buses.port(table.port, table.baud), clock, framed=table.framed)
         case config.AutopilotConfig():
             return _autopilot(buses.port(table.port, table.baud), clock)
+        case config.Ina226Config() | config.Ina228Config():
+            part = INA226 if isinstance(table, config.Ina226Config) else INA228
+            word = buses.i2c(table.bus).write_read(table.address, bytes([part.identity_register]), 2)
+            code = int.from_bytes(word, "big")
+            return part.name if code & 0xFFF0 == part.identity else f"unknown (device 0x{code:04x})"
+        case config.Ads1115Config():
+            buses.i2c(table.bus).write_read(table.address, bytes([ADS1115_CONFIG]), 2)
+            return "ADS1115 (answers; the part has no identity register)"
     return _driver(table)
 
 

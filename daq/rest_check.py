@@ -5,13 +5,17 @@ from collections.abc import Mapping, Sequence
 from statistics import fmean
 
 from daq.still_air_zero import COVER, PRESSURE
-from flight.messages import AbsolutePressure, DifferentialPressure, Imu, Message
+from flight.messages import AbsolutePressure, DifferentialPressure, Gps, Imu, Magnetometer, Message
 from flight.units import GRAVITY_MPS2
 
+THREE_DIMENSIONAL = 3  # fix
 FORCE_TOLERANCE = 0.1  # of 1 g: zero-g output of the MPU-9250 is within 0.08 g, its scale within 3 % (PS 3.2)
 MAX_TILT_DEG = 45.0  # of a parked aircraft; a wrong axis is 90 or 180 deg off
 # MS5611-01BA03 within 1.5 mbar, MS5805-02BA01 within 2 mbar at room temperature, and some for the sun on the tray.
 MAX_BAROMETER_DIFFERENCE_PA = 500.0
+EARTH_FIELD_T = (20e-6, 70e-6)  # 22 to 67 uT at the surface (World Magnetic Model), and some for the aircraft's own
+# Pressure at sea level is 950 to 1050 hPa but in storms: 550 m of height in the standard atmosphere. GPS: some tens.
+MAX_HEIGHT_DIFFERENCE_M = 650.0
 
 
 def is_finite(message: Message) -> bool:
@@ -31,6 +35,8 @@ def rest_problem(messages: Sequence[Message]) -> str:
             differences.append(message.differential_pressure_Pa)
     if forces:
         return _force_problem([fmean(component) for component in zip(*forces, strict=True)])
+    if problem := field_problem(messages):
+        return problem
     if differences and abs(fmean(differences)) > PRESSURE.offset:
         return f"{fmean(differences):.0f} Pa at rest, limit {PRESSURE.offset:g}: {COVER}; or a tube is blocked"
     return ""
@@ -50,16 +56,54 @@ def _force_problem(force: Sequence[float]) -> str:
     return ""
 
 
+def field_problem(messages: Sequence[Message]) -> str:
+    """Why the mean flux density is not the earth's, with advice; empty if it can be."""
+    fields = [
+        (m.field_x_T or 0.0, m.field_y_T or 0.0, m.field_z_T or 0.0)
+        for m in messages
+        if isinstance(m, Magnetometer) and m.field_x_T is not None
+    ]
+    if not fields:
+        return ""
+    size_T = math.hypot(*(fmean(component) for component in zip(*fields, strict=True)))
+    if EARTH_FIELD_T[0] <= size_T <= EARTH_FIELD_T[1]:
+        return ""
+    return f"{size_T * 1e6:.0f} uT, the earth's field is 22 to 67: move iron and battery wires away from the IMU"
+
+
+def height_comparison(messages: Mapping[str, Sequence[Message]]) -> tuple[bool, str] | None:
+    """Whether the static pressure fits the height of the GPS, and a sentence; None unless both measure."""
+    heights_m = [
+        m.height_msl_m
+        for m in messages.get("/gps", ())
+        if isinstance(m, Gps) and m.height_msl_m is not None and m.fix_type == THREE_DIMENSIONAL
+    ]
+    topic = next((topic for topic in ("/static", "/baro") if pressures_Pa(messages.get(topic, ()))), None)
+    if not heights_m or topic is None:
+        return None
+    height_m, pressure_Pa = fmean(heights_m), fmean(pressures_Pa(messages[topic]))
+    difference_m = standard_height_m(pressure_Pa) - height_m
+    text = (
+        f"{topic} has {pressure_Pa / 100:.0f} hPa at {height_m:.0f} m (GPS), {difference_m:+.0f} m from the standard"
+        f" atmosphere, limit {MAX_HEIGHT_DIFFERENCE_M:.0f}"
+    )
+    if abs(difference_m) <= MAX_HEIGHT_DIFFERENCE_M:
+        return True, text
+    return False, f"{text}: a blocked or open line, or a broken barometer"
+
+
+def standard_height_m(pressure_Pa: float) -> float:
+    """Height in the standard atmosphere's troposphere [m] (ISO 2533)."""
+    return 44330.77 * (1 - math.pow(pressure_Pa / 101325.0, 0.190263))
+
+
+def pressures_Pa(messages: Sequence[Message]) -> list[float]:
+    return [m.pressure_Pa for m in messages if isinstance(m, AbsolutePressure) and m.pressure_Pa is not None]
+
+
 def barometer_comparison(messages: Mapping[str, Sequence[Message]]) -> tuple[bool, str] | None:
     """Whether the two barometers agree, and a sentence; None unless both measure."""
-    pressures = [
-        [
-            m.pressure_Pa
-            for m in messages.get(topic, ())
-            if isinstance(m, AbsolutePressure) and m.pressure_Pa is not None
-        ]
-        for topic in ("/baro", "/static")
-    ]
+    pressures = [pressures_Pa(messages.get(topic, ())) for topic in ("/baro", "/static")]
     if not all(pressures):
         return None
     difference_Pa = fmean(pressures[0]) - fmean(pressures[1])

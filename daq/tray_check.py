@@ -11,12 +11,13 @@ import msgspec
 
 from daq.bus import IN_USE, Buses
 from daq.clock import Clock
+from daq.computer_check import card_check, supply_check
 from daq.config import Tray
 from daq.daemon import STOP_SERVICE
 from daq.disk_space import free_bytes
 from daq.dry_run import DryRun, dry_run
 from daq.part_identity import identify
-from daq.rest_check import barometer_comparison, is_finite, rest_problem
+from daq.rest_check import barometer_comparison, height_comparison, is_finite, rest_problem
 from daq.sensor_health import GOOD_STATUSES
 from flight.messages import Message, Status
 
@@ -40,7 +41,8 @@ SHOWN_FIELDS: dict[str, tuple[tuple[str, float, str], ...]] = {
     "/rpm": (("motor_speed_revps", 60, "rpm"),),
     "/controls": (("elevator_rad", 57.29578, "deg elevator"), ("throttle", 100, "% throttle")),
     "/attitude": (("pitch_rad", 57.29578, "deg pitch"),),
-    "/battery": (("voltage_V", 1, "V"),),
+    "/battery": (("voltage_V", 1, "V"), ("current_A", 1, "A")),
+    "/analog": (("voltage_V", 1, "V"),),
 }
 ADVICE = {
     Status.STARTING: "the part does not start: check its supply",
@@ -111,8 +113,9 @@ def check_tray(tray: Tray, *, buses: Buses, clock: Clock, seconds: float = 5.0, 
     usable_bytes = free_bytes(Path(tray.directory)) - tray.files.keep_free_MB * 1e6
     free_s = max(usable_bytes, 0.0) / (BYTES_PER_S * tray.rate_Hz / 25)
     facts = system_checks(tray, readings, free_s)
-    if (barometers := barometer_comparison(messages)) is not None:
-        facts.append(SystemCheck(*barometers))
+    comparisons = barometer_comparison(messages), height_comparison(messages)
+    computer = supply_check(), card_check(Path(tray.directory))
+    facts += [SystemCheck(*fact) for fact in (*comparisons, *computer) if fact is not None]
     return TrayCheck(lines, readings.missed, readings.late_ms, free_s, facts)
 
 
@@ -183,6 +186,22 @@ def is_writable(directory: Path) -> bool:
             return True
     except OSError:
         return False
+
+
+def check_file(tray: Tray) -> Path:
+    """Where the result of the last check is kept: beside the zero."""
+    return Path(tray.zero).with_name("check.json")
+
+
+def save(report: TrayCheck, tray: Tray) -> None:
+    """Keep the result for the status page. Not an error if the folder cannot be written."""
+    path = check_file(tray)
+    beside = path.with_name(f"{path.name}.new")
+    try:
+        beside.write_text(f"{as_json(report)}\n", "utf-8")
+        beside.replace(path)
+    except OSError:
+        return
 
 
 def as_json(report: TrayCheck) -> str:

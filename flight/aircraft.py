@@ -134,6 +134,13 @@ class Uncertainty:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Installation:
+    """Name of an installation of probe, tubes and tray. Flights of one name were made without moving any of these."""
+
+    name: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Aircraft:
     """What an aircraft file says. keys: the keys it has, with their sections ("mass.Ix")."""
 
@@ -148,6 +155,7 @@ class Aircraft:
     probe: ProbeInstallation = ProbeInstallation()
     imu_position_m: Position = (0.0, 0.0, 0.0)
     uncertainty: Uncertainty = Uncertainty()
+    installation: Installation = Installation()
     source: str = ""
     aerodynamics: dict[str, object] | None = None
     text: str = field(default="", repr=False, metadata=NO_KEY)  # text of the file, which the log contains

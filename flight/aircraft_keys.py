@@ -200,6 +200,13 @@ KEYS: dict[str, Key] = {
         "analysis",
         "0",
     ),
+    "installation.name": Key(
+        '"boom on the left wing, 12 May"',
+        "Name of the installation of probe, tubes and tray.",
+        "Choose one, and another whenever one of these is taken off or moved.",
+        "pooling of flights",
+        "the probe is taken to be mounted anew for each flight",
+    ),
     "aerodynamics": Key(
         "{ … }",
         "Coefficients and derivatives per radian (`flight/aerodynamics.py`); see the shipped files.",

@@ -157,6 +157,16 @@ class Battery(Message):
     current_A: float | None = None
 
 
+class Analog(Message):
+    """The voltage at one input of an analogue converter (ADS1115). Its inputs take turns."""
+
+    topics = ("/analog",)
+
+    channel: int | None = None  # of the converter, from 0
+    counts: int | None = None
+    voltage_V: float | None = None
+
+
 class Time(Message):
     """The same instant on every clock."""
 
@@ -197,6 +207,7 @@ MESSAGES: tuple[type[Message], ...] = (
     Controls,
     Attitude,
     Battery,
+    Analog,
     Time,
     Tick,
     Event,

@@ -8,12 +8,16 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Protocol, TypeVar
 
+import numpy as np
+
 from hw_fakes import bridge, ms56xx, ublox_ddc
+from hw_fakes.ads1115 import FakeADS1115
 from hw_fakes.ak8963 import FakeAK8963
 from hw_fakes.autopilot import FakeAutopilot
 from hw_fakes.esc_counter import FakeEscCounter
 from hw_fakes.faults import BUS, Fault, FaultyBus, FaultyPort, PartFault, check_fault, part_fault
 from hw_fakes.i2c import FakeI2CBus, I2CBus, I2CDevice
+from hw_fakes.ina2xx import INA226, FakePowerMonitor
 from hw_fakes.mpu9250 import FakeMPU9250
 from hw_fakes.port import FakePort, SerialDevice
 from hw_fakes.ublox import PORT_DDC, PORT_UART1, FakeUbloxM8
@@ -31,6 +35,9 @@ ADDRESSES = {
     "beta": 0x46,
     "airspeed": 0x28,
 }
+# Parts that a tray may have too. The schedule of faults does not name them.
+POWER_MONITOR_ADDRESS, ANALOG_ADDRESS = 0x40, 0x48
+ANALOG_DIVIDER = 11.0  # input 0 of the converter is the battery's voltage through a divider, the others are grounded
 Device = TypeVar("Device")
 UTC_AT_START = datetime(2016, 5, 14, 9, 30, tzinfo=UTC)
 
@@ -95,6 +102,14 @@ class FakeTray:
         devices: dict[int, I2CDevice] = {
             address: getattr(self, name) for name, address in ADDRESSES.items() if name != "magnetometer"
         }
+        self.power_monitor = FakePowerMonitor(INA226, sensor_truth, now_ns, seed_of("power"), powered_ns=powered_ns)
+
+        def analog_V(channel: int, t_s: float) -> float:
+            voltage_V, _ = sensor_truth.battery(np.array([t_s]))
+            return float(voltage_V[0]) / ANALOG_DIVIDER if channel == 0 else 0.0
+
+        devices[POWER_MONITOR_ADDRESS] = self.power_monitor
+        devices[ANALOG_ADDRESS] = FakeADS1115(analog_V, now_ns, seed_of("analog"))
         addresses, ports = dict(ADDRESSES), dict(PORTS)
         if gps_on_i2c:
             del ports["gps"]

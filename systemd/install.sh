@@ -2,7 +2,9 @@
 # Installs the daemon as a service. Run it again after an update or a change of the tray file.
 # An existing tray file and existing logs are not changed.
 #
-#   sudo systemd/install.sh            # from a checkout
+#   sudo systemd/install.sh                   # from a checkout, with the internet
+#   sudo systemd/install.sh --wheels FOLDER   # without: from a folder of wheels (see README.md)
+#   sudo systemd/install.sh --tray            # after a change of the tray file: nothing is installed
 #   DESTDIR=/tmp/root DAQ=.venv/bin/daq systemd/install.sh   # install only the files into another root, using another daq
 set -eu
 
@@ -12,18 +14,49 @@ prefix=/opt/flightpower
 units=$root/etc/systemd/system
 tray=$root/etc/flightpower/tray.toml
 
+usage() {
+    echo "install.sh: $1; usage: install.sh [--tray | --wheels FOLDER]" >&2
+    exit 2
+}
+install_program=yes
+wheels=
+case "${1:-}" in
+"") [ $# -eq 0 ] || usage "an empty argument" ;;
+--tray) [ $# -eq 1 ] || usage "--tray takes no folder"; install_program=no ;;
+--wheels)
+    [ $# -eq 2 ] || usage "--wheels takes one folder"
+    ls "$2"/flightpower-*.whl >/dev/null 2>&1 || usage "$2: has no wheel of flightpower"
+    wheels=$2
+    ;;
+*) usage "unknown option $1" ;;
+esac
+
 if [ -z "$root" ] && [ "$(id -u)" -ne 0 ]; then
     echo "install.sh: must be run as root: sudo $0" >&2
     exit 1
 fi
 
-if [ -z "$root" ]; then
-    [ -x $prefix/bin/python ] || python3 -m venv $prefix
-    $prefix/bin/pip install --quiet --upgrade "$(dirname "$here")"
-fi
 daq=${DAQ:-$prefix/bin/daq}
+if [ -z "$root" ] && [ $install_program = yes ]; then
+    [ -x $prefix/bin/python ] || python3 -m venv $prefix
+    if [ -n "$wheels" ]; then
+        # --force-reinstall: a newer wheel may have the same version number. Its dependencies stay where they suffice.
+        $prefix/bin/pip install --quiet --no-index --find-links "$wheels" --upgrade flightpower
+        $prefix/bin/pip install --quiet --no-index --find-links "$wheels" --no-deps --force-reinstall flightpower
+    else
+        $prefix/bin/pip install --quiet --upgrade "$(dirname "$here")"
+    fi
+    # The daemon speaks one dialect of MAVLink; the others take 70 MB of the card.
+    find $prefix/lib/python3*/site-packages/pymavlink/dialects -type f \
+        ! -name __init__.py ! -path '*/v20/ardupilotmega*' -delete
+fi
+if ! [ -x "$daq" ]; then
+    echo "install.sh: $daq is missing: run it once without --tray" >&2
+    exit 1
+fi
 
 install -D -m 0644 "$here/flightpower-daq.service" "$units/flightpower-daq.service"
+install -D -m 0644 "$here/flightpower-status.service" "$units/flightpower-status.service" # not enabled
 install -D -m 0644 "$here/60-flightpower.rules" "$root/etc/udev/rules.d/60-flightpower.rules"
 install -D -m 0644 "$here/flightpower.sysusers" "$root/usr/lib/sysusers.d/flightpower.conf"
 install -d -m 0755 "$root/etc/flightpower"

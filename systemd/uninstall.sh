@@ -14,7 +14,12 @@ if [ -z "$root" ] && systemctl cat flightpower-daq.service >/dev/null 2>&1; then
     systemctl disable --now flightpower-daq.service # finishes the log
 fi
 
+if [ -z "$root" ] && systemctl cat flightpower-status.service >/dev/null 2>&1; then
+    systemctl disable --now flightpower-status.service
+fi
+
 rm -f "$root/etc/systemd/system/flightpower-daq.service"
+rm -f "$root/etc/systemd/system/flightpower-status.service"
 rm -f "$root/etc/systemd/system/flightpower-daq.service.d/tray.conf"
 if [ -d "$root/etc/systemd/system/flightpower-daq.service.d" ]; then
     # Other drop-ins are kept.

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from analysis.drag import consider, covariance
 from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
+from analysis.drag.joint_estimate import JointEstimate, joint_estimate
 from analysis.drag.polar import Polar
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
@@ -82,6 +83,7 @@ DRAG = Model(
         Parameter(name="thrust_beyond", start=0.0, prior_sigma=1.0),
     ),
 )
+PRIOR_SIGMA = np.array([parameter.prior_sigma for parameter in DRAG.parameters])
 KEPT = len(POLAR + THRUST)  # parameters of the estimate; the thrust beyond the table is in their covariance
 
 
@@ -101,6 +103,7 @@ class DynamicEstimate:
     parameters : name, value, standard error, unit
     values : (5,) of POLAR and THRUST
     noise, systematic : the parts (5, 5) of their covariance, by noise and by errors common to all runs
+    joint : with the sensor errors, for the joint estimate of several flights; None by another method
     """
 
     polar: Polar
@@ -111,6 +114,7 @@ class DynamicEstimate:
     values: Array
     noise: Array
     systematic: Array
+    joint: JointEstimate | None = None
 
 
 def estimate_polar(
@@ -123,23 +127,33 @@ def estimate_polar(
     level = _within_level_flight(forces, _airborne(flight_forces), runs)
     fit = _fitted(forces, level, runs)
 
-    def variance(states: Array, sensor_errors: Array) -> Array:
-        change = _fitted(flight_forces.forces(states, sensor_errors), level, runs).values - fit.values
-        return np.outer(change, change)
+    def change(states: Array, sensor_errors: Array) -> Array:
+        return np.asarray(_fitted(flight_forces.forces(states, sensor_errors), level, runs).values - fit.values)
 
     noise = covariance.of_noise(fit)
     systematic = np.zeros_like(noise)
     systematic[:3, :3] = covariance.floor()
+    by_sensor_errors = []
     for error in np.linalg.cholesky(trajectory.covariance).T:
-        systematic += variance(states + trajectory.state_sensitivity @ error, sensor_errors + error)
+        by_sensor_errors.append(change(states + trajectory.state_sensitivity @ error, sensor_errors + error))
+        systematic += np.outer(by_sensor_errors[-1], by_sensor_errors[-1])
     for draw in trajectory.draws:
-        noise += variance(states + draw, sensor_errors) / len(trajectory.draws)
+        by_draw = change(states + draw, sensor_errors)
+        noise += np.outer(by_draw, by_draw) / len(trajectory.draws)
     weighing_more = FlightForces(trajectory, consider.weighing_more(aircraft), propeller)
-    for values in (
-        _fitted(consider.without_updraft(forces, aircraft), level, runs).values,
-        consider.at_nominal_weight(_fitted(weighing_more.forces(states, sensor_errors), level, runs).values, aircraft),
-    ):
-        systematic += np.outer(values - fit.values, values - fit.values)
+    changes = {
+        name: values - fit.values
+        for name, values in {
+            consider.UPDRAFT: _fitted(consider.without_updraft(forces, aircraft), level, runs).values,
+            consider.WEIGHT: consider.at_nominal_weight(
+                _fitted(weighing_more.forces(states, sensor_errors), level, runs).values, aircraft
+            ),
+        }.items()
+    }
+    for by_error in changes.values():
+        systematic += np.outer(by_error, by_error)
+    joint = joint_estimate(fit.names, fit.values, noise, PRIOR_SIGMA, np.stack(by_sensor_errors, axis=1), trajectory)
+    joint = joint.with_changes(changes)
     values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
     warnings = []
@@ -161,6 +175,7 @@ def estimate_polar(
         values=values,
         noise=noise,
         systematic=systematic,
+        joint=joint,
     )
 
 

@@ -9,6 +9,7 @@ from analysis.drag.estimate import DragEstimates
 from analysis.drag.polar import Condition, best_range_lift, minimum_power_lift
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.results import methods, power_curves
+from analysis.results.pooling_statistics import PoolingStatistics
 from analysis.results.schema import (
     AircraftResult,
     ConditionResult,
@@ -36,6 +37,7 @@ def assemble(
     drag: DragEstimates,
     trajectory: PathResult,
     performance: PerformanceResult | None,
+    pooling: PoolingStatistics | None,
     warnings: list[str],
 ) -> Results:
     """The contents of `results.json`.
@@ -88,6 +90,7 @@ def assemble(
         ),
         path=trajectory,
         use=performance,
+        pooling=pooling,
     )
 
 

@@ -2,6 +2,8 @@
 
 import msgspec
 
+from analysis.results.pooling_statistics import PoolingStatistics
+
 FORMAT = "flightpower-results-2"
 BELOW_SLOWEST = "It lies below the slowest speed flown."  # reason of a `SpeedInterval`
 
@@ -333,6 +335,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
     electrical_power: list[PowerPoint] = []  # from the battery in level flight, where thrust is not known
     electrical: ElectricalResult | None = None
+    pooling: PoolingStatistics | None = None  # null where no acceleration or deceleration was analysed
 
 
 def schema() -> bytes:

@@ -30,17 +30,22 @@ class AutopilotDriver:
 
     aircraft: converts pulse widths into angles; without it only pulse widths are logged. rate_Hz: requested rate of
     attitude and pulse widths. rpm: also read motor speed, from RPM (ArduPilot, first sensor) or RAW_RPM (index 0).
+    battery: read the battery.
 
     Stick positions are added to the next message on /controls, once.
     """
 
-    def __init__(self, port: BytePort, *, aircraft: Aircraft | None, rate_Hz: float, rpm: bool = False):
+    def __init__(
+        self, port: BytePort, *, aircraft: Aircraft | None, rate_Hz: float, rpm: bool = False, battery: bool = True
+    ):
         self._port = port
         self._aircraft = aircraft
         self._rate_Hz = rate_Hz
         self._link = mavlink.MAVLink(None, srcSystem=OUR_SYSTEM, srcComponent=OUR_COMPONENT)
         self._link.robust_parsing = True  # damaged bytes become BAD_DATA messages, not exceptions
-        self._silence_ns = {"/controls": SILENCE_NS, "/attitude": SILENCE_NS, "/battery": BATTERY_SILENCE_NS}
+        self._silence_ns = {"/controls": SILENCE_NS, "/attitude": SILENCE_NS}
+        if battery:
+            self._silence_ns["/battery"] = BATTERY_SILENCE_NS
         if rpm:
             self._silence_ns["/rpm"] = SILENCE_NS
         self.system_id: int | None = None  # of the autopilot, once it was heard
@@ -64,6 +69,7 @@ class AutopilotDriver:
             self._damaged |= received.get_type() == "BAD_DATA"
             self._take(received, newest)
         self._damaged &= not newest
+        newest = {topic: message for topic, message in newest.items() if topic in self._silence_ns}
         silent = False
         for topic, limit_ns in self._silence_ns.items():
             if topic in newest or topic not in self._last_ns:
@@ -92,9 +98,9 @@ class AutopilotDriver:
             newest["/battery"] = battery(received)
         elif kind == "SYS_STATUS" and not self._has_battery_status:
             newest["/battery"] = _battery(received.voltage_battery, received.current_battery)
-        elif kind == "RPM" and "/rpm" in self._silence_ns:
+        elif kind == "RPM":
             newest["/rpm"] = motor_speed(received.rpm1)
-        elif kind == "RAW_RPM" and received.index == 0 and "/rpm" in self._silence_ns:
+        elif kind == "RAW_RPM" and received.index == 0:
             newest["/rpm"] = motor_speed(received.frequency)
 
     def _request_messages(self, system: int) -> None:

@@ -122,9 +122,12 @@ class MS56xxDriver:
 
     def _finish(self, now_ns: int) -> Sample:
         counts = int.from_bytes(self._bus.write_read(self._address, bytes([READ_ADC]), 3), "big")
-        if counts == 0:  # no conversion was running: the supply failed or the part was reset (MS5611 datasheet p. 11)
+        if counts == 0:
+            # MS5611 datasheet p. 11: no conversion was running, or it had not ended. The first means a reset of the
+            # part; the second, that the start command was delayed on its way.
             raise SensorFailure(
-                Status.FAULT, f"{self._variant.name} lost a conversion: check its supply for interruptions"
+                Status.TIMEOUT,
+                f"{self._variant.name} had no result: its bus or this computer is slow, or its supply was interrupted",
             )
         middle_ns = self._started_ns + CONVERSION_NS[self._code] // 2
         if self._running == START_TEMPERATURE:

@@ -12,6 +12,7 @@ import pytest
 from mcap.reader import make_reader
 from running import command, done
 
+from analysis.pooling import pool_results
 from analysis.results.schema import Results
 from benchmarks.named_speeds import below_slowest
 from flight.messages import TYPE_OF_TOPIC
@@ -71,6 +72,14 @@ def test_the_interval_is_an_interval(results: Results) -> None:
         assert ends == sorted(ends) and (len(ends) == 3 or special.reason)
 
 
+def test_one_flight_through_the_pool_equals_its_analysis_to_the_digit(flown: Path) -> None:
+    path = flown / "log.report" / "results.json"
+    results, pooled = json.loads(path.read_bytes()), pool_results([path]).to_json()
+    assert pooled["power_required"] == results["power_required"]
+    assert pooled["test"] == results["test"]
+    assert pooled["drag_polar"] == {name: results["drag_polar"][name] for name in ("A0", "A1", "A2")}
+
+
 def test_nothing_names_a_speed_below_the_slowest_flown(results: Results) -> None:
     assert below_slowest(results) == []
 
@@ -99,7 +108,7 @@ def test_the_log_opens_with_the_stock_reader_and_explains_itself(flown: Path) ->
             if content["status"] == "ok":
                 seen[channel.topic] = content
     assert names == {"tray.toml", "aircraft.toml", "propeller.csv", "probe.json"}
-    assert set(seen) == set(TYPE_OF_TOPIC)
+    assert set(seen) == set(TYPE_OF_TOPIC) - {"/analog"}
     for topic, (raw, value) in RAW_AND_SI.items():
         assert raw is None or seen[topic][raw] is not None, topic
         assert seen[topic][value] is not None, topic

@@ -13,6 +13,8 @@ from scripted_parts import HandClock
 
 from daq.config import parse_tray
 from daq.daemon import NoDeviceOpened, record
+from daq.log_list import list_logs
+from daq.log_summary import summarise
 from flight.errors import InputError
 from flight.log_reader import read_log
 from flight.messages import TYPE_OF_TOPIC, Status, schema_of
@@ -109,12 +111,29 @@ def test_every_tick_is_there_and_counted(flight):
     recording, log = flight
     assert (recording.ticks, recording.missed, recording.write_error) == (SECONDS * 25, 0, "")
     assert [entry.tick for entry in log.entries["/daq/tick"]] == list(range(SECONDS * 25))
-    assert recording.path.name == "log-0001.mcap"
+    assert recording.path.name == "log-0001_2016-05-14_093000Z.mcap"  # the satellites' time, the clock says 2023
+
+
+def test_logs_are_listed_by_the_satellites_time(flight, tmp_path):
+    recording, _ = flight
+    whole = recording.path.read_bytes()
+    (tmp_path / "log-0002.mcap").write_bytes(whole)
+    (tmp_path / "log-0003.mcap").write_bytes(whole[:-9])
+    (tmp_path / "log-0004.mcap").write_bytes(whole[: len(whole) // 2] + whole[-30:])
+    found = list_logs(tmp_path)
+    assert [log.state.partition(":")[0] for log in found] == [
+        "complete",
+        "being recorded, or unfinished",
+        "cannot be read",
+    ]
+    assert found[0].by_satellites and f"{found[0].begin:%Y-%m-%d %H:%M}" in ("2016-05-14 09:29", "2016-05-14 09:30")
+    assert found[0].duration_s == pytest.approx(SECONDS, abs=0.1)
+    assert any("2016-05-14 09:" in line and "satellites' time" in line for line in summarise(recording.path).lines)
 
 
 def test_every_topic_is_there_with_its_schema(flight):
     recording, log = flight
-    assert set(log.entries) == set(TYPE_OF_TOPIC)
+    assert set(log.entries) == set(TYPE_OF_TOPIC) - {"/analog"}
     from mcap.reader import make_reader
 
     with recording.path.open("rb") as stream:

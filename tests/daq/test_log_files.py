@@ -16,7 +16,8 @@ from daq import disk_writer as disk_module
 from daq import log_files as logbook_module
 from daq.disk_space import DiskSpace
 from daq.disk_writer import DiskWriter
-from daq.log_files import FileLimits, LogFiles, numbered_names, part_names
+from daq.log_files import FileLimits, LogFiles
+from daq.log_names import numbered_names, part_names
 from daq.recorder import BACKLOG_BYTES, Recorder
 from daq.sensors import Sample
 from flight.errors import InputError
@@ -158,6 +159,29 @@ def test_names_count_up_past_whatever_is_there(tmp_path):
     (directory / "log-0007.mcap").touch()
     (directory / "log-notes.txt").touch()
     assert [numbered_names(directory)(i).name for i in (0, 1)] == ["log-0008.mcap", "log-0009.mcap"]
+
+
+def test_a_log_is_named_by_the_satellites_time_once_it_is_known(tmp_path):
+    session = RecordingSession(tmp_path)
+    session.run(10)
+    session.files.satellite_offset_ns = 1_795_358_402 * 10**9  # 2026-11-22 14:40:02 at monotonic time 0
+    session.run_until(lambda: session.files.path != tmp_path / "log-0001.mcap")
+    session.files.close()
+    dated = tmp_path / "log-0001_2026-11-22_144002Z.mcap"
+    assert session.files.paths == [dated] and f"recording {dated}" in session.texts
+    assert ticks_of(dated) == list(range(session.tick))
+    assert numbered_names(tmp_path)(0).name == "log-0002.mcap"
+
+
+def test_naming_a_log_never_replaces_another(tmp_path):
+    session = RecordingSession(tmp_path)
+    target = tmp_path / "log-0001_2026-11-22_144002Z.mcap"
+    target.write_bytes(b"precious")
+    session.files.satellite_offset_ns = 1_795_358_402 * 10**9
+    session.run(20)
+    session.files.close()
+    assert target.read_bytes() == b"precious"
+    assert ticks_of(tmp_path / "log-0001.mcap") == list(range(20))
 
 
 def test_a_directory_that_cannot_be_used_is_said_by_name(tmp_path):

@@ -288,7 +288,7 @@ def test_when_the_card_is_full_at_power_on_it_says_so_and_waits_for_room(tmp_pat
         on_event=lambda event: events.append(event.text), report=lines.append,
     )  # fmt: skip
     assert "recording stops" in events[0]
-    assert "NOT RECORDING: the card is full" in lines[50]
+    assert "NOT RECORDING: the card is full" in lines[50].line
     assert any("are free again: recording resumes" in text for text in events)
     first = read_log(recording.path).entries["/daq/tick"][0]
     assert first.tick >= 100 * 25
@@ -307,6 +307,7 @@ def test_the_status_line_says_how_it_goes(tmp_path):
         report=lines.append,
     )  # fmt: skip
     assert len(lines) == 6
-    assert lines[-1].startswith("recording log-0001.mcap, 5 s, 126 ticks, 0 missed, ")
-    assert lines[-1].endswith("GB free; all sensors ok")
-    assert "starting" in lines[0]
+    line = lines[-1].line
+    assert line.startswith("recording log-0001_2016-05-14_093000Z.mcap, 5 s, 126 ticks, 0 missed, ")
+    assert line.endswith("GB free; all sensors ok")
+    assert "starting" in lines[0].line

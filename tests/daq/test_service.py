@@ -52,6 +52,19 @@ def test_the_unit_exposes_next_to_nothing(tmp_path, of):
 
 
 @needs_systemd
+def test_the_status_page_is_exposed_no_more_than_a_page_has_to_be(tmp_path):
+    path = tmp_path / "flightpower-status.service"
+    path.write_text((UNIT.parent / path.name).read_text().replace("/opt/flightpower/bin/daq", str(DAQ)))
+    done = subprocess.run(
+        ["systemd-analyze", "security", "--offline=yes", "--no-pager", str(path)], capture_output=True, text=True
+    )
+    exposure = re.search(r"exposure level for \S+: ([\d.]+)", done.stdout)
+    assert exposure and float(exposure[1]) <= MOST_EXPOSED, done.stdout
+    done = subprocess.run(["systemd-analyze", "verify", "--man=no", str(path)], capture_output=True, text=True)
+    assert done.returncode == 0 and done.stderr == "", done.stderr
+
+
+@needs_systemd
 def test_the_unit_is_verified(tmp_path):
     path = merged(tmp_path, unit_drop_in(example()))
     done = subprocess.run(["systemd-analyze", "verify", "--man=no", str(path)], capture_output=True, text=True)
@@ -129,6 +142,7 @@ def test_install_and_uninstall_can_be_run_twice_and_keep_what_is_the_users(tmp_p
         "etc/flightpower/tray.toml",
         "etc/systemd/system/flightpower-daq.service",
         "etc/systemd/system/flightpower-daq.service.d/tray.conf",
+        "etc/systemd/system/flightpower-status.service",
         "etc/udev/rules.d/60-flightpower.rules",
         "usr/lib/sysusers.d/flightpower.conf",
     }
@@ -141,7 +155,7 @@ def test_install_and_uninstall_can_be_run_twice_and_keep_what_is_the_users(tmp_p
     log = root / "var/lib/flightpower/log-0001.mcap"
     log.parent.mkdir(parents=True)
     log.write_bytes(b"a day's work")
-    script("install.sh", root)
+    script("install.sh", root, "--tray")
     assert "/dev/i2c-7" in mine.read_text()
     assert b"DeviceAllow=/dev/char/89:7 rw" in tree(root)["etc/systemd/system/flightpower-daq.service.d/tray.conf"]
 
@@ -150,6 +164,17 @@ def test_install_and_uninstall_can_be_run_twice_and_keep_what_is_the_users(tmp_p
         assert set(tree(root)) == {"etc/flightpower/tray.toml", "var/lib/flightpower/log-0001.mcap"}
     script("uninstall.sh", root, "--purge-tray")
     assert set(tree(root)) == {"var/lib/flightpower/log-0001.mcap"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "cause"),
+    [(["--wheels"], "one folder"), (["--wheels", "."], "no wheel of flightpower"), (["--try"], "unknown option --try")],
+)
+def test_a_wrong_use_of_install_changes_nothing(tmp_path, arguments, cause):
+    with pytest.raises(subprocess.CalledProcessError) as failed:
+        script("install.sh", tmp_path, *arguments)
+    assert failed.value.returncode == 2 and cause in failed.value.stderr.decode()
+    assert tree(tmp_path) == {}
 
 
 def test_the_scripts_are_sound():

@@ -130,7 +130,7 @@ def test_event_status_line_and_check_say_what_to_do(tmp_path):
     )
     told = [event for event in events if "raise i2c_arm_baudrate" in event.text]
     assert len(told) == 1 and told[0].severity == "warning" and told[0].text.startswith("/dev/i2c-1 needs ")
-    assert "raise i2c_arm_baudrate" in lines[-1]
+    assert "raise i2c_arm_baudrate" in lines[-1].line
     assert any("i2c_arm_baudrate" in e.message.text for e in read_log(done.path).entries["/daq/event"])
     report = tray_check.check_tray(tray, buses=fake, clock=clock, seconds=2)
     assert not report.fit and any("raise i2c_arm_baudrate" in fact.text for fact in report.facts)

@@ -11,10 +11,12 @@ from test_daemon import EXAMPLE, NoBuses, SteadySensorTruth, default_tray
 
 from daq import tray_check
 from daq.bus import IN_USE
+from daq.computer_check import card_check, card_speed, supply_check
 from daq.config import parse_tray
 from daq.part_identity import autopilot_version, identify
+from daq.rest_check import height_comparison
 from daq.sensors.autopilot import is_autopilot
-from flight.messages import TYPE_OF_TOPIC, Attitude, Gps, Imu, Status
+from flight.messages import TYPE_OF_TOPIC, AbsolutePressure, Attitude, Gps, Imu, Magnetometer, Status
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.faults import Fault
 from hw_fakes.tray import FakeTray
@@ -58,6 +60,36 @@ def test_barometers_that_disagree_are_not_fit(tmp_path, baro_Pa, ok):
     report = checked(tmp_path, at_rest(pressure={"baro": baro_Pa, "static": 98_500.0}))
     fact = next(fact for fact in report.facts if "hPa from /static" in fact.text)
     assert fact.ok is ok and ("blocked static line" in fact.text) is not ok
+
+
+@pytest.mark.parametrize(("difference_m", "ok"), [(600, True), (-600, True), (700, False), (-700, False)])
+def test_a_pressure_that_cannot_be_that_of_the_height_is_not_fit(difference_m, ok):
+    pressure = [AbsolutePressure(pressure_Pa=101_325.0 * (1 - 1000 / 44_330.77) ** 5.25588)]  # 1000 m, ISO 2533
+    fixes = [Gps(height_msl_m=1000.0 - difference_m, fix_type=3)]
+    found, text = height_comparison({"/static": pressure, "/gps": fixes})
+    assert found is ok and f"{difference_m:+d} m from the standard atmosphere" in text
+    assert height_comparison({"/static": pressure, "/gps": [Gps(height_msl_m=1000.0, fix_type=2)]}) is None
+
+
+@pytest.mark.parametrize(("size_T", "ok"), [(5e-6, False), (25e-6, True), (65e-6, True), (120e-6, False)])
+def test_a_field_that_is_not_the_earths_is_not_fit(size_T, ok):
+    x, y, z = (size_T * part for part in (2 / 3, -1 / 3, 2 / 3))
+    line = tray_check.check_topic("/mag", [Magnetometer(field_x_T=x, field_y_T=y, field_z_T=z)] * 5, 1.0)
+    assert line.ok is ok and ("uT, the earth's field" in line.advice) is not ok
+
+
+def test_the_computers_supply_and_card_are_judged(tmp_path):
+    assert supply_check(tmp_path) is None
+    for number, (name, alarm) in enumerate([("cpu_thermal", "1"), ("rpi_volt", "0")]):
+        (tmp_path / f"hwmon{number}").mkdir()
+        (tmp_path / f"hwmon{number}" / "name").write_text(f"{name}\n")
+        (tmp_path / f"hwmon{number}" / "in0_lcrit_alarm").write_text(f"{alarm}\n")
+    assert supply_check(tmp_path).ok
+    (tmp_path / "hwmon1" / "in0_lcrit_alarm").write_text("1\n")
+    assert not supply_check(tmp_path).ok
+    assert card_check(tmp_path / "absent") is None and "MB/s" in card_check(tmp_path).text
+    assert not list(tmp_path.glob("*tmp*"))
+    assert card_speed(10e6, 0.1).ok and not card_speed(0.5e6, 0.1).ok and not card_speed(10e6, 3.0).ok
 
 
 def test_an_attitude_that_is_no_number_is_not_ok(tmp_path):
@@ -172,7 +204,7 @@ def test_nothing_there_is_not_fit_and_every_line_has_advice(tmp_path):
     tray = parse_tray(EXAMPLE.read_text(), "tray.toml", tmp_path)
     report = tray_check.check_tray(tray, buses=NoBuses(), clock=HandClock())
     assert not report.fit
-    assert len(report.lines) == len(TYPE_OF_TOPIC) - 3
+    assert len(report.lines) == len(TYPE_OF_TOPIC) - 4  # all but /analog, and the daemon's own
     assert all(line.ok is False and line.advice for line in report.lines)
 
 

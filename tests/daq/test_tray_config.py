@@ -32,7 +32,12 @@ def test_the_example_is_the_default_tray(example):
         "imu": 0x68, "mag": 0x0C, "baro": 0x77, "static": 0x76,
         "probe-alpha": 0x36, "probe-beta": 0x46, "probe-airspeed": 0x28,
     }  # fmt: skip
-    assert {t for s in tray.sensors for t in s.topics} == set(TYPE_OF_TOPIC) - {"/time", "/daq/tick", "/daq/event"}
+    assert {t for s in tray.sensors for t in s.topics} == set(TYPE_OF_TOPIC) - {
+        "/analog",
+        "/time",
+        "/daq/tick",
+        "/daq/event",
+    }
     assert tray.text == example.read_text()
 
 
@@ -46,6 +51,11 @@ def test_paths_count_from_the_file(tmp_path):
     assert tray.aircraft == str(tmp_path / "mine.toml")
     assert tray.probe_calibration == "/p.json"
     assert tray.magnetometer_calibration == str(tmp_path / "m.json")
+
+
+def test_the_installation_may_be_named():
+    tray = parse_tray('[installation]\nname = "boom, May"\n[[sensors]]\ndriver="ublox"\nport="/dev/x"', "t", Path())
+    assert tray.installation is not None and tray.installation.name == "boom, May"
 
 
 IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'

@@ -1,11 +1,13 @@
 """Quantities with units to SI, and what is said about those that are not."""
 
+import subprocess
+import sys
 from dataclasses import dataclass
 
 import pytest
 
 from flight.errors import InputError
-from flight.units import read_table, split_unit, to_si
+from flight.units import COMMON_UNITS, _registry, read_table, split_unit, to_si
 
 
 @pytest.mark.parametrize(
@@ -26,6 +28,19 @@ from flight.units import read_table, split_unit, to_si
 )
 def test_conversions(text, unit, value):
     assert to_si(text, unit, "key") == pytest.approx(value, rel=1e-6)
+
+
+@pytest.mark.parametrize("text", COMMON_UNITS)
+def test_the_units_converted_without_pint_are_pints(text):
+    unit, factor = COMMON_UNITS[text]
+    assert factor == pytest.approx(_registry().Quantity(1.0, text).to(unit).magnitude, rel=1e-15)
+    assert to_si(f"-2.5e1 {text}", unit, "key") == -25.0 * factor
+
+
+def test_the_daemon_reads_a_shipped_aircraft_without_pint():
+    code = "import sys, flight.aircraft as a; a.load_aircraft('nexstar'); print('pint' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
 
 
 @pytest.mark.parametrize("text", ["5.73 m^2", "5.73", "five ft", "5.73 fathomz", "", 5.73, True, None, ["1 m"]])

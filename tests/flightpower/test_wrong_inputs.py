@@ -41,7 +41,8 @@ WRONG = {
     "analyze torn.mcap": "torn.mcap: holds no message",
     "analyze stood.mcap": "stood.mcap: /rpm: motor_speed_revps was never measured",
     "analyze no-probe.mcap": "give --probe FILE",
-    "analyze stood.mcap empty.txt": "unexpected extra argument",
+    "analyze stood.mcap empty.txt": "several logs: give the folder for the results with -o",
+    "analyze compare stood.mcap empty.txt": "stood.mcap: is not a folder; give one that `analyze` wrote",
     # … its outputs and options
     "analyze stood.mcap -o empty.txt": "empty.txt: is a file",
     "analyze stood.mcap -o empty.txt/report": "cannot be written",

@@ -1,0 +1,90 @@
+"""The logs of a folder: when each began, how long it is, whether it is complete. For `daq list`.
+
+Only the index and one chunk of each log are read, so that a full card is listed in seconds.
+"""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import msgspec
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.summary import Summary
+
+from daq.disk_space import is_finished
+from daq.log_names import numbered_logs
+from daq.log_recovery import MAX_RECORD_BYTES, chunk_of
+from flight.errors import InputError
+from flight.log_index import RECORD_HEAD
+from flight.log_writer import MESSAGE_HEAD
+from flight.messages import Time
+
+TIME_TOPIC = "/time"
+
+
+class ListedLog(NamedTuple):
+    """A log. begin: UTC by the satellites where `by_satellites`, else by the system clock; None: not known."""
+
+    path: Path
+    bytes: int
+    begin: datetime | None
+    by_satellites: bool
+    duration_s: float
+    state: str  # complete, unfinished, cannot be read: why
+
+
+def list_logs(directory: Path) -> list[ListedLog]:
+    """The numbered logs of a folder, in order. Raises InputError if it cannot be read."""
+    if not directory.is_dir():
+        raise InputError(f"{directory}: no such folder")
+    return [listed(path) for path in numbered_logs(directory)]
+
+
+def listed(path: Path) -> ListedLog:
+    """One log. Whatever is wrong with it is said in its state."""
+    size = 0
+    try:
+        size = path.stat().st_size
+        if not is_finished(path):
+            return ListedLog(path, size, None, False, 0.0, "being recorded, or unfinished")
+        with path.open("rb") as stream:
+            summary = SeekingReader(stream, record_size_limit=MAX_RECORD_BYTES).get_summary()
+            if summary is None or summary.statistics is None:
+                return ListedLog(path, size, None, False, 0.0, "without an index")
+            begin_ns = summary.statistics.message_start_time
+            offset_ns = satellites_minus_log_time_ns(stream, summary)
+            begin = datetime.fromtimestamp((begin_ns + (offset_ns or 0)) / 1e9, UTC)
+            duration_s = (summary.statistics.message_end_time - begin_ns) / 1e9
+            return ListedLog(path, size, begin, offset_ns is not None, duration_s, "complete")
+    except OSError as error:
+        return ListedLog(path, size, None, False, 0.0, f"cannot be read: {error.strerror or error}")
+    except Exception as error:  # whatever a damaged index makes the decoders raise: the other logs are listed
+        return ListedLog(path, size, None, False, 0.0, f"cannot be read: {type(error).__name__}")
+
+
+def satellites_minus_log_time_ns(stream: BinaryIO, summary: Summary) -> int | None:
+    """What to add to the log's times to get UTC [ns], from the last chunk that has /time; None without GPS."""
+    channels = {number for number, channel in summary.channels.items() if channel.topic == TIME_TOPIC}
+    for chunk in sorted(summary.chunk_indexes, key=lambda each: each.message_end_time, reverse=True):
+        if channels.isdisjoint(chunk.message_index_offsets):
+            continue
+        stream.seek(chunk.chunk_start_offset + RECORD_HEAD.size)
+        _, records = chunk_of(stream.read(min(chunk.chunk_length - RECORD_HEAD.size, MAX_RECORD_BYTES)))
+        return _offset_ns(records, channels)
+    return None
+
+
+def _offset_ns(records: bytes, channels: set[int]) -> int | None:
+    at = 0
+    while at < len(records):
+        opcode, length = RECORD_HEAD.unpack_from(records, at)
+        if opcode == Opcode.MESSAGE:
+            _, _, channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(records, at)
+            if channel in channels:
+                message = msgspec.json.decode(
+                    records[at + MESSAGE_HEAD.size : at + RECORD_HEAD.size + length], type=Time
+                )
+                return None if message.gps_utc_ns is None else message.gps_utc_ns - time_ns
+        at += RECORD_HEAD.size + length
+    return None

@@ -1,0 +1,174 @@
+"""A page for the phone at the airfield: is the daemon alive, what do the sensors do, which logs are there.
+
+A WSGI application (PEP 3333) that only reads: the status file of the daemon, the folder of the logs, and the results of
+the last `daq zero` and `daq check`. It runs in a process of its own.
+"""
+
+import time
+from collections.abc import Callable, Iterable
+from datetime import UTC, datetime
+from html import escape
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from daq.config import Tray
+from daq.log_names import numbered_logs
+from daq.recording_status import PublishedStatus
+from daq.still_air_zero import Zero
+from daq.tray_check import check_file
+from flight.errors import InputError
+
+NO_NEWS_S = 5.0  # the daemon writes once a second
+SHOWN_LOGS = 5
+REFRESH_S = 2
+HEADERS = [
+    ("Content-Type", "text/html; charset=utf-8"),
+    ("Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'"),
+    ("X-Content-Type-Options", "nosniff"),
+    ("Cache-Control", "no-store"),
+]
+STYLE = """
+body { font: 18px/1.4 sans-serif; margin: 0; color: #000; background: #fff }
+h1 { margin: 0; padding: .6em; font-size: 1.3em; color: #fff }
+h1.good { background: #00592b } h1.bad { background: #a00000 }
+h2 { font-size: 1em; margin: 1.2em 0 .2em }
+main { padding: 0 .8em 2em; max-width: 45em }
+table { border-collapse: collapse; width: 100% }
+td { padding: .2em .6em .2em 0; border-bottom: 1px solid #ccc; vertical-align: top; overflow-wrap: anywhere }
+td:first-child { overflow-wrap: normal }
+td.bad { color: #a00000; font-weight: bold }
+"""
+
+StartResponse = Callable[[str, list[tuple[str, str]]], Any]
+Application = Callable[[dict[str, Any], StartResponse], Iterable[bytes]]
+
+
+class Sources(NamedTuple):
+    """The files that the page shows."""
+
+    status: Path
+    logs: Path
+    zero: Path
+    check: Path
+
+
+def sources_of(tray: Tray, status: Path) -> Sources:
+    return Sources(status, Path(tray.directory), Path(tray.zero), check_file(tray))
+
+
+def application(sources: Sources) -> Application:
+    """Answers GET and HEAD of / with the page, and anything else with an error."""
+
+    def answer(environ: dict[str, Any], start_response: StartResponse) -> Iterable[bytes]:
+        if environ["REQUEST_METHOD"] not in ("GET", "HEAD"):
+            start_response("405 Method Not Allowed", [*HEADERS, ("Allow", "GET, HEAD")])
+            return [b""]
+        if environ.get("PATH_INFO", "/") not in ("", "/"):
+            start_response("404 Not Found", HEADERS)
+            return [b""]
+        start_response("200 OK", HEADERS)
+        return [page(sources, time.time()).encode()]
+
+    return answer
+
+
+def page(sources: Sources, now_s: float) -> str:
+    """The HTML page. now_s: Unix time of the system clock, for the age of the status file."""
+    headline, good, parts = _daemon(sources.status, now_s)
+    parts.append(_section("Logs", _logs(sources.logs)))
+    parts.append(_section("On the ground", [_zero(sources.zero), _check(sources.check)]))
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="{REFRESH_S}">'
+        f'<meta name="viewport" content="width=device-width"><title>{escape(headline)}</title><style>{STYLE}</style>'
+        f'</head><body><h1 class="{"good" if good else "bad"}">{escape(headline)}</h1><main>{"".join(parts)}</main>'
+        "</body></html>"
+    )
+
+
+Row = tuple[str, str, bool]  # name, value, whether it is in order
+
+
+def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
+    """Headline, whether all is well, and the sections about the daemon."""
+    try:
+        age_s = now_s - path.stat().st_mtime
+        published = msgspec.json.decode(path.read_bytes(), type=PublishedStatus)
+    except (OSError, msgspec.MsgspecError):
+        return "The daemon does not run", False, []
+    status = published.status
+    failing = [name for name, state in status.sensors.items() if state != "ok"]
+    if age_s > NO_NEWS_S:
+        headline, good = f"No news from the daemon for {age_s:.0f} s", False
+    elif not status.recording:
+        headline, good = ("Waiting for the arm switch", True) if status.waiting_for_switch else ("NOT RECORDING", False)
+    else:
+        headline, good = f"Recording for {status.elapsed_s / 60:.1f} min", not status.error
+    if good and failing:
+        headline, good = f"{headline}, but failing: {', '.join(failing)}", False
+    rows: list[Row] = [
+        ("log", status.log or "none", bool(status.log) or not status.recording),
+        ("ticks", f"{status.ticks}, {status.missed} missed", True),
+    ]
+    if status.free_bytes is not None:
+        rows.append(("free on the card", f"{status.free_bytes / 1e9:.1f} GB", True))
+    rows += [("card", status.error, False)] if status.error else []
+    rows += [("bus", text, False) for text in status.slow]
+    sensors: list[Row] = [(name, state, state == "ok") for name, state in status.sensors.items()]
+    events: list[Row] = [(event.severity, event.text, event.severity == "info") for event in published.events]
+    return headline, good, [_section("Now", rows), _section("Sensors", sensors), _section("Latest events", events)]
+
+
+def _logs(directory: Path) -> list[Row]:
+    rows: list[Row] = []
+    for path in reversed(numbered_logs(directory)[-SHOWN_LOGS:]):
+        try:
+            rows.append((path.name, f"{path.stat().st_size / 1e6:.1f} MB", True))
+        except OSError:
+            continue
+    return rows or [("none", f"in {directory}", True)]
+
+
+def _zero(path: Path) -> Row:
+    try:
+        zero = msgspec.json.decode(path.read_bytes(), type=Zero)
+    except (OSError, msgspec.MsgspecError):
+        return "still-air zero", "not taken (`daq zero`)", False
+    return "still-air zero", f"taken {_utc(zero.taken_unix_ns / 1e9)}", True
+
+
+def _check(path: Path) -> Row:
+    try:
+        found = msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+        when = _utc(path.stat().st_mtime)
+    except (OSError, msgspec.MsgspecError):
+        return "check", "not made (`daq check`)", False
+    fit = found.get("fit") is True
+    bad = [str(line.get("topic")) for line in found.get("lines", []) if line.get("ok") is False]
+    bad += [str(fact.get("text")) for fact in found.get("facts", []) if fact.get("ok") is False]
+    return "check", f"{'fit to fly' if fit else 'not fit to fly: ' + ', '.join(bad)} ({when})", fit
+
+
+def _utc(unix_s: float) -> str:
+    return f"{datetime.fromtimestamp(unix_s, UTC):%Y-%m-%d %H:%M} UTC by the Pi's clock"
+
+
+def _section(title: str, rows: list[Row]) -> str:
+    cells = "".join(
+        f'<tr><td>{escape(name)}</td><td class="{"good" if good else "bad"}">{escape(value)}</td></tr>'
+        for name, value, good in rows
+    )
+    return f"<h2>{escape(title)}</h2><table>{cells}</table>" if rows else ""
+
+
+def serve(sources: Sources, host: str, port: int) -> None:
+    """Serve the page until the process ends. Raises InputError without the server, or if the address is not free."""
+    try:
+        import waitress  # type: ignore[import-untyped]
+    except ImportError:
+        raise InputError("the status page needs a web server: pip install 'flightpower[status]'") from None
+    try:
+        waitress.serve(application(sources), host=host, port=port, threads=2, ident="", _quiet=True)
+    except OSError as error:
+        raise InputError(f"{host}:{port}: cannot be listened on ({error.strerror or error})") from None

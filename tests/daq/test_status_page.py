@@ -1,0 +1,93 @@
+"""The status page says what the daemon does, in a browser too, and cannot change anything."""
+
+import shutil
+import socket
+import subprocess
+import threading
+
+import msgspec
+import pytest
+import waitress
+from test_daemon import SteadySensorTruth, default_tray
+
+from daq.daemon import record
+from daq.recording_status import StatusFile
+from daq.status_page import application, page, sources_of
+from daq.still_air_zero import FORMAT, Zero
+from flight.messages import Event
+from hw_fakes.clock import SimulatedClock
+from hw_fakes.faults import Fault
+from hw_fakes.tray import FakeTray
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory):
+    """What a recording with a dead barometer leaves."""
+    folder = tmp_path_factory.mktemp("status")
+    clock = SimulatedClock()
+    faults = [Fault(kind="no_acknowledge", device="baro", start_s=3.0)]
+    fake = FakeTray(SteadySensorTruth(), clock, faults=faults)
+    tray = default_tray(folder, fake)
+    found = sources_of(tray, folder / "status.json")
+    file = StatusFile(found.status)
+    file.add(Event(severity="warning", text="<script>alert(1)</script>"))
+    record(
+        tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 12 * 10**9, report=file.write, on_event=file.add
+    )  # fmt: skip
+    return found
+
+
+def now_s(sources) -> float:
+    return sources.status.stat().st_mtime + 1
+
+
+def test_what_is_wrong_is_in_the_headline(sources):
+    text = page(sources, now_s(sources))
+    assert '<h1 class="bad">Recording for 0.2 min, but failing: baro</h1>' in text
+    assert "baro failed: " in text
+    assert "log-0001_2016-05-14_093000Z.mcap" in text
+    assert "<script>" not in text and "&lt;script&gt;" in text
+
+
+def test_a_daemon_that_has_stopped_is_noticed(sources, tmp_path):
+    assert '<h1 class="bad">No news from the daemon for 60 s' in page(sources, now_s(sources) + 59)
+    nothing = sources._replace(status=tmp_path / "absent.json")
+    assert '<h1 class="bad">The daemon does not run</h1>' in page(nothing, 0.0)
+    torn = tmp_path / "torn.json"
+    torn.write_bytes(sources.status.read_bytes()[:-5])
+    assert "The daemon does not run" in page(sources._replace(status=torn), 0.0)
+
+
+def test_zero_and_check_are_told(sources, tmp_path):
+    assert "not taken" in page(sources, now_s(sources)) and "not made" in page(sources, now_s(sources))
+    zero = Zero(format=FORMAT, taken_unix_ns=1_795_358_402 * 10**9, seconds=10, temperature_K={}, readings={})
+    (tmp_path / "zero.json").write_bytes(msgspec.json.encode(zero))
+    (tmp_path / "check.json").write_text('{"fit": false, "lines": [{"topic": "/gps", "ok": false}], "facts": []}')
+    text = page(sources._replace(zero=tmp_path / "zero.json", check=tmp_path / "check.json"), now_s(sources))
+    assert "taken 2026-11-22 14:40 UTC" in text and "not fit to fly: /gps" in text
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status"),
+    [("GET", "/", "200"), ("HEAD", "/", "200"), ("POST", "/", "405"), ("GET", "/../etc/passwd", "404")],
+)
+def test_it_can_only_be_read(sources, method, path, status):
+    answers = []
+    application(sources)({"REQUEST_METHOD": method, "PATH_INFO": path}, lambda line, headers: answers.append(line))
+    assert answers[0].startswith(status)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
+def test_a_browser_shows_it(sources, tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        server = waitress.create_server(application(sources), sockets=[listener], threads=1)
+        threading.Thread(target=server.run, daemon=True).start()
+        address = f"http://127.0.0.1:{listener.getsockname()[1]}/"
+        quiet = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync"]
+        arguments = [*quiet, f"--user-data-dir={tmp_path}", "--enable-logging=stderr", "--dump-dom", address]
+        shown = subprocess.run([str(CHROMIUM), *arguments], capture_output=True, text=True, timeout=120)
+        server.close()
+    assert "but failing: baro" in shown.stdout or "No news from the daemon" in shown.stdout
+    assert ":CONSOLE" not in shown.stderr
