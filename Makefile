@@ -53,6 +53,11 @@ bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/estimation.py statistics
 	$(BIN)/python benchmarks/estimation.py significance
 	$(BIN)/python benchmarks/speed.py --before HEAD~1
+	$(BIN)/python benchmarks/estimation_cases.py filter
+	$(BIN)/python benchmarks/estimation_cases.py optima
+	$(BIN)/python benchmarks/estimation_cases.py cases
+	$(BIN)/python benchmarks/estimation_scaling.py growth
+	$(BIN)/python benchmarks/estimation_scaling.py ratios
 	$(BIN)/python benchmarks/daemon.py faults
 	$(BIN)/python benchmarks/daemon.py mend
 	$(BIN)/python benchmarks/daemon.py day

@@ -55,8 +55,8 @@ def estimate_polar(
     fit = output_error_fit(table, runs, aircraft, propeller, zeroed=zeroed)
     if _in_gusts(fit):
         by_filter = filter_error_fit(table, runs, aircraft, propeller, zeroed=zeroed)
-        return CrossCheck(covariance.polar_of(by_filter), str(by_filter.verdict), by_filter.verdict.ok, in_gusts=True)
-    return CrossCheck(covariance.polar_of(fit), str(fit.verdict), fit.verdict.ok)
+        return CrossCheck(covariance.polar_of(by_filter), by_filter.verdict.text, by_filter.verdict.ok, in_gusts=True)
+    return CrossCheck(covariance.polar_of(fit), fit.verdict.text, fit.verdict.ok)
 
 
 def output_error_fit(

@@ -159,7 +159,7 @@ def estimate_polar(
     warnings = []
     if not (fit.verdict.ok and trajectory.converged):
         ended = "converged" if trajectory.converged else "not converged"
-        warnings.append(f"The estimation did not converge. Drag polar: {fit.verdict}; trajectory: {ended}.")
+        warnings.append(f"The estimation did not converge. Drag polar: {fit.verdict.text}; trajectory: {ended}.")
     beyond = float(np.mean([np.isnan(segment_fit.segment.z["drag"]).mean() for segment_fit in fit.segment_fits]))
     if beyond > LARGEST_UNMENTIONED_SHARE:
         warnings.append(
@@ -169,7 +169,7 @@ def estimate_polar(
     return DynamicEstimate(
         polar=Polar(fit.values[:3], total[:3, :3]),
         parameters=parameter_list(values, total, trajectory),
-        verdict=str(fit.verdict) if trajectory.converged else "the trajectory did not converge",
+        verdict=fit.verdict.text if trajectory.converged else "the trajectory did not converge",
         warnings=warnings,
         fits=_run_fits(flight_forces, forces, trajectory, fit),
         values=values,
