@@ -41,6 +41,10 @@ def make_plans(
     aircraft_name: str, kt: float, minutes: float, asked: str, folder: Path, pilot: Pilot = Pilot()
 ) -> dict[str, Any]:
     """Writes the planned and the shipped plan of a cell. Paths and predicted half widths [%] at estimators.speeds."""
+    kept = folder / f"{aircraft_name}-{asked}-{kt:g}-{minutes:g}.json"
+    if kept.is_file():
+        found: dict[str, Any] = json.loads(kept.read_text("utf-8"))
+        return found
     aircraft = load_aircraft(aircraft_name)
     expected = expected_aircraft(aircraft, HEIGHT_M)
     request = Request(minutes, kt, Space(LEG_M, HEIGHT_M), pilot, question=asked)
@@ -57,6 +61,7 @@ def make_plans(
             "path": str(path),
             "predicted": half_widths(covariances, expected, estimators.speeds(aircraft)).tolist(),
         }
+    kept.write_text(json.dumps(cell), "utf-8")
     return cell
 
 
@@ -168,9 +173,17 @@ def print_table(rows: Iterable[dict[str, Any]]) -> None:
     for row in rows:
         key = tuple(row[name] for name in ("aircraft", "question", "kt", "minutes", "pilot", "plan"))
         groups.setdefault(key, []).append(row)
-    print(
-        "| aircraft, question | W20, kt | min | plan | flights (lost) | half widths, % | worst | coverage, % | predicted/obtained | to shipped |"
+    header = (
+        "aircraft, question",
+        "W20, kt",
+        "min",
+        "plan",
+        "flights (lost)",
+        "half widths, %",
+        "worst",
+        "coverage, %",
     )
+    print("| " + " | ".join([*header, "predicted/obtained", "to shipped"]) + " |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     worst: dict[tuple[Any, ...], float] = {}
     for key in sorted(groups, key=lambda key: (*key[:5], key[5] != "shipped")):

@@ -18,10 +18,10 @@ from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import Maneuver
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.time_history import TimeHistory
-from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES
+from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import DRAWS, Trajectory
-from analysis.trajectory.smoother import gauss_newton_step
+from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 
 Array = NDArray[np.float64]
 
@@ -47,31 +47,50 @@ class Expected(NamedTuple):
         return self.noise + self.systematic
 
 
-def linearized_trajectory(history: TimeHistory, gust_mps: float, *, alpha_scale_sigma: float) -> Trajectory:
-    """The trajectory that the estimator would find without noise, with its covariance and sensitivities."""
+class _Linearized(NamedTuple):
+    problem: TrajectoryProblem
+    x: Array
+    errors: Array
+    inputs: EquationInputs
+    step: GaussNewtonStep
+
+
+def _linearized(history: TimeHistory, gust_mps: float, alpha_scale_sigma: float) -> _Linearized:
+    """The estimator's last step along the history."""
     problem = TrajectoryProblem(history.table, history.rest, alpha_scale_sigma, None)
     blocks = problem.blocks
     x = np.zeros((blocks.n, len(STATES)))
     x[:, :3], x[:, 3:6] = history.attitude[blocks.rows], history.velocity[blocks.rows]
-    x[:, 6] = blocks["height_m"]
-    x[:, 7:9] = history.wind[blocks.rows]
+    x[:, STATES.index("height")] = blocks["height_m"]
+    x[:, [STATES.index(f"wind_{axis}") for axis in ("north", "east")]] = history.wind[blocks.rows]
     errors = np.zeros(len(SENSOR_ERRORS))
     inputs = problem.equation_inputs(x, errors, gust_mps, problem.process_model(gust_mps))
     remaining, prior = problem.remaining_errors(errors, gust_mps)
     step = gauss_newton_step(problem.equations.linearize(x, remaining, inputs), prior, x[0], remaining)
+    return _Linearized(problem, x, errors, inputs, step)
+
+
+def sensor_error_covariance(history: TimeHistory, gust_mps: float, *, alpha_scale_sigma: float) -> Array:
+    """Covariance (m, m) of the sensor errors after a flight like this: the part of `expected` that takes least time."""
+    return _linearized(history, gust_mps, alpha_scale_sigma).step.covariance
+
+
+def linearized_trajectory(history: TimeHistory, gust_mps: float, *, alpha_scale_sigma: float) -> Trajectory:
+    """The trajectory that the estimator would find without noise, with its covariance and sensitivities."""
+    problem, x, errors, inputs, step = _linearized(history, gust_mps, alpha_scale_sigma)
     actual = replace(inputs, predicted_inputs=inputs.measurement_inputs)
     return Trajectory(
-        states=pd.DataFrame(x, pd.Index(blocks.t_s, name="t_s"), list(STATES)),
+        states=pd.DataFrame(x, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
         sensor_errors=errors,
         covariance=step.covariance,
         prior_sigma=problem.error_sigma,
-        state_sensitivity=step.conditional.state_sensitivity(problem.equations.linearize(x, remaining, actual)),
+        state_sensitivity=step.conditional.state_sensitivity(problem.equations.linearize(x, errors, actual)),
         draws=step.conditional.draws(len(STATES), DRAWS),
         predicted_flow=inputs.measurement_inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],
         gust_mps=gust_mps,
         residuals={},
         converged=True,
-        block_means=blocks,
+        block_means=problem.blocks,
     )
 
 
@@ -103,7 +122,7 @@ def expected(
         return X.T @ X / residual_mps2**2 + prior, X.T @ z / residual_mps2**2
 
     def values(states: Array, errors: Array, aircraft_forces: FlightForces = forces) -> Array:
-        return np.linalg.solve(*normal(aircraft_forces.forces(states, errors)))
+        return np.asarray(np.linalg.solve(*normal(aircraft_forces.forces(states, errors))))
 
     fit = values(states, errors)
     noise = np.linalg.inv(normal(along)[0])[:3, :3]
@@ -123,4 +142,4 @@ def expected(
         consider.at_nominal_weight(values(states, errors, heavier), aircraft.aircraft) - fit,
     ):
         systematic += np.outer(change[:3], change[:3])
-    return Expected(trajectory.covariance, noise, systematic, shared, runs)
+    return Expected(trajectory.covariance, np.asarray(noise), systematic, shared, runs)

@@ -1,21 +1,21 @@
 """The sequence of pieces that makes the interval smallest in the time available: an exchange algorithm.
 
 Information about the sensor errors and about the polar adds over the pieces of a flight. That of each piece is what it
-adds to a short flight (`information.expected` with and without it). Pieces are added as long as there is time, each time
-the one that lowers the cost most for its duration; then single pieces are exchanged as long as that lowers the cost.
-The result is computed once more as a whole.
+adds to a short flight (`information.expected` with and without it). Pieces are added as long as there is time, each
+time the one that lowers the cost most for its duration; then single pieces are exchanged as long as that lowers the
+cost. The result is computed once more as a whole.
 """
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
-from analysis.planning.information import CALM_GUST_MPS, VERTICAL_OVER_W20, Expected, expected
+from analysis.planning.information import CALM_GUST_MPS, VERTICAL_OVER_W20, Expected, expected, sensor_error_covariance
 from analysis.planning.maneuvers import Maneuver
 from analysis.planning.pieces import FASTEST_SHARE, Piece, Pilot, Space, catalogue, full_throttle, sequence, slowest_mps
 from analysis.planning.questions import Covariances, Question, question
@@ -39,7 +39,7 @@ class Request:
     minutes: float
     wind_kt: float
     space: Space
-    pilot: Pilot = Pilot()
+    pilot: Pilot = field(default_factory=Pilot)
     question: str = "curve"
     earlier: Array | None = None  # (m, m) information of earlier flights about the sensor errors of the installation
     alpha_scale_sigma: float = ALPHA_SCALE_SIGMA
@@ -99,8 +99,8 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     left = request.minutes * 60 - base_seconds
     if left < 0:
         raise InputError(
-            f"{request.minutes:g} minutes are too short: standing, take-off, {FEWEST_RUN_PAIRS} pairs of runs and landing"
-            f" take {base_seconds / 60:.1f}"
+            f"{request.minutes:g} minutes are too short: standing, take-off, {FEWEST_RUN_PAIRS} pairs of runs and"
+            f" landing take {base_seconds / 60:.1f}"
         )
     for _ in range(ATTEMPTS):  # pieces take more or less time beside others than alone
         counts = _exchanged(increments, left, start, asked)
@@ -151,7 +151,7 @@ def _covariances(found: Expected, request: Request) -> Covariances:
     fixed = found.systematic - found.shared @ found.errors @ found.shared.T
     errors = found.errors
     if request.earlier is not None:
-        errors = np.linalg.inv(np.linalg.inv(errors) + request.earlier)
+        errors = np.asarray(np.linalg.inv(np.linalg.inv(errors) + request.earlier))
     return Covariances(errors, found.noise, fixed, found.shared)
 
 
@@ -165,12 +165,15 @@ def _increment(
     request: Request,
 ) -> _Increment:
     """What one piece adds to the information of the base: a difference of two flights."""
-    found, seconds = _evaluated([*[pair] * FEWEST_RUN_PAIRS, *[piece] * REPEATED, *last], aircraft, request)
-    return _Increment(
-        (seconds - base_seconds) / REPEATED,
-        _gain(found.errors, base.errors) / REPEATED,
-        _gain(found.noise, base.noise) / REPEATED,
-    )
+    flown = [*[pair] * FEWEST_RUN_PAIRS, *[piece] * REPEATED, *last]
+    if piece.kind == "runs":
+        found, seconds = _evaluated(flown, aircraft, request)
+        errors, polar = found.errors, _gain(found.noise, base.noise) / REPEATED
+    else:
+        history = _history(flown, aircraft, request)
+        errors = sensor_error_covariance(history, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+        seconds, polar = len(history.table) * STEP_S, np.zeros((3, 3))
+    return _Increment((seconds - base_seconds) / REPEATED, _gain(errors, base.errors) / REPEATED, polar)
 
 
 def _gain(after: Array, before: Array) -> Array:

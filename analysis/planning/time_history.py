@@ -208,7 +208,8 @@ def _history(
     velocity = air + np.column_stack([wind * moved, np.zeros(n)])
     phi_rate, theta_rate, psi_rate = (np.gradient(x, STEP_S) for x in (bank, theta, heading))
     acceleration = np.gradient(velocity, STEP_S, axis=0) - np.array([0.0, 0.0, g])
-    force = motion.body_from_earth(*acceleration.T, bank, theta, heading)
+    north, east, down = acceleration.T
+    force = motion.body_from_earth(north, east, down, bank, theta, heading)
     flying = V > 0.7 * expected.stall_mps
     known = np.where(flying, 1.0, np.nan)
     drag = expected.drag_N(flown, load)
