@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 KNOT_MPS = 0.514444
 ALPHA_SCALE_SIGMA = 0.01  # of a probe's tunnel calibration
 FEWEST_RUN_PAIRS = 2
+BY_HAND = ("porpoise",)  # kinds of pieces that no autopilot's mission holds
 FULL_THROTTLE_FROM_S = 12 * 60.0  # shorter flights have no time for the acceleration at full throttle
 ATTEMPTS = 4  # to fill the time
 REPEATED = 2  # of a piece in the flight that its information is computed from
@@ -43,7 +44,6 @@ class Request:
     question: str = "curve"
     earlier: Array | None = None  # (m, m) information of earlier flights about the sensor errors of the installation
     alpha_scale_sigma: float = ALPHA_SCALE_SIGMA
-    without: tuple[str, ...] = ()  # kinds of pieces that are not to be planned
 
     @property
     def gust_mps(self) -> float:
@@ -69,10 +69,10 @@ class FlightPlan:
     pieces: tuple[Piece, ...]
     maneuvers: tuple[Maneuver, ...]
     history: TimeHistory
-    found: Expected
     covariances: Covariances
     half_widths: Array
     contributions: tuple[Contribution, ...]
+    worst_with_porpoising: float | None = None  # for an autopilot, which cannot: the worst half width by a pilot [%]
 
     @property
     def seconds(self) -> float:
@@ -89,13 +89,14 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     """The plan. Raises InputError where the time is too short for any."""
     slow, fast = slowest_mps(aircraft, request.wind_kt), FASTEST_SHARE * aircraft.fastest_mps
     asked = question(request.question, aircraft, slow, fast)
-    found = [piece for piece in catalogue(aircraft, request.space, request.pilot, request.wind_kt)]
-    pieces = [piece for piece in found if piece.kind not in request.without]
+    found = catalogue(aircraft, request.space, request.pilot, request.wind_kt)
+    pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind in BY_HAND)]
     pairs = [piece for piece in pieces if piece.kind == "runs"]
     last = (full_throttle(aircraft),) if request.minutes * 60 >= FULL_THROTTLE_FROM_S else ()
     base, base_seconds = _evaluated([*pairs[:1] * FEWEST_RUN_PAIRS, *last], aircraft, request)
     start = _covariances(base, request)
-    increments = [_increment(piece, pairs[0], last, base, base_seconds, aircraft, request) for piece in pieces]
+    every = [_increment(piece, pairs[0], last, base, base_seconds, aircraft, request) for piece in found]
+    increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
     left = request.minutes * 60 - base_seconds
     if left < 0:
         raise InputError(
@@ -111,6 +112,9 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
         if over_s <= 0:
             break
         left -= over_s + 1.0
+    by_hand = None
+    if request.pilot.autopilot:
+        by_hand = float(np.max(asked.half_widths(_with(start, every, _exchanged(every, left, start, asked)))))
     whole = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
     covariances = _covariances(whole, request)
     maneuvers = sequence(chosen, aircraft)
@@ -122,10 +126,10 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
         pieces=tuple(chosen),
         maneuvers=tuple(maneuvers),
         history=history,
-        found=whole,
         covariances=covariances,
         half_widths=asked.half_widths(covariances),
         contributions=contributions,
+        worst_with_porpoising=by_hand,
     )
 
 
