@@ -11,6 +11,7 @@ from math import asin, atan2, cos, degrees, pi, radians, sin, tan
 from typing import NamedTuple
 
 from analysis.planning.maneuvers import Hold, Porpoise, Run, TakeOff, Turn
+from analysis.planning.pieces import HELD_MARGIN, slowest_mps
 from analysis.planning.search import FlightPlan
 from flight.units import GRAVITY_MPS2
 
@@ -104,6 +105,7 @@ def _items(plan: FlightPlan, home: Home) -> list[_Item]:
     space = plan.request.space
     far, near = _place(home, space.leg_m / 2, 0.0), _place(home, -space.leg_m / 2, 0.0)
     center = _place(home, 0.0, 0.0)
+    held_mps = HELD_MARGIN * slowest_mps(plan.aircraft, plan.request.wind_kt)
     items, ends, speed_mps = [], [far, near], 0.0
 
     def change(wanted: float) -> None:
@@ -125,7 +127,7 @@ def _items(plan: FlightPlan, home: Home) -> list[_Item]:
                     change(wanted)
                     leg()
                 case Run():
-                    change(maneuver.until_mps)
+                    change(max(maneuver.until_mps, held_mps))
                     leg()
                 case Turn(wanted, angle_rad, bank_rad) if angle_rad >= FULL_CIRCLE_RAD:
                     change(wanted)

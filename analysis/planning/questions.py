@@ -60,7 +60,7 @@ def question(name: str, expected: ExpectedAircraft, slowest_mps: float, fastest_
     center = {"endurance": minimum_power_lift, "range": best_range_lift}.get(name)
     if center is not None:
         best = float(np.clip(speed_at(center(expected.A), condition(expected)), slowest_mps, fastest_mps))
-        V = np.clip(best * np.array([0.95, 1.0, 1.05]), slowest_mps, fastest_mps)
+        V = np.unique(np.clip(best * np.array([0.95, 1.0, 1.05]), slowest_mps, fastest_mps))
 
     def widths_of(found: Covariances) -> Array:
         return half_widths(_of_difference(found) if name == "propellers" else found, expected, V)

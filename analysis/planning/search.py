@@ -94,15 +94,15 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     pairs = [piece for piece in pieces if piece.kind == "runs"]
     last = (full_throttle(aircraft),) if request.minutes * 60 >= FULL_THROTTLE_FROM_S else ()
     base, base_seconds = _evaluated([*pairs[:1] * FEWEST_RUN_PAIRS, *last], aircraft, request)
-    start = _covariances(base, request)
-    every = [_increment(piece, pairs[0], last, base, base_seconds, aircraft, request) for piece in found]
-    increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
     left = request.minutes * 60 - base_seconds
     if left < 0:
         raise InputError(
             f"{request.minutes:g} minutes are too short: standing, take-off, {FEWEST_RUN_PAIRS} pairs of runs and"
             f" landing take {base_seconds / 60:.1f}"
         )
+    start = _covariances(base, request)
+    every = [_increment(piece, pairs[0], last, base, base_seconds, aircraft, request) for piece in found]
+    increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
     for _ in range(ATTEMPTS):  # pieces take more or less time beside others than alone
         counts = _exchanged(increments, left, start, asked)
         flown = [piece for piece, n in zip(pieces, counts, strict=True) for _ in range(n)]
