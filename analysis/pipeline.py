@@ -23,6 +23,7 @@ from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
 from analysis.performance.analysis import compute as compute_performance
 from analysis.performance.request import Request
+from analysis.planning.next_flight import next_flight
 from analysis.results.assemble import assemble
 from analysis.results.performance import performance_result
 from analysis.results.schema import Results
@@ -130,5 +131,6 @@ def analyze(
         + trajectory_warnings
         + drag.warnings
         + request.notes(aircraft),
+        next_flight=next_flight(trajectory, drag.main, condition, drag.flown_CL),
     )
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)

@@ -37,6 +37,7 @@ def assemble(
     trajectory: PathResult,
     performance: PerformanceResult | None,
     warnings: list[str],
+    next_flight: list[str],
 ) -> Results:
     """The contents of `results.json`.
 
@@ -88,6 +89,7 @@ def assemble(
         ),
         path=trajectory,
         use=performance,
+        next_flight=next_flight,
     )
 
 

@@ -333,6 +333,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
     electrical_power: list[PowerPoint] = []  # from the battery in level flight, where thrust is not known
     electrical: ElectricalResult | None = None
+    next_flight: list[str] = []  # what the next twenty minutes should be, in sentences; empty where nothing is lacking
 
 
 def schema() -> bytes:

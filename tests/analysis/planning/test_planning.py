@@ -3,18 +3,21 @@
 import json
 from dataclasses import replace
 from math import pi, tan
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pymavlink import mavutil, mavwp
 
+from analysis.drag.polar import Polar
 from analysis.planning import pieces, search
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.planning.information import sensor_error_covariance
+from analysis.planning.information import linearized_trajectory, sensor_error_covariance
 from analysis.planning.maneuvers import Hold, Land, Porpoise, Run, Stand, TakeOff, Turn
 from analysis.planning.mission import Home, left_out, qgroundcontrol_plan, waypoint_file
+from analysis.planning.next_flight import next_flight
 from analysis.planning.pieces import Pilot, Space
-from analysis.planning.questions import question
+from analysis.planning.questions import condition, question
 from analysis.planning.search import FlightPlan, Request, plan_flight
 from analysis.planning.simulator_plan import simulator_plan
 from analysis.planning.time_history import STEP_S, fly
@@ -166,6 +169,24 @@ def test_the_mission_is_what_ground_stations_load(plan: FlightPlan, tmp_path):
     loader = mavwp.MAVWPLoader()
     assert loader.load(str(tmp_path / "mission.waypoints")) == len(items) + 1
     assert [loader.wp(i + 1).command for i in range(len(items))] == [item["command"] for item in items]
+
+
+def test_the_next_flight_is_for_what_is_least_known(plan: FlightPlan):
+    """Porpoising and fast flight in gusts, runs where their noise dominates, none where the interval is narrow."""
+    trajectory = linearized_trajectory(plan.history, plan.request.gust_mps, alpha_scale_sigma=0.01)
+    at, CL = condition(plan.aircraft), plan.aircraft.lift_coefficient(np.array([23.0, 12.0]))
+
+    def found(noise_factor: float, factor: float = 1.0) -> list[str]:
+        noise = np.zeros((5, 5))
+        noise[:3, :3] = noise_factor * plan.covariances.noise
+        covariance = factor * (plan.covariances.polar + noise[:3, :3])
+        estimate = SimpleNamespace(polar=Polar(plan.aircraft.A, covariance), noise=factor * noise)
+        return next_flight(trajectory, estimate, at, (CL[0], CL[1]))  # type: ignore[arg-type]
+
+    assert "angle of attack" in found(0.01)[0] or "airspeed" in found(0.01)[0]
+    assert "calmer day" in found(0.01)[1]
+    assert "noise of the runs" in found(300.0)[0]
+    assert found(0.01, factor=1e-3) == []
 
 
 def test_too_little_time_is_refused(nexstar: ExpectedAircraft):
