@@ -120,6 +120,7 @@ def plan(
     ):
         if value not in known:
             raise InputError(f"{option} {value}: should be one of {', '.join(known)}")
+    place = _place(home) if home is not None else None
     flown = load_aircraft(aircraft)
     folder = output or Path(f"plan-{flown.name}")
     check_writable(folder / "plan.toml")
@@ -147,10 +148,10 @@ def plan(
         "plan.toml": simulator_plan(made.maneuvers, expected, request),
         "card.html": card(made, flown.title),
     }
-    if home is not None:
-        place = Home(*_place(home), radians(heading))
-        files["mission.plan"] = qgroundcontrol_plan(made, place, firmware)
-        files["mission.waypoints"] = waypoint_file(made, place)
+    if place is not None:
+        where = Home(*place, radians(heading))
+        files["mission.plan"] = qgroundcontrol_plan(made, where, firmware)
+        files["mission.waypoints"] = waypoint_file(made, where)
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():
         (folder / name).write_text(text, "utf-8")
