@@ -28,8 +28,9 @@ def card(plan: FlightPlan, name: str) -> str:
     request, space = plan.request, plan.request.space
     minutes, seconds = divmod(round(plan.seconds), 60)
     head = (
-        f"For {plan.question.title}. Wind and turbulence of {request.wind_kt:g} kt, {space.height_m:.0f} m high, legs"
-        f" of at most {space.leg_m:.0f} m. Turn left as often as right. Runs: wings level, height within a few metres."
+        f"For {plan.question.title}. Wind and turbulence of {request.wind_kt:g} kt. {space.height_m:.0f} m high, legs"
+        f" of at most {space.leg_m:.0f} m, and {texts.side_m(plan):.0f} m to their side for the turns. Turn left as"
+        " often as right. Runs: wings level, height within a few metres."
     )
     lines = "".join(
         f'<tr><td class="n">{escape(row.times)}</td><td><span class="title">{escape(row.title)}</span><br>'

@@ -93,7 +93,7 @@ def circles(expected: ExpectedAircraft) -> Iterator[Piece]:
     for bank in (BANK_RAD, STEEP_BANK_RAD):
         for V in (_turning_mps(expected, bank), 0.8 * fastest, FASTEST_SHARE * fastest):
             if V >= _turning_mps(expected, bank):
-                title = f"circles at {V:.1f} m/s, bank {bank * 180 / pi:.0f}°"
+                title = f"two circles at {V:.1f} m/s, bank {bank * 180 / pi:.0f}°"
                 yield Piece(title, (Turn(V, 4 * pi, bank),), "circles", True)
 
 

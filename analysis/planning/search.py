@@ -245,7 +245,7 @@ ORDER = ("runs", "circuit", "porpoise", "circles")
 def _ordered(pieces: Sequence[Piece], last: Sequence[Piece]) -> list[Piece]:
     """Runs first, while the battery is full; the acceleration at full throttle last."""
     rest = [piece for piece in pieces if piece not in last]
-    return [*sorted(rest, key=lambda piece: ORDER.index(piece.kind)), *last]
+    return [*sorted(rest, key=lambda piece: (ORDER.index(piece.kind), piece.title)), *last]
 
 
 def _contributions(
