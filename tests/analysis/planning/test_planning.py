@@ -10,7 +10,7 @@ import pytest
 from pymavlink import mavutil, mavwp
 
 from analysis.drag.polar import Polar
-from analysis.planning import pieces, search
+from analysis.planning import earlier, pieces, search
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
 from analysis.planning.information import linearized_trajectory, sensor_error_covariance
 from analysis.planning.maneuvers import Hold, Land, Porpoise, Run, Stand, TakeOff, Turn
@@ -211,3 +211,22 @@ def test_a_run_follows_drag_and_thrust(nexstar: ExpectedAircraft):
     V = float(history.table["V_mps"].iloc[-1])
     assert nexstar.thrust_N(0.7, V) == pytest.approx(float(nexstar.drag_N(V)), rel=0.02)
     assert len(history.table) == pytest.approx(64.0 / STEP_S, abs=2)
+
+
+def test_earlier_flights_are_known_by_what_they_added_to_the_prior():
+    """In the units of the equations; only errors that stay with the installation."""
+
+    def error(name: str, sigma: float, prior: float) -> SimpleNamespace:
+        return SimpleNamespace(name=name, standard_error=sigma, assumed_sigma=prior)
+
+    errors = [error("alpha_scale", 1.0, 3.0), error("alpha_bias", 0.1, 1.0), error("ax_bias", 0.01, 0.19)]
+    flight = SimpleNamespace(path=SimpleNamespace(sensor_errors=errors), log="one")
+    known = earlier.information([flight, flight])  # type: ignore[list-item]
+    assert known is not None
+    diagonal = dict(zip(SENSOR_ERRORS, np.diag(known), strict=True))
+    assert diagonal["alpha_scale"] == pytest.approx(2 * (0.01**-2 - 0.03**-2))
+    assert diagonal["alpha_bias"] == pytest.approx(2 * (np.radians(0.1) ** -2 - np.radians(1.0) ** -2))
+    assert diagonal["ax_bias"] == 0.0
+    assert earlier.information([]) is None
+    with pytest.raises(InputError, match="no sensor errors"):
+        earlier.information([SimpleNamespace(path=None, log="two")])  # type: ignore[list-item]
