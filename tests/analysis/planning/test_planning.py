@@ -70,6 +70,9 @@ def test_porpoising_swings_the_load_factor_and_not_the_speed(nexstar: ExpectedAi
     assert (load.max(), load.min()) == pytest.approx((1.8, 0.2), abs=0.1)
     assert np.ptp(middle["V_mps"]) < 0.1
     assert np.ptp(middle["height_m"]) < 3.0
+    pitch_rate = np.gradient(history.attitude[:, 1], STEP_S)[200:500]
+    assert np.ptp(pitch_rate) > 0.5
+    assert np.allclose(history.table["q_radps"].to_numpy()[200:500], pitch_rate, atol=1e-6)
 
 
 def test_the_information_is_that_of_the_estimator(nexstar: ExpectedAircraft):
