@@ -23,6 +23,7 @@ from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
 from analysis.performance.analysis import compute as compute_performance
 from analysis.performance.request import Request
+from analysis.planning.next_flight import next_flight
 from analysis.results.assemble import assemble
 from analysis.results.flight_found import air_found, track
 from analysis.results.performance import performance_result
@@ -142,5 +143,6 @@ def analyze(
         + trajectory_warnings
         + drag.warnings
         + request.notes(aircraft),
+        next_flight=next_flight(trajectory, drag.main, condition, drag.flown_CL),
     )  # fmt: skip
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)
