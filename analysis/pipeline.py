@@ -86,7 +86,10 @@ def analyze(
 
     progress("reconstructing the trajectory")
     alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, assumed_values.alpha_scale_sigma(aircraft))
-    trajectory = reconstruct(table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, log=name)
+    trajectory = reconstruct(
+        table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass,
+        gust_length=aircraft.uncertainty.gust_length, log=name,
+    )  # fmt: skip
     sensor_errors = sensor_error_estimates(trajectory)
     runs, calibrated = len(maneuvers.level_runs), contents.magnetometer is not None
     trajectory_warnings = trajectory_notes(

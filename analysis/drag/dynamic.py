@@ -21,9 +21,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag import consider, covariance
+from analysis.drag import consider
 from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
 from analysis.drag.polar import Polar
+from analysis.drag.state_errors import noise_covariance
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, NamedValues, Parameter
@@ -127,13 +128,13 @@ def estimate_polar(
         change = _fitted(flight_forces.forces(states, sensor_errors), level, runs).values - fit.values
         return np.outer(change, change)
 
-    noise = covariance.of_noise(fit)
+    def segments_along(states: Array) -> list[Segment]:
+        return _segments(_only(flight_forces.forces(states, sensor_errors), level), runs)
+
+    noise = noise_covariance(fit, trajectory, segments_along)
     systematic = np.zeros_like(noise)
-    systematic[:3, :3] = covariance.floor()
     for error in np.linalg.cholesky(trajectory.covariance).T:
         systematic += variance(states + trajectory.state_sensitivity @ error, sensor_errors + error)
-    for draw in trajectory.draws:
-        noise += variance(states + draw, sensor_errors) / len(trajectory.draws)
     weighing_more = FlightForces(trajectory, consider.weighing_more(aircraft), propeller)
     for values in (
         _fitted(consider.without_updraft(forces, aircraft), level, runs).values,
@@ -172,7 +173,12 @@ def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Airc
 
 
 def _fitted(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
-    return output_error.estimate(DRAG, _segments(forces.assign(CD=forces["CD"].where(level)), runs))
+    return output_error.estimate(DRAG, _segments(_only(forces, level), runs))
+
+
+def _only(forces: pd.DataFrame, level: NDArray[np.bool_]) -> pd.DataFrame:
+    """The forces with drag in level flight only."""
+    return forces.assign(CD=forces["CD"].where(level))
 
 
 def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> list[tuple[str, float, float, str]]:

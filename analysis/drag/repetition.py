@@ -61,7 +61,10 @@ class Repetition:
         if air is not data.table:
             self.progress("repeating the estimate with other air data")
             sigma = self.alpha_scale_sigma
-            trajectory = reconstruct(air, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=self.log)
+            gust_length = self.aircraft.uncertainty.gust_length
+            trajectory = reconstruct(
+                air, data.rest, alpha_scale_sigma=sigma, compass=data.compass, gust_length=gust_length, log=self.log
+            )
         return self._values(trajectory, self.aircraft, propeller)
 
     def _values(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> NDArray[np.float64]:
@@ -82,4 +85,7 @@ class Repetition:
         if aircraft is self.aircraft and sigma == self.alpha_scale_sigma:
             return self.trajectory
         data = self.data if aircraft is self.aircraft else self.data_of(aircraft)
-        return reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=self.log)
+        gust_length = aircraft.uncertainty.gust_length
+        return reconstruct(
+            data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, gust_length=gust_length, log=self.log
+        )

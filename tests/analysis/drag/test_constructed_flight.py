@@ -183,19 +183,25 @@ def test_a_wrong_weight_changes_power_by_what_the_interval_has_for_it() -> None:
 
 
 def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
-    """Power W V tan(0.02 deg) at every speed: in the covariance of the dynamic method and of every other."""
+    """Power W V tan(0.02 deg) at every speed, in the covariance of the methods that take measurements as they are."""
     lift_direction_W = W * V * np.tan(np.radians(0.02))
     assert power_required(V, Polar(polar(), covariance.floor()), AT)[1] == pytest.approx(lift_direction_W, rel=1e-9)
     f, runs = accelerations_and_decelerations()
-    trajectory = measured(f)
-    result = estimate_polar(trajectory, runs, weighed_within(0.0), PROPELLER)
-    systematic = Polar(polar(), result.systematic[:3, :3])
-    assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-3)
-    assert np.all(power_required(V, result.polar, AT)[1] > 0.999 * lift_direction_W)
     same = MethodInputs(AIRCRAFT, runs, f, [f], dict.fromkeys(ERROR_PRIOR_SIGMA, f), dict.fromkeys(CAUSES, f))
     for method in (one for one in ALL_METHODS if one.name in ("direct-speed", "energy")):
         systematic = Polar(polar(), estimate(method, same).systematic)
         assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-9), method.name
+
+
+def test_the_interval_contains_a_steady_updraft_of_4_mm_a_second() -> None:
+    """Air that rises by w carries the aircraft: power W w at every speed, by default and as the user says."""
+    f, runs = accelerations_and_decelerations()
+    trajectory = measured(f)
+    for uncertainty, w in ((Uncertainty(weight_fraction=0), 0.004), (Uncertainty(weight_fraction=0, updraft_mps=1), 1)):
+        result = estimate_polar(trajectory, runs, replace(AIRCRAFT, uncertainty=uncertainty), PROPELLER)
+        systematic = Polar(polar(), result.systematic[:3, :3])
+        assert power_required(V, systematic, AT)[1] == pytest.approx(np.full(len(V), W * w), rel=0.02)
+        assert np.all(power_required(V, result.polar, AT)[1] > 0.98 * W * w)
 
 
 @pytest.mark.parametrize(
