@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from analysis.airdata.magnetometer import Compass
 from analysis.trajectory.block_means import BlockMeans
@@ -92,6 +92,7 @@ def reconstruct(
     alpha_scale_sigma: float = 0.0,
     compass: Compass | None = None,
     gust_length: float = Uncertainty().gust_length,
+    prior_factor: ArrayLike = 1.0,
     log: str = "log",
 ) -> Trajectory:
     """The most probable trajectory of a whole flight.
@@ -99,11 +100,14 @@ def reconstruct(
     table: as `air_data` returns it. rest: rows in which the aircraft is at rest. alpha_scale_sigma: standard deviation
     of the slope of angle of attack in the probe's calibration, in addition to that of transducers and installation.
     compass: the earth's field, sample by sample, from a calibrated magnetometer. gust_length: scale length of vertical
-    gusts over the height, for the covariance of the sensor errors.
+    gusts over the height, for the covariance of the sensor errors. prior_factor: on the prior standard deviations of
+    the sensor errors, a number or (m,).
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
-        return _reconstruct(TrajectoryProblem(table, rest, alpha_scale_sigma, compass), gust_length)
+        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass)
+        problem.error_sigma = problem.error_sigma * np.asarray(prior_factor)
+        return _reconstruct(problem, gust_length)
     except np.linalg.LinAlgError:
         raise InputError(
             f"{log}: the flight path cannot be reconstructed: IMU and air data contradict each other or have long gaps"
