@@ -22,6 +22,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag import consider
+from analysis.drag.doubts import doubts
 from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
 from analysis.drag.polar import Polar
 from analysis.drag.state_errors import noise_covariance
@@ -141,9 +142,12 @@ def estimate_polar(
         consider.at_nominal_weight(_fitted(weighing_more.forces(states, sensor_errors), level, runs).values, aircraft),
     ):
         systematic += np.outer(values - fit.values, values - fit.values)
+    doubtful = doubts(fit)
+    for doubt in doubtful:
+        systematic += np.outer(doubt.change, doubt.change)
     values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
-    warnings = []
+    warnings = [doubt.warning for doubt in doubtful]
     if not (fit.verdict.ok and trajectory.converged):
         ended = "converged" if trajectory.converged else "not converged"
         warnings.append(f"The estimation did not converge. Drag polar: {fit.verdict}; trajectory: {ended}.")
