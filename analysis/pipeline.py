@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from analysis import log_contents
 from analysis.airdata.from_log import FlightData, flight_data
@@ -33,6 +34,7 @@ from analysis.results.schema import Results
 from analysis.results.trajectory import trajectory_result
 from analysis.trajectory.consistency import Consistency, consistency
 from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
+from analysis.trajectory.prior_conflict import conflict_notes, prior_conflict, with_misfit
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
@@ -92,7 +94,20 @@ def analyze(
 
     progress("reconstructing the trajectory")
     alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, assumed_values.alpha_scale_sigma(aircraft))
-    trajectory = reconstruct(table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, log=name)
+
+    def trajectory_with(prior_factor: ArrayLike) -> Trajectory:
+        return reconstruct(
+            table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass,
+            gust_length=aircraft.uncertainty.gust_length, prior_factor=prior_factor, log=name,
+        )  # fmt: skip
+
+    trajectory = trajectory_with(1.0)
+    conflict = prior_conflict(trajectory)
+    conflict_warnings = conflict_notes(conflict, trajectory)
+    if conflict.found:
+        progress("reconstructing the trajectory with larger sensor errors")
+        trajectory = trajectory_with(conflict.factor)
+    trajectory, misfit_warnings = with_misfit(trajectory)
     sensor_errors = sensor_error_estimates(trajectory)
     runs, calibrated = len(maneuvers.level_runs), contents.magnetometer is not None
     trajectory_warnings = trajectory_notes(
@@ -104,7 +119,7 @@ def analyze(
 
     repetition = Repetition(
         data, data_of, trajectory, alpha_scale_sigma, contents.probe.alpha_scale_sigma, maneuvers, aircraft, condition,
-        flown_CL, name, progress,
+        flown_CL, name, progress, conflict.factor,
     )  # fmt: skip
     assumption_uncertainty = assumed_values.assumption_uncertainty(
         repetition.estimate, repetition.values, aircraft, propeller, condition, flown_CL
@@ -140,6 +155,8 @@ def analyze(
         warnings=contents.notes
         + data.notes
         + coverage_warnings
+        + conflict_warnings
+        + misfit_warnings
         + trajectory_warnings
         + drag.warnings
         + request.notes(aircraft),

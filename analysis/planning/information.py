@@ -84,6 +84,7 @@ def linearized_trajectory(history: TimeHistory, gust_mps: float, *, alpha_scale_
         sensor_errors=errors,
         covariance=step.covariance,
         prior_sigma=problem.error_sigma,
+        states_given_errors=step.conditional,
         state_sensitivity=step.conditional.state_sensitivity(problem.equations.linearize(x, errors, actual)),
         draws=step.conditional.draws(len(STATES), DRAWS),
         predicted_flow=inputs.measurement_inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],

@@ -63,6 +63,11 @@ class StatesGivenErrors(NamedTuple):
         half = _triangular_solution(self.factor, border, overwrite=True)
         return -_triangular_solution(self.factor, half, transposed=True).reshape(n, nx, m)
 
+    def covariance_of(self, gradient: Array) -> Array:
+        """Covariance (k, k) of k linear functions of the states; gradient: (n, nx, k) of these."""
+        half = _triangular_solution(self.factor, np.asfortranarray(gradient.reshape(-1, gradient.shape[2])))
+        return np.asarray(half.T @ half)
+
     def draws(self, nx: int, count: int) -> Array:
         """Random errors (count, n, nx) of the states given the sensor errors; the same in every call."""
         white = np.random.default_rng(0).standard_normal((self.factor.shape[1], count))
