@@ -41,8 +41,8 @@ def effect(change: float) -> np.ndarray:
     return np.array([change, 0.0, 0.0])
 
 
-# Of a chi-square variable with three degrees of freedom, those of the polar, 1 % is above 11.345 (tables).
-BAND = np.sqrt(11.345)
+# Of a chi-square variable with three degrees of freedom, those of the polar, 1 % is above 11.344867 (tables).
+BAND = np.sqrt(11.344867)
 
 
 def test_methods_disagree_beyond_the_simultaneous_band_of_their_difference() -> None:
