@@ -1,14 +1,10 @@
 """The page of several flights together, from the content of their pooled results.json (docs/pooling.md)."""
 
-import base64
-import gzip
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
 import numpy as np
-from plotly.offline import get_plotlyjs
 
 from analysis.report.answers import HeadlineAnswer
 from analysis.report.figures import pooled as figures
@@ -52,7 +48,6 @@ def render_pooled(pooled: Content) -> str:
         drawn["against_pool"] = figures.against_pool(flights, middle)
     return render_page(
         "pooled.html",
-        plotly_gzip=plotly_gzip(),
         title=f"{pooled['aircraft']['title']}: power required, {count(len(flights), 'flight')}",
         condition=_condition(pooled["test"], pooled["aircraft"]["propeller"], pooled["installation"]),
         answers=pooled_answers(pooled),
@@ -95,7 +90,6 @@ def render_electrical_flights(content: Content) -> str:
     figure = figures.electrical_power(flights)
     return render_page(
         "electrical_flights.html",
-        plotly_gzip=plotly_gzip(),
         title=f"Electrical power of level flight, {count(len(flights), 'flight')}",
         figures={"power": html_figure(figure, "power")},
         flights=rows,
@@ -109,7 +103,6 @@ def render_comparison(comparison: Content) -> str:
     figure = figures.difference(comparison)
     return render_page(
         "comparison.html",
-        plotly_gzip=plotly_gzip(),
         title=f"{comparison['b']['name']} against {comparison['a']['name']}",
         condition=_condition(comparison["test"], "", ""),
         text=comparison["text"],
@@ -239,12 +232,6 @@ def count(number: int, noun: str) -> str:
 def probability(p: float) -> str:
     """ "p = 0.62", "p below 0.0001"."""
     return "p below 0.0001" if p < 1e-4 else f"p = {p:.2g}"
-
-
-@cache
-def plotly_gzip() -> str:
-    """Plotly's script, compressed, as base64."""
-    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode()
 
 
 def _condition(test: Content, propeller: str, installation: str) -> str:
