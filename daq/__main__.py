@@ -292,7 +292,9 @@ def list_(
         begin = "-" if log.begin is None else f"{log.begin:%Y-%m-%d %H:%M:%S}{'' if log.by_satellites else ' ?'}"
         length = f"{log.duration_s / 60:.1f}" if log.begin else "-"
         table.add_row(log.path.name, begin, length, f"{log.bytes / 1e6:.1f}", log.state)
-    Console().print(table if table.rows else f"{folder}: no logs", highlight=False)
+    Console().print(
+        table if table.rows else f"{folder}: no log-NNNN.mcap; `daq info` describes other logs", highlight=False
+    )
 
 
 @app.command(short_help="Serve a page that shows the state of the daemon.")

@@ -1,6 +1,6 @@
 """The page of several flights together, from the content of their pooled results.json (docs/pooling.md)."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
@@ -172,10 +172,9 @@ def comparison_answers(comparison: Content) -> list[HeadlineAnswer]:
             f"Probability of a difference this large by errors alone: {probability(comparison['p'])}.",
         ),
         HeadlineAnswer(
-            "Where it is known best",
+            "Narrowest interval",
             f"{best['difference_percent']:+.1f} % ({best['lo_percent']:+.1f} to {best['hi_percent']:+.1f})",
-            f"At {best['speed_mps']:.1f} m/s. Without the errors that both share cancelling it would be"
-            f" ±{independent:.1f} %.",
+            f"B minus A at {best['speed_mps']:.1f} m/s. If shared errors did not cancel: ±{independent:.1f} %.",
         ),
     ]
 
@@ -201,7 +200,7 @@ def curve_table(pooled: Content, rows: int) -> HtmlTable:
 def differences_table(rows: Sequence[Content], most: int) -> HtmlTable:
     """About `most` rows of a comparison."""
     return HtmlTable(
-        ("speed, m/s", "A, W", "B, W", "B less A, %", "95 % interval, %"),
+        ("speed, m/s", "A, W", "B, W", "B minus A, %", "95 % interval, %"),
         [
             (
                 f"{row['speed_mps']:.1f}",
@@ -301,9 +300,11 @@ def _flight_row(flight: Content) -> FlightRow:
 
 
 def _parameters(rows: Sequence[Content]) -> HtmlTable:
-    text: Callable[[float], str] = "{:+.3g}".format
-    return HtmlTable(
-        ("quantity", "estimate", "standard error", "unit"),
-        [(meaning(row["name"]), text(row["value"]), f"{row['standard_error']:.2g}", row["unit"]) for row in rows],
-        numbers=True,
-    )
+    shown = []
+    for row in rows:
+        in_deg = row["unit"] == "rad"
+        value, error = (float(np.degrees(row[key])) if in_deg else row[key] for key in ("value", "standard_error"))
+        decimals = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0 else 6
+        unit = "deg" if in_deg else row["unit"]
+        shown.append((meaning(row["name"]), f"{value:+.{decimals}f}", f"{error:.{decimals}f}", unit))
+    return HtmlTable(("quantity", "estimate", "standard error", "unit"), shown, numbers=True)

@@ -42,7 +42,7 @@ def power_required(pooled: Content) -> Figure:
             y += [*power, np.nan]
         figure.add_scatter(
             x=rounded(np.array(x)), y=rounded(np.array(y)), mode="lines", name="each flight alone",
-            line={"color": GREY, "width": 1}, opacity=0.6, hoverinfo="skip", connectgaps=False,
+            line={"color": GREY, "width": 2}, opacity=0.7, hoverinfo="skip", connectgaps=False,
         )  # fmt: skip
     add_band(figure, V, lo, hi, BLUE, 0.35)
     outside = np.array([point["extrapolated"] for point in pooled["power_required"]])
@@ -78,7 +78,7 @@ def half_widths(pooled: Content, best: Content) -> Figure:
 
 
 def against_pool(flights: Sequence[Content], at: int) -> Figure:
-    """Each flight's power less the pooled one at one speed, with the limits that its errors allow."""
+    """Each flight's power minus the pooled one at one speed, with the limits that its errors allow."""
     figure = Figure()
     names = [flight["log"] for flight in flights]
     for outlier, color, name in ((False, BLUE, "flight"), (True, RED, "outlier")):
@@ -92,7 +92,7 @@ def against_pool(flights: Sequence[Content], at: int) -> Figure:
             mode="markers", name=name, marker={"color": color, "size": 10, "symbol": "x" if outlier else "circle"},
             hovertemplate="%{y}: %{x:+.1f} %",
         )  # fmt: skip
-    figure.update_xaxis(title="power less that of all flights, %")
+    figure.update_xaxis(title="power minus that of all flights, %")
     figure.update_yaxis(
         categoryorder="array", categoryarray=names[::-1], range=[-0.7, len(names) - 0.3], automargin=True,
         tickfont={"size": 14},
@@ -117,13 +117,13 @@ def electrical_power(flights: Sequence[Content]) -> Figure:
 
 
 def difference(comparison: Content) -> Figure:
-    """Power of B less that of A against speed, with its 95 % interval."""
+    """Power of B minus that of A against speed, with its 95 % interval."""
     rows = comparison["differences"]
     V, d, lo, hi = (column(rows, name) for name in ("speed_mps", "difference_percent", "lo_percent", "hi_percent"))
     figure = Figure()
     add_band(figure, V, lo, hi, BLUE, 0.3)
     figure.add_scatter(
-        x=rounded(V), y=rounded(d), mode="lines", name="B less A", line={"color": BLUE, "width": 5},
+        x=rounded(V), y=rounded(d), mode="lines", name="B minus A", line={"color": BLUE, "width": 5},
         hovertemplate="%{y:+.1f} %", showlegend=False,
     )  # fmt: skip
     figure.add_zero_line({"color": INK, "width": 2})
