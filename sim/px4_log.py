@@ -20,7 +20,7 @@ BOOT_US = 35_000_000  # clock of the autopilot when logging begins
 RATES_HZ = {"vehicle_angular_velocity": 50.0, "vehicle_acceleration": 20.0, "vehicle_attitude": 20.0,
             "airspeed_validated": 5.0, "differential_pressure": 1.0, "battery_status": 5.0,
             "vehicle_air_data": 5.0, "vehicle_gps_position": 5.0, "vehicle_status": 2.0,
-            "vehicle_land_detected": 1.0}  # fmt: skip
+            "vehicle_land_detected": 1.0, "rpm": 10.0}  # fmt: skip
 AVIONICS_V, IDLE_A = 5.1, 0.05
 RAW_OFFSET_PA, RAW_STEP_PA = 100.0, 6.3
 HOT_K, AIRFLOW_WARMTH_K, KELVIN = 25.0, 2.0, 273.15  # of barometer and pitot sensor above the air
@@ -39,6 +39,7 @@ def write_px4_log(
         *_sensor_topics(sensors),
         *_air_topics(AutopilotPitot(flight, errors), sensors),
         *_status_topics(sensors, faults),
+        _rpm_topic(sensors),
     ]
     topics += _battery_topics(sensors, faults)
     if "no-airspeed" in faults:
@@ -86,6 +87,11 @@ def _sensor_topics(sensors: SensorTruth) -> list[UlogTopic]:
     velocity = dict(zip(names, gps.velocity_ned_mps.T, strict=True))
     found.append(_topic("vehicle_gps_position", t_s, velocity, fix_type=np.where(gps.fix, 3, 0)))
     return found
+
+
+def _rpm_topic(sensors: SensorTruth) -> UlogTopic:
+    t_s = _times("rpm", sensors, 0.03)
+    return _topic("rpm", t_s, {"rpm_estimate": 60 * sensors.motor_speed_revps(t_s)})
 
 
 def _quaternion(roll: Array, pitch: Array, yaw: Array) -> dict[str, Array]:
