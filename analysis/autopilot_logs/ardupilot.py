@@ -3,6 +3,7 @@
 import contextlib
 import os
 import re
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,19 +13,22 @@ from numpy.typing import NDArray
 from pymavlink import DFReader
 
 from analysis.autopilot_logs import recording
-from analysis.autopilot_logs.instances import Battery, measuring_battery, most_varying
+from analysis.autopilot_logs.instances import Battery, measuring_battery, most_varying, turning_motor
 from analysis.autopilot_logs.recording import Channel, FlightRecording, channel, without_clock_jumps
 from flight.errors import InputError
 
 CELSIUS = 273.15
 # Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
+CONTROLLERS, RPM = ("ESC",), ("RPM",)
 BAROMETER, IMU, GPS = ("BARO", "BAR2", "BAR3"), ("IMU", "IMU2", "IMU3"), ("GPS", "GPS2")
 FIELDS = {
     **dict.fromkeys(AIRSPEED, ("Airspeed", "DiffPress", "Temp")),
     **dict.fromkeys(BATTERY, ("Volt", "Curr")),
     **dict.fromkeys(BAROMETER, ("Press", "Temp")),
     **dict.fromkeys(IMU, ("AccZ",)),
+    **dict.fromkeys(CONTROLLERS, ("RPM",)),
+    **dict.fromkeys(RPM, ("RPM", "rpm1")),
     **dict.fromkeys(GPS, ("Status", "Spd", "GCrs", "VZ")),
 }
 INSTANCE = ("I", "Inst", "Instance")
@@ -45,7 +49,7 @@ def read_ardupilot(path: Path) -> FlightRecording:
 
     Raises InputError, in one line, when the file cannot be read, and for vehicles without wings.
     """
-    tables = _tables(path)
+    tables, parameters = _tables(path)
     channels: dict[str, Channel] = {}
     airspeed = most_varying([_airspeed_pressure(table) for table in _of(tables, AIRSPEED)])
     if airspeed is not None:
@@ -63,6 +67,9 @@ def read_ardupilot(path: Path) -> FlightRecording:
     battery, notes = measuring_battery(batteries)
     if battery:
         channels |= {recording.VOLTAGE: battery.voltage, recording.CURRENT: battery.current}
+    motor, motor_notes = turning_motor(_motors(tables))
+    if motor is not None:
+        channels[recording.MOTOR] = motor
     thermometers = {
         f"{kind} {instance}": channel(table["t_s"], np.asarray(table["Temp"], dtype=float) + CELSIUS)
         for (kind, instance), table in tables.items()
@@ -73,24 +80,35 @@ def read_ardupilot(path: Path) -> FlightRecording:
         channels = {name: both[name] for name in channels if name in both}
         thermometers = {name: both[name] for name in thermometers if name in both}
         notes = jumps + notes
-    return FlightRecording(path, channels, thermometers, tuple(notes))
+    return FlightRecording(path, channels, thermometers, tuple(notes + motor_notes), parameters=parameters)
 
 
 def _of(tables: dict[tuple[str, int], Table], kinds: tuple[str, ...]) -> list[Table]:
     return [table for (kind, _), table in tables.items() if kind in kinds]
 
 
-def _tables(path: Path) -> dict[tuple[str, int], Table]:
-    """By kind and instance of message, the times and FIELDS."""
+def _motors(tables: dict[tuple[str, int], Table]) -> list[Channel]:
+    """Speeds of rotation [rev/s]: by the speed controllers, or by RPM sensors."""
+    for kinds in (CONTROLLERS, RPM):
+        motors = [channel(table["t_s"], table[name] / 60) for table in _of(tables, kinds) for name in FIELDS[kinds[0]]]
+        if any(np.any(one.value > 0) for one in motors):
+            return motors
+    return []
+
+
+def _tables(path: Path) -> tuple[dict[tuple[str, int], Table], dict[str, float]]:
+    """By kind and instance of message, the times and FIELDS; and the autopilot's parameters."""
     try:
         with contextlib.ExitStack() as files:
-            nowhere = files.enter_context(Path(os.devnull).open("w"))  # the reader prints a line for each damaged byte
-            files.enter_context(contextlib.redirect_stdout(nowhere))
-            files.enter_context(contextlib.redirect_stderr(nowhere))
+            files.enter_context(_silence())
             reader = DFReader.DFReader_binary(str(path))
             files.callback(reader.filehandle.close)
             while (message := reader.recv_match(type="MSG")) is not None:
                 _refuse_wingless(path, str(getattr(message, "Message", "")))
+            reader.rewind()
+            parameters: dict[str, float] = {}
+            while (message := reader.recv_match(type="PARM")) is not None:
+                parameters[str(getattr(message, "Name", ""))] = float(getattr(message, "Value", np.nan))
             data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
             rows = {one.name: _rows(data, reader.offsets[number], one) for number, one in reader.formats.items()}
     except InputError:
@@ -101,7 +119,26 @@ def _tables(path: Path) -> dict[tuple[str, int], Table]:
     tables = {key: table for kind in FIELDS for key, table in _instances(kind, rows.get(kind))}
     if not tables:
         raise InputError(f"{path}: holds no message of airspeed, battery or barometer; is the log complete?")
-    return tables
+    return tables, parameters
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Nothing is printed: the reader prints a line for each damaged byte, part of it from C."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = [os.dup(number) for number in (1, 2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for number in (1, 2):
+            os.dup2(nowhere, number)
+        with Path(os.devnull).open("w") as text, contextlib.redirect_stdout(text), contextlib.redirect_stderr(text):
+            yield
+    finally:
+        for number, copy in zip((1, 2), kept, strict=True):
+            os.dup2(copy, number)
+            os.close(copy)
+        os.close(nowhere)
 
 
 def _rows(data: NDArray[np.uint8], offsets: Sequence[int], kind: Any) -> NDArray[np.void] | None:
@@ -126,7 +163,7 @@ def _rows(data: NDArray[np.uint8], offsets: Sequence[int], kind: Any) -> NDArray
 def _instances(kind: str, rows: NDArray[np.void] | None) -> Iterator[tuple[tuple[str, int], Table]]:
     """The times [s] and FIELDS of each instance of a kind of message."""
     names = () if rows is None else rows.dtype.names or ()
-    if rows is None or "TimeUS" not in names or FIELDS[kind][0] not in names:
+    if rows is None or "TimeUS" not in names or not set(FIELDS[kind]) & set(names):
         return
     field = next((name for name in INSTANCE if name in names), None)
     instance = np.zeros(len(rows)) if field is None else rows[field]
