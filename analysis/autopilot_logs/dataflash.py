@@ -54,7 +54,8 @@ class DataflashLog:
         name, codes, listed = (text.rstrip(b"\0").decode("ascii", "replace") for text in texts)
         fields = tuple(listed.split(","))
         known = number in self._kinds or number == FORMAT_KIND
-        if known or len(codes) != len(set(fields)) or len(fields) != len(codes) or not set(codes) <= set(PACKED):
+        named = len(set(fields)) == len(fields) == len(codes) and all(fields)
+        if known or not named or not set(codes) <= set(PACKED):
             return 0
         dtype = np.dtype([(field, PACKED[code]) for field, code in zip(fields, codes, strict=True)])
         if length != HEADER_BYTES + dtype.itemsize:
@@ -75,5 +76,6 @@ class DataflashLog:
             if code in "nNZ":
                 out[field] = rows[field]
             elif code != "a":
-                out[field] = rows[field].astype(np.float64) * (HUNDREDTH if code in "cCeE" else 1.0)
+                with np.errstate(invalid="ignore"):
+                    out[field] = rows[field].astype(np.float64) * (HUNDREDTH if code in "cCeE" else 1.0)
         return out

@@ -43,7 +43,8 @@ class _Topic:
         return field in self._data
 
     def values(self, field: str) -> Array:
-        return np.asarray(self._data[field], dtype=float)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self._data[field], dtype=float)
 
     def channel(self, field: str) -> Channel:
         """The field; empty where the firmware does not log it."""

@@ -104,7 +104,7 @@ class OrdinaryFlight:
         progress("balancing energy")
         found = estimate(table, flown.weight_N, flown.wing_area_m2, flown.span_m, str(self.log))
         battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
-        results = electrical_results(self.log, flown, table, found, battery_J)
+        results = electrical_results(self.log, flown, table, found, battery_J, recording.parameters)
         progress("writing the report")
         write_electrical_report(results, table, found, self.folder)
         return lambda console: print_electrical_summary(results, self.folder / "report.html", console)

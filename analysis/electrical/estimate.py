@@ -1,5 +1,6 @@
 """Electrical power of level flight over airspeed, with its interval, from one flight's energy balance."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +59,12 @@ class ElectricalEstimate(NamedTuple):
     measured_W: Array
     gust_mps: float
     gust_s: float
+
+    def quantity(self, of: Callable[[Array, FlightConditions], Array]) -> tuple[Array, Array]:
+        """A quantity (n,) of parameters and conditions, and its standard error."""
+        gradient, effects = derivatives(of, self.parameters, self.parameter_covariance, self.shared, self.conditions)
+        variance = np.einsum("in,ij,jn->n", gradient, self.parameter_covariance, gradient) + (effects**2).sum(axis=0)
+        return of(self.parameters, self.conditions), np.sqrt(variance)
 
     @property
     def standard_error_W(self) -> Array:

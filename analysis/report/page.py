@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import plotly.graph_objects as go
 
 from analysis.report.html_page import html_figure, render_page
+from analysis.report.sections.autopilot import autopilot_section
 from analysis.report.sections.curve import curve_section
 from analysis.report.sections.flight import flight_section
 from analysis.report.sections.methods import methods_section
@@ -24,6 +25,7 @@ def render(results: Results, figures: Mapping[str, go.Figure], run_fits: Sequenc
         curve=curve_section(results),
         flight=flight_section(results),
         sensors=sensors_section(results),
+        autopilot=autopilot_section(results),
         figures={name: html_figure(figure, name) for name, figure in figures.items()},
         run_fits=[html_figure(figure, f"fit-{i}") for i, figure in enumerate(run_fits)],
     )

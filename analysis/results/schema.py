@@ -2,6 +2,8 @@
 
 import msgspec
 
+from analysis.results.autopilot_parameter import AutopilotParameter
+
 FORMAT = "flightpower-results-2"
 BELOW_SLOWEST = "It lies below the slowest speed flown."  # reason of a `SpeedInterval`
 
@@ -333,6 +335,8 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
     electrical_power: list[PowerPoint] = []  # from the battery in level flight, where thrust is not known
     electrical: ElectricalResult | None = None
+    autopilot_parameters: list[AutopilotParameter] = []  # that follow from the flight
+    autopilot_parameters_withheld: list[str] = []  # that do not, and why
 
 
 def schema() -> bytes:
