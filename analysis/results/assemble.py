@@ -9,6 +9,7 @@ from analysis.drag.estimate import DragEstimates
 from analysis.drag.polar import Condition, best_range_lift, minimum_power_lift
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.results import flight_found, methods, power_curves
+from analysis.results.likelihood import pitch_rate_result
 from analysis.results.pooling_statistics import PoolingStatistics
 from analysis.results.schema import (
     AircraftResult,
@@ -100,6 +101,7 @@ def assemble(
         run_residuals=flight_found.run_residuals(drag.main),
         parameter_correlation=flight_found.parameter_correlation(drag.main),
         track=ground_track,
+        pitch_rate=pitch_rate_result(drag.pitch_rate) if drag.pitch_rate else None,
     )
 
 

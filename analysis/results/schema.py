@@ -3,6 +3,7 @@
 import msgspec
 
 from analysis.results.pooling_statistics import PoolingStatistics
+from analysis.results.schema_likelihood import PitchRateResult
 from analysis.results.schema_provenance import AirFound, Correlation, Provenance, RunResidual, Track
 
 FORMAT = "flightpower-results-2"
@@ -340,6 +341,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     run_residuals: list[RunResidual] = []
     parameter_correlation: Correlation | None = None
     track: Track | None = None
+    pitch_rate: PitchRateResult | None = None  # with `--likelihood`
 
 
 def schema() -> bytes:
