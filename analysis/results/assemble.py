@@ -11,6 +11,7 @@ from analysis.drag.polar import Condition, best_range_lift, minimum_power_lift
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.results import flight_found, methods, power_curves
 from analysis.results.autopilot_parameters import of_power_required
+from analysis.results.likelihood import pitch_rate_result
 from analysis.results.pooling_statistics import PoolingStatistics
 from analysis.results.schema import (
     AircraftResult,
@@ -104,6 +105,7 @@ def assemble(
         parameter_correlation=flight_found.parameter_correlation(drag.main),
         track=ground_track,
         next_flight=next_flight,
+        pitch_rate=pitch_rate_result(drag.pitch_rate) if drag.pitch_rate else None,
     )
     parameters, withheld = of_power_required(results, *power_curves.two_term_polar(polar, flown_CL))
     return msgspec.structs.replace(results, autopilot_parameters=parameters, autopilot_parameters_withheld=withheld)
