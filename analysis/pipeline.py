@@ -76,7 +76,9 @@ def analyze(
     progress("synchronizing")
 
     def data_of(aircraft: Aircraft) -> FlightData:
-        return flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+        return flight_data(
+            log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero, contents.transducers
+        )
 
     data = data_of(aircraft)
     table = data.table
@@ -91,7 +93,14 @@ def analyze(
 
     progress("reconstructing the trajectory")
     alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, assumed_values.alpha_scale_sigma(aircraft))
-    trajectory = reconstruct(table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, log=name)
+    trajectory = reconstruct(
+        table,
+        data.rest,
+        alpha_scale_sigma=alpha_scale_sigma,
+        compass=data.compass,
+        calibrated=data.calibrated,
+        log=name,
+    )
     sensor_errors = sensor_error_estimates(trajectory)
     runs, calibrated = len(maneuvers.level_runs), contents.magnetometer is not None
     trajectory_warnings = trajectory_notes(

@@ -2,6 +2,11 @@
 
     python benchmarks/study.py --jobs 4
     python benchmarks/study.py --worlds weight --weather 0 --plans two-pairs --flights 4 --seed 0
+    python benchmarks/study.py --worlds study --weather 15 --plans full-test-flight --calibrated
+
+With --calibrated, `calibrate transducers` comes first: the transducers of each flight are held at the pressures of the
+plan `transducer-column`, by a water column whose scale and readings have errors, and the flight is analysed with the
+result.
 
 Every cell of world, weather and plan is flown with a number of seeds, recorded by `sim fly --no-hardware`, analysed,
 and compared with the true curve of the aircraft flown. Each flight is a line of the file of flights as soon as it is
@@ -29,20 +34,28 @@ from chain import compared, plan_text, read_truth
 from estimators import OVER_STALL, speeds
 from flights import error_rows, tunnel_probe
 
+from analysis.airdata.pressure_plateaus import plateaus, readings
+from analysis.airdata.transducers import TransducerCalibration, calibrate
 from analysis.drag import cross_check
 from analysis.drag.polar import Condition
+from analysis.log_contents import Replacements
 from analysis.pipeline import Analysis, analyze
 from analysis.results.files import to_json
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log
 from sim.__main__ import fly
+from sim.bench import ColumnSegment
+from sim.plan import load_plan
 from sim.world import load_world, worlds
 
 ROOT = Path(__file__).parents[1]
 WEATHER_KT, PLANS = (0.0, 3.0, 15.0), ("full-test-flight", "two-pairs")
 STUDY, STUDY_FLIGHTS, FLIGHTS = "study", 60, 24
 WITHOUT_ERRORS = "none"
+# Of the water column, 1 sigma: its scale, as `calibrate transducers` takes by default, and 0.3 mm of each reading.
+COLUMN = "transducer-column"
+REFERENCE_ERROR, READING_PA = 0.005, 3.0
 
 
 class Cell(NamedTuple):
@@ -60,6 +73,7 @@ class Job(NamedTuple):
     seed: int
     version: str
     probe: str  # text of the probe calibration
+    calibrated: bool  # transducers, before the flight
 
 
 def version() -> str:
@@ -79,8 +93,8 @@ def world_version(version: str, world: str) -> str:
 
 def one_flight(job: Job) -> dict[str, Any]:
     """The line of one flight: error and half the 95 % interval at each speed, % of the truth; warnings and alarms."""
-    cell, seed, version, probe = job
-    line: dict[str, Any] = {**cell._asdict(), "seed": seed, "version": version}
+    cell, seed, version, probe, calibrated = job
+    line: dict[str, Any] = {**cell._asdict(), "seed": seed, "version": version, "calibrated": calibrated}
     with tempfile.TemporaryDirectory() as name, contextlib.redirect_stderr(io.StringIO()):
         folder = Path(name)
         (folder / "plan.toml").write_text(plan_text(cell.plan, cell.weather_kt), "utf-8")
@@ -89,7 +103,8 @@ def one_flight(job: Job) -> dict[str, Any]:
         try:
             fly(output, plan=str(folder / "plan.toml"), world=cell.world, seed=seed, probe=folder / "probe.json",
                 no_hardware=True)  # fmt: skip
-            analysis = analyze(read_log(output / "log.mcap"))
+            given = Replacements(transducers=transducers(folder, cell.world, seed) if calibrated else None)
+            analysis = analyze(read_log(output / "log.mcap"), given)
         except (InputError, np.linalg.LinAlgError) as error:
             return {**line, "refused": str(error).replace(name, "")}
         V, results = speeds(load_aircraft("nexstar")), json.loads(to_json(analysis.results))
@@ -100,6 +115,21 @@ def one_flight(job: Job) -> dict[str, Any]:
         **line, "error": error, "half": half, "warnings": analysis.results.warnings,
         "alarm": alarm(analysis), "disagreements": len(results["disagreements"]),
     }  # fmt: skip
+
+
+def transducers(folder: Path, world: str, seed: int) -> TransducerCalibration:
+    """The calibration of the transducers of one flight. Raises InputError if its data do not support it."""
+    output = folder / "column"
+    fly(output, plan=COLUMN, world=world, seed=seed, probe=folder / "probe.json", no_hardware=True)
+    found = plateaus(readings(read_log(output / "log.mcap")), COLUMN)
+    (segment,) = (segment for segment in load_plan(COLUMN).segments if isinstance(segment, ColumnSegment))
+    rng = np.random.default_rng([seed, 20])
+    true_Pa = np.array(segment.pressure_Pa)
+    read_Pa = true_Pa * (1 + REFERENCE_ERROR * rng.standard_normal()) + READING_PA * rng.standard_normal(len(true_Pa))
+    calibration, unsupported = calibrate(found, read_Pa.tolist(), REFERENCE_ERROR, COLUMN)
+    if unsupported:
+        raise InputError(unsupported)
+    return calibration
 
 
 def alarm(analysis: Analysis) -> bool:
@@ -121,7 +151,8 @@ def known_lines(path: Path) -> list[dict[str, Any]]:
 
 
 def key(line: dict[str, Any]) -> tuple[Any, ...]:
-    return tuple(line[name] for name in ("world", "weather_kt", "plan", "seed", "version"))
+    known = (line[name] for name in ("world", "weather_kt", "plan", "seed", "version"))
+    return (*known, line.get("calibrated", False))
 
 
 def cells(names: list[str], weather_kt: list[float], plans: list[str]) -> Iterator[Cell]:
@@ -182,6 +213,7 @@ def main(
     first_seed: Annotated[
         int, typer.Option("--seed", help="The first seed; development uses those below 1000.")
     ] = 1000,
+    calibrated: Annotated[bool, typer.Option("--calibrated", help="Calibrate the transducers first.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
     file: Annotated[Path, typer.Option(help="Where flights are kept, one a line.")] = Path("out/study.jsonl"),
 ) -> None:
@@ -194,9 +226,9 @@ def main(
                for cell in cells(chosen, weather_kt or list(WEATHER_KT), plans or list(PLANS))}  # fmt: skip
     versions = {name: world_version(code, name) for name in chosen}
     for i in range(max(of_cell.values())):
-        todo += [Job(c, first_seed + i, versions[c.world], probe) for c, n in of_cell.items() if i < n]
+        todo += [Job(c, first_seed + i, versions[c.world], probe, calibrated) for c, n in of_cell.items() if i < n]
     file.parent.mkdir(parents=True, exist_ok=True)
-    wanted = {(*job.cell, job.seed, job.version): job for job in todo}
+    wanted = {(*job.cell, job.seed, job.version, job.calibrated): job for job in todo}
     done = {key(line): line for line in known_lines(file) if key(line) in wanted}
     missing = [job for identity, job in wanted.items() if identity not in done]
     began = time.monotonic()

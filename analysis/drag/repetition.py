@@ -61,7 +61,7 @@ class Repetition:
         if air is not data.table:
             self.progress("repeating the estimate with other air data")
             sigma = self.alpha_scale_sigma
-            trajectory = reconstruct(air, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=self.log)
+            trajectory = self._reconstructed(air, data, sigma)
         return self._values(trajectory, self.aircraft, propeller)
 
     def _values(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> NDArray[np.float64]:
@@ -82,4 +82,15 @@ class Repetition:
         if aircraft is self.aircraft and sigma == self.alpha_scale_sigma:
             return self.trajectory
         data = self.data if aircraft is self.aircraft else self.data_of(aircraft)
-        return reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=self.log)
+        return self._reconstructed(data.table, data, sigma)
+
+    def _reconstructed(self, air: pd.DataFrame, data: FlightData, alpha_scale_sigma: float) -> Trajectory:
+        """The trajectory by these air data."""
+        return reconstruct(
+            air,
+            data.rest,
+            alpha_scale_sigma=alpha_scale_sigma,
+            compass=data.compass,
+            calibrated=data.calibrated,
+            log=self.log,
+        )

@@ -1,6 +1,8 @@
 """Maximum a posteriori trajectory and sensor errors of a whole flight, by Gauss-Newton iterations."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -87,6 +89,7 @@ def reconstruct(
     *,
     alpha_scale_sigma: float = 0.0,
     compass: Compass | None = None,
+    calibrated: Mapping[str, float] = MappingProxyType({}),
     log: str = "log",
 ) -> Trajectory:
     """The most probable trajectory of a whole flight.
@@ -94,10 +97,11 @@ def reconstruct(
     table: as `air_data` returns it. rest: rows in which the aircraft is at rest. alpha_scale_sigma: standard deviation
     of the slope of angle of attack in the probe's calibration, in addition to that of transducers and installation.
     compass: the earth's field, sample by sample, from a calibrated magnetometer.
+    calibrated: standard errors by the transducers' calibration, as `FlightData` has them.
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
-        return _reconstruct(TrajectoryProblem(table, rest, alpha_scale_sigma, compass))
+        return _reconstruct(TrajectoryProblem(table, rest, alpha_scale_sigma, compass, calibrated))
     except np.linalg.LinAlgError:
         raise InputError(
             f"{log}: the flight path cannot be reconstructed: IMU and air data contradict each other or have long gaps"
