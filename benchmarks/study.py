@@ -137,8 +137,7 @@ def alarm(analysis: Analysis) -> bool:
     test, drag = analysis.results.test, analysis.drag
     condition = Condition(test.weight_N, test.air_density_kgpm3, analysis.results.aircraft.wing_area_m2)
     check = drag.cross_check
-    return bool(check and check.converged and cross_check.disagreement(
-        drag.main.polar, check, condition, drag.flown_CL))  # fmt: skip
+    return bool(check and cross_check.disagreement(drag.main.polar, check, condition, drag.flown_CL).differs)
 
 
 def known_lines(path: Path) -> list[dict[str, Any]]:

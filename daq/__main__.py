@@ -342,9 +342,10 @@ def config(
     if check is not None:
         from daq.attachments import load_attachments
         from daq.config import load_tray
+        from daq.driver_factory import check_drivers
 
         tray = load_tray(check)
-        load_attachments(tray)
+        check_drivers(tray, load_attachments(tray).aircraft)
         typer.echo(f"{check}: {len(tray.sensors)} sensors at {tray.rate_Hz:g} Hz")
     elif example:
         typer.echo(resources.files("daq").joinpath("tray.example.toml").read_text("utf-8"), nl=False)

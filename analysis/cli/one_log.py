@@ -3,12 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
-
-from rich.console import Console
+from typing import TYPE_CHECKING
 
 from analysis.autopilot_logs.read import firmware_of
 from analysis.cli.electrical import (
+    Done,
     OrdinaryFlight,
     lacks_drag_topics,
     refuse_autopilot_options,
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from flight.propeller import Propeller
 
 Progress = Callable[[str], None]
-Print = Callable[[Console], None]
 
 
 @dataclass(frozen=True)
@@ -47,15 +45,7 @@ class Options:
     span_m: float | None = None
 
 
-class Written(NamedTuple):
-    """What was written, beside the results in the folder."""
-
-    print_summary: Print
-    previous_runs: Path | None  # where a previous runs.toml is kept, if there was another one
-    replaced_report: str  # what was different in a report that was replaced; empty if nothing was
-
-
-def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, command_line: str = "") -> Written:
+def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, command_line: str = "") -> Done:
     """Write the report of a log into `folder`. command_line: that asked for it, for the report.
 
     Raises InputError when the log or a file cannot be used; nothing was written then.
@@ -83,12 +73,12 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
             transducers=options.transducers,
         )
         check_writable(folder / "report.html")
-        return Written(ordinary.analyze_autopilot_log(firmware, progress), None, "")
+        return ordinary.analyze_autopilot_log(firmware, progress)
     # Wrong input is refused before the numerical libraries are loaded, which takes a second.
     recorded = read_log(_not_a_folder(log))
     check_writable(folder / "report.html")
     if lacks_drag_topics(recorded):
-        return Written(ordinary.analyze_daemon_log(recorded, progress), None, "")
+        return ordinary.analyze_daemon_log(recorded, progress)
     refuse_autopilot_options(log, mass=options.mass_kg, wing_area=options.wing_area_m2, span=options.span_m)
     given = replacements(options)
     from analysis.pipeline import analyze as run_pipeline
@@ -101,8 +91,12 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     progress("writing the report")
     replaced_report = write_report(analysis, folder)
     previous_runs = write_run_list(analysis, folder, log.name, given=options.runs)
-    return Written(
-        lambda console: print_summary(analysis.results, folder / "report.html", console), previous_runs, replaced_report
+    results = analysis.results
+    return Done(
+        results,
+        lambda console: print_summary(results, folder / "report.html", console),
+        previous_runs,
+        replaced_report,
     )
 
 

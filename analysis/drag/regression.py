@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from analysis.drag import covariance
 from analysis.estimation import output_error
@@ -112,6 +112,6 @@ class PointRegression:
         X, z, theta = self._weighted_fit()
         dof = len(z) - X.shape[1]
         scatter = float(np.sum((z - X @ theta) ** 2)) / dof if dof > 0 else 0.0
-        student = (stats.t.ppf(0.975, dof) / NORMAL_95) ** 2 if dof > 0 else 1.0
+        student = (special.stdtrit(dof, 0.975) / NORMAL_95) ** 2 if dof > 0 else 1.0
         C = np.linalg.inv(X.T @ X) * max(1.0, scatter * student)
         return np.asarray(self.terms @ C @ self.terms.T)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from analysis.airdata.from_log import FlightData
 from analysis.drag import dynamic
@@ -27,6 +27,7 @@ class Repetition:
     data : the flight's, by `aircraft`     data_of : the flight's data by another aircraft file
     trajectory : by `data`, with a prior standard deviation `alpha_scale_sigma` of the slope of angle of attack
     probe_sigma : the part of it by the calibration of the probe
+    prior_factor : of `reconstruct`
     """
 
     data: FlightData
@@ -40,6 +41,7 @@ class Repetition:
     flown_CL: tuple[float, float]
     log: str
     progress: Callable[[str], None]
+    prior_factor: ArrayLike = 1.0
 
     def estimate(self, aircraft: Aircraft, propeller: Propeller, upwash_slope_sigma: float) -> DynamicEstimate:
         """The polar of the power curve.
@@ -85,12 +87,13 @@ class Repetition:
         return self._reconstructed(data.table, data, sigma)
 
     def _reconstructed(self, air: pd.DataFrame, data: FlightData, alpha_scale_sigma: float) -> Trajectory:
-        """The trajectory by these air data."""
         return reconstruct(
             air,
             data.rest,
             alpha_scale_sigma=alpha_scale_sigma,
             compass=data.compass,
             calibrated=data.calibrated,
+            gust_length=self.aircraft.uncertainty.gust_length,
+            prior_factor=self.prior_factor,
             log=self.log,
         )

@@ -135,9 +135,7 @@ def _lagged_product(a: Array, b: Array, lag: int) -> Array:
 
 def noise_spectrum(fit: Fit, size: int) -> Spectrum:
     """Spectrum of the noise behind a fit's residuals: an autoregression, corrected for what the fit has absorbed."""
-    samples = sum(len(segment_fit.segment) for segment_fit in fit.segment_fits)
-    # The usual limit of the order, 10 log10 N, divided by the number of outputs.
-    lags = min(samples, 1 + max(1, int(10 * np.log10(samples) / len(fit.model.outputs))))
+    samples, lags = _samples(fit), spectrum_order(fit)
     gamma = residual_autocorrelation(fit, lags)
     spectrum = Autoregression.fitted(gamma, samples).spectrum(size)
     # The correction needs a finite covariance.
@@ -145,3 +143,13 @@ def noise_spectrum(fit: Fit, size: int) -> Spectrum:
         absorbed = absorbed_autocorrelation(fit, spectrum, size, lags)
         spectrum = Autoregression.fitted(gamma + absorbed, samples).spectrum(size)
     return spectrum
+
+
+def spectrum_order(fit: Fit) -> int:
+    """Lags of the autoregression: the usual limit of the order, 10 log10 N, divided by the number of outputs, and 0."""
+    samples = _samples(fit)
+    return min(samples, 1 + max(1, int(10 * np.log10(samples) / len(fit.model.outputs))))
+
+
+def _samples(fit: Fit) -> int:
+    return sum(len(segment_fit.segment) for segment_fit in fit.segment_fits)

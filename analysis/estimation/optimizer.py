@@ -5,6 +5,7 @@ nothing about the quality of the fit when R is re-estimated from the residuals: 
 constant.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -30,6 +31,7 @@ SMALLEST_CURVATURE = 1e-2
 SINGULAR = 1e-11  # eigenvalues of the scaled information matrix below this are rounding errors
 HALVINGS = 3  # of a step before the damping is increased
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
+NO_STEP = "no step, however short, improves the likelihood any more"
 NEGLIGIBLE_SHARE = 0.01  # of an eigenvector's element: unknowns below it do not take part in the combination
 
 
@@ -44,6 +46,14 @@ class Evaluation(NamedTuple):
     information: Array  # (m, m) of the data
     variance_information: Array | float = 0.0  # part of `information` from the variances of the residuals
     ln_det_R: float = 0.0  # 0 if R is not re-estimated at every point
+    costs: tuple[float, ...] = ()  # of the points before in the maximization
+    products: Array | None = None  # (outputs, m) sums of white residuals times sensitivities, if those are not kept
+
+
+def nowhere(theta: Array) -> Evaluation:
+    """The evaluation of a theta at which the response is not finite."""
+    m = len(theta)
+    return Evaluation(theta, np.inf, (), np.zeros((0, 0)), np.zeros(m), np.zeros((m, m)))
 
 
 class Likelihood(Protocol):
@@ -81,9 +91,13 @@ class _EigenSystem(NamedTuple):
 
 
 def maximize(
-    likelihood: Likelihood, point: Evaluation, max_iterations: int, step_tolerance: float = STEP_TOLERANCE
+    likelihood: Likelihood,
+    point: Evaluation,
+    max_iterations: int,
+    step_tolerance: float = STEP_TOLERANCE,
+    stop: Callable[[Evaluation], bool] | None = None,
 ) -> tuple[Evaluation, int, str]:
-    """Maximize the likelihood from `point`.
+    """Maximize the likelihood from `point`, to the optimum or the first point at which `stop` is true.
 
     Returns the last point, the number of iterations, and "" or the reason why the point is not the optimum.
     """
@@ -107,11 +121,13 @@ def maximize(
         if new is None or new.cost == point.cost:  # rounding errors dominate, or the gradient is wrong
             if gain < GAIN_TOLERANCE:
                 return point, iteration, ""
-            return point, iteration, "no step, however short, improves the likelihood any more"
+            return point, iteration, NO_STEP
         step = new.theta - point.theta
         length = np.sqrt(max(float(step @ H @ step), 0.0))
         change = abs(new.ln_det_R - point.ln_det_R)
-        point = new
+        point = new._replace(costs=(*point.costs, float(point.cost)))
+        if stop is not None and stop(point):
+            return point, iteration, ""
         if damping == 0 and length < step_tolerance and change < LNDET_TOLERANCE:
             return point, iteration, ""
     return point, max_iterations, f"{max_iterations} iterations were not enough"
@@ -136,11 +152,12 @@ def _improve(
 ) -> tuple[Evaluation | None, float]:
     """A point whose cost is not larger, and the damping for the next step. None if no step gives one."""
     problem = likelihood.problem
+    largest = problem.largest_step[moving]
     while damping <= LARGEST_DAMPING:
         step = eigen.step(point.gradient[moving], damping)
         for halving in range(HALVINGS + 1):
             theta = point.theta.copy()
-            theta[moving] += step / 2**halving
+            theta[moving] += np.clip(step, -largest, largest) / 2**halving
             new = likelihood.evaluate(np.clip(theta, problem.lower, problem.upper))
             if new.cost <= point.cost:
                 if halving == 0:
@@ -181,10 +198,16 @@ def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_sto
         prior_information=np.diag(problem.prior_information),
         segment_fits=point.segment_fits,
         variance_information=point.variance_information,
+        costs=(*point.costs, point.cost),
     )
 
 
 def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations: int, why_stopped: str) -> Verdict:
+    values = sum(fit.white.present.sum() for fit in point.segment_fits)
+    without_prior = int((problem.prior_information == 0).sum())
+    if values <= without_prior:
+        text = f"not identifiable: {values} measured values are too few for {without_prior} unknowns without prior"
+        return Verdict(FitStatus.NOT_IDENTIFIABLE, text)
     if why_stopped:
         return Verdict(FitStatus.NOT_CONVERGED, f"not converged: {why_stopped}")
     if not eigen.identifiable.all():
@@ -201,11 +224,16 @@ def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations:
     ]
     if at_bound:
         return Verdict(FitStatus.AT_BOUND, f"converged at a bound: {', '.join(at_bound)}")
-    text = f"converged in {iterations} iterations"
     information = point.information + np.diag(problem.prior_information)
-    for collinear in collinearities(problem.names, information):
+    return Verdict(FitStatus.CONVERGED, converged_text(problem.names, information, iterations))
+
+
+def converged_text(names: tuple[str, ...], information: Array, iterations: int) -> str:
+    """The verdict on a fit that converged, with unknowns that are collinear. information : (m, m), priors included."""
+    text = f"converged in {iterations} iterations"
+    for collinear in collinearities(names, information):
         text += f"; collinear: {collinear}: fix one of them, or give data in which they do not move together"
-    return Verdict(FitStatus.CONVERGED, text)
+    return text
 
 
 def _combination(names: tuple[str, ...], direction: Array, shares: Array) -> str:

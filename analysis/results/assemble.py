@@ -43,6 +43,7 @@ def assemble(
     provenance: Provenance,
     air: AirFound,
     ground_track: Track,
+    next_flight: list[str],
 ) -> Results:
     """The contents of `results.json`.
 
@@ -100,6 +101,7 @@ def assemble(
         run_residuals=flight_found.run_residuals(drag.main),
         parameter_correlation=flight_found.parameter_correlation(drag.main),
         track=ground_track,
+        next_flight=next_flight,
     )
 
 

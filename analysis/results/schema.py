@@ -340,6 +340,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     run_residuals: list[RunResidual] = []
     parameter_correlation: Correlation | None = None
     track: Track | None = None
+    next_flight: list[str] = []  # what the next twenty minutes should be, in sentences; empty where nothing is lacking
 
 
 def schema() -> bytes:

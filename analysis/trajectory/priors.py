@@ -33,7 +33,7 @@ def sensor_error_prior(
 
     alpha_scale_sigma : of the slope of the probe's calibration, in addition to PRIOR_SIGMA
     calibrated : standard errors by the calibration of the transducers, by name of REMAINING_SIGMA; in place of
-        PRIOR_SIGMA. An error of the reference's scale acts on both; taking them as independent changes little.
+        PRIOR_SIGMA. An error of the reference's scale acts on both; they are taken as independent.
     """
     own = {name: float(np.hypot(error, REMAINING_SIGMA[name])) for name, error in calibrated.items()}
     sigma = PRIOR_SIGMA | own

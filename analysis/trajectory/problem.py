@@ -1,6 +1,7 @@
 """One flight as an estimation problem: the inputs of the equations for any trajectory and intensity of gusts."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -39,7 +40,7 @@ class TrajectoryProblem:
         rest: list[slice],
         alpha_scale_sigma: float,
         compass: Compass | None,
-        calibrated: Mapping[str, float],
+        calibrated: Mapping[str, float] = MappingProxyType({}),
     ):
         self.blocks = blocks = BlockMeans(table)
         self.equations = Equations(blocks.n)

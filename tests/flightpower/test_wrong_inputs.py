@@ -31,6 +31,16 @@ MAIN: dict[str, Callable[[], None]] = {
 }
 
 WRONG = {
+    # plan
+    "flightpower plan missing": "aircraft missing: neither a file nor one of",
+    "flightpower plan nexstar --question speed": "--question speed: should be one of curve, endurance",
+    "flightpower plan nexstar --pilot hand": "--pilot hand: should be one of line-of-sight, autopilot",
+    "flightpower plan nexstar --minutes 0": "--minutes 0: should be above 0 and at most 240 min",
+    "flightpower plan nexstar --wind-kt -3": "--wind-kt -3: should be at least 0",
+    "flightpower plan nexstar --home here": "--home here: should be latitude and longitude",
+    "flightpower plan nexstar --home 91,0": "--home 91,0: latitude should be within 85",
+    "flightpower plan nexstar --after probe.json": "probe.json: not results of `analyze`",
+    "flightpower plan nexstar -o empty.txt": "empty.txt",
     # analyze: the log
     "analyze missing.mcap": "missing.mcap: cannot be read",
     "analyze .": ".: cannot be read, it is a folder; give a log, such as no-probe.mcap",
