@@ -149,7 +149,7 @@ def analyze(
         performance=performance_result(performance) if performance else None,
         pooling=pooling_statistics(
             drag.main, drag.flown_CL, aircraft, propeller, contents.probe,
-            start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),
+            transducers=contents.transducers, start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),
         ),
         provenance=provenance(log, contents, replacements, runs_file, command_line),
         air=air_found(trajectory, flown, condition),

@@ -8,6 +8,7 @@ from analysis.cli.calibrate.probe import probe
 from analysis.cli.calibrate.surfaces import surfaces
 from analysis.cli.calibrate.transducers import transducers
 from analysis.cli.calibrate.tubing import tubing
+from analysis.cli.calibrate.weight_and_balance import weight_and_balance
 from flight.command_line import application, run
 
 app = application()
@@ -16,7 +17,7 @@ app = application()
 @app.callback()
 def _group() -> None:
     """Calibrations: the probe in a wind tunnel; transducers, tubes, magnetometer and surfaces on the bench; airspeed
-    in flight."""
+    in flight; weight and balance."""
     # The matrices are small: a thread pool gains nothing and slows down the start.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -29,6 +30,7 @@ for command, short_help in (
     (airspeed, "Scale error of the airspeed, and wind, from a flight."),
     (magnetometer, "Hard and soft iron, from a log with turns."),
     (surfaces, "Surface angle and servo pulse, with a protractor."),
+    (weight_and_balance, "Weight and centre of gravity, from scales."),
 ):
     app.command(short_help=short_help)(command)
 

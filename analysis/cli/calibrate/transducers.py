@@ -65,8 +65,8 @@ def transducers(
     \b
     Examples:
       calibrate transducers log.mcap
-      calibrate transducers log.mcap --pressures "10 20 30 40 35 25 15 5 mm" -o transducers.json
-      calibrate transducers log.mcap --pressures "100 200 300 400 Pa" --reference-error 0.2
+      calibrate transducers log.mcap --pressures "10 20 30 40 35 25 15 5 mm"
+      calibrate transducers log.mcap --pressures "100 200 300 400 Pa" -o new.json
     """
     from analysis.airdata.pressure_plateaus import in_words, plateaus, readings
     from analysis.airdata.transducers import calibrate
