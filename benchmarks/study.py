@@ -32,7 +32,7 @@ import numpy as np
 import typer
 from chain import compared, plan_text, read_truth
 from estimators import OVER_STALL, speeds
-from flights import error_rows, tunnel_probe
+from flights import COLUMN, COLUMN_SCALE, as_read, column_pressures, error_rows, tunnel_probe
 
 from analysis.airdata.pressure_plateaus import plateaus, readings
 from analysis.airdata.transducers import TransducerCalibration, calibrate
@@ -45,17 +45,12 @@ from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log
 from sim.__main__ import fly
-from sim.bench import ColumnSegment
-from sim.plan import load_plan
 from sim.world import load_world, worlds
 
 ROOT = Path(__file__).parents[1]
 WEATHER_KT, PLANS = (0.0, 3.0, 15.0), ("full-test-flight", "two-pairs")
 STUDY, STUDY_FLIGHTS, FLIGHTS = "study", 60, 24
 WITHOUT_ERRORS = "none"
-# Of the water column, 1 sigma: its scale, as `calibrate transducers` takes by default, and 0.3 mm of each reading.
-COLUMN = "transducer-column"
-REFERENCE_ERROR, READING_PA = 0.005, 3.0
 
 
 class Cell(NamedTuple):
@@ -122,11 +117,7 @@ def transducers(folder: Path, world: str, seed: int) -> TransducerCalibration:
     output = folder / "column"
     fly(output, plan=COLUMN, world=world, seed=seed, probe=folder / "probe.json", no_hardware=True)
     found = plateaus(readings(read_log(output / "log.mcap")), COLUMN)
-    (segment,) = (segment for segment in load_plan(COLUMN).segments if isinstance(segment, ColumnSegment))
-    rng = np.random.default_rng([seed, 20])
-    true_Pa = np.array(segment.pressure_Pa)
-    read_Pa = true_Pa * (1 + REFERENCE_ERROR * rng.standard_normal()) + READING_PA * rng.standard_normal(len(true_Pa))
-    calibration, unsupported = calibrate(found, read_Pa.tolist(), REFERENCE_ERROR, COLUMN)
+    calibration, unsupported = calibrate(found, as_read(column_pressures(), seed), COLUMN_SCALE, COLUMN)
     if unsupported:
         raise InputError(unsupported)
     return calibration
