@@ -80,7 +80,9 @@ def analyze(
     progress("synchronizing")
 
     def data_of(aircraft: Aircraft) -> FlightData:
-        return flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+        return flight_data(
+            log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero, contents.transducers
+        )
 
     data = data_of(aircraft)
     table = data.table
@@ -98,7 +100,7 @@ def analyze(
 
     def trajectory_with(prior_factor: ArrayLike) -> Trajectory:
         return reconstruct(
-            table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass,
+            table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, calibrated=data.calibrated,
             gust_length=aircraft.uncertainty.gust_length, prior_factor=prior_factor, log=name,
         )  # fmt: skip
 
@@ -149,7 +151,7 @@ def analyze(
         performance=performance_result(performance) if performance else None,
         pooling=pooling_statistics(
             drag.main, drag.flown_CL, aircraft, propeller, contents.probe,
-            start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),
+            transducers=contents.transducers, start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),
         ),
         provenance=provenance(log, contents, replacements, runs_file, command_line),
         air=air_found(trajectory, flown, condition),

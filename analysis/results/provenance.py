@@ -18,6 +18,7 @@ ROLES = {
     "propeller.csv": "propeller table",
     "probe.json": "probe calibration",
     "magnetometer.json": "magnetometer calibration",
+    "transducers.json": "transducer calibration",
     "zero.json": "still-air zero",
 }
 READ_BYTES = 2**20
@@ -123,6 +124,7 @@ def _files(log: Log, contents: LogContents, replacements: Replacements, runs_fil
         "propeller.csv": contents.propeller.name,
         "probe.json": contents.probe.source,
         "magnetometer.json": "" if contents.magnetometer else None,
+        "transducers.json": contents.transducers.source if contents.transducers else None,
         "zero.json": None if contents.zero is None else "",
     }
     files = []

@@ -1,6 +1,8 @@
 """Maximum a posteriori trajectory and sensor errors of a whole flight, by Gauss-Newton iterations."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,6 +93,7 @@ def reconstruct(
     *,
     alpha_scale_sigma: float = 0.0,
     compass: Compass | None = None,
+    calibrated: Mapping[str, float] = MappingProxyType({}),
     gust_length: float = Uncertainty().gust_length,
     prior_factor: ArrayLike = 1.0,
     log: str = "log",
@@ -101,11 +104,12 @@ def reconstruct(
     of the slope of angle of attack in the probe's calibration, in addition to that of transducers and installation.
     compass: the earth's field, sample by sample, from a calibrated magnetometer. gust_length: scale length of vertical
     gusts over the height, for the covariance of the sensor errors. prior_factor: on the prior standard deviations of
-    the sensor errors, a number or (m,).
+    the sensor errors, a number or (m,). calibrated: standard errors by the transducers' calibration, as `FlightData`
+    has them.
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
-        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass)
+        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass, calibrated)
         problem.error_sigma = problem.error_sigma * np.asarray(prior_factor)
         return _reconstruct(problem, gust_length)
     except np.linalg.LinAlgError:
