@@ -240,7 +240,7 @@ def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array
     return solution.last_step.conditional.state_sensitivity(problem.equations.linearize(x, sensor_errors, actual))
 
 
-def _with_gust_length(covariance: Array, prior_sigma: Array, gust_mps: float, gust_length: float) -> Array:
+def with_gust_length(covariance: Array, prior_sigma: Array, gust_mps: float, gust_length: float) -> Array:
     """Covariance (m, m) of the sensor errors where gusts are longer than in the standard's spectrum.
 
     The variance of the mean of a process over a time much longer than its scale grows with the scale (Lenschow, Mann &
@@ -259,9 +259,7 @@ def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: fl
     return Trajectory(
         states=pd.DataFrame(solution.x, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
         sensor_errors=solution.sensor_errors,
-        covariance=_with_gust_length(
-            solution.last_step.covariance, problem.error_sigma, solution.gust_mps, gust_length
-        ),
+        covariance=with_gust_length(solution.last_step.covariance, problem.error_sigma, solution.gust_mps, gust_length),
         prior_sigma=problem.error_sigma,
         state_sensitivity=_state_sensitivity(problem, solution),
         states_given_errors=solution.last_step.conditional,
