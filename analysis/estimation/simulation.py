@@ -195,6 +195,7 @@ def build_simulator(
         y = ca.vertcat(*model.evaluate_outputs(ca.vertsplit(x), ca.vertsplit(u0), ca.vertsplit(p)))
     except (TypeError, NotImplementedError, RuntimeError) as error:
         raise not_differentiable(model, error) from None
+    x_next, y = ca.cse(x_next), ca.cse(y)  # before their derivatives are built: a third fewer instructions
     # The state does not depend on a parameter of the outputs alone: these columns of S remain zero.
     moves_state = [bool(ca.which_depends(x_next, q)[0]) for q in ca.vertsplit(p_free)] + states * [True]
     S = ca.horzcat(*(all_S[:, k] if moves else ca.SX(states, 1) for k, moves in enumerate(moves_state)))

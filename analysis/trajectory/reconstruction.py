@@ -162,10 +162,10 @@ def _candidate(solution: _Solution) -> _Candidate:
 
 
 def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
-    first = _solve(
-        problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST
+    first = _candidate(
+        _solve(problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST)
     )
-    gust, nearest = _most_probable_gust(problem, _candidate(first))
+    gust, nearest = _most_probable_gust(problem, first)
     solution = _solve(problem, nearest.x, nearest.sensor_errors, gust, MOST_ITERATIONS, CONVERGED)
     return _trajectory(problem, solution, gust_length)
 
@@ -182,8 +182,9 @@ def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[
         while 0 <= i + direction < len(GUST_GRID_MPS):
             last = solutions[i]
             i += direction
-            found = _solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], GRID_ITERATIONS, CONVERGED)
-            solutions[i] = _candidate(found)
+            solutions[i] = _candidate(
+                _solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], GRID_ITERATIONS, CONVERGED)
+            )
             if solutions[i].negative_log_evidence > last.negative_log_evidence:
                 break  # the only maximum of evidence has been passed
         if i != start + direction:
