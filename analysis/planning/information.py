@@ -1,4 +1,4 @@
-"""What a flight will tell, before it is flown: the estimator's own equations, linearized along the expected flight.
+"""The expected covariance of a flight before it is flown: the estimator's equations, linearized along that flight.
 
 The covariance of the sensor errors, the sensitivity of the trajectory and the random errors of the states are those of
 `analysis.trajectory`, at the gust intensity expected; drag is regressed as in `analysis.drag.dynamic`, and its noise is

@@ -183,7 +183,7 @@ def _increment(
 
 
 def _gain(after: Array, before: Array) -> Array:
-    """Difference of two information matrices, without its negative part, which is rounding and chance of draws."""
+    """Difference of two information matrices, without its negative part, which comes from rounding and random draws."""
     scale = np.sqrt(np.diag(before))
     gain = np.linalg.inv(after / np.outer(scale, scale)) - np.linalg.inv(before / np.outer(scale, scale))
     values, vectors = np.linalg.eigh((gain + gain.T) / 2)
