@@ -175,11 +175,11 @@ def analyze(
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     ordinary = OrdinaryFlight(
-        log, folder, request, weight_N if mass is None else mass * GRAVITY_MPS2, wing_area, span, aircraft
+        log, folder, request, weight_N if mass is None else mass * GRAVITY_MPS2, wing_area, span, aircraft, propeller
     )
     firmware = firmware_of(_not_a_folder(log))
     if firmware:
-        refuse_daemon_options(log, propeller=propeller, probe=probe, zero=zero, runs=runs, magnetometer=magnetometer)
+        refuse_daemon_options(log, probe=probe, zero=zero, runs=runs, magnetometer=magnetometer)
         check_writable(folder / "report.html")
         with stderr.status("reading the log …") as status:
             print_electrical = ordinary.analyze_autopilot_log(firmware, lambda step: status.update(f"{step} …"))
