@@ -60,12 +60,13 @@ def analyze(
     request: Request = Request(),
     runs_file: Path | None = None,
     command_line: str = "",
+    by_likelihood: bool = False,
 ) -> Analysis:
     """Power required and performance from a log.
 
     replacements: files used instead of parts of the log, such as another aircraft file. request: battery, weights and
     density altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.toml_file`).
-    command_line: that started the analysis, for the report.
+    command_line: that started the analysis, for the report. by_likelihood: with the maximum likelihoods (`likelihood`).
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
     name = str(log.path)
@@ -132,6 +133,7 @@ def analyze(
     drag = estimate(
         table, trajectory, maneuvers, aircraft, propeller, condition, flown_CL,
         zeroed=data.zeroed, log=name, progress=progress, assumption_uncertainty=assumption_uncertainty,
+        by_likelihood=by_likelihood,
     )  # fmt: skip
 
     progress("computing performance")

@@ -112,7 +112,8 @@ def trajectory_errors(
     high = (true("height_m", t) > FLYING_M) & (np.abs(true("roll_rad", t)) < LEVEL_RAD)
     V, alpha, rho = (true(name, air_t) for name in ("V_mps", "alpha_rad", "density_kgpm3"))
     flown = air["flying"].to_numpy() & air["alpha_rad"].notna().to_numpy()
-    slope, offset = np.polyfit((alpha - tilt)[flown], air["alpha_rad"][flown], 1)
+    at_probe = air["alpha_by_upwash_rad"] + air["alpha_by_rotation_rad"]  # slope and offset are those of the probe
+    slope, offset = np.polyfit((alpha - tilt + at_probe)[flown], (air["alpha_rad"] + at_probe)[flown], 1)
     V_scale = (1 + values.V_scale) * np.sqrt((rho / air["rho"])[flown].mean()) - 1
     known = {
         "alpha_bias": (offset, np.degrees(1), "deg"),
@@ -139,11 +140,11 @@ def trajectory_errors(
         figures[f"path, {name}, mean [{unit}]"] = factor * with_half_interval(off, error)
 
     slow = flown & (V < slow_mps)
-    found = (air["alpha_rad"] - trajectory.value("alpha_bias")) / (
+    found = (air["alpha_rad"] + at_probe - trajectory.value("alpha_bias")) / (
         1 + trajectory.value("alpha_scale") - 2 * trajectory.value("V_scale")
-    )
+    ) - at_probe
     mean = found[slow].mean()
-    changes = {"alpha_bias": 1.0, "alpha_scale": mean, "V_scale": -2 * mean}
+    changes = {"alpha_bias": 1.0, "alpha_scale": mean + at_probe[slow].mean(), "V_scale": -2 * mean}
     by = np.array([changes.get(name, 0.0) for name in SENSOR_ERRORS])
     off = np.mean((found - alpha + tilt)[slow])
     figures[f"path, angle of attack below {slow_mps:.0f} m/s [deg]"] = np.degrees(

@@ -1,4 +1,7 @@
-"""The configuration of the tray: a TOML file, validated into frozen structs. Errors name file and key."""
+"""The configuration of the tray: a TOML file, validated into frozen structs. Errors name file and key.
+
+More than 350 lines: one struct for each part that the file may name, and their common checks.
+"""
 
 import re
 from pathlib import Path

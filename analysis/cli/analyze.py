@@ -101,6 +101,10 @@ def analyze(
             help="Magnetometer calibration to use instead of the one the log carries.",
         ),
     ] = None,
+    likelihood: Annotated[
+        bool,
+        typer.Option("--likelihood", help="Add two maximum likelihoods to the methods compared; takes a second."),
+    ] = False,
     transducers: Annotated[
         Path | None,
         typer.Option(
@@ -223,6 +227,7 @@ def analyze(
         mass_kg=mass,
         wing_area_m2=wing_area,
         span_m=span,
+        by_likelihood=likelihood,
     )
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -43,6 +43,7 @@ class Options:
     mass_kg: float | None = None
     wing_area_m2: float | None = None
     span_m: float | None = None
+    by_likelihood: bool = False
 
 
 def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, command_line: str = "") -> Done:
@@ -70,6 +71,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
             zero=options.zero,
             runs=options.runs,
             magnetometer=options.magnetometer,
+            likelihood=options.by_likelihood or None,
             transducers=options.transducers,
         )
         check_writable(folder / "report.html")
@@ -86,8 +88,9 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     from analysis.report.write import write_report, write_run_list
 
     analysis = run_pipeline(
-        recorded, given, progress, request=options.request, runs_file=options.runs, command_line=command_line
-    )
+        recorded, given, progress, request=options.request, runs_file=options.runs, command_line=command_line,
+        by_likelihood=options.by_likelihood,
+    )  # fmt: skip
     progress("writing the report")
     replaced_report = write_report(analysis, folder)
     previous_runs = write_run_list(analysis, folder, log.name, given=options.runs)

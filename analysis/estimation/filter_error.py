@@ -163,6 +163,7 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
             max_iterations,
             STEP_TOLERANCE,
             lambda at: bool(likelihood.negligible(at)),  # noqa: B023
+            secant=True,
         )
         iterations += more
         dropped = likelihood.negligible(point)
