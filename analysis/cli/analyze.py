@@ -101,6 +101,18 @@ def analyze(
             help="Magnetometer calibration to use instead of the one the log carries.",
         ),
     ] = None,
+    likelihood: Annotated[
+        bool,
+        typer.Option("--likelihood", help="Add two maximum likelihoods to the methods compared; takes a second."),
+    ] = False,
+    transducers: Annotated[
+        Path | None,
+        typer.Option(
+            "--transducers",
+            metavar="FILE",
+            help="Calibration of the differential transducers to use instead of the one the log carries.",
+        ),
+    ] = None,
     battery_Wh: Annotated[
         str | None,
         typer.Option(
@@ -178,8 +190,8 @@ def analyze(
 ) -> int:
     """Compute the power required from a log: report.html, results.json, power_required.csv and a table for the field.
 
-    The log carries the aircraft file, the propeller table, the calibrations of probe and magnetometer, and the zero.
-    Each can be replaced, or given where the log lacks it.
+    The log carries the aircraft file, the propeller table, the calibrations of probe, magnetometer and transducers,
+    and the zero. Each can be replaced, or given where the log lacks it.
     The curve covers the speeds flown in accelerations and decelerations, with a 95 % interval. The report also has
     endurance and range on a battery, climb and highest speed at full throttle, and the effect of weight and air
     density on these.
@@ -210,10 +222,12 @@ def analyze(
         weight_N=None if weight is None else parse_weight(weight, "--weight"),
         runs=runs,
         magnetometer=magnetometer,
+        transducers=transducers,
         request=request,
         mass_kg=mass,
         wing_area_m2=wing_area,
         span_m=span,
+        by_likelihood=likelihood,
     )
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -117,7 +117,7 @@ class OrdinaryFlight:
         battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
         source = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
         provenance = provenance_of_file(self.log, source, self.aircraft, self.command_line)
-        results = electrical_results(self.log, flown, table, found, battery_J, provenance)
+        results = electrical_results(self.log, flown, table, found, battery_J, provenance, recording.parameters)
         progress("writing the report")
         replaced = write_electrical_report(results, table, found, self.folder)
         page = self.folder / "report.html"

@@ -175,7 +175,9 @@ def _increment(
         errors, polar = found.errors, _gain(found.noise, base.noise) / REPEATED
     else:
         history = _history(flown, aircraft, request)
-        errors = sensor_error_covariance(history, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+        errors = sensor_error_covariance(
+            history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma
+        )
         seconds, polar = len(history.table) * STEP_S, np.zeros((3, 3))
     return _Increment((seconds - base_seconds) / REPEATED, _gain(errors, base.errors) / REPEATED, polar)
 
