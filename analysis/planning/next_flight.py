@@ -69,7 +69,8 @@ def lacking(
         others = covariance - np.outer(covariance[k], covariance[k]) / covariance[k, k]
         variances[name] = max(whole - float(effect @ others @ effect), 0.0)
     cause = max(variances, key=lambda name: variances[name])
-    left = max(float(sigma[i] ** 2) - (1 - HALF**2) * variances[cause], 0.0)
+    # Correlation with other errors can make the part larger than the whole; half an error halves no interval further.
+    left = float(sigma[i] ** 2) - (1 - HALF**2) * min(variances[cause], float(sigma[i] ** 2))
     percent = 100 * NORMAL_95 / float(power[i])
     return Lacking(float(V[i]), percent * float(sigma[i]), cause, percent * float(np.sqrt(left)))
 

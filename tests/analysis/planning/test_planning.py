@@ -1,6 +1,7 @@
 """Plans: information as the estimator states it, files that can be flown, a margin above the stall."""
 
 import json
+import re
 from dataclasses import replace
 from math import pi, tan
 from types import SimpleNamespace
@@ -191,6 +192,8 @@ def test_the_next_flight_is_for_what_is_least_known(plan: FlightPlan):
     assert "angle of attack" in found(0.01)[0] or "airspeed" in found(0.01)[0]
     assert "calmer day" in found(0.01)[1]
     assert "noise of the runs" in found(300.0)[0]
+    widths = [float(width) for width in re.findall(r"±([\d.]+) %", found(0.01, factor=0.1)[0])]
+    assert widths[1] >= widths[0] / 2 - 0.05  # one error known twice as well cannot do more
     assert found(0.01, factor=1e-3) == []
 
 
