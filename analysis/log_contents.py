@@ -1,11 +1,16 @@
 """The attachments of a log: aircraft file, propeller table, calibrations, zeros."""
 
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 from analysis.airdata.magnetometer import MagnetometerCalibration, parse_magnetometer
 from analysis.airdata.probe import ProbeCalibration, parse_probe
+from analysis.airdata.transducers import TransducerCalibration, parse_transducers
 from analysis.signals.rest import zero_of_attachment
-from flight.aircraft import Aircraft, parse_aircraft
+from flight.aircraft import Aircraft, Installation, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
 from flight.propeller import Propeller
@@ -32,10 +37,15 @@ class LogContents(NamedTuple):
     magnetometer: MagnetometerCalibration | None
     zero: dict[str, float] | None
     notes: list[str]
+    transducers: TransducerCalibration | None = None
 
 
 class Replacements(NamedTuple):
-    """Used instead of the contents of the log where not None. weight_N : of the aircraft     zero : by channel"""
+    """Used instead of the contents of the log where not None.
+
+    weight_N : of the aircraft     zero : by channel
+    files : where these were read from, or the name of a shipped propeller, by the attachment that each replaces
+    """
 
     aircraft: Aircraft | None = None
     propeller: Propeller | None = None
@@ -43,6 +53,8 @@ class Replacements(NamedTuple):
     magnetometer: MagnetometerCalibration | None = None
     zero: dict[str, float] | None = None
     weight_N: float | None = None
+    transducers: TransducerCalibration | None = None
+    files: Mapping[str, str] = MappingProxyType({})
 
 
 def contents(log: Log, replacements: Replacements = Replacements()) -> LogContents:
@@ -56,6 +68,8 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
     propeller = replacements.propeller or propeller_of(log, aircraft)
     if replacements.weight_N is not None:
         aircraft = aircraft.weighing(replacements.weight_N)
+    if not aircraft.installation.name:
+        aircraft = replace(aircraft, installation=Installation(name=_installation_of_tray(log)))
     return LogContents(
         aircraft,
         propeller.with_beyond_zero_thrust(aircraft.propulsion.beyond_zero_thrust),
@@ -63,6 +77,7 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
         replacements.magnetometer or magnetometer_of(log),
         replacements.zero or zero_of_attachment(log.attachments.get("zero.json"), f"{log.path}: zero.json"),
         damage(log),
+        replacements.transducers or transducers_of(log),
     )
 
 
@@ -106,6 +121,23 @@ def magnetometer_of(log: Log) -> MagnetometerCalibration | None:
     """The magnetometer's calibration in a log, None if there is none. Raises InputError when it is malformed."""
     data = log.attachments.get("magnetometer.json")
     return None if data is None else parse_magnetometer(data, f"{log.path}: magnetometer.json")
+
+
+def transducers_of(log: Log) -> TransducerCalibration | None:
+    """The transducers' calibration in a log, None if there is none. Raises InputError when it is malformed."""
+    data = log.attachments.get("transducers.json")
+    return None if data is None else parse_transducers(data, f"{log.path}: transducers.json")
+
+
+def _installation_of_tray(log: Log) -> str:
+    """[installation] name of the tray file; empty where there is none."""
+    try:
+        tray = tomllib.loads(log.attachments.get("tray.toml", b"").decode("utf-8", errors="replace"))
+    except tomllib.TOMLDecodeError:
+        return ""
+    section = tray.get("installation")
+    name = section.get("name") if isinstance(section, dict) else None
+    return name if isinstance(name, str) else ""
 
 
 def damage(log: Log) -> list[str]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from analysis import log_contents
 from analysis.airdata.from_log import FlightData, flight_data
@@ -23,12 +24,17 @@ from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
 from analysis.performance.analysis import compute as compute_performance
 from analysis.performance.request import Request
+from analysis.planning.next_flight import next_flight
 from analysis.results.assemble import assemble
+from analysis.results.flight_found import air_found, track
 from analysis.results.performance import performance_result
+from analysis.results.pooling_statistics import mean_battery_V, pooling_statistics, start_unix_s
+from analysis.results.provenance import provenance
 from analysis.results.schema import Results
 from analysis.results.trajectory import trajectory_result
 from analysis.trajectory.consistency import Consistency, consistency
 from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
+from analysis.trajectory.prior_conflict import conflict_notes, prior_conflict, with_misfit
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
@@ -53,11 +59,14 @@ def analyze(
     *,
     request: Request = Request(),
     runs_file: Path | None = None,
+    command_line: str = "",
+    by_likelihood: bool = False,
 ) -> Analysis:
     """Power required and performance from a log.
 
     replacements: files used instead of parts of the log, such as another aircraft file. request: battery, weights and
     density altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.toml_file`).
+    command_line: that started the analysis, for the report. by_likelihood: with the maximum likelihoods (`likelihood`).
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
     name = str(log.path)
@@ -71,7 +80,9 @@ def analyze(
     progress("synchronizing")
 
     def data_of(aircraft: Aircraft) -> FlightData:
-        return flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+        return flight_data(
+            log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero, contents.transducers
+        )
 
     data = data_of(aircraft)
     table = data.table
@@ -86,7 +97,20 @@ def analyze(
 
     progress("reconstructing the trajectory")
     alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, assumed_values.alpha_scale_sigma(aircraft))
-    trajectory = reconstruct(table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, log=name)
+
+    def trajectory_with(prior_factor: ArrayLike) -> Trajectory:
+        return reconstruct(
+            table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, calibrated=data.calibrated,
+            gust_length=aircraft.uncertainty.gust_length, prior_factor=prior_factor, log=name,
+        )  # fmt: skip
+
+    trajectory = trajectory_with(1.0)
+    conflict = prior_conflict(trajectory)
+    conflict_warnings = conflict_notes(conflict, trajectory)
+    if conflict.found:
+        progress("reconstructing the trajectory with larger sensor errors")
+        trajectory = trajectory_with(conflict.factor)
+    trajectory, misfit_warnings = with_misfit(trajectory)
     sensor_errors = sensor_error_estimates(trajectory)
     runs, calibrated = len(maneuvers.level_runs), contents.magnetometer is not None
     trajectory_warnings = trajectory_notes(
@@ -98,7 +122,7 @@ def analyze(
 
     repetition = Repetition(
         data, data_of, trajectory, alpha_scale_sigma, contents.probe.alpha_scale_sigma, maneuvers, aircraft, condition,
-        flown_CL, name, progress,
+        flown_CL, name, progress, conflict.factor,
     )  # fmt: skip
     assumption_uncertainty = assumed_values.assumption_uncertainty(
         repetition.estimate, repetition.values, aircraft, propeller, condition, flown_CL
@@ -109,6 +133,7 @@ def analyze(
     drag = estimate(
         table, trajectory, maneuvers, aircraft, propeller, condition, flown_CL,
         zeroed=data.zeroed, log=name, progress=progress, assumption_uncertainty=assumption_uncertainty,
+        by_likelihood=by_likelihood,
     )  # fmt: skip
 
     progress("computing performance")
@@ -124,11 +149,21 @@ def analyze(
         drag=drag,
         trajectory=trajectory_result(trajectory, agreement, sensor_errors),
         performance=performance_result(performance) if performance else None,
+        pooling=pooling_statistics(
+            drag.main, drag.flown_CL, aircraft, propeller, contents.probe,
+            transducers=contents.transducers, start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),
+        ),
+        provenance=provenance(log, contents, replacements, runs_file, command_line),
+        air=air_found(trajectory, flown, condition),
+        ground_track=track(trajectory),
         warnings=contents.notes
         + data.notes
         + coverage_warnings
+        + conflict_warnings
+        + misfit_warnings
         + trajectory_warnings
         + drag.warnings
         + request.notes(aircraft),
-    )
+        next_flight=next_flight(trajectory, drag.main, condition, drag.flown_CL),
+    )  # fmt: skip
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)

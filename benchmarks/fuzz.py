@@ -27,7 +27,9 @@ SEEDS: dict[str, list[str]] = {
     "probe": ["sim/data/*.json", "flight/data/*.json"],
     "ulog": ["tests/data/autopilot_logs/*.ulg"],
 }
-LONGEST_BYTES = 60_000
+LONGEST_BYTES = 60_000  # of a file
+LONGEST_STREAM_BYTES = 2_000  # of what a driver reads
+FILES = ("tray", "aircraft", "propeller", "zero", "plan", "probe", "magnetometer", "log", "ulog", "dataflash")
 SLOWEST_S = 10
 MEMORY_MB = 1000
 # Share of the inputs, where not 1: whole files take a thousand times as long as a frame.
@@ -128,7 +130,7 @@ def one(name: str, inputs: int = 50_000, seed: int = 1) -> None:
             str(corpus),
             f"-runs={inputs}",
             f"-seed={seed}",
-            f"-max_len={LONGEST_BYTES}",
+            f"-max_len={LONGEST_BYTES if name in FILES else LONGEST_STREAM_BYTES}",
             f"-timeout={SLOWEST_S}",
             f"-rss_limit_mb={MEMORY_MB}",
             f"-artifact_prefix={KEPT / name}/",

@@ -10,8 +10,10 @@ from analysis.report.answers import headline_answers
 from analysis.report.field_table import loading_rows, speed_rows
 from analysis.report.figures.methods import every_method, run_by_run
 from analysis.report.figures.power import power_required
+from analysis.report.sections.certainty import certainty_section
 from analysis.report.sections.curve import curve_section
 from analysis.report.sections.methods import methods_section
+from analysis.report.sections.verdict import verdict_section
 from analysis.results.schema import Results
 
 ROUNDED = 0.051  # speeds are written to a tenth of a metre per second
@@ -64,7 +66,9 @@ def _speeds(results: Results) -> Iterator[tuple[str, float, float]]:
 def _drawn_speeds(results: Results) -> Iterator[tuple[str, float, float]]:
     slowest = _slowest(results) - ROUNDED
     for figure in (power_required(results), every_method(results), run_by_run(results)):
-        yield from ((f"figure, {t.name}", float(np.nanmin(t.x)), slowest) for t in figure.data if len(t.x))
+        yield from (
+            (f"figure, {t.get('name', '')}", float(np.nanmin(t["x"])), slowest) for t in figure.data if len(t["x"])
+        )
 
 
 def _slowest(results: Results) -> float:
@@ -82,6 +86,9 @@ def _texts(results: Results) -> Iterator[str]:
     curve = curve_section(results)
     yield from (curve.least_power, curve.least_drag)
     yield from (f"{row[0]} m/s" for row in curve.table.rows)
+    certainty = certainty_section(results)
+    yield from (certainty.stall, *certainty.next_flight)
+    yield verdict_section(results).sentence
     methods = methods_section(results)
     yield from methods.disagreements
     yield from (cell for row in methods.table.rows for cell in row[3:5])

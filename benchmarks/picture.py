@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import msgspec
 import pandas as pd
+import plotly.graph_objects as go
 import typer
 
 from analysis.report.figures.power import power_required
@@ -30,7 +31,8 @@ def main(
 
 def drawn(results: Results, truth: pd.DataFrame) -> Any:
     """The report's figure with the true curve over the speeds that it shows."""
-    figure = power_required(results)
+    content = power_required(results)
+    figure = go.Figure(content.data, content.layout)
     band, *curves = figure.data
     band.update(name="95 % interval", showlegend=True)
     for number, trace in enumerate(trace for trace in curves if trace.line.dash == "dash"):

@@ -1,4 +1,7 @@
-"""The configuration of the tray: a TOML file, validated into frozen structs. Errors name file and key."""
+"""The configuration of the tray: a TOML file, validated into frozen structs. Errors name file and key.
+
+More than 350 lines: one struct for each part that the file may name, and their common checks.
+"""
 
 import re
 from pathlib import Path
@@ -273,6 +276,12 @@ class TelemetryConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
         _check_udp(self.to)
 
 
+class InstallationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Name of the installation of probe, tubes and tray, where the aircraft file does not give it."""
+
+    name: str
+
+
 class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The contents of a tray file."""
 
@@ -281,6 +290,8 @@ class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     aircraft: str | None = None
     probe_calibration: str | None = None
     magnetometer_calibration: str | None = None
+    transducer_calibration: str | None = None
+    installation: InstallationConfig | None = None
     files: FilesConfig = FilesConfig()
     arm: ArmSwitchConfig | None = None
     telemetry: TelemetryConfig | None = None
@@ -313,19 +324,14 @@ def parse_tray(text: str, where: str, folder: Path) -> Tray:
     except msgspec.DecodeError as error:
         raise InputError(f"{where}: not valid TOML ({error})") from None
     _reject_conflicts(file, where)
-    return Tray(
-        rate_Hz=file.rate_Hz,
-        directory=str(folder / file.directory),
-        aircraft=_resolve_name(file.aircraft, folder),
-        probe_calibration=_resolve(file.probe_calibration, folder),
-        magnetometer_calibration=_resolve(file.magnetometer_calibration, folder),
-        files=file.files,
-        arm=file.arm,
-        telemetry=file.telemetry,
-        sensors=file.sensors,
-        text=text,
-        zero=str(folder / ZERO_FILE),
-    )
+    resolved = {
+        "directory": str(folder / file.directory),
+        "aircraft": _resolve_name(file.aircraft, folder),
+        "probe_calibration": _resolve(file.probe_calibration, folder),
+        "magnetometer_calibration": _resolve(file.magnetometer_calibration, folder),
+        "transducer_calibration": _resolve(file.transducer_calibration, folder),
+    }
+    return Tray(**(msgspec.structs.asdict(file) | resolved), text=text, zero=str(folder / ZERO_FILE))
 
 
 def _with_key(error: msgspec.ValidationError) -> str:

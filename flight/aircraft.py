@@ -124,13 +124,25 @@ class Uncertainty:
     """Standard deviations of what the analysis cannot find in the data: priors, which are the user's.
 
     weight_fraction : a scale with divisions of 5 g may be two of them wrong at 4 kg (OIML R 76-1, class III in service)
-    updraft_mps : mean vertical motion of the air over the runs of one flight
+    updraft_mps : mean vertical motion of the air over the runs of one flight; by default on a still morning over flat
+        ground: 1.3 m/s of wind over a slope of 0.3 %, a third of what is allowed for the mean of a runway (ICAO Annex
+        14, 3.1.13)
+    gust_length : scale length of vertical gusts over the height. The standard's is 1 (MIL-F-8785C), and 1.4 that of
+        convection at 40 m under an inversion at 1 km, 0.28 sqrt(z z_i) (Lenschow & Stankov 1986, J. Atmos. Sci. 43)
     hysteresis_fraction : of the differential pressure transducers, over the range of pressure in the flight
     """
 
     weight_fraction: float = 0.002
-    updraft_mps: float = 0.0
+    updraft_mps: float = 0.004
+    gust_length: float = 1.4
     hysteresis_fraction: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Installation:
+    """Name of an installation of probe, tubes and tray. Flights of one name were made without moving any of these."""
+
+    name: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +160,7 @@ class Aircraft:
     probe: ProbeInstallation = ProbeInstallation()
     imu_position_m: Position = (0.0, 0.0, 0.0)
     uncertainty: Uncertainty = Uncertainty()
+    installation: Installation = Installation()
     source: str = ""
     aerodynamics: dict[str, object] | None = None
     text: str = field(default="", repr=False, metadata=NO_KEY)  # text of the file, which the log contains
@@ -262,6 +275,7 @@ def _not_positive(aircraft: Aircraft) -> Iterator[str]:
         ("uncertainty.weight", aircraft.uncertainty.weight_fraction),
         ("uncertainty.updraft", aircraft.uncertainty.updraft_mps),
         ("uncertainty.hysteresis", aircraft.uncertainty.hysteresis_fraction),
+        ("uncertainty.gust_length", aircraft.uncertainty.gust_length),
     ):
         if value < 0:
             yield f"{key}: must not be negative"

@@ -138,7 +138,7 @@ KEYS: dict[str, Key] = {
     "propulsion.throttle_channel": Key("3", "Servo output of the throttle, from 1.", "Transmitter.", "daemon", "3"),
     "propulsion.beyond_zero_thrust": Key(
         '"windmill"',
-        'What the propeller does at negative thrust: "windmill", or "fold".',
+        'What the propeller does at negative thrust and with the motor stopped: "windmill" (rigid blades), or "fold".',
         "Folding propellers fold.",
         "analysis, simulator",
         "windmill",
@@ -191,7 +191,14 @@ KEYS: dict[str, Key] = {
         "Standard deviation of the mean vertical motion of the air over the runs of one flight.",
         "Some 0.4 times the convective velocity at 40 m on a sunny day, wind times slope of the ground; none at dawn.",
         "analysis",
-        "0",
+        "0.004 m/s: a still morning over flat ground; intervals contain it",
+    ),
+    "uncertainty.gust_length": Key(
+        "1.4",
+        "Scale length of vertical gusts over the height above ground.",
+        "1 near the ground in wind, 1.4 with convection, more over woods and hills.",
+        "analysis",
+        "1.4; intervals contain it",
     ),
     "uncertainty.hysteresis": Key(
         '"0.2 %"',
@@ -199,6 +206,13 @@ KEYS: dict[str, Key] = {
         "A pressure up and down again on the bench; the data sheet gives a limit with nonlinearity, of full scale.",
         "analysis",
         "0",
+    ),
+    "installation.name": Key(
+        '"boom on the left wing, 12 May"',
+        "Name of the installation of probe, tubes and tray.",
+        "Choose one, and another whenever one of these is taken off or moved.",
+        "pooling of flights",
+        "the probe is taken to be mounted anew for each flight",
     ),
     "aerodynamics": Key(
         "{ … }",

@@ -1,48 +1,59 @@
 """The command `analyze`: from a log to the report. Arguments, messages and exit codes only."""
 
 import os
+import shlex
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from typer.core import TyperCommand
 
-from analysis.autopilot_logs.read import firmware_of
-from analysis.cli.electrical import (
-    OrdinaryFlight,
-    lacks_drag_topics,
-    refuse_autopilot_options,
-    refuse_daemon_options,
-)
+from analysis.cli.compare import app as compare_app
+from analysis.cli.electrical import Done
+from analysis.cli.one_log import Options, analyze_log
 from analysis.performance.request import parse_request, parse_weight
-from flight.aircraft import load_aircraft
-from flight.command_line import application, quantity, run
+from flight.command_line import FAILURE, application, quantity, run
 from flight.errors import InputError
-from flight.log_reader import read_log
-from flight.output_file import check_writable
 from flight.shipped_propellers import shipped_propellers
-from flight.units import GRAVITY_MPS2
-
-if TYPE_CHECKING:
-    from flight.propeller import Propeller
 
 app = application(no_args_is_help=False)
 
 
-@app.command()
+class AnalyzeCommand(TyperCommand):
+    """`analyze LOG...`, and `analyze compare A B`: only a first argument that is the word itself means the latter."""
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        if args[:1] == ["compare"]:
+            compare = typer.main.get_command(compare_app)
+            return compare.make_context(f"{info_name} compare", args[1:], parent, **extra)
+        return super().make_context(info_name, args, parent, **extra)
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        return ["[OPTIONS]", "LOG [LOG]..."]
+
+    def invoke(self, ctx: Any) -> Any:
+        return super().invoke(ctx) if ctx.command is self else ctx.command.invoke(ctx)
+
+
+@app.command(cls=AnalyzeCommand)
 def analyze(
-    log: Annotated[
-        Path,
+    logs: Annotated[
+        list[Path],
         typer.Argument(
             metavar="LOG",
             help="A log that the daemon recorded, one of other software (docs/log-format.md), or one of PX4 (.ulg) or"
-            " ArduPilot (.BIN).",
+            " ArduPilot (.BIN). Several: each is analysed, and the flights of one aircraft are pooled.",
         ),
     ],
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", metavar="FOLDER", help="Folder for the results; default: LOG without .mcap, plus .report"
+            "-o",
+            "--output",
+            metavar="FOLDER",
+            help="Folder for the results; default: LOG without .mcap, plus .report. Needed with several logs.",
         ),
     ] = None,
     aircraft: Annotated[
@@ -88,6 +99,18 @@ def analyze(
             "--magnetometer",
             metavar="FILE",
             help="Magnetometer calibration to use instead of the one the log carries.",
+        ),
+    ] = None,
+    likelihood: Annotated[
+        bool,
+        typer.Option("--likelihood", help="Add two maximum likelihoods to the methods compared; takes a second."),
+    ] = False,
+    transducers: Annotated[
+        Path | None,
+        typer.Option(
+            "--transducers",
+            metavar="FILE",
+            help="Calibration of the differential transducers to use instead of the one the log carries.",
         ),
     ] = None,
     battery_Wh: Annotated[
@@ -145,16 +168,37 @@ def analyze(
             help='Span [m], such as 4 or "13 ft", for a log of an autopilot.',
         ),
     ] = None,
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print the results as JSON on stdout (docs/results.md), instead of a summary."),
+    ] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            "--jobs", metavar="N", min=1, help="Logs to analyse at the same time; default: as many as processors."
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="Analyse on a Dask cluster, such as tcp://10.0.0.5:8786, instead of on this computer.",
+        ),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-) -> None:
+) -> int:
     """Compute the power required from a log: report.html, results.json, power_required.csv and a table for the field.
 
-    The log carries the aircraft file, the propeller table, the calibrations of probe and magnetometer, and the zero.
-    Each can be replaced, or given where the log lacks it.
+    The log carries the aircraft file, the propeller table, the calibrations of probe, magnetometer and transducers,
+    and the zero. Each can be replaced, or given where the log lacks it.
     The curve covers the speeds flown in accelerations and decelerations, with a 95 % interval. The report also has
     endurance and range on a battery, climb and highest speed at full throttle, and the effect of weight and air
     density on these.
     A log of PX4 or ArduPilot, or one without flow angles or motor speed, gives the electrical power of level flight.
+    Of several logs, each has its own folder in FOLDER, and above them are the report and the results of all flights
+    together. The same command goes on where it was interrupted, and adds logs without repeating the others.
+    Two such folders are compared by `analyze compare`.
 
     \b
     Examples:
@@ -163,87 +207,65 @@ def analyze(
       analyze log.mcap --battery-Wh "5000 mAh, 14.8 V" --usable 70%
       analyze log.mcap --runs log.report/runs.toml   after editing that file
       analyze log.ulg --mass 9.4 --wing-area 1.5 --span 4
+      analyze flights/*.mcap -o out                  many flights as one
+      analyze compare old/ new/ -o difference
 
-    Exit code 0: done. 2: the input cannot be used; one line on stderr says why, and nothing was written.
+    Exit code 0: done. 1: done, but the result is not to be trusted, and lines on stderr say why; or, of several logs,
+    some cannot be used. 2: the input cannot be used; one line on stderr says why, and nothing was written.
     """
-    stderr = Console(stderr=True, quiet=quiet)
+    request = parse_request(battery_Wh, usable, weights, density_altitudes)
+    options = Options(
+        aircraft=aircraft,
+        propeller=propeller,
+        probe=probe,
+        zero=zero,
+        weight_N=None if weight is None else parse_weight(weight, "--weight"),
+        runs=runs,
+        magnetometer=magnetometer,
+        transducers=transducers,
+        request=request,
+        mass_kg=mass,
+        wing_area_m2=wing_area,
+        span_m=span,
+        by_likelihood=likelihood,
+    )
+    # These matrices are too small to gain from a thread pool, which would slow down every call.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    if len(logs) > 1 or scheduler is not None:
+        if json:
+            raise InputError("--json: only for one log; several write their results into FOLDER")
+        from analysis.cli.several_logs import analyze_logs
+
+        raise typer.Exit(analyze_logs(logs, output, options, jobs=jobs, scheduler=scheduler, quiet=quiet))
+    log = logs[0]
     folder = output or log.parent / f"{log.stem}.report"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give the folder for the results with -o")
-    request = parse_request(battery_Wh, usable, weights, density_altitudes)
-    weight_N = None if weight is None else parse_weight(weight, "--weight")
-    # These matrices are too small to gain from a thread pool, which would slow down every call.
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    ordinary = OrdinaryFlight(
-        log, folder, request, weight_N if mass is None else mass * GRAVITY_MPS2, wing_area, span, aircraft, propeller
-    )
-    firmware = firmware_of(_not_a_folder(log))
-    if firmware:
-        refuse_daemon_options(log, probe=probe, zero=zero, runs=runs, magnetometer=magnetometer)
-        check_writable(folder / "report.html")
-        with stderr.status("reading the log …") as status:
-            print_electrical = ordinary.analyze_autopilot_log(firmware, lambda step: status.update(f"{step} …"))
-        if not quiet:
-            print_electrical(Console())
-        return
+    stderr = Console(stderr=True, quiet=quiet)
+    command_line = shlex.join(["analyze", *sys.argv[1:]])
     with stderr.status("reading the log …") as status:
-        # Wrong input is refused before the numerical libraries are loaded, which takes a second.
-        recorded = read_log(_not_a_folder(log))
-        if lacks_drag_topics(recorded):
-            check_writable(folder / "report.html")
-            print_electrical = ordinary.analyze_daemon_log(recorded, lambda step: status.update(f"{step} …"))
-            if not quiet:
-                print_electrical(Console())
-            return
-        check_writable(folder / "report.html")
-        refuse_autopilot_options(log, mass=mass, wing_area=wing_area, span=span)
-        given_aircraft = load_aircraft(aircraft) if aircraft else None
-        given_propeller = _load_propeller(propeller) if propeller else None
-        from analysis.airdata.magnetometer import load_magnetometer
-        from analysis.airdata.probe import load_probe
-        from analysis.log_contents import Replacements
-        from analysis.maneuvers import toml_file
-        from analysis.pipeline import analyze as run_pipeline
-        from analysis.report.terminal import print_summary
-        from analysis.report.write import write_report, write_run_list
-        from analysis.signals.rest import load_zero
-
-        if runs:
-            toml_file.load(runs)  # a wrong one is refused before anything is computed
-        given = Replacements(
-            aircraft=given_aircraft,
-            propeller=given_propeller,
-            probe=load_probe(probe) if probe else None,
-            magnetometer=load_magnetometer(magnetometer) if magnetometer else None,
-            zero=load_zero(zero) if zero else None,
-            weight_N=weight_N,
-        )
-        analysis = run_pipeline(
-            recorded, given, lambda step: status.update(f"{step} …"), request=request, runs_file=runs
-        )
-        status.update("writing the report …")
-        write_report(analysis, folder)
-        previous = write_run_list(analysis, folder, log.name, given=runs)
-    if previous:
-        note = f"note: {folder / 'runs.toml'} was written; the previous file is now {previous.name}"
+        done = analyze_log(log, folder, options, lambda step: status.update(f"{step} …"), command_line)
+    if done.previous_runs:
+        note = f"note: {folder / 'runs.toml'} was written; the previous file is now {done.previous_runs.name}"
         stderr.print(note, highlight=False, markup=False)
-    if not quiet:
-        print_summary(analysis.results, folder / "report.html", Console())
+    if done.replaced_report:
+        stderr.print(f"note: {done.replaced_report}", highlight=False, markup=False, soft_wrap=True)
+    return _finish(done, json, quiet)
 
 
-def _not_a_folder(log: Path) -> Path:
-    if log.is_dir():
-        inside = sorted(log.glob("*.mcap"))
-        raise InputError(
-            f"{log}: cannot be read, it is a folder; give a log, such as {inside[0] if inside else 'log.mcap'}"
-        )
-    return log
+def _finish(done: Done, json: bool, quiet: bool) -> int:
+    """Print the results, and on stderr why they are not to be trusted. Returns the exit code."""
+    from analysis.results.files import to_json
+    from analysis.results.trust import reasons_not_to_trust
 
-
-def _load_propeller(name_or_path: str) -> "Propeller":
-    from flight.propeller_files import load_propeller
-
-    return load_propeller(name_or_path)
+    if json:
+        print(to_json(done.results).decode())
+    elif not quiet:
+        done.print_summary(Console())
+    reasons = reasons_not_to_trust(done.results)
+    for reason in reasons:
+        print(f"not to be trusted: {reason}", file=sys.stderr)
+    return FAILURE if reasons else 0
 
 
 def main() -> None:

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 
@@ -17,6 +17,7 @@ from flight.log_reader import Log
 if TYPE_CHECKING:
     from analysis.autopilot_logs.recording import FlightRecording
     from analysis.electrical.flown_aircraft import FlownAircraft
+    from analysis.results.schema import Results
     from flight.propeller import Propeller
 
 JOULES_PER_WH = 3600.0
@@ -24,7 +25,15 @@ NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # by dr
 ELECTRICAL = ("/probe/airspeed", "/static", "/battery")
 
 Progress = Callable[[str], None]
-Print = Callable[[Console], None]
+
+
+class Done(NamedTuple):
+    """The results that were written, and what is to be said of them."""
+
+    results: "Results"
+    print_summary: Callable[[Console], None]
+    previous_runs: Path | None = None  # where a previous runs.toml is kept, if there was another one
+    replaced_report: str = ""  # what was different in a report that was replaced; empty if nothing was
 
 
 def lacks_drag_topics(log: Log) -> bool:
@@ -68,18 +77,19 @@ class OrdinaryFlight:
     wing_area_m2: float | None
     span_m: float | None
     aircraft: Path | None
+    command_line: str
     propeller: str | None = None
 
-    def analyze_autopilot_log(self, firmware: str, progress: Progress) -> Print:
-        """Write the report of a log of PX4 or ArduPilot; returns what prints the summary. Raises InputError."""
+    def analyze_autopilot_log(self, firmware: str, progress: Progress) -> Done:
+        """Write the report of a log of PX4 or ArduPilot. Raises InputError."""
         from analysis.electrical.flown_aircraft import flown_aircraft
 
         given = load_aircraft(self.aircraft) if self.aircraft else None
         flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
         return self._analyze(read_autopilot_log(self.log, firmware), flown, given, progress)
 
-    def analyze_daemon_log(self, log: Log, progress: Progress) -> Print:
-        """Write the report of a log of the daemon; returns what prints the summary. Raises InputError."""
+    def analyze_daemon_log(self, log: Log, progress: Progress) -> Done:
+        """Write the report of a log of the daemon. Raises InputError."""
         from analysis.electrical.daemon_log import recording_of
         from analysis.electrical.flown_aircraft import flown_aircraft
         from analysis.log_contents import propeller_of
@@ -116,13 +126,14 @@ class OrdinaryFlight:
         given: Aircraft | None,
         progress: Progress,
         table: "Propeller | None" = None,
-    ) -> Print:
+    ) -> Done:
         from analysis.electrical.drag import drag_estimate
         from analysis.electrical.estimate import estimate
         from analysis.electrical.flight_table import flight_table
         from analysis.electrical.thrust_balance import motor_constants
         from analysis.report.electrical_page import print_electrical_summary, write_electrical_report
         from analysis.results.electrical import electrical_results
+        from analysis.results.provenance import provenance_of_file
 
         progress("finding the flight")
         flight = flight_table(recording, flown.weight_N, flown.wing_area_m2)
@@ -137,9 +148,13 @@ class OrdinaryFlight:
         drag = drag_estimate(flight, found, flown.span_m, propeller, constants)
         battery_Wh = self._battery_Wh(given)
         battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
+        source = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
+        provenance = provenance_of_file(self.log, source, self.aircraft, self.command_line)
+        name = propeller.name if propeller else ""
         results = electrical_results(
-            self.log, flown, flight, found, battery_J, recording.parameters, drag, propeller.name if propeller else ""
+            self.log, flown, flight, found, battery_J, provenance, recording.parameters, drag, name
         )
         progress("writing the report")
-        write_electrical_report(results, flight, found, self.folder)
-        return lambda console: print_electrical_summary(results, self.folder / "report.html", console)
+        replaced = write_electrical_report(results, flight, found, self.folder)
+        page = self.folder / "report.html"
+        return Done(results, lambda console: print_electrical_summary(results, page, console, replaced))

@@ -6,8 +6,9 @@ reconstruction estimates: its standard deviation is added to the prior of that s
 what remains of it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -75,10 +76,12 @@ class AssumptionUncertainty(NamedTuple):
     """Uncertainty by assumed values.
 
     covariance : (5, 5) of the polar and of thrust, to be added to that of the estimate     notes : sentences
+    changes : by error, the change (5,) of polar and thrust by one standard deviation of it
     """
 
     covariance: Array
     notes: list[str]
+    changes: Mapping[str, Array] = MappingProxyType({})
 
 
 def alpha_scale_sigma(aircraft: Aircraft) -> float:
@@ -110,8 +113,12 @@ def assumption_uncertainty(
     estimate = repeat(aircraft, propeller, upwash)
     own_covariance = estimate.noise + estimate.systematic
     added = {key: np.zeros(own_covariance.shape) for key in dict.fromkeys(assumed.key for assumed in missing)}
-    for assumed in missing:
+    changes: dict[str, Array] = {}
+    for i, assumed in enumerate(ASSUMED_VALUES):
+        if assumed not in missing:
+            continue
         change = repeat_values(*assumed.perturb(aircraft, propeller), upwash) - estimate.values
+        changes[f"{assumed.key} {i}"] = change
         added[assumed.key] += np.outer(change, change)
     covariance = np.sum([np.zeros(own_covariance.shape), *added.values()], axis=0)
 
@@ -138,7 +145,7 @@ def assumption_uncertainty(
             for A in (estimate.values[:3], folding)
         )
         notes += _folding_note(folded / power - 1, V[0])
-    return AssumptionUncertainty(covariance, notes)
+    return AssumptionUncertainty(covariance, notes, changes)
 
 
 def _folding_note(change: float, V: float) -> list[str]:
@@ -173,4 +180,5 @@ def with_assumption_uncertainty(estimate: DynamicEstimate, added: AssumptionUnce
         for i, (name, value, error, unit) in enumerate(estimate.parameters)
     ]
     polar = Polar(estimate.polar.A, polar_covariance)
-    return replace(estimate, polar=polar, parameters=parameters, systematic=systematic)
+    joint = estimate.joint and estimate.joint.with_changes(added.changes)
+    return replace(estimate, polar=polar, parameters=parameters, systematic=systematic, joint=joint)

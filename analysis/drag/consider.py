@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flight.aircraft import Aircraft
 
 Array = NDArray[np.float64]
+UPDRAFT, WEIGHT = "updraft", "weight"  # names of these errors
 
 
 def without_updraft(forces: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:

@@ -25,8 +25,10 @@ def with_hysteresis_uncertainty(
     if fraction == 0:
         return added
     nominal = values_from(air)
-    changes = [values_from(with_hysteresis(air, channel, fraction)) - nominal for channel in CHANNELS]
-    covariance = np.sum([np.outer(change, change) for change in changes], axis=0)
+    changes = {
+        f"hysteresis {channel}": values_from(with_hysteresis(air, channel, fraction)) - nominal for channel in CHANNELS
+    }
+    covariance = np.sum([np.outer(change, change) for change in changes.values()], axis=0)
     if added is None:
-        return AssumptionUncertainty(covariance, [])
-    return added._replace(covariance=added.covariance + covariance)
+        return AssumptionUncertainty(covariance, [], changes)
+    return added._replace(covariance=added.covariance + covariance, changes={**added.changes, **changes})

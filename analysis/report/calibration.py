@@ -1,11 +1,14 @@
 """The page of a probe calibration: how well the polynomials fit, where they hold, and whether speed matters."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.speed_dependence import SpeedDependence, speed_dependence
 from analysis.airdata.tunnel import TunnelData, dynamic_pressure
 from analysis.report.figures import probe_calibration as figures
+from analysis.report.figures.figure import Figure
 from analysis.report.figures.style import Array
 from analysis.report.html_page import HtmlTable, html_figure, render_page
 
@@ -24,7 +27,7 @@ def render(tunnel: TunnelData, calibration: ProbeCalibration, *, angle_scale_sig
         100 * (predicted_ratio / ratio - 1),
     )
     dependence = speed_dependence(tunnel, alpha_error_rad, tunnel.alpha_rad)
-    drawn = {
+    drawn: dict[str, Figure | Sequence[Figure]] = {
         "residuals": figures.residual_maps(tunnel, residuals),
         "sections": figures.sections(tunnel, calibration),
         "speed": figures.by_speed(dependence),

@@ -15,26 +15,33 @@ from analysis.report.answers import HeadlineAnswer, interval_text, optimum_speed
 from analysis.report.figures import electrical as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
 from analysis.report.sections.autopilot import autopilot_section
+from analysis.report.sections.provenance import electrical_facts
 from analysis.results.files import to_csv, to_json
+from analysis.results.previous import replaced
 from analysis.results.schema import ElectricalResult, Results, SpeedInterval
 from flight.units import GRAVITY_MPS2
 
 CURVE_ROWS = 12
 
 
-def write_electrical_report(results: Results, flight: FlightTable, estimate: ElectricalEstimate, folder: Path) -> None:
-    """Write report.html, results.json and electrical_power.csv. Raises InputError when the folder cannot be written."""
+def write_electrical_report(results: Results, flight: FlightTable, estimate: ElectricalEstimate, folder: Path) -> str:
+    """Write report.html, results.json and electrical_power.csv. Raises InputError when the folder cannot be written.
+
+    Returns what of another log or of other options they replaced, in a sentence.
+    """
+    before = replaced(folder, results)
     files: dict[str, str | bytes] = {
         "results.json": to_json(results),
         "electrical_power.csv": to_csv(results),
-        "report.html": _page(results, flight, estimate),
+        "report.html": _page(results, flight, estimate, before),
     }
     for name, content in files.items():
         write_file(folder / name, content)
+    return before
 
 
-def print_electrical_summary(results: Results, page: Path, console: Console) -> None:
-    """Print the curve, the best speeds, notes, and where the page is."""
+def print_electrical_summary(results: Results, page: Path, console: Console, replaced: str = "") -> None:
+    """Print the curve, the best speeds, notes, and where the page is. replaced: a note on the report before."""
     curve = _curve_table(results)
     table = Table(title=f"{escape(results.aircraft.title)}: electrical power of level flight", title_justify="left")
     for heading in curve.header:
@@ -46,6 +53,8 @@ def print_electrical_summary(results: Results, page: Path, console: Console) -> 
         console.print(f"[bold]{question}: {escape(answer)}[/bold]. {escape(note)}", highlight=False)
     for warning in [*results.warnings, *(results.electrical.withheld if results.electrical else [])]:
         console.print(f"[yellow]note:[/yellow] {escape(warning)}", highlight=False)
+    if replaced:
+        console.print(f"[yellow]note:[/yellow] {escape(replaced)}", highlight=False)
     console.print(f"report: {escape(str(page))}")
 
 
@@ -78,7 +87,7 @@ def _speed_text(best: SpeedInterval, results: Results) -> str:
     return f"{best.speed_mps:.1f} m/s, the {'slowest' if slowest else 'fastest'} flown"
 
 
-def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate) -> str:
+def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, before: str) -> str:
     found, table = results.electrical, flight.table
     assert found is not None
     errors = estimate.airspeed
@@ -109,7 +118,9 @@ def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate) -
             f" {found.flown_s:.0f} s. Vertical motion of the air appears here; slow waves do so too, and the interval"
             " contains them."
         ),
+        facts=electrical_facts(results),
         source=f"flightpower {results.software_version}, from {results.log}",
+        replaced=before,
         figures={name: html_figure(figure, name) for name, figure in drawn.items()},
     )
 

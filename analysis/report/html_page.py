@@ -1,13 +1,21 @@
-"""Rendering of a page from the templates: one HTML file that opens without a network."""
+"""Rendering of a page from the templates: one HTML file that opens without a network.
+
+Figures are drawn by Plotly's basic bundle (vendor/, MIT license), a quarter of the whole library.
+"""
 
 from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple
+from importlib import resources
+from typing import Any, NamedTuple
 
-import plotly.graph_objects as go
-import plotly.io.json
+import msgspec
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from plotly.offline import get_plotlyjs
+
+from analysis.report.figures.figure import Figure
+from analysis.report.figures.style import ON_DARK
+
+PLOTLY = "plotly-basic.min.js"
 
 
 class HtmlTable(NamedTuple):
@@ -19,22 +27,34 @@ class HtmlTable(NamedTuple):
 
 
 class HtmlFigure(NamedTuple):
-    """A Plotly figure: the id of its element, its height, and its data and layout for `Plotly.newPlot`."""
+    """A figure or several side by side: ids of the elements and what is drawn in them."""
 
-    name: str
-    height_px: int
-    data: object
-    layout: object
+    parts: list[tuple[str, Figure]]
 
 
-def html_figure(figure: go.Figure, name: str) -> HtmlFigure:
-    content = figure.to_dict()
-    return HtmlFigure(name, int(figure.layout.height), content["data"], content["layout"])
+def html_figure(drawn: Figure | Sequence[Figure], name: str) -> HtmlFigure:
+    """name: id of the element; of several figures, with their number."""
+    if isinstance(drawn, Figure):
+        return HtmlFigure([(name, drawn)])
+    return HtmlFigure([(f"{name}-{i}", figure) for i, figure in enumerate(drawn, start=1)])
 
 
 def render_page(template: str, **context: object) -> str:
     """A template of this package, filled. Text is escaped; raises UndefinedError when the template names more."""
-    return _environment().get_template(template).render(plotly_js=get_plotlyjs(), **context)
+    plotly_js = resources.files("analysis.report").joinpath("vendor", PLOTLY).read_text("utf-8")
+    return _environment().get_template(template).render(plotly_js=plotly_js, on_dark=ON_DARK, **context)
+
+
+def to_json(value: object, **_: object) -> str:
+    """JSON of figures: NaN becomes null, where a line is interrupted."""
+    return msgspec.json.encode(value, enc_hook=_plain).decode()
+
+
+def _plain(value: Any) -> Any:
+    """Arrays and numbers of NumPy as Python's."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise NotImplementedError(f"{type(value).__name__} in a figure")
 
 
 @cache
@@ -46,7 +66,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    # Plotly's own encoder knows arrays; jinja2 escapes <, >, & and ' of what it returns.
-    environment.policies["json.dumps_function"] = plotly.io.json.to_json_plotly
+    # jinja2 escapes <, >, & and ' of what this returns.
+    environment.policies["json.dumps_function"] = to_json
     environment.policies["json.dumps_kwargs"] = {}
     return environment

@@ -2,24 +2,39 @@
 
 from collections.abc import Mapping, Sequence
 
-import plotly.graph_objects as go
-
+from analysis.report.figures.figure import Figure
 from analysis.report.html_page import html_figure, render_page
 from analysis.report.sections.autopilot import autopilot_section
+from analysis.report.sections.certainty import certainty_section
 from analysis.report.sections.curve import curve_section
 from analysis.report.sections.flight import flight_section
 from analysis.report.sections.methods import methods_section
 from analysis.report.sections.performance import performance_section
+from analysis.report.sections.provenance import provenance_section
 from analysis.report.sections.sensors import sensors_section
 from analysis.report.sections.summary import summary_section
+from analysis.report.sections.verdict import verdict_section
 from analysis.results.schema import Results
 
 
-def render(results: Results, figures: Mapping[str, go.Figure], run_fits: Sequence[go.Figure]) -> str:
-    """The page as one HTML file. figures: by name (`report_figures.figures_by_name`); run_fits: one for each run."""
+def render(
+    results: Results,
+    figures: Mapping[str, Figure | Sequence[Figure]],
+    run_fits: Sequence[Figure | Sequence[Figure]],
+    *,
+    replaced: str = "",
+) -> str:
+    """The page as one HTML file.
+
+    figures: by name (`report_figures.figures_by_name`); run_fits: one for each run. replaced: what the report replaces.
+    """
     return render_page(
         "report.html",
         summary=summary_section(results),
+        verdict=verdict_section(results),
+        certainty=certainty_section(results),
+        provenance=provenance_section(results),
+        replaced=replaced,
         performance=performance_section(results),
         methods=methods_section(results),
         curve=curve_section(results),

@@ -1,15 +1,18 @@
 """All figures of the report page of an analysis."""
 
-import plotly.graph_objects as go
+from collections.abc import Sequence
 
 from analysis.pipeline import Analysis
-from analysis.report.figures import flight, methods, performance, power
+from analysis.report.figures import flight, methods, performance, power, residuals
+from analysis.report.figures.figure import Figure
+
+Drawn = Figure | Sequence[Figure]  # one, or several side by side
 
 
-def figures_by_name(analysis: Analysis) -> dict[str, go.Figure]:
+def figures_by_name(analysis: Analysis) -> dict[str, Drawn]:
     """The figures by their names in the template `report.html`; optional ones are missing where there are no data."""
     results = analysis.results
-    figures = {
+    figures: dict[str, Drawn] = {
         "power": power.power_required(results),
         "methods": methods.every_method(results),
         "timeline": flight.timeline(analysis.table, analysis.maneuvers.maneuvers, results.rejected),
@@ -19,6 +22,12 @@ def figures_by_name(analysis: Analysis) -> dict[str, go.Figure]:
         figures["one_by_one"] = methods.run_by_run(results)
     if any(differences.notna().any(axis=None) for differences in analysis.consistency):
         figures["consistency"] = flight.consistency(analysis.consistency)
+    if results.run_residuals:
+        figures["autocorrelation"] = residuals.autocorrelation(results.run_residuals)
+    if analysis.trajectory.block_means.flying.any():
+        figures["air_and_path"] = residuals.air_and_path(analysis.trajectory)
+    if results.track:
+        figures["track"] = residuals.ground_track(results.track, analysis.maneuvers.maneuvers, results.air)
     if results.interval_parts:
         figures["parts"] = power.interval_parts(results)
     if results.use:
@@ -27,6 +36,6 @@ def figures_by_name(analysis: Analysis) -> dict[str, go.Figure]:
     return figures
 
 
-def run_fits(analysis: Analysis) -> list[go.Figure]:
+def run_fits(analysis: Analysis) -> list[Drawn]:
     """The fit of each run."""
     return [flight.run_fit(*fit) for fit in analysis.drag.main.fits]

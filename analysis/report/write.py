@@ -9,14 +9,17 @@ from analysis.report import field_table, page
 from analysis.report.report_figures import figures_by_name, run_fits
 from analysis.report.trajectory_csv import trajectory_csv
 from analysis.results.files import to_csv, to_json
+from analysis.results.previous import replaced
 
 
-def write_report(analysis: Analysis, folder: Path) -> None:
+def write_report(analysis: Analysis, folder: Path) -> str:
     """Write report.html, results.json, power_required.csv, path.csv and field_table.md and .csv into `folder`.
 
+    Returns what of another log or of other options they replaced, in a sentence; empty where they replaced nothing.
     Everything is computed before the first file is written. Raises InputError when the folder cannot be written.
     """
     results = analysis.results
+    before = replaced(folder, results)
     files: dict[str, str | bytes] = {
         "results.json": to_json(results),
         "power_required.csv": to_csv(results),
@@ -25,9 +28,10 @@ def write_report(analysis: Analysis, folder: Path) -> None:
     if results.use:
         files["field_table.md"] = field_table.to_markdown(results, results.use)
         files["field_table.csv"] = field_table.to_csv(results, results.use)
-    files["report.html"] = page.render(results, figures_by_name(analysis), run_fits(analysis))
+    files["report.html"] = page.render(results, figures_by_name(analysis), run_fits(analysis), replaced=before)
     for name, content in files.items():
         write_file(folder / name, content)
+    return before
 
 
 def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, given: Path | None) -> Path | None:

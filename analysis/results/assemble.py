@@ -9,8 +9,10 @@ import pandas as pd
 from analysis.drag.estimate import DragEstimates
 from analysis.drag.polar import Condition, best_range_lift, minimum_power_lift
 from analysis.maneuvers.kinds import Maneuvers
-from analysis.results import methods, power_curves
+from analysis.results import flight_found, methods, power_curves
 from analysis.results.autopilot_parameters import of_power_required
+from analysis.results.likelihood import pitch_rate_result
+from analysis.results.pooling_statistics import PoolingStatistics
 from analysis.results.schema import (
     AircraftResult,
     ConditionResult,
@@ -21,6 +23,7 @@ from analysis.results.schema import (
     Results,
     RunResult,
 )
+from analysis.results.schema_provenance import AirFound, Provenance, Track
 from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.propeller import Propeller
@@ -38,7 +41,12 @@ def assemble(
     drag: DragEstimates,
     trajectory: PathResult,
     performance: PerformanceResult | None,
+    pooling: PoolingStatistics | None,
     warnings: list[str],
+    provenance: Provenance,
+    air: AirFound,
+    ground_track: Track,
+    next_flight: list[str],
 ) -> Results:
     """The contents of `results.json`.
 
@@ -90,6 +98,14 @@ def assemble(
         ),
         path=trajectory,
         use=performance,
+        pooling=pooling,
+        provenance=provenance,
+        air=air,
+        run_residuals=flight_found.run_residuals(drag.main),
+        parameter_correlation=flight_found.parameter_correlation(drag.main),
+        track=ground_track,
+        next_flight=next_flight,
+        pitch_rate=pitch_rate_result(drag.pitch_rate) if drag.pitch_rate else None,
     )
     parameters, withheld = of_power_required(results, *power_curves.two_term_polar(polar, flown_CL))
     return msgspec.structs.replace(results, autopilot_parameters=parameters, autopilot_parameters_withheld=withheld)

@@ -27,6 +27,7 @@ from analysis.results.schema import (
     Results,
     SpeedInterval,
 )
+from analysis.results.schema_provenance import Provenance
 from flight.atmosphere import SEA_LEVEL_DENSITY
 
 Array = NDArray[np.float64]
@@ -48,6 +49,7 @@ def electrical_results(
     flight: FlightTable,
     estimate: ElectricalEstimate,
     battery_J: float | None,
+    provenance: Provenance,
     logged: Mapping[str, float] = {},
     drag: DragEstimate | str = WITHHELD_DRAG,
     propeller: str = "",
@@ -90,6 +92,7 @@ def electrical_results(
         electrical=beside,
         autopilot_parameters=parameters,
         autopilot_parameters_withheld=withheld,
+        provenance=provenance,
     )  # fmt: skip
 
 

@@ -1,8 +1,14 @@
-"""The documented, versioned format of `results.json` and `power_required.csv` (docs/results.md)."""
+"""The documented, versioned format of `results.json` and `power_required.csv` (docs/results.md).
+
+More than 350 lines: the fields of one file, with their units.
+"""
 
 import msgspec
 
 from analysis.results.autopilot_parameter import AutopilotParameter
+from analysis.results.pooling_statistics import PoolingStatistics
+from analysis.results.schema_likelihood import PitchRateResult
+from analysis.results.schema_provenance import AirFound, Correlation, Provenance, RunResidual, Track
 
 FORMAT = "flightpower-results-2"
 BELOW_SLOWEST = "It lies below the slowest speed flown."  # reason of a `SpeedInterval`
@@ -236,10 +242,8 @@ class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
-    """Endurance, range and climb at one weight and density, each at its best speed among those flown.
-
-    Intervals of speeds end at the slowest speed flown.
-    """
+    """Endurance, range and climb at one weight and density, each at its best speed among those flown. Intervals of
+    speeds end at the slowest speed flown."""
 
     title: str
     weight_N: float
@@ -337,8 +341,16 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
     electrical_power: list[PowerPoint] = []  # from the battery in level flight, where thrust is not known
     electrical: ElectricalResult | None = None
+    pooling: PoolingStatistics | None = None  # null where no acceleration or deceleration was analysed
+    provenance: Provenance | None = None
+    air: AirFound | None = None
+    run_residuals: list[RunResidual] = []
+    parameter_correlation: Correlation | None = None
+    track: Track | None = None
+    next_flight: list[str] = []  # what the next twenty minutes should be, in sentences; empty where nothing is lacking
     autopilot_parameters: list[AutopilotParameter] = []  # that follow from the flight
     autopilot_parameters_withheld: list[str] = []  # that do not, and why
+    pitch_rate: PitchRateResult | None = None  # with `--likelihood`
 
 
 def schema() -> bytes:

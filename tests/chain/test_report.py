@@ -3,8 +3,7 @@
 import csv
 import html
 import re
-import shutil
-import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -12,53 +11,93 @@ import numpy as np
 import pytest
 
 from analysis.results.schema import Results
+from tests.browser import CHROMIUM, Browser, started
 
 pytestmark = pytest.mark.xdist_group("chain")
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-QUIET = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
-    "--disable-background-networking", "--disable-component-update", "--virtual-time-budget=5000",
-)  # fmt: skip
-DRAWINGS = ("power", "methods", "loadings", "efficiency", "parts", "timeline", "polar", "fit-0")
+SIZES = ((400, True), (400, False), (1280, False), (1280, True), (1920, True), (1920, False))  # px, dark
+PAPER_PX = 695  # A4 without the margins of page.css
+FIRST = {"power", "parts", "methods", "loadings-1", "loadings-2", "efficiency", "timeline", "polar", "track",
+         "autocorrelation", "air_and_path", "consistency", "fit-0-1", "fit-0-2"}  # fmt: skip
+OPEN_ALL = "document.querySelectorAll('details').forEach(d => d.open = true); drawAll()"
+TOO_WIDE = """(() => {
+  const page = document.body.getBoundingClientRect();
+  return [...document.querySelectorAll('body *')].filter(e => !e.closest('.plot, svg'))
+    .map(e => [e, e.getBoundingClientRect()])
+    .filter(([e, box]) => box.width && (box.right > page.right + 0.5 || box.left < page.left - 0.5))
+    .map(([e, box]) => `${e.tagName} ${e.className} to ${box.right}: ${e.textContent.slice(0, 40)}`);
+})()"""
+CUT = """[...document.querySelectorAll('.plot')].flatMap(plot => {
+  const svg = plot.querySelector('svg.main-svg'), whole = plot.getBoundingClientRect();
+  if (!svg) return [`${plot.id} is not drawn`];
+  return [svg, ...plot.querySelectorAll('svg.main-svg text')].map(part => [part, part.getBoundingClientRect()])
+    .filter(([part, box]) => box.width && (box.left < whole.left - 1 || box.right > whole.right + 1
+                                           || box.top < whole.top - 1 || box.bottom > whole.bottom + 1))
+    .map(([part, box]) => `${plot.id}: ${part.textContent.slice(0, 30)}`);
+})"""
 
 
-def opened(page: Path, profile: Path) -> tuple[str, list[str]]:
-    """The page as the browser ended up with it, and what it said on the console."""
-    arguments = [*QUIET, f"--user-data-dir={profile}", "--enable-logging=stderr", "--dump-dom", page.as_uri()]
-    shown = subprocess.run([str(CHROMIUM), *arguments], capture_output=True, text=True, timeout=120)
-    return shown.stdout, [line for line in shown.stderr.splitlines() if ":CONSOLE" in line]
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with started() as browser:
+        yield browser
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
-def test_the_report_in_a_browser(flown: Path, results: Results, tmp_path: Path) -> None:
-    """It opens without an error and without a network, every drawing is drawn, and what was not flown is dashed."""
+def test_the_report_in_a_browser(flown: Path, results: Results, browser: Browser, tmp_path: Path) -> None:
+    """On a phone, a laptop and a wide screen, dark and light, and on paper: all drawn, nothing cut, nothing asked."""
     page = flown / "log.report" / "report.html"
-    the_browser_complains_of_a_broken_page(page.read_text("utf-8"), tmp_path)
-    dom, console = opened(page, tmp_path / "profile")
-    assert console == []
-    for name in DRAWINGS:
-        assert 'class="main-svg"' in drawing(dom, name), name
+    the_browser_complains_of_a_broken_page(browser, page.read_text("utf-8"), tmp_path)
+    browser.show(page, *SIZES[0][:1], dark=SIZES[0][1])
+    for width, dark in SIZES:
+        browser.resize(width, dark=dark)
+        browser.value_of(OPEN_ALL)
+        assert browser.value_of(TOO_WIDE) == [], width
+        assert browser.value_of("root.scrollWidth") <= width
+        assert browser.value_of(CUT) == [], width
+        ink = browser.value_of("getComputedStyle(document.querySelector('#power text')).fill")
+        assert (sum(map(int, re.findall(r"\d+", ink)[:3])) > 400) == dark, "light on dark, dark on light"
+    assert browser.value_of("[...document.querySelectorAll('.plot')].map(e => e.id)") == sorted_like_the_page(browser)
+    assert set(browser.value_of("Object.keys(figures)")) >= FIRST
     # The highest level speed of the demonstration lies beyond its runs: both curves go there in dashes.
     assert results.use is not None and results.use.available.maximum_speed_extrapolated
-    power = drawing(dom, "power")
+    power = browser.value_of("document.getElementById('power').innerHTML")
     assert power.count("stroke-dasharray: 9px, 9px") >= 1, "power required beyond the fastest flown"
     assert power.count("stroke-dasharray: 9px, 6px") >= 1, "power available there"
+    saved = browser.value_of("Plotly.toImage('power', {format: 'svg', width: 900, height: 400})")
+    assert saved.startswith("data:image/svg+xml") and "airspeed" in saved
+    on_paper(browser)
+    assert browser.complaints == []
+    assert browser.requests == [page.as_uri()], "no network"
 
 
-def the_browser_complains_of_a_broken_page(page: str, folder: Path) -> None:
+def on_paper(browser: Browser) -> None:
+    """Before it prints, the page opens what is folded and draws all figures anew, as wide as the paper."""
+    browser.value_of("document.getElementById('flight').open = false")
+    found = f"[{CUT}, {TOO_WIDE}, document.querySelectorAll('details:not([open])').length, document.body.offsetWidth]"
+    browser.value_of(f"window.printed = null; addEventListener('beforeprint', () => {{ printed = {found}; }})")
+    assert browser.pdf().startswith(b"%PDF")
+    cut, too_wide, folded, width = browser.value_of("printed")
+    assert cut == [] and too_wide == [] and folded == 0 and width <= PAPER_PX
+    assert browser.value_of("document.querySelectorAll('details:not([open])').length") == 1, "as before"
+
+
+def sorted_like_the_page(browser: Browser) -> list[str]:
+    """The drawings in their order; an id occurs once, or Plotly draws in the wrong place."""
+    ids = browser.value_of("[...document.querySelectorAll('[id]')].filter(e => !e.closest('svg')).map(e => e.id)")
+    assert len(set(ids)) == len(ids)
+    drawings = set(browser.value_of("Object.keys(figures)"))
+    return [name for name in ids if name in drawings]
+
+
+def the_browser_complains_of_a_broken_page(browser: Browser, page: str, folder: Path) -> None:
     """The test can fail: the same page with a picture from a network and a wrong word of script is complained of."""
     assert "default-src 'none'" in page
     broken = '<img src="http://192.0.2.1/x.png"><script>nothing()</script></body>'
     (folder / "broken.html").write_text(page.replace("</body>", broken), "utf-8")
-    _, console = opened(folder / "broken.html", folder / "profile")
-    assert any("Content Security Policy" in line for line in console)
-    assert any("nothing is not defined" in line for line in console)
-
-
-def drawing(dom: str, name: str) -> str:
-    """The part of the page from a drawing's start to the next drawing."""
-    return dom.partition(f'<div id="{name}"')[2].split('class="plotly-graph-div')[1]
+    browser.show(folder / "broken.html", 1280)
+    assert any("Content Security Policy" in line for line in browser.complaints)
+    assert any("nothing is not defined" in line for line in browser.complaints)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +116,7 @@ def test_the_answers_come_before_the_first_drawing(page: str, results: Results) 
     head = re.sub(
         r"<[^>]+>",
         " ",
-        re.sub(r"<(script|style).*?</\1>", "", page.partition('class="plotly-graph-div')[0], flags=re.S),
+        re.sub(r"<(script|style).*?</\1>", "", page.partition('class="plot"')[0], flags=re.S),
     )
     said = " ".join(head.split())
     flown = results.use.loadings[0]

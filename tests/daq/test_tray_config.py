@@ -53,6 +53,11 @@ def test_paths_count_from_the_file(tmp_path):
     assert tray.magnetometer_calibration == str(tmp_path / "m.json")
 
 
+def test_the_installation_may_be_named():
+    tray = parse_tray('[installation]\nname = "boom, May"\n[[sensors]]\ndriver="ublox"\nport="/dev/x"', "t", Path())
+    assert tray.installation is not None and tray.installation.name == "boom, May"
+
+
 IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
 
 

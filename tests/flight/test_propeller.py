@@ -253,7 +253,7 @@ def test_a_broken_table_is_refused_by_name(text, cause):
 
 
 def test_an_unknown_propeller_lists_those_there_are():
-    with pytest.raises(InputError, match="apc-10x5e, apc-12x8e, blade-11x5, blade-16x10"):
+    with pytest.raises(InputError, match="apc-10x5e, apc-12x8e, apc-12x8e-windmilling, blade-11x5, blade-16x10"):
         load_propeller("apc-99x99")
 
 

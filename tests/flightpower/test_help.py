@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 import analysis.cli.analyze
 import analysis.cli.calibrate
+import analysis.cli.compare
 import daq.__main__
 import flightpower.__main__
 import flightpower.new
@@ -16,6 +17,7 @@ from flight.shipped_propellers import shipped_propellers
 
 APPLICATIONS = {
     "analyze": analysis.cli.analyze.app,
+    "analyze compare": analysis.cli.compare.app,
     "calibrate": analysis.cli.calibrate.app,
     "daq": daq.__main__.app,
     "flightpower": flightpower.__main__.app,

@@ -1,31 +1,30 @@
 """Figures of the electrical power of level flight, of the flight, and of the energy balance."""
 
 import numpy as np
-import plotly.graph_objects as go
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots
 
 from analysis.electrical.estimate import ElectricalEstimate
 from analysis.electrical.flight_table import FlightTable
+from analysis.report.figures.figure import Figure
 from analysis.report.figures.style import (
     BLUE,
     GREY,
     INK,
-    POINTS_DRAWN,
     add_band,
     add_curve,
     curve_arrays,
     rounded,
     styled,
+    thinned,
 )
 from analysis.results.schema import Results
 
 TIME_TITLE = "time since the start of the log, s"
 
 
-def electrical_power(results: Results, estimate: ElectricalEstimate) -> go.Figure:
+def electrical_power(results: Results, estimate: ElectricalEstimate) -> Figure:
     """Electrical power against airspeed with its 95 % interval, and the flight's moments reduced to level flight."""
-    figure = go.Figure()
+    figure = Figure()
     V, _, lo, hi = curve_arrays(results.electrical_power)
     add_band(figure, V, lo, hi, BLUE, 0.3)
     figure.add_scatter(
@@ -37,26 +36,27 @@ def electrical_power(results: Results, estimate: ElectricalEstimate) -> go.Figur
         hovertemplate="%{y:.0f} W",
     )
     add_curve(figure, results.electrical_power, "electrical power", BLUE, 5)
-    figure.update_xaxes(title="true airspeed, m/s")
-    figure.update_yaxes(title="power, W", range=[0, 1.2 * float(np.max(hi))])
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="power, W", range=[0, 1.2 * float(np.max(hi))])
     return styled(figure, 420, hover="closest")
 
 
-def flight(table: FlightTable, V_mps: NDArray[np.float64]) -> go.Figure:
+def flight(table: FlightTable, V_mps: NDArray[np.float64]) -> Figure:
     """Airspeed, height and electrical power of the whole log; the part used is shaded."""
     rows = (
         (V_mps, "airspeed, m/s"),
         (table.table["height_m"].to_numpy(), "height, m"),
         (table.table["power_W"].to_numpy(), "power, W"),
     )
-    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.05)
-    t_s, every = table.table.index.to_numpy(), max(1, len(table.table) // POINTS_DRAWN)
+    figure = Figure(len(rows))
+    t_s = table.table.index.to_numpy()
     for i, (values, title) in enumerate(rows, start=1):
+        x, y = thinned(t_s, values)
         figure.add_scatter(
-            x=rounded(t_s[::every]), y=rounded(values[::every]), row=i, col=1, line={"color": INK, "width": 1.8},
-            showlegend=False, name=title,
+            x=rounded(x), y=rounded(y), panel=i, mode="lines", line={"color": INK, "width": 1.8}, showlegend=False,
+            name=title,
         )  # fmt: skip
-        figure.update_yaxes(title=title, row=i, col=1)
+        figure.update_yaxis(title=title, panel=i)
     figure.update_layout(
         shapes=[
             {
@@ -66,17 +66,17 @@ def flight(table: FlightTable, V_mps: NDArray[np.float64]) -> go.Figure:
             for part in table.airborne
         ]
     )  # fmt: skip
-    figure.update_xaxes(title=TIME_TITLE, row=len(rows), col=1)
+    figure.update_xaxis(title=TIME_TITLE)
     return styled(figure, 620)
 
 
-def residuals(estimate: ElectricalEstimate) -> go.Figure:
+def residuals(estimate: ElectricalEstimate) -> Figure:
     """The energy balance's residuals over time."""
-    figure = go.Figure()
+    figure = Figure()
     figure.add_scatter(
         x=rounded(estimate.time_s), y=rounded(estimate.residual_W), mode="lines+markers",
         line={"color": BLUE, "width": 2}, name="residual", hovertemplate="%{y:.0f} W",
     )  # fmt: skip
-    figure.update_xaxes(title=TIME_TITLE)
-    figure.update_yaxes(title="residual, W")
+    figure.update_xaxis(title=TIME_TITLE)
+    figure.update_yaxis(title="residual, W")
     return styled(figure, 320)

@@ -4,21 +4,20 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from analysis.maneuvers.kinds import Maneuver
+from analysis.report.figures.figure import Figure
 from analysis.report.figures.style import (
     BLUE,
     GREY,
     INK,
-    PALETTE,
-    POINTS_DRAWN,
-    RED,
+    ORANGE,
+    OTHER_RUN,
     RUN_COLOR,
     Array,
     rounded,
     styled,
+    thinned,
 )
 from analysis.results.schema import RejectedResult
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
@@ -29,92 +28,83 @@ TIME_TITLE = "time since the start of the log, s"
 ROWS = (("V_mps", "speed, m/s", 1.0), ("height_m", "height, m", 1.0), ("n_revps", "motor, rpm", 60.0))
 
 
-def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[RejectedResult] = ()) -> go.Figure:
+def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[RejectedResult] = ()) -> Figure:
     """Speed, height and motor speed of the whole flight; runs shaded by kind, rejected stretches outlined in grey."""
-    figure = make_subplots(rows=len(ROWS), cols=1, shared_xaxes=True, vertical_spacing=0.05)
-    thinned = table.iloc[:: max(1, len(table) // POINTS_DRAWN)]
+    figure = Figure(len(ROWS))
+    t_s = table.index.to_numpy()
     for i, (column, title, factor) in enumerate(ROWS, start=1):
+        x, y = thinned(t_s, table[column].to_numpy() * factor)
         figure.add_scatter(
-            x=rounded(thinned.index.to_numpy()),
-            y=rounded(thinned[column].to_numpy() * factor),
-            row=i,
-            col=1,
-            line={"color": INK, "width": 1.8},
-            showlegend=False,
+            x=rounded(x), y=rounded(y), panel=i, mode="lines", line={"color": INK, "width": 1.8}, showlegend=False,
             name=title,
-        )
-        figure.update_yaxes(title=title, row=i, col=1)
+        )  # fmt: skip
+        figure.update_yaxis(title=title, panel=i)
     shaded = [run for run in runs if run.kind not in NOT_SHADED]
-    figure.update_layout(shapes=_shades(shaded, rejected, len(ROWS)))
-    in_legend = {run.kind: RUN_COLOR.get(run.kind, PALETTE[3]) for run in shaded}
+    figure.update_layout(shapes=_shades(shaded, rejected))
+    in_legend = {run.kind: RUN_COLOR.get(run.kind, OTHER_RUN) for run in shaded}
     if rejected:
         in_legend["rejected"] = GREY
     for kind, color in in_legend.items():
         marker = {"color": color, "size": 14, "symbol": "square", "opacity": 0.6}
-        figure.add_scatter(x=[None], y=[None], mode="markers", marker=marker, name=kind, row=1, col=1)
-    figure.update_xaxes(title=TIME_TITLE, row=len(ROWS), col=1)
+        figure.add_scatter(x=[None], y=[None], mode="markers", marker=marker, name=kind)
+    figure.update_xaxis(title=TIME_TITLE)
     return styled(figure, 620)
 
 
-def _shades(runs: Sequence[Maneuver], rejected: Sequence[RejectedResult], rows: int) -> list[dict[str, object]]:
-    """Rectangles for the layout, in each row. One list: `add_vrect` compares each shape with all earlier ones, which
-    takes a minute for a long flight."""
+def _shades(runs: Sequence[Maneuver], rejected: Sequence[RejectedResult]) -> list[dict[str, object]]:
+    """Rectangles across all panels."""
     stretches: list[dict[str, object]] = [
-        {"x0": run.start_s, "x1": run.end_s, "fillcolor": RUN_COLOR.get(run.kind, PALETTE[3]),
+        {"x0": run.start_s, "x1": run.end_s, "fillcolor": RUN_COLOR.get(run.kind, OTHER_RUN),
          "opacity": SHADE_OPACITY.get(run.kind, 0.18), "line": {"width": 0}}
         for run in runs
     ] + [
-        {"x0": stretch.start_s, "x1": stretch.end_s, "fillcolor": "rgba(0,0,0,0.04)",
+        {"x0": stretch.start_s, "x1": stretch.end_s, "fillcolor": "rgba(0, 0, 0, 0.04)",
          "line": {"color": GREY, "width": 1.5, "dash": "dot"}}
         for stretch in rejected
     ]  # fmt: skip
-    axes = ["" if i == 1 else str(i) for i in range(1, rows + 1)]
-    places: list[dict[str, object]] = [
-        {"type": "rect", "xref": f"x{i}", "yref": f"y{i} domain", "y0": 0, "y1": 1} for i in axes
-    ]
-    return [place | stretch for stretch in stretches for place in places]
+    place: dict[str, object] = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1}
+    return [place | stretch for stretch in stretches]
 
 
-def consistency(agreement: Consistency) -> go.Figure:
+def consistency(agreement: Consistency) -> Figure:
     """Differences between sensors that should be zero, before and after the correction of sensor errors and gusts."""
     degrees = float(np.degrees(1.0))
     rows = ((ANGLES, "θ - α - γ, deg", degrees), (SPEED, "V - GPS, m/s", 1.0))
-    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.06)
+    figure = Figure(len(rows), 0.06)
     for i, (column, title, factor) in enumerate(rows, start=1):
         for name, differences, color in zip(("before", "after"), agreement, (GREY, BLUE), strict=True):
-            thinned = differences[column].iloc[:: -(-len(differences) // POINTS_DRAWN)]
+            x, y = thinned(differences.index.to_numpy(), factor * differences[column].to_numpy())
             figure.add_scatter(
-                x=rounded(thinned.index.to_numpy()), y=rounded(factor * thinned.to_numpy()), mode="lines", row=i, col=1,
-                line={"color": color, "width": 1.8}, name=name, legendgroup=name, showlegend=i == 1,
+                x=rounded(x), y=rounded(y), mode="lines", panel=i, name=name, legendgroup=name, showlegend=i == 1,
+                line={"color": color, "width": 1.8},
             )  # fmt: skip
-        figure.add_hline(y=0, line={"color": INK, "width": 1}, row=i, col=1)
-        figure.update_yaxes(title=title, row=i, col=1)
-    figure.update_xaxes(title=TIME_TITLE, row=len(rows), col=1)
+        figure.add_zero_line({"color": INK, "width": 1}, panel=i)
+        figure.update_yaxis(title=title, panel=i)
+    figure.update_xaxis(title=TIME_TITLE)
     return styled(figure, 520)
 
 
-def run_fit(run: str, t_s: Array, measured: dict[str, Array], modelled: dict[str, Array]) -> go.Figure:
-    """One run: measurement and fitted model on the left, their difference on the right."""
-    figure = make_subplots(
-        rows=len(measured), cols=2, shared_xaxes=True, vertical_spacing=0.04, horizontal_spacing=0.09,
-        column_widths=[0.6, 0.4],
-    )  # fmt: skip
+def run_fit(run: str, t_s: Array, measured: dict[str, Array], modelled: dict[str, Array]) -> list[Figure]:
+    """One run: measurement and fitted model, and their difference beside them."""
+    both, differences = Figure(len(measured), 0.04), Figure(len(measured), 0.04)
+    point, model = {"size": 6, "color": GREY}, {"color": ORANGE, "width": 3}
     for i, quantity in enumerate(measured, start=1):
         difference = measured[quantity] - modelled[quantity]
-        for column, values in ((1, measured[quantity]), (2, difference)):
+        for figure, values in ((both, measured[quantity]), (differences, difference)):
             figure.add_scatter(
-                x=rounded(t_s), y=rounded(values), mode="markers", row=i, col=column, marker={"size": 6, "color": GREY},
-                name="measured", legendgroup="measured", showlegend=i == 1 and column == 1,
+                x=rounded(t_s), y=rounded(values), mode="markers", panel=i, marker=point, name="measured",
+                legendgroup="measured", showlegend=i == 1 and figure is both,
             )  # fmt: skip
-        figure.add_scatter(
-            x=rounded(t_s), y=rounded(modelled[quantity]), mode="lines", row=i, col=1, line={"color": RED, "width": 3},
-            name="model", showlegend=i == 1,
+        both.add_scatter(
+            x=rounded(t_s), y=rounded(modelled[quantity]), mode="lines", panel=i, line=model, name="model",
+            showlegend=i == 1,
         )  # fmt: skip
-        figure.add_hline(y=0, row=i, col=2, line={"color": RED, "width": 3})
-        figure.update_yaxes(title=quantity, row=i, col=1)
-        figure.update_yaxes(title="difference", row=i, col=2)
-    figure.update_xaxes(title=f"time, s ({run})", row=len(measured), col=1)
-    figure.update_xaxes(title="time, s", row=len(measured), col=2)
-    figure = styled(figure, 170 * len(measured) + 80)
-    figure.update_layout(font={"size": 15})
-    return figure
+        differences.add_zero_line(model, panel=i)
+        both.update_yaxis(title=quantity, panel=i)
+        differences.update_yaxis(title="difference", panel=i)
+    for figure in (both, differences):
+        figure.update_xaxis(title=f"time, s ({run})" if figure is both else "time, s")
+        styled(figure, 150 * len(measured) + 80)
+        figure.update_layout(font={"size": 15})
+    differences.update_layout(showlegend=False)
+    return [both, differences]

@@ -1,15 +1,13 @@
 """Points measured in steady flight, as power and methods figures show them."""
 
 import numpy as np
-import plotly.graph_objects as go
 
+from analysis.report.figures.figure import Figure
 from analysis.report.figures.style import PAPER, rounded
 from analysis.results.schema import MethodResult
 
 
-def add_measured_points(
-    figure: go.Figure, method: MethodResult, color: str, name: str, *, in_legend: bool = True
-) -> None:
+def add_measured_points(figure: Figure, method: MethodResult, color: str, name: str, *, in_legend: bool = True) -> None:
     """The points of a method with their 95 % intervals."""
     power = np.array([p.power_W for p in method.points])
     lo = np.array([p.power_W if p.power_lo_W is None else p.power_lo_W for p in method.points])

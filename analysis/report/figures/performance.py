@@ -1,55 +1,59 @@
 """Figures of endurance and range, and of the efficiencies of propeller and motor."""
 
 import numpy as np
-import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
+from analysis.report.figures.figure import Figure
 from analysis.report.figures.style import (
     BLUE,
     INK,
     ORANGE,
     PALETTE,
     PAPER,
+    SYMBOLS,
     add_band,
     add_curve,
     rounded,
     styled,
 )
-from analysis.results.schema import PerformanceResult, PowerPoint
+from analysis.results.schema import Interval, PerformanceResult, PowerPoint
 from flight.units import GRAVITY_MPS2
 
 
-def loadings(use: PerformanceResult) -> go.Figure:
+def loadings(use: PerformanceResult) -> list[Figure]:
     """Longest endurance [min] and range [km] against mass, a line for each air density."""
-    figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.12)
+    return [
+        _against_mass(use, [case.endurance_s.times(1 / 60) for case in use.loadings], "endurance, min", "%{y:.0f} min"),
+        _against_mass(use, [case.range_m.times(1e-3) for case in use.loadings], "range, km", "%{y:.1f} km"),
+    ]
+
+
+def _against_mass(use: PerformanceResult, values: list[Interval], title: str, hover: str) -> Figure:
+    """values: of `use.loadings`, in their order."""
+    figure = Figure()
+    pairs = list(zip(use.loadings, values, strict=True))
     densities = sorted({round(case.air_density_kgpm3, 5) for case in use.loadings}, reverse=True)
     for i, rho in enumerate(densities):
-        cases = sorted((c for c in use.loadings if round(c.air_density_kgpm3, 5) == rho), key=lambda c: c.weight_N)
+        here = sorted((p for p in pairs if round(p[0].air_density_kgpm3, 5) == rho), key=lambda p: p[0].weight_N)
         as_flown = rho == round(use.loadings[0].air_density_kgpm3, 5)
-        name = f"density altitude {cases[0].density_altitude_m:.0f} m{' (as flown)' if as_flown else ''}"
-        mass = np.array([case.weight_N / GRAVITY_MPS2 for case in cases])
-        for column, intervals, hover in (
-            (1, [case.endurance_s.times(1 / 60) for case in cases], "%{y:.0f} min"),
-            (2, [case.range_m.times(1e-3) for case in cases], "%{y:.1f} km"),
-        ):
-            value, lo, hi = np.array([(v.value, v.lo, v.hi) for v in intervals]).T
-            color = PALETTE[i % len(PALETTE)]
-            if as_flown:
-                add_band(figure, mass, lo, hi, color, 0.2, row=1, col=column)
-            figure.add_scatter(
-                x=mass, y=rounded(value), row=1, col=column, name=name, legendgroup=name, showlegend=column == 1,
-                mode="lines+markers", line={"color": color, "width": 4, "dash": ("solid", "dash", "dot")[i % 3]},
-                marker={"size": 11}, hovertemplate=hover,
-            )  # fmt: skip
-    figure.update_xaxes(title="mass, kg")
-    figure.update_yaxes(title="endurance, min", col=1)
-    figure.update_yaxes(title="range, km", col=2)
+        name = f"density altitude {here[0][0].density_altitude_m:.0f} m{' (as flown)' if as_flown else ''}"
+        mass = np.array([case.weight_N / GRAVITY_MPS2 for case, _ in here])
+        value, lo, hi = np.array([(v.value, v.lo, v.hi) for _, v in here]).T
+        color = PALETTE[i % len(PALETTE)]
+        if as_flown:
+            add_band(figure, mass, lo, hi, color, 0.2)
+        figure.add_scatter(
+            x=rounded(mass), y=rounded(value), name=name, mode="lines+markers", hovertemplate=hover,
+            line={"color": color, "width": 4, "dash": ("solid", "dash", "dot")[i % 3]},
+            marker={"size": 11, "color": color, "symbol": SYMBOLS[i % len(SYMBOLS)]},
+        )  # fmt: skip
+    figure.update_xaxis(title="mass, kg")
+    figure.update_yaxis(title=title)
     return styled(figure, 420)
 
 
-def efficiency(use: PerformanceResult) -> go.Figure:
+def efficiency(use: PerformanceResult) -> Figure:
     """Efficiencies [%] of propeller, motor and both against speed in level flight, with the points measured."""
-    figure = go.Figure()
+    figure = Figure()
     points, measured = use.power_train.efficiency, use.power_train.points
     V = np.array([p.speed_mps for p in points])
     for name, title, color in (
@@ -73,7 +77,9 @@ def efficiency(use: PerformanceResult) -> go.Figure:
                 showlegend=False,
                 hoverinfo="skip",
             )
-    figure.update_traces(hovertemplate="%{y:.0f} %", selector={"mode": "lines"})
-    figure.update_xaxes(title="true airspeed, m/s")
-    figure.update_yaxes(title="efficiency, %", range=[0, 105])
+    for trace in figure.data:
+        if trace["mode"] == "lines":
+            trace["hovertemplate"] = "%{y:.0f} %"
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="efficiency, %", range=[0, 105])
     return styled(figure, 420)

@@ -1,29 +1,44 @@
 """Common style of all figures: large type and dark colors, so that they can be read in sunlight."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 from numpy.typing import NDArray
 
+from analysis.report.figures.figure import Figure
 from analysis.results.schema import PowerPoint
 
 Array = NDArray[np.float64]
 
 INK, GRID, PAPER, GREY = "#000000", "#c9d1d8", "#ffffff", "#5b6b78"
 BLUE, RED, GREEN, ORANGE = "#004a99", "#c22a1a", "#00693e", "#c64b00"
-# Dark enough on white, and distinguishable with red-green color blindness.
+# Dark enough on white. With color blindness some look alike: lines also differ in symbol, dash or width.
 PALETTE = (
     BLUE, ORANGE, "#00735c", "#8a2f8f", "#6b4e00", "#3d3d3d", "#0087b3", "#a3123f", "#5a7d00", "#b58900", "#5a3fc0",
-    "#d4007f",
+    "#d4007f", "#7d3c00", "#2f5d8c",
 )  # fmt: skip
-RUN_COLOR = {"acceleration": RED, "deceleration": BLUE, "steady": GREEN}
-POINTS_DRAWN = 3000  # of a time history; more do not show on a screen
-SIGNIFICANT_DIGITS = 5  # enough to draw with, at a third of the page's size
+SYMBOLS = (
+    "circle", "square", "diamond", "triangle-up", "cross", "x", "triangle-down", "pentagon", "star", "hexagon",
+    "hourglass", "bowtie", "star-diamond", "hexagram",
+)  # fmt: skip
+# Kinds of runs are told apart by color alone, also with color blindness (tests/analysis/report/test_style.py).
+RUN_COLOR = {"acceleration": "#d95f02", "deceleration": BLUE, "steady": "#1b9e77"}
+OTHER_RUN = PALETTE[3]
+# The same colors on a dark page, by the color on a white one.
+ON_DARK = {
+    INK: "#e8edf2", GRID: "#39424c", PAPER: "#12171d", GREY: "#9fb0bf", BLUE: "#6cb6ff", RED: "#ff8375",
+    GREEN: "#3fd18b", ORANGE: "#ffa657", "#00735c": "#4fd1b5", "#8a2f8f": "#e08be6", "#6b4e00": "#d9b44a",
+    "#3d3d3d": "#c0c0c0", "#0087b3": "#4cc9f0", "#a3123f": "#ff7aa2", "#5a7d00": "#b5d94c", "#b58900": "#f2cc60",
+    "#5a3fc0": "#b39dff", "#d4007f": "#ff6ec7", "#d95f02": "#ff9a4d", "#1b9e77": "#b8f2c0",
+    "#7d3c00": "#e0a070", "#2f5d8c": "#9cc4f0",
+}  # fmt: skip
+POINTS_DRAWN = 1200  # of a time history; more do not show on a screen
+SIGNIFICANT_DIGITS = 5  # enough to draw with, and to zoom a little
 
 
-def styled(figure: go.Figure, height_px: int, *, hover: str = "x unified") -> go.Figure:
+def styled(figure: Figure, height_px: int, *, hover: str = "x unified") -> Figure:
     """The figure with the common fonts, margins, axes and legend."""
     figure.update_layout(
         height=height_px,
@@ -32,19 +47,42 @@ def styled(figure: go.Figure, height_px: int, *, hover: str = "x unified") -> go
         plot_bgcolor=PAPER,
         font={"family": "system-ui, sans-serif", "size": 18, "color": INK},
         legend={"orientation": "h", "yanchor": "bottom", "y": 1.02, "x": 0, "font": {"size": 17}},
+        hoverlabel={"bgcolor": PAPER, "font": {"color": INK}},
         hovermode=hover,
+        showlegend=True,
     )
-    axis = {"gridcolor": GRID, "zeroline": False, "linecolor": INK, "linewidth": 2, "ticks": "outside"}
-    figure.update_xaxes(**axis)
+    axis = {"gridcolor": GRID, "zeroline": False, "linecolor": INK, "linewidth": 2, "ticks": "outside",
+            "automargin": True}  # fmt: skip
+    figure.update_xaxis(**axis)
     figure.update_yaxes(**axis)
     return figure
 
 
+def thinned(x: Array, y: Array, points: int = POINTS_DRAWN) -> tuple[Array, Array]:
+    """At most so many points of a time history: the least and the greatest value of each stretch, in order of time.
+
+    A stretch without a value keeps its first point, so that a gap stays one.
+    """
+    if len(x) <= points:
+        return x, y
+    edges = np.linspace(0, len(x), points // 2 + 1).astype(int)
+    kept = []
+    for start, end in pairwise(edges):
+        part = y[start:end]
+        if np.isfinite(part).any():
+            kept += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
+        else:
+            kept.append(start)
+    return x[kept], y[kept]
+
+
 def rounded(values: Array) -> Array:
-    """Values to five significant digits of the largest; NaN stays."""
-    largest = np.max(np.abs(values[np.isfinite(values)]), initial=0.0)
-    scale = 10.0 ** (SIGNIFICANT_DIGITS - 1 - np.floor(np.log10(largest or 1.0)))
-    return np.asarray(np.round(values * scale) / scale)
+    """Values to SIGNIFICANT_DIGITS of their range; NaN stays."""
+    finite = values[np.isfinite(values)]
+    span = float(np.ptp(finite)) if len(finite) else 0.0
+    largest = float(np.max(np.abs(finite), initial=0.0))
+    decimals = SIGNIFICANT_DIGITS - 1 - int(np.floor(np.log10(span or largest or 1.0)))
+    return np.asarray(np.round(values.astype(float), max(decimals, 0)))
 
 
 def translucent(color: str, opacity: float) -> str:
@@ -59,7 +97,7 @@ def curve_arrays(points: Sequence[PowerPoint]) -> tuple[Array, Array, Array, Arr
     return V, P, lo, hi
 
 
-def add_band(figure: go.Figure, x: Array, lo: Array, hi: Array, color: str, opacity: float, **trace: Any) -> None:
+def add_band(figure: Figure, x: Array, lo: Array, hi: Array, color: str, opacity: float, **trace: Any) -> None:
     """A shaded band between two curves."""
     figure.add_scatter(
         x=rounded(np.r_[x, x[::-1]]),
@@ -74,8 +112,13 @@ def add_band(figure: go.Figure, x: Array, lo: Array, hi: Array, color: str, opac
     )
 
 
-def add_curve(figure: go.Figure, points: Sequence[PowerPoint], name: str, color: str, width: float) -> None:
-    """A curve, solid where it was measured and dashed where it is extrapolated."""
+def add_curve(
+    figure: Figure, points: Sequence[PowerPoint], name: str, color: str, width: float, symbol: str = ""
+) -> None:
+    """A curve, solid where it was measured and dashed where it is extrapolated. symbol: on a few points of it."""
+    marks: dict[str, Any] = {"mode": "lines"}
+    if symbol:
+        marks = {"mode": "lines+markers", "marker": {"symbol": symbol, "size": 11, "color": color, "maxdisplayed": 4}}
     V, P, _, _ = curve_arrays(points)
     outside = np.array([p.extrapolated for p in points])
     # A dashed piece reaches to the solid one beside it.
@@ -85,7 +128,7 @@ def add_curve(figure: go.Figure, points: Sequence[PowerPoint], name: str, color:
             figure.add_scatter(
                 x=rounded(V),
                 y=rounded(np.where(flag, P, np.nan)),
-                mode="lines",
+                **marks,
                 line={"color": color, "width": width, "dash": dash},
                 name=name,
                 legendgroup=name,

@@ -18,6 +18,7 @@ class CurveSection(NamedTuple):
     zero_lift_drag: str
     oswald_efficiency: str
     lift_to_drag: str
+    runs: str  # how many of which kind
     data: str
     table: HtmlTable
     shared_part: str  # at which speed how much of the interval all runs share; "" where it is not known
@@ -34,6 +35,7 @@ def curve_section(results: Results) -> CurveSection:
         zero_lift_drag=f"{polar.CD0:.4f}",
         oswald_efficiency=f"{polar.oswald_efficiency:.2f}",
         lift_to_drag="–" if best is None else f"{best:.1f}",
+        runs=_run_count(results),
         data=f"{_run_count(results)}; estimation {results.verdict}",
         table=_curve_table(results),
         shared_part=_shared_part(results),

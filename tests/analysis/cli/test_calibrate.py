@@ -201,7 +201,7 @@ def test_the_probe_s_page_needs_no_network_and_shows_what_it_should(tmp_path: Pa
     assert outcome.exit_code == 0, outcome.output
     page = (tmp_path / "probe.html").read_text("utf-8")
     assert "default-src 'none'" in page and 'src="http' not in page
-    for name in ("residuals", "sections", "speed", "hull", "orders"):
+    for name in ("residuals-1", "residuals-3", "sections-1", "speed-2", "hull", "orders"):
         assert f'id="{name}"' in page
     assert "one calibration for all of them" in page
     assert json.loads((tmp_path / "probe.json").read_text())["alpha_scale_sigma"] > 0.01

@@ -1,0 +1,155 @@
+"""Many logs into many folders: what is done already stays, the rest runs, and each failure is one line."""
+
+import contextlib
+import shutil
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from analysis.campaign.cluster import run_on_cluster
+from analysis.campaign.flight_folders import (
+    LogFile,
+    Record,
+    complete,
+    edited_runs,
+    names,
+    partial_folder,
+    record_of,
+    records,
+)
+from analysis.campaign.inputs import digests, key
+from analysis.campaign.jobs import Analyze, Job, Outcome
+from analysis.campaign.processes import run_on_processors
+from flight.errors import InputError
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is done with each log. settings: the values that results depend on, as text.
+
+    files: by log, (option, file) of every other file that its analysis reads; raises InputError. preload: modules that
+    all need.
+    """
+
+    analyze: Analyze
+    settings: str = ""
+    files: Callable[[Path], Sequence[tuple[str, Path]]] = lambda log: ()
+    preload: Sequence[str] = ()
+
+
+class Monitor(Protocol):
+    """Is told how the jobs go."""
+
+    def planned(self, jobs: int, kept: int) -> None: ...
+
+    def step(self, name: str, step: str) -> None: ...
+
+    def failed(self, error: str) -> None: ...
+
+    def ended(self, name: str, outcome: Outcome) -> None: ...
+
+
+@dataclass
+class Campaign:
+    """folders: of the flights that are complete, in order of their names. failures, notes: one line each."""
+
+    folders: list[Path] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    kept: int = 0  # folders that were complete before
+    processor_seconds: float = 0.0  # of all analyses
+    peak_bytes: int = 0  # the most memory of a process
+
+
+class Planned(NamedTuple):
+    job: Job
+    key: str
+    log: LogFile  # as it was before the analysis
+
+
+def run(
+    logs: Sequence[Path], output: Path, work: Work, monitor: Monitor, *, jobs: int, scheduler: str | None = None
+) -> Campaign:
+    """Analyse logs into folders below `output`, `jobs` at a time, or on the cluster of a scheduler.
+
+    `output` belongs to the caller (`flight_folders.exclusive`). Raises InputError when it cannot be written.
+    """
+    campaign = Campaign()
+    planned = {one.job.name: one for one in _plan(logs, output, work, jobs, campaign)}
+    campaign.kept = len(campaign.folders)
+    for failure in campaign.failures:
+        monitor.failed(failure)
+    monitor.planned(len(planned), campaign.kept)
+
+    def new_folder(name: str) -> Path:
+        return partial_folder(output, name)
+
+    def step(job: Job, text: str) -> None:
+        monitor.step(job.name, text)
+
+    todo = [one.job for one in planned.values()]
+    if scheduler is None:
+        ending = run_on_processors(todo, work.analyze, jobs, new_folder, step, work.preload)
+    else:
+        ending = run_on_cluster(todo, work.analyze, scheduler, new_folder, step)
+    for job, partial, outcome in ending:
+        if outcome.error:
+            shutil.rmtree(partial, ignore_errors=True)
+            campaign.failures.append(outcome.error)
+        else:
+            _, wanted, log = planned[job.name]
+            complete(partial, output / job.name, key=wanted, log=log, runs=job.runs)
+            campaign.folders.append(output / job.name)
+        campaign.processor_seconds += outcome.processor_seconds
+        campaign.peak_bytes = max(campaign.peak_bytes, outcome.peak_bytes)
+        monitor.ended(job.name, outcome)
+    campaign.folders.sort(key=lambda folder: folder.name)
+    campaign.failures.sort()
+    return campaign
+
+
+def _plan(logs: Sequence[Path], output: Path, work: Work, jobs: int, campaign: Campaign) -> list[Planned]:
+    """The jobs that are left. Folders that are complete, unreadable logs and repeated ones go into `campaign`."""
+    by_digest: dict[str, Path] = {}
+    earlier = records(output)
+    for log, found in zip(logs, digests(logs, _known_digest(earlier.values()), jobs), strict=True):
+        if isinstance(found, InputError):
+            campaign.failures.append(str(found))
+        elif found in by_digest:
+            campaign.notes.append(f"{log}: has the same content as {by_digest[found]}; used once")
+        else:
+            by_digest[found] = log
+    folder_of = {record.key: folder for folder, record in earlier.items()}
+    planned = []
+    for (found, log), name in zip(by_digest.items(), names(list(by_digest.values())), strict=True):
+        folder = output / name
+        try:
+            record = record_of(folder)
+            runs = edited_runs(folder, record)
+            files = work.files(log)
+            wanted, file = key(found, work.settings, files, runs), LogFile.of(log, found)
+        except (InputError, OSError) as error:
+            campaign.failures.append(str(error))
+            continue
+        if record is None and wanted in folder_of:
+            folder_of[wanted].rename(folder)  # the log was moved, or has got a namesake
+        elif record is None or record.key != wanted:
+            planned.append(Planned(Job(name, log, runs, tuple(path for _, path in files)), wanted, file))
+            continue
+        campaign.folders.append(folder)
+    return planned
+
+
+def _known_digest(records: Iterable[Record]) -> Callable[[Path], str | None]:
+    """By log, its digest where it was analysed before and has the same path, size and time of change."""
+    by_path = {record.log.path: record.log for record in records}
+
+    def known(log: Path) -> str | None:
+        found = by_path.get(str(log.absolute()))
+        with contextlib.suppress(OSError):
+            if found and found == LogFile.of(log, found.digest):
+                return found.digest
+        return None
+
+    return known

@@ -1,0 +1,57 @@
+"""The command `analyze compare`: the difference between two configurations, from the results of their flights."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from flight.command_line import application
+from flight.errors import InputError
+from flight.output_file import check_writable
+
+app = application()
+
+
+@app.command()
+def compare(
+    a: Annotated[Path, typer.Argument(metavar="A", help="Folder that `analyze` wrote, of one flight or of several.")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="The same for the other configuration.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="FOLDER", help="Folder for report.html and results.json; default: print only."
+        ),
+    ] = None,
+) -> None:
+    """How much more power B takes than A at each speed, and with what confidence.
+
+    Errors that both share, such as those of one installation of the probe, cancel in the difference.
+
+    \b
+    Example:
+      analyze compare old/ new/ -o difference
+
+    Exit code 0: done. 2: the folders cannot be compared; one line on stderr says why, and nothing was written.
+    """
+    if output is not None:
+        check_writable(output / "report.html")
+    from analysis.campaign.pooled import flight_folders_of, read_results
+    from analysis.pooling import compare as compare_pools
+    from analysis.pooling import pool_results
+    from analysis.report.write_pooled import print_comparison, write_comparison
+
+    pools = []
+    for folder in (a, b):
+        found = read_results(flight_folders_of(folder))
+        if not found.to_pool:
+            raise InputError(f"{folder}: no flight to compare; {found.left_out[0]}")
+        pools.append(pool_results(found.to_pool))
+    comparison = compare_pools(*pools).to_json()
+    names = [folder.resolve().name for folder in (a, b)]
+    if names[0] == names[1]:
+        names = [str(a), str(b)]
+    comparison["a"]["name"], comparison["b"]["name"] = names
+    if output is not None:
+        write_comparison(comparison, output)
+    print_comparison(comparison, output and output / "report.html", Console())

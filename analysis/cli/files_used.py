@@ -1,0 +1,63 @@
+"""The files that the analysis of a log reads beside the log itself: what its results depend on."""
+
+from pathlib import Path
+
+from mcap.reader import SeekingReader
+
+from analysis.autopilot_logs.read import firmware_of
+from analysis.cli.one_log import Options
+from flight.aircraft import load_aircraft, parse_aircraft
+from flight.errors import InputError
+from flight.shipped_propellers import shipped_propellers
+
+
+def files_used(log: Path, options: Options) -> list[tuple[str, Path]]:
+    """(option, file) of every file that the analysis of `log` reads.
+
+    Raises InputError when the aircraft file cannot be used.
+    """
+    given = [
+        ("--aircraft", options.aircraft),
+        ("--probe", options.probe),
+        ("--zero", options.zero),
+        ("--magnetometer", options.magnetometer),
+        ("--transducers", options.transducers),
+    ]
+    found = [(option, path) for option, path in given if path is not None and path.is_file()]
+    propeller = options.propeller or _named_propeller(log, options.aircraft)
+    return found + [("--propeller", path) for path in _propeller_files(propeller)]
+
+
+def _named_propeller(log: Path, aircraft: Path | None) -> str | None:
+    """The propeller in the aircraft file given, or in the log's where the log has no table of it."""
+    if aircraft is not None:
+        return load_aircraft(aircraft).propulsion.propeller
+    if firmware_of(log):
+        return None
+    attached = _attachments(log)
+    if "propeller.csv" in attached or "aircraft.toml" not in attached:
+        return None
+    try:
+        text = attached["aircraft.toml"].decode("utf-8", errors="replace")
+        return parse_aircraft(text, f"{log}: aircraft.toml").propulsion.propeller
+    except InputError:
+        return None  # the analysis says so
+
+
+def _attachments(log: Path) -> dict[str, bytes]:
+    """Attachments of a log by name, by its index; none of a torn log, whose index is missing."""
+    try:
+        with log.open("rb") as stream:
+            return {one.name: one.data for one in SeekingReader(stream).iter_attachments()}
+    except Exception:  # the reader raises errors of many kinds; the analysis says what is wrong with the log
+        return {}
+
+
+def _propeller_files(name_or_path: str | None) -> list[Path]:
+    """The files in which `flight.propeller_files.load_propeller` finds a propeller; none of a shipped one."""
+    if name_or_path is None or name_or_path in shipped_propellers():
+        return []
+    path = Path(name_or_path)
+    if path.is_dir() or path.suffix == ".txt":  # tables of UIUC: the others in the folder belong to it
+        return sorted((path if path.is_dir() else path.parent).glob("*.txt"))
+    return [path] if path.is_file() else []

@@ -1,0 +1,179 @@
+"""`analyze` of several logs: each flight into its folder, and all together above them."""
+
+import importlib
+import os
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from analysis.campaign.campaign import Campaign, Work, run
+from analysis.campaign.flight_folders import exclusive
+from analysis.campaign.jobs import Outcome, below
+from analysis.campaign.jobs import Progress as Step
+from analysis.campaign.pooled import read_results
+from analysis.cli.files_used import files_used
+from analysis.cli.one_log import Options, analyze_log, replacements
+from flight.command_line import FAILURE
+from flight.errors import InputError
+
+PRELOAD = ("analysis.pipeline", "analysis.report.write", "analysis.report.terminal")  # of each analysis
+
+
+@dataclass(frozen=True)
+class FlightAnalysis:
+    """`analyze_log` with its options, for other processes."""
+
+    options: Options
+
+    def __call__(self, log: Path, folder: Path, runs: Path | None, progress: Step) -> None:
+        analyze_log(log, folder, replace(self.options, runs=runs), progress)
+
+    def under(self, root: Path) -> "FlightAnalysis":
+        def moved(value: Any) -> Any:
+            return below(root, value) if isinstance(value, Path) else value
+
+        options = {field.name: moved(getattr(self.options, field.name)) for field in fields(Options)}
+        propeller = self.options.propeller
+        options["propeller"] = propeller and str(below(root, Path(propeller)))
+        return FlightAnalysis(Options(**options))
+
+
+def settings(options: Options) -> str:
+    """The options' values as text; of a file its name alone, since its content counts and not its folder."""
+    values = (getattr(options, field.name) for field in fields(Options))
+    return repr([value.name if isinstance(value, Path) else value for value in values])
+
+
+def analyze_logs(
+    logs: Sequence[Path], output: Path | None, options: Options, *, jobs: int | None, scheduler: str | None, quiet: bool
+) -> int:
+    """Analyse logs and pool the flights. Returns the exit code: FAILURE when some of the logs cannot be used.
+
+    Raises InputError when none can, or the flights cannot be pooled.
+    """
+    if output is None:
+        raise InputError("several logs: give the folder for the results with -o")
+    if options.runs is not None:
+        raise InputError(
+            f"--runs {options.runs}: belongs to one log; with several, edit runs.toml in the folder of a flight and run"
+            " the same command again"
+        )
+    replacements(options)  # a wrong file is refused once, not for each log
+    work = Work(FlightAnalysis(options), settings(options), lambda log: files_used(log, options), PRELOAD)
+    stderr = Console(stderr=True)
+    # Meanwhile this process has nothing else to do: what the report needs is loaded before the last flight has ended.
+    threading.Thread(target=_load_report, daemon=True).start()
+    with exclusive(output):
+        with ProgressOnConsole(stderr, quiet) as monitor:
+            campaign = run(logs, output, work, monitor, jobs=jobs or _processors(), scheduler=scheduler)
+            monitor.finished(campaign)
+        for note in campaign.notes:
+            stderr.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
+        if not campaign.folders:
+            raise InputError(f"{output}: none of the {len(logs)} logs can be used")
+        _pool(campaign, output, stderr, quiet)
+    return FAILURE if campaign.failures else 0
+
+
+def _load_report() -> None:
+    for module in ("analysis.pooling", "analysis.report.write_pooled"):
+        importlib.import_module(module)
+
+
+def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> None:
+    """Write and print the results of all flights. Raises InputError when they cannot be pooled."""
+    with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
+        from analysis.pooling import pool_results
+        from analysis.report.write_pooled import print_pooled, write_electrical_flights, write_pooled
+
+        page, found = output / "report.html", read_results(campaign.folders)
+        if not found.to_pool and not found.electrical:
+            raise InputError(f"{output}: no flight to pool; {found.left_out[0]}; each flight has its folder")
+        if found.to_pool:
+            pooled = pool_results(found.to_pool).to_json()
+            pooled |= {"left_out": found.left_out, "failures": campaign.failures}
+            write_pooled(pooled, output)
+        else:
+            write_electrical_flights(found.electrical, campaign.failures, output)
+    if quiet:
+        return
+    if found.to_pool:
+        print_pooled(pooled, page, Console())
+    else:
+        note = f"{len(found.electrical)} flights give electrical power only, which is not pooled"
+        Console().print(f"{note}\nreport: {page}", highlight=False, markup=False)
+
+
+def _processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class ProgressOnConsole:
+    """A line for each flight that is being analysed, and a bar for all; without a terminal, a line when one ends."""
+
+    def __init__(self, console: Console, quiet: bool):
+        self.console, self.quiet = console, quiet
+        self.jobs, self.done = 0, 0
+        self.rows: dict[str, Any] = {}
+        self.bars = Progress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(20),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[step]}", markup=False),
+            TimeElapsedColumn(),
+            console=console,
+            transient=True,
+            disable=quiet or not console.is_terminal,
+        )
+        self.total = self.bars.add_task("flights", total=None, step="reading")
+
+    def __enter__(self) -> "ProgressOnConsole":
+        self.bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.bars.stop()
+
+    def planned(self, jobs: int, kept: int) -> None:
+        self.jobs = jobs
+        self.bars.update(self.total, total=jobs + kept, completed=kept, step="")
+        if kept:
+            self._note(f"flights done already: {kept}; to analyse: {jobs}")
+
+    def step(self, name: str, step: str) -> None:
+        if name not in self.rows:
+            self.rows[name] = self.bars.add_task(f"  {name}", total=None, step=step)
+        self.bars.update(self.rows[name], step=step)
+
+    def failed(self, error: str) -> None:
+        self.console.print(f"error: {error}", highlight=False, markup=False, soft_wrap=True)
+
+    def ended(self, name: str, outcome: Outcome) -> None:
+        self.done += 1
+        if name in self.rows:
+            self.bars.remove_task(self.rows.pop(name))
+        self.bars.advance(self.total)
+        if outcome.error:
+            self.failed(outcome.error)
+        else:
+            self._note(f"{name}: {outcome.seconds:.1f} s ({self.done} of {self.jobs})")
+
+    def finished(self, campaign: Campaign) -> None:
+        if self.done:
+            self._note(
+                f"{self.done} analysed in {campaign.processor_seconds:.0f} s of processor time, with at most"
+                f" {campaign.peak_bytes / 1e6:.0f} MB of memory each"
+            )
+
+    def _note(self, text: str) -> None:
+        if not self.quiet:
+            self.console.print(text, highlight=False, markup=False, soft_wrap=True)

@@ -1,0 +1,66 @@
+"""Polar, thrust and sensor errors of one flight with their joint covariance: what several flights are pooled from.
+
+Other flights of the same aircraft share some of these. Their joint estimate needs how the polar changes with the sensor
+errors (`docs/pooling.md`).
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.priors import PRIOR_MEAN
+from analysis.trajectory.reconstruction import Trajectory
+
+Array = NDArray[np.float64]
+
+
+class JointEstimate(NamedTuple):
+    """The estimate of one flight before the errors that no residual shows.
+
+    names : (m,) parameters of the drag model, then SENSOR_ERRORS
+    values (m,), covariance (m, m) : estimate and its covariance by noise and sensor errors, priors included
+    prior_mean, prior_sigma : (m,); infinite where there is no prior
+    changes : by error, change (m,) of the values by one standard deviation of an error that no residual shows
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    prior_mean: Array
+    prior_sigma: Array
+    changes: dict[str, Array]
+
+    def with_changes(self, changes: Mapping[str, Array]) -> "JointEstimate":
+        """The same with more such errors. changes: of the first values; those of the others are zero."""
+        whole = {name: np.pad(change, (0, len(self.values) - len(change))) for name, change in changes.items()}
+        return self._replace(changes=self.changes | whole)
+
+
+def joint_estimate(
+    names: tuple[str, ...],
+    values: Array,
+    noise: Array,
+    prior_sigma: Array,
+    changes_by_sensor_errors: Array,
+    trajectory: Trajectory,
+) -> JointEstimate:
+    """The joint estimate of the parameters of the drag model (k,) and of the sensor errors.
+
+    noise : (k, k) covariance of the parameters for given sensor errors
+    changes_by_sensor_errors : (k, s) of the parameters along the columns of the Cholesky factor of the sensor errors'
+    covariance
+    """
+    factor = np.linalg.cholesky(trajectory.covariance)
+    cross = changes_by_sensor_errors @ factor.T
+    parameters = noise + changes_by_sensor_errors @ changes_by_sensor_errors.T
+    return JointEstimate(
+        names=(*names, *SENSOR_ERRORS),
+        values=np.concatenate([values, trajectory.sensor_errors]),
+        covariance=np.block([[parameters, cross], [cross.T, trajectory.covariance]]),
+        prior_mean=np.array([PRIOR_MEAN.get(name, 0.0) for name in (*names, *SENSOR_ERRORS)]),
+        prior_sigma=np.concatenate([prior_sigma, trajectory.prior_sigma]),
+        changes={},
+    )

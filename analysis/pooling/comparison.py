@@ -1,0 +1,267 @@
+"""Is configuration B different from A? The difference of two pools at each speed, without the errors they share.
+
+Both pools are one joint estimate with two polars. Flights of one installation share its errors, and flights with one
+propeller those of thrust: such an error moves both curves alike and cancels in the difference.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.stats import chi2, ncx2
+
+from analysis.drag import covariance
+from analysis.drag.polar import Condition, Polar, power_required, speed_at
+from analysis.estimation.intervals import NORMAL_95
+from analysis.pooling.agreement import Test, quadratic_form
+from analysis.pooling.flight_statistics import POLAR, THRUST, M
+from analysis.pooling.joint import Group, Prior, shared_prior, solve
+from analysis.pooling.joint_pool import SPEEDS, JointPool
+from flight.errors import InputError
+
+Array = NDArray[np.float64]
+
+LEVEL, POWER = 0.05, 0.9  # of the test: false alarms, and differences seen
+MOST_FLIGHTS = 200
+FORMAT = "flightpower-comparison-1"
+DIFFERENCES_TO_SEE = (0.01, 0.02, 0.05)
+_N_POLAR, _N_THRUST = len(POLAR), len(THRUST)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Power of B minus power of A at one weight and density, arrays (n,) at speeds_mps.
+
+    difference_percent, half_width_percent : of the power of A, with its 95 % interval
+    independent_half_width_percent : what it would be if the two shared no error
+    test : whether the two curves differ at all
+    """
+
+    a: JointPool
+    b: JointPool
+    condition: Condition
+    speeds_mps: Array
+    power_a_W: Array
+    power_b_W: Array
+    difference_percent: Array
+    half_width_percent: Array
+    independent_half_width_percent: Array
+    same_installation: bool
+    same_propeller: bool
+    test: Test
+
+    @property
+    def differs(self) -> bool:
+        """Whether the curves differ, with at most 5 % of false alarms."""
+        return self.test.p < LEVEL
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of the comparison's results.json (docs/pooling.md)."""
+        return _comparison_json(self)
+
+
+def compare(a: JointPool, b: JointPool) -> Comparison:
+    """B against A at the weight and density of A, over the speeds that both flew.
+
+    Raises InputError where a flight is in both pools, and where they have no speeds in common.
+    """
+    both = {flight.values.tobytes() for flight in a.flights} & {flight.values.tobytes() for flight in b.flights}
+    if both:
+        name = next(flight.name for flight in a.flights if flight.values.tobytes() in both)
+        raise InputError(f"{name} is in both pools of the comparison; a flight belongs to one configuration: remove it")
+    same_installation, same_propeller = _same_installation(a, b), _same_propeller(a, b)
+    condition_b = Condition(a.condition.weight_N, a.condition.rho, b.condition.wing_area_m2)
+    V = _common_speeds(a, b, condition_b)
+    polars = _joint_polars(a, b, same_installation, same_propeller)
+    A, B = polars.A[:_N_POLAR], polars.A[_N_POLAR:]
+    gradients = [_gradient(V, a.condition), _gradient(V, condition_b)]
+    power_a, power_b = gradients[0] @ A, gradients[1] @ B
+    J = 100 * np.hstack([-(power_b / power_a**2)[:, None] * gradients[0], gradients[1] / power_a[:, None]])
+    difference = 100 * (power_b / power_a - 1)
+    alone = np.zeros((2 * _N_POLAR, 2 * _N_POLAR))
+    alone[:_N_POLAR, :_N_POLAR], alone[_N_POLAR:, _N_POLAR:] = a.polar.covariance, b.polar.covariance
+    three = [0, len(V) // 2, -1]  # the curves have three parameters: three speeds contain all of the difference
+    chi_square = quadratic_form(difference[three], J[three] @ polars.covariance @ J[three].T)
+    return Comparison(
+        a=a,
+        b=b,
+        condition=a.condition,
+        speeds_mps=V,
+        power_a_W=power_a,
+        power_b_W=power_b,
+        difference_percent=difference,
+        half_width_percent=_half_width(J, polars.covariance),
+        independent_half_width_percent=_half_width(J, alone),
+        same_installation=same_installation,
+        same_propeller=same_propeller,
+        test=Test(chi_square, _N_POLAR, float(chi2.sf(chi_square, _N_POLAR))),
+    )
+
+
+def flights_to_see(pooled: JointPool, difference: float) -> int | None:
+    """Flights of each of two configurations by which a difference of drag is seen in 9 of 10 campaigns.
+
+    difference : fraction of drag, at every lift coefficient. The flights are taken to be like those of the pool, with
+    the same installation and propeller throughout. None for more than MOST_FLIGHTS.
+    Raises InputError where the difference is not positive.
+    """
+    if not difference > 0:
+        raise InputError(f"a difference of {difference:g} to be seen; give a fraction above 0, such as 0.02")
+    needed = _needed_noncentrality()
+    d = difference * pooled.polar.A
+
+    def seen(n: int) -> bool:
+        counts = np.array([len(range(i, n, len(pooled.flights))) for i in range(len(pooled.flights))], dtype=float)
+        C = _joint_polars(
+            pooled, pooled, same_installation=True, same_propeller=True, counts=(counts, counts)
+        ).covariance
+        T = np.hstack([-np.eye(_N_POLAR), np.eye(_N_POLAR)])
+        return quadratic_form(d, T @ C @ T.T) >= needed
+
+    if not seen(MOST_FLIGHTS):
+        return None
+    low, high = 0, MOST_FLIGHTS
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if seen(middle) else (middle, high)
+    return high
+
+
+@cache
+def _needed_noncentrality() -> float:
+    limit = chi2.isf(LEVEL, _N_POLAR)
+    return float(brentq(lambda x: ncx2.sf(limit, _N_POLAR, x) - POWER, 1e-3, 100.0))
+
+
+def _same_installation(a: JointPool, b: JointPool) -> bool:
+    """By name; without names, the installation of one aircraft, of which each flight has its own deviations."""
+    first, other = a.flights[0], b.flights[0]
+    if first.installation != other.installation or first.probe_calibration != other.probe_calibration:
+        return False
+    return bool(first.installation) or first.aircraft == other.aircraft
+
+
+def _same_propeller(a: JointPool, b: JointPool) -> bool:
+    return a.flights[0].propeller_table == b.flights[0].propeller_table
+
+
+def _common_speeds(a: JointPool, b: JointPool, condition_b: Condition) -> Array:
+    slow, fast = (
+        [float(speed_at(CL, condition)) for CL, condition in zip(limits, (a.condition, condition_b), strict=True)]
+        for limits in ((a.flown_CL[1], b.flown_CL[1]), (a.flown_CL[0], b.flown_CL[0]))
+    )
+    if max(slow) >= min(fast):
+        raise InputError(
+            f"the two pools have no speeds in common: {slow[0]:.1f} to {fast[0]:.1f} m/s, and {slow[1]:.1f} to"
+            f" {fast[1]:.1f} m/s; fly both over the same speeds"
+        )
+    return np.linspace(max(slow), min(fast), SPEEDS)
+
+
+def _joint_polars(
+    a: JointPool,
+    b: JointPool,
+    same_installation: bool,
+    same_propeller: bool,
+    counts: tuple[Array, Array] | None = None,
+) -> Polar:
+    """Polars of A and B (6,) with their joint covariance (6, 6). counts: of `Group`, of A and of B."""
+    prior_a = shared_prior([*a.flights, *b.flights]) if same_installation else a.prior
+    at_a, end = np.r_[0:_N_POLAR, 2 * _N_POLAR : _N_POLAR + M], _N_POLAR + M
+    thrust = slice(_N_POLAR, _N_POLAR + _N_THRUST)
+    installation = slice(_N_POLAR + _N_THRUST, M)
+    at_b = at_a.copy()
+    at_b[:_N_POLAR] += _N_POLAR
+    priors = [Prior(np.zeros(_N_POLAR), np.zeros(_N_POLAR)), prior_a]
+    for shared, part in ((same_propeller, thrust), (same_installation, installation)):
+        if not shared:
+            priors.append(Prior(b.prior.mean[part], b.prior.information[part]))
+            at_b[part] = np.arange(end, end + len(at_b[part]))
+            end += len(at_b[part])
+    stack_b = b.stack
+    if not same_installation:  # errors that no residual shows are those of another installation: they do not cancel
+        stack_b = stack_b._replace(changes={f"{name}, B": change for name, change in stack_b.changes.items()})
+    of_a, of_b = counts or (np.ones(len(a.flights)), np.ones(len(b.flights)))
+    joint = solve(
+        [Group(a.stack, at_a, of_a), Group(stack_b, at_b, of_b)],
+        Prior(np.concatenate([p.mean for p in priors]), np.concatenate([p.information for p in priors])),
+    )
+    polars = slice(0, 2 * _N_POLAR)
+    floor = np.kron(np.ones((2, 2)) if same_installation else np.eye(2), covariance.floor())
+    return Polar(joint.x[polars], joint.total[polars, polars] + floor)
+
+
+def _gradient(V: Array, condition: Condition) -> Array:
+    """Derivative (n, 3) of power required by the polar, in which it is linear."""
+    return np.stack([power_required(V, Polar(row, np.zeros((3, 3))), condition)[0] for row in np.eye(3)], axis=1)
+
+
+def _half_width(J: Array, C: Array) -> Array:
+    return np.asarray(NORMAL_95 * np.sqrt(np.einsum("vi,ij,vj->v", J, C, J)))
+
+
+def _comparison_json(comparison: Comparison) -> dict[str, Any]:
+    """Plain values only; B minus A, in percent of A."""
+    c = comparison
+    rows = zip(
+        c.speeds_mps.tolist(), c.power_a_W.tolist(), c.power_b_W.tolist(), c.difference_percent.tolist(),
+        c.half_width_percent.tolist(), c.independent_half_width_percent.tolist(), strict=True,
+    )  # fmt: skip
+    return {
+        "format": FORMAT,
+        "software_version": version("flightpower"),
+        "a": _configuration(c.a),
+        "b": _configuration(c.b),
+        "test": {"weight_N": c.condition.weight_N, "air_density_kgpm3": c.condition.rho},
+        "same_installation": c.same_installation,
+        "same_propeller": c.same_propeller,
+        "differences": [
+            {
+                "speed_mps": v, "power_a_W": a, "power_b_W": b, "difference_percent": d, "lo_percent": d - h,
+                "hi_percent": d + h, "independent_half_width_percent": i,
+            }
+            for v, a, b, d, h, i in rows
+        ],
+        "chi_square": c.test.chi_square,
+        "degrees_of_freedom": c.test.degrees_of_freedom,
+        "p": c.test.p,
+        "differs": c.differs,
+        "text": _comparison_text(c),
+        "flights_to_see": [
+            {"difference_percent": 100 * share, "flights_each": flights_to_see(c.a, share)}
+            for share in DIFFERENCES_TO_SEE
+        ],
+    }  # fmt: skip
+
+
+def _configuration(pooled: JointPool) -> dict[str, Any]:
+    return {
+        "aircraft": dict(pooled.flights[0].results["aircraft"]),
+        "installation": pooled.flights[0].installation,
+        "logs": [flight.name for flight in pooled.flights],
+    }
+
+
+def _comparison_text(c: Comparison) -> str:
+    least = int(np.argmin(c.half_width_percent))
+    difference, half_width = c.difference_percent[least], c.half_width_percent[least]
+    said = f"at {c.speeds_mps[least]:.1f} m/s the power of B is {difference:+.1f} ± {half_width:.1f} % from that of A"
+    verdict = f"B differs from A (p = {c.test.p:.2g})" if c.differs else f"No difference is seen (p = {c.test.p:.2g})"
+    if c.same_installation and not c.a.flights[0].installation:
+        shared = (
+            "The files name no installation: the probe is taken to be mounted anew for each flight, and only the common"
+            " part of these errors cancels."
+        )
+    elif c.same_installation and c.same_propeller:
+        shared = "Errors of installation and propeller table cancel, since both share them."
+    elif c.same_installation:
+        shared = "Errors of the installation cancel, since both share it; those of the two propeller tables do not."
+    elif c.same_propeller:
+        shared = "Errors of the propeller table cancel; those of the two installations do not."
+    else:
+        shared = "No error cancels: installations and propellers differ."
+    return f"{verdict}: {said}. {shared}"

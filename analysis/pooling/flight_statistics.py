@@ -1,0 +1,153 @@
+"""The statistics of one flight as arrays, read from its `results.json`."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.drag.polar import Condition
+from analysis.results.pooling_statistics import FORMAT
+from flight.errors import InputError
+
+Array = NDArray[np.float64]
+
+POLAR = ("A0", "A1", "A2")
+THRUST = ("thrust_scale", "thrust_slope", "thrust_beyond")
+INSTALLATION = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")
+POOLED = POLAR + THRUST + INSTALLATION  # shared by flights of one aircraft and installation
+M = len(POOLED)
+
+
+class FlightStatistics(NamedTuple):
+    """One flight. Arrays in the order of POOLED, (M,) or (M, M); `results` is the content of its results.json.
+
+    values, covariance : the flight's own estimate; errors that no residual shows are in `changes`
+    prior_mean, prior_information : of that estimate; information 0 where there is no prior
+    changes : by error, change of the values by one standard deviation
+    polar_covariance : (3, 3) of the flight's own curve
+    """
+
+    name: str
+    values: Array
+    covariance: Array
+    prior_mean: Array
+    prior_information: Array
+    changes: dict[str, Array]
+    polar_covariance: Array
+    flown_CL: tuple[float, float]
+    condition: Condition
+    aircraft: str
+    propeller: str
+    propeller_table: str
+    installation: str
+    probe_calibration: str
+    results: Mapping[str, Any]
+
+
+def read_statistics(results: Path | Mapping[str, Any]) -> FlightStatistics:
+    """The statistics of a flight, from its results.json or from the content of it.
+
+    Raises InputError where the file cannot be read, or holds no statistics for pooling.
+    """
+    if isinstance(results, Path):
+        where, content = str(results), _read(results)
+    else:
+        where, content = f"results of {results.get('log', 'a flight')}", results
+    found = content.get("pooling")
+    if found is None:
+        raise InputError(
+            f"{where}: no statistics for pooling; analyze the log again with this version, or leave this flight out if"
+            " it has no accelerations and decelerations"
+        )
+    if found.get("format") != FORMAT:
+        raise InputError(
+            f"{where}: statistics for pooling in the format {found.get('format')}, not {FORMAT}; analyze the log again"
+        )
+    try:
+        return _parsed(found, content)
+    except (KeyError, ValueError, TypeError, IndexError) as error:
+        raise InputError(f"{where}: malformed statistics for pooling ({error}); analyze the log again") from None
+
+
+def _read(path: Path) -> Mapping[str, Any]:
+    try:
+        content = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as results.json ({error})") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: not a results.json; give the results.json that `analyze` wrote")
+    return content
+
+
+def _parsed(found: Mapping[str, Any], content: Mapping[str, Any]) -> FlightStatistics:
+    names, rows = list(found["names"]), found["covariance"]
+    lower = np.zeros((len(names), len(names)))
+    for i, row in enumerate(rows):
+        lower[i, : i + 1] = row
+    covariance = lower + np.tril(lower, -1).T
+    kept = [names.index(name) for name in POOLED]
+    sigma = np.array([np.inf if s is None else s for s in found["prior_sigma"]], dtype=float)[kept]
+    aircraft, test = content["aircraft"], content["test"]
+    statistics = FlightStatistics(
+        name=str(content["log"]),
+        values=np.array(found["values"], dtype=float)[kept],
+        covariance=covariance[np.ix_(kept, kept)],
+        prior_mean=np.array(found["prior_mean"], dtype=float)[kept],
+        prior_information=sigma**-2.0,
+        changes={name: np.array(change, dtype=float)[kept] for name, change in found["changes"].items()},
+        polar_covariance=np.array(found["polar_covariance"], dtype=float),
+        flown_CL=(float(found["flown_CL"][0]), float(found["flown_CL"][1])),
+        condition=Condition(float(test["weight_N"]), float(test["air_density_kgpm3"]), float(aircraft["wing_area_m2"])),
+        aircraft=str(aircraft["name"]),
+        propeller=str(aircraft["propeller"]),
+        propeller_table=str(found["propeller_table"]),
+        installation=str(found["installation"]),
+        probe_calibration=str(found["probe_calibration"]),
+        results=content,
+    )
+    finite = (statistics.values, statistics.covariance, statistics.polar_covariance)
+    if not all(np.isfinite(array).all() for array in finite):
+        raise ValueError("not a finite number")
+    return statistics
+
+
+def check_one_aircraft(flights: Sequence[FlightStatistics]) -> None:
+    """Raises InputError for flights of two aircraft, propellers or installations, naming two of them."""
+    first = flights[0]
+    for other in flights[1:]:
+        for differs, what, values, advice in (
+            (
+                (first.aircraft, first.condition.wing_area_m2) != (other.aircraft, other.condition.wing_area_m2),
+                "two aircraft",
+                (first.aircraft, other.aircraft),
+                "pool each alone, and compare the two pools",
+            ),
+            (
+                first.propeller_table != other.propeller_table,
+                "two propellers, or two tables of one",
+                (first.propeller, other.propeller),
+                "pool each alone, and compare the two pools",
+            ),
+            (
+                first.installation != other.installation,
+                "two installations",
+                (first.installation or "none named", other.installation or "none named"),
+                "pool each alone and compare the two pools, or give both one [installation] name in the aircraft file"
+                " if nothing was moved between them",
+            ),
+            (
+                first.probe_calibration != other.probe_calibration,
+                "two calibrations of the probe or its transducers",
+                (first.probe_calibration, other.probe_calibration),
+                "analyze both logs with one calibration (`--probe`, `--transducers`), or pool each alone and compare"
+                " the two pools",
+            ),
+        ):
+            if differs:
+                raise InputError(
+                    f"{what} in one pool: {first.name} has {values[0]}, {other.name} has {values[1]}; their errors are"
+                    f" not the same; {advice}"
+                )

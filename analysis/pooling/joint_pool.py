@@ -1,0 +1,103 @@
+"""The pool of several flights: its curve, how the flights agree with it, what each contributed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.drag import covariance
+from analysis.drag.polar import Condition, Polar, power_required, speed_at
+from analysis.estimation.intervals import NORMAL_95
+from analysis.pooling.agreement import INSTALLATION_PART, Difference, Test, differences_to_others, homogeneity, outliers
+from analysis.pooling.flight_statistics import POLAR, FlightStatistics
+from analysis.pooling.joint import FlightStack, JointEstimate, Prior, pooled_estimate
+
+Array = NDArray[np.float64]
+
+CURVE_POINTS, SPEEDS = 61, 7
+_N_POLAR = len(POLAR)
+
+
+@dataclass(frozen=True)
+class JointPool:
+    """The joint estimate of one or more flights of one aircraft, propeller and installation.
+
+    condition : mean weight and density of the flights, at which curves are given
+    flown_CL : lift coefficients that at least one flight covers
+    """
+
+    flights: tuple[FlightStatistics, ...]
+    stack: FlightStack
+    prior: Prior
+    estimate: JointEstimate
+    polar: Polar
+    condition: Condition
+    flown_CL: tuple[float, float]
+
+    @cached_property
+    def curve_speeds_mps(self) -> Array:
+        """Speeds (CURVE_POINTS,) of the curve [m/s]."""
+        low, high = self.flown_CL
+        return np.linspace(speed_at(high, self.condition), speed_at(low, self.condition), CURVE_POINTS)
+
+    @cached_property
+    def speeds_mps(self) -> Array:
+        """Speeds (SPEEDS,) of comparisons [m/s]."""
+        return np.linspace(self.curve_speeds_mps[0], self.curve_speeds_mps[-1], SPEEDS)
+
+    @cached_property
+    def differences(self) -> list[Difference]:
+        """Each flight against the pool of all others; empty for one flight."""
+        return differences_to_others(self.stack, self.prior) if len(self.flights) > 1 else []
+
+    @cached_property
+    def outliers(self) -> dict[int, Difference]:
+        """By number, flights that differ from the pool of those that agree."""
+        return outliers(self.stack, self.prior)
+
+    @cached_property
+    def homogeneity(self) -> Test | None:
+        """Test of whether the polars of the flights agree; None for one flight."""
+        return homogeneity(self.stack, self.estimate) if len(self.flights) > 1 else None
+
+    @cached_property
+    def installation_homogeneity(self) -> Test | None:
+        """Test of whether the errors of the installation are the same in all flights; None for one flight."""
+        return homogeneity(self.stack, self.estimate, INSTALLATION_PART) if len(self.flights) > 1 else None
+
+    def power(self, V: Array) -> tuple[Array, Array]:
+        """Power required and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
+        return power_required(V, self.polar, self.condition)
+
+    def half_widths_percent(self, counts: Sequence[int], V: Array) -> Array:
+        """Half width (n,) of the 95 % interval at speeds V (n,), in percent of the pooled power.
+
+        counts : how many flights like each flight there are
+        """
+        only = [i for i, count in enumerate(counts) if count]
+        if len(only) == 1 and counts[only[0]] == 1:
+            C = self.flights[only[0]].polar_covariance
+        else:
+            C = pooled_covariance(pooled_estimate(self.stack, self.prior, counts))
+        power, error = power_required(V, Polar(self.polar.A, C), self.condition)
+        return np.asarray(100 * NORMAL_95 * error / power)
+
+
+def mean_condition(flights: Sequence[FlightStatistics]) -> Condition:
+    """Mean weight and density of the flights."""
+    weight, rho, area = (float(np.mean(values)) for values in zip(*(f.condition for f in flights), strict=True))
+    return Condition(weight, rho, area)
+
+
+def pooled_polar(flights: Sequence[FlightStatistics], estimate: JointEstimate) -> Polar:
+    """For one flight its own polar: the joint estimate equals it but for rounding."""
+    if len(flights) == 1:
+        return Polar(flights[0].values[:_N_POLAR], flights[0].polar_covariance)
+    return Polar(estimate.x[:_N_POLAR], pooled_covariance(estimate))
+
+
+def pooled_covariance(estimate: JointEstimate) -> Array:
+    """Covariance (3, 3) of the pooled polar, everything together."""
+    return np.asarray(estimate.total[:_N_POLAR, :_N_POLAR] + covariance.floor())

@@ -1,0 +1,254 @@
+"""How sure the result is and why, what would halve its interval, and the margin to the stall."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.report.html_page import HtmlTable
+from analysis.report.sections.sensors import CHANNELS, decimals
+from analysis.report.sections.verdict import reference_point
+from analysis.results.schema import IntervalPart, Results
+
+MOST_RUNS = 200  # more are no advice
+MORE_RUNS = "more runs like these"
+NOT_FLOWN = "no run of the required kind was flown: "  # begins a note of a method
+WHITE = 1.96  # standard errors: autocorrelation of white residuals stays within in 95 % of the lags
+RESIDUAL_TOO_LARGE = 1.5  # rms in standard deviations of the channel's noise
+CHANCE = 0.10  # share of lags beyond WHITE that may be chance in a run of a few seconds
+
+
+class CertaintySection(NamedTuple):
+    checks: HtmlTable
+    halving: str
+    next_flight: list[str]
+    stall: str
+
+
+def certainty_section(results: Results) -> CertaintySection:
+    return CertaintySection(
+        checks=HtmlTable(("question", "answer"), _checks(results)),
+        halving=halving(results),
+        next_flight=next_flight(results),
+        stall=stall_margin(results),
+    )
+
+
+def _checks(results: Results) -> list[tuple[str, str]]:
+    rows = [("Did the estimation converge?", _sentence(results.verdict))]
+    curves = [method for method in results.methods if method.power_required]
+    if curves:
+        pairs = len(results.disagreements)
+        answer = "None disagrees" if not pairs else f"{pairs} {'pair disagrees' if pairs == 1 else 'pairs disagree'}"
+        rows.append(
+            ("Do other methods agree?", f"{answer}, of {len(curves)} that had data; see Comparison of methods.")
+        )
+    if results.cross_check:
+        differs = "No: it differs by more than" if results.cross_check_differs else "Yes, within what"
+        rows.append(
+            ("Does a fit of the runs alone agree?", f"{differs} the intervals allow ({results.cross_check_by}).")
+        )
+    scatter = _scatter_of_runs(results)
+    if scatter:
+        rows.append(("Do the runs agree with each other?", scatter))
+    white = _whiteness(results)
+    if white:
+        rows.append(("Do the fits leave only noise?", white))
+    if results.path is not None:
+        largest = max(results.path.residuals.values(), default=0.0)
+        large = [CHANNELS.get(name, name) for name, rms in results.path.residuals.items() if rms > RESIDUAL_TOO_LARGE]
+        answer = f"Not {', '.join(large)}: the largest residual is" if large else "Yes: no residual is above"
+        rows.append(("Do the sensors agree with one path?", f"{answer} {largest:.1f} times its channel's noise (rms)."))
+    if results.provenance is not None:
+        rows.append(("Is the log whole?", _health(results)))
+    return rows
+
+
+def _scatter_of_runs(results: Results) -> str:
+    """Standard deviation of the power of single runs at the reference speed, where three or more reach it."""
+    at = reference_point(results).point
+    powers = [
+        float(np.interp(at.speed_mps, V, [point.power_W for point in run.power_required]))
+        for run in results.one_by_one
+        if (V := [point.speed_mps for point in run.power_required]) and V[0] <= at.speed_mps <= V[-1]
+    ]
+    if len(powers) < 3:
+        return ""
+    return (
+        f"Fitted alone, {len(powers)} runs scatter by ±{100 * np.std(powers, ddof=1) / at.power_W:.1f} %"
+        f" (1 standard deviation) at {at.speed_mps:.1f} m/s."
+    )
+
+
+def _whiteness(results: Results) -> str:
+    beyond = total = 0
+    for run in results.run_residuals:
+        bound = WHITE / math.sqrt(max(run.points, 1))
+        lags = run.autocorrelation[1:]
+        total += len(lags)
+        beyond += sum(abs(value) > bound for value in lags)
+    if not total:
+        return ""
+    share = beyond / total
+    verdict = "Yes" if share <= CHANCE else "Not only: the residuals are colored, which the standard errors allow for"
+    return (
+        f"{verdict}. {100 * share:.0f} % of the autocorrelations lie beyond the 95 % bound of white noise (5 % by"
+        " chance)."
+    )
+
+
+def _health(results: Results) -> str:
+    assert results.provenance is not None
+    found = results.provenance
+    parts = []
+    if found.ticks_missed is not None and found.ticks is not None:
+        parts.append(f"{found.ticks_missed} of {found.ticks + found.ticks_missed} sampling instants were missed")
+    faulty = [
+        f"{sensor.topic} ({sum(sensor.faults.values())} of {sensor.messages} messages)"
+        for sensor in found.sensors
+        if sensor.faults
+    ]
+    parts.append(f"faults: {', '.join(faulty)}" if faulty else "no sensor reported a fault")
+    return _sentence("; ".join(parts))
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def halving(results: Results) -> str:
+    """What it would take to halve the interval at the reference speed; empty where its parts are not known.
+
+    Noise averages over runs, n times as many runs divide its square by n; the part that all runs share remains.
+    """
+    if not results.interval_parts:
+        return ""
+    at = reference_point(results).point.speed_mps
+    part = min(results.interval_parts, key=lambda part: abs(part.speed_mps - at))
+    whole = math.hypot(part.noise_W, part.systematic_W)
+    start = f"To halve ±{_watts(whole)} at {part.speed_mps:.1f} m/s"
+    runs = len(results.runs)
+    more = more_runs_to_halve(part, runs)
+    if more is not None and more <= MOST_RUNS:
+        return (
+            f"{start}, fly {more} {MORE_RUNS} {runs}: noise of ±{_watts(part.noise_W)} averages, and"
+            f" ±{_watts(part.systematic_W)}, which all runs share, remains."
+        )
+    share = 100 * part.systematic_W**2 / whole**2
+    four = math.hypot(part.noise_W / 2, part.systematic_W)
+    return (
+        f"{start}, more runs of this kind are not enough: ±{_watts(part.systematic_W)}, {share:.0f} % of its square, is"
+        f" shared by all runs. Four times the runs would give ±{_watts(four)}. {_largest_shared(results)}"
+    )
+
+
+def _watts(power_W: float) -> str:
+    """With two significant digits."""
+    return f"{power_W:.{decimals(power_W)}f} W"
+
+
+def more_runs_to_halve(part: IntervalPart, runs: int) -> int | None:
+    """Additional runs that halve the half width of the interval; None where the shared part alone is larger."""
+    quarter = (part.noise_W**2 + part.systematic_W**2) / 4
+    left = quarter - part.systematic_W**2
+    if left <= 0:
+        return None
+    return math.ceil(runs * (part.noise_W**2 / left - 1))
+
+
+def _largest_shared(results: Results) -> str:
+    """How much of the shared part goes with the propeller table, and what else it consists of."""
+    share = thrust_share(results)
+    rest = "airspeed, angle of attack, alignment, weight"
+    if share is None:
+        return f"The shared part consists of errors of the propeller table and of the sensors ({rest})."
+    if share > 0.5:
+        return (
+            f"{100 * share:.0f} % of the interval's square goes with the thrust of the propeller table: a table"
+            " measured with this propeller and motor, or decelerations with the propeller"
+            " stopped or folded, reduce it most."
+        )
+    return (
+        f"{100 * share:.0f} % of the interval's square goes with the thrust of the propeller table; the rest of the"
+        f" shared part is that of the sensors ({rest}): the command calibrate airspeed, a finer"
+        " probe calibration, and flights on other days with the instruments installed anew reduce it."
+    )
+
+
+def thrust_share(results: Results) -> float | None:
+    """Share of the variance of power at the reference speed that follows from the errors of thrust; None if unknown.
+
+    The variance explained by the two parameters of thrust: c' C^-1 c over that of power, with their covariance C and
+    their covariance c with the drag coefficient.
+    """
+    correlation = results.parameter_correlation
+    errors = {parameter.name: parameter.standard_error for parameter in results.parameters}
+    if correlation is None or not all(errors.get(name, 0.0) > 0 for name in correlation.names):
+        return None
+    sigma = np.array([errors[name] for name in correlation.names])
+    covariance = np.array(correlation.matrix) * np.outer(sigma, sigma)
+    at, test = reference_point(results).point, results.test
+    CL = test.weight_N / (test.air_density_kgpm3 / 2 * at.speed_mps**2 * results.aircraft.wing_area_m2)
+    powers = np.array([1.0, CL, CL**2])
+    with_thrust = powers @ covariance[:3, 3:]
+    explained = with_thrust @ np.linalg.pinv(covariance[3:, 3:]) @ with_thrust
+    return float(np.clip(explained / (powers @ covariance[:3, :3] @ powers), 0, 1))
+
+
+def stall_margin(results: Results) -> str:
+    """How far the slowest speed flown is from the stall, as far as the flight shows it."""
+    slowest = results.slowest_flown
+    if slowest is None:
+        return "Not known: the flight's slowest speed is not known."
+    CL, largest = slowest.lift_coefficient, slowest.largest_lift_coefficient
+    not_flown = (
+        f"The stall was not flown. The slowest speed flown is {slowest.speed_mps:.1f} m/s (lift coefficient {CL:.2f})."
+    )
+    if largest <= CL * 1.005:
+        return f"{not_flown} No greater lift was reached in the flight, so it shows no margin: the stall may be near."
+    margin = 100 * (math.sqrt(largest / CL) - 1)
+    return (
+        f"{not_flown} For a moment the wing carried a lift coefficient of {largest:.2f}: the slowest speed flown has a"
+        f" margin of {margin:.0f} % of speed to the stall at least."
+    )
+
+
+def next_flight(results: Results) -> list[str]:
+    """What to fly next, the most useful first.
+
+    The sentences of the results come first: they say what narrows the interval most. How many more runs halve it is
+    told only where they are silent, and what a sensor error lacked only where they do not name that error.
+    """
+    advice = list(results.next_flight)
+    text = halving(results)
+    if text and not (advice and MORE_RUNS in text):
+        advice.append(text)
+    if results.minimum_power_speed.speed_mps is None and results.slowest_flown is not None:
+        advice.append(
+            f"Slower than {results.slowest_flown.speed_mps:.1f} m/s, if the stall allows: power still decreases there,"
+            " so that the speed of longest endurance is not known."
+        )
+    if results.path is not None:
+        lacking: dict[str, list[str]] = {}
+        advised = " ".join(results.next_flight)
+        for error in results.path.sensor_errors:
+            for reason in error.missing:
+                if error.title not in advised:
+                    lacking.setdefault(reason, []).append(error.title)
+        advice += [f"For {', '.join(titles)}: {reason}." for reason, titles in lacking.items()]
+    if any(point.extrapolated for point in results.power_required):
+        advice.append(
+            "A propeller table that reaches further, or more motor speed in the fast runs: parts of the curve lie"
+            " outside the table (dashed)."
+        )
+    kinds = sorted(
+        {
+            note.removeprefix(NOT_FLOWN)
+            for method in results.methods
+            for note in method.notes
+            if note.startswith(NOT_FLOWN)
+        }
+    )
+    if kinds:
+        advice.append(f"For an independent check by other methods: {', '.join(kinds)}.")
+    return advice

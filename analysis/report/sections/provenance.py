@@ -1,0 +1,139 @@
+"""What the result was made of: date, place, air, files with hashes, health of the log, and how it was analysed."""
+
+from typing import NamedTuple
+
+from analysis.report.html_page import HtmlTable
+from analysis.results.schema import Results
+from analysis.results.schema_provenance import Provenance
+from flight.units import GRAVITY_MPS2
+
+
+class ProvenanceSection(NamedTuple):
+    """date_and_place: of the head of the page. wind: for the map. facts: name and text."""
+
+    date_and_place: str
+    wind: str
+    facts: list[tuple[str, str]]
+    files: HtmlTable
+    sensors: HtmlTable
+    correlation: HtmlTable | None
+
+
+def provenance_section(results: Results) -> ProvenanceSection | None:
+    """None where the results do not say what they were made of."""
+    found = results.provenance
+    if found is None:
+        return None
+    place = _place(results)
+    facts = [
+        ("Date and place", "; ".join(text for text in (_date(results), place) if text)),
+        *_air(results),
+        ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
+        ("Log", _log(results, found)),
+        ("Recorded by", f"flightpower {found.recorded_by}" if found.recorded_by else "not known"),
+        ("Sampling", _ticks(results)),
+        ("Messages of the daemon", "; ".join(found.events) or "no warning"),
+        ("Analysed by", f"flightpower {results.software_version}"),
+        ("Command", found.command_line or "not recorded: one of several logs, or called from Python"),
+    ]
+    return ProvenanceSection(
+        date_and_place="; ".join(text for text in (_date(results), place) if text),
+        wind=_wind(results),
+        facts=facts,
+        files=HtmlTable(
+            ("file", "name", "from", "SHA-256"),
+            [(file.role, file.name or "–", file.origin, file.sha256 or "not a single file") for file in found.files],
+        ),
+        sensors=HtmlTable(
+            ("topic", "messages", "measurements", "faults"),
+            [
+                (
+                    sensor.topic,
+                    str(sensor.messages),
+                    str(sensor.measurements),
+                    ", ".join(f"{number} {status}" for status, number in sensor.faults.items()) or "none",
+                )
+                for sensor in found.sensors
+            ],
+            numbers=True,
+        ),
+        correlation=_correlation(results),
+    )
+
+
+def _log(results: Results, found: Provenance) -> str:
+    length = "" if found.duration_s is None else f" {found.duration_s:.0f} s,"
+    return f"{results.log},{length} {found.log_bytes / 1e6:.1f} MB, SHA-256 {found.log_sha256}"
+
+
+def electrical_facts(results: Results) -> list[tuple[str, str]]:
+    """The same where only log, weight and command are known."""
+    found = results.provenance
+    if found is None:
+        return []
+    files = [(file.role.capitalize(), f"{file.origin}, SHA-256 {file.sha256}") for file in found.files]
+    return [
+        ("Log", _log(results, found)),
+        ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
+        *files,
+        ("Analysed by", f"flightpower {results.software_version}"),
+        ("Command", found.command_line),
+    ]
+
+
+def _date(results: Results) -> str:
+    found = results.provenance
+    if found is None or found.start_utc is None:
+        return "date not known"
+    clock = "" if found.clock == "satellites" else " (the computer's clock, which may be wrong)"
+    return f"{found.start_utc.replace('T', ' ').removesuffix('Z')} UTC{clock}"
+
+
+def _place(results: Results) -> str:
+    found = results.provenance
+    if found is None or found.latitude_deg is None or found.longitude_deg is None:
+        return "place not known"
+    north, east = "N" if found.latitude_deg >= 0 else "S", "E" if found.longitude_deg >= 0 else "W"
+    height = "" if found.height_msl_m is None else f", {found.height_msl_m:.0f} m above sea level"
+    return f"{abs(found.latitude_deg):.5f}° {north} {abs(found.longitude_deg):.5f}° {east}{height}"
+
+
+def _wind(results: Results) -> str:
+    air = results.air
+    if air is None:
+        return "Wind not known"
+    return f"{air.wind_mps:.1f} ± {1.96 * air.wind_standard_error_mps:.1f} m/s from {air.wind_from_deg:.0f}°"
+
+
+def _air(results: Results) -> list[tuple[str, str]]:
+    air = results.air
+    if air is None:
+        return []
+    return [
+        ("Wind in the runs", f"{_wind(results)}, found from airspeed and path"),
+        ("Turbulence", f"{air.gust_mps:.2f} m/s vertical gusts (1 standard deviation)"),
+        (
+            "Air",
+            f"{air.temperature_K - 273.15:.1f} °C, {results.air_pressure_Pa / 100:.0f} hPa,"
+            f" {results.test.air_density_kgpm3:.3f} kg/m³: density altitude {air.density_altitude_m:.0f} m",
+        ),
+        ("Height of the runs", f"{air.lowest_height_m:.0f} to {air.highest_height_m:.0f} m above the start"),
+    ]
+
+
+def _ticks(results: Results) -> str:
+    found = results.provenance
+    if found is None or found.ticks is None:
+        return "the log has no record of it"
+    return f"{found.ticks_missed} of {found.ticks + (found.ticks_missed or 0)} sampling instants were missed"
+
+
+def _correlation(results: Results) -> HtmlTable | None:
+    correlation = results.parameter_correlation
+    if correlation is None:
+        return None
+    rows = [
+        (name.replace("_", " "), *(f"{value:+.2f}" for value in row))
+        for name, row in zip(correlation.names, correlation.matrix, strict=True)
+    ]
+    return HtmlTable(("", *(name.replace("_", " ") for name in correlation.names)), rows, numbers=True)

@@ -1,0 +1,94 @@
+"use strict";
+// Draws the figures of the page: when they come into view, in the colors of the page, and anew for paper.
+const figures = {};  // by the id of the element: data and layout
+const drawn = new Map();  // by the same, the width and colors that it was drawn with
+const NARROW_PX = 520;
+const PAPER_HEIGHT = 0.8;  // of a figure's height on a screen
+const root = document.documentElement;
+const dark = window.matchMedia("(prefers-color-scheme: dark)");
+
+function onPaper() { return root.classList.contains("paper"); }
+
+function recolored(value) {
+  if (typeof value === "string") {
+    if (value in onDark) return onDark[value];
+    const part = /^rgba\((\d+), (\d+), (\d+), ([\d.]+)\)$/.exec(value);
+    if (!part) return value;
+    const hex = "#" + part.slice(1, 4).map(n => Number(n).toString(16).padStart(2, "0")).join("");
+    return hex in onDark ? onDark[hex] + Math.round(255 * part[4]).toString(16).padStart(2, "0") : value;
+  }
+  if (Array.isArray(value)) return value.length && typeof value[0] === "object" ? value.map(recolored) : value;
+  if (value === null || typeof value !== "object") return value;
+  return Object.fromEntries(Object.entries(value).map(([name, item]) => [name, recolored(item)]));
+}
+
+// Type, margins and legend for a narrow element: the height grows with the lines of the legend.
+function narrowed(layout, data) {
+  const entries = data.filter(trace => trace.showlegend !== false && layout.showlegend !== false).length;
+  const margin = {...layout.margin, l: 48, r: 8, b: Math.min(layout.margin.b, 56)};
+  const size = onPaper() ? 12 : 13;
+  layout = {...layout, margin, font: {...layout.font, size},
+            legend: {...layout.legend, font: {size: size - 1}}, height: layout.height + 20 * Math.max(0, entries - 2)};
+  for (const name of Object.keys(layout).filter(name => /^[xy]axis/.test(name)))
+    layout[name] = {...layout[name], nticks: layout[name].dtick ? undefined : 6};
+  return layout;
+}
+
+function draw(name) {
+  const element = document.getElementById(name), width = element.clientWidth;
+  if (!width) return;
+  const inDark = dark.matches && !onPaper(), key = `${width} ${inDark} ${onPaper()}`;
+  if (drawn.get(name) === key) return;
+  drawn.set(name, key);
+  let {data, layout} = structuredClone(figures[name]);
+  if (inDark) [data, layout] = [recolored(data), recolored(layout)];
+  layout = {...layout, width, height: Math.round(layout.height * (onPaper() ? PAPER_HEIGHT : 1))};
+  if (width < NARROW_PX) layout = narrowed(layout, data);
+  else if (onPaper()) layout = {...layout, font: {...layout.font, size: 14}, legend: {...layout.legend, font: {size: 13}}};
+  for (const name of Object.keys(layout).filter(name => /^[xy]axis/.test(name)))
+    if (layout[name].title) Object.assign(layout[name].title, {font: {size: layout.font.size}, standoff: 10});
+  element.style.height = `${layout.height}px`;
+  Plotly.react(element, data, layout, {displayModeBar: false, scrollZoom: false});
+}
+
+function drawAll() { for (const name of Object.keys(figures)) draw(name); }
+function drawAgain() { for (const name of [...drawn.keys()]) draw(name); }
+
+function save(name) {
+  const {layout} = document.getElementById(name);
+  Plotly.downloadImage(name, {format: "svg", filename: name, width: layout.width, height: layout.height});
+}
+
+function openTarget() {
+  const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  for (let element = target; element; element = element.parentElement)
+    if (element.tagName === "DETAILS") element.open = true;
+  if (target) target.scrollIntoView();
+}
+
+let folded = [];
+function toPaper() {
+  folded = [...document.querySelectorAll("details:not([open])")];
+  for (const element of folded) element.open = true;
+  root.classList.add("paper");
+  drawAll();
+}
+function fromPaper() {
+  root.classList.remove("paper");
+  for (const element of folded) element.open = false;
+  drawAgain();
+}
+
+function start() {
+  const seen = new IntersectionObserver(
+    entries => entries.filter(entry => entry.isIntersecting).forEach(entry => draw(entry.target.id)),
+    {rootMargin: "400px"});
+  for (const name of Object.keys(figures)) seen.observe(document.getElementById(name));
+  let waiting = 0;
+  addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(drawAgain, 150); });
+  dark.addEventListener("change", drawAgain);
+  addEventListener("beforeprint", toPaper);
+  addEventListener("afterprint", fromPaper);
+  addEventListener("hashchange", openTarget);
+  openTarget();
+}

@@ -1,0 +1,92 @@
+"""What the flight found beside the curve, in the form of `results.json`: air, residuals, correlation, track."""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.drag.dynamic import POLAR, THRUST, DynamicEstimate
+from analysis.drag.polar import Condition
+from analysis.performance.conditions import density_altitude_m
+from analysis.results.schema_provenance import AirFound, Correlation, RunResidual, Track
+from analysis.trajectory.reconstruction import Trajectory
+
+Array = NDArray[np.float64]
+
+DRAG = "drag / mass, m/s²"  # of `RunFit`
+LONGEST_LAG_S = 4.0
+TRACK_POINTS = 600
+
+
+def air_found(trajectory: Trajectory, flown: pd.DataFrame, condition: Condition) -> AirFound:
+    """Mean wind over the runs, gusts, temperature, and heights. flown: rows of the air data within the runs."""
+    rows = trajectory.states.index.isin(flown.index)
+    rows = rows if rows.any() else np.asarray(trajectory.block_means.flying)
+    wind = trajectory.states.loc[rows, ["wind_north", "wind_east"]].mean()
+    errors = trajectory.states_error().loc[rows, ["wind_north", "wind_east"]].to_numpy()
+    north, east = float(wind["wind_north"]), float(wind["wind_east"])
+    height = flown["height_m"].dropna()
+    return AirFound(
+        wind_mps=float(np.hypot(north, east)),
+        wind_from_deg=float(np.degrees(np.arctan2(-east, -north)) % 360),
+        wind_standard_error_mps=float(np.sqrt(np.mean(errors**2))),
+        gust_mps=trajectory.gust_mps,
+        temperature_K=float(flown["temperature_K"].mean()),
+        density_altitude_m=float(density_altitude_m(condition.rho)),
+        lowest_height_m=float(height.min()),
+        highest_height_m=float(height.max()),
+    )
+
+
+def run_residuals(estimate: DynamicEstimate) -> list[RunResidual]:
+    """Scatter and autocorrelation of each run's residuals of drag. White residuals correlate at lag 0 only."""
+    found = []
+    for fit in estimate.fits:
+        residual = fit.measured[DRAG] - fit.modelled[DRAG]
+        residual = residual[np.isfinite(residual)]
+        step_s = float(fit.t_s[1] - fit.t_s[0])
+        correlation = autocorrelation(residual, round(LONGEST_LAG_S / step_s))
+        found.append(
+            RunResidual(
+                run=fit.run,
+                points=len(residual),
+                step_s=step_s,
+                rms_mps2=float(np.sqrt(np.mean(residual**2))),
+                autocorrelation=[round(float(r), 4) for r in correlation],
+            )
+        )
+    return found
+
+
+def autocorrelation(residual: Array, lags: int) -> Array:
+    """Correlation of residuals (n,) with themselves 0, 1, … lags later; at most half of the residuals' length.
+
+    The biased estimate about zero: the residuals' mean is an error of the model too.
+    """
+    lags = min(lags, len(residual) // 2)
+    power = float(residual @ residual)
+    if not power:
+        return np.ones(1)
+    return np.array([residual[: len(residual) - k] @ residual[k:] / power for k in range(lags + 1)])
+
+
+def parameter_correlation(estimate: DynamicEstimate) -> Correlation:
+    """Of the errors of POLAR and THRUST; 0 beside an estimate without error."""
+    covariance = estimate.noise + estimate.systematic
+    sigma = np.sqrt(np.diag(covariance))
+    scale = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0)
+    matrix = covariance * np.outer(scale, scale)
+    return Correlation(names=[*POLAR, *THRUST], matrix=np.round(matrix, 4).tolist())
+
+
+def track(trajectory: Trajectory) -> Track:
+    """North and east of the start by the integral of the reconstructed velocity, thinned to TRACK_POINTS."""
+    t_s = trajectory.states.index.to_numpy()
+    place = [_integral(trajectory.states[name].to_numpy(), t_s) for name in ("v_north", "v_east")]
+    every = slice(None, None, -(-len(t_s) // TRACK_POINTS))
+    north, east = (np.round(values[every], 1).tolist() for values in place)
+    return Track(t_s=np.round(t_s[every], 1).tolist(), north_m=north, east_m=east)
+
+
+def _integral(rate: Array, t_s: Array) -> Array:
+    """Trapezoids, from zero."""
+    return np.r_[0.0, np.cumsum((rate[1:] + rate[:-1]) / 2 * np.diff(t_s))]

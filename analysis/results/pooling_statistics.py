@@ -1,0 +1,89 @@
+"""What `results.json` holds of a flight for the joint estimate of several flights (docs/pooling.md)."""
+
+import hashlib
+
+import msgspec
+import numpy as np
+import pandas as pd
+
+from analysis.airdata.probe import ProbeCalibration
+from analysis.airdata.transducers import TransducerCalibration
+from analysis.drag.dynamic import DynamicEstimate
+from flight.aircraft import Aircraft
+from flight.log_reader import Log
+from flight.propeller import Propeller
+
+FORMAT = "flightpower-pooling-1"
+CLOCK_SET_UNIX_S = 1.5e9  # 2017: an earlier time is that of a clock without battery
+
+
+class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True):
+    """Sufficient statistics of one flight: estimates, their joint covariance, and the priors that are part of it."""
+
+    format: str = FORMAT
+    names: list[str]  # A0, A1, A2, corrections of thrust, then sensor errors
+    values: list[float]
+    covariance: list[list[float]]  # lower triangle; by noise and sensor errors
+    prior_mean: list[float]
+    prior_sigma: list[float | None]  # null where there is no prior
+    changes: dict[str, list[float]]  # of the values, by one standard deviation of errors that no residual shows
+    polar_covariance: list[list[float]]  # (3, 3) of this flight's own curve: everything together
+    flown_CL: tuple[float, float]
+    installation: str  # [installation] name of the aircraft file; empty where it has none
+    propeller_table: str  # fingerprint
+    probe_calibration: str  # fingerprint, with that of the transducers if there is one
+    start_unix_s: float | None
+    battery_V: float | None  # mean over the runs
+
+
+def pooling_statistics(
+    estimate: DynamicEstimate,
+    flown_CL: tuple[float, float],
+    aircraft: Aircraft,
+    propeller: Propeller,
+    probe: ProbeCalibration,
+    *,
+    transducers: TransducerCalibration | None = None,
+    start_unix_s: float | None = None,
+    battery_V: float | None = None,
+) -> PoolingStatistics | None:
+    """None for an estimate by another method than the dynamic one, which has no sensor errors beside it."""
+    joint = estimate.joint
+    if joint is None:
+        return None
+    return PoolingStatistics(
+        names=list(joint.names),
+        values=joint.values.tolist(),
+        covariance=[row[: i + 1] for i, row in enumerate(joint.covariance.tolist())],
+        prior_mean=joint.prior_mean.tolist(),
+        prior_sigma=[float(sigma) if np.isfinite(sigma) else None for sigma in joint.prior_sigma],
+        changes={name: change.tolist() for name, change in joint.changes.items() if np.any(change)},
+        polar_covariance=estimate.polar.covariance.tolist(),
+        flown_CL=flown_CL,
+        installation=aircraft.installation.name,
+        propeller_table=_fingerprint(
+            repr((propeller.diameter_m, propeller.beyond_zero_thrust, propeller.rows)).encode()
+        ),
+        probe_calibration=_fingerprint(
+            msgspec.json.encode(probe) + (msgspec.json.encode(transducers) if transducers else b"")
+        ),
+        start_unix_s=start_unix_s,
+        battery_V=battery_V,
+    )
+
+
+def start_unix_s(log: Log) -> float | None:
+    """Time of the first message; None where the clock had not been set."""
+    start_s = min(entries[0].time_ns for entries in log.entries.values() if entries) / 1e9
+    return start_s if start_s > CLOCK_SET_UNIX_S else None
+
+
+def mean_battery_V(flown: pd.DataFrame) -> float | None:
+    """Mean voltage of the battery over the runs; None where it was not measured. flown: rows of `air_data`."""
+    if "battery_V" not in flown or flown["battery_V"].isna().all():
+        return None
+    return float(flown["battery_V"].mean())
+
+
+def _fingerprint(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:12]

@@ -1,0 +1,64 @@
+"""Whether results in a folder are of another log or of other options than those that replace them."""
+
+import shlex
+from pathlib import Path
+
+import msgspec
+
+from analysis.results.schema import Results
+
+OUTPUT, QUIET = ("-o", "--output"), ("-q", "--quiet")  # options that change no result
+
+
+class _File(msgspec.Struct):
+    role: str
+    sha256: str
+
+
+class _Provenance(msgspec.Struct):
+    command_line: str
+    log_sha256: str
+    files: list[_File]
+
+
+class _Previous(msgspec.Struct):
+    """The fields of an earlier `results.json` that tell what it was made of."""
+
+    software_version: str = ""
+    provenance: _Provenance | None = None
+
+
+def replaced(folder: Path, results: Results) -> str:
+    """What `results` replace in the folder, in a sentence; empty where there is nothing, or the same analysis."""
+    path = folder / "results.json"
+    try:
+        previous = msgspec.json.decode(path.read_bytes(), type=_Previous)
+    except OSError:
+        return ""
+    except msgspec.MsgspecError:
+        return f"{path} was replaced; the file before was not of flightpower"
+    before, now = previous.provenance, results.provenance
+    if before is None or now is None:
+        return f"the report in {folder} was replaced; with which options the one before was made is not known"
+    if before.log_sha256 != now.log_sha256:
+        return f"the report in {folder} was replaced; the one before was of another log: {before.command_line}"
+    if _options(before.command_line) != _options(now.command_line):
+        return f"the report in {folder} was replaced; the one before had other options: {before.command_line}"
+    hashes = {file.role: file.sha256 for file in before.files}
+    changed = [file.role for file in now.files if hashes.get(file.role, "") != file.sha256]
+    return f"the report in {folder} was replaced; the one before used another {', '.join(changed)}" if changed else ""
+
+
+def _options(command_line: str) -> list[str]:
+    """The options that change results, in order of the alphabet; not the log, which its hash identifies."""
+    words, options = shlex.split(command_line)[1:], []
+    while words:
+        word = words.pop(0)
+        name, _, value = word.partition("=")
+        if not name.startswith("-") or name in QUIET:
+            continue
+        if not value and words and name not in QUIET:
+            value = words.pop(0)
+        if name not in OUTPUT:
+            options.append(f"{name}={value}")
+    return sorted(options)

@@ -1,0 +1,173 @@
+"""What the results were made of, in the form of `results.json`: the log, the files used, the health of the sensors."""
+
+import hashlib
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from analysis.log_contents import LogContents, Replacements
+from analysis.results.schema_provenance import Provenance, SensorHealth, SourceFile
+from flight.log_entries import STATUS_CODE, entries_of
+from flight.log_reader import Log
+from flight.messages import Event, Gps, Status, Tick, Time
+from flight.shipped_propellers import FOLDER, shipped_propellers
+
+FAULTS = (Status.FAULT, Status.SATURATED, Status.NO_REPLY, Status.TIMEOUT, Status.CORRUPT, Status.WRONG_DEVICE)
+NOT_SENSORS = ("/time", "/daq/tick", "/daq/event")
+ROLES = {
+    "aircraft.toml": "aircraft file",
+    "propeller.csv": "propeller table",
+    "probe.json": "probe calibration",
+    "magnetometer.json": "magnetometer calibration",
+    "transducers.json": "transducer calibration",
+    "zero.json": "still-air zero",
+}
+READ_BYTES = 2**20
+
+
+def provenance(
+    log: Log, contents: LogContents, replacements: Replacements, runs_file: Path | None, command_line: str
+) -> Provenance:
+    """Where log, aircraft, calibrations and weight come from. Files that can no longer be read have no hash."""
+    start_ns, end_ns = _span_ns(log)
+    start_utc, clock = _start(log, start_ns)
+    fixes = (entry.message for entry in log.entries.get("/gps", []) if isinstance(entry.message, Gps))
+    fix = next((fix for fix in fixes if fix.latitude_deg is not None), None)
+    ticks = [entry.message for entry in log.entries.get("/daq/tick", []) if isinstance(entry.message, Tick)]
+    return Provenance(
+        command_line=command_line,
+        log_sha256=_sha256_of_file(log.path),
+        log_bytes=log.path.stat().st_size if log.path.is_file() else 0,
+        recorded_by=log.metadata.get("flightpower", {}).get("version", ""),
+        start_utc=start_utc,
+        clock=clock,
+        duration_s=(end_ns - start_ns) / 1e9,
+        latitude_deg=fix.latitude_deg if fix else None,
+        longitude_deg=fix.longitude_deg if fix else None,
+        height_msl_m=fix.height_msl_m if fix else None,
+        weight_source=_weight_source(replacements),
+        files=_files(log, contents, replacements, runs_file),
+        ticks=len(ticks) if ticks else None,
+        ticks_missed=sum(tick.missed for tick in ticks) if ticks else None,
+        sensors=[
+            _health(topic, entries_of(entries).status.tobytes())
+            for topic, entries in log.entries.items()
+            if entries and topic not in NOT_SENSORS
+        ],
+        events=[
+            f"{(entry.time_ns - start_ns) * 1e-9:.0f} s: {entry.message.text}"
+            for entry in log.entries.get("/daq/event", [])
+            if isinstance(entry.message, Event) and entry.message.severity != "info"
+        ],
+    )
+
+
+def provenance_of_file(log: Path, weight_source: str, aircraft: Path | None, command_line: str) -> Provenance:
+    """Of a log of other software, whose contents are not known here: hashes, weight and command alone."""
+    files = []
+    if aircraft:
+        origin, sha256 = _given(str(aircraft))
+        files.append(SourceFile(role=ROLES["aircraft.toml"], name="", origin=origin, sha256=sha256))
+    return Provenance(
+        command_line=command_line, log_sha256=_sha256_of_file(log), log_bytes=log.stat().st_size, recorded_by="",
+        start_utc=None, clock="", duration_s=None, latitude_deg=None, longitude_deg=None, height_msl_m=None,
+        weight_source=weight_source, files=files, ticks=None, ticks_missed=None, sensors=[], events=[],
+    )  # fmt: skip
+
+
+def _span_ns(log: Log) -> tuple[int, int]:
+    ends = [(entries[0].time_ns, entries[-1].time_ns) for entries in log.entries.values() if entries]
+    return min(start for start, _ in ends), max(end for _, end in ends)
+
+
+def _start(log: Log, start_ns: int) -> tuple[str | None, str]:
+    """Date and time of the log's start, and the clock that they are from."""
+    for entry in log.entries.get("/gps", []):
+        if isinstance(entry.message, Gps) and entry.message.utc_ns is not None:
+            return _iso(entry.message.utc_ns - (entry.time_ns - start_ns)), "satellites"
+    for entry in log.entries.get("/time", []):
+        if isinstance(entry.message, Time) and entry.message.gps_utc_ns is not None:
+            return _iso(entry.message.gps_utc_ns - (entry.time_ns - start_ns)), "satellites"
+    stated = log.metadata.get("flightpower", {}).get("start_unix_ns", "")
+    return (_iso(int(stated)), "computer") if stated.isdigit() and int(stated) else (None, "")
+
+
+def _iso(unix_ns: int) -> str | None:
+    try:
+        at = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=unix_ns // 1000)
+    except OverflowError:
+        return None
+    return at.strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _health(topic: str, statuses: bytes) -> SensorHealth:
+    """Counted from the first measurement on: before it the sensor was being brought up. statuses: of `STATUS_CODE`."""
+    first = statuses.find(STATUS_CODE[Status.OK])
+    since = statuses[first:] if first >= 0 else statuses
+    counts = {str(status.value): since.count(STATUS_CODE[status]) for status in FAULTS}
+    return SensorHealth(
+        topic=topic,
+        messages=len(since),
+        measurements=since.count(STATUS_CODE[Status.OK]),
+        faults={status: number for status, number in counts.items() if number},
+    )
+
+
+def _weight_source(replacements: Replacements) -> str:
+    if replacements.weight_N is not None:
+        return "given with --weight"
+    return f"mass.weight of the aircraft file {'given' if replacements.aircraft else 'in the log'}"
+
+
+def _files(log: Log, contents: LogContents, replacements: Replacements, runs_file: Path | None) -> list[SourceFile]:
+    names = {
+        "aircraft.toml": contents.aircraft.name,
+        "propeller.csv": contents.propeller.name,
+        "probe.json": contents.probe.source,
+        "magnetometer.json": "" if contents.magnetometer else None,
+        "transducers.json": contents.transducers.source if contents.transducers else None,
+        "zero.json": None if contents.zero is None else "",
+    }
+    files = []
+    for attachment, name in names.items():
+        if name is None:
+            continue
+        given = replacements.files.get(attachment)
+        if given is not None:
+            origin, sha256 = _given(given)
+        elif attachment == "propeller.csv" and not _propeller_in_log(log, contents):
+            origin, sha256 = _given(contents.aircraft.propulsion.propeller or contents.propeller.name)
+        else:
+            origin, sha256 = "the log", hashlib.sha256(log.attachments.get(attachment, b"")).hexdigest()
+        files.append(SourceFile(role=ROLES[attachment], name=name, origin=origin, sha256=sha256))
+    if runs_file:
+        origin, sha256 = _given(str(runs_file))
+        files.append(SourceFile(role="list of runs", name="", origin=origin, sha256=sha256))
+    return files
+
+
+def _propeller_in_log(log: Log, contents: LogContents) -> bool:
+    """Whether the log's own table was used: it is that of the propeller which the aircraft file names."""
+    return "propeller.csv" in log.attachments and contents.aircraft.propulsion.propeller in (
+        None,
+        contents.propeller.name,
+    )
+
+
+def _given(name_or_path: str) -> tuple[str, str]:
+    """Origin and hash of a shipped propeller or a file."""
+    if name_or_path in shipped_propellers():
+        table = FOLDER.joinpath(f"{name_or_path}.csv").read_bytes()
+        return "shipped with flightpower", hashlib.sha256(table).hexdigest()
+    return name_or_path, _sha256_of_file(Path(name_or_path))
+
+
+def _sha256_of_file(path: Path) -> str:
+    """Empty for a folder, or a file that cannot be read."""
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as stream:
+            while part := stream.read(READ_BYTES):
+                digest.update(part)
+    except OSError:
+        return ""
+    return digest.hexdigest()

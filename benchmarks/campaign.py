@@ -1,0 +1,334 @@
+"""Many logs: two processors against one, killed and resumed, one flight more, a Dask cluster that loses a worker.
+
+    python benchmarks/campaign.py --flights 100 --logs 4 --out /var/tmp/campaign
+
+`--logs` short flights are simulated (seeds 1000 and on). Copies of them differ in the weight of the aircraft file, so
+that each is analysed and none equals another. Every part checks that the results are equal to the byte. `--part` runs
+one part, `--log` takes copies of a log of your own, such as one of twenty minutes.
+"""
+
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import numpy as np
+import typer
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from rich.console import Console
+
+from analysis.campaign.campaign import Work, run
+from analysis.campaign.flight_folders import exclusive
+from analysis.campaign.jobs import Outcome
+from analysis.cli.files_used import files_used
+from analysis.cli.one_log import Options
+from analysis.cli.several_logs import settings
+from flight.log_writer import PROFILE
+
+SCRIPTS = Path(sysconfig.get_path("scripts"))
+ANALYZE = (sys.executable, "-m", "analysis.cli.analyze")
+FIRST_SEED, PORT = 1000, 8797
+PARTS = ["processors", "killed", "one-more", "cluster", "hundred", "memory"]
+console = Console(width=120, highlight=False)
+
+
+def command(*words: object) -> list[str]:
+    return [str(word) for word in words]
+
+
+def analyze(logs: list[Path], out: Path, *options: object) -> float:
+    """Elapsed seconds of a campaign that has to succeed."""
+    start = time.monotonic()
+    subprocess.run(command(*ANALYZE, *logs, "-o", out, "-q", *options), check=True)
+    return time.monotonic() - start
+
+
+def simulated(folder: Path, count: int) -> list[Path]:
+    logs = []
+    for seed in range(FIRST_SEED, FIRST_SEED + count):
+        log = folder / f"seed-{seed}" / "log.mcap"
+        if not log.exists():
+            words = command(sys.executable, "-m", "sim", "fly", "--plan", "demo", "--no-hardware", "--seed", seed)
+            subprocess.run([*words, "-o", str(log.parent), "--replace"], check=True, stdout=subprocess.DEVNULL)
+        logs.append(log)
+    return logs
+
+
+def copies(logs: list[Path], folder: Path, count: int) -> list[Path]:
+    folder.mkdir(parents=True, exist_ok=True)
+    made = []
+    for k in range(count):
+        made.append(folder / f"flight-{k:03d}.mcap")
+        if not made[-1].exists():
+            copy(logs[k % len(logs)], made[-1], k)
+    return made
+
+
+def copy(log: Path, to: Path, number: int) -> None:
+    """The same messages, with another weight in the aircraft file: no two flights have the same estimate."""
+    with log.open("rb") as source, to.open("wb") as target:
+        reader, writer = make_reader(source), Writer(target)
+        writer.start(profile=PROFILE, library="benchmark")
+        channels: dict[int, int] = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in channels:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data) if schema else 0
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, schema_id, channel.metadata
+                )
+            writer.add_message(
+                channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence
+            )
+        for one in reader.iter_attachments():
+            data = heavier(one.data, number) if one.name == "aircraft.toml" else one.data
+            writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, data)
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        writer.finish()
+
+
+def heavier(aircraft: bytes, number: int) -> bytes:
+    """An aircraft file with 0.1 % of weight more for each number."""
+
+    def more(found: re.Match[str]) -> str:
+        return f'{found[1]}"{float(found[2]) * (1 + 0.001 * number):.5f} {found[3]}"'
+
+    return re.sub(r'^(weight = )"([\d.]+) (\w+)"', more, aircraft.decode(), count=1, flags=re.MULTILINE).encode()
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    """Every file of a campaign but the lock and the records, which name the logs."""
+    found = (path for path in out.rglob("*") if path.is_file() and path.name not in ("inputs.json", ".lock"))
+    return {path.relative_to(out).as_posix(): path.read_bytes() for path in found}
+
+
+def equal(out: Path, other: Path) -> str:
+    return "equal to the byte" if contents(out) == contents(other) else "DIFFERENT"
+
+
+def written_at(out: Path) -> dict[str, int]:
+    return {path.parent.name: path.stat().st_mtime_ns for path in out.glob("[!.]*/inputs.json")}
+
+
+def wait_for(condition: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
+    while not condition():
+        if process.poll() is not None:
+            raise RuntimeError(f"ended too early, with exit code {process.returncode}")
+        time.sleep(0.05)
+
+
+def processors(logs: list[Path], folder: Path) -> None:
+    """Elapsed time with one job and with two, and what processor times give on a machine without other work."""
+    elapsed, ideal = {}, {}
+    for jobs in (1, 2):
+        out = folder / f"jobs-{jobs}"
+        shutil.rmtree(out, ignore_errors=True)
+        before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+        said = subprocess.run(command(*ANALYZE, *logs, "-o", out, "--jobs", jobs), check=True, capture_output=True)
+        elapsed[jobs] = time.monotonic() - start
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        alone = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime  # of the first process, without jobs
+        analyses = float(re.search(rb"analysed in ([\d.]+) s", said.stderr)[1])  # type: ignore[index]
+        ideal[jobs] = alone + analyses / jobs
+        console.print(
+            f"--jobs {jobs}: {len(logs)} flights in {elapsed[jobs]:.0f} s; processor time {alone:.1f} s of the first"
+            f" process, {analyses:.1f} s of the analyses; load of the machine {os.getloadavg()[0]:.1f}"
+        )
+    console.print(
+        f"two jobs: {elapsed[1] / elapsed[2]:.2f} times faster, {ideal[1] / ideal[2]:.2f} by processor time;"
+        f" {equal(folder / 'jobs-1', folder / 'jobs-2')}"
+    )
+
+
+def killed(logs: list[Path], folder: Path, whole: Path) -> None:
+    """SIGKILL when a half is done, then the same command."""
+    out = folder / "killed"
+    shutil.rmtree(out, ignore_errors=True)
+    with subprocess.Popen(command(*ANALYZE, *logs, "-o", out, "-q")) as process:
+        wait_for(lambda: len(written_at(out)) >= len(logs) // 2, process)
+        process.send_signal(signal.SIGKILL)
+    done = written_at(out)
+    partial = len(list(out.glob(".*.partial")))
+    analyze(logs, out)
+    kept = sum(written_at(out)[name] == when for name, when in done.items())
+    console.print(
+        f"SIGKILL with {len(done)} of {len(logs)} done, {partial} begun; resumed: {kept} kept, {len(logs) - kept}"
+        f" analysed; {equal(out, whole)}"
+    )
+
+
+def one_more(logs: list[Path], folder: Path, more: Path, whole: Path) -> None:
+    """The time of a campaign of which all but one are done, and of that one alone."""
+    out = folder / "one-more"
+    shutil.rmtree(out, ignore_errors=True)
+    shutil.copytree(whole, out)
+    nothing = analyze(logs, out)
+    added = analyze([*logs, more], out)
+    start = time.monotonic()
+    subprocess.run(command(*ANALYZE, more, "-o", folder / "alone", "-q"), check=True)
+    alone = time.monotonic() - start
+    console.print(
+        f"one flight more than {len(logs)}: {added:.1f} s; none more: {nothing:.1f} s; the one alone: {alone:.1f} s"
+    )
+
+
+def cluster(logs: list[Path], folder: Path, whole: Path) -> None:
+    """A scheduler and two workers; one worker is killed when a quarter is done."""
+    out = folder / "cluster"
+    shutil.rmtree(out, ignore_errors=True)
+    address = f"tcp://127.0.0.1:{PORT}"
+    with (folder / "dask.log").open("w") as log:
+        options = {"stdout": log, "stderr": log, "start_new_session": True}
+        scheduler = command(SCRIPTS / "dask", "scheduler", "--port", PORT, "--no-dashboard")
+        worker = command(
+            SCRIPTS / "dask", "worker", address, "--nthreads", 1, "--no-dashboard", "--no-nanny",
+            "--local-directory", folder / "dask",
+        )  # fmt: skip
+        started = [subprocess.Popen(words, **options) for words in (scheduler, worker, worker)]  # type: ignore[call-overload]
+        try:
+            time.sleep(10)
+            words = command(*ANALYZE, *logs, "-o", out, "-q", "--scheduler", address)
+            with subprocess.Popen(words) as process:
+                wait_for(lambda: len(written_at(out)) >= len(logs) // 4, process)
+                started[2].kill()
+            console.print(
+                f"cluster of two workers, one killed with {len(logs) // 4} of {len(logs)} done: exit code"
+                f" {process.returncode}, {equal(out, whole)}"
+            )
+        finally:
+            for process in started:
+                process.kill()
+                process.wait()
+
+
+def memory(log: Path, folder: Path) -> None:
+    """The most memory of one analysis, as `analyze` says it."""
+    out = folder / "memory"
+    shutil.rmtree(out, ignore_errors=True)
+    words = command(*ANALYZE, *copies([log], folder / "two", 2), "-o", out, "--jobs", 1)
+    said = subprocess.run(words, check=True, capture_output=True, text=True).stderr
+    told = next(line for line in said.splitlines() if "memory" in line)
+    console.print(f"{log.stat().st_size / 1e6:.0f} MB of log: {told}")
+
+
+@dataclass(frozen=True)
+class Scattered:
+    """In place of an analysis: the results of another flight, its estimates scattered by half their covariance."""
+
+    flights: list[Path]
+
+    def __call__(self, log: Path, folder: Path, runs: Path | None, progress: Callable[[str], None]) -> None:
+        number = int(log.stem.rpartition("-")[2])
+        source = self.flights[number % len(self.flights)]
+        content = msgspec.json.decode((source / "results.json").read_bytes())
+        statistics = content["pooling"]
+        lower = np.zeros((len(statistics["values"]),) * 2)
+        for i, row in enumerate(statistics["covariance"]):
+            lower[i, : i + 1] = row
+        covariance = lower + np.tril(lower, -1).T
+        noise = np.random.default_rng(number).multivariate_normal(np.zeros(len(lower)), covariance / 2)
+        statistics["values"] = (np.array(statistics["values"]) + noise).tolist()
+        content["log"] = str(log)
+        (folder / "results.json").write_bytes(msgspec.json.encode(content))
+        shutil.copy(source / "report.html", folder)
+
+    def under(self, root: Path) -> "Scattered":
+        return self
+
+
+class Silent:
+    def planned(self, jobs: int, kept: int) -> None: ...
+
+    def step(self, name: str, step: str) -> None: ...
+
+    def failed(self, error: str) -> None: ...
+
+    def ended(self, name: str, outcome: Outcome) -> None: ...
+
+
+def hundred(folder: Path, whole: Path, count: int = 100) -> None:
+    """What a pool of a hundred flights costs beside the analyses, and its page."""
+    out, logs = folder / "hundred", folder / "hundred-logs"
+    for old in (out, logs):
+        shutil.rmtree(old, ignore_errors=True)
+    logs.mkdir()
+    names = [logs / f"2026-05-01-{k:03d}.mcap" for k in range(count)]
+    for name in names:
+        name.write_text(name.stem)
+    options = Options()
+    done = Work(
+        Scattered([path.parent for path in sorted(whole.glob("[!.]*/inputs.json"))]),
+        settings(options),
+        lambda log: files_used(log, options),
+    )
+    with exclusive(out):
+        run(names, out, done, Silent(), jobs=2)
+    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+    analyze(names, out)
+    elapsed, used = time.monotonic() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    busy = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime
+    page = out / "report.html"
+    console.print(
+        f"{count} flights that are analysed: pooled and reported in {elapsed:.1f} s, {busy:.1f} s of processor time;"
+        f" the page has {page.stat().st_size / 1e6:.2f} MB"
+    )
+    before, start = used, time.monotonic()
+    words = command(
+        "chromium",
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--virtual-time-budget=10000",
+        "--dump-dom",
+        page.resolve().as_uri(),
+    )
+    shown = subprocess.run(words, check=True, capture_output=True, text=True).stdout
+    elapsed, used = time.monotonic() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    busy = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime
+    console.print(
+        f"opened with {shown.count('main-svg')} layers of figures in {elapsed:.1f} s, {busy:.1f} s of processor time,"
+        f" the start of Chromium included; load of the machine {os.getloadavg()[0]:.1f}"
+    )
+
+
+def main(
+    flights: Annotated[int, typer.Option(help="Copies to analyse.")] = 100,
+    logs: Annotated[int, typer.Option(help="Simulated flights that are copied.")] = 4,
+    log: Annotated[Path | None, typer.Option(help="Copy this log instead.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder to work in; what is there already is used.")] = Path("out/campaign"),
+    part: Annotated[list[str] | None, typer.Option(help=f"{', '.join(PARTS)}; may repeat")] = None,
+) -> None:
+    out.mkdir(parents=True, exist_ok=True)
+    originals = [log] if log else simulated(out, logs)
+    *given, more = copies(originals, out / "logs", flights + 1)
+    whole = out / "jobs-2"
+    wanted = part or PARTS
+    if "processors" in wanted:
+        processors(given, out)
+    elif not whole.exists():
+        analyze(given, whole)
+    if "killed" in wanted:
+        killed(given, out, whole)
+    if "one-more" in wanted:
+        one_more(given, out, more, whole)
+    if "cluster" in wanted:
+        cluster(given, out, whole)
+    if "hundred" in wanted:
+        hundred(out, whole)
+    if "memory" in wanted:
+        memory(originals[0], out)
+
+
+if __name__ == "__main__":
+    typer.run(main)

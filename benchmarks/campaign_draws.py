@@ -1,0 +1,64 @@
+"""Campaigns drawn from the statistics of flights that were flown: what a few flights promise for many campaigns.
+
+The errors of installation and thrust are drawn from the study's budget, once a campaign, and the estimates of each
+flight from the covariance that its analysis states, with the prior's effect. What such draws cannot show is whether
+that covariance is right; `benchmarks/campaigns.py` shows that, by coverage of the flights flown.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.pooling.flight_statistics import POOLED, FlightStatistics
+from analysis.pooling.joint import stacked
+from analysis.pooling.pool import PooledResult, pool
+from sim.sensors.budget import load_budget
+
+Array = NDArray[np.float64]
+
+MORE_DRAG = 0.03
+
+
+class Draws:
+    """Draws campaigns from flights of one weather."""
+
+    def __init__(self, flights: Sequence[FlightStatistics], polar: Array, seed: int):
+        """polar: (3,) that is flown. Flights: with a named installation."""
+        stack = stacked(flights)
+        self.flights, self.polar, self._rng = flights, polar, np.random.default_rng(seed)
+        self._own = np.linalg.inv(stack.gain)
+        self._information = stack.information
+        values, vectors = np.linalg.eigh(stack.information)
+        self._root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+
+    def shared(self) -> Array:
+        """Parameters that the flights of one campaign share, drawn from the study's budget."""
+        s, uniform = load_budget("study").systematic, self._rng.uniform
+        tilt = s.imu_misalignment_rad
+        errors = {
+            "thrust_scale": uniform(-s.thrust_scale, s.thrust_scale),
+            "thrust_slope": uniform(-s.thrust_slope_J, s.thrust_slope_J),
+            "thrust_beyond": 0.0,
+            "alpha_bias": uniform(-s.alpha_offset_rad, s.alpha_offset_rad) + uniform(-tilt, tilt),
+            "alpha_scale": uniform(-s.alpha_scale, s.alpha_scale),
+            "beta_bias": uniform(-s.beta_offset_rad, s.beta_offset_rad) + uniform(-tilt, tilt),
+            "V_scale": uniform(-s.V_scale, s.V_scale),
+            "air_data_lag": uniform(0.0, s.lag_s),
+        }
+        return np.concatenate([self.polar, [errors[name] for name in POOLED[3:]]])
+
+    def pool(self, shared: Array, number: int) -> PooledResult:
+        """So many flights, drawn with replacement, with new errors of the day."""
+        flights = []
+        for i in self._rng.integers(len(self.flights), size=number):
+            flight = self.flights[i]
+            prior = flight.prior_information * flight.prior_mean
+            data = self._information[i] @ shared + self._root[i] @ self._rng.standard_normal(len(shared)) + prior
+            flights.append(flight._replace(values=self._own[i] @ data, installation="drawn"))
+        return pool(flights)
+
+
+def with_more_drag(shared: Array) -> Array:
+    """Configuration B."""
+    return np.concatenate([(1 + MORE_DRAG) * shared[:3], shared[3:]])

@@ -1,0 +1,199 @@
+"""Campaigns of simulated flights of one installation, pooled: half widths, coverage, differences seen, false alarms.
+
+    python benchmarks/campaigns.py --campaigns 20
+    python benchmarks/campaigns.py --campaigns 2 --flights 2 --seed 0 --weather 3
+
+The systematic errors of installation, propeller and aircraft are drawn once a campaign; biases of the IMU, zeros of the
+transducers and the updraft once a flight. Configuration B is the same aircraft with 3 % more drag at every lift.
+Each flight's statistics for pooling are a line of the file of flights as soon as it is flown and analysed, without
+buses, counts and log (`benchmarks/flights.py`). A flight that has a line by this version of the code is not flown
+again, so that an interrupted run continues. The numbers of flights pooled are taken from the same flights.
+Campaigns below 10 are for development; figures of the documentation come from others (seeds from 1000).
+"""
+
+import dataclasses
+import hashlib
+import json
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import campaign_figures
+import flights
+import msgspec
+import numpy as np
+import typer
+from campaign_draws import MORE_DRAG
+from estimators import speeds
+from study import known_lines
+
+from analysis.drag import dynamic
+from analysis.drag.polar import flown_condition, flown_lift
+from analysis.maneuvers.selection import select
+from analysis.results.pooling_statistics import pooling_statistics
+from analysis.trajectory.reconstruction import reconstruct
+from flight.aircraft import Aircraft, Installation, load_aircraft
+from flight.errors import InputError
+from flight.propeller_files import load_propeller
+from sim.fly import fly
+from sim.plan import load_plan
+from sim.sensors import FlightSensorTruth
+from sim.sensors.budget import DrawnErrors
+from sim.world import World, load_world
+
+ROOT = Path(__file__).parents[1]
+PLAN, SEEDS_A_CAMPAIGN, SEEDS_B = "full-test-flight", 100, 50
+FOLDERS = ("analysis/airdata", "analysis/drag", "analysis/estimation", "analysis/maneuvers", "analysis/signals",
+           "analysis/trajectory", "flight", "sim")  # fmt: skip
+
+
+class Job(NamedTuple):
+    """One flight of a campaign."""
+
+    world: str
+    weather_kt: float
+    configuration: str
+    campaign: int
+    flight: int
+    version: str
+
+    @property
+    def seed(self) -> int:
+        """Of the turbulence and of the errors of the day."""
+        return SEEDS_A_CAMPAIGN * self.campaign + SEEDS_B * (self.configuration == "B") + self.flight
+
+
+def version(world: str) -> str:
+    """Hash of what the statistics of a flight depend on."""
+    digest = hashlib.sha256(repr(load_world(world)).encode())
+    for folder in FOLDERS:
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in (".py", ".toml", ".csv") and path.parent.name != "worlds":
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def drawn(world: World, campaign: int, seed: int) -> DrawnErrors:
+    """Errors of the installation by the campaign, those of the day by the seed."""
+    fixed = flights.drawn(world.errors, SEEDS_A_CAMPAIGN * campaign)
+    day = flights.drawn(world.errors, seed)
+    return dataclasses.replace(
+        day,
+        values=dataclasses.replace(fixed.values, updraft_mps=day.values.updraft_mps),
+        imu_rotation=fixed.imu_rotation,
+        accel_scale=fixed.accel_scale,
+        gyro_scale=fixed.gyro_scale,
+        hard_iron=fixed.hard_iron,
+        soft_iron=fixed.soft_iron,
+    )
+
+
+def aircraft_of(configuration: str, world: World, campaign: int) -> Aircraft:
+    """The aircraft file of a flight; B has more drag, which the analysis does not read."""
+    aircraft = load_aircraft("nexstar")
+    aerodynamics = dict(aircraft.aerodynamics or {})
+    if configuration == "B":
+        aerodynamics |= {name: (1 + MORE_DRAG) * aerodynamics[name] for name in ("CD0", "K")}
+    return dataclasses.replace(
+        aircraft,
+        aerodynamics=aerodynamics,
+        installation=Installation(name=f"campaign {campaign}"),
+        uncertainty=world.uncertainty or aircraft.uncertainty,
+    )
+
+
+def one_flight(job: Job) -> dict[str, Any]:
+    """The line of one flight: the part of results.json that pooling reads, and the true power at `speeds`."""
+    world, probe = load_world(job.world), flights.tunnel_probe()
+    aircraft, errors = aircraft_of(job.configuration, world, job.campaign), drawn(world, job.campaign, job.seed)
+    plan = load_plan(PLAN)
+    air = dataclasses.replace(plan.air, turbulence_mps=job.weather_kt * flights.KNOT_MPS)
+    plan = world.plan(dataclasses.replace(plan, air=air), job.seed)
+    try:
+        flown = fly(aircraft, plan, seed=job.seed, deviations=errors.deviations)
+        table = flights.sensor_table(FlightSensorTruth(flown, errors), aircraft)
+        propeller = world.table(aircraft.propulsion) or load_propeller(aircraft.propulsion.propeller)
+        data = flights.air_of(table, aircraft, probe)
+        runs = select(data.table, data.still, "log", None).level_runs
+        trajectory = reconstruct(data.table, data.still, alpha_scale_sigma=probe.alpha_scale_sigma)
+        estimate = dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
+    except (InputError, np.linalg.LinAlgError) as error:
+        return {**job._asdict(), "refused": str(error)}
+    rows = np.concatenate([np.arange(len(data.table))[run.rows] for run in runs])
+    condition = flown_condition(data.table.iloc[rows], aircraft)
+    flown_CL = flown_lift(data.table.iloc[rows], aircraft)
+    statistics = pooling_statistics(estimate, flown_CL, aircraft, propeller, probe)
+    V, truth = speeds(aircraft), flown.power_required
+    return {
+        **job._asdict(),
+        "power_W": np.interp(V, truth["speed_mps"], truth["power_W"]).tolist(),
+        "results": {
+            "log": f"{job.configuration}{job.seed}.mcap",
+            "aircraft": {
+                "name": aircraft.name, "title": aircraft.title, "wing_area_m2": aircraft.geometry.wing_area_m2,
+                "span_m": aircraft.geometry.span_m, "propeller": propeller.name,
+            },
+            "test": {"weight_N": condition.weight_N, "air_density_kgpm3": condition.rho},
+            "air_temperature_K": float(data.table["temperature_K"].iloc[rows].mean()),
+            "pooling": msgspec.to_builtins(statistics),
+        },
+    }  # fmt: skip
+
+
+def jobs_of(worlds: list[str], weather_kt: list[float], campaigns: range, most: int, with_B: int) -> Iterator[Job]:
+    """All flights, five a campaign before more of any: an interrupted run has some of everything."""
+    versions = {name: version(name) for name in worlds}
+    for block in range(0, most, 5):
+        for campaign in campaigns:
+            for world in worlds:
+                for weather in weather_kt:
+                    for flight in range(block, min(block + 5, most)):
+                        yield Job(world, weather, "A", campaign, flight, versions[world])
+                    if weather == min(weather_kt):
+                        for flight in range(block, min(block + 5, with_B)):
+                            yield Job(world, weather, "B", campaign, flight, versions[world])
+
+
+def main(
+    worlds: Annotated[list[str] | None, typer.Option("--worlds", help="Worlds; `study`.")] = None,
+    weather_kt: Annotated[list[float] | None, typer.Option("--weather", help="W20 of turbulence [kt]; 3, 15.")] = None,
+    campaigns: Annotated[int, typer.Option(help="Campaigns: installations.")] = 20,
+    first: Annotated[int, typer.Option("--seed", help="The first campaign; its flights have 100 times this.")] = 10,
+    most: Annotated[int, typer.Option("--flights", help="Flights of configuration A in each weather.")] = 20,
+    with_B: Annotated[int, typer.Option("--flights-b", help="Flights of configuration B in the calmest weather.")] = 5,
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
+    file: Annotated[Path, typer.Option(help="Where flights are kept, one a line.")] = Path("out/campaigns.jsonl"),
+    fly_missing: Annotated[
+        bool, typer.Option("--fly/--no-fly", help="Fly what is missing; or print the figures of what is in the file.")
+    ] = True,
+) -> None:
+    """Fly what is missing and print the figures."""
+    wanted = list(
+        jobs_of(worlds or ["study"], weather_kt or [3.0, 15.0], range(first, first + campaigns), most, with_B)
+    )
+    file.parent.mkdir(parents=True, exist_ok=True)
+    known = known_lines(file)
+    if not fly_missing:
+        places = {tuple(job)[:-1] for job in wanted}  # by any version
+        campaign_figures.print_figures([line for line in known if tuple(line[n] for n in Job._fields[:-1]) in places])
+        return
+    done = {tuple(line[name] for name in Job._fields): line for line in known}
+    missing = [job for job in wanted if tuple(job) not in done]
+    began = time.monotonic()
+    with ProcessPoolExecutor(jobs) as pool, file.open("a", encoding="utf-8") as stream:
+        running = [pool.submit(one_flight, job) for job in missing]
+        for count, future in enumerate(as_completed(running), start=1):
+            line = future.result()
+            done[tuple(line[name] for name in Job._fields)] = line
+            stream.write(json.dumps(line) + "\n")
+            stream.flush()
+            left_min = (time.monotonic() - began) / count * (len(missing) - count) / 60
+            print(f"{count}/{len(missing)}, {left_min:.0f} min left {line.get('refused', '')}", file=sys.stderr)
+    campaign_figures.print_figures([done[tuple(job)] for job in wanted if tuple(job) in done])
+
+
+if __name__ == "__main__":
+    typer.run(main)

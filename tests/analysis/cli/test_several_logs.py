@@ -1,0 +1,112 @@
+"""`analyze` of several logs and `analyze compare`: what is refused, and which files the results depend on."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from analysis.campaign.pooled import flight_folders_of, read_results
+from analysis.cli.analyze import app
+from analysis.cli.files_used import files_used
+from analysis.cli.one_log import Options
+from analysis.cli.several_logs import FlightAnalysis, settings
+from flight.aircraft import load_aircraft
+from flight.errors import InputError
+from flight.log_writer import LogWriter
+from flight.messages import AbsolutePressure
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def message(*arguments: object) -> str:
+    outcome = run(*arguments)
+    assert isinstance(outcome.exception, InputError), outcome.output
+    return str(outcome.exception)
+
+
+def log_of(path: Path, **attachments: str) -> Path:
+    with path.open("wb") as stream:
+        writer = LogWriter(stream)
+        for name, text in attachments.items():
+            writer.attach(name.replace("_", "."), text.encode(), "text/plain", 0)
+        writer.write("/static", AbsolutePressure(pressure_Pa=1e5, temperature_K=288.0), time_ns=10**18, tick=0)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("options", "cause"),
+    [
+        ((), "give the folder for the results with -o"),
+        (("-o", "out", "--runs", "runs.toml"), "belongs to one log"),
+        (("-o", "out", "--aircraft", "nothing.toml"), "neither a file nor one of"),
+    ],
+)
+def test_options_that_several_logs_cannot_have(tmp_path: Path, monkeypatch, options, cause: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cause in message("a.mcap", "b.mcap", *options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_no_usable_log_is_wrong_input(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    outcome = run("a.mcap", "b.mcap", "-o", "out")
+    assert "none of the 2 logs" in str(outcome.exception)
+    assert "a.mcap: cannot be read" in outcome.stderr and "b.mcap: cannot be read" in outcome.stderr
+
+
+def test_compare_is_a_command_and_a_log_of_that_name_is_not_lost(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "Usage: analyze compare" in run("compare", "--help").output
+    assert "a: is not a folder" in message("compare", "a", "b")
+    assert "compare: cannot be read" in message("./compare")
+
+
+def test_results_depend_on_the_files_that_are_read(tmp_path: Path) -> None:
+    table, aircraft = tmp_path / "mine.csv", tmp_path / "aircraft.toml"
+    table.write_text("table")
+    text = load_aircraft("nexstar").text
+    named = [line for line in text.splitlines() if line.startswith("propeller = ")]
+    own = text.replace(named[0], f'propeller = "{table}"')
+    aircraft.write_text(own)
+    plain = log_of(tmp_path / "plain.mcap", aircraft_toml=text)
+    assert files_used(plain, Options()) == []
+    assert files_used(plain, Options(aircraft=aircraft)) == [("--aircraft", aircraft), ("--propeller", table)]
+    assert files_used(plain, Options(propeller=str(table))) == [("--propeller", table)]
+    assert files_used(log_of(tmp_path / "own.mcap", aircraft_toml=own), Options()) == [("--propeller", table)]
+    assert files_used(log_of(tmp_path / "both.mcap", aircraft_toml=own, propeller_csv="rpm"), Options()) == []
+    (tmp_path / "junk.mcap").write_text("junk")
+    assert files_used(tmp_path / "junk.mcap", Options()) == []
+
+
+def test_settings_are_values_and_names_of_files_without_their_folders() -> None:
+    here, there = (Options(probe=Path(folder, "probe.json"), weight_N=4.0) for folder in ("here", "there"))
+    assert settings(here) == settings(there) != settings(Options(probe=Path("probe.json"), weight_N=5.0))
+
+
+def test_an_analysis_below_a_root_reads_the_copies() -> None:
+    moved = FlightAnalysis(Options(aircraft=Path("/a/x.toml"), probe=Path("b.json"), propeller="apc-12x8e")).under(
+        Path("/root")
+    )
+    assert moved.options == Options(aircraft=Path("/root/a/x.toml"), probe=Path("b.json"), propeller="apc-12x8e")
+
+
+def test_folders_of_a_pool_of_several_flights_and_of_one(tmp_path: Path) -> None:
+    def results(folder: str, **content: object) -> None:
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "results.json").write_text(json.dumps(content))
+
+    results("pool/a", pooling={"x": 1}, methods=[1])
+    results("pool/b", pooling=None, electrical={})
+    results("pool/removed", pooling={"x": 2})
+    assert [folder.name for folder in flight_folders_of(tmp_path / "pool")] == ["a", "b", "removed"]
+    (tmp_path / "pool" / "results.json").write_text(json.dumps({"flights": [{"log": "a"}, {"log": "b"}]}))
+    found = read_results(flight_folders_of(tmp_path / "pool"))
+    assert found.to_pool == [{"pooling": {"x": 1}, "log": "a"}] and "electrical power only" in found.left_out[0]
+    assert flight_folders_of(tmp_path / "pool" / "a") == [tmp_path / "pool" / "a"]
+    (tmp_path / "pool" / "a" / "empty").mkdir()
+    with pytest.raises(InputError, match=r"no results\.json"):
+        flight_folders_of(tmp_path / "pool" / "a" / "empty")

@@ -1,0 +1,83 @@
+"""Whether flights agree: the test of homogeneity, outliers with their likely reason."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from synthetic_flights import flight, truth
+
+from analysis.estimation.intervals import NORMAL_95
+from analysis.pooling import pool_results
+from analysis.pooling.agreement import differences_in_pool
+from analysis.pooling.flight_statistics import POOLED
+
+
+def test_homogeneity_is_calibrated_on_flights_drawn_from_the_model() -> None:
+    p, of_installation, of_flights = [], [], []
+    for seed in range(80):
+        rng = np.random.default_rng(seed)
+        x = truth(rng)
+        pooled = pool_results([flight(x, rng, f"{i}", noise) for i, noise in enumerate((0.5, 1.0, 1.0, 3.0))])
+        assert pooled.homogeneity is not None
+        assert pooled.installation_homogeneity is not None
+        p.append(pooled.homogeneity.p)
+        of_installation.append(pooled.installation_homogeneity.p)
+        of_flights += [difference.p for difference in pooled.differences]
+    for values in (p, of_installation, of_flights):
+        assert np.mean(np.array(values) < 0.05) == pytest.approx(0.05, abs=0.05)
+        assert np.mean(values) == pytest.approx(0.5, abs=0.07)
+
+
+def test_differences_from_the_pool_have_the_covariance_stated() -> None:
+    """The flights alone and the pool share the error of the prior, the flights in the pool their own errors too."""
+    ratios = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        x = truth(rng)
+        pooled = pool_results([flight(x, rng, f"{i}") for i in range(3)])
+        for difference in differences_in_pool(pooled.stack, pooled.estimate):
+            ratios += difference.standardized.tolist()
+    assert np.mean(np.abs(ratios) < NORMAL_95) == pytest.approx(0.95, abs=0.03)
+
+
+def test_errors_common_to_all_flights_do_not_widen_the_differences_between_them() -> None:
+    rng = np.random.default_rng(3)
+    x = truth(rng)
+    pooled = pool_results([flight(x, rng, f"{i}", 0.01) for i in range(8)])
+    polar = [d.standardized[:3] for d in pooled.differences]
+    assert np.sqrt(np.mean(np.square(polar))) == pytest.approx(1, abs=0.4)
+
+
+def spoiled(name: str, change: float) -> dict[str, Any]:
+    """The pool of six calm flights, of which the third flew with another value of a parameter."""
+    rng = np.random.default_rng(1)
+    x = truth(rng)
+    other = x.copy()
+    other[POOLED.index(name)] += change
+    return pool_results([flight(other if i == 2 else x, rng, f"{i}", 0.1) for i in range(6)]).to_json()
+
+
+def test_an_outlier_is_named_and_the_scatter_between_flights_exceeds_what_is_expected() -> None:
+    found = spoiled("A0", 0.002)
+    assert [outlier["log"] for outlier in found["outliers"]] == ["2.mcap"]
+    assert "no sensor or thrust error stands out" in found["outliers"][0]["reason"]
+    assert found["homogeneity"]["p"] < 1e-3
+    assert found["between_flights"][-1]["excess_percent"] > 1
+    assert any("differ by more than their errors" in note for note in found["notes"])
+
+
+def test_a_probe_that_was_moved_in_one_flight_is_named() -> None:
+    found = spoiled("alpha_bias", 0.02)
+    assert [outlier["log"] for outlier in found["outliers"]] == ["2.mcap"]
+    assert "offset of angle of attack differs by +1." in found["outliers"][0]["reason"]
+    assert "was the probe or the tray touched?" in found["outliers"][0]["reason"]
+    assert found["installation_homogeneity"]["p"] < 1e-3
+    assert found["homogeneity"]["p"] > 1e-3
+    assert any("different [installation] names" in note for note in found["notes"])
+
+
+def test_flights_that_agree_have_no_outlier() -> None:
+    found = spoiled("A0", 0.0)
+    assert not found["outliers"]
+    assert not found["notes"]
+    assert found["homogeneity"]["text"].startswith("The flights agree")

@@ -1,0 +1,170 @@
+"""The joint estimate of several flights."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from synthetic_flights import POLAR, PRIOR_SIGMA, flight, truth
+
+from analysis.drag import covariance
+from analysis.drag.polar import Polar
+from analysis.estimation.intervals import NORMAL_95
+from analysis.pooling import pool_results
+from analysis.pooling.flight_statistics import POOLED
+from analysis.pooling.joint import REMOUNTED
+from analysis.pooling.pool import PooledResult
+from flight.errors import InputError
+
+
+def campaign(seed: int, flights: int, **facts: Any) -> list[dict[str, Any]]:
+    rng = np.random.default_rng(seed)
+    x = truth(rng)
+    return [flight(x, rng, f"{seed}-{i}", **facts) for i in range(flights)]
+
+
+def slowest_error_percent(pooled: PooledResult, A: np.ndarray) -> tuple[float, float]:
+    """Of the power by the polar A at the slowest speed: error, and half the 95 % interval of `pooled`."""
+    V = pooled.speeds_mps[:1]
+    power, error = pooled.power(V)
+    other, _ = PooledResult(**{**vars_of(pooled), "polar": Polar(A, np.zeros((3, 3)))}).power(V)
+    return float(100 * (other / power - 1)[0]), float(100 * NORMAL_95 * (error / power)[0])
+
+
+def vars_of(pooled: PooledResult) -> dict[str, Any]:
+    return {name: getattr(pooled, name) for name in pooled.__dataclass_fields__}
+
+
+def test_one_flight_equals_its_own_analysis_and_the_equations_agree() -> None:
+    (results,) = campaign(1, 1)
+    pooled = pool_results([results])
+    assert pooled.polar.A.tolist() == results["pooling"]["values"][:3]
+    assert pooled.polar.covariance.tolist() == results["pooling"]["polar_covariance"]
+    total = pooled.estimate.total[:3, :3] + covariance.floor()
+    np.testing.assert_allclose(pooled.estimate.x[:3], pooled.polar.A, rtol=1e-9)
+    np.testing.assert_allclose(total, pooled.polar.covariance, rtol=1e-7, atol=1e-16)
+
+
+def test_one_flight_without_a_named_installation_equals_its_own_analysis_too() -> None:
+    (results,) = campaign(1, 1, installation="")
+    pooled = pool_results([results])
+    total = pooled.estimate.total[:3, :3] + covariance.floor()
+    np.testing.assert_allclose(pooled.estimate.x[:3], pooled.polar.A, rtol=1e-9)
+    np.testing.assert_allclose(total, pooled.polar.covariance, rtol=1e-7, atol=1e-16)
+
+
+def test_the_mean_of_curves_keeps_the_error_by_the_prior_that_all_flights_used() -> None:
+    """Twenty flights: the joint estimate covers the truth; the mean of the flights' polars claims less than it errs."""
+    mean, joint = [], []
+    for seed in range(40):
+        results = campaign(seed, 20)
+        pooled = pool_results(results)
+        joint.append(slowest_error_percent(pooled, POLAR))
+        polars = [Polar(f.values[:3], f.polar_covariance) for f in pooled.flights]
+        of_mean = Polar(
+            np.mean([polar.A for polar in polars], axis=0),
+            np.mean([p.covariance for p in polars], axis=0) / len(polars),
+        )
+        mean.append(slowest_error_percent(PooledResult(**{**vars_of(pooled), "polar": of_mean}), POLAR))
+    error, half = np.array(joint).T
+    assert np.mean(np.abs(error) < half) >= 0.9
+    mean_error, mean_half = np.array(mean).T
+    assert np.mean(np.abs(mean_error) < mean_half) < 0.8
+    assert np.std(mean_error) > 1.5 * np.std(error)
+
+
+@pytest.mark.parametrize("installation", ["boom", ""])
+def test_the_interval_narrows_with_flights_and_less_where_the_probe_is_mounted_anew(installation: str) -> None:
+    results = campaign(3, 20, installation=installation)
+    half = [pool_results(results[:n]).half_widths_percent([1] * n, np.array([12.0]))[0] for n in (1, 2, 5, 20)]
+    assert half == sorted(half, reverse=True)
+    assert half[0] / half[-1] > (3 if installation else 1.5)
+
+
+def test_the_common_part_of_mountings_is_known_no_better_than_their_scatter_allows() -> None:
+    named, unnamed = (pool_results(campaign(3, 6, noise=0.1, installation=name)) for name in ("boom", ""))
+    at = POOLED.index("alpha_bias")
+    scatter = 0.95 * REMOUNTED * PRIOR_SIGMA[at] / np.sqrt(6)  # the prior knows a little more
+    assert unnamed.estimate.total[at, at] ** 0.5 > scatter > 2 * named.estimate.total[at, at] ** 0.5
+    assert any("[installation] name" in note for note in unnamed.to_json()["notes"])
+    assert not named.to_json()["notes"]
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({"aircraft": "yours"}, "two aircraft"),
+        ({"propeller": "apc-10x5"}, "two propellers"),
+        ({"installation": "nose"}, "two installations"),
+    ],
+)
+def test_flights_that_share_no_errors_are_refused(facts: dict[str, str], said: str) -> None:
+    with pytest.raises(InputError, match=said) as error:
+        pool_results([*campaign(4, 1), *campaign(5, 1, **facts)])
+    assert "4-0.mcap" in str(error.value)
+    assert "5-0.mcap" in str(error.value)
+    assert "compare" in str(error.value)
+
+
+def test_a_flight_given_twice_and_results_without_statistics_are_refused(tmp_path: Path) -> None:
+    (results,) = campaign(6, 1)
+    with pytest.raises(InputError, match="same flight"):
+        pool_results([results, results])
+    with pytest.raises(InputError, match="no flights"):
+        pool_results([])
+    path = tmp_path / "results.json"
+    for content, said in (
+        ({**results, "pooling": None}, "no statistics"),
+        ({**results, "pooling": {**results["pooling"], "format": "flightpower-pooling-0"}}, "in the format"),
+        ({**results, "pooling": {**results["pooling"], "values": [1.0]}}, "malformed"),
+        ([], "not a results.json"),
+    ):
+        path.write_text(json.dumps(content), "utf-8")
+        with pytest.raises(InputError, match=said) as error:
+            pool_results([path])
+        assert str(path) in str(error.value)
+
+
+def test_the_pool_of_files_equals_that_of_their_content(tmp_path: Path) -> None:
+    results = campaign(7, 3)
+    paths = [tmp_path / f"{i}.json" for i in range(3)]
+    for path, one in zip(paths, results, strict=True):
+        path.write_text(json.dumps(one), "utf-8")
+    assert json.dumps(pool_results(paths).to_json()) == json.dumps(pool_results(results).to_json())
+
+
+def test_a_flight_that_did_not_converge_is_noted() -> None:
+    good, bad = campaign(10, 2)
+    (note,) = pool_results(
+        [{**good, "verdict": "converged in 4 iterations"}, {**bad, "verdict": "not converged"}]
+    ).to_json()["notes"]
+    assert note.startswith("10-1.mcap: the estimation did not converge (not converged)")
+
+
+def test_a_calm_flight_contributes_most_and_another_like_it_is_offered() -> None:
+    rng = np.random.default_rng(8)
+    x = truth(rng)
+    results = [flight(x, rng, f"windy {i}", noise=3.0) for i in range(3)] + [flight(x, rng, "calm")]
+    found = pool_results(results).to_json()
+    shares = [one["share_of_information"] for one in found["flights"]]
+    assert shares.index(max(shares)) == 3
+    assert sum(shares) == pytest.approx(1)
+    assert found["one_more"]["like"] == "calm.mcap"
+    now, then = (np.array(found["one_more"][name]) for name in ("half_width_percent", "half_width_then_percent"))
+    assert np.all(then < now)
+
+
+def test_a_trend_over_temperature_is_found_and_none_over_date() -> None:
+    rng = np.random.default_rng(9)
+    x = truth(rng)
+    results = []
+    for i in range(8):
+        factor = 1 + 0.01 * (i - 4)  # of drag, per 5 K
+        drift = np.concatenate([factor * POLAR, x[3:]])
+        results.append(flight(drift, rng, str(i), 0.3, temperature_K=280.0 + 5 * i, start_unix_s=1.7e9 + i % 2 * 1e6))
+    temperature, date = sorted(pool_results(results).to_json()["trends"], key=lambda trend: trend["p"])
+    assert temperature["quantity"] == "air temperature"
+    assert temperature["slope_percent"] == pytest.approx(0.2, abs=3 * temperature["standard_error_percent"])
+    assert temperature["p"] < 0.01
+    assert date["quantity"] == "date"

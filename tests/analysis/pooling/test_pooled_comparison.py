@@ -1,0 +1,100 @@
+"""Two configurations compared."""
+
+import numpy as np
+import pytest
+from synthetic_flights import POLAR, flight, truth
+
+from analysis.pooling import Comparison, PooledResult, compare, flights_to_see, pool_results
+from flight.errors import InputError
+
+
+def pools(
+    seed: int, factor: float, flights: int = 4, noise: float = 0.3, **facts: str
+) -> tuple[PooledResult, PooledResult]:
+    """Of one installation and propeller unless `facts` say otherwise of B, whose drag is larger by the factor."""
+    rng = np.random.default_rng(seed)
+    x = truth(rng)
+    y = np.concatenate([factor * POLAR, x[3:]])
+    if "installation" in facts:
+        y[6:] = truth(rng)[6:]
+    return (
+        pool_results([flight(x, rng, f"a{i}", noise) for i in range(flights)]),
+        pool_results([flight(y, rng, f"b{i}", noise, **facts) for i in range(flights)]),
+    )
+
+
+def compared(seed: int, factor: float, **facts: str) -> Comparison:
+    return compare(*pools(seed, factor, **facts))
+
+
+def test_alarms_without_a_difference_are_rare_and_the_interval_covers() -> None:
+    for facts in ({}, {"installation": "nose"}):
+        found = [compared(seed, 1.0, **facts) for seed in range(50)]
+        assert np.mean([one.differs for one in found]) < 0.15
+        inside = [np.abs(one.difference_percent) < one.half_width_percent for one in found]
+        assert np.mean(inside) == pytest.approx(0.95, abs=0.05)
+
+
+def test_a_difference_is_seen_and_shared_errors_cancel() -> None:
+    same, other = compared(1, 1.05), compared(1, 1.05, installation="nose")
+    assert same.differs
+    assert np.all(np.abs(same.difference_percent - 5) < 1.5 * same.half_width_percent)
+    assert np.all(same.half_width_percent < 0.9 * same.independent_half_width_percent)
+    assert np.all(same.half_width_percent < other.half_width_percent)
+    assert "Errors of installation and propeller table cancel" in same.to_json()["text"]
+    assert "those of the two installations do not" in other.to_json()["text"]
+
+
+def test_another_propeller_leaves_its_thrust_error_in_the_difference() -> None:
+    same, other = compared(2, 1.0), compared(2, 1.0, propeller="apc-10x5")
+    assert not other.same_propeller
+    assert other.same_installation
+    assert np.all(other.half_width_percent > same.half_width_percent)
+
+
+def test_without_a_named_installation_only_the_common_part_cancels() -> None:
+    rng = np.random.default_rng(6)
+    x = truth(rng)
+    a, b = (pool_results([flight(x, rng, f"{name}{i}", 0.3, installation="") for i in range(4)]) for name in ("a", "b"))
+    found = compare(a, b)
+    assert found.same_installation
+    assert "mounted anew for each flight" in found.to_json()["text"]
+
+
+def test_where_nothing_is_shared_nothing_cancels() -> None:
+    found = compared(7, 1.0, installation="nose", propeller="apc-10x5")
+    np.testing.assert_allclose(found.half_width_percent, found.independent_half_width_percent, rtol=1e-3)
+    assert "No error cancels" in found.to_json()["text"]
+
+
+def test_errors_that_no_residual_shows_cancel_too_in_one_installation() -> None:
+    found = compare(*pools(8, 1.0, noise=0.01))
+    assert np.all(found.half_width_percent < 0.1)
+    assert np.all(found.independent_half_width_percent > 0.5)
+
+
+def test_comparison_is_symmetric() -> None:
+    a, b = pools(3, 1.02)
+    there, back = compare(a, b), compare(b, a)
+    assert there.test.p == pytest.approx(back.test.p, rel=0.05)
+    product = (1 + there.difference_percent / 100) * (1 + back.difference_percent / 100)
+    np.testing.assert_allclose(product, 1, rtol=1e-9)
+
+
+def test_a_flight_in_both_pools_is_refused() -> None:
+    a, _ = pools(4, 1.0)
+    with pytest.raises(InputError, match="in both pools"):
+        compare(a, a)
+
+
+def test_flights_to_see_are_those_by_which_nine_of_ten_campaigns_see_it() -> None:
+    a, _ = pools(5, 1.0, flights=2)
+    number = flights_to_see(a, 0.02)
+    assert number is not None
+    more = flights_to_see(a, 0.005)
+    assert more is None or more > number
+    seen = [compare(*pools(seed, 1.02, flights=number)).differs for seed in range(20)]
+    assert np.mean(seen) > 0.8
+    assert flights_to_see(a, 1e-6) is None
+    with pytest.raises(InputError, match="above 0"):
+        flights_to_see(a, 0.0)

@@ -1,0 +1,105 @@
+"""The page of several flights: its size, its words, and what a comparison says."""
+
+import math
+import re
+from typing import Any
+
+from analysis.report.pooled_page import pooled_answers, render_comparison, render_electrical_flights, render_pooled
+
+V = [12.0, 14.0, 16.0, 18.0, 20.0, 22.0, 24.0]
+CONDITION = {"weight_N": 37.7, "air_density_kgpm3": 1.2}
+AIRCRAFT = {"name": "n", "title": "A & B", "wing_area_m2": 0.46, "span_m": 1.7, "propeller": "p"}
+
+
+def power(speed: float) -> dict[str, Any]:
+    P = 0.011 * speed**3 + 330 / speed
+    return {"speed_mps": speed, "power_W": P, "power_lo_W": 0.98 * P, "power_hi_W": 1.02 * P, "extrapolated": False}
+
+
+def flight(k: int) -> dict[str, Any]:
+    outlier = k == 7
+    deviations = [(v, 30.0 if outlier else math.sin(k * v), 2.0) for v in V]
+    return {
+        "log": f"2026-05-01-{k:02d} <flight>", "installation": "", "test": CONDITION,
+        "drag_polar": {"A0": 0.04, "A1": 0.0, "A2": 0.06}, "half_width_percent": [3.0] * 7,
+        "half_width_without_percent": [2.1] * 7, "share_of_information": 0.01, "p": 1e-9 if outlier else 0.5,
+        "against_pool": [
+            {"speed_mps": v, "difference_percent": d, "limit_percent": m} for v, d, m in deviations
+        ],
+        "outlier": outlier, "reason": "was the probe touched?" if outlier else "",
+    }  # fmt: skip
+
+
+def pooled(flights: int) -> dict[str, Any]:
+    several = flights > 1
+    return {
+        "software_version": "0", "aircraft": AIRCRAFT, "installation": "tray 1", "test": CONDITION,
+        "parameters": [{"name": "V_scale", "value": 0.001, "standard_error": 0.002, "unit": ""}],
+        "power_required": [power(12 + k / 5) for k in range(61)],
+        "between_flights": [
+            {"speed_mps": v, "observed_percent": 2.0, "expected_percent": 1.0, "excess_percent": 1.7} for v in V
+        ] if several else [],
+        "homogeneity": {"p": 1e-9, "text": "The flights differ."} if several else None,
+        "flights": [flight(k) for k in range(flights)],
+        "outliers": [{"log": flight(7)["log"], "p": 1e-9, "reason": "was the probe touched?"}] if several else [],
+        "one_more": {
+            "like": flight(0)["log"], "speed_mps": V, "half_width_percent": [2.0] * 7,
+            "half_width_then_percent": [1.5] * 7,
+        },
+        "flights_to_see": [{"difference_percent": 2.0, "flights_each": 5}],
+        "trends": [
+            {"quantity": "date", "unit": "day", "slope_percent": 0.1, "standard_error_percent": 0.02, "p": 1e-6,
+             "flights": flights}
+        ] if several else [],
+        "notes": ["mind <this>"], "left_out": [], "failures": ["x.mcap: not an MCAP file"],
+    }  # fmt: skip
+
+
+def body(page: str) -> str:
+    """The page without scripts, styles and tags."""
+    text = re.sub(r"<(script|style).*?</\1>", "", page, flags=re.DOTALL)
+    return re.sub(r"<[^>]+>", " ", text)
+
+
+def test_a_page_of_a_hundred_flights_is_small_and_names_them() -> None:
+    page = render_pooled(pooled(100))
+    assert len(page.encode()) < 2.5e6  # 3 MB are promised
+    text = body(page)
+    assert "±2.0 to ±2.0 %" in text and "from ±2.0 to ±1.5 %" in text and "5 flights" in text
+    assert "2026-05-01-07 &lt;flight&gt; is an outlier: was the probe touched?" in text
+    assert "a trend (p = below 0.0001)" not in text and "a trend (p below 0.0001)" in text
+    assert "x.mcap: not an MCAP file" in text and "mind &lt;this&gt;" in text
+    assert page.count('href="2026-05-01-') == 100 and "%3Cflight%3E/report.html" in page
+    assert "http" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL).replace("http-equiv", "")
+
+
+def test_one_flight_has_nothing_to_agree_with() -> None:
+    assert [answer.question for answer in pooled_answers(pooled(1))][1] == "One flight more"
+    assert "Do the flights agree" not in body(render_pooled(pooled(1)))
+
+
+def test_a_comparison_says_what_cancels() -> None:
+    side = {"aircraft": AIRCRAFT, "installation": "tray 1", "logs": ["a", "b"], "name": "old"}
+    rows = [
+        {"speed_mps": v, "power_a_W": 50.0, "power_b_W": 51.5, "difference_percent": 3.0, "lo_percent": 3.0 - v / 10,
+         "hi_percent": 3.0 + v / 10, "independent_half_width_percent": 4.0}
+        for v in V
+    ]  # fmt: skip
+    content = {
+        "software_version": "0", "a": side, "b": {**side, "name": "new"}, "test": CONDITION, "differences": rows,
+        "p": 0.001, "differs": True, "text": "B differs from A.",
+        "flights_to_see": [{"difference_percent": 1.0, "flights_each": None}],
+    }  # fmt: skip
+    text = body(render_comparison(content))
+    assert (
+        "new against old" in text and "+3.0 % (+1.8 to +4.2)" in text and "±4.0 %" in text and "more than 200" in text
+    )
+
+
+def test_electrical_flights_stand_side_by_side() -> None:
+    one = {
+        "log": "a", "software_version": "0", "aircraft": AIRCRAFT, "test": CONDITION,
+        "electrical_power": [power(v) for v in V],
+    }  # fmt: skip
+    text = body(render_electrical_flights({"flights": [one, {**one, "log": "b"}], "failures": ["c.ulg: torn"]}))
+    assert "2 flights" in text and "(46 to 47)" in text and "c.ulg: torn" in text

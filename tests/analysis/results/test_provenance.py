@@ -1,0 +1,133 @@
+"""What results were made of, and that results of other options do not replace them without a word."""
+
+import hashlib
+from pathlib import Path
+from types import SimpleNamespace
+
+import msgspec
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.log_contents import Replacements
+from analysis.results.flight_found import autocorrelation, track
+from analysis.results.previous import replaced
+from analysis.results.provenance import provenance
+from analysis.results.schema_provenance import Provenance
+from flight.log_reader import Log, LogEntry
+from flight.messages import Event, Gps, Imu, Status, Tick
+
+START_NS = 5_000_000_000
+
+
+def contents(propeller: str | None = None) -> SimpleNamespace:
+    return SimpleNamespace(
+        aircraft=SimpleNamespace(name="mine", propulsion=SimpleNamespace(propeller=propeller)),
+        propeller=SimpleNamespace(name=propeller or "table"), probe=SimpleNamespace(source="tunnel.csv"),
+        magnetometer=None, transducers=None, zero=None,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Log:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(b"recorded")
+
+    def at(seconds: float, message: object) -> LogEntry:
+        return LogEntry(START_NS + round(seconds * 1e9), 0, message)
+
+    imu = [at(0, Imu(status=Status.STARTING)), at(1, Imu()), at(2, Imu(status=Status.CORRUPT)), at(60, Imu())]
+    gps = [at(1, Gps(status=Status.STARTING)), at(10, Gps(utc_ns=1_463_218_200_000_000_000, latitude_deg=-35.5,
+                                                         longitude_deg=78.25, height_msl_m=100.0))]  # fmt: skip
+    return Log(
+        path,
+        {"/imu": imu, "/gps": gps, "/daq/tick": [at(0, Tick()), at(1, Tick(missed=3))],
+         "/daq/event": [at(0, Event(text="starts")), at(30, Event(severity="error", sensor="gps", text="gps lost"))]},
+        attachments={name: name.encode() for name in ("aircraft.toml", "propeller.csv", "probe.json")},
+        metadata={"flightpower": {"version": "0.1.0"}},
+    )  # fmt: skip
+
+
+def made(
+    log: Log, command: str = "analyze log.mcap", replacements: Replacements = Replacements(), **held
+) -> Provenance:
+    return provenance(log, contents(**held), replacements, None, command)
+
+
+def test_date_place_and_health_are_those_of_the_log(log: Log) -> None:
+    found = made(log)
+    assert (found.start_utc, found.clock) == ("2016-05-14T09:29:50Z", "satellites"), "ten seconds before the fix"
+    assert (found.latitude_deg, found.longitude_deg, found.height_msl_m) == (-35.5, 78.25, 100.0)
+    assert (found.ticks, found.ticks_missed, found.duration_s) == (2, 3, 60.0)
+    imu = next(sensor for sensor in found.sensors if sensor.topic == "/imu")
+    assert (imu.messages, imu.measurements, imu.faults) == (3, 2, {"corrupt": 1})
+    assert found.events == ["30 s: gps lost"]
+    assert found.log_sha256 == hashlib.sha256(b"recorded").hexdigest()
+
+
+def test_a_log_without_satellites_has_the_computer_s_date_or_none(log: Log) -> None:
+    del log.entries["/gps"]
+    assert made(log).start_utc is None
+    log.metadata["flightpower"]["start_unix_ns"] = "1463218140000000000"
+    assert (made(log).start_utc, made(log).clock) == ("2016-05-14T09:29:00Z", "computer")
+
+
+def test_each_file_has_its_origin_and_hash(log: Log, tmp_path: Path) -> None:
+    mine = tmp_path / "my.toml"
+    mine.write_bytes(b"mine")
+    files = {f.role: f for f in made(log, replacements=Replacements(files={"aircraft.toml": str(mine)})).files}
+    assert (files["aircraft file"].origin, files["aircraft file"].sha256) == (
+        str(mine), hashlib.sha256(b"mine").hexdigest()
+    )  # fmt: skip
+    assert files["propeller table"].sha256 == hashlib.sha256(b"propeller.csv").hexdigest()
+    assert files["probe calibration"].origin == "the log"
+    shipped = {f.role: f for f in made(log, replacements=Replacements(files={"propeller.csv": "apc-12x8e"})).files}
+    assert shipped["propeller table"].origin == "shipped with flightpower"
+    assert made(log, replacements=Replacements(weight_N=40.0)).weight_source == "given with --weight"
+
+
+@pytest.mark.parametrize(
+    "command, says",
+    [
+        ("analyze elsewhere/log.mcap -q -o other", ""),
+        ("analyze log.mcap --weight '4 kg'", "had other options: analyze log.mcap --usable=70%"),
+        ("analyze --usable 70% log.mcap", "had other options"),
+    ],
+)
+def test_only_other_options_are_told(log: Log, tmp_path: Path, command: str, says: str) -> None:
+    before = made(log, "analyze log.mcap --usable=70%" if says else "analyze log.mcap")
+    if command.startswith("analyze --usable"):
+        before = made(log, "analyze log.mcap --usable 80%")
+    (tmp_path / "results.json").write_bytes(msgspec.json.encode({"provenance": before}))
+    note = replaced(tmp_path, SimpleNamespace(provenance=made(log, command)))
+    assert says in note and bool(note) == bool(says)
+
+
+def test_another_log_or_file_is_told(log: Log, tmp_path: Path) -> None:
+    now = SimpleNamespace(provenance=made(log))
+    assert replaced(tmp_path, now) == "", "nothing was there"
+    (tmp_path / "results.json").write_text("{}")
+    assert "not known" in replaced(tmp_path, now), "of an earlier version"
+    (tmp_path / "results.json").write_bytes(msgspec.json.encode({"provenance": now.provenance}))
+    log.attachments["probe.json"] = b"edited"
+    assert "another probe calibration" in replaced(tmp_path, SimpleNamespace(provenance=made(log)))
+    log.path.write_bytes(b"another")
+    assert "another log" in replaced(tmp_path, SimpleNamespace(provenance=made(log)))
+
+
+def test_autocorrelation_is_that_of_a_first_order_process() -> None:
+    rng, x = np.random.default_rng(1), np.zeros(20_000)
+    for i, noise in enumerate(rng.standard_normal(len(x) - 1), start=1):
+        x[i] = 0.8 * x[i - 1] + noise
+    assert autocorrelation(x, 4) == pytest.approx(0.8 ** np.arange(5), abs=0.03)
+    assert len(autocorrelation(x[:6], 20)) == 4
+
+
+def test_the_track_is_the_integral_of_velocity() -> None:
+    """A circle of 100 m at 10 m/s closes after 2 pi 100/10 s, and is 200 m wide."""
+    t = np.linspace(0, 20 * np.pi, 3001)
+    states = pd.DataFrame({"v_north": 10 * np.cos(t / 10), "v_east": 10 * np.sin(t / 10)}, index=t)
+    found = track(SimpleNamespace(states=states))
+    assert len(found.t_s) <= 600
+    assert max(found.east_m) == pytest.approx(200, abs=0.2) and max(found.north_m) == pytest.approx(100, abs=0.2)
+    assert abs(found.north_m[-1]) < 2 and abs(found.east_m[-1]) < 1

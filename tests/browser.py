@@ -1,0 +1,148 @@
+"""A headless Chromium that tests share, driven by its DevTools protocol over a pipe.
+
+Look at a page: `python -m tests.browser report.html FOLDER` writes pictures of it and the PDF that it prints.
+"""
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+OPTIONS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
+    "--disable-background-networking", "--disable-component-update", "--hide-scrollbars", "--remote-debugging-pipe",
+)  # fmt: skip
+A4_INCHES = (8.27, 11.69)
+
+
+class Browser:
+    """Commands and events of the protocol. complaints: errors and warnings of the console; requests: their URLs."""
+
+    def __init__(self, to_browser: int, from_browser: int):
+        self._out, self._in = os.fdopen(to_browser, "wb"), os.fdopen(from_browser, "rb")
+        self._number, self._rest, self._session = 0, b"", ""
+        self.complaints: list[str] = []
+        self.requests: list[str] = []
+        self._events: list[str] = []
+        target = self.command("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self.command("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.command(f"{domain}.enable")
+
+    def command(self, method: str, **parameters: object) -> dict[str, Any]:
+        self._number += 1
+        message = {"id": self._number, "method": method, "params": parameters}
+        if self._session:
+            message["sessionId"] = self._session
+        self._out.write(json.dumps(message).encode() + b"\0")
+        self._out.flush()
+        while True:
+            answer = self._next()
+            if answer.get("id") == self._number:
+                assert "error" not in answer, f"{method}: {answer['error']}"
+                return answer["result"]
+
+    def _next(self) -> dict[str, Any]:
+        while b"\0" not in self._rest:
+            part = os.read(self._in.fileno(), 2**20)
+            assert part, "Chromium ended"
+            self._rest += part
+        text, _, self._rest = self._rest.partition(b"\0")
+        message = json.loads(text)
+        self._keep(message.get("method", ""), message.get("params", {}))
+        return message
+
+    def _keep(self, event: str, content: dict[str, Any]) -> None:
+        self._events.append(event)
+        if event == "Log.entryAdded":
+            self.complaints.append(content["entry"]["text"])
+        elif event == "Runtime.exceptionThrown":
+            details = content["exceptionDetails"]
+            self.complaints.append(details.get("exception", {}).get("description", details["text"]))
+        elif event == "Runtime.consoleAPICalled":
+            self.complaints.append(str([argument.get("value") for argument in content["args"]]))
+        elif event == "Network.requestWillBeSent":
+            self.requests.append(content["request"]["url"])
+
+    def show(self, page: Path, width: int, *, dark: bool = False, height: int = 900) -> None:
+        """Open a page in a window of this size and wait until it has loaded."""
+        self.complaints.clear()
+        self.requests.clear()
+        self.resize(width, height, dark=dark)
+        self._events.clear()
+        self.command("Page.navigate", url=page.as_uri())
+        while "Page.loadEventFired" not in self._events:
+            self._next()
+
+    def resize(self, width: int, height: int = 900, *, dark: bool = False) -> None:
+        self.command(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+        )
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.command("Emulation.setEmulatedMedia", features=[scheme])
+
+    def value_of(self, script: str) -> Any:
+        """The value of a JavaScript expression in the page; of a promise, what it ends with."""
+        answer = self.command("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"].get("value")
+
+    def picture(self) -> bytes:
+        """PNG of the window."""
+        picture = self.command("Page.captureScreenshot")
+        return base64.b64decode(picture["data"])
+
+    def pdf(self) -> bytes:
+        """The page as printed on A4."""
+        width, height = A4_INCHES
+        printed = self.command(
+            "Page.printToPDF", paperWidth=width, paperHeight=height, preferCSSPageSize=True, printBackground=True
+        )
+        return base64.b64decode(printed["data"])
+
+
+@contextmanager
+def started() -> Iterator[Browser]:
+    """A browser with one window; it ends with the context."""
+    commands_in, commands_out = os.pipe()
+    answers_in, answers_out = os.pipe()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        arguments = [str(CHROMIUM), *OPTIONS, f"--user-data-dir={profile}", "about:blank"]
+        # Chromium reads commands from its descriptor 3 and writes answers to 4.
+        redirect = ["bash", "-c", f'exec "$@" 3<&{commands_in} 4>&{answers_out}', "bash", *arguments]
+        process = subprocess.Popen(redirect, pass_fds=(commands_in, answers_out), stderr=subprocess.DEVNULL)
+        os.close(commands_in)
+        os.close(answers_out)
+        try:
+            browser = Browser(commands_out, answers_in)
+            yield browser
+        finally:
+            process.terminate()
+            process.wait(timeout=20)
+
+
+def main() -> None:
+    page, folder = Path(sys.argv[1]).resolve(), Path(sys.argv[2])
+    folder.mkdir(parents=True, exist_ok=True)
+    with started() as browser:
+        for width in (400, 1280):
+            for dark in (False, True):
+                browser.show(page, width, dark=dark)
+                browser.value_of("document.querySelectorAll('details').forEach(d => d.open = true); drawAll()")
+                browser.resize(width, browser.value_of("document.documentElement.scrollHeight"), dark=dark)
+                browser.value_of("new Promise(done => setTimeout(done, 1500))")
+                (folder / f"{width}-{'dark' if dark else 'light'}.png").write_bytes(browser.picture())
+        (folder / "report.pdf").write_bytes(browser.pdf())
+        print(browser.complaints, browser.requests)
+
+
+if __name__ == "__main__":
+    main()
