@@ -13,7 +13,7 @@ def to_json(results: Results) -> bytes:
 
 
 def to_csv(results: Results) -> str:
-    """Both curves of power required, or that of electrical power where there is one; one row per point, units in the header."""
+    """Both curves of power required, or that of electrical power if any; one row per point, units in the header."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
