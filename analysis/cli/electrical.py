@@ -150,16 +150,9 @@ class OrdinaryFlight:
         battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
         source = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
         provenance = provenance_of_file(self.log, source, self.aircraft, self.command_line)
+        name = propeller.name if propeller else ""
         results = electrical_results(
-            self.log,
-            flown,
-            flight,
-            found,
-            battery_J,
-            provenance,
-            recording.parameters,
-            drag,
-            propeller.name if propeller else "",
+            self.log, flown, flight, found, battery_J, provenance, recording.parameters, drag, name
         )
         progress("writing the report")
         replaced = write_electrical_report(results, flight, found, self.folder)

@@ -322,7 +322,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     runs: list[RunResult]
     rejected: list[RejectedResult]
     parameters: list[ParameterResult]
-    drag_polar: DragPolar | None  # null where drag is not known: see `electrical_power`
+    drag_polar: DragPolar | None  # null where drag is not known
     power_required: list[PowerPoint]  # at the test's weight and density, over the flown range
     power_required_standard: list[PowerPoint]  # at the standard weight and sea-level density
     cross_check: list[PowerPoint]  # the same over the runs alone, at the test's weight and density, by
@@ -339,7 +339,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     interval_parts: list[IntervalPart] = []  # of `power_required`
     path: PathResult | None = None
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
-    electrical_power: list[PowerPoint] = []  # from the battery in level flight, where thrust is not known
+    electrical_power: list[PowerPoint] = []  # from the battery in level flight, by an energy balance
     electrical: ElectricalResult | None = None
     pooling: PoolingStatistics | None = None  # null where no acceleration or deceleration was analysed
     provenance: Provenance | None = None
