@@ -7,6 +7,8 @@ JOBS ?= 2
 READY := $(VENV)/.ready
 # The matrices here are small: a pool of threads in every test process costs more than it gives.
 export OPENBLAS_NUM_THREADS := 1
+# Each process would compile the tests and our code again.
+unexport PYTHONDONTWRITEBYTECODE
 # Some tests mount file systems. Without root they run in a user namespace, or are skipped where there is none.
 IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null && echo unshare -Urm; })
 
@@ -14,7 +16,7 @@ IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null &&
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench study dissertation soak fuzz crash-points lint types check constraints clean
+.PHONY: help demo picture test bench site study dissertation soak fuzz crash-points lint types check constraints clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -25,6 +27,13 @@ $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
 	@touch $@
+
+$(VENV)/.docs: $(READY)
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs]'
+	@touch $@
+
+site: $(VENV)/.docs ## the documentation as a site in build/site; a broken link is an error
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 demo: $(READY) ## fly, record and analyse a simulated Nexstar; the report lands in out/demo
 	$(BIN)/sim fly --replace --plan demo -o out/demo
@@ -43,6 +52,12 @@ bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/estimation.py trajectory
 	$(BIN)/python benchmarks/estimation.py statistics
 	$(BIN)/python benchmarks/estimation.py significance
+	$(BIN)/python benchmarks/speed.py --before HEAD~1
+	$(BIN)/python benchmarks/estimation_cases.py filter
+	$(BIN)/python benchmarks/estimation_cases.py optima
+	$(BIN)/python benchmarks/estimation_cases.py cases
+	$(BIN)/python benchmarks/estimation_scaling.py growth
+	$(BIN)/python benchmarks/estimation_scaling.py ratios
 	$(BIN)/python benchmarks/daemon.py faults
 	$(BIN)/python benchmarks/daemon.py mend
 	$(BIN)/python benchmarks/daemon.py day
@@ -75,7 +90,7 @@ check: lint types test ## lint, types, test
 
 constraints: ## renew constraints.txt: the newest versions that pyproject.toml allows, then run `make check`
 	rm -rf build/constraints && $(PYTHON) -m venv build/constraints
-	build/constraints/bin/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	build/constraints/bin/pip install --quiet --disable-pip-version-check --editable '.[dev,docs]'
 	sed -n '/^#/p' constraints.txt > build/constraints.txt
 	build/constraints/bin/pip freeze --exclude-editable --exclude pip --exclude setuptools >> build/constraints.txt
 	mv build/constraints.txt constraints.txt && rm -rf build/constraints

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from analysis import log_contents
 from analysis.airdata.from_log import FlightData, flight_data
@@ -23,6 +24,7 @@ from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.selection import select
 from analysis.performance.analysis import compute as compute_performance
 from analysis.performance.request import Request
+from analysis.planning.next_flight import next_flight
 from analysis.results.assemble import assemble
 from analysis.results.flight_found import air_found, track
 from analysis.results.performance import performance_result
@@ -32,6 +34,7 @@ from analysis.results.schema import Results
 from analysis.results.trajectory import trajectory_result
 from analysis.trajectory.consistency import Consistency, consistency
 from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
+from analysis.trajectory.prior_conflict import conflict_notes, prior_conflict, with_misfit
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
@@ -77,7 +80,9 @@ def analyze(
     progress("synchronizing")
 
     def data_of(aircraft: Aircraft) -> FlightData:
-        return flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+        return flight_data(
+            log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero, contents.transducers
+        )
 
     data = data_of(aircraft)
     table = data.table
@@ -92,7 +97,20 @@ def analyze(
 
     progress("reconstructing the trajectory")
     alpha_scale_sigma = math.hypot(contents.probe.alpha_scale_sigma, assumed_values.alpha_scale_sigma(aircraft))
-    trajectory = reconstruct(table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, log=name)
+
+    def trajectory_with(prior_factor: ArrayLike) -> Trajectory:
+        return reconstruct(
+            table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, calibrated=data.calibrated,
+            gust_length=aircraft.uncertainty.gust_length, prior_factor=prior_factor, log=name,
+        )  # fmt: skip
+
+    trajectory = trajectory_with(1.0)
+    conflict = prior_conflict(trajectory)
+    conflict_warnings = conflict_notes(conflict, trajectory)
+    if conflict.found:
+        progress("reconstructing the trajectory with larger sensor errors")
+        trajectory = trajectory_with(conflict.factor)
+    trajectory, misfit_warnings = with_misfit(trajectory)
     sensor_errors = sensor_error_estimates(trajectory)
     runs, calibrated = len(maneuvers.level_runs), contents.magnetometer is not None
     trajectory_warnings = trajectory_notes(
@@ -104,7 +122,7 @@ def analyze(
 
     repetition = Repetition(
         data, data_of, trajectory, alpha_scale_sigma, contents.probe.alpha_scale_sigma, maneuvers, aircraft, condition,
-        flown_CL, name, progress,
+        flown_CL, name, progress, conflict.factor,
     )  # fmt: skip
     assumption_uncertainty = assumed_values.assumption_uncertainty(
         repetition.estimate, repetition.values, aircraft, propeller, condition, flown_CL
@@ -133,7 +151,7 @@ def analyze(
         performance=performance_result(performance) if performance else None,
         pooling=pooling_statistics(
             drag.main, drag.flown_CL, aircraft, propeller, contents.probe,
-            start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),
+            transducers=contents.transducers, start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),
         ),
         provenance=provenance(log, contents, replacements, runs_file, command_line),
         air=air_found(trajectory, flown, condition),
@@ -141,8 +159,11 @@ def analyze(
         warnings=contents.notes
         + data.notes
         + coverage_warnings
+        + conflict_warnings
+        + misfit_warnings
         + trajectory_warnings
         + drag.warnings
         + request.notes(aircraft),
+        next_flight=next_flight(trajectory, drag.main, condition, drag.flown_CL),
     )  # fmt: skip
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)

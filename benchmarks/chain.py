@@ -30,15 +30,15 @@ from flight.aircraft import load_aircraft
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
 ALONE = {"one acceleration": "acceleration", "one deceleration": "deceleration"}
-REFUSED = 2  # the exit code of a command that refuses its input
+NOT_TRUSTED, REFUSED = 1, 2  # exit codes: a result with a warning; input that is refused
 
 
 def run(*command: object, may_refuse: bool = False) -> bool:
     """Whether the command did it, or refused its input where it may."""
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
-    if done.returncode and not (may_refuse and done.returncode == REFUSED):
+    if done.returncode not in (0, NOT_TRUSTED) and not (may_refuse and done.returncode == REFUSED):
         raise RuntimeError(f"{command}: {done.stderr}")
-    return done.returncode == 0
+    return done.returncode != REFUSED
 
 
 def one_flight(

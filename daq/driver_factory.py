@@ -1,6 +1,7 @@
 """Makes the driver of a configured sensor on its bus or port."""
 
 from collections.abc import Callable
+from typing import NoReturn
 
 from daq import config
 from daq.bus import Buses
@@ -19,6 +20,22 @@ from flight.aircraft import Aircraft
 from flight.errors import InputError
 
 DriverFactory = Callable[[], Sensor]
+
+
+class _NoBuses:
+    """Buses of a computer that has none: for `check_drivers`."""
+
+    def i2c(self, device: str) -> NoReturn:
+        raise OSError(f"{device}: not opened")
+
+    def port(self, device: str, baud: int) -> NoReturn:
+        raise OSError(f"{device}: not opened")
+
+
+def check_drivers(tray: Tray, aircraft: Aircraft | None) -> None:
+    """Raises InputError when the configuration lacks something that a driver needs. Opens no device."""
+    for table in tray.sensors:
+        driver_factory(table, tray, _NoBuses(), aircraft)
 
 
 def driver_factory(table: SensorConfig, tray: Tray, buses: Buses, aircraft: Aircraft | None) -> DriverFactory:

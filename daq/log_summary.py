@@ -1,12 +1,14 @@
 """The contents of a log in numbers: for `daq info`."""
 
 from collections import Counter
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
 from daq.sensor_health import GOOD_STATUSES
-from flight.log_reader import Log, LogEntry, read_log
+from flight.log_entries import LogEntry
+from flight.log_reader import Log, read_log
 from flight.messages import Time
 
 
@@ -69,7 +71,7 @@ def _ticks(log: Log) -> str:
     )
 
 
-def _topic(topic: str, entries: list[LogEntry], duration_s: float) -> TopicSummary:
+def _topic(topic: str, entries: Sequence[LogEntry], duration_s: float) -> TopicSummary:
     statuses = Counter(entry.message.status for entry in entries)
     failures = ", ".join(f"{status} {n}" for status, n in statuses.most_common() if status not in GOOD_STATUSES)
     return TopicSummary(topic, len(entries), len(entries) / duration_s if duration_s else 0.0, failures)

@@ -1,4 +1,4 @@
-"""Every key of the aircraft file: an example, its meaning, how to measure it, who needs it, what stands in.
+"""Every key of the aircraft file: an example, its meaning, how to measure it, who needs it, what is assumed without it.
 
 Messages, the template of `flightpower new aircraft` and docs/aircraft.md are made of it;
 `python -m flight.aircraft_keys` prints the tables of that page.
@@ -24,7 +24,7 @@ SIMULATOR = "simulator"
 LATER = "`sim` asks for it"
 NO_ANGLES = "the daemon logs pulse widths only; the cross-check takes the surface as fixed; `sim` asks for it"
 NO_LINE = "no lag but the 0.012 s (one standard deviation) that is assumed anyway"
-NO_MOTOR = "a motor that loses a fifth of its highest power stands in, ±50 %; `sim` asks for it"
+NO_MOTOR = "a motor that loses a fifth of its highest power is assumed, ±50 %; `sim` asks for it"
 
 # SURFACE stands for elevator, aileron and rudder, LINE for alpha, beta, airspeed and static.
 KEYS: dict[str, Key] = {
@@ -138,7 +138,7 @@ KEYS: dict[str, Key] = {
     "propulsion.throttle_channel": Key("3", "Servo output of the throttle, from 1.", "Transmitter.", "daemon", "3"),
     "propulsion.beyond_zero_thrust": Key(
         '"windmill"',
-        'What the propeller does at negative thrust: "windmill", or "fold".',
+        'What the propeller does at negative thrust and with the motor stopped: "windmill" (rigid blades), or "fold".',
         "Folding propellers fold.",
         "analysis, simulator",
         "windmill",
@@ -191,7 +191,14 @@ KEYS: dict[str, Key] = {
         "Standard deviation of the mean vertical motion of the air over the runs of one flight.",
         "Some 0.4 times the convective velocity at 40 m on a sunny day, wind times slope of the ground; none at dawn.",
         "analysis",
-        "0",
+        "0.004 m/s: a still morning over flat ground; intervals contain it",
+    ),
+    "uncertainty.gust_length": Key(
+        "1.4",
+        "Scale length of vertical gusts over the height above ground.",
+        "1 near the ground in wind, 1.4 with convection, more over woods and hills.",
+        "analysis",
+        "1.4; intervals contain it",
     ),
     "uncertainty.hysteresis": Key(
         '"0.2 %"',

@@ -1,6 +1,7 @@
 """What the commands have in common: plain help, quantities with units, one line for what is wrong, exit codes.
 
-Exit codes: 0 success, 1 a failure while running, 2 wrong input or configuration, 130 stopped by Ctrl-C.
+Exit codes: 0 success, 1 a failure while running or a result not to be trusted, 2 wrong input or configuration, 130
+stopped by Ctrl-C.
 """
 
 import math

@@ -1,35 +1,25 @@
 """Reads a log into messages, also one that a power cut left unfinished."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from operator import attrgetter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Metadata
-from mcap.records import Message as Record
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Attachment, Channel, Header, McapRecord, Metadata
 
 from flight.errors import InputError
-from flight.log_chunk import LogTooLarge, allowed_bytes, decompressed
+from flight.log_chunk import LogTooLarge, allowed_bytes
+from flight.log_entries import Entries, LogEntry
 from flight.log_index import MAGIC
+from flight.log_records import Messages, records
 from flight.log_writer import PROFILE
 from flight.messages import TYPE_OF_TOPIC, Message, Status
 from flight.undecodable import Undecodable
 
-MAX_RECORD_BYTES = 256 * 2**20
 ENCODING = "json"
 FORMAT_PAGE = "docs/log-format.md"
-
-
-class LogEntry(NamedTuple):
-    """One message of a topic, the Unix time at which it was taken, and the number of its tick."""
-
-    time_ns: int
-    tick: int
-    message: Message
 
 
 @dataclass
@@ -37,7 +27,7 @@ class Log:
     """A whole log in memory."""
 
     path: Path
-    entries: dict[str, list[LogEntry]] = field(default_factory=dict)  # by topic, in order of time
+    entries: dict[str, Sequence[LogEntry]] = field(default_factory=dict)  # by topic, in order of time
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     fields: dict[str, frozenset[str]] = field(default_factory=dict)  # by topic, those of its first good message
@@ -68,14 +58,11 @@ def read_log(path: str | Path) -> Log:
             if start != MAGIC[: len(start)] or len(start) < len(MAGIC):
                 raise InputError(f"{path}: not an MCAP file (wrong first bytes)")
             stream.seek(0)
-            reader = StreamReader(stream, emit_chunks=True, record_size_limit=MAX_RECORD_BYTES)
-            log = _read(path, records(reader, allowed_bytes(path.stat().st_size)))
+            log = _read(path, records(stream, allowed_bytes(path.stat().st_size)))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     if not any(log.entries.values()):
         raise InputError(f"{path}: {_why_empty(log)}")
-    for entries in log.entries.values():
-        entries.sort(key=attrgetter("time_ns"))
     return log
 
 
@@ -96,20 +83,6 @@ def other_encoding(encoding: str) -> str:
     return f"its messages are encoded as {encoding!r}; write JSON with the message encoding {ENCODING!r}"
 
 
-def records(reader: StreamReader, allowed: int) -> Iterator[McapRecord]:
-    """The records of a log, with those inside its chunks. Raises LogTooLarge beyond `allowed` decompressed bytes."""
-    total = 0
-    for record in reader.records:
-        if not isinstance(record, Chunk):
-            yield record
-            continue
-        data = decompressed(record.compression, record.data)
-        total += len(data)
-        if total > allowed:
-            raise LogTooLarge(f"its chunks decompress to more than {allowed / 2**20:.0f} MiB, the limit for its size")
-        yield from breakup_chunk(replace(record, compression="", data=data))
-
-
 def _decoded(decoder: msgspec.json.Decoder[Any], data: bytes) -> Message:
     """A message; 3.0 is accepted for an integer. Raises MsgspecError or RecursionError if it is not of the format."""
     try:
@@ -128,31 +101,48 @@ def _with_integers(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def _read(path: Path, stream: Iterator[McapRecord]) -> Log:
+def _add(log: Log, topic: str, entries: Entries, decoder: msgspec.json.Decoder[Any], messages: Messages) -> None:
+    """Decode messages into the entries of their topic; those that cannot be decoded are counted."""
+
+    def one(data: bytes) -> Message | None:
+        try:
+            return _decoded(decoder, data)
+        except (msgspec.MsgspecError, RecursionError) as error:
+            log.undecodable_of.setdefault(topic, Undecodable(data, str(error))).count += 1
+            return None
+
+    _, times_ns, ticks, data = messages
+    try:
+        decoded = list(map(decoder.decode, data))
+    except (msgspec.MsgspecError, RecursionError):
+        good = [(*row, message) for row in zip(times_ns, ticks, data, strict=True) if (message := one(row[2]))]
+        times_ns, ticks, data, decoded = map(list, zip(*good, strict=True)) if good else ([], [], [], [])
+    entries.extend(times_ns, ticks, decoded)
+    if topic not in log.fields:
+        first = next((i for i, message in enumerate(decoded) if message.status is Status.OK), None)
+        if first is not None:
+            log.fields[topic] = frozenset(msgspec.json.decode(data[first]))
+
+
+def _read(path: Path, stream: Iterator[McapRecord | Messages]) -> Log:
     log = Log(path)
-    decoders: dict[int, tuple[str, list[LogEntry], msgspec.json.Decoder[Any]]] = {}
+    read: dict[str, Entries] = {}
+    decoders: dict[int, tuple[str, Entries, msgspec.json.Decoder[Any]]] = {}
     kinds = {kind: msgspec.json.Decoder(kind) for kind in set(TYPE_OF_TOPIC.values())}
     try:
         for record in stream:
-            if isinstance(record, Record):
-                if record.channel_id in decoders:
-                    topic, entries, decoder = decoders[record.channel_id]
-                    try:
-                        message = _decoded(decoder, record.data)
-                    except (msgspec.MsgspecError, RecursionError) as error:
-                        log.undecodable_of.setdefault(topic, Undecodable(record.data, str(error))).count += 1
-                        continue
-                    entries.append(LogEntry(record.log_time, record.sequence, message))
-                    if topic not in log.fields and message.status is Status.OK:
-                        log.fields[topic] = frozenset(msgspec.json.decode(record.data))
+            if isinstance(record, Messages):
+                if record.channel in decoders:
+                    _add(log, *decoders[record.channel], record)
             elif isinstance(record, Channel):
                 if record.topic not in TYPE_OF_TOPIC:
                     log.unknown_topics[record.topic] = None
                 elif record.message_encoding.lower() != ENCODING:
                     log.other_encodings[record.topic] = record.message_encoding
                 else:
-                    entries = log.entries.setdefault(record.topic, [])
-                    decoders[record.id] = (record.topic, entries, kinds[TYPE_OF_TOPIC[record.topic]])
+                    kind = TYPE_OF_TOPIC[record.topic]
+                    entries = read.setdefault(record.topic, Entries(kind))
+                    decoders[record.id] = (record.topic, entries, kinds[kind])
             elif isinstance(record, Attachment):
                 log.attachments[record.name] = record.data
             elif isinstance(record, Metadata):
@@ -170,4 +160,7 @@ def _read(path: Path, stream: Iterator[McapRecord]) -> Log:
         log.torn = f"{type(error).__name__}: {error}".rstrip(": ")
     except Exception as error:  # errors of zstandard and struct, and whatever else a decoder raises on a torn chunk
         log.torn = f"{type(error).__name__}: {error}"
+    for entries in read.values():
+        entries.finish()
+    log.entries.update(read)
     return log

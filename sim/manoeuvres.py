@@ -1,5 +1,6 @@
 """Manoeuvres for parameter estimation: load factor up and down, elevator inputs, wind-up turn."""
 
+from cmath import exp
 from dataclasses import dataclass
 from math import acos, pi, radians, sin
 
@@ -9,6 +10,8 @@ from sim.pilot import Targets
 from sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
 
 RECOVERY_S = 8.0
+ADAPTING, MOST_CORRECTED = 0.5, 1.5  # of porpoising, from one cycle to the next: power, and limits, of the correction
+LARGEST_ELEVATOR_RAD = radians(18)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +44,14 @@ class PorpoiseSegment:
     """Elevator oscillation about level flight with rising frequency; mean height is held.
 
     Angle of attack oscillates faster than speed and gusts change, so that the slope of the probe can be identified.
+
+    load : amplitude of the load factor, which the pilot reaches by moving the stick more or less from cycle to cycle,
+    beginning with `elevator`. Without it the elevator moves by `elevator` throughout.
     """
 
     duration_s: float
     elevator_rad: float = radians(12)
+    load: float | None = None
     first_period_s: float = 1.8
     last_period_s: float = 1.3
     speed_mps: float | None = None
@@ -55,15 +62,26 @@ class PorpoiseSegment:
     def fly(self, seen: Observation, context: FlightContext) -> SegmentTargets:
         speed = chosen_speed(context, self.speed_mps, self.speed_over_stall, self.speed_of_max)
         first, last = 2 * pi / self.first_period_s, 2 * pi / self.last_period_s
+        amplitude, cycle, at_phase = self.elevator_rad, 0, 0j
         for i in range(steps_in(self.duration_s, context)):
             t = i * context.dt
             phase = first * t + (last - first) * t**2 / (2 * self.duration_s)
-            yield Targets(
+            seen = yield Targets(
                 height_m=context.height_m,
                 speed_mps=speed,
                 heading_rad=context.heading_rad,
-                elevator_rad=self.elevator_rad * sin(phase),
+                elevator_rad=amplitude * sin(phase),
             )
+            at_phase += (
+                seen.load_factor * exp(-1j * phase) * (first + (last - first) * t / self.duration_s) * context.dt
+            )
+            if self.load is not None and phase > 2 * pi * (cycle + 1):
+                reached = abs(at_phase) / pi
+                correction = (self.load / max(reached, 1e-3)) ** ADAPTING
+                amplitude = min(
+                    amplitude * min(max(correction, 1 / MOST_CORRECTED), MOST_CORRECTED), LARGEST_ELEVATOR_RAD
+                )
+                cycle, at_phase = cycle + 1, 0j
         context.speed_mps = speed
 
 

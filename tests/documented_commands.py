@@ -18,6 +18,7 @@ from unittest import mock
 import typer
 
 ROOT = Path(__file__).parent.parent
+TUTORIAL = ROOT / "docs" / "tutorial.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MODULES = {
     "analyze": "analysis.cli.analyze",
@@ -44,6 +45,13 @@ class Step(NamedTuple):
     file: str = ""
     text: str = ""
     uncomment: str = ""
+
+
+class Walk(NamedTuple):
+    """What a page's reader did: the folder, and each step with what it printed."""
+
+    folder: Path
+    steps: list[tuple[Step, list[str]]]
 
 
 def commands_in(page: Path) -> list[str]:

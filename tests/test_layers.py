@@ -51,6 +51,15 @@ def test_the_daemon_imports_no_library_of_the_analysis(module: str) -> None:
     assert loaded.strip() == "[]"
 
 
+def test_importing_the_package_analysis_imports_no_library() -> None:
+    code = (
+        "import sys, analysis; print('numpy' in sys.modules, analysis.read.__module__, analysis.INTERFACE);"
+        "from analysis import read, analyze, tables, export, write_report; assert callable(export)"
+    )
+    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    assert printed.startswith("False analysis.exports.interface")
+
+
 def imports_in(path: Path) -> set[str]:
     """Modules of this project that a file imports, as dotted names that may end in a name of the module."""
     names = set()

@@ -90,9 +90,9 @@ def air_data(
     out["V_mps"] = V
     out["dlnV_dlndp_alpha"] = flow.dlnV_dlndp_alpha * nan_on_ground
     # Rotation moves a probe ahead of the centre of gravity upwards at q x and to the right at r x.
-    out["alpha_rad"] = (
-        flow.alpha_rad * nan_on_ground - aircraft.probe.upwash_per_CL_rad * CL + out["q_radps"] * x_probe / V
-    )
+    out["alpha_by_upwash_rad"] = aircraft.probe.upwash_per_CL_rad * CL
+    out["alpha_by_rotation_rad"] = -out["q_radps"] * x_probe / V
+    out["alpha_rad"] = flow.alpha_rad * nan_on_ground - out["alpha_by_upwash_rad"] - out["alpha_by_rotation_rad"]
     measured = np.where(np.isfinite(sideslip), flow.beta_rad * nan_on_ground, np.nan)
     out["beta_rad"] = measured - out["r_radps"] * x_probe / V
     out["bank_rad"] = bank_angle(out)

@@ -6,18 +6,17 @@ frequencies. It is divided out only for lines so long and narrow that the gain i
 """
 
 from collections.abc import Callable
-from statistics import median
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.tubing import ComplexArray, Gas, air, low_frequency_lag_s, response
+from analysis.signals.log_fields import field_of
 from analysis.signals.stretches import stretches
 from flight.aircraft import Aircraft, PneumaticLine
 from flight.atmosphere import SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
 from flight.log_reader import Log
-from flight.messages import AbsolutePressure, Status
 
 Array = NDArray[np.float64]
 
@@ -40,11 +39,10 @@ FEWEST_SAMPLES = 16
 
 def air_in(log: Log) -> Gas:
     """The air in the lines, at the log's median static pressure and temperature; at sea level if it has none."""
-    good = [e.message for e in log.entries.get(TOPIC["static"], []) if e.message.status is Status.OK]
-    pressure = [m.pressure_Pa for m in good if isinstance(m, AbsolutePressure) and m.pressure_Pa is not None]
-    kelvin = [m.temperature_K for m in good if isinstance(m, AbsolutePressure) and m.temperature_K is not None]
+    pressure, kelvin = (field_of(log, TOPIC["static"], field)[1] for field in ("pressure_Pa", "temperature_K"))
     return air(
-        median(pressure) if pressure else SEA_LEVEL_PRESSURE_PA, median(kelvin) if kelvin else SEA_LEVEL_TEMPERATURE_K
+        float(np.median(pressure)) if len(pressure) else SEA_LEVEL_PRESSURE_PA,
+        float(np.median(kelvin)) if len(kelvin) else SEA_LEVEL_TEMPERATURE_K,
     )
 
 

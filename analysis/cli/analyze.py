@@ -11,9 +11,10 @@ from rich.console import Console
 from typer.core import TyperCommand
 
 from analysis.cli.compare import app as compare_app
+from analysis.cli.electrical import Done
 from analysis.cli.one_log import Options, analyze_log
 from analysis.performance.request import parse_request, parse_weight
-from flight.command_line import application, quantity, run
+from flight.command_line import FAILURE, application, quantity, run
 from flight.errors import InputError
 from flight.shipped_propellers import shipped_propellers
 
@@ -57,7 +58,7 @@ def analyze(
     ] = None,
     aircraft: Annotated[
         Path | None,
-        typer.Option("--aircraft", metavar="FILE", help="Aircraft file to use instead of the one the log carries."),
+        typer.Option("--aircraft", metavar="FILE", help="Aircraft file to use instead of the log's."),
     ] = None,
     propeller: Annotated[
         str | None,
@@ -70,7 +71,7 @@ def analyze(
     ] = None,
     probe: Annotated[
         Path | None,
-        typer.Option("--probe", metavar="FILE", help="Probe calibration to use instead of the one the log carries."),
+        typer.Option("--probe", metavar="FILE", help="Probe calibration to use instead of the log's."),
     ] = None,
     zero: Annotated[
         Path | None,
@@ -97,13 +98,21 @@ def analyze(
         typer.Option(
             "--magnetometer",
             metavar="FILE",
-            help="Magnetometer calibration to use instead of the one the log carries.",
+            help="Magnetometer calibration to use instead of the log's.",
         ),
     ] = None,
     likelihood: Annotated[
         bool,
         typer.Option("--likelihood", help="Add two maximum likelihoods to the methods compared; takes a second."),
     ] = False,
+    transducers: Annotated[
+        Path | None,
+        typer.Option(
+            "--transducers",
+            metavar="FILE",
+            help="Calibration of the differential transducers to use instead of the log's.",
+        ),
+    ] = None,
     battery_Wh: Annotated[
         str | None,
         typer.Option(
@@ -159,6 +168,10 @@ def analyze(
             help='Span [m], such as 4 or "13 ft", for a log of an autopilot.',
         ),
     ] = None,
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print the results as JSON on stdout (docs/results.md), instead of a summary."),
+    ] = False,
     jobs: Annotated[
         int | None,
         typer.Option(
@@ -174,11 +187,11 @@ def analyze(
         ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-) -> None:
+) -> int:
     """Compute the power required from a log: report.html, results.json, power_required.csv and a table for the field.
 
-    The log carries the aircraft file, the propeller table, the calibrations of probe and magnetometer, and the zero.
-    Each can be replaced, or given where the log lacks it.
+    The log contains the aircraft file, the propeller table, the calibrations of probe, magnetometer and transducers,
+    and the zero. Each can be replaced, or given where the log lacks it.
     The curve covers the speeds flown in accelerations and decelerations, with a 95 % interval. The report also has
     endurance and range on a battery, climb and highest speed at full throttle, and the effect of weight and air
     density on these.
@@ -197,8 +210,8 @@ def analyze(
       analyze flights/*.mcap -o out                  many flights as one
       analyze compare old/ new/ -o difference
 
-    Exit code 0: done. 1: of several logs, some cannot be used. 2: the input cannot be used; one line on stderr says
-    why, and nothing was written.
+    Exit code 0: done. 1: done, but the result is not to be trusted, and lines on stderr say why; or, of several logs,
+    some cannot be used. 2: the input cannot be used; one line on stderr says why, and nothing was written.
     """
     request = parse_request(battery_Wh, usable, weights, density_altitudes)
     options = Options(
@@ -209,6 +222,7 @@ def analyze(
         weight_N=None if weight is None else parse_weight(weight, "--weight"),
         runs=runs,
         magnetometer=magnetometer,
+        transducers=transducers,
         request=request,
         mass_kg=mass,
         wing_area_m2=wing_area,
@@ -218,6 +232,8 @@ def analyze(
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     if len(logs) > 1 or scheduler is not None:
+        if json:
+            raise InputError("--json: only for one log; several write their results into FOLDER")
         from analysis.cli.several_logs import analyze_logs
 
         raise typer.Exit(analyze_logs(logs, output, options, jobs=jobs, scheduler=scheduler, quiet=quiet))
@@ -228,14 +244,28 @@ def analyze(
     stderr = Console(stderr=True, quiet=quiet)
     command_line = shlex.join(["analyze", *sys.argv[1:]])
     with stderr.status("reading the log …") as status:
-        written = analyze_log(log, folder, options, lambda step: status.update(f"{step} …"), command_line)
-    if written.previous_runs:
-        note = f"note: {folder / 'runs.toml'} was written; the previous file is now {written.previous_runs.name}"
+        done = analyze_log(log, folder, options, lambda step: status.update(f"{step} …"), command_line)
+    if done.previous_runs:
+        note = f"note: {folder / 'runs.toml'} was written; the previous file is now {done.previous_runs.name}"
         stderr.print(note, highlight=False, markup=False)
-    if written.replaced_report:
-        stderr.print(f"note: {written.replaced_report}", highlight=False, markup=False, soft_wrap=True)
-    if not quiet:
-        written.print_summary(Console())
+    if done.replaced_report:
+        stderr.print(f"note: {done.replaced_report}", highlight=False, markup=False, soft_wrap=True)
+    return _finish(done, json, quiet)
+
+
+def _finish(done: Done, json: bool, quiet: bool) -> int:
+    """Print the results, and on stderr why they are not to be trusted. Returns the exit code."""
+    from analysis.results.files import to_json
+    from analysis.results.trust import reasons_not_to_trust
+
+    if json:
+        print(to_json(done.results).decode())
+    elif not quiet:
+        done.print_summary(Console())
+    reasons = reasons_not_to_trust(done.results)
+    for reason in reasons:
+        print(f"not to be trusted: {reason}", file=sys.stderr)
+    return FAILURE if reasons else 0
 
 
 def main() -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 
@@ -16,13 +16,22 @@ from flight.log_reader import Log
 if TYPE_CHECKING:
     from analysis.autopilot_logs.recording import FlightRecording
     from analysis.electrical.flown_aircraft import FlownAircraft
+    from analysis.results.schema import Results
 
 JOULES_PER_WH = 3600.0
 NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # by drag
 ELECTRICAL = ("/probe/airspeed", "/static", "/battery")
 
 Progress = Callable[[str], None]
-Print = Callable[[Console], None]
+
+
+class Done(NamedTuple):
+    """The results that were written, and what is to be said of them."""
+
+    results: "Results"
+    print_summary: Callable[[Console], None]
+    previous_runs: Path | None = None  # where a previous runs.toml is kept, if there was another one
+    replaced_report: str = ""  # what was different in a report that was replaced; empty if nothing was
 
 
 def lacks_drag_topics(log: Log) -> bool:
@@ -68,16 +77,16 @@ class OrdinaryFlight:
     aircraft: Path | None
     command_line: str
 
-    def analyze_autopilot_log(self, firmware: str, progress: Progress) -> Print:
-        """Write the report of a log of PX4 or ArduPilot; returns what prints the summary. Raises InputError."""
+    def analyze_autopilot_log(self, firmware: str, progress: Progress) -> Done:
+        """Write the report of a log of PX4 or ArduPilot. Raises InputError."""
         from analysis.electrical.flown_aircraft import flown_aircraft
 
         given = load_aircraft(self.aircraft) if self.aircraft else None
         flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
         return self._analyze(read_autopilot_log(self.log, firmware), flown, self._battery_Wh(given), progress)
 
-    def analyze_daemon_log(self, log: Log, progress: Progress) -> Print:
-        """Write the report of a log of the daemon; returns what prints the summary. Raises InputError."""
+    def analyze_daemon_log(self, log: Log, progress: Progress) -> Done:
+        """Write the report of a log of the daemon. Raises InputError."""
         from analysis.electrical.daemon_log import recording_of
         from analysis.electrical.flown_aircraft import flown_aircraft
 
@@ -94,7 +103,7 @@ class OrdinaryFlight:
 
     def _analyze(
         self, recording: "FlightRecording", flown: "FlownAircraft", battery_Wh: float | None, progress: Progress
-    ) -> Print:
+    ) -> Done:
         from analysis.electrical.estimate import estimate
         from analysis.electrical.flight_table import flight_table
         from analysis.report.electrical_page import print_electrical_summary, write_electrical_report
@@ -108,7 +117,8 @@ class OrdinaryFlight:
         battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
         source = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
         provenance = provenance_of_file(self.log, source, self.aircraft, self.command_line)
-        results = electrical_results(self.log, flown, table, found, battery_J, provenance)
+        results = electrical_results(self.log, flown, table, found, battery_J, provenance, recording.parameters)
         progress("writing the report")
         replaced = write_electrical_report(results, table, found, self.folder)
-        return lambda console: print_electrical_summary(results, self.folder / "report.html", console, replaced)
+        page = self.folder / "report.html"
+        return Done(results, lambda console: print_electrical_summary(results, page, console, replaced))

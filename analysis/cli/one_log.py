@@ -3,12 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
-
-from rich.console import Console
+from typing import TYPE_CHECKING
 
 from analysis.autopilot_logs.read import firmware_of
 from analysis.cli.electrical import (
+    Done,
     OrdinaryFlight,
     lacks_drag_topics,
     refuse_autopilot_options,
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from flight.propeller import Propeller
 
 Progress = Callable[[str], None]
-Print = Callable[[Console], None]
 
 
 @dataclass(frozen=True)
@@ -40,6 +38,7 @@ class Options:
     weight_N: float | None = None
     runs: Path | None = None
     magnetometer: Path | None = None
+    transducers: Path | None = None
     request: Request = field(default_factory=Request)
     mass_kg: float | None = None
     wing_area_m2: float | None = None
@@ -47,15 +46,7 @@ class Options:
     by_likelihood: bool = False
 
 
-class Written(NamedTuple):
-    """What was written, beside the results in the folder."""
-
-    print_summary: Print
-    previous_runs: Path | None  # where a previous runs.toml is kept, if there was another one
-    replaced_report: str  # what was different in a report that was replaced; empty if nothing was
-
-
-def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, command_line: str = "") -> Written:
+def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, command_line: str = "") -> Done:
     """Write the report of a log into `folder`. command_line: that asked for it, for the report.
 
     Raises InputError when the log or a file cannot be used; nothing was written then.
@@ -81,14 +72,15 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
             runs=options.runs,
             magnetometer=options.magnetometer,
             likelihood=options.by_likelihood or None,
+            transducers=options.transducers,
         )
         check_writable(folder / "report.html")
-        return Written(ordinary.analyze_autopilot_log(firmware, progress), None, "")
+        return ordinary.analyze_autopilot_log(firmware, progress)
     # Wrong input is refused before the numerical libraries are loaded, which takes a second.
     recorded = read_log(_not_a_folder(log))
     check_writable(folder / "report.html")
     if lacks_drag_topics(recorded):
-        return Written(ordinary.analyze_daemon_log(recorded, progress), None, "")
+        return ordinary.analyze_daemon_log(recorded, progress)
     refuse_autopilot_options(log, mass=options.mass_kg, wing_area=options.wing_area_m2, span=options.span_m)
     given = replacements(options)
     from analysis.pipeline import analyze as run_pipeline
@@ -102,8 +94,12 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     progress("writing the report")
     replaced_report = write_report(analysis, folder)
     previous_runs = write_run_list(analysis, folder, log.name, given=options.runs)
-    return Written(
-        lambda console: print_summary(analysis.results, folder / "report.html", console), previous_runs, replaced_report
+    results = analysis.results
+    return Done(
+        results,
+        lambda console: print_summary(results, folder / "report.html", console),
+        previous_runs,
+        replaced_report,
     )
 
 
@@ -113,6 +109,7 @@ def replacements(options: Options) -> "Replacements":
     propeller = _load_propeller(options.propeller) if options.propeller else None
     from analysis.airdata.magnetometer import load_magnetometer
     from analysis.airdata.probe import load_probe
+    from analysis.airdata.transducers import load_transducers
     from analysis.log_contents import Replacements
     from analysis.maneuvers import toml_file
     from analysis.signals.rest import load_zero
@@ -124,6 +121,7 @@ def replacements(options: Options) -> "Replacements":
         "propeller.csv": options.propeller,
         "probe.json": options.probe,
         "magnetometer.json": options.magnetometer,
+        "transducers.json": options.transducers,
         "zero.json": options.zero,
     }
     return Replacements(
@@ -131,6 +129,7 @@ def replacements(options: Options) -> "Replacements":
         propeller=propeller,
         probe=load_probe(options.probe) if options.probe else None,
         magnetometer=load_magnetometer(options.magnetometer) if options.magnetometer else None,
+        transducers=load_transducers(options.transducers) if options.transducers else None,
         zero=load_zero(options.zero) if options.zero else None,
         weight_N=options.weight_N,
         files={name: str(path) for name, path in files.items() if path is not None},

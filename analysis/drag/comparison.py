@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from analysis.drag.comparison_text import sentences
 from analysis.drag.dynamic import DynamicEstimate
@@ -27,7 +28,9 @@ from analysis.drag.sensor_errors import CAUSES, INSTALLATION_TOLERANCE, UNEXPLAI
 
 Array = NDArray[np.float64]
 
-SIGNIFICANT = 3.0  # standard errors: five pairs are compared, each at many speeds
+SIGNIFICANT = 3.0  # standard errors of an estimated error
+# One test over all speeds of a pair, at 1 % for each of five pairs (Scheffe, as in `cross_check`).
+DIFFERENT = float(np.sqrt(special.chdtri(3, 1 - 0.99)))
 SPEEDS = 31
 LEAST_SPEED_RATIO = 1.15  # highest over lowest of the speeds common to both methods
 DYNAMIC = "dynamic"
@@ -119,7 +122,7 @@ def _compare(
     V = speed_at(np.linspace(low, high, SPEEDS), condition)
     _, error = power_required(V, Polar(first.A, _allowed_covariance(first, second)), condition)
     differences = _power(V, second.A - first.A, condition)
-    excess = np.abs(differences) / (SIGNIFICANT * error)
+    excess = np.abs(differences) / (DIFFERENT * error)
     worst = int(np.argmax(excess))
     if excess[worst] <= 1:
         return None
@@ -129,7 +132,7 @@ def _compare(
         for cause in CAUSES
         if cause in first.cause_effects or cause in second.cause_effects
     }
-    difference, allowed = float(differences[worst]), float(SIGNIFICANT * error[worst])
+    difference, allowed = float(differences[worst]), float(DIFFERENT * error[worst])
     shares[UNEXPLAINED] = difference - sum(shares.values())
     cause = _cause(second.name, difference, allowed, shares, errors)
     if cause is None:

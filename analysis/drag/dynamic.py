@@ -21,10 +21,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag import consider, covariance
+from analysis.drag import consider
+from analysis.drag.doubts import doubts
 from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
 from analysis.drag.joint_estimate import JointEstimate, joint_estimate
 from analysis.drag.polar import Polar
+from analysis.drag.state_errors import noise_covariance
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, NamedValues, Parameter
@@ -130,16 +132,15 @@ def estimate_polar(
     def change(states: Array, sensor_errors: Array) -> Array:
         return np.asarray(_fitted(flight_forces.forces(states, sensor_errors), level, runs).values - fit.values)
 
-    noise = covariance.of_noise(fit)
+    def segments_along(states: Array) -> list[Segment]:
+        return _segments(_only(flight_forces.forces(states, sensor_errors), level), runs)
+
+    noise = noise_covariance(fit, trajectory, segments_along)
     systematic = np.zeros_like(noise)
-    systematic[:3, :3] = covariance.floor()
     by_sensor_errors = []
     for error in np.linalg.cholesky(trajectory.covariance).T:
         by_sensor_errors.append(change(states + trajectory.state_sensitivity @ error, sensor_errors + error))
         systematic += np.outer(by_sensor_errors[-1], by_sensor_errors[-1])
-    for draw in trajectory.draws:
-        by_draw = change(states + draw, sensor_errors)
-        noise += np.outer(by_draw, by_draw) / len(trajectory.draws)
     weighing_more = FlightForces(trajectory, consider.weighing_more(aircraft), propeller)
     changes = {
         name: values - fit.values
@@ -150,16 +151,18 @@ def estimate_polar(
             ),
         }.items()
     }
+    doubtful = doubts(fit)
+    changes |= {f"doubt {number}": doubt.change for number, doubt in enumerate(doubtful, start=1)}
     for by_error in changes.values():
         systematic += np.outer(by_error, by_error)
     joint = joint_estimate(fit.names, fit.values, noise, PRIOR_SIGMA, np.stack(by_sensor_errors, axis=1), trajectory)
     joint = joint.with_changes(changes)
     values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
-    warnings = []
+    warnings = [doubt.warning for doubt in doubtful]
     if not (fit.verdict.ok and trajectory.converged):
         ended = "converged" if trajectory.converged else "not converged"
-        warnings.append(f"The estimation did not converge. Drag polar: {fit.verdict}; trajectory: {ended}.")
+        warnings.append(f"The estimation did not converge. Drag polar: {fit.verdict.text}; trajectory: {ended}.")
     beyond = float(np.mean([np.isnan(segment_fit.segment.z["drag"]).mean() for segment_fit in fit.segment_fits]))
     if beyond > LARGEST_UNMENTIONED_SHARE:
         warnings.append(
@@ -169,7 +172,7 @@ def estimate_polar(
     return DynamicEstimate(
         polar=Polar(fit.values[:3], total[:3, :3]),
         parameters=parameter_list(values, total, trajectory),
-        verdict=str(fit.verdict) if trajectory.converged else "the trajectory did not converge",
+        verdict=fit.verdict.text if trajectory.converged else "the trajectory did not converge",
         warnings=warnings,
         fits=_run_fits(flight_forces, forces, trajectory, fit),
         values=values,
@@ -187,7 +190,12 @@ def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Airc
 
 
 def _fitted(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
-    return output_error.estimate(DRAG, _segments(forces.assign(CD=forces["CD"].where(level)), runs))
+    return output_error.estimate(DRAG, _segments(_only(forces, level), runs))
+
+
+def _only(forces: pd.DataFrame, level: NDArray[np.bool_]) -> pd.DataFrame:
+    """The forces with drag in level flight only."""
+    return forces.assign(CD=forces["CD"].where(level))
 
 
 def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> list[tuple[str, float, float, str]]:
@@ -225,13 +233,14 @@ def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs
 
 def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
     segments = []
-    table, t_s = forces[[*INPUTS.values(), "CD"]], forces.index.to_numpy()
+    t_s = forces.index.to_numpy()
+    table = np.stack([forces[name].to_numpy() for name in (*INPUTS.values(), "CD")])
     for run in runs:
         rows = slice(np.searchsorted(t_s, run.start_s), np.searchsorted(t_s, run.end_s, side="right"))
-        measured = table.iloc[rows].to_numpy().T
+        measured = table[:, rows]
         data = measured
         if np.isnan(measured).any():
-            data = table.iloc[rows].interpolate(limit_direction="both").to_numpy().T
+            data = pd.DataFrame(measured.T).interpolate(limit_direction="both").to_numpy().T
         if data.shape[1] >= SHORTEST and np.isfinite(data).all():
             u = dict(zip(INPUTS, data, strict=False))
             z = {"drag": u["qS_over_m"] * measured[-1]}

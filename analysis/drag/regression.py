@@ -1,12 +1,12 @@
 """Linear least squares for a drag polar (2.18), from time series or from steady points, and its covariance by noise."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from analysis.drag import covariance
 from analysis.estimation import output_error
@@ -32,7 +32,8 @@ class PolarRegression(Protocol):
 class RunRegression(NamedTuple):
     """One run: X (n, 3) A = z (n,), at times t_s (n,), flown at lift coefficients CL (n,).
 
-    absorbed : covariance (n, n) of errors of z that the fit largely absorbs, so that residuals do not show them
+    absorbed : gives the covariance (n, n) of errors of z that the fit largely absorbs, so that residuals do not show
+    them
     """
 
     name: str
@@ -40,7 +41,7 @@ class RunRegression(NamedTuple):
     X: Array
     z: Array
     CL: Array
-    absorbed: Array | None = None
+    absorbed: Callable[[], Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class TimeSeriesRegression:
         ]
         C = covariance.of_noise(output_error.estimate(model, segments))
         gain = np.linalg.inv(sum(run.X.T @ run.X for run in self.runs))
-        return C + sum(gain @ run.X.T @ run.absorbed @ run.X @ gain for run in self.runs if run.absorbed is not None)
+        return C + sum(gain @ run.X.T @ run.absorbed() @ run.X @ gain for run in self.runs if run.absorbed is not None)
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,6 @@ class PointRegression:
         X, z, theta = self._weighted_fit()
         dof = len(z) - X.shape[1]
         scatter = float(np.sum((z - X @ theta) ** 2)) / dof if dof > 0 else 0.0
-        student = (stats.t.ppf(0.975, dof) / NORMAL_95) ** 2 if dof > 0 else 1.0
+        student = (special.stdtrit(dof, 0.975) / NORMAL_95) ** 2 if dof > 0 else 1.0
         C = np.linalg.inv(X.T @ X) * max(1.0, scatter * student)
         return np.asarray(self.terms @ C @ self.terms.T)

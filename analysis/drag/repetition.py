@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from analysis.airdata.from_log import FlightData
 from analysis.drag import dynamic
@@ -27,6 +27,7 @@ class Repetition:
     data : the flight's, by `aircraft`     data_of : the flight's data by another aircraft file
     trajectory : by `data`, with a prior standard deviation `alpha_scale_sigma` of the slope of angle of attack
     probe_sigma : the part of it by the calibration of the probe
+    prior_factor : of `reconstruct`
     """
 
     data: FlightData
@@ -40,6 +41,7 @@ class Repetition:
     flown_CL: tuple[float, float]
     log: str
     progress: Callable[[str], None]
+    prior_factor: ArrayLike = 1.0
 
     def estimate(self, aircraft: Aircraft, propeller: Propeller, upwash_slope_sigma: float) -> DynamicEstimate:
         """The polar of the power curve.
@@ -61,7 +63,7 @@ class Repetition:
         if air is not data.table:
             self.progress("repeating the estimate with other air data")
             sigma = self.alpha_scale_sigma
-            trajectory = reconstruct(air, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=self.log)
+            trajectory = self._reconstructed(air, data, sigma)
         return self._values(trajectory, self.aircraft, propeller)
 
     def _values(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> NDArray[np.float64]:
@@ -82,4 +84,16 @@ class Repetition:
         if aircraft is self.aircraft and sigma == self.alpha_scale_sigma:
             return self.trajectory
         data = self.data if aircraft is self.aircraft else self.data_of(aircraft)
-        return reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=self.log)
+        return self._reconstructed(data.table, data, sigma)
+
+    def _reconstructed(self, air: pd.DataFrame, data: FlightData, alpha_scale_sigma: float) -> Trajectory:
+        return reconstruct(
+            air,
+            data.rest,
+            alpha_scale_sigma=alpha_scale_sigma,
+            compass=data.compass,
+            calibrated=data.calibrated,
+            gust_length=self.aircraft.uncertainty.gust_length,
+            prior_factor=self.prior_factor,
+            log=self.log,
+        )

@@ -1,7 +1,7 @@
 """Whether runs of one kind scatter more than their noise allows."""
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from analysis.drag.method import MethodEstimate
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
@@ -27,7 +27,7 @@ def run_scatter(single_runs: list[MethodEstimate], condition: Condition) -> list
         )[:, :, 0].T
         mean = np.average(power, weights=error**-2)
         chi_square, dof = np.sum(((power - mean) / error) ** 2), len(runs) - 1
-        if chi_square > stats.chi2.isf(FALSE_ALARM_RATE, dof):
+        if chi_square > special.chdtri(dof, FALSE_ALARM_RATE):
             warnings.append(
                 f"The {len(runs)} {kind}s differ from each other by {100 * np.std(power, ddof=1) / mean:.1f} % at"
                 f" {V[0]:.1f} m/s, {np.sqrt(chi_square / dof):.1f} times what their noise allows."

@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 SHORTEST = 10  # blocks of a steady run
 CORRELATION_S = 2.0  # readings closer than this are correlated
 TABLE_SHARE = 0.005  # of power: error of interpolation in a propeller table, which no point can be better than
+COLUMNS = (
+    "thrust_x_over_m_mps2", "alpha", "V", "Vdot", "gamma", "climb", "bank", "rho", "static_Pa", "temperature_K",
+)  # fmt: skip
 DIFFERENT_SPEEDS = 0.08  # relative difference from which on two speeds count as different
 
 
@@ -46,27 +49,34 @@ class SteadyMeans(NamedTuple):
 def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> SteadyMeans:
     """The means of all steady runs. Raises InputError when none has thrust data."""
     m = aircraft.mass_kg
+    t_s, values = table.index.to_numpy(), {name: table[name].to_numpy() for name in COLUMNS}
+    gust_mps, gust_s = (float(table[name].iloc[0]) for name in ("gust_mps", "gust_s"))
     rows = []
     for run in runs:
-        f = table.loc[run.start_s : run.end_s]
-        f = f[f["thrust_x_over_m_mps2"].notna()]
-        if len(f) < SHORTEST:
+        within = slice(*np.searchsorted(t_s, (run.start_s, np.nextafter(run.end_s, np.inf))))
+        known = ~np.isnan(values["thrust_x_over_m_mps2"][within])
+        if known.sum() < SHORTEST:
             continue
-        thrust_over_m, alpha = f["thrust_x_over_m_mps2"], f["alpha"]
+        t, f = t_s[within][known], {name: column[within][known] for name, column in values.items()}
+        thrust_over_m, alpha, V = f["thrust_x_over_m_mps2"], f["alpha"], f["V"]
         along_V, across_V = thrust_over_m * np.cos(alpha), thrust_over_m * np.sin(alpha)
-        t, V = f.index.to_numpy(), f["V"].to_numpy()
         mean_Vdot = np.polyfit(t - t[0], V, 1)[0]
         drag_over_m = along_V - f["Vdot"] - g * np.sin(f["gamma"])
-        power_W = m * float((along_V * V).mean() - mean_Vdot * V.mean() - g * f["climb"].mean())
-        scatter_W = m * _error_of_mean((drag_over_m * V).to_numpy(), t[1] - t[0])
-        gusts_W = m * g * mean_gust_mps(table, t[-1] - t[0])
+        power_W = m * (_mean(along_V * V) - mean_Vdot * V.mean() - g * _mean(f["climb"]))
+        scatter_W = m * _error_of_mean(drag_over_m * V, t[1] - t[0])
+        gusts_W = m * g * mean_gust_mps(gust_mps, gust_s, t[-1] - t[0])
         error_W = np.sqrt(scatter_W**2 + gusts_W**2 + (TABLE_SHARE * power_W) ** 2)
-        lift_N = m * float((g / np.cos(f["bank"]) - across_V).mean())
-        air = (float(f[name].mean()) for name in ("rho", "static_Pa", "temperature_K"))
+        lift_N = m * _mean(g / np.cos(f["bank"]) - across_V)
+        air = (_mean(f[name]) for name in ("rho", "static_Pa", "temperature_K"))
         rows.append((V.mean(), power_W, error_W, lift_N, *air, run.start_s))
     if not rows:
         raise InputError("no steady point has thrust data")
     return SteadyMeans(*np.array(rows).T)
+
+
+def _mean(x: Array) -> float:
+    """The mean of the values that are not NaN."""
+    return float(np.nansum(x) / np.isfinite(x).sum())
 
 
 def require_speeds(points: SteadyMeans, terms: int) -> None:
@@ -94,12 +104,12 @@ def steady_points(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft)
     return [SteadyPoint(*(float(x) for x in row)) for row in zip(*columns, strict=True)]
 
 
-def mean_gust_mps(table: pd.DataFrame, seconds: float) -> float:
+def mean_gust_mps(gust_mps: float, gust_s: float, seconds: float) -> float:
     """Standard deviation of the mean vertical gust over so many seconds [m/s], for the power W w that it lifts with.
 
     The mean of a first-order process of standard deviation sigma and time constant T: sigma sqrt(2 T/seconds).
     """
-    return float(table["gust_mps"].iloc[0] * np.sqrt(min(1.0, 2 * table["gust_s"].iloc[0] / seconds)))
+    return float(gust_mps * np.sqrt(min(1.0, 2 * gust_s / seconds)))
 
 
 def _error_of_mean(x: Array, step_s: float) -> float:

@@ -129,7 +129,8 @@ def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: 
     standing = pressure - low < least_Pa / 2
     if has_gps:
         standing &= np.nan_to_num(ground_speed, nan=np.inf) < STANDING_MPS
-    known_zero = 0.0 if zeroed and (low > least_Pa or not standing.any()) else low
+    on_ground = has_gps and standing.sum() * STEP_S >= ZERO_BLOCK_S
+    known_zero = 0.0 if zeroed and not on_ground and (low > least_Pa or not standing.any()) else low
     # Airborne all along: the lowest reading is a flown one, and the zero is the autopilot's.
     standing &= pressure - known_zero < least_Pa / 2
     moving = pressure - known_zero > least_Pa

@@ -63,7 +63,7 @@ def estimate_in_band(model: Model, segments: Segment | Sequence[Segment], *, ban
                     f"segment {segment.name}: output {name} has missing samples; the frequency domain needs all of them"
                 )
             if name in model.states:
-                z[f"{name}dot"], u[name] = CubicSpline(segment.t_s, signal)(segment.t_s, 1), signal
+                z[derivative_name(model, name)], u[name] = CubicSpline(segment.t_s, signal)(segment.t_s, 1), signal
             else:
                 z[name] = signal
         derived.append(Segment(name=segment.name, t_s=segment.t_s, u=u, z=z))
@@ -93,11 +93,17 @@ def regression_of(model: Model) -> Model:
         name=f"{model.name} (equation error)",
         states=(),
         inputs=(*model.states, *model.inputs),
-        outputs=(*(f"{state}dot" for state in model.states), *(model.outputs[i] for i in others)),
+        outputs=(*(derivative_name(model, state) for state in model.states), *(model.outputs[i] for i in others)),
         dynamics=None,
         output_function=outputs,
         initial_state=None,
     )
+
+
+def derivative_name(model: Model, state: str) -> str:
+    """The name of a state's time derivative in `regression_of(model)`: "pdot", unless the model has that output."""
+    name = f"{state}dot"
+    return f"d{state}/dt" if name in model.outputs else name
 
 
 def _filtered(model: Model, segment: Segment, smoothing_s: float) -> Segment:
@@ -122,7 +128,7 @@ def _filtered(model: Model, segment: Segment, smoothing_s: float) -> Segment:
     z: dict[str, Array] = {}
     for name, signal in zip(model.outputs, measurements_of(model, segment).T, strict=True):
         if name in model.states:
-            z[f"{name}dot"] = low_pass(signal, slope)
+            z[derivative_name(model, name)] = low_pass(signal, slope)
             u[name] = low_pass(signal, smooth)
         else:
             z[name] = low_pass(signal, smooth)

@@ -25,17 +25,18 @@ class FitStatus(enum.StrEnum):
 
 
 class Verdict(NamedTuple):
-    """Whether a fit can be used: a status, and one line of text for the user."""
+    """Whether a fit can be used: a status, one line of text for the user, and hints at what may be wrong with it."""
 
     status: FitStatus
     text: str
+    hints: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
         return self.status is FitStatus.CONVERGED
 
     def __str__(self) -> str:
-        return self.text
+        return "; ".join((self.text, *self.hints))
 
 
 class ParameterEstimate(NamedTuple):
@@ -75,6 +76,7 @@ class Fit:
     information : (m, m) Fisher information of the data     prior_information : (m, m), diagonal
     variance_information : the part of `information` that comes from the variances of the residuals, not their means
     integrator, inputs : with which the response was computed
+    costs : negative log-likelihood at the start and after each iteration, if kept
     """
 
     model: Model
@@ -92,6 +94,7 @@ class Fit:
     variance_information: Array | float = 0.0
     integrator: Integrator = "rk4"
     inputs: InputRule = "linear"
+    costs: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         return self.summary().table()
@@ -126,7 +129,7 @@ class Fit:
         return FitSummary(
             model=self.model.name,
             status=self.verdict.status.value,
-            verdict=self.verdict.text,
+            verdict=str(self.verdict),
             iterations=self.iterations,
             samples=self.samples,
             negative_log_likelihood=self.negative_log_likelihood,

@@ -21,7 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.model import Model
-from analysis.estimation.simulation import INPUT_RULES, INTEGRATORS, InputRule, Integrator, not_differentiable
+from analysis.estimation.simulation import (
+    INPUT_RULES,
+    INTEGRATORS,
+    InputRule,
+    Integrator,
+    check_symbols,
+    not_differentiable,
+)
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -214,6 +221,8 @@ def build_filter(
     Raises InputError as `simulation.build_simulator` does, and for a model without states.
     """
     nx, ny, nu, nw = len(model.states), len(model.outputs), len(model.inputs), len(driven)
+    if model.delays:
+        raise InputError(f"model {model.name}: filter error has no delays; fix the delay and shift the input itself")
     if not nx:
         raise InputError(f"model {model.name}: it has no states for process noise to act on; use output error")
     names = [q.name for q in model.parameters]
@@ -296,4 +305,5 @@ def build_filter(
         ],
         {"cse": True},
     )
+    check_symbols(model, cycle)
     return KalmanFilter(model, free, driven, cycle, tuple(patterns))

@@ -6,6 +6,7 @@ output, in the order of the model's names.
 """
 
 import math
+import numbers
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -58,6 +59,9 @@ class Parameter:
     shared: bool = True
 
     def __post_init__(self) -> None:
+        for what in ("start", "lower", "upper", "prior_sigma"):
+            if not isinstance(getattr(self, what), numbers.Real):
+                raise InputError(f"parameter {self.name}: {what} must be a number, is {getattr(self, what)!r}")
         if not math.isfinite(self.start):
             raise InputError(f"parameter {self.name}: start must be a finite number, is {self.start}")
         if not self.lower <= self.start <= self.upper:
@@ -77,9 +81,12 @@ class Model:
     """xdot = dynamics(x, u, p), y = outputs(x, u, p), z = y + noise (3.24-3.26).
 
     A model without states is an ordinary regression and needs no `dynamics`. `initial_state` computes a starting value
-    of the state at a segment's first sample from the segment's data; `Segment.x0` takes precedence over it.
+    of the state at a segment's first sample from the segment's data; `Segment.x0` takes precedence over it. `delays`
+    names inputs that act late, each with the parameter that is its delay [s]: (("elevator", "tau"),). Output error and
+    equation error estimate it; inputs are interpolated between samples.
 
-    Raises InputError when a name occurs twice, there are no outputs, or states have no dynamics.
+    Raises InputError when a name occurs twice, there are no outputs, states have no dynamics, or a delay's input or
+    parameter does not exist.
     """
 
     name: str
@@ -90,8 +97,11 @@ class Model:
     inputs: tuple[str, ...] = ()
     dynamics: ModelFunction | None = None
     initial_state: Callable[[Segment], Mapping[str, float]] | None = None
+    delays: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
+        for kind in ("states", "inputs", "outputs", "parameters"):
+            object.__setattr__(self, kind, self._as_tuple(kind, Parameter if kind == "parameters" else str))
         for kind, names in (
             ("states", self.states),
             ("inputs", self.inputs),
@@ -101,10 +111,26 @@ class Model:
             for name, count in Counter(names).items():
                 if count > 1:
                     raise InputError(f"model {self.name}: two {kind} are named {name!r}")
+        object.__setattr__(self, "delays", tuple(dict(self.delays).items()))
+        for input_name, parameter in self.delays:
+            if input_name not in self.inputs or parameter not in [q.name for q in self.parameters if q.shared]:
+                raise InputError(
+                    f"model {self.name}: delays: {input_name!r} must be an input and {parameter!r} a shared parameter"
+                )
         if not self.outputs:
             raise InputError(f"model {self.name}: it has no outputs to compare with data; name at least one")
         if self.states and self.dynamics is None:
             raise InputError(f"model {self.name}: it has states but no dynamics function; give dynamics")
+
+    def _as_tuple(self, kind: str, of: type) -> tuple[Any, ...]:
+        """The names or parameters as a tuple; lists are accepted."""
+        given = getattr(self, kind)
+        if isinstance(given, (list, tuple)) and all(isinstance(item, of) for item in given):
+            return tuple(given)
+        what = "Parameter objects" if of is Parameter else "names"
+        raise InputError(
+            f"model {self.name}: {kind} must be a tuple of {what}, with a comma if it is one; is {given!r}"
+        )
 
     def changed(self, **changes: Mapping[str, Any]) -> "Model":
         """A copy of the model with some parameters changed: `model.changed(CLde={"start": 0.4, "free": False})`.
@@ -136,15 +162,19 @@ class Model:
         p: Iterable[Any],
     ) -> tuple[Any, ...]:
         try:
-            result = tuple(
-                function(
-                    NamedValues("state", dict(zip(self.states, x, strict=True))),
-                    NamedValues("input", dict(zip(self.inputs, u, strict=True))),
-                    NamedValues("parameter", dict(zip([q.name for q in self.parameters], p, strict=True))),
-                )
+            result = function(
+                NamedValues("state", dict(zip(self.states, x, strict=True))),
+                NamedValues("input", dict(zip(self.inputs, u, strict=True))),
+                NamedValues("parameter", dict(zip([q.name for q in self.parameters], p, strict=True))),
             )
         except InputError as error:
             raise InputError(f"model {self.name}: {what}: {error}") from None
+        if not isinstance(result, (tuple, list)) and getattr(result, "ndim", 0) != 1:
+            raise InputError(
+                f"model {self.name}: {what} must return a tuple with one value for each of {', '.join(names)};"
+                f" with a comma if it is one: (value,)"
+            )
+        result = tuple(result)
         if len(result) != len(names):
             raise InputError(
                 f"model {self.name}: {what} returned {len(result)} values for {len(names)} names ({', '.join(names)})"

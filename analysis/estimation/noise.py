@@ -72,14 +72,24 @@ def whiten(residuals: Array, S: Array, R: Array, tail_dof: float | None) -> Whit
     A sample with missing outputs uses the block of R of the outputs that are present.
     """
     present = np.isfinite(residuals)
+    if present.all() and not np.any(R - np.diag(np.diag(R))):
+        inverse = 1 / np.sqrt(np.diag(R))
+        e = residuals * inverse
+        S_white = S * inverse[:, None]
+    else:
+        e, S_white = _whiten_patterns(residuals, S, R, present)
+    weight = np.ones_like(e) if tail_dof is None else (tail_dof + 1) / (tail_dof + e**2)
+    return Whitened(e, weight, S_white, present)
+
+
+def _whiten_patterns(residuals: Array, S: Array, R: Array, present: NDArray[np.bool_]) -> tuple[Array, Array]:
     e, S_white = np.zeros_like(residuals), np.zeros_like(S)
     for pattern, rows in _patterns(present):
         W = np.zeros_like(R)
         W[np.ix_(pattern, pattern)] = np.linalg.inv(np.linalg.cholesky(R[np.ix_(pattern, pattern)]))
         e[rows] = np.nan_to_num(residuals[rows]) @ W.T
         S_white[rows] = W @ S[rows]
-    weight = np.ones_like(e) if tail_dof is None else (tail_dof + 1) / (tail_dof + e**2)
-    return Whitened(e, weight, S_white, present)
+    return e, S_white
 
 
 def negative_log_likelihood(white: Whitened, R: Array, tail_dof: float | None) -> float:

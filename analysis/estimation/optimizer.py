@@ -5,6 +5,7 @@ nothing about the quality of the fit when R is re-estimated from the residuals: 
 constant.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -28,8 +29,10 @@ NEAR = 0.25
 # information matrix; further from the optimum it may be indefinite.
 SMALLEST_CURVATURE = 1e-2
 SINGULAR = 1e-11  # eigenvalues of the scaled information matrix below this are rounding errors
+SMALLEST_PRODUCT = 1e-8  # of a secant's terms, relative to their norms: below it the update would be rounding
 HALVINGS = 3  # of a step before the damping is increased
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
+NO_STEP = "no step, however short, improves the likelihood any more"
 NEGLIGIBLE_SHARE = 0.01  # of an eigenvector's element: unknowns below it do not take part in the combination
 
 
@@ -44,6 +47,14 @@ class Evaluation(NamedTuple):
     information: Array  # (m, m) of the data
     variance_information: Array | float = 0.0  # part of `information` from the variances of the residuals
     ln_det_R: float = 0.0  # 0 if R is not re-estimated at every point
+    costs: tuple[float, ...] = ()  # of the points before in the maximization
+    products: Array | None = None  # (outputs, m) sums of white residuals times sensitivities, if those are not kept
+
+
+def nowhere(theta: Array) -> Evaluation:
+    """The evaluation of a theta at which the response is not finite."""
+    m = len(theta)
+    return Evaluation(theta, np.inf, (), np.zeros((0, 0)), np.zeros(m), np.zeros((m, m)))
 
 
 class Likelihood(Protocol):
@@ -81,14 +92,21 @@ class _EigenSystem(NamedTuple):
 
 
 def maximize(
-    likelihood: Likelihood, point: Evaluation, max_iterations: int, step_tolerance: float = STEP_TOLERANCE
+    likelihood: Likelihood,
+    point: Evaluation,
+    max_iterations: int,
+    step_tolerance: float = STEP_TOLERANCE,
+    stop: Callable[[Evaluation], bool] | None = None,
+    secant: bool = False,
 ) -> tuple[Evaluation, int, str]:
-    """Maximize the likelihood from `point`.
+    """Maximize the likelihood from `point`, to the optimum or the first point at which `stop` is true.
 
+    secant : correct the curvature by the changes of the gradient over the steps near the optimum
     Returns the last point, the number of iterations, and "" or the reason why the point is not the optimum.
     """
     problem = likelihood.problem
     damping, length = 0.0, np.inf
+    correction = np.zeros_like(point.information)
     values = sum(fit.white.present.sum() for fit in point.segment_fits)
     for iteration in range(1, max_iterations + 1):
         H = point.information + np.diag(problem.prior_information)
@@ -99,7 +117,7 @@ def maximize(
         moving = np.flatnonzero(~held)
         if not len(moving):
             return point, iteration, ""
-        eigen = _step_matrix(likelihood, point, moving, length < NEAR * np.sqrt(values))
+        eigen = _step_matrix(likelihood, point, correction, moving, length < NEAR * np.sqrt(values))
         gain = point.gradient[moving] @ eigen.step(point.gradient[moving], 0.0)
         if gain < ROUNDING * abs(point.cost):
             return point, iteration, ""
@@ -107,27 +125,59 @@ def maximize(
         if new is None or new.cost == point.cost:  # rounding errors dominate, or the gradient is wrong
             if gain < GAIN_TOLERANCE:
                 return point, iteration, ""
-            return point, iteration, "no step, however short, improves the likelihood any more"
+            return point, iteration, NO_STEP
         step = new.theta - point.theta
         length = np.sqrt(max(float(step @ H @ step), 0.0))
         change = abs(new.ln_det_R - point.ln_det_R)
-        point = new
+        if secant and length < NEAR * np.sqrt(values):
+            H = new.information + np.diag(problem.prior_information)
+            correction = _secant(correction, step, point.gradient - new.gradient, H)
+        point = new._replace(costs=(*point.costs, float(point.cost)))
+        if stop is not None and stop(point):
+            return point, iteration, ""
         if damping == 0 and length < step_tolerance and change < LNDET_TOLERANCE:
             return point, iteration, ""
     return point, max_iterations, f"{max_iterations} iterations were not enough"
 
 
-def _step_matrix(likelihood: Likelihood, point: Evaluation, moving: NDArray[np.intp], near: bool) -> _EigenSystem:
+def _secant(correction: Array, step: Array, change: Array, H: Array) -> Array:
+    """The symmetric rank-one update of the correction, after which (H + correction) step = change of the gradient.
+
+    If the sum has too small an eigenvalue, the steps before are forgotten. Reference: Nocedal & Wright, Numerical
+    Optimization, 2nd ed., sec. 6.2.
+    """
+    zero = np.zeros_like(correction)
+    scale = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
+    for before in (correction, zero):
+        missing = change - (H + before) @ step
+        product = missing @ step
+        if abs(product) <= SMALLEST_PRODUCT * np.linalg.norm(missing / scale) * np.linalg.norm(step * scale):
+            return before
+        updated: Array = before + np.outer(missing, missing) / product
+        if _convex(H + updated, _EigenSystem.of(H)) is not None:
+            return updated
+    return zero
+
+
+def _convex(curvature: Array, eigen: _EigenSystem) -> _EigenSystem | None:
+    """The eigensystem of the curvature if its smallest eigenvalue is large enough. eigen : of the information."""
+    if (np.diag(curvature) > 0).all():
+        of_curvature = _EigenSystem.of(curvature)
+        if of_curvature.values[0] > SMALLEST_CURVATURE * eigen.values[0] > 0:
+            return of_curvature
+    return None
+
+
+def _step_matrix(
+    likelihood: Likelihood, point: Evaluation, correction: Array, moving: NDArray[np.intp], near: bool
+) -> _EigenSystem:
     """The matrix of the Newton step of the unknowns `moving`: the curvature of the cost, or the information matrix."""
     block = np.ix_(moving, moving)
     prior = np.diag(likelihood.problem.prior_information)
     eigen = _EigenSystem.of((point.information + prior)[block])
     if near:
-        curvature = (likelihood.curvature(point) + prior)[block]
-        if (np.diag(curvature) > 0).all():
-            of_curvature = _EigenSystem.of(curvature)
-            if of_curvature.values[0] > SMALLEST_CURVATURE * eigen.values[0] > 0:
-                return of_curvature
+        curvature = (likelihood.curvature(point) + correction + prior)[block]
+        return _convex(curvature, eigen) or eigen
     return eigen
 
 
@@ -136,11 +186,12 @@ def _improve(
 ) -> tuple[Evaluation | None, float]:
     """A point whose cost is not larger, and the damping for the next step. None if no step gives one."""
     problem = likelihood.problem
+    largest = problem.largest_step[moving]
     while damping <= LARGEST_DAMPING:
         step = eigen.step(point.gradient[moving], damping)
         for halving in range(HALVINGS + 1):
             theta = point.theta.copy()
-            theta[moving] += step / 2**halving
+            theta[moving] += _limited(step, largest) / 2**halving
             new = likelihood.evaluate(np.clip(theta, problem.lower, problem.upper))
             if new.cost <= point.cost:
                 if halving == 0:
@@ -148,6 +199,22 @@ def _improve(
                 return new, damping
         damping = max(10 * damping, FIRST_DAMPING)
     return None, damping
+
+
+def _limited(step: Array, largest: Array) -> Array:
+    """The step, with changes of ln sigma (those with a largest step) corrected for the shape of the likelihood.
+
+    Of a standard deviation alone, Gauss-Newton's step of ln sigma is (r - 1)/2, where r is the mean square of the
+    residuals relative to sigma^2. The optimum is (ln r)/2 away.
+    """
+    logarithmic = np.isfinite(largest)
+    if not logarithmic.any():
+        return step
+    limit = largest[logarithmic]
+    ratio = np.maximum(1 + 2 * step[logarithmic], np.exp(-2 * limit))
+    limited = step.copy()
+    limited[logarithmic] = np.minimum(np.log(ratio) / 2, limit)
+    return limited
 
 
 def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_stopped: str) -> Fit:
@@ -181,10 +248,16 @@ def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_sto
         prior_information=np.diag(problem.prior_information),
         segment_fits=point.segment_fits,
         variance_information=point.variance_information,
+        costs=(*point.costs, point.cost),
     )
 
 
 def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations: int, why_stopped: str) -> Verdict:
+    values = sum(fit.white.present.sum() for fit in point.segment_fits)
+    without_prior = int((problem.prior_information == 0).sum())
+    if values <= without_prior:
+        text = f"not identifiable: {values} measured values are too few for {without_prior} unknowns without prior"
+        return Verdict(FitStatus.NOT_IDENTIFIABLE, text)
     if why_stopped:
         return Verdict(FitStatus.NOT_CONVERGED, f"not converged: {why_stopped}")
     if not eigen.identifiable.all():
@@ -201,11 +274,16 @@ def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations:
     ]
     if at_bound:
         return Verdict(FitStatus.AT_BOUND, f"converged at a bound: {', '.join(at_bound)}")
-    text = f"converged in {iterations} iterations"
     information = point.information + np.diag(problem.prior_information)
-    for collinear in collinearities(problem.names, information):
+    return Verdict(FitStatus.CONVERGED, converged_text(problem.names, information, iterations))
+
+
+def converged_text(names: tuple[str, ...], information: Array, iterations: int) -> str:
+    """The verdict on a fit that converged, with unknowns that are collinear. information : (m, m), priors included."""
+    text = f"converged in {iterations} iterations"
+    for collinear in collinearities(names, information):
         text += f"; collinear: {collinear}: fix one of them, or give data in which they do not move together"
-    return Verdict(FitStatus.CONVERGED, text)
+    return text
 
 
 def _combination(names: tuple[str, ...], direction: Array, shares: Array) -> str:

@@ -16,6 +16,8 @@ from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit as Fit
 from analysis.estimation.fit import SegmentFit
 from analysis.estimation.frequency_domain import Band, band_matrix
+from analysis.estimation.hints import hints_of
+from analysis.estimation.long_records import summed
 from analysis.estimation.model import Model
 from analysis.estimation.noise import (
     NoiseKind,
@@ -24,12 +26,14 @@ from analysis.estimation.noise import (
     noise_covariance_of,
     whiten,
 )
-from analysis.estimation.optimizer import Evaluation, make_fit, maximize
-from analysis.estimation.problem import Problem, free_names
-from analysis.estimation.simulation import InputRule, Integrator, Response, Simulator, build_simulator
+from analysis.estimation.optimizer import NO_STEP, Evaluation, make_fit, maximize, nowhere
+from analysis.estimation.problem import Problem, as_segments, free_names
+from analysis.estimation.simulation import InputRule, Integrator, Response, Simulator, build_simulator, has_branches
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
+
+LONG = 1_000_000  # elements of the sensitivities above which iterations do not keep them (8 MB)
 
 
 def estimate(
@@ -59,10 +63,11 @@ def estimate(
     functions of `uncertainty`, those for colored residuals do not apply.
     start : starting values by name or full name; they replace those of the parameters
 
-    The verdict says whether the optimum was reached, is at a bound, or leaves unknowns undetermined. Raises InputError
-    for data or options that cannot be used, and when the response to the starting values is not finite.
+    The verdict says whether the optimum was reached, is at a bound, or leaves unknowns undetermined; its hints name
+    residuals that are not white and unstable motion. Raises InputError for data or options that cannot be used, and
+    when the response to the starting values is not finite.
     """
-    segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
+    segments = as_segments(segments)
     simulator = build_simulator(model, free_names(model), integrator, inputs)
     problem = Problem.assemble(model, segments, initial_states, start or {})
     if tail_dof is not None and (noise == "full" or noise_covariance is not None or tail_dof <= 0):
@@ -71,12 +76,20 @@ def estimate(
         )
     known = None if noise_covariance is None else _known_covariance(noise_covariance, model)
     transforms = None if band_Hz is None else [_band_matrix(model, segment, band_Hz) for segment in segments]
-    likelihood = _OutputErrorLikelihood(problem, simulator, noise, known, tail_dof, transforms)
+    likelihood = OutputErrorLikelihood(problem, simulator, noise, known, tail_dof, transforms)
     point = likelihood.evaluate(problem.start)
     if not np.isfinite(point.cost):
         raise InputError(_not_finite(likelihood))
     point, iterations, why_stopped = maximize(likelihood, point, max_iterations)
-    return replace(make_fit(likelihood, point, iterations, why_stopped), integrator=integrator, inputs=inputs)
+    if likelihood.is_long:
+        point = likelihood.evaluate_whole(point.theta)._replace(costs=point.costs)
+    if why_stopped == NO_STEP and has_branches(simulator.step):
+        why_stopped += (
+            "; the model has branches (np.where, np.sign, np.maximum), where the likelihood may jump: smooth them,"
+            " for example with np.tanh"
+        )
+    fit = replace(make_fit(likelihood, point, iterations, why_stopped), integrator=integrator, inputs=inputs)
+    return fit if band_Hz else replace(fit, verdict=fit.verdict._replace(hints=hints_of(fit)))
 
 
 def _band_matrix(model: Model, segment: Segment, band_Hz: Band) -> Array:
@@ -98,7 +111,7 @@ def _known_covariance(given: ArrayLike, model: Model) -> Array:
 
 
 @dataclass(frozen=True)
-class _OutputErrorLikelihood:
+class OutputErrorLikelihood:
     """Of the residuals z - y. known_R : (outputs, outputs), or None to estimate R.
 
     transforms : per segment a matrix (k, n) that residuals and sensitivities are multiplied by; None: used as they are
@@ -106,9 +119,9 @@ class _OutputErrorLikelihood:
 
     problem: Problem
     simulator: Simulator
-    noise: NoiseKind
-    known_R: Array | None
-    tail_dof: float | None
+    noise: NoiseKind = "diagonal"
+    known_R: Array | None = None
+    tail_dof: float | None = None
     transforms: list[Array] | None = None
 
     def respond(self, theta: Array, i: int) -> Response:
@@ -118,18 +131,66 @@ class _OutputErrorLikelihood:
         x, y, S = self.simulator.run(x0, problem.U[i], p, problem.segments[i].step_s)
         return Response(x, y, S[:, :, np.concatenate([np.arange(count), count + problem.free_states])])
 
+    @property
+    def is_long(self) -> bool:
+        """Whether iterations should not keep the sensitivities; they need them with a diagonal R only."""
+        elements = sum(Z.size * len(own) for Z, own in zip(self.problem.Z, self.problem.columns, strict=True))
+        plain = self.noise == "diagonal" and self.known_R is None and self.tail_dof is None
+        return plain and self.transforms is None and elements > LONG
+
+    def evaluate_in_blocks(self, theta: Array) -> Evaluation:
+        """`evaluate` for an estimated diagonal R, without sensitivities in the segment fits."""
+        problem, m = self.problem, len(theta)
+        kept = np.concatenate([np.arange(len(self.simulator.free)), len(self.simulator.free) + problem.free_states])
+        sums = []
+        for i, segment in enumerate(problem.segments):
+            p, x0, _ = problem.unpack(theta, i)
+            with np.errstate(over="ignore", invalid="ignore"):
+                found = summed(self.simulator, x0, problem.U[i], problem.Z[i], p, segment.step_s, kept)
+            if found is None:
+                return nowhere(theta)
+            sums.append(found)
+        R = self._covariance([of_segment.residuals for of_segment in sums])
+        if not np.isfinite(R).all():
+            return nowhere(theta)
+        variance = np.diag(R)
+        g, H, products, cost = np.zeros(m), np.zeros((m, m)), np.zeros((len(variance), m)), 0.0
+        segment_fits = []
+        for of_segment, segment, own in zip(sums, problem.segments, problem.columns, strict=True):
+            white = whiten(of_segment.residuals, np.zeros((*of_segment.residuals.shape, 0)), R, None)
+            cost += negative_log_likelihood(white, R, None)
+            products[:, own] += of_segment.product / variance[:, None]
+            H[np.ix_(own, own)] += np.tensordot(1 / variance, of_segment.gram, axes=1)
+            response = Response(np.zeros((len(segment), 0)), of_segment.y, white.S)
+            segment_fits.append(SegmentFit(segment, response, of_segment.residuals, white, own))
+        g += products.sum(axis=0)
+        from_prior = theta - problem.prior_mean
+        cost += float(problem.prior_information @ from_prior**2) / 2
+        g -= problem.prior_information * from_prior
+        ln_det_R = float(np.linalg.slogdet(R)[1])
+        return Evaluation(theta, cost, tuple(segment_fits), R, g, H, ln_det_R=ln_det_R, products=products)
+
     def evaluate(self, theta: Array) -> Evaluation:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            point = self.evaluate_in_blocks(theta) if self.is_long else self.evaluate_whole(theta)
+            finite = np.isfinite(point.cost) and np.isfinite(point.information).all()
+        return point if finite else nowhere(theta)
+
+    def evaluate_whole(self, theta: Array) -> Evaluation:
+        """The likelihood with the whitened sensitivities of all segments."""
         problem, m = self.problem, len(theta)
         with np.errstate(over="ignore", invalid="ignore"):
             responses = [self.respond(theta, i) for i in range(len(problem.segments))]
             residuals = [z - response.y for z, response in zip(problem.Z, responses, strict=True)]
         if not all(np.isfinite(r.y).all() and np.isfinite(r.S).all() for r in responses):
-            return Evaluation(theta, np.inf, (), np.zeros((0, 0)), np.zeros(m), np.zeros((m, m)))
+            return nowhere(theta)
         used, S = residuals, [response.S for response in responses]
         if self.transforms is not None:
             used = [T @ e for T, e in zip(self.transforms, residuals, strict=True)]
             S = [np.tensordot(T, s, axes=1) for T, s in zip(self.transforms, S, strict=True)]
         R = self._covariance(used)
+        if not np.isfinite(R).all():  # the response is so far off that its square overflows
+            return nowhere(theta)
         g, H, cost = np.zeros(m), np.zeros((m, m)), 0.0
         segment_fits = []
         for i, response in enumerate(responses):
@@ -160,9 +221,12 @@ class _OutputErrorLikelihood:
         for fit in point.segment_fits:
             white = fit.white
             rows = white.present.all(axis=1) if self.noise == "full" else slice(None)
-            product = np.tensordot(white.e[rows], white.S[rows], axes=(0, 0))
-            d_R[:, :, fit.columns] += product + product.transpose(1, 0, 2)
             samples += white.present[rows].sum(axis=0)
+            if point.products is None:
+                product = np.tensordot(white.e[rows], white.S[rows], axes=(0, 0))
+                d_R[:, :, fit.columns] += product + product.transpose(1, 0, 2)
+        if point.products is not None:
+            d_R[np.arange(outputs), np.arange(outputs)] = 2 * point.products
         if self.noise == "diagonal":
             d_R *= np.eye(outputs)[:, :, None]
         d_R /= np.sqrt(2 * np.maximum(samples, 1))[:, None, None]
@@ -181,17 +245,17 @@ class _OutputErrorLikelihood:
         return noise_covariance_of(np.concatenate(residuals), scale, self.noise, self.tail_dof)
 
 
-def _not_finite(likelihood: _OutputErrorLikelihood) -> str:
+def _not_finite(likelihood: OutputErrorLikelihood) -> str:
     """The message that names the segment and time from which the response to the starting values is not finite."""
     problem = likelihood.problem
+    advice = "give better starting values; if the model is unstable, split the segment (data.split)"
     for i, segment in enumerate(problem.segments):
         with np.errstate(over="ignore", invalid="ignore"):
             response = likelihood.respond(problem.start, i)
         finite = np.isfinite(response.y).all(axis=1) & np.isfinite(response.S).all(axis=(1, 2))
         if not finite.all():
-            at = segment.t_s[int(np.argmin(finite))]
-            break
-    return (
-        f"model {problem.model.name}, segment {segment.name}: with the starting values the response is not finite from"
-        f" t = {at:g} s on; give better starting values; if the model is unstable, split the segment (data.split)"
-    )
+            return (
+                f"model {problem.model.name}, segment {segment.name}: with the starting values the response is not"
+                f" finite from t = {segment.t_s[int(np.argmin(finite))]:g} s on; {advice}"
+            )
+    return f"model {problem.model.name}: with the starting values the squares of the residuals are not finite; {advice}"

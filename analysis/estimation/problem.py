@@ -2,7 +2,8 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Unknown(NamedTuple):
-    """One element of theta: starting value, bounds, and mean and information (1/variance) of its normal prior."""
+    """One element of theta: start, bounds, mean and information (1/variance) of its normal prior, largest step."""
 
     name: str
     unit: str
@@ -25,6 +26,7 @@ class Unknown(NamedTuple):
     upper: float = np.inf
     prior_mean: float = 0.0
     prior_information: float = 0.0
+    largest_step: float = np.inf  # in one iteration
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Problem:
     """A model, its data, and the vector of unknowns theta (m,) of all segments.
 
     U, Z : per segment, inputs (n, inputs) and measured outputs (n, outputs), NaN where missing
-    names, units, start, lower, upper, prior_mean, prior_information : (m,), in the order of theta
+    names, units, start, lower, upper, prior_mean, prior_information, largest_step : (m,), in the order of theta
     columns : per segment, the indices in theta of its unknowns: free parameters, free initial states, noise parameters
     free_states : indices of the states whose initial values are estimated
     x0 : per segment, the initial state (states,); elements in `free_states` are only starting values
@@ -49,6 +51,7 @@ class Problem:
     upper: Array
     prior_mean: Array
     prior_information: Array  # diagonal
+    largest_step: Array
     columns: list[NDArray[np.intp]]
     free_states: NDArray[np.intp]
     x0: list[Array]
@@ -66,6 +69,8 @@ class Problem:
 
         Raises InputError for missing or contradictory data, unknown names, or when nothing is free.
         """
+        if not isinstance(start, Mapping):
+            raise InputError(f"start must give values by name, {{'CLa': 4.5}}, is {start!r}")
         if not segments:
             raise InputError(f"model {model.name}: there is no segment to fit; give at least one")
         for name, count in Counter(segment.name for segment in segments).items():
@@ -118,8 +123,25 @@ class Problem:
             [inputs_of(model, s) for s in segments], [measurements_of(model, s) for s in segments],
             tuple(unknowns), tuple(n.unit for n in free), np.clip(values, lower, upper), lower, upper,
             np.array([n.prior_mean for n in free]), np.array([n.prior_information for n in free]),
+            np.array([n.largest_step for n in free]),
             columns, free_states, x0,
         )  # fmt: skip
+
+    def without(self, keep: NDArray[np.bool_]) -> "Problem":
+        """The problem with the unknowns where `keep` (m,) is true only."""
+        new_index = np.cumsum(keep) - 1
+        return replace(
+            self,
+            names=tuple(compress(self.names, keep)),
+            units=tuple(compress(self.units, keep)),
+            start=self.start[keep],
+            lower=self.lower[keep],
+            upper=self.upper[keep],
+            prior_mean=self.prior_mean[keep],
+            prior_information=self.prior_information[keep],
+            largest_step=self.largest_step[keep],
+            columns=[new_index[columns[keep[columns]]] for columns in self.columns],
+        )
 
     def unpack(self, theta: Array, i: int) -> tuple[Array, Array, Array]:
         """Segment i's parameters (free and fixed, in model order), initial state (states,), and noise parameters."""
@@ -130,6 +152,15 @@ class Problem:
         x0 = self.x0[i].copy()
         x0[self.free_states] = states
         return p, x0, noise
+
+
+def as_segments(segments: Segment | Sequence[Segment]) -> tuple[Segment, ...]:
+    """One or several segments as a tuple. Raises InputError for anything else."""
+    found = (segments,) if isinstance(segments, Segment) else tuple(segments)
+    for segment in found:
+        if not isinstance(segment, Segment):
+            raise InputError(f"segments: give Segment objects, not {segment!r}")
+    return found
 
 
 def free_names(model: Model) -> tuple[str, ...]:

@@ -8,16 +8,36 @@ import numpy as np
 
 from analysis.estimation import equation_error, output_error
 from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit, FitStatus, Verdict
+from analysis.estimation.fit import Fit, FitStatus
 from analysis.estimation.model import Model
+from analysis.estimation.simulation import InputRule, Integrator
 from flight.errors import InputError
 
+SMOOTHING_SAMPLES = 1.5
 SAME_OPTIMUM = 0.01  # difference in log-likelihood below which two fits are the same; 2 is significant at 5 %
 
 
-def from_equation_error(model: Model, segments: Segment | Sequence[Segment], *, smoothing_s: float) -> dict[str, float]:
-    """Starting values of the shared free parameters, by equation error. See `equation_error.estimate` for errors."""
-    fit = equation_error.estimate(model, segments, smoothing_s=smoothing_s)
+def from_equation_error(
+    model: Model, segments: Segment | Sequence[Segment], *, smoothing_s: float | None = None
+) -> dict[str, float]:
+    """Starting values of the shared free parameters, by equation error. See `equation_error.estimate` for errors.
+
+    smoothing_s : of its low-pass filter; default: 1.5 samples, which is enough where the noise is light
+    """
+    if smoothing_s is None:
+        first = segments if isinstance(segments, Segment) else segments[0]
+        smoothing_s = SMOOTHING_SAMPLES * first.step_s
+    return _shared_values(equation_error.estimate(model, segments, smoothing_s=smoothing_s), model)
+
+
+def from_output_error(
+    model: Model, segments: Segment | Sequence[Segment], *, integrator: Integrator = "rk4", inputs: InputRule = "linear"
+) -> dict[str, float]:
+    """Starting values of the shared free parameters, by output error. See `output_error.estimate` for errors."""
+    return _shared_values(output_error.estimate(model, segments, integrator=integrator, inputs=inputs), model)
+
+
+def _shared_values(fit: Fit, model: Model) -> dict[str, float]:
     return {q.name: fit.parameters[q.name].value for q in model.parameters if q.free and q.shared}
 
 
@@ -68,4 +88,4 @@ def estimate(
         text += f", {others} ended at worse optima"
     if len(usable) < len(tried):
         text += f", {len(tried) - len(usable)} did not converge"
-    return replace(best, verdict=Verdict(best.verdict.status, text))
+    return replace(best, verdict=best.verdict._replace(text=text))

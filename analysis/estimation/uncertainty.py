@@ -141,7 +141,7 @@ class Significance(NamedTuple):
 def t_tests(uncertainty: Uncertainty, level: float = 0.05) -> dict[str, Significance]:
     """Whether each unknown differs from zero, by Student's t with N - n_p degrees of freedom (4.3-4.5).
 
-    Logarithms of noise parameters are left out, because zero has no meaning for them; see `filter_error.Intensity`.
+    Logarithms of noise parameters are left out, because zero has no meaning for them; see `process_noise.Intensity`.
     """
     fit = uncertainty.fit
     critical = float(special.stdtrit(max(1, fit.samples - len(fit.names)), 1 - level / 2))

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.log_fields import times_ns
 from analysis.signals.synchronize import TOPICS
 from flight.errors import InputError
 from flight.log_reader import Log
@@ -28,11 +29,11 @@ def check_clock(log: Log) -> None:
             f"{log.path}: /imu: log_time jumps by {jump_s:.3g} s; use a clock that is not set while it records"
         )
     for topic in TOPICS:
-        times_ns = _times_ns(log, topic)
-        if len(times_ns) < FEWEST_MESSAGES:
+        taken_ns = _times_ns(log, topic)
+        if len(taken_ns) < FEWEST_MESSAGES:
             continue
-        if times_ns[-1] < imu_ns[0] or times_ns[0] > imu_ns[-1]:
-            apart_s = float(times_ns[0] - imu_ns[0]) / 1e9
+        if taken_ns[-1] < imu_ns[0] or taken_ns[0] > imu_ns[-1]:
+            apart_s = float(taken_ns[0] - imu_ns[0]) / 1e9
             raise InputError(
                 f"{log.path}: {topic}: its log times begin {apart_s:+.4g} s from those of /imu and have none in common"
                 " with them; take the log_time of all topics from one clock, in nanoseconds"
@@ -51,4 +52,4 @@ def _wrong_interval(interval_s: float) -> str:
 
 
 def _times_ns(log: Log, topic: str) -> NDArray[np.int64]:
-    return np.array([entry.time_ns for entry in log.entries.get(topic, [])], dtype=np.int64)
+    return times_ns(log.entries.get(topic, []))

@@ -3,11 +3,14 @@
 from difflib import get_close_matches
 
 import msgspec
+import numpy as np
 
+from analysis.signals.log_fields import is_good, values
 from analysis.signals.synchronize import COLUMNS, NEEDED, TOPICS
 from flight.errors import InputError
+from flight.log_entries import STATUSES, entries_of
 from flight.log_reader import FORMAT_PAGE, Log, other_encoding
-from flight.messages import TYPE_OF_TOPIC, Status
+from flight.messages import TYPE_OF_TOPIC
 
 MOST_UNDECODABLE = 0.5  # of a topic's messages; a damaged log has a few
 SIMILAR = 0.7  # of 1, by difflib
@@ -39,27 +42,28 @@ def check_messages(log: Log) -> None:
 
 def _check_fields(log: Log, topic: str) -> None:
     """Raises InputError if a required field has no value, or an optional one is there under another name."""
-    good = [entry.message for entry in log.entries[topic] if entry.message.status is Status.OK]
+    entries = entries_of(log.entries[topic])
+    good = is_good(entries)
     used = [field for of, field in COLUMNS.values() if of == topic]
-    empty = [field for field in used if all(getattr(message, field) is None for message in good)]
+    empty = [field for field in used if np.isnan(values(entries, field)[good]).all()]
     known = {field.name for field in msgspec.structs.fields(TYPE_OF_TOPIC[topic])}
     unknown = sorted(log.fields.get(topic, frozenset()) - known)
     misnamed = [(field, match) for field in empty for match in get_close_matches(field, unknown, 1, SIMILAR)]
     if misnamed:
         field, match = misnamed[0]
         raise InputError(f"{log.path}: {topic}: {field} has no value, but there is an unknown field {match}: rename it")
-    if (unknown and good and len(empty) == len(used)) or (topic in NEEDED and empty):
-        left_out = [field for field in empty if good and field not in log.fields.get(topic, frozenset(empty))]
+    if (unknown and good.any() and len(empty) == len(used)) or (topic in NEEDED and empty):
+        left_out = [field for field in empty if good.any() and field not in log.fields.get(topic, frozenset(empty))]
         if left_out and not unknown:
             words = "is missing; it is" if len(left_out) == 1 else "are missing; they are"
             raise InputError(f"{log.path}: {topic}: {', '.join(left_out)} {words} required")
-        raise InputError(f"{log.path}: {topic}: {empty[0]} {_why_empty(log, topic, unknown, bool(good))}")
+        raise InputError(f"{log.path}: {topic}: {empty[0]} {_why_empty(log, topic, unknown, bool(good.any()))}")
 
 
 def _why_empty(log: Log, topic: str, unknown: list[str], good: bool) -> str:
     if unknown:
         return f"has no value; fields of its messages that {FORMAT_PAGE} does not have: {', '.join(unknown)}"
-    statuses = ", ".join(sorted({str(entry.message.status) for entry in log.entries[topic]}))
+    statuses = ", ".join(sorted({str(STATUSES[code]) for code in entries_of(log.entries[topic]).status}))
     return f"never carried a value (its status: {statuses})" if good else f"was never measured (its status: {statuses})"
 
 

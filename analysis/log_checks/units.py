@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.log_fields import field_of
+from analysis.signals.log_fields import field_of, is_good, times_ns, values
 from flight.errors import InputError
 from flight.log_reader import Log
-from flight.messages import Status
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
@@ -179,6 +178,7 @@ def _specific_force(log: Log) -> tuple[Array, float]:
 
 def _times_and_values(log: Log, topic: str, fields: tuple[str, ...]) -> Array:
     """Log time [ns] and fields of the good messages with all of them, (n, 1 + fields)."""
-    good = [entry for entry in log.entries[topic] if entry.message.status is Status.OK]
-    rows = np.array([(e.time_ns, *(getattr(e.message, field) for field in fields)) for e in good], dtype=float)
+    entries = log.entries[topic]
+    columns = [times_ns(entries).astype(float), *(values(entries, field) for field in fields)]
+    rows = np.stack(columns, axis=1)[is_good(entries)]
     return rows[np.isfinite(rows).all(axis=1)]

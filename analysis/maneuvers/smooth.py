@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
+from analysis.signals.local_polynomial import local_quadratic
 from analysis.signals.stretches import stretches
 from flight.units import GRAVITY_MPS2
 
@@ -32,9 +32,9 @@ def smooth(table: pd.DataFrame, over_s: float) -> SmoothedMotion:
     raw_V, raw_h = table["V_mps"].to_numpy(), table["height_m"].to_numpy()
     for rows in stretches(np.isfinite(raw_V) & np.isfinite(raw_h)):
         if rows.stop - rows.start >= window:
-            V[rows] = savgol_filter(raw_V[rows], window, 2)
-            Vdot[rows] = savgol_filter(raw_V[rows], window, 2, deriv=1, delta=step_s)
-            climb[rows] = savgol_filter(raw_h[rows], window, 2, deriv=1, delta=step_s)
+            V[rows] = local_quadratic(raw_V[rows], window)
+            Vdot[rows] = local_quadratic(raw_V[rows], window, 1, step_s)
+            climb[rows] = local_quadratic(raw_h[rows], window, 1, step_s)
     return SmoothedMotion(V, np.nan_to_num(Vdot), climb, table["bank_rad"].to_numpy(), step_s)
 
 

@@ -14,6 +14,7 @@ from analysis.files import write_file
 from analysis.report.answers import HeadlineAnswer, interval_text, optimum_speed_text
 from analysis.report.figures import electrical as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
+from analysis.report.sections.autopilot import autopilot_section
 from analysis.report.sections.provenance import electrical_facts
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
@@ -108,6 +109,7 @@ def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, b
         curve=_curve_table(results),
         shared_part=_shared_part(found),
         withheld=found.withheld,
+        autopilot=autopilot_section(results),
         air=_air(found),
         balance=(
             f"Useful power less that of drag and of the change of energy, {found.residual_W:.0f} W rms over"

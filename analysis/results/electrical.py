@@ -1,5 +1,6 @@
 """The electrical power of level flight in the form of `results.json`."""
 
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from analysis.electrical.estimate import ElectricalEstimate
 from analysis.electrical.flight_table import STEP_S, FlightTable
 from analysis.electrical.flown_aircraft import FlownAircraft
 from analysis.estimation.intervals import NORMAL_95
+from analysis.results.autopilot_parameters import typed_in
+from analysis.results.electrical_parameters import flight_values
 from analysis.results.schema import (
     AircraftResult,
     ConditionResult,
@@ -44,8 +47,12 @@ def electrical_results(
     estimate: ElectricalEstimate,
     battery_J: float | None,
     provenance: Provenance,
+    logged: Mapping[str, float] = {},
 ) -> Results:
-    """The contents of `results.json`. battery_J: usable energy; None where it is not known."""
+    """The contents of `results.json`. battery_J: usable energy; None where it is not known. logged: the autopilot's
+    parameters."""
+    beside = _beside_the_curve(flight, estimate, battery_J)
+    parameters, withheld = typed_in(flight_values(estimate, beside.best_range_speed, logged))
     rows = flight.table[flight.flown]
     weight = ConditionResult(weight_N=aircraft.weight_N, air_density_kgpm3=estimate.conditions.rho)
     return Results(
@@ -71,7 +78,9 @@ def electrical_results(
         verdict="converged",
         warnings=[*flight.notes, *_warnings(estimate)],
         electrical_power=_curve(estimate),
-        electrical=_beside_the_curve(flight, estimate, battery_J),
+        electrical=beside,
+        autopilot_parameters=parameters,
+        autopilot_parameters_withheld=withheld,
         provenance=provenance,
     )  # fmt: skip
 

@@ -1,7 +1,11 @@
-"""The documented, versioned format of `results.json` and `power_required.csv` (docs/results.md)."""
+"""The documented, versioned format of `results.json` and `power_required.csv` (docs/results.md).
+
+More than 350 lines: the fields of one file, with their units.
+"""
 
 import msgspec
 
+from analysis.results.autopilot_parameter import AutopilotParameter
 from analysis.results.pooling_statistics import PoolingStatistics
 from analysis.results.schema_likelihood import PitchRateResult
 from analysis.results.schema_provenance import AirFound, Correlation, Provenance, RunResidual, Track
@@ -341,6 +345,9 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     run_residuals: list[RunResidual] = []
     parameter_correlation: Correlation | None = None
     track: Track | None = None
+    next_flight: list[str] = []  # what the next twenty minutes should be, in sentences; empty where nothing is lacking
+    autopilot_parameters: list[AutopilotParameter] = []  # that follow from the flight
+    autopilot_parameters_withheld: list[str] = []  # that do not, and why
     pitch_rate: PitchRateResult | None = None  # with `--likelihood`
 
 

@@ -5,6 +5,7 @@ channel is NaN there.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from analysis.signals.log_fields import is_good, times_ns, values
 from flight.errors import InputError
-from flight.log_reader import Log, LogEntry
+from flight.log_entries import STATUS_CODE, Entries, LogEntry, entries_of
+from flight.log_reader import Log
 from flight.messages import Status
 
 Array = NDArray[np.float64]
@@ -69,15 +72,17 @@ def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
     lag_s: by topic, a known delay of its quantity [s], in addition to the delay in its messages.
     Raises InputError if the log's metadata have a wrong rate.
     """
-    ticks = np.array([(entry.tick, entry.time_ns) for entry in log.entries["/imu"]], dtype=np.int64)
+    imu = entries_of(log.entries["/imu"])
+    ticks = np.stack([np.array(imu.tick, dtype=np.int64), times_ns(imu)], axis=1)
     period_s = _period_s(ticks, log)
     start_ns = int(ticks[0, 1])
     t_s: Array = np.arange(int((ticks[-1, 1] - start_ns) / 1e9 / period_s) + 1, dtype=float) * period_s
 
     table: dict[str, Array] = {}
-    notes = [note for topic in TOPICS for note in _losses(topic, log.entries.get(topic, []), start_ns, period_s)]
+    columns = {topic: entries_of(log.entries.get(topic, [])) for topic in TOPICS}
+    notes = [note for topic, entries in columns.items() for note in _losses(topic, entries, start_ns, period_s)]
     for name, (topic, field) in COLUMNS.items():
-        entries = log.entries.get(topic, [])
+        entries = columns[topic]
         taken_s, value = samples(entries, field, start_ns)
         table[name] = on_grid(t_s, taken_s - (lag_s or {}).get(topic, 0.0), value)
     return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns, notes)
@@ -97,15 +102,15 @@ def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
     return np.where(known, CubicSpline(taken_s, value)(t_s), np.nan)
 
 
-def _losses(topic: str, entries: list[LogEntry], start_ns: int, period_s: float) -> list[str]:
+def _losses(topic: str, entries: Entries, start_ns: int, period_s: float) -> list[str]:
     """Notes on a topic: the share of clipped samples, and long gaps."""
     if not entries:
         return []
     notes = []
-    clipped = sum(entry.message.status is Status.SATURATED for entry in entries) / len(entries)
+    clipped = entries.status.count(STATUS_CODE[Status.SATURATED]) / len(entries)
     if clipped > MENTIONED_SHARE:
         notes.append(f"{topic} was {CLIPPED} for {100 * clipped:.1f} % of the log and is left out there.")
-    good_s = np.array([(entry.time_ns - start_ns) / 1e9 for entry in entries if entry.message.status is Status.OK])
+    good_s = (times_ns(entries)[is_good(entries)] - start_ns) / 1e9
     if topic == "/rpm" or len(good_s) < 2:
         return notes  # a standing motor sends no messages; `synchronize` reports a topic without values
     gaps = np.diff(good_s)
@@ -115,31 +120,26 @@ def _losses(topic: str, entries: list[LogEntry], start_ns: int, period_s: float)
     return notes
 
 
-def samples(entries: list[LogEntry], field: str, start_ns: int) -> tuple[Array, Array]:
+def samples(entries: Sequence[LogEntry], field: str, start_ns: int) -> tuple[Array, Array]:
     """Times [s] and values of the good messages, (m,), in order of time, one for each time."""
-    good = [
-        ((time_ns - start_ns) / 1e9 - _delay_s(message), value)
-        for time_ns, _, message in entries
-        if message.status is Status.OK and (value := getattr(message, field)) is not None
-    ]
-    if not good:
-        return np.empty(0), np.empty(0)
-    taken_s, value = np.array(good).T
+    entries = entries_of(entries)
+    value = values(entries, field)
+    good = is_good(entries) & ~np.isnan(value)
+    taken_s = ((times_ns(entries) - start_ns) / 1e9 - _delay_s(entries))[good]
     taken_s, first = np.unique(taken_s, return_index=True)
-    return taken_s, value[first]
+    return taken_s, value[good][first]
 
 
-def _delay_s(message: object) -> float:
-    """Age of a message's quantity at its log_time [s], as far as the message gives it.
+def _delay_s(entries: Entries) -> Array:
+    """Age of each message's quantity at its log_time [s], (n,), as far as the messages give it.
 
     A motor speed is the mean over the timed period, and at a tick the newest frame is on average half a frame interval
     old: together 16 ms at 90 rev/s. Without this correction the motor speed would seem to lag.
     """
-    timed_s = (getattr(message, "period_us", None) or 0) * 1e-6
-    if timed_s > 0:
-        frame_interval_s = timed_s * math.ceil(COUNTER_S / timed_s)
-        return (timed_s + frame_interval_s) / 2
-    return getattr(message, "group_delay_s", None) or 0.0
+    timed_s = np.nan_to_num(values(entries, "period_us")) * 1e-6
+    timed = timed_s > 0
+    frame_interval_s = timed_s * np.ceil(COUNTER_S / np.where(timed, timed_s, 1.0))
+    return np.where(timed, (timed_s + frame_interval_s) / 2, np.nan_to_num(values(entries, "group_delay_s")))
 
 
 def _period_s(ticks: NDArray[np.int64], log: Log) -> float:

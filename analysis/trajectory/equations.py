@@ -44,8 +44,9 @@ MEASUREMENTS = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_do
 # difference of the alpha ports).
 PREDICTED_FLOW = ("V_predicted", "alpha_predicted", "transverse_gust_variance", "dlnV_dlndp_alpha")
 LEVEL_FIELD = ("field_forward", "field_right")  # measured magnetic field in level axes along and across the heading [T]
-# Regressor of the scale, its derivative (for the lag), and mean over a block less the value at its center.
-ALPHA_REGRESSORS = ("alpha", "alpha_rate", "alpha_curvature")
+# Regressors of the errors of the angle of attack: the angle at the probe (for the slope), its derivative (for the lag),
+# the change by the airspeed scale, and the mean of the angle over a block less the value at its center.
+ALPHA_REGRESSORS = ("probe_alpha", "probe_alpha_rate", "alpha_by_V_scale", "alpha_curvature")
 MEASUREMENT_INPUTS = ("ax", "ay", "az", "V_rate", *ALPHA_REGRESSORS, *PREDICTED_FLOW, *LEVEL_FIELD)
 
 
@@ -111,6 +112,9 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
     If airspeed reads high by a fraction, dynamic pressure reads high by twice that; flow angles are pressure
     differences over dynamic pressure, and read low by as much. An angle that reads low selects the wrong q_c/qbar in
     the probe's calibration, which changes airspeed (dlnV_dlndp_alpha). A lag subtracts the derivative times the lag.
+    Slope and lag act on the angle at the probe, upwash and rotation included. These are subtracted in proportion to
+    1/V^2 and 1/V: with q the rotation's part of the probe's angle, the airspeed scale changes the angle by -2 alpha - q
+    (alpha_by_V_scale).
 
     compass: component of the earth's field across magnetic north, which is zero. Leveling of the field uses a fixed
     attitude (LEVEL_FIELD), so that this residual has a derivative by heading only. Otherwise errors of the
@@ -126,8 +130,9 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
         - errors.air_data_lag * inputs.V_rate,
         alpha
         + inputs.alpha_curvature
-        + alpha_slope * inputs.alpha
-        - errors.air_data_lag * inputs.alpha_rate
+        + errors.alpha_scale * inputs.probe_alpha
+        + errors.V_scale * inputs.alpha_by_V_scale
+        - errors.air_data_lag * inputs.probe_alpha_rate
         + errors.alpha_bias,
         beta + errors.beta_bias,
         x.height,
@@ -215,9 +220,6 @@ class _CompiledFunction:
         outputs = ca.cse([residual, ca.vertcat(*jacobian.nonzeros())])
         self._buffer: Any
         self._buffer, self._run = ca.Function("f", arguments, outputs).map(n).buffer()
-        self._residual, self._nonzeros = np.empty((n, residual.shape[0])), np.empty((n, sparsity.nnz()))
-        self._buffer.set_res(0, self._residual.data)
-        self._buffer.set_res(1, self._nonzeros.data)
         self._shape, self._filled = (n, *jacobian.shape), rows * jacobian.shape[1] + columns
 
     def __call__(self, *arguments: Array) -> tuple[Array, Array]:
@@ -225,7 +227,10 @@ class _CompiledFunction:
         kept = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
         for i, argument in enumerate(kept):
             self._buffer.set_arg(i, argument.data)
+        residual, nonzeros = np.empty(self._shape[:2]), np.empty((self._shape[0], len(self._filled)))
+        self._buffer.set_res(0, residual.data)
+        self._buffer.set_res(1, nonzeros.data)
         self._run()
         jacobian = np.zeros(self._shape)
-        jacobian.reshape(self._shape[0], -1)[:, self._filled] = self._nonzeros
-        return self._residual.copy(), jacobian
+        jacobian.reshape(self._shape[0], -1)[:, self._filled] = nonzeros
+        return residual, jacobian

@@ -7,8 +7,8 @@ regressor that contains this response attributes the gust to the sensor.
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
+from analysis.signals.local_polynomial import local_quadratic
 from analysis.signals.stretches import stretches
 
 Array = NDArray[np.float64]
@@ -71,5 +71,5 @@ def derivative(values: Array, flying: BoolArray, step_s: float) -> Array:
     rate = np.zeros(len(values))
     for rows in stretches(flying):
         if rows.stop - rows.start >= window:
-            rate[rows] = savgol_filter(values[rows], window, 2, deriv=1, delta=step_s)
+            rate[rows] = local_quadratic(values[rows], window, 1, step_s)
     return rate

@@ -1,11 +1,13 @@
 """Maximum a posteriori trajectory and sensor errors of a whole flight, by Gauss-Newton iterations."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from analysis.airdata.magnetometer import Compass
 from analysis.trajectory.block_means import BlockMeans
@@ -18,7 +20,8 @@ from analysis.trajectory.equations import (
     EquationInputs,
 )
 from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.smoother import GaussNewtonStep, cost, gauss_newton_step
+from analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
+from flight.aircraft import Uncertainty
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -28,6 +31,7 @@ GUST_GRID_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 
 _FIRST_GUST = GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
 MOST_ITERATIONS = 40
 GRID_ITERATIONS = 1  # from the solution at the neighboring gust intensity
+GUSTS_DOMINATE_MPS = 0.1  # vertical gusts, 1 sigma, that contribute as much as noise to the errors of flow angles
 DRAWS = 16  # random errors of the states: standard errors within a sixth
 # Convergence: largest last step of a sensor error, in standard errors. The first solution only has to be good enough to
 # compare gust intensities.
@@ -43,7 +47,8 @@ class Trajectory:
     sensor_errors, covariance : estimates (m,) and their covariance (m, m), order of SENSOR_ERRORS
     prior_sigma : (m,) prior standard deviations of the sensor errors
     state_sensitivity : (n, nx, m) derivative of the most probable states by the sensor errors
-    draws : (DRAWS, n, nx) random errors of the states given the sensor errors
+    states_given_errors : the distribution of the states given the sensor errors
+    draws : (DRAWS, n, nx) random errors by it
     predicted_flow : (n, ·) columns PREDICTED_FLOW, for `flow`
     gust_mps : standard deviation of vertical gusts [m/s]
     residuals : rms of each measurement's residuals, in units of its standard deviation
@@ -55,6 +60,7 @@ class Trajectory:
     covariance: Array
     prior_sigma: Array
     state_sensitivity: Array
+    states_given_errors: StatesGivenErrors
     draws: Array
     predicted_flow: Array
     gust_mps: float
@@ -87,17 +93,25 @@ def reconstruct(
     *,
     alpha_scale_sigma: float = 0.0,
     compass: Compass | None = None,
+    calibrated: Mapping[str, float] = MappingProxyType({}),
+    gust_length: float = Uncertainty().gust_length,
+    prior_factor: ArrayLike = 1.0,
     log: str = "log",
 ) -> Trajectory:
     """The most probable trajectory of a whole flight.
 
     table: as `air_data` returns it. rest: rows in which the aircraft is at rest. alpha_scale_sigma: standard deviation
     of the slope of angle of attack in the probe's calibration, in addition to that of transducers and installation.
-    compass: the earth's field, sample by sample, from a calibrated magnetometer.
+    compass: the earth's field, sample by sample, from a calibrated magnetometer. gust_length: scale length of vertical
+    gusts over the height, for the covariance of the sensor errors. prior_factor: on the prior standard deviations of
+    the sensor errors, a number or (m,). calibrated: standard errors by the transducers' calibration, as `FlightData`
+    has them.
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
-        return _reconstruct(TrajectoryProblem(table, rest, alpha_scale_sigma, compass))
+        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass, calibrated)
+        problem.error_sigma = problem.error_sigma * np.asarray(prior_factor)
+        return _reconstruct(problem, gust_length)
     except np.linalg.LinAlgError:
         raise InputError(
             f"{log}: the flight path cannot be reconstructed: IMU and air data contradict each other or have long gaps"
@@ -132,15 +146,31 @@ class _Solution:
     linearized_at: _LinearizationPoint
 
 
-def _reconstruct(problem: TrajectoryProblem) -> Trajectory:
-    first = _solve(
-        problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST
+class _Candidate(NamedTuple):
+    """A solution to compare and to start others from."""
+
+    x: Array
+    sensor_errors: Array
+    gust_mps: float
+    negative_log_evidence: float
+    gust_ratio: float
+
+
+def _candidate(solution: _Solution) -> _Candidate:
+    """The solution without its matrices, which take 30 MB in a flight of 20 minutes."""
+    return _Candidate(*(getattr(solution, name) for name in _Candidate._fields))
+
+
+def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
+    first = _candidate(
+        _solve(problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST)
     )
     gust, nearest = _most_probable_gust(problem, first)
-    return _trajectory(problem, _solve(problem, nearest.x, nearest.sensor_errors, gust, MOST_ITERATIONS, CONVERGED))
+    solution = _solve(problem, nearest.x, nearest.sensor_errors, gust, MOST_ITERATIONS, CONVERGED)
+    return _trajectory(problem, solution, gust_length)
 
 
-def _most_probable_gust(problem: TrajectoryProblem, first: _Solution) -> tuple[float, _Solution]:
+def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[float, _Candidate]:
     """The gust intensity of greatest evidence [m/s], and the solution nearest to it on the grid.
 
     A search along GUST_GRID_MPS from the first solution until evidence falls, then a parabola through the best three.
@@ -152,7 +182,9 @@ def _most_probable_gust(problem: TrajectoryProblem, first: _Solution) -> tuple[f
         while 0 <= i + direction < len(GUST_GRID_MPS):
             last = solutions[i]
             i += direction
-            solutions[i] = _solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], GRID_ITERATIONS, CONVERGED)
+            solutions[i] = _candidate(
+                _solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], GRID_ITERATIONS, CONVERGED)
+            )
             if solutions[i].negative_log_evidence > last.negative_log_evidence:
                 break  # the only maximum of evidence has been passed
         if i != start + direction:
@@ -171,10 +203,13 @@ def _solve(
     """Gauss-Newton iterations for one gust intensity, until the step is within the tolerance or for so many."""
     converged, last_move, damping = False, np.zeros(len(SENSOR_ERRORS)), 1.0
     process = problem.process_model(gust)
+    linearization: Any
+    step: Any
     for _ in range(iterations):
         inputs = problem.equation_inputs(x, sensor_errors, gust, process)
         remaining, prior = problem.remaining_errors(sensor_errors, gust)
         point = _LinearizationPoint(x, remaining, inputs)
+        linearization = step = None  # frees 70 MB before as many are taken again
         linearization = problem.equations.linearize(*point)
         initial = x[0]
         step = gauss_newton_step(linearization, prior, initial, remaining)
@@ -206,14 +241,29 @@ def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array
     return solution.last_step.conditional.state_sensitivity(problem.equations.linearize(x, sensor_errors, actual))
 
 
-def _trajectory(problem: TrajectoryProblem, solution: _Solution) -> Trajectory:
+def with_gust_length(covariance: Array, prior_sigma: Array, gust_mps: float, gust_length: float) -> Array:
+    """Covariance (m, m) of the sensor errors where gusts are longer than in the standard's spectrum.
+
+    The variance of the mean of a process over a time much longer than its scale grows with the scale (Lenschow, Mann &
+    Kristensen 1994, J. Atmos. Oceanic Technol. 11, 661). The data's information is divided by as much, the prior's is
+    not. gust_mps : standard deviation of vertical gusts, which share the errors with noise
+    """
+    share = gust_mps**2 / (gust_mps**2 + GUSTS_DOMINATE_MPS**2)
+    factor = 1 + max(gust_length - 1, 0.0) * share
+    prior = np.diag(prior_sigma**-2.0)
+    scaled = np.linalg.inv((np.linalg.inv(covariance) - prior) / factor + prior)
+    return np.asarray((scaled + scaled.T) / 2)
+
+
+def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: float) -> Trajectory:
     inputs, _ = problem.regressors.measurement_inputs(solution.x, solution.sensor_errors, solution.gust_mps)
     return Trajectory(
         states=pd.DataFrame(solution.x, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
         sensor_errors=solution.sensor_errors,
-        covariance=solution.last_step.covariance,
+        covariance=with_gust_length(solution.last_step.covariance, problem.error_sigma, solution.gust_mps, gust_length),
         prior_sigma=problem.error_sigma,
         state_sensitivity=_state_sensitivity(problem, solution),
+        states_given_errors=solution.last_step.conditional,
         draws=solution.last_step.conditional.draws(len(STATES), DRAWS),
         predicted_flow=inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],
         gust_mps=solution.gust_mps,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from analysis.trajectory.block_means import BlockMeans
-from analysis.trajectory.equations import MEASUREMENT_INPUTS, SENSOR_ERRORS, STATES, NamedArrays
+from analysis.trajectory.equations import ALPHA_REGRESSORS, MEASUREMENT_INPUTS, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.instrumental_variables import (
     RATE_S,
     derivative,
@@ -36,6 +36,10 @@ class Regressors:
         self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
         self._measured_V_predicted, self._conditions, self._field = measured_V_predicted, conditions, field
         self._slowest_mps = SLOWEST_MPS * blocks.speed_scale
+        self._by_upwash, self._by_rotation = (
+            np.nan_to_num(blocks[name]) if name in blocks else np.zeros(blocks.n)
+            for name in ("alpha_by_upwash_rad", "alpha_by_rotation_rad")
+        )
 
     def measurement_inputs(self, x: Array, sensor_errors: Array, sigma_w_mps: float) -> tuple[Array, Array]:
         """MEASUREMENT_INPUTS (n, ·) at states x and sensor errors of the current iteration: actual, and predicted from
@@ -50,14 +54,16 @@ class Regressors:
         measured_V = np.maximum(self._measured_V_predicted / (1 + errors.V_scale), self._slowest_mps)
         cos_bank = np.cos(np.clip(self._extrapolated(state.phi)[0], -LARGEST_BANK_RAD, LARGEST_BANK_RAD))
         lift = 1 / (measured_V**2 * cos_bank)  # lift coefficient up to a factor
-        alpha_actual, alpha_predicted = self._alpha(state, errors, lift, lift * V_rate_predicted / V)
+        regressors, predicted_regressors, alpha_predicted = self._alpha(
+            state, errors, lift, lift * V_rate_predicted / V
+        )
         field_forward, field_right = self._field.leveled(state.phi, state.theta)
         common = {
             "ax": np.nan_to_num(blocks["ax_mps2"]),
             "ay": np.nan_to_num(blocks["ay_mps2"]),
             "az": np.nan_to_num(blocks["az_mps2"], nan=-9.8),
             "V_predicted": V,
-            "alpha_predicted": alpha_predicted["alpha"],
+            "alpha_predicted": alpha_predicted,
             "transverse_gust_variance": np.full(blocks.n, self._conditions.transverse_variance(sigma_w_mps)),
             "dlnV_dlndp_alpha": parabola_fit(blocks["dlnV_dlndp_alpha"], 1 / (V**2 * cos_bank), self._flying),
             "field_forward": np.nan_to_num(field_forward),
@@ -69,7 +75,7 @@ class Regressors:
             return np.column_stack([named[name] for name in MEASUREMENT_INPUTS])
 
         V_rate = derivative(inertial_V, self._flying, self._step_s)
-        return columns(V_rate, alpha_actual), columns(V_rate_predicted, alpha_predicted)
+        return columns(V_rate, regressors), columns(V_rate_predicted, predicted_regressors)
 
     def predicted_states(self, x: Array) -> Array:
         """The states with vertical velocity predicted from past data: the aircraft heaves with a gust within a step."""
@@ -83,15 +89,16 @@ class Regressors:
 
     def _alpha(
         self, state: NamedArrays, errors: NamedArrays, lift: Array, lift_rate: Array
-    ) -> tuple[dict[str, Array], dict[str, Array]]:
-        """ALPHA_REGRESSORS, actual and predicted.
+    ) -> tuple[dict[str, Array], dict[str, Array], Array]:
+        """ALPHA_REGRESSORS, actual and predicted, and the predicted angle of attack at the centre of gravity.
 
         lift, lift_rate : predicted lift coefficient and its derivative, up to a factor
         The prediction uses these and the angle of attack of some blocks before. So stick movements are predicted, and
         the current gust is not.
         """
         flying = self._flying
-        measured = (self._blocks["alpha_rad"] - errors.alpha_bias) / (1 + errors.alpha_scale - 2 * errors.V_scale)
+        at_probe = self._blocks["alpha_rad"] + self._by_upwash + self._by_rotation
+        measured = (at_probe - errors.alpha_bias) / (1 + errors.alpha_scale - 2 * errors.V_scale)
         steady = state.v_north - state.wind_north, state.v_east - state.wind_east, state.v_down
         u, _, w = motion.body_from_earth(*steady, state.phi, state.theta, state.psi)
         inertial = np.where(flying, np.arctan2(w, u), 0.0)
@@ -99,11 +106,13 @@ class Regressors:
         curvature[1:-1] = np.diff(inertial, 2) / 24  # a parabola's mean over a block less the value at its center
         bridged = pd.Series(np.where(flying, measured, np.nan)).interpolate(limit_direction="both").fillna(0.0)
         t_s = self._blocks.t_s
-        actual = np.column_stack([bridged, CubicSpline(t_s, bridged)(t_s, 1)]) * flying[:, None]
+        alpha = bridged - self._by_upwash - self._by_rotation
+        by_V_scale = -2 * alpha - self._by_rotation
+        actual = np.column_stack([bridged, CubicSpline(t_s, bridged)(t_s, 1), by_V_scale, alpha]) * flying[:, None]
         past = np.column_stack([np.ones(len(inertial)), lift, lift_rate, lagged(inertial, flying)])
         predicted = projected_on_past(actual, past, self._conditions.vertical_decay, flying)
 
         def named(values: Array) -> dict[str, Array]:
-            return {"alpha": values[:, 0], "alpha_rate": values[:, 1], "alpha_curvature": curvature * flying}
+            return dict(zip(ALPHA_REGRESSORS, (*values.T[:3], curvature * flying), strict=True))
 
-        return named(actual), named(predicted)
+        return named(actual), named(predicted), predicted[:, 3]

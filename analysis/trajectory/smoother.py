@@ -63,6 +63,11 @@ class StatesGivenErrors(NamedTuple):
         half = _triangular_solution(self.factor, border, overwrite=True)
         return -_triangular_solution(self.factor, half, transposed=True).reshape(n, nx, m)
 
+    def covariance_of(self, gradient: Array) -> Array:
+        """Covariance (k, k) of k linear functions of the states; gradient: (n, nx, k) of these."""
+        half = _triangular_solution(self.factor, np.asfortranarray(gradient.reshape(-1, gradient.shape[2])))
+        return np.asarray(half.T @ half)
+
     def draws(self, nx: int, count: int) -> Array:
         """Random errors (count, n, nx) of the states given the sensor errors; the same in every call."""
         white = np.random.default_rng(0).standard_normal((self.factor.shape[1], count))
@@ -111,6 +116,7 @@ def gauss_newton_step(
     diagonal = normal[:, :, :nx].copy()
     diagonal[0] += np.diag(1 / prior.initial_sigma**2)
     border = normal[:, :, nx:].copy()
+    del normal
     above = np.empty((n - 1, nx, nx))
     for start in range(0, n - 1, CHUNK):  # temporary arrays of a chunk fit in the processor's cache
         stop = min(start + CHUNK, n - 1)
@@ -138,9 +144,12 @@ def gauss_newton_step(
     )
     error_gradient += (sensor_errors - prior.error_mean) / prior.error_sigma**2
 
-    factor = cholesky_banded(_banded(diagonal, above), lower=True, overwrite_ab=True, check_finite=False)
+    band = _banded(diagonal, above)
+    del diagonal, above
+    factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
     right = np.empty((1 + m, n * nx)).T  # Fortran order, as LAPACK requires
     right[:, 0], right[:, 1:] = gradient.ravel(), border.reshape(-1, m)
+    del border
     half = _triangular_solution(factor, right, overwrite=True)
     schur = corner - half[:, 1:].T @ half[:, 1:]
     covariance = np.linalg.inv(schur)

@@ -1,21 +1,73 @@
-"""One simulated flight, recorded by the real daemon through the fake tray and analysed: by the commands users type.
+"""One simulated flight, recorded by the real daemon through the fake tray and analysed: by the tutorial's commands.
 
-The flight needs Linux, as the daemon does; the other commands run without POSIX, as on Windows.
+The flight needs Linux, as the daemon does; the laptop's commands run once without POSIX, as on Windows.
 """
 
+import contextlib
 from pathlib import Path
 
 import pytest
-from running import done_without_posix, installed, succeeded
+from running import Laptop, commands_without_posix
+
+from tests.documented_commands import TUTORIAL, Walk, do, steps_in
+
+FOUR_KEYS = """name = "mine"
+[geometry]
+span = "5.73 ft"
+wing_area = "4.99 ft^2"
+[mass]
+weight = "8.47 lb"
+"""
+HOP = """
+[[segment]]
+kind = "stand"
+duration = "2 s"
+[[segment]]
+kind = "take-off"
+[[segment]]
+kind = "land"
+"""
 
 
 @pytest.fixture(scope="session")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
+    """The tutorial, walked through in an empty folder."""
+    folder = tmp_path_factory.mktemp("tutorial")
+    with contextlib.chdir(folder):
+        return Walk(folder, [(step, do(step)) for step in steps_in(TUTORIAL)])
+
+
+@pytest.fixture(scope="session")
+def flown(walk: Walk) -> Path:
     """A folder with the flight of the demonstration: truth, log and what was analysed."""
-    folder = tmp_path_factory.mktemp("flight")
-    done_without_posix("sim", "tunnel", "-o", folder / "tunnel.csv")
-    done_without_posix("calibrate", "probe", folder / "tunnel.csv", "-o", folder / "probe.json")
-    plan = ("--aircraft", "nexstar", "--plan", "accel-decel", "--probe", folder / "probe.json")
-    succeeded(installed("sim", "fly", *plan, "-o", folder))
-    done_without_posix("analyze", folder / "log.mcap", "--quiet")
-    return folder
+    return walk.folder / "out" / "demo"
+
+
+@pytest.fixture(scope="session")
+def laptop(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Laptop:
+    """Tunnel, probe, a flight, calibrations and an analysis, in one process."""
+    at = tmp_path_factory.mktemp("laptop")
+    (at / "hop.toml").write_text(HOP, "utf-8")
+    (at / "four.toml").write_text(FOUR_KEYS, "utf-8")
+    hop = ("--plan", at / "hop.toml", "--aircraft", at / "nexstar.toml", "--probe", at / "probe.json", "-o", at / "hop")
+    commands: dict[str, tuple[object, ...]] = {
+        "flightpower new aircraft": ("--like", "nexstar", "-o", at / "nexstar.toml"),
+        "sim tunnel": ("-o", at / "tunnel.csv"),
+        "calibrate probe": (at / "tunnel.csv", "-o", at / "probe.json"),
+        "sim fly": ("--no-hardware", *hop),
+        "calibrate tubing": (at / "hop" / "log.mcap",),
+        "calibrate magnetometer": (at / "hop" / "log.mcap", "-o", at / "magnetometer.json"),
+        "calibrate surfaces": (at / "hop" / "log.mcap",),
+        "analyze": (
+            flown / "log.mcap", "--aircraft", at / "four.toml", "--battery-Wh", "74", "-o", at / "four", "--quiet",
+        ),
+    }  # fmt: skip
+    lines = [[*name.split(), *map(str, arguments)] for name, arguments in commands.items()]
+    return Laptop(at, dict(zip(commands, commands_without_posix(*lines), strict=True)))
+
+
+@pytest.fixture(scope="session")
+def four(laptop: Laptop) -> Path:
+    """A folder with an aircraft file of four keys, and the flight's analysis with it and a battery of 74 Wh."""
+    assert laptop.outcomes["analyze"].returncode == 0, laptop.outcomes["analyze"].stderr
+    return laptop.folder

@@ -1,20 +1,40 @@
 """Runs our commands: installed, the way a user does, or in this process, which spares the import of the libraries."""
 
 import io
+import json
 import subprocess
 import sys
 import warnings
 from contextlib import redirect_stderr, redirect_stdout
+from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import NamedTuple
 from unittest.mock import patch
 
-from flight.log_reader import read_log
+from flight.log_reader import Log, read_log
 from flight.log_writer import LogWriter
 
 BIN = Path(sys.executable).parent
 UNSHOWN = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)  # by an interpreter
 WITHOUT_POSIX = Path(__file__).with_name("without_posix.py")
+
+
+class Laptop(NamedTuple):
+    """The laptop's commands without POSIX, by their first words, and the folder that they wrote."""
+
+    folder: Path
+    outcomes: dict[str, subprocess.CompletedProcess[str]]
+
+
+def read_once(path: Path) -> Log:
+    """What `read_log` reads, kept until the file changes."""
+    return _read(path, path.stat().st_mtime_ns) if path.is_file() else read_log(path)
+
+
+@lru_cache(maxsize=2)
+def _read(path: Path, mtime_ns: int) -> Log:
+    return read_log(path)
 
 
 def installed(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -23,11 +43,15 @@ def installed(name: str, *arguments: object) -> subprocess.CompletedProcess[str]
 
 
 def command(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    """The same in this process: what `installed` would return. An error that is not caught is raised."""
+    """The same in this process: what `installed` would return. An error that is not caught is raised.
+
+    `analyze` reads a log once, however often it is analysed.
+    """
     main = next(iter(entry_points(group="console_scripts", name=name))).load()
     line, out, err, code = [name, *map(str, arguments)], io.StringIO(), io.StringIO(), 0
     with (
         patch.object(sys, "argv", line),
+        patch("analysis.cli.one_log.read_log", read_once),
         redirect_stdout(out),
         redirect_stderr(err),
         warnings.catch_warnings(record=True) as warned,
@@ -55,15 +79,15 @@ def succeeded(outcome: subprocess.CompletedProcess[str]) -> subprocess.Completed
     return outcome
 
 
-def command_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run one of our commands in a process of its own, as on a computer without POSIX."""
-    line = [sys.executable, "-X", "warn_default_encoding", WITHOUT_POSIX, name, *map(str, arguments)]
-    return subprocess.run(line, capture_output=True, text=True, timeout=120)
-
-
-def done_without_posix(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    """The same for a command that has to succeed."""
-    return succeeded(command_without_posix(name, *arguments))
+def commands_without_posix(*commands: list[str]) -> list[subprocess.CompletedProcess[str]]:
+    """Run our commands one after the other, in one process, as on a computer without POSIX."""
+    line = [sys.executable, "-X", "warn_default_encoding", WITHOUT_POSIX]
+    ran = subprocess.run(line, input=json.dumps(commands), capture_output=True, text=True, timeout=300)
+    assert ran.returncode == 0, ran.stderr
+    return [
+        subprocess.CompletedProcess(command, code, out, err)
+        for command, (code, out, err) in zip(commands, json.loads(ran.stdout), strict=True)
+    ]
 
 
 def rewritten(
@@ -73,9 +97,10 @@ def rewritten(
     without_topic: str = "",
     without_attachment: str = "",
     attached: dict[str, bytes] | None = None,
+    ticks: int | None = None,
 ) -> None:
-    """The same log with something left out, or something more attached."""
-    log, out = read_log(flown / "log.mcap"), io.BytesIO()
+    """The same log with something left out, or something more attached; its first `ticks` only, where given."""
+    log, out = read_once(flown / "log.mcap"), io.BytesIO()
     writer = LogWriter(out)
     for name, data in (log.attachments | (attached or {})).items():
         if name != without_attachment:
@@ -84,6 +109,8 @@ def rewritten(
         writer.add_metadata(name, values)
     for topic, entries in log.entries.items():
         for entry in entries if topic != without_topic else ():
+            if ticks is not None and entry.tick >= ticks:
+                break
             writer.write(topic, entry.message, time_ns=entry.time_ns, tick=entry.tick)
     writer.finish()
     path.write_bytes(out.getvalue())

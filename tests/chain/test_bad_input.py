@@ -11,6 +11,7 @@ from running import command, done, installed, rewritten
 from flight.aircraft import load_aircraft
 
 pytestmark = pytest.mark.xdist_group("chain")
+FEW = 250  # ticks of a log that is refused before its flight is looked at
 
 
 def refused(
@@ -43,7 +44,7 @@ def test_what_is_no_log(tmp_path: Path, content: bytes | None, cause: str) -> No
     path = tmp_path / "flight.mcap"
     if content is not None:
         path.write_bytes(content)
-    refused(path, naming="flight.mcap", cause=cause, folder=tmp_path, run=installed)
+    refused(path, naming="flight.mcap", cause=cause, folder=tmp_path, run=command if content else installed)
 
 
 def test_a_folder_is_no_log(tmp_path: Path) -> None:
@@ -58,7 +59,7 @@ def test_a_log_torn_before_its_first_message(flown: Path, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("topic", ["/probe/airspeed", "/static"])
 def test_a_log_without_a_needed_topic(flown: Path, tmp_path: Path, topic: str) -> None:
-    rewritten(flown, tmp_path / "flight.mcap", without_topic=topic)
+    rewritten(flown, tmp_path / "flight.mcap", without_topic=topic, ticks=FEW)
     refused(tmp_path / "flight.mcap", naming="flight.mcap", cause=topic, folder=tmp_path)
 
 
@@ -77,7 +78,7 @@ def test_a_log_without_a_topic_that_drag_needs_gives_electrical_power(flown: Pat
 def test_a_log_without_a_needed_attachment_names_the_option_that_gives_it(
     flown: Path, tmp_path: Path, name: str, option: str
 ) -> None:
-    rewritten(flown, tmp_path / "flight.mcap", without_attachment=name)
+    rewritten(flown, tmp_path / "flight.mcap", without_attachment=name, ticks=FEW)
     refused(tmp_path / "flight.mcap", naming=name, cause=option, folder=tmp_path)
 
 
@@ -85,7 +86,8 @@ def test_a_log_without_any_propeller(flown: Path, tmp_path: Path) -> None:
     mine = tmp_path / "mine.toml"
     mine.write_text(load_aircraft("nexstar").text.replace('propeller = "apc-12x8e"', ""))
     log = tmp_path / "flight.mcap"
-    rewritten(flown, log, without_attachment="propeller.csv", attached={"aircraft.toml": mine.read_bytes()})
+    mine_attached = {"aircraft.toml": mine.read_bytes()}
+    rewritten(flown, log, without_attachment="propeller.csv", attached=mine_attached, ticks=FEW)
     refused(log, naming="propeller.csv", cause="--propeller", folder=tmp_path)
 
 

@@ -1,16 +1,14 @@
 """The commands of README, tutorial and docs run as they stand, and print what the tutorial shows.
 
-Which of them run here: those of the tutorial that have an output, and every other one that needs no log. Of the rest,
-names and options are checked: they need the aircraft's sensors (`daq run`, `check`, `zero`), a log or a file of the
-reader's own, or minutes (long flights, benchmarks).
+Which of them run here: those of the tutorial that have an output, and every other one that needs no log; those of the
+daemon in test_documented_daemon_commands.py. Of the rest, names and options are checked, because they need a log or a
+file of the reader's own, or minutes: long flights are flown and analysed by the same commands with shorter plans here;
+benchmarks repeat over many seeds what single tests show.
 """
 
-import contextlib
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -24,10 +22,10 @@ from sim.truth import read_truth
 from tests.documented_commands import (
     PAGES,
     ROOT,
-    Step,
+    TUTORIAL,
+    Walk,
     arguments_of,
     commands_in,
-    do,
     mentions_in,
     parse,
     run,
@@ -35,27 +33,16 @@ from tests.documented_commands import (
     steps_in,
 )
 
-pytestmark = pytest.mark.xdist_group("documented")
+pytestmark = pytest.mark.xdist_group("chain")
 
-TUTORIAL = ROOT / "docs" / "tutorial.md"
 # The first words of commands that need no log and no sensor.
 QUICK = ("sim tunnel", "sim trim", "sim modes", "flightpower new", "flightpower --version", "daq config")
 BENCHMARK = re.compile(r"python ((?:benchmarks/|-m )[\w./]+)([^`\n]*)")
 
 
-class Walk(NamedTuple):
-    """What was done: the folder, and each step with what it printed."""
-
-    folder: Path
-    steps: list[tuple[Step, list[str]]]
-
-
-@pytest.fixture(scope="module")
-def walk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Walk]:
-    """The tutorial, walked through in an empty folder."""
-    folder = tmp_path_factory.mktemp("tutorial")
-    with contextlib.chdir(folder):
-        yield Walk(folder, [(step, do(step)) for step in steps_in(TUTORIAL)])
+@pytest.fixture(autouse=True)
+def _in_the_tutorial_s_folder(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(walk.folder)
 
 
 def test_the_tutorial_shows_what_its_commands_print(walk: Walk) -> None:

@@ -2,20 +2,17 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from running import command, done, rewritten
+from running import command, done, read_once, rewritten
+
+from analysis.performance.analysis import compute
+from analysis.performance.request import Request
+from flight.aircraft import load_aircraft
 
 pytestmark = pytest.mark.xdist_group("chain")
-
-FOUR_KEYS = """name = "mine"
-[geometry]
-span = "5.73 ft"
-wing_area = "4.99 ft^2"
-[mass]
-weight = "8.47 lb"
-"""
 
 
 def results(folder: Path) -> dict:
@@ -27,16 +24,8 @@ def curve(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return tuple(np.array([point[name] for point in points]) for name in ("speed_mps", "power_lo_W", "power_hi_W"))
 
 
-@pytest.fixture(scope="module")
-def four(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("four")
-    (folder / "mine.toml").write_text(FOUR_KEYS)
-    done("analyze", flown / "log.mcap", "--aircraft", folder / "mine.toml", "-o", folder / "report", "--quiet")
-    return folder
-
-
 def test_four_keys_give_a_curve_that_contains_the_truth_and_is_wider_than_with_all(flown: Path, four: Path) -> None:
-    V, low, high = curve(four / "report")
+    V, low, high = curve(four / "four")
     truth = np.loadtxt(flown / "truth_power_required.csv", delimiter=",", skiprows=1, usecols=(0, 1))
     true = np.interp(V, *truth.T)
     assert np.all((low < true) & (true < high))
@@ -45,35 +34,35 @@ def test_four_keys_give_a_curve_that_contains_the_truth_and_is_wider_than_with_a
 
 
 def test_the_results_say_what_stood_in_and_what_was_left_out(four: Path) -> None:
-    warnings = " ".join(results(four / "report")["warnings"])
-    for key in ("probe.upwash_per_CL", "probe.position", "imu_position", "propulsion.battery_energy"):
+    warnings = " ".join(results(four / "four")["warnings"])
+    for key in ("probe.upwash_per_CL", "probe.position", "imu_position"):
         assert f"lacks {key}" in warnings
-    assert "narrower" in warnings and "--battery-Wh" in warnings
-    assert results(four / "report")["use"] is None
-    assert results(four / "report")["cross_check"]
+    assert "narrower" in warnings
+    assert results(four / "four")["cross_check"]
 
 
-def test_a_battery_is_enough_for_endurance(flown: Path, four: Path, tmp_path: Path) -> None:
-    done(
-        "analyze", flown / "log.mcap", "--aircraft", four / "mine.toml", "--battery-Wh", "74", "--quiet",
-        "-o", tmp_path / "report",
-    )  # fmt: skip
-    mine, known = (results(path)["use"]["loadings"][0] for path in (tmp_path / "report", flown / "log.report"))
+def test_without_a_battery_s_energy_endurance_is_left_out_and_the_option_is_named(four: Path) -> None:
+    aircraft = load_aircraft(four / "four.toml")
+    (note,) = Request().notes(aircraft)
+    assert "No endurance" in note and "--battery-Wh" in note
+    nothing: Any = None
+    assert compute(Request(), nothing, nothing, aircraft, nothing, nothing, nothing) is None
+    assert Request(battery_Wh=74.0).notes(aircraft) == []
+
+
+def test_a_battery_is_enough_for_endurance(flown: Path, four: Path) -> None:
+    mine, known = (results(path)["use"]["loadings"][0] for path in (four / "four", flown / "log.report"))
     assert mine["endurance_s"]["lo"] < known["endurance_s"]["value"] < mine["endurance_s"]["hi"]
 
 
-def test_weight_replaces_that_of_the_aircraft_file(flown: Path, tmp_path: Path) -> None:
-    done("analyze", flown / "log.mcap", "--weight", "4.1 kg", "-o", tmp_path / "report", "--quiet")
-    assert results(tmp_path / "report")["test"]["weight_N"] == pytest.approx(4.1 * 9.80665)
-    same = tmp_path / "same"
-    done("analyze", flown / "log.mcap", "--weight", "8.47 lbf", "-o", same, "--quiet")
-    assert results(same)["power_required"] == results(flown / "log.report")["power_required"]
-
-
-def test_a_log_without_attachments_is_analysed_with_files(flown: Path, four: Path, tmp_path: Path) -> None:
-    bare = tmp_path / "bare.mcap"
+def test_options_replace_what_a_log_has_or_lacks(flown: Path, tmp_path: Path) -> None:
+    """A heavier aircraft file, the true weight and the log's own probe by options: the same curve."""
+    heavier, probe, bare = tmp_path / "heavier.toml", tmp_path / "mine.json", tmp_path / "bare.mcap"
+    heavier.write_text(load_aircraft("nexstar").text.replace('weight = "8.47 lbf"', 'weight = "9.00 lbf"'))
+    probe.write_bytes(read_once(flown / "log.mcap").attachments["probe.json"])
     rewritten(flown, bare, without_attachment="probe.json")
-    done("analyze", bare, "--probe", flown / "probe.json", "-o", tmp_path / "report", "--quiet")
+    given = ("--aircraft", heavier, "--weight", "8.47 lbf", "--probe", probe)
+    done("analyze", bare, *given, "-o", tmp_path / "report", "--quiet")
     assert results(tmp_path / "report")["power_required"] == results(flown / "log.report")["power_required"]
 
 

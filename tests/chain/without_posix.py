@@ -1,13 +1,19 @@
-"""Runs one of our commands as on Windows, as far as Linux can show it: `python without_posix.py COMMAND …`.
+"""Runs our commands as on Windows, as far as Linux can show it: `python without_posix.py`.
+
+Standard input is a JSON list of commands, each a list of words; standard output one of [exit code, stdout, stderr].
 
 Modules that only POSIX has cannot be imported, functions that only POSIX has are missing from `os` and `signal`, and a
 text file opened by our code without an encoding is an error, because Windows then takes another one.
 """
 
+import contextlib
 import importlib
+import io
+import json
 import os
 import signal
 import sys
+import traceback
 import warnings
 from importlib.abc import MetaPathFinder
 
@@ -48,8 +54,21 @@ def block() -> None:
     warnings.filterwarnings("error", category=EncodingWarning, module=rf"({OURS})\b")
 
 
+def outcome(command: list[str]) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of a command, as of one in a process of its own."""
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    sys.argv = command
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            importlib.import_module(COMMANDS[command[0]]).main()
+        except SystemExit as end:
+            code = end.code if isinstance(end.code, int) else int(end.code is not None)
+        except Exception:
+            traceback.print_exc()
+            code = 1
+    return code, out.getvalue(), err.getvalue()
+
+
 if __name__ == "__main__":
     block()
-    command = sys.argv[1]
-    sys.argv = sys.argv[1:]
-    importlib.import_module(COMMANDS[command]).main()
+    print(json.dumps([outcome(command) for command in json.load(sys.stdin)]))

@@ -1,4 +1,7 @@
-"""Telemetry to a real MAVLink peer, over UDP and over a serial line; and that it can never hold up the loop."""
+"""Telemetry to a real MAVLink peer, over UDP and over a serial line; and that it can never hold up the loop.
+
+More than 350 lines: all tests share one MAVLink peer.
+"""
 
 import os
 import pty

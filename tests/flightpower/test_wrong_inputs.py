@@ -31,6 +31,16 @@ MAIN: dict[str, Callable[[], None]] = {
 }
 
 WRONG = {
+    # plan
+    "flightpower plan missing": "aircraft missing: neither a file nor one of",
+    "flightpower plan nexstar --question speed": "--question speed: should be one of curve, endurance",
+    "flightpower plan nexstar --pilot hand": "--pilot hand: should be one of line-of-sight, autopilot",
+    "flightpower plan nexstar --minutes 0": "--minutes 0: should be above 0 and at most 240 min",
+    "flightpower plan nexstar --wind-kt -3": "--wind-kt -3: should be at least 0",
+    "flightpower plan nexstar --home here": "--home here: should be latitude and longitude",
+    "flightpower plan nexstar --home 91,0": "--home 91,0: latitude should be within 85",
+    "flightpower plan nexstar --after probe.json": "probe.json: not results of `analyze`",
+    "flightpower plan nexstar -o empty.txt": "empty.txt",
     # analyze: the log
     "analyze missing.mcap": "missing.mcap: cannot be read",
     "analyze .": ".: cannot be read, it is a folder; give a log, such as no-probe.mcap",
@@ -61,6 +71,7 @@ WRONG = {
     "analyze stood.mcap --probe folder": "folder: cannot be read",
     "analyze stood.mcap --probe mine.toml": "mine.toml: not a probe calibration",
     "analyze stood.mcap --magnetometer probe.json": "probe.json: not a magnetometer calibration",
+    "analyze stood.mcap --transducers probe.json": "probe.json: not a transducer calibration",
     "analyze stood.mcap --zero probe.json": "probe.json: not a still-air zero",
     "analyze stood.mcap --propeller apc-99x9": "apc-99x9: neither a file nor one of",
     "analyze stood.mcap --propeller binary.bin": "binary.bin: not a text file",
@@ -110,6 +121,14 @@ WRONG = {
     "calibrate tubing stood.mcap -o mine.toml": "mine.toml: exists already",
     "calibrate magnetometer tunnel.csv -o new.json": "tunnel.csv: not an MCAP file",
     "calibrate magnetometer stood.mcap -o probe.json": "probe.json: exists already",
+    "calibrate transducers stood.mcap": "no pressure was held for five seconds",
+    "calibrate transducers stood.mcap --pressures '10 20'": "the unit is missing",
+    "calibrate transducers stood.mcap --reference-error 50": "--reference-error 50",
+    "calibrate transducers stood.mcap -o probe.json": "probe.json: exists already",
+    "calibrate weight-and-balance": "--scale: give the reading",
+    "calibrate weight-and-balance --scale '4 m'": "'4 m'",
+    "calibrate weight-and-balance --scale '0.1: 4 kg'": "'0.1'",
+    "calibrate weight-and-balance --scale '4 kg' --reading-error 0": "--reading-error 0",
     "calibrate airspeed stood.mcap": "stood.mcap: /rpm: motor_speed_revps was never measured",
     "calibrate airspeed stood.mcap -o empty.txt/new.json": "cannot be written",
     "calibrate surfaces stood.mcap --surface wing": "'wing'",

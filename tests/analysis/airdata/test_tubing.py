@@ -13,7 +13,8 @@ from analysis.airdata.step_test import diameter_of_lag_m, find_steps, fit_lag, t
 from analysis.airdata.tubing import Gas, air, low_frequency_lag_s, response
 from flight.aircraft import Aircraft, PneumaticLine
 from flight.errors import InputError
-from flight.log_reader import Log, LogEntry
+from flight.log_entries import LogEntry
+from flight.log_reader import Log
 from flight.messages import AbsolutePressure
 
 DATA = Path(__file__).parents[2] / "data" / "tubing" / "bergh-tijdeman.csv"
@@ -96,6 +97,17 @@ def test_the_lag_of_a_simulated_step_is_found_within_five_per_cent(diameter_mm: 
         assert found.lag_s == pytest.approx(lag_s, rel=0.05)
         assert found.lo_s < lag_s < found.hi_s
         assert 0.8 < found.misfit < 1.2
+
+
+def test_a_step_across_a_gap_of_the_record_is_not_used() -> None:
+    """What happened meanwhile is unknown. Twice its length is missing in the middle of the fourth of eight steps."""
+    t, value = bursts(NARROW, full=False)
+    steps, _ = find_steps(t, value)
+    middle_s = steps[3].t_s[0] + 0.5 * np.ptp(steps[3].t_s)
+    later = np.where(t > middle_s, t + 2 * np.ptp(steps[3].t_s), t)
+    found, _ = find_steps(later, value)
+    assert len(steps) == 8 and len(found) == 7
+    assert not any(step.t_s[0] < middle_s < step.t_s[-1] for step in found)
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES
 from analysis.trajectory.reconstruction import Trajectory
+from analysis.trajectory.smoother import StatesGivenErrors
 from flight.aircraft import load_aircraft
 from flight.atmosphere import GAS_CONSTANT_AIR
 from flight.propeller_files import load_propeller
@@ -114,6 +115,7 @@ def measured(f: pd.DataFrame, scale: float = 0.0, slope: float = 0.0, **sensor_e
         covariance=1e-16 * np.eye(m_errors),
         prior_sigma=np.ones(m_errors),
         state_sensitivity=np.zeros((n_blocks, len(STATES), m_errors)),
+        states_given_errors=StatesGivenErrors(np.full((1, n_blocks * len(STATES)), 1e16)),  # as good as known
         draws=np.zeros((1, n_blocks, len(STATES))),
         predicted_flow=np.column_stack([flow.get(name, np.zeros(n_blocks)) for name in PREDICTED_FLOW]),
         gust_mps=0.0,

@@ -183,19 +183,50 @@ def test_a_wrong_weight_changes_power_by_what_the_interval_has_for_it() -> None:
 
 
 def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
-    """Power W V tan(0.02 deg) at every speed: in the covariance of the dynamic method and of every other."""
+    """Power W V tan(0.02 deg) at every speed, in the covariance of the methods that take measurements as they are."""
     lift_direction_W = W * V * np.tan(np.radians(0.02))
     assert power_required(V, Polar(polar(), covariance.floor()), AT)[1] == pytest.approx(lift_direction_W, rel=1e-9)
     f, runs = accelerations_and_decelerations()
-    trajectory = measured(f)
-    result = estimate_polar(trajectory, runs, weighed_within(0.0), PROPELLER)
-    systematic = Polar(polar(), result.systematic[:3, :3])
-    assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-3)
-    assert np.all(power_required(V, result.polar, AT)[1] > 0.999 * lift_direction_W)
     same = MethodInputs(AIRCRAFT, runs, f, [f], dict.fromkeys(ERROR_PRIOR_SIGMA, f), dict.fromkeys(CAUSES, f))
     for method in (one for one in ALL_METHODS if one.name in ("direct-speed", "energy")):
         systematic = Polar(polar(), estimate(method, same).systematic)
         assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-9), method.name
+
+
+def test_drag_with_a_quartic_term_is_a_doubt_and_the_interval_covers_it() -> None:
+    """C_D rises by 0.02 C_L^4, 10 % at the slowest speed: a warning, and an interval that contains the true curve."""
+    f, runs = accelerations_and_decelerations()
+    forces = FlightForces(measured(f), AIRCRAFT, PROPELLER).forces(measured(f).states.to_numpy(), np.zeros(13))
+    more = 0.02 * forces["CL"] ** 4
+    extra = f["qS_over_m_mps2"] * more
+    alpha = f["alpha"]
+    trajectory = measured(f.assign(ax=f["ax"] - extra * np.cos(alpha), az=f["az"] - extra * np.sin(alpha)))
+    result = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
+    assert any("Drag is no parabola" in warning for warning in result.warnings)
+    found, error = power_required(V, result.polar, AT)
+    CL = 2 * W / (AT.rho * V**2 * AT.wing_area_m2)
+    true = power(polar()) + AT.rho * V**3 * AT.wing_area_m2 / 2 * 0.02 * CL**4
+    assert np.all(np.abs(found - true) < 1.96 * error + 0.003 * true)
+    assert not estimate_polar(measured(f), runs, AIRCRAFT, PROPELLER).warnings
+
+
+def test_a_propeller_far_from_its_table_is_a_doubt() -> None:
+    """Thrust 9 % beyond the table's, five prior standard deviations, is named; 3 % is not."""
+    f, runs = accelerations_and_decelerations()
+    for scale, named in ((0.09, True), (0.03, False)):
+        warnings = estimate_polar(measured(f, scale), runs, AIRCRAFT, PROPELLER).warnings
+        assert any("thrust differs from its table" in warning for warning in warnings) is named
+
+
+def test_the_interval_contains_a_steady_updraft_of_4_mm_a_second() -> None:
+    """Air that rises by w carries the aircraft: power W w at every speed, by default and as the user says."""
+    f, runs = accelerations_and_decelerations()
+    trajectory = measured(f)
+    for uncertainty, w in ((Uncertainty(weight_fraction=0), 0.004), (Uncertainty(weight_fraction=0, updraft_mps=1), 1)):
+        result = estimate_polar(trajectory, runs, replace(AIRCRAFT, uncertainty=uncertainty), PROPELLER)
+        systematic = Polar(polar(), result.systematic[:3, :3])
+        assert power_required(V, systematic, AT)[1] == pytest.approx(np.full(len(V), W * w), rel=0.02)
+        assert np.all(power_required(V, result.polar, AT)[1] > 0.98 * W * w)
 
 
 @pytest.mark.parametrize(

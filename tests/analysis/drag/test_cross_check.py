@@ -55,10 +55,11 @@ def test_it_differs_where_the_intervals_do_not_allow_it() -> None:
     def polar(CD0: float) -> Polar:
         return Polar(np.array([CD0, 0.0, 0.06]), np.diag([0.001, 0.0, 0.0]) ** 2)
 
-    def compared(CD0: float, *, converged: bool = True) -> tuple[bool, int]:
-        found = disagreement(polar(0.04), CrossCheck(polar(CD0), "no minimum", converged), at, flown_CL)
+    def compared(CD0: float, *, converged: bool = True, in_gusts: bool = False) -> tuple[bool, int]:
+        found = disagreement(polar(0.04), CrossCheck(polar(CD0), "no minimum", converged, in_gusts), at, flown_CL)
         return found.differs, len(found.warnings)
 
-    assert compared(0.0427) == (False, 0)  # 1.96 times the root of two: 2.8 standard errors
-    assert compared(0.0429) == (True, 1)
+    assert compared(0.0443) == (False, 0)  # the root of chi-square of 3 at 95 %, 2.80, times hypot(1, 1.2): 4.37
+    assert compared(0.0445) == (True, 1)
+    assert compared(0.08, in_gusts=True) == (False, 0)  # filter error's intervals are too narrow for an alarm
     assert compared(0.05, converged=False) == (False, 1)  # it is left out, and said to be

@@ -32,6 +32,7 @@ from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from analysis.trajectory.smoother import StatesGivenErrors
 
 AT = Condition(W, RHO, S)
 V = np.array([12.0, 14.0, 17.0, 20.0, 22.5])
@@ -77,7 +78,7 @@ def test_an_error_of_the_trajectory_is_in_the_covariance_of_every_method() -> No
 
 
 def test_errors_of_trajectory_and_states_are_in_the_dynamic_method_s_covariance() -> None:
-    """The change of the estimates with a sensor error is systematic, the mean square of that with draws is noise."""
+    """The change of the estimates with a sensor error is systematic, that with errors of the states is noise."""
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
     i, theta = SENSOR_ERRORS.index("ax_bias"), STATES.index("theta")
@@ -91,12 +92,37 @@ def test_errors_of_trajectory_and_states_are_in_the_dynamic_method_s_covariance(
     change = estimated(replace(trajectory, sensor_errors=shifted)).values - exact.values
     systematic = estimated(replace(trajectory, covariance=C)).systematic - exact.systematic
     assert systematic == pytest.approx(np.outer(change, change), rel=1e-3, abs=1e-12)
-    draws = np.zeros((2, *trajectory.states.shape))
-    draws[0, :, theta] = 0.01
-    states = trajectory.states.assign(theta=trajectory.states["theta"] + 0.01)
+    n, nx = trajectory.states.shape
+    instant = int(np.searchsorted(trajectory.states.index, runs[0].start_s + 3.0))
+    factor, states = np.full((1, n * nx), 1e16), trajectory.states.copy()
+    factor[0, instant * nx + theta], states.iloc[instant, theta] = 1 / 0.01, states.iloc[instant, theta] + 0.01
     change = estimated(replace(trajectory, states=states)).values - exact.values
-    noise = estimated(replace(trajectory, draws=draws)).noise - exact.noise
-    assert noise == pytest.approx(np.outer(change, change) / 2, rel=1e-2, abs=1e-9)
+    noise = estimated(replace(trajectory, states_given_errors=StatesGivenErrors(factor))).noise - exact.noise
+    assert power_error(noise[:3, :3]) == pytest.approx(power_error(np.outer(change, change)[:3, :3]), rel=0.05)
+
+
+def test_errors_of_states_are_not_counted_again_in_the_residuals_they_cause() -> None:
+    """Residuals that are nothing but errors of the states: the noise is theirs, once."""
+    f, runs = accelerations_and_decelerations()
+    known = measured(f)
+    theta, rng = STATES.index("theta"), np.random.default_rng(1)
+    n, nx = known.states.shape
+    states = known.states.assign(theta=known.states["theta"] + 0.01 * rng.standard_normal(n))
+    draws = np.zeros((16, n, nx))
+    draws[:, :, theta] = 0.01 * rng.standard_normal((16, n))
+    factor = np.full((n, nx), 1e16)
+    factor[:, theta] = 1 / 0.01
+    given = StatesGivenErrors(factor.reshape(1, -1))
+
+    def noise(**changes) -> np.ndarray:
+        trajectory = replace(known, states=states, **changes)
+        return power_error(dynamic.estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER).noise[:3, :3]) ** 2
+
+    by_residuals, once = noise(), noise(states_given_errors=given, draws=draws)
+    by_states = noise(states_given_errors=given) - by_residuals
+    fast = slice(2, None)  # at lower speeds the prior of thrust is most of the noise
+    assert np.all(by_states < once)
+    assert np.all(once[fast] < (by_states + 0.3 * by_residuals)[fast])
 
 
 def same_everywhere(table, runs: list[Maneuver]) -> MethodInputs:

@@ -1,12 +1,15 @@
 """Errors of the propeller table from drag with residuals that are correlated over some blocks."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from analysis.drag.forces import J_REFERENCE
-from analysis.drag.sensor_errors import ERROR_PRIOR_SIGMA, _thrust_errors
+from analysis.drag.sensor_errors import ERROR_PRIOR_SIGMA, INSTALLATION_TOLERANCE, _thrust_errors
 
+PAGE = Path(__file__).parents[3] / "docs" / "methods.md"
 BLOCKS, CORRELATED, SIGMA_MPS2 = 1000, 4, 0.02
 FLIGHTS = 200
 
@@ -38,3 +41,15 @@ def test_standard_errors_of_thrust_are_those_of_noise_that_lasts_four_blocks() -
             off[name].append((value - true[name]) / standard_error)
     for name, errors in off.items():
         assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1.0, abs=0.15), name
+
+
+def test_the_errors_of_a_careful_installation_are_those_that_the_page_names() -> None:
+    allowed = INSTALLATION_TOLERANCE
+    assert allowed["alpha_bias"] == allowed["pitch"]
+    said = (
+        f"after a careful installation ({np.degrees(allowed['pitch']):.2f} deg of angle of attack and of pitch,"
+        f" {100 * allowed['alpha_scale']:.0f} % of the slope of angle of attack,"
+        f" {100 * allowed['airspeed_scale']:.1f} % of airspeed, {1000 * allowed['lag']:.0f} ms,"
+        f" {100 * allowed['thrust_scale']:.0f} % of thrust, and {allowed['thrust_slope']:.2f} of its slope over J)"
+    )
+    assert said in " ".join(PAGE.read_text("utf-8").split())

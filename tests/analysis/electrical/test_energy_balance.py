@@ -7,6 +7,7 @@ from analysis.electrical import propulsion
 from analysis.electrical.air_motion import covariance
 from analysis.electrical.correlated import correlation, most_likely_noise
 from analysis.electrical.energy_balance import (
+    WINDOW_S,
     DragAndEfficiency,
     EnergyBalance,
     FlightConditions,
@@ -52,6 +53,12 @@ def test_the_balance_holds_in_climbs_accelerations_and_turns(samples: Samples) -
     balance = EnergyBalance(samples, CONDITIONS)
     useful = balance.useful_W(PARAMETERS)
     assert balance.residual(PARAMETERS) == pytest.approx(0.0, abs=0.01 * useful.mean())
+
+
+def test_windows_are_as_long_as_they_say_and_have_a_middle(samples: Samples) -> None:
+    offsets_s = EnergyBalance(samples, CONDITIONS).windows.offsets_s
+    assert offsets_s[[0, -1]] == pytest.approx([-WINDOW_S / 2, WINDOW_S / 2])
+    assert offsets_s[len(offsets_s) // 2] == 0.0 and len(offsets_s) % 2 == 1
 
 
 def test_climbing_takes_weight_times_climb_unless_the_air_rises(samples: Samples) -> None:

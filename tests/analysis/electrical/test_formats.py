@@ -13,7 +13,8 @@ from analysis.cli.electrical import lacks_drag_topics
 from analysis.electrical.daemon_log import recording_of
 from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
-from flight.log_reader import Log, LogEntry
+from flight.log_entries import LogEntry
+from flight.log_reader import Log
 from flight.messages import AbsolutePressure, Battery, DifferentialPressure, Gps, Imu, Message
 from flight.units import GRAVITY_MPS2
 from sim.autopilot_pitot import indicated_airspeed

@@ -6,7 +6,7 @@ import pytest
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model
-from analysis.estimation.output_error import _OutputErrorLikelihood
+from analysis.estimation.output_error import OutputErrorLikelihood
 from analysis.estimation.problem import Problem, free_names
 from analysis.estimation.simulation import build_simulator
 from tests.analysis.estimation.test_output_error import CLEAN, DE, SHORT_PERIOD, T_S, TRUTH, noisy
@@ -48,7 +48,7 @@ def test_the_curvature_is_the_hessian_of_the_cost(noise):
     segment = Segment(name="run", t_s=np.arange(40.0), u={"u1": u1, "u2": u2}, z=z)
     problem = Problem.assemble(model, (segment,), "free", {})
     simulator = build_simulator(model, free_names(model), "rk4", "linear")
-    likelihood = _OutputErrorLikelihood(problem, simulator, noise, None, None)
+    likelihood = OutputErrorLikelihood(problem, simulator, noise, None, None)
     theta, h = np.array([1.0, -1.0]), 1e-4
     steps = h * np.eye(2)
     hessian = np.array(

@@ -1,5 +1,8 @@
 """Errors of the user raise InputError with one line that names model, segment or parameter."""
 
+import math
+import warnings
+
 import numpy as np
 import pytest
 
@@ -60,6 +63,10 @@ def holed(index, value=np.nan):
         (lambda: Parameter(name="k", start=np.nan), "k: start must be a finite number"),
         (lambda: Parameter(name="k", start=1.0, prior_sigma=0.0), "k: prior_sigma must be greater than zero"),
         (lambda: decay().changed(j={"free": False}), "decay: no parameter is named 'j'"),
+        (lambda: decay(states="x"), "decay: states must be a tuple of names, with a comma if it is one; is 'x'"),
+        (lambda: decay(parameters=Parameter(name="k", start=1.0)), "decay: parameters must be a tuple of Parameter"),
+        (lambda: decay(parameters=("k",)), "decay: parameters must be a tuple of Parameter"),
+        (lambda: Parameter(name="k", start="1"), "k: start must be a number, is '1'"),
     ],
 )
 def test_invalid_models_and_segments_are_refused(make, message):
@@ -89,6 +96,10 @@ def test_invalid_models_and_segments_are_refused(make, message):
             {},
             "run 1: input v, which model decay needs",
         ),
+        ({"dynamics": lambda x, u, p: p.k * x.x}, [{}], {}, "decay: dynamics must return a tuple"),
+        ({"output_function": lambda x, u, p: x.x}, [{}], {}, "decay: outputs must return a tuple"),
+        ({"output_function": lambda x, u, p: (math.sin(x.x),)}, [{}], {}, "decay: a function of the module math"),
+        ({}, [{}], {"start": [1.0]}, "start must give values by name"),
         ({"outputs": ("y",)}, [{"x0": {"x": 1.0}}], {}, "run 1: output y, which model decay needs"),
         ({"outputs": ("y",)}, [{"z": {"y": T_S}}], {}, "run 1: no starting value for state x"),
         ({}, [{}, {}], {}, "two segments are named 'run 1'"),
@@ -117,3 +128,33 @@ def test_invalid_fits_are_refused(model, segments, options, message):
     with pytest.raises(InputError, match=message) as caught:
         fit()
     assert "\n" not in str(caught.value)
+
+
+def test_names_and_parameters_may_be_lists():
+    model = decay(states=["x"], inputs=["u"], outputs=["x"], parameters=[Parameter(name="k", start=1.0)])
+    assert model == decay(
+        dynamics=model.dynamics, output_function=model.output_function, parameters=(Parameter(name="k", start=1.0),)
+    )
+    assert output_error.estimate(model, record()).verdict.ok
+
+
+def test_something_else_than_a_segment_is_refused():
+    with pytest.raises(InputError, match="segments: give Segment objects, not 'x'"):
+        output_error.estimate(decay(), [record(), "x"])
+
+
+def test_a_jump_in_the_model_is_named():
+    model = decay(dynamics=lambda x, u, p: (np.where(x.x > 0.5, 1.0, -2.0) * p.k,))
+    assert "the model has branches (np.where" in output_error.estimate(model, record()).verdict.text
+
+
+@pytest.mark.parametrize("start", [1e100, 1e160, 1e200])
+def test_a_response_that_overflows_is_one_line_without_warnings(start):
+    k = Parameter(name="k", start=start)
+    model = decay(states=(), dynamics=None, parameters=(k,), output_function=lambda x, u, p: (p.k * (1 + u.u),))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            assert output_error.estimate(model, record()).iterations
+        except InputError as error:
+            assert "not finite" in str(error)

@@ -1,4 +1,7 @@
-"""Filter error: estimates, standard errors and tests in turbulence and in still air."""
+"""Filter error: estimates, standard errors and tests in turbulence and in still air.
+
+More than 350 lines: all tests share the fits of a few simulated records.
+"""
 
 import numpy as np
 import pytest
@@ -26,6 +29,7 @@ from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise
 from analysis.estimation.intervals import NORMAL_95
 from analysis.estimation.kalman_filter import build_filter
+from analysis.estimation.model import Model, Parameter
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 
@@ -98,6 +102,48 @@ def test_likelihood_and_derivatives_equal_those_of_the_matrix_form_of_the_filter
         shifted[i] += 1e-30j
         by_step = textbook_filter(shifted[:7], shifted[7], shifted[8:10], shifted[10:], Z).imag / 1e-30
         assert gradient[i] == pytest.approx(by_step, rel=1e-8, abs=1e-8 * np.abs(gradient).max())
+
+
+def test_the_covariance_of_a_nonlinear_model_is_propagated_by_the_derivative_of_its_flow():
+    """x' = u - x^2 with u = 0 has x(h) = x/(1 + x h), and so dx(h)/dx = 1/(1 + x h)^2; linearized at the middle of the
+    step it is right to the second order in h."""
+    model = Model(
+        name="quadratic damping",
+        states=("x",),
+        inputs=("u",),
+        outputs=("x",),
+        parameters=(Parameter(name="k", start=1.0),),
+        dynamics=lambda x, u, p: (u.u - p.k * x.x**2,),
+        output_function=lambda x, u, p: (x.x,),
+    )
+    x0, step_s, before_s, w, v = 2.0, 0.05, 1e4, 1e-3, 1e-6
+    found = build_filter(model, (), ("x",)).run(
+        np.array([x0]), np.zeros((2, 1)), np.full((2, 1), np.nan), np.array([1.0]),
+        np.log([w]), np.log([v]), np.array([before_s]), step_s,
+    )  # fmt: skip
+    variance = np.exp(found.ln_s[:, 0]) - v**2
+    assert variance[0] == pytest.approx(w**2 * before_s, rel=1e-9)
+    assert np.sqrt(variance[1] / variance[0]) == pytest.approx((1 + x0 * step_s) ** -2, rel=2e-3)
+
+
+def test_the_covariance_is_propagated_with_the_input_in_the_middle_of_the_step():
+    """x' = -u x with an input that rises linearly through the step: x(h)/x is exp(-h times the mean of u)."""
+    model = Model(
+        name="damping that is an input",
+        states=("x",),
+        inputs=("u",),
+        outputs=("x",),
+        parameters=(Parameter(name="k", start=1.0),),
+        dynamics=lambda x, u, p: (-p.k * u.u * x.x,),
+        output_function=lambda x, u, p: (x.x,),
+    )
+    step_s, before_s, w, v = 0.1, 1e4, 1e-3, 1e-6
+    found = build_filter(model, (), ("x",)).run(
+        np.array([1.0]), np.array([[1.0], [3.0]]), np.full((2, 1), np.nan), np.array([1.0]),
+        np.log([w]), np.log([v]), np.array([before_s]), step_s,
+    )  # fmt: skip
+    variance = np.exp(found.ln_s[:, 0]) - v**2
+    assert np.sqrt(variance[1] / variance[0]) == pytest.approx(np.exp(-step_s * 2.0), rel=1e-4)
 
 
 def test_derivatives_of_the_aircraft_in_gusts():

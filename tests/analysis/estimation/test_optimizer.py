@@ -24,7 +24,12 @@ class Parabola:
 
     @property
     def problem(self):
-        return SimpleNamespace(prior_information=np.zeros(1), lower=np.array([-np.inf]), upper=np.array([np.inf]))
+        return SimpleNamespace(
+            prior_information=np.zeros(1),
+            lower=np.array([-np.inf]),
+            upper=np.array([np.inf]),
+            largest_step=np.array([np.inf]),
+        )
 
     def evaluate(self, theta):
         (x,) = theta

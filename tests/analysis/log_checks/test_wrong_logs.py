@@ -23,7 +23,8 @@ from analysis.pipeline import analyze
 from daq.attachments import propeller_text
 from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
-from flight.log_reader import Log, LogEntry, read_log
+from flight.log_entries import LogEntry
+from flight.log_reader import Log, read_log
 from flight.undecodable import Undecodable
 from flight.units import GRAVITY_MPS2
 from sim.sensors.budget import load_budget

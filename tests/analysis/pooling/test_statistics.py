@@ -7,7 +7,8 @@ import pytest
 from analysis.log_contents import Replacements, contents
 from analysis.results.pooling_statistics import start_unix_s
 from flight.aircraft import parse_aircraft
-from flight.log_reader import Log, LogEntry
+from flight.log_entries import LogEntry
+from flight.log_reader import Log
 from flight.messages import Time
 from flight.propeller_files import load_propeller
 

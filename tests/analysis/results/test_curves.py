@@ -21,6 +21,7 @@ def trajectory(gust_mps: float, alpha_sigma_deg: float) -> Trajectory:
         np.diag(sigma**2),
         sigma,
         nothing,
+        None,
         nothing,
         nothing,
         gust_mps,

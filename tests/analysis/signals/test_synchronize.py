@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from analysis.signals.synchronize import NEEDED, on_grid, synchronize
-from flight.log_reader import Log, LogEntry
+from flight.log_entries import LogEntry
+from flight.log_reader import Log
 from flight.messages import TYPE_OF_TOPIC, AbsolutePressure, DifferentialPressure, Imu, Rpm, Status
 
 GRID = np.arange(0, 10, 0.04)

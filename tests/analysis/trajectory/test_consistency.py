@@ -20,6 +20,7 @@ from analysis.trajectory.observability import FlightExcitation, excitation, gust
 from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import Trajectory
+from analysis.trajectory.smoother import StatesGivenErrors
 from analysis.trajectory.time_shift import TimeShift, time_shift_notes, time_shifts
 from flight.errors import InputError
 
@@ -40,6 +41,7 @@ def trajectory_of(table: pd.DataFrame, states: np.ndarray, errors: dict[str, flo
         "covariance": np.diag((sigma * prior) ** 2),
         "prior_sigma": prior,
         "state_sensitivity": np.zeros((n, nx, m)),
+        "states_given_errors": StatesGivenErrors(np.full((1, n * nx), 1e16)),
         "draws": np.zeros((16, n, nx)),
         "predicted_flow": inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],
         "gust_mps": 0.1,

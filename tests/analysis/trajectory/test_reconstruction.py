@@ -47,6 +47,17 @@ def test_priors_are_those_of_the_study():
 
 
 @pytest.mark.slow
+def test_a_long_flight_without_gps_converges_with_an_unmeasured_heading(probe) -> None:
+    gps = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
+    _, drawn, air, still = flown(0, probe, "full-test-flight", without=gps)
+    trajectory = reconstruct(air, still)
+    assert trajectory.converged
+    slope = 1 + drawn.values.alpha_scale - 2 * drawn.values.V_scale
+    offset = (drawn.values.alpha_offset_rad + drawn.imu_rotation[0, 2]) * slope
+    assert trajectory.value("alpha_bias") == pytest.approx(offset, abs=np.radians(0.1))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_whole_calm_flight_is_found_again(probe, seed: int) -> None:
     """Pitch and angle of attack of the IMU's axes within 0.1 deg, airspeed scale within 0.5 % of the truth, and wind
@@ -101,17 +112,6 @@ def test_gusts_are_not_attributed_to_sensor_errors(probe) -> None:
         z.append([(trajectory.value(name) - value) / trajectory.standard_error(name) for name, value in truth.items()])
     assert np.all(np.abs(np.sum(z, axis=0)) < 2.6 * np.sqrt(4))
     assert np.all(np.sum(np.square(z), axis=0) < 18.5)
-
-
-@pytest.mark.slow
-def test_a_long_flight_without_gps_converges_with_an_unmeasured_heading(probe) -> None:
-    gps = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
-    _, drawn, air, still = flown(0, probe, "full-test-flight", without=gps)
-    trajectory = reconstruct(air, still)
-    assert trajectory.converged
-    slope = 1 + drawn.values.alpha_scale - 2 * drawn.values.V_scale
-    offset = (drawn.values.alpha_offset_rad + drawn.imu_rotation[0, 2]) * slope
-    assert trajectory.value("alpha_bias") == pytest.approx(offset, abs=np.radians(0.1))
 
 
 def test_without_gps_the_reconstruction_converges_with_larger_errors(probe) -> None:

@@ -3,9 +3,17 @@
 import numpy as np
 import pytest
 from exact_motion import exact_motion
+from scipy.interpolate import CubicSpline
 
 from analysis.trajectory.block_means import BLOCK, BlockMeans
-from analysis.trajectory.equations import MEASUREMENT_INPUTS, SENSOR_ERRORS, STATES
+from analysis.trajectory.equations import (
+    MEASUREMENT_INPUTS,
+    MEASUREMENTS,
+    SENSOR_ERRORS,
+    STATES,
+    NamedArrays,
+    measurement_model,
+)
 from analysis.trajectory.initial_estimate import initial_states
 from analysis.trajectory.problem import TrajectoryProblem
 
@@ -51,7 +59,7 @@ def test_the_angle_of_attack_of_level_flight_is_predicted_from_speed_and_its_cha
     V, Vdot = 15.0 + 6.0 * np.sin(0.25 * t), 1.5 * np.cos(0.25 * t)
     alpha, rate = -0.05 + 25.0 / V**2, -50.0 * Vdot / V**3
     found = predicted(*straight_flight(exact, V, alpha_rad=alpha))
-    for name, true in (("V_rate", Vdot), ("alpha", alpha), ("alpha_rate", rate)):
+    for name, true in (("V_rate", Vdot), ("probe_alpha", alpha), ("probe_alpha_rate", rate)):
         at_blocks = true[BLOCK // 2 :: BLOCK]
         share = np.var((found[name] - at_blocks)[INSIDE]) / np.var(at_blocks[INSIDE])
         assert share < 0.04, name
@@ -66,7 +74,7 @@ def test_turns_are_flown_at_the_lift_coefficient_of_their_bank(exact) -> None:
         exact, V, bank[BLOCK // 2 :: BLOCK], alpha_rad=0.1 * lift, dlnV_dlndp_alpha=0.05 * lift
     )
     found = predicted(problem, states)
-    for name, true in (("alpha", 0.1 * lift), ("dlnV_dlndp_alpha", 0.05 * lift)):
+    for name, true in (("probe_alpha", 0.1 * lift), ("dlnV_dlndp_alpha", 0.05 * lift)):
         at_blocks = true[BLOCK // 2 :: BLOCK]
         share = np.var((found[name] - at_blocks)[INSIDE]) / np.var(at_blocks[INSIDE])
         assert share < 0.05, name
@@ -87,3 +95,27 @@ def test_a_short_ground_track_gives_the_heading_its_offset(exact, fast_blocks: i
     at = slice(start // BLOCK + 1, start // BLOCK + fast_blocks - 1) if fast_blocks > 10 else slice(None)
     off = psi - heading[BLOCK // 2 :: BLOCK]
     assert (off[at] + np.pi) % (2 * np.pi) - np.pi == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("name", "value"), [("alpha_scale", 0.05), ("V_scale", 0.02), ("air_data_lag", 0.02)])
+def test_sensor_errors_act_on_the_angle_of_attack_at_the_probe(exact, name, value) -> None:
+    """Upwash and rotation are in what the ports measure, and are subtracted after lag and slope, in proportion to 1/V^2
+    and 1/V: with the true states and the true error the modelled angle is the measured one."""
+    true, t = exact.table, exact.table.index.to_numpy()
+    upwash, rotation = 0.02 * (1 - true["az_mps2"] / 10), -0.5 * true["q_radps"] / true["V_mps"]
+    at_probe = true["alpha_rad"] + upwash + rotation
+    V_scale = value if name == "V_scale" else 0.0
+    slope = {"alpha_scale": value, "V_scale": -2 * value}.get(name, 0.0)
+    at = CubicSpline(t, at_probe)  # a first-order lag, to its second order
+    late = value * at(t, 1) - value**2 * at(t, 2) if name == "air_data_lag" else 0.0
+    upwash, rotation = upwash * (1 - 2 * V_scale), rotation * (1 - V_scale)
+    measured = (1 + slope) * at_probe - late - upwash - rotation
+    table = true.assign(alpha_rad=measured, alpha_by_upwash_rad=upwash, alpha_by_rotation_rad=rotation)
+    problem = TrajectoryProblem(table, [slice(0, 0)], 0.0, None)
+    errors = np.where(np.array(SENSOR_ERRORS) == name, value, 0.0)
+    actual, _ = problem.regressors.measurement_inputs(exact.states, errors, 0.1)
+    named = NamedArrays(MEASUREMENT_INPUTS, actual.T)
+    model = measurement_model(NamedArrays(STATES, exact.states.T), NamedArrays(SENSOR_ERRORS, errors), named)
+    off = model[MEASUREMENTS.index("alpha")] - problem.blocks["alpha_rad"]
+    by_error = (measured - true["alpha_rad"]).to_numpy()[BLOCK // 2 :: BLOCK]
+    assert np.std(off[INSIDE]) < 0.03 * np.std(by_error[INSIDE])

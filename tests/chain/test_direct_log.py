@@ -1,14 +1,16 @@
 """`--no-hardware`: the log written straight against the one that the daemon recorded, message by message."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from flight.log_reader import read_log
+from flight.log_reader import Log, read_log
 from sim.__main__ import fly
 from sim.direct_log import ACCEL_MPS2, BRIDGE_KELVIN, BRIDGES, GYRO_RADPS, MAG_T
 from sim.direct_log_timing import FIRST_TICK
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("straight")]  # one recording for all
+pytestmark = pytest.mark.xdist_group("chain")
 
 PASCAL = {f"/probe/{name}": 2 * range_Pa / (high - low) for name, (range_Pa, low, high) in BRIDGES.items()}
 # A count of each part in the units of its message; nothing is allowed where nothing stands here.
@@ -31,13 +33,12 @@ COUNT = {
 LATE = {"/controls": 0.05}
 
 
-@pytest.fixture(scope="session")
-def logs(tmp_path_factory):
+@pytest.fixture(scope="module")
+def logs(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Log]:
     """The demonstration flight, recorded and written straight."""
-    folder = tmp_path_factory.mktemp("straight")
-    for name in ("recorded", "straight"):
-        fly(folder / name, plan="accel-decel", seed=3, no_hardware=name == "straight")
-    return [read_log(folder / name / "log.mcap") for name in ("recorded", "straight")]
+    straight = tmp_path_factory.mktemp("straight") / "demo"
+    fly(straight, plan="demo", no_hardware=True)
+    return [read_log(folder / "log.mcap") for folder in (flown, straight)]
 
 
 def test_the_same_topics_and_luggage(logs):

@@ -1,0 +1,197 @@
+"""The command `plan`: what to fly for the narrowest interval. Arguments, messages and exit codes only."""
+
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from flight.aircraft import load_aircraft
+from flight.command_line import application, quantity, run
+from flight.errors import InputError
+from flight.output_file import check_writable
+
+if TYPE_CHECKING:
+    from analysis.planning.search import FlightPlan
+
+QUESTIONS = ("curve", "endurance", "range", "propellers", "probe")
+PILOTS = {"line-of-sight": 500.0, "autopilot": 1300.0}  # length of a leg where none is given [m]
+FIRMWARES = ("px4", "ardupilot")
+
+app = application()
+
+
+@app.command()
+def plan(
+    aircraft: Annotated[str, typer.Argument(metavar="AIRCRAFT", help="A shipped aircraft, or an aircraft file.")],
+    minutes: Annotated[
+        float,
+        typer.Option(
+            "--minutes",
+            parser=quantity("--minutes", "min", '"0.3 h"', above=0, most=240),
+            metavar="TIME",
+            help="From standing before to standing after the flight, two minutes on the ground included.",
+        ),
+    ] = 21.0,
+    wind_kt: Annotated[
+        float,
+        typer.Option(
+            "--wind-kt",
+            parser=quantity("--wind-kt", "kt", '"5 m/s"', least=0, most=40),
+            metavar="SPEED",
+            help="Wind at 6 m above the ground, which makes the turbulence.",
+        ),
+    ] = 5.0,
+    asked: Annotated[str, typer.Option("--question", help=f"One of {', '.join(QUESTIONS)}.")] = "curve",
+    pilot: Annotated[str, typer.Option("--pilot", help=f"One of {', '.join(PILOTS)}.")] = "line-of-sight",
+    leg_m: Annotated[
+        float | None,
+        typer.Option(
+            "--leg",
+            parser=quantity("--leg", "m", '"1500 ft"', least=100, most=20000),
+            metavar="LENGTH",
+            help="Longest straight flight; default: 500 m in line of sight, 1300 m with an autopilot.",
+        ),
+    ] = None,
+    height_m: Annotated[
+        float,
+        typer.Option(
+            "--height",
+            parser=quantity("--height", "m", '"130 ft"', least=25, most=1000),
+            metavar="HEIGHT",
+            help="Above the ground. Vertical gusts are as long as this: low flight averages them sooner, but leaves"
+            " less room for a stall.",
+        ),
+    ] = 40.0,
+    load: Annotated[
+        float,
+        typer.Option(
+            "--load-factor",
+            parser=quantity("--load-factor", "", "1.7", above=1.2, most=2.0),
+            metavar="NUMBER",
+            help="Largest load factor while porpoising; the smallest is as far below 1.",
+        ),
+    ] = 2.0,
+    stall_mps: Annotated[
+        float | None,
+        typer.Option(
+            "--stall",
+            parser=quantity("--stall", "m/s", '"20 kt"', above=0, most=100),
+            metavar="SPEED",
+            help="Stall speed, wings level; default: that of a largest lift coefficient of 1.2.",
+        ),
+    ] = None,
+    after: Annotated[
+        list[Path] | None,
+        typer.Option("--after", metavar="FILE", help="results.json of an earlier flight; may be repeated."),
+    ] = None,
+    home: Annotated[
+        str | None,
+        typer.Option("--home", metavar="LAT,LON", help="Middle of the legs [deg]; with it a mission is written."),
+    ] = None,
+    heading: Annotated[
+        float,
+        typer.Option(
+            "--heading",
+            parser=quantity("--heading", "deg", '"1.2 rad"', least=-360, most=360),
+            help="Of the legs [deg].",
+        ),
+    ] = 0.0,
+    firmware: Annotated[str, typer.Option("--firmware", help=f"Of the mission: {' or '.join(FIRMWARES)}.")] = "px4",
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="Default: plan-AIRCRAFT.")
+    ] = None,
+) -> None:
+    """What to fly next: the sequence of maneuvers that makes the interval of the answer smallest.
+
+    Writes a card to print (card.html), a plan for the simulator (plan.toml) and, with --home, a mission for an
+    autopilot (mission.plan, mission.waypoints).
+
+    \b
+    Examples:
+      flightpower plan nexstar --minutes 21 --wind-kt 15
+      flightpower plan my.toml --after flight1.report/results.json --question endurance
+      flightpower plan my.toml --pilot autopilot --home 48.1,11.5 --heading 250
+    """
+    for option, value, known in (
+        ("--question", asked, QUESTIONS),
+        ("--pilot", pilot, tuple(PILOTS)),
+        ("--firmware", firmware, FIRMWARES),
+    ):
+        if value not in known:
+            raise InputError(f"{option} {value}: should be one of {', '.join(known)}")
+    place = _place(home) if home is not None else None
+    flown = load_aircraft(aircraft)
+    folder = output or Path(f"plan-{flown.name}")
+    check_writable(folder / "plan.toml")
+
+    from analysis.planning import earlier
+    from analysis.planning.card import card
+    from analysis.planning.expected_aircraft import expected_aircraft
+    from analysis.planning.mission import Home, qgroundcontrol_plan, waypoint_file
+    from analysis.planning.pieces import Pilot, Space
+    from analysis.planning.search import Request, plan_flight
+    from analysis.planning.simulator_plan import simulator_plan
+
+    results = [earlier.read_results(path) for path in after or []]
+    expected = expected_aircraft(flown, height_m, A=earlier.polar(results), stall_mps=stall_mps)
+    request = Request(
+        minutes,
+        wind_kt,
+        Space(leg_m or PILOTS[pilot], height_m),
+        Pilot(pilot == "autopilot", load - 1),
+        asked,
+        earlier.information(results),
+    )
+    made = plan_flight(expected, request)
+    files = {
+        "plan.toml": simulator_plan(made.maneuvers, expected, request),
+        "card.html": card(made, flown.title),
+    }
+    if place is not None:
+        where = Home(*place, radians(heading))
+        files["mission.plan"] = qgroundcontrol_plan(made, where, firmware)
+        files["mission.waypoints"] = waypoint_file(made, where)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in files.items():
+        (folder / name).write_text(text, "utf-8")
+    _print(made, folder, list(files), stall_given=stall_mps is not None)
+
+
+def _place(text: str) -> tuple[float, float]:
+    try:
+        latitude, longitude = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f'--home {text}: should be latitude and longitude in degrees, such as "48.1,11.5"') from None
+    if not (abs(latitude) <= 85 and abs(longitude) <= 180):
+        raise InputError(f"--home {text}: latitude should be within 85, longitude within 180 degrees")
+    return latitude, longitude
+
+
+def _print(made: "FlightPlan", folder: Path, files: list[str], *, stall_given: bool) -> None:
+    from analysis.planning import texts
+
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(f"Plan for {made.question.title}: {made.seconds / 60:.1f} min, {made.request.wind_kt:g} kt")
+    console.print(f"Computed with {made.aircraft.basis}.")
+    console.print(texts.margin(made))
+    if not stall_given:
+        console.print("If you know the stall speed, give it with --stall.")
+    for row in texts.rows(made):
+        console.print(f"{row.times:>5} {row.title} ({row.seconds:.0f} s)")
+    widths = ", ".join(f"{half} at {speed}" for speed, half in texts.expected_interval(made))
+    console.print(f"Expected 95 % interval of power: {widths}")
+    console.print("At the worst speed:")
+    for line in texts.losses(made):
+        console.print(f"  {line}")
+    console.print(f"wrote {', '.join(str(folder / name) for name in files)}")
+
+
+def main() -> None:
+    """Entry point. Wrong input gives one line on stderr and exit code 2."""
+    run(app, "plan")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,104 @@
+"""What the runs themselves deny: a parabolic polar, and a propeller table as good as assumed.
+
+Each doubt is tested by an estimate with one assumption less. Where the test finds it, the change of the estimate is
+added to the interval, and the doubt is a warning.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.drag import covariance
+from analysis.estimation import output_error
+from analysis.estimation.data import Segment
+from analysis.estimation.fit import Fit
+from analysis.estimation.model import Model, NamedValues, Parameter
+
+Array = NDArray[np.float64]
+
+CONFLICT = 2.5  # prior standard deviations of thrust
+SIGNIFICANT = 3.0  # standard errors of the quartic term
+LEAST_CHANGE = 0.005  # of drag at an end of the lift coefficients flown; less than that matters to nobody
+RANGE = (1.0, 99.0)  # percentiles of the lift coefficients of the runs
+THRUST_TITLES = {
+    "thrust_scale": "scale of thrust",
+    "thrust_slope": "slope of thrust over advance ratio",
+    "thrust_beyond": "thrust beyond the propeller's table",
+}
+
+
+class Doubt(NamedTuple):
+    """change : (m,) of the estimates without the doubtful assumption     warning : for the reader"""
+
+    change: Array
+    warning: str
+
+
+def doubts(fit: Fit) -> list[Doubt]:
+    """All doubts about a fit of the drag model."""
+    return _about_thrust(fit) + _about_shape(fit)
+
+
+def _about_thrust(fit: Fit) -> list[Doubt]:
+    """Errors of thrust beyond CONFLICT. Each is repeated with a prior as large as the estimate."""
+    sigma = {q.name: q.prior_sigma for q in fit.model.parameters if q.name in THRUST_TITLES}
+    values = dict(zip(fit.names, fit.values, strict=True))
+    beyond = {name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > CONFLICT * s}
+    if not beyond:
+        return []
+    wider = tuple(
+        replace(q, prior_sigma=q.prior_sigma * abs(beyond[q.name])) if q.name in beyond and q.prior_sigma else q
+        for q in fit.model.parameters
+    )
+    repeated = output_error.estimate(replace(fit.model, parameters=wider), _segments(fit))
+    named = "; ".join(f"{THRUST_TITLES[name]}: {z:+.1f} standard deviations" for name, z in beyond.items())
+    return [
+        Doubt(
+            repeated.values - fit.values,
+            f"The propeller's thrust differs from its table by more than assumed ({named}). The interval is wider by"
+            " what a less certain table changes. Check the propeller, its table, and the number of pole pairs.",
+        )
+    ]
+
+
+def _about_shape(fit: Fit) -> list[Doubt]:
+    """A quartic term of lift that the residuals require. The change is that to the parabola through the quartic polar
+    at the ends and in the middle of the lift coefficients flown."""
+    with_quartic = output_error.estimate(_quartic(fit.model), _segments(fit))
+    i = with_quartic.names.index("A4")
+    error = float(np.sqrt(covariance.of_noise(with_quartic)[i, i]))
+    quartic = float(with_quartic.values[i])
+    low, high = np.percentile(np.concatenate([segment.u["CL"] for segment in _segments(fit)]), RANGE)
+    CL = np.array([low, (low + high) / 2, high])
+    powers = np.vander(CL, 3, increasing=True)
+    values = np.delete(with_quartic.values, i)
+    values[:3] += np.linalg.solve(powers, quartic * CL**4)
+    significant = with_quartic.verdict.ok and abs(quartic) > SIGNIFICANT * error
+    if not significant or np.max(np.abs(powers @ values[:3] / (powers @ fit.values[:3]) - 1)) < LEAST_CHANGE:
+        return []
+    return [
+        Doubt(
+            values - fit.values,
+            f"Drag is no parabola of lift: a quartic term is {abs(quartic) / error:.1f} times its standard error. The"
+            " interval is wider by what this term changes; most at the slowest and the fastest speed.",
+        )
+    ]
+
+
+def _quartic(model: Model) -> Model:
+    def drag(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[object, ...]:
+        (parabolic,) = model.output_function(x, u, p)
+        return (parabolic + u.qS_over_m * p.A4 * u.CL**4,)
+
+    return replace(
+        model,
+        name=f"{model.name}, quartic",
+        output_function=drag,
+        parameters=(*model.parameters, Parameter(name="A4", start=0.0)),
+    )
+
+
+def _segments(fit: Fit) -> list[Segment]:
+    return [segment_fit.segment for segment_fit in fit.segment_fits]

@@ -1,0 +1,92 @@
+"""What else the verdict on an output-error fit should say: residuals that are not white, outliers, instability."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.estimation.fit import Fit, FitStatus, SegmentFit
+
+Array = NDArray[np.float64]
+
+# Lag-one correlation of residuals, in standard deviations of that of white noise (1/sqrt(n)), above which they are
+# called colored: one white record in a thousand.
+NOT_WHITE = 3.3
+OUTLIER = 6.0  # in standard deviations of the residuals
+LARGE_GROWTH = 1e3  # of an error within a segment, above which output error finds optima hardly or not at all
+SAMPLES = 20  # of each segment, at which the eigenvalues are computed
+DIFFERENCE_STEP = 1e-6  # of the state, relative to its largest value
+
+
+def hints_of(fit: Fit) -> tuple[str, ...]:
+    """One sentence for each finding. Stability is examined if the fit is not convincing otherwise."""
+    found = _colored(fit) + _outliers(fit)
+    if found or fit.verdict.status is not FitStatus.CONVERGED:
+        found += _unstable(fit)
+    return tuple(found)
+
+
+def _colored(fit: Fit) -> list[str]:
+    outputs = len(fit.model.outputs)
+    products, squares, pairs = np.zeros(outputs), np.zeros(outputs), np.zeros(outputs)
+    for segment_fit in fit.segment_fits:
+        e = np.nan_to_num(segment_fit.residuals)
+        products += np.einsum("ij,ij->j", e[1:], e[:-1])
+        squares += np.einsum("ij,ij->j", e, e)
+        pairs += (segment_fit.white.present[1:] & segment_fit.white.present[:-1]).sum(axis=0)
+    lag_one = np.divide(products, squares, out=np.zeros(outputs), where=squares > 0)
+    colored = np.abs(lag_one) * np.sqrt(pairs) > NOT_WHITE
+    if not colored.any():
+        return []
+    names = [name for name, is_colored in zip(fit.model.outputs, colored, strict=True) if is_colored]
+    largest = np.abs(lag_one[colored]).max()
+    return [
+        f"residuals of {', '.join(names)} are not white (lag-one correlation up to {largest:.2f}): the model lacks"
+        " something, process noise acts, or this is a false optimum; compare starts.estimate and filter_error, and use"
+        " uncertainty.morelli_klein"
+    ]
+
+
+def _outliers(fit: Fit) -> list[str]:
+    """Of normal noise only: t noise gives them a small weight."""
+    found = np.sum([(np.abs(segment_fit.white.e) > OUTLIER).sum(axis=0) for segment_fit in fit.segment_fits], axis=0)
+    if not found.any() or any((segment_fit.white.weight != 1).any() for segment_fit in fit.segment_fits):
+        return []
+    counts = [f"{count} of {name}" for name, count in zip(fit.model.outputs, found, strict=True) if count]
+    return [f"outliers: {', '.join(counts)} beyond {OUTLIER:g} standard deviations; use tail_dof=4"]
+
+
+def _unstable(fit: Fit) -> list[str]:
+    found = max((unstable_growth(fit, segment_fit) for segment_fit in fit.segment_fits), default=(0.0, 0.0, ""))
+    ln_growth, eigenvalue, name = found
+    if ln_growth < math.log(LARGE_GROWTH):
+        return []
+    return [
+        f"unstable: with an eigenvalue of {eigenvalue:+.2g} 1/s an error grows by {math.exp(min(ln_growth, 700)):.0e}"
+        f" within segment {name}; split it (data.split), or use multiple_shooting or filter_error"
+    ]
+
+
+def unstable_growth(fit: Fit, segment_fit: SegmentFit) -> tuple[float, float, str]:
+    """ln of an error's growth over a segment, mean real part of the largest eigenvalue [1/s], name of the segment.
+
+    The eigenvalues are those of the model linearized about the response.
+    """
+    segment, x = segment_fit.segment, segment_fit.response.x
+    if not fit.model.states:
+        return 0.0, 0.0, segment.name
+    at = np.linspace(0, len(segment) - 1, min(SAMPLES, len(segment))).astype(int)
+    known = [fit.parameters.get(q.name) or fit.parameters[f"{q.name}[{segment.name}]"] for q in fit.model.parameters]
+    values, u = [estimate.value for estimate in known], [segment.u[name][at] for name in fit.model.inputs]
+
+    def rates(x: Array) -> Array:
+        return np.array([rate + np.zeros(len(at)) for rate in fit.model.evaluate_dynamics(x.T, u, values)])
+
+    steps = DIFFERENCE_STEP * np.maximum(np.abs(x).max(axis=0), DIFFERENCE_STEP)
+    with np.errstate(all="ignore"):
+        A = np.stack(
+            [(rates(x[at] + d) - rates(x[at] - d)) / (2 * d.max()) for d in np.diag(steps)], axis=1
+        )  # (i, j, k)
+    real_parts = np.linalg.eigvals(np.nan_to_num(A).transpose(2, 0, 1)).real.max(axis=1)
+    mean = float(np.mean(real_parts))
+    return mean * float(segment.t_s[-1] - segment.t_s[0]), mean, segment.name

@@ -1,0 +1,134 @@
+"""The likelihood of the innovations of a Kalman filter, with its gradient and Fisher information."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.estimation.fit import SegmentFit
+from analysis.estimation.kalman_filter import Innovations, KalmanFilter
+from analysis.estimation.noise import Whitened
+from analysis.estimation.optimizer import Evaluation, nowhere
+from analysis.estimation.problem import Problem
+from analysis.estimation.process_noise import ProcessNoise
+from analysis.estimation.simulation import Response
+
+Array = NDArray[np.float64]
+
+NEGLIGIBLE = 0.01  # information about ln w or ln v below which the noise has no effect; its standard error is then 10
+
+
+@dataclass(frozen=True)
+class InnovationsLikelihood:
+    """Of the innovations. fixed : ln w and ln v that are not among the unknowns, by name."""
+
+    problem: Problem
+    filter: KalmanFilter
+    noises: tuple[ProcessNoise, ...]
+    fixed: dict[str, float]
+
+    @property
+    def intensities(self) -> list[str]:
+        """Names of the free intensities."""
+        return [name for name in self.problem.names if name.startswith("ln w(")]
+
+    def index(self, name: str) -> int:
+        return self.problem.names.index(name)
+
+    def holding(self, held: Mapping[str, float], theta: Array) -> tuple["InnovationsLikelihood", Array]:
+        """The likelihood with these ln w and ln v fixed, and theta without them."""
+        keep = np.array([name not in held for name in self.problem.names])
+        return replace(self, problem=self.problem.without(keep), fixed=self.fixed | dict(held)), theta[keep]
+
+    def negligible(self, point: Evaluation) -> list[str]:
+        """Noises that hardly change the variances of the innovations, and at which the likelihood falls.
+
+        A noise that the data determine to a factor of exp(10) only has no effect on them.
+        """
+        problem, information = self.problem, np.diag(point.information)
+        return [
+            name
+            for i, name in enumerate(problem.names)
+            if name.startswith(("ln w(", "ln v("))
+            and problem.prior_information[i] == 0
+            and (point.theta[i] <= problem.lower[i] or (point.gradient[i] < 0 and information[i] < NEGLIGIBLE))
+        ]
+
+    def filtered(self, theta: Array, i: int) -> tuple[Innovations, Array]:
+        """Segment i's innovations, with derivatives to the unknowns of this segment only; and ln v (outputs,)."""
+        problem = self.problem
+        p, x0, free_noise = problem.unpack(theta, i)
+        all_names = [f"ln w({noise.state})" for noise in self.noises]
+        all_names += [f"ln v({output})" for output in problem.model.outputs]
+        free = [k for k, name in enumerate(all_names) if name not in self.fixed]
+        ln_noise = np.array([self.fixed.get(name, np.nan) for name in all_names])
+        ln_noise[free] = free_noise
+        ln_w, ln_v = np.split(ln_noise, [len(self.noises)])
+        active_before_s = np.array([noise.active_before_s for noise in self.noises])
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            innovations = self.filter.run(
+                x0, problem.U[i], problem.Z[i], p, ln_w, ln_v, active_before_s, problem.segments[i].step_s
+            )
+        count = len(self.filter.free)
+        own = np.concatenate(
+            [np.arange(count), count + len(all_names) + problem.free_states, count + np.array(free, dtype=int)]
+        )
+        return innovations._replace(d_e=innovations.d_e[:, :, own], d_ln_s=innovations.d_ln_s[:, :, own]), ln_v
+
+    def curvature(self, point: Evaluation) -> Array:
+        return point.information
+
+    def evaluate(self, theta: Array) -> Evaluation:
+        problem, m = self.problem, len(theta)
+        g, H, of_variances, cost = np.zeros(m), np.zeros((m, m)), np.zeros((m, m)), 0.0
+        segment_fits = []
+        for i, segment in enumerate(problem.segments):
+            innovations, ln_v = self.filtered(theta, i)
+            present = np.isfinite(problem.Z[i])
+            if not (_finite(innovations, present) and np.isfinite(innovations.x).all()):
+                return nowhere(theta)
+            own = problem.columns[i]
+            sigma = np.where(present, np.exp(innovations.ln_s / 2), 1.0)
+            e = np.where(present, innovations.e / sigma, 0.0)
+            S = np.where(present[:, :, None], -innovations.d_e / sigma[:, :, None], 0.0)
+            d_ln_s = np.where(present[:, :, None], innovations.d_ln_s, 0.0).reshape(-1, len(own))
+            flat = S.reshape(-1, len(own))
+            with np.errstate(over="ignore", invalid="ignore"):
+                cost += float(np.sum(e**2) + np.sum(innovations.ln_s[present])) / 2
+                g[own] += flat.T @ e.ravel() + d_ln_s.T @ (e.ravel() ** 2 - 1) / 2
+                # A normal variable with mean mu and variance s has the information mu'^2/s + (ln s)'^2/2.
+                variance_part = d_ln_s.T @ d_ln_s / 2
+                H[np.ix_(own, own)] += flat.T @ flat + variance_part
+                of_variances[np.ix_(own, own)] += variance_part
+            if not (np.isfinite(cost) and np.isfinite(g).all() and np.isfinite(H).all()):
+                return nowhere(theta)
+            residuals = np.where(present, innovations.e, np.nan)
+            white = Whitened(e, np.ones_like(e), S, present)
+            response = Response(innovations.x, innovations.y, -innovations.d_e)
+            segment_fits.append(SegmentFit(segment, response, residuals, white, own))
+        from_prior = theta - problem.prior_mean
+        cost += float(problem.prior_information @ from_prior**2) / 2
+        g -= problem.prior_information * from_prior
+        return Evaluation(theta, cost, tuple(segment_fits), np.diag(np.exp(2 * ln_v)), g, H, of_variances)
+
+
+def _finite(found: Innovations, present: NDArray[np.bool_]) -> bool:
+    return all(np.isfinite(values[present]).all() for values in (found.e, found.ln_s, found.d_e, found.d_ln_s))
+
+
+def not_finite(likelihood: InnovationsLikelihood) -> str:
+    """The message that names the segment and time from which the filter is not finite with the starting values."""
+    problem = likelihood.problem
+    for i, segment in enumerate(problem.segments):
+        x = likelihood.filtered(problem.start, i)[0].x
+        finite = np.isfinite(x).all(axis=1)
+        if not finite.all():
+            return (
+                f"model {problem.model.name}, segment {segment.name}: with the starting values the filter is not finite"
+                f" from t = {segment.t_s[int(np.argmin(finite))]:g} s on; give better starting values"
+            )
+    return (
+        f"model {problem.model.name}: with the starting values the likelihood is not finite;"
+        " give better starting values"
+    )

@@ -1,0 +1,141 @@
+"""Process noise and measurement noise of filter error: what the user gives, and the unknowns that follow from it."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.estimation.data import Segment
+from analysis.estimation.fit import Fit
+from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.model import Model
+from analysis.estimation.problem import Unknown
+from flight.errors import InputError
+
+Array = NDArray[np.float64]
+
+LN_INTENSITY_RANGE = math.log(1e3)  # bounds of ln w about its start; an intensity at the lower bound counts as zero
+# Bounds of the measurement noise, relative to the output's rms. Smaller noise than that is negligible: without it a
+# few outputs determine the state exactly, and the likelihood has no optimum.
+SMALLEST_NOISE, LARGEST_NOISE = 1e-4, 10.0
+LARGEST_STEP = 2.0  # of ln w and ln v in one iteration
+SIGNIFICANCE_LEVEL = 0.05  # of the test for process noise
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProcessNoise:
+    """White noise that drives one state.
+
+    start : starting value of the intensity [unit of the state per sqrt(s)]; in one second the noise adds intensity^2 to
+    the variance of the state. Fixed unless `free`; a fixed intensity may be zero. The starting value may be 1000 times
+    too small. If it is so large that process noise explains everything, the fit is repeated with a hundredth of it.
+    active_before_s : time for which the noise has acted before a segment begins. If positive, the initial state is not
+    estimated and has the variance intensity^2 active_before_s. For a stationary first-order state with time constant T
+    this is T/2.
+    prior_sigma : standard deviation of a normal prior of ln intensity with mean ln start
+
+    Raises InputError for a start that is negative or zero, a negative `active_before_s`, or a `prior_sigma` <= 0.
+    """
+
+    state: str
+    start: float
+    free: bool = True
+    active_before_s: float = 0.0
+    prior_sigma: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.start) and self.start >= 0 and (self.start > 0 or not self.free)):
+            raise InputError(f"process noise of {self.state}: start must be greater than zero, is {self.start}")
+        if not (math.isfinite(self.active_before_s) and self.active_before_s >= 0):
+            raise InputError(
+                f"process noise of {self.state}: active_before_s must not be negative, is {self.active_before_s}"
+            )
+        if not self.prior_sigma > 0:
+            raise InputError(
+                f"process noise of {self.state}: prior_sigma must be greater than zero, is {self.prior_sigma}"
+            )
+
+
+class Intensity(NamedTuple):
+    """An intensity of process noise [unit of the state per sqrt(s)], its 95 % interval, and its significance.
+
+    p_value : of the likelihood-ratio test against zero intensity. Zero is at the boundary of the parameter space, so
+    that the estimate is zero in half of all records without this noise (Self & Liang 1987, J. Am. Stat. Assoc. 82,
+    605, case 5). NaN if not tested or fixed.
+    """
+
+    value: float
+    lo: float
+    hi: float
+    p_value: float
+
+    @property
+    def significant(self) -> bool:
+        return self.p_value < SIGNIFICANCE_LEVEL
+
+
+def check_noise(model: Model, noises: tuple[ProcessNoise, ...], noise_sigma: Mapping[str, float]) -> None:
+    for noise in noises:
+        if not isinstance(noise, ProcessNoise):
+            raise InputError(f"process_noise: give ProcessNoise(state=..., start=...), not {noise!r}")
+    for state, count in Counter(noise.state for noise in noises).items():
+        if state not in model.states:
+            raise InputError(
+                f"process noise: model {model.name} has no state {state!r}; it has {', '.join(model.states) or 'none'}"
+            )
+        if count > 1:
+            raise InputError(f"process noise: two are given for {state}; give one")
+    for output, sigma in noise_sigma.items():
+        if output not in model.outputs:
+            raise InputError(
+                f"noise_sigma: model {model.name} has no output {output!r}; it has {', '.join(model.outputs)}"
+            )
+        if not (math.isfinite(sigma) and sigma > 0):
+            raise InputError(f"noise_sigma: {output} must be greater than zero, is {sigma}")
+
+
+def logarithm(value: float) -> float:
+    return math.log(value) if value > 0 else -math.inf
+
+
+def noise_unknowns(model: Model, segments: tuple[Segment, ...], noises: tuple[ProcessNoise, ...]) -> list[Unknown]:
+    """ln w and ln v with starting values: ln v from the second differences of the outputs."""
+    unknowns = []
+    for noise in noises:
+        ln_w = logarithm(noise.start)
+        lower, upper = ln_w - LN_INTENSITY_RANGE, ln_w + LN_INTENSITY_RANGE
+        name, prior = f"ln w({noise.state})", noise.prior_sigma**-2.0
+        unknowns.append(Unknown(name, "", ln_w, lower, upper, ln_w, prior, LARGEST_STEP))
+    for output in model.outputs:
+        signals = [segment.z[output] for segment in segments if output in segment.z]
+        scale = math.sqrt(np.nanmean(np.square(np.concatenate(signals)))) if _any_finite(signals) else 0.0
+        lowest = SMALLEST_NOISE * (scale or 1.0)
+        # A sample minus the mean of its neighbors has 3/2 of the variance of white noise.
+        differences = np.concatenate([z[1:-1] - (z[:-2] + z[2:]) / 2 for z in signals] or [np.array([])])
+        differences = differences[np.isfinite(differences)]
+        sigma = math.sqrt(np.mean(differences**2) / 1.5) if len(differences) else 0.01 * scale
+        name, upper = f"ln v({output})", logarithm(LARGEST_NOISE * max(scale, sigma, 2 * lowest))
+        first = logarithm(max(sigma, 2 * lowest))
+        unknowns.append(Unknown(name, "", first, logarithm(lowest), upper, largest_step=LARGEST_STEP))
+    return unknowns
+
+
+def _any_finite(signals: list[Array]) -> bool:
+    return any(np.isfinite(z).any() for z in signals)
+
+
+def intensity_of(fit: Fit, noise: ProcessNoise, negligible: Mapping[str, float]) -> Intensity:
+    """The intensity in a fit. negligible : logarithms of noises that were dropped from the unknowns, by name."""
+    name = f"ln w({noise.state})"
+    if name in negligible:
+        value = math.exp(negligible[name])
+        return Intensity(value, 0.0, value, 0.5 if value == 0 else math.nan)
+    if name not in fit.names:
+        return Intensity(noise.start, noise.start, noise.start, np.nan)
+    ln_w, error = fit.parameters[name].value, fit.parameters[name].standard_error
+    lo, hi = np.exp([ln_w - NORMAL_95 * error, ln_w + NORMAL_95 * error])
+    return Intensity(math.exp(ln_w), float(lo), float(hi), np.nan)

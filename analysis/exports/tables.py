@@ -1,0 +1,70 @@
+"""An analysed flight as five tables; units are in the names of the columns."""
+
+import msgspec
+import pandas as pd
+
+from analysis.exports.derived import ERROR, derived
+from analysis.pipeline import Analysis
+from analysis.report.trajectory_csv import COLUMNS as STATE_COLUMNS
+from analysis.results.schema import PowerPoint
+from analysis.trajectory.equations import GUST_FILTER_STATES
+from flight.aircraft import Aircraft
+from flight.propeller import Propeller
+
+# Columns of the air data table whose own names lack a unit, or are of use inside the program only.
+RENAMED = {"rho": "density_kgpm3", "J": "advance_ratio", "throttle": "throttle_fraction"}
+LEFT_OUT = ("speed_scale", "dlnV_dlndp_alpha", "alpha_by_upwash_rad", "alpha_by_rotation_rad")
+WITHOUT_UNIT = ("advance_ratio", "C_L", "C_D", "flying", "propeller_covered", "curve", "kind", "notes", "extrapolated")
+
+
+def tables_of(analysis: Analysis, aircraft: Aircraft, propeller: Propeller) -> dict[str, pd.DataFrame]:
+    """By name: `synchronized`, `states`, `derived`, `runs`, `curves`.
+
+    synchronized : every channel on one time base, corrected, with air data; index t_s since the log began
+    states : reconstructed attitude, velocity, height, wind and gusts with standard errors; index t_s
+    derived : of `derived.derived`; index t_s
+    runs : one row per run: kind, start and end, speeds, change of altitude, notes
+    curves : every curve of power against speed with its 95 % interval, named in `curve`
+    """
+    states, errors = (
+        table.drop(columns=[*GUST_FILTER_STATES]).rename(columns=STATE_COLUMNS)
+        for table in (analysis.trajectory.states, analysis.trajectory.states_error())
+    )
+    errors = errors.add_suffix(ERROR)
+    in_turn = [name for state in states.columns for name in (state, f"{state}{ERROR}")]
+    return {
+        "synchronized": analysis.table.drop(columns=list(LEFT_OUT)).rename(columns=RENAMED),
+        "states": pd.concat([states, errors], axis=1)[in_turn],
+        "derived": derived(analysis.trajectory, aircraft, propeller),
+        "runs": _runs(analysis),
+        "curves": _curves(analysis),
+    }
+
+
+def _runs(analysis: Analysis) -> pd.DataFrame:
+    rows = [
+        {
+            "kind": run.kind,
+            "start_s": run.start_s,
+            "end_s": run.end_s,
+            "lowest_speed_mps": run.lowest_speed_mps,
+            "highest_speed_mps": run.highest_speed_mps,
+            "altitude_change_m": run.altitude_change_m,
+            "notes": "; ".join(run.notes),
+        }
+        for run in analysis.maneuvers.maneuvers
+    ]
+    return pd.DataFrame(rows)
+
+
+def _curves(analysis: Analysis) -> pd.DataFrame:
+    results = analysis.results
+    curves: dict[str, list[PowerPoint]] = {
+        "power required, as flown": results.power_required,
+        "power required, standard weight and sea level": results.power_required_standard,
+        f"cross-check by {results.cross_check_by}": results.cross_check,
+    }
+    for method in results.methods:
+        curves[method.title] = method.power_required
+    rows = [{"curve": name} | msgspec.structs.asdict(point) for name, points in curves.items() for point in points]
+    return pd.DataFrame(rows)

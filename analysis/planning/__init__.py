@@ -1,0 +1,1 @@
+"""Flight plans for the narrowest interval: what each maneuver contributes to the estimate, before it is flown."""

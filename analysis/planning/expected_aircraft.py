@@ -1,0 +1,160 @@
+"""What a plan assumes of an aircraft before its flight: stall, drag polar, lift curve, thrust."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.aircraft import Aircraft
+from flight.atmosphere import density, pressure_at, temperature_at
+from flight.errors import InputError
+from flight.propeller import Propeller
+from flight.propeller_files import load_propeller
+
+Array = NDArray[np.float64]
+
+# Where neither an earlier flight nor the user says otherwise: a trainer's wing, its drag and its power.
+LARGEST_CL, CD0, OSWALD, CL_MIND, CL_AT_ZERO_ALPHA = 1.2, 0.045, 0.75, 0.15, 0.3
+FASTEST_OVER_STALL = 2.4  # level, where the aircraft file has no motor
+BATTERY_PER_CELL_V = 3.7
+SPEEDS, THROTTLES = 24, 21
+
+
+@dataclass(frozen=True)
+class ExpectedAircraft:
+    """Speeds, drag and thrust that a plan is computed with, at the height of the flight.
+
+    A : (3,) drag polar C_D = A0 + A1 C_L + A2 C_L^2       rho : air density [kg/m^3]
+    stall_mps, fastest_mps : level flight, wings level      basis : where drag and thrust come from, in words
+    stall_basis : where the stall speed comes from, in words
+    """
+
+    aircraft: Aircraft
+    propeller: Propeller
+    rho: float
+    A: Array
+    stall_mps: float
+    fastest_mps: float
+    basis: str
+    stall_basis: str
+    _grid_V: Array = field(repr=False)
+    _grid_thrust_N: Array = field(repr=False)  # (throttles, speeds)
+
+    @property
+    def lift_slope(self) -> float:
+        """dC_L/dalpha of a straight wing (Helmbold's equation) [1/rad]."""
+        AR = self.aircraft.aspect_ratio
+        return float(2 * np.pi * AR / (2 + np.sqrt(AR**2 + 4)))
+
+    def lift_coefficient(self, V: Array | float, load_factor: Array | float = 1.0) -> Array:
+        """C_L at a speed [m/s] and a load factor."""
+        S = self.aircraft.geometry.wing_area_m2
+        return np.asarray(2 * load_factor * self.aircraft.mass.weight_N / (self.rho * np.square(V) * S))
+
+    def alpha_rad(self, V: Array | float, load_factor: Array | float = 1.0) -> Array:
+        """Angle of attack of the body axes."""
+        return np.asarray((self.lift_coefficient(V, load_factor) - CL_AT_ZERO_ALPHA) / self.lift_slope)
+
+    def drag_N(self, V: Array | float, load_factor: Array | float = 1.0) -> Array:
+        """Drag [N] at a speed [m/s] and a load factor."""
+        return _drag_N(self.aircraft, self.rho, self.A, V, load_factor)
+
+    def thrust_N(self, throttle: float, V: float) -> float:
+        """Thrust [N] at a throttle from 0 to 1."""
+        row = throttle * (THROTTLES - 1)
+        i = min(int(row), THROTTLES - 2)
+        below, above = (np.interp(V, self._grid_V, self._grid_thrust_N[k]) for k in (i, i + 1))
+        return float(below + (row - i) * (above - below))
+
+    def revps_of_thrust(self, V: Array, thrust_N: Array) -> Array:
+        """Speed of rotation [rev/s] at which the propeller gives a thrust [N]."""
+        low, high = np.full_like(V, 5.0), np.full_like(V, 400.0)
+        for _ in range(30):
+            middle = (low + high) / 2
+            less = self.propeller.thrust_and_power(V, middle, self.rho)[0] < thrust_N
+            low, high = np.where(less, middle, low), np.where(less, high, middle)
+        return (low + high) / 2
+
+
+def expected_aircraft(
+    aircraft: Aircraft,
+    height_m: float,
+    *,
+    A: Array | None = None,
+    stall_mps: float | None = None,
+    fastest_mps: float | None = None,
+) -> ExpectedAircraft:
+    """What to plan with. A: polar of an earlier flight. Raises InputError where the file has no propeller."""
+    if aircraft.propulsion.propeller is None:
+        raise InputError(
+            f"{aircraft.name}: the aircraft file names no propeller, which a plan needs; add propulsion.propeller"
+        )
+    propeller = load_propeller(aircraft.propulsion.propeller)
+    rho = float(density(pressure_at(height_m), temperature_at(height_m)))
+    basis = []
+    if A is None:
+        K = 1 / (np.pi * OSWALD * aircraft.aspect_ratio)
+        A = np.array([CD0 + K * CL_MIND**2, -2 * K * CL_MIND, K])
+        basis.append(f"drag of a trainer (C_D0 {CD0}, e {OSWALD})")
+    else:
+        basis.append("drag of the earlier flights")
+    if stall_mps is None:
+        S = aircraft.geometry.wing_area_m2
+        stall_mps = float(np.sqrt(2 * aircraft.mass.weight_N / (rho * S * LARGEST_CL)))
+        stall_basis = f"assumed from a largest lift coefficient of {LARGEST_CL}"
+    else:
+        stall_basis = "as given"
+    V = np.linspace(0.8 * stall_mps, 4.5 * stall_mps, SPEEDS)
+    if aircraft.has(*(f"propulsion.{key}" for key in MOTOR)):
+        thrust, motor = _motor_thrust(aircraft, propeller, V, rho), "the motor of the aircraft file"
+    else:
+        top = fastest_mps or FASTEST_OVER_STALL * stall_mps
+        thrust, motor = _assumed_thrust(aircraft, propeller, V, rho, A, top), f"a motor that gives {top:.0f} m/s"
+    if fastest_mps is None:
+        excess = thrust[-1] - _drag_N(aircraft, rho, A, V)
+        can = np.flatnonzero(excess > 0)
+        if not len(can):
+            raise InputError(f"{aircraft.name}: full throttle does not carry the aircraft; check propeller and motor")
+        i = int(can[-1])
+        fastest_mps = float(V[i] if i + 1 == len(V) else np.interp(0.0, -excess[i : i + 2], V[i : i + 2]))
+    basis_text = "; ".join([*basis, motor])
+    return ExpectedAircraft(aircraft, propeller, rho, A, stall_mps, fastest_mps, basis_text, stall_basis, V, thrust)
+
+
+MOTOR = ("motor_kv_rpm_per_volt", "motor_resistance", "motor_no_load_current", "battery_voltage")
+
+
+def _drag_N(aircraft: Aircraft, rho: float, A: Array, V: Array | float, load_factor: Array | float = 1.0) -> Array:
+    qS = rho * np.square(V) / 2 * aircraft.geometry.wing_area_m2
+    CL = load_factor * aircraft.mass.weight_N / qS
+    return np.asarray(qS * (A[0] + A[1] * CL + A[2] * CL**2))
+
+
+def _motor_thrust(aircraft: Aircraft, propeller: Propeller, V: Array, rho: float) -> Array:
+    """Thrust [N] (throttles, speeds): an ideal step-down converter, a motor, a battery with its resistance."""
+    p = aircraft.propulsion
+    assert p.motor_kv_rpm_per_volt and p.motor_resistance_ohm and p.battery_voltage_V
+    k = 60 / (2 * np.pi * p.motor_kv_rpm_per_volt)
+    throttle = np.linspace(0.0, 1.0, THROTTLES)[:, None]
+    low, high = np.full((THROTTLES, len(V)), 3.0), np.full((THROTTLES, len(V)), 400.0)
+    resistance = p.motor_resistance_ohm + throttle**2 * (p.battery_resistance_ohm or 0.0)
+    for _ in range(30):
+        n = (low + high) / 2
+        current = np.maximum((throttle * p.battery_voltage_V - 2 * np.pi * n * k) / resistance, 0)
+        _, shaft_W = propeller.thrust_and_power(V, n, rho)
+        spare = k * (current - (p.motor_no_load_current_A or 0.0)) - shaft_W / (2 * np.pi * n)
+        low, high = np.where(spare > 0, n, low), np.where(spare > 0, high, n)
+    return np.asarray(propeller.thrust_and_power(V, (low + high) / 2, rho)[0])
+
+
+def _assumed_thrust(
+    aircraft: Aircraft, propeller: Propeller, V: Array, rho: float, A: Array, fastest_mps: float
+) -> Array:
+    """Thrust [N] (throttles, speeds) of a motor whose speed is as the throttle, and that just gives `fastest_mps`."""
+    needed = float(_drag_N(aircraft, rho, A, fastest_mps))
+    low, high = 5.0, 400.0
+    for _ in range(40):
+        n = (low + high) / 2
+        low, high = (n, high) if propeller.thrust_and_power(fastest_mps, n, rho)[0] < needed else (low, n)
+    n_of_throttle = np.maximum(low * np.linspace(0.0, 1.0, THROTTLES), 5.0)[:, None]
+    return np.asarray(propeller.thrust_and_power(V, n_of_throttle, rho)[0])

@@ -1,0 +1,167 @@
+"""The expected covariance of a flight before it is flown: the estimator's equations, linearized along that flight.
+
+The covariance of the sensor errors, the sensitivity of the trajectory and the random errors of the states are those of
+`analysis.trajectory`, at the gust intensity expected; drag is regressed as in `analysis.drag.dynamic`, and its noise is
+that of `analysis.drag.state_errors`: by errors of the states, and by what else the residuals contain. The latter is
+taken as white, of the size that flights of this kind have shown.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.drag import consider, covariance
+from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
+from analysis.drag.state_errors import STATE_STEP
+from analysis.maneuvers.find_level import find_runs
+from analysis.maneuvers.kinds import Maneuver
+from analysis.planning.expected_aircraft import ExpectedAircraft
+from analysis.planning.time_history import TimeHistory
+from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
+from analysis.trajectory.problem import TrajectoryProblem
+from analysis.trajectory.reconstruction import DRAWS, Trajectory, with_gust_length
+from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
+
+Array = NDArray[np.float64]
+
+VERTICAL_OVER_W20 = 0.1  # sigma_w over the wind 20 ft above the ground (MIL-F-8785C sec. 3.7.3.4)
+CALM_GUST_MPS = 0.0125
+# Residuals of drag over mass, means over 0.2 s, in simulated flights: gusts [m/s, 1 sigma], residuals [m/s^2]. Errors
+# of the states make part of them; the rest has the effect on the polar of white noise of this share (`state_errors`).
+RESIDUALS = ((0.0, 0.15, 0.75), (0.029, 0.040, 0.060))
+REST_SHARE = 0.8
+
+
+class Expected(NamedTuple):
+    """errors: covariance (m, m) of the sensor errors. noise, systematic: of A0, A1, A2, (3, 3). shared: (3, m)
+    derivative of A0, A1, A2 by the sensor errors. runs: what the analysis will find."""
+
+    errors: Array
+    noise: Array
+    systematic: Array
+    shared: Array
+    runs: list[Maneuver]
+
+    @property
+    def total(self) -> Array:
+        return self.noise + self.systematic
+
+
+class _Linearized(NamedTuple):
+    problem: TrajectoryProblem
+    x: Array
+    errors: Array
+    inputs: EquationInputs
+    step: GaussNewtonStep
+
+
+def _linearized(history: TimeHistory, gust_mps: float, alpha_scale_sigma: float) -> _Linearized:
+    """The estimator's last step along the history."""
+    problem = TrajectoryProblem(history.table, history.rest, alpha_scale_sigma, None)
+    blocks = problem.blocks
+    x = np.zeros((blocks.n, len(STATES)))
+    x[:, :3], x[:, 3:6] = history.attitude[blocks.rows], history.velocity[blocks.rows]
+    x[:, STATES.index("height")] = blocks["height_m"]
+    x[:, [STATES.index(f"wind_{axis}") for axis in ("north", "east")]] = history.wind[blocks.rows]
+    errors = np.zeros(len(SENSOR_ERRORS))
+    inputs = problem.equation_inputs(x, errors, gust_mps, problem.process_model(gust_mps))
+    remaining, prior = problem.remaining_errors(errors, gust_mps)
+    step = gauss_newton_step(problem.equations.linearize(x, remaining, inputs), prior, x[0], remaining)
+    return _Linearized(problem, x, errors, inputs, step)
+
+
+def sensor_error_covariance(
+    history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
+) -> Array:
+    """Covariance (m, m) of the sensor errors after a flight like this: the part of `expected` that takes least time."""
+    return _sensor_errors(_linearized(history, gust_mps, alpha_scale_sigma), aircraft, gust_mps)
+
+
+def _sensor_errors(linearized: _Linearized, aircraft: ExpectedAircraft, gust_mps: float) -> Array:
+    gust_length = aircraft.aircraft.uncertainty.gust_length
+    return with_gust_length(linearized.step.covariance, linearized.problem.error_sigma, gust_mps, gust_length)
+
+
+def linearized_trajectory(
+    history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
+) -> Trajectory:
+    """The trajectory that the estimator would find without noise, with its covariance and sensitivities."""
+    linearized = _linearized(history, gust_mps, alpha_scale_sigma)
+    problem, x, errors, inputs, step = linearized
+    actual = replace(inputs, predicted_inputs=inputs.measurement_inputs)
+    return Trajectory(
+        states=pd.DataFrame(x, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
+        sensor_errors=errors,
+        covariance=_sensor_errors(linearized, aircraft, gust_mps),
+        prior_sigma=problem.error_sigma,
+        states_given_errors=step.conditional,
+        state_sensitivity=step.conditional.state_sensitivity(problem.equations.linearize(x, errors, actual)),
+        draws=step.conditional.draws(len(STATES), DRAWS),
+        predicted_flow=inputs.measurement_inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],
+        gust_mps=gust_mps,
+        residuals={},
+        converged=True,
+        block_means=problem.blocks,
+    )
+
+
+def expected(
+    history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
+) -> Expected:
+    """Covariances of the sensor errors and of the drag polar after a flight like this."""
+    trajectory = linearized_trajectory(history, aircraft, gust_mps, alpha_scale_sigma=alpha_scale_sigma)
+    runs, _ = find_runs(history.table)
+    forces = FlightForces(trajectory, aircraft.aircraft, aircraft.propeller)
+    states, errors = trajectory.states.to_numpy(), trajectory.sensor_errors
+    inside = np.zeros(len(states), dtype=bool)
+    for run in runs:
+        inside |= (forces.t_s >= run.start_s) & (forces.t_s <= run.end_s)
+    along = forces.forces(states, errors)
+    inside &= along[["CL", "CD", "J"]].notna().all(axis=1).to_numpy()
+    prior = np.diag([0, 0, 0, THRUST_SCALE_SIGMA**-2, THRUST_SLOPE_SIGMA**-2, 1.0])
+
+    residual_mps2 = float(np.interp(gust_mps, *RESIDUALS))
+
+    def regression(f: pd.DataFrame) -> tuple[Array, Array]:
+        """Regressors (n, 6) and drag over mass (n,) inside the runs, over the residuals' size."""
+        f = f[inside]
+        qS, CL = f["qS_over_m_mps2"].to_numpy(), f["CL"].to_numpy()
+        T = f["thrust_along_V_over_m_mps2"].to_numpy()
+        X = np.column_stack(
+            [qS, qS * CL, qS * CL**2, -T, -T * (f["J"].to_numpy() - J_REFERENCE), -f["thrust_beyond_over_m_mps2"]]
+        )
+        return X / residual_mps2, qS * f["CD"].to_numpy() / residual_mps2
+
+    def normal(f: pd.DataFrame) -> tuple[Array, Array]:
+        X, z = regression(f)
+        return X.T @ X + prior, X.T @ z
+
+    def values(states: Array, errors: Array, aircraft_forces: FlightForces = forces) -> Array:
+        return np.asarray(np.linalg.solve(*normal(aircraft_forces.forces(states, errors))))
+
+    fit, D = values(states, errors), np.linalg.inv(normal(along)[0])
+    S, z = regression(along)
+    gradient = np.zeros((*states.shape, len(fit)))
+    for i, step in enumerate(STATE_STEP * np.eye(states.shape[1])):
+        X, moved_z = regression(forces.forces(states + step, errors))
+        gradient[inside, i] = (moved_z - X @ fit - z + S @ fit)[:, None] * S / STATE_STEP
+    by_states = D @ trajectory.states_given_errors.covariance_of(gradient) @ D
+    by_rest = D @ (REST_SHARE**2 * S.T @ S + prior) @ D
+    noise = (by_states + by_rest)[:3, :3]
+    shared = np.empty((3, len(SENSOR_ERRORS)))
+    for j, sigma in enumerate(np.sqrt(np.diag(trajectory.covariance))):
+        error = np.zeros(len(SENSOR_ERRORS))
+        error[j] = sigma
+        moved = values(states + trajectory.state_sensitivity @ error, errors + error)
+        shared[:, j] = (moved - fit)[:3] / sigma
+    heavier = FlightForces(trajectory, consider.weighing_more(aircraft.aircraft), aircraft.propeller)
+    systematic = covariance.floor() + shared @ trajectory.covariance @ shared.T
+    for change in (
+        np.linalg.solve(*normal(consider.without_updraft(along, aircraft.aircraft))) - fit,
+        consider.at_nominal_weight(values(states, errors, heavier), aircraft.aircraft) - fit,
+    ):
+        systematic += np.outer(change[:3], change[:3])
+    return Expected(trajectory.covariance, np.asarray(noise), systematic, shared, runs)

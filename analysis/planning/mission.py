@@ -1,0 +1,160 @@
+"""A mission for an autopilot: the part of a plan that PX4 or ArduPilot can hold, as QGroundControl's plan file.
+
+Format: docs.qgroundcontrol.com, Plan File Format (version 1, mission version 2). Speeds are changed by
+MAV_CMD_DO_CHANGE_SPEED (airspeed), legs end at waypoints, circles are MAV_CMD_NAV_LOITER_TURNS. A run is a leg with a
+changed speed: an autopilot moves the throttle as its own speed controller does, not along a ramp. Porpoising is left
+out.
+"""
+
+import json
+from math import asin, atan2, cos, degrees, pi, radians, sin, tan
+from typing import NamedTuple
+
+from analysis.planning.maneuvers import Hold, Porpoise, Run, TakeOff, Turn
+from analysis.planning.pieces import HELD_MARGIN, slowest_mps
+from analysis.planning.search import FlightPlan
+from flight.units import GRAVITY_MPS2
+
+EARTH_RADIUS_M = 6371000.0
+RELATIVE_ALT, MISSION_FRAME = 3, 2  # MAV_FRAME
+WAYPOINT, LOITER_TURNS, RETURN, TAKE_OFF, CHANGE_SPEED = 16, 18, 20, 22, 178  # MAV_CMD
+AIRSPEED, KEEP_THROTTLE = 0, -1  # parameters of CHANGE_SPEED
+FIRMWARE = {"px4": 12, "ardupilot": 3}  # MAV_AUTOPILOT
+FIXED_WING = 1  # MAV_TYPE
+TAKE_OFF_PITCH_DEG, ACCEPTED_M = 12.0, 30.0
+FULL_CIRCLE_RAD = 2 * pi
+
+
+class Home(NamedTuple):
+    """Where the legs are centred [deg], and the heading of the first one [rad]."""
+
+    latitude_deg: float
+    longitude_deg: float
+    heading_rad: float
+
+
+class _Item(NamedTuple):
+    command: int
+    params: tuple[float, float, float, float | None]
+    place: tuple[float, float] | None = None  # latitude, longitude
+
+
+def qgroundcontrol_plan(plan: FlightPlan, home: Home, firmware: str) -> str:
+    """The text of a .plan file. firmware: "px4" or "ardupilot". The fence is the space of the request."""
+    height_m = plan.request.space.height_m
+    items = []
+    for i, item in enumerate(_items(plan, home), start=1):
+        latitude, longitude = item.place or (0.0, 0.0)
+        located = item.place is not None
+        items.append(
+            {
+                "AMSLAltAboveTerrain": None,
+                "Altitude": height_m if located else 0,
+                "AltitudeMode": 1,
+                "autoContinue": True,
+                "command": item.command,
+                "doJumpId": i,
+                "frame": RELATIVE_ALT if located else MISSION_FRAME,
+                "params": [*item.params, latitude, longitude, height_m if located else 0],
+                "type": "SimpleItem",
+            }
+        )
+    cruise_mps = 1.6 * plan.aircraft.stall_mps
+    content = {
+        "fileType": "Plan",
+        "geoFence": {"circles": [], "polygons": [_fence(plan, home)], "version": 2},
+        "groundStation": "QGroundControl",
+        "mission": {
+            "cruiseSpeed": round(cruise_mps, 1),
+            "firmwareType": FIRMWARE[firmware],
+            "globalPlanAltitudeMode": 1,
+            "hoverSpeed": 5,
+            "items": items,
+            "plannedHomePosition": [home.latitude_deg, home.longitude_deg, 0],
+            "vehicleType": FIXED_WING,
+            "version": 2,
+        },
+        "rallyPoints": {"points": [], "version": 2},
+        "version": 1,
+    }
+    return json.dumps(content, indent=1) + "\n"
+
+
+def waypoint_file(plan: FlightPlan, home: Home) -> str:
+    """The same mission in the plain-text format (QGC WPL 110), which Mission Planner and MAVProxy load."""
+    rows: list[tuple[float, ...]] = [
+        (0, 1, 0, WAYPOINT, 0.0, 0.0, 0.0, 0.0, home.latitude_deg, home.longitude_deg, 0.0, 1)
+    ]
+    for i, item in enumerate(_items(plan, home), start=1):
+        latitude, longitude = item.place or (0.0, 0.0)
+        located = item.place is not None
+        height_m = plan.request.space.height_m if located else 0.0
+        frame = RELATIVE_ALT if located else MISSION_FRAME
+        params = tuple(0.0 if value is None else float(value) for value in item.params)
+        rows.append((i, 0, frame, item.command, *params, latitude, longitude, height_m, 1))
+    lines = ["\t".join(f"{value:.8f}" if isinstance(value, float) else str(value) for value in row) for row in rows]
+    return "\n".join(["QGC WPL 110", *lines]) + "\n"
+
+
+def left_out(plan: FlightPlan) -> list[str]:
+    """Titles of the pieces that the mission does not hold."""
+    return [piece.title for piece in dict.fromkeys(plan.pieces) if piece.kind == "porpoise"]
+
+
+def _items(plan: FlightPlan, home: Home) -> list[_Item]:
+    space = plan.request.space
+    far, near = _place(home, space.leg_m / 2, 0.0), _place(home, -space.leg_m / 2, 0.0)
+    center = _place(home, 0.0, 0.0)
+    held_mps = HELD_MARGIN * slowest_mps(plan.aircraft, plan.request.wind_kt)
+    items, ends, speed_mps = [], [far, near], 0.0
+
+    def change(wanted: float) -> None:
+        nonlocal speed_mps
+        if abs(wanted - speed_mps) > 0.05:
+            items.append(_Item(CHANGE_SPEED, (AIRSPEED, round(wanted, 2), KEEP_THROTTLE, 0)))
+            speed_mps = wanted
+
+    def leg() -> None:
+        items.append(_Item(WAYPOINT, (0, ACCEPTED_M, 0, None), ends[0]))
+        ends.reverse()
+
+    for piece in plan.pieces:
+        if piece.kind == "porpoise":
+            continue
+        for maneuver in piece.maneuvers:
+            match maneuver:
+                case Hold(_, wanted) if piece.kind in ("circuit", "circles"):
+                    change(wanted)
+                    leg()
+                case Run():
+                    change(max(maneuver.until_mps, held_mps))
+                    leg()
+                case Turn(wanted, angle_rad, bank_rad) if angle_rad >= FULL_CIRCLE_RAD:
+                    change(wanted)
+                    radius_m = wanted**2 / (GRAVITY_MPS2 * tan(bank_rad))
+                    turns = round(angle_rad / FULL_CIRCLE_RAD)
+                    items.append(_Item(LOITER_TURNS, (turns, 0, round(radius_m, 1), 1), center))
+                case Hold() | Turn() | Porpoise() | TakeOff():
+                    pass
+    first = _Item(TAKE_OFF, (TAKE_OFF_PITCH_DEG, 0, 0, None), _place(home, space.leg_m / 4, 0.0))
+    return [first, *items, _Item(RETURN, (0, 0, 0, 0))]
+
+
+def _place(home: Home, along_m: float, across_m: float) -> tuple[float, float]:
+    """Latitude and longitude [deg] of a point along and to the right of the first leg (great circle)."""
+    distance = (along_m**2 + across_m**2) ** 0.5 / EARTH_RADIUS_M
+    bearing = home.heading_rad + atan2(across_m, along_m)
+    latitude = radians(home.latitude_deg)
+    there = asin(sin(latitude) * cos(distance) + cos(latitude) * sin(distance) * cos(bearing))
+    east = atan2(sin(bearing) * sin(distance) * cos(latitude), cos(distance) - sin(latitude) * sin(there))
+    return round(degrees(there), 7), round(home.longitude_deg + degrees(east), 7)
+
+
+def _fence(plan: FlightPlan, home: Home) -> dict[str, object]:
+    """A box about the legs, with room for the turns."""
+    radius_m = plan.aircraft.fastest_mps**2 / (GRAVITY_MPS2 * tan(0.6))
+    half, side = plan.request.space.leg_m / 2 + 3 * radius_m, 3 * radius_m
+    corners = [
+        _place(home, along, across) for along, across in ((half, side), (half, -side), (-half, -side), (-half, side))
+    ]
+    return {"inclusion": True, "polygon": [list(corner) for corner in corners], "version": 1}

@@ -1,0 +1,146 @@
+"""The catalogue: pieces of some 20 to 100 s that a plan is assembled from, for one aircraft, space and pilot."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import cos, pi
+
+from analysis.planning.expected_aircraft import ExpectedAircraft
+from analysis.planning.maneuvers import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
+
+STAND_BEFORE_S, STAND_AFTER_S = 90.0, 30.0
+CRUISE_OVER_STALL = 1.6
+# Slowest speed over the stall: the margin in still air, and what is added for each knot of W20.
+MARGIN, MARGIN_PER_KT = 1.08, 0.002
+HELD_MARGIN = 1.04  # of a speed that is held, over the slowest, at which a deceleration ends
+FASTEST_SHARE = 0.92  # of the fastest level speed
+ACCELERATION_THROTTLE, DECELERATION_THROTTLE, DECELERATION_RAMP_S = 0.87, 0.495, 2.5
+BANK_RAD, STEEP_BANK_RAD, TURN_OVER_STALL = 0.6, 0.8, 1.7
+STALL_MARGIN = 1.2  # lift at the stall over the largest lift of a turn or of porpoising
+
+
+@dataclass(frozen=True)
+class Space:
+    """Where the flight may go. leg_m: longest straight flight over the ground. height_m: of the flight."""
+
+    leg_m: float
+    height_m: float
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """What the pilot or the autopilot can fly. load: largest change of the load factor from 1."""
+
+    autopilot: bool = False
+    load: float = 1.0
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of a plan. title: for the card. autopilot: whether a mission can hold it."""
+
+    title: str
+    maneuvers: tuple[Maneuver, ...]
+    kind: str
+    autopilot: bool
+
+
+def slowest_mps(expected: ExpectedAircraft, wind_kt: float) -> float:
+    """The slowest speed that is planned [m/s]."""
+    return (MARGIN + MARGIN_PER_KT * wind_kt) * expected.stall_mps
+
+
+def before(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
+    """What every flight begins with."""
+    return Stand(STAND_BEFORE_S), TakeOff(CRUISE_OVER_STALL * expected.stall_mps)
+
+
+def after(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
+    """What every flight ends with."""
+    return Land(CRUISE_OVER_STALL * expected.stall_mps), Stand(STAND_AFTER_S)
+
+
+def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:
+    """An acceleration and a deceleration, with a turn at the end; on two legs where one is too short for both."""
+    slow, fast = slowest_mps(expected, wind_kt), FASTEST_SHARE * expected.fastest_mps
+    turn = Turn(TURN_OVER_STALL * expected.stall_mps, pi, BANK_RAD)
+    for ramp_s, settle_s, hold_s in ((13.0, 16.0, 5.0), (8.0, 10.0, 3.0)):
+        up = Run(ACCELERATION_THROTTLE, ramp_s, fast)
+        down = Run(DECELERATION_THROTTLE, DECELERATION_RAMP_S, slow)
+        settle = Hold(settle_s, HELD_MARGIN * slow)
+        one_leg_m = slow * settle_s + (slow + fast) / 2 * 38 + hold_s * fast
+        rest = Hold(4.0, 1.3 * expected.stall_mps)
+        if one_leg_m <= space.leg_m:
+            legs: tuple[Maneuver, ...] = (settle, up, Hold(hold_s, fast), down, rest, turn)
+        else:
+            fast_turn = Turn(fast, pi, BANK_RAD)
+            legs = (Hold(settle_s / 2, HELD_MARGIN * slow), up, fast_turn, Hold(hold_s, fast), down, rest, turn)
+        title = f"accelerate and decelerate, throttle over {ramp_s:.0f} s"
+        yield Piece(title, legs, "runs", False)
+
+
+def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:
+    """A leg at one speed and a turn back at the same speed."""
+    slow, stall, fastest = slowest_mps(expected, wind_kt), expected.stall_mps, expected.fastest_mps
+    for V in (HELD_MARGIN * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, FASTEST_SHARE * fastest):
+        turn = Turn(max(V, _turning_mps(expected, BANK_RAD)), pi, BANK_RAD)
+        seconds = min(max(space.leg_m / V, 8.0), 60.0)
+        yield Piece(f"level at {V:.1f} m/s, there and back", 2 * (Hold(seconds, V), turn), "circuit", True)
+
+
+def circles(expected: ExpectedAircraft) -> Iterator[Piece]:
+    """Two full circles at one speed."""
+    fastest = expected.fastest_mps
+    for bank in (BANK_RAD, STEEP_BANK_RAD):
+        for V in (_turning_mps(expected, bank), 0.8 * fastest, FASTEST_SHARE * fastest):
+            if V >= _turning_mps(expected, bank):
+                title = f"two circles at {V:.1f} m/s, bank {bank * 180 / pi:.0f}°"
+                yield Piece(title, (Turn(V, 4 * pi, bank),), "circles", True)
+
+
+def porpoising(expected: ExpectedAircraft, space: Space, pilot: Pilot) -> Iterator[Piece]:
+    """Stick fore and aft along a leg, and a turn back."""
+    stall, fast = expected.stall_mps, FASTEST_SHARE * expected.fastest_mps
+    for V in (1.5 * stall, 1.6 * stall, 1.75 * stall, 1.95 * stall, fast):
+        if (V / stall) ** 2 < STALL_MARGIN * (1 + pilot.load) or V > fast:
+            continue
+        for first, last in ((1.8, 1.3), (2.4, 1.8)):
+            seconds = min(max(space.leg_m / V - 4.0, 10.0), 75.0)
+            turn = Turn(max(V, _turning_mps(expected, BANK_RAD)), pi, BANK_RAD)
+            title = f"porpoise for {seconds:.0f} s at {V:.1f} m/s, {first:g} to {last:g} s a cycle"
+            pieces = (Hold(4.0, V), Porpoise(seconds, V, pilot.load, first, last), turn)
+            yield Piece(title, pieces, "porpoise", False)
+
+
+def full_throttle(expected: ExpectedAircraft) -> Piece:
+    """One acceleration at full throttle: power available, climb, ceiling."""
+    run = Run(1.0, 1.0, 0.95 * expected.fastest_mps)
+    return Piece(
+        "one acceleration at full throttle", (Hold(8.0, 1.3 * expected.stall_mps), run), "full throttle", False
+    )
+
+
+def catalogue(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float) -> list[Piece]:
+    """All pieces that this pilot can fly here."""
+    return [
+        *run_pairs(expected, space, wind_kt),
+        *circuits(expected, space, wind_kt),
+        *circles(expected),
+        *porpoising(expected, space, pilot),
+    ]
+
+
+def sequence(pieces: Sequence[Piece], expected: ExpectedAircraft) -> list[Maneuver]:
+    """The whole plan, from standing to standing; turns to the right and to the left alternate."""
+    side, plan = 1.0, [*before(expected)]
+    for maneuver in (maneuver for piece in pieces for maneuver in piece.maneuvers):
+        if isinstance(maneuver, Turn):
+            maneuver = replace(maneuver, angle_rad=side * abs(maneuver.angle_rad))
+            side = -side
+        plan.append(maneuver)
+    return [*plan, *after(expected)]
+
+
+def _turning_mps(expected: ExpectedAircraft, bank_rad: float) -> float:
+    """The slowest speed of a turn: lift at the stall is STALL_MARGIN times what the turn needs."""
+    load = 1 / max(1e-3, cos(bank_rad))
+    return float((STALL_MARGIN * load) ** 0.5 * 1.15 * expected.stall_mps)

@@ -1,0 +1,282 @@
+"""The sequence of pieces that makes the interval smallest in the time available: an exchange algorithm.
+
+Information about the sensor errors and about the polar adds over the pieces of a flight. That of each piece is what it
+adds to a short flight (`information.expected` with and without it). Pieces are added as long as there is time, each
+time the one that lowers the cost most for its duration; then single pieces are exchanged as long as that lowers the
+cost. The result is computed once more as a whole.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.planning.expected_aircraft import ExpectedAircraft
+from analysis.planning.information import CALM_GUST_MPS, VERTICAL_OVER_W20, Expected, expected, sensor_error_covariance
+from analysis.planning.maneuvers import Maneuver
+from analysis.planning.pieces import FASTEST_SHARE, Piece, Pilot, Space, catalogue, full_throttle, sequence, slowest_mps
+from analysis.planning.questions import Covariances, Question, question
+from analysis.planning.time_history import STEP_S, TimeHistory, fly
+from flight.errors import InputError
+
+Array = NDArray[np.float64]
+
+KNOT_MPS = 0.514444
+ALPHA_SCALE_SIGMA = 0.01  # of a probe's tunnel calibration
+FEWEST_RUN_PAIRS = 2
+BY_HAND = ("porpoise",)  # kinds of pieces that no autopilot's mission holds
+FULL_THROTTLE_FROM_S = 12 * 60.0  # shorter flights have no time for the acceleration at full throttle
+ATTEMPTS = 4  # to fill the time
+REPEATED = 2  # of a piece in the flight that its information is computed from
+
+
+@dataclass(frozen=True)
+class Request:
+    """minutes: from standing to standing. wind_kt: W20. earlier: covariances after earlier flights."""
+
+    minutes: float
+    wind_kt: float
+    space: Space
+    pilot: Pilot = field(default_factory=Pilot)
+    question: str = "curve"
+    earlier: Array | None = None  # (m, m) information of earlier flights about the sensor errors of the installation
+    alpha_scale_sigma: float = ALPHA_SCALE_SIGMA
+
+    @property
+    def gust_mps(self) -> float:
+        return max(CALM_GUST_MPS, VERTICAL_OVER_W20 * self.wind_kt * KNOT_MPS)
+
+
+class Contribution(NamedTuple):
+    """One kind of piece in a plan: how often, its time, and the worst half width without it [%]."""
+
+    title: str
+    times: int
+    seconds: float
+    worst_without: float
+
+
+@dataclass(frozen=True)
+class FlightPlan:
+    """pieces, maneuvers: in order. half_widths: [%] at question.speeds. history: as it should look."""
+
+    request: Request
+    aircraft: ExpectedAircraft
+    question: Question
+    pieces: tuple[Piece, ...]
+    maneuvers: tuple[Maneuver, ...]
+    history: TimeHistory
+    covariances: Covariances
+    half_widths: Array
+    contributions: tuple[Contribution, ...]
+    worst_with_porpoising: float | None = None  # for an autopilot, which cannot: the worst half width by a pilot [%]
+
+    @property
+    def seconds(self) -> float:
+        return float(self.history.starts_s[-1])
+
+
+class _Increment(NamedTuple):
+    seconds: float
+    errors: Array
+    polar: Array
+
+
+def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
+    """The plan. Raises InputError where the time is too short for any."""
+    slow, fast = slowest_mps(aircraft, request.wind_kt), FASTEST_SHARE * aircraft.fastest_mps
+    asked = question(request.question, aircraft, slow, fast)
+    found = catalogue(aircraft, request.space, request.pilot, request.wind_kt)
+    pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind in BY_HAND)]
+    pairs = [piece for piece in pieces if piece.kind == "runs"]
+    last = (full_throttle(aircraft),) if request.minutes * 60 >= FULL_THROTTLE_FROM_S else ()
+    base, base_seconds = _evaluated([*pairs[:1] * FEWEST_RUN_PAIRS, *last], aircraft, request)
+    left = request.minutes * 60 - base_seconds
+    if left < 0:
+        raise InputError(
+            f"{request.minutes:g} minutes are too short: standing, take-off, {FEWEST_RUN_PAIRS} pairs of runs and"
+            f" landing take {base_seconds / 60:.1f}"
+        )
+    start = _covariances(base, request)
+    every = [_increment(piece, pairs[0], last, base, base_seconds, aircraft, request) for piece in found]
+    increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
+    for _ in range(ATTEMPTS):  # pieces take more or less time beside others than alone
+        counts = _exchanged(increments, left, start, asked)
+        flown = [piece for piece, n in zip(pieces, counts, strict=True) for _ in range(n)]
+        chosen = _ordered(flown + pairs[:1] * FEWEST_RUN_PAIRS, last)
+        history = _history(chosen, aircraft, request)
+        over_s = len(history.table) * STEP_S - request.minutes * 60
+        if over_s <= 0:
+            break
+        left -= over_s + 1.0
+    by_hand = None
+    if request.pilot.autopilot:
+        by_hand = float(np.max(asked.half_widths(_with(start, every, _exchanged(every, left, start, asked)))))
+    whole = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+    covariances = _covariances(whole, request)
+    maneuvers = sequence(chosen, aircraft)
+    contributions = _contributions(chosen, pieces, increments, covariances, asked)
+    return FlightPlan(
+        request=request,
+        aircraft=aircraft,
+        question=asked,
+        pieces=tuple(chosen),
+        maneuvers=tuple(maneuvers),
+        history=history,
+        covariances=covariances,
+        half_widths=asked.half_widths(covariances),
+        contributions=contributions,
+        worst_with_porpoising=by_hand,
+    )
+
+
+def predicted(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request: Request) -> Covariances:
+    """The covariances after any sequence of maneuvers."""
+    history = fly(maneuvers, aircraft, request.space.height_m, request.wind_kt * KNOT_MPS)
+    found = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+    return _covariances(found, request)
+
+
+def _history(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> TimeHistory:
+    plan = sequence(pieces, aircraft)
+    return fly(plan, aircraft, request.space.height_m, request.wind_kt * KNOT_MPS)
+
+
+def _evaluated(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> tuple[Expected, float]:
+    history = _history(pieces, aircraft, request)
+    found = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+    return found, float(len(history.table) * STEP_S)
+
+
+def _covariances(found: Expected, request: Request) -> Covariances:
+    fixed = found.systematic - found.shared @ found.errors @ found.shared.T
+    errors = found.errors
+    if request.earlier is not None:
+        errors = np.asarray(np.linalg.inv(np.linalg.inv(errors) + request.earlier))
+    return Covariances(errors, found.noise, fixed, found.shared)
+
+
+def _increment(
+    piece: Piece,
+    pair: Piece,
+    last: Sequence[Piece],
+    base: Expected,
+    base_seconds: float,
+    aircraft: ExpectedAircraft,
+    request: Request,
+) -> _Increment:
+    """What one piece adds to the information of the base: a difference of two flights."""
+    flown = [*[pair] * FEWEST_RUN_PAIRS, *[piece] * REPEATED, *last]
+    if piece.kind == "runs":
+        found, seconds = _evaluated(flown, aircraft, request)
+        errors, polar = found.errors, _gain(found.noise, base.noise) / REPEATED
+    else:
+        history = _history(flown, aircraft, request)
+        errors = sensor_error_covariance(
+            history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma
+        )
+        seconds, polar = len(history.table) * STEP_S, np.zeros((3, 3))
+    return _Increment((seconds - base_seconds) / REPEATED, _gain(errors, base.errors) / REPEATED, polar)
+
+
+def _gain(after: Array, before: Array) -> Array:
+    """Difference of two information matrices, without its negative part, which comes from rounding and random draws."""
+    scale = np.sqrt(np.diag(before))
+    gain = np.linalg.inv(after / np.outer(scale, scale)) - np.linalg.inv(before / np.outer(scale, scale))
+    values, vectors = np.linalg.eigh((gain + gain.T) / 2)
+    positive = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return np.asarray(positive / np.outer(scale, scale))
+
+
+def _with(start: Covariances, increments: Sequence[_Increment], counts: Sequence[int]) -> Covariances:
+    errors, polar = np.linalg.inv(start.errors), np.linalg.inv(start.noise)
+    for increment, n in zip(increments, counts, strict=True):
+        errors, polar = errors + n * increment.errors, polar + n * increment.polar
+    return start._replace(errors=np.linalg.inv(errors), noise=np.linalg.inv(polar))
+
+
+def _exchanged(increments: Sequence[_Increment], left_s: float, start: Covariances, asked: Question) -> list[int]:
+    """How often each piece is flown."""
+    counts = [0] * len(increments)
+
+    def cost(counts: Sequence[int]) -> float:
+        return asked.cost(_with(start, increments, counts))
+
+    def fits(counts: Sequence[int]) -> bool:
+        return sum(n * increment.seconds for n, increment in zip(counts, increments, strict=True)) <= left_s
+
+    def changed(*changes: tuple[int, int]) -> list[int]:
+        new = counts.copy()
+        for i, by in changes:
+            new[i] += by
+        return new
+
+    now = cost(counts)
+    while options := [new for i in range(len(counts)) if fits(new := changed((i, 1)))]:
+        gains = [(cost(new), new) for new in options]
+        best = min(gains, key=lambda gain: (gain[0] - now) / max(_seconds(gain[1], counts, increments), 1.0))
+        if best[0] >= now:
+            break
+        now, counts = best
+    for _ in range(60):
+        swaps = [
+            new
+            for i, n in enumerate(counts)
+            if n
+            for j in range(len(counts))
+            for k in (1, 2)
+            if j != i and fits(new := changed((i, -1), (j, k)))
+        ] + [new for j in range(len(counts)) if fits(new := changed((j, 1)))]
+        costs = [(cost(new), new) for new in swaps]
+        if not costs or min(costs)[0] >= now - 1e-4:
+            break
+        now, counts = min(costs)
+    return counts
+
+
+def _seconds(new: Sequence[int], old: Sequence[int], increments: Sequence[_Increment]) -> float:
+    return sum((a - b) * increment.seconds for a, b, increment in zip(new, old, increments, strict=True))
+
+
+ORDER = ("runs", "circuit", "porpoise", "circles")
+
+
+def _ordered(pieces: Sequence[Piece], last: Sequence[Piece]) -> list[Piece]:
+    """Runs first, while the battery is full; the acceleration at full throttle last."""
+    rest = [piece for piece in pieces if piece not in last]
+    return [*sorted(rest, key=lambda piece: (ORDER.index(piece.kind), piece.title)), *last]
+
+
+def _contributions(
+    chosen: Sequence[Piece],
+    pieces: Sequence[Piece],
+    increments: Sequence[_Increment],
+    whole: Covariances,
+    asked: Question,
+) -> tuple[Contribution, ...]:
+    """Each kind of piece, and the worst half width of the plan without it."""
+    listed = []
+    for piece, n in Counter(chosen).items():
+        if piece not in pieces:
+            continue
+        increment = increments[pieces.index(piece)]
+        without = whole._replace(
+            errors=_less(whole.errors, n * increment.errors), noise=_less(whole.noise, n * increment.polar)
+        )
+        worst = float(np.max(asked.half_widths(without)))
+        listed.append(Contribution(piece.title, n, n * increment.seconds, worst))
+    return tuple(listed)
+
+
+LEAST_LEFT = 0.02  # of the information in any direction, when that of a piece is taken away
+
+
+def _less(covariance: Array, information: Array) -> Array:
+    """The covariance without some information."""
+    root = np.linalg.cholesky(covariance)
+    values, vectors = np.linalg.eigh(root.T @ information @ root)
+    vectors = root @ vectors
+    return np.asarray((vectors / np.maximum(1 - values, LEAST_LEFT)) @ vectors.T)

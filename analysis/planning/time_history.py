@@ -1,0 +1,246 @@
+"""Time history of a plan flown as written, in air without gusts: kinematics only, no controls, no pilot.
+
+Speed follows from drag and thrust along the plan; attitude and load factor from the path; sensors measure exactly. The
+columns are those of `air_data`, so that the estimator takes the history for a flight.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.planning.expected_aircraft import ExpectedAircraft
+from analysis.planning.maneuvers import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
+from analysis.signals.aircraft_size import SPEED_SCALE, speed_scale
+from analysis.trajectory import dryden
+from analysis.trajectory.sensor_noise import BENCH_SIGMA
+from flight import motion
+from flight.units import GRAVITY_MPS2 as g
+
+Array = NDArray[np.float64]
+
+STEP_S = 0.04
+TAKE_OFF_S, LAND_S, GROUND_HEIGHT_M = 12.0, 14.0, 20.0
+CLIMB_MPS, CLIMB_OVER_STALL = 3.0, 0.3
+SPEED_LAG_S = 2.0  # of a pilot who changes speed
+HARDEST_MPS2 = 1.5  # of a change of speed between maneuvers
+ROLL_S, ROLL_OUT_S = 1.0, 5.0
+PORPOISE_BEGINS_S = 1.0
+WIND_FROM_RAD = np.radians(-50.0)
+LARGEST_ALPHA_RAD = 0.3
+SMOOTHED = 5  # samples: an aircraft does not change its path at once
+
+
+class Path(NamedTuple):
+    """Airspeed [m/s], bank and angle of climb [rad] of a maneuver, each (n,), STEP_S apart."""
+
+    V: Array
+    bank: Array
+    climb: Array
+
+
+class TimeHistory(NamedTuple):
+    """table: as of `air_data`, STEP_S apart. wind: (n, 2) [m/s]. attitude, velocity: (n, 3). rest: rows on the ground.
+    starts_s : (k + 1,) when each maneuver begins, and the end. position_m : (n, 2) north, east"""
+
+    table: pd.DataFrame
+    attitude: Array
+    velocity: Array
+    wind: Array
+    rest: list[slice]
+    starts_s: Array
+    position_m: Array
+
+
+def fly(
+    plan: Sequence[Maneuver], expected: ExpectedAircraft, height_m: float, wind_mps: float, *, begins: str = "ground"
+) -> TimeHistory:
+    """The time history of a plan. begins: "ground" or, of a part of a plan, "air"."""
+    V, throttle = 0.0 if begins == "ground" else 1.6 * expected.stall_mps, 0.5
+    paths, counts = [], [0]
+    for maneuver in plan:
+        path = _path(maneuver, expected, height_m, V, throttle)
+        paths.append(path)
+        V = float(path.V[-1])
+        throttle = maneuver.throttle if isinstance(maneuver, Run) else throttle_at(expected, V)
+        counts.append(counts[-1] + len(path.V))
+    V_path, bank, climb = (np.concatenate(parts) for parts in zip(*paths, strict=True))
+    return _history(V_path, bank, climb, expected, height_m, wind_mps, begins, np.array(counts) * STEP_S)
+
+
+def throttle_at(expected: ExpectedAircraft, V: float) -> float:
+    """The throttle of level flight at a speed [m/s]."""
+    grid = np.linspace(0.0, 1.0, 41)
+    return float(np.interp(float(expected.drag_N(max(V, 1.0))), [expected.thrust_N(t, V) for t in grid], grid))
+
+
+def _path(maneuver: Maneuver, expected: ExpectedAircraft, height_m: float, V: float, throttle: float) -> Path:
+    match maneuver:
+        case Stand(duration_s):
+            n = _steps(duration_s)
+            return Path(np.zeros(n), np.zeros(n), np.zeros(n))
+        case TakeOff(speed_mps):
+            return _take_off(expected, speed_mps, height_m)
+        case Hold(duration_s, speed_mps):
+            n = _steps(duration_s)
+            return Path(_towards(expected, V, speed_mps, n), np.zeros(n), np.zeros(n))
+        case Turn(speed_mps, angle_rad, bank_rad):
+            return _turn(expected, V, speed_mps, angle_rad, bank_rad)
+        case Run():
+            speeds = _run(expected, V, throttle, maneuver)
+            return Path(speeds, np.zeros(len(speeds)), np.zeros(len(speeds)))
+        case Porpoise():
+            return _porpoise(expected, V, maneuver)
+        case Land(speed_mps):
+            return _landing(expected, V, speed_mps, height_m)
+    raise AssertionError(maneuver)
+
+
+def _steps(duration_s: float) -> int:
+    return max(1, round(duration_s / STEP_S))
+
+
+def _towards(expected: ExpectedAircraft, V: float, wanted: float, n: int) -> Array:
+    """Speeds (n,) of a pilot who changes from V to another speed and holds it."""
+    grid = np.linspace(0.5 * expected.stall_mps, 1.5 * expected.fastest_mps, 60)
+    m = expected.aircraft.mass_kg
+    drag = expected.drag_N(grid) / m
+    most = np.clip(np.array([expected.thrust_N(1.0, v) for v in grid]) / m - drag, 0.05, HARDEST_MPS2)
+    speeds = np.empty(n)
+    for i in range(n):
+        at = (V - grid[0]) / (grid[1] - grid[0])
+        k = min(max(int(at), 0), len(grid) - 1)
+        V += STEP_S * min(max((wanted - V) / SPEED_LAG_S, -drag[k]), most[k])
+        speeds[i] = V
+    return speeds
+
+
+def _run(expected: ExpectedAircraft, V: float, first: float, run: Run) -> Array:
+    speeds, faster = [], run.until_mps > V
+    m = expected.aircraft.mass_kg
+    for i in range(_steps(run.longest_s)):
+        t = i * STEP_S
+        throttle = first + (run.throttle - first) * min(t / run.ramp_s, 1.0)
+        V += STEP_S * (expected.thrust_N(throttle, V) - float(expected.drag_N(V))) / m
+        speeds.append(V)
+        if t > run.ramp_s and (V >= run.until_mps if faster else V <= run.until_mps):
+            break
+    return np.array(speeds)
+
+
+def _turn(expected: ExpectedAircraft, V: float, speed_mps: float, angle_rad: float, bank_rad: float) -> Path:
+    most = _steps(1.2 * abs(angle_rad) * max(V, speed_mps) / (g * np.tan(bank_rad)) + 20.0)
+    speeds = _towards(expected, V, speed_mps, most)
+    rising = np.minimum(np.arange(most) * STEP_S / ROLL_S, 1.0) * bank_rad
+    turned = np.cumsum(g * np.tan(rising) / speeds) * STEP_S
+    # Rolling out takes as long, and turns by half of what full bank would.
+    rest = g * np.tan(bank_rad) / speeds * ROLL_S / 2
+    n = int(np.searchsorted(turned + rest, abs(angle_rad)))
+    out = np.maximum(1 - np.arange(_steps(ROLL_OUT_S)) * STEP_S / ROLL_S, 0.0)
+    bank = np.concatenate([rising[:n], bank_rad * out]) * np.sign(angle_rad)
+    return Path(speeds[: len(bank)], bank, np.zeros(len(bank)))
+
+
+def _porpoise(expected: ExpectedAircraft, V: float, porpoise: Porpoise) -> Path:
+    n = _steps(porpoise.duration_s)
+    t = np.arange(n) * STEP_S
+    speeds = _towards(expected, V, porpoise.speed_mps, n)
+    first, last = 2 * np.pi / porpoise.first_period_s, 2 * np.pi / porpoise.last_period_s
+    phase = first * t + (last - first) * t**2 / (2 * porpoise.duration_s)
+    omega = first + (last - first) * t / porpoise.duration_s
+    fade = np.minimum(np.minimum(t, t[::-1]) / PORPOISE_BEGINS_S, 1.0)
+    climb = -g * porpoise.load / (porpoise.speed_mps * omega) * np.cos(phase) * fade
+    return Path(speeds, np.zeros(n), climb)
+
+
+def climb_rate_mps(expected: ExpectedAircraft) -> float:
+    """Rate of climb and descent between the ground and the height of the flight [m/s]."""
+    return min(CLIMB_MPS, CLIMB_OVER_STALL * expected.stall_mps)
+
+
+def _take_off(expected: ExpectedAircraft, speed_mps: float, height_m: float) -> Path:
+    s = (np.arange(_steps(TAKE_OFF_S)) + 1) * STEP_S / TAKE_OFF_S
+    V = speed_mps * (10 * s**3 - 15 * s**4 + 6 * s**5)
+    rise = 30 * s**2 * (1 - s) ** 2 * min(GROUND_HEIGHT_M, height_m) / TAKE_OFF_S
+    up = np.full(_steps(max(height_m - GROUND_HEIGHT_M, 0.0) / climb_rate_mps(expected)), climb_rate_mps(expected))
+    V = np.concatenate([V, np.full(len(up) + _steps(5.0), speed_mps)])
+    rate = np.concatenate([rise, up, np.zeros(_steps(5.0))])
+    return Path(V, np.zeros(len(V)), np.arcsin(np.clip(rate / np.maximum(V, 1.0), -0.5, 0.5)))
+
+
+def _landing(expected: ExpectedAircraft, V: float, speed_mps: float, height_m: float) -> Path:
+    down = _take_off(expected, speed_mps, height_m)
+    speeds = down.V[::-1].copy()
+    n = min(len(speeds), _steps(8.0))
+    speeds[:n] = _towards(expected, V, speed_mps, n)
+    return Path(speeds, down.bank, -down.climb[::-1])
+
+
+def _history(
+    V: Array,
+    bank: Array,
+    climb: Array,
+    expected: ExpectedAircraft,
+    height_m: float,
+    wind_mps: float,
+    begins: str,
+    starts_s: Array,
+) -> TimeHistory:
+    n = len(V)
+    t = np.arange(n) * STEP_S
+    smooth = np.ones(SMOOTHED) / SMOOTHED
+    climb, bank = (np.convolve(np.pad(x, SMOOTHED // 2, mode="edge"), smooth, mode="valid") for x in (climb, bank))
+    flown = np.maximum(V, 0.5 * expected.stall_mps)
+    load = (flown * np.gradient(climb, STEP_S) / g + np.cos(climb)) / np.cos(bank)
+    alpha = np.clip(expected.alpha_rad(flown, load), -0.2, LARGEST_ALPHA_RAD) * np.minimum(V / flown, 1.0)
+    theta = np.arctan(np.cos(bank) * np.tan(alpha)) + climb
+    heading = np.cumsum(g * np.tan(bank) / flown) * STEP_S
+    body = motion.velocity_of(V, alpha, 0.0)
+    air = np.column_stack(motion.earth_from_body(*body, bank, theta, heading))
+    height = np.cumsum(-air[:, 2]) * STEP_S + (height_m if begins == "air" else 0.0)
+    height = np.maximum(height, 0.0)
+    profile = dryden.mean_wind_profile(height) / dryden.mean_wind_profile(height_m)
+    # The wind's component on the heading changes in turns; on the ground the aircraft stands.
+    wind = -wind_mps * profile[:, None] * np.array([np.cos(WIND_FROM_RAD), np.sin(WIND_FROM_RAD)])
+    moved = np.clip(V / expected.stall_mps, 0.0, 1.0)[:, None]
+    velocity = air + np.column_stack([wind * moved, np.zeros(n)])
+    phi_rate, theta_rate, psi_rate = (np.gradient(x, STEP_S) for x in (bank, theta, heading))
+    acceleration = np.gradient(velocity, STEP_S, axis=0) - np.array([0.0, 0.0, g])
+    north, east, down = acceleration.T
+    force = motion.body_from_earth(north, east, down, bank, theta, heading)
+    flying = V > 0.7 * expected.stall_mps
+    known = np.where(flying, 1.0, np.nan)
+    drag = expected.drag_N(flown, load)
+    thrust = drag + expected.aircraft.mass_kg * (np.gradient(V, STEP_S) + g * np.sin(climb))
+    revps = np.where(V > 0, expected.revps_of_thrust(np.maximum(flown, 1.0), thrust / np.cos(alpha)), 0.0)
+    sine = 9 / 4 * np.sin(2 * alpha)  # pressure differences of a hemisphere in potential flow
+    columns = {
+        "p_radps": phi_rate - psi_rate * np.sin(theta),
+        "q_radps": theta_rate * np.cos(bank) + psi_rate * np.sin(bank) * np.cos(theta),
+        "r_radps": -theta_rate * np.sin(bank) + psi_rate * np.cos(bank) * np.cos(theta),
+        **dict(zip(("ax_mps2", "ay_mps2", "az_mps2"), force, strict=True)),
+        **{f"gps_{axis}_mps": velocity[:, i] for i, axis in enumerate(("north", "east", "down"))},
+        SPEED_SCALE: np.full(n, speed_scale(expected.aircraft)),
+        "height_m": height,
+        "rho": np.full(n, expected.rho),
+        "V_mps": V * known,
+        "alpha_rad": alpha * known,
+        "beta_rad": 0.0 * known,
+        "bank_rad": bank,
+        "dlnV_dlndp_alpha": sine * np.tan(2 * alpha) / 4 / (1 - 9 / 4 * np.sin(alpha) ** 2) * known,
+        "n_revps": revps,
+        "thrust_N": thrust,
+        "qbar_Pa": expected.rho * V**2 / 2 * known,
+        "propeller_covered": flying,
+        "flying": flying,
+    }
+    # The noise of the sensors is measured at rest: two values, one standard deviation to each side.
+    noise = np.where(V == 0, np.where(np.arange(n) % 2, 1.0, -1.0), 0.0)
+    columns |= {name: columns.get(name, 0.0) + sigma * noise for name, sigma in BENCH_SIGMA.items()}
+    table = pd.DataFrame(columns, index=pd.Index(t, name="t_s"))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], (V == 0).astype(int), [0]])))
+    rest = [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    position = np.cumsum(velocity[:, :2], axis=0) * STEP_S
+    return TimeHistory(table, np.column_stack([bank, theta, heading]), velocity, wind, rest, starts_s, position)

@@ -1,0 +1,169 @@
+"""Measures how estimation fares in hard cases: filter error from poor starts, false optima, verdicts, coverage.
+
+    python benchmarks/estimation_cases.py filter
+    python benchmarks/estimation_cases.py optima
+    python benchmarks/estimation_cases.py cases
+
+docs/estimation.md quotes the output. Seeds are from 1000 on; nothing was chosen on them.
+"""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from analysis.estimation import filter_error, multiple_shooting, output_error
+from analysis.estimation.data import split
+from analysis.estimation.fit import Fit
+from analysis.estimation.intervals import NORMAL_95
+from flight.errors import InputError
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
+import disturbed
+import hard_cases
+import twins
+
+FIRST_SEED = 1000
+SAME = 1.0  # difference in log-likelihood below which two fits of filter error are the same
+CONSOLE = Console(width=150)
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command("filter")
+def filter_() -> None:
+    """Filter error in turbulence and of an unstable aircraft: iterations, arrival from poor starts, coverage."""
+    table = Table("filter error", "fits", "reached the optimum", "iterations: median, largest", "wanted", box=None)
+    seeds = range(FIRST_SEED, FIRST_SEED + 20)
+    turbulence = [_turbulence(seed, start="equation error") for seed in seeds]
+    held = (turbulence, [_turbulence(seed, start=twins.TURBULENCE_TRUTH) for seed in seeds])
+    table.add_row("turbulence, from equation error", "20", _arrived(*held), _iterations(turbulence), "15 iterations")
+    best = [_unstable(seed, start=twins.UNSTABLE_TRUTH) for seed in seeds]
+    for name, fits in (
+        ("unstable, from equation error", [_unstable(seed, start="equation error") for seed in seeds]),
+        (
+            "unstable, starts off by 0.5 to 2",
+            [_unstable(seed, start=_off(seed)) for seed in seeds],
+        ),
+    ):
+        table.add_row(name, "20", _arrived(fits, best), _iterations(fits), "19 of 20")
+    CONSOLE.print(table)
+    table = Table(
+        "95 % intervals cover", "fits", "all, %", "by parameter, %", "wanted, %", "iterations", "within 15", box=None
+    )
+    for name, make, truth in (
+        ("turbulence", lambda seed: _turbulence(seed, start="equation error"), twins.TURBULENCE_TRUTH),
+        ("unstable", lambda seed: _unstable(seed, start="equation error"), twins.UNSTABLE_TRUTH),
+    ):
+        inside, fits = [], []
+        for seed in range(FIRST_SEED, FIRST_SEED + 200):
+            fits.append(make(seed))
+            estimates = fits[-1].parameters
+            inside.append(
+                [abs(estimates[n].value - v) < NORMAL_95 * estimates[n].standard_error for n, v in truth.items()]
+            )
+        by_parameter = 100 * np.mean(inside, axis=0)
+        within = f"{sum(fit.iterations <= 15 for fit in fits)} of {len(fits)}"
+        shown = f"{by_parameter.min():.1f} to {by_parameter.max():.1f}"
+        table.add_row(name, "200", f"{100 * np.mean(inside):.1f}", shown, "93 to 97", _iterations(fits), within)
+    CONSOLE.print(table)
+
+
+def _turbulence(seed, **options):
+    return filter_error.estimate(
+        twins.TURBULENCE, twins.in_turbulence(seed), twins.TURBULENCE_NOISE, test_significance=False, **options
+    )
+
+
+def _unstable(seed, **options):
+    return filter_error.estimate(
+        twins.UNSTABLE, twins.unstable(seed), twins.UNSTABLE_NOISE, inputs="held", test_significance=False, **options
+    )
+
+
+def _off(seed):
+    rng = np.random.default_rng(seed)
+    return {name: value * rng.uniform(0.5, 2.0) for name, value in twins.UNSTABLE_TRUTH.items()}
+
+
+def _arrived(fits, best) -> str:
+    costs = [f.negative_log_likelihood - b.negative_log_likelihood for f, b in zip(fits, best, strict=True)]
+    reached = sum(f.verdict.ok and cost < SAME for f, cost in zip(fits, costs, strict=True))
+    return f"{reached} of {len(fits)}"
+
+
+def _iterations(fits) -> str:
+    counts = [f.iterations for f in fits]
+    return f"{np.median(counts):.0f}, {max(counts)}"
+
+
+@app.command()
+def optima(starts: Annotated[int, typer.Option(help="Starts of each case.")] = 80) -> None:
+    """Output error from random starts: at the best optimum, elsewhere and told so, or elsewhere in silence."""
+    seed = FIRST_SEED
+    sine = hard_cases.CASES["a false optimum"].fit(seed).segment_fits[0].segment
+    unstable = twins.unstable(seed)
+    still = disturbed.linear_record(seed, strength=0.0)
+    pieces = split(unstable, 10)
+    cases = {
+        "short period, factors 1/3 to 3": (
+            lambda start: output_error.estimate(disturbed.LINEAR, still, start=start), disturbed.LINEAR_TRUTH, 3.0,
+        ),
+        "frequency of a sine, factors 1/3 to 3": (
+            lambda start: output_error.estimate(hard_cases.OSCILLATION, sine, start=start),
+            {"omega": 4.4, "size": 1.0}, 3.0,
+        ),
+        "unstable, whole record, 1/2 to 2": (
+            lambda start: output_error.estimate(twins.UNSTABLE, unstable, inputs="held", start=start),
+            twins.UNSTABLE_TRUTH, 2.0,
+        ),
+        "unstable, ten parts, 1/2 to 2": (
+            lambda start: output_error.estimate(twins.UNSTABLE, pieces, inputs="held", start=start),
+            twins.UNSTABLE_TRUTH, 2.0,
+        ),
+        "unstable, ten tied parts, 1/2 to 2": (
+            lambda start: multiple_shooting.estimate(twins.UNSTABLE, unstable, parts=10, inputs="held", start=start),
+            twins.UNSTABLE_TRUTH, 2.0,
+        ),
+    }  # fmt: skip
+    table = Table(f"{starts} starts", "at the best optimum", "elsewhere, told", "elsewhere, silent", box=None)
+    for name, (fit, truth, factor) in cases.items():
+        rng = np.random.default_rng(seed)
+        found: list[Fit | None] = []
+        for _ in range(starts):
+            start = {key: value * factor ** rng.uniform(-1, 1) for key, value in truth.items()}
+            try:
+                found.append(fit(start))
+            except InputError:  # it says that the response is not finite
+                found.append(None)
+        best = _cheapest([fit(truth), *found])
+        at_best = sum(f is not None and f.negative_log_likelihood < best + 0.01 and f.verdict.ok for f in found)
+        silent = sum(
+            f is not None and f.negative_log_likelihood >= best + 0.01 and f.verdict.ok and not f.verdict.hints
+            for f in found
+        )
+        table.add_row(name, str(at_best), str(starts - at_best - silent), str(silent))
+    CONSOLE.print(table)
+
+
+def _cheapest(fits) -> float:
+    """The cost of the best fit with a clean verdict, NaN if there is none; a fit that did not converge may have any."""
+    clean = [f.negative_log_likelihood for f in fits if f is not None and f.verdict.ok and not f.verdict.hints]
+    return min(clean, default=np.nan)
+
+
+@app.command()
+def cases(seeds: Annotated[int, typer.Option(help="Number of draws of the noise.")] = 20) -> None:
+    """Twelve fits that must not be used as they are: how often the verdict says so, and what it says."""
+    table = Table("case", "named", "verdict", box=None)
+    for name, case in hard_cases.CASES.items():
+        verdicts = [str(case.fit(seed).verdict) for seed in range(FIRST_SEED, FIRST_SEED + seeds)]
+        table.add_row(name, f"{sum(case.says in verdict for verdict in verdicts)} of {seeds}", verdicts[0])
+    CONSOLE.print(table)
+
+
+if __name__ == "__main__":
+    app()

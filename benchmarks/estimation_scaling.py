@@ -1,0 +1,176 @@
+"""Measures how time and memory of output error grow, and the ratio to other optimizers.
+
+    python benchmarks/estimation_scaling.py growth
+    python benchmarks/estimation_scaling.py ratios
+
+docs/estimation.md quotes the output. `aeroid` takes part where it is installed (`pip install aeroid`).
+"""
+
+import importlib.util
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+from scipy import optimize
+
+from analysis.estimation import output_error
+from analysis.estimation.data import Segment
+from analysis.estimation.model import Model, Parameter
+from analysis.estimation.simulation import build_simulator
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
+import disturbed
+from general_optimizer import general_optimizer, processor_time_s
+
+STEP_S = 0.02
+TRUTH = {
+    "Z0": -0.009, "Zal": -0.48, "Zq": 0.1, "Zde": 0.3, "M0": 0.2, "Mal": -4.9, "Mq": -2.0, "Mde": -7.2, "bias": 0.1,
+    "scale": 1.1,
+}  # fmt: skip
+# Ten parameters and four outputs; with bias_ax seven outputs and eleven parameters.
+TEN = Model(
+    name="short period, ten parameters",
+    states=("alpha", "q"),
+    inputs=("de",),
+    outputs=("vane", "q", "az", "qdot"),
+    parameters=tuple(Parameter(name=name, start=value) for name, value in TRUTH.items()),
+    dynamics=lambda x, u, p: (_alpha_dot(x, u, p), _q_dot(x, u, p)),
+    output_function=lambda x, u, p: _four(x, u, p),
+)
+ELEVEN = Model(
+    name="short period, seven outputs",
+    states=TEN.states,
+    inputs=TEN.inputs,
+    outputs=(*TEN.outputs, "az_tail", "alpha_dot", "ax"),
+    parameters=(*TEN.parameters, Parameter(name="bias_ax", start=0.05)),
+    dynamics=TEN.dynamics,
+    output_function=lambda x, u, p: (
+        *_four(x, u, p),
+        50 * _alpha_dot(x, u, p) + 4 * _q_dot(x, u, p),
+        _alpha_dot(x, u, p),
+        9.81 * x.alpha + p.bias_ax,
+    ),
+)
+SIGMA = {"vane": 0.003, "q": 0.005, "az": 0.1, "qdot": 0.05, "az_tail": 0.2, "alpha_dot": 0.02, "ax": 0.05}
+CONSOLE = Console(width=140)
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+def _alpha_dot(x, u, p):
+    return p.Z0 + p.Zal * x.alpha + (1 + p.Zq) * x.q + p.Zde * u.de
+
+
+def _q_dot(x, u, p):
+    return p.M0 + p.Mal * x.alpha + p.Mq * x.q + p.Mde * u.de
+
+
+def _four(x, u, p):
+    return p.scale * x.alpha + p.bias, x.q, 50 * (_alpha_dot(x, u, p) - x.q), _q_dot(x, u, p)
+
+
+def record(model, samples, seed=0):
+    rng, t = np.random.default_rng(seed), np.arange(samples) * STEP_S
+    de = 0.03 + 0.05 * np.sign(np.sin(1.3 * t + seed)) * (np.sin(0.31 * t + seed) > 0)
+    p = np.array([q.start for q in model.parameters])
+    y = build_simulator(model, ()).run(np.array([0.05, 0.0]), de[:, None], p, STEP_S).y
+    z = {name: y[:, i] + SIGMA[name] * rng.standard_normal(samples) for i, name in enumerate(model.outputs)}
+    return Segment(name=f"run {seed}", t_s=t, u={"de": de}, z=z, x0={"alpha": 0.05, "q": 0.0})
+
+
+def fitted(model, segments):
+    return output_error.estimate(model, segments, start={name: 1.3 * value for name, value in TRUTH.items()})
+
+
+@app.command()
+def growth() -> None:
+    """Processor time and peak memory of fits over samples and manoeuvres; each fit in its own process."""
+    table = Table(
+        "samples", "manoeuvres", "outputs", "parameters", "s", "ms per 1000 samples", "MB", "wanted", box=None
+    )
+    for model, samples, manoeuvres, wanted in (
+        ("TEN", 500, 1, "20 ms (4 x 12)"), ("ELEVEN", 601, 1, "50 ms"), ("TEN", 2000, 1, ""), ("TEN", 10_000, 1, ""),
+        ("TEN", 50_000, 1, "3 s, 300 MB"), ("TEN", 200_000, 1, ""), ("TEN", 500, 10, ""), ("TEN", 500, 100, ""),
+    ):  # fmt: skip
+        command = [sys.executable, __file__, "one", model, str(samples), str(manoeuvres)]
+        ran = subprocess.run(command, capture_output=True, text=True, check=True)
+        seconds, megabytes = (float(word) for word in ran.stdout.split())
+        outputs, parameters = (4, 10) if model == "TEN" else (7, 11)
+        per_1000 = 1e6 * seconds / (samples * manoeuvres)
+        table.add_row(
+            str(samples), str(manoeuvres), str(outputs), str(parameters), f"{seconds:.3f}", f"{per_1000:.0f}",
+            f"{megabytes:.0f}", wanted,
+        )  # fmt: skip
+    CONSOLE.print(table)
+
+
+@app.command(hidden=True)
+def one(model: str, samples: int, manoeuvres: int) -> None:
+    """Processor time [s] of one fit after the model is compiled, and peak memory of the process [MB]."""
+    chosen = {"TEN": TEN, "ELEVEN": ELEVEN}[model]
+    segments = [record(chosen, samples, seed) for seed in range(manoeuvres)]
+    fitted(chosen, record(chosen, 100))
+    seconds = processor_time_s(lambda: fitted(chosen, segments), 1 if samples * manoeuvres > 5000 else 10)
+    print(seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+
+
+@app.command()
+def ratios() -> None:
+    """Processor time of other optimizers with finite differences, relative to output error's, on the same record."""
+    model, segment = disturbed.LINEAR, disturbed.linear_record(1000, strength=0.0)
+    truth = disturbed.LINEAR_TRUTH
+    start = {name: 1.3 * value for name, value in truth.items()}
+    fit = output_error.estimate(model, segment, start=start)
+    ours = processor_time_s(lambda: output_error.estimate(model, segment, start=start), 10)
+    simulator, U = build_simulator(model, ()), segment.u["de"][:, None]
+    Z = np.column_stack([segment.z[name] for name in model.outputs])
+    sigma = np.sqrt(np.diag(fit.noise_covariance))  # known to it
+    theta0 = np.array([*start.values(), *(segment.z[name][0] for name in model.states)])
+
+    def residuals(theta):
+        return ((Z - simulator.run(theta[7:], U, theta[:7], segment.step_s).y) / sigma).ravel()
+
+    table = Table("", "processor time", "ratio", "largest difference, standard errors", box=None)
+    table.add_row("output error, 250 samples, 9 unknowns", f"{ours:.3f} s", "1", "")
+
+    def row(name, seconds, values):
+        difference = np.abs(values - fit.values[: len(values)]) / np.sqrt(np.diag(fit.covariance))[: len(values)]
+        table.add_row(name, f"{seconds:.2f} s", f"{seconds / ours:.0f}", f"{difference.max():.2g}")
+
+    found = optimize.least_squares(residuals, theta0, x_scale=np.abs(theta0) + 0.01)
+    row("scipy least_squares", processor_time_s(lambda: optimize.least_squares(residuals, theta0), 1), found.x)
+    if importlib.util.find_spec("aeroid") is None:
+        table.add_row("aeroid", "not installed", "", "")
+    else:
+        aeroid = importlib.import_module("aeroid")  # no dependency of this project
+        theirs = aeroid.Model(
+            states=list(model.states), controls=["de"], parameters=dict(start),
+            dynamics=lambda t, x, u, p: np.array(model.evaluate_dynamics(x, u, [p[name] for name in truth])),
+        )  # fmt: skip
+        data = aeroid.FlightData(segment.t_s, {**segment.z, **segment.u})
+        weights = dict(zip(model.outputs, (1 / sigma).tolist(), strict=True))
+        results = []
+        x0 = dict(zip(model.states, fit.values[7:].tolist(), strict=True))  # it does not estimate them
+        seconds = processor_time_s(
+            lambda: results.append(aeroid.identify(theirs, data, list(truth), weights=weights, x0=x0)), 1
+        )
+        row("aeroid", seconds, np.array([results[0].parameters[name] for name in truth]))
+    from test_starts_of_an_aircraft import MODEL, NEXSTAR, made_by_the_model
+
+    from analysis.estimation import aircraft_models
+
+    run = made_by_the_model("run", 1)
+    first = aircraft_models.starting_values(NEXSTAR, run)
+    ours = processor_time_s(lambda: output_error.estimate(MODEL, run, start=first), 10)
+    table.add_row("output error, 500 samples, 14 unknowns", f"{ours:.3f} s", "1", "")
+    seconds, _, above = general_optimizer(run)
+    table.add_row("scipy trust-constr", f"{seconds:.2f} s", f"{seconds / ours:.0f}", f"cost {above:+.3f}")
+    CONSOLE.print(table)
+
+
+if __name__ == "__main__":
+    app()

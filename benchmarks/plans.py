@@ -1,0 +1,209 @@
+"""Planned flights against the shipped one of the same length, flown in the simulator and analyzed.
+
+    python benchmarks/plans.py --flights 60 --seed 1000 -o out/plans.jsonl
+    python benchmarks/plans.py --cells 15:21 --flights 4 --seed 0
+
+A cell is a turbulence W20 [kt] and a length [min]. Each flight is one line of the output file, flights that are already
+there are not flown again, so a run that was stopped continues. docs/planning.md quotes what this prints.
+"""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any
+
+import estimators
+import flights
+import numpy as np
+import typer
+
+from analysis.drag import dynamic
+from analysis.drag.polar import Condition, Polar, power_required
+from analysis.estimation.intervals import NORMAL_95
+from analysis.maneuvers.find_level import find_runs
+from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
+from analysis.planning.maneuvers import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
+from analysis.planning.pieces import Pilot, Space
+from analysis.planning.questions import half_widths
+from analysis.planning.search import Request, plan_flight, predicted
+from analysis.planning.simulator_plan import simulator_plan
+from analysis.planning.time_history import fly
+from analysis.trajectory.reconstruction import reconstruct
+from flight.aircraft import load_aircraft
+from flight.errors import InputError
+from flight.propeller_files import load_propeller
+from sim.sensors import load_budget
+
+HEIGHT_M, LEG_M = 40.0, 1300.0  # those of the shipped plan
+
+
+def make_plans(
+    aircraft_name: str, kt: float, minutes: float, asked: str, folder: Path, pilot: Pilot = Pilot()
+) -> dict[str, Any]:
+    """Writes the planned and the shipped plan of a cell. Paths and predicted half widths [%] at estimators.speeds."""
+    kept = folder / f"{aircraft_name}-{asked}-{kt:g}-{minutes:g}.json"
+    if kept.is_file():
+        found: dict[str, Any] = json.loads(kept.read_text("utf-8"))
+        return found
+    aircraft = load_aircraft(aircraft_name)
+    expected = expected_aircraft(aircraft, HEIGHT_M)
+    request = Request(minutes, kt, Space(LEG_M, HEIGHT_M), pilot, question=asked)
+    plan = plan_flight(expected, request)
+    shipped = shortened(expected, minutes)
+    cell: dict[str, Any] = {}
+    for name, text, covariances in (
+        ("planned", simulator_plan(plan.maneuvers, expected, request), plan.covariances),
+        ("shipped", simulator_plan(shipped, expected, request), predicted(shipped, expected, request)),
+    ):
+        path = folder / f"{aircraft_name}-{asked}-{kt:g}-{minutes:g}-{name}.toml"
+        path.write_text(text, "utf-8")
+        cell[name] = {
+            "path": str(path),
+            "predicted": half_widths(covariances, expected, estimators.speeds(aircraft)).tolist(),
+        }
+    kept.write_text(json.dumps(cell), "utf-8")
+    return cell
+
+
+def shortened(expected: ExpectedAircraft, minutes: float) -> list[Maneuver]:
+    """The shipped plan, full-test-flight, with fewer runs and steady points to fit a shorter time."""
+    stall, fastest = expected.stall_mps, expected.fastest_mps
+    turn = Turn(1.7 * stall, -np.pi)
+    points = [(90.0, 1.2), (90.0, 1.15), (60.0, 1.25), None, (60.0, 1.4), None, (60.0, 1.7)]
+    fast = [(60.0, 0.77 * fastest / stall), (60.0, 0.85 * fastest / stall)]
+    pairs = max(1, round(5 * minutes / 21))
+    kept = {5: [*points, *fast], 4: [points[0], points[2], None, points[4], None, *fast]}.get(
+        pairs, [points[0], None, points[6]]
+    )
+
+    def plan(share: float) -> list[Maneuver]:
+        maneuvers: list[Maneuver] = [Stand(90.0), TakeOff(1.6 * stall)]
+        for _ in range(pairs):
+            maneuvers += [Hold(20.0, 1.12 * stall), Run(0.87, 13.0, 0.92 * fastest), Hold(10.0, 0.92 * fastest)]
+            maneuvers += [Run(0.495, 2.5, 1.05 * stall), Hold(6.0, 1.3 * stall), Turn(1.7 * stall)]
+        for point in kept:
+            if point is None:
+                maneuvers += [Hold(6.0, 1.5 * stall), Porpoise(40.0 * share, 1.5 * stall, 0.7)]
+            else:
+                maneuvers += [Hold(point[0] * share, point[1] * stall), turn]
+        return [*maneuvers, Hold(8.0, 1.3 * stall), Run(1.0, 1.0, 0.95 * fastest), Land(1.6 * stall), Stand(30.0)]
+
+    low, high = 0.1, 1.0
+    for _ in range(6):
+        share = (low + high) / 2
+        seconds = fly(plan(share), expected, HEIGHT_M, 3.0).starts_s[-1]
+        low, high = (share, high) if seconds < 60 * minutes else (low, share)
+    return plan(low)
+
+
+def one_flight(aircraft_name: str, plan: str, kt: float, seed: int) -> dict[str, Any]:
+    """Errors and half widths [% of the truth] at estimators.speeds; empty where the flight ended too soon."""
+    aircraft, probe = load_aircraft(aircraft_name), flights.tunnel_probe()
+    try:
+        flown = flights.flown(aircraft, flights.drawn(load_budget("study"), seed), plan, seed, kt)
+    except InputError as error:
+        return {"lost": str(error)}
+    propeller = load_propeller(aircraft.propulsion.propeller or "")
+    air, still, _ = flights.air_of(flown.table, aircraft, probe)
+    runs, _ = find_runs(air)
+    at = Condition(aircraft.mass.weight_N, float(air.loc[air["flying"], "rho"].mean()), aircraft.geometry.wing_area_m2)
+    V, truth = estimators.speeds(aircraft), flown.flight.power_required
+    true_W = np.interp(V, truth["speed_mps"], truth["power_W"])
+    try:
+        trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
+        polar: Polar = dynamic.estimate_polar(trajectory, runs, aircraft, propeller).polar
+    except (InputError, np.linalg.LinAlgError, ValueError) as error:
+        return {"lost": str(error)}
+    power, sigma = power_required(V, polar, at)
+    return {
+        "error": (100 * (power / true_W - 1)).tolist(),
+        "half": (100 * NORMAL_95 * sigma / true_W).tolist(),
+        "seconds": float(air.index[-1]),
+    }
+
+
+def main(
+    cells: Annotated[str, typer.Option(help="W20 [kt]:minutes, separated by commas.")] = (
+        "15:21,3:21,0:21,15:15,3:15,0:15,15:8,3:8,0:8"
+    ),
+    count: Annotated[int, typer.Option("--flights", help="A cell and plan; one seed each.")] = 60,
+    first_seed: Annotated[int, typer.Option("--seed", help="The first seed; development uses those below 1000.")] = 0,
+    aircraft: Annotated[str, typer.Option(help="Aircraft.")] = "nexstar",
+    asked: Annotated[str, typer.Option("--question", help="What is planned for.")] = "curve",
+    only: Annotated[str, typer.Option(help="planned, shipped, or both.")] = "both",
+    pilot: Annotated[str, typer.Option(help="exact, or average: bank 10 deg, height 8 m, speed 1 m/s.")] = "exact",
+    output: Annotated[Path, typer.Option("-o", "--output", help="Lines of JSON, one a flight.")] = Path("plans.jsonl"),
+) -> None:
+    """Flies cell after cell, seed after seed, and prints the table of what there is."""
+    output.parent.mkdir(parents=True, exist_ok=True)
+    known = [json.loads(line) for line in output.read_text("utf-8").splitlines()] if output.is_file() else []
+    done = {(r["aircraft"], r["question"], r["kt"], r["minutes"], r["plan"], r["pilot"], r["seed"]) for r in known}
+    wanted = [(float(kt), float(minutes)) for kt, minutes in (cell.split(":") for cell in cells.split(","))]
+    made = {cell: make_plans(aircraft, *cell, asked, output.parent) for cell in wanted}
+    for seed in range(first_seed, first_seed + count):
+        for kt, minutes in wanted:
+            for name in ("planned", "shipped") if only == "both" else (only,):
+                key = (aircraft, asked, kt, minutes, name, pilot, seed)
+                if key in done:
+                    continue
+                plan = made[kt, minutes][name]
+                path = plan["path"] if pilot == "exact" else _flown_by_average_pilot(Path(plan["path"]))
+                row = dict(zip(("aircraft", "question", "kt", "minutes", "plan", "pilot", "seed"), key, strict=True))
+                row |= {"predicted": plan["predicted"]} | one_flight(aircraft, path, kt, seed)
+                with output.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(row) + "\n")
+                known.append(row)
+    print_table(known)
+
+
+WANDER = '\n[wander]\nbank = "{bank} deg"\nheight = "{height} m"\nspeed = "{speed} m/s"\n'
+
+
+def _flown_by_average_pilot(path: Path) -> str:
+    """The plan with a pilot who wanders in bank, height and speed."""
+    new = path.with_name(path.stem + "-average.toml")
+    text = path.read_text("utf-8")
+    new.write_text(text.replace("\n[[segment]]", WANDER.format(bank=10, height=8, speed=1) + "\n[[segment]]", 1))
+    return str(new)
+
+
+def print_table(rows: Iterable[dict[str, Any]]) -> None:
+    """One line a cell and plan: worst speed, coverage, predicted over obtained."""
+    groups: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
+    for row in rows:
+        key = tuple(row[name] for name in ("aircraft", "question", "kt", "minutes", "pilot", "plan"))
+        groups.setdefault(key, []).append(row)
+    header = (
+        "aircraft, question",
+        "W20, kt",
+        "min",
+        "plan",
+        "flights (lost)",
+        "half widths, %",
+        "worst",
+        "coverage, %",
+    )
+    print("| " + " | ".join([*header, "predicted/obtained", "to shipped"]) + " |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    worst: dict[tuple[Any, ...], float] = {}
+    for key in sorted(groups, key=lambda key: (*key[:5], key[5] != "shipped")):
+        flown = [row for row in groups[key] if "half" in row]
+        if not flown:
+            continue
+        half = np.median([row["half"] for row in flown], axis=0)
+        covered = 100 * np.mean([np.abs(row["error"]) < np.array(row["half"]) for row in flown])
+        ratio = np.max(flown[0]["predicted"]) / np.max(half)
+        worst[key] = float(np.max(half))
+        shipped = worst.get((*key[:5], "shipped"))
+        against = f"{worst[key] / shipped:.2f}" if shipped and key[5] == "planned" else ""
+        widths = " / ".join(f"{x:.1f}" for x in half)
+        lost = len(groups[key]) - len(flown)
+        name = f"{key[0]}, {key[1]}" + (f", {key[4]} pilot" if key[4] != "exact" else "")
+        print(
+            f"| {name} | {key[2]:g} | {key[3]:g} | {key[5]} | {len(flown)} ({lost}) | {widths} | {worst[key]:.2f}"
+            f" | {covered:.0f} | {ratio:.2f} | {against} |"
+        )
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,124 @@
+"""Twelve fits that must not be used as they are, and the words of the verdict that say so."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import twins
+from disturbed import DE, LINEAR, LINEAR_TRUTH, SIGMA, T_S, X0, linear_record
+
+from analysis.estimation import output_error
+from analysis.estimation.data import Segment
+from analysis.estimation.fit import Fit
+from analysis.estimation.model import Model, Parameter
+from analysis.estimation.simulation import build_simulator
+
+
+class Case(NamedTuple):
+    """fit : of a seed     says : part of the verdict"""
+
+    fit: Callable[[int], Fit]
+    says: str
+
+
+def _record(seed, model=LINEAR, noise=None, delay=0, **inputs):
+    """The response of a model with the true values to the elevator, `delay` samples late, with noise SIGMA."""
+    u = {"de": DE, **inputs}
+    U = np.column_stack([np.concatenate([np.full(delay, u[n][0]), u[n]])[: len(DE)] for n in model.inputs])
+    p = np.array([LINEAR_TRUTH.get(q.name, q.start) for q in model.parameters])
+    y = build_simulator(model, ()).run(X0, U, p, T_S[1]).y
+    if noise is None:
+        noise = np.random.default_rng(seed).standard_normal(y.shape)
+    z = y + SIGMA * noise
+    return Segment(name="run", t_s=T_S, u=u, z={"alpha": z[:, 0], "q": z[:, 1]})
+
+
+def _with(*parameters, added=lambda x, u, p: 0.0, inputs=("de",)):
+    """The model with another term in the pitch acceleration."""
+
+    def dynamics(x, u, p):
+        alpha_dot, q_dot = LINEAR.dynamics(x, u, p)
+        return alpha_dot, q_dot + added(x, u, p)
+
+    return replace(LINEAR, inputs=inputs, parameters=(*LINEAR.parameters, *parameters), dynamics=dynamics)
+
+
+FLAP = _with(Parameter(name="Mflap", start=-1.0), added=lambda x, u, p: p.Mflap * u.flap, inputs=("de", "flap"))
+SCALED = _with(
+    Parameter(name="Mfin", start=2.0), Parameter(name="scale", start=1.0), added=lambda x, u, p: p.Mfin * p.scale * x.q
+).changed(Mq={"free": False})
+CUBIC = _with(Parameter(name="Mq3", start=-400.0), added=lambda x, u, p: p.Mq3 * x.q**3)
+OSCILLATION = Model(
+    name="oscillation",
+    inputs=("t",),
+    outputs=("y",),
+    parameters=(Parameter(name="omega", start=3.0, lower=0.1), Parameter(name="size", start=1.0)),
+    output_function=lambda x, u, p: (p.size * np.sin(p.omega * u.t),),
+)
+
+
+def _collinear(seed):
+    flap = DE * (1 + 1e-4 * np.random.default_rng(seed + 1).standard_normal(DE.size))
+    return output_error.estimate(FLAP, _record(seed, FLAP, flap=flap))
+
+
+def _at_rest(seed):
+    return output_error.estimate(FLAP, _record(seed, FLAP, flap=0 * DE))
+
+
+def _too_short(seed):
+    whole = _record(seed)
+    z = {name: values[:4] for name, values in whole.z.items()}
+    return output_error.estimate(LINEAR, Segment(name="run", t_s=T_S[:4], u={"de": DE[:4]}, z=z))
+
+
+def _colored_noise(seed):
+    white, noise = np.random.default_rng(seed).standard_normal((DE.size, 2)), np.zeros((DE.size, 2))
+    for k in range(1, len(noise)):
+        noise[k] = 0.9 * noise[k - 1] + white[k]
+    return output_error.estimate(LINEAR, _record(seed, noise=noise))
+
+
+def _outliers(seed):
+    noise = np.random.default_rng(seed).standard_normal((DE.size, 2))
+    noise[[40, 120, 200], 0] = 40.0
+    return output_error.estimate(LINEAR, _record(seed, noise=noise))
+
+
+def _false_optimum(seed):
+    t = np.arange(0, 10, 0.05)
+    y = np.sin(4.4 * t) + 0.05 * np.random.default_rng(seed).standard_normal(t.size)
+    return output_error.estimate(OSCILLATION, Segment(name="sine", t_s=t, u={"t": t}, z={"y": y}))
+
+
+def _unstable(seed):
+    start = {name: value * 1.05 for name, value in twins.UNSTABLE_TRUTH.items()}
+    return output_error.estimate(twins.UNSTABLE, twins.unstable(seed), inputs="held", start=start)
+
+
+CASES = {
+    "two inputs alike to 1e-4": Case(_collinear, "collinear: Mde and Mflap"),
+    "an input at rest": Case(_at_rest, "do not determine Mflap"),
+    "a product of two parameters": Case(
+        lambda seed: output_error.estimate(SCALED, _record(seed, SCALED)), "do not determine a change by"
+    ),
+    "a record that is too short": Case(_too_short, "8 measured values are too few for 9 unknowns"),
+    "a bound that excludes the truth": Case(
+        lambda seed: output_error.estimate(LINEAR.changed(Mq={"start": -3.0, "upper": -2.5}), _record(seed)),
+        "at a bound: Mq = -2.5",
+    ),
+    "cubic damping that the model lacks": Case(
+        lambda seed: output_error.estimate(LINEAR, _record(seed, CUBIC)), "are not white"
+    ),
+    "a lag of the control of 0.12 s": Case(
+        lambda seed: output_error.estimate(LINEAR, _record(seed, delay=3)), "are not white"
+    ),
+    "colored measurement noise": Case(_colored_noise, "are not white"),
+    "turbulence, by output error": Case(
+        lambda seed: output_error.estimate(LINEAR, linear_record(seed)), "process noise acts"
+    ),
+    "a false optimum": Case(_false_optimum, "false optimum"),
+    "an unstable aircraft": Case(_unstable, "unstable: with an eigenvalue of +"),
+    "outliers": Case(_outliers, "outliers: 3 of alpha"),
+}

@@ -1,0 +1,66 @@
+"""Filter error from starting values far away, and with noise that is negligible."""
+
+import numpy as np
+import pytest
+import twins
+
+from analysis.estimation import equation_error, filter_error
+from analysis.estimation.fit import FitStatus
+from flight.errors import InputError
+
+
+def fitted(model, segment, noise, **options):
+    return filter_error.estimate(model, segment, noise, test_significance=False, **options)
+
+
+def in_standard_errors(fit, truth):
+    """Largest deviation from the truth."""
+    return max(
+        abs(fit.parameters[name].value - value) / fit.parameters[name].standard_error for name, value in truth.items()
+    )
+
+
+@pytest.mark.parametrize("seed", [3])
+def test_in_turbulence_it_converges_from_equation_error_in_15_iterations(seed):
+    fit = fitted(twins.TURBULENCE, twins.in_turbulence(seed), twins.TURBULENCE_NOISE, start="equation error")
+    assert fit.verdict.ok and fit.iterations <= 15
+    assert in_standard_errors(fit, twins.TURBULENCE_TRUTH) < 4
+    for state, intensity in twins.TURBULENCE_INTENSITY.items():
+        assert fit.process_noise[state].value == pytest.approx(intensity, rel=0.3)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_an_unstable_aircraft_in_light_noise_is_found_from_starts_off_by_a_factor_of_two(seed):
+    """There is no process noise: it is dropped, but for the little that keeps the filter stable."""
+    rng = np.random.default_rng(seed)
+    start = {name: value * rng.uniform(0.5, 2.0) for name, value in twins.UNSTABLE_TRUTH.items()}
+    fit = fitted(twins.UNSTABLE, twins.unstable(seed), twins.UNSTABLE_NOISE, inputs="held", start=start)
+    assert fit.verdict.ok
+    assert in_standard_errors(fit, twins.UNSTABLE_TRUTH) < 4
+    assert "is negligible, but the filter needs it: the model is unstable" in fit.verdict.text
+    assert "ln " not in fit.verdict.text
+
+
+def test_negligible_measurement_noise_is_named_and_does_not_stop_the_fit():
+    """The rate's derivative is measured without noise: the logarithm of its noise would go to minus infinity."""
+    segment = twins.in_turbulence(2, twins.TURBULENCE_SIGMA | {"pdot": 1e-9})
+    fit = fitted(twins.TURBULENCE, segment, twins.TURBULENCE_NOISE, start="equation error")
+    assert fit.verdict.ok
+    assert "measurement noise of pdot is negligible beside the process noise" in fit.verdict.text
+    assert "ln v(pdot)" not in fit.names
+    assert in_standard_errors(fit, twins.TURBULENCE_TRUTH) < 4
+
+
+def test_equation_error_of_a_model_that_measures_derivatives():
+    regression = equation_error.regression_of(twins.TURBULENCE)
+    assert regression.outputs == ("dp/dt", "dr/dt", "pdot", "rdot", "ay")
+
+
+def test_an_unknown_method_for_the_start_is_refused():
+    with pytest.raises(InputError, match="start = 'newton': choose one of equation error, output error"):
+        fitted(twins.TURBULENCE, twins.in_turbulence(0), twins.TURBULENCE_NOISE, start="newton")
+
+
+def test_a_fit_that_may_not_iterate_enough_is_not_converged():
+    fit = fitted(twins.UNSTABLE, twins.unstable(0), twins.UNSTABLE_NOISE, inputs="held", max_iterations=2)
+    assert fit.verdict.status is FitStatus.NOT_CONVERGED

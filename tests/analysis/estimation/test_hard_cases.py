@@ -1,0 +1,22 @@
+"""Each fit that must not be used is named by its verdict."""
+
+import pytest
+from disturbed import LINEAR
+from hard_cases import CASES, _record
+
+from analysis.estimation import output_error
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_verdict_names_the_case(name):
+    assert CASES[name].says in str(CASES[name].fit(0).verdict)
+
+
+def test_a_good_fit_has_no_hints():
+    verdict = output_error.estimate(LINEAR, _record(0)).verdict
+    assert verdict.ok and not verdict.hints and str(verdict) == verdict.text
+
+
+def test_outliers_are_no_matter_with_t_noise():
+    segment = CASES["outliers"].fit(0).segment_fits[0].segment
+    assert not output_error.estimate(LINEAR, segment, tail_dof=4.0).verdict.hints

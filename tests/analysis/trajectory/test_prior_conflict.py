@@ -1,0 +1,59 @@
+"""Estimated sensor errors against their priors, and residuals against noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.prior_conflict import conflict_notes, prior_conflict, with_misfit
+from analysis.trajectory.priors import PRIOR_MEAN, PRIOR_SIGMA
+from analysis.trajectory.reconstruction import Trajectory
+from analysis.trajectory.smoother import StatesGivenErrors
+
+PRIOR = np.array([PRIOR_SIGMA[name] for name in SENSOR_ERRORS])
+MEAN = np.array([PRIOR_MEAN.get(name, 0.0) for name in SENSOR_ERRORS])
+
+
+def estimated(in_prior_sigmas: np.ndarray, *, known_to: float = 0.3, **residuals: float) -> Trajectory:
+    """A trajectory whose sensor errors are these, each known to a share of its prior."""
+    nothing = np.zeros((1, 1, 1))
+    return Trajectory(
+        None, MEAN + PRIOR * in_prior_sigmas, np.diag((known_to * PRIOR) ** 2), PRIOR, nothing,
+        StatesGivenErrors(np.ones((1, 1))), nothing, nothing, 0.1, residuals, True, None,
+    )  # fmt: skip
+
+
+def test_errors_as_large_as_their_priors_are_no_conflict() -> None:
+    found = prior_conflict(estimated(np.resize([1.0, -1.0], len(PRIOR))))
+    assert not found.found
+    assert conflict_notes(found, estimated(np.zeros(len(PRIOR)))) == []
+
+
+def test_one_error_beyond_its_prior_is_named_and_gets_a_wider_one() -> None:
+    errors = np.zeros(len(PRIOR))
+    errors[SENSOR_ERRORS.index("alpha_scale")] = -4.0
+    trajectory = estimated(errors)
+    found = prior_conflict(trajectory)
+    assert found.factor[SENSOR_ERRORS.index("alpha_scale")] == pytest.approx(4.0)
+    (said,) = conflict_notes(found, trajectory)
+    assert "slope of angle of attack is -4.0 standard deviations (3 %)" in said
+
+
+def test_errors_all_twice_their_priors_are_a_conflict_by_that_factor() -> None:
+    found = prior_conflict(estimated(np.resize([2.0, -2.0], len(PRIOR)), known_to=0.05))
+    assert found.beyond == {}
+    assert found.factor == pytest.approx(np.full(len(PRIOR), 2.0), rel=0.02)
+
+
+def test_what_the_data_do_not_determine_is_no_conflict() -> None:
+    assert not prior_conflict(estimated(np.full(len(PRIOR), 2.0), known_to=0.99)).found
+
+
+def test_residuals_larger_than_noise_widen_the_covariance_and_are_named() -> None:
+    trajectory = estimated(np.zeros(len(PRIOR)), V=2.0, alpha=1.0)
+    wider, (said,) = with_misfit(trajectory)
+    assert wider.covariance == pytest.approx(4 * trajectory.covariance)
+    assert "airspeed by 2.0." in said
+    same = replace(trajectory, residuals={"V": 1.1})
+    assert with_misfit(same) == (same, [])

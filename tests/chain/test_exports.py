@@ -1,0 +1,168 @@
+"""The notebook runs, and other programs read what it exports: values, units in the names, times of the log."""
+
+import json
+import os
+import xml.etree.ElementTree as ET
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from unittest.mock import patch
+
+import nbformat
+import numpy as np
+import pandas as pd
+import pytest
+from mcap.reader import make_reader
+from nbclient import NotebookClient
+from scipy.io import loadmat
+
+from analysis.exports.derived_log import LAYOUTS
+from analysis.exports.tables import WITHOUT_UNIT
+from flight.units import UNIT_OF_SUFFIX
+
+pytestmark = pytest.mark.xdist_group("chain")
+
+ROOT = Path(__file__).parents[2]
+NOTEBOOK = ROOT / "docs" / "notebooks" / "one-flight.ipynb"
+TABLES = {"synchronized", "states", "derived", "runs", "curves"}
+UNITS = {*UNIT_OF_SUFFIX, "W", "kgpm3"}
+
+
+@pytest.fixture(scope="module")
+def exports(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder to which the notebook exported the flight."""
+    folder = tmp_path_factory.mktemp("exports")
+    where = {"FLIGHTPOWER_LOG": str(flown / "log.mcap"), "FLIGHTPOWER_EXPORTS": str(folder), "PYTHONPATH": str(ROOT)}
+    with patch.dict(os.environ, where):
+        NotebookClient(nbformat.read(NOTEBOOK, as_version=4), timeout=120, kernel_name="python3").execute()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def parquet(exports: Path) -> dict[str, pd.DataFrame]:
+    return {path.stem: pd.read_parquet(path) for path in (exports / "parquet").iterdir()}
+
+
+@pytest.fixture(scope="module")
+def messages(exports: Path) -> dict[str, list[tuple[int, dict]]]:
+    """By topic, time and content of each message of the derived log, by the stock reader."""
+    found = defaultdict(list)
+    with (exports / "derived.mcap").open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            assert schema is not None and schema.encoding == "jsonschema"
+            content = json.loads(message.data)
+            assert set(content) <= set(json.loads(schema.data)["properties"])
+            found[channel.topic].append((message.log_time, content))
+    return found
+
+
+def test_every_column_names_its_unit(parquet: dict[str, pd.DataFrame]) -> None:
+    assert set(parquet) == TABLES
+    for table in parquet.values():
+        for column in table.columns:
+            quantity = column.removesuffix("_standard_error")
+            assert quantity in WITHOUT_UNIT or quantity.rpartition("_")[2] in UNITS, column
+
+
+def test_derived_quantities_are_those_that_the_simulator_flew(flown: Path, parquet: dict[str, pd.DataFrame]) -> None:
+    truth, derived = pd.read_parquet(flown / "truth.parquet"), parquet["derived"]
+    runs = parquet["runs"][parquet["runs"]["kind"].isin(["acceleration", "deceleration"])]
+    t = derived["t_s"].to_numpy()
+    flown_then = np.any([(t > run.start_s) & (t < run.end_s) for run in runs.itertuples()], axis=0)
+    for name, column in (
+        ("V_mps", "V_mps"), ("alpha_rad", "alpha_rad"), ("theta_rad", "pitch_rad"), ("thrust_N", "thrust_N"),
+        ("C_L", "CL"), ("C_D", "CD"),
+    ):  # fmt: skip
+        true = np.interp(t, truth["time_s"], truth[column])[flown_then]
+        error = derived[name].to_numpy()[flown_then] - true
+        sigma = derived[f"{name}_standard_error"].to_numpy()[flown_then]
+        assert np.sqrt(np.mean((error / sigma) ** 2)) < 3, name  # most of an error is common to all instants
+        assert np.sqrt(np.mean(sigma**2)) < 0.15 * np.abs(true).mean(), name
+
+
+def test_csv_and_matlab_files_hold_the_same_as_parquet(exports: Path, parquet: dict[str, pd.DataFrame]) -> None:
+    matlab = loadmat(exports / "flight.mat", squeeze_me=True, struct_as_record=False)
+    for name, table in parquet.items():
+        text = pd.read_csv(exports / "csv" / f"{name}.csv")
+        assert list(text.columns) == list(table.columns)
+        assert set(matlab[name]._fieldnames) == set(table.columns)
+        for column in table.select_dtypes(float):
+            expected = table[column].to_numpy()
+            np.testing.assert_allclose(text[column], expected, rtol=1e-8)
+            np.testing.assert_array_equal(getattr(matlab[name], column), expected)
+    assert list(matlab["runs"].kind) == list(parquet["runs"]["kind"])
+
+
+def test_the_curve_is_that_of_the_results(flown: Path, parquet: dict[str, pd.DataFrame]) -> None:
+    curves = parquet["curves"]
+    curve = curves[curves["curve"] == "power required, as flown"].drop(columns="curve")
+    results = json.loads((flown / "log.report" / "results.json").read_bytes())
+    assert curve.to_dict("records") == results["power_required"]
+
+
+def test_the_derived_log_has_the_times_of_the_log(flown: Path, messages, parquet: dict[str, pd.DataFrame]) -> None:
+    derived = parquet["derived"]
+    with (flown / "log.mcap").open("rb") as stream:
+        imu = [message.log_time for _, _, message in make_reader(stream).iter_messages(topics=["/imu"])]
+        stream.seek(0)
+        gps = {m.log_time: json.loads(m.data) for _, _, m in make_reader(stream).iter_messages(topics=["/gps"])}
+    for topic, name in (("/derived/V", "V_mps"), ("/derived/C_D", "C_D"), ("/derived/thrust", "thrust_N")):
+        known = derived[["t_s", name]][derived[name].notna()]
+        assert [content[name] for _, content in messages[topic]] == known[name].to_list()
+        assert messages[topic][0][0] == imu[0] + round(1e9 * known["t_s"].iloc[0])
+    fixes = messages["/derived/location"]
+    assert len(fixes) > 0.9 * len(gps)
+    for time_ns, fix in fixes[:: len(fixes) // 20]:
+        solution = gps[time_ns]
+        assert (fix["latitude"], fix["longitude"]) == (solution["latitude_deg"], solution["longitude_deg"])
+        assert fix["altitude"] == solution["height_m"]
+        assert fix["timestamp"]["sec"] * 10**9 + fix["timestamp"]["nsec"] == time_ns
+        covariance = np.reshape(fix["position_covariance"], (3, 3))
+        assert covariance[2, 2] == solution["vertical_accuracy_m"] ** 2 and fix["position_covariance_type"] == 2
+        assert np.trace(covariance[:2, :2]) == pytest.approx(solution["horizontal_accuracy_m"] ** 2)
+
+
+def panels(node: str | dict) -> Iterator[str]:
+    """The panels in a layout of Foxglove: a tree of splits (react-mosaic)."""
+    if isinstance(node, str):
+        yield node
+        return
+    assert set(node) <= {"direction", "first", "second", "splitPercentage"}
+    assert node["direction"] in ("row", "column") and 0 < node.get("splitPercentage", 50) < 100
+    yield from panels(node["first"])
+    yield from panels(node["second"])
+
+
+def test_the_layout_of_foxglove_shows_topics_that_are_there(exports: Path, messages) -> None:
+    layout = json.loads((exports / LAYOUTS[0]).read_bytes())
+    assert set(layout) == {"configById", "globalVariables", "userNodes", "playbackConfig", "layout"}
+    assert sorted(panels(layout["layout"])) == sorted(layout["configById"])
+    for name, config in layout["configById"].items():
+        kind, _, identity = name.partition("!")
+        assert kind in ("Plot", "map") and identity
+        for path in config.get("paths", []):
+            topic, _, field = path["value"].partition(".")
+            assert field in messages[topic][0][1], path
+            assert path["timestampMethod"] in ("receiveTime", "headerStamp") and path["enabled"] is True
+        assert config.get("followTopic", "/derived/V") in messages
+
+
+def test_the_layout_of_plotjuggler_shows_series_that_are_there(exports: Path, messages) -> None:
+    root = ET.parse(exports / LAYOUTS[1]).getroot()
+    assert root.tag == "root" and root[0].tag == "tabbed_widget"
+    for tab in root.iter("Tab"):
+        containers = tab.findall("Container")
+        assert len(containers) == int(tab.get("containers", ""))
+        (splitter,) = containers[0]
+        sizes = [float(size) for size in splitter.get("sizes", "").split(";")]
+        assert splitter.tag == "DockSplitter" and splitter.get("orientation") in ("-", "|")
+        assert len(sizes) == int(splitter.get("count", "")) == len(splitter) and sum(sizes) == pytest.approx(
+            1, abs=1e-5
+        )
+        for area in splitter:
+            (plot,) = area
+            assert (area.tag, plot.tag, plot.get("mode")) == ("DockArea", "plot", "TimeSeries")
+            assert plot.find("range") is not None and plot.find("limitY") is not None
+    for curve in root.iter("curve"):
+        topic, _, field = curve.get("name", "").rpartition("/")
+        assert field in messages[topic][0][1], curve.attrib
