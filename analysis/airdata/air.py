@@ -94,7 +94,8 @@ def air_data(
     out["alpha_by_rotation_rad"] = -out["q_radps"] * x_probe / V
     out["alpha_rad"] = flow.alpha_rad * nan_on_ground - out["alpha_by_upwash_rad"] - out["alpha_by_rotation_rad"]
     measured = np.where(np.isfinite(sideslip), flow.beta_rad * nan_on_ground, np.nan)
-    out["beta_rad"] = measured - out["r_radps"] * x_probe / V
+    out["beta_by_rotation_rad"] = out["r_radps"] * x_probe / V
+    out["beta_rad"] = measured - out["beta_by_rotation_rad"]
     out["bank_rad"] = bank_angle(out)
     _add_thrust(out, propeller)
     notes += _slow_flight(out["height_m"].to_numpy(), flow.qbar_Pa, least_Pa, scale)

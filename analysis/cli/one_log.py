@@ -60,13 +60,13 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         options.wing_area_m2,
         options.span_m,
         options.aircraft,
+        options.propeller,
         command_line,
     )
     firmware = firmware_of(_not_a_folder(log))
     if firmware:
         refuse_daemon_options(
             log,
-            propeller=options.propeller,
             probe=options.probe,
             zero=options.zero,
             runs=options.runs,

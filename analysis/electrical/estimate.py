@@ -12,7 +12,14 @@ from analysis.electrical.energy_balance import (
     FlightConditions,
     level_power,
 )
-from analysis.electrical.fit import SharedErrors, derivatives, most_probable_fit, samples_of, shared_errors
+from analysis.electrical.fit import (
+    SharedErrors,
+    derivatives,
+    most_probable_fit,
+    samples_of,
+    shared_errors,
+    with_standard_error,
+)
 from analysis.electrical.flight_table import FlightTable
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
@@ -62,9 +69,7 @@ class ElectricalEstimate(NamedTuple):
 
     def quantity(self, of: Callable[[Array, FlightConditions], Array]) -> tuple[Array, Array]:
         """A quantity (n,) of parameters and conditions, and its standard error."""
-        gradient, effects = derivatives(of, self.parameters, self.parameter_covariance, self.shared, self.conditions)
-        variance = np.einsum("in,ij,jn->n", gradient, self.parameter_covariance, gradient) + (effects**2).sum(axis=0)
-        return of(self.parameters, self.conditions), np.sqrt(variance)
+        return with_standard_error(of, self.parameters, self.parameter_covariance, self.shared, self.conditions)
 
     @property
     def standard_error_W(self) -> Array:
@@ -120,12 +125,17 @@ def estimate(
 
 
 def _prior(balance: EnergyBalance, span_m: float) -> tuple[Array, Array]:
-    aspect_ratio = span_m**2 / balance.conditions.wing_area_m2
-    mean = [np.log(CD0), -np.log(np.pi * OSWALD * aspect_ratio), CL_MIN_DRAG, K4,
-            np.log(EFFICIENCY / (1 - EFFICIENCY)), np.log(balance.powered_x()), np.log(FALL), IDLE_DRAG]  # fmt: skip
-    sigma = [CD0_LN_SIGMA, K_LN_SIGMA, CL_MIN_DRAG_SIGMA, K4_SIGMA,
-             EFFICIENCY_LOGIT_SIGMA, X_LN_SIGMA, FALL_LN_SIGMA, IDLE_DRAG_SIGMA]  # fmt: skip
-    return np.array(mean), np.array(sigma)
+    mean, sigma = drag_prior(span_m, balance.conditions.wing_area_m2)
+    efficiency = [np.log(EFFICIENCY / (1 - EFFICIENCY)), np.log(balance.powered_x()), np.log(FALL), IDLE_DRAG]
+    efficiency_sigma = [EFFICIENCY_LOGIT_SIGMA, X_LN_SIGMA, FALL_LN_SIGMA, IDLE_DRAG_SIGMA]
+    return np.array([*mean, *efficiency]), np.array([*sigma, *efficiency_sigma])
+
+
+def drag_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:
+    """Of the first four parameters, those of the drag polar."""
+    ln_K = -np.log(np.pi * OSWALD * span_m**2 / wing_area_m2)
+    sigma = [CD0_LN_SIGMA, K_LN_SIGMA, CL_MIN_DRAG_SIGMA, K4_SIGMA]
+    return np.array([np.log(CD0), ln_K, CL_MIN_DRAG, K4]), np.array(sigma)
 
 
 def _marginal_efficiency(V: Array, parameters: Array, c: FlightConditions) -> Array:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.autopilot_logs import recording
 from analysis.electrical.air_motion import covariance
 from analysis.electrical.airspeed_gps import AirspeedErrors, true_airspeed
 from analysis.electrical.correlated import most_probable
@@ -44,7 +45,8 @@ def samples_of(flight: FlightTable, scale: float, zero_Pa: float) -> Samples:
     V = true_airspeed(table["pressure_Pa"].to_numpy(), table["rho"].to_numpy(), scale, zero_Pa)
     load_factor = table["load_factor"].fillna(1.0).to_numpy()
     height, power = table["height_m"].to_numpy(), table["power_W"].to_numpy()
-    return Samples(table.index.to_numpy(), V, height, power, load_factor, flight.airborne)
+    revps = table[recording.MOTOR].to_numpy()
+    return Samples(table.index.to_numpy(), V, height, power, load_factor, flight.airborne, revps)
 
 
 def most_probable_fit(balance: EnergyBalance, mean: Array, sigma: Array) -> Fit:
@@ -107,8 +109,25 @@ def derivatives(
     return gradient, np.array(effects)
 
 
+def with_standard_error(
+    quantity: Callable[[Array, FlightConditions], Array],
+    parameters: Array,
+    covariance: Array,
+    shared: SharedErrors,
+    conditions: FlightConditions,
+) -> tuple[Array, Array]:
+    """A quantity (n,) of parameters and conditions, and its standard error."""
+    gradient, effects = derivatives(quantity, parameters, covariance, shared, conditions)
+    variance = np.einsum("in,ij,jn->n", gradient, covariance, gradient) + (effects**2).sum(axis=0)
+    return quantity(parameters, conditions), np.sqrt(variance)
+
+
 def shared_errors(
-    flight: FlightTable, balance: EnergyBalance, fit: Fit, airspeed: AirspeedErrors
+    flight: FlightTable,
+    balance: EnergyBalance,
+    fit: Fit,
+    airspeed: AirspeedErrors,
+    power_sigma: float = CURRENT_SIGMA,
 ) -> Iterator[tuple[Array, FlightConditions]]:
     """The parameters' change with each independent error of one standard deviation, and the conditions with it."""
     c = balance.conditions
@@ -123,7 +142,7 @@ def shared_errors(
     thinner = balance.samples._replace(V_mps=balance.samples.V_mps / np.sqrt(warmer))
     yield error(thinner, c._replace(rho=c.rho * warmer))
     yield error(balance.samples, c._replace(mass_kg=c.mass_kg * heavier))
-    yield error(balance.samples, c._replace(power_scale=1 + CURRENT_SIGMA))
+    yield error(balance.samples, c._replace(power_scale=1 + power_sigma))
     yield error(balance.samples, c._replace(idle_power_W=c.idle_power_W + IDLE_POWER_SIGMA_W))
     yield error(
         balance.samples, c._replace(updraft_mps=float(np.hypot(LEAST_UPDRAFT_MPS, UPDRAFT_SHARE * fit.gust_mps)))

@@ -110,6 +110,8 @@ def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, b
         shared_part=_shared_part(found),
         withheld=found.withheld,
         autopilot=autopilot_section(results),
+        drag=_drag_table(results),
+        thrust_basis=found.thrust_basis,
         air=_air(found),
         balance=(
             f"Useful power less that of drag and of the change of energy, {found.residual_W:.0f} W rms over"
@@ -133,6 +135,26 @@ def _curve_table(results: Results) -> HtmlTable:
         ],
         numbers=True,
     )
+
+
+def _drag_table(results: Results) -> HtmlTable | None:
+    """None where thrust is not known."""
+    required, found = results.power_required, results.electrical
+    if not required or found is None:
+        return None
+    shaft = {p.speed_mps: p for p in found.shaft_power}
+    return HtmlTable(
+        ("speed, m/s", "power required, W", "95 % interval, W", "drag, N", "shaft power, W"),
+        [
+            (
+                f"{p.speed_mps:.1f}", f"{p.power_W:.0f}", f"{p.power_lo_W:.0f} to {p.power_hi_W:.0f}",
+                f"{p.power_W / p.speed_mps:.2f}",
+                f"{shaft[p.speed_mps].power_W:.0f}" if p.speed_mps in shaft else "",
+            )
+            for p in required[:: max(1, len(required) // CURVE_ROWS)]
+        ],
+        numbers=True,
+    )  # fmt: skip
 
 
 def _shared_part(found: ElectricalResult) -> str:

@@ -96,6 +96,9 @@ WITHOUT = {
     " and motor speed, or glides.",
     "CD0": "SOAR_POLAR_CD0 and SOAR_POLAR_B are withheld: the drag polar is not known well enough; they take glides at"
     " several speeds, or a propeller table and motor speed.",
+    "airspeed_factor": "ASPD_SCALE_1 is withheld: it takes an autopilot's airspeed and GPS.",
+    "idle_power": "idle_power is withheld: the power with the motor off is too small for this current meter, or not"
+    " measured.",
     "ratio": "ARSPD_RATIO is withheld: it takes GPS and the ratio that the airspeed was computed with, which ArduPlane"
     " logs as a parameter.",
     "cruise_power": "cruise_power is withheld: it takes the battery's power at cruise speed.",

@@ -5,9 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.electrical.drag import DragEstimate
 from analysis.electrical.energy_balance import DragAndEfficiency, FlightConditions, drag_power
 from analysis.electrical.estimate import ElectricalEstimate
 from analysis.electrical.fit import IDLE_POWER_SIGMA_W
+from analysis.electrical.thrust_balance import aerodynamics
 from analysis.estimation.intervals import NORMAL_95
 from analysis.results.autopilot_parameters import FlightValues, around, wing_loading_of
 from analysis.results.schema import Interval, SpeedInterval
@@ -17,8 +19,17 @@ from flight.units import GRAVITY_MPS2
 Array = NDArray[np.float64]
 
 
-def flight_values(estimate: ElectricalEstimate, best_range: SpeedInterval, logged: Mapping[str, float]) -> FlightValues:
-    """What an autopilot can be told of a flight. best_range: among the speeds flown; logged: its parameters."""
+def flight_values(
+    estimate: ElectricalEstimate,
+    best_range: SpeedInterval,
+    logged: Mapping[str, float],
+    drag: DragEstimate | None = None,
+) -> FlightValues:
+    """What an autopilot can be told of a flight. best_range: among the speeds flown; logged: its parameters.
+
+    Sink and polar are those of the propeller's table where it gives drag (without an idling propeller), or else of the
+    electrical balance, with the propeller idling.
+    """
     V, c, airspeed = estimate.V_mps, estimate.conditions, estimate.airspeed
     to_equivalent = float(np.sqrt(c.rho / SEA_LEVEL_DENSITY))
 
@@ -29,14 +40,28 @@ def flight_values(estimate: ElectricalEstimate, best_range: SpeedInterval, logge
         return around(speed_mps * to_equivalent, NORMAL_95 * share * speed_mps * to_equivalent)
 
     cruise = float(best_range.speed_mps or V[0])
-    lo, hi = best_range.lo_mps or V[0], max(best_range.hi_mps or cruise, cruise)
+    lo = min(best_range.lo_mps or V[0], cruise)
+    hi = max(best_range.hi_mps or cruise, equivalent(cruise).hi / to_equivalent)
     power, half = (float(np.interp(cruise, V, values)) for values in (estimate.power_W, estimate.standard_error_W))
-    sink, sink_error = estimate.quantity(lambda x, given: _sink(np.array([cruise]), x, given))
-    polar, polar_error = estimate.quantity(lambda x, given: _two_term_polar(V, x, given))
+    idle, form = (1.0, DragAndEfficiency.of) if drag is None else (0.0, aerodynamics)
+    source = estimate if drag is None else drag
+
+    def sinking(parameters: Array, given: FlightConditions) -> Array:
+        drag_W = drag_power(np.array([cruise]), 1.0, idle, form(parameters), given)
+        return drag_W / (given.mass_kg * GRAVITY_MPS2)
+
+    def two_term_polar(parameters: Array, given: FlightConditions) -> Array:
+        """(2,): the nearest C_D0 + B C_L^2 over the speeds of level flight."""
+        qS = given.rho * V**2 / 2 * given.wing_area_m2
+        CL = given.mass_kg * GRAVITY_MPS2 / qS
+        CD = drag_power(V, 1.0, idle, form(parameters), given) / (qS * V)
+        return np.asarray(np.linalg.lstsq(np.stack([np.ones_like(CL), CL**2], axis=1), CD, rcond=None)[0])
+
+    (sink, sink_error), (polar, polar_error) = source.quantity(sinking), source.quantity(two_term_polar)
     scale_half = NORMAL_95 * float(np.sqrt(airspeed.covariance[0, 0]))
     by_gps = airspeed.wind_mps is not None
     return FlightValues(
-        cruise=Interval(value=cruise, lo=float(min(lo, cruise)), hi=float(hi)).times(to_equivalent),
+        cruise=Interval(value=cruise, lo=float(lo), hi=float(hi)).times(to_equivalent),
         slowest=equivalent(float(V[0])),
         fastest=equivalent(float(V[-1])),
         wing_loading=wing_loading_of(c.mass_kg * GRAVITY_MPS2, c.wing_area_m2),
@@ -48,15 +73,3 @@ def flight_values(estimate: ElectricalEstimate, best_range: SpeedInterval, logge
         airspeed_factor=around(1 / (1 + airspeed.scale), scale_half) if by_gps else None,
         logged=logged,
     )
-
-
-def _sink(V: Array, parameters: Array, c: FlightConditions) -> Array:
-    """Rate of descent (n,) [m/s] of a steady glide with the propeller idling."""
-    return drag_power(V, 1.0, 1.0, DragAndEfficiency.of(parameters), c) / (c.mass_kg * GRAVITY_MPS2)
-
-
-def _two_term_polar(V: Array, parameters: Array, c: FlightConditions) -> Array:
-    """(2,): the nearest C_D0 + B C_L^2 with the propeller idling, over the speeds of level flight."""
-    qS = c.rho * V**2 / 2 * c.wing_area_m2
-    CL, CD = c.mass_kg * GRAVITY_MPS2 / qS, drag_power(V, 1.0, 1.0, DragAndEfficiency.of(parameters), c) / (qS * V)
-    return np.asarray(np.linalg.lstsq(np.stack([np.ones_like(CL), CL**2], axis=1), CD, rcond=None)[0])

@@ -304,6 +304,8 @@ class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
     wind_from_deg: float | None
     flown_s: float  # used for the balance
     withheld: list[str]  # what is not known, and what it would take
+    shaft_power: list[PowerPoint] = []  # of level flight, where a propeller table gives thrust
+    thrust_basis: str = ""  # where thrust comes from
 
 
 class Results(msgspec.Struct, frozen=True, kw_only=True):

@@ -47,7 +47,7 @@ LEVEL_FIELD = ("field_forward", "field_right")  # measured magnetic field in lev
 # Regressors of the errors of the angle of attack: the angle at the probe (for the slope), its derivative (for the lag),
 # the change by the airspeed scale, and the mean of the angle over a block less the value at its center.
 ALPHA_REGRESSORS = ("probe_alpha", "probe_alpha_rate", "alpha_by_V_scale", "alpha_curvature")
-MEASUREMENT_INPUTS = ("ax", "ay", "az", "V_rate", *ALPHA_REGRESSORS, *PREDICTED_FLOW, *LEVEL_FIELD)
+MEASUREMENT_INPUTS = ("ax", "ay", "az", "V_rate", "probe_beta_rate", *ALPHA_REGRESSORS, *PREDICTED_FLOW, *LEVEL_FIELD)
 
 
 def process_residuals(before: Any, after: Any, errors: Any, inputs: Any) -> Sequence[Any]:
@@ -134,7 +134,7 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
         + errors.V_scale * inputs.alpha_by_V_scale
         - errors.air_data_lag * inputs.probe_alpha_rate
         + errors.alpha_bias,
-        beta + errors.beta_bias,
+        beta - errors.air_data_lag * inputs.probe_beta_rate + errors.beta_bias,
         x.height,
         x.v_north - errors.gps_latency * force[0],
         x.v_east - errors.gps_latency * force[1],

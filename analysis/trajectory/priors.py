@@ -18,8 +18,8 @@ PRIOR_SIGMA = {
     "heading_bias": np.radians(10.0),  # declination in inhabited regions, and how the tray sits
 }  # fmt: skip
 PRIOR_MEAN = {"gps_latency": 0.1}
-# What remains of two priors once the transducers are calibrated: the static ports' position error (0.6 % of dynamic
-# pressure) and differences of the probe on the aircraft from the probe in the tunnel. Values assumed, not measured.
+# What remains of two priors once the transducers are calibrated: error of the density, position error of the static
+# ports, differences of the probe on the aircraft from the probe in the tunnel. Values assumed, not measured.
 REMAINING_SIGMA = {"V_scale": 0.003, "alpha_scale": 0.005}
 # Without GPS the compass defines north, and without a compass the initial heading does; standard deviation of either.
 NORTH_RAD = 0.01

@@ -36,9 +36,12 @@ class Regressors:
         self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
         self._measured_V_predicted, self._conditions, self._field = measured_V_predicted, conditions, field
         self._slowest_mps = SLOWEST_MPS * blocks.speed_scale
-        self._by_upwash, self._by_rotation = (
+        self._by_upwash, self._by_rotation, beta_by_rotation = (
             np.nan_to_num(blocks[name]) if name in blocks else np.zeros(blocks.n)
-            for name in ("alpha_by_upwash_rad", "alpha_by_rotation_rad")
+            for name in ("alpha_by_upwash_rad", "alpha_by_rotation_rad", "beta_by_rotation_rad")
+        )
+        self._probe_beta_rate = CubicSpline(blocks.t_s, self._bridged(blocks["beta_rad"] + beta_by_rotation))(
+            blocks.t_s, 1
         )
 
     def measurement_inputs(self, x: Array, sensor_errors: Array, sigma_w_mps: float) -> tuple[Array, Array]:
@@ -70,12 +73,16 @@ class Regressors:
             "field_right": np.nan_to_num(field_right),
         }
 
-        def columns(V_rate: Array, alpha: dict[str, Array]) -> Array:
-            named = common | {"V_rate": V_rate} | alpha
+        def columns(V_rate: Array, beta_rate: Array, alpha: dict[str, Array]) -> Array:
+            named = common | {"V_rate": V_rate, "probe_beta_rate": beta_rate * self._flying} | alpha
             return np.column_stack([named[name] for name in MEASUREMENT_INPUTS])
 
         V_rate = derivative(inertial_V, self._flying, self._step_s)
-        return columns(V_rate, regressors), columns(V_rate_predicted, predicted_regressors)
+        # Past data do not predict the derivative of sideslip: sideslip does not contribute to the estimate of the lag.
+        no_rate = np.zeros(blocks.n)
+        return columns(V_rate, self._probe_beta_rate, regressors), columns(
+            V_rate_predicted, no_rate, predicted_regressors
+        )
 
     def predicted_states(self, x: Array) -> Array:
         """The states with vertical velocity predicted from past data: the aircraft heaves with a gust within a step."""
@@ -83,6 +90,11 @@ class Regressors:
         v_down, _ = self._extrapolated(x[:, down])
         predicted[self._flying, down] = v_down[self._flying]
         return predicted
+
+    def _bridged(self, values: Array) -> Array:
+        """Values (n,) in flight, interpolated linearly elsewhere; 0 where there are none."""
+        known = pd.Series(np.where(self._flying, values, np.nan))
+        return np.asarray(known.interpolate(limit_direction="both").fillna(0.0))
 
     def _extrapolated(self, values: Array, *window_s: float) -> tuple[Array, Array]:
         return extrapolated(values, self._flying, self._step_s, *window_s)
@@ -104,8 +116,7 @@ class Regressors:
         inertial = np.where(flying, np.arctan2(w, u), 0.0)
         curvature = np.zeros(len(inertial))
         curvature[1:-1] = np.diff(inertial, 2) / 24  # a parabola's mean over a block less the value at its center
-        bridged = pd.Series(np.where(flying, measured, np.nan)).interpolate(limit_direction="both").fillna(0.0)
-        t_s = self._blocks.t_s
+        bridged, t_s = self._bridged(measured), self._blocks.t_s
         alpha = bridged - self._by_upwash - self._by_rotation
         by_V_scale = -2 * alpha - self._by_rotation
         actual = np.column_stack([bridged, CubicSpline(t_s, bridged)(t_s, 1), by_V_scale, alpha]) * flying[:, None]

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +10,15 @@ import pytest
 
 from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.px4 import read_px4
-from analysis.autopilot_logs.recording import FlightRecording
+from analysis.autopilot_logs.recording import MOTOR, FlightRecording
+from analysis.electrical.drag import DragEstimate, drag_estimate
 from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.flight_table import FlightTable, flight_table
+from analysis.electrical.thrust_balance import motor_constants
 from analysis.estimation.intervals import NORMAL_95
 from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
+from flight.propeller_files import load_propeller
 from sim.ardupilot_log import write_ardupilot_log
 from sim.fly import Flight, fly
 from sim.plan import load_plan
@@ -28,6 +32,7 @@ from flights import drawn
 
 AIRCRAFT = load_complete_aircraft("nexstar")
 WEIGHT_N, GEOMETRY = AIRCRAFT.mass.weight_N, AIRCRAFT.geometry
+PROPELLER = load_propeller(AIRCRAFT.propulsion.propeller)
 
 
 @pytest.fixture(scope="module")
@@ -75,14 +80,47 @@ def test_without_airspeed(tmp_path: Path, flown: tuple[Flight, FlightSensorTruth
         analyzed(read_ardupilot(tmp_path / "00000001.BIN"))
 
 
-def test_motor_speed_and_parameters_are_read(
-    tmp_path: Path, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]
+@pytest.fixture(scope="module")
+def px4(tmp_path_factory, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]) -> FlightRecording:
+    path = tmp_path_factory.mktemp("px4") / "log.ulg"
+    write_px4_log(path, *flown)
+    return read_px4(path)
+
+
+@pytest.mark.parametrize("without_speed", [False, True])
+def test_drag_by_propeller_table_and_motor_speed_or_constants(
+    px4: FlightRecording, flown: tuple[Flight, FlightSensorTruth, DrawnErrors], without_speed: bool
 ) -> None:
-    write_px4_log(tmp_path / "log.ulg", *flown)
+    channels = {name: one for name, one in px4.channels.items() if not (without_speed and name == MOTOR)}
+    table, electrical = analyzed(replace(px4, channels=channels))
+    found = drag_estimate(table, electrical, GEOMETRY.span_m, PROPELLER, motor_constants(AIRCRAFT.propulsion))
+    assert isinstance(found, DragEstimate) and found.measured_speed != without_speed
+    truth = flown[0].power_required
+    faster = np.sqrt(truth["density_kgpm3"].iloc[0] / electrical.conditions.rho)
+    V = found.V_mps[::15]
+    true_W = V * np.interp(V / faster, truth["speed_mps"], truth["drag_N"])
+    assert (np.abs(found.power_W[::15] - true_W) < NORMAL_95 * found.error_W[::15]).all()
+    assert (found.error_W[::15] < 0.09 * true_W).all()
+    assert (found.shaft_W > found.power_W).all() and (found.shaft_W < electrical.power_W).all()
+
+
+def test_what_drag_would_take(px4: FlightRecording) -> None:
+    table, electrical = analyzed(px4)
+    span_m, constants = GEOMETRY.span_m, motor_constants(AIRCRAFT.propulsion)
+    assert "--propeller" in str(drag_estimate(table, electrical, span_m, None, constants))
+    without = table._replace(table=table.table.assign(**{MOTOR: np.nan}))
+    assert "ESC telemetry" in str(drag_estimate(without, electrical, span_m, PROPELLER, None))
+    electrical_speed = table._replace(table=table.table.assign(**{MOTOR: 7 * table.table[MOTOR]}))
+    assert "pole pairs" in str(drag_estimate(electrical_speed, electrical, span_m, PROPELLER, None))
+
+
+def test_motor_speed_and_parameters_are_read(
+    tmp_path: Path, px4: FlightRecording, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]
+) -> None:
     write_ardupilot_log(tmp_path / "log.bin", *flown)
-    px4, ardupilot = read_px4(tmp_path / "log.ulg"), read_ardupilot(tmp_path / "log.bin")
+    ardupilot = read_ardupilot(tmp_path / "log.bin")
     assert px4.parameters["FW_AIRSPD_TRIM"] == 15.0 and ardupilot.parameters["ARSPD_RATIO"] == 2.0
     for recording in (px4, ardupilot):
-        t_s, revps = recording.channels["motor_revps"]
+        t_s, revps = recording.channels[MOTOR]
         true = flown[1].motor_speed_revps(t_s - (35.0 if recording is px4 else 81.0))
         assert np.abs(revps - true)[50:-50].max() < 3.0

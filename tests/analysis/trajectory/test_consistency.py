@@ -69,7 +69,9 @@ def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
     inputs = np.zeros((len(states), len(MEASUREMENT_INPUTS)))
     for name, column in zip(PREDICTED_FLOW, known.predicted_flow.T, strict=True):
         inputs[:, MEASUREMENT_INPUTS.index(name)] = column
-    inputs[:, MEASUREMENT_INPUTS.index("alpha")] = known.predicted_flow[:, PREDICTED_FLOW.index("alpha_predicted")]
+    alpha = known.predicted_flow[:, PREDICTED_FLOW.index("alpha_predicted")]  # no upwash, no rotation
+    inputs[:, MEASUREMENT_INPUTS.index("probe_alpha")] = alpha
+    inputs[:, MEASUREMENT_INPUTS.index("alpha_by_V_scale")] = -2 * alpha
     without_lags = ERRORS | {"air_data_lag": 0.0, "gps_latency": 0.0}
     shown = measurement_model(
         NamedArrays(STATES, states.T),

@@ -140,9 +140,9 @@ def test_the_increments_of_a_gust_are_those_of_drydens_filters(axis: str) -> Non
 
 def test_sensor_errors_act_on_pressures() -> None:
     """Dynamic pressure high by 2 e: airspeed reads high by e and flow angles low by 2 e. A slope of the angle acts on
-    the angle, and through the probe's calibration on airspeed."""
+    the angle at the probe, and through the probe's calibration on airspeed."""
     V, alpha = 15.0, 0.12
-    inputs = inputs_of(V_predicted=V, alpha=alpha, alpha_predicted=alpha, dlnV_dlndp_alpha=0.1)
+    inputs = inputs_of(V_predicted=V, probe_alpha=alpha, alpha_by_V_scale=-2 * alpha, dlnV_dlndp_alpha=0.1)
     x = state_of(**STEADY)
 
     def change(**errors: float) -> dict[str, float]:
@@ -156,17 +156,18 @@ def test_sensor_errors_act_on_pressures() -> None:
 
 
 def test_late_channels_show_what_was_a_lag_before() -> None:
-    """Accelerating at 2 m/s^2 north and 1 m/s^2 down; airspeed and angle rise: a late channel reads less."""
+    """Accelerating at 2 m/s^2 north and 1 m/s^2 down; airspeed and angles rise: a late channel reads less."""
     x = state_of(**STEADY)
     ax, ay, az = body_from_earth(2.0, 0.0, 1.0 - G, STEADY["phi"], STEADY["theta"], STEADY["psi"])
     bias = {"ax_bias": 0.2, "ay_bias": -0.1, "az_bias": 0.3}
     force = {"ax": ax + 0.2, "ay": ay - 0.1, "az": az + 0.3}
-    inputs = inputs_of(V_predicted=15.0, V_rate=2.0, alpha_rate=0.3, **force)
+    inputs = inputs_of(V_predicted=15.0, V_rate=2.0, probe_alpha_rate=0.3, probe_beta_rate=0.1, **force)
     before, after = (
         measurement_model(x, errors_of(**bias, air_data_lag=lag, gps_latency=10 * lag), inputs) for lag in (0.0, 0.01)
     )
     late = dict(zip(MEASUREMENTS, np.subtract(after, before), strict=True))
     assert late == pytest.approx(
-        {name: 0.0 for name in MEASUREMENTS} | {"V": -0.02, "alpha": -0.003, "gps_north": -0.2, "gps_down": -0.1},
+        {name: 0.0 for name in MEASUREMENTS}
+        | {"V": -0.02, "alpha": -0.003, "beta": -0.001, "gps_north": -0.2, "gps_down": -0.1},
         abs=1e-12,
     )

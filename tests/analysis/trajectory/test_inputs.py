@@ -230,9 +230,11 @@ def test_regressors_of_an_exact_motion(problem, exact) -> None:
     actual, _ = problem.regressors.measurement_inputs(exact.states, errors, 0.1)
     columns = dict(zip(MEASUREMENT_INPUTS, actual.T, strict=True))
     blocks = problem.blocks
-    assert columns["alpha"] == pytest.approx((blocks["alpha_rad"] - 0.02) / (1 + 0.1 - 0.06))
+    assert columns["probe_alpha"] == pytest.approx((blocks["alpha_rad"] - 0.02) / (1 + 0.1 - 0.06))
     inner = slice(10, -10)
-    assert columns["alpha_rate"][inner] == pytest.approx(np.gradient(columns["alpha"], blocks.t_s)[inner], abs=0.05)
+    assert columns["probe_alpha_rate"][inner] == pytest.approx(
+        np.gradient(columns["probe_alpha"], blocks.t_s)[inner], abs=0.05
+    )
     center = exact.table["alpha_rad"].to_numpy()[blocks.rows]
     curvature = blocks["alpha_rad"] - center
     assert np.std((columns["alpha_curvature"] - curvature)[inner]) < 0.25 * np.std(curvature[inner])
