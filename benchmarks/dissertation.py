@@ -80,7 +80,7 @@ def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> st
         by_run = flights[FlightName(aircraft, "two-pairs")].noise
         for channel in ("ax", "az", "q", "alpha", "V"):
             means = [
-                np.nanmean([noise[channel] for run, noise in by_run.items() if run.startswith(kind)])
+                np.mean([noise[channel] for run, noise in by_run.items() if run.startswith(kind)])
                 for kind in ("standing", "acceleration", "deceleration")
             ]
             lines.append(f"{title}, {channel} | " + " | ".join(f"{mean:.3g}" for mean in means))
@@ -94,7 +94,7 @@ def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> st
                     f" {values[:, 0].std(ddof=1):.3f}", f"{true_estimates(aircraft)[name]:.3f}"]  # fmt: skip
         lines.append(" | ".join(row))
     lines += ["", f"limits of SNR at noise x {FACTORS}: {limits}"]
-    lines += ["", "noise | " + " | ".join("largest error of one run, %" for _ in range(1)), "---|---"]
+    lines += ["", "noise | largest error of each run, %", "---|---"]
     for factor in NOISE_FACTORS:
         flight = flights[FlightName("nexstar", "two-pairs", factor)]
         found = []

@@ -169,7 +169,7 @@ def signal_to_noise(flights: Flights, limits: dict[str, list[tuple[float, float]
             marker={"color": BLACK, "symbol": "x", "size": 9}, showlegend=i == 0, row=1, col=1,
         )  # fmt: skip
     for (name, points), color in zip(limits.items(), (BLUE, GREEN, GREY), strict=False):
-        known = [(factor, snr) for factor, snr in points if np.isfinite(snr)]
+        known = [(factor, snr) for factor, snr in points if snr > 0]  # neither never (NaN) nor always (0)
         figure.add_scatter(
             x=[factor for factor, _ in known], y=[snr for _, snr in known], name=f"limit, {name}",
             mode="lines+markers", line={"color": color}, row=1, col=2,

@@ -98,7 +98,6 @@ def test_few_more_steps_are_the_effect_of_a_thrust_error(case, by_likelihood) ->
     for found, other in zip(by_likelihood.methods, again.methods, strict=True):
         changes = other.polar.A - found.polar.A, found.sensitivities["thrust_scale"] * sigma
         by_whole, by_steps = (power_required(V, Polar(A, np.zeros((3, 3))), one.at)[0] for A in changes)
-        print(by_whole, by_steps)
         assert by_steps == pytest.approx(by_whole, abs=0.002 * one.truth_W.min())
 
 
