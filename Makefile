@@ -16,7 +16,7 @@ IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null &&
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench site study soak fuzz crash-points lint types check constraints clean
+.PHONY: help demo picture test bench site study dissertation soak fuzz crash-points lint types check constraints clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -64,6 +64,9 @@ bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 
 study: $(READY) ## coverage over worlds, weather and plans; hours, goes on where it stopped; JOBS=4 for four processes
 	$(BIN)/python benchmarks/study.py --jobs $(JOBS)
+
+dissertation: $(READY) ## the results of the dissertation's chapters 4 and 7 from simulated flights, into out/dissertation (20 min)
+	$(BIN)/python benchmarks/dissertation.py
 
 soak: $(READY) ## the daemon for ten minutes in real time at 25 and at 100 Hz, on device files (needs root)
 	$(BIN)/python benchmarks/daemon.py soak --fifo --rate 25

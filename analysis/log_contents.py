@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from analysis.airdata.magnetometer import MagnetometerCalibration, parse_magnetometer
 from analysis.airdata.probe import ProbeCalibration, parse_probe
+from analysis.airdata.transducers import TransducerCalibration, parse_transducers
 from analysis.signals.rest import zero_of_attachment
 from flight.aircraft import Aircraft, Installation, parse_aircraft
 from flight.errors import InputError
@@ -36,6 +37,7 @@ class LogContents(NamedTuple):
     magnetometer: MagnetometerCalibration | None
     zero: dict[str, float] | None
     notes: list[str]
+    transducers: TransducerCalibration | None = None
 
 
 class Replacements(NamedTuple):
@@ -51,6 +53,7 @@ class Replacements(NamedTuple):
     magnetometer: MagnetometerCalibration | None = None
     zero: dict[str, float] | None = None
     weight_N: float | None = None
+    transducers: TransducerCalibration | None = None
     files: Mapping[str, str] = MappingProxyType({})
 
 
@@ -74,6 +77,7 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
         replacements.magnetometer or magnetometer_of(log),
         replacements.zero or zero_of_attachment(log.attachments.get("zero.json"), f"{log.path}: zero.json"),
         damage(log),
+        replacements.transducers or transducers_of(log),
     )
 
 
@@ -117,6 +121,12 @@ def magnetometer_of(log: Log) -> MagnetometerCalibration | None:
     """The magnetometer's calibration in a log, None if there is none. Raises InputError when it is malformed."""
     data = log.attachments.get("magnetometer.json")
     return None if data is None else parse_magnetometer(data, f"{log.path}: magnetometer.json")
+
+
+def transducers_of(log: Log) -> TransducerCalibration | None:
+    """The transducers' calibration in a log, None if there is none. Raises InputError when it is malformed."""
+    data = log.attachments.get("transducers.json")
+    return None if data is None else parse_transducers(data, f"{log.path}: transducers.json")
 
 
 def _installation_of_tray(log: Log) -> str:

@@ -60,12 +60,13 @@ def analyze(
     request: Request = Request(),
     runs_file: Path | None = None,
     command_line: str = "",
+    by_likelihood: bool = False,
 ) -> Analysis:
     """Power required and performance from a log.
 
     replacements: files used instead of parts of the log, such as another aircraft file. request: battery, weights and
     density altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.toml_file`).
-    command_line: that started the analysis, for the report.
+    command_line: that started the analysis, for the report. by_likelihood: with the maximum likelihoods (`likelihood`).
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
     name = str(log.path)
@@ -79,7 +80,9 @@ def analyze(
     progress("synchronizing")
 
     def data_of(aircraft: Aircraft) -> FlightData:
-        return flight_data(log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero)
+        return flight_data(
+            log, aircraft, propeller, contents.probe, contents.magnetometer, contents.zero, contents.transducers
+        )
 
     data = data_of(aircraft)
     table = data.table
@@ -97,7 +100,7 @@ def analyze(
 
     def trajectory_with(prior_factor: ArrayLike) -> Trajectory:
         return reconstruct(
-            table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass,
+            table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, calibrated=data.calibrated,
             gust_length=aircraft.uncertainty.gust_length, prior_factor=prior_factor, log=name,
         )  # fmt: skip
 
@@ -130,6 +133,7 @@ def analyze(
     drag = estimate(
         table, trajectory, maneuvers, aircraft, propeller, condition, flown_CL,
         zeroed=data.zeroed, log=name, progress=progress, assumption_uncertainty=assumption_uncertainty,
+        by_likelihood=by_likelihood,
     )  # fmt: skip
 
     progress("computing performance")
@@ -147,7 +151,7 @@ def analyze(
         performance=performance_result(performance) if performance else None,
         pooling=pooling_statistics(
             drag.main, drag.flown_CL, aircraft, propeller, contents.probe,
-            start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),
+            transducers=contents.transducers, start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),
         ),
         provenance=provenance(log, contents, replacements, runs_file, command_line),
         air=air_found(trajectory, flown, condition),

@@ -1,7 +1,8 @@
 """Errors and coverage of the electrical power of level flight over simulated flights that PX4 logs.
 
-`python benchmarks/electrical.py [--plan NAME] [--flights N] [--wind KT ...]` prints a table for each turbulence: at
-seven speeds from the slowest to the fastest of each curve, 95 % of errors, their mean, half widths, coverage.
+`python benchmarks/electrical.py [--plan NAME] [--flights N] [--first-seed N] [--wind KT ...] [--drag rpm|motor]` prints
+a table for each turbulence: at seven speeds from the slowest to the fastest of each curve, 95 % of errors, their mean,
+half widths, coverage. --drag: of power required by propeller table and motor speed, or the motor's constants.
 """
 
 import argparse
@@ -14,10 +15,14 @@ from flights import KNOT_MPS, drawn, error_rows
 from numpy.typing import NDArray
 
 from analysis.autopilot_logs.px4 import read_px4
+from analysis.autopilot_logs.recording import MOTOR
+from analysis.electrical.drag import drag_estimate
 from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
+from analysis.electrical.thrust_balance import motor_constants
 from analysis.estimation.intervals import NORMAL_95
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
+from flight.propeller_files import load_propeller
 from sim.fly import Flight, fly
 from sim.plan import load_plan
 from sim.plant import plant_of
@@ -54,9 +59,9 @@ def true_power(aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, 
 
 
 def one_flight(
-    aircraft: CompleteAircraft, plan_name: str, knots: float, seed: int, folder: Path
+    aircraft: CompleteAircraft, plan_name: str, knots: float, seed: int, folder: Path, drag_by: str | None = None
 ) -> tuple[Array, Array]:
-    """Errors and half widths of the interval at SPEEDS speeds, both in percent."""
+    """Errors and half widths of the interval at SPEEDS speeds, both in percent. drag_by: "rpm" or "motor"."""
     plan = load_plan(plan_name)
     if knots:
         plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=knots * KNOT_MPS))
@@ -64,9 +69,21 @@ def one_flight(
     flight = fly(aircraft, plan, seed=seed, deviations=errors.deviations)
     write_px4_log(folder / "log.ulg", flight, FlightSensorTruth(flight, errors), errors, ["wrong-battery-first"])
     weight, geometry = aircraft.mass.weight_N, aircraft.geometry
-    table = flight_table(read_px4(folder / "log.ulg"), weight, geometry.wing_area_m2)
+    recording = read_px4(folder / "log.ulg")
+    if drag_by == "motor":
+        channels = {name: one for name, one in recording.channels.items() if name != MOTOR}
+        recording = dataclasses.replace(recording, channels=channels)
+    table = flight_table(recording, weight, geometry.wing_area_m2)
     found = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
     at = np.linspace(0, len(found.V_mps) - 1, SPEEDS).round().astype(int)
+    if drag_by:
+        propeller, constants = load_propeller(aircraft.propulsion.propeller), motor_constants(aircraft.propulsion)
+        drag = drag_estimate(table, found, geometry.span_m, propeller, constants)
+        assert not isinstance(drag, str), drag
+        required, V = flight.power_required, found.V_mps[at]
+        slower = V / np.sqrt(required["density_kgpm3"].iloc[0] / found.conditions.rho)
+        truth = V * np.interp(slower, required["speed_mps"], required["drag_N"], left=np.nan)
+        return 100 * (drag.power_W[at] / truth - 1), 100 * NORMAL_95 * drag.error_W[at] / truth
     power, half = found.power_W[at], NORMAL_95 * found.standard_error_W[at]
     truth = true_power(aircraft, flight, errors, found.V_mps[at], found.conditions.rho)
     return 100 * (power / truth - 1), 100 * half / truth
@@ -77,12 +94,15 @@ def main() -> None:
     parser.add_argument("--plan", default="ordinary-flight")
     parser.add_argument("--flights", type=int, default=60)
     parser.add_argument("--wind", type=float, nargs="*", default=[0.0, 3.0, 8.0], help="W20 of the turbulence [kt]")
+    parser.add_argument("--first-seed", type=int, default=1000)
+    parser.add_argument("--drag", choices=["rpm", "motor"], help="power required instead of electrical power")
     arguments = parser.parse_args()
     aircraft = load_complete_aircraft("nexstar")
     with tempfile.TemporaryDirectory() as folder:
         for knots in arguments.wind:
             flown = [
-                one_flight(aircraft, arguments.plan, knots, seed, Path(folder)) for seed in range(arguments.flights)
+                one_flight(aircraft, arguments.plan, knots, seed, Path(folder), arguments.drag)
+                for seed in range(arguments.first_seed, arguments.first_seed + arguments.flights)
             ]
             error, half = (np.array(part) for part in zip(*flown, strict=True))
             print(f"{arguments.plan}, {len(error)} flights, W20 = {knots:g} kt, percent, slowest to fastest speed")

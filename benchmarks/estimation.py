@@ -142,10 +142,10 @@ OCTAVES = range(-4, 8)  # of the gyro's noise: 0.0003 to 0.64 rad/s
 DECIMATION = 2  # the truth is at 50 Hz, the measurements are at 25 Hz
 
 
-def manoeuvres() -> dict[str, pd.DataFrame]:
+def manoeuvres(aircraft: str = "nexstar") -> dict[str, pd.DataFrame]:
     """The manoeuvres of case 3: two runs and an elevator input, without the recovery after it."""
-    ramp, _, step = runs("case-3")
-    elevator = runs("case-3", kind="3-2-1-1")[0]
+    ramp, _, step = runs("case-3", aircraft)
+    elevator = runs("case-3", aircraft, kind="3-2-1-1")[0]
     return {
         "throttle ramp, height held": ramp,
         "throttle step, height wanders": step,

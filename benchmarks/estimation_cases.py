@@ -51,20 +51,24 @@ def filter_() -> None:
     ):
         table.add_row(name, "20", _arrived(fits, best), _iterations(fits), "19 of 20")
     CONSOLE.print(table)
-    table = Table("95 % intervals cover", "fits", "all, %", "by parameter, %", "wanted, %", box=None)
+    table = Table(
+        "95 % intervals cover", "fits", "all, %", "by parameter, %", "wanted, %", "iterations", "within 15", box=None
+    )
     for name, make, truth in (
         ("turbulence", lambda seed: _turbulence(seed, start="equation error"), twins.TURBULENCE_TRUTH),
         ("unstable", lambda seed: _unstable(seed, start="equation error"), twins.UNSTABLE_TRUTH),
     ):
-        inside = []
+        inside, fits = [], []
         for seed in range(FIRST_SEED, FIRST_SEED + 200):
-            estimates = make(seed).parameters
+            fits.append(make(seed))
+            estimates = fits[-1].parameters
             inside.append(
                 [abs(estimates[n].value - v) < NORMAL_95 * estimates[n].standard_error for n, v in truth.items()]
             )
         by_parameter = 100 * np.mean(inside, axis=0)
+        within = f"{sum(fit.iterations <= 15 for fit in fits)} of {len(fits)}"
         shown = f"{by_parameter.min():.1f} to {by_parameter.max():.1f}"
-        table.add_row(name, "200", f"{100 * np.mean(inside):.1f}", shown, "93 to 97")
+        table.add_row(name, "200", f"{100 * np.mean(inside):.1f}", shown, "93 to 97", _iterations(fits), within)
     CONSOLE.print(table)
 
 

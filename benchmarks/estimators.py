@@ -8,6 +8,7 @@ the simulator's true curve at five speeds. docs/estimators.md quotes what this p
 """
 
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from typing import Annotated, NamedTuple
 
 import flights
@@ -19,6 +20,7 @@ from rich.progress import track
 from rich.table import Table
 
 from analysis.airdata.probe import ProbeCalibration
+from analysis.airdata.transducers import air_data_errors
 from analysis.drag import dynamic
 from analysis.drag.polar import Condition, Polar, power_required
 from analysis.estimation.intervals import NORMAL_95
@@ -47,19 +49,25 @@ class Job(NamedTuple):
     turbulence_kt: float
     seed: int
     cross_check: bool
+    calibrated: bool = False  # transducers, by a water column
 
 
 def one_flight(job: Job) -> dict[str, np.ndarray]:
     """By method: error and half the 95 % interval in per cent of the truth (2, speeds). By `path, …`: error and half
     the interval of one number that all runs share (2, 1), in the unit named. Empty where the flight ended too soon."""
-    aircraft, probe, errors, plan_name, turbulence_kt, seed, cross_check = job
+    aircraft, probe, errors, plan_name, turbulence_kt, seed, cross_check, calibrated = job
     drawn = flights.drawn(load_budget(errors), seed)
     try:
         flown = flights.flown(aircraft, drawn, plan_name, seed, turbulence_kt)
     except InputError:
         return {}
     flight, propeller = flown.flight, load_propeller(aircraft.propulsion.propeller)
-    air, still, at_rest = flights.air_of(flown.table, aircraft, probe)
+    transducers = flights.transducers_of(drawn, seed) if calibrated else None
+    measured = transducers.corrected(flown.table) if transducers else flown.table
+    if transducers:  # what it leaves of the error
+        V_scale = (1 + drawn.values.V_scale) / np.sqrt(transducers.airspeed.slope) - 1
+        drawn = replace(drawn, values=replace(drawn.values, V_scale=float(V_scale)))
+    air, still, at_rest = flights.air_of(measured, aircraft, probe)
     runs, _ = find_runs(air)
     rho = float(air.loc[air["flying"], "rho"].mean())
     at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
@@ -71,7 +79,8 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
         power, error = power_required(V, polar, at)
         return 100 * np.stack([power / true_power - 1, NORMAL_95 * error / true_power])
 
-    trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
+    known = air_data_errors(transducers)._asdict() if transducers else {}
+    trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma, calibrated=known)
     figures = trajectory_errors(trajectory, air, drawn, flight.truth, SLOW_OVER_STALL * flights.stall_mps(aircraft))
     for name, kind in (("all runs", ""), ("one acceleration", "acceleration"), ("one deceleration", "deceleration")):
         chosen = [run for run in runs if run.kind.startswith(kind)]
@@ -161,11 +170,12 @@ def main(
     first_seed: Annotated[int, typer.Option("--seed", help="The first seed; development uses those below 1000.")] = 0,
     cross_check: Annotated[bool, typer.Option(help="Output error too.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
+    calibrated: Annotated[bool, typer.Option("--calibrated", help="Calibrate the transducers first.")] = False,
     aircraft_name: Annotated[str, typer.Option("--aircraft", help="Aircraft.")] = "nexstar",
 ) -> None:
     aircraft = load_aircraft(aircraft_name)
     todo = [
-        Job(aircraft, flights.tunnel_probe(), errors, plan, turbulence_kt, seed, cross_check)
+        Job(aircraft, flights.tunnel_probe(), errors, plan, turbulence_kt, seed, cross_check, calibrated)
         for seed in range(first_seed, first_seed + count)
     ]
     gathered: dict[str, list[np.ndarray]] = {}

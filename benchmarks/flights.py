@@ -13,13 +13,18 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 
 from analysis.airdata.air import air_data
+from analysis.airdata.pressure_plateaus import CHANNELS, Plateau
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.probe_fit import calibrate
+from analysis.airdata.transducers import TransducerCalibration
+from analysis.airdata.transducers import calibrate as calibrate_transducers
 from analysis.airdata.tunnel import read_tunnel
 from analysis.signals.aircraft_size import flying_Pa, speed_scale
 from analysis.signals.rest import Zeros, rest_segments, zeros
 from flight.aircraft import Aircraft
+from flight.errors import InputError
 from flight.propeller_files import load_propeller
+from sim.bench import ColumnSegment
 from sim.fly import Flight, fly
 from sim.plan import load_plan
 from sim.plant import plant_of
@@ -29,6 +34,10 @@ from sim.trim import Trimmer
 from sim.tunnel import simulated_measurements, write_calibration
 
 KNOT_MPS = 0.514444
+# Of the water column, 1 sigma: its scale, as `calibrate transducers` takes by default, and 0.3 mm of each reading.
+COLUMN = "transducer-column"
+COLUMN_SCALE, READING_PA = 0.005, 3.0
+PLATEAU_SAMPLES = 175
 TICK_S, FIFO_S, SAMPLES = 0.04, 0.005, 8
 GPS_S = 0.1
 HEIGHT_M = 40.0  # of the whole test flight
@@ -121,6 +130,36 @@ def air_of(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration) -> 
     at_rest = zeros(table, still, flying_Pa=flying_Pa(speed_scale(aircraft)))
     propeller = load_propeller(aircraft.propulsion.propeller)
     return AirOf(air_data(table, aircraft, probe, propeller, at_rest).table, still, at_rest)
+
+
+def column_pressures() -> np.ndarray:
+    """Pressures [Pa] of the plan `transducer-column`."""
+    (segment,) = (segment for segment in load_plan(COLUMN).segments if isinstance(segment, ColumnSegment))
+    return np.array(segment.pressure_Pa)
+
+
+def as_read(pressures_Pa: np.ndarray, seed: int) -> list[float]:
+    """Pressures as read from a water column, whose scale and readings have errors; of COLUMN_SCALE, READING_PA."""
+    rng = np.random.default_rng([seed, 20])
+    scale = 1 + COLUMN_SCALE * rng.standard_normal()
+    return (pressures_Pa * scale + READING_PA * rng.standard_normal(len(pressures_Pa))).tolist()
+
+
+def transducers_of(errors: DrawnErrors, seed: int) -> TransducerCalibration:
+    """The calibration of these transducers by a water column, from the means of its plateaus."""
+    e, true_Pa = errors.values, column_pressures()
+    slopes = np.array([1 + e.alpha_scale, 1 + e.beta_scale, (1 + e.V_scale) ** 2])
+    offsets = np.array([errors.zero[name] for name in CHANNELS])
+    noise_Pa = np.array([errors.noise.alpha_Pa, errors.noise.beta_Pa, errors.noise.airspeed_Pa])
+    rng = np.random.default_rng([seed, 21])
+    found = []
+    for k, p in enumerate([0.0, *true_Pa.tolist(), 0.0]):
+        means = offsets + slopes * p + noise_Pa / np.sqrt(PLATEAU_SAMPLES) * rng.standard_normal(3)
+        found.append(Plateau(10.0 * k, 10.0 * k + 8.0, tuple(means.tolist()), open=p == 0))
+    calibration, unsupported = calibrate_transducers(found, as_read(true_Pa, seed), COLUMN_SCALE, COLUMN)
+    if unsupported:
+        raise InputError(unsupported)
+    return calibration
 
 
 def as_markdown(title: str, error: np.ndarray, half: np.ndarray) -> str:

@@ -27,7 +27,9 @@ SEEDS: dict[str, list[str]] = {
     "probe": ["sim/data/*.json", "flight/data/*.json"],
     "ulog": ["tests/data/autopilot_logs/*.ulg"],
 }
-LONGEST_BYTES = 60_000
+LONGEST_BYTES = 60_000  # of a file
+LONGEST_STREAM_BYTES = 2_000  # of what a driver reads
+FILES = ("tray", "aircraft", "propeller", "zero", "plan", "probe", "magnetometer", "log", "ulog", "dataflash")
 SLOWEST_S = 10
 MEMORY_MB = 1000
 # Share of the inputs, where not 1: whole files take a thousand times as long as a frame.
@@ -41,12 +43,35 @@ def seeds(name: str, folder: Path) -> None:
     patterns = SEEDS.get(name, [])
     for number, path in enumerate(path for pattern in patterns for path in sorted(ROOT.glob(pattern))):
         (folder / f"seed-{number}").write_bytes(path.read_bytes()[:LONGEST_BYTES])
+    if name == "dataflash":
+        dataflash_log(folder / "seed-log")
     if name == "log":
         record_a_log(folder / "seed-log")
     if name in ("ublox", "ublox-ddc", "counter", "counter-framed", "autopilot"):
         (folder / "seed-frames").write_bytes(frames(name))
     for path in (KEPT / name).glob("*"):
         shutil.copy(path, folder / path.name)
+
+
+def dataflash_log(path: Path) -> None:
+    """A short log in ArduPilot's format with each kind of message that is read."""
+    import numpy as np
+
+    from sim.dataflash_writer import DataflashMessages, write_dataflash
+
+    time_us = np.arange(100, dtype=np.uint64) * 100_000
+    zero, one = np.zeros(100), np.ones(100)
+    kinds = {
+        "MSG": ("QZ", {"Message": np.full(100, b"ArduPlane V4.5.7")}),
+        "PARM": ("QNf", {"Name": np.full(100, b"ARSPD_RATIO"), "Value": 2 * one}),
+        "ARSP": ("QBffc", {"I": zero, "Airspeed": 15 * one, "DiffPress": 140 * one, "Temp": 20 * one}),
+        "BARO": ("QBfc", {"I": zero, "Press": 1e5 * one, "Temp": 40 * one}),
+        "BAT": ("QBff", {"Inst": zero, "Volt": 15 * one, "Curr": 10 * one}),
+        "IMU": ("QBf", {"I": zero, "AccZ": -9.8 * one}),
+        "RPM": ("QBf", {"I": zero, "RPM": 6000 * one}),
+        "GPS": ("QBBfff", {"I": zero, "Status": 3 * one, "Spd": 15 * one, "GCrs": zero, "VZ": zero}),
+    }
+    write_dataflash(path, [DataflashMessages(n, codes, {"TimeUS": time_us, **x}) for n, (codes, x) in kinds.items()])
 
 
 def record_a_log(path: Path) -> None:
@@ -105,7 +130,7 @@ def one(name: str, inputs: int = 50_000, seed: int = 1) -> None:
             str(corpus),
             f"-runs={inputs}",
             f"-seed={seed}",
-            f"-max_len={LONGEST_BYTES}",
+            f"-max_len={LONGEST_BYTES if name in FILES else LONGEST_STREAM_BYTES}",
             f"-timeout={SLOWEST_S}",
             f"-rss_limit_mb={MEMORY_MB}",
             f"-artifact_prefix={KEPT / name}/",

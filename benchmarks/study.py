@@ -2,6 +2,11 @@
 
     python benchmarks/study.py --jobs 4
     python benchmarks/study.py --worlds weight --weather 0 --plans two-pairs --flights 4 --seed 0
+    python benchmarks/study.py --worlds study --weather 15 --plans full-test-flight --calibrated
+
+With --calibrated, `calibrate transducers` comes first: the transducers of each flight are held at the pressures of the
+plan `transducer-column`, by a water column whose scale and readings have errors, and the flight is analysed with the
+result.
 
 Every cell of world, weather and plan is flown with a number of seeds, recorded by `sim fly --no-hardware`, analysed,
 and compared with the true curve of the aircraft flown. Each flight is a line of the file of flights as soon as it is
@@ -27,10 +32,13 @@ import numpy as np
 import typer
 from chain import compared, plan_text, read_truth
 from estimators import OVER_STALL, speeds
-from flights import error_rows, tunnel_probe
+from flights import COLUMN, COLUMN_SCALE, as_read, column_pressures, error_rows, tunnel_probe
 
+from analysis.airdata.pressure_plateaus import plateaus, readings
+from analysis.airdata.transducers import TransducerCalibration, calibrate
 from analysis.drag import cross_check
 from analysis.drag.polar import Condition
+from analysis.log_contents import Replacements
 from analysis.pipeline import Analysis, analyze
 from analysis.results.files import to_json
 from flight.aircraft import load_aircraft
@@ -60,6 +68,7 @@ class Job(NamedTuple):
     seed: int
     version: str
     probe: str  # text of the probe calibration
+    calibrated: bool  # transducers, before the flight
 
 
 def version() -> str:
@@ -79,8 +88,8 @@ def world_version(version: str, world: str) -> str:
 
 def one_flight(job: Job) -> dict[str, Any]:
     """The line of one flight: error and half the 95 % interval at each speed, % of the truth; warnings and alarms."""
-    cell, seed, version, probe = job
-    line: dict[str, Any] = {**cell._asdict(), "seed": seed, "version": version}
+    cell, seed, version, probe, calibrated = job
+    line: dict[str, Any] = {**cell._asdict(), "seed": seed, "version": version, "calibrated": calibrated}
     with tempfile.TemporaryDirectory() as name, contextlib.redirect_stderr(io.StringIO()):
         folder = Path(name)
         (folder / "plan.toml").write_text(plan_text(cell.plan, cell.weather_kt), "utf-8")
@@ -89,7 +98,8 @@ def one_flight(job: Job) -> dict[str, Any]:
         try:
             fly(output, plan=str(folder / "plan.toml"), world=cell.world, seed=seed, probe=folder / "probe.json",
                 no_hardware=True)  # fmt: skip
-            analysis = analyze(read_log(output / "log.mcap"))
+            given = Replacements(transducers=transducers(folder, cell.world, seed) if calibrated else None)
+            analysis = analyze(read_log(output / "log.mcap"), given)
         except (InputError, np.linalg.LinAlgError) as error:
             return {**line, "refused": str(error).replace(name, "")}
         V, results = speeds(load_aircraft("nexstar")), json.loads(to_json(analysis.results))
@@ -100,6 +110,17 @@ def one_flight(job: Job) -> dict[str, Any]:
         **line, "error": error, "half": half, "warnings": analysis.results.warnings,
         "alarm": alarm(analysis), "disagreements": len(results["disagreements"]),
     }  # fmt: skip
+
+
+def transducers(folder: Path, world: str, seed: int) -> TransducerCalibration:
+    """The calibration of the transducers of one flight. Raises InputError if its data do not support it."""
+    output = folder / "column"
+    fly(output, plan=COLUMN, world=world, seed=seed, probe=folder / "probe.json", no_hardware=True)
+    found = plateaus(readings(read_log(output / "log.mcap")), COLUMN)
+    calibration, unsupported = calibrate(found, as_read(column_pressures(), seed), COLUMN_SCALE, COLUMN)
+    if unsupported:
+        raise InputError(unsupported)
+    return calibration
 
 
 def alarm(analysis: Analysis) -> bool:
@@ -120,7 +141,8 @@ def known_lines(path: Path) -> list[dict[str, Any]]:
 
 
 def key(line: dict[str, Any]) -> tuple[Any, ...]:
-    return tuple(line[name] for name in ("world", "weather_kt", "plan", "seed", "version"))
+    known = (line[name] for name in ("world", "weather_kt", "plan", "seed", "version"))
+    return (*known, line.get("calibrated", False))
 
 
 def cells(names: list[str], weather_kt: list[float], plans: list[str]) -> Iterator[Cell]:
@@ -181,6 +203,7 @@ def main(
     first_seed: Annotated[
         int, typer.Option("--seed", help="The first seed; development uses those below 1000.")
     ] = 1000,
+    calibrated: Annotated[bool, typer.Option("--calibrated", help="Calibrate the transducers first.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
     file: Annotated[Path, typer.Option(help="Where flights are kept, one a line.")] = Path("out/study.jsonl"),
 ) -> None:
@@ -193,9 +216,9 @@ def main(
                for cell in cells(chosen, weather_kt or list(WEATHER_KT), plans or list(PLANS))}  # fmt: skip
     versions = {name: world_version(code, name) for name in chosen}
     for i in range(max(of_cell.values())):
-        todo += [Job(c, first_seed + i, versions[c.world], probe) for c, n in of_cell.items() if i < n]
+        todo += [Job(c, first_seed + i, versions[c.world], probe, calibrated) for c, n in of_cell.items() if i < n]
     file.parent.mkdir(parents=True, exist_ok=True)
-    wanted = {(*job.cell, job.seed, job.version): job for job in todo}
+    wanted = {(*job.cell, job.seed, job.version, job.calibrated): job for job in todo}
     done = {key(line): line for line in known_lines(file) if key(line) in wanted}
     missing = [job for identity, job in wanted.items() if identity not in done]
     began = time.monotonic()

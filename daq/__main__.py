@@ -1,4 +1,7 @@
-"""The command `daq`: record the tray, check it before flight, take its zero, summarise a log, print an example."""
+"""The command `daq`: record the tray, check it before flight, take its zero, summarise a log, print an example.
+
+More than 350 lines: options and help of every subcommand are here, and little else.
+"""
 
 import os
 import signal
@@ -292,7 +295,8 @@ def list_(
         begin = "-" if log.begin is None else f"{log.begin:%Y-%m-%d %H:%M:%S}{'' if log.by_satellites else ' ?'}"
         length = f"{log.duration_s / 60:.1f}" if log.begin else "-"
         table.add_row(log.path.name, begin, length, f"{log.bytes / 1e6:.1f}", log.state)
-    Console().print(table if table.rows else f"{folder}: no logs", highlight=False)
+    none = f"{folder}: no log-NNNN.mcap (`daq info FILE` describes a log of any name)"
+    Console().print(table if table.rows else none, highlight=False, soft_wrap=not table.rows)
 
 
 @app.command(short_help="Serve a page that shows the state of the daemon.")

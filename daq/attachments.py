@@ -21,6 +21,7 @@ class Attachments(NamedTuple):
     propeller: str | None
     probe: str | None
     magnetometer: str | None
+    transducers: str | None
     zero: str | None
 
 
@@ -31,7 +32,8 @@ def load_attachments(tray: Tray) -> Attachments:
     propeller = None if name is None else propeller_text(name)
     probe = calibration_text(tray.probe_calibration, "probe")
     magnetometer = calibration_text(tray.magnetometer_calibration, "magnetometer")
-    return Attachments(tray.text, aircraft, propeller, probe, magnetometer, zero_text(tray.zero))
+    transducers = calibration_text(tray.transducer_calibration, "transducer")
+    return Attachments(tray.text, aircraft, propeller, probe, magnetometer, transducers, zero_text(tray.zero))
 
 
 def write_attachments(
@@ -54,6 +56,7 @@ def write_attachments(
         ("propeller.csv", attachments.propeller, "text/csv"),
         ("probe.json", attachments.probe, "application/json"),
         ("magnetometer.json", attachments.magnetometer, "application/json"),
+        ("transducers.json", attachments.transducers, "application/json"),
         ("zero.json", attachments.zero, "application/json"),
     ):
         if text is not None:
@@ -89,7 +92,7 @@ def propeller_text(name_or_path: str) -> str:
 
 
 def calibration_text(path: str | None, of: str) -> str | None:
-    """The calibration file of the probe or the magnetometer. Checked only for being a JSON object."""
+    """The calibration file of the probe, the magnetometer or the transducers. Checked only for being a JSON object."""
     if path is None:
         return None
     return json_object_text(Path(path), f"a {of} calibration")

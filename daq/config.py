@@ -1,4 +1,7 @@
-"""The configuration of the tray: a TOML file, validated into frozen structs. Errors name file and key."""
+"""The configuration of the tray: a TOML file, validated into frozen structs. Errors name file and key.
+
+More than 350 lines: one struct for each part that the file may name, and their common checks.
+"""
 
 import re
 from pathlib import Path
@@ -287,6 +290,7 @@ class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     aircraft: str | None = None
     probe_calibration: str | None = None
     magnetometer_calibration: str | None = None
+    transducer_calibration: str | None = None
     installation: InstallationConfig | None = None
     files: FilesConfig = FilesConfig()
     arm: ArmSwitchConfig | None = None
@@ -325,6 +329,7 @@ def parse_tray(text: str, where: str, folder: Path) -> Tray:
         "aircraft": _resolve_name(file.aircraft, folder),
         "probe_calibration": _resolve(file.probe_calibration, folder),
         "magnetometer_calibration": _resolve(file.magnetometer_calibration, folder),
+        "transducer_calibration": _resolve(file.transducer_calibration, folder),
     }
     return Tray(**(msgspec.structs.asdict(file) | resolved), text=text, zero=str(folder / ZERO_FILE))
 

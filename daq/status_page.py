@@ -37,7 +37,7 @@ h2 { font-size: 1em; margin: 1.2em 0 .2em }
 main { padding: 0 .8em 2em; max-width: 45em }
 table { border-collapse: collapse; width: 100% }
 td { padding: .2em .6em .2em 0; border-bottom: 1px solid #ccc; vertical-align: top; overflow-wrap: anywhere }
-td:first-child { overflow-wrap: normal }
+td:first-child { overflow-wrap: normal; width: 8em }
 td.bad { color: #a00000; font-weight: bold }
 """
 

@@ -7,7 +7,6 @@ a slow radio nor an error in this module delays a tick. The other end of the pip
 import math
 import os
 import select
-import socket
 import subprocess
 import sys
 import threading
@@ -19,11 +18,15 @@ from typing import Any
 
 import msgspec
 
-from daq.config import AutopilotConfig, TelemetryConfig, Tray, parse_port
+from daq.config import AutopilotConfig, TelemetryConfig, Tray
 from daq.linux_bus import LinuxSerial
 from daq.probe_calibration import ProbeMaps, load_probe_maps
+from daq.run_monitor import RunMonitor
 from daq.sampling_loop import Cycle
 from daq.still_air_zero import DIFFERENCE, Zero, parse_zero
+from daq.telemetry_port import UdpSender, open_port
+from daq.tick_means import FIELDS, Means, TickMeans
+from flight.aircraft import Aircraft, load_aircraft
 from flight.messages import Event, Status
 
 RESTART_AFTER_S = 5.0
@@ -31,6 +34,8 @@ HEARTBEAT_PERIOD_S = 1.0
 TEXT_BYTES = 50  # of a STATUSTEXT
 KEPT_EVENTS = 20  # the latest events are kept while the pipe is full
 EVENTS_PER_LINE = 4  # a line has to fit into PIPE_BUF
+KEPT_MEANS = 25  # the same for means of the readings
+MEANS_PER_LINE = 6
 GAS_CONSTANT = 287.05287  # of air [J/(kg K)] (ISO 2533)
 SEVERITIES = {"error": 3, "warning": 4, "info": 6}  # MAV_SEVERITY
 TOPICS = ("/gps", "/static", "/rpm", "/controls", "/probe/alpha", "/probe/beta", "/probe/airspeed", "/attitude")
@@ -40,13 +45,14 @@ AUTOPILOT_SYSTEM = 1  # of an autopilot that was not heard yet: the default of A
 
 
 class Snapshot(msgspec.Struct, kw_only=True):
-    """One line of JSON in the pipe: the latest good messages by topic, their ages, and the new events."""
+    """One line of JSON in the pipe: the latest good messages by topic, their ages, new means and new events."""
 
     elapsed_s: float
     autopilot_system: int | None = None
     messages: dict[str, dict[str, Any]] = {}
     ages_s: dict[str, float] = {}
     events: list[Event] = []
+    means: list[Means] = []
 
 
 class TelemetryLink:
@@ -58,6 +64,8 @@ class TelemetryLink:
         self._start_ns = 0
         self._latest: dict[str, tuple[int, Any]] = {}
         self._events: deque[Event] = deque(maxlen=KEPT_EVENTS)
+        self._tick_means = TickMeans()
+        self._means: deque[Means] = deque(maxlen=KEPT_MEANS)
         self._encoder = msgspec.json.Encoder()
         self._read_end, self._write_end = os.pipe2(os.O_CLOEXEC)
         os.set_blocking(self._write_end, False)
@@ -71,6 +79,7 @@ class TelemetryLink:
             msgspec.json.encode(telemetry).decode(),
             tray.probe_calibration or "",
             tray.zero if Path(tray.zero).exists() else "",
+            tray.aircraft or "",
         ]
         self._process: subprocess.Popen[bytes] | None = None
         self._closing = threading.Event()
@@ -83,12 +92,16 @@ class TelemetryLink:
             if topic in TOPICS and message.status is Status.OK:
                 self._latest[topic] = (time_ns, message)
         self._events.extend(events)
+        means = self._tick_means.add(cycle.now_ns, cycle.samples)
+        if means is not None:
+            self._means.append(means)
         if self._due_ns is None:
             self._due_ns = self._start_ns = cycle.now_ns
         if cycle.now_ns < self._due_ns:
             return
         self._due_ns += self._period_ns * (1 + (cycle.now_ns - self._due_ns) // self._period_ns)
         events = list(self._events)[:EVENTS_PER_LINE]
+        sent_means = list(self._means)[:MEANS_PER_LINE]
         line = self._encoder.encode(
             {
                 "elapsed_s": (cycle.now_ns - self._start_ns) / 1e9,
@@ -96,6 +109,7 @@ class TelemetryLink:
                 "messages": {topic: message for topic, (_, message) in self._latest.items()},
                 "ages_s": {topic: (cycle.now_ns - at_ns) / 1e9 for topic, (at_ns, _) in self._latest.items()},
                 "events": events,
+                "means": sent_means,
             }
         )
         try:
@@ -105,6 +119,8 @@ class TelemetryLink:
             return
         for _ in events:
             self._events.popleft()
+        for _ in sent_means:
+            self._means.popleft()
 
     def close(self) -> None:
         """End the other process; waits 1 s at most before killing it."""
@@ -265,13 +281,17 @@ def main(arguments: list[str]) -> None:
     telemetry = msgspec.json.decode(arguments[0], type=TelemetryConfig)
     probe = load_probe_maps(Path(arguments[1])) if arguments[1] else None
     zero = parse_zero(Path(arguments[2]).read_text("utf-8"), arguments[2]) if arguments[2] else None
+    monitor = run_monitor(load_aircraft(arguments[3]), probe, zero) if arguments[3] else None
     ground = MavlinkEncoder(telemetry, probe, zero)
     port: LinuxSerial | UdpSender | None = None
     decoder = msgspec.json.Decoder(Snapshot)
     for lines in newest_lines(0):
         snapshot = decoder.decode(lines[-1])
-        for earlier in lines[:-1]:
-            snapshot.events = decoder.decode(earlier).events + snapshot.events
+        earlier = [decoder.decode(line) for line in lines[:-1]]
+        snapshot.events = [event for some in (*earlier, snapshot) for event in some.events]
+        for means in (each for some in (*earlier, snapshot) for each in some.means):
+            told = monitor.texts(means) if monitor else []
+            snapshot.events += [Event(severity=severity, text=text) for severity, text in told]
         try:
             port = port or open_port(telemetry)
             for packet in ground.packets(snapshot):
@@ -280,6 +300,18 @@ def main(arguments: list[str]) -> None:
             print(f"telemetry to {telemetry.to}: {error}", file=sys.stderr)
             port = None
             time.sleep(1.0)
+
+
+def run_monitor(aircraft: Aircraft, probe: ProbeMaps | None, zero: Zero | None) -> RunMonitor:
+    """The monitor of an aircraft's runs, with the zeros of `daq zero` where there are any."""
+    readings = zero.readings if zero else {}
+    zeros = {
+        name: readings[topic][field].mean
+        for topic, fields in FIELDS.items()
+        for name, field in fields
+        if field in readings.get(topic, {})
+    }
+    return RunMonitor(aircraft, probe, zeros)
 
 
 def drop_priority() -> None:
@@ -297,28 +329,6 @@ def newest_lines(file: int) -> Iterator[list[bytes]]:
         *lines, rest = (rest + data).split(b"\n")
         if lines:
             yield lines
-
-
-class UdpSender:
-    """Sends datagrams to one address."""
-
-    def __init__(self, host: str, port: int):
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        self._socket.connect((host, port))
-
-    def write(self, data: bytes) -> None:
-        try:
-            self._socket.send(data)
-        except (BlockingIOError, ConnectionRefusedError):  # no receiver yet
-            return
-
-
-def open_port(telemetry: TelemetryConfig) -> LinuxSerial | UdpSender:
-    """Open the serial line or socket to the ground station. Raises OSError."""
-    if telemetry.to.startswith("udp:"):
-        return UdpSender(*parse_port(telemetry.to))
-    return LinuxSerial(telemetry.to, telemetry.baud)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Every key of the aircraft file: an example, its meaning, how to measure it, who needs it, what stands in.
+"""Every key of the aircraft file: an example, its meaning, how to measure it, who needs it, what is assumed without it.
 
 Messages, the template of `flightpower new aircraft` and docs/aircraft.md are made of it;
 `python -m flight.aircraft_keys` prints the tables of that page.
@@ -24,7 +24,7 @@ SIMULATOR = "simulator"
 LATER = "`sim` asks for it"
 NO_ANGLES = "the daemon logs pulse widths only; the cross-check takes the surface as fixed; `sim` asks for it"
 NO_LINE = "no lag but the 0.012 s (one standard deviation) that is assumed anyway"
-NO_MOTOR = "a motor that loses a fifth of its highest power stands in, ±50 %; `sim` asks for it"
+NO_MOTOR = "a motor that loses a fifth of its highest power is assumed, ±50 %; `sim` asks for it"
 
 # SURFACE stands for elevator, aileron and rudder, LINE for alpha, beta, airspeed and static.
 KEYS: dict[str, Key] = {

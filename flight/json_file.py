@@ -44,7 +44,7 @@ def decoded(
     """
     try:
         found = msgspec.json.decode(data, type=kind)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{where}: not {of} ({error}){remedy}") from None
     if found.format not in formats:
         raise InputError(f"{where}: format {found.format!r} is not supported; expected {formats[0]!r}")

@@ -110,8 +110,12 @@ class Propeller(PropellerModel):
         self._rpm = np.array([row.rpm for row in self.rows])
         self._knots = sorted({J for row in self.rows for J in row.J[:-1]})
         self._slope_changes = [(_slope_changes(row.J, row.cT), _slope_changes(row.J, row.cP)) for row in self.rows]
+        self._below = np.array([self._knots[0], *self._knots])
+        self._lines = np.stack([_lines(row, self._knots) for row in self.rows], axis=1).reshape(4, -1)
 
     def table(self, J: Number, rpm: Number) -> tuple[Number, Number]:
+        if isinstance(J, np.ndarray) and isinstance(rpm, np.ndarray):
+            return self._table_of_arrays(J, rpm)
         ramps = {knot: np.maximum(J - knot, 0) for knot in self._knots}  # the same for all rows
         cT, cP = 0.0, 0.0
         for weight, row, (cT_changes, cP_changes) in zip(
@@ -120,6 +124,26 @@ class Propeller(PropellerModel):
             cT = cT + weight * _piecewise_linear(ramps, row.cT[0], cT_changes)
             cP = cP + weight * _piecewise_linear(ramps, row.cP[0], cP_changes)
         return cT, cP
+
+    def _table_of_arrays(self, J: Number, rpm: Number) -> tuple[Number, Number]:
+        """`table` by looking up the cell of each element: a tenth of the time."""
+        J, rpm = np.broadcast_arrays(J, rpm)
+        interval = np.searchsorted(self._knots, J, side="right")
+        from_knot = J - self._below.take(interval)
+        row = np.searchsorted(self._rpm[1:-1], rpm, side="right")
+        cell = row * (1 + len(self._knots)) + interval
+        weight, next_cell = 0.0, cell
+        if len(self.rows) > 1:
+            below, above = self._rpm.take(row), self._rpm.take(row + 1)
+            weight, next_cell = np.clip((rpm - below) / (above - below), 0, 1), cell + 1 + len(self._knots)
+
+        def interpolated(value: Number, slope: Number) -> Number:
+            at_row = value.take(cell) + slope.take(cell) * from_knot
+            at_next = value.take(next_cell) + slope.take(next_cell) * from_knot
+            return (1 - weight) * at_row + weight * at_next
+
+        cT, cP, cT_slope, cP_slope = self._lines
+        return interpolated(cT, cT_slope), interpolated(cP, cP_slope)
 
     def with_beyond_zero_thrust(self, behaviour: str) -> "Propeller":
         """The same table with another behaviour beyond zero thrust."""
@@ -223,6 +247,19 @@ def _slope_changes(knots: tuple[float, ...], values: tuple[float, ...]) -> dict[
     """The change of slope at each knot but the last, beyond which the slope is constant."""
     slopes = np.diff(values) / np.diff(knots)
     return dict(zip(knots[:-1], np.diff(slopes, prepend=0.0).tolist(), strict=True))
+
+
+def _lines(row: Row, knots: list[float]) -> NDArray[np.float64]:
+    """cT and cP at the knot below and their slopes, (4, intervals), in the interval below `knots` and from each on."""
+    first = np.searchsorted(row.J, knots, side="right") - 1
+    segment = np.clip(first, 0, len(row.J) - 2)
+    values, slopes = [], []
+    for column in (np.array(row.cT), np.array(row.cP)):
+        slope = np.where(first >= 0, (np.diff(column) / np.diff(row.J))[segment], 0.0)
+        value = column[segment] + slope * (np.array(knots) - np.array(row.J)[segment])
+        values.append(np.append(column[0], value))
+        slopes.append(np.append(0.0, slope))
+    return np.stack([*values, *slopes])
 
 
 def _piecewise_linear(ramps: Number, first: Number, slope_changes: dict[float, float]) -> Number:

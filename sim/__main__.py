@@ -87,7 +87,7 @@ def fly(
     log_faults: Annotated[
         str,
         typer.Option(
-            "--log-faults", metavar="LIST", help="With --as px4: traps of real logs, such as landed,dropouts,truncated."
+            "--log-faults", metavar="LIST", help="With --as: traps of real logs, such as landed,dropouts,truncated."
         ),
     ] = "",
     replace: ReplaceOption = False,

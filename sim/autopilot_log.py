@@ -5,8 +5,9 @@ from pathlib import Path
 from flight.errors import InputError
 from sim.ardupilot_log import write_ardupilot_log
 from sim.fly import Flight
+from sim.log_faults import FAULTS
 from sim.output_folder import ARDUPILOT_LOG, PX4_LOG
-from sim.px4_log import FAULTS, write_px4_log
+from sim.px4_log import write_px4_log
 from sim.sensors import FlightSensorTruth
 from sim.sensors.budget import DrawnErrors
 
@@ -16,8 +17,8 @@ def faults_of(recorder: str | None, text: str) -> list[str]:
     names = [name.strip() for name in text.split(",") if name.strip()]
     if recorder not in (None, "px4", "ardupilot"):
         raise InputError(f"--as {recorder}: not known; give px4 or ardupilot")
-    if names and recorder != "px4":
-        raise InputError("--log-faults: needs --as px4")
+    if names and recorder is None:
+        raise InputError("--log-faults: needs --as px4 or --as ardupilot")
     unknown = [name for name in names if name not in FAULTS]
     if unknown:
         raise InputError(f"--log-faults {', '.join(unknown)}: not known; known: {', '.join(FAULTS)}")
@@ -31,5 +32,5 @@ def write_autopilot_log(
     if recorder == "px4":
         write_px4_log(output / PX4_LOG, flight, sensor_truth, drawn, faults)
         return output / PX4_LOG
-    write_ardupilot_log(output / ARDUPILOT_LOG, flight, sensor_truth, drawn)
+    write_ardupilot_log(output / ARDUPILOT_LOG, flight, sensor_truth, drawn, faults)
     return output / ARDUPILOT_LOG

@@ -1,4 +1,4 @@
-"""Segments on the ground that rehearse the calibrations: pressure bursts, turning by hand, deflected surfaces."""
+"""Segments on the ground that rehearse the calibrations: bursts, a water column, turning by hand, deflections."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -87,6 +87,30 @@ class BurstsSegment(BenchSegment):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ColumnSegment(BenchSegment):
+    """The same pressures on all three lines, from a water column through a T-piece; for `calibrate transducers`."""
+
+    pressure_Pa: tuple[float, ...]
+    hold_s: float = 8.0
+    move_s: float = 2.0
+    kind = "column"
+
+    def check(self) -> None:
+        if not self.pressure_Pa:
+            raise InputError("pressure: give the pressures to hold, in order")
+        if not (self.hold_s > 0 and self.move_s > 0):
+            raise InputError("hold, move: should be longer than 0 s")
+
+    @property
+    def duration_s(self) -> float:
+        return len(self.pressure_Pa) * (self.move_s + self.hold_s) + self.move_s
+
+    def applied_Pa(self, t: Array) -> Array:
+        """Pressure on the lines [Pa] at times t (n,) from the start; changes are slow against the lines' lags."""
+        return _held(t, self.pressure_Pa, self.hold_s, self.move_s)
+
+
+@dataclass(frozen=True, kw_only=True)
 class HandTurnSegment(BenchSegment):
     """The aircraft is turned by hand through all attitudes; for `calibrate magnetometer`."""
 
@@ -144,13 +168,13 @@ class DeflectSegment(BenchSegment):
                 raise InputError(
                     f"{angle:.1f} deg is beyond the {self.surface}'s travel, {travel.min():.1f} to {travel.max():.1f}"
                 )
-        angle = _held(t, self.angle_rad, self.hold_s)
+        angle = _held(t, self.angle_rad, self.hold_s, MOVE_S)
         return {f"{self.surface}_command_rad": angle, f"{self.surface}_rad": angle}
 
 
-def _held(t: Array, angles: Sequence[float], hold_s: float) -> Array:
-    """Neutral, each of the angles held, and neutral again, with MOVE_S between them; (n,)."""
-    begin = np.arange(len(angles)) * (MOVE_S + hold_s) + MOVE_S
+def _held(t: Array, values: Sequence[float], hold_s: float, move_s: float) -> Array:
+    """Zero, each of the values held, and zero again, with move_s between them; (n,)."""
+    begin = np.arange(len(values)) * (move_s + hold_s) + move_s
     times = np.column_stack([begin, begin + hold_s]).ravel()
-    values = np.repeat(angles, 2)
-    return np.asarray(np.interp(t, np.r_[0.0, times, times[-1] + MOVE_S], np.r_[0.0, values, 0.0]))
+    held = np.repeat(values, 2)
+    return np.asarray(np.interp(t, np.r_[0.0, times, times[-1] + move_s], np.r_[0.0, held, 0.0]))

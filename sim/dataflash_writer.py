@@ -1,19 +1,19 @@
 """Writes a log in ArduPilot's dataflash format (.BIN): format messages, then all messages in order of time.
 
 A message is 0xA3 0x95, its type, and its packed fields; a format message (type 0x80) gives length, name, codes and
-names of the fields of a type. Codes: Q uint64, B uint8, f float, c int16 in hundredths, Z char[64].
+names of the fields of a type. Codes: Q uint64, B uint8, f float, c int16 in hundredths, N char[16], Z char[64].
 """
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 HEADER, FORMAT_TYPE, FIRST_TYPE = b"\xa3\x95", 0x80, 0x81
-CODES = {"Q": "<u8", "B": "<u1", "f": "<f4", "c": "<i2", "Z": "S64"}
+CODES = {"Q": "<u8", "B": "<u1", "f": "<f4", "c": "<i2", "N": "S16", "Z": "S64"}
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,17 @@ class DataflashMessages:
     name: str
     codes: str
     columns: dict[str, NDArray[np.generic]]
+
+    @property
+    def time_us(self) -> NDArray[np.uint64]:
+        return self.columns["TimeUS"].astype(np.uint64)
+
+    def selected(self, kept: NDArray[np.bool_]) -> "DataflashMessages":
+        return replace(self, columns={name: x[kept] for name, x in self.columns.items()})
+
+    def at(self, time_us: NDArray[np.uint64]) -> "DataflashMessages":
+        """At other times."""
+        return replace(self, columns=self.columns | {"TimeUS": time_us})
 
 
 def write_dataflash(path: Path, kinds: Sequence[DataflashMessages]) -> None:

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from sim.autopilot_pitot import AutopilotPitot, indicated_airspeed
 from sim.fly import Flight
+from sim.log_faults import CLOCK_SET_AT, CLOCK_SET_US, TRUNCATED_TO, Dropout, begun_at, with_clock_set, with_dropouts
 from sim.sensor_truth import SensorTruth
 from sim.sensors.budget import DrawnErrors
-from sim.ulog_faults import begun_at, with_clock_set, with_dropouts
-from sim.ulog_writer import Dropout, UlogContents, UlogTopic, write_ulog
+from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 
 Array = NDArray[np.float64]
 
@@ -20,40 +20,44 @@ BOOT_US = 35_000_000  # clock of the autopilot when logging begins
 RATES_HZ = {"vehicle_angular_velocity": 50.0, "vehicle_acceleration": 20.0, "vehicle_attitude": 20.0,
             "airspeed_validated": 5.0, "differential_pressure": 1.0, "battery_status": 5.0,
             "vehicle_air_data": 5.0, "vehicle_gps_position": 5.0, "vehicle_status": 2.0,
-            "vehicle_land_detected": 1.0}  # fmt: skip
+            "vehicle_land_detected": 1.0, "rpm": 10.0}  # fmt: skip
 AVIONICS_V, IDLE_A = 5.1, 0.05
 RAW_OFFSET_PA, RAW_STEP_PA = 100.0, 6.3
 HOT_K, AIRFLOW_WARMTH_K, KELVIN = 25.0, 2.0, 273.15  # of barometer and pitot sensor above the air
 VALIDATED_S = 0.2  # over which PX4 averages the differential pressure
 GPS_JITTER_S = 0.04
-CLOCK_SET_US = 3_600_000_000
-
-FAULTS = ("landed", "wrong-battery-first", "dropouts", "clock-jump", "airborne-start", "truncated", "no-airspeed")
+PARAMETERS = {"FW_AIRSPD_TRIM": 15.0, "FW_AIRSPD_MIN": 10.0, "FW_AIRSPD_MAX": 20.0}  # PX4's defaults
+CRASH_TEXT = "[hardfault_log] a message written at the next start"
 
 
 def write_px4_log(
     path: Path, flight: Flight, sensors: SensorTruth, errors: DrawnErrors, faults: Collection[str] = ()
 ) -> None:
-    """Write a flight as ULog. faults: of FAULTS. Raises OSError where the file cannot be written."""
+    """Write a flight as ULog. faults: of sim.log_faults.FAULTS. Raises OSError where the file cannot be written."""
     topics = [
         *_sensor_topics(sensors),
         *_air_topics(AutopilotPitot(flight, errors), sensors),
         *_status_topics(sensors, faults),
+        _rpm_topic(sensors),
     ]
     topics += _battery_topics(sensors, faults)
     if "no-airspeed" in faults:
         topics = [one for one in topics if one.name not in ("airspeed_validated", "differential_pressure")]
+    if "pressure-offset" in faults:  # the raw pressure alone
+        topics = [one for one in topics if one.name != "airspeed_validated"]
     dropouts: list[Dropout] = []
     if "dropouts" in faults:
         topics, dropouts = with_dropouts(topics, errors.seed)
     if "airborne-start" in faults:
-        topics = begun_at(topics, BOOT_US + _airborne_us(flight))
+        topics = begun_at(topics, BOOT_US + airborne_us(flight))
     if "clock-jump" in faults:
-        topics = with_clock_set(topics, BOOT_US + int(0.15 * sensors.duration_s * 1e6), CLOCK_SET_US)
-    write_ulog(path, UlogContents([one for one in topics if len(one.time_us)], {"sys_name": "PX4"}, dropouts))
+        topics = with_clock_set(topics, BOOT_US + int(CLOCK_SET_AT * sensors.duration_s * 1e6), CLOCK_SET_US)
+    appended = [CRASH_TEXT] if "appended" in faults else []
+    written = [one for one in topics if len(one.time_us)]
+    write_ulog(path, UlogContents(written, {"sys_name": "PX4"}, dropouts, PARAMETERS, appended))
     if "truncated" in faults:
         data = path.read_bytes()
-        path.write_bytes(data[: int(0.7 * len(data))])
+        path.write_bytes(data[: int(TRUNCATED_TO * len(data))])
 
 
 def _times(name: str, sensors: SensorTruth, phase_s: float = 0.0) -> Array:
@@ -86,6 +90,11 @@ def _sensor_topics(sensors: SensorTruth) -> list[UlogTopic]:
     velocity = dict(zip(names, gps.velocity_ned_mps.T, strict=True))
     found.append(_topic("vehicle_gps_position", t_s, velocity, fix_type=np.where(gps.fix, 3, 0)))
     return found
+
+
+def _rpm_topic(sensors: SensorTruth) -> UlogTopic:
+    t_s = _times("rpm", sensors, 0.03)
+    return _topic("rpm", t_s, {"rpm_estimate": 60 * sensors.motor_speed_revps(t_s)})
 
 
 def _quaternion(roll: Array, pitch: Array, yaw: Array) -> dict[str, Array]:
@@ -135,6 +144,7 @@ def _status_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogTo
     return [fixed_wing, _topic("vehicle_land_detected", t_s, {}, landed=landed)]
 
 
-def _airborne_us(flight: Flight) -> int:
+def airborne_us(flight: Flight) -> int:
+    """When the aircraft is well above the ground, since the beginning of the flight."""
     flying = flight.truth["height_m"].to_numpy() > 15.0
     return int(1e6 * float(flight.truth["time_s"].to_numpy()[int(np.argmax(flying))]))

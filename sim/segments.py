@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import cos, pi, sin
 
 from flight.errors import InputError
-from sim.bench import BurstsSegment, DeflectSegment, HandTurnSegment
+from sim.bench import BurstsSegment, ColumnSegment, DeflectSegment, HandTurnSegment
 from sim.integration import Observation
 from sim.manoeuvres import MultistepSegment, PorpoiseSegment, RollerCoasterSegment, WindUpTurnSegment
 from sim.pilot import Targets, wrap_angle
@@ -233,5 +233,13 @@ AIRBORNE: dict[str, type] = {
 }
 GROUND: dict[str, type] = {
     kind.kind: kind
-    for kind in (StandSegment, TakeOffSegment, LandSegment, BurstsSegment, HandTurnSegment, DeflectSegment)
+    for kind in (
+        StandSegment,
+        TakeOffSegment,
+        LandSegment,
+        BurstsSegment,
+        ColumnSegment,
+        HandTurnSegment,
+        DeflectSegment,
+    )
 }

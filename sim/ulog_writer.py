@@ -5,11 +5,13 @@ Format: https://docs.px4.io/main/en/dev_log/ulog_file_format
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sim.log_faults import Dropout
 
 MAGIC_AND_VERSION = b"ULog\x01\x12\x35\x01"
 TYPE_NAMES = {"float32": "float", "float64": "double", "uint8": "uint8_t", "int8": "int8_t", "int32": "int32_t",
@@ -25,11 +27,12 @@ class UlogTopic:
     columns: dict[str, NDArray[np.generic]]
     instance: int = 0
 
+    def selected(self, kept: NDArray[np.bool_]) -> "UlogTopic":
+        return replace(self, time_us=self.time_us[kept], columns={name: x[kept] for name, x in self.columns.items()})
 
-@dataclass(frozen=True)
-class Dropout:
-    time_us: int
-    duration_ms: int
+    def at(self, time_us: NDArray[np.uint64]) -> "UlogTopic":
+        """At other times."""
+        return replace(self, time_us=time_us)
 
 
 @dataclass(frozen=True)
@@ -37,26 +40,40 @@ class UlogContents:
     topics: Sequence[UlogTopic]
     info: dict[str, str] = field(default_factory=dict)
     dropouts: Sequence[Dropout] = ()
+    parameters: dict[str, float] = field(default_factory=dict)
+    appended: Sequence[str] = ()  # text messages that are written after the log was closed, as after a crash
 
 
 def write_ulog(path: Path, contents: UlogContents) -> None:
     """Write a log. Raises OSError where the file cannot be written."""
     formats = {topic.name: _format(topic) for topic in contents.topics}
     start_us = min(int(topic.time_us.min()) for topic in contents.topics)
-    out = [MAGIC_AND_VERSION + struct.pack("<Q", start_us), _message("B", bytes(40))]
-    out += [_message("F", text.encode()) for text in formats.values()]
+    header, flags = MAGIC_AND_VERSION + struct.pack("<Q", start_us), len(_message("B", bytes(40)))
+    out = [_message("F", text.encode()) for text in formats.values()]
     for key, value in contents.info.items():
         typed_key = f"char[{len(value)}] {key}".encode()
         out.append(_message("I", bytes([len(typed_key)]) + typed_key + value.encode()))
+    for key, setting in contents.parameters.items():
+        typed_key = f"float {key}".encode()
+        out.append(_message("P", bytes([len(typed_key)]) + typed_key + struct.pack("<f", setting)))
     timed: list[tuple[int, bytes]] = []
     for number, topic in enumerate(contents.topics):
         out.append(_message("A", struct.pack("<BH", topic.instance, number) + topic.name.encode()))
         rows = _rows(topic)
-        header = struct.pack("<HBH", rows.dtype.itemsize + 2, ord("D"), number)
-        timed += [(int(t), header + row.tobytes()) for t, row in zip(topic.time_us, rows, strict=True)]
+        start = struct.pack("<HBH", rows.dtype.itemsize + 2, ord("D"), number)
+        timed += [(int(t), start + row.tobytes()) for t, row in zip(topic.time_us, rows, strict=True)]
     timed += [(one.time_us, _message("O", struct.pack("<H", one.duration_ms))) for one in contents.dropouts]
     timed.sort(key=lambda entry: entry[0])
-    path.write_bytes(b"".join(out + [data for _, data in timed]))
+    body = b"".join(out + [data for _, data in timed])
+    end_us = timed[-1][0] if timed else start_us
+    appended = b"".join(
+        _message("L", struct.pack("<BQ", ord("3"), end_us) + text.encode()) for text in contents.appended
+    )
+    offset = len(header) + flags + len(body) if appended else 0
+    incompatible = bytes([bool(appended)]) + bytes(7)
+    path.write_bytes(
+        header + _message("B", bytes(8) + incompatible + struct.pack("<3Q", offset, 0, 0)) + body + appended
+    )
 
 
 def _message(kind: str, payload: bytes) -> bytes:

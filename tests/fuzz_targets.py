@@ -9,6 +9,7 @@ from pathlib import Path
 
 from analysis.airdata.magnetometer import parse_magnetometer
 from analysis.airdata.probe import parse_probe
+from analysis.airdata.transducers import parse_transducers
 from analysis.autopilot_logs import ardupilot, px4
 from daq.config import parse_tray
 from daq.log_list import listed
@@ -147,6 +148,7 @@ TARGETS: dict[str, Target] = {
     "plan": text(lambda content: parse_plan(content, "plan")),
     "probe": binary(parse_probe),
     "magnetometer": binary(parse_magnetometer),
+    "transducers": binary(parse_transducers),
     "log": file(".mcap", summarise, listed, recovery_event, summarise),
     "ulog": file(".ulg", px4.read_px4),
     "dataflash": file(".bin", ardupilot.read_ardupilot),

@@ -1,6 +1,7 @@
 """From a log to air data at the centre of gravity: synchronizes channels, corrects for line lags and zeros."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import pandas as pd
@@ -9,6 +10,7 @@ from analysis.airdata import lines, magnetometer
 from analysis.airdata.air import air_data
 from analysis.airdata.magnetometer import Compass, MagnetometerCalibration
 from analysis.airdata.probe import ProbeCalibration
+from analysis.airdata.transducers import TransducerCalibration, air_data_errors
 from analysis.signals.aircraft_size import flying_Pa, speed_scale
 from analysis.signals.rest import rest_segments, zeros
 from analysis.signals.synchronize import COLUMNS, synchronize
@@ -32,6 +34,7 @@ class FlightData(NamedTuple):
     table : of `air_data`, index t_s        rest : rows in which the aircraft stood still
     zeroed : whether zeros at rest were subtracted        compass : None where no calibrated magnetometer can be used
     notes : what was lost, assumed or corrected, in sentences
+    calibrated : standard errors of the air data by the transducers' calibration, by sensor error; empty without one
     """
 
     table: pd.DataFrame
@@ -39,6 +42,7 @@ class FlightData(NamedTuple):
     zeroed: bool
     compass: Compass | None
     notes: list[str]
+    calibrated: Mapping[str, float] = MappingProxyType({})
 
 
 def flight_data(
@@ -48,6 +52,7 @@ def flight_data(
     probe: ProbeCalibration,
     magnetometer_calibration: MagnetometerCalibration | None = None,
     zero: dict[str, float] | None = None,
+    transducers: TransducerCalibration | None = None,
 ) -> FlightData:
     """All measurements of a log on one time base, in SI units, at the centre of gravity.
 
@@ -56,7 +61,10 @@ def flight_data(
     """
     gas = lines.air_in(log)
     channels = synchronize(log, lines.lags_s(aircraft, gas))
-    table, line_notes = lines.without_remainder(channels.table, aircraft, gas)
+    measured = transducers.corrected(channels.table) if transducers else channels.table
+    if transducers and zero:
+        zero = transducers.corrected_zero(zero)
+    table, line_notes = lines.without_remainder(measured, aircraft, gas)
     rest = rest_segments(table, channels.rate_Hz)
     at_rest = zeros(table, rest, zero, flying_Pa(speed_scale(aircraft)))
     air = air_data(table, aircraft, probe, propeller, at_rest)
@@ -66,7 +74,8 @@ def flight_data(
     if magnetometer_calibration:
         compass, compass_notes = magnetometer.compass(air.table, magnetometer_calibration)
         notes += compass_notes
-    return FlightData(air.table, rest, at_rest is not None, compass, notes)
+    calibrated = air_data_errors(transducers)._asdict() if transducers else {}
+    return FlightData(air.table, rest, at_rest is not None, compass, notes, calibrated)
 
 
 def silent_topics(table: pd.DataFrame, recorded: Collection[str]) -> list[str]:

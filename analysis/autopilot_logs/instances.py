@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.autopilot_logs.recording import Channel
 
+TURNING_REVPS = 5.0
 SECOND_SHARE = 0.1  # of the used battery's power; a second one with more is mentioned
 
 
@@ -32,6 +33,14 @@ def measuring_battery(batteries: Sequence[Battery]) -> tuple[Battery | None, lis
                 " is not counted: where both feed the motor, the electrical power is too small."
             )
     return batteries[best], notes
+
+
+def turning_motor(motors: Sequence[Channel]) -> tuple[Channel | None, list[str]]:
+    """The speed of the one motor that turns, and a note where several do."""
+    turning = [one for one in motors if len(one.value) and float(np.percentile(one.value, 90)) > TURNING_REVPS]
+    if len(turning) > 1:
+        return None, [f"{len(turning)} motors turn in this log; motor speed is used of a single one only."]
+    return (turning[0], []) if turning else (None, [])
 
 
 def most_varying(channels: Sequence[Channel]) -> Channel | None:

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from pyulog import ULog
 
 from analysis.autopilot_logs import recording
-from analysis.autopilot_logs.instances import Battery, measuring_battery, most_varying
+from analysis.autopilot_logs.instances import Battery, measuring_battery, most_varying, turning_motor
 from analysis.autopilot_logs.recording import Array, Channel, FlightRecording, channel, without_clock_jumps
 from flight.errors import InputError
 
 TOPICS = (
-    "airspeed", "airspeed_validated", "battery_status", "differential_pressure", "sensor_baro", "sensor_combined",
+    "airspeed", "airspeed_validated", "battery_status", "differential_pressure", "esc_status", "rpm", "sensor_baro",
+    "sensor_combined",
     "sensor_gps", "vehicle_acceleration", "vehicle_air_data", "vehicle_gps_position", "vehicle_status",
 )  # fmt: skip
 ROTARY_WING, FIXED_WING, ROVER = 1, 2, 3  # vehicle_status.vehicle_type
@@ -26,6 +27,8 @@ AIRSPEED_TOPICS = (  # in order of preference
     ("airspeed_validated", ("indicated_airspeed_m_s",)),
     ("airspeed", ("indicated_airspeed_m_s",)),
 )
+RPM_FIELDS = ("rpm_estimate", "indicated_frequency_rpm")
+MOST_MOTORS = 8
 PRESSURE_FIELDS = ("differential_pressure_pa", "differential_pressure_filtered_pa", "differential_pressure_raw_pa")
 
 
@@ -40,7 +43,8 @@ class _Topic:
         return field in self._data
 
     def values(self, field: str) -> Array:
-        return np.asarray(self._data[field], dtype=float)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self._data[field], dtype=float)
 
     def channel(self, field: str) -> Channel:
         """The field; empty where the firmware does not log it."""
@@ -52,7 +56,7 @@ def read_px4(path: Path) -> FlightRecording:
 
     Raises InputError, in one line, when the file is not a readable ULog file, and for aircraft without wings.
     """
-    topics, notes = _topics(path)
+    topics, parameters, notes = _topics(path)
     _refuse_wingless(path, topics)
     airspeed, zeroed = _airspeed(topics)
     airspeed = {name: _on_the_wing(one, topics) for name, one in airspeed.items()}
@@ -64,6 +68,9 @@ def read_px4(path: Path) -> FlightRecording:
     battery, battery_notes = measuring_battery(batteries)
     if battery:
         channels |= {recording.VOLTAGE: battery.voltage, recording.CURRENT: battery.current}
+    motor, motor_notes = turning_motor(_motors(topics))
+    if motor is not None:
+        channels[recording.MOTOR] = motor
     thermometers = _thermometers(topics)
     if recording.AIRSPEED_PRESSURE in channels:
         main = channels[recording.AIRSPEED_PRESSURE]
@@ -71,10 +78,11 @@ def read_px4(path: Path) -> FlightRecording:
         channels = {name: both[name] for name in channels if name in both}
         thermometers = {name: both[name] for name in thermometers if name in both}
         notes += jumps
-    return FlightRecording(path, channels, thermometers, tuple(notes + battery_notes), zeroed)
+    return FlightRecording(path, channels, thermometers, tuple(notes + battery_notes + motor_notes), zeroed, parameters)
 
 
-def _topics(path: Path) -> tuple[dict[str, list[_Topic]], list[str]]:
+def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str]]:
+    """The topics by name, the autopilot's parameters, and notes."""
     try:
         with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
             log = ULog(stream, list(TOPICS))
@@ -90,7 +98,10 @@ def _topics(path: Path) -> tuple[dict[str, list[_Topic]], list[str]]:
     lost_s = sum(dropout.duration for dropout in log.dropouts) / 1000
     if lost_s > 1.0:
         notes.append(f"The autopilot dropped {lost_s:.0f} s of messages, in {len(log.dropouts)} gaps.")
-    return topics, notes
+    parameters = {
+        str(name): float(value) for name, value in log.initial_parameters.items() if isinstance(value, int | float)
+    }
+    return topics, parameters, notes
 
 
 def _line(error: Exception) -> str:
@@ -177,6 +188,15 @@ def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
                     for axis, field in zip(recording.GPS, fields, strict=True)
                 }
     return {}
+
+
+def _motors(topics: dict[str, list[_Topic]]) -> list[Channel]:
+    """Speeds of rotation [rev/s]: by the speed controllers, or by RPM sensors."""
+    fields = [f"esc[{i}].esc_rpm" for i in range(MOST_MOTORS)]
+    by_controller = [one.channel(field) for one in topics.get("esc_status", []) for field in fields if one.has(field)]
+    by_sensor = [one.channel(field) for one in topics.get("rpm", []) for field in RPM_FIELDS if one.has(field)]
+    found = by_controller if any(np.any(one.value != 0) for one in by_controller) else by_sensor
+    return [Channel(one.t_s, np.abs(one.value) / 60) for one in found]
 
 
 def _thermometers(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:

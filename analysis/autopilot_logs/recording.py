@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot less static pressure, its zero not yet corrected
 STATIC, FORCE_Z = "static_Pa", "az_mps2"
 VOLTAGE, CURRENT = "battery_V", "battery_A"
+MOTOR = "motor_revps"
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
 SEA_LEVEL_DENSITY_KGPM3 = 1.225  # of indicated airspeed
 CLOCK_JUMP_S = 60.0  # a longer step of the clock within one channel is no dropout
@@ -26,6 +27,7 @@ POSSIBLE = {
     FORCE_Z: (-300.0, 300.0, 100.0),
     VOLTAGE: (0.0, 1000.0, 50.0),
     CURRENT: (-1000.0, 2000.0, 300.0),
+    MOTOR: (0.0, 2000.0, 100.0),
     **dict.fromkeys(GPS, (-300.0, 300.0, 30.0)),
 }
 POSSIBLE_TEMPERATURE_K = (150.0, 450.0, 50.0)
@@ -46,6 +48,7 @@ class FlightRecording:
     zeroed : whether whatever recorded them has corrected the zero of the airspeed's pressure
     thermometers : by description, temperatures of the air, or of parts that the air cools [K]
     notes : choices and damage, in sentences
+    parameters : the autopilot's, by name, as logged
     """
 
     path: Path
@@ -53,6 +56,7 @@ class FlightRecording:
     thermometers: Mapping[str, Channel] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     zeroed: bool = True
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:

@@ -39,7 +39,7 @@ class Work:
 
 
 class Monitor(Protocol):
-    """Is told how the jobs go."""
+    """Receives the progress of the jobs."""
 
     def planned(self, jobs: int, kept: int) -> None: ...
 

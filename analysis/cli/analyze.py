@@ -58,7 +58,7 @@ def analyze(
     ] = None,
     aircraft: Annotated[
         Path | None,
-        typer.Option("--aircraft", metavar="FILE", help="Aircraft file to use instead of the one the log carries."),
+        typer.Option("--aircraft", metavar="FILE", help="Aircraft file to use instead of the log's."),
     ] = None,
     propeller: Annotated[
         str | None,
@@ -71,7 +71,7 @@ def analyze(
     ] = None,
     probe: Annotated[
         Path | None,
-        typer.Option("--probe", metavar="FILE", help="Probe calibration to use instead of the one the log carries."),
+        typer.Option("--probe", metavar="FILE", help="Probe calibration to use instead of the log's."),
     ] = None,
     zero: Annotated[
         Path | None,
@@ -98,7 +98,19 @@ def analyze(
         typer.Option(
             "--magnetometer",
             metavar="FILE",
-            help="Magnetometer calibration to use instead of the one the log carries.",
+            help="Magnetometer calibration to use instead of the log's.",
+        ),
+    ] = None,
+    likelihood: Annotated[
+        bool,
+        typer.Option("--likelihood", help="Add two maximum likelihoods to the methods compared; takes a second."),
+    ] = False,
+    transducers: Annotated[
+        Path | None,
+        typer.Option(
+            "--transducers",
+            metavar="FILE",
+            help="Calibration of the differential transducers to use instead of the log's.",
         ),
     ] = None,
     battery_Wh: Annotated[
@@ -178,8 +190,8 @@ def analyze(
 ) -> int:
     """Compute the power required from a log: report.html, results.json, power_required.csv and a table for the field.
 
-    The log carries the aircraft file, the propeller table, the calibrations of probe and magnetometer, and the zero.
-    Each can be replaced, or given where the log lacks it.
+    The log contains the aircraft file, the propeller table, the calibrations of probe, magnetometer and transducers,
+    and the zero. Each can be replaced, or given where the log lacks it.
     The curve covers the speeds flown in accelerations and decelerations, with a 95 % interval. The report also has
     endurance and range on a battery, climb and highest speed at full throttle, and the effect of weight and air
     density on these.
@@ -210,10 +222,12 @@ def analyze(
         weight_N=None if weight is None else parse_weight(weight, "--weight"),
         runs=runs,
         magnetometer=magnetometer,
+        transducers=transducers,
         request=request,
         mass_kg=mass,
         wing_area_m2=wing_area,
         span_m=span,
+        by_likelihood=likelihood,
     )
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -48,8 +48,10 @@ def compare(
             raise InputError(f"{folder}: no flight to compare; {found.left_out[0]}")
         pools.append(pool_results(found.to_pool))
     comparison = compare_pools(*pools).to_json()
-    for side, folder in (("a", a), ("b", b)):
-        comparison[side]["name"] = folder.resolve().name
+    names = [folder.resolve().name for folder in (a, b)]
+    if names[0] == names[1]:
+        names = [str(a), str(b)]
+    comparison["a"]["name"], comparison["b"]["name"] = names
     if output is not None:
         write_comparison(comparison, output)
     print_comparison(comparison, output and output / "report.html", Console())

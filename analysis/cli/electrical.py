@@ -1,5 +1,6 @@
 """`analyze` of an autopilot's log, or of one without flow angles or motor speed: electrical power of level flight."""
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from rich.console import Console
 
 from analysis.autopilot_logs.read import PX4
 from analysis.performance.request import Request
-from flight.aircraft import Aircraft, load_aircraft, parse_aircraft
+from flight.aircraft import Aircraft, Propulsion, load_aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from analysis.autopilot_logs.recording import FlightRecording
     from analysis.electrical.flown_aircraft import FlownAircraft
     from analysis.results.schema import Results
+    from flight.propeller import Propeller
 
 JOULES_PER_WH = 3600.0
 NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # by drag
@@ -75,6 +77,7 @@ class OrdinaryFlight:
     wing_area_m2: float | None
     span_m: float | None
     aircraft: Path | None
+    propeller: str | None
     command_line: str
 
     def analyze_autopilot_log(self, firmware: str, progress: Progress) -> Done:
@@ -83,42 +86,82 @@ class OrdinaryFlight:
 
         given = load_aircraft(self.aircraft) if self.aircraft else None
         flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
-        return self._analyze(read_autopilot_log(self.log, firmware), flown, self._battery_Wh(given), progress)
+        return self._analyze(read_autopilot_log(self.log, firmware), flown, given, progress)
 
     def analyze_daemon_log(self, log: Log, progress: Progress) -> Done:
         """Write the report of a log of the daemon. Raises InputError."""
         from analysis.electrical.daemon_log import recording_of
         from analysis.electrical.flown_aircraft import flown_aircraft
+        from analysis.log_contents import propeller_of
 
         text = log.attachments.get("aircraft.toml")
         given = load_aircraft(self.aircraft) if self.aircraft else None
         if given is None and text is not None:
             given = parse_aircraft(text.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
         flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
-        return self._analyze(recording_of(log), flown, self._battery_Wh(given), progress)
+        table = None
+        if given is not None and self.propeller is None:
+            with contextlib.suppress(InputError):  # drag is then withheld
+                table = propeller_of(log, given)
+        return self._analyze(recording_of(log), flown, given, progress, table)
+
+    def _propeller(self, propulsion: Propulsion) -> "Propeller | None":
+        """The table given, or else the aircraft file's where it can be read."""
+        from flight.propeller_files import load_propeller
+
+        if self.propeller is not None:
+            return load_propeller(self.propeller)
+        with contextlib.suppress(InputError):
+            return load_propeller(propulsion.propeller) if propulsion.propeller else None
+        return None
 
     def _battery_Wh(self, aircraft: Aircraft | None) -> float | None:
         in_file = aircraft.propulsion.battery_energy_Wh if aircraft else None
         return in_file if self.request.battery_Wh is None else self.request.battery_Wh
 
     def _analyze(
-        self, recording: "FlightRecording", flown: "FlownAircraft", battery_Wh: float | None, progress: Progress
+        self,
+        recording: "FlightRecording",
+        flown: "FlownAircraft",
+        given: Aircraft | None,
+        progress: Progress,
+        table: "Propeller | None" = None,
     ) -> Done:
+        from analysis.electrical.drag import drag_estimate
         from analysis.electrical.estimate import estimate
         from analysis.electrical.flight_table import flight_table
+        from analysis.electrical.thrust_balance import motor_constants
         from analysis.report.electrical_page import print_electrical_summary, write_electrical_report
         from analysis.results.electrical import electrical_results
         from analysis.results.provenance import provenance_of_file
 
         progress("finding the flight")
-        table = flight_table(recording, flown.weight_N, flown.wing_area_m2)
+        flight = flight_table(recording, flown.weight_N, flown.wing_area_m2)
         progress("balancing energy")
-        found = estimate(table, flown.weight_N, flown.wing_area_m2, flown.span_m, str(self.log))
+        found = estimate(flight, flown.weight_N, flown.wing_area_m2, flown.span_m, str(self.log))
+        progress("balancing thrust")
+        propulsion = given.propulsion if given else Propulsion()
+        propeller = table or self._propeller(propulsion)
+        if propeller is not None:
+            propeller = propeller.with_beyond_zero_thrust(propulsion.beyond_zero_thrust)
+        constants = motor_constants(propulsion)
+        drag = drag_estimate(flight, found, flown.span_m, propeller, constants)
+        battery_Wh = self._battery_Wh(given)
         battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
         source = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
         provenance = provenance_of_file(self.log, source, self.aircraft, self.command_line)
-        results = electrical_results(self.log, flown, table, found, battery_J, provenance)
+        results = electrical_results(
+            self.log,
+            flown,
+            flight,
+            found,
+            battery_J,
+            provenance,
+            recording.parameters,
+            drag,
+            propeller.name if propeller else "",
+        )
         progress("writing the report")
-        replaced = write_electrical_report(results, table, found, self.folder)
+        replaced = write_electrical_report(results, flight, found, self.folder)
         page = self.folder / "report.html"
         return Done(results, lambda console: print_electrical_summary(results, page, console, replaced))

@@ -21,6 +21,7 @@ def files_used(log: Path, options: Options) -> list[tuple[str, Path]]:
         ("--probe", options.probe),
         ("--zero", options.zero),
         ("--magnetometer", options.magnetometer),
+        ("--transducers", options.transducers),
     ]
     found = [(option, path) for option, path in given if path is not None and path.is_file()]
     propeller = options.propeller or _named_propeller(log, options.aircraft)

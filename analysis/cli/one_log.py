@@ -38,10 +38,12 @@ class Options:
     weight_N: float | None = None
     runs: Path | None = None
     magnetometer: Path | None = None
+    transducers: Path | None = None
     request: Request = field(default_factory=Request)
     mass_kg: float | None = None
     wing_area_m2: float | None = None
     span_m: float | None = None
+    by_likelihood: bool = False
 
 
 def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, command_line: str = "") -> Done:
@@ -58,17 +60,19 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         options.wing_area_m2,
         options.span_m,
         options.aircraft,
+        options.propeller,
         command_line,
     )
     firmware = firmware_of(_not_a_folder(log))
     if firmware:
         refuse_daemon_options(
             log,
-            propeller=options.propeller,
             probe=options.probe,
             zero=options.zero,
             runs=options.runs,
             magnetometer=options.magnetometer,
+            likelihood=options.by_likelihood or None,
+            transducers=options.transducers,
         )
         check_writable(folder / "report.html")
         return ordinary.analyze_autopilot_log(firmware, progress)
@@ -84,8 +88,9 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     from analysis.report.write import write_report, write_run_list
 
     analysis = run_pipeline(
-        recorded, given, progress, request=options.request, runs_file=options.runs, command_line=command_line
-    )
+        recorded, given, progress, request=options.request, runs_file=options.runs, command_line=command_line,
+        by_likelihood=options.by_likelihood,
+    )  # fmt: skip
     progress("writing the report")
     replaced_report = write_report(analysis, folder)
     previous_runs = write_run_list(analysis, folder, log.name, given=options.runs)
@@ -104,6 +109,7 @@ def replacements(options: Options) -> "Replacements":
     propeller = _load_propeller(options.propeller) if options.propeller else None
     from analysis.airdata.magnetometer import load_magnetometer
     from analysis.airdata.probe import load_probe
+    from analysis.airdata.transducers import load_transducers
     from analysis.log_contents import Replacements
     from analysis.maneuvers import toml_file
     from analysis.signals.rest import load_zero
@@ -115,6 +121,7 @@ def replacements(options: Options) -> "Replacements":
         "propeller.csv": options.propeller,
         "probe.json": options.probe,
         "magnetometer.json": options.magnetometer,
+        "transducers.json": options.transducers,
         "zero.json": options.zero,
     }
     return Replacements(
@@ -122,6 +129,7 @@ def replacements(options: Options) -> "Replacements":
         propeller=propeller,
         probe=load_probe(options.probe) if options.probe else None,
         magnetometer=load_magnetometer(options.magnetometer) if options.magnetometer else None,
+        transducers=load_transducers(options.transducers) if options.transducers else None,
         zero=load_zero(options.zero) if options.zero else None,
         weight_N=options.weight_N,
         files={name: str(path) for name, path in files.items() if path is not None},

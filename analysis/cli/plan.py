@@ -60,7 +60,8 @@ def plan(
             "--height",
             parser=quantity("--height", "m", '"130 ft"', least=25, most=1000),
             metavar="HEIGHT",
-            help="Above the ground. Gusts are as long as this: lower averages them sooner, and forgives less.",
+            help="Above the ground. Vertical gusts are as long as this: low flight averages them sooner, but leaves"
+            " less room for a stall.",
         ),
     ] = 40.0,
     load: Annotated[
@@ -155,7 +156,7 @@ def plan(
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():
         (folder / name).write_text(text, "utf-8")
-    _print(made, folder, list(files))
+    _print(made, folder, list(files), stall_given=stall_mps is not None)
 
 
 def _place(text: str) -> tuple[float, float]:
@@ -168,17 +169,20 @@ def _place(text: str) -> tuple[float, float]:
     return latitude, longitude
 
 
-def _print(made: "FlightPlan", folder: Path, files: list[str]) -> None:
+def _print(made: "FlightPlan", folder: Path, files: list[str], *, stall_given: bool) -> None:
     from analysis.planning import texts
 
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"Plan for {made.question.title}: {made.seconds / 60:.1f} min, {made.request.wind_kt:g} kt")
     console.print(f"Computed with {made.aircraft.basis}.")
     console.print(texts.margin(made))
+    if not stall_given:
+        console.print("If you know the stall speed, give it with --stall.")
     for row in texts.rows(made):
         console.print(f"{row.times:>5} {row.title} ({row.seconds:.0f} s)")
     widths = ", ".join(f"{half} at {speed}" for speed, half in texts.expected_interval(made))
     console.print(f"Expected 95 % interval of power: {widths}")
+    console.print("At the worst speed:")
     for line in texts.losses(made):
         console.print(f"  {line}")
     console.print(f"wrote {', '.join(str(folder / name) for name in files)}")

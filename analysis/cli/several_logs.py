@@ -84,9 +84,6 @@ def analyze_logs(
 def _load_report() -> None:
     for module in ("analysis.pooling", "analysis.report.write_pooled"):
         importlib.import_module(module)
-    from analysis.report.pooled_page import plotly_gzip
-
-    plotly_gzip()
 
 
 def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> None:
@@ -150,7 +147,7 @@ class ProgressOnConsole:
         self.jobs = jobs
         self.bars.update(self.total, total=jobs + kept, completed=kept, step="")
         if kept:
-            self._note(f"{kept} flights are done already; {jobs} to analyse")
+            self._note(f"flights done already: {kept}; to analyse: {jobs}")
 
     def step(self, name: str, step: str) -> None:
         if name not in self.rows:

@@ -164,7 +164,7 @@ def _note(key: str, description: str, share: float, V: float) -> str:
         if share > LEAST_SHARE
         else "on this flight it makes no difference"
     )
-    return f"The aircraft file lacks {key}: {description}, stands in; {benefit}."
+    return f"The aircraft file lacks {key}: {description}, is assumed; {benefit}."
 
 
 def with_assumption_uncertainty(estimate: DynamicEstimate, added: AssumptionUncertainty | None) -> DynamicEstimate:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from analysis.drag.comparison_text import sentences
 from analysis.drag.dynamic import DynamicEstimate
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 SIGNIFICANT = 3.0  # standard errors of an estimated error
 # One test over all speeds of a pair, at 1 % for each of five pairs (Scheffe, as in `cross_check`).
-DIFFERENT = float(np.sqrt(stats.chi2.ppf(0.99, 3)))
+DIFFERENT = float(np.sqrt(special.chdtri(3, 1 - 0.99)))
 SPEEDS = 31
 LEAST_SPEED_RATIO = 1.15  # highest over lowest of the speeds common to both methods
 DYNAMIC = "dynamic"

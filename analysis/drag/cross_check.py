@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy import special
 
 from analysis.drag import covariance
 from analysis.drag.cross_check_data import priors, segments_of
@@ -28,7 +28,7 @@ SPEEDS = 61  # at which the polars are compared
 # Errors of output error over its standard errors: 1.1 rms in 8 flights in calm air (docs/estimators.md).
 EXCESS = 1.2
 # One test over all speeds: a difference of two parabolas has three coefficients (Scheffe 1953, Biometrika 40, 87).
-SIMULTANEOUS_95 = float(np.sqrt(stats.chi2.ppf(0.95, 3)))
+SIMULTANEOUS_95 = float(np.sqrt(special.chdtri(3, 1 - 0.95)))
 
 
 class CrossCheck(NamedTuple):

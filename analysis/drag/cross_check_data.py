@@ -60,41 +60,49 @@ def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller,
     V_ref = table["V_mps"].interpolate(limit_direction="both").rolling(width, center=True, min_periods=1).mean()
     least_mps = LEAST_SPEED_MPS * speed_scale_of(table)
     V_ref = V_ref.fillna(least_mps).clip(lower=least_mps)
-    n, rho = table["n_revps"].where(table["n_revps"] > 1), table["rho"]
-
-    def thrust(V: pd.Series) -> pd.Series:
-        thrust_N: pd.Series = propeller.thrust_and_power(V, n, rho)[0]
-        return thrust_N
-
-    signals = {name: table[column] for name, column in INPUTS.items()}
-    signals["thrust"] = thrust(V_ref)
-    signals["thrust_per_speed"] = (thrust(V_ref + SPEED_STEP_MPS) - thrust(V_ref - SPEED_STEP_MPS)) / (
-        2 * SPEED_STEP_MPS
-    )
-    signals["J"] = V_ref / (n * propeller.diameter_m)
-    signals["V_ref"] = V_ref
-    signals["phi"] = table["bank_rad"]
+    n, rho = table["n_revps"].where(table["n_revps"] > 1).to_numpy(), table["rho"].to_numpy()
+    measured = {name: table[column].to_numpy() for name, column in (INPUTS | {"phi": "bank_rad"}).items()}
+    measured["V_ref"] = V_ref.to_numpy()
+    outputs = {name: table[column].to_numpy() for name, column in OUTPUTS.items()}
+    t_s = table.index.to_numpy()
     segments = []
     for run in runs:
         count = (run.rows.stop - run.rows.start) // block
         if count < SHORTEST:
             continue
         rows = slice(run.rows.start, run.rows.start + count * block)
+        inputs = {name: signal[rows] for name, signal in measured.items()}
+        inputs |= _propulsion(inputs["V_ref"], n[rows], rho[rows], propeller)
         segments.append(
             Segment(
                 name=run.name,
-                t_s=table.index.to_numpy()[rows].reshape(count, block).mean(axis=1),
-                u={name: _means(_filled(signal.iloc[rows]), block) for name, signal in signals.items()},
-                z={name: _means(table[column].iloc[rows], block) for name, column in OUTPUTS.items()},
+                t_s=t_s[rows].reshape(count, block).mean(axis=1),
+                u={name: _means(_filled(signal), block) for name, signal in inputs.items()},
+                z={name: _means(signal[rows], block) for name, signal in outputs.items()},
             )
         )
     return segments
 
 
-def _means(signal: pd.Series, block: int) -> Array:
-    return signal.groupby(np.arange(len(signal)) // block).mean().to_numpy()
+def _propulsion(V_ref: Array, n: Array, rho: Array, propeller: Propeller) -> dict[str, Array]:
+    """Thrust of the table at V_ref, its slope over speed, and the advance ratio, each (n,)."""
+    thrust_N, faster_N, slower_N = (
+        np.asarray(propeller.thrust_and_power(V, n, rho)[0])
+        for V in (V_ref, V_ref + SPEED_STEP_MPS, V_ref - SPEED_STEP_MPS)
+    )
+    slope = (faster_N - slower_N) / (2 * SPEED_STEP_MPS)
+    return {"thrust": thrust_N, "thrust_per_speed": slope, "J": V_ref / (n * propeller.diameter_m)}
 
 
-def _filled(signal: pd.Series) -> pd.Series:
+def _means(signal: Array, block: int) -> Array:
+    """Of the samples of each block that exist; NaN where none does."""
+    blocks = signal.reshape(-1, block)
+    count = np.isfinite(blocks).sum(axis=1)
+    return np.asarray(np.nansum(blocks, axis=1) / np.where(count > 0, count, np.nan))
+
+
+def _filled(signal: Array) -> Array:
     """Gaps interpolated linearly; zero where nothing was measured at all."""
-    return signal.interpolate(limit_direction="both").fillna(0.0)
+    if np.isfinite(signal).all():
+        return signal
+    return np.asarray(pd.Series(signal).interpolate(limit_direction="both").fillna(0.0))

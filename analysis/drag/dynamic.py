@@ -233,13 +233,14 @@ def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs
 
 def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
     segments = []
-    table, t_s = forces[[*INPUTS.values(), "CD"]], forces.index.to_numpy()
+    t_s = forces.index.to_numpy()
+    table = np.stack([forces[name].to_numpy() for name in (*INPUTS.values(), "CD")])
     for run in runs:
         rows = slice(np.searchsorted(t_s, run.start_s), np.searchsorted(t_s, run.end_s, side="right"))
-        measured = table.iloc[rows].to_numpy().T
+        measured = table[:, rows]
         data = measured
         if np.isnan(measured).any():
-            data = table.iloc[rows].interpolate(limit_direction="both").to_numpy().T
+            data = pd.DataFrame(measured.T).interpolate(limit_direction="both").to_numpy().T
         if data.shape[1] >= SHORTEST and np.isfinite(data).all():
             u = dict(zip(INPUTS, data, strict=False))
             z = {"drag": u["qS_over_m"] * measured[-1]}

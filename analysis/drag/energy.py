@@ -8,6 +8,8 @@ of the trajectory.
 Energies and work are over mass [m^2/s^2].
 """
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -40,7 +42,7 @@ def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSe
         work = _integral(thrust_over_m * np.cos(alpha) * V, t) - energy
         X = np.stack([_integral(qS_over_m * V * CL**i, t) for i in range(3)], axis=1)
         # The energy at the start is not known better than at any other instant: only differences count.
-        gusts = _work_of_gusts(table, t, V)
+        gusts = partial(_work_of_gusts, table, t, V)
         regressions.append(RunRegression(run.name, t, X - X.mean(axis=0), work - work.mean(), CL, gusts))
     return TimeSeriesRegression(regressions)
 

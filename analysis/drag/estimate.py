@@ -1,21 +1,23 @@
 """All estimates of drag from one flight: by the best method that it allows, by all others, and the cross-check."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 
-from analysis.drag import cross_check, dynamic
+from analysis.drag import cross_check, dynamic, likelihood
 from analysis.drag.assumed_values import AssumptionUncertainty, with_assumption_uncertainty
 from analysis.drag.comparison import MethodDisagreement
 from analysis.drag.cross_check import CrossCheck
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.fallback import fallback
+from analysis.drag.likelihood import PitchRate
 from analysis.drag.method import MethodEstimate
 from analysis.drag.methods import every_method
 from analysis.drag.polar import Condition, unphysical
 from analysis.drag.run_scatter import run_scatter
+from analysis.estimation.fit import Fit
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -31,6 +33,7 @@ class DragEstimates:
     methods, one_by_one : by all other methods; from each acceleration and deceleration alone
     cross_check : None where the flight has no run for it, or it failed
     cross_check_differs : from the power curve by the simultaneous 95 % band of the difference; never by filter error
+    pitch_rate, likelihood_fits : of the maximum likelihoods, where they were asked for; the fits by method name
     """
 
     main: DynamicEstimate
@@ -41,6 +44,8 @@ class DragEstimates:
     cross_check: CrossCheck | None
     warnings: list[str]
     cross_check_differs: bool = False
+    pitch_rate: PitchRate | None = None
+    likelihood_fits: dict[str, Fit] = field(default_factory=dict)
 
 
 def estimate(
@@ -56,12 +61,14 @@ def estimate(
     log: str,
     progress: Callable[[str], None],
     assumption_uncertainty: AssumptionUncertainty | None = None,
+    by_likelihood: bool = False,
 ) -> DragEstimates:
     """Dynamic method, all other methods, and cross-check.
 
     table: from `air_data`. condition: weight and density of the flight, at which methods are compared. flown_CL: lift
     coefficients of level flight at the speeds flown. zeroed: the gyro biases at rest were subtracted.
     assumption_uncertainty: by values assumed for keys that the aircraft file lacks.
+    by_likelihood: the maximum likelihoods are among the methods.
     Raises InputError, beginning with `log`, when the maneuvers do not determine a physical polar.
     """
     runs = maneuvers.level_runs
@@ -76,6 +83,11 @@ def estimate(
         )
     progress("applying all other methods")
     others = every_method(trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, condition)
+    by_method, pitch_rate, fits = others.by_method, None, {}
+    if by_likelihood:
+        progress("applying the maximum likelihoods")
+        found = likelihood.estimate(table, trajectory, runs, aircraft, propeller, flown_CL, zeroed=zeroed)
+        by_method, pitch_rate, fits = [*by_method, *found.methods], found.pitch_rate, found.fits
     if by_runs:
         main = by_runs
     else:
@@ -95,5 +107,5 @@ def estimate(
             differs = compared.differs
             warnings += compared.warnings
     return DragEstimates(
-        main, flown_CL, others.by_method, others.one_by_one, others.disagreements, check, warnings, differs
+        main, flown_CL, by_method, others.one_by_one, others.disagreements, check, warnings, differs, pitch_rate, fits
     )

@@ -37,14 +37,11 @@ class SteadyPoint(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Method:
+class MethodDescription:
     """One way to power required.
 
     kinds : of runs that it uses
     taken_as_measured : the errors that it does not correct, names of ERROR_PRIOR_SIGMA
-    regression : of (table, runs, aircraft); raises InputError where the runs do not allow one
-    points : of (table, runs, aircraft); the measured points, None for most methods
-    two_term : its form lacks CL_minD
     """
 
     name: str
@@ -52,6 +49,17 @@ class Method:
     equations: str
     kinds: tuple[str, ...]
     taken_as_measured: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Method(MethodDescription):
+    """A method that is a linear regression.
+
+    regression : of (table, runs, aircraft); raises InputError where the runs do not allow one
+    points : of (table, runs, aircraft); the measured points, None for most methods
+    two_term : its form lacks CL_minD
+    """
+
     regression: Callable[[pd.DataFrame, list[Maneuver], Aircraft], PolarRegression]
     points: Callable[[pd.DataFrame, list[Maneuver], Aircraft], list[SteadyPoint]] | None = None
     two_term: bool = False
@@ -68,7 +76,7 @@ class MethodEstimate:
     polar : None where there is no estimate; `notes` then say why
     """
 
-    method: Method
+    method: MethodDescription
     polar: Polar | None = None
     noise: Array = field(default_factory=lambda: np.zeros((3, 3)))
     systematic: Array = field(default_factory=lambda: np.zeros((3, 3)))

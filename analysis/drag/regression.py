@@ -1,6 +1,6 @@
 """Linear least squares for a drag polar (2.18), from time series or from steady points, and its covariance by noise."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -32,7 +32,8 @@ class PolarRegression(Protocol):
 class RunRegression(NamedTuple):
     """One run: X (n, 3) A = z (n,), at times t_s (n,), flown at lift coefficients CL (n,).
 
-    absorbed : covariance (n, n) of errors of z that the fit largely absorbs, so that residuals do not show them
+    absorbed : gives the covariance (n, n) of errors of z that the fit largely absorbs, so that residuals do not show
+    them
     """
 
     name: str
@@ -40,7 +41,7 @@ class RunRegression(NamedTuple):
     X: Array
     z: Array
     CL: Array
-    absorbed: Array | None = None
+    absorbed: Callable[[], Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class TimeSeriesRegression:
         ]
         C = covariance.of_noise(output_error.estimate(model, segments))
         gain = np.linalg.inv(sum(run.X.T @ run.X for run in self.runs))
-        return C + sum(gain @ run.X.T @ run.absorbed @ run.X @ gain for run in self.runs if run.absorbed is not None)
+        return C + sum(gain @ run.X.T @ run.absorbed() @ run.X @ gain for run in self.runs if run.absorbed is not None)
 
 
 @dataclass(frozen=True)

@@ -92,6 +92,7 @@ class Repetition:
             data.rest,
             alpha_scale_sigma=alpha_scale_sigma,
             compass=data.compass,
+            calibrated=data.calibrated,
             gust_length=self.aircraft.uncertainty.gust_length,
             prior_factor=self.prior_factor,
             log=self.log,

@@ -24,7 +24,7 @@ class RunData(NamedTuple):
 
 def run_data(table: pd.DataFrame, runs: list[Maneuver], columns: tuple[str, ...]) -> list[RunData]:
     """The columns over each run, gaps interpolated. Raises InputError when no run has all columns."""
-    t, values = table.index.to_numpy(), table[list(columns)].to_numpy()
+    t, values = table.index.to_numpy(), np.stack([table[name].to_numpy() for name in columns], axis=1)
     found = []
     for run in runs:
         rows = slice(*np.searchsorted(t, (run.start_s, np.nextafter(run.end_s, np.inf))))

@@ -50,6 +50,7 @@ def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) 
     """The means of all steady runs. Raises InputError when none has thrust data."""
     m = aircraft.mass_kg
     t_s, values = table.index.to_numpy(), {name: table[name].to_numpy() for name in COLUMNS}
+    gust_mps, gust_s = (float(table[name].iloc[0]) for name in ("gust_mps", "gust_s"))
     rows = []
     for run in runs:
         within = slice(*np.searchsorted(t_s, (run.start_s, np.nextafter(run.end_s, np.inf))))
@@ -63,7 +64,7 @@ def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) 
         drag_over_m = along_V - f["Vdot"] - g * np.sin(f["gamma"])
         power_W = m * (_mean(along_V * V) - mean_Vdot * V.mean() - g * _mean(f["climb"]))
         scatter_W = m * _error_of_mean(drag_over_m * V, t[1] - t[0])
-        gusts_W = m * g * mean_gust_mps(table, t[-1] - t[0])
+        gusts_W = m * g * mean_gust_mps(gust_mps, gust_s, t[-1] - t[0])
         error_W = np.sqrt(scatter_W**2 + gusts_W**2 + (TABLE_SHARE * power_W) ** 2)
         lift_N = m * _mean(g / np.cos(f["bank"]) - across_V)
         air = (_mean(f[name]) for name in ("rho", "static_Pa", "temperature_K"))
@@ -103,12 +104,12 @@ def steady_points(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft)
     return [SteadyPoint(*(float(x) for x in row)) for row in zip(*columns, strict=True)]
 
 
-def mean_gust_mps(table: pd.DataFrame, seconds: float) -> float:
+def mean_gust_mps(gust_mps: float, gust_s: float, seconds: float) -> float:
     """Standard deviation of the mean vertical gust over so many seconds [m/s], for the power W w that it lifts with.
 
     The mean of a first-order process of standard deviation sigma and time constant T: sigma sqrt(2 T/seconds).
     """
-    return float(table["gust_mps"].iloc[0] * np.sqrt(min(1.0, 2 * table["gust_s"].iloc[0] / seconds)))
+    return float(gust_mps * np.sqrt(min(1.0, 2 * gust_s / seconds)))
 
 
 def _error_of_mean(x: Array, step_s: float) -> float:

@@ -13,6 +13,7 @@ CHANNELS = {
     recording.FORCE_Z: ("/imu", "specific_force_z_mps2"),
     recording.VOLTAGE: ("/battery", "voltage_V"),
     recording.CURRENT: ("/battery", "current_A"),
+    recording.MOTOR: ("/rpm", "motor_speed_revps"),
     recording.GPS[0]: ("/gps", "velocity_north_mps"),
     recording.GPS[1]: ("/gps", "velocity_east_mps"),
     recording.GPS[2]: ("/gps", "velocity_down_mps"),

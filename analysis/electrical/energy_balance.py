@@ -47,6 +47,7 @@ class Samples(NamedTuple):
     power_W: Array
     load_factor: Array
     stretches: list[slice]
+    motor_revps: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -102,15 +103,15 @@ class EnergyBalance:
 
         samples, given: perturbed ones, for the effect of an error.
         """
-        s, c, p = samples or self.samples, given or self.conditions, DragAndEfficiency.of(parameters)
-        drag_W, useful_W = self._drag_and_useful_W(p, s, c)
+        s, c = samples or self.samples, given or self.conditions
+        drag_W, useful_W = self._drag_and_useful_W(parameters, s, c)
         energy = c.mass_kg * (g * s.height_m + s.V_mps**2 / 2)
         rising = c.mass_kg * g * c.updraft_mps
         return self._mean(useful_W - drag_W) + energy[self._rows] @ self.windows.slope + rising
 
     def useful_W(self, parameters: Array) -> Array:
         """Thrust times airspeed, mean of each window (n,) [W]."""
-        return self._mean(self._drag_and_useful_W(DragAndEfficiency.of(parameters), self.samples, self.conditions)[1])
+        return self._mean(self._drag_and_useful_W(parameters, self.samples, self.conditions)[1])
 
     def powered_x(self) -> float:
         """Median argument of the efficiency where the motor works."""
@@ -122,8 +123,8 @@ class EnergyBalance:
     def _motor_power(self, c: FlightConditions) -> Array:
         return np.asarray(np.maximum(c.power_scale * self.samples.power_W - c.idle_power_W, 0.0))
 
-    def _drag_and_useful_W(self, p: DragAndEfficiency, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
-        motor = self._motor_power(c)
+    def _drag_and_useful_W(self, parameters: Array, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
+        p, motor = DragAndEfficiency.of(parameters), self._motor_power(c)
         x = propulsion.advance(s.V_mps, motor, c.rho)
         useful = motor * propulsion.efficiency(x, p.efficiency, p.x_at_maximum, p.fall)
         idle = propulsion.idling(x, p.x_at_maximum, p.fall)

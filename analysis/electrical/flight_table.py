@@ -43,7 +43,8 @@ WHAT_IS_NEEDED = {
 class FlightTable(NamedTuple):
     """One flight on a uniform grid of STEP_S.
 
-    table : index t_s; pressure_Pa (pitot, zero corrected), rho, height_m, power_W, load_factor, GPS; NaN in gaps
+    table : index t_s; pressure_Pa (pitot, zero corrected), rho, height_m, power_W, load_factor, motor_revps, GPS;
+        NaN in gaps
     airborne : slices of rows          flown : the same as an array (n,)
     zero_sigma_Pa : standard deviation of the pitot's zero          rho_sigma : of density, relative
     idle_power_W : drawn from the battery with the motor off
@@ -116,7 +117,7 @@ def _columns(channels: Mapping[str, Channel], t_s: Array) -> dict[str, Array]:
         "power_W": column(recording.VOLTAGE) * np.maximum(column(recording.CURRENT), 0.0),
         "load_factor": -column(recording.FORCE_Z, LOAD_S) / g,
     }
-    return columns | {name: column(name) for name in recording.GPS}
+    return columns | {name: column(name) for name in (*recording.GPS, recording.MOTOR)}
 
 
 def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: bool) -> tuple[BoolArray, BoolArray]:
@@ -129,7 +130,8 @@ def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: 
     standing = pressure - low < least_Pa / 2
     if has_gps:
         standing &= np.nan_to_num(ground_speed, nan=np.inf) < STANDING_MPS
-    known_zero = 0.0 if zeroed and (low > least_Pa or not standing.any()) else low
+    on_ground = has_gps and standing.sum() * STEP_S >= ZERO_BLOCK_S
+    known_zero = 0.0 if zeroed and not on_ground and (low > least_Pa or not standing.any()) else low
     # Airborne all along: the lowest reading is a flown one, and the zero is the autopilot's.
     standing &= pressure - known_zero < least_Pa / 2
     moving = pressure - known_zero > least_Pa

@@ -102,10 +102,19 @@ class Autoregression(NamedTuple):
 
 def score_covariance(fit: Fit, spectrum: Spectrum, size: int) -> Array:
     """Covariance (m, m) of the likelihood's gradient: sum_i sum_j S_i' Gamma(i-j) S_j, of whitened sensitivities."""
+    return _score_covariance(fit, _convolutions(fit, spectrum, size))
+
+
+def _convolutions(fit: Fit, spectrum: Spectrum, size: int) -> list[Array]:
+    """By segment, `convolved` sensitivities (n, outputs, unknowns)."""
+    return [convolved(spectrum, segment_fit.white.S, size) for segment_fit in fit.segment_fits]
+
+
+def _score_covariance(fit: Fit, convolutions: list[Array]) -> Array:
     total = np.zeros_like(fit.information)
-    for segment_fit in fit.segment_fits:
+    for segment_fit, convolution in zip(fit.segment_fits, convolutions, strict=True):
         S, columns = segment_fit.white.S, segment_fit.columns
-        total[np.ix_(columns, columns)] += np.einsum("koi,koj->ij", S, convolved(spectrum, S, size))
+        total[np.ix_(columns, columns)] += np.einsum("koi,koj->ij", S, convolution)
     return (total + total.T) / 2
 
 
@@ -115,12 +124,12 @@ def absorbed_autocorrelation(fit: Fit, spectrum: Spectrum, size: int, lags: int)
     The residuals are (1 - H) times the noise, with H = S D S'. Their covariance is that of the noise, O, minus
     H O + O H - H O H. The sums over its diagonals use the factors (n, outputs, unknowns), not the (n, n) matrices.
     """
-    D = fit.covariance
-    DMD = D @ score_covariance(fit, spectrum, size) @ D
+    D, convolutions = fit.covariance, _convolutions(fit, spectrum, size)
+    DMD = D @ _score_covariance(fit, convolutions) @ D
     absorbed = np.zeros((lags, *spectrum.shape[1:]))
-    for segment_fit in fit.segment_fits:
+    for segment_fit, convolution in zip(fit.segment_fits, convolutions, strict=True):
         S, own = segment_fit.white.S, np.ix_(segment_fit.columns, segment_fit.columns)
-        factors = (convolved(spectrum, S, size), S @ D[own], S, S @ DMD[own])
+        factors = (convolution, S @ D[own], S, S @ DMD[own])
         O_S, S_D, S_, S_DMD = (factor.transpose(1, 0, 2) for factor in factors)
         for k in range(min(lags, len(S))):
             absorbed[k] += _lagged_product(S_D, O_S, k) + _lagged_product(O_S, S_D, k) - _lagged_product(S_DMD, S_, k)

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from analysis.estimation import starts
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit, FitStatus, Verdict
+from analysis.estimation.hints import innovation_hints
 from analysis.estimation.innovations import InnovationsLikelihood, not_finite
 from analysis.estimation.kalman_filter import build_filter
 from analysis.estimation.model import Model
@@ -163,6 +164,7 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
             max_iterations,
             STEP_TOLERANCE,
             lambda at: bool(likelihood.negligible(at)),  # noqa: B023
+            secant=True,
         )
         iterations += more
         dropped = likelihood.negligible(point)
@@ -219,4 +221,4 @@ def _verdict(fit: Fit, intensities: dict[str, Intensity], negligible: Mapping[st
     insignificant = [state for state, intensity in intensities.items() if intensity.p_value >= SIGNIFICANCE_LEVEL]
     if insignificant:
         text += f"; process noise of {', '.join(insignificant)} is not significant"
-    return fit.verdict._replace(text=text)
+    return fit.verdict._replace(text=text, hints=innovation_hints(fit))

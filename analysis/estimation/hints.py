@@ -1,4 +1,4 @@
-"""What else the verdict on an output-error fit should say: residuals that are not white, outliers, instability."""
+"""What else the verdict on a fit should say: residuals that are not white, outliers, instability."""
 
 import math
 
@@ -12,6 +12,13 @@ Array = NDArray[np.float64]
 # Lag-one correlation of residuals, in standard deviations of that of white noise (1/sqrt(n)), above which they are
 # called colored: one white record in a thousand.
 NOT_WHITE = 3.3
+RESIDUALS_NOT_WHITE = (
+    "the model lacks something, process noise acts, or this is a false optimum; compare starts.estimate and"
+    " filter_error, and use uncertainty.morelli_klein"
+)
+INNOVATIONS_NOT_WHITE = (
+    "the model lacks something, process noise acts on other states too, or it is colored (give it a state of its own)"
+)
 OUTLIER = 6.0  # in standard deviations of the residuals
 LARGE_GROWTH = 1e3  # of an error within a segment, above which output error finds optima hardly or not at all
 SAMPLES = 20  # of each segment, at which the eigenvalues are computed
@@ -26,7 +33,12 @@ def hints_of(fit: Fit) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _colored(fit: Fit) -> list[str]:
+def innovation_hints(fit: Fit) -> tuple[str, ...]:
+    """One sentence if the innovations of filter error are not white."""
+    return tuple(_colored(fit, INNOVATIONS_NOT_WHITE))
+
+
+def _colored(fit: Fit, explanation: str = RESIDUALS_NOT_WHITE) -> list[str]:
     outputs = len(fit.model.outputs)
     products, squares, pairs = np.zeros(outputs), np.zeros(outputs), np.zeros(outputs)
     for segment_fit in fit.segment_fits:
@@ -40,11 +52,7 @@ def _colored(fit: Fit) -> list[str]:
         return []
     names = [name for name, is_colored in zip(fit.model.outputs, colored, strict=True) if is_colored]
     largest = np.abs(lag_one[colored]).max()
-    return [
-        f"residuals of {', '.join(names)} are not white (lag-one correlation up to {largest:.2f}): the model lacks"
-        " something, process noise acts, or this is a false optimum; compare starts.estimate and filter_error, and use"
-        " uncertainty.morelli_klein"
-    ]
+    return [f"residuals of {', '.join(names)} are not white (lag-one correlation up to {largest:.2f}): {explanation}"]
 
 
 def _outliers(fit: Fit) -> list[str]:

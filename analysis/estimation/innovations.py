@@ -94,12 +94,15 @@ class InnovationsLikelihood:
             S = np.where(present[:, :, None], -innovations.d_e / sigma[:, :, None], 0.0)
             d_ln_s = np.where(present[:, :, None], innovations.d_ln_s, 0.0).reshape(-1, len(own))
             flat = S.reshape(-1, len(own))
-            cost += float(np.sum(e**2) + np.sum(innovations.ln_s[present])) / 2
-            g[own] += flat.T @ e.ravel() + d_ln_s.T @ (e.ravel() ** 2 - 1) / 2
-            # A normal variable with mean mu and variance s has the information mu'^2/s + (ln s)'^2/2.
-            variance_part = d_ln_s.T @ d_ln_s / 2
-            H[np.ix_(own, own)] += flat.T @ flat + variance_part
-            of_variances[np.ix_(own, own)] += variance_part
+            with np.errstate(over="ignore", invalid="ignore"):
+                cost += float(np.sum(e**2) + np.sum(innovations.ln_s[present])) / 2
+                g[own] += flat.T @ e.ravel() + d_ln_s.T @ (e.ravel() ** 2 - 1) / 2
+                # A normal variable with mean mu and variance s has the information mu'^2/s + (ln s)'^2/2.
+                variance_part = d_ln_s.T @ d_ln_s / 2
+                H[np.ix_(own, own)] += flat.T @ flat + variance_part
+                of_variances[np.ix_(own, own)] += variance_part
+            if not (np.isfinite(cost) and np.isfinite(g).all() and np.isfinite(H).all()):
+                return nowhere(theta)
             residuals = np.where(present, innovations.e, np.nan)
             white = Whitened(e, np.ones_like(e), S, present)
             response = Response(innovations.x, innovations.y, -innovations.d_e)

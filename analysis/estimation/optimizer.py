@@ -29,6 +29,7 @@ NEAR = 0.25
 # information matrix; further from the optimum it may be indefinite.
 SMALLEST_CURVATURE = 1e-2
 SINGULAR = 1e-11  # eigenvalues of the scaled information matrix below this are rounding errors
+SMALLEST_PRODUCT = 1e-8  # of a secant's terms, relative to their norms: below it the update would be rounding
 HALVINGS = 3  # of a step before the damping is increased
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
 NO_STEP = "no step, however short, improves the likelihood any more"
@@ -96,13 +97,16 @@ def maximize(
     max_iterations: int,
     step_tolerance: float = STEP_TOLERANCE,
     stop: Callable[[Evaluation], bool] | None = None,
+    secant: bool = False,
 ) -> tuple[Evaluation, int, str]:
     """Maximize the likelihood from `point`, to the optimum or the first point at which `stop` is true.
 
+    secant : correct the curvature by the changes of the gradient over the steps near the optimum
     Returns the last point, the number of iterations, and "" or the reason why the point is not the optimum.
     """
     problem = likelihood.problem
     damping, length = 0.0, np.inf
+    correction = np.zeros_like(point.information)
     values = sum(fit.white.present.sum() for fit in point.segment_fits)
     for iteration in range(1, max_iterations + 1):
         H = point.information + np.diag(problem.prior_information)
@@ -113,7 +117,7 @@ def maximize(
         moving = np.flatnonzero(~held)
         if not len(moving):
             return point, iteration, ""
-        eigen = _step_matrix(likelihood, point, moving, length < NEAR * np.sqrt(values))
+        eigen = _step_matrix(likelihood, point, correction, moving, length < NEAR * np.sqrt(values))
         gain = point.gradient[moving] @ eigen.step(point.gradient[moving], 0.0)
         if gain < ROUNDING * abs(point.cost):
             return point, iteration, ""
@@ -125,6 +129,9 @@ def maximize(
         step = new.theta - point.theta
         length = np.sqrt(max(float(step @ H @ step), 0.0))
         change = abs(new.ln_det_R - point.ln_det_R)
+        if secant and length < NEAR * np.sqrt(values):
+            H = new.information + np.diag(problem.prior_information)
+            correction = _secant(correction, step, point.gradient - new.gradient, H)
         point = new._replace(costs=(*point.costs, float(point.cost)))
         if stop is not None and stop(point):
             return point, iteration, ""
@@ -133,17 +140,44 @@ def maximize(
     return point, max_iterations, f"{max_iterations} iterations were not enough"
 
 
-def _step_matrix(likelihood: Likelihood, point: Evaluation, moving: NDArray[np.intp], near: bool) -> _EigenSystem:
+def _secant(correction: Array, step: Array, change: Array, H: Array) -> Array:
+    """The symmetric rank-one update of the correction, after which (H + correction) step = change of the gradient.
+
+    If the sum has too small an eigenvalue, the steps before are forgotten. Reference: Nocedal & Wright, Numerical
+    Optimization, 2nd ed., sec. 6.2.
+    """
+    zero = np.zeros_like(correction)
+    scale = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
+    for before in (correction, zero):
+        missing = change - (H + before) @ step
+        product = missing @ step
+        if abs(product) <= SMALLEST_PRODUCT * np.linalg.norm(missing / scale) * np.linalg.norm(step * scale):
+            return before
+        updated: Array = before + np.outer(missing, missing) / product
+        if _convex(H + updated, _EigenSystem.of(H)) is not None:
+            return updated
+    return zero
+
+
+def _convex(curvature: Array, eigen: _EigenSystem) -> _EigenSystem | None:
+    """The eigensystem of the curvature if its smallest eigenvalue is large enough. eigen : of the information."""
+    if (np.diag(curvature) > 0).all():
+        of_curvature = _EigenSystem.of(curvature)
+        if of_curvature.values[0] > SMALLEST_CURVATURE * eigen.values[0] > 0:
+            return of_curvature
+    return None
+
+
+def _step_matrix(
+    likelihood: Likelihood, point: Evaluation, correction: Array, moving: NDArray[np.intp], near: bool
+) -> _EigenSystem:
     """The matrix of the Newton step of the unknowns `moving`: the curvature of the cost, or the information matrix."""
     block = np.ix_(moving, moving)
     prior = np.diag(likelihood.problem.prior_information)
     eigen = _EigenSystem.of((point.information + prior)[block])
     if near:
-        curvature = (likelihood.curvature(point) + prior)[block]
-        if (np.diag(curvature) > 0).all():
-            of_curvature = _EigenSystem.of(curvature)
-            if of_curvature.values[0] > SMALLEST_CURVATURE * eigen.values[0] > 0:
-                return of_curvature
+        curvature = (likelihood.curvature(point) + correction + prior)[block]
+        return _convex(curvature, eigen) or eigen
     return eigen
 
 
@@ -157,7 +191,7 @@ def _improve(
         step = eigen.step(point.gradient[moving], damping)
         for halving in range(HALVINGS + 1):
             theta = point.theta.copy()
-            theta[moving] += np.clip(step, -largest, largest) / 2**halving
+            theta[moving] += _limited(step, largest) / 2**halving
             new = likelihood.evaluate(np.clip(theta, problem.lower, problem.upper))
             if new.cost <= point.cost:
                 if halving == 0:
@@ -165,6 +199,22 @@ def _improve(
                 return new, damping
         damping = max(10 * damping, FIRST_DAMPING)
     return None, damping
+
+
+def _limited(step: Array, largest: Array) -> Array:
+    """The step, with changes of ln sigma (those with a largest step) corrected for the shape of the likelihood.
+
+    Of a standard deviation alone, Gauss-Newton's step of ln sigma is (r - 1)/2, where r is the mean square of the
+    residuals relative to sigma^2. The optimum is (ln r)/2 away.
+    """
+    logarithmic = np.isfinite(largest)
+    if not logarithmic.any():
+        return step
+    limit = largest[logarithmic]
+    ratio = np.maximum(1 + 2 * step[logarithmic], np.exp(-2 * limit))
+    limited = step.copy()
+    limited[logarithmic] = np.minimum(np.log(ratio) / 2, limit)
+    return limited
 
 
 def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_stopped: str) -> Fit:

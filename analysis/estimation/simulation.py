@@ -162,7 +162,6 @@ def build_simulator(
     names = [q.name for q in model.parameters]
     states, unknowns = len(model.states), len(free) + len(model.states)
     x = ca.SX.sym("x", states)
-    S = ca.SX.sym("S", states, unknowns)
     late = len(model.delays)
     given0, given1 = (ca.SX.sym(name, len(model.inputs) + late) for name in ("u0", "u1"))
     delays_s = ca.SX.sym("delays", late)
@@ -183,7 +182,9 @@ def build_simulator(
     def xdot(x: Any, u: Any) -> Any:
         return ca.vertcat(*model.evaluate_dynamics(ca.vertsplit(x), ca.vertsplit(u), ca.vertsplit(p)))
 
-    def total_derivative(expression: Any) -> Any:
+    all_S = ca.SX.sym("S", states, unknowns)
+
+    def total_derivative(expression: Any, S: Any) -> Any:
         """To all unknowns, directly and through the state: de/dtheta = partial e/partial theta + de/dx S."""
         over_parameters = ca.jacobian(expression, p_free)
         over_initial_state = ca.SX(expression.shape[0], states)
@@ -194,13 +195,16 @@ def build_simulator(
         y = ca.vertcat(*model.evaluate_outputs(ca.vertsplit(x), ca.vertsplit(u0), ca.vertsplit(p)))
     except (TypeError, NotImplementedError, RuntimeError) as error:
         raise not_differentiable(model, error) from None
+    x_next, y = ca.cse(x_next), ca.cse(y)  # before their derivatives are built: a third fewer instructions
+    # The state does not depend on a parameter of the outputs alone: these columns of S remain zero.
+    moves_state = [bool(ca.which_depends(x_next, q)[0]) for q in ca.vertsplit(p_free)] + states * [True]
+    S = ca.horzcat(*(all_S[:, k] if moves else ca.SX(states, 1) for k, moves in enumerate(moves_state)))
+    following = ca.densify(ca.vertcat(x_next, ca.vec(total_derivative(x_next, S))))
+    observed = ca.densify(ca.vertcat(y, x, ca.vec(total_derivative(y, S))))
     step = ca.Function(
         "step",
-        [ca.vertcat(x, ca.vec(S)), ca.vertcat(given0, given1, delays_s), p, h],
-        [
-            ca.densify(ca.vertcat(x_next, ca.vec(total_derivative(x_next)))),
-            ca.densify(ca.vertcat(y, x, ca.vec(total_derivative(y)))),
-        ],
+        [ca.vertcat(x, ca.vec(all_S)), ca.vertcat(given0, given1, delays_s), p, h],
+        ca.cse([following, observed]),
     )
     check_symbols(model, step)
     return Simulator(model, free, step)

@@ -19,6 +19,7 @@ td.t { font-size: 15pt; font-weight: 800; white-space: nowrap; text-align: right
 .steps { font-weight: 500; }
 .stall { border: 2.5pt solid #000; padding: 1.2mm 2mm; font-weight: 700; }
 .widths td, .widths th { text-align: center; }
+@media screen { body { padding: 3mm; } }
 ul { margin: 0; padding-left: 5mm; font-size: 10.5pt; font-weight: 500; }
 """.strip()
 
@@ -42,11 +43,13 @@ def card(plan: FlightPlan, name: str) -> str:
     halves = "".join(f"<td>{escape(half)}</td>" for _, half in widths)
     lost = "".join(f"<li>{escape(line)}</li>" for line in texts.losses(plan))
     return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(name)}: flying card</title>'
-        f"<style>{STYLE}</style></head><body>\n<h1>{escape(name)}: {minutes} min {seconds:02d} s</h1>\n"
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(name)}: flying card</title><style>{STYLE}</style></head><body>\n"
+        f"<h1>{escape(name)}: {minutes} min {seconds:02d} s</h1>\n"
         f'<p>{escape(head)}</p>\n<p class="stall">{escape(texts.margin(plan))}</p>\n<table>{lines}</table>\n'
-        f'<table class="widths"><tr><th>speed</th>{speeds}</tr><tr><th>95 % of power</th>{halves}</tr></table>\n'
-        f"<ul>{lost}</ul>\n</body></html>\n"
+        f'<table class="widths"><tr><th>speed</th>{speeds}</tr><tr><th>power, 95 %</th>{halves}</tr></table>\n'
+        f"<p>At the worst speed:</p>\n<ul>{lost}</ul>\n</body></html>\n"
     )
 
 

@@ -1,4 +1,4 @@
-"""What earlier flights know: drag for the plan, and information about the sensor errors of the installation."""
+"""What a plan takes from earlier flights: drag, and information about the sensor errors of the installation."""
 
 from collections.abc import Sequence
 from pathlib import Path

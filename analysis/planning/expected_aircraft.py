@@ -25,7 +25,8 @@ class ExpectedAircraft:
     """Speeds, drag and thrust that a plan is computed with, at the height of the flight.
 
     A : (3,) drag polar C_D = A0 + A1 C_L + A2 C_L^2       rho : air density [kg/m^3]
-    stall_mps, fastest_mps : level flight, wings level      basis : where these come from, in words
+    stall_mps, fastest_mps : level flight, wings level      basis : where drag and thrust come from, in words
+    stall_basis : where the stall speed comes from, in words
     """
 
     aircraft: Aircraft
@@ -35,6 +36,7 @@ class ExpectedAircraft:
     stall_mps: float
     fastest_mps: float
     basis: str
+    stall_basis: str
     _grid_V: Array = field(repr=False)
     _grid_thrust_N: Array = field(repr=False)  # (throttles, speeds)
 
@@ -99,9 +101,9 @@ def expected_aircraft(
     if stall_mps is None:
         S = aircraft.geometry.wing_area_m2
         stall_mps = float(np.sqrt(2 * aircraft.mass.weight_N / (rho * S * LARGEST_CL)))
-        basis.append(f"a largest lift coefficient of {LARGEST_CL}: give --stall if you know better")
+        stall_basis = f"assumed from a largest lift coefficient of {LARGEST_CL}"
     else:
-        basis.append("the stall speed given")
+        stall_basis = "as given"
     V = np.linspace(0.8 * stall_mps, 4.5 * stall_mps, SPEEDS)
     if aircraft.has(*(f"propulsion.{key}" for key in MOTOR)):
         thrust, motor = _motor_thrust(aircraft, propeller, V, rho), "the motor of the aircraft file"
@@ -115,8 +117,8 @@ def expected_aircraft(
             raise InputError(f"{aircraft.name}: full throttle does not carry the aircraft; check propeller and motor")
         i = int(can[-1])
         fastest_mps = float(V[i] if i + 1 == len(V) else np.interp(0.0, -excess[i : i + 2], V[i : i + 2]))
-    basis.append(motor)
-    return ExpectedAircraft(aircraft, propeller, rho, A, stall_mps, fastest_mps, "; ".join(basis), V, thrust)
+    basis_text = "; ".join([*basis, motor])
+    return ExpectedAircraft(aircraft, propeller, rho, A, stall_mps, fastest_mps, basis_text, stall_basis, V, thrust)
 
 
 MOTOR = ("motor_kv_rpm_per_volt", "motor_resistance", "motor_no_load_current", "battery_voltage")

@@ -1,7 +1,8 @@
-"""What a flight will tell, before it is flown: the estimator's own equations, linearized along the expected flight.
+"""The expected covariance of a flight before it is flown: the estimator's equations, linearized along that flight.
 
 The covariance of the sensor errors, the sensitivity of the trajectory and the random errors of the states are those of
-`analysis.trajectory`, at the gust intensity expected; drag is regressed as in `analysis.drag.dynamic`. Residuals are
+`analysis.trajectory`, at the gust intensity expected; drag is regressed as in `analysis.drag.dynamic`, and its noise is
+that of `analysis.drag.state_errors`: by errors of the states, and by what else the residuals contain. The latter is
 taken as white, of the size that flights of this kind have shown.
 """
 
@@ -14,22 +15,24 @@ from numpy.typing import NDArray
 
 from analysis.drag import consider, covariance
 from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
+from analysis.drag.state_errors import STATE_STEP
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import Maneuver
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.time_history import TimeHistory
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
 from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.reconstruction import DRAWS, Trajectory
+from analysis.trajectory.reconstruction import DRAWS, Trajectory, with_gust_length
 from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 
 Array = NDArray[np.float64]
 
 VERTICAL_OVER_W20 = 0.1  # sigma_w over the wind 20 ft above the ground (MIL-F-8785C sec. 3.7.3.4)
 CALM_GUST_MPS = 0.0125
-# Residuals of drag over mass, as white noise of means over 0.2 s with the same effect on the polar as the colored ones
-# of simulated flights: gusts [m/s, 1 sigma], residuals [m/s^2].
-RESIDUALS = ((0.0, 0.15, 0.75), (0.05, 0.075, 0.09))
+# Residuals of drag over mass, means over 0.2 s, in simulated flights: gusts [m/s, 1 sigma], residuals [m/s^2]. Errors
+# of the states make part of them; the rest has the effect on the polar of white noise of this share (`state_errors`).
+RESIDUALS = ((0.0, 0.15, 0.75), (0.029, 0.040, 0.060))
+REST_SHARE = 0.8
 
 
 class Expected(NamedTuple):
@@ -70,19 +73,29 @@ def _linearized(history: TimeHistory, gust_mps: float, alpha_scale_sigma: float)
     return _Linearized(problem, x, errors, inputs, step)
 
 
-def sensor_error_covariance(history: TimeHistory, gust_mps: float, *, alpha_scale_sigma: float) -> Array:
+def sensor_error_covariance(
+    history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
+) -> Array:
     """Covariance (m, m) of the sensor errors after a flight like this: the part of `expected` that takes least time."""
-    return _linearized(history, gust_mps, alpha_scale_sigma).step.covariance
+    return _sensor_errors(_linearized(history, gust_mps, alpha_scale_sigma), aircraft, gust_mps)
 
 
-def linearized_trajectory(history: TimeHistory, gust_mps: float, *, alpha_scale_sigma: float) -> Trajectory:
+def _sensor_errors(linearized: _Linearized, aircraft: ExpectedAircraft, gust_mps: float) -> Array:
+    gust_length = aircraft.aircraft.uncertainty.gust_length
+    return with_gust_length(linearized.step.covariance, linearized.problem.error_sigma, gust_mps, gust_length)
+
+
+def linearized_trajectory(
+    history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
+) -> Trajectory:
     """The trajectory that the estimator would find without noise, with its covariance and sensitivities."""
-    problem, x, errors, inputs, step = _linearized(history, gust_mps, alpha_scale_sigma)
+    linearized = _linearized(history, gust_mps, alpha_scale_sigma)
+    problem, x, errors, inputs, step = linearized
     actual = replace(inputs, predicted_inputs=inputs.measurement_inputs)
     return Trajectory(
         states=pd.DataFrame(x, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
         sensor_errors=errors,
-        covariance=step.covariance,
+        covariance=_sensor_errors(linearized, aircraft, gust_mps),
         prior_sigma=problem.error_sigma,
         states_given_errors=step.conditional,
         state_sensitivity=step.conditional.state_sensitivity(problem.equations.linearize(x, errors, actual)),
@@ -99,7 +112,7 @@ def expected(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
 ) -> Expected:
     """Covariances of the sensor errors and of the drag polar after a flight like this."""
-    trajectory = linearized_trajectory(history, gust_mps, alpha_scale_sigma=alpha_scale_sigma)
+    trajectory = linearized_trajectory(history, aircraft, gust_mps, alpha_scale_sigma=alpha_scale_sigma)
     runs, _ = find_runs(history.table)
     forces = FlightForces(trajectory, aircraft.aircraft, aircraft.propeller)
     states, errors = trajectory.states.to_numpy(), trajectory.sensor_errors
@@ -112,24 +125,32 @@ def expected(
 
     residual_mps2 = float(np.interp(gust_mps, *RESIDUALS))
 
-    def normal(f: pd.DataFrame) -> tuple[Array, Array]:
+    def regression(f: pd.DataFrame) -> tuple[Array, Array]:
+        """Regressors (n, 6) and drag over mass (n,) inside the runs, over the residuals' size."""
         f = f[inside]
         qS, CL = f["qS_over_m_mps2"].to_numpy(), f["CL"].to_numpy()
         T = f["thrust_along_V_over_m_mps2"].to_numpy()
         X = np.column_stack(
             [qS, qS * CL, qS * CL**2, -T, -T * (f["J"].to_numpy() - J_REFERENCE), -f["thrust_beyond_over_m_mps2"]]
         )
-        z = qS * f["CD"].to_numpy()
-        return X.T @ X / residual_mps2**2 + prior, X.T @ z / residual_mps2**2
+        return X / residual_mps2, qS * f["CD"].to_numpy() / residual_mps2
+
+    def normal(f: pd.DataFrame) -> tuple[Array, Array]:
+        X, z = regression(f)
+        return X.T @ X + prior, X.T @ z
 
     def values(states: Array, errors: Array, aircraft_forces: FlightForces = forces) -> Array:
         return np.asarray(np.linalg.solve(*normal(aircraft_forces.forces(states, errors))))
 
-    fit = values(states, errors)
-    noise = np.linalg.inv(normal(along)[0])[:3, :3]
-    for draw in trajectory.draws:
-        change = (values(states + draw, errors) - fit)[:3]
-        noise = noise + np.outer(change, change) / len(trajectory.draws)
+    fit, D = values(states, errors), np.linalg.inv(normal(along)[0])
+    S, z = regression(along)
+    gradient = np.zeros((*states.shape, len(fit)))
+    for i, step in enumerate(STATE_STEP * np.eye(states.shape[1])):
+        X, moved_z = regression(forces.forces(states + step, errors))
+        gradient[inside, i] = (moved_z - X @ fit - z + S @ fit)[:, None] * S / STATE_STEP
+    by_states = D @ trajectory.states_given_errors.covariance_of(gradient) @ D
+    by_rest = D @ (REST_SHARE**2 * S.T @ S + prior) @ D
+    noise = (by_states + by_rest)[:3, :3]
     shared = np.empty((3, len(SENSOR_ERRORS)))
     for j, sigma in enumerate(np.sqrt(np.diag(trajectory.covariance))):
         error = np.zeros(len(SENSOR_ERRORS))

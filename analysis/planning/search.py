@@ -175,13 +175,15 @@ def _increment(
         errors, polar = found.errors, _gain(found.noise, base.noise) / REPEATED
     else:
         history = _history(flown, aircraft, request)
-        errors = sensor_error_covariance(history, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+        errors = sensor_error_covariance(
+            history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma
+        )
         seconds, polar = len(history.table) * STEP_S, np.zeros((3, 3))
     return _Increment((seconds - base_seconds) / REPEATED, _gain(errors, base.errors) / REPEATED, polar)
 
 
 def _gain(after: Array, before: Array) -> Array:
-    """Difference of two information matrices, without its negative part, which is rounding and chance of draws."""
+    """Difference of two information matrices, without its negative part, which comes from rounding and random draws."""
     scale = np.sqrt(np.diag(before))
     gain = np.linalg.inv(after / np.outer(scale, scale)) - np.linalg.inv(before / np.outer(scale, scale))
     values, vectors = np.linalg.eigh((gain + gain.T) / 2)

@@ -54,7 +54,8 @@ def _words(maneuver: Maneuver) -> str:
             return f"{size} at {speed_mps:.1f} m/s, bank {degrees(bank_rad):.0f}°"
         case Run(throttle, ramp_s, until_mps, longest_s):
             return (
-                f"throttle to {100 * throttle:.0f} % over {ramp_s:.0f} s until {until_mps:.1f} m/s ({longest_s:.0f} s)"
+                f"throttle to {100 * throttle:.0f} % over {ramp_s:.0f} s until {until_mps:.1f} m/s"
+                f" (at most {longest_s:.0f} s)"
             )
         case Porpoise():
             return (
@@ -72,10 +73,10 @@ def margin(plan: FlightPlan) -> str:
     stall, kt = plan.aircraft.stall_mps, plan.request.wind_kt
     slow = slowest_mps(plan.aircraft, kt)
     return (
-        f"Stall at {stall:.1f} m/s (from {plan.aircraft.basis.split(';')[1].strip()}). Nothing is planned below"
-        f" {slow:.1f} m/s, {100 * (slow / stall - 1):.0f} % above it, where decelerations end; nothing is held below"
-        f" {HELD_MARGIN * slow:.1f} m/s, {100 * (HELD_MARGIN * slow / stall - 1):.0f} % above. The margin is"
-        f" {100 * (MARGIN - 1):.0f} % in still air and {MARGIN_PER_KT * 100:.1f} % more for each knot."
+        f"Stall at {stall:.1f} m/s ({plan.aircraft.stall_basis}). Nothing slower than {slow:.1f} m/s is planned"
+        f" ({100 * (slow / stall - 1):.0f} % above the stall; decelerations end there), and no speed below"
+        f" {HELD_MARGIN * slow:.1f} m/s is held ({100 * (HELD_MARGIN * slow / stall - 1):.0f} % above). The margin is"
+        f" {100 * (MARGIN - 1):.0f} % in still air and {MARGIN_PER_KT * 100:.1f} % more for each knot of wind."
     )
 
 
@@ -102,7 +103,7 @@ def losses(plan: FlightPlan) -> list[str]:
         )
     if plan.worst_with_porpoising is not None:
         found.append(
-            "An autopilot's mission cannot porpoise. A pilot who does, in the same time, is promised"
+            "An autopilot's mission cannot porpoise. With porpoising by a pilot, in the same time:"
             f" ±{plan.worst_with_porpoising:.1f} % instead of ±{worst:.1f} %."
         )
     return found

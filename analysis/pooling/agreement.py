@@ -43,7 +43,7 @@ _NO_REASON = (
 
 
 class Difference(NamedTuple):
-    """One flight less a pool: difference (M,) and its covariance (M, M).
+    """One flight minus a pool: difference (M,) and its covariance (M, M).
 
     p, p_installation : probability of a larger difference of the polar, and of the errors of the installation
     """
@@ -68,7 +68,7 @@ class Test(NamedTuple):
 
 
 def differences_in_pool(stack: FlightStack, pool: JointEstimate) -> list[Difference]:
-    """Each flight less the pool that it is part of."""
+    """Each flight minus the pool that it is part of."""
     (W,) = pool.influences
     by_others = np.einsum("fij,fjk,flk->il", W, stack.own_covariance, W, optimize=True)
     # Of flight f less W_f of the same errors: (1 - W) C (1 - W)' instead of W C W'.
@@ -78,7 +78,7 @@ def differences_in_pool(stack: FlightStack, pool: JointEstimate) -> list[Differe
 
 
 def differences_to_others(stack: FlightStack, prior: Prior) -> list[Difference]:
-    """Each flight less the pool of all others, of two flights or more."""
+    """Each flight minus the pool of all others, of two flights or more."""
     n = len(stack.values)
     found = []
     for i in range(n):

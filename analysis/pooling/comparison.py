@@ -34,7 +34,7 @@ _N_POLAR, _N_THRUST = len(POLAR), len(THRUST)
 
 @dataclass(frozen=True)
 class Comparison:
-    """Power of B less power of A at one weight and density, arrays (n,) at speeds_mps.
+    """Power of B minus power of A at one weight and density, arrays (n,) at speeds_mps.
 
     difference_percent, half_width_percent : of the power of A, with its 95 % interval
     independent_half_width_percent : what it would be if the two shared no error
@@ -205,7 +205,7 @@ def _half_width(J: Array, C: Array) -> Array:
 
 
 def _comparison_json(comparison: Comparison) -> dict[str, Any]:
-    """Plain values only; B less A, in percent of A."""
+    """Plain values only; B minus A, in percent of A."""
     c = comparison
     rows = zip(
         c.speeds_mps.tolist(), c.power_a_W.tolist(), c.power_b_W.tolist(), c.difference_percent.tolist(),

@@ -140,9 +140,10 @@ def check_one_aircraft(flights: Sequence[FlightStatistics]) -> None:
             ),
             (
                 first.probe_calibration != other.probe_calibration,
-                "two calibrations of the probe",
+                "two calibrations of the probe or its transducers",
                 (first.probe_calibration, other.probe_calibration),
-                "analyze both logs with one calibration (`--probe`), or pool each alone and compare the two pools",
+                "analyze both logs with one calibration (`--probe`, `--transducers`), or pool each alone and compare"
+                " the two pools",
             ),
         ):
             if differs:

@@ -14,6 +14,7 @@ from analysis.files import write_file
 from analysis.report.answers import HeadlineAnswer, interval_text, optimum_speed_text
 from analysis.report.figures import electrical as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
+from analysis.report.sections.autopilot import autopilot_section
 from analysis.report.sections.provenance import electrical_facts
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
@@ -108,6 +109,9 @@ def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, b
         curve=_curve_table(results),
         shared_part=_shared_part(found),
         withheld=found.withheld,
+        autopilot=autopilot_section(results),
+        drag=_drag_table(results),
+        thrust_basis=found.thrust_basis,
         air=_air(found),
         balance=(
             f"Useful power less that of drag and of the change of energy, {found.residual_W:.0f} W rms over"
@@ -131,6 +135,26 @@ def _curve_table(results: Results) -> HtmlTable:
         ],
         numbers=True,
     )
+
+
+def _drag_table(results: Results) -> HtmlTable | None:
+    """None where thrust is not known."""
+    required, found = results.power_required, results.electrical
+    if not required or found is None:
+        return None
+    shaft = {p.speed_mps: p for p in found.shaft_power}
+    return HtmlTable(
+        ("speed, m/s", "power required, W", "95 % interval, W", "drag, N", "shaft power, W"),
+        [
+            (
+                f"{p.speed_mps:.1f}", f"{p.power_W:.0f}", f"{p.power_lo_W:.0f} to {p.power_hi_W:.0f}",
+                f"{p.power_W / p.speed_mps:.2f}",
+                f"{shaft[p.speed_mps].power_W:.0f}" if p.speed_mps in shaft else "",
+            )
+            for p in required[:: max(1, len(required) // CURVE_ROWS)]
+        ],
+        numbers=True,
+    )  # fmt: skip
 
 
 def _shared_part(found: ElectricalResult) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from analysis.report.figures.figure import Figure
 from analysis.report.html_page import html_figure, render_page
+from analysis.report.sections.autopilot import autopilot_section
 from analysis.report.sections.certainty import certainty_section
 from analysis.report.sections.curve import curve_section
 from analysis.report.sections.flight import flight_section
@@ -39,6 +40,7 @@ def render(
         curve=curve_section(results),
         flight=flight_section(results),
         sensors=sensors_section(results),
+        autopilot=autopilot_section(results),
         figures={name: html_figure(figure, name) for name, figure in figures.items()},
         run_fits=[html_figure(figure, f"fit-{i}") for i, figure in enumerate(run_fits)],
     )

@@ -1,14 +1,10 @@
 """The page of several flights together, from the content of their pooled results.json (docs/pooling.md)."""
 
-import base64
-import gzip
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
 import numpy as np
-from plotly.offline import get_plotlyjs
 
 from analysis.report.answers import HeadlineAnswer
 from analysis.report.figures import pooled as figures
@@ -52,7 +48,6 @@ def render_pooled(pooled: Content) -> str:
         drawn["against_pool"] = figures.against_pool(flights, middle)
     return render_page(
         "pooled.html",
-        plotly_gzip=plotly_gzip(),
         title=f"{pooled['aircraft']['title']}: power required, {count(len(flights), 'flight')}",
         condition=_condition(pooled["test"], pooled["aircraft"]["propeller"], pooled["installation"]),
         answers=pooled_answers(pooled),
@@ -95,7 +90,6 @@ def render_electrical_flights(content: Content) -> str:
     figure = figures.electrical_power(flights)
     return render_page(
         "electrical_flights.html",
-        plotly_gzip=plotly_gzip(),
         title=f"Electrical power of level flight, {count(len(flights), 'flight')}",
         figures={"power": html_figure(figure, "power")},
         flights=rows,
@@ -109,7 +103,6 @@ def render_comparison(comparison: Content) -> str:
     figure = figures.difference(comparison)
     return render_page(
         "comparison.html",
-        plotly_gzip=plotly_gzip(),
         title=f"{comparison['b']['name']} against {comparison['a']['name']}",
         condition=_condition(comparison["test"], "", ""),
         text=comparison["text"],
@@ -179,10 +172,9 @@ def comparison_answers(comparison: Content) -> list[HeadlineAnswer]:
             f"Probability of a difference this large by errors alone: {probability(comparison['p'])}.",
         ),
         HeadlineAnswer(
-            "Where it is known best",
+            "Narrowest interval",
             f"{best['difference_percent']:+.1f} % ({best['lo_percent']:+.1f} to {best['hi_percent']:+.1f})",
-            f"At {best['speed_mps']:.1f} m/s. Without the errors that both share cancelling it would be"
-            f" ±{independent:.1f} %.",
+            f"B minus A at {best['speed_mps']:.1f} m/s. If shared errors did not cancel: ±{independent:.1f} %.",
         ),
     ]
 
@@ -208,7 +200,7 @@ def curve_table(pooled: Content, rows: int) -> HtmlTable:
 def differences_table(rows: Sequence[Content], most: int) -> HtmlTable:
     """About `most` rows of a comparison."""
     return HtmlTable(
-        ("speed, m/s", "A, W", "B, W", "B less A, %", "95 % interval, %"),
+        ("speed, m/s", "A, W", "B, W", "B minus A, %", "95 % interval, %"),
         [
             (
                 f"{row['speed_mps']:.1f}",
@@ -239,12 +231,6 @@ def count(number: int, noun: str) -> str:
 def probability(p: float) -> str:
     """ "p = 0.62", "p below 0.0001"."""
     return "p below 0.0001" if p < 1e-4 else f"p = {p:.2g}"
-
-
-@cache
-def plotly_gzip() -> str:
-    """Plotly's script, compressed, as base64."""
-    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode()
 
 
 def _condition(test: Content, propeller: str, installation: str) -> str:
@@ -314,9 +300,11 @@ def _flight_row(flight: Content) -> FlightRow:
 
 
 def _parameters(rows: Sequence[Content]) -> HtmlTable:
-    text: Callable[[float], str] = "{:+.3g}".format
-    return HtmlTable(
-        ("quantity", "estimate", "standard error", "unit"),
-        [(meaning(row["name"]), text(row["value"]), f"{row['standard_error']:.2g}", row["unit"]) for row in rows],
-        numbers=True,
-    )
+    shown = []
+    for row in rows:
+        in_deg = row["unit"] == "rad"
+        value, error = (float(np.degrees(row[key])) if in_deg else row[key] for key in ("value", "standard_error"))
+        decimals = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0 else 6
+        unit = "deg" if in_deg else row["unit"]
+        shown.append((meaning(row["name"]), f"{value:+.{decimals}f}", f"{error:.{decimals}f}", unit))
+    return HtmlTable(("quantity", "estimate", "standard error", "unit"), shown, numbers=True)

@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from analysis.files import write_file
+from analysis.report.answers import HeadlineAnswer
 from analysis.report.html_page import HtmlTable
 from analysis.report.pooled_page import (
     comparison_answers,
@@ -46,8 +47,7 @@ def write_comparison(comparison: dict[str, Any], folder: Path) -> None:
 def print_pooled(pooled: dict[str, Any], page: Path, console: Console) -> None:
     """Print the curve, the answers, warnings, and where the page is."""
     console.print(_table(f"{pooled['aircraft']['title']}: power required", curve_table(pooled, ROWS)))
-    for question, answer, note in pooled_answers(pooled):
-        _print(console, f"[bold]{escape(question)} {escape(answer)}[/bold]. {escape(note)}")
+    _print_answers(console, pooled_answers(pooled))
     outliers = [f"{one['log']} is an outlier: {one['reason']}" for one in pooled["outliers"]]
     for warning in [*pooled["notes"], *outliers, *pooled["left_out"]]:
         _print(console, f"[yellow]note:[/yellow] {escape(warning)}")
@@ -56,10 +56,10 @@ def print_pooled(pooled: dict[str, Any], page: Path, console: Console) -> None:
 
 def print_comparison(comparison: dict[str, Any], page: Path | None, console: Console) -> None:
     """Print the difference, the answers, and where the page is."""
-    console.print(_table("B less A", differences_table(comparison["differences"], ROWS)))
-    _print(console, f"[bold]{escape(comparison['text'])}[/bold]")
-    for question, answer, note in comparison_answers(comparison):
-        _print(console, f"{escape(question)} {escape(answer)}. {escape(note)}")
+    title = f"A: {comparison['a']['name']}, B: {comparison['b']['name']}"
+    console.print(_table(title, differences_table(comparison["differences"], ROWS)))
+    _print_answers(console, comparison_answers(comparison))
+    _print(console, escape(comparison["text"]))
     if page:
         _print(console, f"report: {escape(str(page))}")
 
@@ -76,6 +76,12 @@ def _table(title: str, content: HtmlTable) -> Table:
     for row in content.rows:
         table.add_row(*row)
     return table
+
+
+def _print_answers(console: Console, answers: list[HeadlineAnswer]) -> None:
+    for question, answer, note in answers:
+        heading = question if question.endswith("?") else f"{question}:"
+        _print(console, f"[bold]{escape(heading)} {escape(answer)}[/bold]. {escape(note)}")
 
 
 def _print(console: Console, text: str) -> None:

@@ -2,6 +2,7 @@
 
 from importlib.metadata import version
 
+import msgspec
 import numpy as np
 import pandas as pd
 
@@ -9,6 +10,8 @@ from analysis.drag.estimate import DragEstimates
 from analysis.drag.polar import Condition, best_range_lift, minimum_power_lift
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.results import flight_found, methods, power_curves
+from analysis.results.autopilot_parameters import of_power_required
+from analysis.results.likelihood import pitch_rate_result
 from analysis.results.pooling_statistics import PoolingStatistics
 from analysis.results.schema import (
     AircraftResult,
@@ -54,7 +57,7 @@ def assemble(
     standard = Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
     power_required = power_curves.power_curve(polar, condition, flown_CL, (flown, condition))
     check = drag.cross_check
-    return Results(
+    results = Results(
         software_version=version("flightpower"),
         log=log,
         aircraft=AircraftResult(
@@ -102,7 +105,10 @@ def assemble(
         parameter_correlation=flight_found.parameter_correlation(drag.main),
         track=ground_track,
         next_flight=next_flight,
+        pitch_rate=pitch_rate_result(drag.pitch_rate) if drag.pitch_rate else None,
     )
+    parameters, withheld = of_power_required(results, *power_curves.two_term_polar(polar, flown_CL))
+    return msgspec.structs.replace(results, autopilot_parameters=parameters, autopilot_parameters_withheld=withheld)
 
 
 def _runs(maneuvers: Maneuvers) -> list[RunResult]:

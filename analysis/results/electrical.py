@@ -1,18 +1,25 @@
 """The electrical power of level flight in the form of `results.json`."""
 
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.drag.polar import maximum_lift_to_drag
+from analysis.electrical.drag import WITHHELD_DRAG, DragEstimate
 from analysis.electrical.estimate import ElectricalEstimate
 from analysis.electrical.flight_table import STEP_S, FlightTable
 from analysis.electrical.flown_aircraft import FlownAircraft
+from analysis.electrical.thrust_balance import aerodynamics
 from analysis.estimation.intervals import NORMAL_95
+from analysis.results.autopilot_parameters import typed_in
+from analysis.results.electrical_parameters import flight_values
 from analysis.results.schema import (
     AircraftResult,
     ConditionResult,
+    DragPolar,
     ElectricalResult,
     Interval,
     IntervalPart,
@@ -30,10 +37,9 @@ UNKNOWN = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_r
 LARGE_SCALE = 0.03
 LARGE_HALF_WIDTH = 0.3
 
-WITHHELD = (
-    "Drag and shaft power are not known: they take the propeller's table and motor speed (ESC telemetry or RPM"
-    " messages), or the motor's constants.",
-    "Climb, highest speed and ceiling are not known: they take thrust at full throttle, from the same data.",
+WITHHELD_CLIMB = (
+    "Climb, highest speed and ceiling are not known: they take full throttle over several speeds, a propeller table and"
+    " motor speed."
 )
 
 
@@ -44,8 +50,20 @@ def electrical_results(
     estimate: ElectricalEstimate,
     battery_J: float | None,
     provenance: Provenance,
+    logged: Mapping[str, float] = {},
+    drag: DragEstimate | str = WITHHELD_DRAG,
+    propeller: str = "",
 ) -> Results:
-    """The contents of `results.json`. battery_J: usable energy; None where it is not known."""
+    """The contents of `results.json`.
+
+    battery_J: usable energy; None where it is not known. logged: the autopilot's parameters. drag: a sentence where it
+    is not known.
+    """
+    beside, known = (
+        _beside_the_curve(flight, estimate, battery_J, drag, propeller),
+        None if isinstance(drag, str) else drag,
+    )
+    parameters, withheld = typed_in(flight_values(estimate, beside.best_range_speed, logged, known))
     rows = flight.table[flight.flown]
     weight = ConditionResult(weight_N=aircraft.weight_N, air_density_kgpm3=estimate.conditions.rho)
     return Results(
@@ -53,7 +71,7 @@ def electrical_results(
         log=str(log),
         aircraft=AircraftResult(
             name=aircraft.name, title=aircraft.name, wing_area_m2=aircraft.wing_area_m2, span_m=aircraft.span_m,
-            propeller="",
+            propeller=propeller,
         ),
         test=weight,
         standard=ConditionResult(weight_N=aircraft.weight_N, air_density_kgpm3=SEA_LEVEL_DENSITY),
@@ -62,29 +80,53 @@ def electrical_results(
         runs=[],
         rejected=[],
         parameters=[],
-        drag_polar=None,
-        power_required=[],
+        drag_polar=_polar(known, aircraft) if known else None,
+        power_required=_points(known.V_mps, known.power_W, NORMAL_95 * known.error_W) if known else [],
         power_required_standard=[],
         cross_check=[],
         minimum_power_speed=UNKNOWN,
         best_range_speed=UNKNOWN,
         verdict="converged",
         warnings=[*flight.notes, *_warnings(estimate)],
-        electrical_power=_curve(estimate),
-        electrical=_beside_the_curve(flight, estimate, battery_J),
+        electrical_power=_points(estimate.V_mps, estimate.power_W, NORMAL_95 * estimate.standard_error_W),
+        electrical=beside,
+        autopilot_parameters=parameters,
+        autopilot_parameters_withheld=withheld,
         provenance=provenance,
     )  # fmt: skip
 
 
-def _curve(estimate: ElectricalEstimate) -> list[PowerPoint]:
-    half = NORMAL_95 * estimate.standard_error_W
+def _points(V: Array, power_W: Array, half_W: Array) -> list[PowerPoint]:
     return [
         PowerPoint(speed_mps=float(v), power_W=float(p), power_lo_W=float(max(p - h, 0.0)), power_hi_W=float(p + h))
-        for v, p, h in zip(estimate.V_mps, estimate.power_W, half, strict=True)
+        for v, p, h in zip(V, power_W, half_W, strict=True)
+        if np.isfinite(p + h)
     ]
 
 
-def _beside_the_curve(flight: FlightTable, estimate: ElectricalEstimate, battery_J: float | None) -> ElectricalResult:
+def _polar(drag: DragEstimate, aircraft: FlownAircraft) -> DragPolar:
+    """The quadratic polar; the term of fourth order is in the curve alone."""
+    p = aerodynamics(drag.parameters)
+    A = np.array([p.CD0 + p.K * p.CL_minD**2, -2 * p.K * p.CL_minD, p.K])
+    best = maximum_lift_to_drag(A)
+    return DragPolar(
+        A0=float(A[0]), A1=float(A[1]), A2=float(A[2]), CD0=p.CD0, K=p.K, CL_minD=float(p.CL_minD),
+        oswald_efficiency=aircraft.wing_area_m2 / (np.pi * p.K * aircraft.span_m**2),
+        maximum_lift_to_drag=best if np.isfinite(best) else None,
+    )  # fmt: skip
+
+
+def _thrust_basis(drag: DragEstimate, propeller: str) -> str:
+    speed = "motor speed in the log" if drag.measured_speed else "motor speed by electrical power and motor constants"
+    return (
+        f"Thrust by the table of {propeller} and {speed}. By these the motor with its controller has an efficiency of"
+        f" {100 * drag.motor_efficiency:.0f} % in the mean."
+    )
+
+
+def _beside_the_curve(
+    flight: FlightTable, estimate: ElectricalEstimate, battery_J: float | None, drag: DragEstimate | str, propeller: str
+) -> ElectricalResult:
     V, power = estimate.V_mps, estimate.power_W
     covariance = estimate.noise + estimate.systematic
     draws = np.random.default_rng(0).multivariate_normal(power, covariance, DRAWS, method="eigh")
@@ -110,7 +152,9 @@ def _beside_the_curve(flight: FlightTable, estimate: ElectricalEstimate, battery
         wind_mps=estimate.airspeed.wind_mps,
         wind_from_deg=estimate.airspeed.wind_from_deg,
         flown_s=float(flight.flown.sum() * STEP_S),
-        withheld=list(WITHHELD),
+        withheld=[drag, WITHHELD_CLIMB] if isinstance(drag, str) else [WITHHELD_CLIMB],
+        shaft_power=[] if isinstance(drag, str) else _points(drag.V_mps, drag.shaft_W, NORMAL_95 * drag.shaft_error_W),
+        thrust_basis="" if isinstance(drag, str) else _thrust_basis(drag, propeller),
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.airdata.probe import ProbeCalibration
+from analysis.airdata.transducers import TransducerCalibration
 from analysis.drag.dynamic import DynamicEstimate
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
@@ -30,7 +31,7 @@ class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True):
     flown_CL: tuple[float, float]
     installation: str  # [installation] name of the aircraft file; empty where it has none
     propeller_table: str  # fingerprint
-    probe_calibration: str  # fingerprint
+    probe_calibration: str  # fingerprint, with that of the transducers if there is one
     start_unix_s: float | None
     battery_V: float | None  # mean over the runs
 
@@ -42,6 +43,7 @@ def pooling_statistics(
     propeller: Propeller,
     probe: ProbeCalibration,
     *,
+    transducers: TransducerCalibration | None = None,
     start_unix_s: float | None = None,
     battery_V: float | None = None,
 ) -> PoolingStatistics | None:
@@ -62,7 +64,9 @@ def pooling_statistics(
         propeller_table=_fingerprint(
             repr((propeller.diameter_m, propeller.beyond_zero_thrust, propeller.rows)).encode()
         ),
-        probe_calibration=_fingerprint(msgspec.json.encode(probe)),
+        probe_calibration=_fingerprint(
+            msgspec.json.encode(probe) + (msgspec.json.encode(transducers) if transducers else b"")
+        ),
         start_unix_s=start_unix_s,
         battery_V=battery_V,
     )

@@ -20,7 +20,15 @@ from analysis.drag.polar import (
 )
 from analysis.drag.thrust_coverage import thrust_known
 from analysis.estimation.intervals import NORMAL_95
-from analysis.results.schema import BELOW_SLOWEST, DragPolar, IntervalPart, PowerPoint, SlowestFlown, SpeedInterval
+from analysis.results.schema import (
+    BELOW_SLOWEST,
+    DragPolar,
+    Interval,
+    IntervalPart,
+    PowerPoint,
+    SlowestFlown,
+    SpeedInterval,
+)
 from flight.aircraft import Aircraft
 
 Array = NDArray[np.float64]
@@ -110,6 +118,19 @@ def drag_polar(polar: Polar, aircraft: Aircraft) -> DragPolar:
         oswald_efficiency=classic.oswald,
         maximum_lift_to_drag=best if np.isfinite(best) else None,
     )
+
+
+def two_term_polar(polar: Polar, flown_CL: tuple[float, float]) -> tuple[Interval, Interval]:
+    """C_D0 and B of the nearest C_D = C_D0 + B C_L^2 over the lift coefficients flown."""
+    CL = np.linspace(*flown_CL, CURVE_POINTS)
+    terms = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+    nearest = np.linalg.pinv(terms[:, [0, 2]]) @ terms
+    values, errors = nearest @ polar.A, np.sqrt(np.diag(nearest @ polar.covariance @ nearest.T))
+    CD0, B = (
+        Interval(value=float(x), lo=float(x - NORMAL_95 * e), hi=float(x + NORMAL_95 * e))
+        for x, e in zip(values, errors, strict=True)
+    )
+    return CD0, B
 
 
 def interval_parts(estimate: DynamicEstimate, condition: Condition, V: Array) -> list[IntervalPart]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from analysis.log_contents import LogContents, Replacements
 from analysis.results.schema_provenance import Provenance, SensorHealth, SourceFile
+from flight.log_entries import STATUS_CODE, entries_of
 from flight.log_reader import Log
 from flight.messages import Event, Gps, Status, Tick, Time
 from flight.shipped_propellers import FOLDER, shipped_propellers
@@ -17,6 +18,7 @@ ROLES = {
     "propeller.csv": "propeller table",
     "probe.json": "probe calibration",
     "magnetometer.json": "magnetometer calibration",
+    "transducers.json": "transducer calibration",
     "zero.json": "still-air zero",
 }
 READ_BYTES = 2**20
@@ -47,7 +49,7 @@ def provenance(
         ticks=len(ticks) if ticks else None,
         ticks_missed=sum(tick.missed for tick in ticks) if ticks else None,
         sensors=[
-            _health(topic, [entry.message.status for entry in entries])
+            _health(topic, entries_of(entries).status.tobytes())
             for topic, entries in log.entries.items()
             if entries and topic not in NOT_SENSORS
         ],
@@ -97,14 +99,15 @@ def _iso(unix_ns: int) -> str | None:
     return at.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def _health(topic: str, statuses: list[Status]) -> SensorHealth:
-    """Counted from the first measurement on: before it the sensor was being brought up."""
-    since = statuses[statuses.index(Status.OK) :] if Status.OK in statuses else statuses
-    counts = {str(status.value): since.count(status) for status in FAULTS}
+def _health(topic: str, statuses: bytes) -> SensorHealth:
+    """Counted from the first measurement on: before it the sensor was being brought up. statuses: of `STATUS_CODE`."""
+    first = statuses.find(STATUS_CODE[Status.OK])
+    since = statuses[first:] if first >= 0 else statuses
+    counts = {str(status.value): since.count(STATUS_CODE[status]) for status in FAULTS}
     return SensorHealth(
         topic=topic,
         messages=len(since),
-        measurements=since.count(Status.OK),
+        measurements=since.count(STATUS_CODE[Status.OK]),
         faults={status: number for status, number in counts.items() if number},
     )
 
@@ -121,6 +124,7 @@ def _files(log: Log, contents: LogContents, replacements: Replacements, runs_fil
         "propeller.csv": contents.propeller.name,
         "probe.json": contents.probe.source,
         "magnetometer.json": "" if contents.magnetometer else None,
+        "transducers.json": contents.transducers.source if contents.transducers else None,
         "zero.json": None if contents.zero is None else "",
     }
     files = []

@@ -1,8 +1,13 @@
-"""The documented, versioned format of `results.json` and `power_required.csv` (docs/results.md)."""
+"""The documented, versioned format of `results.json` and `power_required.csv` (docs/results.md).
+
+More than 350 lines: the fields of one file, with their units.
+"""
 
 import msgspec
 
+from analysis.results.autopilot_parameter import AutopilotParameter
 from analysis.results.pooling_statistics import PoolingStatistics
+from analysis.results.schema_likelihood import PitchRateResult
 from analysis.results.schema_provenance import AirFound, Correlation, Provenance, RunResidual, Track
 
 FORMAT = "flightpower-results-2"
@@ -299,6 +304,8 @@ class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
     wind_from_deg: float | None
     flown_s: float  # used for the balance
     withheld: list[str]  # what is not known, and what it would take
+    shaft_power: list[PowerPoint] = []  # of level flight, where a propeller table gives thrust
+    thrust_basis: str = ""  # where thrust comes from
 
 
 class Results(msgspec.Struct, frozen=True, kw_only=True):
@@ -341,6 +348,9 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     parameter_correlation: Correlation | None = None
     track: Track | None = None
     next_flight: list[str] = []  # what the next twenty minutes should be, in sentences; empty where nothing is lacking
+    autopilot_parameters: list[AutopilotParameter] = []  # that follow from the flight
+    autopilot_parameters_withheld: list[str] = []  # that do not, and why
+    pitch_rate: PitchRateResult | None = None  # with `--likelihood`
 
 
 def schema() -> bytes:

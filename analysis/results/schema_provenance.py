@@ -6,9 +6,8 @@ import msgspec
 class SourceFile(msgspec.Struct, frozen=True, kw_only=True):
     """A file that the analysis used."""
 
-    role: (
-        str  # aircraft file, propeller table, probe calibration, magnetometer calibration, still-air zero, list of runs
-    )
+    # aircraft file, propeller table, calibration of probe, magnetometer or transducers, still-air zero, list of runs
+    role: str
     name: str  # that the file states inside, or its path
     origin: str  # the log, shipped with flightpower, or the path given
     sha256: str  # of its bytes, hexadecimal; empty where it is not a single file

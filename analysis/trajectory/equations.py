@@ -220,9 +220,6 @@ class _CompiledFunction:
         outputs = ca.cse([residual, ca.vertcat(*jacobian.nonzeros())])
         self._buffer: Any
         self._buffer, self._run = ca.Function("f", arguments, outputs).map(n).buffer()
-        self._residual, self._nonzeros = np.empty((n, residual.shape[0])), np.empty((n, sparsity.nnz()))
-        self._buffer.set_res(0, self._residual.data)
-        self._buffer.set_res(1, self._nonzeros.data)
         self._shape, self._filled = (n, *jacobian.shape), rows * jacobian.shape[1] + columns
 
     def __call__(self, *arguments: Array) -> tuple[Array, Array]:
@@ -230,7 +227,10 @@ class _CompiledFunction:
         kept = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
         for i, argument in enumerate(kept):
             self._buffer.set_arg(i, argument.data)
+        residual, nonzeros = np.empty(self._shape[:2]), np.empty((self._shape[0], len(self._filled)))
+        self._buffer.set_res(0, residual.data)
+        self._buffer.set_res(1, nonzeros.data)
         self._run()
         jacobian = np.zeros(self._shape)
-        jacobian.reshape(self._shape[0], -1)[:, self._filled] = self._nonzeros
-        return self._residual.copy(), jacobian
+        jacobian.reshape(self._shape[0], -1)[:, self._filled] = nonzeros
+        return residual, jacobian

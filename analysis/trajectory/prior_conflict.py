@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import TITLES
@@ -62,7 +62,7 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
     variance, x_squared = 1 / j[known], ((directions.T @ y)[known] * (1 + 1 / j[known])) ** 2
     beyond = {name: float(value) for name, value in zip(SENSOR_ERRORS, y, strict=True) if abs(value) > CONFLICT}
     together = 1.0
-    if beyond or np.sum(x_squared / (1 + variance)) > stats.chi2.isf(FALSE_ALARM_RATE, max(known.sum(), 1)):
+    if beyond or np.sum(x_squared / (1 + variance)) > special.chdtri(max(known.sum(), 1), FALSE_ALARM_RATE):
         total = FACTORS[:, None] ** 2 + variance
         together = float(FACTORS[np.argmin(np.sum(np.log(total) + x_squared / total, axis=1))])
     factor = np.maximum(together, np.where(np.abs(y) > CONFLICT, np.abs(y), 1.0))

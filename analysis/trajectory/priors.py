@@ -1,5 +1,8 @@
 """Prior standard deviations of the sensor errors and of the initial state."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,17 +18,26 @@ PRIOR_SIGMA = {
     "heading_bias": np.radians(10.0),  # declination in inhabited regions, and how the tray sits
 }  # fmt: skip
 PRIOR_MEAN = {"gps_latency": 0.1}
+# What remains of two priors once the transducers are calibrated: error of the density, position error of the static
+# ports, differences of the probe on the aircraft from the probe in the tunnel. Values assumed, not measured.
+REMAINING_SIGMA = {"V_scale": 0.003, "alpha_scale": 0.005}
 # Without GPS the compass defines north, and without a compass the initial heading does; standard deviation of either.
 NORTH_RAD = 0.01
 INITIAL_BLOCKS = 25  # a log in which the aircraft is at rest within these began at rest
 
 
-def sensor_error_prior(alpha_scale_sigma: float, *, gps: bool) -> tuple[Array, Array]:
+def sensor_error_prior(
+    alpha_scale_sigma: float, calibrated: Mapping[str, float] = MappingProxyType({}), *, gps: bool
+) -> tuple[Array, Array]:
     """Mean and standard deviation (m,), order of SENSOR_ERRORS.
 
     alpha_scale_sigma : of the slope of the probe's calibration, in addition to PRIOR_SIGMA
+    calibrated : standard errors by the calibration of the transducers, by name of REMAINING_SIGMA; in place of
+        PRIOR_SIGMA. An error of the reference's scale acts on both; they are taken as independent.
     """
-    sigma = PRIOR_SIGMA | {"alpha_scale": np.hypot(PRIOR_SIGMA["alpha_scale"], alpha_scale_sigma)}
+    own = {name: float(np.hypot(error, REMAINING_SIGMA[name])) for name, error in calibrated.items()}
+    sigma = PRIOR_SIGMA | own
+    sigma["alpha_scale"] = float(np.hypot(sigma["alpha_scale"], alpha_scale_sigma))
     if not gps:
         sigma["heading_bias"] = NORTH_RAD
     return (

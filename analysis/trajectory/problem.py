@@ -1,5 +1,8 @@
 """One flight as an estimation problem: the inputs of the equations for any trajectory and intensity of gusts."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -31,7 +34,14 @@ class TrajectoryProblem:
     initial_states (n, nx), initial_errors (m,) : first estimate
     """
 
-    def __init__(self, table: pd.DataFrame, rest: list[slice], alpha_scale_sigma: float, compass: Compass | None):
+    def __init__(
+        self,
+        table: pd.DataFrame,
+        rest: list[slice],
+        alpha_scale_sigma: float,
+        compass: Compass | None,
+        calibrated: Mapping[str, float] = MappingProxyType({}),
+    ):
         self.blocks = blocks = BlockMeans(table)
         self.equations = Equations(blocks.n)
         noise, at_rest = noise_at_rest(table, rest), _blocks_at_rest(rest, blocks.n)
@@ -48,7 +58,7 @@ class TrajectoryProblem:
         self._begins_at_rest = begins_at_rest(at_rest)
 
         gps, has_compass = self.measurements.has_gps, self.measurements.has_compass
-        self.error_mean, self.error_sigma = sensor_error_prior(alpha_scale_sigma, gps=gps)
+        self.error_mean, self.error_sigma = sensor_error_prior(alpha_scale_sigma, calibrated, gps=gps)
         bank = table["bank_rad"].to_numpy()[blocks.rows]
         self.initial_states = initial_states(blocks, bank, V_reference, field if has_compass else None)
         self.initial_errors = initial_sensor_errors(

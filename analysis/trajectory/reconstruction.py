@@ -1,6 +1,8 @@
 """Maximum a posteriori trajectory and sensor errors of a whole flight, by Gauss-Newton iterations."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,6 +93,7 @@ def reconstruct(
     *,
     alpha_scale_sigma: float = 0.0,
     compass: Compass | None = None,
+    calibrated: Mapping[str, float] = MappingProxyType({}),
     gust_length: float = Uncertainty().gust_length,
     prior_factor: ArrayLike = 1.0,
     log: str = "log",
@@ -101,11 +104,12 @@ def reconstruct(
     of the slope of angle of attack in the probe's calibration, in addition to that of transducers and installation.
     compass: the earth's field, sample by sample, from a calibrated magnetometer. gust_length: scale length of vertical
     gusts over the height, for the covariance of the sensor errors. prior_factor: on the prior standard deviations of
-    the sensor errors, a number or (m,).
+    the sensor errors, a number or (m,). calibrated: standard errors by the transducers' calibration, as `FlightData`
+    has them.
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
-        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass)
+        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass, calibrated)
         problem.error_sigma = problem.error_sigma * np.asarray(prior_factor)
         return _reconstruct(problem, gust_length)
     except np.linalg.LinAlgError:
@@ -158,10 +162,10 @@ def _candidate(solution: _Solution) -> _Candidate:
 
 
 def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
-    first = _solve(
-        problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST
+    first = _candidate(
+        _solve(problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST)
     )
-    gust, nearest = _most_probable_gust(problem, _candidate(first))
+    gust, nearest = _most_probable_gust(problem, first)
     solution = _solve(problem, nearest.x, nearest.sensor_errors, gust, MOST_ITERATIONS, CONVERGED)
     return _trajectory(problem, solution, gust_length)
 
@@ -178,8 +182,9 @@ def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[
         while 0 <= i + direction < len(GUST_GRID_MPS):
             last = solutions[i]
             i += direction
-            found = _solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], GRID_ITERATIONS, CONVERGED)
-            solutions[i] = _candidate(found)
+            solutions[i] = _candidate(
+                _solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], GRID_ITERATIONS, CONVERGED)
+            )
             if solutions[i].negative_log_evidence > last.negative_log_evidence:
                 break  # the only maximum of evidence has been passed
         if i != start + direction:
@@ -236,7 +241,7 @@ def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array
     return solution.last_step.conditional.state_sensitivity(problem.equations.linearize(x, sensor_errors, actual))
 
 
-def _with_gust_length(covariance: Array, prior_sigma: Array, gust_mps: float, gust_length: float) -> Array:
+def with_gust_length(covariance: Array, prior_sigma: Array, gust_mps: float, gust_length: float) -> Array:
     """Covariance (m, m) of the sensor errors where gusts are longer than in the standard's spectrum.
 
     The variance of the mean of a process over a time much longer than its scale grows with the scale (Lenschow, Mann &
@@ -255,9 +260,7 @@ def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: fl
     return Trajectory(
         states=pd.DataFrame(solution.x, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
         sensor_errors=solution.sensor_errors,
-        covariance=_with_gust_length(
-            solution.last_step.covariance, problem.error_sigma, solution.gust_mps, gust_length
-        ),
+        covariance=with_gust_length(solution.last_step.covariance, problem.error_sigma, solution.gust_mps, gust_length),
         prior_sigma=problem.error_sigma,
         state_sensitivity=_state_sensitivity(problem, solution),
         states_given_errors=solution.last_step.conditional,

@@ -11,7 +11,7 @@ from flight.aircraft import ControlSurface, PneumaticLine
 from flight.atmosphere import GRAVITY_MPS2
 from flight.complete_aircraft import CompleteAircraft
 from flight.motion import body_from_earth, specific_force_at
-from sim.bench import BurstsSegment
+from sim.bench import BurstsSegment, ColumnSegment
 from sim.fly import Flight
 from sim.sensor_truth import GpsSolution
 from sim.sensors.budget import DIFFERENTIAL, DrawnErrors
@@ -283,11 +283,16 @@ class FlightSensorTruth:
         return grid, at
 
     def _bursts(self, name: str, t: Array, line: StepResponse) -> Array:
-        """The plan's bursts of pressure at the end of a line [Pa], (n,)."""
+        """The plan's bursts of pressure, and its water column, at the end of a line [Pa], (n,)."""
         total = np.zeros_like(t)
         for index, segment in enumerate(self._flight.plan.segments):
-            if isinstance(segment, BurstsSegment) and segment.line == name:
-                start_s = float(self._truth.loc[self._truth["segment"] == index, "time_s"].iloc[0])
+            on_line = isinstance(segment, BurstsSegment) and segment.line == name
+            if not on_line and not (isinstance(segment, ColumnSegment) and name in DIFFERENTIAL):
+                continue
+            start_s = float(self._truth.loc[self._truth["segment"] == index, "time_s"].iloc[0])
+            if isinstance(segment, ColumnSegment):
+                total += segment.applied_Pa(t - start_s)
+            elif isinstance(segment, BurstsSegment):
                 jitter = rng_of(self._errors.seed, f"bursts {index}").uniform(-1, 1, segment.count)
                 total += segment.response(t - start_s, line, jitter)
         return total

@@ -208,18 +208,20 @@ def test_the_log_carries_all_that_the_analysis_needs(flight, tmp_path):
     assert int(facts["start_unix_ns"]) == log.entries["/daq/tick"][0].time_ns
 
 
-@pytest.mark.parametrize("of", ["probe", "magnetometer"])
-def test_a_calibration_travels_and_a_broken_one_is_refused_before_anything_is_written(tmp_path, of):
-    (tmp_path / f"{of}.json").write_text('{"kind": "mine"}')
+@pytest.mark.parametrize(
+    ("of", "name"), [("probe", "probe"), ("magnetometer", "magnetometer"), ("transducer", "transducers")]
+)
+def test_a_calibration_travels_and_a_broken_one_is_refused_before_anything_is_written(tmp_path, of, name):
+    (tmp_path / f"{name}.json").write_text('{"kind": "mine"}')
     clock = SimulatedClock()
     fake = FakeTray(SteadySensorTruth(), clock)
     tray = default_tray(tmp_path, fake, **{f"# {of}_calibration": f"{of}_calibration"})
     recording = record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 10**8)
     attached = read_log(recording.path).attachments
-    assert attached[f"{of}.json"] == b'{"kind": "mine"}'
-    assert set(attached) == {"tray.toml", "aircraft.toml", "propeller.csv", f"{of}.json"}
-    (tmp_path / f"{of}.json").write_text("[]")
-    with pytest.raises(InputError, match=rf"{of}\.json: not a {of} calibration"):
+    assert attached[f"{name}.json"] == b'{"kind": "mine"}'
+    assert set(attached) == {"tray.toml", "aircraft.toml", "propeller.csv", f"{name}.json"}
+    (tmp_path / f"{name}.json").write_text("[]")
+    with pytest.raises(InputError, match=rf"{name}\.json: not a {of} calibration"):
         record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 10**8)
     assert [path.name for path in (tmp_path / "logs").iterdir()] == ["log-0001.mcap"]
 

@@ -1,4 +1,7 @@
-"""Telemetry to a real MAVLink peer, over UDP and over a serial line; and that it can never hold up the loop."""
+"""Telemetry to a real MAVLink peer, over UDP and over a serial line; and that it can never hold up the loop.
+
+More than 350 lines: all tests share one MAVLink peer.
+"""
 
 import os
 import pty
@@ -21,7 +24,7 @@ from daq.sensors import Sample
 from daq.still_air_zero import Zero, ZeroReading
 from daq.telemetry import MavlinkEncoder, Snapshot, TelemetryLink, airspeed_mps
 from flight.errors import InputError
-from flight.messages import AbsolutePressure, DifferentialPressure, Event, Gps, Rpm, Status
+from flight.messages import AbsolutePressure, DifferentialPressure, Event, Gps, Imu, Rpm, Status
 
 TICK_NS = 40_000_000
 GIVE_UP_S = 60.0  # on something that hangs; generous, because the machine may be busy
@@ -77,6 +80,39 @@ WANTED = {
     "NAMED_VALUE_FLOAT dpb_per_qc",
     "NAMED_VALUE_FLOAT rpm",
 }
+
+
+def test_the_ground_station_reads_that_a_run_was_good(tmp_path):
+    """Ten seconds on the ground, an acceleration from 12 to 22 m/s in 14 s, and steady flight, in fast motion."""
+    peer = mavutil.mavlink_connection("udpin:127.0.0.1:0")
+    udp = f"udp:127.0.0.1:{peer.port.getsockname()[1]}"
+    to = parse_tray(f'aircraft = "nexstar"\n[telemetry]\nto = "{udp}"\nrate_Hz = 5\n' + IMU, "tray.toml", tmp_path)
+    link, texts, number, deadline = TelemetryLink(to.telemetry, to), [], 0, time.monotonic() + GIVE_UP_S
+    quantities = (("specific_force", "mps2"), ("angular_rate", "radps"))
+    still = Imu(**{f"{name}_{axis}_{unit}": 0.0 for name, unit in quantities for axis in "xyz"})
+    try:
+        while not any(" good: " in text for text in texts):
+            assert time.monotonic() < deadline
+            t = number * TICK_NS / 1e9
+            V = 0.0 if t < 10 else 12.0 + 10.0 * min(max((t - 18) / 14, 0.0), 1.0)
+            messages = {
+                "/imu": still,
+                "/static": AbsolutePressure(pressure_Pa=101325.0 if t < 10 else 100600.0, temperature_K=288.15),
+                "/rpm": Rpm(motor_speed_revps=0.0 if t < 10 else 80.0),
+                "/probe/alpha": DifferentialPressure(differential_pressure_Pa=0.0),
+                "/probe/airspeed": DifferentialPressure(differential_pressure_Pa=1.22 / 2 * V**2),
+            }
+            link.hear(cycle_of(number, [Sample(topic, 0, message) for topic, message in messages.items()]), [])
+            if number == 0:  # until the other process reads
+                assert peer.recv_match(type="HEARTBEAT", blocking=True, timeout=GIVE_UP_S)
+            number += 1
+            time.sleep(0.001)
+            while (message := peer.recv_match(type="STATUSTEXT", blocking=False)) is not None:
+                texts.append(message.text)
+    finally:
+        link.close()
+        peer.close()
+    assert texts[0].startswith("acceleration good: 12")
 
 
 NO_VEHICLES = (

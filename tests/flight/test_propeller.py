@@ -14,7 +14,7 @@ from flight.propeller import Propeller, Row
 from flight.propeller_files import load_propeller, parse_apc, parse_csv, parse_uiuc
 
 DATA = Path(__file__).parents[1] / "data" / "propellers"
-SHIPPED = ("apc-10x5e", "apc-12x8e", "blade-11x5", "blade-16x10")
+SHIPPED = ("apc-10x5e", "apc-12x8e", "apc-12x8e-windmilling", "blade-11x5", "blade-16x10")
 APC_HEAD = """\
          {size}                    ({size}.dat)                                  12/19/14
 
@@ -253,7 +253,7 @@ def test_a_broken_table_is_refused_by_name(text, cause):
 
 
 def test_an_unknown_propeller_lists_those_there_are():
-    with pytest.raises(InputError, match="apc-10x5e, apc-12x8e, blade-11x5, blade-16x10"):
+    with pytest.raises(InputError, match="apc-10x5e, apc-12x8e, apc-12x8e-windmilling, blade-11x5, blade-16x10"):
         load_propeller("apc-99x99")
 
 

@@ -80,7 +80,7 @@ def test_ardupilot(tmp_path: Path, flight, errors) -> None:
     ("options", "reason"),
     [
         (["--as", "inav"], "give px4 or ardupilot"),
-        (["--log-faults", "landed"], "needs --as px4"),
+        (["--log-faults", "landed"], "needs --as px4 or --as ardupilot"),
         (["--as", "px4", "--log-faults", "gremlins"], "known: landed"),
     ],
 )

@@ -1,15 +1,17 @@
 """Segments that rehearse calibrations: what they do to the sensors is what the aircraft file and physics say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis.airdata.step_test import find_steps, fit_lag, through
 from analysis.airdata.tubing import air, low_frequency_lag_s
 from flight.aircraft import PneumaticLine, load_aircraft
-from flight.complete_aircraft import as_complete
+from flight.complete_aircraft import as_complete, load_complete_aircraft
 from flight.errors import InputError
 from flight.motion import attitude_derivative
-from sim.bench import BurstsSegment, HandTurnSegment
+from sim.bench import BurstsSegment, ColumnSegment, HandTurnSegment
 from sim.fly import fly
 from sim.plan import parse_plan
 from sim.sensors import FlightSensorTruth, draw, load_budget
@@ -44,6 +46,19 @@ def test_bursts_are_not_tied_to_the_ticks() -> None:
     pressure = segment.response(t, step_response(NO_LINE, *GROUND_AIR), np.array([1.0, -1.0]))
     ends = t[np.flatnonzero(np.diff(pressure) < -100)]
     assert ends == pytest.approx([5.2, 9.8], abs=2e-3)
+
+
+def test_a_water_column_acts_on_all_three_transducers_and_their_gains_differ() -> None:
+    stand = '[[segment]]\nkind = "stand"\nduration = "2 s"\n\n'
+    plan = f'{stand}[[segment]]\nkind = "column"\npressure = ["200 Pa", "400 Pa"]\n'
+    errors = draw(load_budget("none"), seed=0)
+    errors = replace(errors, values=replace(errors.values, alpha_scale=0.1, V_scale=0.1))
+    truth = FlightSensorTruth(fly(load_complete_aircraft("nexstar"), parse_plan(plan, "plan")), errors)
+    held = np.array([1.0, 8.0, 18.0])  # open, and in the middle of the two pressures
+    for name, gain in (("alpha", 1.1), ("beta", 1.0), ("airspeed", 1.21)):
+        assert truth.differential_pressure_Pa(name, held) == pytest.approx(gain * np.array([0, 200, 400]), abs=0.1)
+    with pytest.raises(InputError, match="give the pressures"):
+        ColumnSegment(pressure_Pa=()).check()
 
 
 def test_turning_by_hand_is_a_motion_that_an_imu_could_measure() -> None:

@@ -6,7 +6,9 @@ from analysis.cli.calibrate.airspeed import airspeed
 from analysis.cli.calibrate.magnetometer import magnetometer
 from analysis.cli.calibrate.probe import probe
 from analysis.cli.calibrate.surfaces import surfaces
+from analysis.cli.calibrate.transducers import transducers
 from analysis.cli.calibrate.tubing import tubing
+from analysis.cli.calibrate.weight_and_balance import weight_and_balance
 from flight.command_line import application, run
 
 app = application()
@@ -14,7 +16,8 @@ app = application()
 
 @app.callback()
 def _group() -> None:
-    """Calibrations: the probe in a wind tunnel; tubes, magnetometer and surfaces on the bench; airspeed in flight."""
+    """Calibrations: the probe in a wind tunnel; transducers, tubes, magnetometer and surfaces on the bench; airspeed
+    in flight; weight and balance."""
     # The matrices are small: a thread pool gains nothing and slows down the start.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -23,9 +26,11 @@ def _group() -> None:
 for command, short_help in (
     (probe, "The five-port probe, from a wind tunnel."),
     (tubing, "The lag of each pneumatic line, from steps of pressure."),
+    (transducers, "Slope and offset of the transducers, from known pressures."),
     (airspeed, "Scale error of the airspeed, and wind, from a flight."),
     (magnetometer, "Hard and soft iron, from a log with turns."),
     (surfaces, "Surface angle and servo pulse, with a protractor."),
+    (weight_and_balance, "Weight and centre of gravity, from scales."),
 ):
     app.command(short_help=short_help)(command)
 

@@ -71,12 +71,17 @@ def airspeed(
     check_decodable(recorded)
     carried = contents(recorded, given)
     check_log(recorded, carried.propeller.diameter_m)
-    data = flight_data(recorded, carried.aircraft, carried.propeller, carried.probe, carried.magnetometer, carried.zero)
+    data = flight_data(
+        recorded, carried.aircraft, carried.propeller, carried.probe, carried.magnetometer, carried.zero,
+        carried.transducers,
+    )  # fmt: skip
     if not data.table["flying"].any():
         raise InputError(f"{log}: no flight in this log")
     check_axes(data.table, str(log))
     sigma = math.hypot(carried.probe.alpha_scale_sigma, alpha_scale_sigma(carried.aircraft))
-    trajectory = reconstruct(data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, log=str(log))
+    trajectory = reconstruct(
+        data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, calibrated=data.calibrated, log=str(log)
+    )
     found = calibrate(data.table, trajectory)
     _report(found, carried.notes + data.notes, log, output)
 

@@ -11,6 +11,7 @@ Outputs by name: airspeed V [m/s], alpha [rad], specific force ax, az [m/s^2], p
 rate hdot [m/s]; of `wind_axis_forces` drag and lift per unit mass [m/s^2].
 """
 
+from analysis.estimation.aircraft_models.force_models import force_coefficients, force_models
 from analysis.estimation.aircraft_models.level_run import gust_noise, level_run
 from analysis.estimation.aircraft_models.longitudinal import longitudinal
 from analysis.estimation.aircraft_models.parameters import Constants, Priors, lift_slope
@@ -22,6 +23,8 @@ from analysis.estimation.aircraft_models.wind_axis_forces import wind_axis_force
 __all__ = [
     "Constants",
     "Priors",
+    "force_coefficients",
+    "force_models",
     "gust_noise",
     "level_flight_state",
     "level_run",

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
+from analysis.report.figures.figure import Figure
 from analysis.report.figures.style import (
     BLUE,
     GREY,
@@ -27,12 +27,12 @@ def column(rows: Sequence[Content], name: str) -> Array:
     return np.array([row[name] for row in rows], dtype=float)
 
 
-def power_required(pooled: Content) -> go.Figure:
+def power_required(pooled: Content) -> Figure:
     """The pooled curve with its 95 % interval, over those of the single flights."""
     V, P, lo, hi = (
         column(pooled["power_required"], f"{name}") for name in ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
     )
-    figure = go.Figure()
+    figure = Figure()
     if len(pooled["flights"]) > 1:
         x, y = [], []
         for flight in pooled["flights"]:
@@ -42,7 +42,7 @@ def power_required(pooled: Content) -> go.Figure:
             y += [*power, np.nan]
         figure.add_scatter(
             x=rounded(np.array(x)), y=rounded(np.array(y)), mode="lines", name="each flight alone",
-            line={"color": GREY, "width": 1}, opacity=0.6, hoverinfo="skip", connectgaps=False,
+            line={"color": GREY, "width": 2}, opacity=0.7, hoverinfo="skip", connectgaps=False,
         )  # fmt: skip
     add_band(figure, V, lo, hi, BLUE, 0.35)
     outside = np.array([point["extrapolated"] for point in pooled["power_required"]])
@@ -53,16 +53,16 @@ def power_required(pooled: Content) -> go.Figure:
                 line={"color": BLUE, "width": 3, "dash": dash}, hovertemplate="%{y:.1f} W",
                 showlegend=dash == "solid" or bool(outside.all()),
             )  # fmt: skip
-    figure.update_xaxes(title="true airspeed, m/s")
-    figure.update_yaxes(title="power, W", range=[0, 1.12 * float(np.max(hi))])
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="power, W", range=[0, 1.12 * float(np.max(hi))])
     return styled(figure, 400)
 
 
-def half_widths(pooled: Content, best: Content) -> go.Figure:
+def half_widths(pooled: Content, best: Content) -> Figure:
     """Half width of the 95 % interval against speed: the best flight alone, all flights, and one flight more."""
     more = pooled["one_more"]
     V = np.array(more["speed_mps"])
-    figure = go.Figure()
+    figure = Figure()
     for values, name, color, dash in (
         (best["half_width_percent"], f"best flight alone, {best['log']}", GREY, "dot"),
         (more["half_width_percent"], "all flights", BLUE, "solid"),
@@ -72,14 +72,14 @@ def half_widths(pooled: Content, best: Content) -> go.Figure:
             x=rounded(V), y=rounded(np.array(values)), mode="lines", name=name,
             line={"color": color, "width": 4, "dash": dash}, hovertemplate="±%{y:.1f} %",
         )  # fmt: skip
-    figure.update_xaxes(title="true airspeed, m/s")
-    figure.update_yaxes(title="± % of power", rangemode="tozero")
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="± % of power", rangemode="tozero")
     return styled(figure, 360)
 
 
-def against_pool(flights: Sequence[Content], at: int) -> go.Figure:
-    """Each flight's power less the pooled one at one speed, with the limits that its errors allow."""
-    figure = go.Figure()
+def against_pool(flights: Sequence[Content], at: int) -> Figure:
+    """Each flight's power minus the pooled one at one speed, with the limits that its errors allow."""
+    figure = Figure()
     names = [flight["log"] for flight in flights]
     for outlier, color, name in ((False, BLUE, "flight"), (True, RED, "outlier")):
         chosen = [flight for flight in flights if flight["outlier"] == outlier]
@@ -92,40 +92,41 @@ def against_pool(flights: Sequence[Content], at: int) -> go.Figure:
             mode="markers", name=name, marker={"color": color, "size": 10, "symbol": "x" if outlier else "circle"},
             hovertemplate="%{y}: %{x:+.1f} %",
         )  # fmt: skip
-    figure.add_vline(x=0, line={"color": INK, "width": 2})
-    figure.update_xaxes(title="power less that of all flights, %")
-    figure.update_yaxes(
+    figure.update_xaxis(title="power minus that of all flights, %")
+    figure.update_yaxis(
         categoryorder="array", categoryarray=names[::-1], range=[-0.7, len(names) - 0.3], automargin=True,
         tickfont={"size": 14},
     )  # fmt: skip
-    return styled(figure, MARGIN_PX + ROW_PX * max(3, len(flights)), hover="closest")
+    figure = styled(figure, MARGIN_PX + ROW_PX * max(3, len(flights)), hover="closest")
+    figure.update_xaxis(zeroline=True, zerolinecolor=INK, zerolinewidth=2)
+    return figure
 
 
-def electrical_power(flights: Sequence[Content]) -> go.Figure:
+def electrical_power(flights: Sequence[Content]) -> Figure:
     """The electrical power of each flight at its own weight and density."""
-    figure = go.Figure()
+    figure = Figure()
     for i, flight in enumerate(flights):
         V, P = (column(flight["electrical_power"], name) for name in ("speed_mps", "power_W"))
         figure.add_scatter(
             x=rounded(V), y=rounded(P), mode="lines", name=flight["log"], showlegend=len(flights) <= len(PALETTE),
             line={"color": PALETTE[i % len(PALETTE)], "width": 3}, hovertemplate="%{y:.0f} W",
         )  # fmt: skip
-    figure.update_xaxes(title="true airspeed, m/s")
-    figure.update_yaxes(title="power from the battery, W", rangemode="tozero")
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="power from the battery, W", rangemode="tozero")
     return styled(figure, 480, hover="closest")
 
 
-def difference(comparison: Content) -> go.Figure:
-    """Power of B less that of A against speed, with its 95 % interval."""
+def difference(comparison: Content) -> Figure:
+    """Power of B minus that of A against speed, with its 95 % interval."""
     rows = comparison["differences"]
     V, d, lo, hi = (column(rows, name) for name in ("speed_mps", "difference_percent", "lo_percent", "hi_percent"))
-    figure = go.Figure()
+    figure = Figure()
     add_band(figure, V, lo, hi, BLUE, 0.3)
     figure.add_scatter(
-        x=rounded(V), y=rounded(d), mode="lines", name="B less A", line={"color": BLUE, "width": 5},
+        x=rounded(V), y=rounded(d), mode="lines", name="B minus A", line={"color": BLUE, "width": 5},
         hovertemplate="%{y:+.1f} %", showlegend=False,
     )  # fmt: skip
-    figure.add_hline(y=0, line={"color": INK, "width": 2})
-    figure.update_xaxes(title="true airspeed, m/s")
-    figure.update_yaxes(title="% of the power of A")
+    figure.add_zero_line({"color": INK, "width": 2})
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="% of the power of A")
     return styled(figure, 400)

@@ -17,11 +17,11 @@ BLUE, RED, GREEN, ORANGE = "#004a99", "#c22a1a", "#00693e", "#c64b00"
 # Dark enough on white. With color blindness some look alike: lines also differ in symbol, dash or width.
 PALETTE = (
     BLUE, ORANGE, "#00735c", "#8a2f8f", "#6b4e00", "#3d3d3d", "#0087b3", "#a3123f", "#5a7d00", "#b58900", "#5a3fc0",
-    "#d4007f",
+    "#d4007f", "#7d3c00", "#2f5d8c",
 )  # fmt: skip
 SYMBOLS = (
     "circle", "square", "diamond", "triangle-up", "cross", "x", "triangle-down", "pentagon", "star", "hexagon",
-    "hourglass", "bowtie",
+    "hourglass", "bowtie", "star-diamond", "hexagram",
 )  # fmt: skip
 # Kinds of runs are told apart by color alone, also with color blindness (tests/analysis/report/test_style.py).
 RUN_COLOR = {"acceleration": "#d95f02", "deceleration": BLUE, "steady": "#1b9e77"}
@@ -32,6 +32,7 @@ ON_DARK = {
     GREEN: "#3fd18b", ORANGE: "#ffa657", "#00735c": "#4fd1b5", "#8a2f8f": "#e08be6", "#6b4e00": "#d9b44a",
     "#3d3d3d": "#c0c0c0", "#0087b3": "#4cc9f0", "#a3123f": "#ff7aa2", "#5a7d00": "#b5d94c", "#b58900": "#f2cc60",
     "#5a3fc0": "#b39dff", "#d4007f": "#ff6ec7", "#d95f02": "#ff9a4d", "#1b9e77": "#b8f2c0",
+    "#7d3c00": "#e0a070", "#2f5d8c": "#9cc4f0",
 }  # fmt: skip
 POINTS_DRAWN = 1200  # of a time history; more do not show on a screen
 SIGNIFICANT_DIGITS = 5  # enough to draw with, and to zoom a little

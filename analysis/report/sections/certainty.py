@@ -11,6 +11,7 @@ from analysis.report.sections.verdict import reference_point
 from analysis.results.schema import IntervalPart, Results
 
 MOST_RUNS = 200  # more are no advice
+MORE_RUNS = "more runs like these"
 NOT_FLOWN = "no run of the required kind was flown: "  # begins a note of a method
 WHITE = 1.96  # standard errors: autocorrelation of white residuals stays within in 95 % of the lags
 RESIDUAL_TOO_LARGE = 1.5  # rms in standard deviations of the channel's noise
@@ -130,7 +131,7 @@ def halving(results: Results) -> str:
     more = more_runs_to_halve(part, runs)
     if more is not None and more <= MOST_RUNS:
         return (
-            f"{start}, fly {more} more runs like these {runs}: noise of ±{_watts(part.noise_W)} averages, and"
+            f"{start}, fly {more} {MORE_RUNS} {runs}: noise of ±{_watts(part.noise_W)} averages, and"
             f" ±{_watts(part.systematic_W)}, which all runs share, remains."
         )
     share = 100 * part.systematic_W**2 / whole**2
@@ -213,10 +214,14 @@ def stall_margin(results: Results) -> str:
 
 
 def next_flight(results: Results) -> list[str]:
-    """What to fly next, the most useful first."""
-    advice = []
+    """What to fly next, the most useful first.
+
+    The sentences of the results come first: they say what narrows the interval most. How many more runs halve it is
+    told only where they are silent, and what a sensor error lacked only where they do not name that error.
+    """
+    advice = list(results.next_flight)
     text = halving(results)
-    if text:
+    if text and not (advice and MORE_RUNS in text):
         advice.append(text)
     if results.minimum_power_speed.speed_mps is None and results.slowest_flown is not None:
         advice.append(
@@ -225,9 +230,11 @@ def next_flight(results: Results) -> list[str]:
         )
     if results.path is not None:
         lacking: dict[str, list[str]] = {}
+        advised = " ".join(results.next_flight)
         for error in results.path.sensor_errors:
             for reason in error.missing:
-                lacking.setdefault(reason, []).append(error.title)
+                if error.title not in advised:
+                    lacking.setdefault(reason, []).append(error.title)
         advice += [f"For {', '.join(titles)}: {reason}." for reason, titles in lacking.items()]
     if any(point.extrapolated for point in results.power_required):
         advice.append(

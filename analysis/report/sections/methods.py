@@ -7,6 +7,7 @@ from analysis.report.html_page import HtmlTable
 from analysis.report.method_list import listed_methods
 from analysis.report.parameter_meaning import short_name
 from analysis.results.schema import PowerPoint, Results
+from analysis.results.schema_likelihood import PitchRateResult
 
 
 class MethodsSection(NamedTuple):
@@ -15,6 +16,7 @@ class MethodsSection(NamedTuple):
     agree: bool  # methods were compared and no pair disagrees
     cross_check_differs: bool
     points: bool  # a method has points of its own
+    pitch_rate: str  # significance of C_Lq; empty where it was not estimated
     says: str  # whether they agree, in a few words
 
 
@@ -35,7 +37,20 @@ def methods_section(results: Results) -> MethodsSection:
         bool(results.methods) and not results.disagreements,
         results.cross_check_differs,
         any(method.points for method in results.methods),
+        _pitch_rate(results.pitch_rate),
         f"{len(results.disagreements)} pairs disagree" if results.disagreements else "none disagrees",
+    )
+
+
+def _pitch_rate(found: PitchRateResult | None) -> str:
+    if found is None:
+        return ""
+    ratios = ", ".join(f"{ratio:.2g} in the {run}" for run, ratio in found.signal_to_noise.items())
+    differs = "differs significantly" if found.significant else "does not differ significantly"
+    return (
+        f"Pitch rate over its noise ({found.noise_radps:.4f} rad/s), as variances (4.7): {ratios}. Lift due to pitch"
+        f" rate, by maximum likelihood: C_Lq = {found.CLq:.1f} ± {found.standard_error:.1f} (standard error),"
+        f" t = {found.t:.1f} (4.4); it {differs} from zero, for which {found.critical_t:.2f} would be needed."
     )
 
 

@@ -73,8 +73,8 @@ def test_what_the_aircraft_is_must_be_given() -> None:
 
 def test_options_of_the_daemons_logs_are_refused(tmp_path: Path) -> None:
     given = ["--mass", "9.4", "--wing-area", "1.5", "--span", "4", "-o", str(tmp_path / "report")]
-    done = CliRunner().invoke(app, [str(LOG), *given, "--propeller", "apc-10x5e"])
-    assert isinstance(done.exception, InputError) and "--propeller: only for logs of the daemon" in str(done.exception)
+    done = CliRunner().invoke(app, [str(LOG), *given, "--probe", "probe.json"])
+    assert isinstance(done.exception, InputError) and "--probe: only for logs of the daemon" in str(done.exception)
     done = CliRunner().invoke(app, [str(LOG), *given[:-3], "4 kg"])
     assert isinstance(done.exception, InputError) and "--span 4 kg" in str(done.exception)
 

@@ -88,3 +88,17 @@ def test_calibrate_airspeed_of_an_autopilots_log(tmp_path: Path, results: dict) 
 def test_endurance_is_the_battery_at_least_power(results: dict) -> None:
     least = min(point["power_W"] for point in results["electrical_power"])
     assert results["electrical"]["endurance_s"]["value"] == pytest.approx(0.8 * 300 * 3600 / least)
+
+
+def test_values_to_type_in_follow_from_the_curve(results: dict, folder: Path) -> None:
+    found = {one["name"]: one for one in results["autopilot_parameters"]}
+    slowest, fastest = (results["electrical_power"][at]["speed_mps"] for at in (0, -1))
+    to_equivalent = (results["test"]["air_density_kgpm3"] / 1.225) ** 0.5
+    assert found["FW_AIRSPD_MIN"]["value"] == pytest.approx(slowest * to_equivalent, rel=1e-3)
+    assert found["FW_AIRSPD_MAX"]["value"] == pytest.approx(fastest * to_equivalent, rel=1e-3)
+    cruise = results["electrical"]["best_range_speed"]["speed_mps"]
+    assert found["nav_fw_cruise_speed"]["value"] == pytest.approx(100 * cruise * to_equivalent, rel=1e-3)
+    power = min(point["power_W"] / point["speed_mps"] for point in results["electrical_power"]) * cruise
+    assert found["cruise_power"]["value"] == pytest.approx(100 * power, rel=1e-3)
+    assert 0.3 < found["FW_T_SINK_MIN"]["value"] < 0.9  # a glide ratio of 12 to 30 at 10 m/s
+    assert "FW_AIRSPD_TRIM" in (folder / "report.html").read_text("utf-8")

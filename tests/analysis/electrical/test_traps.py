@@ -11,7 +11,7 @@ from analysis.autopilot_logs.px4 import read_px4
 from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.flight_table import FlightTable, flight_table
 from flight.units import GRAVITY_MPS2
-from sim.ulog_faults import begun_at, with_clock_set, with_dropouts, without
+from sim.log_faults import begun_at, with_clock_set, with_dropouts, without
 from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 
 LOG = Path(__file__).parents[2] / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"

@@ -1,4 +1,7 @@
-"""Filter error: estimates, standard errors and tests in turbulence and in still air."""
+"""Filter error: estimates, standard errors and tests in turbulence and in still air.
+
+More than 350 lines: all tests share the fits of a few simulated records.
+"""
 
 import numpy as np
 import pytest

@@ -20,13 +20,21 @@ def in_standard_errors(fit, truth):
     )
 
 
-@pytest.mark.parametrize("seed", [3])
+@pytest.mark.parametrize("seed", [3, 30])
 def test_in_turbulence_it_converges_from_equation_error_in_15_iterations(seed):
     fit = fitted(twins.TURBULENCE, twins.in_turbulence(seed), twins.TURBULENCE_NOISE, start="equation error")
     assert fit.verdict.ok and fit.iterations <= 15
     assert in_standard_errors(fit, twins.TURBULENCE_TRUTH) < 4
     for state, intensity in twins.TURBULENCE_INTENSITY.items():
         assert fit.process_noise[state].value == pytest.approx(intensity, rel=0.3)
+
+
+def test_innovations_that_are_not_white_are_named():
+    """Turbulence drives both rates, the filter has it in one."""
+    segment, noise = twins.in_turbulence(0), twins.TURBULENCE_NOISE
+    incomplete = fitted(twins.TURBULENCE, segment, noise[1], start="equation error")
+    assert "process noise acts on other states too" in str(incomplete.verdict)
+    assert not fitted(twins.TURBULENCE, segment, noise, start="equation error").verdict.hints
 
 
 @pytest.mark.parametrize("seed", [0, 1, 3])

@@ -7,11 +7,12 @@ from analysis.report.sections.certainty import (
     certainty_section,
     halving,
     more_runs_to_halve,
+    next_flight,
     stall_margin,
     thrust_share,
 )
 from analysis.report.sections.verdict import reference_point, verdict_section
-from analysis.results.schema import IntervalPart, ParameterResult, Results, SlowestFlown
+from analysis.results.schema import IntervalPart, ParameterResult, PathResult, Results, SensorError, SlowestFlown
 from analysis.results.schema_provenance import Correlation, RunResidual
 
 
@@ -36,6 +37,25 @@ def test_the_sentence_says_how_many_runs_or_why_not(results: Results) -> None:
     assert "are not enough: ±2.0 W, 80 % of its square, is shared by all runs" in never
     assert "Four times the runs would give ±2.1 W." in never  # sqrt(0.5^2 + 2^2)
     assert halving(replace(results, interval_parts=[])) == ""
+
+
+def test_the_next_flight_of_the_results_is_told_first_and_nothing_twice(results: Results) -> None:
+    by_runs = replace(results, interval_parts=[part(2.0, 0.0)])
+    shared = replace(results, interval_parts=[part(1.0, 2.0)])
+    assert next_flight(by_runs)[0].startswith("To halve")
+    sentence = "The next twenty minutes: porpoise. The interval is widest by the slope of angle of attack."
+    first, *others = next_flight(replace(by_runs, next_flight=[sentence]))
+    assert first == sentence and not any("To halve" in other for other in others)
+    first, second, *_ = next_flight(replace(shared, next_flight=[sentence]))
+    assert first == sentence and "are not enough" in second  # the propeller table is in no other sentence
+    error = SensorError(
+        name="alpha_scale", title="slope of angle of attack", value=0.0, standard_error=3.0, assumed_sigma=3.0,
+        unit="%", determined=False, missing=["gusts"],
+    )  # fmt: skip
+    path = PathResult(converged=True, gust_mps=0.7, residuals={}, checks=[], sensor_errors=[error])
+    gusty = replace(results, path=path)
+    assert "For slope of angle of attack: gusts." in next_flight(gusty)
+    assert not any("gusts" in advice for advice in next_flight(replace(gusty, next_flight=[sentence])))
 
 
 def test_thrust_explains_as_much_as_it_is_correlated(results: Results) -> None:

@@ -24,7 +24,7 @@ def contents(propeller: str | None = None) -> SimpleNamespace:
     return SimpleNamespace(
         aircraft=SimpleNamespace(name="mine", propulsion=SimpleNamespace(propeller=propeller)),
         propeller=SimpleNamespace(name=propeller or "table"), probe=SimpleNamespace(source="tunnel.csv"),
-        magnetometer=None, zero=None,
+        magnetometer=None, transducers=None, zero=None,
     )  # fmt: skip
 
 

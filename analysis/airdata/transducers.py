@@ -1,0 +1,199 @@
+"""Slope and offset of the differential pressure transducers, from the same pressures applied to all three of them.
+
+A T-piece connects the three to a water column, or to a syringe with a reference manometer. Each pressure is held, so
+that the log has a plateau for it: reading = offset + slope * pressure. Errors of the reference's readings act on all
+three transducers and are part of the residuals; an error of its scale shows in no residual and is given by the user.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+import msgspec
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import stats
+
+from analysis.airdata.pressure_plateaus import CHANNELS, Plateau, in_words
+from analysis.estimation.intervals import NORMAL_95
+from flight.errors import InputError
+from flight.json_file import decoded
+
+Array = NDArray[np.float64]
+Reading = TypeVar("Reading", float, pd.Series)
+
+FORMAT = "flightpower-transducers-1"
+FEWEST_PRESSURES = 4  # beside zero: a straight line through two or three hides a wrong reading
+LARGEST_GAIN_ERROR = 0.2  # a slope further from one is a wrong unit or a wrong order of the pressures
+# Standard errors (1 sigma) beyond which the calibration says hardly more than the priors of a flight without it
+# (analysis.trajectory.priors: 1.25 % of airspeed, 3 % of the slope of angle of attack).
+LARGEST_AIRSPEED_ERROR, LARGEST_SLOPE_ERROR = 0.01, 0.024
+
+
+class TransducerLine(msgspec.Struct, frozen=True, kw_only=True):
+    """The straight line of one transducer: reading = offset + slope * pressure."""
+
+    slope: float
+    slope_error: float  # 1 sigma, with the error of the reference
+    offset_Pa: float
+    largest_residual_Pa: float
+    largest_Pa: float  # pressure to which the line was measured
+
+
+class TransducerCalibration(msgspec.Struct, frozen=True, kw_only=True):
+    """The content of `transducers.json`."""
+
+    format: str = FORMAT
+    source: str
+    plateaus: int
+    reference_error: float  # 1 sigma of the reference's scale, as given
+    alpha: TransducerLine
+    beta: TransducerLine
+    airspeed: TransducerLine
+    airspeed_scale: float  # fraction by which airspeed reads high without this calibration
+    airspeed_scale_error: float  # 1 sigma
+
+    def line(self, name: str) -> TransducerLine:
+        """Of "alpha", "beta" or "airspeed"."""
+        return {"alpha": self.alpha, "beta": self.beta, "airspeed": self.airspeed}[name]
+
+    def corrected(self, table: pd.DataFrame) -> pd.DataFrame:
+        """The table with the pressures of its columns dp_alpha_Pa, dp_beta_Pa and q_c_Pa as the reference's."""
+        columns = {column: self.pressure_Pa(column, table[column]) for column in COLUMN_OF.values()}
+        return table.assign(**columns)
+
+    def corrected_zero(self, zero: Mapping[str, float]) -> dict[str, float]:
+        """The same of readings in still air, by column."""
+        named = COLUMN_OF.values()
+        return {name: self.pressure_Pa(name, value) if name in named else value for name, value in zero.items()}
+
+    def pressure_Pa(self, column: str, reading: Reading) -> Reading:
+        """The pressure at which the transducer of a column has this reading [Pa]."""
+        line = next(self.line(name) for name, of in COLUMN_OF.items() if of == column)
+        return (reading - line.offset_Pa) / line.slope
+
+
+COLUMN_OF = {"alpha": "dp_alpha_Pa", "beta": "dp_beta_Pa", "airspeed": "q_c_Pa"}
+
+
+class AirDataErrors(NamedTuple):
+    """Standard errors of what the transducers' slopes act on, as fractions."""
+
+    V_scale: float
+    alpha_scale: float
+
+
+def air_data_errors(calibration: TransducerCalibration) -> AirDataErrors:
+    """Errors of airspeed and of the slope of angle of attack by those of the slopes."""
+    return AirDataErrors(calibration.airspeed_scale_error, calibration.alpha.slope_error / calibration.alpha.slope)
+
+
+def calibrate(
+    found: Sequence[Plateau], pressures_Pa: Sequence[float], reference_error: float, source: str
+) -> tuple[TransducerCalibration, str]:
+    """The lines of the three transducers, and why the data do not support them (empty if they do).
+
+    pressures_Pa : of the plateaus with pressure, in order; those at zero are known
+    reference_error : standard deviation of the reference's scale
+    Raises InputError if the pressures are not those of the plateaus.
+    """
+    pressed = [plateau for plateau in found if not plateau.open]
+    if len(pressed) != len(pressures_Pa):
+        raise InputError(
+            f"{source}: {len(pressures_Pa)} pressures for {len(pressed)} plateaus: give one for each, in order, without"
+            f" those at zero. Plateaus: {in_words(found)}"
+        )
+    levels = len(set(pressures_Pa))
+    if levels < FEWEST_PRESSURES:
+        raise InputError(
+            f"{source}: {levels} pressures beside zero are too few; hold {FEWEST_PRESSURES} at least, up to 400 Pa"
+        )
+    remaining = iter(pressures_Pa)
+    p = np.array([0.0 if plateau.open else next(remaining) for plateau in found])
+    readings = np.array([plateau.readings_Pa for plateau in found])
+    X = np.column_stack([np.ones(len(p)), p])
+    coefficients, *_ = np.linalg.lstsq(X, readings, rcond=None)
+    residuals = readings - X @ coefficients
+    dof = len(p) - 2
+    # Few residuals determine their own size poorly: Student's distribution, so that 95 % intervals are such.
+    factor = float(stats.t.ppf(0.975, dof)) / NORMAL_95
+    sigma = factor * np.sqrt(np.sum(residuals**2, axis=0) / dof * np.linalg.inv(X.T @ X)[1, 1])
+    slopes = coefficients[1]
+    for name, slope in zip(CHANNELS, slopes.tolist(), strict=True):
+        if slope < 0:
+            raise InputError(
+                f"{source}: /probe/{name} falls as the pressure rises: connect the pressure to the port that it counts"
+                " as positive (lower, right, centre), or give negative pressures for all three"
+            )
+        if abs(slope - 1) > LARGEST_GAIN_ERROR:
+            raise InputError(
+                f"{source}: /probe/{name} reads {slope:.2f} times the pressures given: check their unit and order, and"
+                " the T-piece"
+            )
+    lines = {
+        name: TransducerLine(
+            slope=float(slopes[i]),
+            slope_error=float(np.hypot(sigma[i], reference_error * slopes[i])),
+            offset_Pa=float(coefficients[0, i]),
+            largest_residual_Pa=float(np.max(np.abs(residuals[:, i]))),
+            largest_Pa=float(np.max(np.abs(p))),
+        )
+        for i, name in enumerate(CHANNELS)
+    }
+    speed = lines["airspeed"]
+    calibration = TransducerCalibration(
+        source=source,
+        plateaus=len(p),
+        reference_error=reference_error,
+        alpha=lines["alpha"],
+        beta=lines["beta"],
+        airspeed=speed,
+        # Airspeed is as the root of its pressure.
+        airspeed_scale=float(np.sqrt(speed.slope) - 1),
+        airspeed_scale_error=speed.slope_error / speed.slope / 2,
+    )
+    return calibration, _why_not_supported(calibration)
+
+
+def _why_not_supported(calibration: TransducerCalibration) -> str:
+    """Empty if the slopes are known well enough to be of use."""
+    errors = [
+        ("airspeed", calibration.airspeed_scale_error, LARGEST_AIRSPEED_ERROR),
+        *(
+            (f"the slope of /probe/{name}", line.slope_error / line.slope, LARGEST_SLOPE_ERROR)
+            for name, line in (("alpha", calibration.alpha), ("beta", calibration.beta))
+        ),
+    ]
+    for what, error, largest in errors:
+        if error > largest:
+            line = calibration.airspeed if what == "airspeed" else calibration.line(what.rpartition("/")[2])
+            return (
+                f"the standard error of {what} is {100 * error:.1f} %, more than {100 * largest:.1f} %: the reference"
+                f" is known to {100 * calibration.reference_error:.1f} %, and readings are up to"
+                f" {line.largest_residual_Pa:.1f} Pa off a straight line; hold more pressures, up to 400 Pa, and look"
+                " for a leak, a wrong reading or a wrong order"
+            )
+    return ""
+
+
+def parse_transducers(data: bytes, where: str) -> TransducerCalibration:
+    """The calibration of a `transducers.json`. Raises InputError naming `where`."""
+    found = decoded(data, TransducerCalibration, (FORMAT,), where, "a transducer calibration")
+    for name in CHANNELS:
+        line = found.line(name)
+        if not abs(line.slope - 1) <= LARGEST_GAIN_ERROR or not 0 < line.slope_error < LARGEST_GAIN_ERROR:
+            raise InputError(
+                f"{where}: not a transducer calibration ({name}: slope {line.slope:g} ± {line.slope_error:g})"
+            )
+    if not 0 < found.airspeed_scale_error < LARGEST_GAIN_ERROR:
+        raise InputError(f"{where}: not a transducer calibration (airspeed_scale_error {found.airspeed_scale_error:g})")
+    return found
+
+
+def load_transducers(path: Path) -> TransducerCalibration:
+    """The calibration of a file. Raises InputError naming it."""
+    try:
+        return parse_transducers(path.read_bytes(), str(path))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None

@@ -1,0 +1,81 @@
+"""Finds the messages in a log in ArduPilot's dataflash format (.BIN), however damaged, and unpacks those of one name.
+
+A message is 0xA3 0x95, the number of its kind, and packed fields. Messages of kind 0x80 (FMT) define kinds: number,
+length, name, codes and names of the fields.
+"""
+
+import struct
+from array import array
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+START, FORMAT_KIND = b"\xa3\x95", 0x80
+FORMAT = struct.Struct("<BB4s16s64s")
+HEADER_BYTES, HUNDREDTH = 3, 0.01
+# Codes of packed fields, as NumPy types. Those of cCeE are in hundredths.
+PACKED = {"a": "(32,)<i2", "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4",
+          "d": "<f8", "g": "<f2", "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4",
+          "L": "<i4", "q": "<i8", "Q": "<u8"}  # fmt: skip
+
+
+class _Kind(NamedTuple):
+    name: str
+    codes: str
+    fields: tuple[str, ...]
+    dtype: np.dtype[np.void]
+
+
+class DataflashLog:
+    """The messages of a file by kind."""
+
+    def __init__(self, data: bytes):
+        self._data = np.frombuffer(data, dtype=np.uint8)
+        self._kinds: dict[int, _Kind] = {}
+        lengths = [0] * 256
+        lengths[FORMAT_KIND] = HEADER_BYTES + FORMAT.size
+        self._offsets = [array("Q") for _ in range(256)]
+        at, find = 0, data.find
+        while 0 <= (at := find(START, at)) <= len(data) - HEADER_BYTES:
+            number = data[at + 2]
+            length = lengths[number]
+            if not length or at + length > len(data):
+                at += 1
+                continue
+            self._offsets[number].append(at)
+            if number == FORMAT_KIND and (defined := self._define(data, at)):
+                lengths[defined] = HEADER_BYTES + self._kinds[defined].dtype.itemsize
+            at += length
+
+    def _define(self, data: bytes, at: int) -> int:
+        """The number of the kind that a format message defines; 0 where it is damaged, or known before."""
+        number, length, *texts = FORMAT.unpack_from(data, at + HEADER_BYTES)
+        name, codes, listed = (text.rstrip(b"\0").decode("ascii", "replace") for text in texts)
+        fields = tuple(listed.split(","))
+        known = number in self._kinds or number == FORMAT_KIND
+        named = len(set(fields)) == len(fields) == len(codes) and all(fields)
+        if known or not named or not set(codes) <= set(PACKED):
+            return 0
+        dtype = np.dtype([(field, PACKED[code]) for field, code in zip(fields, codes, strict=True)])
+        if length != HEADER_BYTES + dtype.itemsize:
+            return 0
+        self._kinds[number] = _Kind(name, codes, fields, dtype)
+        return int(number)
+
+    def columns(self, name: str) -> dict[str, NDArray[np.generic]]:
+        """The fields of all messages of a name, (n,): numbers as float64, texts as bytes; without arrays of numbers."""
+        numbers = [number for number, kind in self._kinds.items() if kind.name == name]
+        if not numbers:
+            return {}
+        kind, offsets = self._kinds[numbers[0]], np.asarray(self._offsets[numbers[0]], dtype=np.int64)
+        packed = self._data[(offsets + HEADER_BYTES)[:, None] + np.arange(kind.dtype.itemsize)]
+        rows = np.ascontiguousarray(packed).view(kind.dtype).reshape(-1)
+        out: dict[str, NDArray[np.generic]] = {}
+        for field, code in zip(kind.fields, kind.codes, strict=True):
+            if code in "nNZ":
+                out[field] = rows[field]
+            elif code != "a":
+                with np.errstate(invalid="ignore"):
+                    out[field] = rows[field].astype(np.float64) * (HUNDREDTH if code in "cCeE" else 1.0)
+        return out

@@ -1,0 +1,136 @@
+"""`calibrate transducers`"""
+
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from analysis.cli.calibrate.options import LogFile, Replace, check_output, write_json
+from flight.command_line import FAILURE, quantity
+from flight.errors import InputError
+from flight.units import GRAVITY_MPS2, to_si
+
+if TYPE_CHECKING:
+    from analysis.airdata.transducers import TransducerCalibration
+
+WATER_KGPM3 = 998.2  # at 20 degC
+LARGEST_PA = 20e3
+EXAMPLE = '--pressures "10 20 30 40 mm" (a water column) or "100 200 300 400 Pa"'
+
+
+def transducers(
+    log: LogFile,
+    pressures: Annotated[
+        str,
+        typer.Option(
+            "--pressures",
+            metavar="LIST",
+            help="Pressures held, in order, without those at zero, with their unit at the end: a unit of pressure, or"
+            ' of length for the height of a water column (20 °C): "10 20 30 40 mm", "100 200 300 400 Pa".',
+        ),
+    ] = "",
+    reference_error: Annotated[
+        float,
+        typer.Option(
+            "--reference-error",
+            metavar="SHARE",
+            parser=quantity("--reference-error", "%", '"0.5%"', least=0, most=10),
+            help="Error of the reference's scale, 1 sigma, in %: 0.5 of a water column at 10 to 35 °C; of a manometer"
+            " by its data sheet. Errors of single readings are found from their scatter.",
+        ),
+    ] = 0.5,  # density of water between 10 and 35 degC -0.4 to 0.2 %, local gravity up to 0.3 %
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write.")] = Path(
+        "transducers.json"
+    ),
+    replace: Replace = False,
+) -> None:
+    """Measure slope and offset of the three differential transducers, by the same pressures on all of them.
+
+    Join the positive ports of the three transducers (lower, right, centre) by T-pieces to one tube: a water column on a
+    ruler, or a syringe with a reference manometer. Leave the negative ports open, in still air. Start the daemon, leave
+    the tube open for ten seconds, then hold pressures up and down for ten seconds each and write them down, eight or
+    more, up to 80 % of the smallest range (400 Pa, 40 mm of water). Open the tube for ten seconds at the end.
+
+    Run this command without --pressures first: it lists the plateaus found. Then give the pressures, in order.
+
+    The file goes beside the tray file (`transducer_calibration`), which attaches it to every log; `analyze
+    --transducers FILE` uses it for older ones. The error of the airspeed scale and that of the slope of angle of attack
+    are then priors of the analysis. Exit code 1 and no file if airspeed stays uncertain by 1 % or a slope by 2.4 %
+    (1 sigma); exit code 2 if the pressures are not those of the log.
+
+    To rehearse it: `sim fly --plan transducer-column -o out/column`.
+
+    \b
+    Examples:
+      calibrate transducers log.mcap
+      calibrate transducers log.mcap --pressures "10 20 30 40 35 25 15 5 mm"
+      calibrate transducers log.mcap --pressures "100 200 300 400 Pa" -o new.json
+    """
+    from analysis.airdata.pressure_plateaus import in_words, plateaus, readings
+    from analysis.airdata.transducers import calibrate
+    from flight.log_reader import read_log
+
+    check_output(output, replace)
+    given = pressures_Pa(pressures) if pressures.strip() else None
+    found = plateaus(readings(read_log(log)), str(log))
+    if not any(not plateau.open for plateau in found):
+        raise InputError(f"{log}: no pressure was held for five seconds; begin with open tubes, hold each for ten")
+    if given is None:
+        print(f"plateaus: {in_words(found)}. Now give {EXAMPLE}.")
+        return
+    calibration, unsupported = calibrate(found, given, reference_error / 100, log.name)
+    for line in summary(calibration):
+        print(line)
+    if unsupported:
+        print(f"error: {log}: nothing written; {unsupported}", file=sys.stderr)
+        raise typer.Exit(FAILURE)
+    write_json(output, calibration)
+    print(f"wrote {output}")
+
+
+def pressures_Pa(text: str) -> list[float]:
+    """Pressures [Pa] other than zero of a list with its unit at the end. Raises InputError naming --pressures."""
+    numbers, unit = [], ""
+    words = text.replace(",", " ").split()
+    for number, word in enumerate(words, start=1):
+        try:
+            numbers.append(float(word))
+        except ValueError:
+            if number < len(words) or not numbers:
+                raise InputError(f"--pressures: {word!r} is not a number; give a list such as {EXAMPLE}") from None
+            unit = word
+    if not unit:
+        raise InputError(f"--pressures {text!r}: the unit is missing; give a list such as {EXAMPLE}")
+    factor = _unit_Pa(unit, text)
+    values = [factor * number for number in numbers]
+    if not all(math.isfinite(value) and abs(value) <= LARGEST_PA for value in values):
+        raise InputError(f"--pressures {text!r}: not within {LARGEST_PA:g} Pa; give a list such as {EXAMPLE}")
+    return [value for value in values if value]
+
+
+def _unit_Pa(unit: str, text: str) -> float:
+    for of, factor in (("Pa", 1.0), ("m", WATER_KGPM3 * GRAVITY_MPS2)):
+        try:
+            return factor * to_si(f"1 {unit}", of, "")
+        except InputError:
+            continue
+    raise InputError(f"--pressures {text!r}: {unit!r} is no unit of pressure or length; give a list such as {EXAMPLE}")
+
+
+def summary(found: "TransducerCalibration") -> list[str]:
+    """The result in lines."""
+    from analysis.estimation.intervals import NORMAL_95
+
+    lines = [
+        f"/probe/{name}: slope {line.slope:.4f} ± {NORMAL_95 * line.slope_error:.4f} (95 % interval), offset"
+        f" {line.offset_Pa:+.1f} Pa, {line.largest_residual_Pa:.1f} Pa at most off the line"
+        for name, line in (("alpha", found.alpha), ("beta", found.beta), ("airspeed", found.airspeed))
+    ]
+    side = "high" if found.airspeed_scale >= 0 else "low"
+    half = NORMAL_95 * found.airspeed_scale_error
+    lines.append(
+        f"airspeed reads {100 * abs(found.airspeed_scale):.2f} ± {100 * half:.2f} % too {side} without this calibration"
+    )
+    return lines

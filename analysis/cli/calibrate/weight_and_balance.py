@@ -1,0 +1,119 @@
+"""`calibrate weight-and-balance`"""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from analysis.cli.calibrate.options import Replace, check_output, write_or_print
+from flight.command_line import FAILURE, quantity
+from flight.errors import InputError
+from flight.units import to_si
+
+if TYPE_CHECKING:
+    from analysis.drag.weight_and_balance import Support, WeightAndBalance
+
+EXAMPLE = '--scale "0.12 m: 1.25 1.26 kg"'
+
+
+def weight_and_balance(
+    scale: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--scale",
+            metavar="READINGS",
+            help="One wheel or point of suspension: its position aft of a datum, then the readings with their unit at"
+            ' the end: "0.12 m: 1.25 1.26 kg". Once for each. Without a position, the weight alone is found.',
+        ),
+    ] = None,
+    reading_error: Annotated[
+        float,
+        typer.Option(
+            "--reading-error",
+            metavar="MASS",
+            parser=quantity("--reading-error", "kg", '"5 g"', above=0, most=100),
+            help='Error of one reading, 1 sigma, in kg or with a unit: "5 g".',
+        ),
+    ] = 0.005,
+    gain_error: Annotated[
+        float,
+        typer.Option(
+            "--gain-error",
+            metavar="SHARE",
+            parser=quantity("--gain-error", "%", '"0.1%"', least=0, most=10),
+            help="Error common to all readings, as a share of the weight, 1 sigma, in %.",
+        ),
+    ] = 0.1,
+    position_error: Annotated[
+        float,
+        typer.Option(
+            "--position-error",
+            metavar="LENGTH",
+            parser=quantity("--position-error", "m", '"2 mm"', above=0, most=10),
+            help='Error of a position, 1 sigma, in m or with a unit: "2 mm".',
+        ),
+    ] = 0.002,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="File to write with the lines for the aircraft file; default: printed.",
+        ),
+    ] = None,
+    replace: Replace = False,
+) -> None:
+    """Compute weight and centre of gravity with their errors, from scales under the wheels or in a suspension.
+
+    Set the aircraft level and ready to fly on one scale a wheel, or hang it from spring scales; indoors. Measure the
+    position of each support aft of a datum, such as the leading edge. Read each scale several times, the aircraft
+    lifted off in between. The result is the weight with its uncertainty for the aircraft file ([mass] weight and
+    [uncertainty] weight), which enters the interval of the power curve, and the centre of gravity, from which the
+    positions of probe and IMU are measured.
+
+    Exit code 1 and no file if readings of one support contradict each other, or the weight stays uncertain by 2 %.
+
+    \b
+    Examples:
+      calibrate weight-and-balance --scale "4.08 4.09 kg"
+      calibrate weight-and-balance --scale "0.0 m: 1.2 kg" --scale "0.4 m: 2.9 kg"
+    """
+    from analysis.drag import weight_and_balance as computation
+
+    check_output(output, replace)
+    errors = computation.ScaleErrors(reading_error, gain_error / 100, position_error)
+    found = computation.weight_and_balance([support(text) for text in scale or []], errors)
+    messages = sys.stderr if output is None else sys.stdout
+    for line in summary(found):
+        print(line, file=messages)
+    if found.unsupported:
+        print(f"error: nothing written; {found.unsupported}", file=sys.stderr)
+        raise typer.Exit(FAILURE)
+    write_or_print(computation.to_toml(found), output)
+
+
+def support(text: str) -> "Support":
+    """A support of the text after --scale. Raises InputError naming the option."""
+    from analysis.drag.weight_and_balance import Support
+
+    position, _, readings = text.rpartition(":")
+    words = readings.replace(",", " ").split()
+    if len(words) < 2:
+        raise InputError(f"--scale {text!r}: a reading and its unit are needed, such as {EXAMPLE}")
+    values = tuple(to_si(f"{word} {words[-1]}", "kg", "--scale") for word in words[:-1])
+    return Support(to_si(position.strip(), "m", "--scale") if position.strip() else None, values)
+
+
+def summary(found: "WeightAndBalance") -> list[str]:
+    """The result in lines."""
+    from analysis.estimation.intervals import NORMAL_95
+
+    lines = [f"weight {found.mass_kg:.3f} ± {NORMAL_95 * found.mass_error_kg:.3f} kg (95 % interval)"]
+    if found.position_m is None or found.position_error_m is None:
+        lines.append("note: a support has no position, so the centre of gravity is not computed")
+    else:
+        half_mm = 1e3 * NORMAL_95 * found.position_error_m
+        lines.append(f"centre of gravity {1e3 * found.position_m:.1f} ± {half_mm:.1f} mm aft of the datum")
+    return lines

@@ -1,0 +1,267 @@
+"""The source's own estimators on the runs of a log: two maximum likelihoods by output error.
+
+Two states (3.37)-(3.44): airspeed and angle of attack are integrated; pitch attitude, thrust, elevator and body rates
+are inputs; biases and scales of Table 3.1 are estimated. Force models (2.14)-(2.17): polynomials of CX and CZ, with the
+pitch attitude as a third state. The source took the pitch attitude of its autopilot; here it is that of the
+reconstructed trajectory, and the pitch rate is without the gyro's bias by that trajectory. The pitch rate is also
+smoothed: white noise of an input enters the response through the equations of motion, and with the gyro's noise as
+measured the power of six runs together was 14 to 62 % too high. More smoothing lags behind fast runs. C_Lq is estimated
+with the pitch rate as measured, as in the source: it would take up the errors of the smoothed one.
+
+The estimates depend on inputs that have errors: the trajectory, the propeller table, and the airspeed that the table is
+read at. Each is changed by one standard deviation, and few more steps give the change of the estimates.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from analysis.drag import covariance
+from analysis.drag.cross_check_data import priors, segments_of
+from analysis.drag.forces import J_REFERENCE
+from analysis.drag.method import MethodDescription, MethodEstimate
+from analysis.drag.polar import Polar
+from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA
+from analysis.estimation import aircraft_models, output_error, uncertainty
+from analysis.estimation.data import Segment
+from analysis.estimation.fit import Fit
+from analysis.estimation.model import NamedValues
+from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
+from analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from analysis.trajectory.reconstruction import Trajectory
+from flight.aircraft import Aircraft
+from flight.errors import InputError
+from flight.propeller import Propeller
+
+Array = NDArray[np.float64]
+PolarOf = Callable[[NamedValues], Array]
+
+BLOCK = 2  # samples: 12.5 blocks per second are ten per cycle of the short period
+AS_MEASURED = ("airspeed_scale", *CAUSES["propeller table"])
+TWO_STATE = MethodDescription(
+    "two-state", "maximum likelihood, two states", "(3.37)-(3.45), Table 3.1", LEVEL_RUNS, AS_MEASURED
+)
+FORCE_MODELS = MethodDescription(
+    "force-models", "maximum likelihood, force models", "(2.14)-(2.17)", LEVEL_RUNS, AS_MEASURED
+)
+SMOOTHED_S, SMOOTHED_DEGREE = 1.24, 3  # window and degree of the Savitzky-Golay filter of the pitch rate
+AS_MEASURED_FIT, CLQ_FIT = "two-state, rate as measured", "two-state with C_Lq"
+METHODS = (TWO_STATE, FORCE_MODELS)
+# The source has no errors of thrust among its parameters (Table 3.1).
+TABLE_AS_IT_IS = {"thrust_scale": {"free": False}, "thrust_slope": {"free": False}}
+WITHOUT_PRIOR = {"CLq": {"free": True, "start": 0.0, "prior_sigma": np.inf}}
+STEPS_MORE = 3  # from an estimate to that with another input, by one standard deviation; R changes with it
+POLAR_POINTS, ALPHA_RANGE = 31, (1.0, 99.0)  # percentiles of the angle of attack flown
+
+
+class PitchRate(NamedTuple):
+    """Signal to noise of the pitch rate, and the significance of C_Lq (4.3)-(4.7).
+
+    snr : variance of the pitch rate over that of its noise, by run     noise_radps : standard deviation of a sample
+    CLq, standard_error : estimated without a prior; the standard error is that of white residuals (4.2)
+    corrected_error : with the color of the residuals
+    t, critical : (4.4), and the limit that it has to exceed
+    """
+
+    snr: dict[str, float]
+    noise_radps: float
+    CLq: float
+    standard_error: float
+    corrected_error: float
+    t: float
+    critical: float
+
+    @property
+    def significant(self) -> bool:
+        return abs(self.t) > self.critical
+
+
+@dataclass(frozen=True)
+class LikelihoodEstimates:
+    """methods : TWO_STATE and FORCE_MODELS     pitch_rate : None where its estimation failed
+
+    fits : by method name, where there is one, and those for C_Lq, AS_MEASURED_FIT and CLQ_FIT
+    """
+
+    methods: list[MethodEstimate]
+    pitch_rate: PitchRate | None
+    fits: dict[str, Fit]
+
+
+def estimate(
+    table: pd.DataFrame,
+    trajectory: Trajectory,
+    runs: list[Maneuver],
+    aircraft: Aircraft,
+    propeller: Propeller,
+    flown_CL: tuple[float, float],
+    *,
+    zeroed: bool,
+    wanted: tuple[MethodDescription, ...] = METHODS,
+) -> LikelihoodEstimates:
+    """The estimators on all level runs at once.
+
+    table: from `air_data`. zeroed: the gyro biases at rest were subtracted. wanted: one or both of METHODS. Where an
+    estimator fails, its estimate has no polar but a note.
+    """
+    level = [run for run in runs if run.kind in LEVEL_RUNS]
+    fits: dict[str, Fit] = {}
+    pitch_rate = None
+    try:
+        if not level:
+            raise InputError(f"no run of the required kind was flown: {' or '.join(LEVEL_RUNS)}")
+        data = _Data(table, trajectory, level, propeller)
+        known = priors(aircraft, zeroed=zeroed)
+        two_state = aircraft_models.two_state(aircraft, priors=known, J_ref=J_REFERENCE).changed(**TABLE_AS_IT_IS)
+        start = aircraft_models.starting_values(aircraft, data.segments)
+        fits[TWO_STATE.name] = output_error.estimate(two_state, data.segments, start=start)
+        fits[AS_MEASURED_FIT] = output_error.estimate(two_state, data.rate_as_measured, start=start)
+        fits[CLQ_FIT] = output_error.estimate(
+            two_state.changed(**WITHOUT_PRIOR), data.rate_as_measured, start=_values(fits[AS_MEASURED_FIT])
+        )
+        pitch_rate = pitch_rate_of(table, level, fits[CLQ_FIT])
+        if FORCE_MODELS in wanted:
+            model = aircraft_models.force_models(aircraft, priors=known, J_ref=J_REFERENCE).changed(**TABLE_AS_IT_IS)
+            fits[FORCE_MODELS.name] = output_error.estimate(model, data.segments)
+        polars: dict[str, PolarOf] = {
+            TWO_STATE.name: lambda p: np.array([p.A0, p.A1, p.A2]),
+            FORCE_MODELS.name: partial(_polar_of_forces, *_alpha_and_elevator(data.segments)),
+        }
+        methods = [
+            _method_estimate(method, fits[method.name], polars[method.name], data, flown_CL) for method in wanted
+        ]
+    except (InputError, np.linalg.LinAlgError) as error:
+        methods = [MethodEstimate(method, notes=(str(error),)) for method in wanted]
+    return LikelihoodEstimates(methods, pitch_rate, fits)
+
+
+class _Data:
+    """The runs as segments, with the pitch attitude of the trajectory, and the same with other errors."""
+
+    def __init__(self, table: pd.DataFrame, trajectory: Trajectory, runs: list[Maneuver], propeller: Propeller):
+        as_measured = segments_of(table, runs, propeller, block=BLOCK)
+        if not as_measured:
+            raise InputError("no run has all the required data")
+        q = table["q_radps"].interpolate(limit_direction="both").to_numpy()
+        window = round(SMOOTHED_S / float(table.index[1] - table.index[0]))
+        smooth = savgol_filter(q, window + 1 - window % 2, SMOOTHED_DEGREE)
+        self._smoothed = segments_of(table.assign(q_radps=smooth), runs, propeller, block=BLOCK)
+        self._trajectory = trajectory
+        no_error = np.zeros(len(SENSOR_ERRORS))
+        self.rate_as_measured = self._along(no_error, as_measured)
+        self.segments = self._along(no_error, self._smoothed)
+
+    def _along(self, error: Array, segments: list[Segment]) -> list[Segment]:
+        """Along the trajectory with sensor errors that are `error` (m,) larger."""
+        states = self._trajectory.states
+        theta = states["theta"].to_numpy() + self._trajectory.state_sensitivity[:, STATES.index("theta")] @ error
+        i = SENSOR_ERRORS.index("q_bias")
+        bias = self._trajectory.sensor_errors[i] + error[i]
+        changed = []
+        for segment in segments:
+            pitch = np.interp(segment.t_s, states.index, theta)
+            u = {**segment.u, "theta": pitch, "q": segment.u["q"] - bias}
+            changed.append(replace(segment, u=u, z={**segment.z, "theta": pitch}))
+        return changed
+
+    def along_other_trajectories(self) -> list[list[Segment]]:
+        """Along the trajectory with each independent error of one standard deviation."""
+        return [self._along(error, self._smoothed) for error in np.linalg.cholesky(self._trajectory.covariance).T]
+
+    def with_error_removed(self, name: str) -> list[Segment]:
+        """With one of AS_MEASURED removed, as if it were one standard deviation."""
+        return [
+            replace(segment, u={**segment.u, "thrust": _thrust_without(name, segment)}) for segment in self.segments
+        ]
+
+
+def _thrust_without(name: str, segment: Segment) -> Array:
+    u, sigma = segment.u, ERROR_PRIOR_SIGMA[name]
+    if name == "airspeed_scale":
+        return np.asarray(u["thrust"] - u["thrust_per_speed"] * u["V_ref"] * sigma)
+    return np.asarray(u["thrust"] * (1 + sigma * (1.0 if name == "thrust_scale" else u["J"] - J_REFERENCE)))
+
+
+def _method_estimate(
+    method: MethodDescription, fit: Fit, polar_of: PolarOf, data: _Data, flown_CL: tuple[float, float]
+) -> MethodEstimate:
+    """The polar of a fit, with noise, floor and the errors of its inputs in the covariance."""
+    derived = uncertainty.delta_method(
+        replace(uncertainty.cramer_rao(fit), covariance=covariance.of_noise(fit)), polar_of
+    )
+
+    def change(segments: list[Segment]) -> Array:
+        once_more = output_error.estimate(
+            fit.model,
+            segments,
+            start=_values(fit),
+            max_iterations=STEPS_MORE,
+        )
+        return np.asarray(polar_of(once_more.shared()) - derived.value)
+
+    deviations = np.stack([change(segments) for segments in data.along_other_trajectories()], axis=1)
+    by_error = {name: change(data.with_error_removed(name)) for name in AS_MEASURED}
+    systematic = covariance.floor() + deviations @ deviations.T
+    for changed in by_error.values():
+        systematic += np.outer(changed, changed)
+    return MethodEstimate(
+        method,
+        Polar(derived.value, derived.covariance + systematic),
+        derived.covariance,
+        systematic,
+        {name: changed / ERROR_PRIOR_SIGMA[name] for name, changed in by_error.items()},
+        deviations,
+        flown_CL=flown_CL,
+        notes=() if fit.verdict.ok else (str(fit.verdict),),
+    )
+
+
+def _values(fit: Fit) -> dict[str, float]:
+    return dict(zip(fit.names, fit.values.tolist(), strict=True))
+
+
+def _alpha_and_elevator(segments: list[Segment]) -> tuple[Array, Array]:
+    """Angles of attack over the range flown, and the elevator at each, by a straight line through all samples."""
+    alpha = np.concatenate([segment.z["alpha"] for segment in segments])
+    elevator = np.concatenate([segment.u["elevator"] for segment in segments])
+    known = np.isfinite(alpha)
+    slope, offset = np.polyfit(alpha[known], elevator[known], 1)
+    low, high = np.percentile(alpha[known], ALPHA_RANGE)
+    grid = np.linspace(low, high, POLAR_POINTS)
+    return grid, offset + slope * grid
+
+
+def _polar_of_forces(alpha_measured: Array, elevator: Array, p: NamedValues) -> Array:
+    """The parabola (3,) through C_D (2.16) over C_L at measured angles of attack."""
+    alpha = (alpha_measured - p.alpha_bias) / (1 + p.alpha_scale)
+    CX, CZ = aircraft_models.force_coefficients(alpha, elevator, p)
+    CL, CD = CX * np.sin(alpha) - CZ * np.cos(alpha), -CX * np.cos(alpha) - CZ * np.sin(alpha)
+    return np.asarray(np.polyfit(CL, CD, 2)[::-1])
+
+
+def pitch_rate_of(table: pd.DataFrame, runs: list[Maneuver], fit: Fit) -> PitchRate:
+    """Signal to noise of the pitch rate as measured, and the significance of C_Lq by its fit."""
+    rates = {run.name: table["q_radps"].to_numpy()[run.rows] for run in runs}
+    noise = float(np.sqrt(np.mean([sample_variance(q) for q in rates.values()])))
+    white, corrected = uncertainty.cramer_rao(fit), covariance.of_noise(fit)
+    test = uncertainty.t_tests(white)["CLq"]
+    return PitchRate(
+        {name: max(float(np.nanvar(q)) / noise**2 - 1, 0.0) for name, q in rates.items()},
+        noise,
+        fit.parameters["CLq"].value,
+        white.standard_errors["CLq"],
+        float(np.sqrt(np.diag(corrected)[fit.names.index("CLq")])),
+        test.t,
+        test.critical,
+    )
+
+
+def sample_variance(signal: Array) -> float:
+    """Variance of white noise (n,) in a smooth signal: a sample less the mean of its neighbours has 1.5 times it."""
+    return float(np.nanmean((signal[1:-1] - (signal[:-2] + signal[2:]) / 2) ** 2) / 1.5)

@@ -1,0 +1,118 @@
+"""Power required and shaft power of level flight, where a propeller's table gives thrust."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.autopilot_logs import recording
+from analysis.drag.forces import THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA
+from analysis.electrical.energy_balance import FlightConditions, drag_power
+from analysis.electrical.estimate import ElectricalEstimate, drag_prior
+from analysis.electrical.fit import (
+    CURRENT_SIGMA,
+    SharedErrors,
+    most_probable_fit,
+    samples_of,
+    shared_errors,
+    with_standard_error,
+)
+from analysis.electrical.flight_table import FlightTable
+from analysis.electrical.thrust_balance import MotorConstants, ThrustBalance, aerodynamics
+from analysis.performance.propeller_speed import revps_for_thrust
+from flight.propeller import Propeller
+
+Array = NDArray[np.float64]
+
+MOTOR_CONSTANTS_SIGMA = 0.04  # of electrical power, where motor speed follows from it and the motor's constants
+LEAST_KNOWN = 0.98  # share of the flight in which motor speed is measured
+MOTOR_EFFICIENCY = (0.45, 1.02)  # shaft power by the table over electrical power
+
+WITHHELD_DRAG = (
+    "Drag and shaft power are not known: they take the propeller's table (--propeller) and motor speed (ESC telemetry"
+    " or RPM messages) or the motor's constants (in an aircraft file, --aircraft)."
+)
+
+
+class DragEstimate(NamedTuple):
+    """Power required (n,) [W] at the speeds of the electrical curve, its standard error, and what it is made of.
+
+    shaft_W, shaft_error_W : (n,) shaft power of level flight; NaN where the table does not reach
+    motor_efficiency : shaft power by the table over electrical power, mean of the flight under power
+    """
+
+    V_mps: Array
+    power_W: Array
+    error_W: Array
+    shaft_W: Array
+    shaft_error_W: Array
+    parameters: Array
+    parameter_covariance: Array
+    shared: SharedErrors
+    conditions: FlightConditions
+    motor_efficiency: float
+    measured_speed: bool
+
+    def quantity(self, of: Callable[[Array, FlightConditions], Array]) -> tuple[Array, Array]:
+        """A quantity (n,) of parameters and conditions, and its standard error."""
+        return with_standard_error(of, self.parameters, self.parameter_covariance, self.shared, self.conditions)
+
+
+def drag_estimate(
+    flight: FlightTable,
+    electrical: ElectricalEstimate,
+    span_m: float,
+    propeller: Propeller | None,
+    motor: MotorConstants | None,
+) -> DragEstimate | str:
+    """The estimate, or a sentence that says what it would take."""
+    measured = bool(flight.table[recording.MOTOR][flight.flown].notna().mean() > LEAST_KNOWN)
+    if propeller is None:
+        return WITHHELD_DRAG
+    if not measured and motor is None:
+        return (
+            "Drag and shaft power are not known: beside the propeller's table they take motor speed in the log (ESC"
+            " telemetry or RPM messages), or the motor's constants (kv, resistance, no-load current) in an aircraft"
+            " file (--aircraft)."
+        )
+    c, airspeed = electrical.conditions, electrical.airspeed
+    samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa)
+    if samples.motor_revps is not None:
+        known = np.isfinite(samples.motor_revps)
+        if measured:
+            samples = samples._replace(
+                motor_revps=np.interp(samples.t_s, samples.t_s[known], samples.motor_revps[known])
+            )
+    balance = ThrustBalance(samples, c, propeller, None if measured else motor)
+    powered = balance.motor_W() > 0.2 * np.percentile(balance.motor_W(), 95)
+    efficiency = float(np.sum(balance.shaft_W()[powered]) / np.sum(balance.motor_W()[powered]))
+    if not MOTOR_EFFICIENCY[0] < efficiency < MOTOR_EFFICIENCY[1]:
+        return (
+            f"Drag is not known: by the propeller's table and motor speed the shaft takes {100 * efficiency:.0f} % of"
+            " the electrical power, which no motor does; check the table, and the pole pairs that the speed was counted"
+            " with."
+        )
+    mean, sigma = drag_prior(span_m, c.wing_area_m2)
+    fit = most_probable_fit(
+        balance, np.array([*mean, 0.0, 0.0]), np.array([*sigma, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA])
+    )
+    power_sigma = CURRENT_SIGMA if measured else float(np.hypot(CURRENT_SIGMA, MOTOR_CONSTANTS_SIGMA))
+    shared = [*shared_errors(flight, balance, fit, airspeed, power_sigma)]
+    V = electrical.V_mps
+
+    def required(parameters: Array, given: FlightConditions) -> Array:
+        return drag_power(V, 1.0, 0.0, aerodynamics(parameters), given)
+
+    def shaft(parameters: Array, given: FlightConditions) -> Array:
+        thrust_N = required(parameters, given) / V
+        scale, slope = parameters[-2:]
+        revps = revps_for_thrust(propeller, V, thrust_N, given.rho, thrust_scale=scale, thrust_slope=slope)
+        return np.asarray(propeller.thrust_and_power(V, revps, given.rho)[1])
+
+    (power, error), (shaft_W, shaft_error) = (
+        with_standard_error(of, fit.parameters, fit.covariance, shared, c) for of in (required, shaft)
+    )
+    return DragEstimate(
+        V, power, error, shaft_W, shaft_error, fit.parameters, fit.covariance, shared, c, efficiency, measured
+    )

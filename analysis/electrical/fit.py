@@ -1,0 +1,149 @@
+"""Fit of an energy balance: most probable parameters, the air's motion, and what the whole flight shares."""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.autopilot_logs import recording
+from analysis.electrical.air_motion import covariance
+from analysis.electrical.airspeed_gps import AirspeedErrors, true_airspeed
+from analysis.electrical.correlated import most_probable
+from analysis.electrical.energy_balance import EnergyBalance, FlightConditions, Samples
+from analysis.electrical.flight_table import FlightTable
+
+Array = NDArray[np.float64]
+SharedErrors = list[tuple[Array, FlightConditions]]
+
+# Standard deviations of errors common to the whole flight.
+CURRENT_SIGMA, MASS_SIGMA, IDLE_POWER_SIGMA_W = 0.0115, 0.005, 1.0  # the first: evenly within 2 %
+LEAST_UPDRAFT_MPS, UPDRAFT_SHARE = 0.01, 0.08  # mean updraft: at least, and over the size of vertical air motion
+
+FIRST_SIGMA_MPS, FIRST_TIME_S = 0.3, 3.0
+TIMES_S = (1.0, 2.0, 4.0, 8.0, 16.0)
+SIGMAS_MPS = tuple(0.02 * 1.25**i for i in range(26))  # 0.02 to 5
+# Length scale of vertical turbulence: the height above ground, up to 300 m (MIL-F-8785C); its logarithm.
+LENGTH_M, LENGTH_LN_SIGMA = 60.0, 0.7
+ITERATIONS = 3
+STEP = 0.2  # of numerical derivatives, in standard deviations
+
+
+class Fit(NamedTuple):
+    """gain : (m, n) change of the parameters with each window's residual"""
+
+    parameters: Array
+    covariance: Array
+    gain: Array
+    residual_W: Array
+    gust_mps: float
+    gust_s: float
+
+
+def samples_of(flight: FlightTable, scale: float, zero_Pa: float) -> Samples:
+    table = flight.table
+    V = true_airspeed(table["pressure_Pa"].to_numpy(), table["rho"].to_numpy(), scale, zero_Pa)
+    load_factor = table["load_factor"].fillna(1.0).to_numpy()
+    height, power = table["height_m"].to_numpy(), table["power_W"].to_numpy()
+    revps = table[recording.MOTOR].to_numpy()
+    return Samples(table.index.to_numpy(), V, height, power, load_factor, flight.airborne, revps)
+
+
+def most_probable_fit(balance: EnergyBalance, mean: Array, sigma: Array) -> Fit:
+    """Maximum a posteriori parameters, and the size of the air's motion by maximum likelihood, in turns."""
+    mass_kg, V = balance.conditions.mass_kg, float(np.mean(balance.V_mps))
+    parameters, gust_mps, gust_s = mean, FIRST_SIGMA_MPS, FIRST_TIME_S
+    for _ in range(ITERATIONS):
+        noise = covariance(balance.windows, mass_kg, V, balance.useful_W(parameters), gust_mps, gust_s)
+        whiten = np.linalg.inv(np.linalg.cholesky(noise))
+        parameters, jacobian = most_probable(balance.residual, whiten, mean, sigma, parameters)
+        residual = balance.residual(parameters)
+        gust_mps, gust_s = _air_motion(balance, parameters, residual, mass_kg, V)
+    estimate_covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=float)
+    gain = -estimate_covariance @ jacobian[: len(residual)].T @ whiten
+    return Fit(parameters, estimate_covariance, gain, residual, gust_mps, gust_s)
+
+
+def _air_motion(
+    balance: EnergyBalance, parameters: Array, residual: Array, mass_kg: float, V: float
+) -> tuple[float, float]:
+    """Standard deviation and correlation time of vertical air motion: root mean square, and geometric mean, over what
+    is probable given the residuals. A short flight leaves them uncertain, and their most likely values are too small
+    more often than too large."""
+    useful, found = balance.useful_W(parameters), []
+    fixed = covariance(balance.windows, mass_kg, V, useful, 0.0, 1.0)
+    factor = np.linalg.inv(np.linalg.cholesky(fixed))
+    for time_s in TIMES_S:
+        by_air = covariance(balance.windows, mass_kg, V, useful, 1.0, time_s) - fixed
+        # In the eigenvectors of one matrix relative to the other both are diagonal for every size.
+        values, vectors = np.linalg.eigh(factor @ by_air @ factor.T)
+        white = (vectors.T @ factor @ residual) ** 2
+        unlikely = (np.log(time_s * V / LENGTH_M) / LENGTH_LN_SIGMA) ** 2
+        for sigma in SIGMAS_MPS:
+            variance = 1 + sigma**2 * np.maximum(values, 0.0)
+            cost = float(np.sum(white / variance + np.log(variance))) + unlikely
+            found.append((cost, sigma, time_s))
+    costs, sigmas, times_s = np.array(found).T
+    weight = np.exp((costs.min() - costs) / 2)
+    weight /= weight.sum()
+    return float(np.sqrt(weight @ sigmas**2)), float(np.exp(weight @ np.log(times_s)))
+
+
+def derivatives(
+    quantity: Callable[[Array, FlightConditions], Array],
+    parameters: Array,
+    covariance: Array,
+    shared: SharedErrors,
+    conditions: FlightConditions,
+) -> tuple[Array, Array]:
+    """Of a quantity (n,) of parameters and conditions: derivative (m, n) by the parameters, and its change (k, n) with
+    each error that the whole flight shares."""
+    rows = []
+    for i, sigma in enumerate(np.sqrt(np.diag(covariance))):
+        step = np.zeros(len(parameters))
+        step[i] = STEP * sigma
+        above, below = (quantity(parameters + sign * step, conditions) for sign in (1, -1))
+        rows.append(np.nan_to_num((above - below) / (2 * step[i])))
+    gradient, nominal = np.array(rows), quantity(parameters, conditions)
+    effects = [np.nan_to_num(quantity(parameters, given) - nominal) + change @ gradient for change, given in shared]
+    return gradient, np.array(effects)
+
+
+def with_standard_error(
+    quantity: Callable[[Array, FlightConditions], Array],
+    parameters: Array,
+    covariance: Array,
+    shared: SharedErrors,
+    conditions: FlightConditions,
+) -> tuple[Array, Array]:
+    """A quantity (n,) of parameters and conditions, and its standard error."""
+    gradient, effects = derivatives(quantity, parameters, covariance, shared, conditions)
+    variance = np.einsum("in,ij,jn->n", gradient, covariance, gradient) + (effects**2).sum(axis=0)
+    return quantity(parameters, conditions), np.sqrt(variance)
+
+
+def shared_errors(
+    flight: FlightTable,
+    balance: EnergyBalance,
+    fit: Fit,
+    airspeed: AirspeedErrors,
+    power_sigma: float = CURRENT_SIGMA,
+) -> Iterator[tuple[Array, FlightConditions]]:
+    """The parameters' change with each independent error of one standard deviation, and the conditions with it."""
+    c = balance.conditions
+    nominal = balance.residual(fit.parameters)
+
+    def error(samples: Samples, given: FlightConditions) -> tuple[Array, FlightConditions]:
+        return fit.gain @ (balance.residual(fit.parameters, samples, given) - nominal), given
+
+    for scale, zero_Pa in np.linalg.cholesky(airspeed.covariance).T:
+        yield error(samples_of(flight, airspeed.scale + scale, airspeed.zero_Pa + zero_Pa), c)
+    heavier, warmer = 1 + MASS_SIGMA, 1 - flight.rho_sigma
+    thinner = balance.samples._replace(V_mps=balance.samples.V_mps / np.sqrt(warmer))
+    yield error(thinner, c._replace(rho=c.rho * warmer))
+    yield error(balance.samples, c._replace(mass_kg=c.mass_kg * heavier))
+    yield error(balance.samples, c._replace(power_scale=1 + power_sigma))
+    yield error(balance.samples, c._replace(idle_power_W=c.idle_power_W + IDLE_POWER_SIGMA_W))
+    yield error(
+        balance.samples, c._replace(updraft_mps=float(np.hypot(LEAST_UPDRAFT_MPS, UPDRAFT_SHARE * fit.gust_mps)))
+    )

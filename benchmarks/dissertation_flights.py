@@ -1,0 +1,225 @@
+"""The flights of benchmarks/dissertation.py: simulated, analysed, and what the figures show of each, cached."""
+
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from analysis import log_contents
+from analysis.drag import likelihood
+from analysis.drag.polar import Condition, power_required
+from analysis.estimation import uncertainty
+from analysis.estimation.fit import Fit
+from analysis.maneuvers.kinds import LEVEL_RUNS, STANDING, Maneuver
+from analysis.pipeline import Analysis, analyze
+from flight.aircraft import load_aircraft
+from flight.log_reader import read_log
+
+AIRCRAFT = {"Astraeus LS": "astraeus-ls", "Astraeus HS": "astraeus-hs", "Nexstar": "nexstar"}
+WINDMILLING = "apc-12x8e-windmilling"  # the table of all these flights: decelerations windmill
+SEED = 1001
+CASES = ("case-1", "case-2-returns", "case-2-higher", "case-2-lower-slowly", "case-3")
+NOISE_FACTORS = (0.5, 1.0, 1.5, 3.0)
+Array = np.ndarray
+
+
+class FlightName(NamedTuple):
+    """aircraft: a value of AIRCRAFT; noise: factor on the noise of `bench`, whose systematic errors stay."""
+
+    aircraft: str
+    plan: str
+    noise: float = 1.0
+
+    def __str__(self) -> str:
+        return f"{self.aircraft}-{self.plan}" + ("" if self.noise == 1 else f"-noise-{self.noise:g}")
+
+
+FLIGHTS = (
+    *(FlightName(aircraft, plan) for aircraft in AIRCRAFT.values() for plan in ("steady-points", "two-pairs")),
+    FlightName("nexstar", "throttle-step"),
+    *(FlightName("nexstar", "two-pairs", noise) for noise in NOISE_FACTORS if noise != 1),
+    *(FlightName(aircraft, plan) for aircraft in ("astraeus-ls", "astraeus-hs") for plan in CASES),
+)
+
+
+class Curve(NamedTuple):
+    """Power required and half its 95 % interval [W] at speeds V, each (n,)."""
+
+    V: Array
+    power: Array
+    half: Array
+
+
+class RunFit(NamedTuple):
+    """One run fitted alone by the two-state model.
+
+    measured, modelled : (n,) by output     change_by_CLq : of the model's response, in fits with and without it
+    estimates : name to value, standard error for white and for colored residuals
+    CLq, t_CLq : of a second fit, without a prior
+    """
+
+    run: str
+    t_s: Array
+    curve: Curve
+    measured: dict[str, Array]
+    modelled: dict[str, Array]
+    change_by_CLq: dict[str, Array]
+    estimates: dict[str, tuple[float, float, float]]
+    CLq: float
+    t_CLq: float
+    snr: float
+
+
+class Shown(NamedTuple):
+    """What the figures show of one flight.
+
+    curves : by name of method, "dynamic" included     piw_viw : PIW [W] and VIW [m/s] of steady points, and the fit
+    truth : of the simulator     runs : name, kind, start, end     table : measured, at 25 Hz, of the runs and at rest
+    """
+
+    name: FlightName
+    curves: dict[str, Curve]
+    truth: Curve
+    points: Array  # (points, 4): speed, power, its interval; at the test's weight and density
+    to_standard: tuple[float, float]  # factors of power and speed to PIW and VIW
+    fits: list[RunFit]
+    t_CLq: float  # of all runs together
+    noise: dict[str, dict[str, float]]  # standard deviation of one sample by channel, by maneuver
+    runs: dict[str, pd.DataFrame]
+
+
+def flown(name: FlightName, folder: Path) -> Path:
+    """The folder of the flight's log, simulated where it is not there yet."""
+    path = folder / str(name)
+    if not (path / "log.mcap").exists():
+        path.mkdir(parents=True, exist_ok=True)
+        aircraft, errors = folder / f"{name.aircraft}.toml", folder / f"noise-{name.noise:g}.toml"
+        text = Path("flight/data/aircraft", f"{name.aircraft}.toml").read_text("utf-8")
+        aircraft.write_text(text.replace('"apc-12x8e"', f'"{WINDMILLING}"'), "utf-8")
+        errors.write_text(_budget(name.noise), "utf-8")
+        command = [sys.executable, "-m", "sim", "fly", "--replace", "--no-hardware", "--seed", str(SEED)]
+        command += ["--aircraft", str(aircraft), "--plan", name.plan, "--errors", str(errors), "-o", str(path)]
+        subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
+    return path
+
+
+def _budget(noise: float) -> str:
+    """The error budget `bench` with its noise (Table 4.1) times a factor."""
+    lines, section = [], ""
+    for line in Path("sim/data/errors/bench.toml").read_text("utf-8").splitlines():
+        section = line if line.startswith("[") else section
+        key, equals, value = line.partition(" = ")
+        if section == "[noise]" and equals:
+            number, _, unit = value.strip('"').partition(" ")
+            line = f'{key} = "{float(number) * noise:g} {unit}"'
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def shown(name: FlightName, folder: Path) -> Shown:
+    """What the figures show of a flight; from the cache, where it has been analysed before."""
+    path = flown(name, folder)
+    kept = path / "shown.pickle"
+    if not kept.exists():
+        found = _shown(name, path)
+        kept.write_bytes(pickle.dumps(found))
+    return pickle.loads(kept.read_bytes())
+
+
+def _shown(name: FlightName, path: Path) -> Shown:
+    log = read_log(path / "log.mcap")
+    contents = log_contents.contents(log)
+    found = analyze(log, by_likelihood=True)
+    aircraft, results = contents.aircraft, found.results
+    at = Condition(results.test.weight_N, results.test.air_density_kgpm3, aircraft.geometry.wing_area_m2)
+    truth = pd.read_csv(path / "truth_power_required.csv")
+    curves = {method.name: _curve(method.power_required) for method in results.methods if method.power_required}
+    curves["dynamic"] = _curve(results.power_required)
+    sigma, w = at.rho / 1.225, at.weight_N / aircraft.mass.standard_weight_N
+    points = [p for method in results.methods if method.name == "piw-viw" for p in method.points]
+    table = found.table
+    return Shown(
+        name,
+        curves,
+        Curve(truth["speed_mps"].to_numpy(), truth["power_W"].to_numpy(), np.zeros(len(truth))),
+        np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points], dtype=float),
+        (sigma**0.5 / w**1.5, (sigma / w) ** 0.5),
+        [_run_fit(found, run, contents, at) for run in found.maneuvers.level_runs],
+        results.pitch_rate.t if results.pitch_rate else np.nan,
+        {run.name: _noise(table.iloc[run.rows]) for run in found.maneuvers.of(*LEVEL_RUNS, STANDING)},
+        {run.name: table.iloc[run.rows] for run in found.maneuvers.of(*LEVEL_RUNS, STANDING)},
+    )
+
+
+def _curve(points: list) -> Curve:
+    V, power, hi = (np.array([getattr(p, name) for p in points]) for name in ("speed_mps", "power_W", "power_hi_W"))
+    return Curve(V, power, hi - power)
+
+
+CHANNELS = {"ax": "ax_mps2", "az": "az_mps2", "q": "q_radps", "alpha": "alpha_rad", "V": "V_mps"}
+
+
+def _noise(rows: pd.DataFrame) -> dict[str, float]:
+    return {
+        name: float(np.sqrt(likelihood.sample_variance(rows[column].to_numpy()))) for name, column in CHANNELS.items()
+    }
+
+
+def _run_fit(found: Analysis, run: Maneuver, contents: log_contents.LogContents, at: Condition) -> RunFit:
+    """One run alone, as the source fits them."""
+    rows = found.table.iloc[run.rows]
+    CL = 2 * at.weight_N / (rows["rho"] * rows["V_mps"] ** 2 * at.wing_area_m2)
+    flown_CL = tuple(float(x) for x in np.nanpercentile(CL, (2.0, 98.0)))
+    one = likelihood.estimate(
+        found.table,
+        found.trajectory,
+        [run],
+        contents.aircraft,
+        contents.propeller,
+        flown_CL,
+        zeroed=True,
+        wanted=(likelihood.TWO_STATE,),
+    )
+    fit = one.fits[likelihood.TWO_STATE.name]
+    without, free = (one.fits[name] for name in (likelihood.AS_MEASURED_FIT, likelihood.CLQ_FIT))
+    V = np.linspace(*(np.sqrt(2 * at.weight_N / (at.rho * cl * at.wing_area_m2)) for cl in flown_CL[::-1]), 40)
+    power, error = power_required(V, one.methods[0].polar, at)
+    outputs = fit.model.outputs
+    return RunFit(
+        run.name,
+        fit.segment_fits[0].segment.t_s - run.start_s,
+        Curve(V, power, 1.96 * error),
+        dict(fit.segment_fits[0].segment.z),
+        dict(zip(outputs, fit.segment_fits[0].response.y.T, strict=True)),
+        dict(zip(outputs, (free.segment_fits[0].response.y - without.segment_fits[0].response.y).T, strict=True)),
+        _estimates(fit),
+        one.pitch_rate.CLq,
+        one.pitch_rate.t,
+        one.pitch_rate.snr[run.name],
+    )
+
+
+SHOWN = ("CL0", "CLa", "CLde", "CD0", "K", "CL_minD")
+
+
+def _estimates(fit: Fit) -> dict[str, tuple[float, float, float]]:
+    """Values of SHOWN and standard errors, for white residuals as in Table 7.1 and for colored ones."""
+
+    def function(p):
+        CL_minD = -p.A1 / (2 * p.A2)
+        return np.array([p.CL0, p.CLa, p.CLde, p.A0 - p.A2 * CL_minD**2, p.A2, CL_minD])
+
+    white = uncertainty.delta_method(uncertainty.cramer_rao(fit), function)
+    colored = uncertainty.delta_method(uncertainty.morelli_klein(fit), function)
+    rows = zip(SHOWN, white.value, white.standard_error, colored.standard_error, strict=True)
+    return {name: (float(value), float(one), float(other)) for name, value, one, other in rows}
+
+
+def true_estimates(aircraft: str) -> dict[str, float]:
+    """The values of SHOWN that the simulator flies."""
+    truth = load_aircraft(aircraft).aerodynamics
+    return {name: float(truth[name]) for name in SHOWN}

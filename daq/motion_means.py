@@ -1,0 +1,149 @@
+"""Speed, height, bank and forces of the aircraft from means of the readings, for `daq.run_monitor`."""
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from daq.probe_calibration import ProbeMaps
+from daq.thrust import ThrustTable
+from daq.tick_means import MEAN_OVER_NS, Means
+from flight.aircraft import Aircraft
+from flight.units import GRAVITY_MPS2
+
+STEP_S = MEAN_OVER_NS / 1e9
+GAS_CONSTANT = 287.05287  # of air [J/(kg K)] (ISO 2533)
+LAPSE_RATE = 0.0065  # [K/m]
+HEIGHT_EXPONENT = GAS_CONSTANT * LAPSE_RATE / 9.80665
+SEA_LEVEL_DENSITY = 1.225
+# As in analysis.signals.aircraft_size.
+REFERENCE_MPS, FLYING_PA, LEAST_FLYING_PA = 11.0, 30.0, 8.0
+BANK_TIME_S = 3.0  # slower changes come from the lateral balance, faster ones from the roll rate
+# At rest, differences of means within a second, and the motor. As in analysis.signals.rest.
+REST_ROWS = 5
+RATE_SPREAD_RADPS, FORCE_SPREAD_MPS2, PRESSURE_SPREAD_PA, MOTOR_REVPS = 0.03, 0.5, 8.0, 1.0
+GROUND_S = 2.0
+PLAUSIBLE = 0.5, 1.2  # static pressure over that on the ground
+ZEROED = ("q_c_Pa", "dp_alpha_Pa", "dp_beta_Pa", "p_radps", "q_radps", "r_radps")
+STEADY = {
+    **dict.fromkeys(("p_radps", "q_radps", "r_radps"), RATE_SPREAD_RADPS),
+    **dict.fromkeys(("ax_mps2", "ay_mps2", "az_mps2"), FORCE_SPREAD_MPS2),
+    "q_c_Pa": PRESSURE_SPREAD_PA,
+}
+
+
+class Motion(NamedTuple):
+    """The motion during one interval of means. drag: thrust/m [m/s^2], q S/m [m/s^2], C_L, J; None if not known."""
+
+    t_s: float
+    V: float
+    height_m: float
+    bank: float
+    complete: bool
+    drag: tuple[float, float, float, float] | None
+
+
+class MotionFromMeans:
+    """Takes zeros and ground pressure from the standing aircraft, then gives motion while it flies."""
+
+    def __init__(
+        self, aircraft: Aircraft, probe: ProbeMaps | None, thrust: ThrustTable | None, zeros: dict[str, float]
+    ):
+        self._probe, self._thrust = probe, thrust
+        self._mass_kg, self._area_m2 = aircraft.mass_kg, aircraft.geometry.wing_area_m2
+        loading_Pa = aircraft.mass.weight_N / self._area_m2
+        self.scale = min(1.0, math.sqrt(2 * loading_Pa / SEA_LEVEL_DENSITY) / REFERENCE_MPS)
+        self._flying_Pa = max(LEAST_FLYING_PA, FLYING_PA * self.scale**2)
+        self._zeros = dict.fromkeys(ZEROED, 0.0) | zeros
+        self._recent: deque[Means] = deque(maxlen=REST_ROWS)
+        self._rest_rows = 0
+        self._ground: list[tuple[float, float]] = []  # pressure, temperature
+        self._flown = False
+        self._bank: float | None = None
+        self._v: float | None = None  # lateral speed
+
+    @property
+    def ground_known(self) -> bool:
+        """Whether the first means are of the standing aircraft."""
+        return self._rest_rows > 0
+
+    def at(self, means: Means) -> Motion | None:
+        """The motion; None on the ground, and without pressures."""
+        motion = self._in_flight(means)
+        if motion is None:
+            self._bank = self._v = None
+        return motion
+
+    def _in_flight(self, means: Means) -> Motion | None:
+        ground = means.static_Pa, means.static_temperature_K
+        if (means.t_s < GROUND_S or not self._ground) and ground[0] is not None and ground[1] is not None:
+            self._ground.append((ground[0], ground[1]))
+        if not self._flown:
+            self._take_zeros(means)
+        if means.q_c_Pa is None or means.static_Pa is None or not self._ground:
+            return None
+        ground_Pa, ground_K = (sum(values) / len(self._ground) for values in zip(*self._ground, strict=True))
+        if not PLAUSIBLE[0] < means.static_Pa / ground_Pa < PLAUSIBLE[1]:
+            return None
+        q_c = means.q_c_Pa - self._zeros["q_c_Pa"]
+        if q_c <= self._flying_Pa / 2:
+            return None
+        alpha, beta, qbar = self._flow(means, q_c)
+        if qbar <= self._flying_Pa:
+            return None
+        self._flown = True
+        height_m = ground_K / LAPSE_RATE * (1 - (means.static_Pa / ground_Pa) ** HEIGHT_EXPONENT)
+        rho = means.static_Pa / (GAS_CONSTANT * (ground_K - LAPSE_RATE * height_m))
+        V = math.sqrt(2 * qbar / rho)
+        bank = self._banked(means, V, alpha, beta)
+        complete = None not in (means.ax_mps2, means.az_mps2, means.q_radps) and means.dp_alpha_Pa is not None
+        return Motion(means.t_s, V, height_m, bank, complete, self._drag(means, V, alpha, qbar, rho))
+
+    def _take_zeros(self, means: Means) -> None:
+        """Adds the oldest of the last means to the zeros if the aircraft stood still throughout these."""
+        self._recent.append(means)
+        if len(self._recent) < REST_ROWS or any((m.n_revps or 0.0) > MOTOR_REVPS for m in self._recent):
+            return
+        for name, spread in STEADY.items():
+            values = [value for m in self._recent if (value := getattr(m, name)) is not None]
+            if values and max(values) - min(values) > spread:
+                return
+        self._rest_rows += 1
+        for name in ZEROED:
+            value = getattr(self._recent[0], name)
+            if value is not None:
+                before = self._zeros[name] if self._rest_rows > 1 else value
+                self._zeros[name] = before + (value - before) / self._rest_rows
+
+    def _flow(self, means: Means, q_c: float) -> tuple[float, float, float]:
+        """Angles of attack and sideslip, dynamic pressure; zero angles without a calibration."""
+        if self._probe is None or means.dp_alpha_Pa is None:
+            return 0.0, 0.0, q_c
+        dp_alpha = means.dp_alpha_Pa - self._zeros["dp_alpha_Pa"]
+        dp_beta = 0.0 if means.dp_beta_Pa is None else means.dp_beta_Pa - self._zeros["dp_beta_Pa"]
+        flow = self._probe.flow(dp_alpha / q_c, dp_beta / q_c)
+        return flow.alpha_rad, flow.beta_rad, q_c / flow.q_ratio
+
+    def _banked(self, means: Means, V: float, alpha: float, beta: float) -> float:
+        """Bank angle from the lateral balance of forces (3.7) and the roll rate, as analysis.airdata.bank."""
+        if means.ay_mps2 is None or means.p_radps is None or means.r_radps is None:
+            return self._bank or 0.0
+        p, r = means.p_radps - self._zeros["p_radps"], means.r_radps - self._zeros["r_radps"]
+        v = V * math.sin(beta)
+        vdot = 0.0 if self._v is None else (v - self._v) / STEP_S
+        self._v = v
+        balance = (vdot - p * V * math.sin(alpha) + r * V * math.cos(alpha) - means.ay_mps2) / GRAVITY_MPS2
+        slow = math.asin(min(max(balance, -1.0), 1.0))
+        keep = math.exp(-STEP_S / BANK_TIME_S)
+        self._bank = slow if self._bank is None else keep * (self._bank + p * STEP_S) + (1 - keep) * slow
+        return self._bank
+
+    def _drag(
+        self, means: Means, V: float, alpha: float, qbar: float, rho: float
+    ) -> tuple[float, float, float, float] | None:
+        """What the energy balance needs; None without thrust or load factor."""
+        n = means.n_revps
+        if self._thrust is None or n is None or n <= MOTOR_REVPS or means.az_mps2 is None:
+            return None
+        thrust_over_m = self._thrust.thrust_N(V, n, rho) * math.cos(alpha) / self._mass_kg
+        qS_over_m = qbar * self._area_m2 / self._mass_kg
+        return thrust_over_m, qS_over_m, -means.az_mps2 / qS_over_m, V / (n * self._thrust.diameter_m)

@@ -1,0 +1,61 @@
+"""What happens to real logs, done to the messages of a PX4 or ArduPilot log: dropouts, a set clock, a late start."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+FAULTS = (
+    "landed", "wrong-battery-first", "pressure-offset", "dropouts", "clock-jump", "airborne-start", "appended",
+    "truncated", "no-airspeed",
+)  # fmt: skip
+LONGEST_DROPOUT_MS, DROPOUTS = 4000, 12
+CLOCK_SET_US, CLOCK_SET_AT = 3_600_000_000, 0.15  # the latter as a share of the flight
+TRUNCATED_TO = 0.7  # of the file
+
+
+class Dropout(NamedTuple):
+    time_us: int
+    duration_ms: int
+
+
+class Timed(Protocol):
+    """Messages of one kind."""
+
+    @property
+    def time_us(self) -> NDArray[np.uint64]: ...
+
+    def selected(self, kept: NDArray[np.bool_]) -> Self: ...
+
+    def at(self, time_us: NDArray[np.uint64]) -> Self: ...
+
+
+Messages = TypeVar("Messages", bound=Timed)
+
+
+def with_dropouts(kinds: Sequence[Messages], seed: int) -> tuple[list[Messages], list[Dropout]]:
+    """Without the messages of some gaps of up to LONGEST_DROPOUT_MS at random times, and these gaps."""
+    rng = np.random.default_rng(seed)
+    first, last = (int(of(int(of(one.time_us)) for one in kinds)) for of in (min, max))
+    gaps = [
+        Dropout(int(rng.integers(first, last)), int(rng.integers(100, LONGEST_DROPOUT_MS))) for _ in range(DROPOUTS)
+    ]
+    left = list(kinds)
+    for gap in gaps:
+        left = [without(one, gap.time_us, gap.time_us + 1000 * gap.duration_ms) for one in left]
+    return left, gaps
+
+
+def begun_at(kinds: Sequence[Messages], time_us: int) -> list[Messages]:
+    return [without(one, 0, time_us) for one in kinds]
+
+
+def with_clock_set(kinds: Sequence[Messages], at_us: int, by_us: int) -> list[Messages]:
+    """The clock is set forward by `by_us` at `at_us`."""
+    return [one.at(one.time_us + np.where(one.time_us >= at_us, by_us, 0).astype(np.uint64)) for one in kinds]
+
+
+def without(one: Messages, start_us: int, end_us: int) -> Messages:
+    """Without the messages from start_us to before end_us."""
+    return one.selected((one.time_us < start_us) | (one.time_us >= end_us))

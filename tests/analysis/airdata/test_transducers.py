@@ -1,0 +1,143 @@
+"""Slope and offset of the transducers are found again within what the calibration says of itself."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from analysis.airdata.pressure_plateaus import plateaus
+from analysis.airdata.transducers import TransducerCalibration, air_data_errors, calibrate, parse_transducers
+from analysis.cli.calibrate import app
+from analysis.cli.calibrate.transducers import pressures_Pa
+from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.priors import PRIOR_SIGMA, sensor_error_prior
+from flight.errors import InputError
+from flight.messages import DifferentialPressure, Status
+from tests.analysis.cli.test_calibrate import written
+
+PRESSURES_PA = (100.0, 200.0, 300.0, 400.0, 350.0, 250.0, 150.0, 50.0)
+SLOPES, OFFSETS_PA = np.array([0.97, 1.03, 1.02]), np.array([4.0, -6.0, 8.0])
+
+
+def column(pressures=PRESSURES_PA, *, seed: int = 0, hold_s: float = 8.0, noise_Pa: float = 6.0) -> pd.DataFrame:
+    """Readings at 25 Hz of pressures from an open tube to an open tube, two seconds from one to the next."""
+    times = np.cumsum([0.0, *[hold_s, 2.0] * (len(pressures) + 1), hold_s])
+    t_s = np.arange(0.0, times[-1], 0.04)
+    p = np.interp(t_s, times, np.repeat([0.0, *pressures, 0.0], 2))
+    noise = noise_Pa * np.random.default_rng(seed).standard_normal((len(t_s), 3))
+    values = OFFSETS_PA + SLOPES * p[:, None] + noise
+    return pd.DataFrame(values, pd.Index(t_s, name="t_s"), ["alpha", "beta", "airspeed"])
+
+
+def found(seed: int = 0, reading_Pa: float = 0.0, scale: float = 0.0, **options) -> tuple[TransducerCalibration, str]:
+    """By a reference whose scale and readings have errors."""
+    rng = np.random.default_rng([seed, 1])
+    given = np.array(PRESSURES_PA) * (1 + scale * rng.standard_normal())
+    given += reading_Pa * rng.standard_normal(len(given))
+    return calibrate(plateaus(column(seed=seed, **options), "log"), given.tolist(), scale, "log")
+
+
+def test_slopes_lie_within_their_errors() -> None:
+    """Over 30 columns of water read to 0.3 mm on a ruler of 0.5 %: errors over stated ones, one sigma."""
+    over_stated, errors = [], []
+    for seed in range(30):
+        calibration, unsupported = found(seed, reading_Pa=3.0, scale=0.005)
+        assert not unsupported
+        lines = [calibration.line(name) for name in ("alpha", "beta", "airspeed")]
+        over_stated.append([(line.slope - s) / line.slope_error for line, s in zip(lines, SLOPES, strict=True)])
+        errors.append(calibration.airspeed_scale_error)
+        assert calibration.airspeed_scale == pytest.approx(np.sqrt(1.02) - 1, abs=4 * errors[-1])
+    assert 0.6 < np.sqrt(np.mean(np.square(over_stated))) < 1.2
+    assert np.median(errors) < 0.005, "airspeed to 0.5 %"
+
+
+def test_corrected_readings_are_the_pressures_of_the_reference() -> None:
+    calibration, _ = found(noise_Pa=0.0)
+    table = column(noise_Pa=0.0).set_axis(["dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa"], axis=1)
+    corrected = calibration.corrected(table.assign(static_Pa=1e5))
+    assert corrected["q_c_Pa"].max() == pytest.approx(400.0) and corrected["dp_beta_Pa"].max() == pytest.approx(400.0)
+    assert (corrected["static_Pa"] == 1e5).all()
+    zero = calibration.corrected_zero({"q_c_Pa": 8.0, "p_radps": 0.1})
+    assert zero == pytest.approx({"q_c_Pa": 0.0, "p_radps": 0.1}, abs=1e-9)
+
+
+def test_the_standard_errors_replace_the_priors() -> None:
+    calibration, _ = found(scale=0.005)
+    assert calibration.airspeed_scale_error == pytest.approx(0.0025, rel=0.2), "half that of the pressure"
+    for given in ({}, air_data_errors(calibration)._asdict()):
+        _, sigma = sensor_error_prior(0.0, given, gps=True)
+        by_name = dict(zip(SENSOR_ERRORS, sigma, strict=True))
+        if given:
+            assert given["V_scale"] < by_name["V_scale"] < 0.005
+            assert given["alpha_scale"] < by_name["alpha_scale"] < 0.01
+        else:
+            assert (by_name["V_scale"], by_name["alpha_scale"]) == (PRIOR_SIGMA["V_scale"], PRIOR_SIGMA["alpha_scale"])
+
+
+def test_a_calibration_that_its_data_do_not_support_says_why() -> None:
+    assert "airspeed is 2.5 %" in found(scale=0.05)[1]
+    assert "look for a leak" in found(reading_Pa=30.0)[1]
+    swapped = [*PRESSURES_PA[:2], PRESSURES_PA[3], PRESSURES_PA[2], *PRESSURES_PA[4:]]
+    assert "a wrong order" in calibrate(plateaus(column(), "log"), swapped, 0.0, "log")[1]
+
+
+@pytest.mark.parametrize(
+    ("pressures", "given", "cause"),
+    [
+        (PRESSURES_PA, PRESSURES_PA[:-1], "7 pressures for 8 plateaus"),
+        ((100.0, 200.0, 100.0, 200.0), (100.0, 200.0, 100.0, 200.0), "2 pressures beside zero are too few"),
+        (PRESSURES_PA, tuple(-p for p in PRESSURES_PA), "/probe/alpha falls as the pressure rises"),
+        (PRESSURES_PA, tuple(2 * p for p in PRESSURES_PA), "/probe/alpha reads 0.49 times the pressures given"),
+    ],
+)
+def test_pressures_that_are_not_those_of_the_log_are_refused(pressures, given, cause: str) -> None:
+    with pytest.raises(InputError, match=cause):
+        calibrate(plateaus(column(pressures), "log"), given, 0.005, "log")
+
+
+def test_a_list_of_pressures_has_its_unit_at_the_end() -> None:
+    assert pressures_Pa("0, 100, 200 Pa") == [100.0, 200.0], "those at zero are known"
+    assert pressures_Pa("10 -20 mm") == pytest.approx([97.89, -195.78], rel=1e-4), "water at 20 degC"
+    assert pressures_Pa("1 inH2O") == pytest.approx([249.089], rel=1e-5)
+    for wrong, cause in (("10 20", "the unit is missing"), ("10 kg", "no unit of pressure"), ("ten Pa", "not a number"),
+                         ("10 m", "not within"), ("nan Pa", "not within")):  # fmt: skip
+        with pytest.raises(InputError, match=cause):
+            pressures_Pa(wrong)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    messages = [
+        (f"/probe/{name}", t, DifferentialPressure(differential_pressure_Pa=value, status=status))
+        for name, values in column(hold_s=6.0).items()
+        for t, value in values.items()
+        for status in [Status.SATURATED if value > 900 else Status.OK]
+    ]
+    path = tmp_path_factory.mktemp("column") / "log.mcap"
+    return written(path, sorted(messages, key=lambda message: message[1]))
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(app, ["transducers", *(str(a) for a in arguments)])
+
+
+def test_the_command_lists_plateaus_writes_a_file_and_refuses_what_is_not_supported(log: Path, tmp_path: Path) -> None:
+    output = tmp_path / "transducers.json"
+    listed = run(log, "-o", output)
+    assert listed.exit_code == 0 and "8: 59 Pa at" in listed.output and not output.exists()
+    given = ("--pressures", " ".join(f"{p:g}" for p in PRESSURES_PA) + " Pa", "-o", output)
+    refused = run(log, *given, "--reference-error", "5")
+    assert refused.exit_code == 1 and "nothing written" in refused.output and not output.exists()
+    assert run(log, *given).exit_code == 0
+    text = output.read_bytes()
+    assert parse_transducers(text, "file").airspeed.slope == pytest.approx(1.02, abs=0.005)
+    for wrong, cause in (
+        ({"format": "flightpower-probe-2"}, "not supported"),
+        ({"airspeed_scale_error": 0.0}, "airspeed_scale_error 0"),
+        ({"alpha": json.loads(text)["alpha"] | {"slope": 3.0}}, "alpha: slope 3"),
+    ):
+        with pytest.raises(InputError, match=cause):
+            parse_transducers(json.dumps(json.loads(text) | wrong).encode(), "file")

@@ -1,0 +1,126 @@
+"""A simulated flight as PX4 and ArduPilot log it, with the traps of real logs: the true power is in the interval."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.autopilot_logs.ardupilot import read_ardupilot
+from analysis.autopilot_logs.px4 import read_px4
+from analysis.autopilot_logs.recording import MOTOR, FlightRecording
+from analysis.electrical.drag import DragEstimate, drag_estimate
+from analysis.electrical.estimate import ElectricalEstimate, estimate
+from analysis.electrical.flight_table import FlightTable, flight_table
+from analysis.electrical.thrust_balance import motor_constants
+from analysis.estimation.intervals import NORMAL_95
+from flight.complete_aircraft import load_complete_aircraft
+from flight.errors import InputError
+from flight.propeller_files import load_propeller
+from sim.ardupilot_log import write_ardupilot_log
+from sim.fly import Flight, fly
+from sim.plan import load_plan
+from sim.px4_log import write_px4_log
+from sim.sensors import FlightSensorTruth, load_budget
+from sim.sensors.budget import DrawnErrors
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+from electrical import true_power
+from flights import drawn
+
+AIRCRAFT = load_complete_aircraft("nexstar")
+WEIGHT_N, GEOMETRY = AIRCRAFT.mass.weight_N, AIRCRAFT.geometry
+PROPELLER = load_propeller(AIRCRAFT.propulsion.propeller)
+
+
+@pytest.fixture(scope="module")
+def flown() -> tuple[Flight, FlightSensorTruth, DrawnErrors]:
+    errors = drawn(load_budget("study"), 3)
+    flight = fly(AIRCRAFT, load_plan("ordinary-flight"), seed=3, deviations=errors.deviations)
+    return flight, FlightSensorTruth(flight, errors), errors
+
+
+def analyzed(recording: FlightRecording) -> tuple[FlightTable, ElectricalEstimate]:
+    table = flight_table(recording, WEIGHT_N, GEOMETRY.wing_area_m2)
+    return table, estimate(table, WEIGHT_N, GEOMETRY.wing_area_m2, GEOMETRY.span_m)
+
+
+@pytest.mark.parametrize(
+    ("write", "read", "faults", "note"),
+    [
+        (write_ardupilot_log, read_ardupilot, ["landed", "wrong-battery-first", "appended"], "BAT 1 measures"),
+        (write_ardupilot_log, read_ardupilot, ["pressure-offset", "dropouts"], ""),
+        (write_ardupilot_log, read_ardupilot, ["clock-jump"], "clock jumped"),
+        (write_ardupilot_log, read_ardupilot, ["airborne-start", "truncated"], ""),
+        (write_px4_log, read_px4, ["pressure-offset", "appended"], ""),  # others are tested with a real log
+    ],
+)
+def test_traps(
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    flown: tuple[Flight, FlightSensorTruth, DrawnErrors],
+    write: Callable[..., None],
+    read: Callable[[Path], FlightRecording],
+    faults: list[str],
+    note: str,
+) -> None:
+    write(tmp_path / "log", *flown, faults)
+    table, found = analyzed(read(tmp_path / "log"))
+    true_W = true_power(AIRCRAFT, flown[0], flown[2], found.V_mps[::15], found.conditions.rho)
+    assert (np.abs(found.power_W[::15] - true_W) < NORMAL_95 * found.standard_error_W[::15]).all()
+    assert note in " ".join(table.notes)
+    assert capfd.readouterr() == ("", "")  # the reader's library prints damaged bytes
+
+
+def test_without_airspeed(tmp_path: Path, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]) -> None:
+    write_ardupilot_log(tmp_path / "00000001.BIN", *flown, ["no-airspeed"])
+    with pytest.raises(InputError, match="lacks airspeed"):
+        analyzed(read_ardupilot(tmp_path / "00000001.BIN"))
+
+
+@pytest.fixture(scope="module")
+def px4(tmp_path_factory, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]) -> FlightRecording:
+    path = tmp_path_factory.mktemp("px4") / "log.ulg"
+    write_px4_log(path, *flown)
+    return read_px4(path)
+
+
+@pytest.mark.parametrize("without_speed", [False, True])
+def test_drag_by_propeller_table_and_motor_speed_or_constants(
+    px4: FlightRecording, flown: tuple[Flight, FlightSensorTruth, DrawnErrors], without_speed: bool
+) -> None:
+    channels = {name: one for name, one in px4.channels.items() if not (without_speed and name == MOTOR)}
+    table, electrical = analyzed(replace(px4, channels=channels))
+    found = drag_estimate(table, electrical, GEOMETRY.span_m, PROPELLER, motor_constants(AIRCRAFT.propulsion))
+    assert isinstance(found, DragEstimate) and found.measured_speed != without_speed
+    truth = flown[0].power_required
+    faster = np.sqrt(truth["density_kgpm3"].iloc[0] / electrical.conditions.rho)
+    V = found.V_mps[::15]
+    true_W = V * np.interp(V / faster, truth["speed_mps"], truth["drag_N"])
+    assert (np.abs(found.power_W[::15] - true_W) < NORMAL_95 * found.error_W[::15]).all()
+    assert (found.error_W[::15] < 0.09 * true_W).all()
+    assert (found.shaft_W > found.power_W).all() and (found.shaft_W < electrical.power_W).all()
+
+
+def test_what_drag_would_take(px4: FlightRecording) -> None:
+    table, electrical = analyzed(px4)
+    span_m, constants = GEOMETRY.span_m, motor_constants(AIRCRAFT.propulsion)
+    assert "--propeller" in str(drag_estimate(table, electrical, span_m, None, constants))
+    without = table._replace(table=table.table.assign(**{MOTOR: np.nan}))
+    assert "ESC telemetry" in str(drag_estimate(without, electrical, span_m, PROPELLER, None))
+    electrical_speed = table._replace(table=table.table.assign(**{MOTOR: 7 * table.table[MOTOR]}))
+    assert "pole pairs" in str(drag_estimate(electrical_speed, electrical, span_m, PROPELLER, None))
+
+
+def test_motor_speed_and_parameters_are_read(
+    tmp_path: Path, px4: FlightRecording, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]
+) -> None:
+    write_ardupilot_log(tmp_path / "log.bin", *flown)
+    ardupilot = read_ardupilot(tmp_path / "log.bin")
+    assert px4.parameters["FW_AIRSPD_TRIM"] == 15.0 and ardupilot.parameters["ARSPD_RATIO"] == 2.0
+    for recording in (px4, ardupilot):
+        t_s, revps = recording.channels[MOTOR]
+        true = flown[1].motor_speed_revps(t_s - (35.0 if recording is px4 else 81.0))
+        assert np.abs(revps - true)[50:-50].max() < 3.0

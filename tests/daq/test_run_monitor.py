@@ -1,0 +1,131 @@
+"""Runs told good or lost on the aircraft: the criteria of the analysis, on synthetic flights."""
+
+import math
+
+import pytest
+
+from daq.energy_balance import EnergyBalance
+from daq.legs import Row
+from daq.run_monitor import LARGEST_BANK_RAD, RunMonitor
+from daq.sensors import Sample
+from daq.thrust import load_thrust
+from daq.tick_means import Means, TickMeans
+from flight.aircraft import load_aircraft
+from flight.messages import DifferentialPressure, Rpm, Status
+from flight.propeller_files import load_propeller
+from flight.units import GRAVITY_MPS2
+
+NEXSTAR = load_aircraft("nexstar")
+PRESSURE_PA, KELVIN, RHO = 101325.0, 288.15, 1.225
+ZERO_PA = 3.0  # of the airspeed transducer
+
+
+def means_at(t_s: float, V: float, height_m: float, *, bank_rate: float = 0.0, n: float | None = 80.0) -> Means:
+    """What a level aircraft's sensors give; without bank the wings are level."""
+    kelvin = KELVIN - 0.0065 * height_m
+    static = PRESSURE_PA * (kelvin / KELVIN) ** 5.25588
+    rho = static / (287.05287 * kelvin)
+    return Means(
+        t_s=t_s, q_c_Pa=ZERO_PA + rho / 2 * V**2, dp_alpha_Pa=0.0, dp_beta_Pa=0.0, static_Pa=static,
+        static_temperature_K=KELVIN, ax_mps2=0.0, ay_mps2=0.0, az_mps2=-GRAVITY_MPS2, p_radps=0.0, q_radps=0.0,
+        r_radps=bank_rate, n_revps=n,
+    )  # fmt: skip
+
+
+def told(*, over_s=14.0, V=(12.0, 22.0), climb_mps=0.0, height_m=60.0, turn_radps=0.0, n=80.0) -> list[str]:
+    """What the pilot reads of a speed change between two steady flights, after ten seconds on the ground."""
+    monitor, texts = RunMonitor(NEXSTAR, None), []
+    seconds = 10 + 8 + over_s + 8
+    for i in range(round(seconds / 0.2)):
+        t = 0.2 * (i + 0.5)
+        share = min(max((t - 18) / over_s, 0.0), 1.0)
+        flying = t > 10
+        speed = V[0] + (V[1] - V[0]) * share if flying else 0.0
+        height = height_m + climb_mps * over_s * share if flying else 0.0
+        motor = (None if 0 < share < 1 else 80.0) if n is None else n
+        turn = turn_radps if 0.3 < share < 0.9 else 0.0
+        texts += monitor.texts(means_at(t, speed, height, bank_rate=turn, n=motor if flying else 0.0))
+    return [text for _, text in texts]
+
+
+def test_a_level_acceleration_is_good_and_its_speeds_are_told():
+    good, interval = told()
+    assert good.startswith("acceleration good: 1") and good.endswith(("m/s in 14 s", "m/s in 15 s"))
+    low, high = (float(word) for word in good.split(": ")[1].replace(" m/s in", "").split()[:3:2])
+    assert (low, high) == pytest.approx((12.0, 22.0), abs=0.6)  # the zero of the transducer was taken at rest
+    assert interval.startswith("1 runs, 1") and max(map(len, (good, interval))) <= 50
+
+
+@pytest.mark.parametrize(
+    ("flown", "why"),
+    [
+        ({"climb_mps": 1.5}, "climbed"),
+        ({"climb_mps": -1.5}, "sank"),
+        ({"over_s": 2.0}, "not 5 s"),
+        ({"over_s": 41.0, "V": (12.0, 37.0)}, "long"),
+        ({"height_m": 12.0}, "down to 12 m"),
+        ({"n": None}, "no data"),
+    ],
+)
+def test_a_run_that_the_analysis_would_reject_has_to_be_repeated(flown, why):
+    (text,) = told(**flown)
+    assert text.startswith("acceleration lost: ") and why in text and text.endswith("; repeat") and len(text) <= 50
+
+
+def test_nothing_is_told_of_steady_flight_and_of_turns():
+    assert told(V=(15.0, 15.5)) == []
+    assert math.tan(LARGEST_BANK_RAD) < 17 * 0.6 / GRAVITY_MPS2
+    assert not [text for text in told(turn_radps=0.6) if "bank" in text]
+
+
+def test_broken_readings_end_a_run_and_nothing_else():
+    monitor = RunMonitor(NEXSTAR, None)
+    for i in range(400):
+        t = 0.2 * i
+        means = means_at(t, 0.0 if t < 10 else 15 + 5 * math.sin(t / 4), 50.0 if t > 10 else 0.0)
+        for name in ("static_Pa", "q_c_Pa", "n_revps", "az_mps2", "static_temperature_K"):
+            if i % 7 == 0 and i % 5 != 4:
+                setattr(means, name, (None, -1e9, 0.0, 1e9)[i % 4])
+        monitor.texts(means)
+    monitor.add(Means(t_s=1e6))
+
+
+def test_means_are_of_good_readings_in_a_fifth_of_a_second():
+    means, found = TickMeans(), []
+    for i in range(11):
+        status = Status.OK if i % 2 == 0 else Status.NO_REPLY
+        reading = DifferentialPressure(status=status, differential_pressure_Pa=float(i) if i % 2 == 0 else None)
+        samples = [Sample("/probe/airspeed", 0, reading), Sample("/rpm", 0, Rpm(status=Status.NO_DATA))]
+        found.append(means.add(40_000_000 * i + 7, samples))
+    first, second = [each for each in found if each is not None]
+    assert (first.t_s, first.q_c_Pa, first.n_revps) == (0.1, 2.0, None) and (second.t_s, second.q_c_Pa) == (0.3, 7.0)
+
+
+@pytest.mark.parametrize("propeller", ["apc-10x5e", "apc-12x8e"])
+def test_thrust_is_that_of_the_analysis(propeller):
+    table, expected = load_thrust(propeller, folding=False), load_propeller(propeller)
+    assert table is not None
+    for V in (0.5, 12.0, 25.0):
+        for n in (20.0, 83.0, 200.0):
+            assert table.thrust_N(V, n, RHO) == pytest.approx(expected.thrust_and_power(V, n, RHO)[0], rel=1e-9)
+
+
+def test_the_energy_balance_finds_the_drag_polar_that_made_the_runs():
+    """Accelerations and decelerations without noise, of an aircraft with a known polar and a known thrust."""
+    balance, A, qS_per_V2 = EnergyBalance(), (0.045, -0.02, 0.06), 0.08
+    for thrust in (4.0, 0.3, 3.0, -0.2):
+        V, rows = 12.0 if thrust > 1 else 22.0, []
+        for i in range(60):
+            qS = qS_per_V2 * V**2
+            CL = GRAVITY_MPS2 / qS
+            Vdot = thrust - qS * (A[0] + A[1] * CL + A[2] * CL**2)
+            rows.append(Row(0.2 * i, V, Vdot, 0.0, 0.0, 50.0, 50.0, True, (thrust, qS, CL, 0.5)))
+            V += 0.2 * Vdot
+        balance.add_run(rows)
+    for V in (13.0, 16.0, 20.0):
+        qS = qS_per_V2 * V**2
+        CL = GRAVITY_MPS2 / qS
+        power = qS * V * (A[0] + A[1] * CL + A[2] * CL**2)
+        assert balance.power_W(V, 1.0) == pytest.approx(power, rel=0.01)
+    found = balance.at_endurance_speed(12.0, 22.0)
+    assert found is not None and 0 < found.half_width < 0.1
