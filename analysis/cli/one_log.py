@@ -62,7 +62,6 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         options.aircraft,
         options.propeller,
         command_line,
-        options.propeller,
     )
     firmware = firmware_of(_not_a_folder(log))
     if firmware:
