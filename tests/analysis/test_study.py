@@ -28,7 +28,7 @@ def test_refused_flights_are_counted_and_not_averaged():
 def test_a_line_cut_off_by_an_interruption_is_flown_again(tmp_path):
     path = tmp_path / "study.jsonl"
     path.write_text(json.dumps(line(0, [1.0], [2.0])) + "\n" + json.dumps(line(1, [1.0], [2.0]))[:40], "utf-8")
-    assert [key(found) for found in known_lines(path)] == [("weight", 3.0, "two-pairs", 0, "v")]
+    assert [key(found) for found in known_lines(path)] == [("weight", 3.0, "two-pairs", 0, "v", False)]
     assert known_lines(tmp_path / "none.jsonl") == []
 
 

@@ -18,7 +18,7 @@ from hw_fakes.tray import FakeTray
 from sim.fly import fly
 from sim.plan import parse_plan
 from sim.sensors import FlightSensorTruth, draw, load_budget
-from tests.documented_commands import PAGES, Walk, commands_in, run
+from tests.documented_commands import PAGES, ROOT, Walk, commands_in, run
 
 pytestmark = pytest.mark.xdist_group("chain")
 
@@ -92,7 +92,7 @@ def test_the_daemon_records_until_it_is_stopped() -> None:
 
 def test_the_check_of_the_tray_file_refuses_what_the_daemon_would_refuse() -> None:
     """A pulse counter without the motor's pole pairs, in neither file."""
-    text = Path("tray.toml").read_text("utf-8").replace("\npole_pairs", "\n# pole_pairs")
-    Path("no-poles.toml").write_text(text, "utf-8")
+    example = (ROOT / "daq" / "tray.example.toml").read_text("utf-8")
+    Path("no-poles.toml").write_text(example.replace('aircraft = "nexstar"', "", 1), "utf-8")
     code, (said,) = run("daq config --check no-poles.toml")
     assert code == 2 and "pole_pairs = 7" in said
