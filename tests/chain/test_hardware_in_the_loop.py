@@ -100,7 +100,7 @@ def test_the_installed_daemon_records_from_device_files(tmp_path, messages):
         # A bus answers each tick once, late or not. Late bytes of a serial line join those of a later tick.
         assert topic in SERIAL_TOPICS or len({entry.tick for entry in entries}) == len(entries), topic
         # An answer that comes after the next tick has been passed over is logged behind the timeouts of that tick.
-        # A barometer's `busy` has the time of its tick; the result after it, that of the conversion, which began before.
+        # A barometer's `busy` has the time of its tick, the result after it that of the conversion, begun before.
         unordered = (Status.TIMEOUT, Status.BUSY)
         answers = [entry.tick for entry in entries if entry.message.status not in unordered]
         assert all(a <= b for a, b in pairwise(answers)), topic
