@@ -23,6 +23,7 @@ class PowerMonitor:
     """What differs between the two parts: registers by number, their sizes, counts, and conversion times by code."""
 
     name: str
+    manufacturer_register: int
     identity_register: int
     identity: int  # without the revision in its lowest four bits
     reset_value: int  # to write to register 0
@@ -37,16 +38,18 @@ class PowerMonitor:
     volts_per_count: float
     shunt_volts_per_count: float
     conversion_us: tuple[int, ...]
+    continuous: int  # control word for voltage and shunt in turn, for ever
+    average_at: int  # bits of the control word
+    conversion_at: tuple[int, ...]
 
     def control(self, conversion: int, average: int) -> int:
-        """The control word: voltage and shunt in turn, for ever."""
-        if self.name == "INA226":
-            return 0x4000 | average << 9 | conversion << 6 | conversion << 3 | 0x7
-        return 0xB << 12 | conversion << 9 | conversion << 6 | conversion << 3 | average
+        """The control word with these codes."""
+        return sum((conversion << at for at in self.conversion_at), self.continuous | average << self.average_at)
 
 
 INA226 = PowerMonitor(
     name="INA226",
+    manufacturer_register=0xFE,
     identity_register=0xFF,
     identity=0x2260,
     reset_value=0x8000,
@@ -61,9 +64,13 @@ INA226 = PowerMonitor(
     volts_per_count=1.25e-3,
     shunt_volts_per_count=2.5e-6,
     conversion_us=(140, 204, 332, 588, 1100, 2116, 4156, 8244),
+    continuous=0x4007,
+    average_at=9,
+    conversion_at=(6, 3),
 )
 INA228 = PowerMonitor(
     name="INA228",
+    manufacturer_register=0x3E,
     identity_register=0x3F,
     identity=0x2280,
     reset_value=0x8000,
@@ -78,8 +85,10 @@ INA228 = PowerMonitor(
     volts_per_count=195.3125e-6,
     shunt_volts_per_count=312.5e-9,
     conversion_us=(50, 84, 150, 280, 540, 1052, 2074, 4120),
+    continuous=0xB000,
+    average_at=0,
+    conversion_at=(9, 6, 3),  # that of the temperature too, which is not measured
 )
-MANUFACTURER_REGISTER = {"INA226": 0xFE, "INA228": 0x3E}
 
 
 class PowerMonitorDriver:
@@ -95,7 +104,7 @@ class PowerMonitorDriver:
 
     def start(self) -> Iterator[float]:
         part = self._part
-        maker = self._word(MANUFACTURER_REGISTER[part.name])
+        maker = self._word(part.manufacturer_register)
         identity = self._word(part.identity_register)
         if maker != TI or identity & 0xFFF0 != part.identity:
             raise wrong_device(part.name, f"manufacturer 0x{maker:04x}, device 0x{identity:04x}")
