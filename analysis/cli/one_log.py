@@ -22,7 +22,6 @@ from flight.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
     from analysis.log_contents import Replacements
-    from flight.propeller import Propeller
 
 Progress = Callable[[str], None]
 
@@ -63,7 +62,8 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         options.propeller,
         command_line,
     )
-    firmware = firmware_of(_not_a_folder(log))
+    refuse_folder(log)
+    firmware = firmware_of(log)
     if firmware:
         refuse_daemon_options(
             log,
@@ -77,7 +77,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         check_writable(folder / "report.html")
         return ordinary.analyze_autopilot_log(firmware, progress)
     # Wrong input is refused before the numerical libraries are loaded, which takes a second.
-    recorded = read_log(_not_a_folder(log))
+    recorded = read_log(log)
     check_writable(folder / "report.html")
     if lacks_drag_topics(recorded):
         return ordinary.analyze_daemon_log(recorded, progress)
@@ -106,7 +106,9 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
 def replacements(options: Options) -> "Replacements":
     """What the files given contain. Raises InputError when one of them, or the list of runs, cannot be used."""
     aircraft = load_aircraft(options.aircraft) if options.aircraft else None
-    propeller = _load_propeller(options.propeller) if options.propeller else None
+    from flight.propeller_files import load_propeller
+
+    propeller = load_propeller(options.propeller) if options.propeller else None
     from analysis.airdata.magnetometer import load_magnetometer
     from analysis.airdata.probe import load_probe
     from analysis.airdata.transducers import load_transducers
@@ -136,16 +138,10 @@ def replacements(options: Options) -> "Replacements":
     )
 
 
-def _not_a_folder(log: Path) -> Path:
+def refuse_folder(log: Path) -> None:
+    """Raises InputError for a folder; names a log in it."""
     if log.is_dir():
         inside = sorted(log.glob("*.mcap"))
         raise InputError(
             f"{log}: cannot be read, it is a folder; give a log, such as {inside[0] if inside else 'log.mcap'}"
         )
-    return log
-
-
-def _load_propeller(name_or_path: str) -> "Propeller":
-    from flight.propeller_files import load_propeller
-
-    return load_propeller(name_or_path)
