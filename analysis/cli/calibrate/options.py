@@ -17,6 +17,16 @@ AircraftFile = Annotated[
     typer.Option("--aircraft", metavar="FILE", help="Aircraft file to use instead of the one in the log."),
 ]
 
+AircraftFileLines = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="FILE",
+        help="File to write with the lines for the aircraft file; default: printed.",
+    ),
+]
+
 
 def check_output(path: Path | None, replace: bool) -> None:
     """Raises InputError if the file exists and must not be replaced, or cannot be written."""

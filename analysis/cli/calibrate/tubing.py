@@ -1,12 +1,16 @@
 """`calibrate tubing`"""
 
 import sys
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from analysis.cli.calibrate.options import AircraftFile, LogFile, Replace, check_output, write_or_print
+from analysis.cli.calibrate.options import (
+    AircraftFile,
+    AircraftFileLines,
+    LogFile,
+    Replace,
+    check_output,
+    write_or_print,
+)
 from flight.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,15 +23,7 @@ LARGEST_MISFIT = 2.0  # rms of the residuals over the noise, beyond which the mo
 def tubing(
     log: LogFile,
     aircraft: AircraftFile = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            help="File to write with the lines for the aircraft file; default: printed.",
-        ),
-    ] = None,
+    output: AircraftFileLines = None,
     replace: Replace = False,
 ) -> None:
     """Measure the lag of each pneumatic line from recorded steps of pressure.

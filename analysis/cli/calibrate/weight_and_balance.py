@@ -1,12 +1,11 @@
 """`calibrate weight-and-balance`"""
 
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.cli.calibrate.options import Replace, check_output, write_or_print
+from analysis.cli.calibrate.options import AircraftFileLines, Replace, check_output, write_or_print
 from flight.command_line import FAILURE, quantity
 from flight.errors import InputError
 from flight.units import to_si
@@ -54,15 +53,7 @@ def weight_and_balance(
             help='Error of a position, 1 sigma, in m or with a unit: "2 mm".',
         ),
     ] = 0.002,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            help="File to write with the lines for the aircraft file; default: printed.",
-        ),
-    ] = None,
+    output: AircraftFileLines = None,
     replace: Replace = False,
 ) -> None:
     """Compute weight and centre of gravity with their errors, from scales under the wheels or in a suspension.
