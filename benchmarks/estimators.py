@@ -21,6 +21,7 @@ from rich.table import Table
 
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.transducers import air_data_errors
+from analysis.drag import cross_check as cross_check_module
 from analysis.drag import dynamic
 from analysis.drag.polar import Condition, Polar, power_required
 from analysis.estimation.intervals import NORMAL_95
@@ -48,14 +49,14 @@ class Job(NamedTuple):
     plan: str
     turbulence_kt: float
     seed: int
-    cross_check: bool
+    with_cross_check: bool
     calibrated: bool = False  # transducers, by a water column
 
 
 def one_flight(job: Job) -> dict[str, np.ndarray]:
     """By method: error and half the 95 % interval in per cent of the truth (2, speeds). By `path, …`: error and half
     the interval of one number that all runs share (2, 1), in the unit named. Empty where the flight ended too soon."""
-    aircraft, probe, errors, plan_name, turbulence_kt, seed, cross_check, calibrated = job
+    aircraft, probe, errors, plan_name, turbulence_kt, seed, with_cross_check, calibrated = job
     drawn = flights.drawn(load_budget(errors), seed)
     try:
         flown = flights.flown(aircraft, drawn, plan_name, seed, turbulence_kt)
@@ -87,8 +88,10 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
         if kind:  # the longest, as one who has to choose would
             chosen = sorted(chosen, key=lambda run: run.start_s - run.end_s)[:1]
         figures[name] = compared(dynamic.estimate_polar(trajectory, chosen, aircraft, propeller).polar)
-    if cross_check:
-        integrated = cross_check.estimate_polar(air, runs, aircraft, zeroed=at_rest is not None, propeller=propeller)
+    if with_cross_check:
+        integrated = cross_check_module.estimate_polar(
+            air, runs, aircraft, zeroed=at_rest is not None, propeller=propeller
+        )
         figures["output error"] = compared(integrated.polar)
     return figures
 
