@@ -72,6 +72,7 @@ def cycles(
     period_ns = round(1e9 / rate_Hz)
     gps_utc: tuple[int, int] | None = None  # (UTC, monotonic) of the latest solution with date and time
     workers = bus_workers(supervisors, clock, period_ns, threaded=threaded)
+    autopilots = [supervisor for supervisor in supervisors if "/attitude" in supervisor.topics]
     for tick in grid_ticks(period_ns, clock, stop, until_ns):
         begin_ns = clock.now_ns()
         deadline_ns = begin_ns - tick.late_ns + round(DEADLINE_TICKS * period_ns)
@@ -85,16 +86,16 @@ def cycles(
             samples += readings.samples
             events += readings.events
             durations |= readings.durations_ns
-        for sample in samples:
-            if isinstance(sample.message, Gps) and sample.message.utc_ns is not None:
-                gps_utc = (sample.message.utc_ns, sample.time_ns)
+        for topic, time_ns, solution, _ in samples:
+            if topic == "/gps" and isinstance(solution, Gps) and solution.utc_ns is not None:
+                gps_utc = (solution.utc_ns, time_ns)
         if begin_ns >= time_due_ns:
             time_due_ns += TIME_EVERY_NS * (1 + (begin_ns - time_due_ns) // TIME_EVERY_NS)
             samples.append(Sample("/time", clock.now_ns(), time_message(clock, gps_utc)))
         message = Tick(late_ns=tick.late_ns, missed=tick.missed, duration_ns=durations)
         samples.append(Sample("/daq/tick", begin_ns, message))
         slow = [worker.slow for worker in workers if worker.slow]
-        systems = (supervisor.system_id for supervisor in supervisors)
+        systems = [autopilot.system_id for autopilot in autopilots]
         yield Cycle(tick, begin_ns, samples, events, slow, next(filter(None, systems), None))
 
 

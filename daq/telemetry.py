@@ -27,7 +27,7 @@ from daq.still_air_zero import DIFFERENCE, Zero, parse_zero
 from daq.telemetry_port import UdpSender, open_port
 from daq.tick_means import FIELDS, Means, TickMeans
 from flight.aircraft import Aircraft, load_aircraft
-from flight.messages import Event, Status
+from flight.messages import OK, Event
 
 RESTART_AFTER_S = 5.0
 HEARTBEAT_PERIOD_S = 1.0
@@ -38,7 +38,9 @@ KEPT_MEANS = 25  # the same for means of the readings
 MEANS_PER_LINE = 6
 GAS_CONSTANT = 287.05287  # of air [J/(kg K)] (ISO 2533)
 SEVERITIES = {"error": 3, "warning": 4, "info": 6}  # MAV_SEVERITY
-TOPICS = ("/gps", "/static", "/rpm", "/controls", "/probe/alpha", "/probe/beta", "/probe/airspeed", "/attitude")
+TOPICS = frozenset(
+    ("/gps", "/static", "/rpm", "/controls", "/probe/alpha", "/probe/beta", "/probe/airspeed", "/attitude")
+)
 MAX_AGE_S = 2.0  # older readings are not sent
 VEHICLE_SYSTEM = 25  # without an autopilot
 AUTOPILOT_SYSTEM = 1  # of an autopilot that was not heard yet: the default of ArduPilot and PX4
@@ -89,7 +91,7 @@ class TelemetryLink:
     def hear(self, cycle: Cycle, events: list[Event]) -> None:
         """Keep this cycle's good messages and events; write them to the pipe when a line is due."""
         for topic, time_ns, message, _ in cycle.samples:
-            if topic in TOPICS and message.status is Status.OK:
+            if topic in TOPICS and message.status is OK:
                 self._latest[topic] = (time_ns, message)
         self._events.extend(events)
         means = self._tick_means.add(cycle.now_ns, cycle.samples)
