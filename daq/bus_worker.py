@@ -45,6 +45,11 @@ class BusWorker:
         """What to do if the bus is too slow for the rate; otherwise empty."""
         return self._load.slow
 
+    @property
+    def late(self) -> bool:
+        """Whether this tick's readings have missed the deadline."""
+        return False
+
     def start_reading(self, tick: int) -> None:
         """Start reading for this tick, where that runs in another thread."""
 
@@ -107,6 +112,10 @@ class ThreadedBusWorker(BusWorker):
         self._hang_reported = False
         self._thread = threading.Thread(target=self._work, name=f"bus worker {self.name}", daemon=True)
         self._thread.start()
+
+    @property
+    def late(self) -> bool:
+        return self._busy
 
     def start_reading(self, tick: int) -> None:
         self._tick = tick
