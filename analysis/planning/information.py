@@ -22,7 +22,8 @@ from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.time_history import TimeHistory
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
 from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.reconstruction import DRAWS, Trajectory, with_gust_length
+from analysis.trajectory.reconstruction import DRAWS, Trajectory
+from analysis.trajectory.slow_gusts import expected_slow_gusts, with_gust_length
 from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 
 Array = NDArray[np.float64]
@@ -81,8 +82,11 @@ def sensor_error_covariance(
 
 
 def _sensor_errors(linearized: _Linearized, aircraft: ExpectedAircraft, gust_mps: float) -> Array:
-    gust_length = aircraft.aircraft.uncertainty.gust_length
-    return with_gust_length(linearized.step.covariance, linearized.problem.error_sigma, gust_mps, gust_length)
+    problem = linearized.problem
+    flown = len(problem.blocks.t_s[problem.blocks.airborne])
+    slow = expected_slow_gusts(flown, problem.blocks.step_s, problem.conditions.in_cruise(gust_mps))
+    gust_length = slow.length(aircraft.aircraft.uncertainty.gust_length)
+    return with_gust_length(linearized.step.covariance, problem.error_sigma, gust_mps, gust_length)
 
 
 def linearized_trajectory(

@@ -29,7 +29,7 @@ GPS_LATENCY = SENSOR_ERRORS.index("gps_latency")
 class TrajectoryProblem:
     """A flight's data in the form that the equations need.
 
-    blocks, equations, measurements, regressors : see their classes
+    blocks, equations, measurements, regressors, conditions : see their classes
     error_mean, error_sigma : (m,) prior of the sensor errors
     initial_states (n, nx), initial_errors (m,) : first estimate
     """
@@ -52,9 +52,9 @@ class TrajectoryProblem:
         V_predicted, _ = extrapolated(blocks["V_mps"], blocks.flying, blocks.step_s)
         field = LevelField(compass, blocks)
         self._inertial = InertialInputs(table, blocks, noise)
-        self._conditions = GustConditions(blocks, V_reference, V_predicted)
+        self.conditions = GustConditions(blocks, V_reference, V_predicted)
         self.measurements = Measurements(table, blocks, at_rest, noise, V_reference, field)
-        self.regressors = Regressors(blocks, V_predicted, self._conditions, field)
+        self.regressors = Regressors(blocks, V_predicted, self.conditions, field)
         self._begins_at_rest = begins_at_rest(at_rest)
 
         gps, has_compass = self.measurements.has_gps, self.measurements.has_compass
@@ -67,7 +67,7 @@ class TrajectoryProblem:
 
     def process_model(self, sigma_w_mps: float) -> ProcessModel:
         """The process model for vertical gusts of this standard deviation."""
-        return ProcessModel(self._inertial, self.blocks, self._conditions, sigma_w_mps)
+        return ProcessModel(self._inertial, self.blocks, self.conditions, sigma_w_mps)
 
     def equation_inputs(
         self, x: Array, sensor_errors: Array, sigma_w_mps: float, process: ProcessModel

@@ -103,7 +103,7 @@ def test_gusts_of_the_process_model_are_stationary_with_drydens_variance(exact, 
         Q = B @ B.T + np.diag([0.0, sigma[f"gust_{axis}_filtered_twice"] ** 2])
         P = np.linalg.solve(np.eye(4) - np.kron(A, A), Q.ravel()).reshape(2, 2)
         assert P[1, 1] == pytest.approx(total**2 / 4, rel=0.02)
-    assert problem._conditions.transverse_variance(sigma_w) == pytest.approx(sigma_u**2 + sigma_w**2, rel=0.01)
+    assert problem.conditions.transverse_variance(sigma_w) == pytest.approx(sigma_u**2 + sigma_w**2, rel=0.01)
 
 
 def test_gusts_decay_with_the_distance_flown(exact) -> None:
