@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from analysis.drag import consider
-from analysis.drag.dynamic import DRAG, INPUTS
+from analysis.drag.dynamic import INPUTS, drag_model
 from analysis.drag.polar import Condition, Polar, lift_coefficient, power_required
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
@@ -17,6 +17,7 @@ from flight.errors import InputError
 from flight.propeller import Propeller, Row
 
 NEXSTAR = load_aircraft("nexstar")
+DRAG = drag_model(NEXSTAR.uncertainty)
 AT = Condition(NEXSTAR.mass.weight_N, 1.2, NEXSTAR.geometry.wing_area_m2)
 A = np.array([0.04, -0.02, 0.06])
 

@@ -14,7 +14,7 @@ from analysis.drag.method import estimate
 from analysis.drag.method_inputs import MethodInputs, input_table, method_inputs
 from analysis.drag.methods import ALL_METHODS
 from analysis.drag.polar import Condition, Polar, power_required
-from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA, estimate_errors
+from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
 from analysis.trajectory.dryden import GaussMarkov
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
@@ -187,7 +187,9 @@ def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
     lift_direction_W = W * V * np.tan(np.radians(0.02))
     assert power_required(V, Polar(polar(), covariance.floor()), AT)[1] == pytest.approx(lift_direction_W, rel=1e-9)
     f, runs = accelerations_and_decelerations()
-    same = MethodInputs(AIRCRAFT, runs, f, [f], dict.fromkeys(ERROR_PRIOR_SIGMA, f), dict.fromkeys(CAUSES, f))
+    same = MethodInputs(
+        AIRCRAFT, runs, f, [f], dict.fromkeys(error_prior_sigma(AIRCRAFT.uncertainty), f), dict.fromkeys(CAUSES, f)
+    )
     for method in (one for one in ALL_METHODS if one.name in ("direct-speed", "energy")):
         systematic = Polar(polar(), estimate(method, same).systematic)
         assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-9), method.name
