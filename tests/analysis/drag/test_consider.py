@@ -103,3 +103,5 @@ def test_priors_are_read_from_the_aircraft_file_and_have_defaults() -> None:
     assert (NEXSTAR.uncertainty.weight_fraction, NEXSTAR.uncertainty.updraft_mps) == (0.002, 0.004)
     with pytest.raises(InputError, match=r"mine.toml: uncertainty.weight: must not be negative"):
         parse_aircraft(text.replace("0.5 %", "-1 %"), "mine.toml")
+    with pytest.raises(InputError, match=r"mine.toml: uncertainty.thrust_scale: must be greater than zero"):
+        parse_aircraft(text + 'thrust_scale = "0 %"\n', "mine.toml")
