@@ -15,7 +15,7 @@ from analysis.trajectory.initial_estimate import initial_sensor_errors, initial_
 from analysis.trajectory.instrumental_variables import extrapolated
 from analysis.trajectory.level_field import LevelField
 from analysis.trajectory.measurements import Measurements
-from analysis.trajectory.priors import begins_at_rest, initial_state_sigma, sensor_error_prior
+from analysis.trajectory.priors import PRIOR_SIGMA, begins_at_rest, initial_state_sigma, sensor_error_prior
 from analysis.trajectory.process import SLOWEST_MPS, GustConditions, ProcessModel
 from analysis.trajectory.regressors import Regressors
 from analysis.trajectory.sensor_noise import noise_at_rest
@@ -41,6 +41,7 @@ class TrajectoryProblem:
         alpha_scale_sigma: float,
         compass: Compass | None,
         calibrated: Mapping[str, float] = MappingProxyType({}),
+        stated: Mapping[str, float] = PRIOR_SIGMA,
     ):
         self.blocks = blocks = BlockMeans(table)
         self.equations = Equations(blocks.n)
@@ -58,7 +59,7 @@ class TrajectoryProblem:
         self._begins_at_rest = begins_at_rest(at_rest)
 
         gps, has_compass = self.measurements.has_gps, self.measurements.has_compass
-        self.error_mean, self.error_sigma = sensor_error_prior(alpha_scale_sigma, calibrated, gps=gps)
+        self.error_mean, self.error_sigma = sensor_error_prior(alpha_scale_sigma, calibrated, stated, gps=gps)
         bank = table["bank_rad"].to_numpy()[blocks.rows]
         self.initial_states = initial_states(blocks, bank, V_reference, field if has_compass else None)
         self.initial_errors = initial_sensor_errors(

@@ -19,6 +19,7 @@ from analysis.trajectory.equations import (
     STATES,
     EquationInputs,
 )
+from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.slow_gusts import SlowGusts, slow_gusts, with_gust_length
 from analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
@@ -91,6 +92,7 @@ def reconstruct(
     table: pd.DataFrame,
     rest: list[slice],
     *,
+    stated: Mapping[str, float] = PRIOR_SIGMA,
     alpha_scale_sigma: float = 0.0,
     compass: Compass | None = None,
     calibrated: Mapping[str, float] = MappingProxyType({}),
@@ -100,7 +102,8 @@ def reconstruct(
 ) -> Trajectory:
     """The most probable trajectory of a whole flight.
 
-    table: as `air_data` returns it. rest: rows in which the aircraft is at rest. alpha_scale_sigma: standard deviation
+    table: as `air_data` returns it. rest: rows in which the aircraft is at rest. stated: prior standard deviations of
+    the sensor errors, by `stated_sigma` of the aircraft file's [uncertainty]. alpha_scale_sigma: standard deviation
     of the slope of angle of attack in the probe's calibration, in addition to that of transducers and installation.
     compass: the earth's field, sample by sample, from a calibrated magnetometer. gust_length: scale length of vertical
     gusts over the height, as far as the flight does not show it. prior_factor: on the prior standard deviations of the
@@ -109,7 +112,7 @@ def reconstruct(
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
-        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass, calibrated)
+        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass, calibrated, stated)
         problem.error_sigma = problem.error_sigma * np.asarray(prior_factor)
         return _reconstruct(problem, gust_length)
     except np.linalg.LinAlgError:
