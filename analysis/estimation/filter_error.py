@@ -7,7 +7,7 @@ of measurement noise ("ln v(output)"). Gauss-Newton with the exact derivatives o
 estimates them together. Without process noise the filter's covariance stays zero and the method is output error.
 
 Noise that turns out to be negligible is dropped from the unknowns on the way, so that its logarithm does not run to
-minus infinity. A fit that does not end at an optimum is repeated from equation error or output error.
+minus infinity. An intensity that is not significant near the optimum is tried at its lower bound. A fit that does not end at an optimum is repeated from equation error or output error.
 
 For colored process noise, add a state with first-order dynamics to the model and let white noise drive it.
 
@@ -85,7 +85,8 @@ def estimate(
 
     noise_sigma : known standard deviations of measurement noise by output; the others are estimated
     start : starting values as for `output_error.estimate`, or the method that gives them: "equation error", for which
-    every state must be measured, or "output error". If the fit from given values does not end at an optimum, or at one
+    every state must be measured, and which starts the noises from the errors of predictions over one step (but for
+    intensities with a prior), or "output error". If the fit from given values does not end at an optimum, or at one
     where process noise explains everything, both methods are tried with intensities 100 times smaller. The best fit is
     returned.
     test_significance : test each free intensity against zero, at the cost of one more fit each
