@@ -7,7 +7,8 @@ of measurement noise ("ln v(output)"). Gauss-Newton with the exact derivatives o
 estimates them together. Without process noise the filter's covariance stays zero and the method is output error.
 
 Noise that turns out to be negligible is dropped from the unknowns on the way, so that its logarithm does not run to
-minus infinity. An intensity that is not significant near the optimum is tried at its lower bound. A fit that does not end at an optimum is repeated from equation error or output error.
+minus infinity. An intensity that is not significant near the optimum is tried at its lower bound. A fit that does not
+end at an optimum is repeated from equation error or output error.
 
 For colored process noise, add a state with first-order dynamics to the model and let white noise drive it.
 
