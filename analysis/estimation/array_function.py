@@ -68,7 +68,7 @@ class ArrayFunction:
         self._instructions = [_instruction(function, k) for k in range(function.n_instructions())]
 
     def __call__(self, n: int, *arguments: Sequence[Any]) -> list[Array]:
-        """The results, each (n, rows, columns), of n samples. arguments : the elements of each, floats or arrays (n,)."""
+        """The results, each (n, rows, columns), of n samples. arguments : elements of each, floats or arrays (n,)."""
         results = [np.zeros((n, rows * columns)) for rows, columns in self._shapes]
         w: list[Any] = [None] * self._places
         binary, unary, given_in, constant = _Kind.BINARY, _Kind.UNARY, _Kind.INPUT, _Kind.CONSTANT
