@@ -67,9 +67,14 @@ class ArrayFunction:
         self._places = function.sz_w()
         self._instructions = [_instruction(function, k) for k in range(function.n_instructions())]
 
-    def __call__(self, n: int, *arguments: Sequence[Any]) -> list[Array]:
-        """The results, each (n, rows, columns), of n samples. arguments : elements of each, floats or arrays (n,)."""
-        results = [np.zeros((n, rows * columns)) for rows, columns in self._shapes]
+    def __call__(self, n: int, *arguments: Sequence[Any], overwritten: Sequence[Array] | None = None) -> list[Array]:
+        """The results, each (n, rows, columns), of n samples.
+
+        arguments : the elements of each, floats or arrays (n,)
+        overwritten : earlier results of as many samples, whose memory is used again: elements that are always zero stay
+        """
+        shaped = overwritten or [np.zeros((n, *shape)) for shape in self._shapes]
+        results = [result.reshape(n, -1) for result in shaped]
         w: list[Any] = [None] * self._places
         binary, unary, given_in, constant = _Kind.BINARY, _Kind.UNARY, _Kind.INPUT, _Kind.CONSTANT
         for first in range(0, n, SAMPLES):
