@@ -67,7 +67,9 @@ class ArrayFunction:
         self._places = function.sz_w()
         self._instructions = [_instruction(function, k) for k in range(function.n_instructions())]
 
-    def __call__(self, n: int, *arguments: Sequence[Any], overwritten: Sequence[Array] | None = None) -> list[Array]:
+    def __call__(
+        self, n: int, *arguments: Sequence[Any] | Array, overwritten: Sequence[Array] | None = None
+    ) -> list[Array]:
         """The results, each (n, rows, columns), of n samples.
 
         arguments : the elements of each, floats or arrays (n,)

@@ -148,7 +148,7 @@ def _state_by_error(derivative: Array, n_states: int) -> Array:
 def _normal_equations(linearization: Linearization) -> tuple[Array, Array]:
     """The normal equations of the states without prior: the matrix J_x^T J_x, and [J_x^T r, J_x^T J_c].
 
-    The matrix is symmetric and block tridiagonal: (n, nx, 2 nx), each column of its lower triangle from the diagonal on.
+    The matrix is symmetric and block tridiagonal: (n, nx, 2 nx), columns of its lower triangle from the diagonal on.
     The right sides are (n nx, 1 + m) in Fortran order, as LAPACK requires.
     """
     n, _, width = linearization.measurement_jacobian.shape
