@@ -17,7 +17,7 @@ from analysis.estimation.fit import Fit as Fit
 from analysis.estimation.fit import SegmentFit
 from analysis.estimation.frequency_domain import Band, band_matrix
 from analysis.estimation.hints import hints_of
-from analysis.estimation.long_records import summed
+from analysis.estimation.long_records import responses_in_blocks, summed
 from analysis.estimation.model import Model
 from analysis.estimation.noise import (
     NoiseKind,
@@ -127,15 +127,18 @@ class OutputErrorLikelihood:
     def responses(self, theta: Array) -> list[Response]:
         """Of all segments, each with sensitivities to the unknowns of this segment only."""
         problem, count = self.problem, len(self.simulator.free)
-        records = []
-        for i, segment in enumerate(problem.segments):
-            p, x0, _ = problem.unpack(theta, i)
-            records.append(Record(x0, problem.U[i], p, segment.step_s))
-        found = self.simulator.run_all(records)
+        found = self.simulator.run_all(self._records(theta))
         if len(problem.free_states) == len(problem.model.states):
             return found
         kept = np.concatenate([np.arange(count), count + problem.free_states])
         return [response._replace(S=response.S[:, :, kept]) for response in found]
+
+    def _records(self, theta: Array) -> list[Record]:
+        problem, records = self.problem, []
+        for i, segment in enumerate(problem.segments):
+            p, x0, _ = problem.unpack(theta, i)
+            records.append(Record(x0, problem.U[i], p, segment.step_s))
+        return records
 
     @property
     def is_long(self) -> bool:
@@ -149,10 +152,9 @@ class OutputErrorLikelihood:
         problem, m = self.problem, len(theta)
         kept = np.concatenate([np.arange(len(self.simulator.free)), len(self.simulator.free) + problem.free_states])
         sums = []
-        for i, segment in enumerate(problem.segments):
-            p, x0, _ = problem.unpack(theta, i)
+        for blocks, Z in zip(responses_in_blocks(self.simulator, self._records(theta)), problem.Z, strict=True):
             with np.errstate(over="ignore", invalid="ignore"):
-                found = summed(self.simulator, x0, problem.U[i], problem.Z[i], p, segment.step_s, kept)
+                found = summed(blocks, Z, kept)
             if found is None:
                 return nowhere(theta)
             sums.append(found)
