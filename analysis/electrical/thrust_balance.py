@@ -17,7 +17,17 @@ from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 
-PARAMETERS = ("ln_CD0", "ln_K", "CL_minD", "K4", "thrust_scale", "thrust_slope")
+PARAMETERS = (
+    "ln_CD0",
+    "ln_K",
+    "CL_minD",
+    "K4",
+    "thrust_scale",
+    "thrust_slope",
+    "alpha_0",
+    "ln_alpha_per_CL",
+    "alpha_per_CT",
+)
 SLOWEST_REVPS = 5.0  # below it the blades stand, by degrees
 GREATEST_J = 1.5  # of the correction of the table
 REVPS_POINTS, GREATEST_REVPS = 120, 600.0
@@ -72,7 +82,7 @@ class ThrustBalance(EnergyBalance):
 
     def _drag_and_useful_W(self, parameters: Array, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
         thrust_N, J = self._thrust(s, c)
-        *_, scale, slope = parameters
+        scale, slope = parameters[4:6]
         useful = thrust_N * (1 + scale + slope * (J - J_REFERENCE)) * s.V_mps
         return drag_power(s.V_mps, s.load_factor, 0.0, aerodynamics(parameters), c), useful
 
