@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.drag.forces import THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA
-from analysis.electrical.energy_balance import FlightConditions, drag_power
+from analysis.electrical.energy_balance import MOST_WINDOWS, FlightConditions, drag_power
 from analysis.electrical.estimate import ElectricalEstimate, drag_prior, lift_prior
 from analysis.electrical.fit import (
     CURRENT_SIGMA,
@@ -67,6 +67,7 @@ def drag_estimate(
     span_m: float,
     propeller: Propeller | None,
     motor: MotorConstants | None,
+    most_windows: int = MOST_WINDOWS,
 ) -> DragEstimate | str:
     """The estimate, or a sentence that says what it would take."""
     measured = bool(flight.table[recording.MOTOR][flight.flown].notna().mean() > LEAST_KNOWN)
@@ -86,7 +87,7 @@ def drag_estimate(
             samples = samples._replace(
                 motor_revps=np.interp(samples.t_s, samples.t_s[known], samples.motor_revps[known])
             )
-    balance = ThrustBalance(samples, c, propeller, None if measured else motor)
+    balance = ThrustBalance(samples, c, propeller, None if measured else motor, most_windows)
     powered = balance.motor_W() > 0.2 * np.percentile(balance.motor_W(), 95)
     efficiency = float(np.sum(balance.shaft_W()[powered]) / np.sum(balance.motor_W()[powered]))
     if not MOTOR_EFFICIENCY[0] < efficiency < MOTOR_EFFICIENCY[1]:

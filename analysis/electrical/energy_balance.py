@@ -82,11 +82,11 @@ class DragAndEfficiency:
 class EnergyBalance:
     """The balance of one flight. windows: of `air_motion`; V_mps, power_W: (n,) their means"""
 
-    def __init__(self, samples: Samples, conditions: FlightConditions):
+    def __init__(self, samples: Samples, conditions: FlightConditions, most_windows: int = MOST_WINDOWS):
         self.samples, self.conditions = samples, conditions
         step_s = float(np.median(np.diff(samples.t_s)))
         length_s = sum(rows.stop - rows.start for rows in samples.stretches) * step_s
-        spacing_s = step_s * round(max(LEAST_STEP_S, length_s / MOST_WINDOWS) / step_s)
+        spacing_s = step_s * round(max(LEAST_STEP_S, length_s / most_windows) / step_s)
         window_s = max(WINDOW_S, 2 * spacing_s)
         count = 2 * round(window_s / step_s / 2) + 1
         u = (np.arange(count) - count // 2) / (count - 1)

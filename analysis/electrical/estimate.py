@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.electrical.airspeed_gps import AirspeedErrors, airspeed_errors
+from analysis.electrical.airspeed_gps import MOST_POINTS, AirspeedErrors, airspeed_errors
 from analysis.electrical.energy_balance import (
+    MOST_WINDOWS,
     EnergyBalance,
     FlightConditions,
     level_power,
@@ -79,14 +80,24 @@ class ElectricalEstimate(NamedTuple):
 
 
 def estimate(
-    flight: FlightTable, weight_N: float, wing_area_m2: float, span_m: float, log: str = "log"
+    flight: FlightTable,
+    weight_N: float,
+    wing_area_m2: float,
+    span_m: float,
+    log: str = "log",
+    *,
+    most_windows: int = MOST_WINDOWS,
+    most_points: int = MOST_POINTS,
 ) -> ElectricalEstimate:
-    """The curve of one flight. Raises InputError, beginning with `log`, where the flight does not determine one."""
-    airspeed = airspeed_errors(flight)
+    """The curve of one flight. most_windows, most_points: of the energy balance and of airspeed against GPS.
+
+    Raises InputError, beginning with `log`, where the flight does not determine one.
+    """
+    airspeed = airspeed_errors(flight, most_points)
     rho = float(np.median(flight.table["rho"].to_numpy()[flight.flown]))
     conditions = FlightConditions(weight_N / g, wing_area_m2, rho, flight.idle_power_W)
     samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa)
-    balance = EnergyBalance(samples, conditions)
+    balance = EnergyBalance(samples, conditions, most_windows)
     if len(balance.windows.centers_s) < FEWEST_WINDOWS:
         raise InputError(f"{log}: the flight is too short or too torn for an energy balance")
     if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + 5.0:

@@ -107,15 +107,14 @@ def _size_and_time(
     """
     found = []
     factor = np.linalg.inv(np.linalg.cholesky(fixed))
-    for time_s, one, cost_of_time in zip(TIMES_S, by_time, unlikely, strict=True):
+    for one, cost_of_time in zip(by_time, unlikely, strict=True):
         # In the eigenvectors of one matrix relative to the other both are diagonal for every size.
         values, vectors = np.linalg.eigh(factor @ one @ factor.T)
         white = (vectors.T @ factor @ residual) ** 2
-        for sigma in sizes:
-            variance = 1 + sigma**2 * np.maximum(values, 0.0)
-            cost = float(np.sum(white / variance + np.log(variance))) + cost_of_time
-            found.append((cost, sigma, time_s))
-    costs, sigmas, times_s = np.array(found).T
+        variance = 1 + np.square(sizes)[:, None] * np.maximum(values, 0.0)
+        found.append(np.sum(white / variance + np.log(variance), axis=1) + cost_of_time)
+    costs = np.concatenate(found)
+    sigmas, times_s = np.tile(sizes, len(TIMES_S)), np.repeat(TIMES_S, len(sizes))
     weight = np.exp((costs.min() - costs) / 2)
     weight /= weight.sum()
     return float(np.sqrt(weight @ sigmas**2)), float(np.exp(weight @ np.log(times_s)))

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag.forces import J_REFERENCE
-from analysis.electrical.energy_balance import DragAndEfficiency, EnergyBalance, FlightConditions, Samples, drag_power
+from analysis.electrical.energy_balance import (
+    MOST_WINDOWS,
+    DragAndEfficiency,
+    EnergyBalance,
+    FlightConditions,
+    Samples,
+    drag_power,
+)
 from analysis.signals.stretches import stretches
 from flight.aircraft import Propulsion
 from flight.propeller import Propeller
@@ -62,11 +69,16 @@ class ThrustBalance(EnergyBalance):
     """The balance of one flight by the propeller's table. motor: where motor speed is not measured."""
 
     def __init__(
-        self, samples: Samples, conditions: FlightConditions, propeller: Propeller, motor: MotorConstants | None = None
+        self,
+        samples: Samples,
+        conditions: FlightConditions,
+        propeller: Propeller,
+        motor: MotorConstants | None = None,
+        most_windows: int = MOST_WINDOWS,
     ):
         if motor is not None:
             samples = samples._replace(stretches=_powered(samples, conditions))
-        super().__init__(samples, conditions)
+        super().__init__(samples, conditions, most_windows)
         self._propeller, self._motor = propeller, motor
         self._known: tuple[Samples, FlightConditions, Array, Array] | None = None
 
