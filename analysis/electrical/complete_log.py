@@ -58,7 +58,9 @@ def whole_flight(log: Log, aircraft: Aircraft, propeller: Propeller) -> WholeFli
             flight, weight_N, geometry.wing_area_m2, geometry.span_m, str(log.path),
             most_windows=MOST_WINDOWS, most_points=MOST_POINTS,
         )  # fmt: skip
-        drag: DragEstimate | str = drag_estimate(flight, electrical, geometry.span_m, propeller, None, MOST_WINDOWS)
+        drag: DragEstimate | str = drag_estimate(
+            flight, electrical, geometry.span_m, propeller, None, aircraft.uncertainty, MOST_WINDOWS
+        )
     except InputError as error:
         drag = str(error).removeprefix(f"{log.path}: ")
     if isinstance(drag, str):
