@@ -66,7 +66,9 @@ def sites(tree: ast.Module) -> list[ast.expr]:
         if getattr(node, field, None) is not None
         for inner in ast.walk(getattr(node, field))
     }
-    return [node for node in ast.walk(tree) if id(node) not in annotations and isinstance(node, ast.expr) and is_site(node)]
+    return [
+        node for node in ast.walk(tree) if id(node) not in annotations and isinstance(node, ast.expr) and is_site(node)
+    ]
 
 
 def is_site(node: ast.expr) -> bool:
@@ -159,7 +161,11 @@ def imported(file: Path) -> Iterator[Path]:
 
 def tests_by_distance(file: Path) -> list[Path]:
     """All test files: those that bear the file's name, then by the number of imports between test and file."""
-    modules = [p.relative_to(ROOT) for place in (*PLACES, "flightpower", "hw_fakes", "sim", "tests") for p in (ROOT / place).rglob("*.py")]
+    modules = [
+        p.relative_to(ROOT)
+        for place in (*PLACES, "flightpower", "hw_fakes", "sim", "tests")
+        for p in (ROOT / place).rglob("*.py")
+    ]
     importers: dict[Path, list[Path]] = {}
     for module in modules:
         for target in imported(module):
@@ -183,9 +189,20 @@ def killer(made: Mutation, copy: Path, tests: list[Path], timeout_s: float) -> s
     (copy / made.file).write_text(made.text, "utf-8")
     try:
         for i in range(0, len(tests), 8):
-            command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *map(str, tests[i : i + 8])]
+            command = [
+                sys.executable,
+                "-m",
+                "pytest",
+                "-q",
+                "-x",
+                "-p",
+                "no:cacheprovider",
+                *map(str, tests[i : i + 8]),
+            ]
             try:
-                done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, timeout=timeout_s)
+                done = subprocess.run(
+                    command, cwd=copy, env=environment, capture_output=True, text=True, timeout=timeout_s
+                )
             except subprocess.TimeoutExpired:
                 return "timeout"
             if done.returncode not in (0, 5):  # 5: no test in these files
@@ -220,7 +237,10 @@ def main(
             begin = time.monotonic()
             test = killer(made, copy, tests_by_distance(made.file)[: nearest or None], timeout_s)
             found += test is not None
-            print(f"{'killed' if test else 'SURVIVED':8} {made}  [{test or ''}] {time.monotonic() - begin:.0f} s", flush=True)
+            print(
+                f"{'killed' if test else 'SURVIVED':8} {made}  [{test or ''}] {time.monotonic() - begin:.0f} s",
+                flush=True,
+            )
     print(f"{found} of {len(draw)} killed")
     if found < killed:
         raise typer.Exit(1)
