@@ -2,13 +2,12 @@
 
     python benchmarks/mutations.py --seed 8001 --count 40
 
-A mutation turns + into - and * into /, reverses a comparison, doubles or halves a decimal number, drops a minus, or puts
-sin for cos and min for max. The draw is uniform over all such places in `analysis/`, `daq/` and `flight/`; a seed always
-gives the same draw of the same code. Each mutation is made in a copy of the tracked files. It counts as killed when a
-test fails or takes longer than --timeout-s. Test files run in the order of their distance to the mutated file: same
-name, direct import, import of an import, and so on; then all others. A survivor costs the time of the whole suite;
-`--nearest N` stops after N files, and a survivor is then one of these files only. Exit code 1 if fewer than --killed
-are killed. docs/architecture.md quotes what this prints.
+A mutation turns + into - and * into /, reverses a comparison, doubles or halves a decimal number, drops a minus, or
+puts sin for cos and min for max. The draw is uniform over all such places in `analysis/`, `daq/` and `flight/`; a seed
+always gives the same draw of the same code. Each mutation is made in a copy of the tracked files. It counts as killed
+when a test fails or takes longer than --timeout-s. Test files run in the order of their distance to the mutated file:
+same name, direct import, import of an import, and so on; then all others. A survivor costs the time of the whole suite;
+`--nearest N` stops after N files. Exit code 1 if fewer than --killed are killed.
 """
 
 import ast
@@ -21,6 +20,7 @@ import tempfile
 import time
 from collections import deque
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -159,17 +159,20 @@ def imported(file: Path) -> Iterator[Path]:
                     yield candidate
 
 
+@cache
+def importers_of_files() -> dict[Path, list[Path]]:
+    """Of each file, those that import it."""
+    importers: dict[Path, list[Path]] = {}
+    for place in (*PLACES, "flightpower", "hw_fakes", "sim", "tests"):
+        for path in (ROOT / place).rglob("*.py"):
+            for target in imported(path.relative_to(ROOT)):
+                importers.setdefault(target, []).append(path.relative_to(ROOT))
+    return importers
+
+
 def tests_by_distance(file: Path) -> list[Path]:
     """All test files: those that bear the file's name, then by the number of imports between test and file."""
-    modules = [
-        p.relative_to(ROOT)
-        for place in (*PLACES, "flightpower", "hw_fakes", "sim", "tests")
-        for p in (ROOT / place).rglob("*.py")
-    ]
-    importers: dict[Path, list[Path]] = {}
-    for module in modules:
-        for target in imported(module):
-            importers.setdefault(target, []).append(module)
+    importers = importers_of_files()
     distance = {file: 0}
     waiting = deque([file])
     while waiting:
@@ -178,13 +181,12 @@ def tests_by_distance(file: Path) -> list[Path]:
             if importer not in distance:
                 distance[importer] = distance[here] + 1
                 waiting.append(importer)
-    tests = [p for p in modules if p.name.startswith("test_")]
-    far = len(modules)
-    return sorted(tests, key=lambda p: (file.stem not in p.stem, distance.get(p, far), p))
+    tests = [p.relative_to(ROOT) for p in (ROOT / "tests").rglob("test_*.py")]
+    return sorted(tests, key=lambda p: (file.stem not in p.stem, distance.get(p, len(importers)), p))
 
 
 def killer(made: Mutation, copy: Path, tests: list[Path], timeout_s: float) -> str | None:
-    """Runs the tests against a mutation, a few files at a time. Returns the first test that fails; None: it survives."""
+    """Runs the tests against a mutation, eight files at a time. The first test that fails; None: it survives."""
     environment = os.environ | {"PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1", "OPENBLAS_NUM_THREADS": "1"}
     (copy / made.file).write_text(made.text, "utf-8")
     try:
