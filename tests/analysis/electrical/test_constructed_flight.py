@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 import pytest
@@ -16,8 +16,13 @@ from analysis.electrical.energy_balance import FlightConditions
 from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.fit import derivatives, with_standard_error
 from analysis.electrical.flight_table import FlightTable, flight_table
+from analysis.electrical.flown_aircraft import FlownAircraft
 from analysis.electrical.thrust_balance import MotorConstants
 from analysis.performance.propeller_speed import revps_for_thrust
+from analysis.results.electrical import _warnings, electrical_results
+from analysis.results.electrical_parameters import flight_values
+from analysis.results.schema import SpeedInterval
+from analysis.results.schema_provenance import Provenance
 from flight.atmosphere import pressure_at
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
@@ -251,3 +256,73 @@ def test_a_motor_s_electrical_power_is_that_of_its_constants() -> None:
     shaft_W = MOTOR.torque_constant * (current - MOTOR.no_load_A) * omega
     taken = MOTOR.electrical_W(np.array([shaft_W, -1000.0]), np.array([omega, omega]) / (2 * np.pi))
     assert taken == pytest.approx([(omega * 0.015 + 0.05 * current) * current, 0.0])
+
+
+def test_the_results_are_those_of_the_estimate(
+    drag: tuple[DragEstimate, bool], table: FlightTable, electrical: ElectricalEstimate
+) -> None:
+    found, _ = drag
+    aircraft, battery_J = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M), 3.6e5
+    provenance = cast(Provenance, None)
+    results = electrical_results(
+        Path("log"), aircraft, table, electrical, battery_J, provenance, {}, found, "apc-12x8e"
+    )
+    beside = results.electrical
+    assert beside is not None and beside.endurance_s is not None and beside.range_m is not None
+    V, power = electrical.V_mps, electrical.power_W
+    assert beside.endurance_s.value == pytest.approx(battery_J / power.min())
+    assert beside.range_m.value == pytest.approx(battery_J * np.max(V / power))
+    assert 0.9 < beside.range_m.lo / beside.range_m.value < 0.995
+    assert 1.005 < beside.range_m.hi / beside.range_m.value < 1.1
+    assert beside.best_range_speed.speed_mps == pytest.approx(V[np.argmin(power / V)])
+    assert beside.airspeed_scale.hi - beside.airspeed_scale.value == pytest.approx(
+        1.96 * np.sqrt(electrical.airspeed.covariance[0, 0]), rel=1e-3
+    )
+    assert beside.flown_s == pytest.approx(table.flown.sum() * 0.2)
+    for point, p, error in zip(results.electrical_power, power, electrical.standard_error_W, strict=True):
+        assert (point.power_hi_W - p, p - point.power_lo_W) == pytest.approx((1.96 * error,) * 2, rel=1e-3)
+    parts = beside.interval_parts[10]
+    both = np.hypot(parts.noise_W, parts.systematic_W)
+    assert both == pytest.approx(1.96 * electrical.standard_error_W[10], rel=1e-3)
+    polar = results.drag_polar
+    assert polar is not None
+    CL = np.array([0.3, 0.8])
+    quadratic = polar.CD0 + polar.K * (CL - polar.CL_minD) ** 2
+    assert polar.A0 + polar.A1 * CL + polar.A2 * CL**2 == pytest.approx(quadratic)
+    assert polar.oswald_efficiency == pytest.approx(AREA_M2 / (np.pi * polar.K * SPAN_M**2))
+
+
+def test_an_autopilot_is_told_equivalent_airspeeds_and_the_sink_of_gliding(
+    drag: tuple[DragEstimate, bool], electrical: ElectricalEstimate
+) -> None:
+    found, _ = drag
+    V, rho = electrical.V_mps, electrical.conditions.rho
+    best = SpeedInterval(speed_mps=16.0, lo_mps=15.0, hi_mps=17.0, inside_flown_range=True)
+    told = flight_values(electrical, best, {}, found)
+    to_equivalent = np.sqrt(rho / 1.225)
+    assert told.cruise.value == pytest.approx(16.0 * to_equivalent, rel=1e-4)
+    assert (told.slowest.value, told.fastest.value) == pytest.approx((V[0] * to_equivalent, V[-1] * to_equivalent))
+    sigma = np.sqrt(electrical.airspeed.covariance[0, 0])
+    assert told.slowest.hi / told.slowest.value - 1 == pytest.approx(1.96 * sigma, rel=0.5)
+    assert told.cruise_power is not None and told.sink is not None and told.airspeed_factor is not None
+    assert told.cruise_power.value == pytest.approx(np.interp(16.0, V, electrical.power_W))
+    weight_N = MASS_KG * g
+    assert told.sink.value == pytest.approx(np.interp(16.0, found.V_mps, found.power_W) / weight_N, rel=1e-3)
+    assert told.airspeed_factor.value == pytest.approx(1 / 1.02, rel=2e-3)
+    assert told.wing_loading.value == pytest.approx(2 * weight_N / (1.225 * AREA_M2), rel=1e-3)
+    assert told.CD0 is not None and told.B is not None
+    CL = 2 * weight_N / (rho * V**2 * AREA_M2)
+    CD = 2 * found.power_W / (rho * V**3 * AREA_M2)
+    assert told.CD0.value + told.B.value * CL**2 == pytest.approx(CD, rel=0.05)
+
+
+def test_what_a_reader_must_know_is_said(electrical: ElectricalEstimate) -> None:
+    def said(**change: object) -> str:
+        return " ".join(_warnings(electrical._replace(**change)))
+
+    assert said() == ""
+    assert "GPS" in said(airspeed=electrical.airspeed._replace(wind_mps=None))
+    assert "5 % too low by GPS" in said(airspeed=electrical.airspeed._replace(scale=-0.05))
+    assert "2 % too high" not in said(airspeed=electrical.airspeed._replace(scale=0.02))
+    noise = np.diag((0.2 * electrical.power_W) ** 2)
+    assert "wider than ±30 % at 100 %" in said(noise=noise)
