@@ -11,7 +11,6 @@ from analysis.electrical import airspeed_gps
 from analysis.maneuvers import find_level, quality
 from analysis.maneuvers import legs as analysis_legs
 from analysis.signals import aircraft_size, rest
-from analysis.trajectory import priors
 from daq import energy_balance, legs, motion_means, run_monitor
 from daq.energy_balance import EnergyBalance, inverted
 from daq.legs import Row
@@ -19,7 +18,7 @@ from daq.run_monitor import LARGEST_BANK_RAD, RunMonitor
 from daq.sensors import Sample
 from daq.thrust import load_thrust
 from daq.tick_means import Means, TickMeans
-from flight.aircraft import load_aircraft
+from flight.aircraft import Uncertainty, load_aircraft
 from flight.messages import DifferentialPressure, Rpm, Status
 from flight.propeller_files import load_propeller
 from flight.units import GRAVITY_MPS2
@@ -126,9 +125,10 @@ def test_criteria_are_those_of_the_analysis():
         rest.MOTOR_REVPS,
         rest.AIRSPEED_SPREAD_PA,
     )
-    assert energy_balance.THRUST_SIGMAS == {3: forces.THRUST_SCALE_SIGMA, 4: forces.THRUST_SLOPE_SIGMA}
+    prior = Uncertainty()
+    assert energy_balance.THRUST_SIGMAS == {3: prior.thrust_scale_fraction, 4: prior.thrust_slope}
     assert energy_balance.J_REFERENCE == forces.J_REFERENCE
-    assert energy_balance.AIRSPEED_SCALE_SIGMA == airspeed_gps.SCALE_SIGMA == priors.PRIOR_SIGMA["V_scale"]
+    assert energy_balance.AIRSPEED_SCALE_SIGMA == airspeed_gps.SCALE_SIGMA == prior.airspeed_scale_fraction
 
 
 def test_nothing_is_told_of_steady_flight_and_of_turns():
