@@ -20,7 +20,6 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from analysis.drag import covariance
 from analysis.drag.cross_check_data import priors, segments_of
@@ -157,6 +156,8 @@ class _Data:
         if not as_measured:
             raise InputError("no run has all the required data")
         q = table["q_radps"].interpolate(limit_direction="both").to_numpy()
+        from scipy.signal import savgol_filter  # takes 0.3 s to import
+
         window = round(SMOOTHED_S / float(table.index[1] - table.index[0]))
         smooth = savgol_filter(q, window + 1 - window % 2, SMOOTHED_DEGREE)
         self._smoothed = segments_of(table.assign(q_radps=smooth), runs, propeller, block=BLOCK)
