@@ -1,7 +1,6 @@
 """The logs on the image of a card, as they are for who reads the card next."""
 
 import hashlib
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +13,9 @@ from image import run
 class CardLog(NamedTuple):
     state: LogState
     sha256: str
+
+
+_known: dict[str, CardLog] = {}  # by contents: most logs are read after each trial
 
 
 @contextmanager
@@ -33,10 +35,14 @@ def mounted(folder: Path, disk: Path) -> Iterator[Path]:
 def logs_on(folder: Path, disk: Path) -> dict[str, CardLog]:
     """The logs on the disk by their number (log-0001)."""
     with mounted(folder, disk) as root:
-        return {
-            path.name[:8]: CardLog(state_of(path), hashlib.sha256(path.read_bytes()).hexdigest())
-            for path in sorted((root / "var/lib/flightpower").glob("log-*.mcap"))
-        }
+        return {path.name[:8]: _read(path) for path in sorted((root / "var/lib/flightpower").glob("log-*.mcap"))}
+
+
+def _read(path: Path) -> CardLog:
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    if sha256 not in _known:
+        _known[sha256] = CardLog(state_of(path), sha256)
+    return _known[sha256]
 
 
 def trouble(before: dict[str, CardLog], after: dict[str, CardLog]) -> list[str]:
@@ -51,13 +57,3 @@ def trouble(before: dict[str, CardLog], after: dict[str, CardLog]) -> list[str]:
         elif new.state.messages < old.state.messages:
             wrong.append(f"{name} lost {old.state.messages - new.state.messages} messages")
     return wrong
-
-
-def file_system_errors(folder: Path, disk: Path) -> str:
-    """What e2fsck finds in a copy of the disk after replaying the journal; empty if nothing."""
-    copy = folder / "copy.img"
-    run("cp", "--sparse=always", "--reflink=auto", disk, copy)
-    subprocess.run(["e2fsck", "-p", str(copy)], capture_output=True)
-    done = subprocess.run(["e2fsck", "-f", "-n", str(copy)], capture_output=True, text=True)
-    copy.unlink()
-    return done.stdout.strip()[-200:] if done.returncode else ""

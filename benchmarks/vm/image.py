@@ -31,6 +31,7 @@ ssh-keygen -q -t ed25519 -N '' -f /home/pi/.ssh/id_ed25519
 cp /home/pi/.ssh/id_ed25519.pub /home/pi/.ssh/authorized_keys
 echo "raspberrypi.local $(cat /etc/ssh/ssh_host_ed25519_key.pub)" > /home/pi/.ssh/known_hosts
 chown -R pi: /home/pi/.ssh
+update-initramfs -u
 """
 FAKES_NEED = ("numpy", "scipy", "pymavlink")
 DISK_SIZE = "2500M"
@@ -58,7 +59,6 @@ def build(folder: Path) -> None:
         shutil.copytree(folder / name, home / name)
     run("chroot", debian, "chown", "-R", "pi:", "/home/pi")
     _fakes(folder, debian)
-    run("cp", "-rT", GUEST / "etc", debian / "etc")
     wants = debian / "etc/systemd/system/multi-user.target.wants"
     (wants / "fake-tray.service").unlink(missing_ok=True)
     (wants / "fake-tray.service").symlink_to("/etc/systemd/system/fake-tray.service")
@@ -84,6 +84,7 @@ def _debian(folder: Path) -> Path:
             "--dpkgopt=path-exclude=/usr/share/locale/*", suite, root,
         )  # fmt: skip
         stamp.write_text(recipe)
+    run("cp", "-rT", GUEST / "etc", root / "etc")
     run("chroot", root, "sh", "-c", USER)
     return root
 

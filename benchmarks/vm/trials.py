@@ -21,9 +21,11 @@ DAQ = "/opt/flightpower/bin/daq"
 TRAY = "/etc/flightpower/tray.toml"
 LOGS = "/var/lib/flightpower"
 STOP, START = "sudo systemctl stop flightpower-daq", "sudo systemctl start flightpower-daq"
-# The edit of the tray file: the adapters by their permanent names, the autopilot on a serial line.
+# The edit of the tray file: the adapters by their permanent names, the autopilot on a serial line; few ticks, because
+# an emulated processor is some twenty times slower.
+RATE_HZ = 5
 EDIT_TRAY = (
-    f"sudo sed -i 's|/dev/ttyAMA0|/dev/flightpower/gps|; s|/dev/ttyUSB0|/dev/flightpower/rpm|; "
+    f"sudo sed -i 's|^rate_Hz = 25 |rate_Hz = {RATE_HZ} |; s|/dev/ttyAMA0|/dev/flightpower/gps|; s|/dev/ttyUSB0|/dev/flightpower/rpm|; "
     f"s|/dev/ttyUSB1|/dev/ttyS2|' {TRAY}"
 )
 
@@ -37,7 +39,7 @@ class Row(NamedTuple):
 def install(machine: Machine) -> list[Row]:
     """systemd/README.md from step 4, as it is written, by a user with sudo and no network."""
     machine.log_in()
-    rows = []
+    rows: list[Row] = []
 
     def step(what: str, command: str, wanted: str = "") -> None:
         begin_s = time.monotonic()
