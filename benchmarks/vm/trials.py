@@ -25,8 +25,8 @@ STOP, START = "sudo systemctl stop flightpower-daq", "sudo systemctl start fligh
 # an emulated processor is some twenty times slower.
 RATE_HZ = 5
 EDIT_TRAY = (
-    f"sudo sed -i 's|^rate_Hz = 25 |rate_Hz = {RATE_HZ} |; s|/dev/ttyAMA0|/dev/flightpower/gps|; s|/dev/ttyUSB0|/dev/flightpower/rpm|; "
-    f"s|/dev/ttyUSB1|/dev/ttyS2|' {TRAY}"
+    f"sudo sed -i 's|^rate_Hz = 25 |rate_Hz = {RATE_HZ} |; s|/dev/ttyAMA0|/dev/flightpower/gps|; "
+    f"s|/dev/ttyUSB0|/dev/flightpower/rpm|; s|/dev/ttyUSB1|/dev/ttyS2|' {TRAY}"
 )
 
 
