@@ -13,6 +13,8 @@ from parts import parts_at_rest
 
 from hw_fakes.tray import PORTS
 
+SHIFT = 1  # an instruction takes 2^SHIFT ns of the machine's time, however busy the host is
+HEARTBEAT_S = 0.05  # guest/fake_tray.py
 MEMORY_MB = 512  # of a Pi Zero 2 W
 USB = {"gps": 38400, "rpm": 115200}  # serial number of the adapter, and baud
 SERIAL = {"autopilot": 57600}  # /dev/ttyS2
@@ -43,7 +45,8 @@ class Machine:
         for name in names:
             (self._folder / name).unlink(missing_ok=True)
         command = [
-            "qemu-system-x86_64", "-accel", "tcg,thread=single", "-cpu", "max", "-smp", "1", "-m", str(MEMORY_MB),
+            "qemu-system-x86_64", "-accel", "tcg,thread=single", "-icount", f"shift={SHIFT},sleep=on",
+            "-rtc", "clock=vm", "-cpu", "max", "-smp", "1", "-m", str(MEMORY_MB),
             "-display", "none", "-no-reboot", "-nic", "none",
             "-kernel", folder / "vmlinuz", "-initrd", folder / "initrd",
             "-append", "root=LABEL=rootfs rw console=ttyS0 quiet loglevel=2 systemd.show_status=0 mitigations=off",
@@ -63,12 +66,12 @@ class Machine:
         self._stop = threading.Event()
         self._console = self._connect("console")
         self._console.settimeout(0.2)
-        self._transcript = (self._folder / "console.txt").open("a")
+        self._transcript = (self._folder / "console.txt").open("w")
         self._text = ""
         self._commands = 0
         self.heartbeat = Heartbeat(0.0, 0, 0)
-        self._ahead_s = float("-inf")
-        threading.Thread(target=self._listen, daemon=True).start()
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
         tray = parts_at_rest()
         for name, baud in {**USB, **SERIAL}.items():
             threading.Thread(target=self._serve, args=(name, tray.port(DEVICES[name], baud)), daemon=True).start()
@@ -85,26 +88,26 @@ class Machine:
         return self._process.poll() is None
 
     def pull_power(self) -> float:
-        """End the machine at once; returns its own monotonic time then [s]."""
-        at_s = time.monotonic() + self._ahead_s
+        """End the machine at once. Returns its own monotonic time then [s], at most one heartbeat too late."""
         if self.running:
             self._process.kill()
         self._process.wait()
+        self._listener.join(10.0)
         self._stop.set()
-        return at_s
+        return self.heartbeat.guest_s + HEARTBEAT_S
 
     def switch_off(self) -> None:
         self._console.sendall(b"sudo systemctl poweroff\n")
         self._process.wait(120)
 
-    def log_in(self, timeout_s: float = 300.0) -> None:
+    def log_in(self, timeout_s: float = 600.0) -> None:
         """Wait for the console's shell."""
         self._wait(PROMPT, timeout_s)
         self._console.sendall(b"stty -echo cols 500; PS1=; export SYSTEMD_PAGER=cat SYSTEMD_COLORS=0 TERM=dumb\n")
         for _ in range(2):
             self.run("true")
 
-    def run(self, command: str, timeout_s: float = 300.0) -> tuple[int, str]:
+    def run(self, command: str, timeout_s: float = 600.0) -> tuple[int, str]:
         """Exit code and output of a command of the user pi."""
         self._commands += 1
         mark = f"end-of-command-{self._commands}:"
@@ -112,7 +115,7 @@ class Machine:
         found = self._wait(rf"(?s)(.*?)\r?\n{mark}(\d+)\r?\n", timeout_s)
         return int(found[2]), found[1].replace("\r", "").strip("\n")
 
-    def wait_for_recording(self, logs: int, timeout_s: float = 300.0) -> None:
+    def wait_for_recording(self, logs: int, timeout_s: float = 600.0) -> None:
         """Until there are more than `logs` logs, and data in the newest."""
         end_s = time.monotonic() + timeout_s
         while self.heartbeat.logs <= logs or self.heartbeat.size < 20_000:
@@ -120,6 +123,12 @@ class Machine:
                 raise TimeoutError(f"no new log after {timeout_s:.0f} s; see {self._folder / 'console.txt'}")
             self._read()
             time.sleep(0.1)
+
+    def wait(self, seconds: float) -> None:
+        """Until so much of the machine's time has passed."""
+        end_s = self.heartbeat.guest_s + seconds
+        while self.heartbeat.guest_s < end_s and self.running:
+            self._read()
 
     def unplug(self, adapter: str) -> None:
         self._qmp("device_del", id=f"usb-{adapter}")
@@ -168,16 +177,14 @@ class Machine:
         return found
 
     def _listen(self) -> None:
-        """Read the heartbeat; the quickest of its lines tell how far the machine's clock is ahead of the host's."""
+        """Read the heartbeat until the machine ends."""
         rest = ""
         with self._connect("heartbeat") as line:
-            while not self._stop.is_set() and (data := line.recv(4096)):
-                now_s = time.monotonic()
+            while data := line.recv(4096):
                 *lines, rest = (rest + data.decode("ascii", "replace")).split("\n")
                 for text in lines:
                     if found := re.fullmatch(r"(\d+\.\d+) (\d+) (\d+)\r?", text):
                         self.heartbeat = Heartbeat(float(found[1]), int(found[2]), int(found[3]))
-                        self._ahead_s = max(self._ahead_s, self.heartbeat.guest_s - now_s)
 
     def _serve(self, name: str, part: Any) -> None:
         with self._connect(name) as line:

@@ -16,14 +16,14 @@ from flight.messages import Status
 
 LARGEST_LOSS_S = 1.0
 LARGEST_EXPOSURE = 0.7
-FIRST_RECORDING_S = (4.0, 30.0)  # how long a recording lasts before its power is pulled: drawn from this range
+RECORDED_S = (4.0, 20.0)  # how long a recording lasts before its power is pulled: drawn from this range
 DAQ = "/opt/flightpower/bin/daq"
 TRAY = "/etc/flightpower/tray.toml"
 LOGS = "/var/lib/flightpower"
 STOP, START = "sudo systemctl stop flightpower-daq", "sudo systemctl start flightpower-daq"
 # The edit of the tray file: the adapters by their permanent names, the autopilot on a serial line; few ticks, because
 # an emulated processor is some twenty times slower.
-RATE_HZ = 5
+RATE_HZ = 10
 EDIT_TRAY = (
     f"sudo sed -i 's|^rate_Hz = 25 |rate_Hz = {RATE_HZ} |; s|/dev/ttyAMA0|/dev/flightpower/gps|; "
     f"s|/dev/ttyUSB0|/dev/flightpower/rpm|; s|/dev/ttyUSB1|/dev/ttyS2|' {TRAY}"
@@ -81,7 +81,7 @@ def exposure(machine: Machine, when: str) -> list[Row]:
 def figures(machine: Machine) -> list[Row]:
     """Of a boot and of the service in it; nothing to fail."""
     machine.log_in()
-    time.sleep(20.0)
+    machine.wait(20.0)
     commands = {
         "boot": "systemd-analyze time | head -1",
         "recording, after the kernel's start": "systemd-analyze critical-chain flightpower-daq | grep flightpower",
@@ -102,7 +102,7 @@ def power_pulls(folder: Path, disk: Path, count: int, rng: random.Random) -> lis
         with Machine(folder, disk) as machine:
             machine.wait_for_recording(len(known))
             begin_s = machine.heartbeat.guest_s
-            time.sleep(rng.uniform(*FIRST_RECORDING_S))
+            machine.wait(rng.uniform(*RECORDED_S))
             cut_s = machine.pull_power()
         logs = logs_on(folder, disk)
         wrong = trouble(known, logs)
@@ -124,11 +124,11 @@ def unplugged(folder: Path, disk: Path) -> list[Row]:
     with Machine(folder, disk) as machine:
         machine.log_in()
         machine.wait_for_recording(len(known))
-        time.sleep(10.0)
+        machine.wait(10.0)
         machine.unplug("gps")
-        time.sleep(6.0)
+        machine.wait(6.0)
         machine.plug("gps")
-        time.sleep(15.0)
+        machine.wait(15.0)
         machine.run(STOP)
         machine.switch_off()
     rows = _judge("USB receiver unplugged", folder, disk, known)
@@ -157,9 +157,9 @@ def clock_stepped(folder: Path, disk: Path) -> list[Row]:
         today = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime())
         machine.run(f"{STOP}; sudo date -u -s '1970-01-01 00:00:10'; {START}")
         for date in (today, "2000-01-01 00:00:00", today):
-            time.sleep(4.0)
+            machine.wait(4.0)
             machine.run(f"sudo date -u -s '{date}'")
-        time.sleep(4.0)
+        machine.wait(4.0)
         _, restarts = machine.run("systemctl show -P NRestarts flightpower-daq")
         machine.run(STOP)
         machine.switch_off()
@@ -190,7 +190,7 @@ def upgraded(folder: Path, disk: Path) -> list[Row]:
         code, said = machine.run("cd ~/flightpower && sudo systemd/install.sh --wheels ~/wheels-upgrade; cd", 900.0)
         took_s = time.monotonic() - begin_s
         machine.wait_for_recording(len(known) + 1)
-        time.sleep(5.0)
+        machine.wait(5.0)
         _, version = machine.run("/opt/flightpower/bin/pip show flightpower | grep ^Version")
         machine.run(STOP)
         machine.switch_off()
