@@ -56,6 +56,7 @@ bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/estimation_cases.py filter
 	$(BIN)/python benchmarks/estimation_cases.py optima
 	$(BIN)/python benchmarks/estimation_cases.py cases
+	$(BIN)/python benchmarks/estimation_cases.py agreement
 	$(BIN)/python benchmarks/estimation_scaling.py growth
 	$(BIN)/python benchmarks/estimation_scaling.py ratios
 	$(BIN)/python benchmarks/daemon.py faults

@@ -35,6 +35,7 @@ from analysis.results.trajectory import trajectory_result
 from analysis.trajectory.consistency import Consistency, consistency
 from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
 from analysis.trajectory.prior_conflict import conflict_notes, prior_conflict, with_misfit
+from analysis.trajectory.priors import stated_sigma
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
@@ -102,6 +103,7 @@ def analyze(
         return reconstruct(
             table, data.rest, alpha_scale_sigma=alpha_scale_sigma, compass=data.compass, calibrated=data.calibrated,
             gust_length=aircraft.uncertainty.gust_length, prior_factor=prior_factor, log=name,
+            stated=stated_sigma(aircraft.uncertainty),
         )  # fmt: skip
 
     trajectory = trajectory_with(1.0)

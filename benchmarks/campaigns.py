@@ -34,6 +34,7 @@ from analysis.drag import dynamic
 from analysis.drag.polar import flown_condition, flown_lift
 from analysis.maneuvers.selection import select
 from analysis.results.pooling_statistics import pooling_statistics
+from analysis.trajectory.priors import stated_sigma
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, Installation, load_aircraft
 from flight.errors import InputError
@@ -118,7 +119,9 @@ def one_flight(job: Job) -> dict[str, Any]:
         propeller = world.table(aircraft.propulsion) or load_propeller(aircraft.propulsion.propeller)
         data = flights.air_of(table, aircraft, probe)
         runs = select(data.table, data.still, "log", None).level_runs
-        trajectory = reconstruct(data.table, data.still, alpha_scale_sigma=probe.alpha_scale_sigma)
+        trajectory = reconstruct(
+            data.table, data.still, stated=stated_sigma(aircraft.uncertainty), alpha_scale_sigma=probe.alpha_scale_sigma
+        )
         estimate = dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
     except (InputError, np.linalg.LinAlgError) as error:
         return {**job._asdict(), "refused": str(error)}

@@ -3,6 +3,7 @@
     python benchmarks/estimation_cases.py filter
     python benchmarks/estimation_cases.py optima
     python benchmarks/estimation_cases.py cases
+    python benchmarks/estimation_cases.py agreement
 
 docs/estimation.md quotes the output. Seeds are from 1000 on; nothing was chosen on them.
 """
@@ -19,12 +20,15 @@ from rich.table import Table
 from analysis.estimation import filter_error, multiple_shooting, output_error
 from analysis.estimation.data import split
 from analysis.estimation.fit import Fit
+from analysis.estimation.frequency_domain import band_matrix, frequencies_of
 from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.recursive_fourier import RecursiveFourierRegression
 from flight.errors import InputError
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
 import disturbed
 import hard_cases
+import test_term_selection as terms
 import twins
 
 FIRST_SEED = 1000
@@ -162,6 +166,42 @@ def cases(seeds: Annotated[int, typer.Option(help="Number of draws of the noise.
     for name, case in hard_cases.CASES.items():
         verdicts = [str(case.fit(seed).verdict) for seed in range(FIRST_SEED, FIRST_SEED + seeds)]
         table.add_row(name, f"{sum(case.says in verdict for verdict in verdicts)} of {seeds}", verdicts[0])
+    CONSOLE.print(table)
+
+
+@app.command()
+def agreement(seeds: Annotated[int, typer.Option(help="Number of records.")] = 100) -> None:
+    """True terms found by structure selection; frequency against time domain; recursive against batch regression."""
+    every = range(FIRST_SEED, FIRST_SEED + seeds)
+    table = Table("", "measured", "wanted", box=None)
+    for name, method in zip(("stepwise", "orthogonal functions"), terms.METHODS, strict=True):
+        right = sum(set(method(*terms.flight(seed)).names) == set(terms.TRUE) for seed in every)
+        table.add_row(f"true terms found, {name}", f"{right} of {seeds}", "95 of 100")
+    apart, recursive = [], []
+    truth, band_Hz = disturbed.LINEAR_TRUTH, (0.1, 3.0)
+    # Constants have no part in the frequency domain and must be fixed.
+    still = disturbed.LINEAR.changed(**{name: {"start": truth[name], "free": False} for name in ("Z0", "M0")})
+    for seed in every:
+        segment = disturbed.linear_record(seed, strength=0.0)
+        half_Hz = 0.5 / segment.step_s
+        in_time = output_error.estimate(still, segment)
+        in_frequency = output_error.estimate(still, segment, band_Hz=(0.0, 0.99 * half_Hz))
+        difference = np.abs(in_frequency.values - in_time.values)
+        errors = [np.sqrt(np.diag(fit.covariance)) for fit in (in_time, in_frequency)]
+        apart.append((difference / errors)[:, : len(truth) - 2])
+        X, z = np.column_stack([segment.z["alpha"], segment.z["q"], segment.u["de"]]), segment.z["q"]
+        z = X @ [-20.0, -3.0, -25.0] + 0.2 * np.random.default_rng(seed).standard_normal(len(z))
+        regression = RecursiveFourierRegression(3, frequencies_of(band_Hz, len(X), segment.step_s), segment.step_s)
+        for row, value in zip(X, z, strict=True):
+            regression.add(row, value)
+        T = band_matrix(band_Hz, len(X), segment.step_s)
+        batch = np.linalg.lstsq(T @ X, T @ z, rcond=None)[0]
+        recursive.append(np.max(np.abs(regression.estimate().values / batch - 1)))
+    for i, domain in enumerate(("time", "frequency")):
+        ratios = np.array(apart)[:, i]
+        within = f"rms {np.sqrt(np.mean(ratios**2)):.2f}, largest {ratios.max():.2f}"
+        table.add_row(f"frequency less time domain, in standard errors of {domain} domain", within, "rms 1")
+    table.add_row("recursive less batch regression, relative", f"at most {max(recursive):.1g}", "0")
     CONSOLE.print(table)
 
 

@@ -7,6 +7,7 @@ can do without a key, the default of its field is used, and `Aircraft.has` tells
 docs/aircraft.md describes every key.
 """
 
+import math
 import tomllib
 from bisect import bisect_right
 from collections.abc import Iterator
@@ -130,12 +131,29 @@ class Uncertainty:
     gust_length : scale length of vertical gusts over the height. The standard's is 1 (MIL-F-8785C), and 1.4 that of
         convection at 40 m under an inversion at 1 km, 0.28 sqrt(z z_i) (Lenschow & Stankov 1986, J. Atmos. Sci. 43)
     hysteresis_fraction : of the differential pressure transducers, over the range of pressure in the flight
+
+    The flight determines these errors in part; what it adds to is the prior:
+    angle_of_attack_offset_rad : a probe that is aligned by eye
+    angle_of_attack_slope_fraction : with 5 % at most, evenly, for probes of one drawing in other flow than the tunnel's
+    airspeed_scale_fraction : with 2 % of airspeed at most, 4 % of dynamic pressure, evenly; transducer and static ports
+    air_data_lag_s : tubes of 20 ms at most, and what filters add
+    accelerometer_offset_mps2 : of each axis; 0.3 m/s^2 (30 mg) at most, evenly, and 0.5 deg of misalignment under 1 g
+    thrust_scale_fraction : of the propeller's table; 3 % at most, evenly, for repetitions in one tunnel. Tables of
+        different tunnels differ by 5 % and more (Brandt & Selig, AIAA 2011-1255)
+    thrust_slope : of thrust over that of the table, per unit of advance ratio; 0.25 at most, evenly
     """
 
     weight_fraction: float = 0.002
     updraft_mps: float = 0.004
     gust_length: float = 1.4
     hysteresis_fraction: float = 0.0
+    angle_of_attack_offset_rad: float = math.radians(1.0)
+    angle_of_attack_slope_fraction: float = 0.03
+    airspeed_scale_fraction: float = 0.0125
+    air_data_lag_s: float = 0.012
+    accelerometer_offset_mps2: float = 0.19
+    thrust_scale_fraction: float = 0.018
+    thrust_slope: float = 0.15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,6 +276,7 @@ def _bad_surfaces(aircraft: Aircraft) -> Iterator[str]:
 
 def _not_positive(aircraft: Aircraft) -> Iterator[str]:
     geometry, mass, propulsion = aircraft.geometry, aircraft.mass, aircraft.propulsion
+    uncertainty = aircraft.uncertainty
     for key, value in (
         ("mass.weight", mass.weight_N),
         ("mass.standard_weight", mass.standard_weight_N),
@@ -268,14 +287,21 @@ def _not_positive(aircraft: Aircraft) -> Iterator[str]:
         ("propulsion.pole_pairs", propulsion.pole_pairs),
         ("propulsion.battery_energy", propulsion.battery_energy_Wh),
         ("propulsion.battery_voltage", propulsion.battery_voltage_V),
+        ("uncertainty.angle_of_attack_offset", uncertainty.angle_of_attack_offset_rad),
+        ("uncertainty.angle_of_attack_slope", uncertainty.angle_of_attack_slope_fraction),
+        ("uncertainty.airspeed_scale", uncertainty.airspeed_scale_fraction),
+        ("uncertainty.air_data_lag", uncertainty.air_data_lag_s),
+        ("uncertainty.accelerometer_offset", uncertainty.accelerometer_offset_mps2),
+        ("uncertainty.thrust_scale", uncertainty.thrust_scale_fraction),
+        ("uncertainty.thrust_slope", uncertainty.thrust_slope),
     ):
         if value is not None and not value > 0:
             yield f"{key}: must be greater than zero"
     for key, value in (
-        ("uncertainty.weight", aircraft.uncertainty.weight_fraction),
-        ("uncertainty.updraft", aircraft.uncertainty.updraft_mps),
-        ("uncertainty.hysteresis", aircraft.uncertainty.hysteresis_fraction),
-        ("uncertainty.gust_length", aircraft.uncertainty.gust_length),
+        ("uncertainty.weight", uncertainty.weight_fraction),
+        ("uncertainty.updraft", uncertainty.updraft_mps),
+        ("uncertainty.hysteresis", uncertainty.hysteresis_fraction),
+        ("uncertainty.gust_length", uncertainty.gust_length),
     ):
         if value < 0:
             yield f"{key}: must not be negative"

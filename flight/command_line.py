@@ -32,6 +32,7 @@ def run(app: typer.Typer, name: str, prefix: str = "error") -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # characters that the terminal's encoding lacks
     try:
+        _check_encoding(sys.argv[1:])
         code = app(prog_name=name, standalone_mode=False)
     except UsageError as error:
         _stop(prefix, _usage(error, name))
@@ -50,6 +51,19 @@ def run(app: typer.Typer, name: str, prefix: str = "error") -> None:
     else:
         if code:
             sys.exit(code)
+
+
+def _check_encoding(arguments: list[str]) -> None:
+    """Raises InputError for a word that cannot be written into a file: one in another encoding than the system's."""
+    for word in arguments:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            shown = word.encode("utf-8", "replace").decode()
+            encoding = sys.getfilesystemencoding()
+            raise InputError(
+                f"{shown}: not in the system's encoding ({encoding}); rename it, or set LC_ALL=C.UTF-8"
+            ) from None
 
 
 def _stop(prefix: str, message: str) -> None:

@@ -73,13 +73,10 @@ def write_flight(
 
 def _aircraft(output: Path, flight: "Flight", world: "World", name: str) -> str:
     """What the tray calls the aircraft; its file and the propeller table are written where they are not shipped."""
-    text, said = flight.aircraft.text, world.uncertainty
+    text, said = flight.aircraft.text, world.uncertainty_section()
     table = world.table(flight.aircraft.propulsion)
-    if said is not None and not flight.aircraft.has("uncertainty"):
-        text += (
-            f'\n[uncertainty]\nweight = "{100 * said.weight_fraction:g} %"\nupdraft = "{said.updraft_mps:g} m/s"\n'
-            f'hysteresis = "{100 * said.hysteresis_fraction:g} %"\n'
-        )
+    if said and not flight.aircraft.has("uncertainty"):
+        text += f"\n{said}"
     if table is not None:
         (output / PROPELLER).write_text(table.to_csv(), "utf-8")
         named = f'propeller = "{flight.aircraft.propulsion.propeller}"'

@@ -4,6 +4,7 @@ A world is an error budget, with differences of the air, of the pilot, and of th
 gets. Every error budget is a world too, without such differences. `worlds` lists all.
 """
 
+import math
 import tomllib
 from dataclasses import dataclass, field, fields, replace
 from importlib import resources
@@ -60,6 +61,28 @@ class World:
         if least_cT < 0:
             table = true_propeller(table, windmilling=self.errors.systematic.windmilling)
         return table_until(table, least_cT)
+
+    def uncertainty_section(self) -> str:
+        """[uncertainty] of the aircraft file, with what differs from the defaults; empty where nothing is said."""
+        if self.uncertainty is None:
+            return ""
+        lines = ["[uncertainty]"]
+        for entry in fields(self.uncertainty):
+            value, (key, unit) = getattr(self.uncertainty, entry.name), split_unit(entry.name)
+            if value != entry.default:
+                lines.append(f"{key} = {_in_a_file(value, unit)}")
+        return "\n".join(lines) + "\n"
+
+
+def _in_a_file(value: float, unit: str | None) -> str:
+    """The text in a file for a value in an SI unit, as a user would write it."""
+    if unit is None:
+        return repr(float(value))
+    if unit == "dimensionless":
+        return f'"{100 * value:.12g} %"'
+    if unit == "rad":
+        return f'"{math.degrees(value):.12g} deg"'
+    return f'"{value:.12g} {unit}"'
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,6 +28,11 @@ MODULES = {
     "flightpower": "flightpower.__main__",
 }
 SHELL = ("", "sh", "bash", "console")
+OTHERS = {
+    "python", "python3", "py", "pip", "uv", "make", "dask", "apt-get", "systemctl", "journalctl", "rsync", "i2cdetect",
+    "install.sh", "uninstall.sh",
+}  # fmt: skip
+PROGRAM = re.compile(r"(?:sudo )?(?:[^\s\"'=]*[/\\])?([\w.-]+)( [^(].*)")  # with a word at least
 DRAWN = "──"  # a block with this is a drawing
 COMPLETION = ("--install-completion", "--show-completion")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -59,6 +64,18 @@ def commands_in(page: Path) -> list[str]:
     blocks = [body for language, body in FENCE.findall(page.read_text("utf-8")) if language in SHELL]
     lines = [line.removeprefix("$ ").strip() for body in blocks if DRAWN not in body for line in body.splitlines()]
     return [line for line in lines if line.split() and line.split()[0] in MODULES]
+
+
+def every_command_in(page: Path) -> list[str]:
+    """Commands of any program in the fenced and indented blocks of a page, without folder, sudo and comment."""
+    fenced, lines = False, []
+    for line in page.read_text("utf-8").splitlines():
+        fence = line.strip().startswith("```")
+        fenced ^= fence
+        if not fence and (fenced or line.startswith("    ")):
+            lines.append(line.strip().removeprefix("$ "))
+    found = (PROGRAM.match(" ".join(line.split("  #")[0].split())) for line in lines)
+    return [one[1] + one[2] for one in found if one and one[1] in OTHERS | MODULES.keys()]
 
 
 def mentions_in(page: Path) -> list[str]:

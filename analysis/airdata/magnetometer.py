@@ -15,7 +15,6 @@ import msgspec
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from analysis.airdata.air import LARGEST_UNMENTIONED_SHARE
 from flight.errors import InputError
@@ -143,6 +142,8 @@ def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
     Raises InputError if there are too few, if their strength is not that of the earth's field, or if the standard error
     of the calibration exceeds WORST_RAD of heading even where the whole field is level: no compass could use it.
     """
+    from scipy.optimize import least_squares  # takes 0.2 s to import, which an analysis of a flight does not need
+
     field = field_T[np.isfinite(field_T).all(axis=1)]
     if len(field) < FEWEST_SAMPLES:
         raise InputError(

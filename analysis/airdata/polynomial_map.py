@@ -6,7 +6,6 @@ import msgspec
 import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 Array = NDArray[np.float64]
 Powers = list[tuple[int, int]]
@@ -99,6 +98,8 @@ def _noise(residual: Array, qbar_Pa: Array) -> Array:
     Two parts: errors of the tunnel's settings, the same at every point, and errors of pressure, constant in pascals.
     Their variances are the maximum-likelihood estimates for normal residuals.
     """
+    from scipy.optimize import nnls  # takes 0.2 s to import, which an analysis of a flight does not need
+
     parts = np.stack([np.ones_like(qbar_Pa), (np.mean(qbar_Pa) / qbar_Pa) ** 2], axis=-1)
     variance: Array = np.full_like(residual, np.mean(residual**2))
     for _ in range(5):

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy import special
 
 from analysis.airdata.tunnel import TunnelData
 
@@ -58,7 +58,7 @@ def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) 
     slopes, errors = np.array([f.slope for f in found]), np.array([f.slope_error for f in found])
     mean = np.average(slopes, weights=1 / errors**2)
     chi_squared = float(np.sum(((slopes - mean) / errors) ** 2))
-    if chi_squared < chi2.ppf(SIGNIFICANCE, len(found) - 1):
+    if chi_squared < special.chdtri(len(found) - 1, 1 - SIGNIFICANCE):
         return SpeedDependence(found, chi_squared, 0.0)
     beyond = max(float(np.var(slopes, ddof=1) - np.mean(errors**2)), 0.0)
     return SpeedDependence(found, chi_squared, float(np.sqrt(beyond)))

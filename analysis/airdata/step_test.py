@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 from scipy.optimize import brentq
-from scipy.stats import chi2
 
 from analysis.airdata.tubing import Gas, low_frequency_lag_s, response
 from flight.aircraft import PneumaticLine
@@ -35,7 +35,7 @@ SMALLEST_STEP = 12.0  # times the noise
 SHORTEST_LAG_S, LONGEST_LAG_S = 2e-4, 0.25
 LAGS, FINE, INSTANTS, ZOOMS = 61, 15, 33, 4
 WANTED = 0.05  # half width of a sufficient interval, relative to the lag
-INTERVAL = float(chi2.ppf(0.95, 1))
+INTERVAL = float(special.chdtri(1, 1 - 0.95))
 FLOOR = 0.02  # least half width: errors of the tube's length, its cavity and the air in it
 RESOLVED = 0.3  # of a tick; a shorter lag is not resolved
 FINEST_S, POINTS, SETTLED = 2.5e-4, 4096, 8  # of a computed step response: shortest step of time, points, end left out

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from analysis.airdata.pressure_plateaus import CHANNELS, Plateau, in_words
 from analysis.estimation.intervals import NORMAL_95
@@ -117,7 +117,7 @@ def calibrate(
     residuals = readings - X @ coefficients
     dof = len(p) - 2
     # Few residuals determine their own size poorly: Student's distribution, so that 95 % intervals are such.
-    factor = float(stats.t.ppf(0.975, dof)) / NORMAL_95
+    factor = float(special.stdtrit(dof, 0.975)) / NORMAL_95
     sigma = factor * np.sqrt(np.sum(residuals**2, axis=0) / dof * np.linalg.inv(X.T @ X)[1, 1])
     slopes = coefficients[1]
     for name, slope in zip(CHANNELS, slopes.tolist(), strict=True):

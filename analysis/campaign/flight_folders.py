@@ -157,7 +157,7 @@ def exclusive(output: Path) -> Iterator[None]:
         raise InputError(f"{output}: is a file; give the folder for the results with -o")
     with _as_input_error(output):
         output.mkdir(parents=True, exist_ok=True)
-        lock = (output / ".lock").open("w")
+        lock = (output / ".lock").open("wb")
     with lock:
         try:
             import fcntl

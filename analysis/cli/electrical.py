@@ -10,7 +10,7 @@ from rich.console import Console
 
 from analysis.autopilot_logs.read import PX4
 from analysis.performance.request import Request
-from flight.aircraft import Aircraft, Propulsion, load_aircraft, parse_aircraft
+from flight.aircraft import Aircraft, Propulsion, Uncertainty, load_aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
 
@@ -145,7 +145,8 @@ class OrdinaryFlight:
         if propeller is not None:
             propeller = propeller.with_beyond_zero_thrust(propulsion.beyond_zero_thrust)
         constants = motor_constants(propulsion)
-        drag = drag_estimate(flight, found, flown.span_m, propeller, constants)
+        uncertainty = given.uncertainty if given else Uncertainty()
+        drag = drag_estimate(flight, found, flown.span_m, propeller, constants, uncertainty)
         battery_Wh = self._battery_Wh(given)
         battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
         source = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"

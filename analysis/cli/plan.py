@@ -1,5 +1,6 @@
 """The command `plan`: what to fly for the narrowest interval. Arguments, messages and exit codes only."""
 
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -25,6 +26,10 @@ app = application()
 @app.command()
 def plan(
     aircraft: Annotated[str, typer.Argument(metavar="AIRCRAFT", help="A shipped aircraft, or an aircraft file.")],
+    propeller: Annotated[
+        str | None,
+        typer.Option("--propeller", metavar="NAME", help="Propeller, or its table, instead of the aircraft file's."),
+    ] = None,
     minutes: Annotated[
         float,
         typer.Option(
@@ -112,6 +117,7 @@ def plan(
     Examples:
       flightpower plan nexstar --minutes 21 --wind-kt 15
       flightpower plan my.toml --after flight1.report/results.json --question endurance
+      flightpower plan my.toml --propeller apc-12x8e --wind-kt 8
       flightpower plan my.toml --pilot autopilot --home 48.1,11.5 --heading 250
     """
     for option, value, known in (
@@ -123,6 +129,8 @@ def plan(
             raise InputError(f"{option} {value}: should be one of {', '.join(known)}")
     place = _place(home) if home is not None else None
     flown = load_aircraft(aircraft)
+    if propeller is not None:
+        flown = replace(flown, propulsion=replace(flown.propulsion, propeller=propeller))
     folder = output or Path(f"plan-{flown.name}")
     check_writable(folder / "plan.toml")
 

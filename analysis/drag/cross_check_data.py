@@ -31,22 +31,23 @@ SPEED_STEP_MPS = 0.3  # for the slope of thrust over speed
 LEAST_SPEED_MPS = 5.0  # times the speed scale
 SHORTEST = 12  # blocks of a run
 
-# Standard deviations over many probes, IMUs and propeller tables.
-PRIORS = Priors(
-    alpha_bias_rad=np.radians(1.0),
-    accelerometer_bias_mps2=0.19,  # uniform within 0.3 m/s^2, and half a degree of misalignment under 1 g
-    V_scale=0.0125,
-    V_bias_mps=0.15,
-    thrust_scale=0.018,
-)
+V_BIAS_MPS = 0.15
 UNZEROED_GYRO_RADPS = 0.02  # an MPU9250's zero-rate output at room temperature, uncalibrated
 
 
 def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
-    """Priors of the sensor errors. zeroed: the gyro biases at rest were subtracted."""
-    alpha_scale = math.hypot(PRIORS.alpha_scale, alpha_scale_sigma(aircraft))
-    gyro_bias = PRIORS.gyro_bias_radps if zeroed else UNZEROED_GYRO_RADPS
-    return replace(PRIORS, alpha_scale=alpha_scale, gyro_bias_radps=gyro_bias)
+    """Priors of the sensor errors and of thrust. zeroed: the gyro biases at rest were subtracted."""
+    stated = aircraft.uncertainty
+    known = Priors(
+        alpha_bias_rad=stated.angle_of_attack_offset_rad,
+        alpha_scale=math.hypot(stated.angle_of_attack_slope_fraction, alpha_scale_sigma(aircraft)),
+        accelerometer_bias_mps2=stated.accelerometer_offset_mps2,
+        V_scale=stated.airspeed_scale_fraction,
+        V_bias_mps=V_BIAS_MPS,
+        thrust_scale=stated.thrust_scale_fraction,
+        thrust_slope=stated.thrust_slope,
+    )
+    return known if zeroed else replace(known, gyro_bias_radps=UNZEROED_GYRO_RADPS)
 
 
 def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller, *, block: int) -> list[Segment]:

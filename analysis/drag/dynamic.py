@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from analysis.drag import consider
 from analysis.drag.doubts import doubts
-from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
+from analysis.drag.forces import J_REFERENCE, FlightForces
 from analysis.drag.joint_estimate import JointEstimate, joint_estimate
 from analysis.drag.polar import Polar
 from analysis.drag.state_errors import noise_covariance
@@ -33,7 +33,7 @@ from analysis.estimation.model import Model, NamedValues, Parameter
 from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
-from flight.aircraft import Aircraft
+from flight.aircraft import Aircraft, Uncertainty
 from flight.propeller import Propeller
 from flight.units import GRAVITY_MPS2
 
@@ -71,22 +71,25 @@ INPUTS = {
     "thrust_beyond_over_m": "thrust_beyond_over_m_mps2",
     "J": "J",
 }
-DRAG = Model(
-    name="drag",
-    inputs=tuple(INPUTS),
-    outputs=("drag",),
-    output_function=_drag,
-    parameters=(
-        Parameter(name="A0", start=0.04),
-        Parameter(name="A1", start=0.0),
-        Parameter(name="A2", start=0.06),
-        Parameter(name="thrust_scale", start=0.0, prior_sigma=THRUST_SCALE_SIGMA),
-        Parameter(name="thrust_slope", start=0.0, prior_sigma=THRUST_SLOPE_SIGMA),
-        Parameter(name="thrust_beyond", start=0.0, prior_sigma=1.0),
-    ),
-)
-PRIOR_SIGMA = np.array([parameter.prior_sigma for parameter in DRAG.parameters])
 KEPT = len(POLAR + THRUST)  # parameters of the estimate; the thrust beyond the table is in their covariance
+
+
+def drag_model(uncertainty: Uncertainty) -> Model:
+    """The regression of drag on lift, with thrust as uncertain as the aircraft file states."""
+    return Model(
+        name="drag",
+        inputs=tuple(INPUTS),
+        outputs=("drag",),
+        output_function=_drag,
+        parameters=(
+            Parameter(name="A0", start=0.04),
+            Parameter(name="A1", start=0.0),
+            Parameter(name="A2", start=0.06),
+            Parameter(name="thrust_scale", start=0.0, prior_sigma=uncertainty.thrust_scale_fraction),
+            Parameter(name="thrust_slope", start=0.0, prior_sigma=uncertainty.thrust_slope),
+            Parameter(name="thrust_beyond", start=0.0, prior_sigma=1.0),
+        ),
+    )
 
 
 class RunFit(NamedTuple):
@@ -127,10 +130,11 @@ def estimate_polar(
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     forces = flight_forces.forces(states, sensor_errors)
     level = _within_level_flight(forces, _airborne(flight_forces), runs)
-    fit = _fitted(forces, level, runs)
+    model = drag_model(aircraft.uncertainty)
+    fit = _fitted(model, forces, level, runs)
 
     def change(states: Array, sensor_errors: Array) -> Array:
-        return np.asarray(_fitted(flight_forces.forces(states, sensor_errors), level, runs).values - fit.values)
+        return np.asarray(_fitted(model, flight_forces.forces(states, sensor_errors), level, runs).values - fit.values)
 
     def segments_along(states: Array) -> list[Segment]:
         return _segments(_only(flight_forces.forces(states, sensor_errors), level), runs)
@@ -145,9 +149,9 @@ def estimate_polar(
     changes = {
         name: values - fit.values
         for name, values in {
-            consider.UPDRAFT: _fitted(consider.without_updraft(forces, aircraft), level, runs).values,
+            consider.UPDRAFT: _fitted(model, consider.without_updraft(forces, aircraft), level, runs).values,
             consider.WEIGHT: consider.at_nominal_weight(
-                _fitted(weighing_more.forces(states, sensor_errors), level, runs).values, aircraft
+                _fitted(model, weighing_more.forces(states, sensor_errors), level, runs).values, aircraft
             ),
         }.items()
     }
@@ -155,7 +159,8 @@ def estimate_polar(
     changes |= {f"doubt {number}": doubt.change for number, doubt in enumerate(doubtful, start=1)}
     for by_error in changes.values():
         systematic += np.outer(by_error, by_error)
-    joint = joint_estimate(fit.names, fit.values, noise, PRIOR_SIGMA, np.stack(by_sensor_errors, axis=1), trajectory)
+    prior_sigma = np.array([parameter.prior_sigma for parameter in model.parameters])
+    joint = joint_estimate(fit.names, fit.values, noise, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory)
     joint = joint.with_changes(changes)
     values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
@@ -186,11 +191,12 @@ def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Airc
     """The `values` (5,) of `estimate_polar`, without the work for their covariance."""
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
-    return _fitted(forces, _within_level_flight(forces, _airborne(flight_forces), runs), runs).values[:KEPT]
+    level = _within_level_flight(forces, _airborne(flight_forces), runs)
+    return _fitted(drag_model(aircraft.uncertainty), forces, level, runs).values[:KEPT]
 
 
-def _fitted(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
-    return output_error.estimate(DRAG, _segments(_only(forces, level), runs))
+def _fitted(model: Model, forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
+    return output_error.estimate(model, _segments(_only(forces, level), runs))
 
 
 def _only(forces: pd.DataFrame, level: NDArray[np.bool_]) -> pd.DataFrame:

@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from analysis.drag.method import Method
 from analysis.drag.regression import RunRegression, TimeSeriesRegression
@@ -67,7 +66,7 @@ def _gust_covariance(table: pd.DataFrame, name: str, apart_s: Array) -> Array:
 
 
 def _integral(rate: Array, t: Array) -> Array:
-    return np.asarray(cumulative_trapezoid(rate, t, initial=0))
+    return np.concatenate([[0.0], np.cumsum(np.diff(t) * (rate[1:] + rate[:-1]) / 2)])
 
 
 ENERGY = Method(

@@ -91,7 +91,7 @@ def estimate(
     if by_runs:
         main = by_runs
     else:
-        main, flown_CL = fallback(others.by_method, trajectory, log)
+        main, flown_CL = fallback(others.by_method, trajectory, aircraft.uncertainty, log)
         main = with_assumption_uncertainty(main, assumption_uncertainty)
     assumptions = assumption_uncertainty.notes if assumption_uncertainty else []
     warnings = assumptions + main.warnings + run_scatter(others.one_by_one, condition)

@@ -6,13 +6,14 @@ from analysis.drag.direct import VARIED_LIFT
 from analysis.drag.dynamic import THRUST, DynamicEstimate, parameter_list
 from analysis.drag.method import MethodEstimate
 from analysis.drag.piw_viw import PIW_VIW_THREE
-from analysis.drag.sensor_errors import ERROR_PRIOR_SIGMA
+from analysis.drag.sensor_errors import error_prior_sigma
 from analysis.trajectory.reconstruction import Trajectory
+from flight.aircraft import Uncertainty
 from flight.errors import InputError
 
 
 def fallback(
-    estimates: list[MethodEstimate], trajectory: Trajectory, log: str
+    estimates: list[MethodEstimate], trajectory: Trajectory, uncertainty: Uncertainty, log: str
 ) -> tuple[DynamicEstimate, tuple[float, float]]:
     """The polar from steady points, else from roller coasters and wind-up turns, and its range of lift coefficients.
 
@@ -29,8 +30,9 @@ def fallback(
         )
     noise, systematic = np.zeros((5, 5)), np.zeros((5, 5))
     noise[:3, :3], systematic[:3, :3] = best.noise, best.systematic
+    sigma = error_prior_sigma(uncertainty)
     for i, name in enumerate(THRUST, start=3):
-        variance = ERROR_PRIOR_SIGMA[name] ** 2
+        variance = sigma[name] ** 2
         systematic[i, i] = variance
         systematic[:3, i] = systematic[i, :3] = best.sensitivities[name] * variance
     values = np.concatenate([best.polar.A, [0.0, 0.0]])

@@ -18,7 +18,6 @@ Array = NDArray[np.float64]
 
 # A propeller table is corrected to T = T_table (1 + thrust_scale + thrust_slope (J - J_REFERENCE)).
 J_REFERENCE = 0.5
-THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA = 0.018, 0.15  # prior standard deviations of the two errors
 
 
 class FlightForces:

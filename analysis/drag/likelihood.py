@@ -20,14 +20,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from analysis.drag import covariance
 from analysis.drag.cross_check_data import priors, segments_of
 from analysis.drag.forces import J_REFERENCE
 from analysis.drag.method import MethodDescription, MethodEstimate
 from analysis.drag.polar import Polar
-from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA
+from analysis.drag.sensor_errors import CAUSES, error_prior_sigma
 from analysis.estimation import aircraft_models, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
@@ -116,7 +115,7 @@ def estimate(
     try:
         if not level:
             raise InputError(f"no run of the required kind was flown: {' or '.join(LEVEL_RUNS)}")
-        data = _Data(table, trajectory, level, propeller)
+        data = _Data(table, trajectory, level, aircraft, propeller)
         known = priors(aircraft, zeroed=zeroed)
         two_state = aircraft_models.two_state(aircraft, priors=known, J_ref=J_REFERENCE).changed(**TABLE_AS_IT_IS)
         start = aircraft_models.starting_values(aircraft, data.segments)
@@ -144,11 +143,21 @@ def estimate(
 class _Data:
     """The runs as segments, with the pitch attitude of the trajectory, and the same with other errors."""
 
-    def __init__(self, table: pd.DataFrame, trajectory: Trajectory, runs: list[Maneuver], propeller: Propeller):
+    def __init__(
+        self,
+        table: pd.DataFrame,
+        trajectory: Trajectory,
+        runs: list[Maneuver],
+        aircraft: Aircraft,
+        propeller: Propeller,
+    ):
+        self.error_sigma = error_prior_sigma(aircraft.uncertainty)
         as_measured = segments_of(table, runs, propeller, block=BLOCK)
         if not as_measured:
             raise InputError("no run has all the required data")
         q = table["q_radps"].interpolate(limit_direction="both").to_numpy()
+        from scipy.signal import savgol_filter  # takes 0.3 s to import
+
         window = round(SMOOTHED_S / float(table.index[1] - table.index[0]))
         smooth = savgol_filter(q, window + 1 - window % 2, SMOOTHED_DEGREE)
         self._smoothed = segments_of(table.assign(q_radps=smooth), runs, propeller, block=BLOCK)
@@ -177,12 +186,13 @@ class _Data:
     def with_error_removed(self, name: str) -> list[Segment]:
         """With one of AS_MEASURED removed, as if it were one standard deviation."""
         return [
-            replace(segment, u={**segment.u, "thrust": _thrust_without(name, segment)}) for segment in self.segments
+            replace(segment, u={**segment.u, "thrust": _thrust_without(name, self.error_sigma[name], segment)})
+            for segment in self.segments
         ]
 
 
-def _thrust_without(name: str, segment: Segment) -> Array:
-    u, sigma = segment.u, ERROR_PRIOR_SIGMA[name]
+def _thrust_without(name: str, sigma: float, segment: Segment) -> Array:
+    u = segment.u
     if name == "airspeed_scale":
         return np.asarray(u["thrust"] - u["thrust_per_speed"] * u["V_ref"] * sigma)
     return np.asarray(u["thrust"] * (1 + sigma * (1.0 if name == "thrust_scale" else u["J"] - J_REFERENCE)))
@@ -215,7 +225,7 @@ def _method_estimate(
         Polar(derived.value, derived.covariance + systematic),
         derived.covariance,
         systematic,
-        {name: changed / ERROR_PRIOR_SIGMA[name] for name, changed in by_error.items()},
+        {name: changed / data.error_sigma[name] for name, changed in by_error.items()},
         deviations,
         flown_CL=flown_CL,
         notes=() if fit.verdict.ok else (str(fit.verdict),),

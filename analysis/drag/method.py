@@ -16,7 +16,7 @@ from analysis.drag import covariance
 from analysis.drag.method_inputs import MethodInputs
 from analysis.drag.polar import ROBUST_RANGE, Polar
 from analysis.drag.regression import PolarRegression
-from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA
+from analysis.drag.sensor_errors import CAUSES, error_prior_sigma
 from analysis.maneuvers.kinds import Maneuver
 from flight.aircraft import Aircraft
 from flight.errors import InputError
@@ -41,7 +41,7 @@ class MethodDescription:
     """One way to power required.
 
     kinds : of runs that it uses
-    taken_as_measured : the errors that it does not correct, names of ERROR_PRIOR_SIGMA
+    taken_as_measured : the errors that it does not correct, names of `error_prior_sigma`
     """
 
     name: str
@@ -107,12 +107,12 @@ def _estimate(method: Method, inputs: MethodInputs) -> MethodEstimate:
     regression = method.regression(inputs.nominal, runs, inputs.aircraft)
     A, noise = regression.coefficients(), regression.noise_covariance()
     deviations = np.stack([coefficients(table) - A for table in inputs.trajectory_deviations], axis=1)
+    sigma = error_prior_sigma(inputs.aircraft.uncertainty)
     sensitivities = {
-        name: (coefficients(inputs.error_deviations[name]) - A) / ERROR_PRIOR_SIGMA[name]
-        for name in method.taken_as_measured
+        name: (coefficients(inputs.error_deviations[name]) - A) / sigma[name] for name in method.taken_as_measured
     }
     systematic = deviations @ deviations.T
-    systematic = systematic + sum(_outer(s * ERROR_PRIOR_SIGMA[name]) for name, s in sensitivities.items())
+    systematic = systematic + sum(_outer(s * sigma[name]) for name, s in sensitivities.items())
     systematic = systematic + covariance.floor()
     if method.two_term:
         systematic += _missing_term(regression.CL, A)

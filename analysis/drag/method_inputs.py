@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.forces import J_REFERENCE, FlightForces
-from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA, ErrorEstimate
+from analysis.drag.sensor_errors import CAUSES, ErrorEstimate, error_prior_sigma
 from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory import dryden
 from analysis.trajectory.dryden import GaussMarkov
@@ -32,7 +32,7 @@ class MethodInputs:
 
     nominal : along the trajectory, nothing corrected
     trajectory_deviations : along the trajectory perturbed by each independent error of one standard deviation
-    error_deviations : with each error of ERROR_PRIOR_SIGMA removed, as if it were one standard deviation
+    error_deviations : with each error of `error_prior_sigma` removed, as if it were one standard deviation
     cause_corrected : with the estimated errors of each of CAUSES removed
     """
 
@@ -49,6 +49,7 @@ def method_inputs(
 ) -> MethodInputs:
     """The tables of one flight. errors: from `estimate_errors`."""
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
+    sigmas = error_prior_sigma(flight_forces.aircraft.uncertainty)
     flying = np.isfinite(flight_forces.block_means["V_mps"])
     height_m, V = (float(np.nanmedian(flight_forces.block_means[name][flying])) for name in ("height_m", "V_mps"))
     vertical_gust = dryden.vertical(trajectory.gust_mps, height_m, V).as_gauss_markov()
@@ -72,7 +73,7 @@ def method_inputs(
             )
             for error in np.linalg.cholesky(trajectory.covariance).T
         ],
-        {name: corrected({name: sigma}) for name, sigma in ERROR_PRIOR_SIGMA.items()},
+        {name: corrected({name: sigma}) for name, sigma in sigmas.items()},
         {cause: corrected({name: errors[name].value for name in names}) for cause, names in CAUSES.items()},
     )
 
@@ -98,7 +99,7 @@ def input_table(
     Standard deviation and correlation time of vertical gusts (gust_mps, gust_s) and of those along the flight path
     (gust_along_mps, gust_along_s), the same in all rows.
     """
-    e = {name: removed.get(name, 0.0) for name in ERROR_PRIOR_SIGMA}
+    e = {name: removed.get(name, 0.0) for names in CAUSES.values() for name in names}
     known = dict(zip(SENSOR_ERRORS, sensor_errors, strict=True))
     f = flight_forces.forces(states, sensor_errors)
     mean, m = flight_forces.block_means, flight_forces.aircraft.mass_kg

@@ -15,6 +15,7 @@ from analysis.drag.fallback import fallback
 from analysis.drag.methods import every_method
 from analysis.drag.polar import Condition
 from analysis.maneuvers.kinds import Maneuvers
+from analysis.trajectory.priors import stated_sigma
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
@@ -75,7 +76,7 @@ class Repetition:
     def _without_runs(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> DynamicEstimate:
         maneuvers = self.maneuvers.maneuvers
         others = every_method(trajectory, maneuvers, None, self.flown_CL, aircraft, propeller, self.condition)
-        return fallback(others.by_method, trajectory, self.log)[0]
+        return fallback(others.by_method, trajectory, aircraft.uncertainty, self.log)[0]
 
     def _trajectory_of(self, aircraft: Aircraft, upwash_slope_sigma: float) -> Trajectory:
         """The trajectory, which does not depend on the propeller; the first one where nothing has changed."""
@@ -90,6 +91,7 @@ class Repetition:
         return reconstruct(
             air,
             data.rest,
+            stated=stated_sigma(self.aircraft.uncertainty),
             alpha_scale_sigma=alpha_scale_sigma,
             compass=data.compass,
             calibrated=data.calibrated,

@@ -10,24 +10,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
+from analysis.drag.forces import J_REFERENCE, FlightForces
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.reconstruction import Trajectory
+from flight.aircraft import Uncertainty
 from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
 
-# Prior standard deviation of each error, uncalibrated: the systematic error of a method that takes it as measured.
-ERROR_PRIOR_SIGMA = {
-    "alpha_bias": PRIOR_SIGMA["alpha_bias"],
-    "alpha_scale": PRIOR_SIGMA["alpha_scale"],
-    "pitch": PRIOR_SIGMA["ax_bias"] / g,  # tilt of an attitude that is leveled by a biased accelerometer
-    "airspeed_scale": PRIOR_SIGMA["V_scale"],
-    "lag": 0.012,  # tubes of 20 ms at most
-    "thrust_scale": THRUST_SCALE_SIGMA,
-    "thrust_slope": THRUST_SLOPE_SIGMA,
-}
 # Standard deviation after a careful installation: differences of the methods that it explains are no fault.
 INSTALLATION_TOLERANCE = {
     "alpha_bias": np.radians(0.15),
@@ -58,10 +48,25 @@ class ErrorEstimate(NamedTuple):
     standard_error: float
 
 
+def error_prior_sigma(uncertainty: Uncertainty) -> dict[str, float]:
+    """Prior standard deviation of each error, uncalibrated: the systematic error of a method that takes it as
+    measured."""
+    return {
+        "alpha_bias": uncertainty.angle_of_attack_offset_rad,
+        "alpha_scale": uncertainty.angle_of_attack_slope_fraction,
+        # Tilt of an attitude that is leveled by a biased accelerometer.
+        "pitch": uncertainty.accelerometer_offset_mps2 / g,
+        "airspeed_scale": uncertainty.airspeed_scale_fraction,
+        "lag": uncertainty.air_data_lag_s,
+        "thrust_scale": uncertainty.thrust_scale_fraction,
+        "thrust_slope": uncertainty.thrust_slope,
+    }
+
+
 def estimate_errors(
     flight_forces: FlightForces, trajectory: Trajectory, rows: NDArray[np.bool_]
 ) -> dict[str, ErrorEstimate]:
-    """Every error of ERROR_PRIOR_SIGMA, from the trajectory and the forces along it. rows: the blocks of the runs.
+    """Every error of `error_prior_sigma`, from the trajectory and the forces along it. rows: the blocks of the runs.
 
     The trajectory has a tight prior on the air-data lag. It is replaced by LAG_SIGMA_S here, so that a larger lag is
     found and is not mistaken for a thrust error.
@@ -79,7 +84,9 @@ def estimate_errors(
     ):
         i = SENSOR_ERRORS.index(sensor_error)
         estimates[name] = ErrorEstimate(float(sensor_errors[i] * factor), float(standard_errors[i] * factor))
-    return estimates | _thrust_errors(flight_forces.forces(states, sensor_errors)[rows])
+    return estimates | _thrust_errors(
+        flight_forces.forces(states, sensor_errors)[rows], flight_forces.aircraft.uncertainty
+    )
 
 
 def _with_lag_prior(trajectory: Trajectory, sigma_s: float) -> tuple[Array, Array]:
@@ -95,10 +102,10 @@ def _with_lag_prior(trajectory: Trajectory, sigma_s: float) -> tuple[Array, Arra
     return covariance @ information @ trajectory.sensor_errors, covariance  # the prior's mean is zero
 
 
-def _thrust_errors(forces: pd.DataFrame) -> dict[str, ErrorEstimate]:
+def _thrust_errors(forces: pd.DataFrame, uncertainty: Uncertainty) -> dict[str, ErrorEstimate]:
     """Errors of the propeller table: drag regressed on the polar and on thrust together, with priors on the latter."""
     data = forces[["CL", "CD", "qS_over_m_mps2", "thrust_along_V_over_m_mps2", "J"]].dropna()
-    prior_sigma = {name: ERROR_PRIOR_SIGMA[name] for name in ("thrust_scale", "thrust_slope")}
+    prior_sigma = {"thrust_scale": uncertainty.thrust_scale_fraction, "thrust_slope": uncertainty.thrust_slope}
     if len(data) < FEWEST_BLOCKS:
         return {name: ErrorEstimate(0.0, sigma) for name, sigma in prior_sigma.items()}
     CL, CD, qS_over_m, thrust_over_m, J = data.to_numpy().T

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
-from analysis.drag.forces import THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA
 from analysis.electrical.energy_balance import FlightConditions, drag_power
 from analysis.electrical.estimate import ElectricalEstimate, drag_prior
 from analysis.electrical.fit import (
@@ -21,6 +20,7 @@ from analysis.electrical.fit import (
 from analysis.electrical.flight_table import FlightTable
 from analysis.electrical.thrust_balance import MotorConstants, ThrustBalance, aerodynamics
 from analysis.performance.propeller_speed import revps_for_thrust
+from flight.aircraft import Uncertainty
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
@@ -65,8 +65,9 @@ def drag_estimate(
     span_m: float,
     propeller: Propeller | None,
     motor: MotorConstants | None,
+    uncertainty: Uncertainty = Uncertainty(),
 ) -> DragEstimate | str:
-    """The estimate, or a sentence that says what it would take."""
+    """The estimate, or a sentence that says what it would take. uncertainty: of thrust."""
     measured = bool(flight.table[recording.MOTOR][flight.flown].notna().mean() > LEAST_KNOWN)
     if propeller is None:
         return WITHHELD_DRAG
@@ -94,9 +95,8 @@ def drag_estimate(
             " with."
         )
     mean, sigma = drag_prior(span_m, c.wing_area_m2)
-    fit = most_probable_fit(
-        balance, np.array([*mean, 0.0, 0.0]), np.array([*sigma, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA])
-    )
+    thrust_sigma = uncertainty.thrust_scale_fraction, uncertainty.thrust_slope
+    fit = most_probable_fit(balance, np.array([*mean, 0.0, 0.0]), np.array([*sigma, *thrust_sigma]))
     power_sigma = CURRENT_SIGMA if measured else float(np.hypot(CURRENT_SIGMA, MOTOR_CONSTANTS_SIGMA))
     shared = [*shared_errors(flight, balance, fit, airspeed, power_sigma)]
     V = electrical.V_mps

@@ -56,12 +56,6 @@ def spectrum_of(gamma: Array, size: int) -> Spectrum:
     return fft.rfft(circular, axis=0)
 
 
-def convolved(spectrum: Spectrum, S: Array, size: int) -> Array:
-    """sum_j Gamma(i - j) S_j for every sample i, (n, outputs, unknowns), like S."""
-    product: Array = fft.irfft(spectrum @ fft.rfft(S, size, axis=0), size, axis=0)
-    return product[: len(S)]
-
-
 class Autoregression(NamedTuple):
     """e_i = A[0] e_(i-1) + A[1] e_(i-2) + … + white noise of covariance Q."""
 
@@ -86,13 +80,13 @@ class Autoregression(NamedTuple):
         numbers = np.arange(len(gamma) - 1)
         blocks = G[numbers[None, :] - numbers[:, None]].transpose(0, 2, 1, 3)
         largest_toeplitz = blocks.reshape(len(numbers) * outputs, -1)  # those of lower orders are its corners
+        backward = gamma[1:].transpose(0, 2, 1).reshape(-1, outputs)
         candidates = [(np.linalg.slogdet(gamma[0])[1], cls(np.zeros((0, outputs, outputs)), gamma[0]))]
         for order in range(1, len(gamma)):
-            lags = range(1, order + 1)
-            toeplitz = largest_toeplitz[: order * outputs, : order * outputs]
-            row = np.linalg.solve(toeplitz.T, np.hstack(list(gamma[1 : order + 1])).T).T
+            n = order * outputs
+            row = np.linalg.solve(largest_toeplitz[:n, :n].T, backward[:n]).T
             A = row.reshape(outputs, order, outputs).transpose(1, 0, 2)
-            Q = gamma[0] - sum(A_i @ G[-i] for i, A_i in zip(lags, A, strict=True))
+            Q = gamma[0] - row @ backward[:n]
             Q = (Q + Q.T) / 2
             if np.linalg.eigvalsh(Q)[0] > 0:
                 akaike = np.linalg.slogdet(Q)[1] + 2 * order * outputs**2 / samples
@@ -100,56 +94,72 @@ class Autoregression(NamedTuple):
         return min(candidates, key=lambda candidate: candidate[0])[1]
 
 
-def score_covariance(fit: Fit, spectrum: Spectrum, size: int) -> Array:
-    """Covariance (m, m) of the likelihood's gradient: sum_i sum_j S_i' Gamma(i-j) S_j, of whitened sensitivities."""
-    return _score_covariance(fit, _convolutions(fit, spectrum, size))
+def transformed_sensitivities(fit: Fit, size: int) -> list[Spectrum]:
+    """By segment, the Fourier transforms (size // 2 + 1, outputs, unknowns) of the whitened sensitivities."""
+    return [fft.rfft(segment_fit.white.S, size, axis=0) for segment_fit in fit.segment_fits]
 
 
-def _convolutions(fit: Fit, spectrum: Spectrum, size: int) -> list[Array]:
-    """By segment, `convolved` sensitivities (n, outputs, unknowns)."""
-    return [convolved(spectrum, segment_fit.white.S, size) for segment_fit in fit.segment_fits]
+def score_covariance(fit: Fit, spectrum: Spectrum, size: int, transformed: list[Spectrum] | None = None) -> Array:
+    """Covariance (m, m) of the likelihood's gradient: sum_i sum_j S_i' Gamma(i-j) S_j, of whitened sensitivities.
 
-
-def _score_covariance(fit: Fit, convolutions: list[Array]) -> Array:
+    By Parseval's theorem. transformed : from `transformed_sensitivities`, where the caller has them already
+    """
+    transformed = transformed or transformed_sensitivities(fit, size)
+    occurs = np.full((len(spectrum), 1, 1), 2 / size)  # positive and negative frequency
+    occurs[0] = 1 / size
+    if size % 2 == 0:
+        occurs[-1] = 1 / size
+    weighted = spectrum * occurs
     total = np.zeros_like(fit.information)
-    for segment_fit, convolution in zip(fit.segment_fits, convolutions, strict=True):
-        S, columns = segment_fit.white.S, segment_fit.columns
-        total[np.ix_(columns, columns)] += np.einsum("koi,koj->ij", S, convolution)
+    for segment_fit, S in zip(fit.segment_fits, transformed, strict=True):
+        flat = S.reshape(-1, S.shape[2])
+        own = np.ix_(segment_fit.columns, segment_fit.columns)
+        total[own] += (flat.conj().T @ (weighted @ S).reshape(flat.shape)).real
     return (total + total.T) / 2
 
 
-def absorbed_autocorrelation(fit: Fit, spectrum: Spectrum, size: int, lags: int) -> Array:
+def absorbed_autocorrelation(
+    fit: Fit, spectrum: Spectrum, size: int, lags: int, transformed: list[Spectrum] | None = None
+) -> Array:
     """The noise's autocorrelation minus that of the residuals, at the first lags: (lags, outputs, outputs).
 
     The residuals are (1 - H) times the noise, with H = S D S'. Their covariance is that of the noise, O, minus
     H O + O H - H O H. The sums over its diagonals use the factors (n, outputs, unknowns), not the (n, n) matrices.
+    transformed : from `transformed_sensitivities`, where the caller has them already
     """
-    D, convolutions = fit.covariance, _convolutions(fit, spectrum, size)
-    DMD = D @ _score_covariance(fit, convolutions) @ D
-    absorbed = np.zeros((lags, *spectrum.shape[1:]))
-    for segment_fit, convolution in zip(fit.segment_fits, convolutions, strict=True):
+    transformed = transformed or transformed_sensitivities(fit, size)
+    D, samples = fit.covariance, _samples(fit)
+    DMD = D @ score_covariance(fit, spectrum, size, transformed) @ D
+    # The factors of all segments one after the other, apart by zeros so that no lag connects two segments.
+    n, (outputs, unknowns) = samples + lags * len(fit.segment_fits), fit.segment_fits[0].white.S.shape[1:]
+    factors = np.zeros((4, outputs, n, unknowns))
+    begin = 0
+    for segment_fit, S_hat in zip(fit.segment_fits, transformed, strict=True):
         S, own = segment_fit.white.S, np.ix_(segment_fit.columns, segment_fit.columns)
-        factors = (convolution, S @ D[own], S, S @ DMD[own])
-        O_S, S_D, S_, S_DMD = (factor.transpose(1, 0, 2) for factor in factors)
-        for k in range(min(lags, len(S))):
-            absorbed[k] += _lagged_product(S_D, O_S, k) + _lagged_product(O_S, S_D, k) - _lagged_product(S_DMD, S_, k)
-    return absorbed / sum(len(segment_fit.segment) for segment_fit in fit.segment_fits)
+        rows = slice(begin, begin + len(S))
+        begin = rows.stop + lags
+        convolved = fft.irfft(spectrum @ S_hat, size, axis=0)[: len(S)]  # sum_j Gamma(i - j) S_j
+        for factor, values in zip(factors, (convolved, S @ D[own], S, S @ DMD[own]), strict=True):
+            factor[:, rows] = values.transpose(1, 0, 2)
+    O_S, S_D, S_, S_DMD = factors.reshape(4, outputs, -1)
 
+    def product(a: Array, b: Array, lag: int) -> Array:
+        """sum_i a_(i+lag) b_i', (outputs, outputs)."""
+        shift = lag * unknowns
+        return np.asarray(a[:, shift:] @ b[:, : b.shape[1] - shift].T)
 
-def _lagged_product(a: Array, b: Array, lag: int) -> Array:
-    """sum_i a_(i+lag) b_i', (outputs, outputs), of factors (outputs, n, unknowns)."""
-    outputs, n, _ = a.shape
-    return a[:, lag:].reshape(outputs, -1) @ b[:, : n - lag].reshape(outputs, -1).T
+    absorbed = [product(S_D, O_S, k) + product(O_S, S_D, k) - product(S_DMD, S_, k) for k in range(lags)]
+    return np.array(absorbed) / samples
 
 
 def noise_spectrum(fit: Fit, size: int) -> Spectrum:
     """Spectrum of the noise behind a fit's residuals: an autoregression, corrected for what the fit has absorbed."""
     samples, lags = _samples(fit), spectrum_order(fit)
-    gamma = residual_autocorrelation(fit, lags)
+    gamma, transformed = residual_autocorrelation(fit, lags), transformed_sensitivities(fit, size)
     spectrum = Autoregression.fitted(gamma, samples).spectrum(size)
     # The correction needs a finite covariance.
     for _ in range(CORRECTIONS if np.isfinite(fit.covariance).all() else 0):
-        absorbed = absorbed_autocorrelation(fit, spectrum, size, lags)
+        absorbed = absorbed_autocorrelation(fit, spectrum, size, lags, transformed)
         spectrum = Autoregression.fitted(gamma + absorbed, samples).spectrum(size)
     return spectrum
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 Array = NDArray[np.float64]
 
@@ -12,6 +11,8 @@ def delayed(signal: Array, step_s: float, delay_s: float) -> tuple[Array, Array]
 
     Between samples it is a monotone cubic, whose slope has no jumps; before the first sample the signal is constant.
     """
+    from scipy.interpolate import PchipInterpolator  # takes 0.15 s to import
+
     t = np.arange(len(signal)) * step_s
     at = np.clip(t - delay_s, t[0], t[-1])
     cubic = PchipInterpolator(t, signal)

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
@@ -52,6 +51,8 @@ def estimate_in_band(model: Model, segments: Segment | Sequence[Segment], *, ban
 
     Raises InputError for a state that is not measured, a missing sample, or a band that the record does not resolve.
     """
+    from scipy.interpolate import CubicSpline  # takes 0.2 s to import
+
     segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
     derived = []
     for segment in segments:

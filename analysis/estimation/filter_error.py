@@ -7,7 +7,8 @@ of measurement noise ("ln v(output)"). Gauss-Newton with the exact derivatives o
 estimates them together. Without process noise the filter's covariance stays zero and the method is output error.
 
 Noise that turns out to be negligible is dropped from the unknowns on the way, so that its logarithm does not run to
-minus infinity. A fit that does not end at an optimum is repeated from equation error or output error.
+minus infinity. An intensity that is not significant near the optimum is tried at its lower bound. A fit that does not
+end at an optimum is repeated from equation error or output error.
 
 For colored process noise, add a state with first-order dynamics to the model and let white noise drive it.
 
@@ -29,6 +30,7 @@ from analysis.estimation.hints import innovation_hints
 from analysis.estimation.innovations import InnovationsLikelihood, not_finite
 from analysis.estimation.kalman_filter import build_filter
 from analysis.estimation.model import Model
+from analysis.estimation.noise_start import noise_from_predictions
 from analysis.estimation.optimizer import Evaluation, make_fit, maximize
 from analysis.estimation.problem import Problem, as_segments, free_names
 from analysis.estimation.process_noise import (
@@ -84,7 +86,8 @@ def estimate(
 
     noise_sigma : known standard deviations of measurement noise by output; the others are estimated
     start : starting values as for `output_error.estimate`, or the method that gives them: "equation error", for which
-    every state must be measured, or "output error". If the fit from given values does not end at an optimum, or at one
+    every state must be measured, and which starts the noises from the errors of predictions over one step (but for
+    intensities with a prior), or "output error". If the fit from given values does not end at an optimum, or at one
     where process noise explains everything, both methods are tried with intensities 100 times smaller. The best fit is
     returned.
     test_significance : test each free intensity against zero, at the cost of one more fit each
@@ -122,7 +125,11 @@ def estimate(
     if isinstance(start, str):
         if start not in SOURCES:
             raise InputError(f"start = {start!r}: choose one of {', '.join(SOURCES)}, or give values by name")
-        found = fitted(values_by(start))
+        values = values_by(start)
+        if start == "equation error":
+            guess = noise_from_predictions(model, segments, noises, values, inputs)
+            values |= {n.name: guess[n.name] for n in free_noise if n.prior_information == 0}
+        found = fitted(values)
     else:
         small = {f"ln w({noise.state})": logarithm(noise.start * SMALLER) for noise in noises if noise.free}
         found = _best(fitted, start or {}, values_by, small)
@@ -156,18 +163,27 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
     point = likelihood.evaluate(theta)
     if not np.isfinite(point.cost):
         raise InputError(not_finite(likelihood))
-    iterations, negligible = 0, dict[str, float]()
+    iterations, negligible, tried = 0, dict[str, float](), set[str]()
     while True:
         point, more, why_stopped = maximize(
             likelihood,
             point,
             max_iterations,
             STEP_TOLERANCE,
-            lambda at: bool(likelihood.negligible(at)),  # noqa: B023
+            lambda at: bool(likelihood.negligible(at) or likelihood.doubtful(at, tried)),  # noqa: B023
             secant=True,
         )
         iterations += more
         dropped = likelihood.negligible(point)
+        doubtful = [] if dropped or why_stopped else likelihood.doubtful(point, tried)
+        if doubtful:
+            tried.add(doubtful[0])
+            least = _with_the_least(likelihood, point, doubtful[0])
+            iterations += 1
+            if least is None:
+                continue
+            point = least
+            dropped = [*doubtful[:1], *(name for name in likelihood.negligible(point) if name != doubtful[0])]
         if not dropped or why_stopped:
             return _Optimum(likelihood, point, iterations, why_stopped, negligible)
         held = {name: float(point.theta[likelihood.index(name)]) for name in dropped}
@@ -179,6 +195,23 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
             smaller, theta = likelihood.holding(held, point.theta)
             without = smaller.evaluate(theta)
         likelihood, point, negligible = smaller, without, negligible | zero
+        tried = set()  # what the data do not show beside another noise, they may show without it
+
+
+def _with_the_least(likelihood: InnovationsLikelihood, point: Evaluation, name: str) -> Evaluation | None:
+    """The point with this noise at its lower bound, after one step of parameters and initial states.
+
+    None if the likelihood there is not higher than what is expected with the noise.
+    """
+    names, theta = likelihood.problem.names, point.theta.copy()
+    theta[likelihood.index(name)] = likelihood.problem.lower[likelihood.index(name)]
+    noises = {n: float(value) for n, value in zip(names, theta, strict=True) if n.startswith(("ln w(", "ln v("))}
+    without_noises, start = likelihood.holding(noises, theta)
+    moved = maximize(without_noises, without_noises.evaluate(start), 1, STEP_TOLERANCE)[0]
+    if not moved.cost < point.cost - likelihood.expected_gain(point):
+        return None
+    theta[[n not in noises for n in names]] = moved.theta
+    return likelihood.evaluate(theta)._replace(costs=(*point.costs, point.cost))
 
 
 def _best(

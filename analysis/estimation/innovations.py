@@ -1,12 +1,13 @@
 """The likelihood of the innovations of a Kalman filter, with its gradient and Fisher information."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.fit import SegmentFit
+from analysis.estimation.intervals import NORMAL_95
 from analysis.estimation.kalman_filter import Innovations, KalmanFilter
 from analysis.estimation.noise import Whitened
 from analysis.estimation.optimizer import Evaluation, nowhere
@@ -17,6 +18,7 @@ from analysis.estimation.simulation import Response
 Array = NDArray[np.float64]
 
 NEGLIGIBLE = 0.01  # information about ln w or ln v below which the noise has no effect; its standard error is then 10
+NEAR_GAIN = 1.0  # expected decrease of the cost below which a fit is near the optimum
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,29 @@ class InnovationsLikelihood:
             and (point.theta[i] <= problem.lower[i] or (point.gradient[i] < 0 and information[i] < NEGLIGIBLE))
         ]
 
+    def expected_gain(self, point: Evaluation) -> float:
+        """Decrease of the cost in a step with the information matrix."""
+        H = point.information + np.diag(self.problem.prior_information)
+        return float(point.gradient @ np.linalg.lstsq(H, point.gradient, rcond=None)[0]) / 2
+
+    def doubtful(self, point: Evaluation, known: Collection[str]) -> list[str]:
+        """Intensities near the optimum that are not significant, the least certain first. known : not these.
+
+        The intensity squared is its standard error times half the root of the information about ln w.
+        """
+        problem, information = self.problem, np.diag(point.information)
+        found = [
+            i
+            for i, name in enumerate(problem.names)
+            if name.startswith("ln w(")
+            and name not in known
+            and problem.prior_information[i] == 0
+            and information[i] < 4 * NORMAL_95**2
+        ]
+        if not found or self.expected_gain(point) > NEAR_GAIN:
+            return []
+        return [problem.names[i] for i in sorted(found, key=lambda i: information[i])]
+
     def filtered(self, theta: Array, i: int) -> tuple[Innovations, Array]:
         """Segment i's innovations, with derivatives to the unknowns of this segment only; and ln v (outputs,)."""
         problem = self.problem
@@ -77,11 +102,17 @@ class InnovationsLikelihood:
         return innovations._replace(d_e=innovations.d_e[:, :, own], d_ln_s=innovations.d_ln_s[:, :, own]), ln_v
 
     def curvature(self, point: Evaluation) -> Array:
-        return point.information
+        """(m, m) Hessian of the data's part of the cost, second derivatives of the innovations and ln s neglected.
+
+        With u = e/sigma, S = -e'/sigma and l = (ln s)', it is the sum of S S' + u (S l' + l S') + u^2 l l'/2; the
+        information is its expected value.
+        """
+        return point.information if point.observed is None else point.observed
 
     def evaluate(self, theta: Array) -> Evaluation:
         problem, m = self.problem, len(theta)
         g, H, of_variances, cost = np.zeros(m), np.zeros((m, m)), np.zeros((m, m)), 0.0
+        observed = np.zeros((m, m))
         segment_fits = []
         for i, segment in enumerate(problem.segments):
             innovations, ln_v = self.filtered(theta, i)
@@ -101,6 +132,9 @@ class InnovationsLikelihood:
                 variance_part = d_ln_s.T @ d_ln_s / 2
                 H[np.ix_(own, own)] += flat.T @ flat + variance_part
                 of_variances[np.ix_(own, own)] += variance_part
+                weighted = d_ln_s * e.reshape(-1, 1)
+                mixed = flat.T @ weighted
+                observed[np.ix_(own, own)] += flat.T @ flat + mixed + mixed.T + weighted.T @ weighted / 2
             if not (np.isfinite(cost) and np.isfinite(g).all() and np.isfinite(H).all()):
                 return nowhere(theta)
             residuals = np.where(present, innovations.e, np.nan)
@@ -110,7 +144,9 @@ class InnovationsLikelihood:
         from_prior = theta - problem.prior_mean
         cost += float(problem.prior_information @ from_prior**2) / 2
         g -= problem.prior_information * from_prior
-        return Evaluation(theta, cost, tuple(segment_fits), np.diag(np.exp(2 * ln_v)), g, H, of_variances)
+        return Evaluation(
+            theta, cost, tuple(segment_fits), np.diag(np.exp(2 * ln_v)), g, H, of_variances, observed=observed
+        )
 
 
 def _finite(found: Innovations, present: NDArray[np.bool_]) -> bool:

@@ -4,12 +4,13 @@ With a diagonal R both are sums over the outputs, each divided by the output's v
 the sums, and R follows from the residuals afterwards.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.simulation import Simulator
+from analysis.estimation.simulation import Record, Response, Simulator
 
 Array = NDArray[np.float64]
 
@@ -30,14 +31,27 @@ class Sums:
     product: Array
 
 
-def summed(
-    simulator: Simulator, x0: Array, U: Array, Z: Array, p: Array, step_s: float, kept: NDArray[np.intp]
-) -> Sums | None:
+def responses_in_blocks(simulator: Simulator, records: Iterable[Record]) -> Iterator[Iterable[Response]]:
+    """The blocks of each record's response; short records are computed together."""
+    together: list[Record] = []
+    for record in records:
+        if together and sum(len(short.U) for short in together) + len(record.U) > BLOCK:
+            yield from ([response] for response in simulator.run_all(together))
+            together = []
+        if len(record.U) > BLOCK:
+            yield simulator.run_in_blocks(*record, BLOCK)
+        else:
+            together.append(record)
+    if together:
+        yield from ([response] for response in simulator.run_all(together))
+
+
+def summed(blocks: Iterable[Response], Z: Array, kept: NDArray[np.intp]) -> Sums | None:
     """The sums over a record; None if the response is not finite. kept : unknowns among those of the simulator."""
     y, residuals = np.empty_like(Z), np.empty_like(Z)
     gram, product = np.zeros((Z.shape[1], len(kept), len(kept))), np.zeros((Z.shape[1], len(kept)))
     first = 0
-    for block in simulator.run_in_blocks(x0, U, p, step_s, BLOCK):
+    for block in blocks:
         if not (np.isfinite(block.y).all() and np.isfinite(block.S).all()):
             return None
         rows = slice(first, first + len(block.y))

@@ -31,6 +31,7 @@ SMALLEST_CURVATURE = 1e-2
 SINGULAR = 1e-11  # eigenvalues of the scaled information matrix below this are rounding errors
 SMALLEST_PRODUCT = 1e-8  # of a secant's terms, relative to their norms: below it the update would be rounding
 HALVINGS = 3  # of a step before the damping is increased
+SECANT_LENGTH = 0.3  # of a step whose change of the gradient tells the curvature, in standard errors
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
 NO_STEP = "no step, however short, improves the likelihood any more"
 NEGLIGIBLE_SHARE = 0.01  # of an eigenvector's element: unknowns below it do not take part in the combination
@@ -49,6 +50,7 @@ class Evaluation(NamedTuple):
     ln_det_R: float = 0.0  # 0 if R is not re-estimated at every point
     costs: tuple[float, ...] = ()  # of the points before in the maximization
     products: Array | None = None  # (outputs, m) sums of white residuals times sensitivities, if those are not kept
+    observed: Array | None = None  # (m, m) curvature of the cost, where it costs nothing beside the information
 
 
 def nowhere(theta: Array) -> Evaluation:
@@ -129,9 +131,13 @@ def maximize(
         step = new.theta - point.theta
         length = np.sqrt(max(float(step @ H @ step), 0.0))
         change = abs(new.ln_det_R - point.ln_det_R)
-        if secant and length < NEAR * np.sqrt(values):
-            H = new.information + np.diag(problem.prior_information)
-            correction = _secant(correction, step, point.gradient - new.gradient, H)
+        if secant:
+            prior = np.diag(problem.prior_information)
+            curvature, H = likelihood.curvature(new) + prior, new.information + prior
+            if length < SECANT_LENGTH:
+                correction = _secant(correction, step, point.gradient - new.gradient, curvature, H)
+            else:
+                correction = np.zeros_like(H)
         point = new._replace(costs=(*point.costs, float(point.cost)))
         if stop is not None and stop(point):
             return point, iteration, ""
@@ -140,21 +146,21 @@ def maximize(
     return point, max_iterations, f"{max_iterations} iterations were not enough"
 
 
-def _secant(correction: Array, step: Array, change: Array, H: Array) -> Array:
-    """The symmetric rank-one update of the correction, after which (H + correction) step = change of the gradient.
+def _secant(correction: Array, step: Array, change: Array, curvature: Array, information: Array) -> Array:
+    """The symmetric rank-one update after which (curvature + correction) step = change of the gradient.
 
     If the sum has too small an eigenvalue, the steps before are forgotten. Reference: Nocedal & Wright, Numerical
     Optimization, 2nd ed., sec. 6.2.
     """
     zero = np.zeros_like(correction)
-    scale = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
+    scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     for before in (correction, zero):
-        missing = change - (H + before) @ step
+        missing = change - (curvature + before) @ step
         product = missing @ step
         if abs(product) <= SMALLEST_PRODUCT * np.linalg.norm(missing / scale) * np.linalg.norm(step * scale):
             return before
         updated: Array = before + np.outer(missing, missing) / product
-        if _convex(H + updated, _EigenSystem.of(H)) is not None:
+        if _convex(curvature + updated, _EigenSystem.of(information)) is not None:
             return updated
     return zero
 

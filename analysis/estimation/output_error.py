@@ -17,7 +17,7 @@ from analysis.estimation.fit import Fit as Fit
 from analysis.estimation.fit import SegmentFit
 from analysis.estimation.frequency_domain import Band, band_matrix
 from analysis.estimation.hints import hints_of
-from analysis.estimation.long_records import summed
+from analysis.estimation.long_records import responses_in_blocks, summed
 from analysis.estimation.model import Model
 from analysis.estimation.noise import (
     NoiseKind,
@@ -28,7 +28,7 @@ from analysis.estimation.noise import (
 )
 from analysis.estimation.optimizer import NO_STEP, Evaluation, make_fit, maximize, nowhere
 from analysis.estimation.problem import Problem, as_segments, free_names
-from analysis.estimation.simulation import InputRule, Integrator, Response, Simulator, build_simulator, has_branches
+from analysis.estimation.simulation import InputRule, Integrator, Record, Response, Simulator, build_simulator
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ def estimate(
     point, iterations, why_stopped = maximize(likelihood, point, max_iterations)
     if likelihood.is_long:
         point = likelihood.evaluate_whole(point.theta)._replace(costs=point.costs)
-    if why_stopped == NO_STEP and has_branches(simulator.step):
+    if why_stopped == NO_STEP and simulator.has_branches:
         why_stopped += (
             "; the model has branches (np.where, np.sign, np.maximum), where the likelihood may jump: smooth them,"
             " for example with np.tanh"
@@ -124,12 +124,21 @@ class OutputErrorLikelihood:
     tail_dof: float | None = None
     transforms: list[Array] | None = None
 
-    def respond(self, theta: Array, i: int) -> Response:
-        """Segment i's response, with sensitivities to the unknowns of this segment only."""
+    def responses(self, theta: Array) -> list[Response]:
+        """Of all segments, each with sensitivities to the unknowns of this segment only."""
         problem, count = self.problem, len(self.simulator.free)
-        p, x0, _ = problem.unpack(theta, i)
-        x, y, S = self.simulator.run(x0, problem.U[i], p, problem.segments[i].step_s)
-        return Response(x, y, S[:, :, np.concatenate([np.arange(count), count + problem.free_states])])
+        found = self.simulator.run_all(self._records(theta))
+        if len(problem.free_states) == len(problem.model.states):
+            return found
+        kept = np.concatenate([np.arange(count), count + problem.free_states])
+        return [response._replace(S=response.S[:, :, kept]) for response in found]
+
+    def _records(self, theta: Array) -> list[Record]:
+        problem, records = self.problem, []
+        for i, segment in enumerate(problem.segments):
+            p, x0, _ = problem.unpack(theta, i)
+            records.append(Record(x0, problem.U[i], p, segment.step_s))
+        return records
 
     @property
     def is_long(self) -> bool:
@@ -143,10 +152,9 @@ class OutputErrorLikelihood:
         problem, m = self.problem, len(theta)
         kept = np.concatenate([np.arange(len(self.simulator.free)), len(self.simulator.free) + problem.free_states])
         sums = []
-        for i, segment in enumerate(problem.segments):
-            p, x0, _ = problem.unpack(theta, i)
+        for blocks, Z in zip(responses_in_blocks(self.simulator, self._records(theta)), problem.Z, strict=True):
             with np.errstate(over="ignore", invalid="ignore"):
-                found = summed(self.simulator, x0, problem.U[i], problem.Z[i], p, segment.step_s, kept)
+                found = summed(blocks, Z, kept)
             if found is None:
                 return nowhere(theta)
             sums.append(found)
@@ -180,7 +188,7 @@ class OutputErrorLikelihood:
         """The likelihood with the whitened sensitivities of all segments."""
         problem, m = self.problem, len(theta)
         with np.errstate(over="ignore", invalid="ignore"):
-            responses = [self.respond(theta, i) for i in range(len(problem.segments))]
+            responses = self.responses(theta)
             residuals = [z - response.y for z, response in zip(problem.Z, responses, strict=True)]
         if not all(np.isfinite(r.y).all() and np.isfinite(r.S).all() for r in responses):
             return nowhere(theta)
@@ -249,9 +257,7 @@ def _not_finite(likelihood: OutputErrorLikelihood) -> str:
     """The message that names the segment and time from which the response to the starting values is not finite."""
     problem = likelihood.problem
     advice = "give better starting values; if the model is unstable, split the segment (data.split)"
-    for i, segment in enumerate(problem.segments):
-        with np.errstate(over="ignore", invalid="ignore"):
-            response = likelihood.respond(problem.start, i)
+    for segment, response in zip(problem.segments, likelihood.responses(problem.start), strict=True):
         finite = np.isfinite(response.y).all(axis=1) & np.isfinite(response.S).all(axis=(1, 2))
         if not finite.all():
             return (

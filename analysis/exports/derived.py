@@ -5,7 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag import consider
-from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
+from analysis.drag.forces import J_REFERENCE, FlightForces
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
@@ -53,9 +53,10 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
 def _by_thrust_table(nominal: Array, f: pd.DataFrame, aircraft: Aircraft) -> Array:
     """Variances (n, 3) of thrust, C_L and C_D by the errors of the propeller table."""
     alpha, thrust_N = nominal[:, 0], nominal[:, QUANTITIES.index("thrust_N")]
-    slope = THRUST_SLOPE_SIGMA * (f["J"].to_numpy() - J_REFERENCE)
+    sigma = aircraft.uncertainty
+    slope = sigma.thrust_slope * (f["J"].to_numpy() - J_REFERENCE)
     beyond_N = f["thrust_beyond_over_m_mps2"].to_numpy() * aircraft.mass_kg / np.cos(alpha)
-    variance_N2 = thrust_N**2 * (THRUST_SCALE_SIGMA**2 + slope**2) + beyond_N**2
+    variance_N2 = thrust_N**2 * (sigma.thrust_scale_fraction**2 + slope**2) + beyond_N**2
     qS_N = f["qS_over_m_mps2"].to_numpy() * aircraft.mass_kg
     return np.stack(
         [variance_N2, variance_N2 * (np.sin(alpha) / qS_N) ** 2, variance_N2 * (np.cos(alpha) / qS_N) ** 2], axis=1

@@ -160,7 +160,14 @@ def _climb_mps(table: pd.DataFrame) -> pd.Series:
 def _means(table: pd.DataFrame, rows: pd.Series, seconds: float) -> pd.DataFrame:
     """Means over `seconds`, of those stretches all of whose rows count; the others are NaN."""
     n = max(1, round(seconds / float(table.index[1] - table.index[0])))
-    return table.where(rows).rolling(n, center=True, min_periods=n).mean().iloc[::n]
+    counting = table.where(rows)
+    # The stretches are centred at rows 0, n, 2 n, …; the first and the last one are not whole.
+    before = n // 2
+    after = -(before + len(table)) % n
+    padded = np.pad(counting.to_numpy(dtype=float), ((before, after), (0, 0)), constant_values=np.nan)
+    means = padded.reshape(-1, n, table.shape[1]).mean(axis=1)
+    times_s = table.index[::n]
+    return pd.DataFrame(means[: len(times_s)], times_s, table.columns)
 
 
 def _correlation(x: pd.Series, y: pd.Series) -> float:

@@ -79,4 +79,6 @@ def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
         above = excess(middle) > 0
         low, high = np.where(above, low, middle), np.where(above, middle, high)
     at_low, at_high = excess(low), excess(high)
-    return np.where(found, low - (high - low) * at_low / (at_high - at_low), np.nan)
+    rise = at_high - at_low  # zero where the bounds have met
+    beyond = np.divide((high - low) * at_low, rise, out=np.zeros_like(rise), where=rise != 0)
+    return np.where(found, low - beyond, np.nan)

@@ -87,7 +87,8 @@ def expected_aircraft(
     """What to plan with. A: polar of an earlier flight. Raises InputError where the file has no propeller."""
     if aircraft.propulsion.propeller is None:
         raise InputError(
-            f"{aircraft.name}: the aircraft file names no propeller, which a plan needs; add propulsion.propeller"
+            f"{aircraft.name}: the aircraft file names no propeller, which a plan needs;"
+            " add propulsion.propeller, or give --propeller"
         )
     propeller = load_propeller(aircraft.propulsion.propeller)
     rho = float(density(pressure_at(height_m), temperature_at(height_m)))

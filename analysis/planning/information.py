@@ -14,15 +14,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag import consider, covariance
-from analysis.drag.forces import J_REFERENCE, THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA, FlightForces
+from analysis.drag.forces import J_REFERENCE, FlightForces
 from analysis.drag.state_errors import STATE_STEP
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import Maneuver
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.time_history import TimeHistory
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
+from analysis.trajectory.priors import stated_sigma
 from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.reconstruction import DRAWS, Trajectory, with_gust_length
+from analysis.trajectory.reconstruction import DRAWS, Trajectory
+from analysis.trajectory.slow_gusts import expected_slow_gusts, with_gust_length
 from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 
 Array = NDArray[np.float64]
@@ -58,9 +60,12 @@ class _Linearized(NamedTuple):
     step: GaussNewtonStep
 
 
-def _linearized(history: TimeHistory, gust_mps: float, alpha_scale_sigma: float) -> _Linearized:
+def _linearized(
+    history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, alpha_scale_sigma: float
+) -> _Linearized:
     """The estimator's last step along the history."""
-    problem = TrajectoryProblem(history.table, history.rest, alpha_scale_sigma, None)
+    stated = stated_sigma(aircraft.aircraft.uncertainty)
+    problem = TrajectoryProblem(history.table, history.rest, alpha_scale_sigma, None, stated=stated)
     blocks = problem.blocks
     x = np.zeros((blocks.n, len(STATES)))
     x[:, :3], x[:, 3:6] = history.attitude[blocks.rows], history.velocity[blocks.rows]
@@ -77,19 +82,22 @@ def sensor_error_covariance(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
 ) -> Array:
     """Covariance (m, m) of the sensor errors after a flight like this: the part of `expected` that takes least time."""
-    return _sensor_errors(_linearized(history, gust_mps, alpha_scale_sigma), aircraft, gust_mps)
+    return _sensor_errors(_linearized(history, aircraft, gust_mps, alpha_scale_sigma), aircraft, gust_mps)
 
 
 def _sensor_errors(linearized: _Linearized, aircraft: ExpectedAircraft, gust_mps: float) -> Array:
-    gust_length = aircraft.aircraft.uncertainty.gust_length
-    return with_gust_length(linearized.step.covariance, linearized.problem.error_sigma, gust_mps, gust_length)
+    problem = linearized.problem
+    flown = len(problem.blocks.t_s[problem.blocks.airborne])
+    slow = expected_slow_gusts(flown, problem.blocks.step_s, problem.conditions.in_cruise(gust_mps))
+    gust_length = slow.length(aircraft.aircraft.uncertainty.gust_length)
+    return with_gust_length(linearized.step.covariance, problem.error_sigma, gust_mps, gust_length)
 
 
 def linearized_trajectory(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
 ) -> Trajectory:
     """The trajectory that the estimator would find without noise, with its covariance and sensitivities."""
-    linearized = _linearized(history, gust_mps, alpha_scale_sigma)
+    linearized = _linearized(history, aircraft, gust_mps, alpha_scale_sigma)
     problem, x, errors, inputs, step = linearized
     actual = replace(inputs, predicted_inputs=inputs.measurement_inputs)
     return Trajectory(
@@ -121,7 +129,8 @@ def expected(
         inside |= (forces.t_s >= run.start_s) & (forces.t_s <= run.end_s)
     along = forces.forces(states, errors)
     inside &= along[["CL", "CD", "J"]].notna().all(axis=1).to_numpy()
-    prior = np.diag([0, 0, 0, THRUST_SCALE_SIGMA**-2, THRUST_SLOPE_SIGMA**-2, 1.0])
+    stated = aircraft.aircraft.uncertainty
+    prior = np.diag([0, 0, 0, stated.thrust_scale_fraction**-2, stated.thrust_slope**-2, 1.0])
 
     residual_mps2 = float(np.interp(gust_mps, *RESIDUALS))
 

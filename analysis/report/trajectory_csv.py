@@ -13,4 +13,7 @@ def trajectory_csv(trajectory: Trajectory) -> str:
     """Every state with its standard error (`…_error`), one line each 0.2 s; units in the header."""
     states = trajectory.states.drop(columns=[*GUST_FILTER_STATES]).rename(columns=COLUMNS)
     errors = trajectory.states_error().drop(columns=[*GUST_FILTER_STATES]).rename(columns=COLUMNS).add_suffix("_error")
-    return str(pd.concat([states, errors], axis=1).to_csv(float_format="%.6g", lineterminator="\n"))
+    table = pd.concat([states, errors], axis=1).reset_index()
+    line = ",".join(["%.6g"] * table.shape[1])
+    lines = [",".join(table.columns), *(line % tuple(row) for row in table.to_numpy().tolist()), ""]
+    return "\n".join(lines).replace("nan", "")

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
+from analysis.signals.cubic_spline import CubicSpline
 from analysis.signals.log_fields import is_good, times_ns, values
 from flight.errors import InputError
 from flight.log_entries import STATUS_CODE, Entries, LogEntry, entries_of

@@ -31,6 +31,12 @@ class BlockMeans:
         self.speed_scale, self.least_height_m = speed_scale_of(table), least_height_m(table)
         self.flying: BoolArray = (self["height_m"] > self.least_height_m) & np.isfinite(self["V_mps"])
 
+    @property
+    def airborne(self) -> slice:
+        """The blocks from the first to the last in flight."""
+        flying = np.flatnonzero(self.flying)
+        return slice(int(flying[0]), int(flying[-1]) + 1) if len(flying) else slice(0, 0)
+
     def __getitem__(self, name: str) -> Array:
         return self.means[name]
 

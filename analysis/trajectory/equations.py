@@ -2,7 +2,7 @@
 
 States at each instant: Euler angles, inertial velocity north-east-down, height, slowly varying wind, gusts, and the
 filter states of the lateral and vertical gusts. Sensor errors are constant over the flight: biases, scales and lags.
-The functions are written with NumPy and evaluated by CasADi over all instants at once, with exact derivatives.
+The functions are written with NumPy; CasADi derives them, and they are evaluated over all instants at once.
 
 The aircraft responds to gusts: it heaves within a second and yaws into them within two; only its speed responds slowly.
 If this response multiplied a free sensor error, gusts would be attributed to the sensor (figures: docs/estimators.md).
@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimation.array_function import ArrayFunction
 from analysis.trajectory.smoother import Linearization
 from flight import motion
 from flight.units import GRAVITY_MPS2 as g
@@ -186,51 +187,34 @@ class Equations:
         )
         residual = ca.vertcat(*process) * weight
         jacobian = ca.jacobian(residual, ca.vertcat(a, b, c))
-        self._process = _CompiledFunction([a, b, c, u, weight], residual, jacobian, n - 1)
+        self._process = _array_function([a, b, c, u, weight], residual, jacobian)
 
         z, weight = ca.SX.sym("z", len(MEASUREMENTS)), ca.SX.sym("w", len(MEASUREMENTS))
         v, v_predicted = ca.SX.sym("v", len(MEASUREMENT_INPUTS)), ca.SX.sym("v'", len(MEASUREMENT_INPUTS))
         model = measurement_model(_symbols(STATES, a), _symbols(SENSOR_ERRORS, c), _symbols(MEASUREMENT_INPUTS, v))
         residual = (ca.vertcat(*model) - z) * weight
         jacobian = ca.substitute(ca.jacobian(residual, ca.vertcat(a, c)), ca.vertcat(a, v), ca.vertcat(b, v_predicted))
-        self._measurement = _CompiledFunction([a, b, c, z, weight, v, v_predicted], residual, jacobian, n)
+        self._measurement = _array_function([a, b, c, z, weight, v, v_predicted], residual, jacobian)
 
-    def linearize(self, x: Array, sensor_errors: Array, inputs: EquationInputs) -> Linearization:
-        """Residuals and derivatives at states x (n, nx) and sensor errors (m,)."""
-        errors = np.broadcast_to(sensor_errors, (self.n, len(sensor_errors)))
-        process = self._process(x[:-1], x[1:], errors[:-1], inputs.process_inputs, inputs.process_weight)
+    def linearize(
+        self, x: Array, sensor_errors: Array, inputs: EquationInputs, overwritten: Linearization | None = None
+    ) -> Linearization:
+        """Residuals and derivatives at states x (n, nx) and sensor errors (m,).
+
+        overwritten : an earlier linearization of these equations, whose memory is used again
+        """
+        errors = sensor_errors.tolist()
+        process = self._process(
+            self.n - 1, x[:-1].T, x[1:].T, errors, inputs.process_inputs.T, inputs.process_weight.T,
+            overwritten=overwritten and (overwritten.process_residual, overwritten.process_jacobian),
+        )  # fmt: skip
         measurement = self._measurement(
-            x,
-            inputs.predicted_states,
-            errors,
-            inputs.measured,
-            inputs.measurement_weight,
-            inputs.measurement_inputs,
-            inputs.predicted_inputs,
-        )
-        return Linearization(*process, *measurement)
+            self.n, x.T, inputs.predicted_states.T, errors, inputs.measured.T, inputs.measurement_weight.T,
+            inputs.measurement_inputs.T, inputs.predicted_inputs.T,
+            overwritten=overwritten and (overwritten.measurement_residual, overwritten.measurement_jacobian),
+        )  # fmt: skip
+        return Linearization(process[0][:, :, 0], process[1], measurement[0][:, :, 0], measurement[1])
 
 
-class _CompiledFunction:
-    """A vector function and its Jacobian over n rows at once, through memory that CasADi writes to directly."""
-
-    def __init__(self, arguments: list[Any], residual: Any, jacobian: Any, n: int):
-        sparsity = jacobian.sparsity()
-        rows, columns = (np.array(i) for i in sparsity.get_triplet())  # in CasADi's order of nonzeros
-        outputs = ca.cse([residual, ca.vertcat(*jacobian.nonzeros())])
-        self._buffer: Any
-        self._buffer, self._run = ca.Function("f", arguments, outputs).map(n).buffer()
-        self._shape, self._filled = (n, *jacobian.shape), rows * jacobian.shape[1] + columns
-
-    def __call__(self, *arguments: Array) -> tuple[Array, Array]:
-        """Residuals (n, rows), and derivatives (n, rows, columns)."""
-        kept = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
-        for i, argument in enumerate(kept):
-            self._buffer.set_arg(i, argument.data)
-        residual, nonzeros = np.empty(self._shape[:2]), np.empty((self._shape[0], len(self._filled)))
-        self._buffer.set_res(0, residual.data)
-        self._buffer.set_res(1, nonzeros.data)
-        self._run()
-        jacobian = np.zeros(self._shape)
-        jacobian.reshape(self._shape[0], -1)[:, self._filled] = nonzeros
-        return residual, jacobian
+def _array_function(arguments: list[Any], residual: Any, jacobian: Any) -> ArrayFunction:
+    return ArrayFunction(ca.Function("equations", arguments, ca.cse([residual, jacobian])))

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
+from analysis.signals.cubic_spline import CubicSpline
 from analysis.trajectory.block_means import BLOCK, BlockMeans
 from analysis.trajectory.equations import MEASUREMENTS
 from analysis.trajectory.level_field import LevelField

@@ -7,16 +7,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.trajectory.equations import SENSOR_ERRORS
+from flight.aircraft import Uncertainty
 
 Array = NDArray[np.float64]
 
-PRIOR_SIGMA = {
-    "p_bias": 0.002, "q_bias": 0.002, "r_bias": 0.002,  # about the zeros at rest
-    "ax_bias": 0.19, "ay_bias": 0.19, "az_bias": 0.19,
-    "alpha_bias": np.radians(1.0), "alpha_scale": 0.03, "beta_bias": np.radians(1.0), "V_scale": 0.0125,
-    "air_data_lag": 0.012, "gps_latency": 0.2,
-    "heading_bias": np.radians(10.0),  # declination in inhabited regions, and how the tray sits
-}  # fmt: skip
+
+def stated_sigma(uncertainty: Uncertainty) -> Mapping[str, float]:
+    """Prior standard deviation of each sensor error, as [uncertainty] of the aircraft file states it."""
+    accelerometer = uncertainty.accelerometer_offset_mps2
+    return MappingProxyType({
+        "p_bias": 0.002, "q_bias": 0.002, "r_bias": 0.002,  # about the zeros at rest
+        "ax_bias": accelerometer, "ay_bias": accelerometer, "az_bias": accelerometer,
+        "alpha_bias": uncertainty.angle_of_attack_offset_rad,
+        "alpha_scale": uncertainty.angle_of_attack_slope_fraction,
+        "beta_bias": np.radians(1.0),
+        "V_scale": uncertainty.airspeed_scale_fraction,
+        "air_data_lag": uncertainty.air_data_lag_s, "gps_latency": 0.2,
+        "heading_bias": np.radians(10.0),  # declination in inhabited regions, and how the tray sits
+    })  # fmt: skip
+
+
+PRIOR_SIGMA = stated_sigma(Uncertainty())  # where the aircraft file states nothing
 PRIOR_MEAN = {"gps_latency": 0.1}
 # What remains of two priors once the transducers are calibrated: error of the density, position error of the static
 # ports, differences of the probe on the aircraft from the probe in the tunnel. Values assumed, not measured.
@@ -27,16 +38,21 @@ INITIAL_BLOCKS = 25  # a log in which the aircraft is at rest within these began
 
 
 def sensor_error_prior(
-    alpha_scale_sigma: float, calibrated: Mapping[str, float] = MappingProxyType({}), *, gps: bool
+    alpha_scale_sigma: float,
+    calibrated: Mapping[str, float] = MappingProxyType({}),
+    stated: Mapping[str, float] = PRIOR_SIGMA,
+    *,
+    gps: bool,
 ) -> tuple[Array, Array]:
     """Mean and standard deviation (m,), order of SENSOR_ERRORS.
 
-    alpha_scale_sigma : of the slope of the probe's calibration, in addition to PRIOR_SIGMA
+    alpha_scale_sigma : of the slope of the probe's calibration, in addition to the stated one
     calibrated : standard errors by the calibration of the transducers, by name of REMAINING_SIGMA; in place of
-        PRIOR_SIGMA. An error of the reference's scale acts on both; they are taken as independent.
+        the stated ones. An error of the reference's scale acts on both; they are taken as independent.
+    stated : of `stated_sigma`
     """
     own = {name: float(np.hypot(error, REMAINING_SIGMA[name])) for name, error in calibrated.items()}
-    sigma = PRIOR_SIGMA | own
+    sigma = {**stated, **own}
     sigma["alpha_scale"] = float(np.hypot(sigma["alpha_scale"], alpha_scale_sigma))
     if not gps:
         sigma["heading_bias"] = NORTH_RAD

@@ -15,7 +15,7 @@ from analysis.trajectory.initial_estimate import initial_sensor_errors, initial_
 from analysis.trajectory.instrumental_variables import extrapolated
 from analysis.trajectory.level_field import LevelField
 from analysis.trajectory.measurements import Measurements
-from analysis.trajectory.priors import begins_at_rest, initial_state_sigma, sensor_error_prior
+from analysis.trajectory.priors import PRIOR_SIGMA, begins_at_rest, initial_state_sigma, sensor_error_prior
 from analysis.trajectory.process import SLOWEST_MPS, GustConditions, ProcessModel
 from analysis.trajectory.regressors import Regressors
 from analysis.trajectory.sensor_noise import noise_at_rest
@@ -29,7 +29,7 @@ GPS_LATENCY = SENSOR_ERRORS.index("gps_latency")
 class TrajectoryProblem:
     """A flight's data in the form that the equations need.
 
-    blocks, equations, measurements, regressors : see their classes
+    blocks, equations, measurements, regressors, conditions : see their classes
     error_mean, error_sigma : (m,) prior of the sensor errors
     initial_states (n, nx), initial_errors (m,) : first estimate
     """
@@ -41,6 +41,7 @@ class TrajectoryProblem:
         alpha_scale_sigma: float,
         compass: Compass | None,
         calibrated: Mapping[str, float] = MappingProxyType({}),
+        stated: Mapping[str, float] = PRIOR_SIGMA,
     ):
         self.blocks = blocks = BlockMeans(table)
         self.equations = Equations(blocks.n)
@@ -52,13 +53,13 @@ class TrajectoryProblem:
         V_predicted, _ = extrapolated(blocks["V_mps"], blocks.flying, blocks.step_s)
         field = LevelField(compass, blocks)
         self._inertial = InertialInputs(table, blocks, noise)
-        self._conditions = GustConditions(blocks, V_reference, V_predicted)
+        self.conditions = GustConditions(blocks, V_reference, V_predicted)
         self.measurements = Measurements(table, blocks, at_rest, noise, V_reference, field)
-        self.regressors = Regressors(blocks, V_predicted, self._conditions, field)
+        self.regressors = Regressors(blocks, V_predicted, self.conditions, field)
         self._begins_at_rest = begins_at_rest(at_rest)
 
         gps, has_compass = self.measurements.has_gps, self.measurements.has_compass
-        self.error_mean, self.error_sigma = sensor_error_prior(alpha_scale_sigma, calibrated, gps=gps)
+        self.error_mean, self.error_sigma = sensor_error_prior(alpha_scale_sigma, calibrated, stated, gps=gps)
         bank = table["bank_rad"].to_numpy()[blocks.rows]
         self.initial_states = initial_states(blocks, bank, V_reference, field if has_compass else None)
         self.initial_errors = initial_sensor_errors(
@@ -67,7 +68,7 @@ class TrajectoryProblem:
 
     def process_model(self, sigma_w_mps: float) -> ProcessModel:
         """The process model for vertical gusts of this standard deviation."""
-        return ProcessModel(self._inertial, self.blocks, self._conditions, sigma_w_mps)
+        return ProcessModel(self._inertial, self.blocks, self.conditions, sigma_w_mps)
 
     def equation_inputs(
         self, x: Array, sensor_errors: Array, sigma_w_mps: float, process: ProcessModel

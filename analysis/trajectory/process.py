@@ -31,6 +31,10 @@ class GustConditions:
         self.height_m = np.where(flying, blocks["height_m"][:-1], self.cruise_height_m)
         self.vertical_decay = dryden.vertical(1.0, self.height_m, self.V_mps).discretize(blocks.step_s)[0]
 
+    def in_cruise(self, sigma_w_mps: float) -> dryden.SecondOrderGust:
+        """Vertical gusts of this standard deviation in cruise."""
+        return dryden.vertical(sigma_w_mps, self.cruise_height_m, self.cruise_mps)
+
     def transverse_variance(self, sigma_w_mps: float) -> float:
         """Variance of lateral and vertical gusts together [m^2/s^2], in cruise."""
         lateral = dryden.lateral(sigma_w_mps, self.cruise_height_m, self.cruise_mps)

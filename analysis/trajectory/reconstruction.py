@@ -19,7 +19,9 @@ from analysis.trajectory.equations import (
     STATES,
     EquationInputs,
 )
+from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
+from analysis.trajectory.slow_gusts import SlowGusts, slow_gusts, with_gust_length
 from analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
 from flight.aircraft import Uncertainty
 from flight.errors import InputError
@@ -31,7 +33,6 @@ GUST_GRID_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 
 _FIRST_GUST = GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
 MOST_ITERATIONS = 40
 GRID_ITERATIONS = 1  # from the solution at the neighboring gust intensity
-GUSTS_DOMINATE_MPS = 0.1  # vertical gusts, 1 sigma, that contribute as much as noise to the errors of flow angles
 DRAWS = 16  # random errors of the states: standard errors within a sixth
 # Convergence: largest last step of a sensor error, in standard errors. The first solution only has to be good enough to
 # compare gust intensities.
@@ -91,6 +92,7 @@ def reconstruct(
     table: pd.DataFrame,
     rest: list[slice],
     *,
+    stated: Mapping[str, float] = PRIOR_SIGMA,
     alpha_scale_sigma: float = 0.0,
     compass: Compass | None = None,
     calibrated: Mapping[str, float] = MappingProxyType({}),
@@ -100,16 +102,17 @@ def reconstruct(
 ) -> Trajectory:
     """The most probable trajectory of a whole flight.
 
-    table: as `air_data` returns it. rest: rows in which the aircraft is at rest. alpha_scale_sigma: standard deviation
+    table: as `air_data` returns it. rest: rows in which the aircraft is at rest. stated: prior standard deviations of
+    the sensor errors, by `stated_sigma` of the aircraft file's [uncertainty]. alpha_scale_sigma: standard deviation
     of the slope of angle of attack in the probe's calibration, in addition to that of transducers and installation.
     compass: the earth's field, sample by sample, from a calibrated magnetometer. gust_length: scale length of vertical
-    gusts over the height, for the covariance of the sensor errors. prior_factor: on the prior standard deviations of
-    the sensor errors, a number or (m,). calibrated: standard errors by the transducers' calibration, as `FlightData`
-    has them.
+    gusts over the height, as far as the flight does not show it. prior_factor: on the prior standard deviations of the
+    sensor errors, a number or (m,). calibrated: standard errors by the transducers' calibration, as `FlightData` has
+    them.
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
-        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass, calibrated)
+        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass, calibrated, stated)
         problem.error_sigma = problem.error_sigma * np.asarray(prior_factor)
         return _reconstruct(problem, gust_length)
     except np.linalg.LinAlgError:
@@ -203,14 +206,14 @@ def _solve(
     """Gauss-Newton iterations for one gust intensity, until the step is within the tolerance or for so many."""
     converged, last_move, damping = False, np.zeros(len(SENSOR_ERRORS)), 1.0
     process = problem.process_model(gust)
-    linearization: Any
+    linearization: Any = None
     step: Any
     for _ in range(iterations):
         inputs = problem.equation_inputs(x, sensor_errors, gust, process)
         remaining, prior = problem.remaining_errors(sensor_errors, gust)
         point = _LinearizationPoint(x, remaining, inputs)
-        linearization = step = None  # frees 70 MB before as many are taken again
-        linearization = problem.equations.linearize(*point)
+        step = None  # frees 30 MB before as many are taken again
+        linearization = problem.equations.linearize(*point, linearization)
         initial = x[0]
         step = gauss_newton_step(linearization, prior, initial, remaining)
         move = step.sensor_errors / np.sqrt(np.diag(step.covariance))
@@ -241,22 +244,10 @@ def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array
     return solution.last_step.conditional.state_sensitivity(problem.equations.linearize(x, sensor_errors, actual))
 
 
-def with_gust_length(covariance: Array, prior_sigma: Array, gust_mps: float, gust_length: float) -> Array:
-    """Covariance (m, m) of the sensor errors where gusts are longer than in the standard's spectrum.
-
-    The variance of the mean of a process over a time much longer than its scale grows with the scale (Lenschow, Mann &
-    Kristensen 1994, J. Atmos. Oceanic Technol. 11, 661). The data's information is divided by as much, the prior's is
-    not. gust_mps : standard deviation of vertical gusts, which share the errors with noise
-    """
-    share = gust_mps**2 / (gust_mps**2 + GUSTS_DOMINATE_MPS**2)
-    factor = 1 + max(gust_length - 1, 0.0) * share
-    prior = np.diag(prior_sigma**-2.0)
-    scaled = np.linalg.inv((np.linalg.inv(covariance) - prior) / factor + prior)
-    return np.asarray((scaled + scaled.T) / 2)
-
-
 def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: float) -> Trajectory:
     inputs, _ = problem.regressors.measurement_inputs(solution.x, solution.sensor_errors, solution.gust_mps)
+    draws = solution.last_step.conditional.draws(len(STATES), DRAWS)
+    gust_length = _slow_gusts(problem, solution, draws).length(gust_length)
     return Trajectory(
         states=pd.DataFrame(solution.x, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
         sensor_errors=solution.sensor_errors,
@@ -264,13 +255,20 @@ def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: fl
         prior_sigma=problem.error_sigma,
         state_sensitivity=_state_sensitivity(problem, solution),
         states_given_errors=solution.last_step.conditional,
-        draws=solution.last_step.conditional.draws(len(STATES), DRAWS),
+        draws=draws,
         predicted_flow=inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],
         gust_mps=solution.gust_mps,
         residuals=_residual_rms(problem, solution.residuals),
         converged=solution.converged,
         block_means=problem.blocks,
     )
+
+
+def _slow_gusts(problem: TrajectoryProblem, solution: _Solution, draws: Array) -> SlowGusts:
+    """Of the vertical gusts from take-off to landing."""
+    flown, vertical = problem.blocks.airborne, GUST_STATES[2]
+    assumed = problem.conditions.in_cruise(solution.gust_mps)
+    return slow_gusts(solution.x[flown, vertical], draws[:, flown, vertical], problem.blocks.step_s, assumed)
 
 
 def _residual_rms(problem: TrajectoryProblem, residuals: Array) -> dict[str, float]:

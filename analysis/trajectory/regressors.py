@@ -7,8 +7,8 @@ current gust (instrumental variables).
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
+from analysis.signals.cubic_spline import CubicSpline
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import ALPHA_REGRESSORS, MEASUREMENT_INPUTS, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.instrumental_variables import (

@@ -110,32 +110,14 @@ def gauss_newton_step(
     n, _, width = linearization.measurement_jacobian.shape
     nx = linearization.process_residual.shape[1]
     m = width - nx
-    before, after, errors = slice(nx), slice(nx, 2 * nx), slice(2 * nx, None)
-    normal, gradient = _normal_equations(linearization.measurement_jacobian, linearization.measurement_residual, nx)
-
-    diagonal = normal[:, :, :nx].copy()
-    diagonal[0] += np.diag(1 / prior.initial_sigma**2)
-    border = normal[:, :, nx:].copy()
-    del normal
-    above = np.empty((n - 1, nx, nx))
-    for start in range(0, n - 1, CHUNK):  # temporary arrays of a chunk fit in the processor's cache
-        stop = min(start + CHUNK, n - 1)
-        first_instants, second_instants = slice(start, stop), slice(start + 1, stop + 1)
-        process, process_gradient = _normal_equations(
-            linearization.process_jacobian[first_instants], linearization.process_residual[first_instants], 2 * nx
-        )
-        diagonal[first_instants] += process[:, before, before]
-        diagonal[second_instants] += process[:, after, after]
-        above[first_instants] = process[:, before, after]
-        border[first_instants] += process[:, before, errors]
-        border[second_instants] += process[:, after, errors]
-        gradient[first_instants] += process_gradient[:, before]
-        gradient[second_instants] += process_gradient[:, after]
-    gradient[0] += (initial - prior.initial_mean) / prior.initial_sigma**2
+    band, right = _normal_equations(linearization)
+    band[0, :, 0] += 1 / prior.initial_sigma**2
+    right[:nx, 0] += (initial - prior.initial_mean) / prior.initial_sigma**2
+    gradient = right[:, 0].copy()
 
     by_error = (
-        linearization.measurement_jacobian[:, :, nx:].reshape(-1, m),
-        linearization.process_jacobian[:, :, 2 * nx :].reshape(-1, m),
+        linearization.measurement_jacobian.reshape(-1, width)[:, nx:],
+        linearization.process_jacobian.reshape(-1, 2 * nx + m)[:, 2 * nx :],
     )
     corner = by_error[0].T @ by_error[0] + by_error[1].T @ by_error[1] + np.diag(1 / prior.error_sigma**2)
     error_gradient = (
@@ -144,19 +126,15 @@ def gauss_newton_step(
     )
     error_gradient += (sensor_errors - prior.error_mean) / prior.error_sigma**2
 
-    band = _banded(diagonal, above)
-    del diagonal, above
+    band = band.reshape(n * nx, 2 * nx).T  # row i - j of column j, in LAPACK's order of memory
     factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
-    right = np.empty((1 + m, n * nx)).T  # Fortran order, as LAPACK requires
-    right[:, 0], right[:, 1:] = gradient.ravel(), border.reshape(-1, m)
-    del border
     half = _triangular_solution(factor, right, overwrite=True)
     schur = corner - half[:, 1:].T @ half[:, 1:]
     covariance = np.linalg.inv(schur)
     d_errors = -covariance @ (error_gradient - half[:, 1:].T @ half[:, 0])
     d_states = -_triangular_solution(factor, half[:, :1] + half[:, 1:] @ d_errors[:, None], transposed=True)[:, 0]
     log_determinant = 2 * float(np.sum(np.log(factor[0]))) + float(np.linalg.slogdet(schur)[1])
-    cost_decrease = -float(gradient.ravel() @ d_states + error_gradient @ d_errors)
+    cost_decrease = -float(gradient @ d_states + error_gradient @ d_errors)
     covariance = (covariance + covariance.T) / 2
     conditional = StatesGivenErrors(factor)
     return GaussNewtonStep(d_states.reshape(n, nx), d_errors, covariance, conditional, cost_decrease, log_determinant)
@@ -167,10 +145,36 @@ def _state_by_error(derivative: Array, n_states: int) -> Array:
     return derivative[:, :, :n_states].transpose(0, 2, 1) @ derivative[:, :, n_states:]
 
 
-def _normal_equations(derivative: Array, residual: Array, n_states: int) -> tuple[Array, Array]:
-    """J_x^T J and J_x^T r of each instant: derivatives J (n, k, j), J_x their first columns, residuals r (n, k)."""
-    states = derivative[:, :, :n_states].transpose(0, 2, 1)
-    return states @ derivative, (states @ residual[:, :, None])[:, :, 0]
+def _normal_equations(linearization: Linearization) -> tuple[Array, Array]:
+    """The normal equations of the states without prior: the matrix J_x^T J_x, and [J_x^T r, J_x^T J_c].
+
+    The matrix is symmetric and block tridiagonal: (n, nx, 2 nx), columns of its lower triangle from the diagonal on.
+    The right sides are (n nx, 1 + m) in Fortran order, as LAPACK requires.
+    """
+    n, _, width = linearization.measurement_jacobian.shape
+    nx = linearization.process_residual.shape[1]
+    band, right = np.zeros((n, nx, 2 * nx)), np.zeros((1 + width - nx, n * nx)).T
+    sides = right.reshape(n, nx, -1)
+
+    def add(first: int, derivative: Array, residual: Array, connected: int) -> None:
+        """Add equations of `connected` neighbouring instants, the first of them `first`, `first` + 1, …."""
+        by_state = derivative[:, :, : connected * nx].transpose(0, 2, 1)
+        product, gradient = by_state @ derivative, (by_state @ residual[:, :, None])[:, :, 0]
+        end = connected * nx
+        for neighbour in range(connected):
+            instants = slice(first + neighbour, first + neighbour + len(derivative))
+            begin = neighbour * nx
+            for j in range(nx):
+                at = begin + j
+                band[instants, j, : end - at] += product[:, at, at:end]
+            sides[instants, :, 0] += gradient[:, begin : begin + nx]
+            sides[instants, :, 1:] += product[:, begin : begin + nx, end:]
+
+    for start in range(0, n, CHUNK):  # temporary arrays of a chunk fit in the processor's cache
+        rows = slice(start, start + CHUNK)
+        add(start, linearization.measurement_jacobian[rows], linearization.measurement_residual[rows], 1)
+        add(start, linearization.process_jacobian[rows], linearization.process_residual[rows], 2)
+    return band, right
 
 
 def _triangular_solution(factor: Array, right: Array, *, transposed: bool = False, overwrite: bool = False) -> Array:
@@ -178,16 +182,3 @@ def _triangular_solution(factor: Array, right: Array, *, transposed: bool = Fals
     solution: Array
     solution, _ = lapack.dtbtrs(factor, right, uplo="L", trans="T" if transposed else "N", overwrite_b=overwrite)
     return solution
-
-
-def _banded(diagonal: Array, above: Array) -> Array:
-    """Lower band storage of a symmetric block tridiagonal matrix: row i - j of column j, in LAPACK's order of memory.
-
-    above : (n-1, nx, nx) blocks of row k and column k+1
-    """
-    n, nx, _ = diagonal.shape
-    band = np.zeros((n, nx, 2 * nx))
-    for j in range(nx):
-        band[:, j, : nx - j] = diagonal[:, j, j:]
-        band[:-1, j, nx - j : 2 * nx - j] = above[:, j]
-    return band.reshape(n * nx, 2 * nx).T

@@ -1,9 +1,8 @@
 """The commands of README, tutorial and docs run as they stand, and print what the tutorial shows.
 
-Which of them run here: those of the tutorial that have an output, and every other one that needs no log; those of the
-daemon in test_documented_daemon_commands.py. Of the rest, names and options are checked, because they need a log or a
-file of the reader's own, or minutes: long flights are flown and analysed by the same commands with shorter plans here;
-benchmarks repeat over many seeds what single tests show.
+Which of them run here: those of the tutorial that have an output, and every other one that needs no log. Those of the
+daemon: test_documented_daemon_commands.py. Those that need a log, and which are run elsewhere or not at all, and why:
+test_documented_commands_with_a_log.py. Names and options are checked of all.
 """
 
 import json
@@ -36,7 +35,10 @@ from tests.documented_commands import (
 pytestmark = pytest.mark.xdist_group("chain")
 
 # The first words of commands that need no log and no sensor.
-QUICK = ("sim tunnel", "sim trim", "sim modes", "flightpower new", "flightpower --version", "daq config")
+QUICK = (
+    "sim tunnel", "sim trim", "sim modes", "flightpower new", "flightpower --version", "daq config", "daq list",
+    "calibrate weight-and-balance",
+)  # fmt: skip
 BENCHMARK = re.compile(r"python ((?:benchmarks/|-m )[\w./]+)([^`\n]*)")
 
 

@@ -34,6 +34,21 @@ def test_calibrations_from_a_log(laptop: Laptop, name: str) -> None:
     assert outcome.returncode in (0, 2) and "Traceback" not in outcome.stderr, outcome.stderr
 
 
+@pytest.mark.parametrize(
+    "name, reason",
+    [
+        ("flightpower export", "no acceleration or deceleration to analyse"),
+        ("flightpower analyze", "none of the 2 logs can be used"),
+        ("flightpower plan", "too short"),
+        ("flightpower analyze compare", "in both pools"),
+    ],
+)
+def test_what_costs_seconds_is_refused_for_its_data_alone(laptop: Laptop, name: str, reason: str) -> None:
+    """With everything imported that they need."""
+    outcome = laptop.outcomes[name]
+    assert outcome.returncode == 2 and reason in outcome.stderr, outcome.stderr
+
+
 def test_what_only_posix_has_is_blocked(tmp_path: Path) -> None:
     """Or the tests above would show nothing."""
     (outcome,) = commands_without_posix(["flightpower", "daq", "run", "-c", str(tmp_path / "tray.toml")])

@@ -35,6 +35,18 @@ def test_help_lists_every_command_and_loads_none() -> None:
     assert "LOADED []" in outcome.stdout
 
 
+def test_a_name_in_another_encoding_is_refused_before_anything_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    latin_1 = b"Fl\xfcgel.toml".decode("utf-8", "surrogateescape")
+    monkeypatch.setattr(sys, "argv", ["flightpower", "new", "aircraft", "-o", latin_1])
+    with pytest.raises(SystemExit, match="2"):
+        umbrella.main()
+    assert "Fl?gel.toml: not in the system's encoding" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_version() -> None:
     assert flightpower("--version").stdout.split()[0] == "flightpower"
 

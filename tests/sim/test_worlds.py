@@ -1,11 +1,11 @@
 """Worlds that the analysis does not assume: each differs from the study's as it says, and obeys the same physics."""
 
-from dataclasses import replace
+from dataclasses import astuple, fields, replace
 
 import numpy as np
 import pytest
 
-from flight.aircraft import load_aircraft
+from flight.aircraft import Uncertainty, load_aircraft, parse_aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
@@ -71,6 +71,24 @@ def test_every_world_differs_from_the_study(name):
     assert replace(world, name="", title="", errors=replace(world.errors, title="")) != replace(
         study, name="", title="", errors=replace(study.errors, title="")
     )
+
+
+@pytest.mark.parametrize("name", [name for name in worlds() if load_world(name).uncertainty])
+def test_the_aircraft_file_states_what_the_world_does(name):
+    """All of its [uncertainty]; what the world does not state keeps its default."""
+    world = load_world(name)
+    stated = parse_aircraft(
+        f"{load_aircraft('nexstar').text}\n{world.uncertainty_section()}", "aircraft.toml"
+    ).uncertainty
+    assert astuple(stated) == pytest.approx(astuple(world.uncertainty), rel=1e-9)
+    assert load_world("study").uncertainty_section() == ""
+
+
+def test_every_key_of_uncertainty_reaches_the_aircraft_file():
+    doubled = Uncertainty(**{one.name: 2 * one.default + 0.25 for one in fields(Uncertainty)})
+    section = replace(load_world("study"), uncertainty=doubled).uncertainty_section()
+    stated = parse_aircraft(f"{load_aircraft('nexstar').text}\n{section}", "aircraft.toml").uncertainty
+    assert astuple(stated) == pytest.approx(astuple(doubled), rel=1e-9)
 
 
 def test_a_world_is_its_budget_with_what_it_changes():

@@ -54,6 +54,7 @@ def airspeed(
     from analysis.log_checks.messages import check_decodable
     from analysis.log_contents import Replacements, contents
     from analysis.trajectory.airspeed_scale import calibrate
+    from analysis.trajectory.priors import stated_sigma
     from analysis.trajectory.reconstruction import reconstruct
     from flight.aircraft import load_aircraft
     from flight.log_reader import read_log
@@ -80,8 +81,9 @@ def airspeed(
     check_axes(data.table, str(log))
     sigma = math.hypot(carried.probe.alpha_scale_sigma, alpha_scale_sigma(carried.aircraft))
     trajectory = reconstruct(
-        data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, calibrated=data.calibrated, log=str(log)
-    )
+        data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, calibrated=data.calibrated, log=str(log),
+        stated=stated_sigma(carried.aircraft.uncertainty),
+    )  # fmt: skip
     found = calibrate(data.table, trajectory)
     _report(found, carried.notes + data.notes, log, output)
 

@@ -3,12 +3,11 @@
 import math
 import sys
 from enum import StrEnum
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from analysis.cli.calibrate.options import LogFile, Replace, check_output, write_or_print
+from analysis.cli.calibrate.options import AircraftFileLines, LogFile, Replace, check_output, write_or_print
 from flight.errors import InputError
 
 LARGEST_ANGLE_DEG = 90.0
@@ -38,15 +37,7 @@ def surfaces(
         int | None,
         typer.Option("--channel", metavar="N", help="Servo output, from 1; default: that of the log's aircraft file."),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            help="File to write with the section for the aircraft file; default: printed.",
-        ),
-    ] = None,
+    output: AircraftFileLines = None,
     replace: Replace = False,
 ) -> None:
     """Relate surface angle to servo pulse, from a session with a protractor.

@@ -57,8 +57,8 @@ def _checks(results: Results) -> list[tuple[str, str]]:
     if results.path is not None:
         largest = max(results.path.residuals.values(), default=0.0)
         large = [CHANNELS.get(name, name) for name, rms in results.path.residuals.items() if rms > RESIDUAL_TOO_LARGE]
-        answer = f"Not {', '.join(large)}: the largest residual is" if large else "Yes: no residual is above"
-        rows.append(("Do the sensors agree with one path?", f"{answer} {largest:.1f} times its channel's noise (rms)."))
+        answer = f"Not all; residuals of {', '.join(large)} are up to" if large else "Yes: no residual is above"
+        rows.append(("Do the sensors agree with one path?", f"{answer} {largest:.1f} times the channel's noise (rms)."))
     if results.provenance is not None:
         rows.append(("Is the log whole?", _health(results)))
     return rows

@@ -9,6 +9,7 @@ from analysis.results.schema import Results, SensorError
 CHANNELS = {
     "V": "airspeed", "alpha": "angle of attack", "beta": "sideslip", "height": "barometer",
     "gps_north": "GPS north", "gps_east": "GPS east", "gps_down": "GPS down", "compass": "compass",
+    "v_north": "velocity north at rest", "v_east": "velocity east at rest", "v_down": "velocity down at rest",
 }  # fmt: skip
 
 

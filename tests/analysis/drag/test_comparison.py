@@ -150,11 +150,13 @@ def test_a_flight_of_manoeuvres_alone_has_a_curve_and_one_of_a_single_speed_has_
     def estimates(*kinds: str) -> list[MethodEstimate]:
         return every_method(trajectory, found.of(*kinds), None, (0, 1), AIRCRAFT, propeller, at).by_method
 
-    estimate, flown_CL = fallback(estimates("steady", "roller coaster", "wind-up turn"), trajectory, "flight.mcap")
+    estimate, flown_CL = fallback(
+        estimates("steady", "roller coaster", "wind-up turn"), trajectory, AIRCRAFT.uncertainty, "flight.mcap"
+    )
     V = speed_at(np.geomspace(flown_CL[0] * 1.1, flown_CL[1] / 1.1, 9), at)
     power, error = power_required(V, estimate.polar, at)
     truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
     assert np.all(np.abs(power - truth) < 1.96 * error)
     assert abs(power[4] / truth[4] - 1) < 0.1
     with pytest.raises(InputError, match=r"flight.mcap: no acceleration .* 3 different speeds are needed, there are 1"):
-        fallback(estimates("steady"), trajectory, "flight.mcap")
+        fallback(estimates("steady"), trajectory, AIRCRAFT.uncertainty, "flight.mcap")

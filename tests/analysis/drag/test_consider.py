@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from analysis.drag import consider
-from analysis.drag.dynamic import DRAG, INPUTS
+from analysis.drag.dynamic import INPUTS, drag_model
 from analysis.drag.polar import Condition, Polar, lift_coefficient, power_required
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
@@ -17,6 +17,7 @@ from flight.errors import InputError
 from flight.propeller import Propeller, Row
 
 NEXSTAR = load_aircraft("nexstar")
+DRAG = drag_model(NEXSTAR.uncertainty)
 AT = Condition(NEXSTAR.mass.weight_N, 1.2, NEXSTAR.geometry.wing_area_m2)
 A = np.array([0.04, -0.02, 0.06])
 
@@ -102,3 +103,5 @@ def test_priors_are_read_from_the_aircraft_file_and_have_defaults() -> None:
     assert (NEXSTAR.uncertainty.weight_fraction, NEXSTAR.uncertainty.updraft_mps) == (0.002, 0.004)
     with pytest.raises(InputError, match=r"mine.toml: uncertainty.weight: must not be negative"):
         parse_aircraft(text.replace("0.5 %", "-1 %"), "mine.toml")
+    with pytest.raises(InputError, match=r"mine.toml: uncertainty.thrust_scale: must be greater than zero"):
+        parse_aircraft(text + 'thrust_scale = "0 %"\n', "mine.toml")

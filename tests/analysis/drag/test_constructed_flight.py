@@ -14,7 +14,7 @@ from analysis.drag.method import estimate
 from analysis.drag.method_inputs import MethodInputs, input_table, method_inputs
 from analysis.drag.methods import ALL_METHODS
 from analysis.drag.polar import Condition, Polar, power_required
-from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA, estimate_errors
+from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
 from analysis.trajectory.dryden import GaussMarkov
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
@@ -187,7 +187,9 @@ def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
     lift_direction_W = W * V * np.tan(np.radians(0.02))
     assert power_required(V, Polar(polar(), covariance.floor()), AT)[1] == pytest.approx(lift_direction_W, rel=1e-9)
     f, runs = accelerations_and_decelerations()
-    same = MethodInputs(AIRCRAFT, runs, f, [f], dict.fromkeys(ERROR_PRIOR_SIGMA, f), dict.fromkeys(CAUSES, f))
+    same = MethodInputs(
+        AIRCRAFT, runs, f, [f], dict.fromkeys(error_prior_sigma(AIRCRAFT.uncertainty), f), dict.fromkeys(CAUSES, f)
+    )
     for method in (one for one in ALL_METHODS if one.name in ("direct-speed", "energy")):
         systematic = Polar(polar(), estimate(method, same).systematic)
         assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-9), method.name
@@ -257,3 +259,53 @@ def test_a_method_s_sensitivity_predicts_the_error_of_its_power(method: str, nam
     corrected = power(result.polar.A + value * result.sensitivities[name])
     assert np.abs(corrected - power(polar())).max() < second_order
     assert power(result.cause_effects[cause]) == pytest.approx(wrong_by, abs=second_order)
+
+
+FACTORS = {  # of the stated standard deviation, and the error that it is of
+    "angle_of_attack_offset_rad": (2.0, "alpha_bias"),
+    "angle_of_attack_slope_fraction": (2.2, "alpha_scale"),
+    "airspeed_scale_fraction": (1.5, "airspeed_scale"),
+    "air_data_lag_s": (1.7, "lag"),
+    "accelerometer_offset_mps2": (1.3, "pitch"),
+    "thrust_scale_fraction": (1.9, "thrust_scale"),
+    "thrust_slope": (1.4, "thrust_slope"),
+}
+
+
+def test_a_method_s_interval_contains_the_errors_that_the_aircraft_file_states() -> None:
+    """Of the quantities that it takes as measured: systematic errors are sensitivities times stated sizes."""
+    f, runs = accelerations_and_decelerations()
+    trajectory = measured(f)
+    sizes = {key: factor * getattr(Uncertainty(), key) for key, (factor, _) in FACTORS.items()}
+    found = []
+    for stated in (Uncertainty(), replace(Uncertainty(), **sizes)):
+        flight_forces = FlightForces(trajectory, replace(AIRCRAFT, uncertainty=stated), PROPELLER)
+        errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
+        found.append(method_inputs(flight_forces, trajectory, runs, errors))
+    factors = {error: factor for factor, error in FACTORS.values()}
+    for method in (one for one in ALL_METHODS if one.name in ("direct", "direct-speed", "energy", "accelerations")):
+        default, stated = (estimate(method, inputs) for inputs in found)
+        parts = {
+            error: factors[error] ** 2 * np.outer(s, s) * error_prior_sigma(Uncertainty())[error] ** 2
+            for error, s in default.sensitivities.items()
+        }
+        expected = Polar(polar(), covariance.floor() + sum(parts.values()))
+        error = power_required(V, Polar(polar(), stated.systematic), AT)[1]
+        assert error == pytest.approx(power_required(V, expected, AT)[1], rel=0.03), method.name
+
+
+@pytest.mark.parametrize(("key", "name"), [("thrust_scale_fraction", "thrust_scale"), ("thrust_slope", "thrust_slope")])
+def test_twice_the_stated_error_of_thrust_widens_the_interval(key: str, name: str) -> None:
+    """One deceleration with noise, which tells little of thrust."""
+    f, runs = accelerations_and_decelerations()
+    noise = 0.3 * np.random.default_rng(0).standard_normal(len(f))
+    trajectory = measured(f.assign(ax=f["ax"] + noise))
+    found = []
+    for factor in (1.0, 2.0):
+        stated = replace(Uncertainty(), **{key: factor * getattr(Uncertainty(), key)})
+        found.append(estimate_polar(trajectory, runs[1:2], replace(AIRCRAFT, uncertainty=stated), PROPELLER))
+    i = 3 + ("thrust_scale", "thrust_slope").index(name)
+    before, after = (np.sqrt((one.noise + one.systematic)[i, i]) for one in found)
+    assert after > 1.3 * before
+    assert [one.joint.prior_sigma[i] for one in found] == pytest.approx(getattr(Uncertainty(), key) * np.array([1, 2]))
+    assert np.all(power_required(V, found[1].polar, AT)[1] > power_required(V, found[0].polar, AT)[1])

@@ -11,13 +11,13 @@ from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.energy import ENERGY
 from analysis.drag.method import Method, MethodEstimate
 from analysis.drag.polar import Condition, Polar
-from analysis.drag.sensor_errors import ERROR_PRIOR_SIGMA, INSTALLATION_TOLERANCE, ErrorEstimate
+from analysis.drag.sensor_errors import INSTALLATION_TOLERANCE, ErrorEstimate
 
 AT = Condition(weight_N=37.68, rho=1.2, wing_area_m2=0.4636)
 A = np.array([0.0465, -0.0195, 0.065])
 CL = (0.3, 1.0)
 NOISE = np.diag([1e-4, 0.0, 0.0]) ** 2
-SURE = {name: ErrorEstimate(0.0, 1e-6) for name in ERROR_PRIOR_SIGMA}
+SURE = {name: ErrorEstimate(0.0, 1e-6) for name in INSTALLATION_TOLERANCE}
 
 
 def dynamic(noise: np.ndarray = NOISE) -> DynamicEstimate:

@@ -91,7 +91,7 @@ def test_maximum_likelihoods_are_right_to_a_third_of_their_intervals(case, by_li
 def test_few_more_steps_are_the_effect_of_a_thrust_error(case, by_likelihood) -> None:
     """The same as a whole fit with a table that is one standard deviation higher."""
     one = case("case-1", 0)
-    sigma = likelihood.ERROR_PRIOR_SIGMA["thrust_scale"]
+    sigma = AIRCRAFT.uncertainty.thrust_scale_fraction
     rows = tuple(replace(row, cT=tuple((1 + sigma) * cT for cT in row.cT)) for row in PROPELLER.rows)
     higher = Propeller("higher", PROPELLER.diameter_m, rows)
     again = likelihood.estimate(one.flown.table, one.trajectory, one.runs, AIRCRAFT, higher, (0.2, 1), zeroed=True)

@@ -27,7 +27,7 @@ from analysis.drag.method import Method, MethodEstimate, _missing_term, estimate
 from analysis.drag.method_inputs import MethodInputs, method_inputs
 from analysis.drag.piw_viw import PIW_VIW_THREE, PIW_VIW_TWO
 from analysis.drag.polar import Condition, Polar, power_required
-from analysis.drag.sensor_errors import CAUSES, ERROR_PRIOR_SIGMA, estimate_errors
+from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.maneuvers.kinds import Maneuver
@@ -37,6 +37,7 @@ from analysis.trajectory.smoother import StatesGivenErrors
 AT = Condition(W, RHO, S)
 V = np.array([12.0, 14.0, 17.0, 20.0, 22.5])
 SPEEDS = (11.6, 13.5, 16.0, 19.0, 22.8)
+PRIOR_SIGMA = error_prior_sigma(AIRCRAFT.uncertainty)
 
 
 def power(A: np.ndarray) -> np.ndarray:
@@ -54,7 +55,9 @@ def test_the_polar_of_a_cross_check_contains_noise_and_floor() -> None:
     u = {"CL": CL, "qS_over_m": f["qS_over_m_mps2"].to_numpy()}
     u |= dict.fromkeys(("thrust_along_V_over_m", "thrust_beyond_over_m", "J"), 0 * CL)
     drag = u["qS_over_m"] * (polar() @ [CL**0, CL, CL**2]) + 0.01 * rng.standard_normal(len(CL))
-    fit = output_error.estimate(dynamic.DRAG, Segment(name="run", t_s=f.index.to_numpy(), u=u, z={"drag": drag}))
+    fit = output_error.estimate(
+        dynamic.drag_model(AIRCRAFT.uncertainty), Segment(name="run", t_s=f.index.to_numpy(), u=u, z={"drag": drag})
+    )
     floor = covariance.polar_of(fit).covariance - covariance.of_noise(fit)[:3, :3]
     assert power_error(floor) == pytest.approx(W * V * np.tan(np.radians(0.02)), rel=1e-6)
 
@@ -72,7 +75,7 @@ def test_an_error_of_the_trajectory_is_in_the_covariance_of_every_method() -> No
     by_trajectory = power_error(result.trajectory_deviations @ result.trajectory_deviations.T)
     assert by_trajectory == pytest.approx(0.05 * m * V, rel=0.03)
     parts = [by_trajectory, power_error(covariance.floor())]
-    parts += [power(s) * ERROR_PRIOR_SIGMA[name] for name, s in result.sensitivities.items()]
+    parts += [power(s) * PRIOR_SIGMA[name] for name, s in result.sensitivities.items()]
     assert len(parts) == 4
     assert power_error(result.systematic) == pytest.approx(np.sqrt(np.sum(np.square(parts), axis=0)), rel=1e-9)
 
@@ -126,9 +129,7 @@ def test_errors_of_states_are_not_counted_again_in_the_residuals_they_cause() ->
 
 
 def same_everywhere(table, runs: list[Maneuver]) -> MethodInputs:
-    return MethodInputs(
-        AIRCRAFT, runs, table, [table], dict.fromkeys(ERROR_PRIOR_SIGMA, table), dict.fromkeys(CAUSES, table)
-    )
+    return MethodInputs(AIRCRAFT, runs, table, [table], dict.fromkeys(PRIOR_SIGMA, table), dict.fromkeys(CAUSES, table))
 
 
 def points(speeds, A: np.ndarray, kind: str, bank: float = 0.0):
@@ -168,19 +169,19 @@ def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
     """Were the scale of thrust known, what it adds to the polar's covariance would be gone; signs are the polar's."""
     trajectory = measured(accelerations_and_decelerations()[0])
     sensitivities = {"thrust_scale": np.array([0.05, 0.0, 0.02]), "thrust_slope": np.array([0.0, 0.01, 0.0])}
-    shares = {name: np.outer(s, s) * ERROR_PRIOR_SIGMA[name] ** 2 for name, s in sensitivities.items()}
+    shares = {name: np.outer(s, s) * PRIOR_SIGMA[name] ** 2 for name, s in sensitivities.items()}
     own = covariance.floor()
     noise = 1e-8 * np.eye(3)
     C = own + sum(shares.values())
     found = MethodEstimate(
         PIW_VIW_THREE, Polar(polar(), noise + C), noise, C, sensitivities=sensitivities, flown_CL=(0.3, 1.0)
     )
-    result, flown_CL = fallback([found, MethodEstimate(VARIED_LIFT)], trajectory, "flight.mcap")
+    result, flown_CL = fallback([found, MethodEstimate(VARIED_LIFT)], trajectory, AIRCRAFT.uncertainty, "flight.mcap")
     assert flown_CL == (0.3, 1.0)
     assert result.values == pytest.approx([*polar(), 0.0, 0.0])
     for i, name in ((3, "thrust_scale"), (4, "thrust_slope")):
         variance = result.systematic[i, i]
-        assert np.sqrt(variance) == pytest.approx(ERROR_PRIOR_SIGMA[name])
+        assert np.sqrt(variance) == pytest.approx(PRIOR_SIGMA[name])
         assert result.systematic[:3, i] / variance == pytest.approx(sensitivities[name])
     C_thrust = result.systematic[3:, 3:]
     rest = C - result.systematic[:3, 3:] @ np.linalg.inv(C_thrust) @ result.systematic[3:, :3]

@@ -7,11 +7,13 @@ import pandas as pd
 import pytest
 
 from analysis.drag.forces import J_REFERENCE
-from analysis.drag.sensor_errors import ERROR_PRIOR_SIGMA, INSTALLATION_TOLERANCE, _thrust_errors
+from analysis.drag.sensor_errors import INSTALLATION_TOLERANCE, _thrust_errors, error_prior_sigma
+from flight.aircraft import Uncertainty
 
 PAGE = Path(__file__).parents[3] / "docs" / "methods.md"
 BLOCKS, CORRELATED, SIGMA_MPS2 = 1000, 4, 0.02
 FLIGHTS = 200
+ERROR_PRIOR_SIGMA = error_prior_sigma(Uncertainty())
 
 
 def forces(scale: float, slope: float, noise: np.ndarray) -> pd.DataFrame:
@@ -35,7 +37,7 @@ def test_standard_errors_of_thrust_are_those_of_noise_that_lasts_four_blocks() -
         true = {name: ERROR_PRIOR_SIGMA[name] * rng.standard_normal() for name in off}
         white = rng.normal(0, SIGMA_MPS2, BLOCKS + CORRELATED - 1)
         noise = np.convolve(white, np.ones(CORRELATED) / np.sqrt(CORRELATED), "valid")
-        found = _thrust_errors(forces(true["thrust_scale"], true["thrust_slope"], noise))
+        found = _thrust_errors(forces(true["thrust_scale"], true["thrust_slope"], noise), Uncertainty())
         for name, (value, standard_error) in found.items():
             assert standard_error < 0.4 * ERROR_PRIOR_SIGMA[name], "the flight tells more than the prior"
             off[name].append((value - true[name]) / standard_error)

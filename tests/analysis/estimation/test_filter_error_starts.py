@@ -6,6 +6,7 @@ import twins
 
 from analysis.estimation import equation_error, filter_error
 from analysis.estimation.fit import FitStatus
+from analysis.estimation.noise_start import noise_from_predictions
 from flight.errors import InputError
 
 
@@ -27,6 +28,27 @@ def test_in_turbulence_it_converges_from_equation_error_in_15_iterations(seed):
     assert in_standard_errors(fit, twins.TURBULENCE_TRUTH) < 4
     for state, intensity in twins.TURBULENCE_INTENSITY.items():
         assert fit.process_noise[state].value == pytest.approx(intensity, rel=0.3)
+
+
+@pytest.mark.parametrize("seed", [58, 183])
+def test_an_unstable_aircraft_converges_from_equation_error_in_15_iterations(seed):
+    """Neither state has process noise. Each intensity is tried at its lower bound, and again without the other."""
+    fit = fitted(twins.UNSTABLE, twins.unstable(seed), twins.UNSTABLE_NOISE, inputs="held", start="equation error")
+    assert fit.verdict.ok and fit.iterations <= 15
+    assert in_standard_errors(fit, twins.UNSTABLE_TRUTH) < 4
+    assert fit.process_noise["alpha"].value < 1e-5 and fit.process_noise["q"].value < 1e-5
+
+
+def test_noise_starts_near_the_truth():
+    """From predictions with the true parameters; the rates' own noise is small beside that of turbulence."""
+    segment = twins.in_turbulence(4)
+    found = noise_from_predictions(
+        twins.TURBULENCE, [segment], twins.TURBULENCE_NOISE, twins.TURBULENCE_TRUTH, "linear"
+    )
+    for state, intensity in twins.TURBULENCE_INTENSITY.items():
+        assert np.exp(found[f"ln w({state})"]) == pytest.approx(intensity, rel=0.25)
+    for output, sigma in twins.TURBULENCE_SIGMA.items():
+        assert 0.5 < np.exp(found[f"ln v({output})"]) / sigma < 2
 
 
 def test_innovations_that_are_not_white_are_named():

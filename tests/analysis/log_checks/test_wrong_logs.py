@@ -15,12 +15,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis import pipeline
 from analysis.airdata.from_log import flight_data
 from analysis.log_checks.axes import check_axes
 from analysis.log_checks.log import check_log
-from analysis.log_contents import contents
+from analysis.log_contents import Replacements, contents
 from analysis.pipeline import analyze
+from analysis.trajectory.priors import PRIOR_SIGMA
 from daq.attachments import propeller_text
+from flight.aircraft import parse_aircraft
 from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
 from flight.log_entries import LogEntry
@@ -191,6 +194,37 @@ def test_the_example_of_the_page_is_analysed(flown: Written) -> None:
     curve = analyze(flown.log).results.power_required
     true_W = np.interp([point.speed_mps for point in curve], flown.truth["speed_mps"], flown.truth["power_W"])
     assert all(point.power_lo_W < power < point.power_hi_W for point, power in zip(curve, true_W, strict=True))
+
+
+class Reached(Exception):
+    """Ends an analysis."""
+
+
+def test_the_trajectory_begins_with_what_the_aircraft_file_states(flown: Written, monkeypatch) -> None:
+    """Each key changes the prior of its errors."""
+
+    def stated(_table: object, _rest: object, *, stated: dict[str, float], **_: object) -> None:
+        raise Reached(stated)
+
+    monkeypatch.setattr(pipeline, "reconstruct", stated)
+    text = (
+        load_complete_aircraft("nexstar").text
+        + """
+[uncertainty]
+angle_of_attack_offset = "2 deg"
+angle_of_attack_slope = "6 %"
+airspeed_scale = "2 %"
+air_data_lag = "30 ms"
+accelerometer_offset = "0.5 m/s^2"
+"""
+    )
+    with pytest.raises(Reached) as reached:
+        analyze(flown.log, Replacements(aircraft=parse_aircraft(text, "mine.toml")))
+    (prior,) = reached.value.args
+    assert {name: sigma for name, sigma in prior.items() if sigma != PRIOR_SIGMA[name]} == pytest.approx(
+        {"alpha_bias": np.radians(2), "alpha_scale": 0.06, "V_scale": 0.02, "air_data_lag": 0.03}
+        | dict.fromkeys(("ax_bias", "ay_bias", "az_bias"), 0.5)
+    )
 
 
 @pytest.mark.parametrize("tick", [lambda tick: 0, lambda tick: 8 * tick], ids=["stays 0", "counts all messages"])

@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import pi, tan
 from types import SimpleNamespace
 
@@ -13,7 +13,7 @@ from pymavlink import mavutil, mavwp
 from analysis.drag.polar import Polar
 from analysis.planning import earlier, pieces, search
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.planning.information import linearized_trajectory, sensor_error_covariance
+from analysis.planning.information import expected, linearized_trajectory, sensor_error_covariance
 from analysis.planning.maneuvers import Hold, Land, Porpoise, Run, Stand, TakeOff, Turn
 from analysis.planning.mission import Home, left_out, qgroundcontrol_plan, waypoint_file
 from analysis.planning.next_flight import next_flight
@@ -21,10 +21,10 @@ from analysis.planning.pieces import Pilot, Space
 from analysis.planning.questions import condition, question
 from analysis.planning.search import FlightPlan, Request, plan_flight
 from analysis.planning.simulator_plan import simulator_plan
-from analysis.planning.time_history import STEP_S, fly
+from analysis.planning.time_history import STEP_S, TimeHistory, fly
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import reconstruct
-from flight.aircraft import load_aircraft
+from flight.aircraft import Uncertainty, load_aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 from sim.plan import parse_plan
@@ -94,6 +94,32 @@ def test_the_information_is_that_of_the_estimator(nexstar: ExpectedAircraft):
     for name in ("alpha_bias", "alpha_scale", "V_scale", "ax_bias"):
         i = SENSOR_ERRORS.index(name)
         assert np.sqrt(covariance[i, i]) == pytest.approx(trajectory.standard_error(name), rel=0.05), name
+
+
+@pytest.fixture(scope="module")
+def pair(nexstar: ExpectedAircraft) -> TimeHistory:
+    """One acceleration and one deceleration."""
+    V = nexstar.stall_mps
+    flown = [Hold(8.0, 1.15 * V), Run(1.0, 1.0, 2.2 * V), Hold(3.0, 2.2 * V), Run(0.3, 1.0, 1.15 * V)]
+    return fly([*flown, Hold(4.0, 1.15 * V)], nexstar, HEIGHT_M, 0.0, begins="air")
+
+
+def variance_of_drag(history: TimeHistory, aircraft: ExpectedAircraft) -> float:
+    at = np.array([1.0, 0.9, 0.81])  # one lift coefficient
+    return float(at @ expected(history, aircraft, 0.0125, alpha_scale_sigma=0.01).total @ at)
+
+
+@pytest.fixture(scope="module")
+def stated_variance(nexstar: ExpectedAircraft, pair: TimeHistory) -> float:
+    return variance_of_drag(pair, nexstar)
+
+
+@pytest.mark.parametrize("key", [one.name for one in fields(Uncertainty) if not one.name.startswith(("gust", "hyst"))])
+def test_every_error_that_the_aircraft_file_states_is_in_a_plans_interval(nexstar, pair, stated_variance, key: str):
+    """Stated five times as large, it widens the interval. Plans are without hysteresis, and calm air without gusts."""
+    stated = nexstar.aircraft.uncertainty
+    larger = replace(nexstar.aircraft, uncertainty=replace(stated, **{key: 5 * getattr(stated, key)}))
+    assert variance_of_drag(pair, replace(nexstar, aircraft=larger)) > 1.0001 * stated_variance
 
 
 def test_a_plan_uses_its_time_and_keeps_off_the_stall(plan: FlightPlan):

@@ -36,12 +36,13 @@ def truth(rng: np.random.Generator, polar: Array = POLAR) -> Array:
 def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **facts: Any) -> dict[str, Any]:
     """The results of a flight with the shared parameters x. Its posterior, prior included, is exact.
 
-    noise : factor on the standard deviations     facts : replace `installation`, `propeller`, `aircraft`, ...
+    noise : factor on the standard deviations     facts : replace `installation`, `aircraft`, `prior_sigma`, ...
     """
+    sigma = facts.get("prior_sigma", PRIOR_SIGMA)
     J = np.eye(M)
     J[:3] += BY_OTHERS
     whitened = np.diag(1 / (noise * NOISE)) @ np.linalg.inv(J)
-    information, P = whitened.T @ whitened, np.diag(PRIOR_SIGMA**-2.0)
+    information, P = whitened.T @ whitened, np.diag(sigma**-2.0)
     data = whitened @ x + rng.standard_normal(M)
     S = np.linalg.inv(information + P)
     S = (S + S.T) / 2
@@ -63,7 +64,7 @@ def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **
             "values": (S @ (whitened.T @ data + P @ PRIOR_MEAN)).tolist(),
             "covariance": [row[: i + 1] for i, row in enumerate(S.tolist())],
             "prior_mean": PRIOR_MEAN.tolist(),
-            "prior_sigma": [s if np.isfinite(s) else None for s in PRIOR_SIGMA.tolist()],
+            "prior_sigma": [s if np.isfinite(s) else None for s in sigma.tolist()],
             "changes": {key: change.tolist() for key, change in CHANGES.items()},
             "polar_covariance": total.tolist(),
             "flown_CL": [0.25, 1.0],

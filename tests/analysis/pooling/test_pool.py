@@ -46,6 +46,19 @@ def test_one_flight_equals_its_own_analysis_and_the_equations_agree() -> None:
     np.testing.assert_allclose(total, pooled.polar.covariance, rtol=1e-7, atol=1e-16)
 
 
+def test_flights_with_different_stated_priors_are_pooled_with_the_widest() -> None:
+    """The same data, analysed with a narrower prior once: its own prior is subtracted, so the pool is the same."""
+    x, narrower = truth(np.random.default_rng(0)), PRIOR_SIGMA / np.where(np.arange(len(PRIOR_SIGMA)) > 2, 2.0, 1.0)
+
+    def pooled(first: np.ndarray) -> PooledResult:
+        rng = np.random.default_rng(1)
+        return pool_results([flight(x, rng, "first", prior_sigma=first), flight(x, rng, "second")])
+
+    mixed, wide = pooled(narrower), pooled(PRIOR_SIGMA)
+    np.testing.assert_allclose(mixed.estimate.x, wide.estimate.x, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(mixed.estimate.covariance, wide.estimate.covariance, rtol=1e-6, atol=1e-15)
+
+
 def test_one_flight_without_a_named_installation_equals_its_own_analysis_too() -> None:
     (results,) = campaign(1, 1, installation="")
     pooled = pool_results([results])

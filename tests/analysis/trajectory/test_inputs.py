@@ -11,10 +11,17 @@ from analysis.trajectory.equations import MEASUREMENT_INPUTS, MEASUREMENTS, PROC
 from analysis.trajectory.inertial import CHANNELS, InertialInputs
 from analysis.trajectory.level_field import LevelField
 from analysis.trajectory.measurements import Measurements
-from analysis.trajectory.priors import begins_at_rest, initial_state_sigma, sensor_error_prior
+from analysis.trajectory.priors import (
+    PRIOR_SIGMA,
+    begins_at_rest,
+    initial_state_sigma,
+    sensor_error_prior,
+    stated_sigma,
+)
 from analysis.trajectory.problem import TrajectoryProblem, _blocks_at_rest
 from analysis.trajectory.process import GustConditions, ProcessModel
 from analysis.trajectory.sensor_noise import BENCH_SIGMA, noise_at_rest
+from flight.aircraft import Uncertainty
 from flight.motion import body_from_earth
 
 STEP_S = BLOCK / RATE_HZ
@@ -103,7 +110,7 @@ def test_gusts_of_the_process_model_are_stationary_with_drydens_variance(exact, 
         Q = B @ B.T + np.diag([0.0, sigma[f"gust_{axis}_filtered_twice"] ** 2])
         P = np.linalg.solve(np.eye(4) - np.kron(A, A), Q.ravel()).reshape(2, 2)
         assert P[1, 1] == pytest.approx(total**2 / 4, rel=0.02)
-    assert problem._conditions.transverse_variance(sigma_w) == pytest.approx(sigma_u**2 + sigma_w**2, rel=0.01)
+    assert problem.conditions.transverse_variance(sigma_w) == pytest.approx(sigma_u**2 + sigma_w**2, rel=0.01)
 
 
 def test_gusts_decay_with_the_distance_flown(exact) -> None:
@@ -187,6 +194,28 @@ def test_priors_are_those_of_the_study_and_north_is_the_compass_without_gps() ->
     assert without.pop("heading_bias") == pytest.approx(0.01)
     sigma.pop("heading_bias")
     assert without == sigma
+
+
+STATED = Uncertainty(
+    angle_of_attack_offset_rad=0.03,
+    angle_of_attack_slope_fraction=0.05,
+    airspeed_scale_fraction=0.02,
+    air_data_lag_s=0.04,
+    accelerometer_offset_mps2=0.4,
+)
+
+
+def test_priors_are_those_that_the_aircraft_file_states(exact) -> None:
+    """The transducers' calibration replaces its own, and only those."""
+    found = TrajectoryProblem(exact.table, [slice(0, 0)], 0.0, None, stated=stated_sigma(STATED)).error_sigma
+    sigma = dict(zip(SENSOR_ERRORS, found, strict=True))
+    assert (sigma["alpha_bias"], sigma["alpha_scale"], sigma["V_scale"]) == (0.03, 0.05, 0.02)
+    assert (sigma["air_data_lag"], sigma["ax_bias"], sigma["ay_bias"], sigma["az_bias"]) == (0.04, 0.4, 0.4, 0.4)
+    assert {name for name in sigma if sigma[name] == PRIOR_SIGMA[name]} >= {"p_bias", "beta_bias", "gps_latency"}
+    known = sensor_error_prior(0.0, {"V_scale": 0.004, "alpha_scale": 0.012}, stated_sigma(STATED), gps=True)[1]
+    changed = {name for name, before, after in zip(SENSOR_ERRORS, found, known, strict=True) if before != after}
+    assert {"V_scale", "alpha_scale"} == changed - {"heading_bias"}
+    assert known[SENSOR_ERRORS.index("V_scale")] == pytest.approx(0.005)
 
 
 def test_the_initial_state_is_known_only_at_rest() -> None:

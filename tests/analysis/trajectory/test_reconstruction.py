@@ -6,7 +6,6 @@ import flights
 import numpy as np
 import pytest
 
-from analysis.drag.forces import THRUST_SCALE_SIGMA, THRUST_SLOPE_SIGMA
 from analysis.signals.aircraft_size import LEAST_HEIGHT_M
 from analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
@@ -19,7 +18,7 @@ from analysis.trajectory.equations import (
 )
 from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.reconstruction import reconstruct
-from flight.aircraft import load_aircraft
+from flight.aircraft import Uncertainty, load_aircraft
 from flight.errors import InputError
 from sim.sensors import load_budget
 
@@ -42,8 +41,8 @@ def test_priors_are_those_of_the_study():
     sizes = {"alpha_bias": s.alpha_offset_rad, "alpha_scale": s.alpha_scale, "V_scale": s.V_scale}
     for name, size in (sizes | {"ax_bias": s.accel_bias_mps2}).items():
         assert 1.0 <= PRIOR_SIGMA[name] / (size / ratio) <= 1.2
-    assert THRUST_SCALE_SIGMA == pytest.approx(s.thrust_scale / ratio, rel=0.1)
-    assert THRUST_SLOPE_SIGMA == pytest.approx(s.thrust_slope_J / ratio, rel=0.1)
+    assert Uncertainty().thrust_scale_fraction == pytest.approx(s.thrust_scale / ratio, rel=0.1)
+    assert Uncertainty().thrust_slope == pytest.approx(s.thrust_slope_J / ratio, rel=0.1)
 
 
 @pytest.mark.slow

@@ -1,0 +1,164 @@
+"""Every command of README, docs and systemd/README.md is run by a test, or listed here with the reason why not.
+
+Here run those that need a log, on that of the tutorial. Those of the tutorial, and those that need no log:
+test_documented_commands.py; those of the daemon: test_documented_daemon_commands.py.
+"""
+
+import re
+import runpy
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_documented_commands import quick_commands
+
+from analysis.exports import interface
+from analysis.planning import search
+from flight.propeller_files import load_propeller
+from sim.plan import load_plan
+from tests.documented_commands import PAGES, ROOT, TUTORIAL, Walk, do, every_command_in, run, steps_in
+
+pytestmark = pytest.mark.xdist_group("chain")
+
+MY_TOML = next(step for step in steps_in(TUTORIAL) if step.file == "my.toml")
+SEAWAY_MINI = ROOT / "tests" / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
+UIUC = "J CT CP eta\n" + "".join(f"{J} {0.1 - 0.1 * J:.4f} {0.04 - 0.02 * J:.4f} 0.5\n" for J in (0.2, 0.4, 0.6, 0.8))
+
+# With the log of the tutorial as log.mcap, and the file that the command writes.
+OF_A_FLIGHT = {
+    "flightpower export out/demo/log.mcap --to mat": "out/demo/log.mat",
+    "flightpower export out/demo/log.mcap --to parquet -o tables": "tables/runs.parquet",
+    "flightpower export log.mcap --to mcap -o derived.mcap": "derived.mcap",
+    'analyze log.mcap --weights "3.8 kg, 9 lbf" --density-altitudes "0 m, 5000 ft"': "log.report/report.html",
+    'analyze log.ulg --mass "9.4 kg" --wing-area "1.5 m^2" --span "4 m"': "log.report/report.html",
+}
+PLAN = "flightpower plan my.toml --propeller apc-12x8e --wind-kt 8"
+OF_A_COLUMN = {
+    "calibrate transducers log.mcap": "",
+    'calibrate transducers log.mcap --pressures "10 20 30 40 35 25 15 5 mm" -o transducers.json': "transducers.json",
+}
+TABLE = "python -m flight.propeller_files apce_10x5_kt0821_5000.txt > mine.csv"
+RUN_HERE = {*OF_A_FLIGHT, *OF_A_COLUMN, PLAN, TABLE}
+# Patterns of commands that a test runs with files of other names, shorter input or one option less; and that test.
+RUN_ELSEWHERE = {
+    "calibrate tubing LOG": "chain/test_documented_commands.py",
+    "daq run --config tray.toml( .*)?": "chain/test_documented_daemon_commands.py",
+    "daq (check|zero) --config .*": "chain/test_documented_daemon_commands.py",
+    "daq list": "daq/test_daemon.py",
+    "daq info .*": "chain/test_documented_commands.py",
+    "sim fly --no-hardware --probe probe.json -o out": "chain/test_without_posix.py",
+    "flightpower analyze log.mcap --aircraft my.toml": "chain/test_without_posix.py",
+    "analyze log.mcap --battery-Wh 74 --usable 0.7": "chain/test_without_posix.py",
+    r"analyze (out.)?log.mcap": "chain/test_documented_commands.py",
+    "analyze log.mcap --propeller PER3_12x8E.dat": "chain/test_runs_file.py",
+    'analyze log-0001.mcap --weight "3.9 kg"': "chain/test_own_aircraft.py",
+    "analyze 00000042.BIN .*": "analysis/electrical/test_formats.py",
+    r"analyze flights/\*.mcap -o out( --scheduler .*)?": "analysis/campaign/test_campaign.py",
+    "analyze compare old/ new/ -o difference": "analysis/pooling/test_pooled_comparison.py",
+    "flightpower plan nexstar .*": "analysis/planning/test_planning.py",
+    "make -C firmware/esc_counter": "firmware/test_esc_counter.py",
+}
+NOT_RUN = {
+    "python benchmarks/.*": "minutes to hours: many seeds of what single tests show; names and options are checked",
+    "(sim fly --plan full-test-flight -o|analyze) out/full.*": "15 s: as the tutorial's demonstration, but longer",
+    "make (demo|test)": "run by .ci/run; `make test` is the run that this test belongs to",
+    "(python3|py) -m venv .venv": "installs",
+    "(pip|uv tool) install .*": "installs, from the network; test_packaging.py checks what is declared and contained",
+    "(python3 -m )?pip wheel .*": "installs, from the network; test_packaging.py checks what is declared and contained",
+    "apt-get install .*": "installs, as root",
+    "(un)?install.sh.*": "installs, as root",
+    "(systemctl|journalctl) .*": "needs the service on the Raspberry Pi",
+    "(i2cdetect|rsync) .*": "needs the Raspberry Pi",
+    "make -C firmware/esc_counter flash .*": "needs the microcontroller",
+    "dask .*": "does not end",
+}
+
+
+def shown() -> list[str]:
+    """Each command of all pages once."""
+    pages = (*PAGES, ROOT / "systemd" / "README.md")
+    return list(dict.fromkeys(command for page in pages for command in every_command_in(page)))
+
+
+def test_every_command_is_run_or_listed() -> None:
+    as_it_stands = {*quick_commands(), *(step.command for step in steps_in(TUTORIAL)), *RUN_HERE}
+    patterns = (*RUN_ELSEWHERE, *NOT_RUN)
+    unlisted = [
+        command
+        for command in shown()
+        if command not in as_it_stands and not any(re.fullmatch(pattern, command) for pattern in patterns)
+    ]
+    assert not unlisted, "run these in a test, or say in this file why not"
+
+
+def test_the_lists_have_nothing_that_no_page_shows() -> None:
+    commands = shown()
+    assert set(commands) >= RUN_HERE
+    for pattern in (*RUN_ELSEWHERE, *NOT_RUN):
+        assert any(re.fullmatch(pattern, command) for command in commands), pattern
+    for place in RUN_ELSEWHERE.values():
+        assert (ROOT / "tests" / place).exists(), place
+
+
+def succeeds(command: str, written: str) -> None:
+    Path(written).unlink(missing_ok=True) if written else None
+    code, output = run(command)
+    assert code == 0, (command, output)
+    assert not written or Path(written).stat().st_size > 100, command
+
+
+def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The exports share one analysis: their logs and options are the same."""
+    monkeypatch.chdir(tmp_path)
+    Path("out/demo").mkdir(parents=True)
+    for name in ("log.mcap", "out/demo/log.mcap"):
+        shutil.copy(walk.folder / "out" / "demo" / "log.mcap", name)
+    shutil.copy(SEAWAY_MINI, "log.ulg")
+    analyses: list[Any] = []
+    pipeline = interface.run_pipeline
+
+    def once(*arguments: Any, **options: Any) -> Any:
+        analyses.extend([] if analyses else [pipeline(*arguments, **options)])
+        return analyses[0]
+
+    monkeypatch.setattr(interface, "run_pipeline", once)
+    for command, written in OF_A_FLIGHT.items():
+        succeeds(command, written)
+
+
+def test_a_plan_of_four_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From a catalogue with one piece of a kind."""
+    catalogue = search.catalogue
+
+    def small(*arguments: Any) -> list[Any]:
+        everything = catalogue(*arguments)
+        return [next(piece for piece in everything if piece.kind == kind) for kind in ("runs", "circuit", "porpoise")]
+
+    monkeypatch.setattr(search, "catalogue", small)
+    monkeypatch.chdir(tmp_path)
+    do(MY_TOML)
+    succeeds(PLAN, "plan-mine/plan.toml")
+    assert load_plan(Path("plan-mine/plan.toml")).segments
+
+
+def test_a_column_of_water_on_the_transducers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    succeeds("sim fly --plan transducer-column --no-hardware -o out", "")
+    shutil.copy("out/log.mcap", "log.mcap")
+    for command, written in OF_A_COLUMN.items():
+        succeeds(command, written)
+
+
+def test_a_table_of_uiuc_becomes_ours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    module, given, _, written = TABLE.removeprefix("python -m ").split()
+    Path(given).write_text(UIUC, "utf-8")
+    monkeypatch.setattr(sys, "argv", [module, given])
+    monkeypatch.delitem(sys.modules, module)
+    runpy.run_module(module, run_name="__main__")
+    Path(written).write_text(capsys.readouterr().out, "utf-8")
+    assert load_propeller(written).coefficients(0.4, 5000.0)[0] == pytest.approx(0.06, abs=1e-6)
