@@ -55,7 +55,10 @@ def main(folder: Path = ROOT / "out" / "vm", pulls: int = 10, seed: int = 1003, 
         rows += trials.power_pulls(folder, disk, pulls, random.Random(seed))
     for name, trial in (("usb", trials.unplugged), ("clock", trials.clock_stepped), ("upgrade", trials.upgraded)):
         if name in chosen:
-            rows += trial(folder, disk)
+            try:
+                rows += trial(folder, disk)
+            except TimeoutError as error:
+                rows.append(trials.Row(name, str(error), False))
     print_table(rows)
     bad = sum(not row.good for row in rows)
     print(f"{len(rows)} rows, {bad} bad; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; QEMU with TCG")

@@ -126,8 +126,10 @@ class Machine:
 
     def wait(self, seconds: float) -> None:
         """Until so much of the machine's time has passed."""
-        end_s = self.heartbeat.guest_s + seconds
-        while self.heartbeat.guest_s < end_s and self.running:
+        end_s, give_up_s = self.heartbeat.guest_s + seconds, time.monotonic() + 300.0 + 60.0 * seconds
+        while self.heartbeat.guest_s < end_s:
+            if time.monotonic() > give_up_s or not self.running:
+                raise TimeoutError(f"the heartbeat stopped at {self.heartbeat.guest_s:.1f} s")
             self._read()
 
     def unplug(self, adapter: str) -> None:
