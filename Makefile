@@ -47,6 +47,8 @@ test: $(READY) ## the whole test suite
 
 bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/drivers.py
+	$(BIN)/python benchmarks/daemon_parts.py parts
+	$(IN_NAMESPACE) $(BIN)/python benchmarks/daemon_parts.py threads
 	$(BIN)/python benchmarks/simulator.py
 	$(BIN)/python benchmarks/estimation.py speed
 	$(BIN)/python benchmarks/estimation.py trajectory

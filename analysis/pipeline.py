@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -16,6 +16,7 @@ from analysis.drag.hysteresis import with_hysteresis_uncertainty
 from analysis.drag.polar import flown_condition, flown_lift
 from analysis.drag.repetition import Repetition
 from analysis.drag.thrust_coverage import thrust_coverage
+from analysis.electrical.complete_log import whole_flight
 from analysis.log_checks.axes import check_axes
 from analysis.log_checks.log import check_log
 from analysis.log_checks.messages import check_decodable
@@ -138,6 +139,10 @@ def analyze(
         by_likelihood=by_likelihood,
     )  # fmt: skip
 
+    progress("balancing the energy of the whole flight")
+    of_whole_flight = whole_flight(log, aircraft, propeller)
+    drag = replace(drag, methods=[*drag.methods, of_whole_flight.method])
+
     progress("computing performance")
     performance = compute_performance(request, trajectory, drag, aircraft, propeller, condition, flown)
     results = assemble(
@@ -166,6 +171,7 @@ def analyze(
         + trajectory_warnings
         + drag.warnings
         + request.notes(aircraft),
+        electrical=of_whole_flight.electrical,
         next_flight=next_flight(trajectory, drag.main, condition, drag.flown_CL),
     )  # fmt: skip
     return Analysis(results, table, maneuvers, trajectory, agreement, drag)

@@ -1,21 +1,24 @@
-"""Errors and coverage of the electrical power of level flight over simulated flights that PX4 logs.
+"""Errors and coverage of the electrical power of level flight over simulated flights that an autopilot logs.
 
-`python benchmarks/electrical.py [--plan NAME] [--flights N] [--first-seed N] [--wind KT ...] [--drag rpm|motor]` prints
-a table for each turbulence: at seven speeds from the slowest to the fastest of each curve, 95 % of errors, their mean,
-half widths, coverage. --drag: of power required by propeller table and motor speed, or the motor's constants.
+`python benchmarks/electrical.py [--plan NAME] [--flights N] [--first-seed N] [--wind KT ...] [--as px4 ardupilot]
+[--of electrical rpm motor]` prints a table for each turbulence, autopilot and quantity: at seven speeds from the
+slowest to the fastest of each curve, 95 % of errors, their mean, half widths, coverage. --of rpm, motor: power required
+by propeller table and motor speed, or the motor's constants.
 """
 
 import argparse
 import dataclasses
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 from flights import KNOT_MPS, drawn, error_rows
 from numpy.typing import NDArray
 
+from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.px4 import read_px4
-from analysis.autopilot_logs.recording import MOTOR
+from analysis.autopilot_logs.recording import MOTOR, FlightRecording
 from analysis.electrical.drag import drag_estimate
 from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
@@ -23,6 +26,7 @@ from analysis.electrical.thrust_balance import motor_constants
 from analysis.estimation.intervals import NORMAL_95
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.propeller_files import load_propeller
+from sim.ardupilot_log import write_ardupilot_log
 from sim.fly import Flight, fly
 from sim.plan import load_plan
 from sim.plant import plant_of
@@ -32,7 +36,10 @@ from sim.sensors import FlightSensorTruth, load_budget
 from sim.sensors.budget import DrawnErrors
 
 Array = NDArray[np.float64]
+Wanted = tuple[str, str]  # autopilot and quantity
+Errors = tuple[Array, Array]
 
+AUTOPILOTS = {"px4": (write_px4_log, read_px4), "ardupilot": (write_ardupilot_log, read_ardupilot)}
 SPEEDS = 7
 MOTOR_REVPS = np.linspace(20.0, 250.0, 3000)
 
@@ -58,25 +65,35 @@ def true_power(aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, 
     return np.where(np.isfinite(drag_N), power, np.nan)
 
 
-def one_flight(
-    aircraft: CompleteAircraft, plan_name: str, knots: float, seed: int, folder: Path, drag_by: str | None = None
-) -> tuple[Array, Array]:
-    """Errors and half widths of the interval at SPEEDS speeds, both in percent. drag_by: "rpm" or "motor"."""
+def flight_errors(
+    aircraft: CompleteAircraft, plan_name: str, knots: float, seed: int, folder: Path, wanted: Iterable[Wanted]
+) -> dict[Wanted, Errors]:
+    """Errors and half widths of the interval at SPEEDS speeds, both in percent, of one flight."""
     plan = load_plan(plan_name)
     if knots:
         plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=knots * KNOT_MPS))
     errors = drawn(load_budget("study"), seed)
     flight = fly(aircraft, plan, seed=seed, deviations=errors.deviations)
-    write_px4_log(folder / "log.ulg", flight, FlightSensorTruth(flight, errors), errors, ["wrong-battery-first"])
+    sensors = FlightSensorTruth(flight, errors)
+    found = {}
+    for autopilot, of in wanted:
+        write, read = AUTOPILOTS[autopilot]
+        write(folder / "log", flight, sensors, errors, ["wrong-battery-first"])
+        found[autopilot, of] = _errors(aircraft, flight, errors, read(folder / "log"), of)
+    return found
+
+
+def _errors(
+    aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, recording: FlightRecording, of: str
+) -> Errors:
     weight, geometry = aircraft.mass.weight_N, aircraft.geometry
-    recording = read_px4(folder / "log.ulg")
-    if drag_by == "motor":
+    if of == "motor":
         channels = {name: one for name, one in recording.channels.items() if name != MOTOR}
         recording = dataclasses.replace(recording, channels=channels)
     table = flight_table(recording, weight, geometry.wing_area_m2)
     found = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
     at = np.linspace(0, len(found.V_mps) - 1, SPEEDS).round().astype(int)
-    if drag_by:
+    if of != "electrical":
         propeller, constants = load_propeller(aircraft.propulsion.propeller), motor_constants(aircraft.propulsion)
         drag = drag_estimate(table, found, geometry.span_m, propeller, constants)
         assert not isinstance(drag, str), drag
@@ -95,19 +112,22 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=60)
     parser.add_argument("--wind", type=float, nargs="*", default=[0.0, 3.0, 8.0], help="W20 of the turbulence [kt]")
     parser.add_argument("--first-seed", type=int, default=1000)
-    parser.add_argument("--drag", choices=["rpm", "motor"], help="power required instead of electrical power")
+    parser.add_argument("--as", dest="autopilots", nargs="+", choices=[*AUTOPILOTS], default=["px4"])
+    parser.add_argument("--of", nargs="+", choices=["electrical", "rpm", "motor"], default=["electrical"])
     arguments = parser.parse_args()
     aircraft = load_complete_aircraft("nexstar")
+    wanted = [(autopilot, of) for autopilot in arguments.autopilots for of in arguments.of]
+    seeds = range(arguments.first_seed, arguments.first_seed + arguments.flights)
     with tempfile.TemporaryDirectory() as folder:
         for knots in arguments.wind:
-            flown = [
-                one_flight(aircraft, arguments.plan, knots, seed, Path(folder), arguments.drag)
-                for seed in range(arguments.first_seed, arguments.first_seed + arguments.flights)
-            ]
-            error, half = (np.array(part) for part in zip(*flown, strict=True))
-            print(f"{arguments.plan}, {len(error)} flights, W20 = {knots:g} kt, percent, slowest to fastest speed")
-            for name, values, form in error_rows(error, half):
-                print(f"  {name:24}", " ".join(f"{form.format(value):>6}" for value in values))
+            flown = [flight_errors(aircraft, arguments.plan, knots, seed, Path(folder), wanted) for seed in seeds]
+            for autopilot, of in wanted:
+                error, half = (np.array(part) for part in zip(*(one[autopilot, of] for one in flown), strict=True))
+                print(
+                    f"{arguments.plan}, {autopilot}, {of}, seeds {seeds[0]} to {seeds[-1]}, W20 = {knots:g} kt, percent"
+                )
+                for name, values, form in error_rows(error, half):
+                    print(f"  {name:24}", " ".join(f"{form.format(value):>6}" for value in values), flush=True)
 
 
 if __name__ == "__main__":

@@ -86,7 +86,6 @@ def run(
     from daq.daemon import NoDeviceOpened, check_configuration, record
     from daq.linux_bus import LinuxBuses
     from daq.recording_status import RecordingStatus, StatusFile
-    from daq.telemetry import TelemetryLink
 
     tray, buses = load_tray(config), LinuxBuses()
     check_configuration(tray, buses)
@@ -98,7 +97,11 @@ def run(
     signal.signal(signal.SIGHUP, lambda *_: (stop if had_terminal and not has_terminal() else new_file).set())
     clock = SystemClock()
     bus_recording = BusRecording(record_bus, clock) if record_bus else None
-    link = TelemetryLink(tray.telemetry, tray) if tray.telemetry else None
+    link = None
+    if tray.telemetry:
+        from daq.telemetry import TelemetryLink
+
+        link = TelemetryLink(tray.telemetry, tray)
     prepare_process()
     terminal = StatusLine()
     status_file = StatusFile(status) if status else None

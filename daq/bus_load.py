@@ -18,14 +18,17 @@ class BusLoad:
         self._name, self._period_ns = name, period_ns
         self._latest: deque[Mapping[str, int]] = deque(maxlen=READINGS)
         self._totals_ns: deque[int] = deque(maxlen=READINGS)  # of the same readings
+        self._fast_in_a_row = 0
         self._above = 0  # readings in a row since which the bus has been slow
         self.slow = ""  # what to do, as one clause; empty while the bus is fast enough
 
     def add(self, durations_ns: Mapping[str, int]) -> list[Event]:
         """Take the durations of one reading, by sensor. Returns an event when the bus becomes slow or fast enough."""
+        total_ns = sum(durations_ns.values())
         self._latest.append(durations_ns)
-        self._totals_ns.append(sum(durations_ns.values()))
-        if len(self._latest) < READINGS:
+        self._totals_ns.append(total_ns)
+        self._fast_in_a_row = self._fast_in_a_row + 1 if total_ns <= SLOW_FRACTION * self._period_ns else 0
+        if len(self._latest) < READINGS or (self._fast_in_a_row >= READINGS and not self.slow and not self._above):
             return []
         need_ns = sorted(self._totals_ns)[NEED_RANK]
         was_slow = bool(self.slow)

@@ -45,6 +45,11 @@ class BusWorker:
         """What to do if the bus is too slow for the rate; otherwise empty."""
         return self._load.slow
 
+    @property
+    def late(self) -> bool:
+        """Whether this tick's readings have missed the deadline."""
+        return False
+
     def start_reading(self, tick: int) -> None:
         """Start reading for this tick, where that runs in another thread."""
 
@@ -54,8 +59,9 @@ class BusWorker:
 
     def _with_load(self, readings: BusReadings) -> BusReadings:
         """The readings, with an event if the bus turns out to be slow. A reading with a timeout is not counted."""
-        if any(supervisor.timed_out for supervisor in self._supervisors):
-            return readings
+        for supervisor in self._supervisors:
+            if supervisor.timed_out:
+                return readings
         events = self._load.add(readings.durations_ns)
         return readings._replace(events=readings.events + events) if events else readings
 
@@ -64,14 +70,14 @@ class BusWorker:
         events: list[Event] = []
         durations: dict[str, int] = {}
         begin_ns = self._clock.now_ns()
-        hung: set[str] = set()
+        hung: list[str] = []
         for supervisor in self._supervisors:
-            if supervisor.device in hung:
+            if hung and supervisor.device in hung:
                 samples += supervisor.skip(begin_ns)
                 continue
             samples += supervisor.read(begin_ns)
             if supervisor.timed_out:
-                hung.add(supervisor.device)
+                hung.append(supervisor.device)
             if supervisor.events:
                 events += supervisor.events
                 supervisor.events.clear()
@@ -107,6 +113,10 @@ class ThreadedBusWorker(BusWorker):
         self._thread = threading.Thread(target=self._work, name=f"bus worker {self.name}", daemon=True)
         self._thread.start()
 
+    @property
+    def late(self) -> bool:
+        return self._busy
+
     def start_reading(self, tick: int) -> None:
         self._tick = tick
         if self._busy and self._done_signal.acquire(blocking=False):
@@ -120,6 +130,8 @@ class ThreadedBusWorker(BusWorker):
         late, self._late_readings = self._late_readings, NO_READINGS
         if not self._busy and self._done_signal.acquire(timeout=wait_s):
             result = self._measured(self._result)
+            if late is NO_READINGS:
+                return result
             return BusReadings(late.samples + result.samples, late.events + result.events, result.durations_ns)
         self._busy = True
         now_ns = self._clock.now_ns()

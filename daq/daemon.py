@@ -224,10 +224,9 @@ def record(
 
 def satellite_offset_ns(samples: list[Sample]) -> int | None:
     """Unix time by the satellites minus monotonic time, from a tick's messages; None if it is not in them."""
-    for sample in samples:
-        message = sample.message
-        if isinstance(message, Time) and message.gps_utc_ns is not None and message.monotonic_ns is not None:
-            return message.gps_utc_ns - message.monotonic_ns
+    for topic, _, message, _ in reversed(samples):
+        if topic == "/time" and isinstance(message, Time) and message.gps_utc_ns is not None:
+            return None if message.monotonic_ns is None else message.gps_utc_ns - message.monotonic_ns
     return None
 
 

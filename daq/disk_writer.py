@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
+from daq.process_setup import use_every_processor
 from daq.sync_directory import sync_directory
 
 SYNC_EVERY_S = 0.25
@@ -125,6 +126,7 @@ class DiskWriter:
         return not self._thread.is_alive()
 
     def _work(self) -> None:
+        use_every_processor(whole_process=False)  # what the kernel does for a write must not hold up the sampling
         synced_s = 0.0
         while True:
             with self._changed:

@@ -1,7 +1,7 @@
 """I2C buses, serial lines and UDP ports on Linux, with the interfaces of `daq.bus`.
 
-The only module that imports smbus2 and pyserial. Devices are locked with flock(2) while they are open, because two
-readers of a bus spoil each other's readings; opening a locked one raises 16 (EBUSY).
+The only module that imports pyserial. Devices are locked with flock(2) while they are open, because two readers of a
+bus spoil each other's readings; opening a locked one raises 16 (EBUSY).
 """
 
 import ctypes
@@ -9,41 +9,49 @@ import errno
 import fcntl
 import os
 import socket
-from collections.abc import Callable
+import struct
+import termios
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import NamedTuple
 
 from daq.bus import IN_USE, BytePort, I2CBus
-
-T = TypeVar("T")
 
 RECEIVE_BYTES = 4096  # the kernel's buffer of a serial line (N_TTY_BUF_SIZE)
 I2C_RETRIES = 0x0701  # linux/i2c-dev.h
 I2C_TIMEOUT = 0x0702  # in units of 10 ms
 I2C_RDWR = 0x0707
+I2C_M_RD = 0x0001  # linux/i2c.h
+MESSAGE = struct.Struct("@HHHP")  # struct i2c_msg: address, flags, length, where the bytes are
+TRANSFER = struct.Struct("@PI")  # struct i2c_rdwr_ioctl_data: where the messages are, and how many
 PREPARED_TRANSFERS = 128  # kept; the default tray needs about thirty, and one more for each length of FIFO read
 
 
+class Transfer(NamedTuple):
+    """The argument of ioctl(I2C_RDWR) for a write, a read, or both joined by a repeated start."""
+
+    request: bytearray  # TRANSFER
+    messages: int  # how many
+    reply: bytearray  # where the kernel writes what it reads
+    kept: list[ctypes.Array[ctypes.c_char]]  # what the kernel finds by address
+
+
 class LinuxI2C:
-    """/dev/i2c-N through smbus2, with a timeout for each transfer (rounded up to 10 ms). For one thread at a time.
+    """/dev/i2c-N, with a timeout for each transfer (rounded up to 10 ms). For one thread at a time.
 
     The same transfers are repeated every tick. Preparing one takes longer than the transfer, so prepared ones are kept.
     """
 
     def __init__(self, device: str, timeout_ms: int = 20):
-        from smbus2 import SMBus
-
         self._prepared = lru_cache(PREPARED_TRANSFERS)(_prepare)
-        self._bus = SMBus(device)
-        assert self._bus.fd is not None  # set when the bus is opened
+        self._file = os.open(device, os.O_RDWR | os.O_CLOEXEC)
         try:
-            fcntl.flock(self._bus.fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            self._bus.close()
+            self.close()
             raise _in_use(device) from None
-        fcntl.ioctl(self._bus.fd, I2C_TIMEOUT, -(-timeout_ms // 10))
-        fcntl.ioctl(self._bus.fd, I2C_RETRIES, 0)
+        fcntl.ioctl(self._file, I2C_TIMEOUT, -(-timeout_ms // 10))
+        fcntl.ioctl(self._file, I2C_RETRIES, 0)
 
     def write(self, address: int, data: bytes) -> None:
         self._do(address, data, 0)
@@ -54,27 +62,34 @@ class LinuxI2C:
     def write_read(self, address: int, data: bytes, count: int) -> bytes:
         return self._do(address, data, count)
 
+    def close(self) -> None:
+        os.close(self._file)
+
     def _do(self, address: int, data: bytes, count: int) -> bytes:
         """The bytes read. Raises OSError if the transfer is incomplete: the buffer then holds an old reading."""
-        request, messages = self._prepared(address, data, count)
-        if fcntl.ioctl(self._bus.fd, I2C_RDWR, request) != len(messages):  # type: ignore[arg-type]  # it is open
+        request, messages, reply, _ = self._prepared(address, data, count)
+        if fcntl.ioctl(self._file, I2C_RDWR, request) != messages:
             raise OSError(errno.EIO, os.strerror(errno.EIO))
-        return ctypes.string_at(messages[-1].buf, count)  # bytes(message) takes one byte after the other
+        return bytes(reply)
 
 
-def _prepare(address: int, data: bytes, count: int) -> tuple[Any, list[Any]]:
-    """The argument of ioctl(I2C_RDWR) for a write, a read, or both joined by a repeated start; and its messages."""
-    from smbus2 import i2c_msg
-    from smbus2.smbus2 import i2c_rdwr_ioctl_data
-
-    messages = [i2c_msg.write(address, data)] if data else []
+def _prepare(address: int, data: bytes, count: int) -> Transfer:
+    written, reply = ctypes.create_string_buffer(data, len(data)), bytearray(count)
+    read = (ctypes.c_char * count).from_buffer(reply)
+    messages = MESSAGE.pack(address, 0, len(data), ctypes.addressof(written)) if data else b""
     if count:
-        messages.append(i2c_msg.read(address, count))
-    return i2c_rdwr_ioctl_data.create(*messages), messages  # type: ignore[arg-type]  # it takes any number of them
+        messages += MESSAGE.pack(address, I2C_M_RD, count, ctypes.addressof(read))
+    packed = ctypes.create_string_buffer(messages, len(messages))
+    number = len(messages) // MESSAGE.size
+    return Transfer(bytearray(TRANSFER.pack(ctypes.addressof(packed), number)), number, reply, [written, read, packed])
 
 
 class LinuxSerial:
-    """A serial line through pyserial, in raw mode, non-blocking."""
+    """A serial line opened by pyserial, in raw mode, non-blocking.
+
+    Read without pyserial, which asks first whether there is something to read. With VMIN = 1 the kernel's answer tells
+    an empty line (EAGAIN) from an unplugged adapter (end of file).
+    """
 
     def __init__(self, device: str, baud: int):
         import serial
@@ -88,27 +103,36 @@ class LinuxSerial:
             raise OSError(number, os.strerror(number), device) from None
         except ValueError as error:  # a baud rate that the line does not support
             raise OSError(errno.EINVAL, str(error), device) from None
+        self._device, self._file = device, self._port.fileno()
+        settings = termios.tcgetattr(self._file)
+        settings[6][termios.VMIN] = 1
+        termios.tcsetattr(self._file, termios.TCSANOW, settings)
 
     def read_available(self) -> bytes:
         # Read without asking for the number of bytes first: that takes a lock which the kernel holds while it fills the
         # buffer, and has been seen to take 200 ms.
-        return self._translate_errors(lambda: bytes(self._port.read(RECEIVE_BYTES)))
+        try:
+            data = os.read(self._file, RECEIVE_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, self._device) from None
+        if not data:
+            raise OSError(errno.EIO, "the adapter was unplugged", self._device)
+        return data
 
     def write(self, data: bytes) -> None:
-        self._translate_errors(lambda: self._port.write(data))
-
-    def close(self) -> None:
-        self._port.close()
-
-    def _translate_errors(self, transfer: Callable[[], T]) -> T:
         import serial
 
         try:
-            return transfer()
+            self._port.write(data)
         except serial.SerialTimeoutException:
             raise OSError(errno.ETIMEDOUT, f"{self._port.port}: write timed out") from None
         except serial.SerialException as error:  # raised by pyserial for an unplugged adapter
             raise OSError(errno.EIO, f"{self._port.port}: {error}") from None
+
+    def close(self) -> None:
+        self._port.close()
 
 
 def _in_use(device: str) -> OSError:

@@ -19,6 +19,7 @@ from flight.errors import InputError
 from flight.log_index import RECORD_HEAD
 from flight.log_writer import MESSAGE_HEAD
 from flight.messages import Time
+from flight.satellite_time import ahead_of_log_ns
 
 TIME_TOPIC = "/time"
 
@@ -85,6 +86,6 @@ def _offset_ns(records: bytes, channels: set[int]) -> int | None:
                 message = msgspec.json.decode(
                     records[at + MESSAGE_HEAD.size : at + RECORD_HEAD.size + length], type=Time
                 )
-                return None if message.gps_utc_ns is None else message.gps_utc_ns - time_ns
+                return ahead_of_log_ns(message, time_ns)
         at += RECORD_HEAD.size + length
     return None

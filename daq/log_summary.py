@@ -9,7 +9,7 @@ from typing import NamedTuple
 from daq.sensor_health import GOOD_STATUSES
 from flight.log_entries import LogEntry
 from flight.log_reader import Log, read_log
-from flight.messages import Time
+from flight.satellite_time import satellites_minus_log_time_ns
 
 
 class TopicSummary(NamedTuple):
@@ -35,7 +35,7 @@ def summarise(path: Path) -> Summary:
     begin_ns, end_ns = min(times_ns), max(times_ns)
     duration_s = (end_ns - begin_ns) / 1e9
     facts = log.metadata.get("flightpower", {})
-    offset_ns = _satellites_minus_log_time_ns(log)
+    offset_ns = satellites_minus_log_time_ns(log)
     begin = datetime.fromtimestamp((begin_ns + (offset_ns or 0)) / 1e9, UTC)
     clock = "system clock" if offset_ns is None else "satellites' time"
     lines = [
@@ -50,13 +50,6 @@ def summarise(path: Path) -> Summary:
     if log.undecodable:
         lines.append(f"{log.undecodable} messages cannot be decoded")
     return Summary(lines, [_topic(topic, entries, duration_s) for topic, entries in sorted(log.entries.items())])
-
-
-def _satellites_minus_log_time_ns(log: Log) -> int | None:
-    for entry in reversed(log.entries.get("/time", [])):
-        if isinstance(entry.message, Time) and entry.message.gps_utc_ns is not None:
-            return entry.message.gps_utc_ns - entry.time_ns
-    return None
 
 
 def _ticks(log: Log) -> str:

@@ -133,7 +133,7 @@ def _autopilot(port: BytePort, clock: Clock) -> str:
     version = ""
     for data in _receive(port, clock, AUTOPILOT_S):
         for message in link.parse_buffer(data) or ():
-            if is_autopilot(message) and heartbeat is None:
+            if message.get_type() == "HEARTBEAT" and is_autopilot(message) and heartbeat is None:
                 heartbeat = message
                 port.write(_version_request(link, message.get_srcSystem(), message.get_srcComponent()))
             elif message.get_type() == "AUTOPILOT_VERSION":

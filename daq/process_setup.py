@@ -5,6 +5,7 @@ import gc
 import os
 import sys
 import threading
+from pathlib import Path
 
 THREAD_STACK_BYTES = 512 * 1024
 UNIT_PRIORITY = 50  # CPUSchedulingPriority in systemd/flightpower-daq.service
@@ -12,6 +13,9 @@ SWITCH_S = 0.001  # the sampling thread waits at most this long for another comp
 M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # malloc.h
 LARGE_BYTES = 128 * 1024
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # sys/mman.h; ONFAULT locks pages when they are first used
+
+REAL_TIME = tuple(getattr(os, name) for name in ("SCHED_FIFO", "SCHED_RR") if hasattr(os, name))
+PROCESSORS: set[int] = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
 
 
 def prepare_process() -> None:
@@ -38,3 +42,35 @@ def raise_priority() -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(UNIT_PRIORITY))
     except OSError:
         return
+
+
+def use_one_processor() -> bool:
+    """Keep the calling thread, and those that it starts from now on, on one processor. Returns whether that was done.
+
+    Python computes in one thread at a time. On one processor the threads take turns without waking another one, which
+    takes a fifth off the daemon's processor time. Only with real-time priority, or another program's load would delay
+    them there. The last processor, because a Pi handles interrupts on the first.
+    """
+    try:
+        if os.sched_getscheduler(0) not in REAL_TIME:
+            return False
+        os.sched_setaffinity(0, {max(PROCESSORS)})
+    except OSError:
+        return False
+    return True
+
+
+def use_every_processor(*, whole_process: bool) -> None:
+    """Undo `use_one_processor`, for the calling thread or for all threads."""
+    tasks = [int(task.name) for task in Path("/proc/self/task").iterdir()] if whole_process else [0]
+    for task in tasks:
+        try:
+            os.sched_setaffinity(task, PROCESSORS)
+        except OSError:  # it has ended
+            continue
+
+
+def computes_while_it_waits(device: str) -> bool:
+    """Whether a bus is driven by the processor itself (i2c-gpio), which nothing else can use during a transfer."""
+    adapter = Path("/sys/bus/i2c/devices", Path(device).resolve().name).resolve()
+    return (adapter.parent / "driver").resolve().name == "i2c-gpio"

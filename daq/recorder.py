@@ -46,9 +46,9 @@ class Recorder:
 
     def write(self, samples: list[Sample], *, tick: int, now_ns: int) -> None:
         """Add a tick's messages, and late ones of earlier ticks. Closes the chunk when it is old enough."""
-        for sample in samples:
-            own = tick if sample.tick is None else sample.tick
-            self.log.write(sample.topic, sample.message, time_ns=sample.time_ns + self.offset_ns, tick=own)
+        write, offset_ns = self.log.write, self.offset_ns
+        for topic, time_ns, message, own in samples:
+            write(topic, message, time_ns=time_ns + offset_ns, tick=tick if own is None else own)
         self._in_chunk += len(samples)
         self.ticks += 1
         if now_ns >= self._chunk_due_ns:

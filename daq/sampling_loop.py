@@ -5,11 +5,13 @@ from typing import NamedTuple, Protocol
 
 from daq.bus_worker import bus_workers
 from daq.clock import Clock
+from daq.process_setup import computes_while_it_waits, use_every_processor, use_one_processor
 from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample
 from flight.messages import Event, Gps, Tick, Time
 
 TIME_EVERY_NS = 1_000_000_000
+STARTING_NS = 5_000_000_000  # sensors are being brought up: a late bus is no sign of trouble
 DEADLINE_TICKS = 0.8  # readings have to be there by then; the rest of the tick is for encoding them
 
 
@@ -71,31 +73,42 @@ def cycles(
     time_due_ns = clock.now_ns()
     period_ns = round(1e9 / rate_Hz)
     gps_utc: tuple[int, int] | None = None  # (UTC, monotonic) of the latest solution with date and time
+    # Until a bus is late: what holds it up in the kernel may hold up the other threads on that processor.
+    devices = {supervisor.device for supervisor in supervisors if supervisor.blocking}
+    one_processor = threaded and not any(map(computes_while_it_waits, devices)) and use_one_processor()
     workers = bus_workers(supervisors, clock, period_ns, threaded=threaded)
-    for tick in grid_ticks(period_ns, clock, stop, until_ns):
-        begin_ns = clock.now_ns()
-        deadline_ns = begin_ns - tick.late_ns + round(DEADLINE_TICKS * period_ns)
-        samples: list[Sample] = []
-        events: list[Event] = []
-        durations: dict[str, int] = {}
-        for worker in workers:
-            worker.start_reading(tick.number)
-        for worker in workers:
-            readings = worker.collect(deadline_ns)
-            samples += readings.samples
-            events += readings.events
-            durations |= readings.durations_ns
-        for sample in samples:
-            if isinstance(sample.message, Gps) and sample.message.utc_ns is not None:
-                gps_utc = (sample.message.utc_ns, sample.time_ns)
-        if begin_ns >= time_due_ns:
-            time_due_ns += TIME_EVERY_NS * (1 + (begin_ns - time_due_ns) // TIME_EVERY_NS)
-            samples.append(Sample("/time", clock.now_ns(), time_message(clock, gps_utc)))
-        message = Tick(late_ns=tick.late_ns, missed=tick.missed, duration_ns=durations)
-        samples.append(Sample("/daq/tick", begin_ns, message))
-        slow = [worker.slow for worker in workers if worker.slow]
-        systems = (supervisor.system_id for supervisor in supervisors)
-        yield Cycle(tick, begin_ns, samples, events, slow, next(filter(None, systems), None))
+    autopilots = [supervisor for supervisor in supervisors if "/attitude" in supervisor.topics]
+    try:
+        for tick in grid_ticks(period_ns, clock, stop, until_ns):
+            begin_ns = clock.now_ns()
+            deadline_ns = begin_ns - tick.late_ns + round(DEADLINE_TICKS * period_ns)
+            samples: list[Sample] = []
+            events: list[Event] = []
+            durations: dict[str, int] = {}
+            for worker in workers:
+                worker.start_reading(tick.number)
+            for worker in workers:
+                readings = worker.collect(deadline_ns)
+                samples += readings.samples
+                events += readings.events
+                durations |= readings.durations_ns
+                if one_processor and worker.late and tick.number * period_ns > STARTING_NS:
+                    one_processor = False
+                    use_every_processor(whole_process=True)
+            for topic, time_ns, solution, _ in samples:
+                if topic == "/gps" and isinstance(solution, Gps) and solution.utc_ns is not None:
+                    gps_utc = (solution.utc_ns, time_ns)
+            if begin_ns >= time_due_ns:
+                time_due_ns += TIME_EVERY_NS * (1 + (begin_ns - time_due_ns) // TIME_EVERY_NS)
+                samples.append(Sample("/time", clock.now_ns(), time_message(clock, gps_utc)))
+            message = Tick(late_ns=tick.late_ns, missed=tick.missed, duration_ns=durations)
+            samples.append(Sample("/daq/tick", begin_ns, message))
+            slow = [worker.slow for worker in workers if worker.slow]
+            systems = [autopilot.system_id for autopilot in autopilots]
+            yield Cycle(tick, begin_ns, samples, events, slow, next(filter(None, systems), None))
+    finally:
+        if one_processor:
+            use_every_processor(whole_process=True)
 
 
 def time_message(clock: Clock, gps_utc: tuple[int, int] | None) -> Time:

@@ -36,6 +36,7 @@ class SensorHealth:
         self._reported = SensorState.STARTING
         self._reported_ns: int | None = None
         self._unreported = 0
+        self._settled = False  # the state is OK, and that was reported
 
     @property
     def errors(self) -> int:
@@ -43,6 +44,11 @@ class SensorHealth:
         return sum(
             n for status, n in self.statuses.items() if status not in GOOD_STATUSES and status is not Status.STARTING
         )
+
+    @property
+    def settled(self) -> bool:
+        """Whether the sensor works, and another good reading changes nothing."""
+        return self._settled and self._bad_since_ns is None
 
     def failed(self, cause: str, now_ns: int) -> Event | None:
         """The driver raised an error."""
@@ -75,7 +81,9 @@ class SensorHealth:
         if state is not self.state:
             self.state = state
             self._unreported += 1
-        return self._event(now_ns)
+        event = self._event(now_ns)
+        self._settled = state is SensorState.OK and self._reported is SensorState.OK
+        return event
 
     def _event(self, now_ns: int) -> Event | None:
         """An event if a change is unreported and the last event is at least EVENT_SPACING_NS old."""

@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterator
 
 from daq.sensor_health import SensorHealth
 from daq.sensors import Sample, Sensor, SensorFailure
-from flight.messages import TYPE_OF_TOPIC, Event, Status
+from flight.messages import OK, TYPE_OF_TOPIC, Event, Status
 
 RETRY_NS = 500_000_000
 TRANSFER_FAILURES_LIMIT = 3  # failed transfers in a row after which the sensor is restarted
 SKIPPING_NS = 1_000_000_000  # two skipped ticks within this time degrade the sensor's health
+BUSY = Status.BUSY
 TIMEOUTS = frozenset({errno.ETIMEDOUT, errno.EAGAIN})
 
 
@@ -57,7 +58,7 @@ class SensorSupervisor:
         """This tick's messages. A failed sensor gives messages without values, whose status names the failure."""
         self.timed_out = False
         try:
-            if not self._is_ready(now_ns):
+            if (self._startup is not None or self._sensor is None) and not self._is_ready(now_ns):
                 return self._absent(now_ns, self._absence)
             assert self._sensor is not None
             samples = self._sensor.read(now_ns)
@@ -70,10 +71,16 @@ class SensorSupervisor:
         except Exception as error:  # a bug in a driver must not end the recording; the event names it
             return self._fail(now_ns, Status.FAULT, f"driver error {type(error).__name__}: {error}")
         self._failures = 0
-        statuses = [sample.message.status for sample in samples]
-        self.health.statuses.update(statuses)
+        health, good = self.health, True
+        for _, _, message, _ in samples:
+            status = message.status
+            health.statuses[status] += 1
+            good &= status is OK or status is BUSY
         skipping = len(self._skipped_ns) == 2 and now_ns - self._skipped_ns[0] < SKIPPING_NS
-        self._add_event(self.health.read([*statuses, Status.TIMEOUT] if skipping else statuses, now_ns))
+        if good and not skipping and health.settled:
+            return samples
+        statuses = [sample.message.status for sample in samples]
+        self._add_event(health.read([*statuses, Status.TIMEOUT] if skipping else statuses, now_ns))
         return samples
 
     def skip(self, now_ns: int) -> list[Sample]:

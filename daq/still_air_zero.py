@@ -8,7 +8,6 @@ import os
 from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
-from statistics import fmean, stdev
 from typing import NamedTuple
 
 import msgspec
@@ -75,6 +74,8 @@ class NotStill(Exception):
 
 def zero_from_samples(samples: Iterable[Sample], *, ticks: int, seconds: float, unix_ns: int) -> Zero:
     """The zero from the samples of `ticks` ticks. Raises NotStill when a limit was exceeded."""
+    from statistics import fmean
+
     values: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     temperature: dict[str, list[float]] = defaultdict(list)
     turning = False
@@ -119,6 +120,8 @@ def rest_criteria(field: str) -> RestCriteria:
 
 def rest_problems(name: str, values: list[float], criteria: RestCriteria) -> list[str]:
     """Why these values are not those of a sensor at rest; an empty list when they are within limits."""
+    from statistics import fmean, stdev  # it loads decimal and random: a tenth of the daemon's start
+
     half = len(values) // 2
     spread, first, second = stdev(values), fmean(values[:half]), fmean(values[half:])
     noise = SHIFT_SIGMAS * spread * (2 / half) ** 0.5
@@ -157,4 +160,6 @@ def save_zero(zero: Zero, path: Path) -> None:
 
 
 def _reading(values: list[float]) -> ZeroReading:
+    from statistics import fmean, stdev
+
     return ZeroReading(mean=fmean(values), standard_deviation=stdev(values), samples=len(values))

@@ -27,7 +27,7 @@ from daq.still_air_zero import DIFFERENCE, Zero, parse_zero
 from daq.telemetry_port import UdpSender, open_port
 from daq.tick_means import FIELDS, Means, TickMeans
 from flight.aircraft import Aircraft, load_aircraft
-from flight.messages import Event, Status
+from flight.messages import OK, Event
 
 RESTART_AFTER_S = 5.0
 HEARTBEAT_PERIOD_S = 1.0
@@ -38,7 +38,9 @@ KEPT_MEANS = 25  # the same for means of the readings
 MEANS_PER_LINE = 6
 GAS_CONSTANT = 287.05287  # of air [J/(kg K)] (ISO 2533)
 SEVERITIES = {"error": 3, "warning": 4, "info": 6}  # MAV_SEVERITY
-TOPICS = ("/gps", "/static", "/rpm", "/controls", "/probe/alpha", "/probe/beta", "/probe/airspeed", "/attitude")
+TOPICS = frozenset(
+    ("/gps", "/static", "/rpm", "/controls", "/probe/alpha", "/probe/beta", "/probe/airspeed", "/attitude")
+)
 MAX_AGE_S = 2.0  # older readings are not sent
 VEHICLE_SYSTEM = 25  # without an autopilot
 AUTOPILOT_SYSTEM = 1  # of an autopilot that was not heard yet: the default of ArduPilot and PX4
@@ -89,9 +91,10 @@ class TelemetryLink:
     def hear(self, cycle: Cycle, events: list[Event]) -> None:
         """Keep this cycle's good messages and events; write them to the pipe when a line is due."""
         for topic, time_ns, message, _ in cycle.samples:
-            if topic in TOPICS and message.status is Status.OK:
+            if topic in TOPICS and message.status is OK:
                 self._latest[topic] = (time_ns, message)
-        self._events.extend(events)
+        for event in events:  # no more of the text than is sent
+            self._events.append(Event(severity=event.severity, text=event.text[:TEXT_BYTES]))
         means = self._tick_means.add(cycle.now_ns, cycle.samples)
         if means is not None:
             self._means.append(means)
@@ -100,26 +103,24 @@ class TelemetryLink:
         if cycle.now_ns < self._due_ns:
             return
         self._due_ns += self._period_ns * (1 + (cycle.now_ns - self._due_ns) // self._period_ns)
-        events = list(self._events)[:EVENTS_PER_LINE]
-        sent_means = list(self._means)[:MEANS_PER_LINE]
-        line = self._encoder.encode(
-            {
-                "elapsed_s": (cycle.now_ns - self._start_ns) / 1e9,
-                "autopilot_system": cycle.autopilot_system,
-                "messages": {topic: message for topic, (_, message) in self._latest.items()},
-                "ages_s": {topic: (cycle.now_ns - at_ns) / 1e9 for topic, (at_ns, _) in self._latest.items()},
-                "events": events,
-                "means": sent_means,
-            }
-        )
+        content: dict[str, Any] = {
+            "elapsed_s": (cycle.now_ns - self._start_ns) / 1e9,
+            "autopilot_system": cycle.autopilot_system,
+            "messages": {topic: message for topic, (_, message) in self._latest.items()},
+            "ages_s": {topic: (cycle.now_ns - at_ns) / 1e9 for topic, (at_ns, _) in self._latest.items()},
+            "events": list(self._events)[:EVENTS_PER_LINE],
+            "means": list(self._means)[:MEANS_PER_LINE],
+        }
+        line = self._encoder.encode(content)
+        if len(line) >= select.PIPE_BUF:  # a write of this length is not atomic (pipe(7)); events and means alone fit
+            line = self._encoder.encode(content | {"messages": {}})
         try:
-            if len(line) < select.PIPE_BUF:  # such a write is atomic (pipe(7))
-                os.write(self._write_end, line + b"\n")
+            os.write(self._write_end, line + b"\n")
         except OSError:  # the pipe is full
             return
-        for _ in events:
+        for _ in content["events"]:
             self._events.popleft()
-        for _ in sent_means:
+        for _ in content["means"]:
             self._means.popleft()
 
     def close(self) -> None:
@@ -159,7 +160,7 @@ class MavlinkEncoder:
     """
 
     def __init__(self, telemetry: TelemetryConfig, probe: ProbeMaps | None, zero: Zero | None):
-        from pymavlink.dialects.v20 import common as mavlink
+        from pymavlink.dialects.v20 import ardupilotmega as mavlink  # the one that install.sh keeps
 
         self._mavlink: Any = mavlink
         self._vehicle = telemetry.vehicle is not False

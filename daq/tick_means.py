@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import msgspec
 
 from daq.sensors import Sample
-from flight.messages import Status
+from flight.messages import OK
 
 MEAN_OVER_NS = 200_000_000
 FIELDS: dict[str, tuple[tuple[str, str], ...]] = {
@@ -61,7 +61,7 @@ class TickMeans:
             self._begin_ns += MEAN_OVER_NS * ((now_ns - self._begin_ns) // MEAN_OVER_NS)
         sums = self._sums
         for topic, _, message, _ in samples:
-            if topic in FIELDS and message.status is Status.OK:
+            if topic in FIELDS and message.status is OK:
                 for name, field in FIELDS[topic]:
                     value = getattr(message, field)
                     if value is not None:

@@ -17,7 +17,7 @@ from flight.units import to_si
 
 FAILURE, BAD_INPUT = 1, 2
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer has it, but under a name that differs between its versions
-LINUX_ONLY = ("fcntl", "resource", "smbus2", "termios")
+LINUX_ONLY = ("fcntl", "resource", "termios")
 
 
 def application(**options: Any) -> typer.Typer:

@@ -29,6 +29,7 @@ CHUNK_BYTES = 40_000
 COMPRESSION = "zstd"
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # the record's head; channel, sequence, log time, publish time
 MESSAGE_FIXED_BYTES = MESSAGE_HEAD.size - RECORD_HEAD.size
+MESSAGE_OPCODE = int(Opcode.MESSAGE)
 INDEX_ENTRY = struct.Struct("<QQ")  # log time, place in the uncompressed chunk
 
 
@@ -98,19 +99,26 @@ class LogWriter:
 
     def write(self, topic: str, message: Message, *, time_ns: int, tick: int) -> None:
         """Add a message taken at `time_ns` (Unix time [ns]) in tick number `tick`."""
-        self.write_encoded(self._channel(topic), self._encoder.encode(message), time_ns=time_ns, tick=tick)
+        channel = self._channels.get(topic) or self._channel(topic)
+        self.write_encoded(channel, self._encoder.encode(message), time_ns=time_ns, tick=tick)
 
     def write_encoded(self, channel: int, data: bytes, *, time_ns: int, tick: int) -> None:
         """Add a message already encoded as JSON. channel: its number."""
-        if not self._chunk:
+        chunk = self._chunk
+        if not chunk:
             self._first_ns = self._last_ns = time_ns
-        self._first_ns, self._last_ns = min(self._first_ns, time_ns), max(self._last_ns, time_ns)
-        entries = self._entries.setdefault(channel, bytearray())
-        entries += INDEX_ENTRY.pack(time_ns, len(self._chunk))
+        elif time_ns > self._last_ns:
+            self._last_ns = time_ns
+        elif time_ns < self._first_ns:
+            self._first_ns = time_ns
+        entries = self._entries.get(channel)
+        if entries is None:
+            entries = self._entries[channel] = bytearray()
+        entries += INDEX_ENTRY.pack(time_ns, len(chunk))
         size = MESSAGE_FIXED_BYTES + len(data)
-        self._chunk += MESSAGE_HEAD.pack(Opcode.MESSAGE, size, channel, tick & 0xFFFFFFFF, time_ns, time_ns)
-        self._chunk += data
-        if len(self._chunk) > self._chunk_bytes:
+        chunk += MESSAGE_HEAD.pack(MESSAGE_OPCODE, size, channel, tick & 0xFFFFFFFF, time_ns, time_ns)
+        chunk += data
+        if len(chunk) > self._chunk_bytes:
             self.flush()
 
     def flush(self) -> None:

@@ -23,7 +23,7 @@ FIELDS = {
     **dict.fromkeys(AIRSPEED, ("Airspeed", "DiffPress", "Temp")),
     **dict.fromkeys(BATTERY, ("Volt", "Curr")),
     **dict.fromkeys(BAROMETER, ("Press", "Temp")),
-    **dict.fromkeys(IMU, ("AccZ",)),
+    **dict.fromkeys(IMU, ("AccX", "AccZ")),
     **dict.fromkeys(CONTROLLERS, ("RPM",)),
     **dict.fromkeys(RPM, ("RPM", "rpm1")),
     **dict.fromkeys(GPS, ("Status", "Spd", "GCrs", "VZ")),
@@ -45,7 +45,11 @@ def read_ardupilot(path: Path) -> FlightRecording:
     airspeed = most_varying([_airspeed_pressure(table) for table in _of(tables, AIRSPEED)])
     if airspeed is not None:
         channels[recording.AIRSPEED_PRESSURE] = airspeed
-    for name, kinds, field in ((recording.STATIC, BAROMETER, "Press"), (recording.FORCE_Z, IMU, "AccZ")):
+    for name, kinds, field in (
+        (recording.STATIC, BAROMETER, "Press"),
+        (recording.FORCE_X, IMU, "AccX"),
+        (recording.FORCE_Z, IMU, "AccZ"),
+    ):
         for table in _of(tables, kinds)[:1]:
             channels[name] = channel(table["t_s"], table[field])
     for table in _of(tables, GPS)[:1]:

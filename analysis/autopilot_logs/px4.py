@@ -168,10 +168,11 @@ def _static(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
 
 
 def _force(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
-    for name, field in (("vehicle_acceleration", "xyz[2]"), ("sensor_combined", "accelerometer_m_s2[2]")):
+    for name, field in (("vehicle_acceleration", "xyz"), ("sensor_combined", "accelerometer_m_s2")):
+        axes = {recording.FORCE_X: f"{field}[0]", recording.FORCE_Z: f"{field}[2]"}
         for one in topics.get(name, []):
-            if one.has(field):
-                return {recording.FORCE_Z: one.channel(field)}
+            if one.has(axes[recording.FORCE_Z]):
+                return {axis: one.channel(column) for axis, column in axes.items() if one.has(column)}
     return {}
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot less static pressure, its zero not yet corrected
-STATIC, FORCE_Z = "static_Pa", "az_mps2"
+STATIC, FORCE_X, FORCE_Z = "static_Pa", "ax_mps2", "az_mps2"
 VOLTAGE, CURRENT = "battery_V", "battery_A"
 MOTOR = "motor_revps"
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
@@ -24,6 +24,7 @@ FEWEST_SAMPLES = 20
 POSSIBLE = {
     AIRSPEED_PRESSURE: (-2000.0, 20_000.0, 600.0),
     STATIC: (20_000.0, 120_000.0, 300.0),
+    FORCE_X: (-300.0, 300.0, 100.0),
     FORCE_Z: (-300.0, 300.0, 100.0),
     VOLTAGE: (0.0, 1000.0, 50.0),
     CURRENT: (-1000.0, 2000.0, 300.0),

@@ -2,7 +2,8 @@
 
 Air rising at w does the work m g w per second, and a gust u along the path changes the kinetic energy relative to the
 air by m V u. Both are first-order noise, averaged by the balance's windows. The efficiency is not exactly a function of
-its argument; that error is in proportion to the useful power.
+its argument; that error is in proportion to the useful power. The balance with the accelerometer has the same motion of
+the air with the opposite sign, and the errors of an angle of attack that follows from C_L.
 """
 
 from dataclasses import dataclass
@@ -30,15 +31,36 @@ class Windows:
     slope: Array
 
 
-def covariance(
-    windows: Windows, mass_kg: float, V_mps: float, useful_W: Array, sigma_w_mps: float, time_s: float
-) -> Array:
-    """Covariance (n, n) [W^2] of the balance's residuals for vertical air motion of this size and correlation time."""
-    lags = np.abs(windows.centers_s[:, None] - windows.centers_s)
+def by_air(windows: Windows, mass_kg: float, V_mps: float, sigma_w_mps: float, time_s: float) -> Array:
+    """Covariance (n, n) [W^2] by vertical and longitudinal air motion of this size and correlation time."""
+    lags = _lags(windows)
     vertical = (mass_kg * g * sigma_w_mps) ** 2 * _at_lags(lags, windows, windows.weight, time_s)
     along = (mass_kg * V_mps * LONGITUDINAL_RATIO * sigma_w_mps) ** 2 * _at_lags(lags, windows, windows.slope, time_s)
-    efficiency = EFFICIENCY_SHARE**2 * np.outer(useful_W, useful_W) * np.exp(-lags / EFFICIENCY_S)
-    return np.asarray(vertical + along + efficiency + LEAST_W**2 * np.eye(len(useful_W)))
+    return np.asarray(vertical + along)
+
+
+def by_efficiency(windows: Windows, useful_W: Array) -> Array:
+    """Covariance (n, n) [W^2] by the form of the efficiency."""
+    return np.asarray(EFFICIENCY_SHARE**2 * np.outer(useful_W, useful_W) * np.exp(-_lags(windows) / EFFICIENCY_S))
+
+
+def by_angle(windows: Windows, mass_kg: float, V_mps: Array, sigma_rad: float, time_s: float) -> Array:
+    """Covariance (n, n) [W^2] by errors of the angle of attack, at the airspeeds V_mps (n,) of the windows."""
+    lift_W = mass_kg * g * V_mps * sigma_rad
+    return np.asarray(np.outer(lift_W, lift_W) * _at_lags(_lags(windows), windows, windows.weight, time_s))
+
+
+def uncorrelated(windows: Windows) -> Array:
+    return np.asarray(LEAST_W**2 * np.eye(len(windows.centers_s)))
+
+
+def of_both(air: Array, of_drag: Array, of_force: Array) -> Array:
+    """Covariance (2 n, 2 n) of both balances: the air's motion with opposite signs, and what only one contains."""
+    return np.block([[air + of_drag, -air], [-air, air + of_force]])
+
+
+def _lags(windows: Windows) -> Array:
+    return np.asarray(np.abs(windows.centers_s[:, None] - windows.centers_s))
 
 
 def _at_lags(lags: Array, windows: Windows, weight: Array, time_s: float) -> Array:

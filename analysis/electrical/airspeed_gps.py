@@ -51,13 +51,13 @@ def true_airspeed(pressure_Pa: Array, rho: Array, scale: float, zero_Pa: float) 
     return np.asarray(np.sqrt(2 * np.maximum(pressure_Pa - zero_Pa, 1.0) / rho) / (1 + scale))
 
 
-def airspeed_errors(flight: FlightTable) -> AirspeedErrors:
+def airspeed_errors(flight: FlightTable, most_points: int = MOST_POINTS) -> AirspeedErrors:
     """The most probable errors of a flight's airspeed, given their priors and GPS."""
     prior_sigma = np.array([SCALE_SIGMA, flight.zero_sigma_Pa])
     table, step_s = flight.table, float(flight.table.index[1] - flight.table.index[0])
     has_gps = table[list(recording.GPS)].notna().all(axis=1).to_numpy()
     rows = np.flatnonzero(flight.flown & has_gps)
-    rows = rows[:: max(round(LEAST_STEP_S / step_s), len(rows) // MOST_POINTS, 1)]
+    rows = rows[:: max(round(LEAST_STEP_S / step_s), len(rows) // most_points, 1)]
     if len(rows) < FEWEST_POINTS:
         return AirspeedErrors(0.0, 0.0, np.diag(prior_sigma**2), None, None)
     t_s = table.index.to_numpy()

@@ -4,10 +4,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
 Array = NDArray[np.float64]
 
+TOLERANCE = 1e-6  # of the cost and of the parameters, relative
 WHITE_SHARE = 0.05  # of the variance, uncorrelated
 
 
@@ -27,7 +29,7 @@ def most_probable(
     def cost(x: Array) -> Array:
         return np.concatenate([whiten @ residual(x), (x - mean) / sigma])
 
-    fit = least_squares(cost, start, x_scale=sigma)
+    fit = least_squares(cost, start, x_scale=sigma, ftol=TOLERANCE, xtol=TOLERANCE)
     return np.asarray(fit.x, dtype=float), np.asarray(fit.jac, dtype=float)
 
 
@@ -36,7 +38,7 @@ def most_likely_noise(residual: Array, apart_s: Array, times_s: Sequence[float])
     best = (np.inf, 1.0, times_s[0])
     for time_s in times_s:
         factor = np.linalg.cholesky(correlation(apart_s, time_s))
-        white = np.linalg.solve(factor, residual)
+        white = solve_triangular(factor, residual, lower=True, check_finite=False)
         variance = float(np.mean(white**2))
         cost = len(residual) * np.log(variance) + 2 * float(np.sum(np.log(np.diag(factor))))
         best = min(best, (cost, float(np.sqrt(variance)), time_s))

@@ -10,6 +10,7 @@ from flight.log_reader import Log
 CHANNELS = {
     recording.AIRSPEED_PRESSURE: ("/probe/airspeed", "differential_pressure_Pa"),
     recording.STATIC: ("/static", "pressure_Pa"),
+    recording.FORCE_X: ("/imu", "specific_force_x_mps2"),
     recording.FORCE_Z: ("/imu", "specific_force_z_mps2"),
     recording.VOLTAGE: ("/battery", "voltage_V"),
     recording.CURRENT: ("/battery", "current_A"),

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
-from analysis.electrical.energy_balance import FlightConditions, drag_power
-from analysis.electrical.estimate import ElectricalEstimate, drag_prior
+from analysis.electrical.energy_balance import MOST_WINDOWS, FlightConditions, drag_power
+from analysis.electrical.estimate import ElectricalEstimate, drag_prior, lift_prior
 from analysis.electrical.fit import (
     CURRENT_SIGMA,
     SharedErrors,
@@ -25,6 +25,8 @@ from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 
+# Mean updraft over the size of vertical air motion. In strong turbulence power required is found 1 to 2 % too low.
+UPDRAFT_SHARE = 0.2
 MOTOR_CONSTANTS_SIGMA = 0.04  # of electrical power, where motor speed follows from it and the motor's constants
 LEAST_KNOWN = 0.98  # share of the flight in which motor speed is measured
 MOTOR_EFFICIENCY = (0.45, 1.02)  # shaft power by the table over electrical power
@@ -66,6 +68,7 @@ def drag_estimate(
     propeller: Propeller | None,
     motor: MotorConstants | None,
     uncertainty: Uncertainty = Uncertainty(),
+    most_windows: int = MOST_WINDOWS,
 ) -> DragEstimate | str:
     """The estimate, or a sentence that says what it would take. uncertainty: of thrust."""
     measured = bool(flight.table[recording.MOTOR][flight.flown].notna().mean() > LEAST_KNOWN)
@@ -85,7 +88,7 @@ def drag_estimate(
             samples = samples._replace(
                 motor_revps=np.interp(samples.t_s, samples.t_s[known], samples.motor_revps[known])
             )
-    balance = ThrustBalance(samples, c, propeller, None if measured else motor)
+    balance = ThrustBalance(samples, c, propeller, None if measured else motor, most_windows)
     powered = balance.motor_W() > 0.2 * np.percentile(balance.motor_W(), 95)
     efficiency = float(np.sum(balance.shaft_W()[powered]) / np.sum(balance.motor_W()[powered]))
     if not MOTOR_EFFICIENCY[0] < efficiency < MOTOR_EFFICIENCY[1]:
@@ -95,10 +98,13 @@ def drag_estimate(
             " with."
         )
     mean, sigma = drag_prior(span_m, c.wing_area_m2)
+    lift_mean, lift_sigma = lift_prior(span_m, c.wing_area_m2)
     thrust_sigma = uncertainty.thrust_scale_fraction, uncertainty.thrust_slope
-    fit = most_probable_fit(balance, np.array([*mean, 0.0, 0.0]), np.array([*sigma, *thrust_sigma]))
+    fit = most_probable_fit(
+        balance, np.array([*mean, 0.0, 0.0, *lift_mean]), np.array([*sigma, *thrust_sigma, *lift_sigma])
+    )
     power_sigma = CURRENT_SIGMA if measured else float(np.hypot(CURRENT_SIGMA, MOTOR_CONSTANTS_SIGMA))
-    shared = [*shared_errors(flight, balance, fit, airspeed, power_sigma)]
+    shared = [*shared_errors(flight, balance, fit, airspeed, power_sigma, UPDRAFT_SHARE)]
     V = electrical.V_mps
 
     def required(parameters: Array, given: FlightConditions) -> Array:
@@ -106,7 +112,7 @@ def drag_estimate(
 
     def shaft(parameters: Array, given: FlightConditions) -> Array:
         thrust_N = required(parameters, given) / V
-        scale, slope = parameters[-2:]
+        scale, slope = parameters[4:6]
         revps = revps_for_thrust(propeller, V, thrust_N, given.rho, thrust_scale=scale, thrust_slope=slope)
         return np.asarray(propeller.thrust_and_power(V, revps, given.rho)[1])
 

@@ -2,6 +2,9 @@
 
 P is the motor's electrical power, eta its efficiency to thrust, E = m (g h + V^2/2). The derivative is moved to the
 window's weight (integration by parts), so nothing noisy is differentiated. C_L comes from the accelerometer.
+
+A second balance, m V a = dE/dt with the specific force a along the path, has the same gusts in its residuals and no
+drag: both together show the motion of the air.
 """
 
 from dataclasses import dataclass
@@ -20,8 +23,10 @@ WINDOW_S, LEAST_STEP_S, MOST_WINDOWS = 8.0, 2.0, 400
 GREATEST_POWER_W, POWER_POINTS = 1e5, 600
 LEAST_POWER_W = 0.5
 
-# The natural logarithms of CD0, K, x_at_maximum and fall, and the logit of the efficiency, keep them possible.
-PARAMETERS = ("ln_CD0", "ln_K", "CL_minD", "K4", "logit_efficiency", "ln_x", "ln_fall", "idle_drag")
+# The natural logarithms of CD0, K, x_at_maximum, fall and angle over C_L, and the logit of the efficiency, keep them
+# possible. The last two are those of the angle of attack, alpha_0 + C_L (angle over C_L).
+PARAMETERS = ("ln_CD0", "ln_K", "CL_minD", "K4", "logit_efficiency", "ln_x", "ln_fall", "idle_drag", "alpha_0",
+              "ln_alpha_per_CL", "alpha_per_CT")  # fmt: skip
 
 
 class FlightConditions(NamedTuple):
@@ -39,7 +44,10 @@ class FlightConditions(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Measurements (n,), uniform in time within each stretch. stretches: slices of rows"""
+    """Measurements (n,), uniform in time within each stretch. stretches: slices of rows
+
+    force_x_mps2 : specific force along the accelerometer's first axis; None where it is not measured
+    """
 
     t_s: Array
     V_mps: Array
@@ -48,6 +56,7 @@ class Samples(NamedTuple):
     load_factor: Array
     stretches: list[slice]
     motor_revps: Array | None = None
+    force_x_mps2: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -65,7 +74,7 @@ class DragAndEfficiency:
 
     @classmethod
     def of(cls, parameters: Array) -> "DragAndEfficiency":
-        CD0, K, CL_minD, K4, efficiency, x, fall, idle = parameters
+        CD0, K, CL_minD, K4, efficiency, x, fall, idle = parameters[:8]
         exp = np.exp
         return cls(exp(CD0), exp(K), CL_minD, K4, 1 / (1 + exp(-efficiency)), exp(x), exp(fall), idle)
 
@@ -73,11 +82,11 @@ class DragAndEfficiency:
 class EnergyBalance:
     """The balance of one flight. windows: of `air_motion`; V_mps, power_W: (n,) their means"""
 
-    def __init__(self, samples: Samples, conditions: FlightConditions):
+    def __init__(self, samples: Samples, conditions: FlightConditions, most_windows: int = MOST_WINDOWS):
         self.samples, self.conditions = samples, conditions
         step_s = float(np.median(np.diff(samples.t_s)))
         length_s = sum(rows.stop - rows.start for rows in samples.stretches) * step_s
-        spacing_s = step_s * round(max(LEAST_STEP_S, length_s / MOST_WINDOWS) / step_s)
+        spacing_s = step_s * round(max(LEAST_STEP_S, length_s / most_windows) / step_s)
         window_s = max(WINDOW_S, 2 * spacing_s)
         count = 2 * round(window_s / step_s / 2) + 1
         u = (np.arange(count) - count // 2) / (count - 1)
@@ -99,15 +108,19 @@ class EnergyBalance:
     def residual(
         self, parameters: Array, samples: Samples | None = None, given: FlightConditions | None = None
     ) -> Array:
-        """Useful power less that of drag and of the change of energy, mean of each window (n,) [W].
+        """Useful power less that of drag and of the change of energy, mean of each window (n,) [W]; then, where the
+        accelerometer shows it, the change of energy less the power of the force along the path: (2 n,) together.
 
         samples, given: perturbed ones, for the effect of an error.
         """
         s, c = samples or self.samples, given or self.conditions
         drag_W, useful_W = self._drag_and_useful_W(parameters, s, c)
         energy = c.mass_kg * (g * s.height_m + s.V_mps**2 / 2)
-        rising = c.mass_kg * g * c.updraft_mps
-        return self._mean(useful_W - drag_W) + energy[self._rows] @ self.windows.slope + rising
+        change = -energy[self._rows] @ self.windows.slope - c.mass_kg * g * c.updraft_mps
+        of_drag = self._mean(useful_W - drag_W) - change
+        if s.force_x_mps2 is None:
+            return of_drag
+        return np.concatenate([of_drag, change - self._mean(_along_path_W(s, s.force_x_mps2, useful_W, parameters, c))])
 
     def useful_W(self, parameters: Array) -> Array:
         """Thrust times airspeed, mean of each window (n,) [W]."""
@@ -132,6 +145,14 @@ class EnergyBalance:
 
     def _mean(self, values: Array) -> Array:
         return np.asarray(values[self._rows] @ self.windows.weight)
+
+
+def _along_path_W(s: Samples, force_x_mps2: Array, useful_W: Array, parameters: Array, c: FlightConditions) -> Array:
+    """Power (n,) [W] of thrust less drag, by the accelerometer turned by the angle of attack."""
+    alpha_0, ln_alpha_per_CL, alpha_per_CT = parameters[-3:]
+    lift_N, qS = s.load_factor * c.mass_kg * g, c.rho * s.V_mps**2 / 2 * c.wing_area_m2
+    alpha = alpha_0 + np.exp(ln_alpha_per_CL) * lift_N / qS + alpha_per_CT * useful_W / s.V_mps / qS
+    return np.asarray(s.V_mps * (c.mass_kg * force_x_mps2 * np.cos(alpha) - lift_N * np.sin(alpha)))
 
 
 def drag_power(

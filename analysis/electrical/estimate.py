@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.electrical.airspeed_gps import AirspeedErrors, airspeed_errors
+from analysis.electrical.airspeed_gps import MOST_POINTS, AirspeedErrors, airspeed_errors
 from analysis.electrical.energy_balance import (
+    MOST_WINDOWS,
     EnergyBalance,
     FlightConditions,
     level_power,
@@ -35,6 +36,8 @@ EFFICIENCY, EFFICIENCY_LOGIT_SIGMA = 0.6, 0.4
 X_LN_SIGMA = 0.3
 FALL, FALL_LN_SIGMA = 0.7, 0.5
 IDLE_DRAG, IDLE_DRAG_SIGMA = 0.1, 0.15
+ALPHA_PER_CT_SIGMA = 0.2
+ALPHA_0_SIGMA, ALPHA_PER_CL_LN_SIGMA = 0.1, 0.3  # the first contains how the accelerometer is mounted
 
 FEWEST_WINDOWS = 15
 FLOWN_SHARE = (5.0, 98.0)  # percentiles of the windows' airspeed
@@ -77,14 +80,24 @@ class ElectricalEstimate(NamedTuple):
 
 
 def estimate(
-    flight: FlightTable, weight_N: float, wing_area_m2: float, span_m: float, log: str = "log"
+    flight: FlightTable,
+    weight_N: float,
+    wing_area_m2: float,
+    span_m: float,
+    log: str = "log",
+    *,
+    most_windows: int = MOST_WINDOWS,
+    most_points: int = MOST_POINTS,
 ) -> ElectricalEstimate:
-    """The curve of one flight. Raises InputError, beginning with `log`, where the flight does not determine one."""
-    airspeed = airspeed_errors(flight)
+    """The curve of one flight. most_windows, most_points: of the energy balance and of airspeed against GPS.
+
+    Raises InputError, beginning with `log`, where the flight does not determine one.
+    """
+    airspeed = airspeed_errors(flight, most_points)
     rho = float(np.median(flight.table["rho"].to_numpy()[flight.flown]))
     conditions = FlightConditions(weight_N / g, wing_area_m2, rho, flight.idle_power_W)
     samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa)
-    balance = EnergyBalance(samples, conditions)
+    balance = EnergyBalance(samples, conditions, most_windows)
     if len(balance.windows.centers_s) < FEWEST_WINDOWS:
         raise InputError(f"{log}: the flight is too short or too torn for an energy balance")
     if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + 5.0:
@@ -128,7 +141,8 @@ def _prior(balance: EnergyBalance, span_m: float) -> tuple[Array, Array]:
     mean, sigma = drag_prior(span_m, balance.conditions.wing_area_m2)
     efficiency = [np.log(EFFICIENCY / (1 - EFFICIENCY)), np.log(balance.powered_x()), np.log(FALL), IDLE_DRAG]
     efficiency_sigma = [EFFICIENCY_LOGIT_SIGMA, X_LN_SIGMA, FALL_LN_SIGMA, IDLE_DRAG_SIGMA]
-    return np.array([*mean, *efficiency]), np.array([*sigma, *efficiency_sigma])
+    lift_mean, lift_sigma = lift_prior(span_m, balance.conditions.wing_area_m2)
+    return np.array([*mean, *efficiency, *lift_mean]), np.array([*sigma, *efficiency_sigma, *lift_sigma])
 
 
 def drag_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:
@@ -136,6 +150,13 @@ def drag_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:
     ln_K = -np.log(np.pi * OSWALD * span_m**2 / wing_area_m2)
     sigma = [CD0_LN_SIGMA, K_LN_SIGMA, CL_MIN_DRAG_SIGMA, K4_SIGMA]
     return np.array([np.log(CD0), ln_K, CL_MIN_DRAG, K4]), np.array(sigma)
+
+
+def lift_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:
+    """Of the last two parameters, by the lift slope of a straight wing (Helmbold)."""
+    A = span_m**2 / wing_area_m2
+    slope = 2 * np.pi * A / (2 + np.sqrt(4 + A**2))
+    return np.array([0.0, -np.log(slope), 0.0]), np.array([ALPHA_0_SIGMA, ALPHA_PER_CL_LN_SIGMA, ALPHA_PER_CT_SIGMA])
 
 
 def _marginal_efficiency(V: Array, parameters: Array, c: FlightConditions) -> Array:

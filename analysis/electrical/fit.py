@@ -7,7 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
-from analysis.electrical.air_motion import covariance
+from analysis.electrical.air_motion import (
+    by_air,
+    by_angle,
+    by_efficiency,
+    of_both,
+    uncorrelated,
+)
 from analysis.electrical.airspeed_gps import AirspeedErrors, true_airspeed
 from analysis.electrical.correlated import most_probable
 from analysis.electrical.energy_balance import EnergyBalance, FlightConditions, Samples
@@ -25,6 +31,9 @@ TIMES_S = (1.0, 2.0, 4.0, 8.0, 16.0)
 SIGMAS_MPS = tuple(0.02 * 1.25**i for i in range(26))  # 0.02 to 5
 # Length scale of vertical turbulence: the height above ground, up to 300 m (MIL-F-8785C); its logarithm.
 LENGTH_M, LENGTH_LN_SIGMA = 60.0, 0.7
+FIRST_ANGLE_RAD = 0.005
+ANGLES_RAD = tuple(0.0005 * 1.25**i for i in range(22))  # to 0.05: of the angle of attack
+LEAST_MEASURED = 0.98  # share of the flight in which the accelerometer measured
 ITERATIONS = 3
 STEP = 0.2  # of numerical derivatives, in standard deviations
 
@@ -46,44 +55,66 @@ def samples_of(flight: FlightTable, scale: float, zero_Pa: float) -> Samples:
     load_factor = table["load_factor"].fillna(1.0).to_numpy()
     height, power = table["height_m"].to_numpy(), table["power_W"].to_numpy()
     revps = table[recording.MOTOR].to_numpy()
-    return Samples(table.index.to_numpy(), V, height, power, load_factor, flight.airborne, revps)
+    both = table[["force_x_mps2", "load_factor"]].notna().all(axis=1).to_numpy()
+    force_x = table["force_x_mps2"].interpolate(limit_direction="both").to_numpy()
+    has_force = float(np.mean(both[flight.flown])) > LEAST_MEASURED
+    return Samples(
+        table.index.to_numpy(), V, height, power, load_factor, flight.airborne, revps, force_x if has_force else None
+    )
 
 
 def most_probable_fit(balance: EnergyBalance, mean: Array, sigma: Array) -> Fit:
-    """Maximum a posteriori parameters, and the size of the air's motion by maximum likelihood, in turns."""
-    mass_kg, V = balance.conditions.mass_kg, float(np.mean(balance.V_mps))
-    parameters, gust_mps, gust_s = mean, FIRST_SIGMA_MPS, FIRST_TIME_S
+    """Maximum a posteriori parameters, and the sizes of errors by maximum likelihood, in turns.
+
+    The sum of both balances has no motion of the air in it: it shows the error of the angle of attack.
+    """
+    windows, mass_kg, V = balance.windows, balance.conditions.mass_kg, float(np.mean(balance.V_mps))
+    n, with_force = len(balance.V_mps), balance.samples.force_x_mps2 is not None
+    white = uncorrelated(windows)
+    airs = [by_air(windows, mass_kg, V, 1.0, time_s) for time_s in TIMES_S]
+    angles = [by_angle(windows, mass_kg, balance.V_mps, 1.0, time_s) for time_s in TIMES_S]
+    unlikely = [(np.log(time_s * V / LENGTH_M) / LENGTH_LN_SIGMA) ** 2 for time_s in TIMES_S]
+    gust_mps, gust_s, angle_rad, angle_s = FIRST_SIGMA_MPS, FIRST_TIME_S, FIRST_ANGLE_RAD, FIRST_TIME_S
+    parameters = mean
     for _ in range(ITERATIONS):
-        noise = covariance(balance.windows, mass_kg, V, balance.useful_W(parameters), gust_mps, gust_s)
+        noise = air = by_air(windows, mass_kg, V, gust_mps, gust_s)
+        of_drag = by_efficiency(windows, balance.useful_W(parameters)) + white
+        noise = air + of_drag
+        if with_force:
+            of_force = by_angle(windows, mass_kg, balance.V_mps, angle_rad, angle_s) + white
+            noise = of_both(air, of_drag, of_force)
         whiten = np.linalg.inv(np.linalg.cholesky(noise))
         parameters, jacobian = most_probable(balance.residual, whiten, mean, sigma, parameters)
         residual = balance.residual(parameters)
-        gust_mps, gust_s = _air_motion(balance, parameters, residual, mass_kg, V)
+        of_drag = by_efficiency(windows, balance.useful_W(parameters)) + white
+        gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
+        if with_force:
+            both = residual[:n] + residual[n:]
+            angle_rad, angle_s = _size_and_time(both, of_drag + white, angles, ANGLES_RAD, [0.0] * len(TIMES_S))
     estimate_covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=float)
     gain = -estimate_covariance @ jacobian[: len(residual)].T @ whiten
-    return Fit(parameters, estimate_covariance, gain, residual, gust_mps, gust_s)
+    return Fit(parameters, estimate_covariance, gain, residual[:n], gust_mps, gust_s)
 
 
-def _air_motion(
-    balance: EnergyBalance, parameters: Array, residual: Array, mass_kg: float, V: float
+def _size_and_time(
+    residual: Array, fixed: Array, by_time: list[Array], sizes: tuple[float, ...], unlikely: list[float]
 ) -> tuple[float, float]:
-    """Standard deviation and correlation time of vertical air motion: root mean square, and geometric mean, over what
-    is probable given the residuals. A short flight leaves them uncertain, and their most likely values are too small
-    more often than too large."""
-    useful, found = balance.useful_W(parameters), []
-    fixed = covariance(balance.windows, mass_kg, V, useful, 0.0, 1.0)
+    """Standard deviation and correlation time of one part of the residuals: root mean square, and geometric mean, over
+    what is probable given the residuals. A short flight leaves them uncertain, and their most likely values are too
+    small more often than too large.
+
+    fixed: covariance of the rest. by_time: of the part, by TIMES_S, at size 1. unlikely: their cost, as chi squared.
+    """
+    found = []
     factor = np.linalg.inv(np.linalg.cholesky(fixed))
-    for time_s in TIMES_S:
-        by_air = covariance(balance.windows, mass_kg, V, useful, 1.0, time_s) - fixed
+    for one, cost_of_time in zip(by_time, unlikely, strict=True):
         # In the eigenvectors of one matrix relative to the other both are diagonal for every size.
-        values, vectors = np.linalg.eigh(factor @ by_air @ factor.T)
+        values, vectors = np.linalg.eigh(factor @ one @ factor.T)
         white = (vectors.T @ factor @ residual) ** 2
-        unlikely = (np.log(time_s * V / LENGTH_M) / LENGTH_LN_SIGMA) ** 2
-        for sigma in SIGMAS_MPS:
-            variance = 1 + sigma**2 * np.maximum(values, 0.0)
-            cost = float(np.sum(white / variance + np.log(variance))) + unlikely
-            found.append((cost, sigma, time_s))
-    costs, sigmas, times_s = np.array(found).T
+        variance = 1 + np.square(sizes)[:, None] * np.maximum(values, 0.0)
+        found.append(np.sum(white / variance + np.log(variance), axis=1) + cost_of_time)
+    costs = np.concatenate(found)
+    sigmas, times_s = np.tile(sizes, len(TIMES_S)), np.repeat(TIMES_S, len(sizes))
     weight = np.exp((costs.min() - costs) / 2)
     weight /= weight.sum()
     return float(np.sqrt(weight @ sigmas**2)), float(np.exp(weight @ np.log(times_s)))
@@ -128,6 +159,7 @@ def shared_errors(
     fit: Fit,
     airspeed: AirspeedErrors,
     power_sigma: float = CURRENT_SIGMA,
+    updraft_share: float = UPDRAFT_SHARE,
 ) -> Iterator[tuple[Array, FlightConditions]]:
     """The parameters' change with each independent error of one standard deviation, and the conditions with it."""
     c = balance.conditions
@@ -145,5 +177,5 @@ def shared_errors(
     yield error(balance.samples, c._replace(power_scale=1 + power_sigma))
     yield error(balance.samples, c._replace(idle_power_W=c.idle_power_W + IDLE_POWER_SIGMA_W))
     yield error(
-        balance.samples, c._replace(updraft_mps=float(np.hypot(LEAST_UPDRAFT_MPS, UPDRAFT_SHARE * fit.gust_mps)))
+        balance.samples, c._replace(updraft_mps=float(np.hypot(LEAST_UPDRAFT_MPS, updraft_share * fit.gust_mps)))
     )

@@ -43,8 +43,8 @@ WHAT_IS_NEEDED = {
 class FlightTable(NamedTuple):
     """One flight on a uniform grid of STEP_S.
 
-    table : index t_s; pressure_Pa (pitot, zero corrected), rho, height_m, power_W, load_factor, motor_revps, GPS;
-        NaN in gaps
+    table : index t_s; pressure_Pa (pitot, zero corrected), rho, height_m, power_W, load_factor, force_x_mps2,
+        motor_revps, GPS; NaN in gaps
     airborne : slices of rows          flown : the same as an array (n,)
     zero_sigma_Pa : standard deviation of the pitot's zero          rho_sigma : of density, relative
     idle_power_W : drawn from the battery with the motor off
@@ -116,6 +116,7 @@ def _columns(channels: Mapping[str, Channel], t_s: Array) -> dict[str, Array]:
         "static_Pa": column(recording.STATIC, HEIGHT_S),
         "power_W": column(recording.VOLTAGE) * np.maximum(column(recording.CURRENT), 0.0),
         "load_factor": -column(recording.FORCE_Z, LOAD_S) / g,
+        "force_x_mps2": column(recording.FORCE_X, LOAD_S),
     }
     return columns | {name: column(name) for name in (*recording.GPS, recording.MOTOR)}
 

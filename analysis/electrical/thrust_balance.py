@@ -10,14 +10,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag.forces import J_REFERENCE
-from analysis.electrical.energy_balance import DragAndEfficiency, EnergyBalance, FlightConditions, Samples, drag_power
+from analysis.electrical.energy_balance import (
+    MOST_WINDOWS,
+    DragAndEfficiency,
+    EnergyBalance,
+    FlightConditions,
+    Samples,
+    drag_power,
+)
 from analysis.signals.stretches import stretches
 from flight.aircraft import Propulsion
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 
-PARAMETERS = ("ln_CD0", "ln_K", "CL_minD", "K4", "thrust_scale", "thrust_slope")
+PARAMETERS = (
+    "ln_CD0",
+    "ln_K",
+    "CL_minD",
+    "K4",
+    "thrust_scale",
+    "thrust_slope",
+    "alpha_0",
+    "ln_alpha_per_CL",
+    "alpha_per_CT",
+)
 SLOWEST_REVPS = 5.0  # below it the blades stand, by degrees
 GREATEST_J = 1.5  # of the correction of the table
 REVPS_POINTS, GREATEST_REVPS = 120, 600.0
@@ -52,11 +69,16 @@ class ThrustBalance(EnergyBalance):
     """The balance of one flight by the propeller's table. motor: where motor speed is not measured."""
 
     def __init__(
-        self, samples: Samples, conditions: FlightConditions, propeller: Propeller, motor: MotorConstants | None = None
+        self,
+        samples: Samples,
+        conditions: FlightConditions,
+        propeller: Propeller,
+        motor: MotorConstants | None = None,
+        most_windows: int = MOST_WINDOWS,
     ):
         if motor is not None:
             samples = samples._replace(stretches=_powered(samples, conditions))
-        super().__init__(samples, conditions)
+        super().__init__(samples, conditions, most_windows)
         self._propeller, self._motor = propeller, motor
         self._known: tuple[Samples, FlightConditions, Array, Array] | None = None
 
@@ -72,7 +94,7 @@ class ThrustBalance(EnergyBalance):
 
     def _drag_and_useful_W(self, parameters: Array, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
         thrust_N, J = self._thrust(s, c)
-        *_, scale, slope = parameters
+        scale, slope = parameters[4:6]
         useful = thrust_N * (1 + scale + slope * (J - J_REFERENCE)) * s.V_mps
         return drag_power(s.V_mps, s.load_factor, 0.0, aerodynamics(parameters), c), useful
 

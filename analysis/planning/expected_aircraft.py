@@ -16,7 +16,6 @@ Array = NDArray[np.float64]
 # Where neither an earlier flight nor the user says otherwise: a trainer's wing, its drag and its power.
 LARGEST_CL, CD0, OSWALD, CL_MIND, CL_AT_ZERO_ALPHA = 1.2, 0.045, 0.75, 0.15, 0.3
 FASTEST_OVER_STALL = 2.4  # level, where the aircraft file has no motor
-BATTERY_PER_CELL_V = 3.7
 SPEEDS, THROTTLES = 24, 21
 
 

@@ -22,7 +22,7 @@ from flight.units import GRAVITY_MPS2 as g
 Array = NDArray[np.float64]
 
 STEP_S = 0.04
-TAKE_OFF_S, LAND_S, GROUND_HEIGHT_M = 12.0, 14.0, 20.0
+TAKE_OFF_S, GROUND_HEIGHT_M = 12.0, 20.0
 CLIMB_MPS, CLIMB_OVER_STALL = 3.0, 0.3
 SPEED_LAG_S = 2.0  # of a pilot who changes speed
 HARDEST_MPS2 = 1.5  # of a change of speed between maneuvers

@@ -8,9 +8,11 @@ import pandas as pd
 
 from analysis.drag.estimate import DragEstimates
 from analysis.drag.polar import Condition, best_range_lift, minimum_power_lift
+from analysis.electrical.estimate import ElectricalEstimate
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.results import flight_found, methods, power_curves
 from analysis.results.autopilot_parameters import of_power_required
+from analysis.results.electrical import electrical_points
 from analysis.results.likelihood import pitch_rate_result
 from analysis.results.pooling_statistics import PoolingStatistics
 from analysis.results.schema import (
@@ -47,6 +49,7 @@ def assemble(
     air: AirFound,
     ground_track: Track,
     next_flight: list[str],
+    electrical: ElectricalEstimate | None = None,
 ) -> Results:
     """The contents of `results.json`.
 
@@ -105,6 +108,7 @@ def assemble(
         parameter_correlation=flight_found.parameter_correlation(drag.main),
         track=ground_track,
         next_flight=next_flight,
+        electrical_power=electrical_points(electrical) if electrical else [],
         pitch_rate=pitch_rate_result(drag.pitch_rate) if drag.pitch_rate else None,
     )
     parameters, withheld = of_power_required(results, *power_curves.two_term_polar(polar, flown_CL))

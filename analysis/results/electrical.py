@@ -88,12 +88,16 @@ def electrical_results(
         best_range_speed=UNKNOWN,
         verdict="converged",
         warnings=[*flight.notes, *_warnings(estimate)],
-        electrical_power=_points(estimate.V_mps, estimate.power_W, NORMAL_95 * estimate.standard_error_W),
+        electrical_power=electrical_points(estimate),
         electrical=beside,
         autopilot_parameters=parameters,
         autopilot_parameters_withheld=withheld,
         provenance=provenance,
     )  # fmt: skip
+
+
+def electrical_points(estimate: ElectricalEstimate) -> list[PowerPoint]:
+    return _points(estimate.V_mps, estimate.power_W, NORMAL_95 * estimate.standard_error_W)
 
 
 def _points(V: Array, power_W: Array, half_W: Array) -> list[PowerPoint]:

@@ -13,13 +13,13 @@ def to_json(results: Results) -> bytes:
 
 
 def to_csv(results: Results) -> str:
-    """Both curves of power required, or that of electrical power if any; one row per point, units in the header."""
+    """Both curves of power required, or that of electrical power where the report leads with it; one row per point."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
     writer.writerow(["condition", "weight_N", "air_density_kgpm3", *fields, "extrapolated"])
     for name, condition, curve in (
-        ("test", results.test, results.electrical_power or results.power_required),
+        ("test", results.test, results.electrical_power if results.electrical else results.power_required),
         ("standard", results.standard, results.power_required_standard),
     ):
         for point in curve:

@@ -8,7 +8,8 @@ from analysis.log_contents import LogContents, Replacements
 from analysis.results.schema_provenance import Provenance, SensorHealth, SourceFile
 from flight.log_entries import STATUS_CODE, entries_of
 from flight.log_reader import Log
-from flight.messages import Event, Gps, Status, Tick, Time
+from flight.messages import Event, Gps, Status, Tick
+from flight.satellite_time import satellites_minus_log_time_ns
 from flight.shipped_propellers import FOLDER, shipped_propellers
 
 FAULTS = (Status.FAULT, Status.SATURATED, Status.NO_REPLY, Status.TIMEOUT, Status.CORRUPT, Status.WRONG_DEVICE)
@@ -81,12 +82,9 @@ def _span_ns(log: Log) -> tuple[int, int]:
 
 def _start(log: Log, start_ns: int) -> tuple[str | None, str]:
     """Date and time of the log's start, and the clock that they are from."""
-    for entry in log.entries.get("/gps", []):
-        if isinstance(entry.message, Gps) and entry.message.utc_ns is not None:
-            return _iso(entry.message.utc_ns - (entry.time_ns - start_ns)), "satellites"
-    for entry in log.entries.get("/time", []):
-        if isinstance(entry.message, Time) and entry.message.gps_utc_ns is not None:
-            return _iso(entry.message.gps_utc_ns - (entry.time_ns - start_ns)), "satellites"
+    offset_ns = satellites_minus_log_time_ns(log)
+    if offset_ns is not None:
+        return _iso(start_ns + offset_ns), "satellites"
     stated = log.metadata.get("flightpower", {}).get("start_unix_ns", "")
     return (_iso(int(stated)), "computer") if stated.isdigit() and int(stated) else (None, "")
 

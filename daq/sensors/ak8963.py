@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from daq.bus import I2CBus
 from daq.sensors import Sample, SensorFailure, brown_out, wrong_device
 from daq.sensors.axes import BODY_AXES, Axes, to_body_axes
-from flight.messages import Magnetometer, Status
+from flight.messages import OK, Magnetometer, Status
 
 WIA, ST1, CNTL1, CNTL2, ASAX = 0x00, 0x02, 0x0A, 0x0B, 0x10  # [8.2]
 IDENTITY = 0x48
@@ -65,7 +65,7 @@ class AK8963Driver:
         self._stale = 0
         field_x, field_y, field_z = to_body_axes(field_T((x, y, z), self._sensitivity), self._axes)
         message = Magnetometer(
-            status=Status.SATURATED if status2 & OVERFLOW else Status.OK,
+            status=Status.SATURATED if status2 & OVERFLOW else OK,
             x_counts=x,
             y_counts=y,
             z_counts=z,

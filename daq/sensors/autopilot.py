@@ -1,16 +1,15 @@
 """MAVLink autopilot: servo and stick pulse widths, attitude, battery, and optionally motor speed.
 
-Parsed by pymavlink (ArduPilot's dialect, which contains the common one; protocol 2, which also reads protocol 1). The
-required messages are requested (SET_MESSAGE_INTERVAL) after the first heartbeat, and again when they stop.
+Protocols 1 and 2, see `daq.mavlink_frames`. The required messages are requested (SET_MESSAGE_INTERVAL) after the first
+heartbeat, and again when they stop.
 """
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
+from daq import mavlink_frames
 from daq.bus import BytePort
+from daq.mavlink_frames import BatteryStatus, Content, Heartbeat, MavlinkParser, MotorRpm, RcChannels, ServoOutput
 from daq.sensors import Sample
 from flight.aircraft import Aircraft
 from flight.messages import Attitude, Battery, Controls, Message, Rpm, Status
@@ -18,7 +17,9 @@ from flight.messages import Attitude, Battery, Controls, Message, Rpm, Status
 SILENCE_NS = 500_000_000
 BATTERY_SILENCE_NS = 3_000_000_000  # sent a few times a second at most
 REQUEST_AGAIN_NS = 2_000_000_000
-OUR_SYSTEM, OUR_COMPONENT = 255, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+OUR_SYSTEM, OUR_COMPONENT = 255, 191  # of a ground station; MAV_COMP_ID_ONBOARD_COMPUTER
+NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID
+SET_MESSAGE_INTERVAL = 511  # MAV_CMD
 BATTERY_RATE_HZ = 2.0
 UNKNOWN_MILLIVOLT = 0xFFFF
 UNUSED_CHANNEL = 0xFFFF
@@ -41,8 +42,7 @@ class AutopilotDriver:
         self._port = port
         self._aircraft = aircraft
         self._rate_Hz = rate_Hz
-        self._link = mavlink.MAVLink(None, srcSystem=OUR_SYSTEM, srcComponent=OUR_COMPONENT)
-        self._link.robust_parsing = True  # damaged bytes become BAD_DATA messages, not exceptions
+        self._parser = MavlinkParser()
         self._silence_ns = {"/controls": SILENCE_NS, "/attitude": SILENCE_NS}
         if battery:
             self._silence_ns["/battery"] = BATTERY_SILENCE_NS
@@ -63,11 +63,14 @@ class AutopilotDriver:
         """The latest message on each topic. `no_data`, or `corrupt` after damaged bytes, when one is overdue."""
         newest: dict[str, Message] = {}
         system = None
-        for received in self._link.parse_buffer(self._port.read_available()) or ():
-            if is_autopilot(received):
-                self.system_id = system = received.get_srcSystem()
-            self._damaged |= received.get_type() == "BAD_DATA"
-            self._take(received, newest)
+        rejected = self._parser.rejected
+        for sender, content in self._parser.feed(self._port.read_available()):
+            if isinstance(content, Heartbeat):
+                if is_autopilot(content):
+                    self.system_id = system = sender
+            else:
+                self._take(content, newest)
+        self._damaged |= self._parser.rejected > rejected
         self._damaged &= not newest
         newest = {topic: message for topic, message in newest.items() if topic in self._silence_ns}
         silent = False
@@ -84,71 +87,64 @@ class AutopilotDriver:
             self._requested_ns = now_ns
         return [Sample(topic, now_ns, message) for topic, message in newest.items()]
 
-    def _take(self, received: Any, newest: dict[str, Message]) -> None:
-        kind = received.get_type()
-        if kind == "SERVO_OUTPUT_RAW" and received.port == 0:
-            newest["/controls"] = message = controls(pulses_us(received), self._aircraft)
-            message.stick_pulse_us, self._sticks = self._sticks, None
-        elif kind == "RC_CHANNELS":
-            self._sticks = sticks_us(received)
-        elif kind == "ATTITUDE":
-            newest["/attitude"] = attitude(received)
-        elif kind == "BATTERY_STATUS" and received.id == 0:
-            self._has_battery_status = True
-            newest["/battery"] = battery(received)
-        elif kind == "SYS_STATUS" and not self._has_battery_status:
-            newest["/battery"] = _battery(received.voltage_battery, received.current_battery)
-        elif kind == "RPM":
-            newest["/rpm"] = motor_speed(received.rpm1)
-        elif kind == "RAW_RPM" and received.index == 0:
-            newest["/rpm"] = motor_speed(received.frequency)
+    def _take(self, content: Content, newest: dict[str, Message]) -> None:
+        match content:
+            case ServoOutput():
+                if content.port == 0:
+                    newest["/controls"] = message = controls(pulses_us(content), self._aircraft)
+                    message.stick_pulse_us, self._sticks = self._sticks, None
+            case mavlink_frames.Attitude():
+                newest["/attitude"] = attitude(content)
+            case RcChannels():
+                self._sticks = sticks_us(content)
+            case BatteryStatus():
+                if content.id == 0:
+                    self._has_battery_status = True
+                    newest["/battery"] = battery(content)
+            case mavlink_frames.SysStatus():
+                if not self._has_battery_status:
+                    newest["/battery"] = _battery(content.voltage_battery, content.current_battery)
+            case MotorRpm():
+                if content.sensor == 0:
+                    newest["/rpm"] = motor_speed(content.rpm)
 
     def _request_messages(self, system: int) -> None:
         wanted = {
-            mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._rate_Hz,
-            mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rate_Hz,
-            mavlink.MAVLINK_MSG_ID_ATTITUDE: self._rate_Hz,
-            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: BATTERY_RATE_HZ,
+            mavlink_frames.SERVO_OUTPUT_RAW: self._rate_Hz,
+            mavlink_frames.RC_CHANNELS: self._rate_Hz,
+            mavlink_frames.ATTITUDE: self._rate_Hz,
+            mavlink_frames.BATTERY_STATUS: BATTERY_RATE_HZ,
         }
         if "/rpm" in self._silence_ns:
-            wanted[mavlink.MAVLINK_MSG_ID_RPM] = wanted[mavlink.MAVLINK_MSG_ID_RAW_RPM] = self._rate_Hz
+            wanted[mavlink_frames.RPM] = wanted[mavlink_frames.RAW_RPM] = self._rate_Hz
+        sender = (OUR_SYSTEM, OUR_COMPONENT)
         for message_id, rate_Hz in wanted.items():
-            command = self._link.command_long_encode(
-                system,
-                mavlink.MAV_COMP_ID_AUTOPILOT1,
-                mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
-                0,
-                message_id,
-                1e6 / rate_Hz,
-                *[0.0] * 5,
-            )
-            self._port.write(command.pack(self._link))
+            parameters = (message_id, 1e6 / rate_Hz)
+            self._port.write(mavlink_frames.command_frame(0, sender, system, SET_MESSAGE_INTERVAL, parameters))
 
 
 SILENT: dict[str, type[Message]] = {"/controls": Controls, "/attitude": Attitude, "/battery": Battery, "/rpm": Rpm}
 
 
-def is_autopilot(received: Any) -> bool:
+def is_autopilot(received: Heartbeat) -> bool:
     """Whether this is the autopilot's own heartbeat, not one that it forwards from a ground station or camera."""
-    return bool(received.get_type() == "HEARTBEAT" and received.autopilot != mavlink.MAV_AUTOPILOT_INVALID)
+    return received.autopilot != NO_AUTOPILOT
 
 
-def pulses_us(received: Any) -> list[int]:
+def pulses_us(received: ServoOutput) -> list[int]:
     """Pulse widths of outputs 1 to 8, or 1 to 16 if any output above 8 is used."""
-    pulses = [getattr(received, f"servo{i}_raw") for i in range(1, 17)]
+    pulses = list(received.pulses_us)
     return pulses if any(pulses[8:]) else pulses[:8]
 
 
-def sticks_us(received: Any) -> list[int]:
+def sticks_us(received: RcChannels) -> list[int]:
     """Pulse widths of the receiver's channels; 0 for an unused channel."""
-    pulses = [getattr(received, f"chan{i}_raw") for i in range(1, min(received.chancount, 18) + 1)]
-    return [0 if pulse == UNUSED_CHANNEL else pulse for pulse in pulses]
+    return [0 if pulse == UNUSED_CHANNEL else pulse for pulse in received.pulses_us[: received.channels]]
 
 
-def attitude(received: Any) -> Attitude:
+def attitude(received: mavlink_frames.Attitude) -> Attitude:
     """The message for an attitude. NaN means "not estimated"."""
-    angles = (received.roll, received.pitch, received.yaw)
-    if not all(map(math.isfinite, angles)):
+    if not all(map(math.isfinite, received)):
         return Attitude(status=Status.NO_DATA)
     return Attitude(roll_rad=received.roll, pitch_rad=received.pitch, yaw_rad=received.yaw)
 
@@ -177,7 +173,7 @@ def controls(pulse_us: list[int], aircraft: Aircraft | None) -> Controls:
     return message
 
 
-def battery(received: Any) -> Battery:
+def battery(received: BatteryStatus) -> Battery:
     """The voltage is the sum over all cells. A pack measured as a whole is reported as the first cell."""
     cells = [cell for cell in received.voltages if cell != UNKNOWN_MILLIVOLT]
     return _battery(sum(cells) if cells else UNKNOWN_MILLIVOLT, received.current_battery)

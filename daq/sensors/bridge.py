@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from daq.bus import I2CBus
 from daq.sensors import Sample
-from flight.messages import DifferentialPressure, Status
+from flight.messages import OK, DifferentialPressure, Status
 
 INCH_OF_WATER_PA = 249.08891  # conventional, water at 4 degC, as used by both manufacturers
 PSI_PA = 6894.757293
@@ -27,6 +27,9 @@ class FrameStatus(enum.IntEnum):
     COMMAND = 1  # command mode: never in normal operation
     STALE = 2  # this value has been read before
     FAULT = 3  # remains until the supply is switched off and on
+
+
+STATUSES = tuple(FrameStatus)
 
 
 class Frame(NamedTuple):
@@ -70,18 +73,16 @@ class BridgeTransducerDriver:
 def decode(reply: bytes) -> Frame:
     """Decode the four bytes."""
     word = int.from_bytes(reply, "big")
-    return Frame(FrameStatus(word >> 30), (word >> 16) & 0x3FFF, (word >> 5) & 0x7FF)
+    return Frame(STATUSES[word >> 30], (word >> 16) & 0x3FFF, (word >> 5) & 0x7FF)
 
 
 def message(frame: Frame, transfer: TransferFunction, sign: int = 1) -> DifferentialPressure:
     """The message for a frame. A stale or faulty frame repeats old values, so the message has none."""
-    if frame.status is FrameStatus.STALE:
-        return DifferentialPressure(status=Status.STALE)
-    if frame.status is not FrameStatus.GOOD:
-        return DifferentialPressure(status=Status.FAULT)
+    if frame.status:
+        return DifferentialPressure(status=Status.STALE if frame.status is FrameStatus.STALE else Status.FAULT)
     at_limit = frame.pressure_counts in (0, FULL_COUNT)  # open or saturated bridge
     return DifferentialPressure(
-        status=Status.SATURATED if at_limit else Status.OK,
+        status=Status.SATURATED if at_limit else OK,
         pressure_counts=frame.pressure_counts,
         temperature_counts=frame.temperature_counts,
         differential_pressure_Pa=sign * pressure_Pa(frame.pressure_counts, transfer),

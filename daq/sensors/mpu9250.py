@@ -15,7 +15,7 @@ from typing import NamedTuple
 from daq.bus import I2CBus
 from daq.sensors import Sample, SensorFailure, brown_out, wrong_device
 from daq.sensors.axes import BODY_AXES, Axes, to_body_axes
-from flight.messages import Imu, Status
+from flight.messages import OK, Imu, Status
 from flight.units import GRAVITY_MPS2
 
 SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2 = 0x19, 0x1A, 0x1B, 0x1C, 0x1D  # [4.4 to 4.8]
@@ -33,6 +33,7 @@ RESET_S = 0.1  # after H_RESET; not in the datasheet, 100 ms is usual in drivers
 GYRO_START_S = 0.05  # 35 ms typical from sleep (PS 3.1)
 FIFO_BYTES = 512
 SAMPLE = struct.Struct(">7h")  # accelerometer x y z, temperature, gyroscope x y z, in the registers' order
+CHANNELS = range(7)
 SAMPLE_RATE_HZ = 200.0
 SAMPLE_RATE_DIVIDER = 4  # 1 kHz / (1 + 4) [4.4]
 
@@ -74,6 +75,7 @@ class MPU9250Driver:
         self._bus, self._address = bus, address
         self._range_g, self._range_dps = range_g, range_dps
         self._fifo = fifo
+        self._mps2_per_count, self._radps_per_count = accel_scale_mps2(range_g), gyro_scale_radps(range_dps)
         self._axes = axes
         self._partial_sample = False  # a failed burst may leave part of a sample at the FIFO's head
 
@@ -143,12 +145,11 @@ class MPU9250Driver:
 
     def _message(self, counts: Counts, group_delay_s: float) -> Imu:
         ax, ay, az, temperature, gx, gy, gz = counts.values
-        per_mps2 = accel_scale_mps2(self._range_g)
-        per_radps = gyro_scale_radps(self._range_dps)
+        per_mps2, per_radps = self._mps2_per_count, self._radps_per_count
         fx, fy, fz = to_body_axes((ax * per_mps2, ay * per_mps2, az * per_mps2), self._axes)
         p, q, r = to_body_axes((gx * per_radps, gy * per_radps, gz * per_radps), self._axes)
         return Imu(
-            status=Status.SATURATED if counts.saturated else Status.OK,
+            status=Status.SATURATED if counts.saturated else OK,
             samples=counts.samples,
             group_delay_s=group_delay_s,
             accel_x_counts=ax,
@@ -178,11 +179,15 @@ class MPU9250Driver:
 
 def mean(data: bytes) -> Counts:
     """Mean of whole samples (14 bytes each), and whether any of them reached the end of the range."""
-    rows = list(SAMPLE.iter_unpack(data))
-    motion = [abs(value) for row in rows for value in row[:3] + row[4:]]
+    count = len(data) // SAMPLE.size
+    values = struct.unpack(f">{count * len(CHANNELS)}h", data)
+    columns = [values[channel :: len(CHANNELS)] for channel in CHANNELS]
     # Not a tuple of a generator: Python over-allocates and shrinks it, and keeps up to 2,000 of the freed tuples.
-    means = [sum(column) / len(rows) for column in zip(*rows, strict=True)]
-    return Counts(len(rows), tuple(means), max(motion) >= FULL_COUNT)
+    means = [sum(column) / count for column in columns]
+    saturated = max(values) >= FULL_COUNT or min(values) <= -FULL_COUNT  # the temperature counts, too
+    if saturated:
+        saturated = any(max(map(abs, column)) >= FULL_COUNT for column in columns[:3] + columns[4:])
+    return Counts(count, tuple(means), saturated)
 
 
 def accel_scale_mps2(range_g: int) -> float:

@@ -107,12 +107,11 @@ class MS56xxDriver:
         self._prom = check_prom(tuple(words), self._variant)
 
     def read(self, now_ns: int) -> list[Sample]:
-        if self._running is not None and now_ns - self._started_ns < CONVERSION_NS[self._code]:
-            return [
-                Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
-            ]  # the conversion is still running
-        sample = Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
-        if self._running is not None:
+        if self._running is None:
+            sample = Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
+        elif now_ns - self._started_ns < CONVERSION_NS[self._code]:  # it is still running
+            return [Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))]
+        else:
             sample = self._finish(now_ns)
         temperature_next = self._temperatures.last is None or now_ns >= self._temperature_due_ns
         command = START_TEMPERATURE if temperature_next else START_PRESSURE

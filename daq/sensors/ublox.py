@@ -1,16 +1,14 @@
 """u-blox M8 receiver: UBX NAV-PVT over a byte stream (protocol: u-blox 8 / M8 Receiver Description, UBX-13003221).
 
-This module does framing and resynchronisation; pyubx2 decodes the fields. The receiver is configured while the sampling
-loop runs: one command at a time, the next after an acknowledge. When solutions stop, the configuration is sent again,
-because the receiver loses it when its supply is interrupted.
+The receiver is configured while the sampling loop runs: one command at a time, the next after an acknowledge. When
+solutions stop, the configuration is sent again, because the receiver loses it when its supply is interrupted. Numbers
+in brackets are sections of the description. The tests compare with pyubx2, which takes ten times as long.
 """
 
 import calendar
+import struct
 from collections.abc import Callable, Iterator
-from typing import Any
-
-from pyubx2 import SET, UBXMessage, UBXReader
-from pyubx2.exceptions import UBXMessageError, UBXParseError, UBXTypeError
+from itertools import accumulate
 
 from daq.bus import BytePort
 from daq.sensors import Sample, SensorFailure
@@ -19,8 +17,14 @@ from flight.messages import Gps, Status
 SYNC = b"\xb5\x62"
 OVERHEAD = 8  # sync, class, id, length, checksum
 PVT_PAYLOAD = 92
+# NAV-PVT (32.17.17) after class, id and length: iTOW; year, month, day, hour, minute, second, validity; nano; fixType,
+# flags, numSV. Longitude, latitude, two heights, two accuracies, three velocities, accuracy of the speed.
+PVT_TIME, PVT_PLACE = struct.Struct("<6x I H6B 4xi 2BxB"), struct.Struct("<30x 2i 2i 2I 3i 8xI")
+VALID_DATE_AND_TIME, FIX_OK = 0x03, 0x01
+DEGREE, DEGREE_DIGITS = 1e-7, 7
 LONGEST_PAYLOAD = 1024  # longer than any requested message: not a frame
 NAV_PVT, ACK_ACK, ACK_NAK = b"\x01\x07", b"\x05\x01", b"\x05\x00"
+CFG_PRT, CFG_MSG, CFG_RATE = b"\x06\x00", b"\x06\x01", b"\x06\x08"  # 32.10.25, 32.10.18, 32.10.27
 FACTORY_BAUD = 9600
 SWITCH_S = 0.1  # CFG-PRT lasts 29 ms at 9600 baud, and the receiver takes a moment to change
 MAX_FRAME_NS = 300_000_000  # a frame incomplete for this long is discarded; 100 bytes take 0.1 s at 9600 baud
@@ -125,28 +129,14 @@ class UBloxDriver:
 def configuration(rate_Hz: float, baud: int | None) -> list[bytes]:
     """Commands that make the receiver send NAV-PVT and nothing else. baud: None on I2C, which needs no CFG-PRT."""
     port_id = 0 if baud is None else 1
-    # mode: DDC address 0x42 (7 bits, shifted), or 8N1.
-    mode = {"mode": 0x42 << 1} if baud is None else {"mode": 0x08D0, "baudRate": baud}
-    port = {"portID": port_id, **mode, "inProtoMask": 0x0001, "outProtoMask": 0x0001}
-    rate = {"measRate": round(1000 / rate_Hz), "navRate": 1, "timeRef": 1}
-    rates = {"msgClass": NAV_PVT[0], "msgID": NAV_PVT[1]}
-    rates |= {name: int(name.endswith("DDC") if baud is None else name.endswith("UART1")) for name in MESSAGE_RATES}
+    mode = 0x42 << 1 if baud is None else 0x08D0  # DDC address 0x42 (7 bits, shifted), or 8N1
+    ubx = 0x0001  # protocols in and out
+    on_ports = bytes(int(port == port_id) for port in range(6))  # DDC, UART 1, UART 2, USB, SPI, reserved
     return [
-        _port_command(port, baud),
-        UBXMessage("CFG", "CFG-RATE", SET, **rate).serialize(),
-        UBXMessage("CFG", "CFG-MSG", SET, **rates).serialize(),
+        frame_of(CFG_PRT, struct.pack("<B3xIIHH4x", port_id, mode, baud or 0, ubx, ubx)),
+        frame_of(CFG_RATE, struct.pack("<HHH", round(1000 / rate_Hz), 1, 1)),  # each measurement; GPS time
+        frame_of(CFG_MSG, NAV_PVT + on_ports),
     ]
-
-
-MESSAGE_RATES = ("rateDDC", "rateUART1", "rateUART2", "rateUSB", "rateSPI", "reserved")
-
-
-def _port_command(port: dict[str, int], baud: int | None) -> bytes:
-    """CFG-PRT (32.10.25), packed by hand: its bit fields differ from port to port."""
-    payload = bytes([port["portID"], 0, 0, 0]) + port["mode"].to_bytes(4, "little")
-    payload += (baud or 0).to_bytes(4, "little") + port["inProtoMask"].to_bytes(2, "little")
-    payload += port["outProtoMask"].to_bytes(2, "little") + bytes(4)
-    return frame_of(b"\x06\x00", payload)
 
 
 def frame_of(kind: bytes, payload: bytes) -> bytes:
@@ -157,11 +147,7 @@ def frame_of(kind: bytes, payload: bytes) -> bytes:
 
 def checksum(body: bytes) -> bytes:
     """Fletcher-8 over class, id, length and payload (32.4)."""
-    a = b = 0
-    for byte in body:
-        a = a + byte & 0xFF
-        b = b + a & 0xFF
-    return bytes([a, b])
+    return bytes([sum(body) & 0xFF, sum(accumulate(body)) & 0xFF])
 
 
 def take_frames(buffer: bytearray) -> tuple[list[bytes], int]:
@@ -199,32 +185,34 @@ def solution(frame: bytes) -> Gps:
     """The message of a NAV-PVT frame. Without a fix it has only time, fix type and number of satellites."""
     if len(frame) != PVT_PAYLOAD + OVERHEAD:
         return Gps(status=Status.CORRUPT)
+    itow_ms, *date, valid, nano, fix_type, flags, satellites = PVT_TIME.unpack_from(frame)
+    longitude, latitude, height, height_msl, horizontal, vertical, north, east, down, speed = PVT_PLACE.unpack_from(
+        frame
+    )
     try:
-        pvt = UBXReader.parse(frame)
-        utc_ns = utc_of(pvt) if pvt.validDate and pvt.validTime else None
-    except (UBXMessageError, UBXParseError, UBXTypeError, ValueError):
+        utc_ns = utc_of(date, nano) if valid & VALID_DATE_AND_TIME == VALID_DATE_AND_TIME else None
+    except ValueError:
         return Gps(status=Status.CORRUPT)
-    if not pvt.gnssFixOk or pvt.fixType not in WITH_POSITION:
-        return Gps(status=Status.NO_DATA, itow_ms=pvt.iTOW, fix_type=pvt.fixType, satellites=pvt.numSV, utc_ns=utc_ns)
+    if not flags & FIX_OK or fix_type not in WITH_POSITION:
+        return Gps(status=Status.NO_DATA, itow_ms=itow_ms, fix_type=fix_type, satellites=satellites, utc_ns=utc_ns)
     return Gps(
-        itow_ms=pvt.iTOW,
-        fix_type=pvt.fixType,
-        satellites=pvt.numSV,
+        itow_ms=itow_ms,
+        fix_type=fix_type,
+        satellites=satellites,
         utc_ns=utc_ns,
-        latitude_deg=pvt.lat,
-        longitude_deg=pvt.lon,
-        height_m=pvt.height / 1e3,
-        height_msl_m=pvt.hMSL / 1e3,
-        velocity_north_mps=pvt.velN / 1e3,
-        velocity_east_mps=pvt.velE / 1e3,
-        velocity_down_mps=pvt.velD / 1e3,
-        horizontal_accuracy_m=pvt.hAcc / 1e3,
-        vertical_accuracy_m=pvt.vAcc / 1e3,
-        speed_accuracy_mps=pvt.sAcc / 1e3,
+        latitude_deg=round(latitude * DEGREE, DEGREE_DIGITS),
+        longitude_deg=round(longitude * DEGREE, DEGREE_DIGITS),
+        height_m=height / 1e3,
+        height_msl_m=height_msl / 1e3,
+        velocity_north_mps=north / 1e3,
+        velocity_east_mps=east / 1e3,
+        velocity_down_mps=down / 1e3,
+        horizontal_accuracy_m=horizontal / 1e3,
+        vertical_accuracy_m=vertical / 1e3,
+        speed_accuracy_mps=speed / 1e3,
     )
 
 
-def utc_of(pvt: Any) -> int:
-    """Unix time [ns] of a solution. Raises ValueError for an invalid date."""
-    date = (pvt.year, pvt.month, pvt.day, pvt.hour, pvt.min, pvt.second)
-    return calendar.timegm(date) * 1_000_000_000 + int(pvt.nano)
+def utc_of(date: list[int], nano: int) -> int:
+    """Unix time [ns] of year, month, day, hour, minute and second. Raises ValueError for an invalid date."""
+    return calendar.timegm(tuple(date)) * 1_000_000_000 + nano

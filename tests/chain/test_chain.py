@@ -74,6 +74,18 @@ def test_the_interval_is_an_interval(results: Results) -> None:
         assert ends == sorted(ends) and (len(ends) == 3 or special.reason)
 
 
+def test_the_battery_gives_a_curve_and_a_method_of_its_own(results: Results) -> None:
+    (method,) = (one for one in results.methods if one.name == "whole-flight")
+    assert len(results.electrical_power) > 10 and len(method.power_required) > 10
+    V = [point.speed_mps for point in results.power_required]
+    power = [point.power_W for point in results.power_required]
+    for point in method.power_required:
+        assert point.power_W == pytest.approx(np.interp(point.speed_mps, V, power), rel=0.15)
+    for point in results.electrical_power:
+        shaft = np.interp(point.speed_mps, V, power) / point.power_W
+        assert 0.3 < shaft < 0.8, "efficiency of motor and propeller"
+
+
 def test_one_flight_through_the_pool_equals_its_analysis_to_the_digit(flown: Path) -> None:
     path = flown / "log.report" / "results.json"
     results, pooled = json.loads(path.read_bytes()), pool_results([path]).to_json()

@@ -10,7 +10,9 @@ import threading
 
 import pytest
 
+from daq import sampling_loop
 from daq.clock import SystemClock
+from daq.process_setup import PROCESSORS
 from daq.sampling_loop import cycles
 from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample
@@ -87,6 +89,25 @@ def run(act, ticks=150):
     assert not progress.gave_up
     assert sum(cycle.tick.missed for cycle in found.values()) == max(found) + 1 - len(found)
     return found
+
+
+@pytest.mark.skipif(len(PROCESSORS) < 2, reason="there is one processor only")
+def test_threads_share_a_processor_until_a_bus_is_late(monkeypatch):
+    """With real-time priority. A bus that is late may keep its processor busy, and the others go on elsewhere."""
+    if os.sched_getscheduler(0) != os.SCHED_FIFO:
+        pytest.skip("no real-time priority here")
+    monkeypatch.setattr(sampling_loop, "STARTING_NS", 0)
+    processors = {}
+
+    def act(number, imu, rpm, ticks):
+        imu.trouble = (lambda: ticks.outlast(2)) if number == 20 else (lambda: None)
+        threads = [thread.native_id for thread in threading.enumerate() if thread.name.startswith("bus worker i2c-1")]
+        processors[number] = [os.sched_getaffinity(thread) for thread in (0, threads[-1])]
+
+    run(act, ticks=40)
+    assert processors[10] == [{max(PROCESSORS)}] * 2 and processors[30] == [PROCESSORS] * 2
+    run(lambda *_: None, ticks=5)
+    assert os.sched_getaffinity(0) == PROCESSORS
 
 
 def of_tick(found, topic):

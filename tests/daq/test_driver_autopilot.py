@@ -3,11 +3,12 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_parts import ScriptedPort, bring_up, pieces
 
+from daq.mavlink_frames import KINDS, BatteryStatus, MavlinkParser, command_frame
 from daq.sensors.autopilot import AutopilotDriver, battery, controls, motor_speed
 from flight.aircraft import load_aircraft
 from flight.messages import Rpm, Status
@@ -67,15 +68,17 @@ def test_messages_of_a_tick():
     assert set(samples) == {"/controls", "/attitude"}
 
 
+def battery_status(voltages, current_battery) -> BatteryStatus:
+    """As it comes off the wire."""
+    data = packed(mavlink.MAVLink_battery_status_message(0, 0, 1, 0, voltages, current_battery, 0, 0, 50))
+    return MavlinkParser().feed(data)[0].content
+
+
 def test_battery_from_either_message():
     unknown = [0xFFFF] * 6
-    status = mavlink.MAVLink_battery_status_message(0, 0, 1, 0, [3700] * 4 + unknown, 2050, 0, 0, 50)
-    message = battery(status)
+    message = battery(battery_status([3700] * 4 + unknown, 2050))
     assert (message.voltage_V, message.current_A) == pytest.approx((14.8, 20.5))
-    assert (
-        battery(mavlink.MAVLink_battery_status_message(0, 0, 1, 0, [0xFFFF] * 10, -1, 0, 0, 50)).status
-        is Status.NO_DATA
-    )
+    assert battery(battery_status([0xFFFF] * 10, -1)).status is Status.NO_DATA
     port, sensor = autopilot()
     port.incoming = [packed(mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 14800, 2050, 50, 0, 0, 0, 0, 0, 0))]
     assert sensor.read(0)[0].message == message
@@ -153,3 +156,85 @@ def test_any_bytes_in_any_pieces_never_raise_and_messages_after_them_are_found(n
     port.incoming = pieces(noise + servo() * 20, cuts)
     samples = [s for tick in range(len(port.incoming)) for s in sensor.read(tick)]
     assert samples[-1].message.pulse_us == PULSES
+
+
+def values_of(content) -> list:
+    """All values of a message, in one list."""
+    return [each for value in content for each in (value if isinstance(value, tuple) else [value])]
+
+
+def expected(message) -> list:
+    """The same, of a message decoded by pymavlink."""
+    pulses = [getattr(message, f"servo{i}_raw", None) for i in range(1, 17)]
+    channels = [getattr(message, f"chan{i}_raw", None) for i in range(1, 19)]
+    match message.get_type():
+        case "HEARTBEAT":
+            return [message.autopilot]
+        case "SYS_STATUS":
+            return [message.voltage_battery, message.current_battery]
+        case "ATTITUDE":
+            return [message.roll, message.pitch, message.yaw]
+        case "SERVO_OUTPUT_RAW":
+            return [message.port, *pulses]
+        case "RC_CHANNELS":
+            return [message.chancount, *channels]
+        case "BATTERY_STATUS":
+            return [message.id, *message.voltages, message.current_battery]
+        case "RPM":
+            return [message.rpm1, 0]
+        case _:
+            return [message.frequency, message.index]
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from(sorted(KINDS)), st.binary(min_size=80, max_size=80), st.booleans()), max_size=5),
+    st.lists(st.integers(0, 10_000), max_size=5),
+)
+@settings(max_examples=60)
+def test_messages_are_those_that_pymavlink_reads(chosen, cuts):
+    """Any values in every message, of both protocols, in any pieces, between others that the daemon skips."""
+    other, stream = packed(mavlink.MAVLink_raw_pressure_message(0, 1, 2, 3, 4)), b""
+    for number, payload, first_protocol in chosen:
+        kind = mavlink.mavlink_map[number]
+        first_protocol &= number < 256
+        message = kind(*decoded(kind, payload))
+        stream += other + bytes(message.pack(SENDER, force_mavlink1=first_protocol))
+    ours, theirs = MavlinkParser(), mavlink.MAVLink(None)
+    received = [each for piece in pieces(stream + other, cuts) for each in ours.feed(piece)]
+    wanted = [message for message in theirs.parse_buffer(stream) or () if message.get_msgId() in KINDS]
+    assert repr([values_of(each.content) for each in received]) == repr([expected(message) for message in wanted])
+    assert ours.rejected == 0 and {each.system for each in received} <= {7}
+
+
+def decoded(kind, payload) -> list:
+    """The arguments of a message, from the bytes of its payload."""
+    values = list(kind.unpacker.unpack(payload[: kind.unpacker.size]))
+    fields = []
+    for name in kind.ordered_fieldnames:
+        length = kind.array_lengths[kind.ordered_fieldnames.index(name)]
+        fields.append(values[:length] if length else values[0])
+        del values[: length or 1]
+    return [fields[kind.ordered_fieldnames.index(name)] for name in kind.fieldnames]
+
+
+@given(st.binary(max_size=300), st.integers(0, 30))
+@example(noise=b"\xfd\x00\xff" + bytes(9), lost=0)
+@settings(max_examples=60)
+def test_a_message_after_noise_or_a_loss_is_found_when_its_successors_are_there(noise, lost):
+    """Bytes that look like the head of a frame hold up what follows by the length of a frame, and lose none of it."""
+    parser, message = MavlinkParser(), attitude()
+    received = parser.feed(noise + message[lost:] + message * 10)
+    assert len(received) >= 10 or len(noise) + lost == 0
+
+
+def test_a_signed_message_is_read():
+    sender = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+    sender.signing.secret_key, sender.signing.sign_outgoing = bytes(32), True
+    data = bytes(mavlink.MAVLink_attitude_message(1000, 0.1, -0.2, 3.0, 0, 0, 0).pack(sender))
+    assert len(data) > len(attitude()) and len(MavlinkParser().feed(data + attitude())) == 2
+
+
+def test_the_command_is_what_pymavlink_sends():
+    link = mavlink.MAVLink(None, srcSystem=255, srcComponent=191)
+    command = mavlink.MAVLink_command_long_message(7, 1, 511, 0, 30, 40_000.0, 0, 0, 0, 0, 0)
+    assert command_frame(0, (255, 191), 7, 511, (30, 40_000.0)) == bytes(command.pack(link))

@@ -1,7 +1,7 @@
 """The receiver: UBX frames out of any stream of bytes, configuration with acknowledgement, fixes and their absence."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyubx2 import GET, SET, UBXMessage, UBXReader
 from scripted_parts import ScriptedPort, bring_up, pieces
@@ -183,3 +183,36 @@ def test_a_receiver_that_falls_back_to_its_factory_rate_is_brought_up_again():
     with pytest.raises(SensorFailure, match="sends nothing"):
         for tick in range(100):
             sensor.read(tick * TICK_NS)
+
+
+def by_pyubx2(frame: bytes) -> list:
+    """The numbers of a solution with position, decoded by pyubx2."""
+    pvt = UBXReader.parse(frame)
+    lengths = (pvt.height, pvt.hMSL, pvt.velN, pvt.velE, pvt.velD, pvt.hAcc, pvt.vAcc, pvt.sAcc)
+    return [pvt.iTOW, pvt.fixType, pvt.numSV, pvt.lat, pvt.lon, *(length / 1e3 for length in lengths)]
+
+
+@given(st.binary(min_size=92, max_size=92))
+@settings(max_examples=60)
+def test_solutions_are_those_that_pyubx2_reads(payload):
+    """Any values; only date and fix are set, so that there is a position."""
+    payload = payload[:4] + PVT[10:17] + b"\x03" + payload[12:20] + b"\x03\x01" + payload[22:]
+    frame = frame_of(b"\x01\x07", payload)
+    message = solution(frame)
+    fields = message.__struct_fields__
+    assert [getattr(message, name) for name in fields if name not in ("status", "utc_ns")] == by_pyubx2(frame)
+    nano = int.from_bytes(payload[16:20], "little", signed=True)
+    assert message.utc_ns == 1463218201 * 10**9 + nano
+
+
+def test_a_leap_second_is_a_time():
+    assert solution(nav_pvt(second=60)).utc_ns == solution(nav_pvt(second=59)).utc_ns + 10**9
+
+
+@given(st.floats(1, 10), st.sampled_from([9600, 38400, 115200]))
+@settings(max_examples=10)
+def test_commands_are_those_of_pyubx2(rate_Hz, baud):
+    _, rate, messages = configuration(rate_Hz, baud)
+    values = {"measRate": round(1000 / rate_Hz), "navRate": 1, "timeRef": 1}
+    assert rate == UBXMessage("CFG", "CFG-RATE", SET, **values).serialize()
+    assert messages == UBXMessage("CFG", "CFG-MSG", SET, msgClass=1, msgID=7, rateUART1=1).serialize()

@@ -1,4 +1,4 @@
-"""This machine's buses and lines: smbus2 on a device file, pyserial on a pseudo-terminal."""
+"""This machine's buses and lines: a device file and a pseudo-terminal."""
 
 import errno
 import os
@@ -43,7 +43,7 @@ def bus(tmp_path):
     with served:
         opened = LinuxI2C(str(served.path))
         yield opened
-        opened._bus.close()
+        opened.close()
 
 
 def test_the_same_transfer_again_gives_the_new_answer(bus):

@@ -34,14 +34,14 @@ def test_a_bus_is_opened_by_one_program_only(bus_file, tmp_path):
     with pytest.raises(OSError, match=IN_USE) as caught:
         LinuxI2C(str(bus_file))
     assert caught.value.errno == errno.EBUSY and caught.value.filename == str(bus_file)
-    first._bus.close()
+    first.close()
     buses = LinuxBuses()
     (tmp_path / "i2c-arm").symlink_to(bus_file)
     bus = buses.i2c(str(bus_file))
     try:
         assert buses.i2c(str(tmp_path / "i2c-arm")) is bus
     finally:
-        bus._bus.close()  # or the file system could not be unmounted
+        bus.close()  # or the file system could not be unmounted
 
 
 def test_a_udp_port_and_receiver_files_are_opened_by_one_program_only(tmp_path):

@@ -2,15 +2,23 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from daq.energy_balance import EnergyBalance
+from analysis.airdata import bank
+from analysis.drag import forces
+from analysis.electrical import airspeed_gps
+from analysis.maneuvers import find_level, quality
+from analysis.maneuvers import legs as analysis_legs
+from analysis.signals import aircraft_size, rest
+from daq import energy_balance, legs, motion_means, run_monitor
+from daq.energy_balance import EnergyBalance, inverted
 from daq.legs import Row
 from daq.run_monitor import LARGEST_BANK_RAD, RunMonitor
 from daq.sensors import Sample
 from daq.thrust import load_thrust
 from daq.tick_means import Means, TickMeans
-from flight.aircraft import load_aircraft
+from flight.aircraft import Uncertainty, load_aircraft
 from flight.messages import DifferentialPressure, Rpm, Status
 from flight.propeller_files import load_propeller
 from flight.units import GRAVITY_MPS2
@@ -32,9 +40,11 @@ def means_at(t_s: float, V: float, height_m: float, *, bank_rate: float = 0.0, n
     )  # fmt: skip
 
 
-def told(*, over_s=14.0, V=(12.0, 22.0), climb_mps=0.0, height_m=60.0, turn_radps=0.0, n=80.0) -> list[str]:
+def told(
+    *, over_s=14.0, V=(12.0, 22.0), climb_mps=0.0, height_m=60.0, turn_radps=0.0, n=80.0, aircraft=NEXSTAR
+) -> list[str]:
     """What the pilot reads of a speed change between two steady flights, after ten seconds on the ground."""
-    monitor, texts = RunMonitor(NEXSTAR, None), []
+    monitor, texts = RunMonitor(aircraft, None), []
     seconds = 10 + 8 + over_s + 8
     for i in range(round(seconds / 0.2)):
         t = 0.2 * (i + 0.5)
@@ -70,6 +80,55 @@ def test_a_level_acceleration_is_good_and_its_speeds_are_told():
 def test_a_run_that_the_analysis_would_reject_has_to_be_repeated(flown, why):
     (text,) = told(**flown)
     assert text.startswith("acceleration lost: ") and why in text and text.endswith("; repeat") and len(text) <= 50
+
+
+def test_a_light_aircraft_s_runs_may_be_shorter_and_lower():
+    """Times and heights scale with the speed at a lift coefficient of 1: 6.7 m/s, not 11."""
+    light = load_aircraft("light-1kg")
+    scale = math.sqrt(2 * light.mass.weight_N / light.geometry.wing_area_m2 / RHO) / 11.0
+    assert scale == pytest.approx(0.61, abs=0.01)
+    flown = {"V": (7.0, 13.0), "aircraft": light}
+    assert told(**flown, over_s=3.5)[0].startswith("acceleration good")
+    assert told(**flown, over_s=3.5, height_m=15.0)[0].startswith("acceleration good")
+    assert "down to 9 m" in told(**flown, over_s=3.5, height_m=9.0)[0]
+    assert "not 3 s" in told(**flown, over_s=1.0)[0]
+
+
+def test_criteria_are_those_of_the_analysis():
+    """Whoever repeats a run because the aircraft says so does it for what the analysis would have said."""
+    for name in (
+        "CHANGING_MPS2",
+        "CLEARLY_CHANGING_MPS2",
+        "MENTIONED_S",
+        "SHORTEST_S",
+        "LONGEST_S",
+        "SMALLEST_SPEED_CHANGE",
+        "LARGEST_ALTITUDE_CHANGE_M",
+        "LARGEST_CLIMB_MPS",
+        "STEEP_MPS",
+        "LARGEST_BANK_RAD",
+    ):
+        assert getattr(run_monitor, name) == pytest.approx(getattr(find_level, name)), name
+    assert run_monitor.LARGEST_GAP_SHARE == quality.LARGEST_GAP_SHARE
+    assert run_monitor.LEAST_HEIGHT_M == aircraft_size.LEAST_HEIGHT_M
+    assert (2 * run_monitor.HALF + 1) * run_monitor.STEP_S == pytest.approx(find_level.SMOOTHING_S)
+    assert (legs.OF_SPEED, legs.OF_GAIN, legs.HELD) == (
+        analysis_legs.OF_SPEED,
+        analysis_legs.OF_GAIN,
+        analysis_legs.HELD,
+    )
+    for name in ("REFERENCE_MPS", "FLYING_PA", "LEAST_FLYING_PA"):
+        assert getattr(motion_means, name) == getattr(aircraft_size, name), name
+    assert motion_means.BANK_TIME_S == bank.TIME_CONSTANT_S
+    assert (motion_means.RATE_SPREAD_RADPS, motion_means.MOTOR_REVPS, motion_means.PRESSURE_SPREAD_PA) == (
+        rest.RATE_SPREAD_RADPS,
+        rest.MOTOR_REVPS,
+        rest.AIRSPEED_SPREAD_PA,
+    )
+    prior = Uncertainty()
+    assert energy_balance.THRUST_SIGMAS == {3: prior.thrust_scale_fraction, 4: prior.thrust_slope}
+    assert energy_balance.J_REFERENCE == forces.J_REFERENCE
+    assert energy_balance.AIRSPEED_SCALE_SIGMA == airspeed_gps.SCALE_SIGMA == prior.airspeed_scale_fraction
 
 
 def test_nothing_is_told_of_steady_flight_and_of_turns():
@@ -129,3 +188,69 @@ def test_the_energy_balance_finds_the_drag_polar_that_made_the_runs():
         assert balance.power_W(V, 1.0) == pytest.approx(power, rel=0.01)
     found = balance.at_endurance_speed(12.0, 22.0)
     assert found is not None and 0 < found.half_width < 0.1
+
+
+def noisy_balance(rng: np.random.Generator, sigma_mps2: float) -> EnergyBalance:
+    """Runs of an aircraft with a known polar; the thrust of each window is wrong at random."""
+    balance, A, qS_per_V2 = EnergyBalance(), (0.045, -0.02, 0.06), 0.08
+    for thrust in (4.0, 0.3, 3.0, -0.2):
+        V, rows = 12.0 if thrust > 1 else 22.0, []
+        error = np.repeat(rng.normal(0, sigma_mps2, 6), 11)
+        for i in range(61):
+            qS = qS_per_V2 * V**2
+            CL = GRAVITY_MPS2 / qS
+            Vdot = thrust - qS * (A[0] + A[1] * CL + A[2] * CL**2)
+            measured = thrust + float(error[i])
+            rows.append(Row(0.2 * i, V, Vdot, 0.0, 0.0, 50.0, 50.0, True, (measured, qS, CL, 0.5)))
+            V += 0.2 * Vdot
+        balance.add_run(rows)
+    return balance
+
+
+def test_the_interval_is_that_of_the_noise_the_thrust_and_the_airspeed():
+    """The scatter of many flights is that of the noise; the interval adds 1.8 % of thrust and 1.25 % of airspeed."""
+    rng, V = np.random.default_rng(0), 14.0
+    power, variance = [], []
+    for _ in range(60):
+        balance = noisy_balance(rng, 0.3)
+        power.append(balance.power_W(V, 1.0))
+        found = balance.polar()
+        assert found is not None
+        g, covariance = np.array(balance._gradient(V)), np.array(found[1])
+        variance.append(g @ covariance[:3, :3] @ g)
+    power = np.array(power)
+    thrust_part = (0.018 * np.mean(power)) ** 2
+    assert np.mean(variance) == pytest.approx(np.var(power) + thrust_part, rel=0.4)
+    quiet = noisy_balance(rng, 0.0)
+    found = quiet.at_endurance_speed(12.0, 22.0)
+    assert found is not None
+    grid = np.linspace(12.0, 22.0, 25)
+    assert found.speed_mps == pytest.approx(grid[np.argmin([quiet.power_W(v, 1.0) for v in grid])])
+    g, covariance = np.array(quiet._gradient(found.speed_mps)), np.array(quiet.polar()[1])
+    relative = math.sqrt(g @ covariance[:3, :3] @ g) / quiet.power_W(found.speed_mps, 1.0)
+    assert found.half_width == pytest.approx(1.96 * math.hypot(relative, 1.5 * 0.0125))
+    assert 0.018 < relative < 0.06
+
+
+def test_a_climb_is_paid_from_the_energy_and_an_inverse_is_one():
+    """The same run, climbing: thrust work goes into height, and the drag found stays."""
+
+    def run(climb_mps: float) -> EnergyBalance:
+        balance = EnergyBalance()
+        for first in (12.0, 14.0, 16.0, 18.0):
+            rows = []
+            for i in range(56):
+                V = first + 0.08 * i
+                qS = 0.08 * V**2
+                CL = GRAVITY_MPS2 / qS
+                thrust = qS * (0.045 - 0.02 * CL + 0.06 * CL**2) + 0.4 + GRAVITY_MPS2 * climb_mps / V
+                height = 50 + climb_mps * 0.2 * i
+                rows.append(Row(0.2 * i, V, 0.4, climb_mps, 0.0, height, height, True, (thrust, qS, CL, 0.5)))
+            balance.add_run(rows)
+        return balance
+
+    for V in (13.0, 19.0):
+        assert run(1.0).power_W(V, 1.0) == pytest.approx(run(0.0).power_W(V, 1.0), rel=0.01)
+    matrix = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -0.2], [0.5, -0.2, 2.0]])
+    assert np.array(inverted(matrix.tolist())) == pytest.approx(np.linalg.inv(matrix))
+    assert inverted([[1.0, 1.0], [1.0, 1.0]]) is None and inverted([[-1.0]]) is None

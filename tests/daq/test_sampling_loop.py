@@ -237,6 +237,20 @@ def test_time_is_paired_once_a_second_and_a_jump_of_the_system_clock_stays_in_th
     assert all(time.gps_utc_ns - time.monotonic_ns == 1_463_218_201_000_000_000 for time in times)
 
 
+def test_after_a_stall_of_seconds_time_is_paired_on_the_same_grid_of_seconds():
+    clock = HandClock()
+    start_ns = clock.ns
+
+    def stall(number):
+        if number == 10:
+            clock.ns += 2_500_000_000
+
+    found = run(clock, [], 150, stall)
+    times = [sample.message for cycle in found for sample in cycle.samples if sample.topic == "/time"]
+    paired_s = [(time.monotonic_ns - start_ns) / 1e9 for time in times]
+    assert paired_s == pytest.approx([0.0, 2.88, 3.0, 4.0, 5.0], abs=0.04)
+
+
 def test_events_tell_of_failure_and_recovery_once():
     clock = HandClock()
     sensor = Sensor(clock)

@@ -5,11 +5,13 @@ More than 350 lines: all tests share one MAVLink peer.
 
 import os
 import pty
+import re
 import signal
 import socket
 import threading
 import time
 import tty
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -24,8 +26,9 @@ from daq.sensors import Sample
 from daq.still_air_zero import Zero, ZeroReading
 from daq.telemetry import MavlinkEncoder, Snapshot, TelemetryLink, airspeed_mps
 from flight.errors import InputError
-from flight.messages import AbsolutePressure, DifferentialPressure, Event, Gps, Imu, Rpm, Status
+from flight.messages import TYPE_OF_TOPIC, AbsolutePressure, DifferentialPressure, Event, Gps, Imu, Rpm, Status
 
+ROOT = Path(__file__).resolve().parents[2]
 TICK_NS = 40_000_000
 GIVE_UP_S = 60.0  # on something that hangs; generous, because the machine may be busy
 IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
@@ -216,6 +219,34 @@ def test_nothing_that_happens_to_telemetry_holds_up_a_tick(tmp_path, monkeypatch
     if trouble == "stopped":
         link._process.send_signal(signal.SIGCONT)
     assert_returns(link.close)
+
+
+@pytest.mark.parametrize("extra", ["x", "\u20ac"])
+def test_events_too_long_for_a_line_reach_the_other_process(tmp_path, monkeypatch, extra):
+    """An event may hold the text of an exception; a line of more than PIPE_BUF bytes is not written."""
+    monkeypatch.setattr(TelemetryLink, "_keep_alive", lambda self: None)
+    to = tray(tmp_path, "udp:127.0.0.1:9")
+    link = TelemetryLink(to.telemetry, to)
+    full = [Sample(topic, 0, TYPE_OF_TOPIC[topic](**every_field(topic))) for topic in telemetry_module.TOPICS]
+    link.hear(cycle_of(0, full), [Event(text=f"driver error {number}: " + 5000 * extra) for number in range(4)])
+    (line,) = os.read(link._read_end, 2**16).splitlines()
+    link.close()
+    texts = [event.text[:14] for event in msgspec.json.decode(line, type=Snapshot).events]
+    assert len(line) < 4096 and texts == [f"driver error {number}" for number in range(4)]
+
+
+def every_field(topic: str) -> dict:
+    """A value of many digits in every field, and of many items in every list."""
+    fields = msgspec.structs.fields(TYPE_OF_TOPIC[topic])
+    return {f.name: [65535] * 300 if "list" in str(f.type) else -1.23456789012345e-200 for f in fields[1:]}
+
+
+def test_telemetry_needs_only_the_dialect_that_is_installed():
+    """install.sh removes the others from the card."""
+    keep = re.search(r"! -path '\*/(v20/\w+)\*'", (ROOT / "systemd" / "install.sh").read_text())[1]
+    sources = [path.read_text() for path in (ROOT / "daq").rglob("*.py")]
+    imported = {name for text in sources for name in re.findall(r"dialects\.v20 import (\w+)", text)}
+    assert {f"v20/{name}" for name in imported} == {keep}
 
 
 def test_a_telemetry_process_that_died_is_started_again(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.airdata.polynomial_map import polynomial_of_order
-from analysis.airdata.probe import ProbeCalibration, flow_at_probe, parse_probe
+from analysis.airdata.probe import ProbeCalibration, _inside, flow_at_probe, parse_probe
 from analysis.airdata.probe_fit import calibrate
 from analysis.airdata.speed_dependence import speed_dependence
 from analysis.airdata.tunnel import TunnelData, dynamic_pressure, read_tunnel
@@ -267,3 +267,10 @@ def test_something_else_than_a_calibration_is_refused() -> None:
     for data in (b"", b"{}", b'{"format": 3}'):
         with pytest.raises(InputError, match="not a probe calibration"):
             parse_probe(data, "probe.json")
+
+
+def test_a_point_is_inside_a_polygon_or_not() -> None:
+    corners = np.array([[-1.0, -2.0], [3.0, -2.0], [3.0, 1.0], [-1.0, 2.0]])
+    x = np.array([0.0, 2.9, -1.1, 3.1, 1.0, 2.9, 0.0, np.nan])
+    y = np.array([0.0, -1.9, 0.0, 0.0, -2.1, 1.2, 1.7, 0.0])
+    assert _inside(corners, x, y).tolist() == [True, True, False, False, False, False, True, False]

@@ -13,7 +13,7 @@ from analysis.drag.method import Method
 from analysis.drag.piw_viw import PIW_VIW_THREE, PIW_VIW_TWO, piw_viw
 from analysis.drag.polar import Condition, Polar, power_required
 from analysis.drag.regression import THREE_TERM, PointRegression
-from analysis.drag.steady_points import steady_means, steady_points
+from analysis.drag.steady_points import _error_of_mean, mean_gust_mps, steady_means, steady_points
 from analysis.drag.w_delta import W_DELTA, W_DELTA_SLOW
 from analysis.estimation.intervals import NORMAL_95
 from analysis.maneuvers.kinds import Maneuver
@@ -249,3 +249,21 @@ def test_energy_s_interval_contains_the_work_of_gusts() -> None:
         power, error = power_required(V, Polar(regression.coefficients(), regression.noise_covariance()), at)
         hits.append(np.abs(power - true) < NORMAL_95 * error)
     assert np.mean(hits, axis=0).min() > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 100)
+
+
+def test_the_error_of_a_mean_allows_for_the_correlation_of_the_record() -> None:
+    """First-order noise of 0.5 s: the scatter of means of many records, within what Bartlett's window loses."""
+    rng, step_s, n = np.random.default_rng(4), 0.2, 600
+    decay = np.exp(-step_s / 0.5)
+    x = np.zeros((400, n))
+    for i in range(1, n):
+        x[:, i] = decay * x[:, i - 1] + np.sqrt(1 - decay**2) * rng.normal(size=400)
+    stated = np.sqrt(np.mean([_error_of_mean(record, step_s) ** 2 for record in x[:40]]))
+    assert stated == pytest.approx(np.std(x.mean(axis=1)), rel=0.2)
+    white = rng.normal(size=5000)
+    assert _error_of_mean(white, step_s) == pytest.approx(np.std(white) / np.sqrt(5000), rel=0.25)
+
+
+def test_the_mean_of_gusts_shrinks_with_the_root_of_time() -> None:
+    assert mean_gust_mps(0.5, 2.0, 100.0) == pytest.approx(0.5 * np.sqrt(2 * 2.0 / 100.0))
+    assert mean_gust_mps(0.5, 2.0, 3.0) == 0.5  # a mean scatters no more than its values

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.electrical import propulsion
-from analysis.electrical.air_motion import covariance
+from analysis.electrical.air_motion import by_air
 from analysis.electrical.correlated import correlation, most_likely_noise
 from analysis.electrical.energy_balance import (
     WINDOW_S,
@@ -72,6 +72,25 @@ def test_climbing_takes_weight_times_climb_unless_the_air_rises(samples: Samples
     assert rising == pytest.approx(in_level_flight, abs=1e-3 * weight_N)
 
 
+def test_both_balances_show_the_same_rising_air(samples: Samples) -> None:
+    alpha_0, per_CL, per_CT = -0.03, 0.2, -0.1
+    parameters = np.array([*PARAMETERS, alpha_0, np.log(per_CL), per_CT])
+    p, m, V, n = DragAndEfficiency.of(PARAMETERS), CONDITIONS.mass_kg, samples.V_mps, samples.load_factor
+    motor, qS = samples.power_W - CONDITIONS.idle_power_W, CONDITIONS.rho * samples.V_mps**2 / 2 * 0.5
+    x = propulsion.advance(V, motor, CONDITIONS.rho)
+    thrust_N = motor * propulsion.efficiency(x, p.efficiency, p.x_at_maximum, p.fall) / V
+    alpha = alpha_0 + per_CL * n * m * g / qS + per_CT * thrust_N / qS
+    along_N = thrust_N - drag_power(V, n, propulsion.idling(x, p.x_at_maximum, p.fall), p, CONDITIONS) / V
+    force_x = (along_N / m + n * g * np.sin(alpha)) / np.cos(alpha)
+    balance = EnergyBalance(samples._replace(force_x_mps2=force_x), CONDITIONS)
+    of_drag, of_force = np.split(balance.residual(parameters), 2)
+    assert of_force == pytest.approx(0.0, abs=0.01 * balance.useful_W(parameters).mean())
+    lifted = balance.samples._replace(height_m=samples.height_m + 0.5 * samples.t_s)
+    for_drag, for_force = np.split(balance.residual(parameters, lifted), 2)
+    assert for_drag - of_drag == pytest.approx(-0.5 * m * g)
+    assert for_force - of_force == pytest.approx(0.5 * m * g)
+
+
 def test_level_power_is_where_drag_meets_the_motor() -> None:
     V = np.array([12.0, 16.0, 20.0])
     p = DragAndEfficiency.of(PARAMETERS)
@@ -107,8 +126,7 @@ def test_the_covariance_is_that_of_air_motion_in_windows(samples: Samples) -> No
     starts = [int(np.argmin(np.abs(samples.t_s - c))) - count // 2 for c in balance.windows.centers_s[:6]]
     means = np.stack([w[:, s : s + count] @ balance.windows.weight for s in starts], axis=1)
     found = np.cov((CONDITIONS.mass_kg * g * sigma * means).T)
-    n = len(balance.windows.centers_s)
-    expected = covariance(balance.windows, CONDITIONS.mass_kg, 0.0, np.zeros(n), sigma, time_s)[:6, :6] - np.eye(6)
+    expected = by_air(balance.windows, CONDITIONS.mass_kg, 0.0, sigma, time_s)[:6, :6]
     assert found == pytest.approx(expected, abs=0.08 * expected[0, 0])
 
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from analysis.estimation import aircraft_models, output_error, uncertainty
+from analysis.estimation.aircraft_models.starting_values import level_flight_state
 from analysis.estimation.data import Segment
 from analysis.estimation.simulation import build_simulator
 from flight import motion
@@ -292,3 +293,12 @@ def test_state_at_the_start_of_a_climb():
     state = aircraft_models.level_flight_state(segment)
     assert state["theta"] == pytest.approx(0.05 + np.arcsin(2 / 20))
     assert state["h"] == pytest.approx(100)
+
+
+def test_a_start_in_level_flight_is_that_of_the_segment_s_first_sample() -> None:
+    """Wherever its time begins: theta is the angle of attack and that of the climb, 2 m/s at 20 m/s."""
+    t = 100.0 + 0.04 * np.arange(100)
+    z = {"V": 20 + 0.5 * (t - t[0]), "alpha": np.full(100, 0.05), "h": 70 + 2.0 * (t - t[0])}
+    start = level_flight_state(Segment(name="late", t_s=t, u={}, z=z))
+    assert start["V"] == pytest.approx(20.0) and start["h"] == pytest.approx(70.0) and start["q"] == 0.0
+    assert start["theta"] == pytest.approx(0.05 + np.arcsin(0.1))

@@ -101,3 +101,20 @@ def test_wrong_arrays_are_named():
         stepwise({"a": [1, 2, np.nan, 4]}, np.ones(4))
     with pytest.raises(InputError, match="more samples than candidates"):
         orthogonal_functions({"a": np.arange(3)}, np.arange(3))
+
+
+def test_the_predicted_square_error_adds_the_noise_of_each_term():
+    """Of new samples of the same kind: the mean square of residuals, and sigma_max^2/n or twice sigma^2/n a term."""
+    candidates, z, *_ = flight(0)
+    n = len(z)
+    for selection, penalty in (
+        (orthogonal_functions(candidates, z, largest_noise_variance=4 * NOISE**2), 4 * NOISE**2),
+        (stepwise(candidates, z), None),
+    ):
+        k = len(selection.names)
+        residual = z - selection.predict(candidates)
+        square = float(np.mean(residual**2))
+        variance = n * square / (n - k - 1)
+        expected = square + k * (2 * variance if penalty is None else penalty) / n
+        assert k > 1 and selection.predicted_square_error == pytest.approx(expected)
+        assert selection.R2 == pytest.approx(1 - n * square / np.sum((z - z.mean()) ** 2))

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import fields, replace
+from itertools import groupby
 from math import pi, tan
 from types import SimpleNamespace
 
@@ -11,7 +12,7 @@ import pytest
 from pymavlink import mavutil, mavwp
 
 from analysis.drag.polar import Polar
-from analysis.planning import earlier, pieces, search
+from analysis.planning import earlier, pieces, search, texts
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
 from analysis.planning.information import expected, linearized_trajectory, sensor_error_covariance
 from analysis.planning.maneuvers import Hold, Land, Porpoise, Run, Stand, TakeOff, Turn
@@ -264,3 +265,174 @@ def test_earlier_flights_are_known_by_what_they_added_to_the_prior():
     assert earlier.information([]) is None
     with pytest.raises(InputError, match="no sensor errors"):
         earlier.information([SimpleNamespace(path=None, log="two")])  # type: ignore[list-item]
+
+
+def test_pieces_keep_their_margins_and_fit_the_space(nexstar: ExpectedAircraft):
+    """docs/flying.md: 8 % above the stall and 0.2 % for each knot; a speed that is held 4 % above that."""
+    stall, fastest, wind_kt = nexstar.stall_mps, nexstar.fastest_mps, 10.0
+    slow, fast = 1.10 * stall, 0.92 * fastest
+    pilot, leg_m = Pilot(load=0.8), 500.0
+    found = pieces.catalogue(nexstar, Space(leg_m, HEIGHT_M), pilot, wind_kt)
+    by_kind = {kind: [piece for piece in found if piece.kind == kind] for kind in search.ORDER}
+    assert [len(by_kind[kind]) for kind in ("runs", "circuit", "circles")] == [2, 6, 6]
+    for piece in found:
+        for maneuver in piece.maneuvers:
+            if isinstance(maneuver, Turn):  # at least a fifth more lift than the turn needs
+                assert maneuver.speed_mps**2 * np.cos(maneuver.bank_rad) >= 1.2 * stall**2
+    speeds = [piece.maneuvers[0].speed_mps for piece in by_kind["circuit"]]
+    expected = [1.04 * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, fast]
+    assert speeds == pytest.approx(expected)
+    for piece in by_kind["circuit"]:
+        hold, turn = piece.maneuvers[:2]
+        assert isinstance(hold, Hold) and isinstance(turn, Turn)
+        assert hold.duration_s * hold.speed_mps == pytest.approx(leg_m)
+        assert turn.speed_mps == pytest.approx(max(hold.speed_mps, 1.15 * stall * np.sqrt(1.2 / np.cos(0.6))))
+    banks = [piece.maneuvers[0].bank_rad for piece in by_kind["circles"]]
+    assert banks == [0.6] * 3 + [0.8] * 3
+    assert all(piece.maneuvers[0].angle_rad == 4 * pi for piece in by_kind["circles"])
+    assert [piece.maneuvers[0].speed_mps for piece in by_kind["circles"][1:3]] == pytest.approx([0.8 * fastest, fast])
+    for piece in by_kind["porpoise"]:
+        hold, porpoise, turn = piece.maneuvers
+        assert isinstance(porpoise, Porpoise) and isinstance(hold, Hold)
+        assert (hold.duration_s + porpoise.duration_s) * porpoise.speed_mps == pytest.approx(leg_m)
+        assert porpoise.load == 0.8 and porpoise.speed_mps**2 >= 1.2 * 1.8 * stall**2
+    speeds = sorted({piece.maneuvers[1].speed_mps / stall for piece in by_kind["porpoise"][:-2]})
+    assert speeds == pytest.approx([1.5, 1.6, 1.75, 1.95])
+    small = pieces.catalogue(nexstar, Space(50.0, HEIGHT_M), pilot, wind_kt)
+    held = [m.duration_s for piece in small if piece.kind == "circuit" for m in piece.maneuvers if isinstance(m, Hold)]
+    assert set(held) == {8.0}
+    large = pieces.catalogue(nexstar, Space(5000.0, HEIGHT_M), pilot, wind_kt)
+    held = [m.duration_s for piece in large if piece.kind == "circuit" for m in piece.maneuvers if isinstance(m, Hold)]
+    assert set(held) == {60.0}
+
+
+def test_a_pair_of_runs_takes_one_leg_where_it_fits_and_two_where_it_does_not(nexstar: ExpectedAircraft):
+    slow, fast = 1.1 * nexstar.stall_mps, 0.92 * nexstar.fastest_mps
+    # Settling at the slow speed, 38 s of both runs at the mean speed, 5 s at the fast speed.
+    leg_m = 16.0 * slow + 38.0 * (slow + fast) / 2 + 5.0 * fast
+    long, short = (
+        next(pieces.run_pairs(nexstar, Space(leg_m + more, HEIGHT_M), 10.0)).maneuvers for more in (1.0, -1.0)
+    )
+    assert [type(m) for m in long] == [Hold, Run, Hold, Run, Hold, Turn]
+    assert [type(m) for m in short] == [Hold, Run, Turn, Hold, Run, Hold, Turn]
+    up, down = long[1], long[3]
+    assert isinstance(up, Run) and isinstance(down, Run)
+    assert (up.throttle, up.ramp_s, up.until_mps) == pytest.approx((0.87, 13.0, fast))
+    assert (down.throttle, down.ramp_s, down.until_mps) == pytest.approx((0.495, 2.5, slow))
+    assert long[0] == Hold(16.0, pytest.approx(1.04 * slow)) and short[0] == Hold(8.0, pytest.approx(1.04 * slow))
+    assert long[4] == Hold(4.0, pytest.approx(1.3 * nexstar.stall_mps))
+    assert long[5] == Turn(pytest.approx(1.7 * nexstar.stall_mps), pi, 0.6)
+    assert short[2] == Turn(pytest.approx(fast), pi, 0.6)
+    last = pieces.full_throttle(nexstar).maneuvers
+    assert last == (
+        Hold(8.0, pytest.approx(1.3 * nexstar.stall_mps)),
+        Run(1.0, 1.0, pytest.approx(0.95 * nexstar.fastest_mps)),
+    )
+    whole = pieces.sequence([], nexstar)
+    assert whole[:2] == [Stand(90.0), TakeOff(pytest.approx(1.6 * nexstar.stall_mps))]
+    assert whole[2:] == [Land(pytest.approx(1.6 * nexstar.stall_mps)), Stand(30.0)]
+
+
+def test_the_rows_of_the_card_are_the_flight_in_order(plan: FlightPlan):
+    rows = texts.rows(plan)
+    assert sum(row.seconds for row in rows) == pytest.approx(plan.seconds)
+    assert rows[0].seconds == pytest.approx(plan.history.starts_s[2])
+    assert [row.title for row in rows[1:-1]] == [title for title, _ in groupby(piece.title for piece in plan.pieces)]
+    assert sum(int(row.times.split()[0]) for row in rows[1:-1]) == len(plan.pieces)
+    seconds, i = [], 2
+    for piece in plan.pieces:
+        seconds.append(plan.history.starts_s[i + len(piece.maneuvers)] - plan.history.starts_s[i])
+        i += len(piece.maneuvers)
+    assert sum(row.seconds for row in rows[1:-1]) == pytest.approx(sum(seconds))
+
+
+def test_the_card_says_what_each_maneuver_is():
+    said = texts._steps([Turn(18.0, 4 * pi, 0.6), Turn(18.0, pi, 0.8), Run(0.87, 13.0, 25.0), Stand(90.0)])
+    assert said == (
+        "2 circles at 18.0 m/s, bank 34° → turn back at 18.0 m/s, bank 46° → throttle to 87 % over 13 s until"
+        " 25.0 m/s (at most 20 s) → stand still 90 s, motor off"
+    )
+    assert texts._steps([Porpoise(20.0, 17.0, 0.8)]).endswith("load factor 0.2 to 1.8")
+
+
+def test_the_card_tells_margin_room_and_what_a_piece_is_worth(plan: FlightPlan):
+    stall = plan.aircraft.stall_mps
+    margin = texts.margin(plan)
+    assert f"slower than {1.1 * stall:.1f} m/s is planned (10 % above the stall" in margin
+    assert f"below {1.04 * 1.1 * stall:.1f} m/s is held (14 % above)" in margin
+    assert "The margin is 8 % in still air and 0.2 % more for each knot of wind." in margin
+    widest = max(m.speed_mps**2 / tan(m.bank_rad) for m in plan.maneuvers if isinstance(m, Turn))
+    assert texts.side_m(plan) == pytest.approx(2 * widest / GRAVITY_MPS2)
+    worst = max(plan.half_widths)
+    assert [line.endswith(f"instead of ±{worst:.1f} %") for line in texts.losses(plan)] == [True] * len(
+        plan.contributions
+    )
+    by_hand = texts.losses(replace(plan, worst_with_porpoising=0.5))[-1]
+    assert by_hand.endswith(f"±0.5 % instead of ±{worst:.1f} %.")
+
+
+def test_points_of_the_mission_lie_where_the_legs_are(plan: FlightPlan):
+    """Distances on the sphere, by the haversine formula; a fence leaves three radii of the fastest turn."""
+    home = Home(48.1, 11.5, 0.7)
+
+    def from_home(place: tuple[float, float]) -> tuple[float, float]:
+        north = np.radians(place[0] - home.latitude_deg) * 6371e3
+        east = np.radians(place[1] - home.longitude_deg) * 6371e3 * np.cos(np.radians(home.latitude_deg))
+        along, across = (
+            north * np.cos(0.7) + east * np.sin(0.7),
+            east * np.cos(0.7) - north * np.sin(0.7),
+        )
+        return float(along), float(across)
+
+    content = json.loads(qgroundcontrol_plan(plan, home, "px4"))
+    items = content["mission"]["items"]
+    places = [from_home((i["params"][4], i["params"][5])) for i in items if i["command"] == 16]
+    assert {round(along) for along, _ in places} == {250, -250} and max(abs(y) for _, y in places) < 0.2
+    assert from_home(tuple(items[0]["params"][4:6])) == pytest.approx((125.0, 0.0), abs=0.1)
+    corners = [from_home(tuple(corner)) for corner in content["geoFence"]["polygons"][0]["polygon"]]
+    radius_m = plan.aircraft.fastest_mps**2 / (GRAVITY_MPS2 * tan(0.6))
+    assert [abs(x) for x, _ in corners] == pytest.approx([250 + 3 * radius_m] * 4, rel=1e-3)
+    assert [y for _, y in corners] == pytest.approx(
+        [3 * radius_m, -3 * radius_m, -3 * radius_m, 3 * radius_m], rel=1e-3
+    )
+    assert content["mission"]["cruiseSpeed"] == round(1.6 * plan.aircraft.stall_mps, 1)
+    circles = [(i["params"][0], i["params"][2]) for i in items if i["command"] == 18]
+    flown = [m for p in plan.pieces if p.kind == "circles" for m in p.maneuvers if isinstance(m, Turn)]
+    assert circles == [(2, round(m.speed_mps**2 / (GRAVITY_MPS2 * tan(m.bank_rad)), 1)) for m in flown]
+
+
+def test_half_widths_and_questions_are_those_of_the_power_curve(plan: FlightPlan):
+    """95 %: 1.96 standard errors. Endurance is asked at the speed of least power, range at that of least drag."""
+    aircraft = plan.aircraft
+    endurance, far = (question(name, aircraft, 8.0, 30.0).speeds for name in ("endurance", "range"))
+    V = np.linspace(9.0, 29.0, 4001)
+    assert endurance == pytest.approx(V[np.argmin(aircraft.drag_N(V) * V)] * np.array([0.95, 1, 1.05]), rel=1e-3)
+    assert far == pytest.approx(V[np.argmin(aircraft.drag_N(V))] * np.array([0.95, 1, 1.05]), rel=1e-3)
+    CL = aircraft.lift_coefficient(plan.question.speeds)
+    terms = np.vander(CL, 3, increasing=True)
+    sigma = np.sqrt(np.einsum("ij,jk,ik->i", terms, plan.covariances.polar, terms))
+    assert plan.half_widths == pytest.approx(196 * sigma / (terms @ aircraft.A), rel=1e-3)
+    assert plan.question.cost(plan.covariances) == pytest.approx(
+        max(plan.half_widths) + 0.1 * np.mean(plan.half_widths)
+    )
+    errors = np.zeros((len(SENSOR_ERRORS),) * 2)
+    for name, sigma in (("alpha_bias", np.radians(0.1)), ("alpha_scale", 0.01), ("V_scale", 0.01)):
+        errors[SENSOR_ERRORS.index(name), SENSOR_ERRORS.index(name)] = sigma**2
+    probe = question("probe", aircraft, 12.0, 20.0)
+    assert probe.cost(plan.covariances._replace(errors=errors)) == pytest.approx(1.96, rel=1e-3)
+
+
+def test_information_of_pieces_adds_and_is_taken_away_again():
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(3, 3))
+    before = np.linalg.inv(root @ root.T + np.eye(3))
+    added = np.diag([0.5, 0.2, 0.1])
+    after = np.linalg.inv(np.linalg.inv(before) + added)
+    assert search._gain(after, before) == pytest.approx(added, abs=1e-9)
+    assert search._gain(before, after) == pytest.approx(np.zeros((3, 3)), abs=1e-9)
+    assert search._less(after, added) == pytest.approx(before)
+    assert np.linalg.eigvalsh(search._less(before, 10 * np.linalg.inv(before))) == pytest.approx(
+        np.linalg.eigvalsh(before) / search.LEAST_LEFT
+    )
+    assert Request(9.0, 10.0, Space(500.0, 40.0)).gust_mps == pytest.approx(0.1 * 5.14444)
+    assert Request(9.0, 0.0, Space(500.0, 40.0)).gust_mps == 0.0125

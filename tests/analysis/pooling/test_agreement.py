@@ -8,7 +8,7 @@ from synthetic_flights import flight, truth
 
 from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling import pool_results
-from analysis.pooling.agreement import differences_in_pool
+from analysis.pooling.agreement import differences_in_pool, quadratic_form
 from analysis.pooling.flight_statistics import POOLED
 
 
@@ -81,3 +81,20 @@ def test_flights_that_agree_have_no_outlier() -> None:
     assert not found["outliers"]
     assert not found["notes"]
     assert found["homogeneity"]["text"].startswith("The flights agree")
+
+
+def test_at_most_half_of_the_flights_are_named() -> None:
+    """Five flights of five different aircraft: which ones are wrong is not known."""
+    rng = np.random.default_rng(1)
+    x = truth(rng)
+    others = [x.copy() for _ in range(5)]
+    for i, other in enumerate(others):
+        other[POOLED.index("A0")] += 0.004 * 2**i
+    found = pool_results([flight(other, rng, f"{i}", 0.1) for i, other in enumerate(others)]).to_json()
+    assert len(found["outliers"]) == 2
+
+
+def test_a_quadratic_form_is_that_of_the_inverse() -> None:
+    C = np.array([[4e-6, 1e-4], [1e-4, 0.04]])
+    d = np.array([1e-3, 0.3])
+    assert quadratic_form(d, C) == pytest.approx(d @ np.linalg.inv(C) @ d)

@@ -181,3 +181,9 @@ def test_a_trend_over_temperature_is_found_and_none_over_date() -> None:
     assert temperature["slope_percent"] == pytest.approx(0.2, abs=3 * temperature["standard_error_percent"])
     assert temperature["p"] < 0.01
     assert date["quantity"] == "date"
+
+
+def test_half_widths_are_of_power_in_per_cent() -> None:
+    pooled, V = pool_results(campaign(3, 3)), np.array([12.0, 18.0])
+    power, error = pooled.power(V)
+    assert pooled.half_widths_percent([1, 1, 1], V) == pytest.approx(196 * error / power, rel=1e-3)

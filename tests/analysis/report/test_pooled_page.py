@@ -4,7 +4,14 @@ import math
 import re
 from typing import Any
 
-from analysis.report.pooled_page import pooled_answers, render_comparison, render_electrical_flights, render_pooled
+from analysis.report.pooled_page import (
+    curve_table,
+    differences_table,
+    pooled_answers,
+    render_comparison,
+    render_electrical_flights,
+    render_pooled,
+)
 
 V = [12.0, 14.0, 16.0, 18.0, 20.0, 22.0, 24.0]
 CONDITION = {"weight_N": 37.7, "air_density_kgpm3": 1.2}
@@ -103,3 +110,14 @@ def test_electrical_flights_stand_side_by_side() -> None:
     }  # fmt: skip
     text = body(render_electrical_flights({"flights": [one, {**one, "log": "b"}], "failures": ["c.ulg: torn"]}))
     assert "2 flights" in text and "(46 to 47)" in text and "c.ulg: torn" in text
+
+
+def test_tables_thin_the_curve_and_give_half_widths_in_per_cent() -> None:
+    table = curve_table(pooled(3), 12)
+    assert 12 <= len(table.rows) <= 13 and table.rows[0] == ("12.0", "46.5", "45.6 to 47.4", "2.0")
+    rows = [
+        {"speed_mps": v, "power_a_W": 50.0, "power_b_W": 49.0, "difference_percent": -2.0, "lo_percent": -3.0,
+         "hi_percent": 1.0} for v in V
+    ]  # fmt: skip
+    thinned = differences_table(rows, 3)
+    assert len(thinned.rows) == 4 and thinned.rows[0] == ("12.0", "50.0", "49.0", "-2.0", "-3.0 to +1.0")

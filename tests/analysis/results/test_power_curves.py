@@ -92,6 +92,7 @@ def test_csv_rows_hold_their_condition_speed_power_and_interval() -> None:
         power_required=curve(44.0),
         power_required_standard=curve(55.0),
         electrical_power=[],
+        electrical=None,
     )
     test, standard = csv.DictReader(io.StringIO(to_csv(results)))  # type: ignore[arg-type]
     assert test == {

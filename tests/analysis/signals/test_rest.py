@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.signals.rest import BLOCK_S, CHANNELS, rest_segments, zero_of_attachment, zeros
+from analysis.signals.rest import BLOCK_S, CHANNELS, _around_flight, _mean, rest_segments, zero_of_attachment, zeros
 from analysis.signals.stretches import stretches
 from daq import still_air_zero as daq_zero
 from daq.still_air_zero import ZeroReading
@@ -172,3 +172,24 @@ def test_an_aircraft_that_is_disturbed_is_not_at_rest(channel: str, disturbed) -
     table.loc[early, channel] = disturbed(table.index[early].to_numpy())
     first, *_ = rest_segments(table, RATE_HZ)
     assert 9.5 < table.index[first.start] < 11.5
+
+
+def test_rests_are_before_and_after_the_flight_by_the_pressure_above_that_at_rest() -> None:
+    """With a zero of the transducer of 100 Pa, more than the dynamic pressure of flight."""
+    table = log_table()
+    table["q_c_Pa"] += 100.0
+    rests = rest_segments(table, RATE_HZ)
+    before, after = _around_flight(table, rests, 30.0)
+    assert (before, after) == (rests[:1], rests[1:])
+    assert _around_flight(table, rests, 500.0) == (rests, [])
+
+
+def test_the_error_of_a_mean_is_that_of_means_over_a_second() -> None:
+    """Noise that stays the same for a second counts once a second."""
+    slow = np.repeat(np.random.default_rng(1).normal(0, 1, 400), 25)
+    mean, error = _mean(pd.Series(slow), [slice(0, 10_000)], 0.04)
+    assert mean == pytest.approx(slow.mean()) and error == pytest.approx(1 / np.sqrt(400), rel=0.15)
+    few, few_error = _mean(pd.Series(slow[::25]), [slice(0, 5)], 0.04)
+    assert few == pytest.approx(slow[:125:25].mean()) and few_error == pytest.approx(
+        np.std(slow[:125:25], ddof=1) / np.sqrt(5)
+    )

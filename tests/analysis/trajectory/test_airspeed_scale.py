@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.trajectory.airspeed_scale import calibrate
+from analysis.trajectory.airspeed_scale import calibrate, notes_on
 
 PRIOR = 0.01
 
@@ -42,3 +42,12 @@ def test_a_determined_scale_is_supported() -> None:
 def test_otherwise_one_line_says_what_is_missing(flight: dict, cause: str) -> None:
     assert cause in found(**flight).unsupported and "\n" not in found(**flight).unsupported
     assert found(error=0.79 * PRIOR).unsupported == ""
+
+
+def test_what_limits_a_scale_is_told_in_per_cent() -> None:
+    (hardly,) = notes_on(0.3, 0.009, PRIOR)
+    assert hardly.endswith("standard error 0.9 %, before the flight 1.0 %.")
+    (one_way,) = notes_on(0.8, 0.001, PRIOR)
+    assert one_way.startswith("Nearly all was flown in one direction")
+    assert notes_on(0.7, 0.001, PRIOR) == []
+    assert found().one_way < 0.01 and found().scale == 0.004

@@ -1,0 +1,252 @@
+"""Mutations of the code: one operator, bound or number is changed, and the tests should notice.
+
+    python benchmarks/mutations.py --seed 8001 --count 40
+
+A mutation turns + into - and * into /, reverses a comparison, doubles or halves a decimal number, drops a minus, or
+puts sin for cos and min for max. The draw is uniform over all such places in `analysis/`, `daq/` and `flight/`; a seed
+always gives the same draw of the same code. Each mutation is made in a copy of the tracked files. It counts as killed
+when a test fails or takes longer than --timeout-s. Test files run in the order of their distance to the mutated file:
+same name, direct import, import of an import, and so on; then all others. A survivor costs the time of the whole suite;
+`--nearest N` stops after N files. Exit code 1 if fewer than --killed are killed.
+"""
+
+import ast
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import deque
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import typer
+
+ROOT = Path(__file__).resolve().parent.parent
+PLACES = ("analysis", "daq", "flight")
+OPERATORS: dict[type[ast.operator], type[ast.operator]] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+}
+COMPARISONS: dict[type[ast.cmpop], type[ast.cmpop]] = {
+    ast.Lt: ast.GtE,
+    ast.Gt: ast.LtE,
+    ast.LtE: ast.Gt,
+    ast.GtE: ast.Lt,
+}
+FUNCTIONS = {"sin": "cos", "cos": "sin", "maximum": "minimum", "minimum": "maximum", "min": "max", "max": "min"}
+
+
+class Mutation(NamedTuple):
+    """A change of one expression. file: relative to the root; text: of the mutated file."""
+
+    file: Path
+    line: int
+    before: str
+    after: str
+    text: str
+
+    def __str__(self) -> str:
+        before, after = " ".join(self.before.split()), " ".join(self.after.split())
+        return f"{self.file}:{self.line}  {before}  ->  {after}"
+
+
+def sites(tree: ast.Module) -> list[ast.expr]:
+    """The expressions that can be mutated, always in the same order. Annotations and joined texts are none."""
+    annotations = {
+        id(inner)
+        for node in ast.walk(tree)
+        for field in ("annotation", "returns")
+        if getattr(node, field, None) is not None
+        for inner in ast.walk(getattr(node, field))
+    }
+    return [
+        node for node in ast.walk(tree) if id(node) not in annotations and isinstance(node, ast.expr) and is_site(node)
+    ]
+
+
+def is_site(node: ast.expr) -> bool:
+    match node:
+        case ast.BinOp(left=left, op=op, right=right):
+            texts = (ast.JoinedStr, ast.List, ast.Tuple)
+            joined = any(isinstance(x, texts) or is_text(x) for x in (left, right))
+            return type(op) in OPERATORS and not joined
+        case ast.Compare(ops=[op, *_]):
+            return type(op) in COMPARISONS
+        case ast.Constant(value=float(value)):
+            return value != 0.0
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return not isinstance(operand, ast.Constant)
+        case ast.Call(func=ast.Attribute(attr=name)):
+            return name in FUNCTIONS
+    return False
+
+
+def is_text(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
+
+
+def change(node: ast.expr, rng: random.Random) -> None:
+    """Mutates the expression in place."""
+    match node:
+        case ast.BinOp():
+            node.op = OPERATORS[type(node.op)]()
+        case ast.Compare():
+            node.ops[0] = COMPARISONS[type(node.ops[0])]()
+        case ast.Constant(value=float(value)):
+            node.value = value * rng.choice((2.0, 0.5))
+        case ast.UnaryOp():
+            node.op = ast.UAdd()
+        case ast.Call(func=ast.Attribute() as function):
+            function.attr = FUNCTIONS[function.attr]
+
+
+def mutation(file: Path, index: int, rng: random.Random) -> Mutation | None:
+    """Mutates the expression with this index in a file. None where the text cannot be changed at one place."""
+    source = (ROOT / file).read_text("utf-8")
+    tree = ast.parse(source)
+    node = sites(tree)[index]
+    before = ast.get_source_segment(source, node) or ""
+    lines = source.encode().splitlines(keepends=True)
+    start = sum(map(len, lines[: node.lineno - 1])) + node.col_offset
+    end = sum(map(len, lines[: (node.end_lineno or 0) - 1])) + (node.end_col_offset or 0)
+    change(node, rng)
+    after = f"({ast.unparse(node)})"
+    text = (source.encode()[:start] + after.encode() + source.encode()[end:]).decode()
+    try:  # inside an f-string, Python 3.11 gives wrong places for some expressions
+        right = ast.dump(ast.parse(text)) == ast.dump(ast.parse(ast.unparse(tree)))
+    except SyntaxError:
+        right = False
+    return Mutation(file, node.lineno, before, after, text) if right else None
+
+
+def drawn(seed: int, count: int) -> list[Mutation]:
+    """The draw without replacement over all places of mutations."""
+    rng = random.Random(seed)
+    files = sorted(p.relative_to(ROOT) for place in PLACES for p in (ROOT / place).rglob("*.py"))
+    pool = [(f, i) for f in files for i in range(len(sites(ast.parse((ROOT / f).read_text("utf-8")))))]
+    rng.shuffle(pool)
+    found: list[Mutation] = []
+    for file, index in pool:
+        if len(found) == count:
+            break
+        made = mutation(file, index, rng)
+        if made is not None:
+            found.append(made)
+    return found
+
+
+def imported(file: Path) -> Iterator[Path]:
+    """The project's files that a file imports, also inside functions."""
+    for node in ast.walk(ast.parse((ROOT / file).read_text("utf-8"))):
+        match node:
+            case ast.Import(names=names):
+                modules = [name.name for name in names]
+            case ast.ImportFrom(module=str(module), names=names):
+                modules = [module, *(f"{module}.{name.name}" for name in names)]
+            case _:
+                continue
+        for module in modules:
+            path = Path(*module.split("."))
+            for candidate in (path.with_suffix(".py"), path / "__init__.py"):
+                if (ROOT / candidate).is_file():
+                    yield candidate
+
+
+@cache
+def importers_of_files() -> dict[Path, list[Path]]:
+    """Of each file, those that import it."""
+    importers: dict[Path, list[Path]] = {}
+    for place in (*PLACES, "flightpower", "hw_fakes", "sim", "tests"):
+        for path in (ROOT / place).rglob("*.py"):
+            for target in imported(path.relative_to(ROOT)):
+                importers.setdefault(target, []).append(path.relative_to(ROOT))
+    return importers
+
+
+def tests_by_distance(file: Path) -> list[Path]:
+    """All test files: those that bear the file's name, then by the number of imports between test and file."""
+    importers = importers_of_files()
+    distance = {file: 0}
+    waiting = deque([file])
+    while waiting:
+        here = waiting.popleft()
+        for importer in importers.get(here, ()):
+            if importer not in distance:
+                distance[importer] = distance[here] + 1
+                waiting.append(importer)
+    tests = [p.relative_to(ROOT) for p in (ROOT / "tests").rglob("test_*.py")]
+    return sorted(tests, key=lambda p: (file.stem not in p.stem, distance.get(p, len(importers)), p))
+
+
+def killer(made: Mutation, copy: Path, tests: list[Path], timeout_s: float) -> str | None:
+    """Runs the tests against a mutation, eight files at a time. The first test that fails; None: it survives."""
+    environment = os.environ | {"PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1", "OPENBLAS_NUM_THREADS": "1"}
+    (copy / made.file).write_text(made.text, "utf-8")
+    try:
+        for i in range(0, len(tests), 8):
+            command = [
+                sys.executable,
+                "-m",
+                "pytest",
+                "-q",
+                "-x",
+                "-p",
+                "no:cacheprovider",
+                *map(str, tests[i : i + 8]),
+            ]
+            try:
+                done = subprocess.run(
+                    command, cwd=copy, env=environment, capture_output=True, text=True, timeout=timeout_s
+                )
+            except subprocess.TimeoutExpired:
+                return "timeout"
+            if done.returncode not in (0, 5):  # 5: no test in these files
+                failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+                return failed[0].split(" - ")[0].split(maxsplit=1)[1] if failed else f"exit code {done.returncode}"
+    finally:
+        shutil.copyfile(ROOT / made.file, copy / made.file)
+    return None
+
+
+def main(
+    seed: Annotated[int, typer.Option(help="of the draw")] = 8001,
+    count: Annotated[int, typer.Option(help="mutations to draw")] = 40,
+    killed: Annotated[int, typer.Option(help="how many the tests must kill for exit code 0")] = 36,
+    nearest: Annotated[int, typer.Option(help="test files for each mutation; 0: all")] = 0,
+    timeout_s: Annotated[float, typer.Option(help="for a run of eight test files")] = 600.0,
+    dry_run: Annotated[bool, typer.Option("--list", help="only print the draw")] = False,
+) -> None:
+    """Draws mutations, runs the tests against each, prints a line each and the sum."""
+    draw = drawn(seed, count)
+    if dry_run:
+        print("\n".join(map(str, draw)))
+        return
+    found = 0
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "copy"
+        tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        for name in tracked.splitlines():
+            (copy / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, copy / name)
+        for made in draw:
+            begin = time.monotonic()
+            test = killer(made, copy, tests_by_distance(made.file)[: nearest or None], timeout_s)
+            found += test is not None
+            print(
+                f"{'killed' if test else 'SURVIVED':8} {made}  [{test or ''}] {time.monotonic() - begin:.0f} s",
+                flush=True,
+            )
+    print(f"{found} of {len(draw)} killed")
+    if found < killed:
+        raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    typer.run(main)

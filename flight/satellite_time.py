@@ -1,0 +1,25 @@
+"""Date and time of a log by the satellites; the log's own times are those of a clock that may never have been set."""
+
+from flight.log_reader import Log
+from flight.messages import Gps, Message, Time
+
+
+def satellites_minus_log_time_ns(log: Log) -> int | None:
+    """What to add to a log's times to get UTC [ns]; None without a fix that has a date.
+
+    From the last such fix: in the first ones after power-on a receiver may not know the leap seconds.
+    """
+    for topic in ("/gps", "/time"):
+        ahead = [ahead_of_log_ns(entry.message, entry.time_ns) for entry in log.entries.get(topic, [])]
+        known = [ahead_ns for ahead_ns in ahead if ahead_ns is not None]
+        if known:
+            return known[-1]
+    return None
+
+
+def ahead_of_log_ns(message: Message, time_ns: int) -> int | None:
+    """The same from one message and its log time; None where it has no date."""
+    match message:
+        case Gps(utc_ns=int(utc_ns)) | Time(gps_utc_ns=int(utc_ns)):
+            return utc_ns - time_ns
+    return None
