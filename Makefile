@@ -16,7 +16,7 @@ IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null &&
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench site study dissertation soak fuzz crash-points lint types check constraints clean
+.PHONY: help demo picture test bench site study dissertation soak fuzz crash-points vm lint types check constraints clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -81,6 +81,9 @@ fuzz: $(READY) ## a million inputs into every parser of bytes from outside (half
 
 crash-points: $(READY) ## cut the daemon's power at 500 writes of each of three recordings (needs root; 15 min)
 	for seed in 1003 1004 1005; do $(BIN)/python benchmarks/crash_points.py --points 500 --seed $$seed || exit; done
+
+vm: $(READY) ## the service in a virtual Debian computer: installed, power pulled, unplugged, upgraded (needs root; 1 h)
+	$(BIN)/python benchmarks/vm
 
 lint: $(READY) ## ruff
 	$(BIN)/ruff check .

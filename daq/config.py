@@ -75,6 +75,9 @@ class _PortSensorConfig(_SensorConfig, frozen=True):
         return self.port
 
 
+LOWEST_FIFO_RATE_HZ = 6.0  # the MPU-9250's FIFO is full after 36 samples of 14 bytes, at 200 Hz
+
+
 class Mpu9250Config(_BusSensorConfig, frozen=True, tag="mpu9250"):
     address: Address = 0x68
     range_g: Literal[2, 4, 8, 16] = 8
@@ -367,6 +370,11 @@ def _reject_conflicts(tray: TrayFile, where: str) -> None:
             )
             raise InputError(f"{where}: {labels[place]} and {label} are both on {at}; change one of them")
         labels[place] = label
+        if isinstance(sensor, Mpu9250Config) and sensor.sampling == "fifo" and tray.rate_Hz < LOWEST_FIFO_RATE_HZ:
+            raise InputError(
+                f'{where}: {label}: sampling = "fifo" overflows at rate_Hz = {tray.rate_Hz:g}; '
+                f'use "single", or {LOWEST_FIFO_RATE_HZ:g} Hz or more'
+            )
         for topic in sensor.topics:
             if topic in topics:
                 raise InputError(f"{where}: {topics[topic]} and {label} would both write {topic}")

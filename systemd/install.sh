@@ -46,9 +46,12 @@ if [ -z "$root" ] && [ $install_program = yes ]; then
     else
         $prefix/bin/pip install --quiet --upgrade "$(dirname "$here")"
     fi
-    # The daemon speaks one dialect of MAVLink; the others take 70 MB of the card.
-    find $prefix/lib/python3*/site-packages/pymavlink/dialects -type f \
-        ! -name __init__.py ! -path '*/v20/ardupilotmega*' -delete
+    # What the daemon never loads takes 100 MB of the card: the other dialects of MAVLink, zstandard's second
+    # implementation, the parser of pymavlink's generator, and setuptools.
+    packages=$(echo $prefix/lib/python3*/site-packages)
+    find "$packages/pymavlink/dialects" -type f ! -name __init__.py ! -path '*/v20/ardupilotmega*' -delete
+    find "$packages/zstandard" "$packages/lxml" -type f \( -name '_cffi*.so' -o -path '*/lxml/*.so' \) -delete
+    $prefix/bin/pip uninstall -qq --yes setuptools
 fi
 if ! [ -x "$daq" ]; then
     echo "install.sh: $daq is missing: run it once without --tray" >&2

@@ -124,3 +124,11 @@ def test_a_file_that_cannot_be_read(tmp_path):
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="not a text file"):
         load_tray(tmp_path / "binary.toml")
+
+
+def test_a_rate_at_which_the_fifo_overflows_is_refused(example):
+    text = example.read_text()
+    assert "(mpu9250)" in refused(text.replace("rate_Hz = 25 ", "rate_Hz = 5 ", 1))
+    parse_tray(text.replace("rate_Hz = 25 ", "rate_Hz = 6 ", 1), "tray.toml", Path())
+    single = text.replace('sampling = "fifo"', 'sampling = "single"')
+    parse_tray(single.replace("rate_Hz = 25 ", "rate_Hz = 5 ", 1), "tray.toml", Path())

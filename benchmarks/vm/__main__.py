@@ -1,0 +1,75 @@
+"""The daemon as a service of a small Debian computer in QEMU, without hardware acceleration.
+
+    make vm                                                      # root; image made in out/vm from nothing; half an hour
+    .venv/bin/python benchmarks/vm --only pulls --pulls 3        # on the image of the last run
+
+Installed as a user would, by systemd/README.md without a network. Its I2C parts are a character device in the machine
+(CUSE), its serial parts are at the other end of two USB adapters and a serial line. Then its power is pulled while it
+records (QEMU is killed; the card's image is kept), its USB receiver unplugged, its clock stepped from 1970, and a newer
+version installed while it records. After each, the logs on the card are read. Exit code 1 if one is unreadable,
+changed or gone, if more than a second before a power cut is lost, or if a step of the installation fails.
+"""
+
+import os
+import random
+import shutil
+import sys
+from pathlib import Path
+
+import typer
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
+sys.path += [str(HERE.parent), str(ROOT / "tests" / "hw_fakes")]
+
+import image  # noqa: E402
+import trials  # noqa: E402
+from machine import Machine  # noqa: E402
+
+TRIALS = ("install", "figures", "pulls", "usb", "clock", "upgrade")
+
+
+def main(folder: Path = ROOT / "out" / "vm", pulls: int = 10, seed: int = 1003, only: str = "") -> None:
+    """--only NAME: one of install, figures, pulls, usb, clock, upgrade, on the card that the last run left."""
+    missing = [package for command, package in image.COMMANDS.items() if shutil.which(command) is None]
+    if missing:
+        sys.exit(f"make vm needs packages: sudo apt-get install --no-install-recommends {' '.join(missing)}")
+    if os.geteuid() != 0:
+        sys.exit("make vm must be run as root: it makes a Debian system and mounts its disk")
+    if only and only not in TRIALS:
+        sys.exit(f"--only {only}: must be one of {', '.join(TRIALS)}")
+    folder, disk = folder.resolve(), folder.resolve() / "card.img"
+    chosen = [only] if only else list(TRIALS)
+    rows: list[trials.Row] = []
+    if "install" in chosen:
+        image.build(folder)
+        image.run("cp", "--sparse=always", folder / "base.img", disk)
+        with Machine(folder, disk) as machine:
+            rows += trials.install(machine)
+        print_table(rows)
+    if "figures" in chosen:
+        with Machine(folder, disk) as machine:
+            rows += trials.figures(machine)
+            machine.switch_off()
+    if "pulls" in chosen:
+        rows += trials.power_pulls(folder, disk, pulls, random.Random(seed))
+    for name, trial in (("usb", trials.unplugged), ("clock", trials.clock_stepped), ("upgrade", trials.upgraded)):
+        if name in chosen:
+            try:
+                rows += trial(folder, disk)
+            except TimeoutError as error:
+                rows.append(trials.Row(name, str(error), False))
+    print_table(rows)
+    bad = sum(not row.good for row in rows)
+    print(f"{len(rows)} rows, {bad} bad; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; QEMU with TCG")
+    if bad:
+        raise typer.Exit(1)
+
+
+def print_table(rows: list[trials.Row]) -> None:
+    for row in rows:
+        print(f"{'ok ' if row.good else 'BAD'}  {row.what:36}  {row.figure}", flush=True)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,59 @@
+"""The logs on the image of a card, as they are for who reads the card next."""
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from crash_points import LogState, state_of
+from image import run
+
+
+class CardLog(NamedTuple):
+    state: LogState
+    sha256: str
+
+
+_known: dict[str, CardLog] = {}  # by contents: most logs are read after each trial
+
+
+@contextmanager
+def mounted(folder: Path, disk: Path) -> Iterator[Path]:
+    """The root of a copy of the disk, whose file system has replayed its journal. The disk is not changed."""
+    copy, root = folder / "copy.img", folder / "mounted"
+    run("cp", "--sparse=always", "--reflink=auto", disk, copy)
+    root.mkdir(exist_ok=True)
+    run("mount", "-o", "loop", copy, root)
+    try:
+        yield root
+    finally:
+        run("umount", root)
+        copy.unlink()
+
+
+def logs_on(folder: Path, disk: Path) -> dict[str, CardLog]:
+    """The logs on the disk by their number (log-0001)."""
+    with mounted(folder, disk) as root:
+        return {path.name[:8]: _read(path) for path in sorted((root / "var/lib/flightpower").glob("log-*.mcap"))}
+
+
+def _read(path: Path) -> CardLog:
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    if sha256 not in _known:
+        _known[sha256] = CardLog(state_of(path), sha256)
+    return _known[sha256]
+
+
+def trouble(before: dict[str, CardLog], after: dict[str, CardLog]) -> list[str]:
+    """What is wrong with the logs: gone, overwritten, shorter, not readable."""
+    wrong = [f"{name} cannot be read: {log.state.error}" for name, log in after.items() if log.state.error]
+    for name, old in before.items():
+        new = after.get(name)
+        if new is None:
+            wrong.append(f"{name} is gone")
+        elif old.state.complete and new.sha256 != old.sha256:
+            wrong.append(f"{name} was complete and has changed")
+        elif new.state.messages < old.state.messages:
+            wrong.append(f"{name} lost {old.state.messages - new.state.messages} messages")
+    return wrong

@@ -1,0 +1,233 @@
+"""What is done to the machine, and what must hold after it. Each trial returns rows of the printed table."""
+
+import random
+import re
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from card import logs_on, mounted, trouble
+from image import UPGRADE
+from machine import Machine
+
+from flight.log_reader import read_log
+from flight.messages import Status
+
+LARGEST_LOSS_S = 1.0
+LARGEST_EXPOSURE = 0.7
+RECORDED_S = (4.0, 20.0)  # how long a recording lasts before its power is pulled: drawn from this range
+DAQ = "/opt/flightpower/bin/daq"
+TRAY = "/etc/flightpower/tray.toml"
+LOGS = "/var/lib/flightpower"
+STOP, START = "sudo systemctl stop flightpower-daq", "sudo systemctl start flightpower-daq"
+# The edit of the tray file: the adapters by their permanent names, the autopilot on a serial line; few ticks, because
+# an emulated processor is some twenty times slower.
+RATE_HZ = 10
+EDIT_TRAY = (
+    f"sudo sed -i 's|^rate_Hz = 25 |rate_Hz = {RATE_HZ} |; s|/dev/ttyAMA0|/dev/flightpower/gps|; "
+    f"s|/dev/ttyUSB0|/dev/flightpower/rpm|; s|/dev/ttyUSB1|/dev/ttyS2|' {TRAY}"
+)
+
+
+class Row(NamedTuple):
+    what: str
+    figure: str
+    good: bool
+
+
+def install(machine: Machine) -> list[Row]:
+    """systemd/README.md from step 4, as it is written, by a user with sudo and no network."""
+    machine.log_in()
+    rows: list[Row] = []
+
+    def step(what: str, command: str, wanted: str = "") -> None:
+        begin_s = time.monotonic()
+        code, said = machine.run(command, 900.0)
+        good = code == 0 and re.search(wanted, said) is not None
+        rows.append(
+            Row(what, f"{time.monotonic() - begin_s:.0f} s" if good else f"exit code {code}: {said[-300:]}", good)
+        )
+        return said
+
+    step("install.sh --wheels", "cd ~/flightpower && sudo systemd/install.sh --wheels ~/wheels; cd")
+    step("tray edited, install.sh --tray", f"{EDIT_TRAY} && cd ~/flightpower && sudo systemd/install.sh --tray; cd")
+    step("daq check", f"{STOP}; sudo {DAQ} check --config {TRAY}", "fit to fly")
+    step("daq zero", f"sudo {DAQ} zero --config {TRAY}")
+    step("start", f"{START}; sleep 15; systemctl status flightpower-daq", r"Status: .*log-\d{4}")
+    step("daq list", f"{DAQ} list", "log-0001")
+    step("daq info", f"{DAQ} info {LOGS}/log-0001*.mcap", "ticks")
+    step("rsync", f"{STOP}; rsync -a --partial-dir=.part pi@raspberrypi.local:{LOGS}/ logs/ && ls logs", "log-0001")
+    step("waitress", "sudo /opt/flightpower/bin/pip install --no-index --find-links ~/wheels waitress")
+    step(
+        "status page",
+        "sudo systemctl enable --now flightpower-status && sleep 20 && curl -s localhost:8080",
+        "log-0001",
+    )
+    rows += exposure(machine, "status page on")
+    step("status page off", "sudo systemctl disable --now flightpower-status")
+    rows += exposure(machine, "status page off")
+    machine.switch_off()
+    return rows
+
+
+def exposure(machine: Machine, when: str) -> list[Row]:
+    _, said = machine.run("systemd-analyze security flightpower-daq | tail -1")
+    level = re.search(r"exposure level.*: ([\d.]+)", said)
+    good = level is not None and float(level[1]) <= LARGEST_EXPOSURE
+    return [Row(f"exposure, {when}", level[1] if level else said[-200:], good)]
+
+
+def figures(machine: Machine) -> list[Row]:
+    """Of a boot and of the service in it; nothing to fail."""
+    machine.log_in()
+    machine.wait(20.0)
+    commands = {
+        "boot": "systemd-analyze time | head -1",
+        "recording, after the kernel's start": "systemd-analyze critical-chain flightpower-daq | grep flightpower",
+        "service, resident": "sudo cat /proc/$(systemctl show -P MainPID flightpower-daq)/smaps_rollup"
+        " | awk '/^(Rss|Pss):/ {printf \"%s %.1f MB  \", $1, $2 / 1024}'",
+        "service, its control group": "systemctl show -P MemoryCurrent flightpower-daq"
+        " | awk '{printf \"%.1f MB\", $1 / 2^20}'",
+        "installed": "du -sm /opt/flightpower | cut -f1",
+        "missed ticks": "systemctl show -P StatusText flightpower-daq",
+    }
+    return [Row(what, machine.run(command)[1].strip(), True) for what, command in commands.items()]
+
+
+def power_pulls(folder: Path, disk: Path, count: int, rng: random.Random) -> list[Row]:
+    """Boot, record, pull the power, read the card; each time on the card as the last pull left it."""
+    known, rows = logs_on(folder, disk), []
+    for number in range(1, count + 1):
+        with Machine(folder, disk) as machine:
+            machine.wait_for_recording(len(known))
+            begin_s = machine.heartbeat.guest_s
+            machine.wait(rng.uniform(*RECORDED_S))
+            cut_s = machine.pull_power()
+        logs = logs_on(folder, disk)
+        wrong = trouble(known, logs)
+        new = [log.state for name, log in logs.items() if name not in known]
+        last_s = max((state.last_s for state in new if state.last_s is not None), default=None)
+        completed = sum(not known[name].state.complete and logs[name].state.complete for name in known if name in logs)
+        lost = "nothing can be read" if last_s is None else f"lost {cut_s - last_s:.2f} s"
+        good = not wrong and last_s is not None and cut_s - last_s <= LARGEST_LOSS_S
+        text = f"{lost}; recording at {begin_s:.0f} s, cut at {cut_s:.0f} s; {len(logs)} logs, {completed} completed"
+        rows.append(Row(f"power pull {number}", "; ".join([text, *wrong]), good))
+        print(f"{rows[-1].what}: {rows[-1].figure}", flush=True)
+        known = logs
+    return rows
+
+
+def unplugged(folder: Path, disk: Path) -> list[Row]:
+    """The receiver's USB adapter is unplugged for six seconds in a recording."""
+    known = logs_on(folder, disk)
+    with Machine(folder, disk) as machine:
+        machine.log_in()
+        machine.wait_for_recording(len(known))
+        machine.wait(10.0)
+        machine.unplug("gps")
+        machine.wait(6.0)
+        machine.plug("gps")
+        machine.wait(15.0)
+        machine.run(STOP)
+        machine.switch_off()
+    rows = _judge("USB receiver unplugged", folder, disk, known)
+    with mounted(folder, disk) as root:
+        log = read_log(_newest(root))
+    fixes = [entry.time_ns / 1e9 for entry in log.entries["/gps"] if entry.message.status is Status.OK]
+    gap_s = max((b - a for a, b in pairwise(fixes)), default=0.0)
+    back = 5.0 < gap_s < 20.0
+    seen = f"{gap_s:.1f} s without a fix" if back else f"longest gap {gap_s:.1f} s, expected 5 to 20"
+    others = {
+        topic: sum(entry.message.status is not Status.OK for entry in log.entries[topic][100:])
+        for topic in ("/imu", "/baro", "/static", "/probe/alpha", "/probe/beta", "/probe/airspeed")
+    }
+    return [
+        *rows,
+        Row("receiver", seen, back),
+        Row("other sensors meanwhile", f"{sum(others.values())} readings lost", sum(others.values()) == 0),
+    ]
+
+
+def clock_stepped(folder: Path, disk: Path) -> list[Row]:
+    """A recording begins in 1970; the clock is set to today, back by an hour, and to 2000."""
+    known = logs_on(folder, disk)
+    with Machine(folder, disk) as machine:
+        machine.log_in()
+        today = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime())
+        machine.run(f"{STOP}; sudo date -u -s '1970-01-01 00:00:10'; {START}")
+        for date in (today, "2000-01-01 00:00:00", today):
+            machine.wait(4.0)
+            machine.run(f"sudo date -u -s '{date}'")
+        machine.wait(4.0)
+        _, restarts = machine.run("systemctl show -P NRestarts flightpower-daq")
+        machine.run(STOP)
+        machine.switch_off()
+    rows = _judge("clock stepped from 1970", folder, disk, known)
+    with mounted(folder, disk) as root:
+        path = _newest(root)
+        log = read_log(path)
+    steps = [e.message.system_ns - e.time_ns for e in log.entries["/time"]]
+    jumps = sum(abs(b - a) > 10**9 for a, b in pairwise(steps))
+    ticks = [entry.time_ns for entry in log.entries["/daq/tick"]]
+    ordered = all(b > a for a, b in pairwise(ticks))
+    day = time.strftime("%Y-%m-%d", time.gmtime())
+    return [
+        *rows,
+        Row("its log", f"{jumps} jumps of the system clock, times in order: {ordered}", jumps >= 3 and ordered),
+        Row("its name", path.name, day in path.name),
+        Row("restarts of the service", restarts, restarts == "0"),
+    ]
+
+
+def upgraded(folder: Path, disk: Path) -> list[Row]:
+    """A newer version is installed while the service records."""
+    known = logs_on(folder, disk)
+    with Machine(folder, disk) as machine:
+        machine.log_in()
+        machine.wait_for_recording(len(known))
+        begin_s = time.monotonic()
+        code, said = machine.run("cd ~/flightpower && sudo systemd/install.sh --wheels ~/wheels-upgrade; cd", 900.0)
+        took_s = time.monotonic() - begin_s
+        machine.wait_for_recording(len(known) + 1)
+        machine.wait(5.0)
+        _, version = machine.run("/opt/flightpower/bin/pip show flightpower | grep ^Version")
+        machine.run(STOP)
+        machine.switch_off()
+    rows = _judge("upgrade while recording", folder, disk, known)
+    with mounted(folder, disk) as root:
+        before, after = sorted((root / LOGS[1:]).glob("log-*.mcap"))[-2:]
+        last, first = (read_log(path) for path in (before, after))
+    pause_s = _monotonic_s(first)[0] - _monotonic_s(last)[-1]
+    good = code == 0 and UPGRADE in version
+    seen = f"{took_s:.0f} s, {version}" if good else f"exit code {code}: {said[-300:]}; {version}"
+    return [
+        *rows,
+        Row("install.sh", seen, good),
+        Row("pause between the two logs", f"{pause_s:.1f} s", True),
+    ]
+
+
+def _judge(what: str, folder: Path, disk: Path, known: dict) -> list[Row]:
+    """Every log readable, none changed, the new ones complete and without a hole in the numbers of ticks."""
+    logs = logs_on(folder, disk)
+    wrong = trouble(known, logs)
+    new = {name: log.state for name, log in logs.items() if name not in known}
+    wrong += [f"{name} is not complete" for name, state in new.items() if not state.complete]
+    wrong += [] if new else ["no new log"]
+    with mounted(folder, disk) as root:
+        entries = read_log(_newest(root)).entries["/daq/tick"]
+    missed = sum(entry.message.missed for entry in entries)
+    wrong += [f"{missed} of {len(entries)} ticks missed"] if missed > len(entries) // 100 else []
+    text = f"{len(logs)} logs, all readable, {len(entries)} ticks, {missed} missed"
+    return [Row(what, "; ".join(wrong) or text, not wrong)]
+
+
+def _newest(root: Path) -> Path:
+    return max((root / LOGS[1:]).glob("log-*.mcap"))
+
+
+def _monotonic_s(log) -> list[float]:
+    facts = log.metadata["flightpower"]
+    offset_ns = int(facts["start_monotonic_ns"]) - int(facts["start_unix_ns"])
+    return [(entry.time_ns + offset_ns) / 1e9 for entry in log.entries["/daq/tick"]]
