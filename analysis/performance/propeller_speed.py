@@ -79,6 +79,7 @@ def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
         above = excess(middle) > 0
         low, high = np.where(above, low, middle), np.where(above, middle, high)
     at_low, at_high = excess(low), excess(high)
-    rise = at_high - at_low  # zero where the bounds have met
-    beyond = np.divide((high - low) * at_low, rise, out=np.zeros_like(rise), where=rise != 0)
+    rise = at_high - at_low
+    no_root = np.where(high > low, np.nan, 0.0)  # a constant excess has none; bounds that have met are the root
+    beyond = np.divide((high - low) * at_low, rise, out=no_root, where=rise != 0)
     return np.where(found, low - beyond, np.nan)

@@ -7,6 +7,7 @@ regressor that contains this response attributes the gust to the sensor.
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy import linalg
 
 from analysis.signals.local_polynomial import local_quadratic
 from analysis.signals.stretches import stretches
@@ -44,25 +45,63 @@ def extrapolated(values: Array, flying: BoolArray, step_s: float, window_s: floa
     return predicted[0], predicted[1]
 
 
-def projected_on_past(current: Array, past: Array, decay: Array, flying: BoolArray) -> Array:
+def projected_on_past(
+    current: Array, past: Array, decay: Array, flying: BoolArray, gust_over_noise: float = np.inf
+) -> Array:
     """Least-squares prediction of `current` (n, m) from functions `past` (n, k) of past data; 0 on the ground.
 
-    decay : (n-1,) decay factors of a gust over each step. Least squares of the *increments* over a decaying gust, since
-    a smoother with gusts as process noise weights increments. So instrument z and regressor x have z'x = z'z, and the
-    covariance that the smoother computes is the true one (docs/estimators.md).
+    decay : (n-1,) decay factors of a gust over each step. gust_over_noise : standard deviation of the gust over that of
+    white noise, in the measurement that the prediction is for
+    Least squares after the filter that makes gust and noise together white, as a smoother weights them: increments over
+    the decaying gust where there is no noise, the values themselves where there is no gust. So instrument z and
+    regressor x have z'x = z'z, and the covariance that the smoother computes is the true one (docs/estimators.md).
+    Without the noise z'x was -0.3 z'z in calm air for the lag of the angle of attack.
     """
     both = flying[1:] & flying[:-1]
-    d_current, d_past = (values[1:][both] - decay[both, None] * values[:-1][both] for values in (current, past))
-    return np.where(flying[:, None], past @ np.linalg.lstsq(d_past, d_current, rcond=None)[0], 0.0)
+    returned = _moving_average(decay, gust_over_noise)
+    w_current, w_past = (_whitened(values, decay, returned, both)[1:][both] for values in (current, past))
+    return np.where(flying[:, None], past @ np.linalg.lstsq(w_past, w_current, rcond=None)[0], 0.0)
+
+
+def _moving_average(decay: Array, gust_over_noise: float) -> Array:
+    """The moving-average coefficient (n-1,) of white noise on a first-order gust, as ARMA(1, 1) of its own innovations.
+
+    The increments over the decay have variance a + (1 + decay^2) and covariance -decay, in units of the noise; a is
+    that of the gust's increment.
+    """
+    if np.isinf(gust_over_noise):
+        return np.zeros_like(decay)
+    ratio = (gust_over_noise**2 * (1 - decay**2) + 1 + decay**2) / np.maximum(decay, np.finfo(float).tiny)
+    return np.asarray(2 / (ratio + np.sqrt(ratio**2 - 4)))
+
+
+def _whitened(values: Array, decay: Array, returned: Array, both: BoolArray) -> Array:
+    """Innovations (n, k): w_i = v_i - decay v_i-1 + returned w_i-1 where both fly, 0 elsewhere."""
+    increments = np.zeros_like(values)
+    increments[1:][both] = values[1:][both] - decay[both, None] * values[:-1][both]
+    band = np.ones((2, len(values)))
+    band[1, :-1] = -np.where(both, returned, 0.0)
+    return np.asarray(linalg.solve_banded((1, 0), band, increments))
 
 
 def lagged(values: Array, flying: BoolArray) -> Array:
-    """`values` of LAGS blocks before, (n, len(LAGS)), newest first; 0 where the aircraft did not fly then.
+    """`values` of LAGS blocks before, (n, len(LAGS)), newest first; 0 on the ground, and constant before a flight.
 
     Lag 1 is left out: the means of neighboring blocks share part of a gust's increment.
     """
-    flown = np.where(flying, values, 0.0)
-    return np.column_stack([np.concatenate([np.zeros(lag), flown[:-lag]]) for lag in LAGS])
+    past = np.zeros((len(values), len(LAGS)))
+    for rows in stretches(flying):
+        before = np.arange(rows.start, rows.stop)[:, None] - LAGS
+        past[rows] = values[np.maximum(before, rows.start)]
+    return past
+
+
+def has_past(flying: BoolArray) -> BoolArray:
+    """Which instants (n,) have flight at all LAGS before them."""
+    settled = np.zeros(len(flying), dtype=bool)
+    for rows in stretches(flying):
+        settled[rows.start + LAGS[-1] : rows.stop] = True
+    return settled
 
 
 def derivative(values: Array, flying: BoolArray, step_s: float) -> Array:

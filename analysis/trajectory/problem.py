@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.airdata.magnetometer import Compass
 from analysis.trajectory.block_means import BLOCK, BlockMeans
-from analysis.trajectory.equations import SENSOR_ERRORS, EquationInputs, Equations
+from analysis.trajectory.equations import MEASUREMENTS, SENSOR_ERRORS, EquationInputs, Equations
 from analysis.trajectory.inertial import InertialInputs
 from analysis.trajectory.initial_estimate import initial_sensor_errors, initial_states
 from analysis.trajectory.instrumental_variables import extrapolated
@@ -55,7 +55,8 @@ class TrajectoryProblem:
         self._inertial = InertialInputs(table, blocks, noise)
         self.conditions = GustConditions(blocks, V_reference, V_predicted)
         self.measurements = Measurements(table, blocks, at_rest, noise, V_reference, field)
-        self.regressors = Regressors(blocks, V_predicted, self.conditions, field)
+        alpha_weight = self.measurements.weight[:, MEASUREMENTS.index("alpha")]
+        self.regressors = Regressors(blocks, V_predicted, _noise(alpha_weight), self.conditions, field)
         self._begins_at_rest = begins_at_rest(at_rest)
 
         gps, has_compass = self.measurements.has_gps, self.measurements.has_compass
@@ -104,3 +105,9 @@ def _blocks_at_rest(rest: list[slice], n: int) -> NDArray[np.bool_]:
     for rows in rest:
         at_rest[-(-rows.start // BLOCK) : rows.stop // BLOCK] = True
     return at_rest
+
+
+def _noise(weight: Array) -> float:
+    """Standard deviation of a measurement: median where it was measured, infinite where it never was."""
+    measured = weight[weight > 0]
+    return float(1 / np.median(measured)) if len(measured) else np.inf

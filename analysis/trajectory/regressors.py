@@ -15,6 +15,7 @@ from analysis.trajectory.instrumental_variables import (
     RATE_S,
     derivative,
     extrapolated,
+    has_past,
     lagged,
     parabola_fit,
     projected_on_past,
@@ -31,8 +32,16 @@ LARGEST_BANK_RAD = 1.2
 class Regressors:
     """MEASUREMENT_INPUTS for trajectories of one flight."""
 
-    def __init__(self, blocks: BlockMeans, measured_V_predicted: Array, conditions: GustConditions, field: LevelField):
-        """measured_V_predicted: (n,) measured airspeed, predicted from past data."""
+    def __init__(
+        self,
+        blocks: BlockMeans,
+        measured_V_predicted: Array,
+        alpha_noise_rad: float,
+        conditions: GustConditions,
+        field: LevelField,
+    ):
+        """measured_V_predicted: (n,) measured airspeed, predicted from past data. alpha_noise_rad: of a block."""
+        self._alpha_noise_mps = alpha_noise_rad * conditions.cruise_mps
         self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
         self._measured_V_predicted, self._conditions, self._field = measured_V_predicted, conditions, field
         self._slowest_mps = SLOWEST_MPS * blocks.speed_scale
@@ -58,7 +67,7 @@ class Regressors:
         cos_bank = np.cos(np.clip(self._extrapolated(state.phi)[0], -LARGEST_BANK_RAD, LARGEST_BANK_RAD))
         lift = 1 / (measured_V**2 * cos_bank)  # lift coefficient up to a factor
         regressors, predicted_regressors, alpha_predicted = self._alpha(
-            state, errors, lift, lift * V_rate_predicted / V
+            state, errors, lift, lift * V_rate_predicted / V, sigma_w_mps / self._alpha_noise_mps
         )
         field_forward, field_right = self._field.leveled(state.phi, state.theta)
         common = {
@@ -100,7 +109,7 @@ class Regressors:
         return extrapolated(values, self._flying, self._step_s, *window_s)
 
     def _alpha(
-        self, state: NamedArrays, errors: NamedArrays, lift: Array, lift_rate: Array
+        self, state: NamedArrays, errors: NamedArrays, lift: Array, lift_rate: Array, gust_over_noise: float
     ) -> tuple[dict[str, Array], dict[str, Array], Array]:
         """ALPHA_REGRESSORS, actual and predicted, and the predicted angle of attack at the centre of gravity.
 
@@ -113,7 +122,7 @@ class Regressors:
         measured = (at_probe - errors.alpha_bias) / (1 + errors.alpha_scale - 2 * errors.V_scale)
         steady = state.v_north - state.wind_north, state.v_east - state.wind_east, state.v_down
         u, _, w = motion.body_from_earth(*steady, state.phi, state.theta, state.psi)
-        inertial = np.where(flying, np.arctan2(w, u), 0.0)
+        inertial = self._bridged(np.arctan2(w, u))
         curvature = np.zeros(len(inertial))
         curvature[1:-1] = np.diff(inertial, 2) / 24  # a parabola's mean over a block less the value at its center
         bridged, t_s = self._bridged(measured), self._blocks.t_s
@@ -121,9 +130,11 @@ class Regressors:
         by_V_scale = -2 * alpha - self._by_rotation
         actual = np.column_stack([bridged, CubicSpline(t_s, bridged)(t_s, 1), by_V_scale, alpha]) * flying[:, None]
         past = np.column_stack([np.ones(len(inertial)), lift, lift_rate, lagged(inertial, flying)])
-        predicted = projected_on_past(actual, past, self._conditions.vertical_decay, flying)
+        decay = self._conditions.vertical_decay
+        predicted = projected_on_past(actual, past, decay, flying, gust_over_noise)
+        instruments = predicted * has_past(flying)[:, None]
 
         def named(values: Array) -> dict[str, Array]:
             return dict(zip(ALPHA_REGRESSORS, (*values.T[:3], curvature * flying), strict=True))
 
-        return named(actual), named(predicted), predicted[:, 3]
+        return named(actual), named(instruments), predicted[:, 3]

@@ -12,14 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal.windows import dpss
 
 from analysis.trajectory.dryden import SecondOrderGust
 
 Array = NDArray[np.float64]
 
 SLOW = 0.5  # frequency in radians over a gust's time L/V: the spectrum is within 12 % of that at frequency zero
-HALF_BANDWIDTH, TAPERS = 2.0, 3  # of the multitaper periodogram, in units of one over the duration (Thomson 1982)
+TAPERS = 3  # of the multitaper periodogram, sines (Riedel & Sidorenko 1995, IEEE Trans. Signal Process. 43, 188)
+HALF_BANDWIDTH = (TAPERS + 1) / 2  # in units of one over the duration
 PRIOR_DEGREES = 8.0  # of freedom of the user's scale length: right within a factor of 1.6, 1 sigma
 
 
@@ -53,7 +53,7 @@ def slow_gusts(gust_mps: Array, random_errors_mps: Array, step_s: float, assumed
     slow = _slow(n, step_s, assumed)
     if not slow.any():
         return SlowGusts(1.0, 0.0)
-    tapers = dpss(n, HALF_BANDWIDTH, TAPERS)
+    tapers = np.sqrt(2 / (n + 1)) * np.sin(np.pi / (n + 1) * np.outer(np.arange(1, TAPERS + 1), np.arange(1, n + 1)))
 
     def power(values: Array) -> Array:
         spectra = np.fft.rfft(values[..., None, :] * tapers)[..., slow]

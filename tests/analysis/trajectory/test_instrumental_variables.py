@@ -5,7 +5,7 @@ import pytest
 from test_reconstruction import flown as fly
 
 from analysis.trajectory.equations import MEASUREMENT_INPUTS
-from analysis.trajectory.instrumental_variables import LAGS, lagged, projected_on_past
+from analysis.trajectory.instrumental_variables import LAGS, has_past, lagged, projected_on_past
 from analysis.trajectory.problem import TrajectoryProblem
 
 DECAY = 0.93  # of a gust in 0.2 s: scale length 40 m, at 14 m/s
@@ -57,10 +57,34 @@ def test_on_the_ground_predictions_and_lagged_values_are_zero() -> None:
     past = lagged(values, flying)
     assert past.shape == (100, len(LAGS))
     assert 1 not in LAGS, "means of neighboring blocks share part of a gust's increment"
-    assert not past[: 40 + LAGS[0]].any(), "no value from before the flight"
+    assert not past[:40].any() and np.all(past[40 : 40 + LAGS[0]] == values[40]), "no value from before the flight"
     assert np.array_equal(past[60], values[60 - np.array(LAGS)])
     predicted = projected_on_past(values[:, None], past, np.full(99, DECAY), flying)
     assert not predicted[~flying].any() and predicted[60:].any()
+
+
+def test_a_prediction_has_a_past_only_after_all_lags_in_flight() -> None:
+    flying = np.ones(60, dtype=bool)
+    flying[[0, 1, 30, 31, 35]] = False
+    settled = has_past(flying)
+    for k in range(60):
+        assert settled[k] == (k - LAGS[-1] >= 0 and bool(flying[k - LAGS[-1] : k + 1].all()))
+
+
+@pytest.mark.parametrize("gust_over_noise", [0.0, 0.2, 1.0, np.inf])
+def test_instrument_and_regressor_agree_in_the_metric_of_gust_and_noise(gust_over_noise: float) -> None:
+    """z'Wx = z'Wz, W the inverse covariance of first-order gust and white noise together: what a smoother applies."""
+    rng, n = np.random.default_rng(0), 400
+    decay, flying = np.full(n - 1, DECAY), np.ones(n, dtype=bool)
+    past = np.column_stack([np.ones(n), np.sin(np.arange(n) / 7), np.cos(np.arange(n) / 11)])
+    x = past @ [0.1, 1.0, -0.5] + rng.normal(0, 2.0, n)
+    z = projected_on_past(x[:, None], past, decay, flying, gust_over_noise)[:, 0]
+    noise = 0.0 if np.isinf(gust_over_noise) else 1.0
+    gust = 1.0 if np.isinf(gust_over_noise) else gust_over_noise
+    lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    covariance = gust**2 * DECAY**lag + noise**2 * np.eye(n)
+    Wz = np.linalg.solve(covariance, z)
+    assert Wz @ x == pytest.approx(Wz @ z, rel=0.03)
 
 
 @pytest.mark.parametrize("name", ["V_predicted", "dlnV_dlndp_alpha", "V_rate"])
