@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.trajectory.smoother import Linearization, TrajectoryPrior, cost, gauss_newton_step
+from analysis.trajectory.sparse_jacobian import SparseJacobian
 
 N, NX, NY, M = 7, 3, 2, 2
 
@@ -12,9 +13,9 @@ def problem(seed: int) -> tuple[Linearization, TrajectoryPrior, np.ndarray, np.n
     rng = np.random.default_rng(seed)
     linearization = Linearization(
         rng.normal(size=(N - 1, NX)),
-        rng.normal(size=(N - 1, NX, 2 * NX + M)),
+        SparseJacobian.of(rng.normal(size=(N - 1, NX, 2 * NX + M))),
         rng.normal(size=(N, NY)),
-        rng.normal(size=(N, NY, NX + M)),
+        SparseJacobian.of(rng.normal(size=(N, NY, NX + M))),
     )
     prior = TrajectoryPrior(rng.normal(size=NX), np.full(NX, 2.0), rng.normal(size=M), np.array([0.5, 3.0]))
     return linearization, prior, rng.normal(size=NX), rng.normal(size=M)
@@ -27,14 +28,14 @@ def dense(
     rows, r = [], []
     for k in range(N - 1):
         row = np.zeros((NX, N * NX + M))
-        row[:, k * NX : (k + 2) * NX] = linearization.process_jacobian[k, :, : 2 * NX]
-        row[:, N * NX :] = linearization.process_jacobian[k, :, 2 * NX :]
+        row[:, k * NX : (k + 2) * NX] = linearization.process_jacobian.dense()[k, :, : 2 * NX]
+        row[:, N * NX :] = linearization.process_jacobian.dense()[k, :, 2 * NX :]
         rows.append(row)
         r.append(linearization.process_residual[k])
     for k in range(N):
         row = np.zeros((NY, N * NX + M))
-        row[:, k * NX : (k + 1) * NX] = linearization.measurement_jacobian[k, :, :NX]
-        row[:, N * NX :] = linearization.measurement_jacobian[k, :, NX:]
+        row[:, k * NX : (k + 1) * NX] = linearization.measurement_jacobian.dense()[k, :, :NX]
+        row[:, N * NX :] = linearization.measurement_jacobian.dense()[k, :, NX:]
         rows.append(row)
         r.append(linearization.measurement_residual[k])
     row = np.zeros((NX + M, N * NX + M))
