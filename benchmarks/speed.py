@@ -4,8 +4,8 @@
     python benchmarks/speed.py --before HEAD~5      the ratio to an earlier version (or several), by turns in one run
     python benchmarks/speed.py --hours 2            the same plan with more runs, until it lasts so long
 
-Processor seconds of one process with one thread; the least of the rounds, since other load only adds. A first run is not
-measured: it leaves the compiled modules that later ones find. docs/speed.md quotes the output.
+Processor seconds of one process with one thread; the least of the rounds, since other load only adds. A run before them
+is not measured: it leaves the compiled modules that later ones find. docs/speed.md quotes the output.
 """
 
 import io
@@ -116,10 +116,9 @@ def main(
 def print_table(found: dict[str, list[dict]]) -> None:
     best = {version: min(ran, key=lambda one: sum(one["steps"].values())) for version, ran in found.items()}
     *_, now = best.values()
-    first = next(iter(best.values()))
     title = f"{now['duration_s'] / 60:.0f} minutes of log; processor seconds"
     table = Table("step", *best, *(["ratio"] if len(best) > 1 else []), box=None, title=title, title_justify="left")
-    rows = {step: [one["steps"].get(step, 0.0) for one in best.values()] for step in first["steps"]}
+    rows = {step: [one["steps"].get(step, 0.0) for one in best.values()] for step in now["steps"]}
     rows["all"] = [sum(one["steps"].values()) for one in best.values()]
     rows["peak memory, MB"] = [one["MB"] for one in best.values()]
     for step, values in rows.items():

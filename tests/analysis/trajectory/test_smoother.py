@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.trajectory.smoother import Linearization, TrajectoryPrior, cost, gauss_newton_step
-from analysis.trajectory.sparse_jacobian import SparseJacobian
+from analysis.trajectory.sparse_jacobian import CHUNK, SparseJacobian
 
 N, NX, NY, M = 7, 3, 2, 2
 
@@ -89,3 +89,20 @@ def test_draws_have_the_covariance_of_the_states_given_the_sensor_errors() -> No
     own = np.linalg.inv(free.T @ free)
     scale = np.sqrt(np.outer(np.diag(own), np.diag(own)))
     assert np.abs(draws.T @ draws / 4000 - own).max() < 5 * np.sqrt(2 / 4000) * scale.max()
+
+
+def test_derivatives_that_are_always_zero_can_be_left_out() -> None:
+    """The same step with every third derivative zero, and without it; more instants than are summed at once."""
+    rng = np.random.default_rng(0)
+    n = CHUNK + 3
+    kept = [place for k, place in enumerate(np.ndindex(NX, 2 * NX + M)) if k % 3]
+    sparse = SparseJacobian(rng.normal(size=(len(kept), n - 1)), kept, 2 * NX + M)
+    measured = SparseJacobian.of(rng.normal(size=(n, NY, NX + M)))
+    residuals = rng.normal(size=(n - 1, NX)), rng.normal(size=(n, NY))
+    _, prior, first, errors = problem(0)
+    steps = [
+        gauss_newton_step(Linearization(residuals[0], process, residuals[1], measured), prior, first, errors)
+        for process in (sparse, SparseJacobian.of(sparse.dense()))
+    ]
+    assert steps[0].states == pytest.approx(steps[1].states, rel=1e-9, abs=1e-12)
+    assert steps[0].covariance == pytest.approx(steps[1].covariance, rel=1e-9)
