@@ -77,6 +77,8 @@ class Fit:
     variance_information : the part of `information` that comes from the variances of the residuals, not their means
     integrator, inputs : with which the response was computed
     costs : negative log-likelihood at the start and after each iteration, if kept
+    steps : length of the step of each iteration in the metric of the information matrix: of all combinations of the
+    unknowns, the change of the one that changes most, in its standard errors
     """
 
     model: Model
@@ -95,6 +97,7 @@ class Fit:
     integrator: Integrator = "rk4"
     inputs: InputRule = "linear"
     costs: tuple[float, ...] = ()
+    steps: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         return self.summary().table()

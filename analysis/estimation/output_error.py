@@ -82,7 +82,7 @@ def estimate(
         raise InputError(_not_finite(likelihood))
     point, iterations, why_stopped = maximize(likelihood, point, max_iterations)
     if likelihood.is_long:
-        point = likelihood.evaluate_whole(point.theta)._replace(costs=point.costs)
+        point = likelihood.evaluate_whole(point.theta)._replace(costs=point.costs, steps=point.steps)
     if why_stopped == NO_STEP and simulator.has_branches:
         why_stopped += (
             "; the model has branches (np.where, np.sign, np.maximum), where the likelihood may jump: smooth them,"
