@@ -197,10 +197,11 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
         gone = {name: value for name, value in (negligible | zero).items() if name.startswith("ln w(")}
         if any(value > -math.inf for value in gone.values()) and len(gone) > 1:
             ends = [(zero, smaller, maximize(smaller, without, 1, STEP_TOLERANCE)[0])]
-            for name in (name for name, value in gone.items() if value == -math.inf):
-                choice = zero | dict.fromkeys(gone, -math.inf) | {name: lowest[name]}
-                other, start = _holding(likelihood, choice, point)
-                ends.append((choice, other, maximize(other, start, 1, STEP_TOLERANCE)[0]))
+            for name in gone:
+                only = dict.fromkeys(gone, -math.inf) | {name: lowest[name]}
+                if only != gone:
+                    other, start = _holding(likelihood, only, point)
+                    ends.append((zero | only, other, maximize(other, start, 1, STEP_TOLERANCE)[0]))
             zero, smaller, without = min(ends, key=lambda end: end[2].cost)
             iterations += 1
         likelihood, point, negligible = smaller, without, negligible | zero
