@@ -46,32 +46,30 @@ def extrapolated(values: Array, flying: BoolArray, step_s: float, window_s: floa
 
 
 def projected_on_past(
-    current: Array, past: Array, decay: Array, flying: BoolArray, gust_over_noise: float = np.inf
+    current: Array, past: Array, decay: Array, flying: BoolArray, increment_over_noise: Array | float = np.inf
 ) -> Array:
     """Least-squares prediction of `current` (n, m) from functions `past` (n, k) of past data; 0 on the ground.
 
-    decay : (n-1,) decay factors of a gust over each step. gust_over_noise : standard deviation of the gust over that of
-    white noise, in the measurement that the prediction is for
+    decay : (n-1,) decay factors of a gust over each step. increment_over_noise : (n-1,) standard deviation of its
+    increment over that of white noise, in the measurement that the prediction is for
     Least squares after the filter that makes gust and noise together white, as a smoother weights them: increments over
     the decaying gust where there is no noise, the values themselves where there is no gust. So instrument z and
     regressor x have z'x = z'z, and the covariance that the smoother computes is the true one (docs/estimators.md).
     Without the noise z'x was -0.3 z'z in calm air for the lag of the angle of attack.
     """
     both = flying[1:] & flying[:-1]
-    returned = _moving_average(decay, gust_over_noise)
+    returned = _moving_average(decay, increment_over_noise)
     w_current, w_past = (_whitened(values, decay, returned, both)[1:][both] for values in (current, past))
     return np.where(flying[:, None], past @ np.linalg.lstsq(w_past, w_current, rcond=None)[0], 0.0)
 
 
-def _moving_average(decay: Array, gust_over_noise: float) -> Array:
+def _moving_average(decay: Array, increment_over_noise: Array | float) -> Array:
     """The moving-average coefficient (n-1,) of white noise on a first-order gust, as ARMA(1, 1) of its own innovations.
 
-    The increments over the decay have variance a + (1 + decay^2) and covariance -decay, in units of the noise; a is
-    that of the gust's increment.
+    The increments over the decay have variance a^2 + 1 + decay^2 and covariance -decay, in units of the noise; a is
+    the size of the gust's increment.
     """
-    if np.isinf(gust_over_noise):
-        return np.zeros_like(decay)
-    ratio = (gust_over_noise**2 * (1 - decay**2) + 1 + decay**2) / np.maximum(decay, np.finfo(float).tiny)
+    ratio = (increment_over_noise**2 + 1 + decay**2) / np.maximum(decay, np.finfo(float).tiny)
     return np.asarray(2 / (ratio + np.sqrt(ratio**2 - 4)))
 
 

@@ -29,7 +29,12 @@ class GustConditions:
         flying = blocks.flying[:-1]
         self.V_mps = np.where(flying, np.maximum(V_predicted[:-1], SLOWEST_MPS * blocks.speed_scale), self.cruise_mps)
         self.height_m = np.where(flying, blocks["height_m"][:-1], self.cruise_height_m)
-        self.vertical_decay = dryden.vertical(1.0, self.height_m, self.V_mps).discretize(blocks.step_s)[0]
+        self._step_s = blocks.step_s
+
+    def vertical_steps(self, sigma_w_mps: float) -> tuple[Array, Array]:
+        """Decay factor of vertical gusts over each step (n-1,), and standard deviation of their increment [m/s]."""
+        decay, once, twice = dryden.vertical(sigma_w_mps, self.height_m, self.V_mps).discretize(self._step_s)
+        return decay, np.hypot(once, twice)
 
     def in_cruise(self, sigma_w_mps: float) -> dryden.SecondOrderGust:
         """Vertical gusts of this standard deviation in cruise."""

@@ -118,7 +118,7 @@ def test_gusts_decay_with_the_distance_flown(exact) -> None:
     5 m/s, gusts are those of cruise, and of 5 m/s."""
     blocks = BlockMeans(exact.table)
     at = {V: GustConditions(blocks, np.full(blocks.n, 15.0), np.full(blocks.n, V)) for V in (2.0, 5.0, 10.0, 20.0)}
-    logs = {V: np.log(conditions.vertical_decay) for V, conditions in at.items()}
+    logs = {V: np.log(conditions.vertical_steps(1.0)[0]) for V, conditions in at.items()}
     assert logs[20.0] == pytest.approx(2 * logs[10.0])
     assert logs[2.0] == pytest.approx(logs[5.0]) and logs[10.0] == pytest.approx(2 * logs[5.0])
     parked = BlockMeans(exact.table.assign(height_m=0.0))

@@ -71,16 +71,16 @@ def test_a_prediction_has_a_past_only_after_all_lags_in_flight() -> None:
         assert settled[k] == (k - LAGS[-1] >= 0 and bool(flying[k - LAGS[-1] : k + 1].all()))
 
 
-@pytest.mark.parametrize("gust_over_noise", [0.0, 0.2, 1.0, np.inf])
-def test_instrument_and_regressor_agree_in_the_metric_of_gust_and_noise(gust_over_noise: float) -> None:
+@pytest.mark.parametrize("increment_over_noise", [0.0, 0.05, 0.4, np.inf])
+def test_instrument_and_regressor_agree_in_the_metric_of_gust_and_noise(increment_over_noise: float) -> None:
     """z'Wx = z'Wz, W the inverse covariance of first-order gust and white noise together: what a smoother applies."""
     rng, n = np.random.default_rng(0), 400
     decay, flying = np.full(n - 1, DECAY), np.ones(n, dtype=bool)
     past = np.column_stack([np.ones(n), np.sin(np.arange(n) / 7), np.cos(np.arange(n) / 11)])
     x = past @ [0.1, 1.0, -0.5] + rng.normal(0, 2.0, n)
-    z = projected_on_past(x[:, None], past, decay, flying, gust_over_noise)[:, 0]
-    noise = 0.0 if np.isinf(gust_over_noise) else 1.0
-    gust = 1.0 if np.isinf(gust_over_noise) else gust_over_noise
+    z = projected_on_past(x[:, None], past, decay, flying, increment_over_noise)[:, 0]
+    noise = 0.0 if np.isinf(increment_over_noise) else 1.0
+    gust = 1.0 if noise == 0 else increment_over_noise / np.sqrt(1 - DECAY**2)
     lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     covariance = gust**2 * DECAY**lag + noise**2 * np.eye(n)
     Wz = np.linalg.solve(covariance, z)
