@@ -57,6 +57,7 @@ def test_an_input_that_is_held_acts_half_a_step_late_on_the_derivatives_and_at_o
     )
     for name, value in true.items():
         assert getattr(right, name) == pytest.approx(value, rel=1e-2), name
+    assert right.Zde == pytest.approx(true["Zde"], rel=1e-9), "an output has the input of its sample"
     assert abs(wrong.Mal / true["Mal"] - 1) > 0.05 and abs(wrong.Mde / true["Mde"] - 1) > 0.05
 
 
