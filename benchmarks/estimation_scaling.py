@@ -56,7 +56,30 @@ ELEVEN = Model(
         9.81 * x.alpha + p.bias_ax,
     ),
 )
-SIGMA = {"vane": 0.003, "q": 0.005, "az": 0.1, "qdot": 0.05, "az_tail": 0.2, "alpha_dot": 0.02, "ax": 0.05}
+# Four states and outputs, twelve parameters: speed V and pitch angle theta too.
+TWELVE_TRUTH = {
+    "Xv": -0.04, "Xal": -4.0, "Zv": -0.003, "Zal": -1.5, "Zq": 0.02, "Zde": -0.1, "Mv": 0.01, "Mal": -12.0, "Mq": -2.5,
+    "Mde": -15.0, "bias": 0.01, "theta_bias": 0.02,
+}  # fmt: skip
+TWELVE = Model(
+    name="longitudinal, twelve parameters",
+    states=("V", "alpha", "q", "theta"),
+    inputs=("de",),
+    outputs=("V", "vane", "q", "theta"),
+    parameters=tuple(Parameter(name=name, start=value) for name, value in TWELVE_TRUTH.items()),
+    dynamics=lambda x, u, p: (
+        p.Xv * x.V + p.Xal * x.alpha - 9.81 * x.theta,
+        p.Zv * x.V + p.Zal * x.alpha + (1 + p.Zq) * x.q + p.Zde * u.de,
+        p.Mv * x.V + p.Mal * x.alpha + p.Mq * x.q + p.Mde * u.de,
+        x.q,
+    ),
+    output_function=lambda x, u, p: (x.V, x.alpha + p.bias, x.q, x.theta + p.theta_bias),
+)
+MODELS = {"TEN": TEN, "ELEVEN": ELEVEN, "TWELVE": TWELVE}
+SIGMA = {
+    "V": 0.1, "theta": 0.003, "vane": 0.003, "q": 0.005, "az": 0.1, "qdot": 0.05, "az_tail": 0.2, "alpha_dot": 0.02,
+    "ax": 0.05,
+}  # fmt: skip
 CONSOLE = Console(width=140)
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -77,33 +100,37 @@ def record(model, samples, seed=0):
     rng, t = np.random.default_rng(seed), np.arange(samples) * STEP_S
     de = 0.03 + 0.05 * np.sign(np.sin(1.3 * t + seed)) * (np.sin(0.31 * t + seed) > 0)
     p = np.array([q.start for q in model.parameters])
-    y = build_simulator(model, ()).run(np.array([0.05, 0.0]), de[:, None], p, STEP_S).y
+    initial = {"alpha": 0.05} | {name: 0.0 for name in model.states if name != "alpha"}
+    x0 = np.array([initial[name] for name in model.states])
+    y = build_simulator(model, ()).run(x0, de[:, None], p, STEP_S).y
     z = {name: y[:, i] + SIGMA[name] * rng.standard_normal(samples) for i, name in enumerate(model.outputs)}
-    return Segment(name=f"run {seed}", t_s=t, u={"de": de}, z=z, x0={"alpha": 0.05, "q": 0.0})
+    return Segment(name=f"run {seed}", t_s=t, u={"de": de}, z=z, x0=initial)
 
 
 def fitted(model, segments):
-    return output_error.estimate(model, segments, start={name: 1.3 * value for name, value in TRUTH.items()})
+    return output_error.estimate(model, segments, start={q.name: 1.3 * q.start for q in model.parameters})
 
 
 @app.command()
 def growth() -> None:
     """Processor time and peak memory of fits over samples and manoeuvres; each fit in its own process."""
     table = Table(
-        "samples", "manoeuvres", "outputs", "parameters", "s", "ms per 1000 samples", "MB", "wanted", box=None
+        "samples", "manoeuvres", "states", "outputs", "parameters", "s", "ms per 1000 samples", "MB", "wanted", box=None
     )
     for model, samples, manoeuvres, wanted in (
-        ("TEN", 500, 1, "20 ms (4 x 12)"), ("ELEVEN", 601, 1, "50 ms"), ("TEN", 2000, 1, ""), ("TEN", 10_000, 1, ""),
-        ("TEN", 50_000, 1, "3 s, 300 MB"), ("TEN", 200_000, 1, ""), ("TEN", 500, 10, ""), ("TEN", 500, 100, ""),
+        ("TWELVE", 500, 1, "20 ms"), ("TEN", 500, 1, ""), ("ELEVEN", 601, 1, "50 ms"), ("TEN", 2000, 1, ""),
+        ("TEN", 10_000, 1, ""), ("TEN", 50_000, 1, "3 s, 300 MB"), ("TEN", 200_000, 1, ""), ("TEN", 500, 10, ""),
+        ("TEN", 500, 100, ""),
     ):  # fmt: skip
         command = [sys.executable, __file__, "one", model, str(samples), str(manoeuvres)]
         ran = subprocess.run(command, capture_output=True, text=True, check=True)
         seconds, megabytes = (float(word) for word in ran.stdout.split())
-        outputs, parameters = (4, 10) if model == "TEN" else (7, 11)
+        chosen = MODELS[model]
+        states, outputs, parameters = (len(part) for part in (chosen.states, chosen.outputs, chosen.parameters))
         per_1000 = 1e6 * seconds / (samples * manoeuvres)
         table.add_row(
-            str(samples), str(manoeuvres), str(outputs), str(parameters), f"{seconds:.3f}", f"{per_1000:.0f}",
-            f"{megabytes:.0f}", wanted,
+            str(samples), str(manoeuvres), str(states), str(outputs), str(parameters), f"{seconds:.3f}",
+            f"{per_1000:.0f}", f"{megabytes:.0f}", wanted,
         )  # fmt: skip
     CONSOLE.print(table)
 
@@ -111,7 +138,7 @@ def growth() -> None:
 @app.command(hidden=True)
 def one(model: str, samples: int, manoeuvres: int) -> None:
     """Processor time [s] of one fit after the model is compiled, and peak memory of the process [MB]."""
-    chosen = {"TEN": TEN, "ELEVEN": ELEVEN}[model]
+    chosen = MODELS[model]
     segments = [record(chosen, samples, seed) for seed in range(manoeuvres)]
     fitted(chosen, record(chosen, 100))
     seconds = processor_time_s(lambda: fitted(chosen, segments), 1 if samples * manoeuvres > 5000 else 10)

@@ -15,7 +15,7 @@ from analysis.drag.cross_check_data import priors, segments_of
 from analysis.drag.cross_check_filter_error import filter_error_fit
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.estimation import aircraft_models, output_error, uncertainty
-from analysis.estimation.fit import Fit
+from analysis.estimation.fit import Convergence, Fit
 from analysis.maneuvers.kinds import Maneuver
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
@@ -38,6 +38,7 @@ class CrossCheck(NamedTuple):
     verdict: str
     converged: bool
     in_gusts: bool = False
+    convergence: Convergence | None = None
 
     @property
     def by(self) -> str:
@@ -57,10 +58,10 @@ def estimate_polar(
     table: from `air_data`. zeroed: the gyro biases at rest were subtracted.
     """
     fit = output_error_fit(table, runs, aircraft, propeller, zeroed=zeroed)
-    if _in_gusts(fit):
-        by_filter = filter_error_fit(table, runs, aircraft, propeller, zeroed=zeroed)
-        return CrossCheck(covariance.polar_of(by_filter), by_filter.verdict.text, by_filter.verdict.ok, in_gusts=True)
-    return CrossCheck(covariance.polar_of(fit), fit.verdict.text, fit.verdict.ok)
+    in_gusts = _in_gusts(fit)
+    if in_gusts:
+        fit = filter_error_fit(table, runs, aircraft, propeller, zeroed=zeroed)
+    return CrossCheck(covariance.polar_of(fit), fit.verdict.text, fit.verdict.ok, in_gusts, fit.convergence)
 
 
 def output_error_fit(

@@ -29,6 +29,7 @@ from analysis.drag.polar import Polar
 from analysis.drag.state_errors import noise_covariance
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
+from analysis.estimation.fit import Convergence
 from analysis.estimation.model import Model, NamedValues, Parameter
 from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory.equations import SENSOR_ERRORS
@@ -109,6 +110,7 @@ class DynamicEstimate:
     values : (5,) of POLAR and THRUST
     noise, systematic : the parts (5, 5) of their covariance, by noise and by errors common to all runs
     joint : with the sensor errors, for the joint estimate of several flights; None by another method
+    convergence : of the regression of drag; None by another method
     """
 
     polar: Polar
@@ -120,6 +122,7 @@ class DynamicEstimate:
     noise: Array
     systematic: Array
     joint: JointEstimate | None = None
+    convergence: Convergence | None = None
 
 
 def estimate_polar(
@@ -184,6 +187,7 @@ def estimate_polar(
         noise=noise,
         systematic=systematic,
         joint=joint,
+        convergence=fit.convergence,
     )
 
 

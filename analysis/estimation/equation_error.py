@@ -18,6 +18,7 @@ from analysis.estimation.data import Segment
 from analysis.estimation.frequency_domain import Band
 from analysis.estimation.model import Model, NamedValues
 from analysis.estimation.problem import inputs_of, measurements_of
+from analysis.estimation.simulation import InputRule
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -25,7 +26,9 @@ Array = NDArray[np.float64]
 KERNEL_HALF_LENGTH = 4.0  # in standard deviations of the Gaussian kernel; 6e-5 of its area is beyond
 
 
-def estimate(model: Model, segments: Segment | Sequence[Segment], *, smoothing_s: float) -> output_error.Fit:
+def estimate(
+    model: Model, segments: Segment | Sequence[Segment], *, smoothing_s: float, inputs: InputRule = "linear"
+) -> output_error.Fit:
     """Fit xdot = dynamics(x, u, p), and the outputs that are not states, at every sample of the filtered signals.
 
     Every state must be an output of the same name. The fit is that of `regression_of(model)`. Its standard errors
@@ -33,11 +36,14 @@ def estimate(model: Model, segments: Segment | Sequence[Segment], *, smoothing_s
 
     smoothing_s : standard deviation of the Gaussian low-pass kernel [s]; its cut-off (-3 dB), 0.13/smoothing_s Hz,
     should be just above the frequencies of the motion
+    inputs : between samples, see `simulation.build_simulator`. One that is "held" jumps at the samples: the mean of its
+    values before and after a sample goes with the derivative there, and the value after it with the other outputs
 
     Raises InputError for a state that is not measured, or a segment shorter than the filter.
     """
     segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
-    return output_error.estimate(regression_of(model), [_filtered(model, s, smoothing_s) for s in segments])
+    derived = [_filtered(model, segment, smoothing_s) for segment in segments]
+    return output_error.estimate(regression_of(model, _acting(model, inputs)), derived)
 
 
 def estimate_in_band(model: Model, segments: Segment | Sequence[Segment], *, band_Hz: Band) -> output_error.Fit:
@@ -71,11 +77,13 @@ def estimate_in_band(model: Model, segments: Segment | Sequence[Segment], *, ban
     return output_error.estimate(regression_of(model), derived, band_Hz=band_Hz)
 
 
-def regression_of(model: Model) -> Model:
+def regression_of(model: Model, acting: tuple[str, ...] | None = None) -> Model:
     """The static model with the states of `model` as further inputs and their time derivatives as outputs.
 
-    Outputs of `model` that are not states stay outputs. Raises InputError for a state that is not an output.
+    Outputs of `model` that are not states stay outputs. acting : names of the inputs in the dynamics, in the order of
+    the model's; default: those. Raises InputError for a state that is not an output.
     """
+    acting = acting or model.inputs
     missing = [state for state in model.states if state not in model.outputs]
     if missing:
         raise InputError(
@@ -84,16 +92,15 @@ def regression_of(model: Model) -> Model:
     others = [i for i, output in enumerate(model.outputs) if output not in model.states]
 
     def outputs(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, ...]:
-        state, inputs = [u[name] for name in model.states], [u[name] for name in model.inputs]
-        values = [p[q.name] for q in model.parameters]
-        y = model.evaluate_outputs(state, inputs, values)
-        return (*model.evaluate_dynamics(state, inputs, values), *(y[i] for i in others))
+        state, values = [u[name] for name in model.states], [p[q.name] for q in model.parameters]
+        y = model.evaluate_outputs(state, [u[name] for name in model.inputs], values)
+        return (*model.evaluate_dynamics(state, [u[name] for name in acting], values), *(y[i] for i in others))
 
     return replace(
         model,
         name=f"{model.name} (equation error)",
         states=(),
-        inputs=(*model.states, *model.inputs),
+        inputs=(*model.states, *dict.fromkeys((*model.inputs, *acting))),
         outputs=(*(derivative_name(model, state) for state in model.states), *(model.outputs[i] for i in others)),
         dynamics=None,
         output_function=outputs,
@@ -105,6 +112,16 @@ def derivative_name(model: Model, state: str) -> str:
     """The name of a state's time derivative in `regression_of(model)`: "pdot", unless the model has that output."""
     name = f"{state}dot"
     return f"d{state}/dt" if name in model.outputs else name
+
+
+def _acting(model: Model, inputs: InputRule) -> tuple[str, ...]:
+    """Names of the inputs of the regression that go with the derivatives. Late inputs are interpolated."""
+    return tuple(map(_mean_name, model.inputs)) if inputs == "held" and not model.delays else model.inputs
+
+
+def _mean_name(name: str) -> str:
+    """The name of the mean of an input's values before and after the sample."""
+    return f"{name} (mean)"
 
 
 def _filtered(model: Model, segment: Segment, smoothing_s: float) -> Segment:
@@ -125,7 +142,10 @@ def _filtered(model: Model, segment: Segment, smoothing_s: float) -> Segment:
     def low_pass(signal: Array, kernel: Array) -> Array:
         return np.convolve(signal, kernel, mode="valid")
 
-    u = {name: low_pass(signal, smooth) for name, signal in zip(model.inputs, inputs_of(model, segment).T, strict=True)}
+    u = {}
+    for name, signal in zip(model.inputs, inputs_of(model, segment).T, strict=True):
+        u[name] = low_pass(signal, smooth)
+        u[_mean_name(name)] = low_pass((np.r_[signal[:1], signal[:-1]] + signal) / 2, smooth)
     z: dict[str, Array] = {}
     for name, signal in zip(model.outputs, measurements_of(model, segment).T, strict=True):
         if name in model.states:

@@ -119,7 +119,7 @@ def estimate(
 
     def values_by(source: Source) -> dict[str, float]:
         if source == "equation error":
-            return starts.from_equation_error(model, segments)
+            return starts.from_equation_error(model, segments, inputs=inputs)
         return starts.from_output_error(model, segments, integrator=integrator, inputs=inputs)
 
     if isinstance(start, str):
@@ -163,7 +163,8 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
     point = likelihood.evaluate(theta)
     if not np.isfinite(point.cost):
         raise InputError(not_finite(likelihood))
-    iterations, negligible, tried = 0, dict[str, float](), set[str]()
+    iterations, negligible, tried = 0, dict[str, float](), dict[str, float]()
+    lowest = dict(zip(likelihood.problem.names, likelihood.problem.lower.tolist(), strict=True))
     while True:
         point, more, why_stopped = maximize(
             likelihood,
@@ -177,7 +178,7 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
         dropped = likelihood.negligible(point)
         doubtful = [] if dropped or why_stopped else likelihood.doubtful(point, tried)
         if doubtful:
-            tried.add(doubtful[0])
+            tried[doubtful[0]] = float(point.information[(likelihood.index(doubtful[0]),) * 2])
             least = _with_the_least(likelihood, point, doubtful[0])
             iterations += 1
             if least is None:
@@ -188,14 +189,31 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
             return _Optimum(likelihood, point, iterations, why_stopped, negligible)
         held = {name: float(point.theta[likelihood.index(name)]) for name in dropped}
         zero = held | {name: -math.inf for name in dropped if name.startswith("ln w(")}
-        smaller, theta = likelihood.holding(zero, point.theta)
-        without = smaller.evaluate(theta)
+        smaller, without = _holding(likelihood, zero, point)
         if not without.cost <= point.cost + ZERO_COST:
             zero = held
-            smaller, theta = likelihood.holding(held, point.theta)
-            without = smaller.evaluate(theta)
+            smaller, without = _holding(likelihood, held, point)
+        # The filter may need the least noise of one state. Which one makes the data likeliest is seen after a step.
+        gone = {name: value for name, value in (negligible | zero).items() if name.startswith("ln w(")}
+        if any(value > -math.inf for value in gone.values()) and len(gone) > 1:
+            ends = [(zero, smaller, maximize(smaller, without, 1, STEP_TOLERANCE)[0])]
+            for name in gone:
+                only = dict.fromkeys(gone, -math.inf) | {name: lowest[name]}
+                if only != gone:
+                    other, start = _holding(likelihood, only, point)
+                    ends.append((zero | only, other, maximize(other, start, 1, STEP_TOLERANCE)[0]))
+            zero, smaller, without = min(ends, key=lambda end: end[2].cost)
+            iterations += 1
         likelihood, point, negligible = smaller, without, negligible | zero
-        tried = set()  # what the data do not show beside another noise, they may show without it
+        tried = {}  # what the data do not show beside another noise, they may show without it
+
+
+def _holding(
+    likelihood: InnovationsLikelihood, values: Mapping[str, float], point: Evaluation
+) -> tuple[InnovationsLikelihood, Evaluation]:
+    """The likelihood with these ln w and ln v fixed, and the point of it with the other unknowns unchanged."""
+    smaller, theta = likelihood.holding(values, point.theta)
+    return smaller, smaller.evaluate(theta)._replace(costs=point.costs, steps=point.steps)
 
 
 def _with_the_least(likelihood: InnovationsLikelihood, point: Evaluation, name: str) -> Evaluation | None:
@@ -211,7 +229,8 @@ def _with_the_least(likelihood: InnovationsLikelihood, point: Evaluation, name: 
     if not moved.cost < point.cost - likelihood.expected_gain(point):
         return None
     theta[[n not in noises for n in names]] = moved.theta
-    return likelihood.evaluate(theta)._replace(costs=(*point.costs, point.cost))
+    steps = (*point.steps, *(moved.steps or (0.0,)))
+    return likelihood.evaluate(theta)._replace(costs=(*point.costs, point.cost), steps=steps)
 
 
 def _best(

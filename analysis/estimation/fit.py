@@ -47,6 +47,18 @@ class ParameterEstimate(NamedTuple):
     free: bool
 
 
+class Convergence(NamedTuple):
+    """The course of an estimation.
+
+    costs : negative log-likelihood at the start and after each iteration
+    steps : length of the step of each iteration in the metric of the information matrix: of all combinations of the
+    unknowns, the change of the one that changes most, in its standard errors
+    """
+
+    costs: tuple[float, ...]
+    steps: tuple[float, ...]
+
+
 @dataclass(frozen=True)
 class SegmentFit:
     """One segment's part of a fit.
@@ -76,7 +88,7 @@ class Fit:
     information : (m, m) Fisher information of the data     prior_information : (m, m), diagonal
     variance_information : the part of `information` that comes from the variances of the residuals, not their means
     integrator, inputs : with which the response was computed
-    costs : negative log-likelihood at the start and after each iteration, if kept
+    costs, steps : those of `Convergence`, if kept
     """
 
     model: Model
@@ -95,6 +107,7 @@ class Fit:
     integrator: Integrator = "rk4"
     inputs: InputRule = "linear"
     costs: tuple[float, ...] = ()
+    steps: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         return self.summary().table()
@@ -115,6 +128,10 @@ class Fit:
     def samples(self) -> int:
         """Number of measured values, over all outputs and segments."""
         return int(sum(fit.white.present.sum() for fit in self.segment_fits))
+
+    @property
+    def convergence(self) -> Convergence:
+        return Convergence(self.costs, self.steps)
 
     @property
     def correlation(self) -> Array:

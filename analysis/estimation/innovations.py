@@ -1,6 +1,6 @@
 """The likelihood of the innovations of a Kalman filter, with its gradient and Fisher information."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 NEGLIGIBLE = 0.01  # information about ln w or ln v below which the noise has no effect; its standard error is then 10
 NEAR_GAIN = 1.0  # expected decrease of the cost below which a fit is near the optimum
+AGAIN = 0.25  # of the information about ln w at a trial without it: then it is tried again; half the intensity
 
 
 @dataclass(frozen=True)
@@ -62,9 +63,10 @@ class InnovationsLikelihood:
         H = point.information + np.diag(self.problem.prior_information)
         return float(point.gradient @ np.linalg.lstsq(H, point.gradient, rcond=None)[0]) / 2
 
-    def doubtful(self, point: Evaluation, known: Collection[str]) -> list[str]:
-        """Intensities near the optimum that are not significant, the least certain first. known : not these.
+    def doubtful(self, point: Evaluation, tried: Mapping[str, float]) -> list[str]:
+        """Intensities near the optimum that are not significant, the least certain first.
 
+        tried : names with the information about ln w when they were tried; they are tried again when it is AGAIN of it
         The intensity squared is its standard error times half the root of the information about ln w.
         """
         problem, information = self.problem, np.diag(point.information)
@@ -72,7 +74,7 @@ class InnovationsLikelihood:
             i
             for i, name in enumerate(problem.names)
             if name.startswith("ln w(")
-            and name not in known
+            and information[i] < AGAIN * tried.get(name, np.inf)
             and problem.prior_information[i] == 0
             and information[i] < 4 * NORMAL_95**2
         ]

@@ -49,6 +49,7 @@ class Evaluation(NamedTuple):
     variance_information: Array | float = 0.0  # part of `information` from the variances of the residuals
     ln_det_R: float = 0.0  # 0 if R is not re-estimated at every point
     costs: tuple[float, ...] = ()  # of the points before in the maximization
+    steps: tuple[float, ...] = ()  # from each of these points to the next, in standard errors
     products: Array | None = None  # (outputs, m) sums of white residuals times sensitivities, if those are not kept
     observed: Array | None = None  # (m, m) curvature of the cost, where it costs nothing beside the information
 
@@ -143,7 +144,7 @@ def maximize(
                 correction = _secant(correction, step, point.gradient - new.gradient, curvature, H)
             else:
                 correction = np.zeros_like(H)
-        point = new._replace(costs=(*point.costs, float(point.cost)))
+        point = new._replace(costs=(*point.costs, float(point.cost)), steps=(*point.steps, float(length)))
         if stop is not None and stop(point):
             return point, iteration, ""
         if damping == 0 and length < step_tolerance and change < LNDET_TOLERANCE:
@@ -259,6 +260,7 @@ def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_sto
         segment_fits=point.segment_fits,
         variance_information=point.variance_information,
         costs=(*point.costs, point.cost),
+        steps=point.steps,
     )
 
 

@@ -7,6 +7,7 @@ increase this likelihood, so that the usual oscillation between R and the parame
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -82,7 +83,7 @@ def estimate(
         raise InputError(_not_finite(likelihood))
     point, iterations, why_stopped = maximize(likelihood, point, max_iterations)
     if likelihood.is_long:
-        point = likelihood.evaluate_whole(point.theta)._replace(costs=point.costs)
+        point = likelihood.evaluate_whole(point.theta)._replace(costs=point.costs, steps=point.steps)
     if why_stopped == NO_STEP and simulator.has_branches:
         why_stopped += (
             "; the model has branches (np.where, np.sign, np.maximum), where the likelihood may jump: smooth them,"
@@ -244,13 +245,18 @@ class OutputErrorLikelihood:
     def _covariance(self, residuals: list[Array]) -> Array:
         if self.known_R is not None:
             return self.known_R
+        return noise_covariance_of(np.concatenate(residuals), self._output_rms, self.noise, self.tail_dof)
+
+    @cached_property
+    def _output_rms(self) -> Array:
+        """(outputs,) of the measurements, 1 for an output that is zero. Raises InputError for one without samples."""
         measurements = np.concatenate(self.problem.Z)
         for name, measured in zip(self.problem.model.outputs, measurements.T, strict=True):
             if not np.isfinite(measured).any():
                 raise InputError(f"output {name} has no samples in any segment; give data or remove the output")
         scale = np.sqrt(np.nanmean(measurements**2, axis=0))
         scale[scale == 0] = 1.0
-        return noise_covariance_of(np.concatenate(residuals), scale, self.noise, self.tail_dof)
+        return scale
 
 
 def _not_finite(likelihood: OutputErrorLikelihood) -> str:

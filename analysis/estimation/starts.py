@@ -18,7 +18,11 @@ SAME_OPTIMUM = 0.01  # difference in log-likelihood below which two fits are the
 
 
 def from_equation_error(
-    model: Model, segments: Segment | Sequence[Segment], *, smoothing_s: float | None = None
+    model: Model,
+    segments: Segment | Sequence[Segment],
+    *,
+    smoothing_s: float | None = None,
+    inputs: InputRule = "linear",
 ) -> dict[str, float]:
     """Starting values of the shared free parameters, by equation error. See `equation_error.estimate` for errors.
 
@@ -27,7 +31,7 @@ def from_equation_error(
     if smoothing_s is None:
         first = segments if isinstance(segments, Segment) else segments[0]
         smoothing_s = SMOOTHING_SAMPLES * first.step_s
-    return _shared_values(equation_error.estimate(model, segments, smoothing_s=smoothing_s), model)
+    return _shared_values(equation_error.estimate(model, segments, smoothing_s=smoothing_s, inputs=inputs), model)
 
 
 def from_output_error(
@@ -69,7 +73,8 @@ def estimate(
         given | {name: value * factor ** rng.uniform(-1, 1) for name, value in free.items()} for _ in range(starts - 1)
     ]
     if smoothing_s is not None:
-        tried.append(given | from_equation_error(model, segments, smoothing_s=smoothing_s))
+        inputs = options.get("inputs", "linear")
+        tried.append(given | from_equation_error(model, segments, smoothing_s=smoothing_s, inputs=inputs))
     fits, failure = [], None
     for start in tried:
         try:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from analysis.pipeline import Analysis
-from analysis.report.figures import flight, methods, performance, power, residuals
+from analysis.report.figures import estimation, flight, methods, performance, power, residuals
 from analysis.report.figures.figure import Figure
 
 Drawn = Figure | Sequence[Figure]  # one, or several side by side
@@ -24,6 +24,14 @@ def figures_by_name(analysis: Analysis) -> dict[str, Drawn]:
         figures["consistency"] = flight.consistency(analysis.consistency)
     if results.run_residuals:
         figures["autocorrelation"] = residuals.autocorrelation(results.run_residuals)
+    if results.parameter_correlation:
+        figures["correlation"] = estimation.correlation(results.parameter_correlation)
+    main, check = analysis.drag.main, analysis.drag.cross_check
+    histories = {"regression of drag": main.convergence} | (
+        {f"{check.by}, cross-check": check.convergence} if check else {}
+    )
+    if kept := {name: history for name, history in histories.items() if history and history.steps}:
+        figures["convergence"] = estimation.convergence(kept)
     if analysis.trajectory.block_means.flying.any():
         figures["air_and_path"] = residuals.air_and_path(analysis.trajectory)
     if results.track:

@@ -17,8 +17,9 @@ pytestmark = pytest.mark.xdist_group("chain")
 
 SIZES = ((400, True), (400, False), (1280, False), (1280, True), (1920, True), (1920, False))  # px, dark
 PAPER_PX = 695  # A4 without the margins of page.css
-FIRST = {"power", "parts", "methods", "loadings-1", "loadings-2", "efficiency", "timeline", "polar", "track",
-         "autocorrelation", "air_and_path", "consistency", "fit-0-1", "fit-0-2"}  # fmt: skip
+FIRST = {"power", "parts", "methods", "loadings-1", "loadings-2", "efficiency", "timeline", "polar",
+         "track", "autocorrelation", "convergence", "correlation", "air_and_path", "consistency", "fit-0-1",
+         "fit-0-2"}  # fmt: skip
 OPEN_ALL = "document.querySelectorAll('details').forEach(d => d.open = true); drawAll()"
 TOO_WIDE = """(() => {
   const page = document.body.getBoundingClientRect();

@@ -26,6 +26,10 @@ class Figure:
         """A trace of lines or markers. panel: counted from 1, at the top."""
         self.data.append({"type": "scatter", "xaxis": "x", "yaxis": _axis("y", panel), **trace})
 
+    def add_bars(self, *, panel: int = 1, **trace: Any) -> None:
+        """A trace of bars. panel as in `add_scatter`."""
+        self.data.append({"type": "bar", "xaxis": "x", "yaxis": _axis("y", panel), **trace})
+
     def add_zero_line(self, line: Json, *, panel: int = 1) -> None:
         """A horizontal line at zero across a panel."""
         shape = {"type": "line", "xref": "x domain", "x0": 0, "x1": 1, "yref": _axis("y", panel), "y0": 0, "y1": 0}

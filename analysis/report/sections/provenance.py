@@ -16,7 +16,6 @@ class ProvenanceSection(NamedTuple):
     facts: list[tuple[str, str]]
     files: HtmlTable
     sensors: HtmlTable
-    correlation: HtmlTable | None
 
 
 def provenance_section(results: Results) -> ProvenanceSection | None:
@@ -57,7 +56,6 @@ def provenance_section(results: Results) -> ProvenanceSection | None:
             ],
             numbers=True,
         ),
-        correlation=_correlation(results),
     )
 
 
@@ -126,14 +124,3 @@ def _ticks(results: Results) -> str:
     if found is None or found.ticks is None:
         return "the log has no record of it"
     return f"{found.ticks_missed} of {found.ticks + (found.ticks_missed or 0)} sampling instants were missed"
-
-
-def _correlation(results: Results) -> HtmlTable | None:
-    correlation = results.parameter_correlation
-    if correlation is None:
-        return None
-    rows = [
-        (name.replace("_", " "), *(f"{value:+.2f}" for value in row))
-        for name, row in zip(correlation.names, correlation.matrix, strict=True)
-    ]
-    return HtmlTable(("", *(name.replace("_", " ") for name in correlation.names)), rows, numbers=True)

@@ -17,7 +17,7 @@ function recolored(value) {
     const hex = "#" + part.slice(1, 4).map(n => Number(n).toString(16).padStart(2, "0")).join("");
     return hex in onDark ? onDark[hex] + Math.round(255 * part[4]).toString(16).padStart(2, "0") : value;
   }
-  if (Array.isArray(value)) return value.length && typeof value[0] === "object" ? value.map(recolored) : value;
+  if (Array.isArray(value)) return value.length && typeof value[0] !== "number" ? value.map(recolored) : value;
   if (value === null || typeof value !== "object") return value;
   return Object.fromEntries(Object.entries(value).map(([name, item]) => [name, recolored(item)]));
 }

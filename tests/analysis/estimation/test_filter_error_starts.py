@@ -1,5 +1,7 @@
 """Filter error from starting values far away, and with noise that is negligible."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import twins
@@ -30,13 +32,29 @@ def test_in_turbulence_it_converges_from_equation_error_in_15_iterations(seed):
         assert fit.process_noise[state].value == pytest.approx(intensity, rel=0.3)
 
 
-@pytest.mark.parametrize("seed", [58, 183])
+@pytest.mark.parametrize("seed", [58, 183, 415, 838])
 def test_an_unstable_aircraft_converges_from_equation_error_in_15_iterations(seed):
     """Neither state has process noise. Each intensity is tried at its lower bound, and again without the other."""
     fit = fitted(twins.UNSTABLE, twins.unstable(seed), twins.UNSTABLE_NOISE, inputs="held", start="equation error")
     assert fit.verdict.ok and fit.iterations <= 15
     assert in_standard_errors(fit, twins.UNSTABLE_TRUTH) < 4
     assert fit.process_noise["alpha"].value < 1e-5 and fit.process_noise["q"].value < 1e-5
+
+
+@pytest.mark.parametrize("seed", [5, 224])
+def test_an_unstable_aircraft_keeps_the_least_noise_of_the_state_with_the_highest_likelihood(seed):
+    """Without any process noise its filter would not correct the states. Which state has it matters: 0.8 of cost."""
+    fit = fitted(twins.UNSTABLE, twins.unstable(seed), twins.UNSTABLE_NOISE, inputs="held", start="equation error")
+    assert "process noise of q is negligible, but the filter needs it" in fit.verdict.text
+    start = dict(zip(fit.names, fit.values.tolist(), strict=True))
+    alpha, q = (replace(noise, start=noise.start / 1000, free=False) for noise in twins.UNSTABLE_NOISE)
+    zero_alpha, zero_q = replace(alpha, start=0.0), replace(q, start=0.0)
+    of_q, of_alpha = (
+        fitted(twins.UNSTABLE, twins.unstable(seed), noise, inputs="held", start=start).negative_log_likelihood
+        for noise in ((zero_alpha, q), (alpha, zero_q))
+    )
+    assert fit.negative_log_likelihood == pytest.approx(of_q, abs=1e-3)
+    assert of_q < of_alpha - 0.5
 
 
 def test_noise_starts_near_the_truth():

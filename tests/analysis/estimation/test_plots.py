@@ -37,5 +37,7 @@ def test_correlation_matrix_and_convergence(fit):
     heatmap = plots.correlation_matrix(fit).data[0]
     assert heatmap.z == pytest.approx(fit.correlation) and tuple(heatmap.x) == fit.names
     above = plots.convergence(fit).data[0].y
+    steps = fit.convergence.steps
+    assert len(steps) == len(above) and above[-1] == pytest.approx(steps[-1] ** 2 / 2, rel=0.01)  # in standard errors
     assert fit.costs[-1] == fit.negative_log_likelihood and len(above) == len(fit.costs) - 1 <= fit.iterations
     assert (np.diff(above) <= 0).all() and above[0] > 1

@@ -8,12 +8,14 @@ import pytest
 from msgspec.structs import replace
 
 from analysis.drag.polar import Polar
+from analysis.estimation.fit import Convergence
 from analysis.maneuvers.kinds import ACCELERATION
-from analysis.report.figures import methods, power, residuals
+from analysis.report.figures import estimation, methods, power, residuals
 from analysis.report.figures.figure import Figure
-from analysis.report.figures.style import rounded, thinned
+from analysis.report.figures.style import BLUE, GRID, RED, rounded, thinned, translucent
 from analysis.report.sections import certainty
 from analysis.results.schema import Results, SpeedInterval
+from analysis.results.schema_provenance import Correlation
 
 
 def named(figure: Figure, name: str) -> list[dict]:
@@ -32,6 +34,31 @@ def test_the_autocorrelation_has_the_bounds_of_white_noise() -> None:
     bounds = named(figure, "95 % bound of white noise")
     assert [bound["y"][0] for bound in bounds] == pytest.approx([-0.196, 0.196])
     assert bounds[0]["x"] == pytest.approx([0.0, 0.4])
+
+
+def test_the_convergence_shows_cost_above_the_last_and_step_by_iteration() -> None:
+    """Costs from the start on, steps from the first iteration on; a cost below the last has no logarithm."""
+    one, other = Convergence((-1.0, -3.99, -4.0), (2.0, 0.12345678)), Convergence((0.0, -1.1, -1.0), (1.0, 1e-5))
+    figure = estimation.convergence({"drag": one, "cross-check": other})
+    cost, step = named(figure, "drag")
+    assert list(cost["x"]) == [0, 1] and list(cost["y"]) == pytest.approx([3.0, 0.01])
+    assert list(step["x"]) == [1, 2] and list(step["y"]) == pytest.approx([2.0, 0.1235])
+    assert np.isnan(named(figure, "cross-check")[0]["y"][1])
+    assert [figure.layout[axis]["type"] for axis in ("yaxis", "yaxis2")] == ["log", "log"]
+    assert estimation.convergence({"long": Convergence((3.0,) * 41, (1.0,) * 40)}).layout["xaxis"]["dtick"] == 6
+
+
+def test_each_correlation_stands_in_its_row_and_column_with_the_color_of_its_sign() -> None:
+    matrix = [[1.0, -0.8, 0.4], [-0.8, 1.0, 0.0], [0.4, 0.0, 1.0]]
+    figure = estimation.correlation(Correlation(names=["A0", "A1", "thrust_scale"], matrix=matrix))
+    (cells,) = figure.data
+    at = {(int(x), int(base)): i for i, (x, base) in enumerate(zip(cells["x"], cells["base"], strict=True))}
+    first_row_second_column, first_row_third_column = at[1, 2], at[2, 2]
+    assert cells["text"][first_row_second_column] == "−0.80" and cells["text"][first_row_third_column] == "+0.40"
+    color = cells["marker"]["color"]
+    assert color[first_row_second_column] == translucent(RED, 0.4)
+    assert color[first_row_third_column] == translucent(BLUE, 0.2) and color[at[0, 2]] == GRID
+    assert figure.layout["yaxis"]["ticktext"] == ["thrust<br>scale", "A1", "A0"]  # from below
 
 
 def test_the_path_s_airspeed_and_angle_of_attack_are_relative_to_the_wind() -> None:
