@@ -1,11 +1,11 @@
-"""Processor time and memory of an analysis, from a new process to the results, without the HTML page.
+"""Processor time and memory of an analysis, from a new process to the report.
 
     python benchmarks/speed.py                      a whole test flight of 21 minutes
-    python benchmarks/speed.py --before HEAD~5      the ratio to an earlier version, by turns in one run
+    python benchmarks/speed.py --before HEAD~5      the ratio to an earlier version (or several), by turns in one run
     python benchmarks/speed.py --hours 2            the same plan with more runs, until it lasts so long
 
-Processor seconds of one process with one thread; the least of the rounds, since other load only adds. docs/speed.md
-quotes the output.
+Processor seconds of one process with one thread; the least of the rounds, since other load only adds. A run before them
+is not measured: it leaves the compiled modules that later ones find. docs/speed.md quotes the output.
 """
 
 import io
@@ -28,7 +28,9 @@ SEED = 1001
 MINUTES, RUN_PAIRS, PAIR_S = 21, 5, 81.0  # of full-test-flight; a pair is an acceleration, a deceleration and a turn
 # In a process of its own: time and memory at the end of each step.
 MEASURED = """
-import json, resource, sys, time
+import gc, json, resource, sys, time
+from pathlib import Path
+gc.set_threshold(100_000)  # as the command does
 steps, last = {}, 0.0
 def step(name):
     global last
@@ -40,7 +42,13 @@ step("import of the command")
 from flight.log_reader import read_log
 log = read_log(sys.argv[1])
 step("reading the log")
+try:
+    from analysis.cli.lean_imports import import_lean
+    import_lean()
+except ImportError:  # earlier versions
+    pass
 from analysis.pipeline import analyze
+from analysis.report.write import write_report
 step("import of the libraries")
 doing = ["units of the aircraft file"]
 def progress(name):
@@ -48,21 +56,21 @@ def progress(name):
     doing[0] = name.partition(" from ")[0]
 analysis = analyze(log, progress=progress)
 step(doing[0])
-from analysis.results.files import to_csv, to_json
-from analysis.report.trajectory_csv import trajectory_csv
-to_json(analysis.results), to_csv(analysis.results), trajectory_csv(analysis.trajectory)
-step("JSON and CSV")
+write_report(analysis, Path(sys.argv[2]))
+step("writing the report")
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 print(json.dumps({"steps": steps, "MB": peak, "duration_s": float(analysis.table.index[-1])}))
 """
 
 
-def measured(code: Path, log: Path) -> dict:
-    """Seconds of each step and peak memory [MB] of the version in a folder."""
+def measured(code: Path, log: Path, folder: Path) -> dict:
+    """Seconds of each step and peak memory [MB] of the version whose code is there. folder: for what it writes."""
     environment = os.environ | {"PYTHONPATH": str(code), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(folder / "modules")}
     ran = subprocess.run(
-        [sys.executable, "-c", MEASURED, log], cwd=code, env=environment, capture_output=True, text=True, check=True
-    )
+        [sys.executable, "-c", MEASURED, log, folder / "report"],
+        cwd=code, env=environment, capture_output=True, text=True, check=True,
+    )  # fmt: skip
     return json.loads(ran.stdout)
 
 
@@ -87,35 +95,35 @@ def checked_out(revision: str, folder: Path) -> Path:
 
 def main(
     log: Annotated[Path | None, typer.Argument(help="A log; default: a simulated one.")] = None,
-    before: Annotated[str, typer.Option(help="Revision to compare with.")] = "",
+    before: Annotated[list[str] | None, typer.Option(help="Revision to compare with; may be repeated.")] = None,
     hours: Annotated[float, typer.Option(help="Length of the simulated flight; 0: 21 minutes.")] = 0.0,
     rounds: Annotated[int, typer.Option(help="Measurements of each version.")] = 3,
 ) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log = (log or flown(folder, hours)).resolve()
-        versions = {"now": ROOT}
-        if before:
-            versions = {f"at {before}": checked_out(before, folder / "before"), **versions}
+        versions = {f"at {revision}": checked_out(revision, folder / revision) for revision in before or []}
+        versions["now"] = ROOT
         found: dict[str, list[dict]] = {version: [] for version in versions}
-        for _ in range(rounds):
+        for number in range(rounds + 1):
             for version, code in versions.items():
-                found[version].append(measured(code, log))
+                one = measured(code, log, folder)
+                if number > 0:
+                    found[version].append(one)
     print_table(found)
 
 
 def print_table(found: dict[str, list[dict]]) -> None:
     best = {version: min(ran, key=lambda one: sum(one["steps"].values())) for version, ran in found.items()}
     *_, now = best.values()
-    first = next(iter(best.values()))
     title = f"{now['duration_s'] / 60:.0f} minutes of log; processor seconds"
     table = Table("step", *best, *(["ratio"] if len(best) > 1 else []), box=None, title=title, title_justify="left")
-    rows = {step: [one["steps"].get(step, 0.0) for one in best.values()] for step in first["steps"]}
+    rows = {step: [one["steps"].get(step, 0.0) for one in best.values()] for step in now["steps"]}
     rows["all"] = [sum(one["steps"].values()) for one in best.values()]
     rows["peak memory, MB"] = [one["MB"] for one in best.values()]
     for step, values in rows.items():
         form = "{:.0f}" if "MB" in step else "{:.2f}"
-        ratio = [f"{values[0] / values[-1]:.1f}"] if len(values) > 1 and values[-1] else []
+        ratio = [f"{values[0] / values[-1]:.2f}"] if len(values) > 1 and values[-1] else []
         table.add_row(step, *(form.format(value) for value in values), *ratio)
     Console(width=110).print(table)
 

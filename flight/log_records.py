@@ -14,6 +14,7 @@ from flight.log_chunk import LogTooLarge, decompressed
 from flight.log_index import MAGIC, RECORD_HEAD
 
 MAX_RECORD_BYTES = 256 * 2**20
+TOGETHER_BYTES = 2**19  # of decompressed chunks, whose messages are returned together
 MESSAGE = int(Opcode.MESSAGE)  # comparing an enumeration takes longer
 MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 IN_CHUNK = struct.Struct("<BQHIQQ")  # the same with the record's head
@@ -33,10 +34,20 @@ def records(stream: IO[bytes], allowed: int) -> Iterator[McapRecord | Messages]:
     """Header, channels, messages, attachments and metadata of a file, from its first byte on.
 
     Raises LogTooLarge beyond `allowed` decompressed bytes; where the file is torn or damaged, an exception of mcap,
-    struct or of the decompressor.
+    struct or of the decompressor, after the messages before that.
     """
+    found: dict[int, Messages] = {}
+    try:
+        yield from _records(stream, allowed, found)
+    except Exception:
+        yield from _taken(found)
+        raise
+
+
+def _records(stream: IO[bytes], allowed: int, found: dict[int, Messages]) -> Iterator[McapRecord | Messages]:
+    """`records`, with the messages of several chunks together in `found` by channel, before they are returned."""
     _check_magic(stream)
-    total = 0
+    total = returned = 0
     while True:
         head = stream.read(RECORD_HEAD.size)
         if len(head) < RECORD_HEAD.size:
@@ -54,44 +65,50 @@ def records(stream: IO[bytes], allowed: int) -> Iterator[McapRecord | Messages]:
             if total > allowed:
                 limit = f"{allowed / 2**20:.0f} MiB, the limit for its size"
                 raise LogTooLarge(f"its chunks decompress to more than {limit}")
-            yield from _in_chunk(data)
+            yield from _in_chunk(data, found)
+            if total - returned > TOGETHER_BYTES:
+                yield from _taken(found)
+                returned = total
         elif opcode == Opcode.MESSAGE:
+            yield from _taken(found)
             yield _message(content)
         elif opcode in USED:
+            yield from _taken(found)
             yield USED[opcode].read(ReadDataStream(BytesIO(content)))
         elif opcode == Opcode.FOOTER:
+            yield from _taken(found)
             _check_magic(stream)
             return
 
 
-def _in_chunk(data: bytes) -> Iterator[McapRecord | Messages]:
-    """The messages and channels in a decompressed chunk; messages of one channel together."""
-    found: dict[int, Messages] = {}
+def _in_chunk(data: bytes, found: dict[int, Messages]) -> Iterator[McapRecord | Messages]:
+    """Add the messages in a decompressed chunk to `found`; a channel is returned after the messages before it."""
     at, end, head, unpack = 0, len(data), RECORD_HEAD.size + MESSAGE_HEAD.size, IN_CHUNK.unpack_from
-    try:
-        while at < end:
-            if data[at] == MESSAGE:
-                _, length, channel, tick, time_ns, _ = unpack(data, at)
-                begin, at = at + head, at + RECORD_HEAD.size + length
-                if at > end:
-                    raise EndOfFile()
-                _, times_ns, ticks, contents = found.get(channel) or found.setdefault(channel, _none_of(channel))
-                times_ns.append(time_ns)
-                ticks.append(tick)
-                contents.append(data[begin:at])
-                continue
-            opcode, length = RECORD_HEAD.unpack_from(data, at)
-            begin, at = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
+    while at < end:
+        if data[at] == MESSAGE:
+            _, length, channel, tick, time_ns, _ = unpack(data, at)
+            begin, at = at + head, at + RECORD_HEAD.size + length
             if at > end:
                 raise EndOfFile()
-            if opcode == Opcode.CHANNEL:
-                yield from found.values()
-                found.clear()
-                yield Channel.read(ReadDataStream(BytesIO(data[begin:at])))
-    except Exception:
-        yield from found.values()
-        raise
-    yield from found.values()
+            _, times_ns, ticks, contents = found.get(channel) or found.setdefault(channel, _none_of(channel))
+            times_ns.append(time_ns)
+            ticks.append(tick)
+            contents.append(data[begin:at])
+            continue
+        opcode, length = RECORD_HEAD.unpack_from(data, at)
+        begin, at = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
+        if at > end:
+            raise EndOfFile()
+        if opcode == Opcode.CHANNEL:
+            yield from _taken(found)
+            yield Channel.read(ReadDataStream(BytesIO(data[begin:at])))
+
+
+def _taken(found: dict[int, Messages]) -> list[Messages]:
+    """The messages by channel, which `found` no longer holds."""
+    taken = list(found.values())
+    found.clear()
+    return taken
 
 
 def _none_of(channel: int) -> Messages:

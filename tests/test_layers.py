@@ -60,6 +60,19 @@ def test_importing_the_package_analysis_imports_no_library() -> None:
     assert printed.startswith("False analysis.exports.interface")
 
 
+def test_an_analysis_loads_no_library_that_it_does_not_use() -> None:
+    """And PyArrow still reads what pandas writes with it afterwards."""
+    heavy = ["scipy.optimize", "scipy.ndimage", "scipy.signal", "scipy.stats", "numpy.f2py", "numpy.testing", "pyarrow"]
+    code = (
+        "import sys; from analysis.cli.lean_imports import import_lean; import_lean(); import analysis.pipeline,"
+        f" analysis.report.write; print([name for name in {heavy} if name in sys.modules]); import io, numpy, pandas;"
+        "file = io.BytesIO(); pandas.DataFrame({'V_mps': [1.5]}, index=['a']).to_parquet(file);"
+        "print(pandas.read_parquet(file).loc['a', 'V_mps'], numpy.testing.__name__)"
+    )
+    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    assert printed.split("\n")[:2] == ["[]", "1.5 numpy.testing"]
+
+
 def imports_in(path: Path) -> set[str]:
     """Modules of this project that a file imports, as dotted names that may end in a name of the module."""
     names = set()

@@ -13,6 +13,7 @@ from analysis.cli.electrical import (
     refuse_autopilot_options,
     refuse_daemon_options,
 )
+from analysis.cli.lean_imports import import_lean
 from analysis.performance.request import Request
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
@@ -82,6 +83,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     if lacks_drag_topics(recorded):
         return ordinary.analyze_daemon_log(recorded, progress)
     refuse_autopilot_options(log, mass=options.mass_kg, wing_area=options.wing_area_m2, span=options.span_m)
+    import_lean()
     given = replacements(options)
     from analysis.pipeline import analyze as run_pipeline
     from analysis.report.terminal import print_summary

@@ -20,6 +20,17 @@ THREE_TERM: Array = np.eye(3)
 TWO_TERM: Array = np.eye(3)[:, [0, 2]]  # A1 = 0: least drag at zero lift
 
 
+COEFFICIENTS = ("A0", "A1", "A2")
+# The same regression as a model, for the covariance by colored residuals; it is compiled once for all methods.
+POLAR_FIT = Model(
+    name="polar",
+    inputs=("X0", "X1", "X2"),
+    outputs=("z",),
+    output_function=lambda _, u, p: (p.A0 * u.X0 + p.A1 * u.X1 + p.A2 * u.X2,),
+    parameters=tuple(Parameter(name=name, start=0.0) for name in COEFFICIENTS),
+)
+
+
 class PolarRegression(Protocol):
     """A linear problem for the polar's A (3,), from data at lift coefficients CL (n,)."""
 
@@ -63,22 +74,14 @@ class TimeSeriesRegression:
 
     def noise_covariance(self) -> Array:
         """Covariance (3, 3) of A by colored residuals, and by errors that the fit absorbs."""
-        names = ("A0", "A1", "A2")
-        inputs = ("X0", "X1", "X2")
-        model = Model(
-            name="polar",
-            inputs=inputs,
-            outputs=("z",),
-            output_function=lambda _, u, p: (p.A0 * u.X0 + p.A1 * u.X1 + p.A2 * u.X2,),
-            parameters=tuple(
-                Parameter(name=name, start=float(a)) for name, a in zip(names, self.coefficients(), strict=True)
-            ),
-        )
+        start = dict(zip(COEFFICIENTS, self.coefficients().tolist(), strict=True))
         segments = [
-            Segment(name=f"{i} {run.name}", t_s=run.t_s, u=dict(zip(inputs, run.X.T, strict=True)), z={"z": run.z})
+            Segment(
+                name=f"{i} {run.name}", t_s=run.t_s, u=dict(zip(POLAR_FIT.inputs, run.X.T, strict=True)), z={"z": run.z}
+            )
             for i, run in enumerate(self.runs)
         ]
-        C = covariance.of_noise(output_error.estimate(model, segments))
+        C = covariance.of_noise(output_error.estimate(POLAR_FIT, segments, start=start))
         gain = np.linalg.inv(sum(run.X.T @ run.X for run in self.runs))
         return C + sum(gain @ run.X.T @ run.absorbed() @ run.X @ gain for run in self.runs if run.absorbed is not None)
 

@@ -4,6 +4,7 @@ Speed comes from the trajectory, power from the uncorrected propeller table: a d
 dynamic method shows a wrong table.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -49,18 +50,18 @@ class SteadyMeans(NamedTuple):
 def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> SteadyMeans:
     """The means of all steady runs. Raises InputError when none has thrust data."""
     m = aircraft.mass_kg
-    t_s, values = table.index.to_numpy(), {name: table[name].to_numpy() for name in COLUMNS}
+    t_s, values = table.index.to_numpy(), np.stack([table[name].to_numpy() for name in COLUMNS])
     gust_mps, gust_s = (float(table[name].iloc[0]) for name in ("gust_mps", "gust_s"))
     rows = []
     for run in runs:
         within = slice(*np.searchsorted(t_s, (run.start_s, np.nextafter(run.end_s, np.inf))))
-        known = ~np.isnan(values["thrust_x_over_m_mps2"][within])
+        known = ~np.isnan(values[COLUMNS.index("thrust_x_over_m_mps2"), within])
         if known.sum() < SHORTEST:
             continue
-        t, f = t_s[within][known], {name: column[within][known] for name, column in values.items()}
+        t, f = t_s[within][known], dict(zip(COLUMNS, values[:, within][:, known], strict=True))
         thrust_over_m, alpha, V = f["thrust_x_over_m_mps2"], f["alpha"], f["V"]
         along_V, across_V = thrust_over_m * np.cos(alpha), thrust_over_m * np.sin(alpha)
-        mean_Vdot = np.polyfit(t - t[0], V, 1)[0]
+        mean_Vdot = _slope(t, V)
         drag_over_m = along_V - f["Vdot"] - g * np.sin(f["gamma"])
         power_W = m * (_mean(along_V * V) - mean_Vdot * V.mean() - g * _mean(f["climb"]))
         scatter_W = m * _error_of_mean(drag_over_m * V, t[1] - t[0])
@@ -76,7 +77,14 @@ def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) 
 
 def _mean(x: Array) -> float:
     """The mean of the values that are not NaN."""
-    return float(np.nansum(x) / np.isfinite(x).sum())
+    total = float(x.sum())
+    return total / len(x) if math.isfinite(total) else float(np.nansum(x) / np.isfinite(x).sum())
+
+
+def _slope(t: Array, x: Array) -> float:
+    """Of the straight line fitted by least squares."""
+    from_mean = t - t.mean()
+    return float(from_mean @ (x - x.mean()) / (from_mean @ from_mean))
 
 
 def require_speeds(points: SteadyMeans, terms: int) -> None:
@@ -116,9 +124,9 @@ def _error_of_mean(x: Array, step_s: float) -> float:
     """Standard error of the mean of a colored record, with Bartlett's window over CORRELATION_S."""
     e, n = x - x.mean(), len(x)
     window = min(n - 1, round(CORRELATION_S / step_s))
-    variance = float(e @ e) / n
-    for lag in range(1, window + 1):
-        variance += 2 * (1 - lag / (window + 1)) * float(e[lag:] @ e[:-lag]) / n
+    lags = np.arange(1, window + 1)
+    products = np.correlate(np.concatenate([e, np.zeros(window)]), e)  # from lag 0 on
+    variance = float(products[0] + 2 * (1 - lags / (window + 1)) @ products[1:]) / n
     return float(np.sqrt(max(variance, 0.0) / n))
 
 

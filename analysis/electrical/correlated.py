@@ -5,7 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.optimize import least_squares
+
+from analysis.electrical.least_squares import least_squares
 
 Array = NDArray[np.float64]
 
@@ -29,8 +30,7 @@ def most_probable(
     def cost(x: Array) -> Array:
         return np.concatenate([whiten @ residual(x), (x - mean) / sigma])
 
-    fit = least_squares(cost, start, x_scale=sigma, ftol=TOLERANCE, xtol=TOLERANCE)
-    return np.asarray(fit.x, dtype=float), np.asarray(fit.jac, dtype=float)
+    return least_squares(cost, start, sigma, TOLERANCE)
 
 
 def most_likely_noise(residual: Array, apart_s: Array, times_s: Sequence[float]) -> tuple[float, float]:

@@ -59,25 +59,36 @@ class ArrayFunction:
     def __init__(self, function: ca.Function):
         """Raises InputError for an operation that is not in OPERATIONS."""
         self._shapes = [function.size_out(i) for i in range(function.n_out())]
-        # Elements of the dense results, row by row, of the nonzeros in CasADi's order.
-        self._elements = [
-            [row * columns + column for row, column in zip(*function.sparsity_out(i).get_triplet(), strict=True)]
-            for i, (_, columns) in enumerate(self._shapes)
+        # Rows and columns of the nonzero elements, in CasADi's order.
+        self.places = [
+            [(int(row), int(column)) for row, column in zip(*function.sparsity_out(i).get_triplet(), strict=True)]
+            for i in range(function.n_out())
         ]
-        self._places = function.sz_w()
+        self._w_size = function.sz_w()
         self._instructions = [_instruction(function, k) for k in range(function.n_instructions())]
 
-    def __call__(
-        self, n: int, *arguments: Sequence[Any] | Array, overwritten: Sequence[Array] | None = None
-    ) -> list[Array]:
-        """The results, each (n, rows, columns), of n samples.
+    def __call__(self, n: int, *arguments: Sequence[Any] | Array) -> list[Array]:
+        """The results of n samples, each (n, rows, columns).
 
         arguments : the elements of each, floats or arrays (n,)
-        overwritten : earlier results of as many samples, whose memory is used again: elements that are always zero stay
         """
-        shaped = overwritten or [np.zeros((n, *shape)) for shape in self._shapes]
-        results = [result.reshape(n, -1) for result in shaped]
-        w: list[Any] = [None] * self._places
+        results = [np.zeros((n, *shape)) for shape in self._shapes]
+        elements = [
+            [result[:, row, column] for row, column in places]
+            for result, places in zip(results, self.places, strict=True)
+        ]
+        self._write(n, arguments, elements)
+        return results
+
+    def nonzeros(self, n: int, *arguments: Sequence[Any] | Array) -> list[Array]:
+        """The nonzero elements of the results of n samples, each (number of nonzeros, n), in the order of `places`."""
+        results = [np.empty((len(places), n)) for places in self.places]
+        self._write(n, arguments, results)
+        return results
+
+    def _write(self, n: int, arguments: Sequence[Any], elements: Sequence[Sequence[Array] | Array]) -> None:
+        """Write the nonzero elements of each result, (n,)."""
+        w: list[Any] = [None] * self._w_size
         binary, unary, given_in, constant = _Kind.BINARY, _Kind.UNARY, _Kind.INPUT, _Kind.CONSTANT
         for first in range(0, n, SAMPLES):
             rows = slice(first, first + SAMPLES)
@@ -92,8 +103,7 @@ class ArrayFunction:
                 elif kind is constant:
                     w[to] = operation
                 else:
-                    results[to][rows, self._elements[to][b]] = w[a]
-        return [result.reshape(n, *shape) for result, shape in zip(results, self._shapes, strict=True)]
+                    elements[to][b][rows] = w[a]
 
 
 def _instruction(function: ca.Function, k: int) -> _Instruction:

@@ -80,8 +80,7 @@ class _EigenSystem(NamedTuple):
 
     @classmethod
     def of(cls, H: Array) -> "_EigenSystem":
-        scale = np.sqrt(np.diag(H))
-        scale[scale == 0] = 1.0
+        scale = _scale(H)
         return cls(*np.linalg.eigh(H / np.outer(scale, scale)), scale)
 
     @property
@@ -92,6 +91,12 @@ class _EigenSystem(NamedTuple):
         """Levenberg-Marquardt step; zero along directions that are not identifiable."""
         V = self.vectors[:, self.identifiable]
         return V @ ((V.T @ (g / self.scale)) / (self.values[self.identifiable] + damping)) / self.scale
+
+
+def _scale(H: Array) -> Array:
+    scale = np.sqrt(np.diag(H))
+    scale[scale == 0] = 1.0
+    return np.asarray(scale)
 
 
 def maximize(
@@ -161,16 +166,17 @@ def _secant(correction: Array, step: Array, change: Array, curvature: Array, inf
         if abs(product) <= SMALLEST_PRODUCT * np.linalg.norm(missing / scale) * np.linalg.norm(step * scale):
             return before
         updated: Array = before + np.outer(missing, missing) / product
-        if _convex(curvature + updated, _EigenSystem.of(information)) is not None:
+        if _convex(curvature + updated, information) is not None:
             return updated
     return zero
 
 
-def _convex(curvature: Array, eigen: _EigenSystem) -> _EigenSystem | None:
-    """The eigensystem of the curvature if its smallest eigenvalue is large enough. eigen : of the information."""
+def _convex(curvature: Array, information: Array) -> _EigenSystem | None:
+    """The eigensystem of the curvature if its smallest eigenvalue is large enough beside that of the information."""
     if (np.diag(curvature) > 0).all():
-        of_curvature = _EigenSystem.of(curvature)
-        if of_curvature.values[0] > SMALLEST_CURVATURE * eigen.values[0] > 0:
+        of_curvature, scale = _EigenSystem.of(curvature), _scale(information)
+        smallest = np.linalg.eigvalsh(information / np.outer(scale, scale))[0]  # a third of the time of `eigh`
+        if of_curvature.values[0] > SMALLEST_CURVATURE * smallest > 0:
             return of_curvature
     return None
 
@@ -181,11 +187,9 @@ def _step_matrix(
     """The matrix of the Newton step of the unknowns `moving`: the curvature of the cost, or the information matrix."""
     block = np.ix_(moving, moving)
     prior = np.diag(likelihood.problem.prior_information)
-    eigen = _EigenSystem.of((point.information + prior)[block])
-    if near:
-        curvature = (likelihood.curvature(point) + correction + prior)[block]
-        return _convex(curvature, eigen) or eigen
-    return eigen
+    information = (point.information + prior)[block]
+    convex = _convex((likelihood.curvature(point) + correction + prior)[block], information) if near else None
+    return convex or _EigenSystem.of(information)
 
 
 def _improve(

@@ -8,7 +8,7 @@ from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, ndimage
+from scipy import linalg
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ def local_quadratic(values: Array, window: int, derivative: int = 0, step: float
     wanted = np.zeros(3)
     wanted[derivative] = factorial(derivative) / step**derivative
     weights = linalg.lstsq(powers, wanted)[0]
-    fitted = np.asarray(ndimage.convolve1d(values, weights, mode="constant"))
+    fitted = _correlated(values, weights[::-1])
     at = np.arange(window)
     for part, inside in (
         (slice(None, window), slice(0, half)),
@@ -33,3 +33,23 @@ def local_quadratic(values: Array, window: int, derivative: int = 0, step: float
         edge = np.polyder(np.polyfit(at, values[part], 2), derivative)
         fitted[part][inside] = np.polyval(edge, at[inside]) / step**derivative
     return fitted
+
+
+def _correlated(values: Array, weights: Array) -> Array:
+    """Sums of the values (n,) around each, times an odd number of weights; zero beyond the ends.
+
+    The order of operations is that of `scipy.ndimage`, whose import takes 0.06 s.
+    """
+    half, n = len(weights) // 2, len(values)
+    padded = np.concatenate([np.zeros(half), values, np.zeros(half)])
+    near = [padded[i : i + n] for i in range(len(weights))]
+    for sign in (1, -1):
+        if np.abs(weights - sign * weights[::-1])[:half].max() <= np.finfo(float).eps:
+            result = weights[half] * values
+            for i in range(half):
+                result += (near[i] + sign * near[-1 - i]) * weights[i]
+            return result
+    result = near[-1] * weights[-1]
+    for i in range(len(weights) - 1):
+        result += near[i] * weights[i]
+    return result

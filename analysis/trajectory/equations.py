@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from analysis.estimation.array_function import ArrayFunction
 from analysis.trajectory.smoother import Linearization
+from analysis.trajectory.sparse_jacobian import SparseJacobian
 from flight import motion
 from flight.units import GRAVITY_MPS2 as g
 
@@ -196,25 +197,25 @@ class Equations:
         jacobian = ca.substitute(ca.jacobian(residual, ca.vertcat(a, c)), ca.vertcat(a, v), ca.vertcat(b, v_predicted))
         self._measurement = _array_function([a, b, c, z, weight, v, v_predicted], residual, jacobian)
 
-    def linearize(
-        self, x: Array, sensor_errors: Array, inputs: EquationInputs, overwritten: Linearization | None = None
-    ) -> Linearization:
-        """Residuals and derivatives at states x (n, nx) and sensor errors (m,).
-
-        overwritten : an earlier linearization of these equations, whose memory is used again
-        """
+    def linearize(self, x: Array, sensor_errors: Array, inputs: EquationInputs) -> Linearization:
+        """Residuals and derivatives at states x (n, nx) and sensor errors (m,)."""
         errors = sensor_errors.tolist()
-        process = self._process(
-            self.n - 1, x[:-1].T, x[1:].T, errors, inputs.process_inputs.T, inputs.process_weight.T,
-            overwritten=overwritten and (overwritten.process_residual, overwritten.process_jacobian),
-        )  # fmt: skip
-        measurement = self._measurement(
+        process = self._process.nonzeros(
+            self.n - 1, x[:-1].T, x[1:].T, errors, inputs.process_inputs.T, inputs.process_weight.T
+        )
+        measurement = self._measurement.nonzeros(
             self.n, x.T, inputs.predicted_states.T, errors, inputs.measured.T, inputs.measurement_weight.T,
             inputs.measurement_inputs.T, inputs.predicted_inputs.T,
-            overwritten=overwritten and (overwritten.measurement_residual, overwritten.measurement_jacobian),
         )  # fmt: skip
-        return Linearization(process[0][:, :, 0], process[1], measurement[0][:, :, 0], measurement[1])
+        nx, m = x.shape[1], len(sensor_errors)
+        return Linearization(
+            process[0].T,
+            SparseJacobian(process[1], self._process.places[1], 2 * nx + m),
+            measurement[0].T,
+            SparseJacobian(measurement[1], self._measurement.places[1], nx + m),
+        )
 
 
 def _array_function(arguments: list[Any], residual: Any, jacobian: Any) -> ArrayFunction:
-    return ArrayFunction(ca.Function("equations", arguments, ca.cse([residual, jacobian])))
+    """Of the residuals, all elements as nonzeros in their order, and of the nonzero derivatives."""
+    return ArrayFunction(ca.Function("equations", arguments, ca.cse([ca.densify(residual), jacobian])))

@@ -5,10 +5,10 @@ regressor that contains this response attributes the gust to the sensor.
 """
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy import linalg
 
+from analysis.signals.gaps import without_gaps
 from analysis.signals.local_polynomial import local_quadratic
 from analysis.signals.stretches import stretches
 
@@ -38,7 +38,7 @@ def extrapolated(values: Array, flying: BoolArray, step_s: float, window_s: floa
     line = np.linalg.pinv(np.column_stack([np.ones(window), -step_s * np.arange(1.0, window + 1)]))
     predicted = np.zeros((2, len(values)))
     for rows in stretches(flying):
-        known = pd.Series(values[rows]).interpolate(limit_direction="both").to_numpy()
+        known = without_gaps(values[rows])
         past = np.concatenate([np.full(window, known[0]), known[:-1]])  # constant before the stretch
         for found, weights in zip(predicted, line, strict=True):
             found[rows] = np.convolve(past, weights, mode="valid")

@@ -206,14 +206,14 @@ def _solve(
     """Gauss-Newton iterations for one gust intensity, until the step is within the tolerance or for so many."""
     converged, last_move, damping = False, np.zeros(len(SENSOR_ERRORS)), 1.0
     process = problem.process_model(gust)
-    linearization: Any = None
+    linearization: Any
     step: Any
     for _ in range(iterations):
         inputs = problem.equation_inputs(x, sensor_errors, gust, process)
         remaining, prior = problem.remaining_errors(sensor_errors, gust)
         point = _LinearizationPoint(x, remaining, inputs)
-        step = None  # frees 30 MB before as many are taken again
-        linearization = problem.equations.linearize(*point, linearization)
+        linearization = step = None  # frees 30 MB before as many are taken again
+        linearization = problem.equations.linearize(*point)
         initial = x[0]
         step = gauss_newton_step(linearization, prior, initial, remaining)
         move = step.sensor_errors / np.sqrt(np.diag(step.covariance))

@@ -5,10 +5,10 @@ current gust (instrumental variables).
 """
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.signals.cubic_spline import CubicSpline
+from analysis.signals.gaps import without_gaps
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import ALPHA_REGRESSORS, MEASUREMENT_INPUTS, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.instrumental_variables import (
@@ -103,8 +103,7 @@ class Regressors:
 
     def _bridged(self, values: Array) -> Array:
         """Values (n,) in flight, interpolated linearly elsewhere; 0 where there are none."""
-        known = pd.Series(np.where(self._flying, values, np.nan))
-        return np.asarray(known.interpolate(limit_direction="both").fillna(0.0))
+        return np.nan_to_num(without_gaps(np.where(self._flying, values, np.nan)))
 
     def _extrapolated(self, values: Array, *window_s: float) -> tuple[Array, Array]:
         return extrapolated(values, self._flying, self._step_s, *window_s)

@@ -12,24 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, lapack
 
-Array = NDArray[np.float64]
+from analysis.trajectory.sparse_jacobian import SparseJacobian
 
-CHUNK = 64  # instants
+Array = NDArray[np.float64]
 
 
 class Linearization(NamedTuple):
     """Residuals in units of their standard deviations, and their derivatives; m sensor errors.
 
     process_residual : (n-1, nx) between instants k and k+1
-    process_jacobian : (n-1, nx, nx + nx + m) by x_k, x_k+1, sensor errors
+    process_jacobian : at n-1 instants, by x_k, x_k+1, sensor errors
     measurement_residual : (n, ny) at instant k
-    measurement_jacobian : (n, ny, nx + m) by x_k, sensor errors
+    measurement_jacobian : at n instants, by x_k, sensor errors
     """
 
     process_residual: Array
-    process_jacobian: Array
+    process_jacobian: SparseJacobian
     measurement_residual: Array
-    measurement_jacobian: Array
+    measurement_jacobian: SparseJacobian
 
 
 class TrajectoryPrior(NamedTuple):
@@ -53,14 +53,11 @@ class StatesGivenErrors(NamedTuple):
         linearization : its derivatives by the sensor errors may differ from those used by `gauss_newton_step`
         """
         n, nx = len(linearization.measurement_residual), linearization.process_residual.shape[1]
-        m = linearization.measurement_jacobian.shape[2] - nx
-        process = _state_by_error(linearization.process_jacobian, 2 * nx)
-        border = np.empty((m, n * nx)).T  # Fortran order, as LAPACK requires
-        by_instant = border.reshape(n, nx, m)
-        by_instant[:] = _state_by_error(linearization.measurement_jacobian, nx)
-        by_instant[:-1] += process[:, :nx]
-        by_instant[1:] += process[:, nx:]
-        half = _triangular_solution(self.factor, border, overwrite=True)
+        m = linearization.measurement_jacobian.width - nx
+        border = np.zeros((m, n * nx))
+        linearization.measurement_jacobian.add_border(border.reshape(m, n, nx), nx)
+        linearization.process_jacobian.add_border(border.reshape(m, n, nx), 2 * nx)
+        half = _triangular_solution(self.factor, border.T, overwrite=True)
         return -_triangular_solution(self.factor, half, transposed=True).reshape(n, nx, m)
 
     def covariance_of(self, gradient: Array) -> Array:
@@ -107,23 +104,16 @@ def gauss_newton_step(
 
     Raises LinAlgError when the equations do not determine every state.
     """
-    n, _, width = linearization.measurement_jacobian.shape
-    nx = linearization.process_residual.shape[1]
-    m = width - nx
+    n, nx = len(linearization.measurement_residual), linearization.process_residual.shape[1]
     band, right = _normal_equations(linearization)
     band[0, :, 0] += 1 / prior.initial_sigma**2
     right[:nx, 0] += (initial - prior.initial_mean) / prior.initial_sigma**2
     gradient = right[:, 0].copy()
 
-    by_error = (
-        linearization.measurement_jacobian.reshape(-1, width)[:, nx:],
-        linearization.process_jacobian.reshape(-1, 2 * nx + m)[:, 2 * nx :],
-    )
-    corner = by_error[0].T @ by_error[0] + by_error[1].T @ by_error[1] + np.diag(1 / prior.error_sigma**2)
-    error_gradient = (
-        by_error[0].T @ linearization.measurement_residual.ravel()
-        + by_error[1].T @ linearization.process_residual.ravel()
-    )
+    process, measurement = linearization.process_jacobian, linearization.measurement_jacobian
+    corner = measurement.corner(nx) + process.corner(2 * nx) + np.diag(1 / prior.error_sigma**2)
+    error_gradient = measurement.corner_gradient(linearization.measurement_residual, nx)
+    error_gradient += process.corner_gradient(linearization.process_residual, 2 * nx)
     error_gradient += (sensor_errors - prior.error_mean) / prior.error_sigma**2
 
     band = band.reshape(n * nx, 2 * nx).T  # row i - j of column j, in LAPACK's order of memory
@@ -140,41 +130,23 @@ def gauss_newton_step(
     return GaussNewtonStep(d_states.reshape(n, nx), d_errors, covariance, conditional, cost_decrease, log_determinant)
 
 
-def _state_by_error(derivative: Array, n_states: int) -> Array:
-    """J_x^T J_c of each instant: J_x the first `n_states` columns of the derivatives, J_c the others."""
-    return derivative[:, :, :n_states].transpose(0, 2, 1) @ derivative[:, :, n_states:]
-
-
 def _normal_equations(linearization: Linearization) -> tuple[Array, Array]:
     """The normal equations of the states without prior: the matrix J_x^T J_x, and [J_x^T r, J_x^T J_c].
 
     The matrix is symmetric and block tridiagonal: (n, nx, 2 nx), columns of its lower triangle from the diagonal on.
     The right sides are (n nx, 1 + m) in Fortran order, as LAPACK requires.
     """
-    n, _, width = linearization.measurement_jacobian.shape
-    nx = linearization.process_residual.shape[1]
-    band, right = np.zeros((n, nx, 2 * nx)), np.zeros((1 + width - nx, n * nx)).T
-    sides = right.reshape(n, nx, -1)
-
-    def add(first: int, derivative: Array, residual: Array, connected: int) -> None:
-        """Add equations of `connected` neighbouring instants, the first of them `first`, `first` + 1, …."""
-        by_state = derivative[:, :, : connected * nx].transpose(0, 2, 1)
-        product, gradient = by_state @ derivative, (by_state @ residual[:, :, None])[:, :, 0]
-        end = connected * nx
-        for neighbour in range(connected):
-            instants = slice(first + neighbour, first + neighbour + len(derivative))
-            begin = neighbour * nx
-            for j in range(nx):
-                at = begin + j
-                band[instants, j, : end - at] += product[:, at, at:end]
-            sides[instants, :, 0] += gradient[:, begin : begin + nx]
-            sides[instants, :, 1:] += product[:, begin : begin + nx, end:]
-
-    for start in range(0, n, CHUNK):  # temporary arrays of a chunk fit in the processor's cache
-        rows = slice(start, start + CHUNK)
-        add(start, linearization.measurement_jacobian[rows], linearization.measurement_residual[rows], 1)
-        add(start, linearization.process_jacobian[rows], linearization.process_residual[rows], 2)
-    return band, right
+    n, nx = len(linearization.measurement_residual), linearization.process_residual.shape[1]
+    m = linearization.measurement_jacobian.width - nx
+    band, right = np.zeros((n, nx, 2 * nx)), np.zeros((1 + m, n, nx))
+    for jacobian, residual, n_states in (
+        (linearization.measurement_jacobian, linearization.measurement_residual, nx),
+        (linearization.process_jacobian, linearization.process_residual, 2 * nx),
+    ):
+        jacobian.add_state_products(band, n_states)
+        jacobian.add_gradient(right[0], residual, n_states)
+        jacobian.add_border(right[1:], n_states)
+    return band, right.reshape(1 + m, n * nx).T
 
 
 def _triangular_solution(factor: Array, right: Array, *, transposed: bool = False, overwrite: bool = False) -> Array:

@@ -1,7 +1,6 @@
 """Common style of all figures: large type and dark colors, so that they can be read in sunlight."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -65,15 +64,15 @@ def thinned(x: Array, y: Array, points: int = POINTS_DRAWN) -> tuple[Array, Arra
     """
     if len(x) <= points:
         return x, y
-    edges = np.linspace(0, len(x), points // 2 + 1).astype(int)
-    kept = []
-    for start, end in pairwise(edges):
-        part = y[start:end]
-        if np.isfinite(part).any():
-            kept += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
-        else:
-            kept.append(start)
-    return x[kept], y[kept]
+    starts = np.linspace(0, len(x), points // 2 + 1).astype(int)[:-1]
+    stretch = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(x)))
+    values = np.where(np.isfinite(y), y, np.nan)
+    kept = [starts[~np.logical_or.reduceat(np.isfinite(y), starts)]]
+    for extreme in (np.fmin, np.fmax):
+        (at,) = np.nonzero(values == extreme.reduceat(values, starts)[stretch])
+        kept.append(at[np.unique(stretch[at], return_index=True)[1]])
+    chosen = np.unique(np.concatenate(kept))
+    return x[chosen], y[chosen]
 
 
 def rounded(values: Array) -> Array:

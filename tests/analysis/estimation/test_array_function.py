@@ -51,14 +51,15 @@ def test_a_sparse_jacobian_stands_in_the_right_rows_and_columns():
         assert one == pytest.approx(expected, rel=1e-13)
 
 
-def test_more_samples_than_are_computed_at_once_and_memory_that_is_used_again():
+def test_more_samples_than_are_computed_at_once_and_the_nonzeros_alone():
     n = SAMPLES + 3
     function = ArrayFunction(ca.Function("f", [X, P], [ca.vertcat(A * C, ca.SX(1, 1), B + D)]))
     a, b, d = np.linspace(0, 1, n), np.linspace(2, 5, n), np.linspace(-1, 1, n)
-    for overwritten in (None, function(n, (b, a), (3.0, a))):
-        [found] = function(n, (a, b), (2.0, d), overwritten=overwritten)
-        assert found[:, :, 0] == pytest.approx(np.column_stack([2 * a, 0 * a, b + d]))
-        assert overwritten is None or np.shares_memory(found, overwritten[0])
+    [found] = function(n, (a, b), (2.0, d))
+    assert found[:, :, 0] == pytest.approx(np.column_stack([2 * a, 0 * a, b + d]))
+    [nonzeros] = function.nonzeros(n, (a, b), (2.0, d))
+    assert function.places == [[(0, 0), (2, 0)]]
+    assert nonzeros == pytest.approx(np.stack([2 * a, b + d]))
 
 
 def test_an_operation_without_counterpart_is_named():

@@ -91,7 +91,7 @@ def test_the_field_across_north_is_zero_and_depends_on_heading_only() -> None:
     at = Equations(n).linearize(x, shared, EquationInputs(*process, nothing, nothing + 1.0, given, x, given))
     row = MEASUREMENTS.index("compass")
     assert np.abs(at.measurement_residual[:, row]).max() < 1e-12 * FIELD_T
-    slope = at.measurement_jacobian[:, row] / level_T
+    slope = at.measurement_jacobian.dense()[:, row] / level_T
     assert slope[:, STATES.index("psi")] == pytest.approx(np.ones(n))
     assert slope[:, len(STATES) + SENSOR_ERRORS.index("heading_bias")] == pytest.approx(np.ones(n))
     assert np.count_nonzero(slope) == 2 * n

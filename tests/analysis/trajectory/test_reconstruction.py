@@ -198,21 +198,21 @@ def test_derivatives_are_those_of_the_equations() -> None:
         more[1, j] += h
         less[1, j] -= h
         up, down = equations.linearize(more, shared, data), equations.linearize(less, shared, data)
-        assert at.measurement_jacobian[1, :, j] == pytest.approx(
+        assert at.measurement_jacobian.dense()[1, :, j] == pytest.approx(
             (up.measurement_residual - down.measurement_residual)[1] / (2 * h), abs=1e-7
         )
-        assert at.process_jacobian[1, :, j] == pytest.approx(
+        assert at.process_jacobian.dense()[1, :, j] == pytest.approx(
             (up.process_residual - down.process_residual)[1] / (2 * h), abs=1e-7
         )
-        assert at.process_jacobian[0, :, nx + j] == pytest.approx(
+        assert at.process_jacobian.dense()[0, :, nx + j] == pytest.approx(
             (up.process_residual - down.process_residual)[0] / (2 * h), abs=1e-7
         )
     for j in range(m):
         up, down = (equations.linearize(x, shared + sign * h * np.eye(m)[j], data) for sign in (1, -1))
-        assert at.measurement_jacobian[:, :, nx + j] == pytest.approx(
+        assert at.measurement_jacobian.dense()[:, :, nx + j] == pytest.approx(
             (up.measurement_residual - down.measurement_residual) / (2 * h), abs=1e-7
         )
-        assert at.process_jacobian[:, :, 2 * nx + j] == pytest.approx(
+        assert at.process_jacobian.dense()[:, :, 2 * nx + j] == pytest.approx(
             (up.process_residual - down.process_residual) / (2 * h), abs=1e-7
         )
 
@@ -227,4 +227,4 @@ def test_derivatives_are_those_of_the_equations() -> None:
         dataclasses.replace(data, measurement_inputs=other, predicted_inputs=other, predicted_states=elsewhere),
     )
     assert foretold.measurement_residual == pytest.approx(at.measurement_residual, abs=0)
-    assert foretold.measurement_jacobian == pytest.approx(there.measurement_jacobian, abs=0)
+    assert foretold.measurement_jacobian.values == pytest.approx(there.measurement_jacobian.values, abs=0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.trajectory.smoother import Linearization, TrajectoryPrior, cost, gauss_newton_step
+from analysis.trajectory.sparse_jacobian import CHUNK, SparseJacobian
 
 N, NX, NY, M = 7, 3, 2, 2
 
@@ -12,9 +13,9 @@ def problem(seed: int) -> tuple[Linearization, TrajectoryPrior, np.ndarray, np.n
     rng = np.random.default_rng(seed)
     linearization = Linearization(
         rng.normal(size=(N - 1, NX)),
-        rng.normal(size=(N - 1, NX, 2 * NX + M)),
+        SparseJacobian.of(rng.normal(size=(N - 1, NX, 2 * NX + M))),
         rng.normal(size=(N, NY)),
-        rng.normal(size=(N, NY, NX + M)),
+        SparseJacobian.of(rng.normal(size=(N, NY, NX + M))),
     )
     prior = TrajectoryPrior(rng.normal(size=NX), np.full(NX, 2.0), rng.normal(size=M), np.array([0.5, 3.0]))
     return linearization, prior, rng.normal(size=NX), rng.normal(size=M)
@@ -27,14 +28,14 @@ def dense(
     rows, r = [], []
     for k in range(N - 1):
         row = np.zeros((NX, N * NX + M))
-        row[:, k * NX : (k + 2) * NX] = linearization.process_jacobian[k, :, : 2 * NX]
-        row[:, N * NX :] = linearization.process_jacobian[k, :, 2 * NX :]
+        row[:, k * NX : (k + 2) * NX] = linearization.process_jacobian.dense()[k, :, : 2 * NX]
+        row[:, N * NX :] = linearization.process_jacobian.dense()[k, :, 2 * NX :]
         rows.append(row)
         r.append(linearization.process_residual[k])
     for k in range(N):
         row = np.zeros((NY, N * NX + M))
-        row[:, k * NX : (k + 1) * NX] = linearization.measurement_jacobian[k, :, :NX]
-        row[:, N * NX :] = linearization.measurement_jacobian[k, :, NX:]
+        row[:, k * NX : (k + 1) * NX] = linearization.measurement_jacobian.dense()[k, :, :NX]
+        row[:, N * NX :] = linearization.measurement_jacobian.dense()[k, :, NX:]
         rows.append(row)
         r.append(linearization.measurement_residual[k])
     row = np.zeros((NX + M, N * NX + M))
@@ -88,3 +89,20 @@ def test_draws_have_the_covariance_of_the_states_given_the_sensor_errors() -> No
     own = np.linalg.inv(free.T @ free)
     scale = np.sqrt(np.outer(np.diag(own), np.diag(own)))
     assert np.abs(draws.T @ draws / 4000 - own).max() < 5 * np.sqrt(2 / 4000) * scale.max()
+
+
+def test_derivatives_that_are_always_zero_can_be_left_out() -> None:
+    """The same step with every third derivative zero, and without it; more instants than are summed at once."""
+    rng = np.random.default_rng(0)
+    n = CHUNK + 3
+    kept = [place for k, place in enumerate(np.ndindex(NX, 2 * NX + M)) if k % 3]
+    sparse = SparseJacobian(rng.normal(size=(len(kept), n - 1)), kept, 2 * NX + M)
+    measured = SparseJacobian.of(rng.normal(size=(n, NY, NX + M)))
+    residuals = rng.normal(size=(n - 1, NX)), rng.normal(size=(n, NY))
+    _, prior, first, errors = problem(0)
+    steps = [
+        gauss_newton_step(Linearization(residuals[0], process, residuals[1], measured), prior, first, errors)
+        for process in (sparse, SparseJacobian.of(sparse.dense()))
+    ]
+    assert steps[0].states == pytest.approx(steps[1].states, rel=1e-9, abs=1e-12)
+    assert steps[0].covariance == pytest.approx(steps[1].covariance, rel=1e-9)
