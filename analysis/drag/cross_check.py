@@ -25,6 +25,8 @@ BLOCK = 2  # samples: 12.5 blocks per second are ten per cycle of the short peri
 # turbulence of W20 = 3 kt.
 LARGEST_STILL_AIR_CORRELATION = 0.4
 SPEEDS = 61  # at which the polars are compared
+# Each run has initial states of its own: the time of one iteration grows with the cube of their number.
+MOST_RUNS = 40
 # Errors of output error over its standard errors: 1.1 rms in 8 flights in calm air (docs/estimators.md).
 EXCESS = 1.2
 # One test over all speeds: a difference of two parabolas has three coefficients (Scheffe 1953, Biometrika 40, 87).
@@ -55,13 +57,22 @@ def estimate_polar(
 ) -> CrossCheck:
     """Fit all runs at once, by output error, or by filter error with gusts as states where the residuals show gusts.
 
-    table: from `air_data`. zeroed: the gyro biases at rest were subtracted.
+    table: from `air_data`. zeroed: the gyro biases at rest were subtracted. Of a long flight's runs,
+    `spread` ones are taken.
     """
+    runs = spread(runs)
     fit = output_error_fit(table, runs, aircraft, propeller, zeroed=zeroed)
     in_gusts = _in_gusts(fit)
     if in_gusts:
         fit = filter_error_fit(table, runs, aircraft, propeller, zeroed=zeroed)
     return CrossCheck(covariance.polar_of(fit), fit.verdict.text, fit.verdict.ok, in_gusts, fit.convergence)
+
+
+def spread(runs: list[Maneuver]) -> list[Maneuver]:
+    """MOST_RUNS of them at most, evenly over the flight, the first and the last among them."""
+    if len(runs) <= MOST_RUNS:
+        return runs
+    return [runs[i] for i in np.linspace(0, len(runs) - 1, MOST_RUNS).round().astype(int)]
 
 
 def output_error_fit(

@@ -4,9 +4,10 @@ import methods
 import numpy as np
 import pytest
 
-from analysis.drag.cross_check import CrossCheck, disagreement, estimate_polar
+from analysis.drag.cross_check import MOST_RUNS, CrossCheck, disagreement, estimate_polar, spread
 from analysis.drag.polar import Condition, Polar, power_required
 from analysis.maneuvers.find import find
+from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, Maneuver
 from sim.sensors import load_budget
 
 SPEEDS_MPS = np.array([14.0, 17.0, 20.0])
@@ -63,3 +64,17 @@ def test_it_differs_where_the_intervals_do_not_allow_it() -> None:
     assert compared(0.0445) == (True, 1)
     assert compared(0.08, in_gusts=True) == (False, 0)  # filter error's intervals are too narrow for an alarm
     assert compared(0.05, converged=False) == (False, 1)  # it is left out, and said to be
+
+
+def test_of_a_long_flight_runs_of_both_kinds_from_beginning_to_end_are_checked() -> None:
+    """240 runs of a flight of two hours: gaps of at most one run more than the mean, and half of them decelerations."""
+    runs = [
+        Maneuver(DECELERATION if i % 2 else ACCELERATION, slice(i, i + 1), 30.0 * i, 30.0 * i + 12, 11.0, 22.0, 0.0)
+        for i in range(240)
+    ]
+    taken = spread(runs)
+    at = [runs.index(run) for run in taken]
+    assert len(at) == MOST_RUNS and at[0] == 0 and at[-1] == 239
+    assert max(np.diff(at)) <= np.ceil(239 / (MOST_RUNS - 1)) and min(np.diff(at)) >= np.floor(239 / (MOST_RUNS - 1))
+    assert abs(sum(run.kind == DECELERATION for run in taken) - MOST_RUNS / 2) <= MOST_RUNS / 8
+    assert spread(runs[:MOST_RUNS]) == runs[:MOST_RUNS]
