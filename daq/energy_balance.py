@@ -3,7 +3,8 @@
 Over a window of a run, thrust work that is not found in speed and height is the work of drag (2.23)-(2.26). Divided by
 the way flown it is the mean of drag over mass. It is regressed on C_D = A0 + A1 C_L + A2 C_L^2, with errors of the
 thrust's scale and of its slope over J as further unknowns. The residuals give the noise. The scale of airspeed,
-which only the analysis determines, adds its prior uncertainty; other errors of the probe are not in the interval.
+which only the analysis determines, adds the uncertainty that the aircraft file states; other errors of the probe are
+not in the interval.
 """
 
 import math
@@ -12,13 +13,12 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from daq.legs import Row
+from flight.aircraft import Uncertainty
 from flight.units import GRAVITY_MPS2
 
 WINDOW_ROWS = 11  # longer than the smoothing: errors of speed at both ends are independent
 UNKNOWNS = 5  # A0, A1, A2, thrust scale, thrust slope
-THRUST_SIGMAS = {3: 0.018, 4: 0.15}  # prior standard deviations of scale and slope, as in the analysis
 J_REFERENCE = 0.5
-AIRSPEED_SCALE_SIGMA = 0.0125  # prior standard deviation, as in the analysis
 # Relative change of power by that of airspeed, near the speed of least power: the thrust computed for a motor speed
 # falls with some power 2 to 2.5 of airspeed, and power is thrust times airspeed.
 POWER_PER_AIRSPEED = 1.5
@@ -37,7 +37,10 @@ class PowerInterval(NamedTuple):
 class EnergyBalance:
     """Normal equations of the polar. Each window adds some forty products."""
 
-    def __init__(self) -> None:
+    def __init__(self, uncertainty: Uncertainty) -> None:
+        """uncertainty: of the aircraft file, which states the errors of thrust and airspeed."""
+        self._prior_sigma = {3: uncertainty.thrust_scale_fraction, 4: uncertainty.thrust_slope}  # by unknown
+        self._airspeed_sigma = uncertainty.airspeed_scale_fraction
         self.windows = 0
         self._N = [[0.0] * UNKNOWNS for _ in range(UNKNOWNS)]
         self._Nz = [0.0] * UNKNOWNS
@@ -87,7 +90,7 @@ class EnergyBalance:
         inverse: list[list[float]] | None = None
         for _ in range(3):  # the prior's weight depends on the noise
             N = [row[:] for row in self._N]
-            for i, sigma in THRUST_SIGMAS.items():
+            for i, sigma in self._prior_sigma.items():
                 N[i][i] += noise2 / sigma**2
             inverse = inverted(N)
             if inverse is None:
@@ -128,7 +131,7 @@ class EnergyBalance:
             return None
         V, power, g = best
         variance = sum(g[i] * g[j] * covariance[i][j] for i in range(3) for j in range(3))
-        relative = math.hypot(math.sqrt(max(variance, 0.0)) / power, POWER_PER_AIRSPEED * AIRSPEED_SCALE_SIGMA)
+        relative = math.hypot(math.sqrt(max(variance, 0.0)) / power, POWER_PER_AIRSPEED * self._airspeed_sigma)
         return PowerInterval(V, NORMAL_95 * relative)
 
 

@@ -1,5 +1,6 @@
 """Runs told good or lost on the aircraft: the criteria of the analysis, on synthetic flights."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -7,7 +8,6 @@ import pytest
 
 from analysis.airdata import bank
 from analysis.drag import forces
-from analysis.electrical import airspeed_gps
 from analysis.maneuvers import find_level, quality
 from analysis.maneuvers import legs as analysis_legs
 from analysis.signals import aircraft_size, rest
@@ -125,10 +125,7 @@ def test_criteria_are_those_of_the_analysis():
         rest.MOTOR_REVPS,
         rest.AIRSPEED_SPREAD_PA,
     )
-    prior = Uncertainty()
-    assert energy_balance.THRUST_SIGMAS == {3: prior.thrust_scale_fraction, 4: prior.thrust_slope}
     assert energy_balance.J_REFERENCE == forces.J_REFERENCE
-    assert energy_balance.AIRSPEED_SCALE_SIGMA == airspeed_gps.SCALE_SIGMA == prior.airspeed_scale_fraction
 
 
 def test_nothing_is_told_of_steady_flight_and_of_turns():
@@ -171,7 +168,7 @@ def test_thrust_is_that_of_the_analysis(propeller):
 
 def test_the_energy_balance_finds_the_drag_polar_that_made_the_runs():
     """Accelerations and decelerations without noise, of an aircraft with a known polar and a known thrust."""
-    balance, A, qS_per_V2 = EnergyBalance(), (0.045, -0.02, 0.06), 0.08
+    balance, A, qS_per_V2 = EnergyBalance(Uncertainty()), (0.045, -0.02, 0.06), 0.08
     for thrust in (4.0, 0.3, 3.0, -0.2):
         V, rows = 12.0 if thrust > 1 else 22.0, []
         for i in range(60):
@@ -192,7 +189,7 @@ def test_the_energy_balance_finds_the_drag_polar_that_made_the_runs():
 
 def noisy_balance(rng: np.random.Generator, sigma_mps2: float) -> EnergyBalance:
     """Runs of an aircraft with a known polar; the thrust of each window is wrong at random."""
-    balance, A, qS_per_V2 = EnergyBalance(), (0.045, -0.02, 0.06), 0.08
+    balance, A, qS_per_V2 = EnergyBalance(Uncertainty()), (0.045, -0.02, 0.06), 0.08
     for thrust in (4.0, 0.3, 3.0, -0.2):
         V, rows = 12.0 if thrust > 1 else 22.0, []
         error = np.repeat(rng.normal(0, sigma_mps2, 6), 11)
@@ -232,11 +229,26 @@ def test_the_interval_is_that_of_the_noise_the_thrust_and_the_airspeed():
     assert 0.018 < relative < 0.06
 
 
+@pytest.mark.parametrize("thrust_scale, airspeed_scale", [(0.05, 1e-5), (1e-5, 0.05), (0.03, 0.04)])
+def test_in_steady_flight_the_interval_is_what_the_aircraft_file_states(thrust_scale, airspeed_scale):
+    """There drag is thrust: a scale of thrust that is not known is one of power."""
+    stated = Uncertainty(thrust_scale_fraction=thrust_scale, thrust_slope=1e-5, airspeed_scale_fraction=airspeed_scale)
+    monitor = RunMonitor(dataclasses.replace(NEXSTAR, uncertainty=stated), None)
+    for V in np.linspace(12.0, 22.0, 12):
+        qS = 0.08 * V**2
+        CL = GRAVITY_MPS2 / qS
+        of_mass = qS * (0.045 - 0.02 * CL + 0.06 * CL**2), qS, CL, 0.5
+        monitor.energy.add_run([Row(0.2 * i, V, 0.0, 0.0, 0.0, 50.0, 50.0, True, of_mass) for i in range(600)])
+    found = monitor.energy.at_endurance_speed(12.0, 22.0)
+    assert found is not None
+    assert found.half_width == pytest.approx(1.96 * math.hypot(thrust_scale, 1.5 * airspeed_scale), rel=0.02)
+
+
 def test_a_climb_is_paid_from_the_energy_and_an_inverse_is_one():
     """The same run, climbing: thrust work goes into height, and the drag found stays."""
 
     def run(climb_mps: float) -> EnergyBalance:
-        balance = EnergyBalance()
+        balance = EnergyBalance(Uncertainty())
         for first in (12.0, 14.0, 16.0, 18.0):
             rows = []
             for i in range(56):
