@@ -18,6 +18,7 @@ from analysis.electrical.airspeed_gps import AirspeedErrors, true_airspeed
 from analysis.electrical.correlated import most_probable
 from analysis.electrical.energy_balance import EnergyBalance, FlightConditions, Samples
 from analysis.electrical.flight_table import FlightTable
+from analysis.signals.gaps import without_gaps
 
 Array = NDArray[np.float64]
 SharedErrors = list[tuple[Array, FlightConditions]]
@@ -56,7 +57,7 @@ def samples_of(flight: FlightTable, scale: float, zero_Pa: float) -> Samples:
     height, power = table["height_m"].to_numpy(), table["power_W"].to_numpy()
     revps = table[recording.MOTOR].to_numpy()
     both = table[["force_x_mps2", "load_factor"]].notna().all(axis=1).to_numpy()
-    force_x = table["force_x_mps2"].interpolate(limit_direction="both").to_numpy()
+    force_x = without_gaps(table["force_x_mps2"].to_numpy())
     has_force = float(np.mean(both[flight.flown])) > LEAST_MEASURED
     return Samples(
         table.index.to_numpy(), V, height, power, load_factor, flight.airborne, revps, force_x if has_force else None
