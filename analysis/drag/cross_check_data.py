@@ -12,6 +12,7 @@ from analysis.estimation.aircraft_models import Priors
 from analysis.estimation.data import Segment
 from analysis.maneuvers.kinds import Maneuver
 from analysis.signals.aircraft_size import speed_scale_of
+from analysis.signals.gaps import without_gaps
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
@@ -104,6 +105,4 @@ def _means(signal: Array, block: int) -> Array:
 
 def _filled(signal: Array) -> Array:
     """Gaps interpolated linearly; zero where nothing was measured at all."""
-    if np.isfinite(signal).all():
-        return signal
-    return np.asarray(pd.Series(signal).interpolate(limit_direction="both").fillna(0.0))
+    return np.nan_to_num(without_gaps(signal))

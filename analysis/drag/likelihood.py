@@ -32,6 +32,7 @@ from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import NamedValues
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
+from analysis.signals.gaps import without_gaps
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -155,7 +156,7 @@ class _Data:
         as_measured = segments_of(table, runs, propeller, block=BLOCK)
         if not as_measured:
             raise InputError("no run has all the required data")
-        q = table["q_radps"].interpolate(limit_direction="both").to_numpy()
+        q = without_gaps(table["q_radps"].to_numpy())
         from scipy.signal import savgol_filter  # takes 0.3 s to import
 
         window = round(SMOOTHED_S / float(table.index[1] - table.index[0]))

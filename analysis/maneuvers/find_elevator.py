@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from analysis.maneuvers import quality
 from analysis.maneuvers.kinds import STEPS_3211, Maneuver, RejectedManeuver, maneuver_in
 from analysis.maneuvers.smooth import smooth
+from analysis.signals.gaps import without_gaps
 from analysis.signals.stretches import stretches
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ def find_3211(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
     if "elevator_rad" not in table or not table["elevator_rad"].notna().any():
         return [], []
     motion = smooth(table, SMOOTHING_S)
-    times, signs = _edges(table["elevator_rad"].interpolate(limit_direction="both").to_numpy(), motion.step_s)
+    times, signs = _edges(without_gaps(table["elevator_rad"].to_numpy()), motion.step_s)
     found: list[Maneuver] = []
     rejected: list[RejectedManeuver] = []
     for first, last in _alternating(times, signs):

@@ -5,6 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.signals.cubic_spline import CubicSpline
+from analysis.signals.gaps import without_gaps
 from analysis.trajectory.block_means import BLOCK, BlockMeans
 from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays
 from flight import motion
@@ -32,11 +33,11 @@ class InertialInputs:
         self._sample_t_s = table.index.to_numpy()[between]
         means, samples, missing = [], [], np.zeros(blocks.n - 1, dtype=bool)
         for name in CHANNELS:
-            series = table[name]
-            values = series.interpolate(limit_direction="both").fillna(0.0).to_numpy()
+            measured = table[name].to_numpy()
+            values = np.nan_to_num(without_gaps(measured))
             samples.append(values[between])
             means.append(np.diff(_trapezoidal_sum(values)[blocks.rows]) / BLOCK)
-            missing |= np.diff(np.cumsum(series.isna().to_numpy())[blocks.rows]) > 0
+            missing |= np.diff(np.cumsum(np.isnan(measured))[blocks.rows]) > 0
         self._samples, self.mean = np.array(samples), np.column_stack(means)
         self.angle_sigma, self.velocity_sigma = _process_noise(self.mean, missing, blocks, noise)
 

@@ -17,7 +17,7 @@ BoolArray = NDArray[np.bool_]
 
 SLOW_S = 3.0  # window of predictions of speed and bank
 RATE_S = 1.0  # window of predictions of their derivatives
-LAGS = range(2, 8)  # blocks: earlier angles of attack that predict the current one (stick movements)
+LAGS = range(2, 8)  # blocks: earlier load factors that predict the angle of attack (stick movements)
 
 
 def parabola_fit(values: Array, over: Array, flying: BoolArray) -> Array:

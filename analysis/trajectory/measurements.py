@@ -5,6 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.signals.cubic_spline import CubicSpline
+from analysis.signals.gaps import without_gaps
 from analysis.trajectory.block_means import BLOCK, BlockMeans
 from analysis.trajectory.equations import MEASUREMENTS
 from analysis.trajectory.level_field import LevelField
@@ -87,7 +88,7 @@ class Measurements:
 
 def _standard_deviations(blocks: BlockMeans, noise: dict[str, float], V_reference: Array) -> dict[str, Array]:
     """Of block means (n,); the noise of air data is constant in pascals, not in m/s or radians."""
-    rho = pd.Series(blocks["rho"]).interpolate(limit_direction="both").to_numpy()
+    rho = without_gaps(blocks["rho"])
     qbar = rho * V_reference**2 / 2
     root = np.sqrt(BLOCK)
     constant = {

@@ -66,15 +66,15 @@ class Regressors:
         measured_V = np.maximum(self._measured_V_predicted / (1 + errors.V_scale), self._slowest_mps)
         cos_bank = np.cos(np.clip(self._extrapolated(state.phi)[0], -LARGEST_BANK_RAD, LARGEST_BANK_RAD))
         lift = 1 / (measured_V**2 * cos_bank)  # lift coefficient up to a factor
-        load = np.nan_to_num(-blocks["az_mps2"], nan=9.8) / measured_V**2
+        az = np.nan_to_num(blocks["az_mps2"], nan=-9.8)
         regressors, predicted_regressors, alpha_predicted = self._alpha(
-            state, errors, lift, lift * V_rate_predicted / V, load, sigma_w_mps
+            state, errors, lift, lift * V_rate_predicted / V, -az / measured_V**2, sigma_w_mps
         )
         field_forward, field_right = self._field.leveled(state.phi, state.theta)
         common = {
             "ax": np.nan_to_num(blocks["ax_mps2"]),
             "ay": np.nan_to_num(blocks["ay_mps2"]),
-            "az": np.nan_to_num(blocks["az_mps2"], nan=-9.8),
+            "az": az,
             "V_predicted": V,
             "alpha_predicted": alpha_predicted,
             "transverse_gust_variance": np.full(blocks.n, self._conditions.transverse_variance(sigma_w_mps)),

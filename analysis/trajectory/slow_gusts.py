@@ -21,10 +21,7 @@ SLOW = 0.5  # frequency in radians over a gust's time L/V: the spectrum is withi
 TAPERS = 3  # of the multitaper periodogram, sines (Riedel & Sidorenko 1995, IEEE Trans. Signal Process. 43, 188)
 HALF_BANDWIDTH = (TAPERS + 1) / 2  # in units of one over the duration
 PRIOR_DEGREES = 8.0  # of freedom of the user's scale length: right within a factor of 1.6, 1 sigma
-
-
-# Vertical gusts, 1 sigma, that contribute as much as noise to the errors of flow angles.
-GUSTS_DOMINATE_MPS = 0.1
+GUSTS_DOMINATE_MPS = 0.1  # vertical gusts, 1 sigma, that contribute as much as noise to the errors of flow angles
 
 
 class SlowGusts(NamedTuple):
@@ -34,7 +31,7 @@ class SlowGusts(NamedTuple):
     degrees: float
 
     def length(self, prior: float) -> float:
-        """Expected scale length over the standard's, from the ratio and the user's value."""
+        """Expected scale length over the standard's, to which slow power is proportional. prior: the user's value."""
         return (self.degrees * self.ratio + PRIOR_DEGREES * prior) / (self.degrees + PRIOR_DEGREES)
 
 
