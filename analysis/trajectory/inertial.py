@@ -21,7 +21,7 @@ MISSING_RADPS, MISSING_MPS2 = 0.5, 5.0
 class InertialInputs:
     """Rates and specific force between instants.
 
-    mean : (n-1, 6) means of CHANNELS from each instant to the next, by the trapezoidal rule over the samples
+    mean : (n-1, 6) means of CHANNELS from each instant to the next
     angle_sigma, velocity_sigma : (n-1, 3) process noise over a step of Euler angles [rad] and of velocity [m/s]
     """
 
@@ -34,9 +34,9 @@ class InertialInputs:
         means, samples, missing = [], [], np.zeros(blocks.n - 1, dtype=bool)
         for name in CHANNELS:
             measured = table[name].to_numpy()
-            values = np.nan_to_num(without_gaps(measured))
+            values = _at_instants(np.nan_to_num(without_gaps(measured)))
             samples.append(values[between])
-            means.append(np.diff(_trapezoidal_sum(values)[blocks.rows]) / BLOCK)
+            means.append(np.diff(_integral(values)[blocks.rows]) / BLOCK)
             missing |= np.diff(np.cumsum(np.isnan(measured))[blocks.rows]) > 0
         self._samples, self.mean = np.array(samples), np.column_stack(means)
         self.angle_sigma, self.velocity_sigma = _process_noise(self.mean, missing, blocks, noise)
@@ -49,14 +49,27 @@ class InertialInputs:
         """
         errors = NamedArrays(SENSOR_ERRORS, sensor_errors)
         at_samples = _derivatives(CubicSpline(self._t_s, attitude)(self._sample_t_s).T, self._samples, errors)
-        integral = _trapezoidal_sum(at_samples)[self._sample_rows]
+        integral = _integral(at_samples)[self._sample_rows]
         of_means = _derivatives(((attitude[1:] + attitude[:-1]) / 2).T, self.mean.T, errors)
         return np.asarray((np.diff(integral, axis=0) / BLOCK - of_means) * BLOCK / self._rate_Hz)
 
 
-def _trapezoidal_sum(values: Array) -> Array:
-    """Integral from the first sample to each, in units of the sample interval; along the first axis."""
-    return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum((values[1:] + values[:-1]) / 2, axis=0)])
+def _at_instants(means: Array) -> Array:
+    """Values (n,) in the middle of the intervals whose means (n,) the IMU gives (docs/log-format.md), of a parabola."""
+    values = means.copy()
+    values[1:-1] -= np.diff(means, 2) / 24
+    return values
+
+
+def _integral(values: Array) -> Array:
+    """Integral from the first sample to each, in units of the sample interval; along the first axis.
+
+    By the trapezoidal rule and the first term of its error, a twelfth of the change of the derivative (Euler and
+    Maclaurin). By that rule from the means themselves pitch and heave of a porpoise of 0.7 Hz were 0.4 % too small, and
+    the slope of the angle of attack as much too large.
+    """
+    trapezoids = np.cumsum((values[1:] + values[:-1]) / 2, axis=0)
+    return np.concatenate([np.zeros_like(values[:1]), trapezoids]) - np.gradient(values, axis=0) / 12
 
 
 def _derivatives(attitude: Array, channels: Array, errors: NamedArrays) -> Array:

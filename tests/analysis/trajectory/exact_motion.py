@@ -1,4 +1,7 @@
-"""A prescribed motion with exact sensors: swinging attitude in a turn, constant wind, known derivatives."""
+"""A prescribed motion: swinging attitude in a turn, constant wind, known derivatives.
+
+Sensors are exact; the IMU gives means of eight samples, as in a log.
+"""
 
 from typing import NamedTuple
 
@@ -8,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from analysis.trajectory.block_means import BLOCK
 from analysis.trajectory.equations import STATES
+from analysis.trajectory.inertial import CHANNELS
 from flight.motion import body_from_earth, flow_of
 
 G = 9.80665
@@ -33,17 +37,14 @@ def exact_motion(duration_s: float = 60.0) -> ExactMotion:
     spline = CubicSpline(fine, values)
     height = CubicSpline(fine, down).antiderivative()
     t = np.arange(0.0, duration_s, 1 / RATE_HZ)
-    (phi, theta, psi, v_north, v_east, v_down), rates = spline(t).T, spline(t, 1).T
+    phi, theta, psi, v_north, v_east, v_down = spline(t).T
     height_m = 100.0 - height(t)
     wind = WIND_NORTH, WIND_EAST
     V, alpha, beta = flow_of(*body_from_earth(v_north - wind[0], v_east - wind[1], v_down, phi, theta, psi))
-    ax, ay, az = body_from_earth(rates[3], rates[4], rates[5] - G, phi, theta, psi)
+    imu = np.mean([_imu(spline, t + part / RATE_HZ) for part in (np.arange(8) - 3.5) / 8], axis=0)
     table = pd.DataFrame(
         {
-            "p_radps": rates[0] - rates[2] * np.sin(theta),
-            "q_radps": rates[1] * np.cos(phi) + rates[2] * np.cos(theta) * np.sin(phi),
-            "r_radps": -rates[1] * np.sin(phi) + rates[2] * np.cos(theta) * np.cos(phi),
-            "ax_mps2": ax, "ay_mps2": ay, "az_mps2": az,
+            **dict(zip(CHANNELS, imu, strict=True)),
             "V_mps": V, "alpha_rad": alpha, "beta_rad": beta, "dlnV_dlndp_alpha": 0.0 * t,
             "height_m": height_m, "rho": RHO + 0.0 * t, "flying": t >= 0, "bank_rad": phi,
             "gps_north_mps": v_north, "gps_east_mps": v_east, "gps_down_mps": v_down,
@@ -56,3 +57,12 @@ def exact_motion(duration_s: float = 60.0) -> ExactMotion:
         [phi, theta, psi, v_north, v_east, v_down, height_m, *(np.full(len(t), w) for w in wind)]
     )
     return ExactMotion(table, states[BLOCK // 2 :: BLOCK][: len(t) // BLOCK])
+
+
+def _imu(motion: CubicSpline, t: np.ndarray) -> np.ndarray:
+    """CHANNELS (6, n) of a motion (attitude, velocity) at instants."""
+    (phi, theta, psi), rates = motion(t).T[:3], motion(t, 1).T
+    p = rates[0] - rates[2] * np.sin(theta)
+    q = rates[1] * np.cos(phi) + rates[2] * np.cos(theta) * np.sin(phi)
+    r = -rates[1] * np.sin(phi) + rates[2] * np.cos(theta) * np.cos(phi)
+    return np.array([p, q, r, *body_from_earth(rates[3], rates[4], rates[5] - G, phi, theta, psi)])

@@ -56,6 +56,20 @@ def test_noise_at_rest_is_measured_where_there_is_rest_and_else_that_of_the_benc
     assert noise_at_rest(table, []) == BENCH_SIGMA
 
 
+def test_pitch_and_heave_of_a_porpoise_are_integrated_without_loss() -> None:
+    """Means over 40 ms of a rate of 0.7 Hz, from instant to instant: the change of the angle, to a part in 10,000. The
+    trapezoidal rule loses 0.4 % of it, which the slope of the angle of attack would take for its own."""
+    w, half, table = 2 * np.pi * 0.7, 0.02, exact_motion(20.0).table.copy()
+    t_s = table.index.to_numpy()
+    table["q_radps"] = (np.sin(w * (t_s + half)) - np.sin(w * (t_s - half))) / (2 * half)  # of the angle sin(w t)
+    table["az_mps2"] = table["q_radps"]
+    blocks = BlockMeans(table)
+    mean = InertialInputs(table, blocks, BENCH_SIGMA).mean
+    change = np.diff(np.sin(w * blocks.t_s))
+    assert mean[:, 1] * STEP_S == pytest.approx(change, abs=1e-4 * np.abs(change).max())
+    assert mean[:, 5] == pytest.approx(mean[:, 1])
+
+
 def test_angles_and_velocities_are_as_noisy_as_integrals_of_the_samples() -> None:
     """White noise of the bench, integrated over ten steps; 200 of these know a standard deviation within 5 %."""
     rng = np.random.default_rng(0)
