@@ -43,7 +43,7 @@ def install(machine: Machine) -> list[Row]:
 
     def step(what: str, command: str, wanted: str = "") -> None:
         begin_s = time.monotonic()
-        code, said = machine.run(command, 900.0)
+        code, said = machine.run(command, 3600.0)
         good = code == 0 and re.search(wanted, said) is not None
         rows.append(
             Row(what, f"{time.monotonic() - begin_s:.0f} s" if good else f"exit code {code}: {said[-300:]}", good)
