@@ -82,7 +82,6 @@ def air_data(
 
     _move_specific_force_to_cg(out, aircraft)
     CL = -aircraft.mass_kg * out["az_mps2"] / (flow.qbar_Pa * nan_on_ground * aircraft.geometry.wing_area_m2)
-    CL = CL.rolling(window, center=True).mean()
     x_probe = aircraft.probe.position_m[0]  # ahead of the centre of gravity
     out["flying"] = flying
     out["qbar_Pa"] = flow.qbar_Pa * (1 + deviation) * nan_on_ground

@@ -72,6 +72,19 @@ def test_upwash_in_proportion_to_lift_is_taken_out(nexstar: Aircraft, propeller:
     assert air["alpha_rad"].mean() == pytest.approx(ALPHA_RAD, abs=2e-4)
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.6])
+def test_upwash_follows_the_lift_of_a_porpoise(nexstar: Aircraft, propeller: Propeller, scale: float) -> None:
+    """The lift coefficient swings by half at 0.7 Hz, and the upwash with it. An upwash averaged over 0.5 s would
+    lose a fifth of that, which the slope of the angle of attack would take for its own."""
+    slower = nexstar.weighing(nexstar.mass.weight_N * scale**2)
+    CL = slower.mass.weight_N / (QBAR_PA * slower.geometry.wing_area_m2)
+    aircraft = replace(slower, probe=ProbeInstallation(position_m=(0.0, 0.0, 0.0), upwash_per_CL_rad=0.02 / CL))
+    table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
+    swing = 0.5 * np.sin(2 * np.pi * 0.7 * table.index.to_numpy())
+    air = air_data(table.assign(az_mps2=-G_MPS2 * (1 + swing)), aircraft, LINEAR_PROBE, propeller, None).table
+    assert np.polyfit(swing, air["alpha_by_upwash_rad"], 1) == pytest.approx([0.02, 0.02], rel=2e-3)
+
+
 def test_speed_and_density_are_those_of_the_pressures(nexstar: Aircraft, propeller: Propeller) -> None:
     air = air_data(log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0), nexstar, LINEAR_PROBE, propeller, None).table
     assert air["rho"].mean() == pytest.approx(DENSITY_KGPM3, rel=1e-3)
