@@ -27,7 +27,7 @@ SHORTEST_S = 5.0  # after smoothing, which widens a run by about its window
 LONGEST_S = 40.0
 SMALLEST_SPEED_CHANGE = 0.2  # of the mean speed
 LARGEST_ALTITUDE_CHANGE_M = 20.0
-LARGEST_CLIMB_MPS = 1.2  # mean; a pilot on the ground holds this, take-off and approach are steeper
+LARGEST_CLIMB_MPS = 1.2  # mean, times the speed scale; a pilot holds this, take-off and approach are steeper
 STEEP_MPS = 2.0  # a run ends where the momentary climb rate exceeds this
 LARGEST_BANK_RAD = np.radians(25)
 
@@ -93,7 +93,7 @@ def _reason_against(data: pd.DataFrame, motion: SmoothedMotion, rows: slice, sca
         return f"speed changed by only {100 * share:.0f} % of its mean, {100 * SMALLEST_SPEED_CHANGE:.0f} % are needed"
     if low := quality.too_low(data):
         return low
-    if abs(np.nanmean(climb)) > LARGEST_CLIMB_MPS:
+    if abs(np.nanmean(climb)) > LARGEST_CLIMB_MPS * scale:
         return f"not level: it climbed at {np.nanmean(climb):.1f} m/s on average"
     if np.ptp(data["height_m"].dropna()) > LARGEST_ALTITUDE_CHANGE_M:
         return f"not level: height varied by {np.ptp(data['height_m'].dropna()):.0f} m"

@@ -92,6 +92,7 @@ def test_a_light_aircraft_s_runs_may_be_shorter_and_lower():
     assert told(**flown, over_s=3.5, height_m=15.0)[0].startswith("acceleration good")
     assert "down to 9 m" in told(**flown, over_s=3.5, height_m=9.0)[0]
     assert "not 3 s" in told(**flown, over_s=1.0)[0]
+    assert "sank 11 m" in told(**flown, over_s=12.0, climb_mps=-0.9)[0], "as steep as an approach"
 
 
 def test_criteria_are_those_of_the_analysis():

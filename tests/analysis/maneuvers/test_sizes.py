@@ -53,6 +53,16 @@ def test_a_short_gentle_run_counts_for_a_light_aircraft_and_is_told_for_another(
     assert len(find_runs(scaled(brief))[0]) == 2 and not find_runs(brief)[0]
 
 
+def test_the_approach_of_a_light_aircraft_is_no_run() -> None:
+    """0.9 m/s at 8 m/s descends as steeply as 1.5 m/s at 13 m/s: an approach. The Nexstar may sink so fast."""
+    speed = up_and_down(low=7.0, high=9.2, seconds=6.0)
+    sinking = flight(speed, height=100.0 - 0.9 * np.arange(len(speed)) / RATE_HZ).assign(V_mps=speed)
+    runs, rejected = find_runs(scaled(sinking))
+    assert not runs and ["climbed at -0.9 m/s" in one.reason for one in rejected] == [True, True]
+    faster = flight(up_and_down(), height=100.0 - 0.9 * np.arange(len(up_and_down())) / RATE_HZ)
+    assert [run.kind for run in find_runs(faster)[0]] == ["acceleration", "deceleration"]
+
+
 def test_a_light_aircraft_may_fly_lower() -> None:
     data = flight(np.full(250, 9.0), height=np.full(250, 15.0))
     assert "20 m are needed" in too_low(data)
