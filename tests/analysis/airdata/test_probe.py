@@ -274,3 +274,22 @@ def test_a_point_is_inside_a_polygon_or_not() -> None:
     x = np.array([0.0, 2.9, -1.1, 3.1, 1.0, 2.9, 0.0, np.nan])
     y = np.array([0.0, -1.9, 0.0, 0.0, -2.1, 1.2, 1.7, 0.0])
     assert _inside(corners, x, y).tolist() == [True, True, False, False, False, False, True, False]
+
+
+def test_angles_from_means_follow_single_samples_to_first_order_and_have_no_bias() -> None:
+    """A light aircraft's samples: maps at the mean of 25, then along their tangent."""
+    probe, t = calibrate(tunnel(0, crooked)), np.arange(400) * 0.04
+    flow = np.full((3, 400), np.radians([[6.0], [-4.0], [0.0]]))
+    dp_alpha, dp_beta, q_c = crooked(flow[0], flow[1], 60.0)
+    wave = np.sin(2 * np.pi * t / 1.0)  # a whole period in the mean over 25 samples
+    small = (dp_alpha + 0.5 * wave, dp_beta - 0.3 * wave, q_c)
+    exact, by_means = flow_at_probe(probe, *small), flow_at_probe(probe, *small, samples=25)
+    inside = slice(20, -20)
+    for angle in ("alpha_rad", "beta_rad"):
+        one, other = getattr(exact, angle)[inside], getattr(by_means, angle)[inside]
+        assert np.ptp(one) > np.radians(0.1)
+        assert other == pytest.approx(one, abs=0.03 * np.ptp(one))  # each angle by its own pressure only
+    assert by_means.qbar_Pa[inside] == pytest.approx(flow_at_probe(probe, dp_alpha, dp_beta, q_c).qbar_Pa[inside], 1e-6)
+    assert by_means.inside.all()
+    dp_alpha[200] = np.nan
+    assert np.flatnonzero(~flow_at_probe(probe, dp_alpha, dp_beta, q_c, samples=25).inside).tolist() == [200]
