@@ -8,11 +8,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.airdata.polynomial_map import polynomial_of_order
+from analysis.airdata.polynomial_map import PolynomialMap, polynomial_of_order
 from analysis.airdata.probe import ProbeCalibration, _inside, flow_at_probe, parse_probe
 from analysis.airdata.probe_fit import calibrate
 from analysis.airdata.speed_dependence import speed_dependence
 from analysis.airdata.tunnel import TunnelData, dynamic_pressure, read_tunnel
+from analysis.cli.calibrate.probe import summary as probe_summary
 from daq.probe_calibration import load_probe_maps
 from flight.atmosphere import density
 from flight.errors import InputError
@@ -296,3 +297,20 @@ def test_angles_from_means_follow_single_samples_to_first_order_and_have_no_bias
         assert by_means.inside.all()
     dp_alpha[200] = np.nan
     assert np.flatnonzero(~flow_at_probe(probe, dp_alpha, dp_beta, q_c, samples=25).inside).tolist() == [200]
+
+
+def test_the_summary_of_a_probe_gives_its_errors_in_degrees_and_per_cent() -> None:
+    def fitted(rms: float, order: int) -> PolynomialMap:
+        return PolynomialMap(powers=[(0, 0)], coefficients=[1.0], residual_rms=rms, order=order)
+
+    probe = ProbeCalibration(
+        format="flightpower-probe-2", source="tunnel.csv", points=363, alpha_rad=fitted(np.radians(0.05), 4),
+        beta_rad=fitted(np.radians(0.07), 3), q_ratio=fitted(0.0021, 5), alpha_scale_sigma=0.0123, hull=[],
+    )  # fmt: skip
+    assert probe_summary(probe) == [
+        "363 points, order of the polynomials by cross-validation:",
+        "  alpha     order 4, error of left-out points 0.050 deg weighted rms",
+        "  beta      order 3, error of left-out points 0.070 deg weighted rms",
+        "  q_c/qbar  order 5, error of left-out points 0.210 % weighted rms",
+        "standard error of the slope of alpha: 1.23 %",
+    ]
