@@ -5,6 +5,8 @@ import pytest
 
 from analysis.airdata.line_lags import LineLag
 from analysis.airdata.step_test import (
+    LONGEST_STEP_S,
+    QUIET_S,
     Lag,
     _crossing,
     _interval,
@@ -33,8 +35,8 @@ def test_a_step_starts_in_quiet_and_its_last_quiet_sample_is_the_one_before_it()
     assert noise == pytest.approx(NOISE_PA, rel=0.1)
     assert step.t_s[step.last_quiet] == pytest.approx(5.0)
     assert step.value[0] == pytest.approx(200.0, abs=5) and step.value[-1] == pytest.approx(0.0, abs=5)
-    # the quiet half second before the first jump is all quiet, and as many samples come after the step
-    assert t[t < 5.004][-1] - step.t_s[0] == pytest.approx(step.t_s[-1] - step.t_s[0] - 0.49, abs=0.51)
+    # quiet, the step up to the longest that counts, and quiet again
+    assert (step.t_s[0], step.t_s[-1]) == pytest.approx((5.01 - QUIET_S, 4.99 + LONGEST_STEP_S + QUIET_S))
 
 
 def test_a_step_as_high_as_the_noise_is_none() -> None:
