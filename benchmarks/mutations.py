@@ -5,9 +5,11 @@
 A mutation turns + into - and * into /, reverses a comparison, doubles or halves a decimal number, drops a minus, or
 puts sin for cos and min for max. The draw is uniform over all such places in `analysis/`, `daq/` and `flight/`; a seed
 always gives the same draw of the same code. Each mutation is made in a copy of the tracked files. It counts as killed
-when a test fails or takes longer than --timeout-s. Test files run in the order of their distance to the mutated file:
-same name, direct import, import of an import, and so on; then all others. A survivor costs the time of the whole suite;
-`--nearest N` stops after N files. Exit code 1 if fewer than --killed are killed.
+when a test fails, or its files take longer than --timeout-s, and the same run passes without the mutation. A mutated
+module that cannot be imported tells nothing about the tests: another mutation is drawn in its place. Test files run in
+the order of their distance to the mutated file: same name, direct import, import of an import, and so on; then all
+others. A survivor costs the time of the whole suite; `--nearest N` stops after N files. Exit code 1 if fewer than
+--killed are killed.
 """
 
 import ast
@@ -21,6 +23,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -126,20 +129,16 @@ def mutation(file: Path, index: int, rng: random.Random) -> Mutation | None:
     return Mutation(file, node.lineno, before, after, text) if right else None
 
 
-def drawn(seed: int, count: int) -> list[Mutation]:
+def drawn(seed: int) -> Iterator[Mutation]:
     """The draw without replacement over all places of mutations."""
     rng = random.Random(seed)
     files = sorted(p.relative_to(ROOT) for place in PLACES for p in (ROOT / place).rglob("*.py"))
     pool = [(f, i) for f in files for i in range(len(sites(ast.parse((ROOT / f).read_text("utf-8")))))]
     rng.shuffle(pool)
-    found: list[Mutation] = []
     for file, index in pool:
-        if len(found) == count:
-            break
         made = mutation(file, index, rng)
         if made is not None:
-            found.append(made)
-    return found
+            yield made
 
 
 def imported(file: Path) -> Iterator[Path]:
@@ -185,33 +184,57 @@ def tests_by_distance(file: Path) -> list[Path]:
     return sorted(tests, key=lambda p: (file.stem not in p.stem, distance.get(p, len(importers)), p))
 
 
-def killer(made: Mutation, copy: Path, tests: list[Path], timeout_s: float) -> str | None:
-    """Runs the tests against a mutation, eight files at a time. The first test that fails; None: it survives."""
+def run(copy: Path, arguments: list[str], timeout_s: float) -> subprocess.CompletedProcess[str] | None:
+    """Runs Python in the copy. None after the timeout."""
     environment = os.environ | {"PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1", "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, *arguments]
+    try:
+        return subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, timeout=timeout_s)
+    except subprocess.TimeoutExpired:
+        return None
+
+
+def failure(copy: Path, tests: list[str], timeout_s: float) -> str | None:
+    """The first test that fails, "timeout", or None if all pass."""
+    done = run(copy, ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests], timeout_s)
+    if done is None:
+        return "timeout"
+    if done.returncode in (0, 5):  # 5: no test in these files
+        return None
+    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return failed[0].split(" - ")[0].split(maxsplit=1)[1] if failed else f"exit code {done.returncode}"
+
+
+def can_be_imported(made: Mutation, copy: Path) -> bool:
     (copy / made.file).write_text(made.text, "utf-8")
     try:
-        for i in range(0, len(tests), 8):
-            command = [
-                sys.executable,
-                "-m",
-                "pytest",
-                "-q",
-                "-x",
-                "-p",
-                "no:cacheprovider",
-                *map(str, tests[i : i + 8]),
-            ]
-            try:
-                done = subprocess.run(
-                    command, cwd=copy, env=environment, capture_output=True, text=True, timeout=timeout_s
-                )
-            except subprocess.TimeoutExpired:
-                return "timeout"
-            if done.returncode not in (0, 5):  # 5: no test in these files
-                failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-                return failed[0].split(" - ")[0].split(maxsplit=1)[1] if failed else f"exit code {done.returncode}"
+        module = ".".join(made.file.with_suffix("").parts).removesuffix(".__init__")
+        done = run(copy, ["-c", f"import {module}"], 60.0)
+        return done is not None and done.returncode == 0
     finally:
         shutil.copyfile(ROOT / made.file, copy / made.file)
+
+
+def killer(made: Mutation, copy: Path, tests: list[Path], timeout_s: float) -> str | None:
+    """Runs the tests against a mutation, eight files at a time. The first test that fails; None: it survives.
+
+    A test that fails without the mutation, too, kills nothing: its file is left out.
+    """
+    left = [str(test) for test in tests]
+    while left:
+        batch = left[:8]
+        (copy / made.file).write_text(made.text, "utf-8")
+        try:
+            failed = failure(copy, batch, timeout_s)
+        finally:
+            shutil.copyfile(ROOT / made.file, copy / made.file)
+        if failed is None:
+            left = left[8:]
+            continue
+        file = failed.split("::")[0]
+        if failure(copy, [failed] if file in batch else batch, timeout_s) is None:
+            return failed
+        left = [test for test in left if test != file] if file in batch else left[8:]
     return None
 
 
@@ -224,9 +247,9 @@ def main(
     dry_run: Annotated[bool, typer.Option("--list", help="only print the draw")] = False,
 ) -> None:
     """Draws mutations, runs the tests against each, prints a line each and the sum."""
-    draw = drawn(seed, count)
+    draw = drawn(seed)
     if dry_run:
-        print("\n".join(map(str, draw)))
+        print("\n".join(map(str, islice(draw, count))))
         return
     found = 0
     with tempfile.TemporaryDirectory() as folder:
@@ -235,7 +258,7 @@ def main(
         for name in tracked.splitlines():
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, copy / name)
-        for made in draw:
+        for made in islice((m for m in draw if can_be_imported(m, copy)), count):
             begin = time.monotonic()
             test = killer(made, copy, tests_by_distance(made.file)[: nearest or None], timeout_s)
             found += test is not None
@@ -243,7 +266,7 @@ def main(
                 f"{'killed' if test else 'SURVIVED':8} {made}  [{test or ''}] {time.monotonic() - begin:.0f} s",
                 flush=True,
             )
-    print(f"{found} of {len(draw)} killed")
+    print(f"{found} of {count} killed")
     if found < killed:
         raise typer.Exit(1)
 

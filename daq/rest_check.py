@@ -46,7 +46,7 @@ def _force_problem(force: Sequence[float]) -> str:
     size = math.hypot(*force)
     if abs(size / GRAVITY_MPS2 - 1) > FORCE_TOLERANCE:
         return f"specific force {size / GRAVITY_MPS2:.2f} g at rest: put the aircraft down; otherwise the IMU is broken"
-    tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, -force[2] / size))))
+    tilt_deg = math.degrees(math.atan2(math.hypot(force[0], force[1]), -force[2]))
     if tilt_deg > MAX_TILT_DEG:
         x, y, z = (component / GRAVITY_MPS2 for component in force)
         return (

@@ -35,6 +35,7 @@ from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from analysis.signals.gaps import without_gaps
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.reconstruction import Trajectory
+from flight.aerodynamics import stability_axes
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.propeller import Propeller
@@ -251,8 +252,7 @@ def _alpha_and_elevator(segments: list[Segment]) -> tuple[Array, Array]:
 def _polar_of_forces(alpha_measured: Array, elevator: Array, p: NamedValues) -> Array:
     """The parabola (3,) through C_D (2.16) over C_L at measured angles of attack."""
     alpha = (alpha_measured - p.alpha_bias) / (1 + p.alpha_scale)
-    CX, CZ = aircraft_models.force_coefficients(alpha, elevator, p)
-    CL, CD = CX * np.sin(alpha) - CZ * np.cos(alpha), -CX * np.cos(alpha) - CZ * np.sin(alpha)
+    CL, CD = stability_axes(*aircraft_models.force_coefficients(alpha, elevator, p), alpha)
     return np.asarray(np.polyfit(CL, CD, 2)[::-1])
 
 

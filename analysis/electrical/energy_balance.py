@@ -92,7 +92,7 @@ class EnergyBalance:
         u = (np.arange(count) - count // 2) / (count - 1)
         weight = 1 + np.cos(2 * np.pi * u)
         offsets_s = u * (count - 1) * step_s
-        slope = -np.sin(2 * np.pi * u)
+        slope = np.sin(2 * np.pi * u)
         slope = slope / -(slope @ offsets_s)  # exact for a straight line
         starts = [
             start

@@ -116,7 +116,7 @@ def expected_aircraft(
         if not len(can):
             raise InputError(f"{aircraft.name}: full throttle does not carry the aircraft; check propeller and motor")
         i = int(can[-1])
-        fastest_mps = float(V[i] if i + 1 == len(V) else np.interp(0.0, -excess[i : i + 2], V[i : i + 2]))
+        fastest_mps = float(np.interp(0.0, -excess[i : i + 2], V[i : i + 2]))  # or the last V
     basis_text = "; ".join([*basis, motor])
     return ExpectedAircraft(aircraft, propeller, rho, A, stall_mps, fastest_mps, basis_text, stall_basis, V, thrust)
 

@@ -165,7 +165,8 @@ def homogeneity(stack: FlightStack, pool: JointEstimate, part: slice = POLAR_PAR
     X = np.linalg.solve(factor, np.tile(np.eye(k), (n, 1)) / scale[:, None])
     residual = z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
     chi_square = float(residual @ residual)
-    return Test(chi_square, k * (n - 1), float(chi2.sf(chi_square, k * (n - 1))))
+    degrees_of_freedom = k * (n - 1)
+    return Test(chi_square, degrees_of_freedom, float(chi2.sf(chi_square, degrees_of_freedom)))
 
 
 def likely_reason(difference: Difference) -> str:

@@ -10,7 +10,8 @@ from daq.config import parse_tray
 from daq.daemon import record
 from daq.part_identity import identify
 from daq.sensors import SensorFailure
-from daq.sensors.ads1115 import ADS1115Driver
+from daq.sensors.ads1115 import RATES_HZ as ads1115_rates
+from daq.sensors.ads1115 import ADS1115Driver, rate_code
 from daq.sensors.ina2xx import INA226, INA228, PowerMonitorDriver, averaging, cycle_us
 from flight.log_reader import read_log
 from flight.messages import Status
@@ -149,3 +150,10 @@ def test_the_daemon_records_battery_and_analogue_inputs(tmp_path):
     assert len(battery) > 90 and len(analog) > 90
     assert (battery[-1].voltage_V, battery[-1].current_A) == pytest.approx((11.1, 30.0), abs=0.01)
     assert {m.channel: round(m.voltage_V, 3) for m in analog} == {0: round(11.1 / 11, 3), 3: 0.0}
+
+
+def test_a_converter_takes_the_slowest_rate_that_ends_within_a_tick_and_else_its_fastest():
+    """Nominal conversions last 1/rate, 11 % longer with a slow oscillator, and nine tenths of a tick are free."""
+    for period_s, rate_Hz in ((0.2, 8), (0.04, 32), (0.02, 64), (0.01, 128), (0.0015, 860), (0.001, 860)):
+        code, nominal_s = rate_code(period_s)
+        assert (ads1115_rates[code], nominal_s) == (rate_Hz, 1 / rate_Hz)

@@ -8,7 +8,7 @@ from scripted_parts import RegisterBus, bring_up
 
 from daq.sensors import SensorFailure
 from daq.sensors.axes import parse_axes
-from daq.sensors.mpu9250 import MPU9250Driver
+from daq.sensors.mpu9250 import MPU9250Driver, mean
 from flight.messages import Imu, Status
 
 ADDRESS = 0x68
@@ -200,3 +200,13 @@ def test_samples_that_fill_the_fifo_before_the_burst_give_no_wrong_value(later):
         message = read(sensor)
     assert message.status is Status.OK
     assert message.specific_force_z_mps2 == pytest.approx(-9.80665)
+
+
+@pytest.mark.parametrize("limit", [32767, -32768])
+def test_a_single_sample_at_either_end_of_a_range_saturates_and_the_temperature_does_not(limit):
+    """Ten samples of three forces, temperature and three rates."""
+    for channel in range(7):
+        counts = [[0] * 7 for _ in range(10)]
+        counts[4][channel] = limit
+        found = mean(b"".join(struct.pack(">7h", *sample) for sample in counts))
+        assert found.saturated == (channel != 3) and found[1][channel] == limit / 10

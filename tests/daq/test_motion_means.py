@@ -150,6 +150,24 @@ def test_legs_are_those_of_the_analysis() -> None:
         assert (part[0].t_s, part[-1].t_s) == pytest.approx((STEP_S * (a + rows.start), STEP_S * (a + rows.stop - 1)))
 
 
+def test_legs_of_any_speed_history_are_those_of_the_analysis() -> None:
+    """Random walks between 8 and 25 m/s, some of which change direction by little more or less than a leg needs."""
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        turns = rng.uniform(8, 25) * np.exp(np.cumsum(rng.uniform(-0.25, 0.25, 30)))
+        V = np.interp(np.arange(150) / 5, np.arange(30), np.clip(turns, 8, 25))
+        legs, found = Legs(), []
+        for row in rows_of(V):
+            leg = legs.add(row)
+            if leg is not None and leg.ended:
+                found.append(leg)
+        last = legs.end()
+        found += [last] if last is not None else []
+        points = analysis_legs.turning_points(V)
+        assert [[row.V for row in leg.rows] for leg in found] == [[*V[a : b + 1]] for a, b in pairwise(points)]
+        assert [leg.sign for leg in found] == [int(np.sign(V[b] - V[a])) for a, b in pairwise(points)]
+
+
 def test_legs_forget_what_is_older_than_minutes() -> None:
     legs = Legs()
     for row in rows_of(15 + 5 * np.sin(np.arange(0, 600, STEP_S) / 10)):

@@ -267,3 +267,41 @@ def test_a_climb_is_paid_from_the_energy_and_an_inverse_is_one():
     matrix = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -0.2], [0.5, -0.2, 2.0]])
     assert np.array(inverted(matrix.tolist())) == pytest.approx(np.linalg.inv(matrix))
     assert inverted([[1.0, 1.0], [1.0, 1.0]]) is None and inverted([[-1.0]]) is None
+
+
+def row(t_s: float, **changes) -> Row:
+    flown = {"V": 15.0, "Vdot": 0.5, "climb": 0.0, "bank": 0.0, "height_m": 60.0, "smooth_height_m": 60.0}
+    return Row(t_s, **({**flown, "complete": True, "drag": (5.0, 60.0, 0.5, 0.4)} | changes))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "change", "first", "last", "reason"),
+    [
+        (5.1, 0.21, {}, {}, ""),
+        (4.9, 0.21, {}, {}, "4.9 s, not 5 s"),
+        (39.0, 0.21, {}, {}, ""),
+        (41.0, 0.21, {}, {}, "41 s long"),
+        (10.0, 0.19, {}, {}, "speed changed 19 %"),
+        (10.0, 0.5, {"climb": 2.3}, {}, ""),
+        (10.0, 0.5, {"climb": 3.0}, {}, "climbed 15 m"),
+        (10.0, 0.5, {}, {"climb": -3.0}, "sank 15 m"),
+        (10.0, 0.5, {"height_m": 79.0}, {}, ""),
+        (10.0, 0.5, {"height_m": 90.0}, {}, "height +-15 m"),
+        (10.0, 0.5, {"bank": math.radians(-24)}, {}, ""),
+        (10.0, 0.5, {"bank": math.radians(-26)}, {}, "bank 26 deg"),
+        (10.0, 0.5, {}, {"complete": False}, "no data, 50 %"),
+    ],
+)
+def test_a_verdict_says_how_far_the_run_is_from_its_limits(
+    seconds: float, change: float, first: dict, last: dict, reason: str
+) -> None:
+    monitor = RunMonitor(NEXSTAR, None)
+    rows = [row(100.0, **first), row(100.0 + seconds, **last)]
+    assert monitor._reason_against(rows, change) == reason
+
+
+def test_verdicts_are_the_same_if_both_ends_are_within_a_second() -> None:
+    verdicts = [run_monitor.Verdict("acceleration", *ends, "", "") for ends in ((10, 20), (10.9, 19.1), (11.1, 20))]
+    assert run_monitor._same(verdicts[0], verdicts[1]) and run_monitor._same(verdicts[1], verdicts[0])
+    assert not run_monitor._same(verdicts[0], verdicts[2]) and not run_monitor._same(verdicts[2], verdicts[0])
+    assert not run_monitor._same(verdicts[0], verdicts[0]._replace(end_s=21.1))

@@ -11,7 +11,7 @@ import waitress
 from test_daemon import SteadySensorTruth, default_tray
 
 from daq.daemon import record
-from daq.recording_status import StatusFile
+from daq.recording_status import RecordingStatus, StatusFile
 from daq.status_page import application, page, sources_of
 from daq.still_air_zero import FORMAT, Zero
 from flight.messages import Event
@@ -91,3 +91,15 @@ def test_a_browser_shows_it(sources, tmp_path):
         server.close()
     assert "but failing: baro" in shown.stdout or "No news from the daemon" in shown.stdout
     assert ":CONSOLE" not in shown.stderr
+
+
+def test_what_is_free_on_the_card_is_told_in_gigabytes(sources, tmp_path):
+    file = StatusFile(tmp_path / "status.json")
+    status = RecordingStatus(
+        recording=True, waiting_for_switch=False, log="log-0001.mcap", elapsed_s=750.0, ticks=18750, missed=3,
+        free_bytes=12_340_000_000, error="", sensors={"imu": "ok"}, slow=[],
+    )  # fmt: skip
+    file.write(status)
+    text = page(sources._replace(status=tmp_path / "status.json"), (tmp_path / "status.json").stat().st_mtime + 1)
+    assert "Recording for 12.5 min" in text and "12.3 GB" in text and "18750, 3 missed" in text
+    assert ", 12.3 GB free" in status.line

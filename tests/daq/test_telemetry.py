@@ -3,6 +3,7 @@
 More than 350 lines: all tests share one MAVLink peer.
 """
 
+import math
 import os
 import pty
 import re
@@ -26,7 +27,17 @@ from daq.sensors import Sample
 from daq.still_air_zero import Zero, ZeroReading
 from daq.telemetry import MavlinkEncoder, Snapshot, TelemetryLink, airspeed_mps
 from flight.errors import InputError
-from flight.messages import TYPE_OF_TOPIC, AbsolutePressure, DifferentialPressure, Event, Gps, Imu, Rpm, Status
+from flight.messages import (
+    TYPE_OF_TOPIC,
+    AbsolutePressure,
+    Controls,
+    DifferentialPressure,
+    Event,
+    Gps,
+    Imu,
+    Rpm,
+    Status,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 TICK_NS = 40_000_000
@@ -323,6 +334,26 @@ def test_height_is_given_above_the_first_position_too():
         m for m in decoded(ground.packets(snapshot({"/gps": higher}))) if m.get_type() == "GLOBAL_POSITION_INT"
     )
     assert (position.alt, position.relative_alt) == (530_000, 80_000)
+
+
+def test_every_number_of_a_position_has_the_unit_of_the_protocol():
+    """South-west of the equator and of Greenwich, flying east by south, climbing; 12.3456 s after the start."""
+    gps = Gps(
+        latitude_deg=-12.3456789, longitude_deg=-45.6789012, height_msl_m=123.456, velocity_north_mps=-5.0,
+        velocity_east_mps=12.0, velocity_down_mps=-1.5,
+    )  # fmt: skip
+    ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9"), None, None)
+    controls = Controls(throttle=0.42)
+    readings = {"/gps": gps, "/controls": controls, "/rpm": Rpm(motor_speed_revps=80.0)}
+    messages = {m.get_type(): m for m in decoded(ground.packets(snapshot(readings, elapsed_s=12.3456)))}
+    position, hud, named = (messages[kind] for kind in ("GLOBAL_POSITION_INT", "VFR_HUD", "NAMED_VALUE_FLOAT"))
+    assert (position.time_boot_ms, named.time_boot_ms) == (12346, 12346)
+    assert (position.lat, position.lon, position.alt) == (-123456789, -456789012, 123456)
+    assert (position.vx, position.vy, position.vz) == (-500, 1200, -150)
+    course_deg = 90 + math.degrees(math.atan2(5, 12))
+    assert position.hdg == round(100 * course_deg) and hud.heading == round(course_deg)
+    assert (hud.groundspeed, hud.climb, hud.throttle) == (13.0, 1.5, 42)
+    assert hud.alt == pytest.approx(123.456) and (named.name, named.value) == ("rpm", 4800.0)
 
 
 def sent(readings, system, **config):

@@ -8,11 +8,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.airdata.polynomial_map import polynomial_of_order
+from analysis.airdata.polynomial_map import PolynomialMap, polynomial_of_order
 from analysis.airdata.probe import ProbeCalibration, _inside, flow_at_probe, parse_probe
 from analysis.airdata.probe_fit import calibrate
 from analysis.airdata.speed_dependence import speed_dependence
 from analysis.airdata.tunnel import TunnelData, dynamic_pressure, read_tunnel
+from analysis.cli.calibrate.probe import summary as probe_summary
 from daq.probe_calibration import load_probe_maps
 from flight.atmosphere import density
 from flight.errors import InputError
@@ -274,3 +275,42 @@ def test_a_point_is_inside_a_polygon_or_not() -> None:
     x = np.array([0.0, 2.9, -1.1, 3.1, 1.0, 2.9, 0.0, np.nan])
     y = np.array([0.0, -1.9, 0.0, 0.0, -2.1, 1.2, 1.7, 0.0])
     assert _inside(corners, x, y).tolist() == [True, True, False, False, False, False, True, False]
+
+
+def test_angles_from_means_follow_single_samples_to_first_order_and_have_no_bias() -> None:
+    """A light aircraft's samples: maps at the mean of 25, then along their tangent."""
+    probe, t = calibrate(tunnel(0, crooked)), np.arange(400) * 0.04
+    flow = np.full((3, 400), np.radians([[6.0], [-4.0], [0.0]]))
+    dp_alpha, dp_beta, q_c = crooked(flow[0], flow[1], 60.0)
+    wave = np.sin(2 * np.pi * t / 1.0)  # a whole period in the mean over 25 samples
+    inside = slice(20, -20)
+    for angle, pressures in (
+        ("alpha_rad", (dp_alpha + 0.5 * wave, dp_beta, q_c)),
+        ("beta_rad", (dp_alpha, dp_beta - 0.5 * wave, q_c)),
+    ):
+        exact, by_means = flow_at_probe(probe, *pressures), flow_at_probe(probe, *pressures, samples=25)
+        one, other = getattr(exact, angle)[inside], getattr(by_means, angle)[inside]
+        assert np.ptp(one) > np.radians(0.1)
+        assert other == pytest.approx(one, abs=0.01 * np.ptp(one))
+        steady = flow_at_probe(probe, dp_alpha, dp_beta, q_c)
+        assert by_means.qbar_Pa[inside] == pytest.approx(steady.qbar_Pa[inside], rel=1e-6)
+        assert by_means.inside.all()
+    dp_alpha[200] = np.nan
+    assert np.flatnonzero(~flow_at_probe(probe, dp_alpha, dp_beta, q_c, samples=25).inside).tolist() == [200]
+
+
+def test_the_summary_of_a_probe_gives_its_errors_in_degrees_and_per_cent() -> None:
+    def fitted(rms: float, order: int) -> PolynomialMap:
+        return PolynomialMap(powers=[(0, 0)], coefficients=[1.0], residual_rms=rms, order=order)
+
+    probe = ProbeCalibration(
+        format="flightpower-probe-2", source="tunnel.csv", points=363, alpha_rad=fitted(np.radians(0.05), 4),
+        beta_rad=fitted(np.radians(0.07), 3), q_ratio=fitted(0.0021, 5), alpha_scale_sigma=0.0123, hull=[],
+    )  # fmt: skip
+    assert probe_summary(probe) == [
+        "363 points, order of the polynomials by cross-validation:",
+        "  alpha     order 4, error of left-out points 0.050 deg weighted rms",
+        "  beta      order 3, error of left-out points 0.070 deg weighted rms",
+        "  q_c/qbar  order 5, error of left-out points 0.210 % weighted rms",
+        "standard error of the slope of alpha: 1.23 %",
+    ]

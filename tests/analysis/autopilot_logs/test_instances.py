@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from analysis.autopilot_logs import px4
 from analysis.autopilot_logs.instances import Battery, measuring_battery, most_varying, turning_motor
 from analysis.autopilot_logs.recording import Channel
 
@@ -44,3 +45,13 @@ def test_the_airspeed_sensor_that_varies_most_is_the_connected_one() -> None:
     connected = Channel(T, 100 + 20 * np.sin(T))
     taken = most_varying([constant(3.0), Channel(T, np.sin(T)), connected])
     assert taken is connected and most_varying([constant(3.0)]) is None
+
+
+def px4_topics(**fields: np.ndarray) -> dict[str, list[px4._Topic]]:
+    return {"sensor_baro": [px4._Topic({"timestamp": 1e6 * T, **fields}, 0)]}
+
+
+@pytest.mark.parametrize("in_unit", [95_000.0, 950.0])
+def test_static_pressure_of_old_firmware_is_in_hectopascal(in_unit: float) -> None:
+    (static,) = px4._static(px4_topics(pressure=np.full(len(T), in_unit))).values()
+    assert static.value == pytest.approx(95_000.0) and static.t_s == pytest.approx(T)

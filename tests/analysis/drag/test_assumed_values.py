@@ -10,6 +10,7 @@ from analysis.drag.assumed_values import (
     PROBE_SIGMA_M,
     UPWASH_SIGMA_RAD,
     AssumptionUncertainty,
+    _folding_note,
     alpha_scale_sigma,
     assumption_uncertainty,
     with_assumption_uncertainty,
@@ -118,3 +119,28 @@ def test_the_slope_by_unknown_upwash_is_upwash_times_the_lift_slope_of_the_wing(
     mine = parse_aircraft(FOUR_KEYS, "mine.toml")
     wing = replace(mine, geometry=replace(mine.geometry, span_m=span_m))
     assert alpha_scale_sigma(wing) == pytest.approx(np.radians(1) * lift_slope, rel=2e-3)
+
+
+def test_known_upwash_narrows_the_interval_by_its_change_and_by_its_slope(propeller):
+    """`repeat` has the covariance OWN (1 + sigma): without upwash's sigma OWN is left, and its change of A2 is gone."""
+    mine = parse_aircraft(FOUR_KEYS, "mine.toml")
+    found = assumption_uncertainty(repeat, repeat_values, mine, propeller, AT, FLOWN_CL)
+    assert found is not None
+    (note,) = (note for note in found.notes if "probe.upwash_per_CL" in note)
+    V = np.array([speed_at(FLOWN_CL[1], AT)])
+
+    def standard_error(covariance):
+        return power_required(V, Polar(A, covariance[:3, :3]), AT)[1][0]
+
+    without = standard_error(OWN * (1 + alpha_scale_sigma(mine)) + found.covariance)
+    part = np.zeros((5, 5))
+    part[2, 2] = (0.1 * UPWASH_SIGMA_RAD) ** 2
+    known = standard_error(OWN + found.covariance - part)
+    assert f"{100 * (1 - known / without):.0f} % narrower" in note
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.004, False), (-0.03, True), (0.03, True)])
+def test_what_folding_would_change_is_told_with_its_sign(share, told):
+    notes = _folding_note(share, 12.3)
+    assert bool(notes) == told
+    assert not told or notes[0].endswith(f"power at 12.3 m/s changes by {'-' if share < 0 else '+'}3 %.")

@@ -302,3 +302,50 @@ def test_a_start_in_level_flight_is_that_of_the_segment_s_first_sample() -> None
     start = level_flight_state(Segment(name="late", t_s=t, u={}, z=z))
     assert start["V"] == pytest.approx(20.0) and start["h"] == pytest.approx(70.0) and start["q"] == 0.0
     assert start["theta"] == pytest.approx(0.05 + np.arcsin(0.1))
+
+
+@pytest.mark.parametrize("name", ["two_state", "pitch_and_height", "level_run"])
+def test_a_gyro_bias_is_what_the_gyro_shows_of_no_rotation(name):
+    """A rate that is larger by the bias gives the same flight, in states and outputs; the longitudinal model, whose
+    rate is a state, adds the bias to what it predicts of the gyro."""
+    model = ALL_MODELS[name]
+    flown = {"V": 18.0, "V_ref": 18.0, "thrust": 6.0, "J": 0.5, "rho": 1.2, "alpha": 0.05, "theta": 0.06, "q": 0.3}
+    u = np.array([flown.get(i, 0.01) for i in model.inputs])
+    x = np.array([flown.get(s, 0.02) for s in model.states])
+    p = np.array([3.0 if q.name == "CLq" else q.start for q in model.parameters])
+    biased, faster = p.copy(), u.copy()
+    biased[[q.name for q in model.parameters].index("q_bias")] += 0.02
+    faster[model.inputs.index("q")] += 0.02
+    same = (model.evaluate_dynamics(x, u, p), model.evaluate_outputs(x, u, p))
+    found = (model.evaluate_dynamics(x, faster, biased), model.evaluate_outputs(x, faster, biased))
+    for one, other in zip(same, found, strict=True):
+        assert [float(v) for v in other] == pytest.approx([float(v) for v in one], rel=1e-12)
+    unbiased = model.evaluate_outputs(x, faster, p)
+    assert [float(v) for v in unbiased] != pytest.approx([float(v) for v in same[1]], rel=1e-6)
+
+
+def test_sensors_show_scale_times_the_truth_plus_bias():
+    """(3.43) of every model with states V and alpha; ax and az with their biases."""
+    for name, model in ALL_MODELS.items():
+        names = [q.name for q in model.parameters]
+        if name == "wind_axis_forces" or name.startswith("level_run"):
+            continue
+        u = np.array([{"thrust": 6.0, "J": 0.5, "rho": 1.2}.get(i, 0.0) for i in model.inputs])
+        x = np.array([{"V": 18.0, "alpha": 0.05}.get(s, 0.02) for s in model.states])
+        p = np.array([q.start for q in model.parameters])
+        wrong = p.copy()
+        errors = {
+            "V_scale": 0.03,
+            "V_bias": 0.4,
+            "alpha_scale": 0.1,
+            "alpha_bias": 0.02,
+            "ax_bias": 0.3,
+            "az_bias": -0.5,
+        }
+        for error, value in errors.items():
+            wrong[names.index(error)] += value
+        true = dict(zip(model.outputs, map(float, model.evaluate_outputs(x, u, p)), strict=True))
+        shown = dict(zip(model.outputs, map(float, model.evaluate_outputs(x, u, wrong)), strict=True))
+        assert (true["V"], true["alpha"]) == (18.0, 0.05)
+        assert shown["V"] == pytest.approx(18.0 * 1.03 + 0.4) and shown["alpha"] == pytest.approx(0.05 * 1.1 + 0.02)
+        assert (shown["ax"] - true["ax"], shown["az"] - true["az"]) == pytest.approx((0.3, -0.5))

@@ -101,3 +101,26 @@ def test_the_implicit_rule_of_a_nonlinear_model_is_solved():
     )
     x = build_simulator(model, ("k",), "trapezoidal").run(np.ones(1), np.zeros((4, 0)), np.array([2.0]), 0.1).x[:, 0]
     assert np.diff(x) == pytest.approx(0.1 * (-(x[:-1] ** 3) - x[1:] ** 3), abs=1e-9)
+
+
+def test_two_late_inputs_have_each_its_own_delay():
+    """x' = -x + a(t - ta) + 2 b(t - tb): a change of either delay shifts the effect of its own input only."""
+    model = Model(
+        name="two late inputs", states=("x",), inputs=("a", "b"), outputs=("x",),
+        parameters=(Parameter(name="ta", start=0.1, upper=0.5), Parameter(name="tb", start=0.1, upper=0.5)),
+        dynamics=lambda x, u, p: (-x.x + u.a + 2 * u.b,), output_function=lambda x, u, p: (x.x,),
+        delays=(("a", "ta"), ("b", "tb")),
+    )  # fmt: skip
+    U = np.stack([np.sin(T_S), np.cos(1.7 * T_S)], axis=1)
+    simulator = build_simulator(model, ("ta", "tb"))
+    found = simulator.run(np.zeros(1), U, np.array([0.1, 0.2]), 0.04)
+    expected = solve_ivp(
+        lambda t, x: -x + np.sin(t - 0.1) + 2 * np.cos(1.7 * (t - 0.2)), (0, T_S[-1]), [0.0], t_eval=T_S, rtol=1e-8
+    ).y[0]
+    assert found.y[25:, 0] - expected[25:] == pytest.approx(
+        (found.y[25, 0] - expected[25]) * np.exp(-(T_S[25:] - T_S[25])), abs=2e-3
+    )
+    for i, (ta, tb) in enumerate(((1e-5, 0.0), (0.0, 1e-5))):
+        more, less = (simulator.run(np.zeros(1), U, np.array([0.1 + s * ta, 0.2 + s * tb]), 0.04).y for s in (1, -1))
+        by_difference = (more - less) / 2e-5
+        assert found.S[:, :, i] == pytest.approx(by_difference, abs=1e-3 * np.abs(by_difference).max())

@@ -1,5 +1,7 @@
 """Output error on models with known parameters: a short period, and small systems with an exact solution."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -319,3 +321,17 @@ def test_a_lower_bound_is_kept_and_the_others_are_at_their_optimum():
     assert fit.verdict.status is FitStatus.AT_BOUND and fit.parameters["Mq"].value == -2.5
     fixed = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -2.5, "free": False}), noisy(5))
     assert fit.parameters["Mal"].value == pytest.approx(fixed.parameters["Mal"].value, rel=1e-4)
+
+
+def test_an_initial_state_that_is_given_is_not_estimated_and_the_other_is():
+    """The record begins with both states away from zero; of these only that of q is asked for."""
+    x0 = (0.03, 0.1)
+    rng = np.random.default_rng(2)
+    z = {k: v + SIGMA[k] * rng.standard_normal(len(v)) for k, v in exact_response(TRUTH, DE, STEP_S, x0).items()}
+    model = replace(SHORT_PERIOD, initial_state=lambda segment: {"alpha": x0[0], "q": 0.0})
+    fit = output_error.estimate(model, Segment(name="run", t_s=T_S, u={"de": DE}, z=z), initial_states=("q",))
+    assert fit.verdict.ok and len(fit.names) == len(TRUTH) + 1
+    for name, value in TRUTH.items():
+        assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].standard_error, name
+    last, error = fit.values[-1], np.sqrt(fit.covariance[-1, -1])
+    assert 0 < error < 0.01 and abs(last - x0[1]) < 4 * error

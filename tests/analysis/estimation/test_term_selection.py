@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.estimation.term_selection import orthogonal_functions, stepwise
+from analysis.estimation.term_selection import _fitted, _partial_F, orthogonal_functions, stepwise
 from flight.errors import InputError
 
 NOISE = 0.02
@@ -118,3 +118,38 @@ def test_the_predicted_square_error_adds_the_noise_of_each_term():
         expected = square + k * (2 * variance if penalty is None else penalty) / n
         assert k > 1 and selection.predicted_square_error == pytest.approx(expected)
         assert selection.R2 == pytest.approx(1 - n * square / np.sum((z - z.mean()) ** 2))
+
+
+def test_the_partial_F_is_that_of_nested_regressions_whatever_is_added_to_a_candidate():
+    """F = (RSS without - RSS with)/(RSS with/(n - terms)); a constant goes into the intercept."""
+    rng = np.random.default_rng(0)
+    n, chosen = 60, [1]
+    X = rng.standard_normal((n, 4))
+    X[:, 3] = 2 * X[:, 1] - 3.0  # says nothing that the chosen one does not
+    z = X[:, 0] + 2 * X[:, 1] + rng.standard_normal(n)
+
+    def rss(columns):
+        A = np.column_stack([np.ones(n), X[:, columns]])
+        return float(np.sum((z - A @ np.linalg.lstsq(A, z, rcond=None)[0]) ** 2))
+
+    expected = [(rss([1]) - rss([1, i])) / (rss([1, i]) / (n - 3)) for i in (0, 2)]
+    found = _partial_F(X, z, chosen)
+    assert found[[0, 2]] == pytest.approx(expected, rel=1e-9) and found[1] == found[3] == 0
+    shifted = X + 1e5
+    assert _partial_F(shifted, z, chosen)[[0, 2]] == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_fit_gives_the_standard_errors_of_least_squares():
+    """Slope and intercept of a straight line: sigma/sqrt(Sxx), sigma sqrt(1/n + mean^2/Sxx), R^2."""
+    rng = np.random.default_rng(1)
+    x = 3.0 + rng.standard_normal(40)
+    z = 1.0 + 2.0 * x + 0.5 * rng.standard_normal(40)
+    found = _fitted(("x",), x[:, None], z, [0])
+    slope, intercept = np.polyfit(x, z, 1)
+    square = float(np.sum((z - intercept - slope * x) ** 2))
+    Sxx, sigma = np.sum((x - x.mean()) ** 2), np.sqrt(square / 38)
+    assert found[1:5] == pytest.approx(
+        (slope, sigma / np.sqrt(Sxx), intercept, sigma * np.sqrt(1 / 40 + x.mean() ** 2 / Sxx))
+    )
+    assert found[5] == pytest.approx(np.corrcoef(x, z)[0, 1] ** 2)
+    assert found[6] == pytest.approx(square / 40 + 2 * sigma**2 / 40)

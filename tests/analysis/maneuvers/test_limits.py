@@ -6,8 +6,13 @@ import pytest
 
 from analysis.maneuvers.find_elevator import find_3211
 from analysis.maneuvers.find_level import find_runs
+from analysis.maneuvers.find_loads import _against_wind_up_turn
+from analysis.maneuvers.find_steady import _reason_against as find_steady_reason
 from analysis.maneuvers.find_steady import find_steady
+from analysis.maneuvers.kinds import RejectedManeuver
 from analysis.maneuvers.quality import notes, without_data
+from analysis.maneuvers.selection import nearest_miss
+from analysis.maneuvers.smooth import SmoothedMotion
 from tests.analysis.maneuvers.test_find import RATE_HZ, flight, up_and_down
 
 
@@ -121,3 +126,50 @@ def test_a_channel_that_is_missing_for_more_than_2_per_cent_rules_a_maneuver_out
     data = steady_flight()
     data.loc[data.index < lost * 30, "alpha_rad"] = np.nan
     assert without_data(data) == reason
+
+
+@pytest.mark.parametrize(
+    ("V", "reason"),
+    [((15.0, 15.85), ""), ((15.0, 16.1), "speed drifted by 7 % of its mean, 6 % are allowed")],
+)
+def test_a_steady_point_s_speed_stays_within_6_per_cent(V: tuple[float, float], reason: str) -> None:
+    assert find_steady_reason(steady_flight(), np.linspace(*V, 750), 30.0) == reason
+
+
+def test_a_steady_point_lasts_8_seconds() -> None:
+    assert find_steady_reason(steady_flight(), np.full(750, 15.0), 7.9) == "too short: 7.9 s, 8 s are needed"
+    assert find_steady_reason(steady_flight(), np.full(750, 15.0), 8.1) == ""
+
+
+@pytest.mark.parametrize(
+    ("n", "V", "reason"),
+    [
+        ((1.0, 1.9), (15.0, 17.5), ""),
+        ((1.0, 1.9), (15.0, 18.75), "speed changed by 22 % of its mean, 20 % are allowed"),
+        ((1.0, 1.8), (15.0, 15.0), "the load factor did not rise steadily: +0.03 per second, a straight line explains"),
+        ((1.9, 1.0), (15.0, 15.0), "the load factor did not rise steadily: -0.03 per second, a straight line explains"),
+    ],
+)
+def test_a_wind_up_turn_rises_steadily_at_a_constant_speed(
+    n: tuple[float, float], V: tuple[float, float], reason: str
+) -> None:
+    """Thirty seconds: 0.9 more is 0.030 per second, 0.8 more is 0.027."""
+    table = steady_flight()
+    rows, ends = slice(0, 750), seconds(750)[-1]
+    motion = SmoothedMotion(np.linspace(*V, 750), *[np.zeros(750)] * 3, 1 / RATE_HZ)  # type: ignore[arg-type]
+    rising = n[0] + (n[1] - n[0]) * 1.005 * seconds(750) / ends
+    found = _against_wind_up_turn(table, motion, rows, rising)
+    assert found == reason if "explains" not in reason else found == f"{reason} 100 %"
+    assert _against_wind_up_turn(table.iloc[:62], motion, slice(0, 62), rising[:62]).startswith(
+        "too short: 2.4 s, 2.5 s"
+    )
+
+
+def test_the_longest_stretch_without_a_run_is_told_with_its_times() -> None:
+    rejected = [
+        RejectedManeuver("acceleration", 10.0, 16.0, "too short"),
+        RejectedManeuver("deceleration", 100.0, 103.0, "height varied by 30 m"),
+        RejectedManeuver("steady", 200.0, 290.0, "the motor stood still"),
+    ]
+    assert nearest_miss(rejected, steady_flight()) == "; the longest stretch, 10 to 16 s: too short"
+    assert nearest_miss(rejected[2:], steady_flight()) == " (speed never changed steadily in level flight)"

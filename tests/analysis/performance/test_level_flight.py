@@ -64,6 +64,13 @@ def test_speeds_outside_the_flown_lift_coefficients_are_marked(propeller, at) ->
     assert lift_coefficient(V, at) == pytest.approx([0.95, 0.6, 0.25])
 
 
+def test_the_ends_of_the_flown_range_count_as_inside_in_spite_of_rounding(propeller, at) -> None:
+    parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
+    for rounded in (1 - 1e-12, 1.0, 1 + 1e-12):
+        V = rounded * np.array([speed_at(0.9, at), speed_at(0.3, at)])
+        assert level_flight(parameters.sigma_points(), LOSSLESS, propeller, at, (0.3, 0.9), V).inside.all()
+
+
 def test_speeds_outside_the_propeller_table_are_marked(propeller, at) -> None:
     """At 30 times the weight the propeller turns faster than its table at any lift coefficient."""
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)

@@ -22,6 +22,7 @@ from analysis.planning.pieces import Pilot, Space
 from analysis.planning.questions import condition, question
 from analysis.planning.search import FlightPlan, Request, plan_flight
 from analysis.planning.simulator_plan import simulator_plan
+from analysis.planning.texts import _words
 from analysis.planning.time_history import STEP_S, TimeHistory, fly
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import reconstruct
@@ -437,3 +438,8 @@ def test_information_of_pieces_adds_and_is_taken_away_again():
     )
     assert Request(9.0, 10.0, Space(500.0, 40.0)).gust_mps == pytest.approx(0.1 * 5.14444)
     assert Request(9.0, 0.0, Space(500.0, 40.0)).gust_mps == 0.0125
+
+
+def test_a_turn_of_half_a_circle_turns_back_and_more_are_circles() -> None:
+    told = [_words(Turn(17.0, angle, 0.6)).partition(" at ")[0] for angle in (pi, -pi, 2 * pi, -6 * pi)]
+    assert told == ["turn back", "turn back", "1 circles", "3 circles"]

@@ -7,7 +7,16 @@ import pytest
 
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
 from analysis.planning.maneuvers import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
-from analysis.planning.time_history import STEP_S, TimeHistory, climb_rate_mps, fly, throttle_at
+from analysis.planning.time_history import (
+    STEP_S,
+    TAKE_OFF_S,
+    TimeHistory,
+    _landing,
+    _take_off,
+    climb_rate_mps,
+    fly,
+    throttle_at,
+)
 from flight import motion
 from flight.aircraft import load_aircraft
 from flight.units import GRAVITY_MPS2 as g
@@ -193,3 +202,31 @@ def test_porpoising_goes_from_the_first_period_to_the_last(history: TimeHistory)
     assert periods[1] == pytest.approx(1.75, abs=0.08) and periods[-2] == pytest.approx(1.24, abs=0.08)
     assert load[100:-100].max() == pytest.approx(0.5, abs=0.06)
     assert np.abs(load[:5]).max() < 0.2  # it begins gently
+
+
+@pytest.mark.parametrize("height_m", [12.0, 40.0, 90.0])
+def test_a_take_off_gains_its_height_and_begins_and_ends_smoothly(nexstar: ExpectedAircraft, height_m: float) -> None:
+    """Speed rises from zero by a polynomial of the fifth order, steepest in the middle at 15/8 of its mean rate."""
+    path = _take_off(nexstar, 16.0, height_m)
+    V, seconds = path.V, TAKE_OFF_S
+    rising = round(seconds / STEP_S)
+    # Slow rolling limits the angle, not the rate, to half a radian: that costs the height of the first seconds.
+    assert 0.9 * height_m < float(np.sum(V * np.sin(path.climb)) * STEP_S) <= height_m + 0.01
+    assert V[rising - 1 :] == pytest.approx(16.0) and V[rising // 2 - 1] == pytest.approx(8.0, rel=0.01)
+    assert np.diff(V).max() / STEP_S == pytest.approx(15 / 8 * 16.0 / seconds, rel=0.01)
+    assert V[0] < 0.01 and path.climb[-1] == 0.0 and np.degrees(np.abs(path.climb).max()) < 30.01
+    end = _landing(nexstar, 20.0, 16.0, height_m)
+    assert float(np.sum(end.V * np.sin(end.climb)) * STEP_S) == pytest.approx(-height_m, rel=0.15)
+    assert end.V[0] == pytest.approx(20.0, abs=0.2) and end.V[-1] < 0.01 and len(end.V) == len(V)
+
+
+def test_thrust_carries_the_weight_s_component_in_a_climb(nexstar: ExpectedAircraft) -> None:
+    """m Vdot = T - D - m g sin(climb), at the angles at which lift carries m g cos(climb)."""
+    history = fly([Stand(2.0), TakeOff(16.0), Hold(2.0, 16.0)], nexstar, 90.0, 0.0)
+    rows = slice(-round(17.0 / STEP_S), -round(12.0 / STEP_S))  # climbing at a constant rate
+    climb = np.arcsin(-history.velocity[rows, 2] / 16.0)
+    assert climb == pytest.approx(np.arcsin(climb_rate_mps(nexstar) / 16.0), rel=1e-3)
+    expected = nexstar.drag_N(np.full(len(climb), 16.0), np.cos(climb)) + nexstar.aircraft.mass_kg * g * np.sin(climb)
+    assert history.table["thrust_N"].to_numpy()[rows] == pytest.approx(expected, rel=1e-3)
+    flying = history.table["V_mps"].notna()
+    assert history.table["thrust_N"][flying].to_numpy()[-1] == pytest.approx(float(nexstar.drag_N(16.0)), rel=1e-3)

@@ -1,9 +1,13 @@
 """How sure: the arithmetic of more runs, the margin to the stall, and what the verdict rests on."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 from msgspec.structs import replace
 
 from analysis.report.sections.certainty import (
+    _scatter_of_runs,
     certainty_section,
     halving,
     more_runs_to_halve,
@@ -105,3 +109,19 @@ def test_residuals_that_are_not_white_are_said_to_be(results: Results) -> None:
 
     assert answer([0.1] * 20).startswith("Yes. 0 %")
     assert answer([0.5] * 10 + [0.0] * 10).startswith("Not only") and "50 %" in answer([0.5] * 10 + [0.0] * 10)
+
+
+def test_the_scatter_of_single_runs_is_that_of_their_power_at_the_reference_speed(results: Results) -> None:
+    """99, 100 and 101 % of the curve's power, and a run that does not reach the speed, which is left out."""
+    at = reference_point(results).point
+    V, power_W = at.speed_mps, at.power_W
+    runs = [curve((V - 1, share * power_W - 5), (V + 1, share * power_W + 5)) for share in (0.99, 1.0, 1.01)]
+    elsewhere = curve((V + 1, 1.0), (V + 2, 1.0))
+    told = _scatter_of_runs(replace(results, one_by_one=[*runs, elsewhere]))
+    assert told == f"Fitted alone, 3 runs scatter by ±1.0 % (1 standard deviation) at {at.speed_mps:.1f} m/s."
+    assert _scatter_of_runs(replace(results, one_by_one=[*runs[:2], elsewhere])) == ""
+
+
+def curve(*points: tuple[float, float]) -> Any:
+    """A run with power [W] at speeds [m/s]."""
+    return SimpleNamespace(power_required=[SimpleNamespace(speed_mps=V, power_W=P) for V, P in points])

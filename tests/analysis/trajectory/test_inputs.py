@@ -329,3 +329,9 @@ def test_heading_offset_of_the_compass(exact) -> None:
     phi, theta, psi = exact.states[:, :3].T
     offset = np.degrees(leveled.heading_offset(psi, phi, theta))
     assert (offset + 180) % 360 - 180 == pytest.approx(np.full(len(psi), -20.0), abs=0.1)
+
+
+def test_a_latency_of_gps_up_to_half_a_second_is_within_two_standard_deviations() -> None:
+    """docs/log-format.md: a constant latency of up to about half a second is estimated; receivers take 0.1 s."""
+    mean, sigma = (part[SENSOR_ERRORS.index("gps_latency")] for part in sensor_error_prior(0.0, gps=True))
+    assert mean == 0.1 and mean + 2 * sigma == pytest.approx(0.5)

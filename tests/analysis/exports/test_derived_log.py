@@ -1,0 +1,52 @@
+"""The position that a map shows: its units, and a covariance from the two accuracies of the receiver."""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from analysis.exports.derived_log import _write_location
+from flight.log_entries import LogEntry
+from flight.log_reader import Log
+from flight.messages import Gps, Status
+
+
+class WriterInMemory:
+    """Keeps the messages of an MCAP writer."""
+
+    def __init__(self) -> None:
+        self.messages: list[tuple[int, dict[str, Any]]] = []
+
+    def register_schema(self, **_: Any) -> int:
+        return 1
+
+    def register_channel(self, **_: Any) -> int:
+        return 1
+
+    def add_message(self, _: int, *, log_time: int, publish_time: int, data: bytes) -> None:
+        self.messages.append((log_time, msgspec.json.decode(data)))
+
+
+def test_a_fix_has_half_the_horizontal_variance_in_each_direction() -> None:
+    """The receiver's horizontal accuracy is that of both directions together: 5 m is 3.5 m north and 3.5 m east."""
+    good = Gps(
+        latitude_deg=47.1, longitude_deg=8.2, height_m=431.0, horizontal_accuracy_m=5.0, vertical_accuracy_m=6.0,
+        fix_type=3,
+    )  # fmt: skip
+    messages = [
+        good,
+        msgspec.structs.replace(good, vertical_accuracy_m=None),
+        msgspec.structs.replace(good, fix_type=1),
+        msgspec.structs.replace(good, status=Status.STALE),
+    ]
+    gps = [LogEntry(10**9 * i + 250_000_000, i, message) for i, message in enumerate(messages, start=7)]
+    writer = WriterInMemory()
+    _write_location(writer, Log(path=Path("flight.mcap"), entries={"/gps": gps}))
+    (time_ns, fix), (_, unknown), *others = writer.messages
+    assert not others and time_ns == 7_250_000_000 and fix["timestamp"] == {"sec": 7, "nsec": 250_000_000}
+    assert (fix["latitude"], fix["longitude"], fix["altitude"]) == (47.1, 8.2, 431.0)
+    assert np.reshape(fix["position_covariance"], (3, 3)) == pytest.approx(np.diag([12.5, 12.5, 36.0]))
+    assert not any(unknown["position_covariance"]) and fix["position_covariance_type"] > 0
+    assert unknown["position_covariance_type"] == 0

@@ -1,0 +1,55 @@
+"""`daq info` and `daq list`: lengths, rates, sizes and lateness of a log whose numbers are known."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from daq.__main__ import app
+from daq.log_summary import summarise
+from flight.log_writer import LogWriter
+from flight.messages import AbsolutePressure, Status, Tick
+
+STEP_NS = 40_000_000  # 25 Hz
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Sixty seconds: 1501 ticks, late by 0 to 3 ms, two missed with each 500th; one of five readings of /baro stale."""
+    path = tmp_path_factory.mktemp("logs") / "log-0007.mcap"
+    with path.open("wb") as stream:
+        writer = LogWriter(stream)
+        for i in range(1501):
+            tick = Tick(late_ns=1_000_000 * (i % 4), missed=2 if i % 500 == 0 else 0)
+            writer.write("/daq/tick", tick, time_ns=i * STEP_NS, tick=i)
+            if i % 5 == 0:
+                status = Status.STALE if i % 25 == 0 else Status.OK
+                message = AbsolutePressure(pressure_Pa=1e5, temperature_K=290.0, status=status)
+                writer.write("/baro", message, time_ns=i * STEP_NS, tick=i)
+        writer.finish()
+    return path
+
+
+def test_a_summary_gives_length_rates_and_lateness(log: Path) -> None:
+    summary = summarise(log)
+    assert summary.lines[0].startswith(f"{log}: 60.0 s from 1970-01-01 00:00:00 (system clock, UTC)")
+    assert "1501 ticks, 8 missed; late by 1.00 ms (median), 3.00 ms (maximum)" in summary.lines
+    baro, ticks = summary.topics
+    assert (baro.topic, baro.messages, baro.failures) == ("/baro", 301, "stale 61")
+    assert baro.rate_Hz == pytest.approx(301 / 60) and ticks.rate_Hz == pytest.approx(1501 / 60)
+
+
+def test_a_list_gives_minutes_and_megabytes(log: Path) -> None:
+    outcome = CliRunner().invoke(app, ["list", str(log.parent)], env={"COLUMNS": "120"})
+    assert outcome.exit_code == 0, outcome.output
+    (line,) = (line for line in outcome.output.splitlines() if "log-0007" in line)
+    name, date, time, mark, minutes, megabytes, state = line.split()
+    assert (name, date, time, mark, minutes, state) == (
+        "log-0007.mcap",
+        "1970-01-01",
+        "00:00:00",
+        "?",
+        "1.0",
+        "complete",
+    )
+    assert float(megabytes) == pytest.approx(log.stat().st_size / 1e6, abs=0.06)
