@@ -171,7 +171,7 @@ class RunMonitor:
         if self.motion.ground_known and min(heights) < LEAST_HEIGHT_M * scale:
             return f"down to {min(heights):.0f} m"
         climb = sum(row.climb for row in rows) / len(rows)
-        if abs(climb) > LARGEST_CLIMB_MPS * self._scale:
+        if abs(climb) > LARGEST_CLIMB_MPS * scale:
             return f"climbed {climb * seconds:.0f} m" if climb > 0 else f"sank {-climb * seconds:.0f} m"
         if max(heights) - min(heights) > LARGEST_ALTITUDE_CHANGE_M:
             return f"height +-{(max(heights) - min(heights)) / 2:.0f} m"

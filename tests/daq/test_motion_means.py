@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.maneuvers import legs as analysis_legs
-from daq.legs import KEPT_ROWS, Legs, Row, changing_part
+from daq.legs import KEPT_ROWS, Leg, Legs, Row, changing_part
 from daq.motion_means import Motion, MotionFromMeans
 from daq.probe_calibration import PolynomialMap, ProbeMaps
 from daq.thrust import load_thrust
@@ -126,19 +126,23 @@ def rows_of(V: np.ndarray) -> list[Row]:
     ]
 
 
-def test_legs_are_those_of_the_analysis() -> None:
-    """Up, down and up again, with wobbles that are no turning points."""
-    t = np.arange(0, 120, STEP_S)
-    V = 17 + 5 * np.sin(2 * np.pi * t / 60) + 0.5 * np.sin(2 * np.pi * t / 5)
-    points = analysis_legs.turning_points(V)
+def legs_of(V: np.ndarray) -> list[Leg]:
+    """The legs that have ended, and the last one."""
     legs, found = Legs(), []
     for row in rows_of(V):
         leg = legs.add(row)
         if leg is not None and leg.ended:
             found.append(leg)
     last = legs.end()
-    assert last is not None
-    found.append(last)
+    return [*found, last] if last is not None else found
+
+
+def test_legs_are_those_of_the_analysis() -> None:
+    """Up, down and up again, with wobbles that are no turning points."""
+    t = np.arange(0, 120, STEP_S)
+    V = 17 + 5 * np.sin(2 * np.pi * t / 60) + 0.5 * np.sin(2 * np.pi * t / 5)
+    points = analysis_legs.turning_points(V)
+    found = legs_of(V)
     times = [(leg.rows[0].t_s, leg.rows[-1].t_s) for leg in found]
     expected = [(STEP_S * a, STEP_S * b) for a, b in pairwise(points)]
     assert [time for pair in times for time in pair] == pytest.approx([time for pair in expected for time in pair])
@@ -156,13 +160,7 @@ def test_legs_of_any_speed_history_are_those_of_the_analysis() -> None:
     for _ in range(40):
         turns = rng.uniform(8, 25) * np.exp(np.cumsum(rng.uniform(-0.25, 0.25, 30)))
         V = np.interp(np.arange(150) / 5, np.arange(30), np.clip(turns, 8, 25))
-        legs, found = Legs(), []
-        for row in rows_of(V):
-            leg = legs.add(row)
-            if leg is not None and leg.ended:
-                found.append(leg)
-        last = legs.end()
-        found += [last] if last is not None else []
+        found = legs_of(V)
         points = analysis_legs.turning_points(V)
         assert [[row.V for row in leg.rows] for leg in found] == [[*V[a : b + 1]] for a, b in pairwise(points)]
         assert [leg.sign for leg in found] == [int(np.sign(V[b] - V[a])) for a, b in pairwise(points)]
