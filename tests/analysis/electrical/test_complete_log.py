@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from analysis.drag.polar import Condition, power_required
+from analysis.electrical import airspeed_gps
 from analysis.electrical.complete_log import method_estimate, whole_flight
 from analysis.electrical.drag import DragEstimate
 from analysis.electrical.energy_balance import FlightConditions, drag_power
 from analysis.electrical.thrust_balance import aerodynamics
+from flight.aircraft import Uncertainty
 from flight.complete_aircraft import load_complete_aircraft
 from flight.log_reader import Log
 from flight.propeller_files import load_propeller
@@ -43,3 +45,7 @@ def test_a_log_without_battery_says_so() -> None:
     found = whole_flight(Log(Path("log.mcap"), {}), aircraft, load_propeller(aircraft.propulsion.propeller))
     assert found.electrical is None and found.method.polar is None
     assert found.method.notes == ("the log has no voltage and current",)
+
+
+def test_an_airspeed_sensor_is_as_uncertain_as_an_aircraft_file_that_says_nothing() -> None:
+    assert airspeed_gps.SCALE_SIGMA == Uncertainty().airspeed_scale_fraction
