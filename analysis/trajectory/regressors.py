@@ -14,6 +14,7 @@ from analysis.trajectory.equations import ALPHA_REGRESSORS, MEASUREMENT_INPUTS, 
 from analysis.trajectory.instrumental_variables import (
     NEWEST,
     RATE_S,
+    SLOW_S,
     derivative,
     extrapolated,
     has_past,
@@ -42,8 +43,8 @@ class Regressors:
         conditions: GustConditions,
         field: LevelField,
     ):
-        """measured_V_predicted: (n,) measured airspeed, predicted from past data. V_noise_mps, alpha_noise_rad: of a
-        block."""
+        """measured_V_predicted: (n,) measured airspeed, predicted from past data; V_noise_mps, alpha_noise_rad: noise
+        of a block."""
         self._V_noise_mps = V_noise_mps
         self._alpha_noise_mps = alpha_noise_rad * conditions.cruise_mps
         self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
@@ -119,8 +120,8 @@ class Regressors:
         """Values (n,) in flight, interpolated linearly elsewhere; 0 where there are none."""
         return np.nan_to_num(without_gaps(np.where(self._flying, values, np.nan)))
 
-    def _extrapolated(self, values: Array, *window_s: float) -> tuple[Array, Array]:
-        return extrapolated(values, self._flying, self._step_s, *window_s)
+    def _extrapolated(self, values: Array, window_s: float = SLOW_S) -> tuple[Array, Array]:
+        return extrapolated(values, self._flying, self._step_s, window_s)
 
     def _alpha(
         self, state: NamedArrays, errors: NamedArrays, lift: Array, lift_rate: Array, load: Array, sigma_w_mps: float
