@@ -49,17 +49,8 @@ LEVEL_FIELD = ("field_forward", "field_right")  # measured magnetic field in lev
 # Regressors of the errors of the angle of attack: the angle at the probe (for the slope), its derivative (for the lag),
 # the change by the airspeed scale, and the mean of the angle over a block less the value at its center.
 ALPHA_REGRESSORS = ("probe_alpha", "probe_alpha_rate", "alpha_by_V_scale", "alpha_curvature")
-MEASUREMENT_INPUTS = (
-    "ax",
-    "ay",
-    "az",
-    "V_mean",
-    "V_rate",
-    "probe_beta_rate",
-    *ALPHA_REGRESSORS,
-    *PREDICTED_FLOW,
-    *LEVEL_FIELD,
-)
+MEASUREMENT_INPUTS = ("ax", "ay", "az", "V_mean", "V_rate", "probe_beta_rate",
+                      *ALPHA_REGRESSORS, *PREDICTED_FLOW, *LEVEL_FIELD)  # fmt: skip
 
 
 def process_residuals(before: Any, after: Any, errors: Any, inputs: Any) -> Sequence[Any]:
