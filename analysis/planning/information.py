@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag import consider, covariance
+from analysis.drag import consider
 from analysis.drag.forces import J_REFERENCE, FlightForces
 from analysis.drag.state_errors import STATE_STEP
 from analysis.maneuvers.find_level import find_runs
@@ -167,7 +167,7 @@ def expected(
         moved = values(states + trajectory.state_sensitivity @ error, errors + error)
         shared[:, j] = (moved - fit)[:3] / sigma
     heavier = FlightForces(trajectory, consider.weighing_more(aircraft.aircraft), aircraft.propeller)
-    systematic = covariance.floor() + shared @ trajectory.covariance @ shared.T
+    systematic = shared @ trajectory.covariance @ shared.T
     for change in (
         np.linalg.solve(*normal(consider.without_updraft(along, aircraft.aircraft))) - fit,
         consider.at_nominal_weight(values(states, errors, heavier), aircraft.aircraft) - fit,

@@ -49,7 +49,8 @@ LEVEL_FIELD = ("field_forward", "field_right")  # measured magnetic field in lev
 # Regressors of the errors of the angle of attack: the angle at the probe (for the slope), its derivative (for the lag),
 # the change by the airspeed scale, and the mean of the angle over a block less the value at its center.
 ALPHA_REGRESSORS = ("probe_alpha", "probe_alpha_rate", "alpha_by_V_scale", "alpha_curvature")
-MEASUREMENT_INPUTS = ("ax", "ay", "az", "V_rate", "probe_beta_rate", *ALPHA_REGRESSORS, *PREDICTED_FLOW, *LEVEL_FIELD)
+MEASUREMENT_INPUTS = ("ax", "ay", "az", "V_mean", "V_rate", "probe_beta_rate",
+                      *ALPHA_REGRESSORS, *PREDICTED_FLOW, *LEVEL_FIELD)  # fmt: skip
 
 
 def process_residuals(before: Any, after: Any, errors: Any, inputs: Any) -> Sequence[Any]:
@@ -128,7 +129,8 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
     force = motion.earth_from_body(*specific_force, x.phi, x.theta, x.psi)
     return (
         V
-        + (errors.V_scale + inputs.dlnV_dlndp_alpha * alpha_slope) * inputs.V_predicted
+        + errors.V_scale * inputs.V_mean
+        + inputs.dlnV_dlndp_alpha * alpha_slope * inputs.V_predicted
         - errors.air_data_lag * inputs.V_rate,
         alpha
         + inputs.alpha_curvature

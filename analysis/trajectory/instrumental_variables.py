@@ -17,7 +17,8 @@ BoolArray = NDArray[np.bool_]
 
 SLOW_S = 3.0  # window of predictions of speed and bank
 RATE_S = 1.0  # window of predictions of their derivatives
-LAGS = range(2, 8)  # blocks: earlier load factors that predict the angle of attack (stick movements)
+NEWEST = 2  # blocks before: the means of neighboring blocks share part of a gust's increment
+LAGS = range(NEWEST, 8)  # blocks: earlier load factors that predict the angle of attack (stick movements)
 
 
 def parabola_fit(values: Array, over: Array, flying: BoolArray) -> Array:
@@ -28,18 +29,22 @@ def parabola_fit(values: Array, over: Array, flying: BoolArray) -> Array:
     return np.where(flying, np.polyval(np.polyfit(over[fitted], values[fitted], 2), over), 0.0)
 
 
-def extrapolated(values: Array, flying: BoolArray, step_s: float, window_s: float = SLOW_S) -> tuple[Array, Array]:
+def extrapolated(
+    values: Array, flying: BoolArray, step_s: float, window_s: float = SLOW_S, newest: int = 1
+) -> tuple[Array, Array]:
     """Values (n,) predicted by a straight line through the window before each instant, and its slope; 0 on the ground.
 
-    The current value is not in the window, so the prediction is independent of the current gust.
+    The window ends `newest` blocks before the instant. The current value is not in it, so the prediction is independent
+    of the current gust.
     """
     window = round(window_s / step_s)
     # Weights of the blocks before the predicted one, newest first.
-    line = np.linalg.pinv(np.column_stack([np.ones(window), -step_s * np.arange(1.0, window + 1)]))
+    line = np.linalg.pinv(np.column_stack([np.ones(window), -step_s * (newest + np.arange(float(window)))]))
     predicted = np.zeros((2, len(values)))
     for rows in stretches(flying):
         known = without_gaps(values[rows])
-        past = np.concatenate([np.full(window, known[0]), known[:-1]])  # constant before the stretch
+        past = np.concatenate([np.full(window + newest - 1, known[0]), known])  # constant before the stretch
+        past = past[: window + len(known) - 1]
         for found, weights in zip(predicted, line, strict=True):
             found[rows] = np.convolve(past, weights, mode="valid")
     return predicted[0], predicted[1]
@@ -85,7 +90,7 @@ def _whitened(values: Array, decay: Array, returned: Array, both: BoolArray) -> 
 def lagged(values: Array, flying: BoolArray) -> Array:
     """`values` of LAGS blocks before, (n, len(LAGS)), newest first; 0 on the ground, and constant before a flight.
 
-    Lag 1 is left out: the means of neighboring blocks share part of a gust's increment.
+    Lag 1 is left out (NEWEST).
     """
     past = np.zeros((len(values), len(LAGS)))
     for rows in stretches(flying):

@@ -55,8 +55,10 @@ class TrajectoryProblem:
         self._inertial = InertialInputs(table, blocks, noise)
         self.conditions = GustConditions(blocks, V_reference, V_predicted)
         self.measurements = Measurements(table, blocks, at_rest, noise, V_reference, field)
-        alpha_noise_rad = _noise(self.measurements.weight[:, MEASUREMENTS.index("alpha")])
-        self.regressors = Regressors(blocks, V_predicted, alpha_noise_rad, self.conditions, field)
+        V_noise_mps, alpha_noise_rad = (
+            _noise(self.measurements.weight[:, MEASUREMENTS.index(name)]) for name in ("V", "alpha")
+        )
+        self.regressors = Regressors(blocks, V_predicted, V_noise_mps, alpha_noise_rad, self.conditions, field)
         self._begins_at_rest = begins_at_rest(at_rest)
 
         gps, has_compass = self.measurements.has_gps, self.measurements.has_compass

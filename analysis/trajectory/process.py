@@ -36,6 +36,10 @@ class GustConditions:
         decay, once, twice = dryden.vertical(sigma_w_mps, self.height_m, self.V_mps).discretize(self._step_s)
         return decay, np.hypot(once, twice)
 
+    def longitudinal_steps(self, sigma_w_mps: float) -> tuple[Array, Array]:
+        """Decay factor of longitudinal gusts over each step (n-1,), and standard deviation of their increment [m/s]."""
+        return dryden.longitudinal(sigma_w_mps, self.height_m, self.V_mps).discretize(self._step_s)
+
     def in_cruise(self, sigma_w_mps: float) -> dryden.SecondOrderGust:
         """Vertical gusts of this standard deviation in cruise."""
         return dryden.vertical(sigma_w_mps, self.cruise_height_m, self.cruise_mps)

@@ -12,7 +12,9 @@ from analysis.signals.gaps import without_gaps
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import ALPHA_REGRESSORS, MEASUREMENT_INPUTS, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.instrumental_variables import (
+    NEWEST,
     RATE_S,
+    SLOW_S,
     derivative,
     extrapolated,
     has_past,
@@ -36,11 +38,14 @@ class Regressors:
         self,
         blocks: BlockMeans,
         measured_V_predicted: Array,
+        V_noise_mps: float,
         alpha_noise_rad: float,
         conditions: GustConditions,
         field: LevelField,
     ):
-        """measured_V_predicted: (n,) measured airspeed, predicted from past data. alpha_noise_rad: of a block."""
+        """measured_V_predicted: (n,) measured airspeed, predicted from past data; V_noise_mps, alpha_noise_rad: noise
+        of a block."""
+        self._V_noise_mps = V_noise_mps
         self._alpha_noise_mps = alpha_noise_rad * conditions.cruise_mps
         self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
         self._measured_V_predicted, self._conditions, self._field = measured_V_predicted, conditions, field
@@ -63,6 +68,8 @@ class Regressors:
         )
         V = np.maximum(self._extrapolated(inertial_V)[0], self._slowest_mps)
         _, V_rate_predicted = self._extrapolated(inertial_V, RATE_S)
+        V_regressors = np.column_stack([inertial_V, derivative(inertial_V, self._flying, self._step_s)])
+        V_instruments = self._airspeed_instruments(inertial_V, V_regressors, sigma_w_mps)
         measured_V = np.maximum(self._measured_V_predicted / (1 + errors.V_scale), self._slowest_mps)
         cos_bank = np.cos(np.clip(self._extrapolated(state.phi)[0], -LARGEST_BANK_RAD, LARGEST_BANK_RAD))
         lift = 1 / (measured_V**2 * cos_bank)  # lift coefficient up to a factor
@@ -83,16 +90,24 @@ class Regressors:
             "field_right": np.nan_to_num(field_right),
         }
 
-        def columns(V_rate: Array, beta_rate: Array, alpha: dict[str, Array]) -> Array:
-            named = common | {"V_rate": V_rate, "probe_beta_rate": beta_rate * self._flying} | alpha
+        def columns(airspeed: Array, beta_rate: Array, alpha: dict[str, Array]) -> Array:
+            named = common | {"V_mean": airspeed[:, 0], "V_rate": airspeed[:, 1]} | alpha
+            named["probe_beta_rate"] = beta_rate * self._flying
             return np.column_stack([named[name] for name in MEASUREMENT_INPUTS])
 
-        V_rate = derivative(inertial_V, self._flying, self._step_s)
         # Past data do not predict the derivative of sideslip: sideslip does not contribute to the estimate of the lag.
         no_rate = np.zeros(blocks.n)
-        return columns(V_rate, self._probe_beta_rate, regressors), columns(
-            V_rate_predicted, no_rate, predicted_regressors
+        return columns(V_regressors, self._probe_beta_rate, regressors), columns(
+            V_instruments, no_rate, predicted_regressors
         )
+
+    def _airspeed_instruments(self, inertial_V: Array, regressors: Array, sigma_w_mps: float) -> Array:
+        """Airspeed and its derivative, `regressors` (n, 2), predicted from past inertial speed and its derivative."""
+        V, _ = extrapolated(inertial_V, self._flying, self._step_s, newest=NEWEST)
+        _, V_rate = extrapolated(inertial_V, self._flying, self._step_s, RATE_S, NEWEST)
+        past = np.column_stack([np.ones(len(V)), V, V_rate])
+        decay, increment_mps = self._conditions.longitudinal_steps(sigma_w_mps)
+        return projected_on_past(regressors, past, decay, self._flying, increment_mps / self._V_noise_mps)
 
     def predicted_states(self, x: Array) -> Array:
         """The states with vertical velocity predicted from past data: the aircraft heaves with a gust within a step."""
@@ -105,8 +120,8 @@ class Regressors:
         """Values (n,) in flight, interpolated linearly elsewhere; 0 where there are none."""
         return np.nan_to_num(without_gaps(np.where(self._flying, values, np.nan)))
 
-    def _extrapolated(self, values: Array, *window_s: float) -> tuple[Array, Array]:
-        return extrapolated(values, self._flying, self._step_s, *window_s)
+    def _extrapolated(self, values: Array, window_s: float = SLOW_S) -> tuple[Array, Array]:
+        return extrapolated(values, self._flying, self._step_s, window_s)
 
     def _alpha(
         self, state: NamedArrays, errors: NamedArrays, lift: Array, lift_rate: Array, load: Array, sigma_w_mps: float

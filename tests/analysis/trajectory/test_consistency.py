@@ -69,6 +69,7 @@ def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
     inputs = np.zeros((len(states), len(MEASUREMENT_INPUTS)))
     for name, column in zip(PREDICTED_FLOW, known.predicted_flow.T, strict=True):
         inputs[:, MEASUREMENT_INPUTS.index(name)] = column
+    inputs[:, MEASUREMENT_INPUTS.index("V_mean")] = known.predicted_flow[:, PREDICTED_FLOW.index("V_predicted")]
     alpha = known.predicted_flow[:, PREDICTED_FLOW.index("alpha_predicted")]  # no upwash, no rotation
     inputs[:, MEASUREMENT_INPUTS.index("probe_alpha")] = alpha
     inputs[:, MEASUREMENT_INPUTS.index("alpha_by_V_scale")] = -2 * alpha

@@ -142,7 +142,7 @@ def test_sensor_errors_act_on_pressures() -> None:
     """Dynamic pressure high by 2 e: airspeed reads high by e and flow angles low by 2 e. A slope of the angle acts on
     the angle at the probe, and through the probe's calibration on airspeed."""
     V, alpha = 15.0, 0.12
-    inputs = inputs_of(V_predicted=V, probe_alpha=alpha, alpha_by_V_scale=-2 * alpha, dlnV_dlndp_alpha=0.1)
+    inputs = inputs_of(V_mean=V, V_predicted=V, probe_alpha=alpha, alpha_by_V_scale=-2 * alpha, dlnV_dlndp_alpha=0.1)
     x = state_of(**STEADY)
 
     def change(**errors: float) -> dict[str, float]:

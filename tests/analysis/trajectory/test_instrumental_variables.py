@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from test_reconstruction import flown as fly
 
-from analysis.trajectory.equations import MEASUREMENT_INPUTS
-from analysis.trajectory.instrumental_variables import LAGS, has_past, lagged, projected_on_past
+from analysis.trajectory.equations import MEASUREMENT_INPUTS, STATES, NamedArrays
+from analysis.trajectory.instrumental_variables import LAGS, extrapolated, has_past, lagged, projected_on_past
 from analysis.trajectory.problem import TrajectoryProblem
 
 DECAY = 0.93  # of a gust in 0.2 s: scale length 40 m, at 14 m/s
@@ -87,16 +87,38 @@ def test_instrument_and_regressor_agree_in_the_metric_of_gust_and_noise(incremen
     assert Wz @ x == pytest.approx(Wz @ z, rel=0.03)
 
 
-@pytest.mark.parametrize("name", ["V_predicted", "dlnV_dlndp_alpha", "V_rate"])
-def test_regressors_of_airspeed_do_not_depend_on_measured_airspeed(probe, name: str) -> None:
-    """Longitudinal gusts last for many blocks: past airspeed is correlated with the current gust."""
+def test_regressors_of_airspeed_do_not_depend_on_measured_airspeed(probe) -> None:
+    """Longitudinal gusts last for many blocks: past airspeed is correlated with the current gust. The instruments of
+    airspeed's scale and lag are combinations of past inertial speed, its derivative and a constant; how much of each
+    may depend on all data of the flight."""
     _, _, air, still = fly(0, probe, "accel-decel")
     gusty = air.assign(V_mps=air["V_mps"] + np.random.default_rng(0).normal(0, 1.0, len(air)))
     first = TrajectoryProblem(air, still, 0.0, None)
-    x, errors = first.initial_states, first.initial_errors
-    calm, rough = (
-        TrajectoryProblem(table, still, 0.0, None).regressors.measurement_inputs(x, errors, 0.2)[1]
-        for table in (air, gusty)
+    x, errors, flying = first.initial_states, first.initial_errors, first.blocks.flying
+    (actual, calm), (_, rough) = (
+        (NamedArrays(MEASUREMENT_INPUTS, inputs.T) for inputs in problem.regressors.measurement_inputs(x, errors, 0.2))
+        for problem in (TrajectoryProblem(table, still, 0.0, None) for table in (air, gusty))
     )
-    i = MEASUREMENT_INPUTS.index(name)
-    assert calm[:, i].any() and np.array_equal(calm[:, i], rough[:, i])
+    for name in ("V_predicted", "dlnV_dlndp_alpha"):
+        assert getattr(calm, name).any() and np.array_equal(getattr(calm, name), getattr(rough, name))
+    state = NamedArrays(STATES, x.T)
+    assert actual.V_mean == pytest.approx(
+        np.hypot(np.hypot(state.v_north - state.wind_north, state.v_east - state.wind_east), state.v_down)
+    )
+    past = np.column_stack([flying, calm.V_mean, calm.V_rate])
+    for name in ("V_mean", "V_rate"):
+        combined = np.linalg.lstsq(past, getattr(rough, name), rcond=None)[0]
+        assert getattr(rough, name) == pytest.approx(past @ combined, abs=1e-8)
+        assert np.corrcoef(getattr(calm, name)[flying], getattr(actual, name)[flying])[0, 1] > 0.8
+
+
+def test_a_straight_line_is_extrapolated_from_any_window() -> None:
+    """The window leaves out the `newest` - 1 blocks before the instant: changing them changes nothing."""
+    values, flying = 3.0 + 0.5 * 0.2 * np.arange(60), np.ones(60, dtype=bool)
+    for newest in (1, 2, 5):
+        predicted, slope = extrapolated(values, flying, 0.2, 1.0, newest)
+        assert predicted[20:] == pytest.approx(values[20:]) and slope[20:] == pytest.approx(0.5)
+        changed = values.copy()
+        changed[41 - newest :] += 1.0
+        assert extrapolated(changed, flying, 0.2, 1.0, newest)[0][40] == predicted[40]
+        assert extrapolated(changed, flying, 0.2, 1.0, newest)[0][41] != predicted[41]
