@@ -111,7 +111,8 @@ class Machine:
         """Exit code and output of a command of the user pi."""
         self._commands += 1
         mark = f"end-of-command-{self._commands}:"
-        self._console.sendall(f"{command}\necho; echo '{mark}'$?\n".encode())
+        # One compound command: sudo has a terminal of its own and would take lines that wait in this one.
+        self._console.sendall(f"{{ {command}\n}} </dev/null; code=$?; echo; echo '{mark}'$code\n".encode())
         found = self._wait(rf"(?s)(.*?)\r?\n{mark}(\d+)\r?\n", timeout_s)
         return int(found[2]), found[1].replace("\r", "").strip("\n")
 

@@ -50,8 +50,8 @@ def install(machine: Machine) -> list[Row]:
         )
         return said
 
-    step("install.sh --wheels", "cd ~/flightpower && sudo systemd/install.sh --wheels ~/wheels; cd")
-    step("tray edited, install.sh --tray", f"{EDIT_TRAY} && cd ~/flightpower && sudo systemd/install.sh --tray; cd")
+    step("install.sh --wheels", "(cd ~/flightpower && sudo systemd/install.sh --wheels ~/wheels)")
+    step("tray edited, install.sh --tray", f"{EDIT_TRAY} && (cd ~/flightpower && sudo systemd/install.sh --tray)")
     step("daq check", f"{STOP}; sudo {DAQ} check --config {TRAY}", "fit to fly")
     step("daq zero", f"sudo {DAQ} zero --config {TRAY}")
     step("start", f"{START}; sleep 15; systemctl status flightpower-daq", r"Status: .*log-\d{4}")
