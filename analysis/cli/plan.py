@@ -1,7 +1,7 @@
 """The command `plan`: what to fly for the narrowest interval. Arguments, messages and exit codes only."""
 
 from dataclasses import replace
-from math import radians
+from math import inf, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -69,6 +69,15 @@ def plan(
             " less room for a stall.",
         ),
     ] = 40.0,
+    side_m: Annotated[
+        float | None,
+        typer.Option(
+            "--side",
+            parser=quantity("--side", "m", '"300 ft"', least=10, most=20000),
+            metavar="LENGTH",
+            help="Room for the turns to each side of the legs, in still air; default: what the turns need.",
+        ),
+    ] = None,
     load: Annotated[
         float,
         typer.Option(
@@ -147,7 +156,7 @@ def plan(
     request = Request(
         minutes,
         wind_kt,
-        Space(leg_m or PILOTS[pilot], height_m),
+        Space(leg_m or PILOTS[pilot], height_m, inf if side_m is None else side_m),
         Pilot(pilot == "autopilot", load - 1),
         asked,
         earlier.information(results),

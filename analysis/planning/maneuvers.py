@@ -1,7 +1,9 @@
 """The pieces that a flight plan is made of. Speeds are true airspeeds [m/s], angles in rad, times in s."""
 
 from dataclasses import dataclass
-from math import pi
+from math import pi, tan
+
+from flight.units import GRAVITY_MPS2
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,11 @@ class Turn:
     speed_mps: float
     angle_rad: float = pi
     bank_rad: float = 0.6
+
+    @property
+    def width_m(self) -> float:
+        """Across the flight path before it, in still air: two radii V^2/(g tan(bank))."""
+        return 2 * self.speed_mps**2 / (GRAVITY_MPS2 * tan(self.bank_rad))
 
 
 @dataclass(frozen=True)

@@ -151,9 +151,10 @@ def _place(home: Home, along_m: float, across_m: float) -> tuple[float, float]:
 
 
 def _fence(plan: FlightPlan, home: Home) -> dict[str, object]:
-    """A box about the legs, with room for the turns."""
-    radius_m = plan.aircraft.fastest_mps**2 / (GRAVITY_MPS2 * tan(0.6))
-    half, side = plan.request.space.leg_m / 2 + 3 * radius_m, 3 * radius_m
+    """A box about the legs, with room for the turns: what the request leaves, else for turns at the fastest speed."""
+    widest_m = 1.5 * Turn(plan.aircraft.fastest_mps).width_m
+    side = min(plan.request.space.side_m, widest_m)
+    half = plan.request.space.leg_m / 2 + side
     corners = [
         _place(home, along, across) for along, across in ((half, side), (half, -side), (-half, -side), (-half, side))
     ]

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import cos, pi
+from math import ceil, cos, degrees, inf, pi
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.maneuvers import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
+from flight.errors import InputError
 
 STAND_BEFORE_S, STAND_AFTER_S = 90.0, 30.0
 CRUISE_OVER_STALL = 1.6
@@ -20,10 +21,12 @@ STALL_MARGIN = 1.2  # lift at the stall over the largest lift of a turn or of po
 
 @dataclass(frozen=True)
 class Space:
-    """Where the flight may go. leg_m: longest straight flight over the ground. height_m: of the flight."""
+    """Where the flight may go. leg_m: longest straight flight over the ground. height_m: of the flight.
+    side_m: room for the turns to each side of the legs, in still air."""
 
     leg_m: float
     height_m: float
+    side_m: float = inf
 
 
 @dataclass(frozen=True)
@@ -120,13 +123,37 @@ def full_throttle(expected: ExpectedAircraft) -> Piece:
 
 
 def catalogue(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float) -> list[Piece]:
-    """All pieces that this pilot can fly here."""
-    return [
+    """All pieces that this pilot can fly here. Raises InputError where there is no room for the turns."""
+    found = [
         *run_pairs(expected, space, wind_kt),
         *circuits(expected, space, wind_kt),
         *circles(expected),
         *porpoising(expected, space, pilot),
     ]
+    kept = [piece for piece in (_with_room(piece, expected, space.side_m) for piece in found) if piece is not None]
+    if not any(piece.kind == "runs" for piece in kept):
+        narrowest_m = Turn(_turning_mps(expected, STEEP_BANK_RAD), pi, STEEP_BANK_RAD).width_m
+        raise InputError(
+            f"--side {space.side_m:g}: too narrow for a turn of {expected.aircraft.name}; its narrowest, at"
+            f" {_turning_mps(expected, STEEP_BANK_RAD):.1f} m/s and a bank of {degrees(STEEP_BANK_RAD):.0f}°, needs"
+            f" {ceil(narrowest_m)} m"
+        )
+    return kept
+
+
+def _with_room(piece: Piece, expected: ExpectedAircraft, side_m: float) -> Piece | None:
+    """The piece with turns that fit: steeper, and slower where that is not enough. None where none fits; circles are
+    left as they are, since their speed and bank are what they are flown for."""
+    narrowest_mps = _turning_mps(expected, STEEP_BANK_RAD)
+    maneuvers: list[Maneuver] = []
+    for maneuver in piece.maneuvers:
+        if isinstance(maneuver, Turn) and maneuver.width_m > side_m:
+            steeper = replace(maneuver, speed_mps=max(maneuver.speed_mps, narrowest_mps), bank_rad=STEEP_BANK_RAD)
+            maneuver = steeper if steeper.width_m <= side_m else replace(steeper, speed_mps=narrowest_mps)
+            if maneuver.width_m > side_m or piece.kind == "circles":
+                return None
+        maneuvers.append(maneuver)
+    return replace(piece, maneuvers=tuple(maneuvers))
 
 
 def sequence(pieces: Sequence[Piece], expected: ExpectedAircraft) -> list[Maneuver]:

@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from itertools import groupby
-from math import degrees, pi, tan
+from math import degrees, pi
 from typing import NamedTuple
 
 from analysis.planning.maneuvers import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
 from analysis.planning.pieces import HELD_MARGIN, MARGIN, MARGIN_PER_KT, after, before, slowest_mps
 from analysis.planning.search import FlightPlan
-from flight.units import GRAVITY_MPS2
 
 
 class Row(NamedTuple):
@@ -82,8 +81,7 @@ def margin(plan: FlightPlan) -> str:
 
 def side_m(plan: FlightPlan) -> float:
     """Room to the side of a leg that the widest turn needs [m], in still air."""
-    turns = [turn for turn in plan.maneuvers if isinstance(turn, Turn)]
-    return max((2 * turn.speed_mps**2 / (GRAVITY_MPS2 * tan(turn.bank_rad)) for turn in turns), default=0.0)
+    return max((turn.width_m for turn in plan.maneuvers if isinstance(turn, Turn)), default=0.0)
 
 
 def expected_interval(plan: FlightPlan) -> list[tuple[str, str]]:

@@ -187,7 +187,7 @@ def upgraded(folder: Path, disk: Path) -> list[Row]:
         machine.log_in()
         machine.wait_for_recording(len(known))
         begin_s = time.monotonic()
-        code, said = machine.run("cd ~/flightpower && sudo systemd/install.sh --wheels ~/wheels-upgrade; cd", 900.0)
+        code, said = machine.run("(cd ~/flightpower && sudo systemd/install.sh --wheels ~/wheels-upgrade)", 900.0)
         took_s = time.monotonic() - begin_s
         machine.wait_for_recording(len(known) + 1)
         machine.wait(5.0)

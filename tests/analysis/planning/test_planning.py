@@ -403,6 +403,28 @@ def test_points_of_the_mission_lie_where_the_legs_are(plan: FlightPlan):
     assert circles == [(2, round(m.speed_mps**2 / (GRAVITY_MPS2 * tan(m.bank_rad)), 1)) for m in flown]
 
 
+def test_turns_keep_within_the_room_beside_the_legs(nexstar: ExpectedAircraft):
+    """Every turn's diameter fits, with the lift margin of all turns; fast circles go first; a fence is as wide."""
+    for side_m in (60.0, 100.0, 200.0):
+        found = pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M, side_m), Pilot(), 3.0)
+        turns = [m for piece in found for m in piece.maneuvers if isinstance(m, Turn)]
+        assert max(2 * m.speed_mps**2 / (GRAVITY_MPS2 * tan(m.bank_rad)) for m in turns) <= side_m
+        stalls_mps = [nexstar.stall_mps * np.sqrt(1.2 / np.cos(m.bank_rad)) for m in turns]
+        assert all(m.speed_mps > stall for m, stall in zip(turns, stalls_mps, strict=True))
+        assert {"runs", "circuit", "porpoise"} <= {piece.kind for piece in found}
+    everything = pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M), Pilot(), 3.0)
+    assert found == everything, "200 m are room enough"
+    with pytest.raises(InputError, match=r"--side 40: too narrow for a turn of nexstar; .* needs 51 m"):
+        pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M, 40.0), Pilot(), 3.0)
+
+
+def test_a_fence_is_as_wide_as_the_room(plan: FlightPlan):
+    narrow = replace(plan, request=replace(plan.request, space=Space(500.0, HEIGHT_M, 80.0)))
+    (box,) = json.loads(qgroundcontrol_plan(narrow, Home(0.0, 0.0, 0.0), "px4"))["geoFence"]["polygons"]
+    metres = np.radians(np.abs(box["polygon"])) * 6371e3
+    assert metres == pytest.approx(np.array([[250 + 80, 80]] * 4), rel=1e-3)
+
+
 def test_half_widths_and_questions_are_those_of_the_power_curve(plan: FlightPlan):
     """95 %: 1.96 standard errors. Endurance is asked at the speed of least power, range at that of least drag."""
     aircraft = plan.aircraft
