@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import estimators
 import flights
 import numpy as np
+import pandas as pd
 import typer
 
 from analysis.drag import dynamic
@@ -29,35 +30,43 @@ from analysis.planning.search import Request, plan_flight, predicted
 from analysis.planning.simulator_plan import simulator_plan
 from analysis.planning.time_history import fly
 from analysis.trajectory.reconstruction import reconstruct
-from flight.aircraft import load_aircraft
+from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
 
+SHIPPED = "full-test-flight"
 HEIGHT_M, LEG_M = 40.0, 1300.0  # those of the shipped plan
+EARLIER_SEED = 999  # of the first flight, after which others are planned
 
 
 def make_plans(
-    aircraft_name: str, kt: float, minutes: float, asked: str, folder: Path, pilot: Pilot = Pilot()
+    aircraft_name: str, kt: float, minutes: float, asked: str, folder: Path, *, known_drag: bool, pilot: Pilot = Pilot()
 ) -> dict[str, Any]:
-    """Writes the planned and the shipped plan of a cell. Paths and predicted half widths [%] at estimators.speeds."""
-    kept = folder / f"{aircraft_name}-{asked}-{kt:g}-{minutes:g}.json"
+    """Writes the planned and the shipped plan of a cell. Paths and predicted half widths [%] at estimators.speeds.
+
+    known_drag: planned after a first flight, full-test-flight in calm air, as with `flightpower plan --after`; of that
+    flight's results the drag alone is used.
+    """
+    name = f"{aircraft_name}-{asked}-{kt:g}-{minutes:g}" + ("-after" if known_drag else "")
+    kept = folder / f"{name}.json"
     if kept.is_file():
         found: dict[str, Any] = json.loads(kept.read_text("utf-8"))
         return found
     aircraft = load_aircraft(aircraft_name)
-    expected = expected_aircraft(aircraft, HEIGHT_M)
+    A = analyzed(aircraft, SHIPPED, 0.0, EARLIER_SEED)[0].A if known_drag else None
+    expected = expected_aircraft(aircraft, HEIGHT_M, A=A)
     request = Request(minutes, kt, Space(LEG_M, HEIGHT_M), pilot, question=asked)
     plan = plan_flight(expected, request)
     shipped = shortened(expected, minutes)
     cell: dict[str, Any] = {}
-    for name, text, covariances in (
+    for which, text, covariances in (
         ("planned", simulator_plan(plan.maneuvers, expected, request), plan.covariances),
         ("shipped", simulator_plan(shipped, expected, request), predicted(shipped, expected, request)),
     ):
-        path = folder / f"{aircraft_name}-{asked}-{kt:g}-{minutes:g}-{name}.toml"
+        path = folder / f"{name}-{which}.toml"
         path.write_text(text, "utf-8")
-        cell[name] = {
+        cell[which] = {
             "path": str(path),
             "predicted": half_widths(covariances, expected, estimators.speeds(aircraft)).tolist(),
         }
@@ -96,24 +105,27 @@ def shortened(expected: ExpectedAircraft, minutes: float) -> list[Maneuver]:
     return plan(low)
 
 
-def one_flight(aircraft_name: str, plan: str, kt: float, seed: int) -> dict[str, Any]:
-    """Errors and half widths [% of the truth] at estimators.speeds; empty where the flight ended too soon."""
-    aircraft, probe = load_aircraft(aircraft_name), flights.tunnel_probe()
-    try:
-        flown = flights.flown(aircraft, flights.drawn(load_budget("study"), seed), plan, seed, kt)
-    except InputError as error:
-        return {"lost": str(error)}
+def analyzed(aircraft: Aircraft, plan: str, kt: float, seed: int) -> tuple[Polar, flights.Flown, pd.DataFrame]:
+    """The drag polar of a simulated flight, the flight, and its table of air data."""
+    probe = flights.tunnel_probe()
+    flown = flights.flown(aircraft, flights.drawn(load_budget("study"), seed), plan, seed, kt)
     propeller = load_propeller(aircraft.propulsion.propeller or "")
     air, still, _ = flights.air_of(flown.table, aircraft, probe)
     runs, _ = find_runs(air)
+    trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
+    return dynamic.estimate_polar(trajectory, runs, aircraft, propeller).polar, flown, air
+
+
+def one_flight(aircraft_name: str, plan: str, kt: float, seed: int) -> dict[str, Any]:
+    """Errors and half widths [% of the truth] at estimators.speeds; empty where the flight ended too soon."""
+    aircraft = load_aircraft(aircraft_name)
+    try:
+        polar, flown, air = analyzed(aircraft, plan, kt, seed)
+    except (InputError, np.linalg.LinAlgError, ValueError) as error:
+        return {"lost": str(error)}
     at = Condition(aircraft.mass.weight_N, float(air.loc[air["flying"], "rho"].mean()), aircraft.geometry.wing_area_m2)
     V, truth = estimators.speeds(aircraft), flown.flight.power_required
     true_W = np.interp(V, truth["speed_mps"], truth["power_W"])
-    try:
-        trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
-        polar: Polar = dynamic.estimate_polar(trajectory, runs, aircraft, propeller).polar
-    except (InputError, np.linalg.LinAlgError, ValueError) as error:
-        return {"lost": str(error)}
     power, sigma = power_required(V, polar, at)
     return {
         "error": (100 * (power / true_W - 1)).tolist(),
@@ -131,6 +143,7 @@ def main(
     aircraft: Annotated[str, typer.Option(help="Aircraft.")] = "nexstar",
     asked: Annotated[str, typer.Option("--question", help="What is planned for.")] = "curve",
     only: Annotated[str, typer.Option(help="planned, shipped, or both.")] = "both",
+    known_drag: Annotated[bool, typer.Option(help="Plan with the drag that a first flight has found.")] = False,
     pilot: Annotated[str, typer.Option(help="exact, or average: bank 10 deg, height 8 m, speed 1 m/s.")] = "exact",
     output: Annotated[Path, typer.Option("-o", "--output", help="Lines of JSON, one a flight.")] = Path("plans.jsonl"),
 ) -> None:
@@ -139,11 +152,12 @@ def main(
     known = [json.loads(line) for line in output.read_text("utf-8").splitlines()] if output.is_file() else []
     done = {(r["aircraft"], r["question"], r["kt"], r["minutes"], r["plan"], r["pilot"], r["seed"]) for r in known}
     wanted = [(float(kt), float(minutes)) for kt, minutes in (cell.split(":") for cell in cells.split(","))]
-    made = {cell: make_plans(aircraft, *cell, asked, output.parent) for cell in wanted}
+    made = {cell: make_plans(aircraft, *cell, asked, output.parent, known_drag=known_drag) for cell in wanted}
+    question = f"{asked}, drag known" if known_drag else asked
     for seed in range(first_seed, first_seed + count):
         for kt, minutes in wanted:
             for name in ("planned", "shipped") if only == "both" else (only,):
-                key = (aircraft, asked, kt, minutes, name, pilot, seed)
+                key = (aircraft, question, kt, minutes, name, pilot, seed)
                 if key in done:
                     continue
                 plan = made[kt, minutes][name]
