@@ -50,10 +50,11 @@ def not_slower(results: Results) -> str:
     if slowest is None:
         return "Not slower than this unless you fly slower first. Mind the stall."
     CL, largest = slowest.lift_coefficient, slowest.largest_lift_coefficient
+    more = round(100 * (largest / CL - 1))
+    reached = f"; the largest one of the flight is {largest:.2f}, {more} % more" if more else ", the flight's largest"
     return (
-        f"The slowest speed flown is {slowest.speed_mps:.1f} m/s, at a lift coefficient of {CL:.2f}; the largest one of"
-        f" the flight is {largest:.2f}, {100 * (largest / CL - 1):.0f} % more. Not slower than this unless you fly"
-        " slower first. Mind the stall."
+        f"The slowest speed flown is {slowest.speed_mps:.1f} m/s, at a lift coefficient of {CL:.2f}{reached}."
+        " Not slower than this unless you fly slower first. Mind the stall."
     )
 
 

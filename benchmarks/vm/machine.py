@@ -66,7 +66,7 @@ class Machine:
         self._stop = threading.Event()
         self._console = self._connect("console")
         self._console.settimeout(0.2)
-        self._transcript = (self._folder / "console.txt").open("w")
+        self._transcript = (self._folder / "console.txt").open("a")
         self._text = ""
         self._commands = 0
         self.heartbeat = Heartbeat(0.0, 0, 0)

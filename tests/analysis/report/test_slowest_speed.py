@@ -87,4 +87,7 @@ def test_a_best_speed_that_was_not_flown_is_replaced_by_the_slowest_with_its_mar
         assert endurance.answer == f"{slowest.speed_mps:.1f} m/s, the slowest flown"
         assert f"lift coefficient of {slowest.lift_coefficient:.2f}" in endurance.note and "10 % more" in endurance.note
         assert "Not slower than this unless you fly slower first." in endurance.note
+        at_most = replace(slowest, largest_lift_coefficient=1.004 * slowest.lift_coefficient)
+        note = headline_answers(replace(shown, slowest_flown=at_most))[0].note
+        assert f"lift coefficient of {slowest.lift_coefficient:.2f}, the flight's largest. Not slower" in note
     assert f"{slowest.speed_mps:.1f}\u00a0(slowest)" in to_markdown(results, results.use)
