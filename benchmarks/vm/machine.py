@@ -103,7 +103,7 @@ class Machine:
     def log_in(self, timeout_s: float = 600.0) -> None:
         """Wait for the console's shell."""
         self._wait(PROMPT, timeout_s)
-        self._console.sendall(b"stty -echo cols 500; PS1=; export SYSTEMD_PAGER=cat SYSTEMD_COLORS=0 TERM=dumb\n")
+        self._console.sendall(b"stty -echo cols 500; PS1=; PS2=; export SYSTEMD_PAGER=cat SYSTEMD_COLORS=0 TERM=dumb\n")
         for _ in range(2):
             self.run("true")
 

@@ -84,7 +84,7 @@ def figures(machine: Machine) -> list[Row]:
     machine.wait(20.0)
     commands = {
         "boot": "systemd-analyze time | head -1",
-        "recording, after the kernel's start": "systemd-analyze critical-chain flightpower-daq | grep flightpower",
+        "recording, after the kernel's start": "systemd-analyze critical-chain flightpower-daq.service | grep flightpower",
         "service, resident": "sudo cat /proc/$(systemctl show -P MainPID flightpower-daq)/smaps_rollup"
         " | awk '/^(Rss|Pss):/ {printf \"%s %.1f MB  \", $1, $2 / 1024}'",
         "service, its control group": "systemctl show -P MemoryCurrent flightpower-daq"
