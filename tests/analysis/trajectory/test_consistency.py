@@ -113,6 +113,30 @@ def test_bias_and_gust_are_taken_out_of_sideslip(exact, bias: float, gust: float
     assert after[ANGLES].dropna().to_numpy() == pytest.approx(calm.dropna().to_numpy(), abs=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("gust_u", "gust_w", "bias", "scale"), [(5.0, 0, 0, 0), (-5.0, 0, 0, 0), (0, 1.5, 0, 0), (0, -1.5, 0, 0),
+                                            (0, 0, 0.03, 0), (0, 0, 0, 0.4)]
+)  # fmt: skip
+def test_bias_slope_and_gust_are_taken_out_of_alpha_and_airspeed(exact, gust_u, gust_w, bias, scale) -> None:
+    """Air that moves forward takes from the airspeed; air that sinks takes from it and from the angle of attack.
+
+    Both components are along the body's axes, so that a gust from ahead, which is air that moves aft, lowers the angle.
+    """
+    calm = consistency(trajectory_of(exact.table, exact.states, {})).before
+    states = exact.states.copy()
+    states[:, STATES.index("gust_u")], states[:, STATES.index("gust_w")] = gust_u, gust_w
+    sensed = trajectory_of(exact.table, states, {"alpha_bias": bias, "alpha_scale": scale})
+    V, alpha, variance, dlnV = (sensed.predicted_flow[:, PREDICTED_FLOW.index(name)] for name in PREDICTED_FLOW)
+    means = sensed.block_means.means
+    turned = (gust_u * np.sin(alpha) - gust_w * np.cos(alpha)) / V
+    means["alpha_rad"] = means["alpha_rad"] + turned + bias + scale * alpha
+    slower = gust_u * np.cos(alpha) + gust_w * np.sin(alpha) + variance / (2 * V)
+    means["V_mps"] = means["V_mps"] - slower + dlnV * scale * V
+    _, after = consistency(sensed)
+    for column, error in ((ANGLES, 2e-3), (SPEED, 1e-6)):
+        assert after[column].dropna().to_numpy() == pytest.approx(calm[column].dropna().to_numpy(), abs=error)
+
+
 def test_perfect_sensors_agree(exact) -> None:
     """But for means of the climb angle over three seconds in a turn, of which only near-level parts count."""
     before, after = consistency(trajectory_of(exact.table, exact.states, {}))
