@@ -16,6 +16,7 @@ from analysis.electrical.estimate import drag_prior, lift_prior
 from analysis.electrical.fit import Fit, samples_of, shared_errors
 from analysis.electrical.flight_table import (
     _air_temperature_K,
+    _airborne,
     _idle_power_W,
     _standing_and_moving,
     _touches_ground,
@@ -264,3 +265,18 @@ def test_the_motor_s_speed_follows_from_its_power() -> None:
     gliding = samples._replace(power_W=np.where(np.arange(len(V)) < 60, samples.power_W, IDLE_W + 1.0))
     (rows,) = ThrustBalance(gliding, CONDITIONS, propeller, motor).samples.stretches
     assert (rows.start, rows.stop) == (0, 60)
+
+
+def test_stretches_of_twenty_seconds_clear_of_the_ground_count() -> None:
+    n = 700
+    columns = {"pressure_Pa": np.full(n, 130.0), "height_m": np.full(n, 50.0), "power_W": np.full(n, 80.0)}
+    columns["power_W"][[101, 180]] = np.nan  # after 20.2 s, and 15.6 s later
+    moving, nowhere = np.full(n, True), np.full(n, False)
+    assert _airborne(columns, nowhere, moving, 40.0) == [slice(0, 101), slice(181, n)]
+    standing = np.arange(n) < 20
+    columns["height_m"] = np.where(standing, 10.0, 50.0)
+    columns["height_m"][181:] = 12.9  # less than three metres above the ground
+    assert _airborne(columns, standing, moving, 40.0) == []
+    columns["height_m"][181:] = 13.1
+    (rows,) = _airborne(columns, standing, moving, 40.0)
+    assert (rows.start, rows.stop) == (181, n)

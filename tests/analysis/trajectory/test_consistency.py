@@ -248,7 +248,10 @@ def test_a_compass_contradicts_beyond_twice_its_error_or_thirty_degrees(
     assert bool(notes) == contradicts and all("contradicts GPS" in note for note in notes)
 
 
+@pytest.mark.filterwarnings("ignore:Mean of empty slice", "ignore:invalid value")
 def test_an_aircraft_that_never_flew_has_one_heading_and_one_speed(exact) -> None:
+    still = exact.table.assign(flying=False)
+    assert calibrate(still, trajectory_of(exact.table, exact.states, {})).one_way == 1.0
     parked = excitation(trajectory_of(exact.table.assign(height_m=0.0), exact.states, {}))
     assert (parked.mean_heading_vector, parked.speed_ratio) == (1.0, 1.0)
 
