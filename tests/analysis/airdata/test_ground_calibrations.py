@@ -48,6 +48,15 @@ def test_turns_alone_leave_the_vertical_part_open_and_say_so() -> None:
     assert turns.directions < 0.25 < by_hand.directions
 
 
+def test_directions_are_those_of_the_field_without_iron() -> None:
+    """Standard deviation of the field's direction along the axis seen least; 1/sqrt(3) for all directions alike."""
+    for by_hand in (True, False):
+        field, _, true = measured(1, by_hand=by_hand)
+        along = np.linalg.eigvalsh(np.cov((true / FIELD_T).T))
+        found = magnetometer.calibrate(field + 30e-6, "log").directions
+        assert found == pytest.approx(np.sqrt(along[0]), rel=0.1 if by_hand else 0.3)
+
+
 def test_what_is_no_magnetic_field_is_refused() -> None:
     rng = np.random.default_rng(0)
     with pytest.raises(InputError, match="too few"):

@@ -9,6 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from analysis.maneuvers.kinds import ACCELERATION, STANDING
+from analysis.report import calibration as calibration_page
 from analysis.report.figures import electrical, flight, performance, pooled, probe_calibration
 from analysis.report.figures.figure import Figure
 from analysis.results.schema import MeasuredEfficiencyPoint, Results
@@ -175,3 +176,43 @@ def test_endurance_and_range_are_over_mass_and_efficiencies_in_per_cent(with_bat
     assert markers == pytest.approx([65.0, 80.0, 52.0])
     low, high = figure.layout["yaxis"]["range"]
     assert low == 0 and 100 <= high < 120
+
+
+def test_the_page_of_a_calibration_tells_residuals_in_degrees_and_the_parts_of_the_slope_s_error() -> None:
+    surface = SimpleNamespace(order=3, residual_rms=0.002)
+    calibration = SimpleNamespace(
+        alpha_rad=surface, beta_rad=surface, q_ratio=surface, alpha_scale_sigma=0.013,
+        alpha_limits_rad=np.radians([-10.0, 15.0]), beta_limits_rad=None,
+    )  # fmt: skip
+    residuals = (np.array([0.3, -0.4]), np.array([0.1, 0.1]), np.array([2.0, 1.0]))
+    table = calibration_page._quality(calibration, residuals)  # type: ignore[arg-type]
+    assert table.rows[0] == ("alpha", "3", "0.115 deg", "0.354 deg", "0.400 deg")
+    assert table.rows[2] == ("q_c/q", "3", "0.200 %", "1.581 %", "2.000 %")
+    assert "for alpha from -10 to 15 deg." in calibration_page.validity(calibration)  # type: ignore[arg-type]
+    dependence = SimpleNamespace(speeds=[1, 2], spread=0.004, significant=True)
+    parts = calibration_page.slope_parts(calibration, dependence, 0.003)  # type: ignore[arg-type]
+    assert parts == "angles of the tunnel 0.30 %, speed 0.40 %, noise and fit of the polynomial 1.20 %"
+    assert "between speeds by 0.4 %" in calibration_page.speed_effect(dependence)  # type: ignore[arg-type]
+
+
+def test_the_page_draws_residuals_in_degrees_and_per_cent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The calibration reads 0.01 rad too much, and a ratio of pressures 2 % too large."""
+    measured = tunnel([10.0, 20.0])
+    measured.q_c_Pa = 1.02 * measured.q_c_Pa
+
+    def maps(C_alpha: Any, C_beta: Any) -> tuple[Any, Any, Any]:
+        return measured.alpha_rad + 0.01, measured.beta_rad - 0.01, np.full(len(C_alpha), 1.02 * 1.02)
+
+    class Drawn(Exception):
+        pass
+
+    def drawn(_: Any, residuals: Any) -> Any:
+        raise Drawn(*residuals)
+
+    monkeypatch.setattr(calibration_page, "dynamic_pressure", lambda tunnel: 0.6 * tunnel.speed_mps**2)
+    monkeypatch.setattr(calibration_page.figures, "residual_maps", drawn)
+    with pytest.raises(Drawn) as found:
+        calibration_page.render(measured, SimpleNamespace(maps=maps), angle_scale_sigma=0.0)  # type: ignore[arg-type]
+    alpha, beta, ratio = found.value.args
+    assert alpha == pytest.approx(np.degrees(0.01)) and beta == pytest.approx(-np.degrees(0.01))
+    assert ratio == pytest.approx(2.0)
