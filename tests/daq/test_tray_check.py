@@ -244,3 +244,12 @@ def test_values_are_shown_in_the_units_beside_them() -> None:
     assert {unit.split()[0] for _, _, unit in shown} > set(factors)
     for name, factor, unit in shown:
         assert factor == pytest.approx(factors.get(unit.split()[0], 1.0), rel=1e-6), name
+
+
+def test_the_room_on_the_disk_is_that_beyond_what_is_kept_free(tmp_path, monkeypatch):
+    """10 GB and more than are kept free last for the bytes of the default tray, 16 kB/s at 25 Hz."""
+    monkeypatch.setattr(tray_check, "free_bytes", lambda folder: 10e9)
+    found = checked(tmp_path, AtRest())
+    clock = SimulatedClock()
+    keep_free_MB = default_tray(tmp_path, FakeTray(AtRest(), clock)).files.keep_free_MB
+    assert keep_free_MB > 0 and found.free_s == pytest.approx((10e9 - keep_free_MB * 1e6) / 16e3)
