@@ -94,3 +94,13 @@ def test_a_whole_step_that_succeeds_is_followed_by_less_damping(damping: float, 
     uphill = at._replace(gradient=-at.gradient)
     none, most = _improve(parabola, uphill, _EigenSystem.of(at.information), moving, damping)
     assert none is None and most > LARGEST_DAMPING
+
+
+@pytest.mark.parametrize("most", [1, 4])
+def test_as_many_steps_are_made_as_allowed(most: int) -> None:
+    """Each goes a third of the way: none of the first few ends at the optimum."""
+    parabola = Parabola(share=1 / 3)
+    parabola.start = 9.0
+    point, iterations, reason = maximize(parabola, parabola.evaluate(np.array([9.0])), most)
+    assert (iterations, len(point.steps)) == (most, most) and reason == f"{most} iterations were not enough"
+    assert point.theta[0] == pytest.approx(9.0 * (2 / 3) ** most)

@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 from exact_motion import exact_motion
 
+from analysis.results.trajectory import trajectory_result
 from analysis.trajectory.airspeed_scale import calibrate
-from analysis.trajectory.consistency import ANGLES, SPEED, consistency
+from analysis.trajectory.consistency import ANGLES, SPEED, Consistency, consistency
 from analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
@@ -266,3 +267,13 @@ def test_gusts_are_said_to_limit_the_angle_of_attack_from_0_3_deg_in_0_3_mps(exa
     if said:
         with pytest.raises(InputError, match=f"gusts of {gust_mps:.1f} m/s .* uncertain by {error_deg:.1f} deg"):
             gust_notes(trajectory, 1, "log")
+
+
+def test_results_tell_differences_in_degrees_and_metres_a_second(exact) -> None:
+    trajectory = trajectory_of(exact.table, exact.states, {})
+    t = trajectory.block_means.t_s
+    before = pd.DataFrame({ANGLES: np.radians(2.0) + 0 * t, SPEED: 0.5 + 0 * t}, index=t)
+    angles, speed = trajectory_result(trajectory, Consistency(before, before / 2), []).checks
+    assert (angles.before.unit, speed.before.unit) == ("deg", "m/s")
+    assert (angles.before.mean, angles.after.mean) == pytest.approx((2.0, 1.0))
+    assert (speed.before.mean, speed.after.mean) == pytest.approx((0.5, 0.25))
