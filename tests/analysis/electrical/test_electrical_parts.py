@@ -280,3 +280,17 @@ def test_stretches_of_twenty_seconds_clear_of_the_ground_count() -> None:
     columns["height_m"][181:] = 13.1
     (rows,) = _airborne(columns, standing, moving, 40.0)
     assert (rows.start, rows.stop) == (181, n)
+
+
+def test_a_log_that_begins_in_flight_has_the_autopilot_s_zero() -> None:
+    """Its lowest pressure is a flown one. On the ground the lowest is the zero, whoever has corrected it before."""
+    n, least_Pa = 600, 40.0
+    silent = {name: np.full(n, np.nan) for name in recording.GPS}
+    flown = np.full(n, 130.0)
+    standing, moving = _standing_and_moving({"pressure_Pa": flown, **silent}, least_Pa, zeroed=True)
+    assert moving.all() and not standing.any()
+    _, moving = _standing_and_moving({"pressure_Pa": flown, **silent}, least_Pa, zeroed=False)
+    assert not moving.any(), "a constant pressure may be the raw zero"
+    drifted = np.where(np.arange(n) < 300, 30.0, 160.0)
+    standing, moving = _standing_and_moving({"pressure_Pa": drifted, **silent}, least_Pa, zeroed=True)
+    assert standing[:280].all() and moving[320:].all() and not moving[:280].any()
