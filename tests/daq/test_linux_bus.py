@@ -7,6 +7,7 @@ import tty
 
 import pytest
 
+from daq import linux_bus
 from daq.linux_bus import LinuxBuses, LinuxI2C
 from daq.sensor_supervisor import status_of
 from flight.messages import Status
@@ -76,3 +77,13 @@ def test_a_line_that_somebody_else_has_open_is_said_to_be():
     assert caught.value.filename == name and status_of(caught.value) is Status.NO_REPLY
     os.close(ours)
     os.close(theirs)
+
+
+@pytest.mark.parametrize(("timeout_ms", "units"), [(10, 1), (20, 2), (25, 3)])
+def test_the_kernel_s_timeout_is_in_units_of_ten_milliseconds_rounded_up(tmp_path, monkeypatch, timeout_ms, units):
+    asked = []
+    monkeypatch.setattr(linux_bus.fcntl, "ioctl", lambda file, request, value: asked.append((request, value)))
+    device = tmp_path / "i2c-1"
+    device.touch()
+    LinuxI2C(str(device), timeout_ms).close()
+    assert asked == [(linux_bus.I2C_TIMEOUT, units), (linux_bus.I2C_RETRIES, 0)]

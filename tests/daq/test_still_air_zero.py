@@ -9,7 +9,16 @@ from test_daemon import SteadySensorTruth, default_tray
 from daq.daemon import record
 from daq.dry_run import dry_run
 from daq.sensors import Sample
-from daq.still_air_zero import NotStill, parse_zero, save_zero, zero_from_samples
+from daq.still_air_zero import (
+    FORCE,
+    PRESSURE,
+    RATE,
+    NotStill,
+    parse_zero,
+    rest_problems,
+    save_zero,
+    zero_from_samples,
+)
 from flight.errors import InputError
 from flight.log_reader import read_log
 from flight.messages import DifferentialPressure
@@ -157,3 +166,27 @@ def test_nine_tenths_of_the_ticks_must_have_a_measurement(measured, enough):
     else:
         with pytest.raises(NotStill, match="89 measurements in 100 ticks"):
             zero_from_samples(samples, ticks=100, seconds=4.0, unix_ns=0)
+
+
+def test_limits_of_a_zero_are_those_of_the_parts_and_of_what_a_flight_bears():
+    """Datasheets: SSC 2 % of 10 inH2O, MPU-9250 5 deg/s. Noise on the bench: 0.005 rad/s, 0.06 m/s^2."""
+    for limit, of_part in ((PRESSURE.offset, 0.02 * 10 * 249.089), (RATE.offset, np.radians(5.0))):
+        assert of_part < limit < 1.1 * of_part
+    for limit, noise in ((RATE.spread, 0.005), (FORCE.spread, 0.06)):
+        assert 3 * noise < limit < 6 * noise, "several times the noise are a hand on the wing"
+    # 1 Pa is 0.3 % of airspeed at 16 m/s; a wind of 3 m/s, which is no zero, makes 5.5.
+    n = 20_000
+    drifting = [[drift * (i >= n // 2) for i in range(n)] for drift in (0.9, 1.1)]
+    assert rest_problems("dp", drifting[0], PRESSURE) == []
+    (said,) = rest_problems("dp", drifting[1], PRESSURE)
+    assert "drifts by 1.1 Pa" in said and PRESSURE.shift < 5.5 < PRESSURE.spread
+
+
+def test_a_drift_counts_beyond_four_standard_errors_of_the_halves():
+    """Noise of 0.01 rad/s in halves of 50: the difference of two means is good to 0.002, four times that is allowed."""
+    noise = np.tile([0.01, -0.01], 50)
+    criteria = RATE._replace(shift=0.0)
+    allowed = 4 * 0.01 * np.sqrt(2 / 50)
+    for share, refused in ((0.9, False), (1.2, True)):
+        shifted = noise + share * allowed * (np.arange(100) >= 50)
+        assert bool(rest_problems("p", shifted.tolist(), criteria)) == refused

@@ -235,3 +235,21 @@ def test_what_is_normal_on_the_ground_is_told_as_such(topic, said):
 def test_a_sensor_that_loses_more_than_a_twentieth_of_its_readings_is_not_fit(good, ok):
     messages = [Imu()] * good + [Imu(status=Status.NO_REPLY)] * (100 - good)
     assert tray_check.check_topic("/imu", messages, 4.0).ok is ok
+
+
+def test_values_are_shown_in_the_units_beside_them() -> None:
+    """The field's name ends with the unit it is measured in; the factor converts it to the one shown."""
+    factors = {"uT": 1e6, "hPa": 0.01, "deg": 180 / math.pi, "deg/s": 180 / math.pi, "rpm": 60.0, "%": 100.0}
+    shown = [field for fields in tray_check.SHOWN_FIELDS.values() for field in fields]
+    assert {unit.split()[0] for _, _, unit in shown} > set(factors)
+    for name, factor, unit in shown:
+        assert factor == pytest.approx(factors.get(unit.split()[0], 1.0), rel=1e-6), name
+
+
+def test_the_room_on_the_disk_is_that_beyond_what_is_kept_free(tmp_path, monkeypatch):
+    """10 GB and more than are kept free last for the bytes of the default tray, 16 kB/s at 25 Hz."""
+    monkeypatch.setattr(tray_check, "free_bytes", lambda folder: 10e9)
+    found = checked(tmp_path, AtRest())
+    clock = SimulatedClock()
+    keep_free_MB = default_tray(tmp_path, FakeTray(AtRest(), clock)).files.keep_free_MB
+    assert keep_free_MB > 0 and found.free_s == pytest.approx((10e9 - keep_free_MB * 1e6) / 16e3)

@@ -82,3 +82,16 @@ def test_a_uiuc_name_above_40_is_in_millimetres(tmp_path):
     for name, diameter_m in {"ef_130x70_0613od_5000.txt": 0.130, "apce_10x5_kt0821_5000.txt": 0.254}.items():
         (tmp_path / name).write_text(text)
         assert load_propeller(tmp_path / name).diameter_m == pytest.approx(diameter_m)
+
+
+@pytest.mark.parametrize(("rpm", "standing"), [(4900.0, False), (4960.0, True), (6500.0, True), (8070.0, True),
+                                               (8200.0, False)])  # fmt: skip
+def test_a_row_within_a_hundredth_of_the_speeds_measured_without_wind_begins_there(rpm: float, standing: bool) -> None:
+    row_text, static = (
+        "J CT CP eta\n0.2 0.1 0.05 0.4\n0.4 0.08 0.05 0.6\n",
+        "RPM CT CP\n5000 0.11 0.05\n8000 0.14 0.08\n",
+    )
+    (row,) = parse_uiuc({rpm: row_text}, "static", 0.25, static).rows
+    assert (row.J[0] == 0.0) == standing
+    if rpm == 6500.0:
+        assert (row.cT[0], row.cP[0]) == pytest.approx((0.125, 0.065))

@@ -1,6 +1,8 @@
 """`--help` of every command: plain, within 80 columns, with units, defaults and an example."""
 
 import re
+from inspect import signature
+from pathlib import Path
 
 import pytest
 import typer
@@ -13,6 +15,7 @@ import daq.__main__
 import flightpower.__main__
 import flightpower.new
 import sim.__main__
+from analysis.cli import plan
 from flight.shipped_propellers import shipped_propellers
 
 APPLICATIONS = {
@@ -67,3 +70,14 @@ def test_units_stay_in_tables() -> None:
 def test_the_shipped_propellers_are_named() -> None:
     text = " ".join(help_of("analyze", "").split())
     assert shipped_propellers() and ", ".join(shipped_propellers()) in text
+
+
+def test_plans_are_by_default_those_that_the_page_on_flying_tells() -> None:
+    told = (Path(__file__).parents[2] / "docs" / "flying.md").read_text("utf-8")
+    found = re.search(r"For the Nexstar, (\d+) minutes and legs .* \(`flightpower plan nexstar --leg", told)
+    legs = re.search(r"(\d+) m in line of sight, (\d+) m with an autopilot unless", told)
+    load = re.search(r"largest load factor while porpoising, (\d) unless", told)
+    assert found and legs and load
+    default = {name: one.default for name, one in signature(plan.plan).parameters.items()}
+    assert default["minutes"] == float(found[1]) and default["load"] == float(load[1])
+    assert [plan.PILOTS[pilot] for pilot in ("line-of-sight", "autopilot")] == [float(leg) for leg in legs.groups()]

@@ -48,6 +48,15 @@ def test_turns_alone_leave_the_vertical_part_open_and_say_so() -> None:
     assert turns.directions < 0.25 < by_hand.directions
 
 
+def test_directions_are_those_of_the_field_without_iron() -> None:
+    """Standard deviation of the field's direction along the axis seen least; 1/sqrt(3) for all directions alike."""
+    for by_hand in (True, False):
+        field, _, true = measured(1, by_hand=by_hand)
+        along = np.linalg.eigvalsh(np.cov((true / FIELD_T).T))
+        found = magnetometer.calibrate(field + 30e-6, "log").directions
+        assert found == pytest.approx(np.sqrt(along[0]), rel=0.1 if by_hand else 0.3)
+
+
 def test_what_is_no_magnetic_field_is_refused() -> None:
     rng = np.random.default_rng(0)
     with pytest.raises(InputError, match="too few"):
@@ -136,3 +145,15 @@ def test_positions_apart_by_the_play_of_a_servo_are_one_and_others_are_not() -> 
     assert table.pulse_us == [1104, 1500, 1540]
     assert table.angle_deg == pytest.approx([-19.5, 0.0, 2.0])
     assert table.hysteresis_deg == pytest.approx(1.0)
+
+
+def test_the_axis_that_stays_unknown_is_named_with_its_error_and_the_field(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two turns leave the vertical axis open, by more than a limit that is a hundredth of the usual one."""
+    field = measured(0, by_hand=False)[0]
+    known = magnetometer.calibrate(field, "log")
+    monkeypatch.setattr(magnetometer, "WORST_RAD", magnetometer.WORST_RAD / 100)
+    with pytest.raises(InputError) as refused:
+        magnetometer.calibrate(field, "log")
+    said = f"hard iron along z stays uncertain by {1e6 * known.hard_iron_error_T[2]:.0f} uT (1 sigma, of a field of "
+    assert said in str(refused.value)
+    assert float(str(refused.value).partition(said)[2].partition(")")[0]) == pytest.approx(1e6 * known.field_T, abs=0.5)

@@ -162,3 +162,11 @@ def test_bank_follows_a_quick_roll_by_the_roll_rate() -> None:
     found = bank_angle(flown(p_radps=np.gradient(rolled, 0.04)))
     assert np.degrees(found.max()) == pytest.approx(20, abs=3)
     assert t[np.argmax(found)] == pytest.approx(30, abs=0.1)
+
+
+def test_bank_does_not_depend_on_when_the_clock_began() -> None:
+    t = np.arange(len(flown())) * 0.04
+    rolled = 0.3 * np.sin(1.5 * t)
+    table = flown(p_radps=np.gradient(rolled, 0.04))
+    later = table.set_axis(table.index + 1000.0)
+    assert bank_angle(later) == pytest.approx(bank_angle(table), abs=1e-9)

@@ -16,7 +16,9 @@ from analysis.airdata.step_test import (
     exponential,
     find_steps,
     fit_lag,
+    through,
 )
+from analysis.airdata.tubing import air
 from analysis.cli.calibrate.tubing import summary
 from flight.aircraft import PneumaticLine
 
@@ -136,3 +138,15 @@ def test_a_line_is_left_out_if_its_lag_is_known_no_better_than_40_per_cent() -> 
         return LineLag("alpha", "/probe/alpha", lag(0.020, lo_s, hi_s), None, None).unsupported
 
     assert not unsupported(0.0125, 0.028) and unsupported(0.0115, 0.028)
+
+
+@pytest.mark.parametrize("lag_s", [0.005, 0.05])
+def test_a_step_at_the_end_of_a_tube_falls_from_one_to_zero_and_stays(lag_s: float) -> None:
+    """A narrow tube behaves nearly as a flow resistance: the step's mean delay is the lag."""
+    line = PneumaticLine(length_m=0.3, diameter_m=0.4e-3, cavity_m3=200e-9)
+    shape = through(line, air(100e3, 293.15))(lag_s)
+    t = np.linspace(-lag_s, 40 * lag_s, 8001)
+    remaining = shape(t)
+    assert (remaining[t <= 0] == 1.0).all() and np.abs(remaining[t > 12 * lag_s]).max() < 1e-3
+    assert np.diff(remaining).max() < 1e-3, "it does not rise"
+    assert np.trapezoid(remaining[t >= 0], t[t >= 0]) == pytest.approx(lag_s, rel=0.03)

@@ -4,9 +4,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.drag.steady_points import mean_gust_mps, require_speeds, steady_means, steady_points
+from analysis.drag.steady_points import (
+    SteadyMeans,
+    _error_of_mean,
+    mean_gust_mps,
+    require_speeds,
+    steady_means,
+    steady_method,
+    steady_points,
+)
 from analysis.maneuvers.kinds import STEADY, Maneuver
-from flight.aircraft import load_aircraft
+from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
 
@@ -91,3 +99,28 @@ def test_a_run_with_fewer_than_ten_thrust_values_is_no_point() -> None:
     thrust[29] = np.nan
     with pytest.raises(InputError, match="no steady point has thrust data"):
         steady_means(table(thrust_x_over_m_mps2=thrust), [RUN], NEXSTAR)
+
+
+@pytest.mark.parametrize("n", [5, 40])
+def test_the_error_of_a_mean_adds_the_correlations_of_two_seconds(n: int) -> None:
+    """Bartlett's weights, which fall to zero beyond ten readings, or beyond all of a shorter record."""
+    x = np.random.default_rng(2).normal(0, 1, n).cumsum()
+    e, window = x - x.mean(), min(n - 1, 10)
+    sums = [sum(e[i] * e[i + k] for i in range(n - k)) for k in range(window + 1)]
+    variance = (sums[0] + 2 * sum((1 - k / (window + 1)) * sums[k] for k in range(1, window + 1))) / n
+    assert _error_of_mean(x, STEP_S) == pytest.approx(np.sqrt(variance / n))
+
+
+def test_the_error_of_what_is_regressed_is_as_large_a_share_as_that_of_power() -> None:
+    seen: list[SteadyMeans] = []
+
+    def drag(points: SteadyMeans, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
+        seen.append(points)
+        return np.ones((len(points.V), 3)), points.power_W / points.V
+
+    method = steady_method("test", "test", "", np.array([[1.0], [0.0], [0.0]]), drag)
+    noisy = 1.0 + np.random.default_rng(0).normal(0, 0.1, len(table()))
+    assert method.regression is not None
+    found = method.regression(table(thrust_x_over_m_mps2=noisy), [RUN], NEXSTAR)
+    assert found.sigma / found.z == pytest.approx(seen[0].power_error_W / seen[0].power_W)
+    assert (found.sigma > 0).all()

@@ -51,3 +51,14 @@ def test_readings_that_contradict_each_other_are_not_written(tmp_path: Path) -> 
     output = tmp_path / "weight.toml"
     outcome = CliRunner().invoke(app, ["weight-and-balance", "--scale", "4.1 4.2 kg", "-o", str(output)])
     assert outcome.exit_code == 1 and "support 1 differ by 100 g" in outcome.output and not output.exists()
+
+
+def test_repeated_readings_average_and_their_scatter_counts_where_it_is_larger() -> None:
+    """Four readings halve the error of one, be it the stated one or that of their scatter."""
+    exactly = ScaleErrors(reading_kg=0.005, gain=0.0, position_m=0.0)
+    four = weight_and_balance([Support(0.1, (2.0,) * 4), Support(0.5, (2.0,) * 4)], exactly)
+    assert four.mass_error_kg == pytest.approx(0.005 / 2 * np.sqrt(2))
+    # Each moves the centre of gravity, 0.2 m from either support, by its error over the mass.
+    assert four.position_error_m == pytest.approx(0.2 / 4.0 * 0.0025 * np.sqrt(2))
+    scattered = weight_and_balance([Support(0.1, (1.98, 2.02, 1.98, 2.02))], exactly)
+    assert scattered.mass_error_kg == pytest.approx(np.std([1.98, 2.02] * 2, ddof=1) / 2)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.estimation.optimizer import Evaluation, maximize
+from analysis.estimation.optimizer import LARGEST_DAMPING, Evaluation, _EigenSystem, _improve, maximize
 
 CURVATURE = 4.0  # of the cost: a standard error of 0.5
 
@@ -78,3 +78,29 @@ def test_where_no_step_lowers_the_cost_the_predicted_gain_decides(gain, optimum)
 def test_a_caller_may_stop_earlier():
     point = Parabola(share=0.5).stop(1.0, step_tolerance=0.1)
     assert point == (pytest.approx(1 / 16), ""), "the first step shorter than 0.1 of a standard error"
+
+
+@pytest.mark.parametrize(("damping", "then"), [(0.0, 0.0), (1e-4, 0.0), (1e-3, 0.0), (1e-2, 1e-3), (1.0, 0.1)])
+def test_a_whole_step_that_succeeds_is_followed_by_less_damping(damping: float, then: float) -> None:
+    """A tenth of it, down to the least; then none. A step against the slope needs more, until none is left to try."""
+    parabola = Parabola()
+    parabola.start = 3.0
+    at = parabola.evaluate(np.array([3.0]))
+    moving = np.array([0])
+    better, next_damping = _improve(parabola, at, _EigenSystem.of(at.information), moving, damping)
+    assert better is not None and better.cost < at.cost
+    assert better.theta[0] == pytest.approx(3.0 - 3.0 / (1 + damping))
+    assert next_damping == pytest.approx(then)
+    uphill = at._replace(gradient=-at.gradient)
+    none, most = _improve(parabola, uphill, _EigenSystem.of(at.information), moving, damping)
+    assert none is None and most > LARGEST_DAMPING
+
+
+@pytest.mark.parametrize("most", [1, 4])
+def test_as_many_steps_are_made_as_allowed(most: int) -> None:
+    """Each goes a third of the way: none of the first few ends at the optimum."""
+    parabola = Parabola(share=1 / 3)
+    parabola.start = 9.0
+    point, iterations, reason = maximize(parabola, parabola.evaluate(np.array([9.0])), most)
+    assert (iterations, len(point.steps)) == (most, most) and reason == f"{most} iterations were not enough"
+    assert point.theta[0] == pytest.approx(9.0 * (2 / 3) ** most)

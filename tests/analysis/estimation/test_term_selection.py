@@ -153,3 +153,14 @@ def test_a_fit_gives_the_standard_errors_of_least_squares():
     )
     assert found[5] == pytest.approx(np.corrcoef(x, z)[0, 1] ** 2)
     assert found[6] == pytest.approx(square / 40 + 2 * sigma**2 / 40)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_constant_added_to_a_candidate_changes_nothing_but_the_constant(method):
+    """Also one ten thousand times as large as what varies: it is no dependence on the constant."""
+    candidates, z = flight(7)
+    found = method(candidates, z)
+    moved = {name: values + 2e4 * np.std(values) for name, values in candidates.items()}
+    again = method(moved, z)
+    assert again.names == found.names
+    assert again.coefficients == pytest.approx(found.coefficients, rel=1e-4)

@@ -1,5 +1,7 @@
 """Coverage of intervals with white and colored noise, and quantities derived from a covariance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -245,3 +247,12 @@ def test_whiteness_is_the_test_of_ljung_and_box():
     found = uncertainty.whiteness(fit, lags)["z"]
     assert found.lag_one == pytest.approx(r[0])
     assert found.p_value == pytest.approx(chi2.sf(Q, lags))
+
+
+def test_what_the_variances_of_residuals_tell_is_white_and_adds_to_the_score():
+    """D (M + V) D: half of the information of the data adds half of the Cramer-Rao bound in any noise."""
+    fit = fit_noisy(first_order(np.random.default_rng(0)))
+    more = replace(fit, variance_information=0.5 * fit.information)
+    bound = uncertainty.cramer_rao(fit).covariance
+    for method in (uncertainty.morelli_klein, lambda one: uncertainty.block_bootstrap(one, block_s=1.0, draws=50)):
+        assert method(more).covariance - method(fit).covariance == pytest.approx(0.5 * bound, rel=1e-6)

@@ -5,9 +5,12 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import pandas as pd
 import pytest
 
+from analysis.exports.derived import _by_thrust_table
 from analysis.exports.derived_log import _write_location
+from flight.aircraft import load_aircraft
 from flight.log_entries import LogEntry
 from flight.log_reader import Log
 from flight.messages import Gps, Status
@@ -50,3 +53,19 @@ def test_a_fix_has_half_the_horizontal_variance_in_each_direction() -> None:
     assert np.reshape(fix["position_covariance"], (3, 3)) == pytest.approx(np.diag([12.5, 12.5, 36.0]))
     assert not any(unknown["position_covariance"]) and fix["position_covariance_type"] > 0
     assert unknown["position_covariance_type"] == 0
+
+
+def test_an_error_of_the_thrust_s_table_turns_with_alpha_into_lift_and_drag() -> None:
+    """Of thrust: the scale, the slope over J and what is beyond the table. sin(alpha) of it is lift, cos is drag."""
+    aircraft = load_aircraft("nexstar")
+    alpha, thrust_N, J, beyond, qS_over_m = 0.2, 5.0, 0.7, 0.03, 12.0
+    nominal = np.array([[alpha, 15.0, 0.0, thrust_N, 0.8, 0.06]])
+    forces = pd.DataFrame(
+        {"J": [J], "thrust_beyond_over_m_mps2": [beyond * np.cos(alpha)], "qS_over_m_mps2": [qS_over_m]}
+    )
+    of_thrust, of_CL, of_CD = _by_thrust_table(nominal, forces, aircraft)[0]
+    stated, m = aircraft.uncertainty, aircraft.mass_kg
+    scale, slope = stated.thrust_scale_fraction * thrust_N, stated.thrust_slope * (J - 0.5) * thrust_N
+    assert np.sqrt(of_thrust) == pytest.approx(np.sqrt(scale**2 + slope**2 + (beyond * m) ** 2))
+    assert np.sqrt(of_CL / of_thrust) == pytest.approx(np.sin(alpha) / (qS_over_m * m))
+    assert np.sqrt(of_CD / of_thrust) == pytest.approx(np.cos(alpha) / (qS_over_m * m))

@@ -100,3 +100,11 @@ def test_a_sensor_that_contradicts_mechanics_is_refused(change: dict[str, float]
     check_axes(swinging(), "flight.mcap")
     with pytest.raises(InputError, match=said):
         check_axes(swinging(**change), "flight.mcap")
+
+
+@pytest.mark.parametrize("name", ["gps_down_mps", "q_radps", "ax_mps2", "ay_mps2", "beta_rad", "dp_beta_Pa"])
+def test_a_sensor_that_shows_nothing_of_the_motion_is_not_called_reversed(name: str) -> None:
+    """Only one that contradicts it: noise, gusts and calm flights leave small correlations of either sign."""
+    table = swinging()
+    noise = np.random.default_rng(1).normal(0, float(table[name].std()), len(table))
+    check_axes(table.assign(**{name: noise}), "flight.mcap")

@@ -4,12 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.maneuvers.find import _part_of, _within
 from analysis.maneuvers.find_elevator import find_3211
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.find_loads import _against_wind_up_turn
 from analysis.maneuvers.find_steady import _reason_against as find_steady_reason
 from analysis.maneuvers.find_steady import find_steady
-from analysis.maneuvers.kinds import RejectedManeuver
+from analysis.maneuvers.kinds import PORPOISING, ROLLER_COASTER, STEPS_3211, Maneuver, RejectedManeuver
 from analysis.maneuvers.quality import notes, without_data
 from analysis.maneuvers.selection import nearest_miss
 from analysis.maneuvers.smooth import SmoothedMotion
@@ -173,3 +174,25 @@ def test_the_longest_stretch_without_a_run_is_told_with_its_times() -> None:
     ]
     assert nearest_miss(rejected, steady_flight()) == "; the longest stretch, 10 to 16 s: too short"
     assert nearest_miss(rejected[2:], steady_flight()) == " (speed never changed steadily in level flight)"
+
+
+@pytest.mark.parametrize(
+    ("start_s", "end_s", "within", "part"),
+    [
+        (21.0, 24.0, True, True),
+        (18.0, 21.0, True, True),
+        (26.0, 29.0, True, True),
+        (10.0, 19.0, False, False),  # before
+        (28.5, 31.0, False, False),  # after
+        (17.5, 30.5, False, True),  # longer than such an input
+        (16.9, 20.5, True, False),  # begins more than three seconds before porpoising
+        (27.0, 31.1, True, False),
+    ],
+)
+def test_a_short_stretch_within_an_input_or_a_porpoise_is_part_of_it(start_s, end_s, within, part) -> None:
+    """Of an input any short overlap; of porpoising what lies within it and three seconds for the stick to settle."""
+    stretch = RejectedManeuver(ROLLER_COASTER, start_s, end_s, "")
+    steps = Maneuver(STEPS_3211, slice(0, 1), 20.0, 28.0, 15.0, 15.0, 0.0)
+    assert _within(stretch, [steps]) is within
+    assert not _within(RejectedManeuver(STEPS_3211, start_s, end_s, ""), [steps])
+    assert _part_of(stretch, [Maneuver(PORPOISING, slice(0, 1), 20.0, 28.0, 15.0, 15.0, 0.0)]) is part

@@ -22,6 +22,7 @@ from analysis.drag.polar import Condition, Polar, speed_at
 from analysis.performance.analysis import (
     ConditionPerformance,
     PerformanceModel,
+    _whole_speeds,
     _with_battery_and_coverage,
     flight_performance,
     performance_at,
@@ -160,3 +161,11 @@ def test_battery_power_is_voltage_times_current_and_the_ground_is_not_covered(pr
     assert data["battery_W"].tolist() == [70.0, 70.0, 70.0]
     assert data["covered"].tolist() == [True, False, False]
     assert data["throttle"].isna().all()
+
+
+def test_the_field_table_has_whole_speeds_and_ten_rows_at_most() -> None:
+    """Every one where they fit, else every second or third."""
+    assert _whole_speeds(np.array([9.3, 15.0, 19.8])).tolist() == list(range(10, 20))
+    assert _whole_speeds(np.array([10.0, 20.0])).tolist() == [10, 12, 14, 16, 18, 20]
+    assert _whole_speeds(np.array([10.2, 24.7])).tolist() == list(range(11, 25, 2))
+    assert _whole_speeds(np.array([10.0, 40.9])).tolist() == list(range(10, 41, 4))

@@ -158,3 +158,16 @@ def test_a_few_seconds_are_no_measurement(nexstar, propeller) -> None:
     data = steady_points(nexstar, propeller, seconds=5.0).iloc[:20]
     train = fit_power_train(data, nexstar.propulsion, propeller, **NO_CORRECTION)
     assert not train.measured and "Only" in train.basis
+
+
+def test_efficiencies_are_means_of_five_seconds_and_a_windmilling_propeller_has_none(nexstar, propeller) -> None:
+    data = steady_points(nexstar, propeller)
+    train = fit_power_train(data, nexstar.propulsion, propeller, **NO_CORRECTION)
+    times = np.array([point.time_s for point in train.efficiencies])
+    assert len(times) == 20, "four means in each of five points of 20 s"
+    assert np.diff(times.reshape(5, 4)) == pytest.approx(5.0, abs=0.5)
+    late = np.arange(len(data)) >= len(data) - round(10 / STEP_S)
+    windmilling = data.assign(V=data["V"] * np.where(late, 2.0, 1.0))  # the last 10 s, at the same motor speed
+    assert propeller.thrust_and_power(45.0, data["n"].iloc[-1], RHO)[0] < 0
+    kept = fit_power_train(windmilling, nexstar.propulsion, propeller, **NO_CORRECTION).efficiencies
+    assert max(point.time_s for point in kept) < 80.0, "the whole stretch is left out"

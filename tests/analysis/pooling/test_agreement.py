@@ -1,15 +1,20 @@
 """Whether flights agree: the test of homogeneity, outliers with their likely reason."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 from synthetic_flights import flight, truth
 
+from analysis.drag.polar import Condition, speed_at
 from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling import pool_results
 from analysis.pooling.agreement import differences_in_pool, quadratic_form
 from analysis.pooling.flight_statistics import POOLED
+from analysis.pooling.pooled_json import _thrust_known
+from analysis.pooling.trends import trends
 
 
 def test_homogeneity_is_calibrated_on_flights_drawn_from_the_model() -> None:
@@ -98,3 +103,36 @@ def test_a_quadratic_form_is_that_of_the_inverse() -> None:
     C = np.array([[4e-6, 1e-4], [1e-4, 0.04]])
     d = np.array([1e-3, 0.3])
     assert quadratic_form(d, C) == pytest.approx(d @ np.linalg.inv(C) @ d)
+
+
+def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
+    """0.5 % a day; of flights known equally well the slope's error is that of one over the root of sum (x - mean)^2."""
+    days = np.array([0.0, 1.0, 2.0, 5.0])
+    flights = [
+        SimpleNamespace(results={"pooling": {"start_unix_s": 86400.0 * day, "battery_V": 14.0}, "air_temperature_K": T})
+        for day, T in zip(days, (280.0, None, 290.0, 295.0), strict=True)
+    ]
+    (found,) = trends(flights, 3.0 + 0.5 * days, 0.04 * np.eye(4))  # type: ignore[arg-type]
+    assert (found.quantity, found.unit, found.flights) == ("date", "day", 4)
+    assert found.slope_percent == pytest.approx(0.5)
+    assert found.standard_error_percent == pytest.approx(0.2 / np.sqrt(np.sum((days - 2.0) ** 2)))
+    assert found.p == pytest.approx(2 * norm.sf(0.5 / found.standard_error_percent))
+
+
+def test_thrust_is_known_where_a_flight_that_was_there_had_it_within_the_table() -> None:
+    """At its own lift coefficients, whatever its weight; a flight without a curve covers all that it flew."""
+    at = Condition(weight_N=37.0, rho=1.2, wing_area_m2=0.46)
+    CL = np.array([0.25, 0.35, 0.55, 0.75, 0.95])
+
+    def one(CLs: list[float], extrapolated: list[bool]) -> SimpleNamespace:
+        points = [
+            {"speed_mps": float(speed_at(c, at)), "extrapolated": e} for c, e in zip(CLs, extrapolated, strict=True)
+        ]
+        return SimpleNamespace(results={"power_required": points}, flown_CL=(0.3, 0.8), condition=at)
+
+    flights = [one([0.35, 0.55, 0.75], [True, False, False])]
+    pool = SimpleNamespace(flights=flights)
+    assert _thrust_known(pool, CL) == [False, False, True, True, False]  # type: ignore[arg-type]
+    flights.append(SimpleNamespace(results={}, flown_CL=(0.3, 0.4), condition=at))
+    assert _thrust_known(pool, CL) == [False, True, True, True, False]  # type: ignore[arg-type]
+    assert _thrust_known(pool, np.array([0.3, 0.8])) == [True, True]  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from analysis.log_contents import Replacements
-from analysis.results.flight_found import autocorrelation, track
+from analysis.results.flight_found import autocorrelation, parameter_correlation, track
 from analysis.results.previous import replaced
 from analysis.results.provenance import provenance
 from analysis.results.schema_provenance import Provenance
@@ -131,3 +131,14 @@ def test_the_track_is_the_integral_of_velocity() -> None:
     assert len(found.t_s) <= 600
     assert max(found.east_m) == pytest.approx(200, abs=0.2) and max(found.north_m) == pytest.approx(100, abs=0.2)
     assert abs(found.north_m[-1]) < 2 and abs(found.east_m[-1]) < 1
+
+
+def test_errors_of_parameters_are_correlated_by_noise_and_what_is_common_and_not_with_one_that_is_exact() -> None:
+    noise, systematic = np.zeros((5, 5)), np.zeros((5, 5))
+    noise[:2, :2] = [[3.0, -1.0], [-1.0, 8.0]]
+    systematic[:2, :2] = [[1.0, -2.0], [-2.0, 1.0]]
+    found = parameter_correlation(SimpleNamespace(noise=noise, systematic=systematic))  # type: ignore[arg-type]
+    assert found.names[:2] == ["A0", "A1"] and len(found.names) == 5
+    expected = np.zeros((5, 5))
+    expected[:2, :2] = [[1.0, -0.5], [-0.5, 1.0]]  # -3 over the roots of 4 and 9
+    assert np.array(found.matrix) == pytest.approx(expected)

@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 from exact_motion import exact_motion
 
+from analysis.results.trajectory import trajectory_result
 from analysis.trajectory.airspeed_scale import calibrate
-from analysis.trajectory.consistency import ANGLES, SPEED, consistency
+from analysis.trajectory.consistency import ANGLES, SPEED, Consistency, consistency
 from analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
@@ -111,6 +112,30 @@ def test_bias_and_gust_are_taken_out_of_sideslip(exact, bias: float, gust: float
     before, after = consistency(sensed)
     assert np.degrees((before[ANGLES] - calm).abs().mean()) > 0.7
     assert after[ANGLES].dropna().to_numpy() == pytest.approx(calm.dropna().to_numpy(), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("gust_u", "gust_w", "bias", "scale"), [(5.0, 0, 0, 0), (-5.0, 0, 0, 0), (0, 1.5, 0, 0), (0, -1.5, 0, 0),
+                                            (0, 0, 0.03, 0), (0, 0, 0, 0.4)]
+)  # fmt: skip
+def test_bias_slope_and_gust_are_taken_out_of_alpha_and_airspeed(exact, gust_u, gust_w, bias, scale) -> None:
+    """Air that moves forward takes from the airspeed; air that sinks takes from it and from the angle of attack.
+
+    Both components are along the body's axes, so that a gust from ahead, which is air that moves aft, lowers the angle.
+    """
+    calm = consistency(trajectory_of(exact.table, exact.states, {})).before
+    states = exact.states.copy()
+    states[:, STATES.index("gust_u")], states[:, STATES.index("gust_w")] = gust_u, gust_w
+    sensed = trajectory_of(exact.table, states, {"alpha_bias": bias, "alpha_scale": scale})
+    V, alpha, variance, dlnV = (sensed.predicted_flow[:, PREDICTED_FLOW.index(name)] for name in PREDICTED_FLOW)
+    means = sensed.block_means.means
+    turned = (gust_u * np.sin(alpha) - gust_w * np.cos(alpha)) / V
+    means["alpha_rad"] = means["alpha_rad"] + turned + bias + scale * alpha
+    slower = gust_u * np.cos(alpha) + gust_w * np.sin(alpha) + variance / (2 * V)
+    means["V_mps"] = means["V_mps"] - slower + dlnV * scale * V
+    _, after = consistency(sensed)
+    for column, error in ((ANGLES, 2e-3), (SPEED, 1e-6)):
+        assert after[column].dropna().to_numpy() == pytest.approx(calm[column].dropna().to_numpy(), abs=error)
 
 
 def test_perfect_sensors_agree(exact) -> None:
@@ -224,7 +249,10 @@ def test_a_compass_contradicts_beyond_twice_its_error_or_thirty_degrees(
     assert bool(notes) == contradicts and all("contradicts GPS" in note for note in notes)
 
 
+@pytest.mark.filterwarnings("ignore:Mean of empty slice", "ignore:invalid value")
 def test_an_aircraft_that_never_flew_has_one_heading_and_one_speed(exact) -> None:
+    still = exact.table.assign(flying=False)
+    assert calibrate(still, trajectory_of(exact.table, exact.states, {})).one_way == 1.0
     parked = excitation(trajectory_of(exact.table.assign(height_m=0.0), exact.states, {}))
     assert (parked.mean_heading_vector, parked.speed_ratio) == (1.0, 1.0)
 
@@ -239,3 +267,13 @@ def test_gusts_are_said_to_limit_the_angle_of_attack_from_0_3_deg_in_0_3_mps(exa
     if said:
         with pytest.raises(InputError, match=f"gusts of {gust_mps:.1f} m/s .* uncertain by {error_deg:.1f} deg"):
             gust_notes(trajectory, 1, "log")
+
+
+def test_results_tell_differences_in_degrees_and_metres_a_second(exact) -> None:
+    trajectory = trajectory_of(exact.table, exact.states, {})
+    t = trajectory.block_means.t_s
+    before = pd.DataFrame({ANGLES: np.radians(2.0) + 0 * t, SPEED: 0.5 + 0 * t}, index=t)
+    angles, speed = trajectory_result(trajectory, Consistency(before, before / 2), []).checks
+    assert (angles.before.unit, speed.before.unit) == ("deg", "m/s")
+    assert (angles.before.mean, angles.after.mean) == pytest.approx((2.0, 1.0))
+    assert (speed.before.mean, speed.after.mean) == pytest.approx((0.5, 0.25))

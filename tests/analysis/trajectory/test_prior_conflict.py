@@ -36,6 +36,7 @@ def test_one_error_beyond_its_prior_is_named_and_gets_a_wider_one() -> None:
     trajectory = estimated(errors)
     found = prior_conflict(trajectory)
     assert found.factor[SENSOR_ERRORS.index("alpha_scale")] == pytest.approx(4.0)
+    assert found.together < 1.5 and np.sort(found.factor)[:-1] == pytest.approx(found.together), "others keep theirs"
     (said,) = conflict_notes(found, trajectory)
     assert "slope of angle of attack is -4.0 standard deviations (3 %)" in said
 

@@ -119,3 +119,23 @@ def test_sensor_errors_act_on_the_angle_of_attack_at_the_probe(exact, name, valu
     off = model[MEASUREMENTS.index("alpha")] - problem.blocks["alpha_rad"]
     by_error = (measured - true["alpha_rad"]).to_numpy()[BLOCK // 2 :: BLOCK]
     assert np.std(off[INSIDE]) < 0.03 * np.std(by_error[INSIDE])
+
+
+@pytest.mark.parametrize("climb_mps", [3.0, -3.0])
+def test_the_first_trajectory_pitches_up_by_alpha_and_the_climb_and_turns_by_the_yaw_rate(exact, climb_mps) -> None:
+    """Without GPS. In a steady turn with bank phi the yaw rate about the body's axis is cos(phi) of the turn's."""
+    t = exact.table.index.to_numpy()
+    bank, turn = 0.5, 0.2
+    table = exact.table.assign(
+        alpha_rad=0.08, height_m=500.0 + climb_mps * t, r_radps=turn * np.cos(bank),
+        gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan,
+    )  # fmt: skip
+    blocks = BlockMeans(table)
+    x = initial_states(blocks, np.full(blocks.n, bank), np.full(blocks.n, 15.0), None)
+    named = dict(zip(STATES, x[10:-10].T, strict=True))
+    assert named["theta"] == pytest.approx(0.08 + np.arcsin(climb_mps / 15.0))
+    assert named["phi"] == pytest.approx(bank) and named["v_down"] == pytest.approx(-climb_mps)
+    assert np.gradient(named["psi"], blocks.step_s) == pytest.approx(turn)
+    assert named["v_north"] == pytest.approx(15.0 * np.cos(named["psi"]))
+    assert named["v_east"] == pytest.approx(15.0 * np.sin(named["psi"]))
+    assert named["height"] == pytest.approx(500.0 + climb_mps * blocks.t_s[10:-10])
