@@ -23,7 +23,7 @@ LOGS = "/var/lib/flightpower"
 STOP, START = "sudo systemctl stop flightpower-daq", "sudo systemctl start flightpower-daq"
 # The edit of the tray file: the adapters by their permanent names, the autopilot on a serial line; few ticks, because
 # an emulated processor is some twenty times slower.
-RATE_HZ = 5
+RATE_HZ = 6
 EDIT_TRAY = (
     f"sudo sed -i 's|^rate_Hz = 25 |rate_Hz = {RATE_HZ} |; s|/dev/ttyAMA0|/dev/flightpower/gps|; "
     f"s|/dev/ttyUSB0|/dev/flightpower/rpm|; s|/dev/ttyUSB1|/dev/ttyS2|' {TRAY}"
