@@ -21,11 +21,12 @@ DAQ = "/opt/flightpower/bin/daq"
 TRAY = "/etc/flightpower/tray.toml"
 LOGS = "/var/lib/flightpower"
 STOP, START = "sudo systemctl stop flightpower-daq", "sudo systemctl start flightpower-daq"
-# The edit of the tray file: the adapters by their permanent names, the autopilot on a serial line; few ticks, because
-# an emulated processor is some twenty times slower.
+# The edit of the tray file: the adapters by their permanent names, the autopilot on a serial line. Few ticks, and
+# single readings of the IMU: an emulated processor is some twenty times slower, and the FIFO overflows while it is read.
 RATE_HZ = 6
 EDIT_TRAY = (
-    f"sudo sed -i 's|^rate_Hz = 25 |rate_Hz = {RATE_HZ} |; s|/dev/ttyAMA0|/dev/flightpower/gps|; "
+    f'sudo sed -i \'s|^rate_Hz = 25 |rate_Hz = {RATE_HZ} |; s|^sampling = "fifo" |sampling = "single" |; '
+    "s|/dev/ttyAMA0|/dev/flightpower/gps|; "
     f"s|/dev/ttyUSB0|/dev/flightpower/rpm|; s|/dev/ttyUSB1|/dev/ttyS2|' {TRAY}"
 )
 
@@ -84,7 +85,8 @@ def figures(machine: Machine) -> list[Row]:
     machine.wait(20.0)
     commands = {
         "boot": "systemd-analyze time | head -1",
-        "recording, after the kernel's start": "systemd-analyze critical-chain flightpower-daq.service | grep flightpower",
+        "recording, after the kernel's start": "systemd-analyze critical-chain flightpower-daq.service"
+        " | grep flightpower",
         "service, resident": "sudo cat /proc/$(systemctl show -P MainPID flightpower-daq)/smaps_rollup"
         " | awk '/^(Rss|Pss):/ {printf \"%s %.1f MB  \", $1, $2 / 1024}'",
         "service, its control group": "systemctl show -P MemoryCurrent flightpower-daq"
