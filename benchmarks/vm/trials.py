@@ -22,7 +22,7 @@ TRAY = "/etc/flightpower/tray.toml"
 LOGS = "/var/lib/flightpower"
 STOP, START = "sudo systemctl stop flightpower-daq", "sudo systemctl start flightpower-daq"
 # The edit of the tray file: the adapters by their permanent names, the autopilot on a serial line. Few ticks, and
-# single readings of the IMU: an emulated processor is some twenty times slower, and the FIFO overflows while it is read.
+# single readings of the IMU: an emulated processor is some twenty times slower, and its FIFO overflows in a reading.
 RATE_HZ = 6
 EDIT_TRAY = (
     f'sudo sed -i \'s|^rate_Hz = 25 |rate_Hz = {RATE_HZ} |; s|^sampling = "fifo" |sampling = "single" |; '
