@@ -2,6 +2,7 @@
 
 import threading
 
+import pytest
 from scripted_parts import HandClock
 from test_daemon import SteadySensorTruth, default_tray
 
@@ -101,6 +102,14 @@ def test_a_slow_bus_is_told_once_with_what_to_do_and_again_when_it_is_fast_enoug
     assert len(events) == 1 and "fast enough again" in events[0] and not load.slow
 
 
+def test_as_many_sensors_are_moved_as_leave_less_than_half_of_a_tick():
+    """38 ms of 40: without the IMU 22 are left, without the barometer as well 8."""
+    load = BusLoad("/dev/i2c-1", PERIOD_NS)
+    slow = {"mag": 8_000_000, "imu": 16_000_000, "baro": 14_000_000}
+    (text,) = (event.text for _ in range(3 * READINGS) for event in load.add(slow))
+    assert text.endswith("or move imu and baro to another bus")
+
+
 def test_a_bus_of_which_some_readings_are_late_is_slow_too_but_single_ones_are_not():
     """17 % of the readings took more than 0.8 of a tick at the Pi's default 100 kHz and 50 Hz, and the mean 0.65."""
     for every, expected in ((6, 1), (25, 0)):
@@ -134,6 +143,12 @@ def test_event_status_line_and_check_say_what_to_do(tmp_path):
     assert any("i2c_arm_baudrate" in e.message.text for e in read_log(done.path).entries["/daq/event"])
     report = tray_check.check_tray(tray, buses=fake, clock=clock, seconds=2)
     assert not report.fit and any("raise i2c_arm_baudrate" in fact.text for fact in report.facts)
+
+
+def test_every_tick_of_a_bus_that_is_too_slow_was_taken_or_missed(tmp_path):
+    clock, fake, tray = slow_tray(tmp_path, 12e3)
+    done = record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 4 * 10**9, threaded=False)
+    assert done.missed > 10 and done.ticks + done.missed == pytest.approx(4 * 25, abs=3)
 
 
 def test_a_bus_of_the_recommended_rate_is_fast_enough(tmp_path):
