@@ -141,7 +141,7 @@ def unplugged(folder: Path, disk: Path) -> list[Row]:
     back = 5.0 < gap_s < 20.0
     seen = f"{gap_s:.1f} s without a fix" if back else f"longest gap {gap_s:.1f} s, expected 5 to 20"
     others = {
-        topic: sum(entry.message.status is not Status.OK for entry in log.entries[topic][100:])
+        topic: sum(entry.message.status not in (Status.OK, Status.BUSY) for entry in log.entries[topic][100:])
         for topic in ("/imu", "/baro", "/static", "/probe/alpha", "/probe/beta", "/probe/airspeed")
     }
     return [
