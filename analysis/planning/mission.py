@@ -7,13 +7,12 @@ out.
 """
 
 import json
-from math import asin, atan2, cos, degrees, pi, radians, sin, tan
+from math import asin, atan2, cos, degrees, pi, radians, sin
 from typing import NamedTuple
 
 from analysis.planning.maneuvers import Hold, Porpoise, Run, TakeOff, Turn
 from analysis.planning.pieces import HELD_MARGIN, slowest_mps
 from analysis.planning.search import FlightPlan
-from flight.units import GRAVITY_MPS2
 
 EARTH_RADIUS_M = 6371000.0
 RELATIVE_ALT, MISSION_FRAME = 3, 2  # MAV_FRAME
@@ -129,9 +128,9 @@ def _items(plan: FlightPlan, home: Home) -> list[_Item]:
                 case Run():
                     change(max(maneuver.until_mps, held_mps))
                     leg()
-                case Turn(wanted, angle_rad, bank_rad) if angle_rad >= FULL_CIRCLE_RAD:
+                case Turn(wanted, angle_rad) if angle_rad >= FULL_CIRCLE_RAD:
                     change(wanted)
-                    radius_m = wanted**2 / (GRAVITY_MPS2 * tan(bank_rad))
+                    radius_m = maneuver.width_m / 2
                     turns = round(angle_rad / FULL_CIRCLE_RAD)
                     items.append(_Item(LOITER_TURNS, (turns, 0, round(radius_m, 1), 1), center))
                 case Hold() | Turn() | Porpoise() | TakeOff():

@@ -103,8 +103,8 @@ class Regressors:
 
     def _airspeed_instruments(self, inertial_V: Array, regressors: Array, sigma_w_mps: float) -> Array:
         """Airspeed and its derivative, `regressors` (n, 2), predicted from past inertial speed and its derivative."""
-        V, _ = extrapolated(inertial_V, self._flying, self._step_s, newest=NEWEST)
-        _, V_rate = extrapolated(inertial_V, self._flying, self._step_s, RATE_S, NEWEST)
+        V, _ = self._extrapolated(inertial_V, newest=NEWEST)
+        _, V_rate = self._extrapolated(inertial_V, RATE_S, NEWEST)
         past = np.column_stack([np.ones(len(V)), V, V_rate])
         decay, increment_mps = self._conditions.longitudinal_steps(sigma_w_mps)
         return projected_on_past(regressors, past, decay, self._flying, increment_mps / self._V_noise_mps)
@@ -120,8 +120,8 @@ class Regressors:
         """Values (n,) in flight, interpolated linearly elsewhere; 0 where there are none."""
         return np.nan_to_num(without_gaps(np.where(self._flying, values, np.nan)))
 
-    def _extrapolated(self, values: Array, window_s: float = SLOW_S) -> tuple[Array, Array]:
-        return extrapolated(values, self._flying, self._step_s, window_s)
+    def _extrapolated(self, values: Array, window_s: float = SLOW_S, newest: int = 1) -> tuple[Array, Array]:
+        return extrapolated(values, self._flying, self._step_s, window_s, newest)
 
     def _alpha(
         self, state: NamedArrays, errors: NamedArrays, lift: Array, lift_rate: Array, load: Array, sigma_w_mps: float
