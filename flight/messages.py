@@ -45,6 +45,7 @@ class Imu(Message):
 
     samples: int | None = None  # how many were averaged
     group_delay_s: float | None = None  # of the low-pass filter and of the averaging; log_time is not corrected for it
+    specific_force_group_delay_s: float | None = None  # where the accelerometers' differs from the gyroscopes'
     accel_x_counts: float | None = None
     accel_y_counts: float | None = None
     accel_z_counts: float | None = None

@@ -109,15 +109,16 @@ def _imu(sensor_truth: SensorTruth, read_times: ReadTimes) -> Iterator[TimedMess
     total = int(read_times.imu_done[-1])
     starts = range(0, total, IMU_CHUNK)
     counts = np.concatenate([_imu_counts(sensor_truth, read_times, a, min(a + IMU_CHUNK, total)) for a in starts])
-    delay_s = (ACCEL_FILTER[1] + GYRO_FILTER[1]) / 2
     for tick in read_times.ticks():
         taken = counts[read_times.imu_done[tick - 1] : read_times.imu_done[tick]]
         mean = taken.mean(axis=0)
+        mean_s = len(taken) / 2 / IMU_RATE_HZ
         saturated = np.abs(taken[:, [0, 1, 2, 4, 5, 6]]).max() >= 32767
         message = Imu(
             status=Status.SATURATED if saturated else Status.OK,
             samples=len(taken),
-            group_delay_s=delay_s + len(taken) / 2 / IMU_RATE_HZ,
+            group_delay_s=GYRO_FILTER[1] + mean_s,
+            specific_force_group_delay_s=ACCEL_FILTER[1] + mean_s,
             temperature_counts=float(mean[3]),
             temperature_K=float(mean[3] * IMU_KELVIN + IMU_ZERO_K),
             **_xyz("accel_{}_counts", mean[:3]),

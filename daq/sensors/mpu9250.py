@@ -37,12 +37,11 @@ CHANNELS = range(7)
 SAMPLE_RATE_HZ = 200.0
 SAMPLE_RATE_DIVIDER = 4  # 1 kHz / (1 + 4) [4.4]
 
-# DLPF_CFG, A_DLPF_CFG and their delays [4.5, 4.8]. The pairs are chosen so that both delays agree within about 2 ms;
-# their mean is logged.
+# DLPF_CFG, A_DLPF_CFG and their delays [4.5, 4.8]. The pairs are chosen so that both delays agree within about 2 ms.
 FIFO_FILTERS = (4, 3)  # gyroscope 20 Hz, accelerometer 41 Hz
-FIFO_FILTER_DELAY_S = (9.90e-3 + 11.80e-3) / 2
+FIFO_FILTER_DELAYS_S = (9.90e-3, 11.80e-3)
 SINGLE_FILTERS = (6, 5)  # gyroscope 5 Hz, accelerometer 10 Hz: single samples need narrow filters
-SINGLE_FILTER_DELAY_S = (33.48e-3 + 35.70e-3) / 2
+SINGLE_FILTER_DELAYS_S = (33.48e-3, 35.70e-3)
 
 RANGES_G = {2: 0, 4: 1, 8: 2, 16: 3}
 RANGES_DPS = {250: 0, 500: 1, 1000: 2, 2000: 3}
@@ -115,7 +114,7 @@ class MPU9250Driver:
         if self._bus.write_read(self._address, bytes([CONFIG]), 1)[0] & 7 != SINGLE_FILTERS[0]:
             raise brown_out("MPU-9250")
         counts = mean(self._bus.write_read(self._address, bytes([ACCEL_XOUT_H]), SAMPLE.size))
-        return self._message(counts, SINGLE_FILTER_DELAY_S)
+        return self._message(counts, *SINGLE_FILTER_DELAYS_S)
 
     def _read_fifo(self) -> Imu:
         # USER_CTRL to FIFO_COUNTL in one transfer: the settings read with the count reveal a loss of supply or another
@@ -141,9 +140,12 @@ class MPU9250Driver:
             return Imu(status=Status.CORRUPT)
         self._partial_sample = False
         counts = mean(data)
-        return self._message(counts, FIFO_FILTER_DELAY_S + counts.samples / 2 / SAMPLE_RATE_HZ)
+        mean_s = counts.samples / 2 / SAMPLE_RATE_HZ
+        gyroscope_s, accelerometer_s = FIFO_FILTER_DELAYS_S
+        return self._message(counts, gyroscope_s + mean_s, accelerometer_s + mean_s)
 
-    def _message(self, counts: Counts, group_delay_s: float) -> Imu:
+    def _message(self, counts: Counts, gyroscope_s: float, accelerometer_s: float) -> Imu:
+        """The message of these counts, with the delays of both."""
         ax, ay, az, temperature, gx, gy, gz = counts.values
         per_mps2, per_radps = self._mps2_per_count, self._radps_per_count
         fx, fy, fz = to_body_axes((ax * per_mps2, ay * per_mps2, az * per_mps2), self._axes)
@@ -151,7 +153,8 @@ class MPU9250Driver:
         return Imu(
             status=Status.SATURATED if counts.saturated else OK,
             samples=counts.samples,
-            group_delay_s=group_delay_s,
+            group_delay_s=gyroscope_s,
+            specific_force_group_delay_s=accelerometer_s,
             accel_x_counts=ax,
             accel_y_counts=ay,
             accel_z_counts=az,

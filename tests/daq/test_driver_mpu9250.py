@@ -86,8 +86,9 @@ def test_a_tick_is_the_mean_of_what_the_fifo_held():
     assert message.accel_x_counts == 350
     assert message.gyro_y_counts == 3.5
     assert message.temperature_K == pytest.approx(295.15, abs=0.01)
-    # Eight samples 5 ms apart are 20 ms old on average, to which the filters add about 11 ms.
-    assert message.group_delay_s == pytest.approx(0.031, abs=0.001)
+    # Eight samples 5 ms apart are 20 ms old on average, to which the filters add 9.9 and 11.8 ms.
+    assert message.group_delay_s == pytest.approx(0.0299)
+    assert message.specific_force_group_delay_s == pytest.approx(0.0318)
 
 
 def test_half_a_sample_is_left_for_the_next_tick():
@@ -160,7 +161,8 @@ def test_single_reads_take_the_narrow_filters_and_say_so():
         chip.registers[ADDRESS][0x3B + i] = byte
     message = read(sensor)
     assert (message.samples, message.accel_z_counts) == (1, -4096)
-    assert message.group_delay_s == pytest.approx(0.0346, abs=0.0005)
+    assert message.group_delay_s == pytest.approx(0.03348)
+    assert message.specific_force_group_delay_s == pytest.approx(0.0357)
 
 
 def test_a_chip_mounted_turned_round_gives_body_axes():
