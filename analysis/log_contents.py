@@ -3,13 +3,15 @@
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import PurePath
 from types import MappingProxyType
 from typing import NamedTuple
 
-from analysis.airdata.magnetometer import MagnetometerCalibration, parse_magnetometer
-from analysis.airdata.probe import ProbeCalibration, parse_probe
-from analysis.airdata.transducers import TransducerCalibration, parse_transducers
-from analysis.signals.rest import zero_of_attachment
+from analysis.airdata.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
+from analysis.airdata.probe import PROBE_FILE, ProbeCalibration
+from analysis.airdata.transducers import TRANSDUCERS_FILE, TransducerCalibration
+from analysis.drag.thrust_stand import ThrustStand
+from analysis.signals.still_air_zero import ZERO_FILE
 from flight.aircraft import Aircraft, Installation, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
@@ -38,6 +40,7 @@ class LogContents(NamedTuple):
     zero: dict[str, float] | None
     notes: list[str]
     transducers: TransducerCalibration | None = None
+    thrust_stand: ThrustStand | None = None
 
 
 class Replacements(NamedTuple):
@@ -54,6 +57,7 @@ class Replacements(NamedTuple):
     zero: dict[str, float] | None = None
     weight_N: float | None = None
     transducers: TransducerCalibration | None = None
+    thrust_stand: ThrustStand | None = None
     files: Mapping[str, str] = MappingProxyType({})
 
 
@@ -62,29 +66,57 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
 
     Raises InputError if attachments are missing and no argument replaces them, naming all of them, or one is malformed.
     """
-    if lacking := _lacking(log, replacements):
+    recorded = _recorded_aircraft(log, needed=replacements.aircraft is None)
+    aircraft = replacements.aircraft or recorded
+    lacking = _lacking(log, replacements, [one for one in (aircraft, recorded) if one])
+    if lacking or aircraft is None:
         raise _not_in_log(log, lacking)
-    aircraft = replacements.aircraft or aircraft_of(log)
-    propeller = replacements.propeller or propeller_of(log, aircraft)
+    installation = aircraft.installation.name or _installation_of_tray(log)
+    notes = damage(log)
     if replacements.weight_N is not None:
         aircraft = aircraft.weighing(replacements.weight_N)
-    if not aircraft.installation.name:
-        aircraft = replace(aircraft, installation=Installation(name=_installation_of_tray(log)))
+    propeller = replacements.propeller or _propeller(log, aircraft, recorded)
+    if replacements.thrust_stand is not None:
+        replacements.thrust_stand.check_table(propeller, replacements.files.get("thrust_stand.json", "--thrust-stand"))
+        aircraft = replacements.thrust_stand.applied_to(aircraft)
+    elif replacements.propeller and (note := _of_another_table(aircraft, replacements.propeller)):
+        aircraft = replace(aircraft, propulsion=replace(aircraft.propulsion, static_thrust_ratio=None))
+        notes.append(note)
+    propeller = propeller.with_beyond_zero_thrust(aircraft.propulsion.beyond_zero_thrust)
+    zero = ZERO_FILE.parsed_if_any(log.attachments.get("zero.json"), f"{log.path}: zero.json")
     return LogContents(
-        aircraft,
-        propeller.with_beyond_zero_thrust(aircraft.propulsion.beyond_zero_thrust),
-        replacements.probe or probe_of(log),
-        replacements.magnetometer or magnetometer_of(log),
-        replacements.zero or zero_of_attachment(log.attachments.get("zero.json"), f"{log.path}: zero.json"),
-        damage(log),
-        replacements.transducers or transducers_of(log),
+        replace(aircraft, installation=Installation(name=installation)),
+        propeller,
+        replacements.probe or PROBE_FILE.parsed(log.attachments["probe.json"], "probe.json"),
+        replacements.magnetometer
+        or MAGNETOMETER_FILE.parsed_if_any(log.attachments.get("magnetometer.json"), f"{log.path}: magnetometer.json"),
+        replacements.zero or (zero.by_channel() if zero else None),
+        notes,
+        replacements.transducers
+        or TRANSDUCERS_FILE.parsed_if_any(log.attachments.get("transducers.json"), f"{log.path}: transducers.json"),
+        replacements.thrust_stand,
     )
 
 
 def aircraft_of(log: Log) -> Aircraft:
     """The aircraft file in a log. Raises InputError when there is none, or it is malformed."""
-    text = _attachment(log, "aircraft.toml").decode("utf-8", errors="replace")
-    return parse_aircraft(text, f"{log.path}: aircraft.toml")
+    recorded = _recorded_aircraft(log, needed=True)
+    if recorded is None:
+        raise _not_in_log(log, ["aircraft.toml"])
+    return recorded
+
+
+def _recorded_aircraft(log: Log, *, needed: bool) -> Aircraft | None:
+    """The log's own aircraft file; None where there is none. Raises InputError when it is needed and malformed."""
+    data = log.attachments.get("aircraft.toml")
+    if data is None:
+        return None
+    try:
+        return parse_aircraft(data.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
+    except InputError:
+        if needed:
+            raise
+        return None
 
 
 def propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
@@ -93,40 +125,19 @@ def propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
     The log's table is that of the propeller its own aircraft file names. Raises InputError when there is none, or it is
     malformed.
     """
-    recorded = _recorded_propeller(log)
+    return _propeller(log, aircraft, _recorded_aircraft(log, needed=False))
+
+
+def _propeller(log: Log, aircraft: Aircraft, recorded: Aircraft | None) -> Propeller:
+    in_log = recorded.propulsion.propeller if recorded else None
     name = aircraft.propulsion.propeller
     table = log.attachments.get("propeller.csv")
-    if table is not None and name in (None, recorded):
-        return parse_propeller(table.decode("utf-8", errors="replace"), recorded or "propeller.csv")
-    name = name or recorded
+    if table is not None and name in (None, in_log):
+        return parse_propeller(table.decode("utf-8", errors="replace"), in_log or "propeller.csv")
+    name = name or in_log
     if name is not None:
         return load_propeller(name)
     raise _not_in_log(log, ["propeller.csv"])
-
-
-def _recorded_propeller(log: Log) -> str | None:
-    """The name in the log's own aircraft file; None where there is none, or it cannot be read."""
-    try:
-        return aircraft_of(log).propulsion.propeller
-    except InputError:
-        return None
-
-
-def probe_of(log: Log) -> ProbeCalibration:
-    """The probe's calibration in a log. Raises InputError when there is none, or it is malformed."""
-    return parse_probe(_attachment(log, "probe.json"), "probe.json")
-
-
-def magnetometer_of(log: Log) -> MagnetometerCalibration | None:
-    """The magnetometer's calibration in a log, None if there is none. Raises InputError when it is malformed."""
-    data = log.attachments.get("magnetometer.json")
-    return None if data is None else parse_magnetometer(data, f"{log.path}: magnetometer.json")
-
-
-def transducers_of(log: Log) -> TransducerCalibration | None:
-    """The transducers' calibration in a log, None if there is none. Raises InputError when it is malformed."""
-    data = log.attachments.get("transducers.json")
-    return None if data is None else parse_transducers(data, f"{log.path}: transducers.json")
 
 
 def _installation_of_tray(log: Log) -> str:
@@ -140,6 +151,19 @@ def _installation_of_tray(log: Log) -> str:
     return name if isinstance(name, str) else ""
 
 
+def _of_another_table(aircraft: Aircraft, propeller: Propeller) -> str:
+    """A sentence if the aircraft file has thrust on a stand, but against another propeller's table; else empty."""
+    named = aircraft.propulsion.propeller
+    if aircraft.propulsion.static_thrust_ratio is None or named is None:
+        return ""
+    if propeller.name in (named, PurePath(named).stem):
+        return ""
+    return (
+        f"propulsion.static_thrust_ratio of the aircraft file belongs to the propeller {named} and is not used with"
+        f" {propeller.name}: give --thrust-stand with a result of `calibrate thrust` for this table."
+    )
+
+
 def damage(log: Log) -> list[str]:
     """Parts of the log that are torn or cannot be decoded, in sentences."""
     notes = [f"The log is torn ({log.torn}); the part before is used."] if log.torn else []
@@ -148,13 +172,12 @@ def damage(log: Log) -> list[str]:
     return notes
 
 
-def _lacking(log: Log, replacements: Replacements) -> list[str]:
-    """The attachments that are needed, but neither in the log nor replaced."""
-    aircraft = replacements.aircraft or (aircraft_of(log) if "aircraft.toml" in log.attachments else None)
-    propeller_named = (aircraft and aircraft.propulsion.propeller) or _recorded_propeller(log)
+def _lacking(log: Log, replacements: Replacements, aircraft: list[Aircraft]) -> list[str]:
+    """The attachments that are needed, but neither in the log nor replaced. aircraft: that used, and the log's own."""
+    propeller_named = any(one.propulsion.propeller for one in aircraft)
     given = {
-        "aircraft.toml": aircraft is not None,
-        "propeller.csv": replacements.propeller is not None or propeller_named is not None,
+        "aircraft.toml": bool(aircraft),
+        "propeller.csv": replacements.propeller is not None or propeller_named,
         "probe.json": replacements.probe is not None,
     }
     return [name for name in REMEDIES if not given[name] and name not in log.attachments]
@@ -165,9 +188,3 @@ def _not_in_log(log: Log, names: list[str]) -> InputError:
         f"{log.path}: no {', '.join(names)} in the log; attach {'it' if len(names) == 1 else 'them'} to the log (the"
         f" daemon attaches what the tray file names), or give {', '.join(REMEDIES[name] for name in names)}"
     )
-
-
-def _attachment(log: Log, name: str) -> bytes:
-    if name not in log.attachments:
-        raise _not_in_log(log, [name])
-    return log.attachments[name]

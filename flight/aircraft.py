@@ -63,6 +63,7 @@ class Propulsion:
     battery_energy_Wh: float | None = None
     throttle_channel: int = 3
     beyond_zero_thrust: str = "windmill"  # or "fold": behaviour of the propeller at negative thrust
+    static_thrust_ratio: float | None = None  # thrust at rest, on a stand, over that of the propeller's table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,6 +142,11 @@ class Uncertainty:
     thrust_scale_fraction : of the propeller's table; 3 % at most, evenly, for repetitions in one tunnel. Tables of
         different tunnels differ by 5 % and more (Brandt & Selig, AIAA 2011-1255)
     thrust_slope : of thrust over that of the table, per unit of advance ratio; 0.25 at most, evenly
+    static_thrust_ratio_fraction : of `Propulsion.static_thrust_ratio`, which `calibrate thrust` measures with its
+        error; by default that of the scale of a load cell
+    thrust_curvature_fraction : of thrust at rest over that of the table, from the straight line over advance ratio that
+        the correction is in flight. Tables of an APC 10x5E at two of the speeds 5000, 6010 and 6710 rpm (UIUC Propeller
+        Database): their ratio at rest is 0.8, 2.3 and 3.1 % off the straight line through J = 0.2 to 0.55
     """
 
     weight_fraction: float = 0.002
@@ -154,6 +160,8 @@ class Uncertainty:
     accelerometer_offset_mps2: float = 0.19
     thrust_scale_fraction: float = 0.018
     thrust_slope: float = 0.15
+    static_thrust_ratio_fraction: float = 0.01
+    thrust_curvature_fraction: float = 0.03
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,6 +199,15 @@ class Aircraft:
     @property
     def aspect_ratio(self) -> float:
         return self.geometry.span_m**2 / self.geometry.wing_area_m2
+
+    @property
+    def static_thrust_excess(self) -> tuple[float, float] | None:
+        """Thrust at rest over that of the table, less one; and its standard deviation, with that of the straight line
+        over advance ratio. None where thrust was not measured on a stand."""
+        ratio, stated = self.propulsion.static_thrust_ratio, self.uncertainty
+        if ratio is None:
+            return None
+        return ratio - 1, math.hypot(ratio * stated.static_thrust_ratio_fraction, stated.thrust_curvature_fraction)
 
     def has(self, *keys: str) -> bool:
         """Whether the file has all of these keys, or sections, such as "probe.upwash_per_CL"."""
@@ -287,6 +304,7 @@ def _not_positive(aircraft: Aircraft) -> Iterator[str]:
         ("propulsion.pole_pairs", propulsion.pole_pairs),
         ("propulsion.battery_energy", propulsion.battery_energy_Wh),
         ("propulsion.battery_voltage", propulsion.battery_voltage_V),
+        ("propulsion.static_thrust_ratio", propulsion.static_thrust_ratio),
         ("uncertainty.angle_of_attack_offset", uncertainty.angle_of_attack_offset_rad),
         ("uncertainty.angle_of_attack_slope", uncertainty.angle_of_attack_slope_fraction),
         ("uncertainty.airspeed_scale", uncertainty.airspeed_scale_fraction),
@@ -294,6 +312,7 @@ def _not_positive(aircraft: Aircraft) -> Iterator[str]:
         ("uncertainty.accelerometer_offset", uncertainty.accelerometer_offset_mps2),
         ("uncertainty.thrust_scale", uncertainty.thrust_scale_fraction),
         ("uncertainty.thrust_slope", uncertainty.thrust_slope),
+        ("uncertainty.static_thrust_ratio", uncertainty.static_thrust_ratio_fraction),
     ):
         if value is not None and not value > 0:
             yield f"{key}: must be greater than zero"
@@ -302,6 +321,7 @@ def _not_positive(aircraft: Aircraft) -> Iterator[str]:
         ("uncertainty.updraft", uncertainty.updraft_mps),
         ("uncertainty.hysteresis", uncertainty.hysteresis_fraction),
         ("uncertainty.gust_length", uncertainty.gust_length),
+        ("uncertainty.thrust_curvature", uncertainty.thrust_curvature_fraction),
     ):
         if value < 0:
             yield f"{key}: must not be negative"

@@ -143,6 +143,13 @@ KEYS: dict[str, Key] = {
         "analysis, simulator",
         "windmill",
     ),
+    "propulsion.static_thrust_ratio": Key(
+        "1.02",
+        "Thrust at rest, on a stand, over that of the propeller's table.",
+        "`calibrate thrust`.",
+        "analysis",
+        "errors of the table as large as `uncertainty.thrust_scale` and `thrust_slope` say",
+    ),
     "SURFACE.channel": Key("2", "Servo output, from 1.", "Transmitter.", "daemon, simulator", NO_ANGLES),
     "SURFACE.pulse_us": Key(
         "[1000, 1500, 2000]", "Pulse widths [µs], ascending.", "`calibrate surfaces`.", "daemon, simulator", NO_ANGLES
@@ -255,6 +262,21 @@ KEYS: dict[str, Key] = {
         "Relative difference of tables of one propeller at two advance ratios, over the difference of these.",
         "analysis",
         "0.15: 0.25 at most; intervals contain what the flight does not determine",
+    ),
+    "uncertainty.static_thrust_ratio": Key(
+        '"1.2 %"',
+        "Standard deviation of `propulsion.static_thrust_ratio`.",
+        "`calibrate thrust`.",
+        "analysis",
+        "1 %: the scale of a load cell; intervals contain it",
+    ),
+    "uncertainty.thrust_curvature": Key(
+        '"3 %"',
+        "Standard deviation of the relative error of thrust at rest from its straight line over advance ratio in"
+        " flight; it counts with `propulsion.static_thrust_ratio` alone.",
+        "Relative difference of two tables of one propeller: at J = 0, from the straight line through J = 0.2 to 0.55.",
+        "analysis",
+        "3 %, for tables measured at 5000 rpm and more; say 10 % for a slower propeller, 30 % for a computed table",
     ),
     "installation.name": Key(
         '"boom on the left wing, 12 May"',

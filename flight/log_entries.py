@@ -141,10 +141,11 @@ class Entries(Sequence[LogEntry]):
             yield LogEntry(time_ns, tick, self.kind(**dict(zip(names, values, strict=True))))
 
 
+NO_ENTRIES = Entries(Message)  # of a topic that a log lacks
+
+
 def entries_of(entries: Sequence[LogEntry]) -> Entries:
-    """Entries as columns; those of a log already are."""
-    if isinstance(entries, Entries):
-        return entries
+    """Entries that were made one by one, as columns."""
     made = Entries(type(entries[0].message) if entries else Message)
     made.extend(*map(list, zip(*entries, strict=True)) if entries else ([], [], []))
     made.finish()

@@ -1,6 +1,6 @@
 """Reads a log into messages, also one that a power cut left unfinished."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Metadata
 
 from flight.errors import InputError
 from flight.log_chunk import LogTooLarge, allowed_bytes
-from flight.log_entries import Entries, LogEntry
+from flight.log_entries import Entries
 from flight.log_index import MAGIC
 from flight.log_records import Messages, records
 from flight.log_writer import PROFILE
@@ -27,7 +27,7 @@ class Log:
     """A whole log in memory."""
 
     path: Path
-    entries: dict[str, Sequence[LogEntry]] = field(default_factory=dict)  # by topic, in order of time
+    entries: dict[str, Entries] = field(default_factory=dict)  # by topic, in order of time
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     fields: dict[str, frozenset[str]] = field(default_factory=dict)  # by topic, those of its first good message

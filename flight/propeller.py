@@ -168,7 +168,7 @@ class Propeller(PropellerModel):
         return error
 
     def to_csv(self) -> str:
-        """The table as CSV, which `parse_csv` reads back without loss."""
+        """The table as CSV, which `parse_propeller` reads back without loss."""
         out = io.StringIO()
         for line in self.source.splitlines():
             out.write(f"# {line}\n")

@@ -29,7 +29,7 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
     """
     path = Path(name_or_path)
     if path.suffix == "" and (FOLDER / f"{name_or_path}.csv").is_file():
-        return parse_csv((FOLDER / f"{name_or_path}.csv").read_text("utf-8"), str(name_or_path))
+        return parse_propeller((FOLDER / f"{name_or_path}.csv").read_text("utf-8"), str(name_or_path))
     if path.is_dir():
         return _load_uiuc(path)
     if not path.is_file():
@@ -84,11 +84,12 @@ def parse_propeller(text: str, name: str) -> Propeller:
             f"propeller {name}: a UIUC table contains neither diameter nor speed of rotation; convert all its tables by"
             " `python -m flight.propeller_files FOLDER > mine.csv`"
         )
-    return parse_apc(text, name) if "PROP RPM" in text else parse_csv(text, name)
+    diameter_m, rows, source = _apc_table(text, name) if "PROP RPM" in text else _csv_table(text, name)
+    return Propeller(name, diameter_m, rows, source)
 
 
-def parse_csv(text: str, name: str) -> Propeller:
-    """Our own format: `# diameter_m = …`, a header `rpm,J,cT,cP`, one line a point.
+def _csv_table(text: str, name: str) -> tuple[float, tuple[Row, ...], str]:
+    """Diameter [m], rows and source of our own format: `# diameter_m = …`, a header `rpm,J,cT,cP`, one line a point.
 
     Raises InputError when the text is not such a table.
     """
@@ -109,11 +110,11 @@ def parse_csv(text: str, name: str) -> Propeller:
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"propeller {name}: not a table of rpm,J,cT,cP ({error})") from None
     source = "\n".join(c for c in comments if not c.startswith("diameter_m"))
-    return Propeller(name, diameter_m, _rows(points), source)
+    return diameter_m, _rows(points), source
 
 
-def parse_apc(text: str, name: str) -> Propeller:
-    """APC's computed performance file (`PER3_*.dat`): blocks headed `PROP RPM = …`, columns V J Pe Ct Cp …"""
+def _apc_table(text: str, name: str) -> tuple[float, tuple[Row, ...], str]:
+    """The same of APC's computed performance file (`PER3_*.dat`): blocks `PROP RPM = …`, columns V J Pe Ct Cp …"""
     size = re.search(r"^\s*(\d+(?:\.\d+)?)x\d", text)
     if size is None:
         raise InputError(f"propeller {name}: the first line must start with a size such as 12x8E")
@@ -134,7 +135,7 @@ def parse_apc(text: str, name: str) -> Propeller:
                 ) from None
             if np.isfinite(point).all():  # NaN where the computation did not converge
                 points.setdefault(rpm, []).append(point)
-    return Propeller(name, float(size[1]) * INCH_M, _rows(points), f"APC {text.split()[0]} computed performance data")
+    return float(size[1]) * INCH_M, _rows(points), f"APC {text.split()[0]} computed performance data"
 
 
 def parse_uiuc(texts: dict[float, str], name: str, diameter_m: float, static: str | None = None) -> Propeller:

@@ -6,15 +6,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.bank import bank_angle
 from analysis.airdata.probe import ProbeCalibration, flow_at_probe
-from analysis.signals.aircraft_size import LEAST_HEIGHT_M, SPEED_SCALE, flying_Pa, speed_scale
-from analysis.signals.derivative import derivative
-from analysis.signals.rest import Zeros
+from analysis.airdata.rigid_body import bank_angle
+from analysis.signals.aircraft_size import LEAST_HEIGHT_M, SPEED_SCALE, flying_Pa
 from analysis.signals.synchronize import COLUMNS
 from flight.aircraft import Aircraft
 from flight.atmosphere import density, height_at, temperature_at
-from flight.motion import specific_force_at
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
@@ -34,23 +31,17 @@ class AirData(NamedTuple):
 
 
 def air_data(
-    table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration, propeller: Propeller, zeros: Zeros | None
+    table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration, propeller: Propeller, scale: float
 ) -> AirData:
     """The table with speed, angles, density, height, thrust, bank and `flying` added.
 
-    Zeros are subtracted. Angles and specific forces are those at the centre of gravity: angles are corrected for upwash
-    and for the velocity of the probe by rotation, specific forces for the lever arm of the IMU.
+    table: without zeros, with specific forces at the centre of gravity. scale: the aircraft's `speed_scale`.
+    Angles are those at the centre of gravity: corrected for upwash and for the velocity of the probe by rotation.
     """
     notes: list[str] = []
     out = table.copy()
-    out[SPEED_SCALE] = scale = speed_scale(aircraft)
+    out[SPEED_SCALE] = scale
     least_Pa = flying_Pa(scale)
-    if zeros is None:
-        notes.append("The aircraft never stood still in this log: zeros of transducers and gyros are not corrected.")
-    else:
-        notes += zeros.notes
-        for name in zeros.value:
-            out[name] -= zeros.at(name, table.index.to_numpy())
     for name in ("dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa"):
         if _stuck(out[name], out["q_c_Pa"], least_Pa):
             out[name] = np.nan
@@ -61,6 +52,10 @@ def air_data(
     if np.isnan(sideslip).all():
         notes.append("No sideslip pressure in this log: sideslip is not known; the other air data take it as zero.")
         out["dp_beta_Pa"] = 0.0
+    ground_Pa, ground_K = _ground(out)
+    out["height_m"] = height_at(out["static_Pa"], ground_pressure_Pa=ground_Pa, ground_temperature_K=ground_K)
+    out["temperature_K"] = temperature_at(out["height_m"], ground_K)
+    rho = density(out["static_Pa"], out["temperature_K"])
 
     dp_beta = np.nan_to_num(sideslip)  # the maps take missing sideslip as zero
     # The mean of a quotient by a noisy number is biased, and so is that of a root: near the stall by 0.5 % of angle and
@@ -74,19 +69,15 @@ def air_data(
     deviation = out["q_c_Pa"].to_numpy() / mean_q_c - 1
     flying = (flow.qbar_Pa > least_Pa) & flow.inside
     nan_on_ground = np.where(flying, 1.0, np.nan)
-    ground_Pa, ground_K = _ground(out)
-    out["height_m"] = height_at(out["static_Pa"], ground_pressure_Pa=ground_Pa, ground_temperature_K=ground_K)
-    out["temperature_K"] = temperature_at(out["height_m"], ground_K)
-    rho = density(out["static_Pa"], out["temperature_K"])
     V = np.sqrt(2 * flow.qbar_Pa * nan_on_ground / rho) * (1 + deviation / 2)
 
-    _move_specific_force_to_cg(out, aircraft)
     CL = -aircraft.mass_kg * out["az_mps2"] / (flow.qbar_Pa * nan_on_ground * aircraft.geometry.wing_area_m2)
     x_probe = aircraft.probe.position_m[0]  # ahead of the centre of gravity
     out["flying"] = flying
     out["qbar_Pa"] = flow.qbar_Pa * (1 + deviation) * nan_on_ground
     out["rho"] = rho
     out["V_mps"] = V
+    out["dalpha_dlndp_alpha_rad"] = flow.dalpha_dlndp_alpha_rad * nan_on_ground
     out["dlnV_dlndp_alpha"] = flow.dlnV_dlndp_alpha * nan_on_ground
     # Rotation moves a probe ahead of the centre of gravity upwards at q x and to the right at r x.
     out["alpha_by_upwash_rad"] = aircraft.probe.upwash_per_CL_rad * CL
@@ -135,19 +126,6 @@ def _ground(table: pd.DataFrame) -> tuple[float, float]:
     start = table[["static_Pa", "static_temperature_K"]].dropna()
     first = start.loc[: start.index[0] + COLD_S]
     return float(first["static_Pa"].mean()), float(first["static_temperature_K"].mean())
-
-
-def _move_specific_force_to_cg(table: pd.DataFrame, aircraft: Aircraft) -> None:
-    """Replaces the specific force at the IMU by that at the centre of gravity, in place."""
-    x, y, z = aircraft.imu_position_m
-    p, q, r = (table[f"{axis}_radps"].to_numpy() for axis in "pqr")
-    step_s = float(table.index[1] - table.index[0])
-    pdot, qdot, rdot = (derivative(rate, step_s) for rate in (p, q, r))
-    zero = np.zeros_like(p)
-    for axis, extra in zip(
-        "xyz", specific_force_at(zero, zero, zero, p, q, r, pdot, qdot, rdot, (x, y, z)), strict=True
-    ):
-        table[f"a{axis}_mps2"] -= extra
 
 
 def _add_thrust(table: pd.DataFrame, propeller: Propeller) -> None:

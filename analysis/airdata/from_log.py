@@ -6,13 +6,15 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from analysis.airdata import lines, magnetometer
+from analysis.airdata import magnetometer
 from analysis.airdata.air import air_data
+from analysis.airdata.lines import line_responses, without_remainder
 from analysis.airdata.magnetometer import Compass, MagnetometerCalibration
 from analysis.airdata.probe import ProbeCalibration
+from analysis.airdata.rigid_body import specific_force_at_cg
 from analysis.airdata.transducers import TransducerCalibration, air_data_errors
 from analysis.signals.aircraft_size import flying_Pa, speed_scale
-from analysis.signals.rest import rest_segments, zeros
+from analysis.signals.rest import rest_segments, without_zeros, zeros
 from analysis.signals.synchronize import COLUMNS, synchronize
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
@@ -59,22 +61,26 @@ def flight_data(
     log: accepted by `analysis.log_checks`.
     zero: by channel, the reading in still air that `daq zero` took before the flight.
     """
-    gas = lines.air_in(log)
-    channels = synchronize(log, lines.lags_s(aircraft, gas))
-    measured = transducers.corrected(channels.table) if transducers else channels.table
-    if transducers and zero:
-        zero = transducers.corrected_zero(zero)
-    table, line_notes = lines.without_remainder(measured, aircraft, gas)
+    lines = line_responses(log, aircraft)
+    channels = synchronize(log, {line.topic: line.lag_s for line in lines})
+    table, calibrated = channels.table, {}
+    if transducers:
+        table = transducers.corrected(table)
+        zero = transducers.corrected_zero(zero) if zero else zero
+        calibrated = air_data_errors(transducers)._asdict()
+    table, line_notes = without_remainder(table, lines)
+    scale = speed_scale(aircraft)
     rest = rest_segments(table, channels.rate_Hz)
-    at_rest = zeros(table, rest, zero, flying_Pa(speed_scale(aircraft)))
-    air = air_data(table, aircraft, probe, propeller, at_rest)
+    at_rest = zeros(table, rest, zero, flying_Pa(scale))
+    table, zero_notes = without_zeros(table, at_rest)
+    table = specific_force_at_cg(table, aircraft)
+    air = air_data(table, aircraft, probe, propeller, scale)
     recorded = [topic for topic, entries in log.entries.items() if entries]
-    notes = channels.notes + line_notes + air.notes + silent_topics(air.table, recorded)
+    notes = channels.notes + line_notes + zero_notes + air.notes + silent_topics(air.table, recorded)
     compass = None
     if magnetometer_calibration:
         compass, compass_notes = magnetometer.compass(air.table, magnetometer_calibration)
         notes += compass_notes
-    calibrated = air_data_errors(transducers)._asdict() if transducers else {}
     return FlightData(air.table, rest, at_rest is not None, compass, notes, calibrated)
 
 

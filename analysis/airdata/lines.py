@@ -5,16 +5,17 @@ frequencies. It is divided out only for lines so long and narrow that the gain i
 (docs/calibration.md).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.tubing import ComplexArray, Gas, air, low_frequency_lag_s, response
+from analysis.airdata.tubing import ComplexArray, Gas, air, low_frequency_lag_s, remainder_of
 from analysis.signals.log_fields import field_of
 from analysis.signals.stretches import stretches
-from flight.aircraft import Aircraft, PneumaticLine
+from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
 from flight.log_reader import Log
 
@@ -37,6 +38,19 @@ SMALLEST_REMAINDER = 0.25
 FEWEST_SAMPLES = 16
 
 
+class LineResponse(NamedTuple):
+    """The response of one line in the air of a flight.
+
+    topic, column : of its transducer     lag_s : for slow changes
+    remainder : response without that lag, of frequency [Hz]
+    """
+
+    topic: str
+    column: str
+    lag_s: float
+    remainder: Callable[[Array], ComplexArray]
+
+
 def air_in(log: Log) -> Gas:
     """The air in the lines, at the log's median static pressure and temperature; at sea level if it has none."""
     pressure, kelvin = (field_of(log, TOPIC["static"], field)[1] for field in ("pressure_Pa", "temperature_K"))
@@ -46,39 +60,33 @@ def air_in(log: Log) -> Gas:
     )
 
 
-def lags_s(aircraft: Aircraft, gas: Gas) -> dict[str, float]:
-    """By topic, the lag of each line for slow changes [s]."""
-    return {
-        TOPIC[name]: low_frequency_lag_s([line], gas) for name, line in aircraft.probe.lines.items() if name in TOPIC
-    }
+def line_responses(log: Log, aircraft: Aircraft) -> list[LineResponse]:
+    """The lines of an aircraft for which TOPIC names a transducer, in the air of a log."""
+    gas = air_in(log)
+    return [
+        LineResponse(TOPIC[name], COLUMN[name], low_frequency_lag_s([line], gas), remainder_of(line, gas))
+        for name, line in aircraft.probe.lines.items()
+        if name in TOPIC and line.length_m > 0
+    ]
 
 
-def without_remainder(table: pd.DataFrame, aircraft: Aircraft, gas: Gas) -> tuple[pd.DataFrame, list[str]]:
+def without_remainder(table: pd.DataFrame, lines: Sequence[LineResponse]) -> tuple[pd.DataFrame, list[str]]:
     """The table with the remainder of each long and narrow line divided out, and notes on it.
 
-    table: of `synchronize` with `lags_s`, so that delays are taken out already. Gaps stay gaps.
+    table: of `synchronize` with the lags of the lines, so that delays are taken out already. Gaps stay gaps.
     """
     rate_Hz = 1 / float(table.index[1] - table.index[0])
     out, notes = table, []
-    for name, line in aircraft.probe.lines.items():
-        if name not in COLUMN or line.length_m <= 0:
-            continue
-        remainder = remainder_of(line, gas)
+    for topic, column, _, remainder in lines:
         change = float(np.abs(1 - remainder(np.array([HIGHEST_HZ])))[0])
         if change > SMALLEST_REMAINDER:
-            values = inverted(table[COLUMN[name]].to_numpy(dtype=float), rate_Hz, remainder, LARGEST_GAIN)
-            out = out.assign(**{COLUMN[name]: values})
+            values = inverted(table[column].to_numpy(dtype=float), rate_Hz, remainder, LARGEST_GAIN)
+            out = out.assign(**{column: values})
             notes.append(
-                f"The line of {TOPIC[name]} is long and narrow: it changes a wave of {HIGHEST_HZ:g} Hz by"
+                f"The line of {topic} is long and narrow: it changes a wave of {HIGHEST_HZ:g} Hz by"
                 f" {100 * change:.0f} %. This is corrected; noise grows by a factor of {LARGEST_GAIN:g} at most."
             )
     return out, notes
-
-
-def remainder_of(line: PneumaticLine, gas: Gas) -> Callable[[Array], ComplexArray]:
-    """The line's response without its lag for slow changes, as a function of frequency [Hz]."""
-    lag_s = low_frequency_lag_s([line], gas)
-    return lambda f: response([line], f, gas) * np.exp(2j * np.pi * f * lag_s)
 
 
 def inverted(values: Array, rate_Hz: float, response_of: Callable[[Array], ComplexArray], largest_gain: float) -> Array:

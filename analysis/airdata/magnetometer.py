@@ -8,7 +8,6 @@ tesla.
 In flight the corrected field shows the heading (`compass`). The variation of its strength gives its error.
 """
 
-from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from analysis.airdata.air import LARGEST_UNMENTIONED_SHARE
 from flight.errors import InputError
-from flight.json_file import decoded
+from flight.json_file import JsonFormat
 
 Array = NDArray[np.float64]
 
@@ -58,6 +57,16 @@ class MagnetometerCalibration(msgspec.Struct, frozen=True, kw_only=True):
         return corrected
 
 
+def _check(found: MagnetometerCalibration, where: str) -> None:
+    if len(found.soft_iron) != 3:
+        raise InputError(f"{where}: not a magnetometer calibration (soft_iron has {len(found.soft_iron)} rows, not 3)")
+    if not EARTH_T[0] < found.field_T < EARTH_T[1]:
+        raise InputError(f"{where}: a field of {1e6 * found.field_T:.0f} uT is nowhere on earth; calibrate again")
+
+
+MAGNETOMETER_FILE = JsonFormat(MagnetometerCalibration, (FORMAT,), "a magnetometer calibration", _check)
+
+
 class Compass(NamedTuple):
     """Flux density in body axes without the aircraft's iron (n, 3) [T], NaN where it is not reliable.
 
@@ -67,24 +76,6 @@ class Compass(NamedTuple):
 
     field_T: Array
     error_T: float
-
-
-def parse_magnetometer(data: bytes, where: str) -> MagnetometerCalibration:
-    """The calibration of a `magnetometer.json`. Raises InputError naming `where`."""
-    found = decoded(data, MagnetometerCalibration, (FORMAT,), where, "a magnetometer calibration")
-    if len(found.soft_iron) != 3:
-        raise InputError(f"{where}: not a magnetometer calibration (soft_iron has {len(found.soft_iron)} rows, not 3)")
-    if not EARTH_T[0] < found.field_T < EARTH_T[1]:
-        raise InputError(f"{where}: a field of {1e6 * found.field_T:.0f} uT is nowhere on earth; calibrate again")
-    return found
-
-
-def load_magnetometer(path: Path) -> MagnetometerCalibration:
-    """The calibration of a file. Raises InputError naming it."""
-    try:
-        return parse_magnetometer(path.read_bytes(), str(path))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
 def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[Compass | None, list[str]]:

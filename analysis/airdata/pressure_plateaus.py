@@ -8,6 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flight.errors import InputError
+from flight.log_entries import NO_ENTRIES
 from flight.log_reader import Log
 from flight.messages import DifferentialPressure, Status
 
@@ -42,7 +43,7 @@ def readings(log: Log) -> pd.DataFrame:
     """
     columns: dict[str, pd.Series] = {}
     for name in CHANNELS:
-        entries = log.entries.get(f"/probe/{name}", [])
+        entries = log.entries.get(f"/probe/{name}", NO_ENTRIES)
         times_ns = [entry.time_ns for entry in entries]
         messages = [entry.message for entry in entries]
         values = [

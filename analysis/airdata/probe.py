@@ -7,7 +7,6 @@ pressures. That takes a polynomial of second order, q_c/qbar itself would take o
 all deviations come from the tunnel.
 """
 
-from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
@@ -16,8 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.polynomial_map import PolynomialMap
-from flight.errors import InputError
-from flight.json_file import decoded
+from flight.json_file import JsonFormat
 
 Array = NDArray[np.float64]
 FORMAT = "flightpower-probe-2"
@@ -50,6 +48,9 @@ class ProbeCalibration(msgspec.Struct, frozen=True, kw_only=True):
         return self.alpha_rad(x, y), self.beta_rad(x, y), ratio
 
 
+PROBE_FILE = JsonFormat(ProbeCalibration, (FORMAT, FIRST_FORMAT), "a probe calibration")
+
+
 class ProbeFlow(NamedTuple):
     """Flow at the probe; arrays (n,)."""
 
@@ -57,7 +58,8 @@ class ProbeFlow(NamedTuple):
     alpha_rad: Array
     beta_rad: Array
     inside: NDArray[np.bool_]  # the calibration covers this point
-    dlnV_dlndp_alpha: Array  # d ln V/d ln dp_alpha: an error of dp_alpha changes q_c/qbar, and so the airspeed
+    dalpha_dlndp_alpha_rad: Array  # an error of dp_alpha changes the angle of attack,
+    dlnV_dlndp_alpha: Array  # and q_c/qbar, and so the airspeed
 
 
 def flow_at_probe(
@@ -82,25 +84,13 @@ def flow_at_probe(
     for angle, limits in ((alpha, probe.alpha_limits_rad), (beta, probe.beta_limits_rad)):
         if limits is not None:
             inside &= (angle > limits[0] - ANGLE_MARGIN_RAD) & (angle < limits[1] + ANGLE_MARGIN_RAD)
-    less, more = (probe.q_ratio(C_alpha * factor, C_beta) for factor in (1 - DP_ALPHA_STEP, 1 + DP_ALPHA_STEP))
-    return ProbeFlow(q_c / ratio, alpha, beta, inside, -(more - less) / (4 * DP_ALPHA_STEP * ratio))
+    less, more = (probe.maps(C_alpha * factor, C_beta) for factor in (1 - DP_ALPHA_STEP, 1 + DP_ALPHA_STEP))
+    dalpha, _, dratio = ((b - a) / (2 * DP_ALPHA_STEP) for a, b in zip(less, more, strict=True))
+    return ProbeFlow(q_c / ratio, alpha, beta, inside, dalpha, -dratio / (2 * ratio))
 
 
 def _moving_mean(values: Array, samples: int) -> Array:
     return pd.Series(values).rolling(samples, center=True, min_periods=1).mean().to_numpy()
-
-
-def parse_probe(data: bytes, where: str) -> ProbeCalibration:
-    """The calibration of a `probe.json`. Raises InputError naming `where`."""
-    return decoded(data, ProbeCalibration, (FORMAT, FIRST_FORMAT), where, "a probe calibration")
-
-
-def load_probe(path: Path) -> ProbeCalibration:
-    """The calibration of a file. Raises InputError naming it."""
-    try:
-        return parse_probe(path.read_bytes(), str(path))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
 def _inside(corners: Array, x: Array, y: Array) -> NDArray[np.bool_]:

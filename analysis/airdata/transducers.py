@@ -6,7 +6,6 @@ three transducers and are part of the residuals; an error of its scale shows in 
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 import msgspec
@@ -18,7 +17,7 @@ from scipy import special
 from analysis.airdata.pressure_plateaus import CHANNELS, Plateau, in_words
 from analysis.estimation.intervals import NORMAL_95
 from flight.errors import InputError
-from flight.json_file import decoded
+from flight.json_file import JsonFormat
 
 Array = NDArray[np.float64]
 Reading = TypeVar("Reading", float, pd.Series)
@@ -75,6 +74,20 @@ class TransducerCalibration(msgspec.Struct, frozen=True, kw_only=True):
 
 
 COLUMN_OF = {"alpha": "dp_alpha_Pa", "beta": "dp_beta_Pa", "airspeed": "q_c_Pa"}
+
+
+def _check(found: TransducerCalibration, where: str) -> None:
+    for name in CHANNELS:
+        line = found.line(name)
+        if not abs(line.slope - 1) <= LARGEST_GAIN_ERROR or not 0 < line.slope_error < LARGEST_GAIN_ERROR:
+            raise InputError(
+                f"{where}: not a transducer calibration ({name}: slope {line.slope:g} ± {line.slope_error:g})"
+            )
+    if not 0 < found.airspeed_scale_error < LARGEST_GAIN_ERROR:
+        raise InputError(f"{where}: not a transducer calibration (airspeed_scale_error {found.airspeed_scale_error:g})")
+
+
+TRANSDUCERS_FILE = JsonFormat(TransducerCalibration, (FORMAT,), "a transducer calibration", _check)
 
 
 class AirDataErrors(NamedTuple):
@@ -175,25 +188,3 @@ def _why_not_supported(calibration: TransducerCalibration) -> str:
                 " for a leak, a wrong reading or a wrong order"
             )
     return ""
-
-
-def parse_transducers(data: bytes, where: str) -> TransducerCalibration:
-    """The calibration of a `transducers.json`. Raises InputError naming `where`."""
-    found = decoded(data, TransducerCalibration, (FORMAT,), where, "a transducer calibration")
-    for name in CHANNELS:
-        line = found.line(name)
-        if not abs(line.slope - 1) <= LARGEST_GAIN_ERROR or not 0 < line.slope_error < LARGEST_GAIN_ERROR:
-            raise InputError(
-                f"{where}: not a transducer calibration ({name}: slope {line.slope:g} ± {line.slope_error:g})"
-            )
-    if not 0 < found.airspeed_scale_error < LARGEST_GAIN_ERROR:
-        raise InputError(f"{where}: not a transducer calibration (airspeed_scale_error {found.airspeed_scale_error:g})")
-    return found
-
-
-def load_transducers(path: Path) -> TransducerCalibration:
-    """The calibration of a file. Raises InputError naming it."""
-    try:
-        return parse_transducers(path.read_bytes(), str(path))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None

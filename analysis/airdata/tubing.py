@@ -7,7 +7,7 @@ last tube to the first. The numbers are the same, and it also holds for a tube w
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -98,3 +98,9 @@ def low_frequency_lag_s(tubes: Sequence[PneumaticLine], gas: Gas) -> float:
 def tube_m3(line: PneumaticLine) -> float:
     """Volume of the tube alone."""
     return math.pi / 4 * line.diameter_m**2 * line.length_m
+
+
+def remainder_of(line: PneumaticLine, gas: Gas) -> Callable[[Array], ComplexArray]:
+    """A line's response without its lag for slow changes, as a function of frequency [Hz]."""
+    lag_s = low_frequency_lag_s([line], gas)
+    return lambda f: response([line], f, gas) * np.exp(2j * np.pi * f * lag_s)

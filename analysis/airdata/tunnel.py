@@ -1,6 +1,5 @@
 """The measurements of a wind-tunnel calibration of a five-port probe, and the CSV file that holds them."""
 
-import csv
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +9,7 @@ from numpy.typing import NDArray
 
 from flight.atmosphere import density
 from flight.errors import InputError
-from flight.text_file import read_text
-from flight.units import to_si
+from flight.unit_columns import csv_rows, si_column
 
 Array = NDArray[np.float64]
 
@@ -62,10 +60,7 @@ def read_tunnel(path: str | Path) -> TunnelData:
     Raises InputError naming file and cause.
     """
     path = Path(path)
-    try:
-        rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
-    except csv.Error as error:
-        raise InputError(f"{path}: not a CSV file ({error})") from None
+    rows = csv_rows(path)
     if len(rows) < 2:
         raise InputError(f"{path}: holds no measurements")
     header, *lines = rows
@@ -75,8 +70,7 @@ def read_tunnel(path: str | Path) -> TunnelData:
         if match is None or match[1] not in _COLUMNS:
             raise InputError(f"{path}: column {title!r}: must be one of {', '.join(_COLUMNS)}, followed by its [unit]")
         name, unit = _COLUMNS[match[1]]
-        zero, one = (to_si(f"{x} {match[2]}", unit, f"{path}: {title}") for x in (0, 1))
-        values[name] = zero + (one - zero) * np.array([_number(line, i) for line in lines])
+        values[name] = si_column(lines, i, match[2], unit, f"{path}: {title}")
         wrong = ~np.isfinite(values[name])
         if wrong.any():
             first = ",".join(lines[int(wrong.argmax())])
@@ -85,13 +79,6 @@ def read_tunnel(path: str | Path) -> TunnelData:
     if missing:
         raise InputError(f"{path}: no column {', '.join(missing)}")
     return TunnelData(**values)
-
-
-def _number(line: list[str], column: int) -> float:
-    try:
-        return float(line[column])
-    except (ValueError, IndexError):
-        return float("nan")
 
 
 def dynamic_pressure(tunnel: TunnelData) -> Array:

@@ -108,7 +108,7 @@ def _possible(one: Channel, least: float, greatest: float, spike: float) -> Chan
     t_s, value = one.t_s[kept], one.value[kept]
     if len(value) < FEWEST_SAMPLES:
         return Channel(t_s, value)
-    around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(value, 2, mode="edge"), 5), axis=1)
+    around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(value, 2, mode="reflect"), 5), axis=1)
     kept = np.abs(value - around) <= spike
     return Channel(t_s[kept], value[kept])
 

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from analysis.drag import consider
 from analysis.drag.forces import J_REFERENCE, FlightForces
+from analysis.drag.thrust_prior import thrust_prior
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
@@ -39,7 +40,7 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
         variance += (moved - nominal) ** 2
     for draw in trajectory.draws:
         variance += (quantities(flight_forces, states + draw, errors)[0] - nominal) ** 2 / len(trajectory.draws)
-    heavier, _ = quantities(FlightForces(trajectory, consider.weighing_more(aircraft), propeller), states, errors)
+    heavier, _ = quantities(consider.heavier(flight_forces), states, errors)
     variance += (heavier - nominal) ** 2
     variance[:, QUANTITIES.index("thrust_N") :] += _by_thrust_table(nominal, f, aircraft)
     flying = nominal[:, 1] > SLOWEST_MPS
@@ -53,10 +54,10 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
 def _by_thrust_table(nominal: Array, f: pd.DataFrame, aircraft: Aircraft) -> Array:
     """Variances (n, 3) of thrust, C_L and C_D by the errors of the propeller table."""
     alpha, thrust_N = nominal[:, 0], nominal[:, QUANTITIES.index("thrust_N")]
-    sigma = aircraft.uncertainty
-    slope = sigma.thrust_slope * (f["J"].to_numpy() - J_REFERENCE)
+    (scale, both), (_, slope) = thrust_prior(aircraft).second_moment
+    from_reference = f["J"].to_numpy() - J_REFERENCE
     beyond_N = f["thrust_beyond_over_m_mps2"].to_numpy() * aircraft.mass_kg / np.cos(alpha)
-    variance_N2 = thrust_N**2 * (sigma.thrust_scale_fraction**2 + slope**2) + beyond_N**2
+    variance_N2 = thrust_N**2 * (scale + 2 * both * from_reference + slope * from_reference**2) + beyond_N**2
     qS_N = f["qS_over_m_mps2"].to_numpy() * aircraft.mass_kg
     return np.stack(
         [variance_N2, variance_N2 * (np.sin(alpha) / qS_N) ** 2, variance_N2 * (np.cos(alpha) / qS_N) ** 2], axis=1

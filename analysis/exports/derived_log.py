@@ -84,7 +84,7 @@ def _write_table(writer: Writer, topic: str, table: pd.DataFrame, start_ns: int)
 
 
 def _write_location(writer: Writer, log: Log) -> None:
-    gps = log.entries.get("/gps", [])
+    gps = log.entries.get("/gps")
     if not gps:
         return
     channel = _channel(writer, LOCATION, str(LOCATION_FIX["title"]), LOCATION_FIX)

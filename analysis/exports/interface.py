@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from analysis.airdata.magnetometer import load_magnetometer
-from analysis.airdata.probe import load_probe
+from analysis.airdata.magnetometer import MAGNETOMETER_FILE
+from analysis.airdata.probe import PROBE_FILE
 from analysis.exports import KINDS
 from analysis.exports.derived_log import write_derived_log
 from analysis.exports.files import WRITERS
@@ -17,7 +17,7 @@ from analysis.maneuvers import toml_file
 from analysis.pipeline import Analysis
 from analysis.pipeline import analyze as run_pipeline
 from analysis.results.schema import Results
-from analysis.signals.rest import load_zero
+from analysis.signals.still_air_zero import ZERO_FILE
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log, read_log
@@ -71,9 +71,9 @@ def analyze(
     given = Replacements(
         aircraft=load_aircraft(Path(aircraft)) if aircraft else None,
         propeller=load_propeller(propeller) if propeller else None,
-        probe=load_probe(Path(probe)) if probe else None,
-        magnetometer=load_magnetometer(Path(magnetometer)) if magnetometer else None,
-        zero=load_zero(Path(zero)) if zero else None,
+        probe=PROBE_FILE.load(Path(probe)) if probe else None,
+        magnetometer=MAGNETOMETER_FILE.load(Path(magnetometer)) if magnetometer else None,
+        zero=ZERO_FILE.load(Path(zero)).by_channel() if zero else None,
         weight_N=weight_N,
     )
     if runs:

@@ -13,7 +13,10 @@ from flight.propeller import Propeller
 
 # Columns of the air data table whose own names lack a unit, or are of use inside the program only.
 RENAMED = {"rho": "density_kgpm3", "J": "advance_ratio", "throttle": "throttle_fraction"}
-LEFT_OUT = ("speed_scale", "dlnV_dlndp_alpha", "alpha_by_upwash_rad", "alpha_by_rotation_rad", "beta_by_rotation_rad")
+LEFT_OUT = (
+    "speed_scale", "dalpha_dlndp_alpha_rad", "dlnV_dlndp_alpha", "alpha_by_upwash_rad", "alpha_by_rotation_rad",
+    "beta_by_rotation_rad",
+)  # fmt: skip
 WITHOUT_UNIT = ("advance_ratio", "C_L", "C_D", "flying", "propeller_covered", "curve", "kind", "notes", "extrapolated")
 
 

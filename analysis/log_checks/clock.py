@@ -1,11 +1,11 @@
 """Log times: nanoseconds, one clock for all topics, without jumps. Where they start does not matter."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.signals.log_fields import times_ns
 from analysis.signals.synchronize import TOPICS
 from flight.errors import InputError
+from flight.log_entries import NO_ENTRIES
 from flight.log_reader import Log
 
 # Of /imu, from the daemon's 1 to 200 Hz; faster ones are averaged before they are written.
@@ -17,7 +17,7 @@ UNITS = {"microseconds": 1e3, "milliseconds": 1e6, "seconds": 1e9}
 
 def check_clock(log: Log) -> None:
     """Raises InputError if the log times cannot be nanoseconds of one clock."""
-    imu_ns = _times_ns(log, "/imu")
+    imu_ns = times_ns(log.entries.get("/imu", NO_ENTRIES))
     if len(imu_ns) < FEWEST_MESSAGES:
         raise InputError(f"{log.path}: /imu: {len(imu_ns)} messages are too few to analyze")
     interval_s = float(np.median(np.diff(imu_ns))) / 1e9
@@ -29,7 +29,7 @@ def check_clock(log: Log) -> None:
             f"{log.path}: /imu: log_time jumps by {jump_s:.3g} s; use a clock that is not set while it records"
         )
     for topic in TOPICS:
-        taken_ns = _times_ns(log, topic)
+        taken_ns = times_ns(log.entries.get(topic, NO_ENTRIES))
         if len(taken_ns) < FEWEST_MESSAGES:
             continue
         if taken_ns[-1] < imu_ns[0] or taken_ns[0] > imu_ns[-1]:
@@ -49,7 +49,3 @@ def _wrong_interval(interval_s: float) -> str:
     if SHORTEST_INTERVAL_S / 50 < interval_s < SHORTEST_INTERVAL_S:
         return f"{1 / interval_s:.0f} messages a second are too many; average them to 25 a second (200 at most)"
     return f"{interval_s:.3g} s between messages (by log_time, in nanoseconds); write 25 a second (1 at least)"
-
-
-def _times_ns(log: Log, topic: str) -> NDArray[np.int64]:
-    return times_ns(log.entries.get(topic, []))

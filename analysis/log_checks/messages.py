@@ -8,7 +8,7 @@ import numpy as np
 from analysis.signals.log_fields import is_good, values
 from analysis.signals.synchronize import COLUMNS, NEEDED, TOPICS
 from flight.errors import InputError
-from flight.log_entries import STATUSES, entries_of
+from flight.log_entries import NO_ENTRIES, STATUSES
 from flight.log_reader import FORMAT_PAGE, Log, other_encoding
 from flight.messages import TYPE_OF_TOPIC
 
@@ -21,7 +21,7 @@ def check_decodable(log: Log) -> None:
     for topic in TOPICS:
         if topic in log.other_encodings:
             raise InputError(f"{log.path}: {topic}: {other_encoding(log.other_encodings[topic])}")
-        entries, undecodable = log.entries.get(topic, []), log.undecodable_of.get(topic)
+        entries, undecodable = log.entries.get(topic, NO_ENTRIES), log.undecodable_of.get(topic)
         if undecodable and undecodable.count > MOST_UNDECODABLE * (len(entries) + undecodable.count):
             raise InputError(
                 f"{log.path}: {topic}: {undecodable.count} of {len(entries) + undecodable.count} messages cannot be"
@@ -33,7 +33,7 @@ def check_messages(log: Log) -> None:
     """Raises InputError if messages of a topic cannot be decoded, or a required topic or field has no value."""
     check_decodable(log)
     for topic in TOPICS:
-        entries = log.entries.get(topic, [])
+        entries = log.entries.get(topic, NO_ENTRIES)
         if topic in NEEDED and not entries:
             raise InputError(f"{log.path}: no topic {topic}, which the power curve needs{_similar_topic(log, topic)}")
         if entries:
@@ -42,7 +42,7 @@ def check_messages(log: Log) -> None:
 
 def _check_fields(log: Log, topic: str) -> None:
     """Raises InputError if a required field has no value, or an optional one is there under another name."""
-    entries = entries_of(log.entries[topic])
+    entries = log.entries[topic]
     good = is_good(entries)
     used = [field for of, field in COLUMNS.values() if of == topic]
     empty = [field for field in used if np.isnan(values(entries, field)[good]).all()]
@@ -63,7 +63,7 @@ def _check_fields(log: Log, topic: str) -> None:
 def _why_empty(log: Log, topic: str, unknown: list[str], good: bool) -> str:
     if unknown:
         return f"has no value; fields of its messages that {FORMAT_PAGE} does not have: {', '.join(unknown)}"
-    statuses = ", ".join(sorted({str(STATUSES[code]) for code in entries_of(log.entries[topic]).status}))
+    statuses = ", ".join(sorted({str(STATUSES[code]) for code in log.entries[topic].status}))
     return f"never carried a value (its status: {statuses})" if good else f"was never measured (its status: {statuses})"
 
 

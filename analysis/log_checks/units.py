@@ -45,6 +45,9 @@ LIMITS = (
         {"hPa (mbar)": 100, "kPa": 1000, "inHg": 3386.39, "bar": 1e5, "psi": 6894.76},
     ),
     Limits("/imu", "group_delay_s", MEDIAN, 0, 1, "a filter delays by less than 1 s", {"milliseconds": 1e-3}),
+    Limits(
+        "/imu", "specific_force_group_delay_s", MEDIAN, 0, 1, "a filter delays by less than 1 s", {"milliseconds": 1e-3}
+    ),
     Limits("/controls", "elevator_rad", 95, 0, 1.6, "a surface turns by less than 90 deg", {"degrees": np.pi / 180}),
     Limits("/controls", "throttle", 95, 0, 1.5, "full throttle is 1", {"per cent": 0.01, "microseconds": 5e-4}),
     Limits("/battery", "voltage_V", MEDIAN, 0, 200, "such a battery has less than 200 V", {"mV": 1e-3}),

@@ -10,6 +10,7 @@ from scipy.linalg import lapack
 Array = NDArray[np.float64]
 
 FEWEST = 4  # points
+GAP = 3.5  # median intervals, beyond which samples are not connected
 
 
 class CubicSpline:
@@ -48,3 +49,17 @@ class CubicSpline:
         if derivative:
             return np.asarray(linear + square * d * 2 + cubic * (d * d) * 3)
         return np.asarray(constant + linear * d + square * (d * d) + cubic * (d * d * d))
+
+
+def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
+    """Values (m,) measured at `taken_s` (m,), by a cubic spline at `t_s` (n,); NaN in gaps and beyond the ends."""
+    if len(value) < FEWEST:
+        return np.full_like(t_s, np.nan)
+    interval = max(float(np.median(np.diff(taken_s))), t_s[1] - t_s[0])
+    after = np.clip(np.searchsorted(taken_s, t_s), 1, len(taken_s) - 1)
+    before = after - 1
+    bridged = taken_s[after] - taken_s[before] <= GAP * interval
+    distance = np.minimum(np.abs(t_s - taken_s[before]), np.abs(taken_s[after] - t_s))
+    within = (t_s >= taken_s[0]) & (t_s <= taken_s[-1])
+    known = (bridged & within) | (distance <= 0.01 * interval)
+    return np.where(known, CubicSpline(taken_s, value)(t_s), np.nan)

@@ -5,10 +5,8 @@ them. Zeros before and after the flight may differ because transducers warm up. 
 corrected linearly over the flight.
 """
 
-from pathlib import Path
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -16,8 +14,6 @@ from numpy.typing import NDArray
 from analysis.signals.aircraft_size import FLYING_PA
 from analysis.signals.stretches import stretches
 from analysis.signals.synchronize import COLUMNS
-from flight.errors import InputError
-from flight.json_file import decoded
 
 Array = NDArray[np.float64]
 
@@ -37,7 +33,6 @@ SIGNIFICANT = 4.0  # a drift of more standard errors is corrected
 # Largest difference between the zero of a log and one of another day, by the parts' drift with temperature. MPU-9250
 # PS 3.1: 30 deg/s over the range, here 10 K; MS4515DO and SSC: 1 % and 2 % of the span over their ranges.
 LARGEST_DIFFERENCE = {"Pa": 3.0, "rad/s": 0.01}
-ZERO_FORMAT = "flightpower-zero-1"
 
 
 class Zeros(NamedTuple):
@@ -80,7 +75,7 @@ def zeros(
 ) -> Zeros | None:
     """The zeros of the sensors; None if the log has no rest and carries no zero.
 
-    daq_zeros: by channel, the zero in still air that the log carries (`zero_of_attachment`). flying_Pa: dynamic
+    daq_zeros: by channel, the zero in still air that the log carries (`still_air_zero`). flying_Pa: dynamic
     pressure of flight.
     """
     if not rests:
@@ -90,8 +85,8 @@ def zeros(
     value, error, drift, drift_error, drifting = {}, {}, {}, {}, {}
     notes: list[str] = []
     for name in CHANNELS:
-        value[name], error[name] = _mean(table[name], rests, step_s)
-        (first, first_error), (last, last_error) = (_mean(table[name], some, step_s) for some in (before, after))
+        value[name], error[name] = mean_at_rest(table[name], rests, step_s)
+        (first, first_error), (last, last_error) = (mean_at_rest(table[name], some, step_s) for some in (before, after))
         drift[name] = last - first if before and after else 0.0
         drift_error[name] = float(np.hypot(first_error, last_error)) if before and after else float("nan")
         if abs(drift[name]) > SIGNIFICANT * drift_error[name]:
@@ -112,39 +107,12 @@ def zeros(
     return Zeros(value, error, drift, seconds, drift_error, drifting, notes)
 
 
-class _Reading(msgspec.Struct):
-    mean: float
-    standard_deviation: float
-    samples: int
-
-
-class _ZeroFile(msgspec.Struct):
-    format: str
-    readings: dict[str, dict[str, _Reading]]
-
-
-def zero_of_attachment(data: bytes | None, where: str) -> dict[str, float] | None:
-    """By channel, the zero taken by `daq zero`, from the attachment `zero.json` of a log; None if there is none.
-
-    Raises InputError naming `where` if the file is malformed.
-    """
-    if data is None:
-        return None
-    zero = decoded(data, _ZeroFile, (ZERO_FORMAT,), where, "a still-air zero")
-    found = {}
-    for name in CHANNELS:
-        topic, field = COLUMNS[name]
-        if field in zero.readings.get(topic, {}):
-            found[name] = zero.readings[topic][field].mean
-    return found
-
-
-def load_zero(path: Path) -> dict[str, float]:
-    """The same from a file that `daq zero` wrote. Raises InputError naming it."""
-    try:
-        return zero_of_attachment(path.read_bytes(), str(path)) or {}
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+def without_zeros(table: pd.DataFrame, zeros: Zeros | None) -> tuple[pd.DataFrame, list[str]]:
+    """The table with the zeros subtracted, and notes on them."""
+    if zeros is None:
+        return table, ["The aircraft never stood still in this log: zeros of transducers and gyros are not corrected."]
+    t_s = table.index.to_numpy()
+    return table.assign(**{name: table[name] - zeros.at(name, t_s) for name in zeros.value}), zeros.notes
 
 
 def _without_rest(daq_zeros: dict[str, float]) -> Zeros:
@@ -169,7 +137,7 @@ def _around_flight(table: pd.DataFrame, rests: list[slice], flying_Pa: float) ->
     return [s for s in rests if s.stop <= flown[0]], [s for s in rests if s.start >= flown[-1]]
 
 
-def _mean(column: pd.Series, rows: list[slice], step_s: float) -> tuple[float, float]:
+def mean_at_rest(column: pd.Series, rows: list[slice], step_s: float) -> tuple[float, float]:
     """Mean and its standard error, from the scatter of means over blocks; NaN if there are no samples."""
     block = max(1, round(BLOCK_S / step_s))
     parts = [column.iloc[s].dropna().to_numpy() for s in rows]

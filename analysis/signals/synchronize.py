@@ -1,29 +1,20 @@
 """From a log to synchronized channels: all on one uniform grid of the tick rate, each corrected for its delay.
 
-Samples that failed, were stale or saturated are left out. Gaps longer than `GAP_TICKS` are not interpolated: the
-channel is NaN there.
+Samples that failed, were stale or saturated are left out. Long gaps are not interpolated: the channel is NaN there.
 """
 
-import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.signals.cubic_spline import CubicSpline
-from analysis.signals.log_fields import is_good, times_ns, values
-from flight.errors import InputError
-from flight.log_entries import STATUS_CODE, Entries, LogEntry, entries_of
+from analysis.signals.cubic_spline import on_grid
+from analysis.signals.log_fields import losses, samples, tick_period_s, times_ns
+from flight.log_entries import NO_ENTRIES
 from flight.log_reader import Log
-from flight.messages import Status
 
 Array = NDArray[np.float64]
-GAP_TICKS = 3.5
-LONG_GAP_S, MENTIONED_GAPS = 2.0, 3  # gaps this long are noted, so many of them per topic
-MENTIONED_SHARE = 0.002  # of clipped samples
-CLIPPED = "at the end of its range"
 
 # Column of the table: (topic, field).
 COLUMNS = {
@@ -50,8 +41,6 @@ COLUMNS = {
     "battery_V": ("/battery", "voltage_V"),
     "battery_A": ("/battery", "current_A"),
 }
-MOST_MISSED = 3.0  # times its nominal period, the median interval of /imu
-COUNTER_S = 0.01  # least time between two periods that the pulse counter sends
 TOPICS = tuple(dict.fromkeys(topic for topic, _ in COLUMNS.values()))
 NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")
 
@@ -72,94 +61,14 @@ def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
     lag_s: by topic, a known delay of its quantity [s], in addition to the delay in its messages.
     Raises InputError if the log's metadata have a wrong rate.
     """
-    imu = entries_of(log.entries["/imu"])
-    ticks = np.stack([np.array(imu.tick, dtype=np.int64), times_ns(imu)], axis=1)
-    period_s = _period_s(ticks, log)
-    start_ns = int(ticks[0, 1])
-    t_s: Array = np.arange(int((ticks[-1, 1] - start_ns) / 1e9 / period_s) + 1, dtype=float) * period_s
+    ticks_ns, period_s = times_ns(log.entries["/imu"]), tick_period_s(log)
+    start_ns = int(ticks_ns[0])
+    t_s: Array = np.arange(int((ticks_ns[-1] - start_ns) / 1e9 / period_s) + 1, dtype=float) * period_s
 
     table: dict[str, Array] = {}
-    columns = {topic: entries_of(log.entries.get(topic, [])) for topic in TOPICS}
-    notes = [note for topic, entries in columns.items() for note in _losses(topic, entries, start_ns, period_s)]
+    of_topic = {topic: log.entries.get(topic, NO_ENTRIES) for topic in TOPICS}
+    notes = [note for topic, entries in of_topic.items() for note in losses(topic, entries, start_ns)]
     for name, (topic, field) in COLUMNS.items():
-        entries = columns[topic]
-        taken_s, value = samples(entries, field, start_ns)
+        taken_s, value = samples(of_topic[topic], field, start_ns)
         table[name] = on_grid(t_s, taken_s - (lag_s or {}).get(topic, 0.0), value)
     return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns, notes)
-
-
-def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
-    """Values (m,) measured at `taken_s` (m,), by a cubic spline at `t_s` (n,); NaN in gaps and beyond the ends."""
-    if len(value) < 4:
-        return np.full_like(t_s, np.nan)
-    interval = max(float(np.median(np.diff(taken_s))), t_s[1] - t_s[0])
-    after = np.clip(np.searchsorted(taken_s, t_s), 1, len(taken_s) - 1)
-    before = after - 1
-    bridged = taken_s[after] - taken_s[before] <= GAP_TICKS * interval
-    distance = np.minimum(np.abs(t_s - taken_s[before]), np.abs(taken_s[after] - t_s))
-    within = (t_s >= taken_s[0]) & (t_s <= taken_s[-1])
-    known = (bridged & within) | (distance <= 0.01 * interval)
-    return np.where(known, CubicSpline(taken_s, value)(t_s), np.nan)
-
-
-def _losses(topic: str, entries: Entries, start_ns: int, period_s: float) -> list[str]:
-    """Notes on a topic: the share of clipped samples, and long gaps."""
-    if not entries:
-        return []
-    notes = []
-    clipped = entries.status.count(STATUS_CODE[Status.SATURATED]) / len(entries)
-    if clipped > MENTIONED_SHARE:
-        notes.append(f"{topic} was {CLIPPED} for {100 * clipped:.1f} % of the log and is left out there.")
-    good_s = (times_ns(entries)[is_good(entries)] - start_ns) / 1e9
-    if topic == "/rpm" or len(good_s) < 2:
-        return notes  # a standing motor sends no messages; `synchronize` reports a topic without values
-    gaps = np.diff(good_s)
-    long = np.flatnonzero(gaps > max(LONG_GAP_S, 5 * float(np.median(gaps))))
-    for i in long[np.argsort(gaps[long])[::-1][:MENTIONED_GAPS]].tolist():
-        notes.append(f"{topic} has a gap of {gaps[i]:.1f} s from {good_s[i]:.0f} s on, which is not interpolated.")
-    return notes
-
-
-def samples(entries: Sequence[LogEntry], field: str, start_ns: int) -> tuple[Array, Array]:
-    """Times [s] and values of the good messages, (m,), in order of time, one for each time."""
-    entries = entries_of(entries)
-    value = values(entries, field)
-    good = is_good(entries) & ~np.isnan(value)
-    taken_s = ((times_ns(entries) - start_ns) / 1e9 - _delay_s(entries))[good]
-    taken_s, first = np.unique(taken_s, return_index=True)
-    return taken_s, value[good][first]
-
-
-def _delay_s(entries: Entries) -> Array:
-    """Age of each message's quantity at its log_time [s], (n,), as far as the messages give it.
-
-    A motor speed is the mean over the timed period, and at a tick the newest frame is on average half a frame interval
-    old: together 16 ms at 90 rev/s. Without this correction the motor speed would seem to lag.
-    """
-    timed_s = np.nan_to_num(values(entries, "period_us")) * 1e-6
-    timed = timed_s > 0
-    frame_interval_s = timed_s * np.ceil(COUNTER_S / np.where(timed, timed_s, 1.0))
-    return np.where(timed, (timed_s + frame_interval_s) / 2, np.nan_to_num(values(entries, "group_delay_s")))
-
-
-def _period_s(ticks: NDArray[np.int64], log: Log) -> float:
-    """The period of the grid. ticks: sequence number and time [ns] of the messages of /imu, (n, 2).
-
-    The nominal one where the log's metadata give it. Else from the time between the first and the last tick, so that
-    missed ticks do not matter; or, where the sequence does not count ticks, from the median interval.
-    """
-    interval_s = float(np.median(np.diff(ticks[:, 1]))) / 1e9
-    nominal = log.metadata.get("flightpower", {}).get("tick_rate_Hz")
-    if nominal:
-        try:
-            period_s = 1 / float(nominal)
-        except (ValueError, ZeroDivisionError):
-            period_s = math.nan
-        if not 1 / MOST_MISSED <= interval_s / period_s <= MOST_MISSED:
-            raise InputError(
-                f"{log.path}: metadata flightpower: tick_rate_Hz is {nominal!r}, but /imu has {1 / interval_s:.4g}"
-                " messages a second: write that number, or leave it out"
-            )
-        return period_s
-    count, lasted_ns = ticks[-1] - ticks[0]
-    return float(lasted_ns) / float(count) / 1e9 if np.median(np.diff(ticks[:, 0])) == 1 else interval_s

@@ -11,7 +11,7 @@ import pytest
 
 from flight.errors import InputError
 from flight.propeller import Propeller, Row
-from flight.propeller_files import load_propeller, parse_apc, parse_csv, parse_uiuc
+from flight.propeller_files import load_propeller, parse_propeller, parse_uiuc
 
 DATA = Path(__file__).parents[1] / "data" / "propellers"
 SHIPPED = ("apc-10x5e", "apc-12x8e", "apc-12x8e-windmilling", "blade-11x5", "blade-16x10")
@@ -113,7 +113,7 @@ def test_uiuc_files_as_downloaded_give_diameter_static_thrust_and_all_speeds(uiu
         cT, cP = propeller.coefficients(0.0, row.rpm)
         assert float(cT) == pytest.approx(np.interp(row.rpm, static[:, 0], static[:, 1]), abs=1e-9)
         assert float(cP) == pytest.approx(np.interp(row.rpm, static[:, 0], static[:, 2]), abs=1e-9)
-    assert parse_csv(propeller.to_csv(), propeller.name).rows == propeller.rows
+    assert parse_propeller(propeller.to_csv(), propeller.name).rows == propeller.rows
 
 
 def test_between_tabulated_speeds_reynolds_number_is_followed(uiuc):
@@ -148,7 +148,7 @@ def test_apc_files_give_back_their_printed_coefficients(apc, name):
 def test_apc_files_give_back_their_printed_thrust(apc, name):
     """The file prints thrust in pounds beside its coefficients: (3.48) has to give the same."""
     text = (apc / name).read_text("utf-8", errors="replace")
-    propeller = parse_apc(text, name)
+    propeller = parse_propeller(text, name)
     assert len(propeller.rows) == 6
     assert propeller.diameter_m == pytest.approx(float(re.match(r"\s*(\d+)x", text)[1]) * 0.0254)
     checked, rpm = 0, None
@@ -171,7 +171,7 @@ def test_apc_files_give_back_their_printed_thrust(apc, name):
 def test_two_sources_of_the_same_propeller_are_compared(apc):
     """Computed against measured 10x5E: they differ by a good tenth, which is why a thrust scale has to be estimated."""
     measured = load_propeller("apc-10x5e")
-    computed = parse_apc((apc / "PER3_10x5E.dat").read_text("utf-8", errors="replace"), "10x5E")
+    computed = parse_propeller((apc / "PER3_10x5E.dat").read_text("utf-8", errors="replace"), "10x5E")
     J = np.linspace(0.2, 0.45, 6)
     ratio = computed.coefficients(J, 6000)[0] / measured.coefficients(J, 6000)[0]
     assert np.all((ratio > 0.8) & (ratio < 1.35)), ratio
@@ -180,7 +180,7 @@ def test_two_sources_of_the_same_propeller_are_compared(apc):
 @pytest.mark.parametrize("name", SHIPPED)
 def test_our_own_format_comes_back_the_same(name):
     propeller = load_propeller(name)
-    again = parse_csv(propeller.to_csv(), name)
+    again = parse_propeller(propeller.to_csv(), name)
     assert again.rows == propeller.rows
     assert again.diameter_m == propeller.diameter_m
 
@@ -249,7 +249,7 @@ def test_covers_knows_the_table():
 )
 def test_a_broken_table_is_refused_by_name(text, cause):
     with pytest.raises(InputError, match=rf"propeller mine.*{cause}"):
-        parse_csv(text, "mine")
+        parse_propeller(text, "mine")
 
 
 def test_an_unknown_propeller_lists_those_there_are():

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from flight.log_entries import LogEntry
+from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log
 from flight.messages import Gps, Time
 from flight.satellite_time import satellites_minus_log_time_ns
@@ -13,11 +13,8 @@ UTC_NS = 1_463_218_201_000_000_000
 def test_the_last_fix_counts_because_the_first_may_lack_leap_seconds() -> None:
     log = Log(Path("log.mcap"))
     assert satellites_minus_log_time_ns(log) is None
-    log.entries["/time"] = [LogEntry(1000, 0, Time(monotonic_ns=0, system_ns=0, gps_utc_ns=UTC_NS + 1000))]
+    log.entries["/time"] = entries_of([LogEntry(1000, 0, Time(monotonic_ns=0, system_ns=0, gps_utc_ns=UTC_NS + 1000))])
     assert satellites_minus_log_time_ns(log) == UTC_NS
-    log.entries["/gps"] = [
-        LogEntry(10, 0, Gps(utc_ns=UTC_NS + 18_000_000_010)),
-        LogEntry(20, 1, Gps(utc_ns=UTC_NS + 20)),
-        LogEntry(30, 2, Gps(utc_ns=None)),
-    ]
+    fixes = (UTC_NS + 18_000_000_010, UTC_NS + 20, None)
+    log.entries["/gps"] = entries_of([LogEntry(10 * i + 10, i, Gps(utc_ns=utc_ns)) for i, utc_ns in enumerate(fixes)])
     assert satellites_minus_log_time_ns(log) == UTC_NS

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from analysis.airdata.air import _slow_flight, air_data
-from analysis.signals.rest import rest_segments, zeros
+from analysis.airdata.rigid_body import specific_force_at_cg
+from analysis.signals.aircraft_size import speed_scale
+from analysis.signals.rest import rest_segments, without_zeros, zeros
 from flight.aircraft import load_aircraft
 from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
@@ -26,7 +28,10 @@ def flown():
 
 def result(table, probe):
     still = rest_segments(table, 25.0)
-    return air_data(table, NEXSTAR, probe, load_propeller(NEXSTAR.propulsion.propeller), zeros(table, still))
+    corrected, notes = without_zeros(table, zeros(table, still))
+    propeller = load_propeller(NEXSTAR.propulsion.propeller)
+    air = air_data(specific_force_at_cg(corrected, NEXSTAR), NEXSTAR, probe, propeller, speed_scale(NEXSTAR))
+    return air._replace(notes=notes + air.notes)
 
 
 def errors_of(air, truth, rows=CRUISE_S):
@@ -116,3 +121,5 @@ def test_time_aloft_that_is_too_slow_to_be_flight_is_told_in_per_cent_of_it() ->
     (low,) = _slow_flight(np.full(200, 50.0), slow, 40.0, 0.5)
     above = [float(text.split(" above ")[1].split(" m ")[0]) for text in (said, low)]
     assert above[1] == pytest.approx(above[0] / 2), "a small aircraft flies lower"
+    assert _slow_flight(np.full(200, 11.0), slow, 40.0, 0.5) and not _slow_flight(np.full(200, 9.0), slow, 40.0, 0.5)
+    assert _slow_flight(height_m, np.where(np.arange(200) >= 197, 20.0, 100.0), 40.0, 1.0), "3 % are told"

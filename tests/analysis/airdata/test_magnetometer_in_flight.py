@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.magnetometer import MagnetometerCalibration, compass, load_magnetometer, parse_magnetometer
+from analysis.airdata.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration, compass
 from flight.errors import InputError
 from flight.motion import body_from_earth
 
@@ -82,9 +82,9 @@ def test_one_that_is_silent_in_flight_is_said_to_be() -> None:
 
 def test_a_calibration_is_read_as_it_was_written(tmp_path) -> None:
     (tmp_path / "magnetometer.json").write_bytes(msgspec.json.encode(CALIBRATION))
-    assert load_magnetometer(tmp_path / "magnetometer.json") == CALIBRATION
+    assert MAGNETOMETER_FILE.load(tmp_path / "magnetometer.json") == CALIBRATION
     with pytest.raises(InputError, match=r"none\.json: cannot be read"):
-        load_magnetometer(tmp_path / "none.json")
+        MAGNETOMETER_FILE.load(tmp_path / "none.json")
 
 
 @pytest.mark.parametrize(
@@ -99,9 +99,9 @@ def test_a_calibration_is_read_as_it_was_written(tmp_path) -> None:
 def test_what_is_no_calibration_is_refused(change: dict, cause: str) -> None:
     content = msgspec.to_builtins(CALIBRATION) | change
     with pytest.raises(InputError, match=f"magnetometer.json: .*{cause}"):
-        parse_magnetometer(msgspec.json.encode(content), "magnetometer.json")
+        MAGNETOMETER_FILE.parsed(msgspec.json.encode(content), "magnetometer.json")
     with pytest.raises(InputError, match="not a magnetometer calibration"):
-        parse_magnetometer(b"{", "magnetometer.json")
+        MAGNETOMETER_FILE.parsed(b"{", "magnetometer.json")
 
 
 @pytest.mark.parametrize(

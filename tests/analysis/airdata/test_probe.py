@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.airdata.polynomial_map import PolynomialMap, polynomial_of_order
-from analysis.airdata.probe import ProbeCalibration, _inside, flow_at_probe, parse_probe
+from analysis.airdata.probe import PROBE_FILE, ProbeCalibration, _inside, flow_at_probe
 from analysis.airdata.probe_fit import calibrate
 from analysis.airdata.speed_dependence import speed_dependence
 from analysis.airdata.tunnel import TunnelData, dynamic_pressure, read_tunnel
@@ -84,13 +84,16 @@ def test_so_it_is_everywhere_in_every_simulated_tunnel(forty: list[ProbeCalibrat
     assert np.all(worst < (0.1, 0.1, 0.5))
 
 
-def test_the_sensitivity_of_speed_to_the_alpha_pressure_is_its_derivative() -> None:
+def test_the_sensitivities_to_the_alpha_pressure_are_its_derivatives() -> None:
     alpha, beta = np.radians([-12.0, 5.0, 10.0]), np.radians([0.0, 4.0, -6.0])
     dp_alpha, dp_beta, q_c = hemisphere(alpha, beta, np.full(3, 200.0))
     calibration = calibrate(tunnel())
     less, flow, more = (flow_at_probe(calibration, dp_alpha * k, dp_beta, q_c) for k in (0.999, 1.0, 1.001))
     derivative = np.log(more.qbar_Pa / less.qbar_Pa) / 2 / np.log(1.001 / 0.999)
     assert flow.dlnV_dlndp_alpha == pytest.approx(derivative, rel=0.02)
+    of_angle = (more.alpha_rad - less.alpha_rad) / np.log(1.001 / 0.999)
+    assert flow.dalpha_dlndp_alpha_rad == pytest.approx(of_angle, rel=0.001)
+    assert np.all(np.abs(of_angle / alpha) < (0.95, 1.01, 0.95)), "the calibration is curved"
 
 
 def test_the_stated_error_of_the_pressure_map_is_a_fraction() -> None:
@@ -196,7 +199,7 @@ def test_the_tunnel_s_own_angles_count_too_and_all_of_it_travels() -> None:
     tunnel = simulated_tunnel(1)
     alone, known = calibrate(tunnel), calibrate(tunnel, angle_scale_sigma=0.01)
     assert known.alpha_scale_sigma == pytest.approx(np.hypot(alone.alpha_scale_sigma, 0.01), rel=1e-9)
-    assert parse_probe(msgspec.json.encode(known), "probe.json") == known
+    assert PROBE_FILE.parsed(msgspec.json.encode(known), "probe.json") == known
 
 
 def test_a_file_of_the_first_format_means_what_it_meant() -> None:
@@ -212,13 +215,13 @@ def test_a_file_of_the_first_format_means_what_it_meant() -> None:
         "alpha_scale_sigma": 0.01,
         "hull": [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)],
     }
-    probe = parse_probe(msgspec.json.encode(old), "probe.json")
+    probe = PROBE_FILE.parsed(msgspec.json.encode(old), "probe.json")
     flow = flow_at_probe(probe, np.array([30.0]), np.array([-15.0]), np.array([150.0]))
     assert flow.alpha_rad[0] == pytest.approx(0.08)
     assert flow.beta_rad[0] == pytest.approx(-0.04)
     assert flow.qbar_Pa[0] == pytest.approx(200.0)
     with pytest.raises(InputError, match="flightpower-probe-9"):
-        parse_probe(msgspec.json.encode({**old, "format": "flightpower-probe-9"}), "probe.json")
+        PROBE_FILE.parsed(msgspec.json.encode({**old, "format": "flightpower-probe-9"}), "probe.json")
 
 
 def test_the_daemon_shows_what_the_analysis_finds(tmp_path: Path) -> None:
@@ -267,7 +270,7 @@ def test_a_bad_tunnel_file_says_what_is_wrong(tmp_path: Path, text: str, cause: 
 def test_something_else_than_a_calibration_is_refused() -> None:
     for data in (b"", b"{}", b'{"format": 3}'):
         with pytest.raises(InputError, match="not a probe calibration"):
-            parse_probe(data, "probe.json")
+            PROBE_FILE.parsed(data, "probe.json")
 
 
 def test_a_point_is_inside_a_polygon_or_not() -> None:

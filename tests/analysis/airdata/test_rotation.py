@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.air import air_data
-from analysis.airdata.bank import bank_angle
+from analysis.airdata.air import _ground, _stuck, air_data
 from analysis.airdata.polynomial_map import PolynomialMap
 from analysis.airdata.probe import FIRST_FORMAT, ProbeCalibration
+from analysis.airdata.rigid_body import bank_angle, specific_force_at_cg
+from analysis.signals.aircraft_size import speed_scale
 from analysis.signals.synchronize import COLUMNS
 from flight.aircraft import Aircraft, ProbeInstallation
 from flight.propeller import Propeller
@@ -59,7 +60,7 @@ def test_a_turning_boom_changes_no_angle_at_the_centre_of_gravity(
     """At 0.5 rad/s a probe 0.6 m ahead sees 1.1 deg more or less; what is left is of second order, 0.05 deg."""
     aircraft = replace(nexstar, probe=ProbeInstallation(position_m=(0.6, 0.0, 0.0), upwash_per_CL_rad=0.0))
     table = log_of(rates_radps, *at_probe(rates_radps, 0.6))
-    air = air_data(table, aircraft, LINEAR_PROBE, propeller, None).table
+    air = air_data(table, aircraft, LINEAR_PROBE, propeller, speed_scale(aircraft)).table
     assert np.degrees(air["alpha_rad"].mean() - ALPHA_RAD) == pytest.approx(0.0, abs=0.05)
     assert np.degrees(air["beta_rad"].mean() - BETA_RAD) == pytest.approx(0.0, abs=0.05)
 
@@ -68,7 +69,9 @@ def test_upwash_in_proportion_to_lift_is_taken_out(nexstar: Aircraft, propeller:
     """0.02 rad at the lift coefficient of level flight, weight over qbar S."""
     CL = nexstar.mass.weight_N / (QBAR_PA * nexstar.geometry.wing_area_m2)
     aircraft = replace(nexstar, probe=ProbeInstallation(position_m=(0.6, 0.0, 0.0), upwash_per_CL_rad=0.02 / CL))
-    air = air_data(log_of((0.0, 0.0, 0.0), ALPHA_RAD + 0.02, 0.0), aircraft, LINEAR_PROBE, propeller, None).table
+    air = air_data(
+        log_of((0.0, 0.0, 0.0), ALPHA_RAD + 0.02, 0.0), aircraft, LINEAR_PROBE, propeller, speed_scale(aircraft)
+    ).table
     assert air["alpha_rad"].mean() == pytest.approx(ALPHA_RAD, abs=2e-4)
 
 
@@ -81,12 +84,16 @@ def test_upwash_follows_the_lift_of_a_porpoise(nexstar: Aircraft, propeller: Pro
     aircraft = replace(slower, probe=ProbeInstallation(position_m=(0.0, 0.0, 0.0), upwash_per_CL_rad=0.02 / CL))
     table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
     swing = 0.5 * np.sin(2 * np.pi * 0.7 * table.index.to_numpy())
-    air = air_data(table.assign(az_mps2=-G_MPS2 * (1 + swing)), aircraft, LINEAR_PROBE, propeller, None).table
+    air = air_data(
+        table.assign(az_mps2=-G_MPS2 * (1 + swing)), aircraft, LINEAR_PROBE, propeller, speed_scale(aircraft)
+    ).table
     assert np.polyfit(swing, air["alpha_by_upwash_rad"], 1) == pytest.approx([0.02, 0.02], rel=2e-3)
 
 
 def test_speed_and_density_are_those_of_the_pressures(nexstar: Aircraft, propeller: Propeller) -> None:
-    air = air_data(log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0), nexstar, LINEAR_PROBE, propeller, None).table
+    air = air_data(
+        log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0), nexstar, LINEAR_PROBE, propeller, speed_scale(nexstar)
+    ).table
     assert air["rho"].mean() == pytest.approx(DENSITY_KGPM3, rel=1e-3)
     assert air["V_mps"].mean() == pytest.approx(V_MPS, rel=1e-3)
     assert air["J"].mean() == pytest.approx(V_MPS / (90.0 * propeller.diameter_m), rel=1e-3)
@@ -96,7 +103,7 @@ def test_a_tray_that_warms_itself_does_not_make_the_air_warmer(nexstar: Aircraft
     """10 K within a minute, at the height where the log began: density stays that of the first reading."""
     table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
     warming = table.assign(static_temperature_K=288.15 + np.linspace(0, 10, len(table)))
-    air = air_data(warming, nexstar, LINEAR_PROBE, propeller, None).table
+    air = air_data(warming, nexstar, LINEAR_PROBE, propeller, speed_scale(nexstar)).table
     assert air["rho"].iloc[-1] == pytest.approx(DENSITY_KGPM3, rel=2e-3)
 
 
@@ -107,18 +114,19 @@ def test_flight_outside_the_probe_s_range_is_noted_if_it_is_more_than_a_moment(
     """1 s of a minute is less than 2 %, 3 s are 5 %: C_alpha of 1.5 lies outside the hull."""
     table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
     table.loc[20.0 : 20.0 + seconds, "dp_alpha_Pa"] = 1.5 * QBAR_PA
-    air = air_data(table, nexstar, LINEAR_PROBE, propeller, None)
+    air = air_data(table, nexstar, LINEAR_PROBE, propeller, speed_scale(nexstar))
     assert air.table.loc[20.0 : 20.0 + seconds, "V_mps"].isna().all()
     assert any("outside the probe's calibrated range" in note for note in air.notes) == noted
+    assert any(note.startswith("5 % of the flight lies outside") for note in air.notes) == noted
 
 
-def test_the_specific_force_is_that_of_the_centre_of_gravity(nexstar: Aircraft, propeller: Propeller) -> None:
+def test_the_specific_force_is_that_of_the_centre_of_gravity(nexstar: Aircraft) -> None:
     """An IMU at r feels omega x (omega x r) more: at 1 rad/s about z and 0.2 m ahead -0.2 m/s^2 along x."""
     rates, position = (0.0, 0.4, 1.0), (0.2, -0.1, 0.05)
     extra = np.cross(rates, np.cross(rates, position))
     table = log_of(rates, ALPHA_RAD, 0.0, force_mps2=np.array([0.3, -0.2, -G_MPS2]) + extra)
-    air = air_data(table, replace(nexstar, imu_position_m=position), LINEAR_PROBE, propeller, None).table
-    found = air[["ax_mps2", "ay_mps2", "az_mps2"]].mean().tolist()
+    moved = specific_force_at_cg(table, replace(nexstar, imu_position_m=position))
+    found = moved[["ax_mps2", "ay_mps2", "az_mps2"]].mean().tolist()
     assert found == pytest.approx([0.3, -0.2, -G_MPS2], abs=1e-9)
 
 
@@ -170,3 +178,73 @@ def test_bank_does_not_depend_on_when_the_clock_began() -> None:
     table = flown(p_radps=np.gradient(rolled, 0.04))
     later = table.set_axis(table.index + 1000.0)
     assert bank_angle(later) == pytest.approx(bank_angle(table), abs=1e-9)
+
+
+@pytest.mark.parametrize(("scale", "samples"), [(1.0, 5), (0.5, 20)])
+def test_quotients_are_over_a_mean_dynamic_pressure(
+    nexstar: Aircraft, propeller: Propeller, scale: float, samples: int
+) -> None:
+    """Of 0.2 s, and of four times as long at half the speed. Dynamic pressure itself and speed follow each sample."""
+    wing_loading = DENSITY_KGPM3 / 2 * (scale * 11.0) ** 2
+    aircraft = nexstar.weighing(wing_loading * nexstar.geometry.wing_area_m2)
+    table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
+    table.iloc[700, table.columns.get_loc("q_c_Pa")] = 1.2 * QBAR_PA
+    table["dp_alpha_Pa"] = 2 * ALPHA_RAD * QBAR_PA + 1e-3 * np.arange(len(table)) % 0.05
+    air = air_data(table, aircraft, LINEAR_PROBE, propeller, speed_scale(aircraft)).table
+    alpha = air["alpha_by_upwash_rad"] + air["alpha_rad"]
+    lower = np.flatnonzero(alpha.to_numpy() < (1 - 0.1 / samples) * ALPHA_RAD)
+    assert len(lower) == samples and abs(lower.mean() - 700) <= 0.5
+    assert alpha.iloc[lower].mean() == pytest.approx(ALPHA_RAD / (1 + 0.2 / samples), rel=0.002)
+    assert air["qbar_Pa"].iloc[700] == pytest.approx(1.2 * QBAR_PA, rel=1e-9)
+    assert air["V_mps"].iloc[700] == pytest.approx(np.sqrt(1.2) * V_MPS, rel=0.006)
+
+
+def test_thrust_and_advance_ratio_are_those_of_a_turning_propeller(nexstar: Aircraft, propeller: Propeller) -> None:
+    """J = V/(n D); a motor below one revolution a second stands, and its propeller gives nothing that a table tells."""
+    table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
+    table["n_revps"] = np.select([np.arange(1500) < 500, np.arange(1500) < 1000], [0.9, 1.1], 90.0)
+    air = air_data(table, nexstar, LINEAR_PROBE, propeller, speed_scale(nexstar)).table
+    assert air["J"].iloc[:500].isna().all() and air["thrust_N"].iloc[:500].isna().all()
+    assert air["shaft_power_W"].iloc[:500].isna().all() and not air["propeller_covered"].iloc[:1000].any()
+    turning = air.iloc[1000:]
+    assert turning["J"].mean() == pytest.approx(V_MPS / (90.0 * propeller.diameter_m), rel=1e-3)
+    thrust_N, shaft_W = propeller.thrust_and_power(V_MPS, 90.0, DENSITY_KGPM3)
+    assert turning["thrust_N"].mean() == pytest.approx(float(thrust_N), rel=2e-3)
+    assert turning["shaft_power_W"].mean() == pytest.approx(float(shaft_W), rel=2e-3)
+    assert turning["propeller_covered"].all() and air["J"].iloc[500:1000].notna().all()
+
+
+def test_the_air_on_the_ground_is_that_of_the_first_two_seconds() -> None:
+    """Electronics that warm by 1 K a second after power-on and a flight that begins later change nothing."""
+    t = np.arange(0, 20, 0.1)
+    late = np.where(t > 2.01, 10.0, 0.0)
+    table = pd.DataFrame({"static_Pa": 1e5 - 100 * late, "static_temperature_K": 288.0 + t + late}, index=t + 50)
+    table.iloc[:3] = np.nan
+    pressure_Pa, temperature_K = _ground(table)
+    assert pressure_Pa == pytest.approx(1e5 - 1000 * 3 / 21) and temperature_K == pytest.approx(289.3 + 10 * 3 / 21)
+
+
+@pytest.mark.parametrize(
+    ("samples", "spread_Pa", "stuck"), [(240, 0.0, False), (260, 0.0, True), (260, 0.018, True), (260, 0.022, False)]
+)
+def test_a_transducer_without_noise_for_ten_seconds_of_flight_is_stuck(samples, spread_Pa, stuck) -> None:
+    """Less than 0.02 Pa from least to largest; on the ground, below the dynamic pressure of flight, nothing counts."""
+    q_c = pd.Series(np.r_[np.full(100, 20.0), np.full(samples, 100.0)], name="q_c_Pa")
+    pressure = pd.Series(np.r_[np.arange(100.0), np.linspace(7.0, 7.0 + spread_Pa, samples)], name="dp_beta_Pa")
+    assert _stuck(pressure, q_c, 30.0) is stuck
+
+
+def test_air_data_do_not_depend_on_the_time_at_which_a_log_begins(nexstar: Aircraft, propeller: Propeller) -> None:
+    """Nor on where its time is counted from; the IMU is off the centre of gravity and the rates swing."""
+    aircraft = replace(nexstar, imu_position_m=(0.2, 0.0, 0.1))
+
+    def found(begin_s: float) -> pd.DataFrame:
+        table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
+        table["q_radps"] = 0.3 * np.sin(table.index.to_numpy())
+        table.index += begin_s
+        at_cg = specific_force_at_cg(table, aircraft)
+        return air_data(at_cg, aircraft, LINEAR_PROBE, propeller, speed_scale(aircraft)).table
+
+    at_zero, late = found(0.0), found(500.0)
+    for name in ("V_mps", "alpha_rad", "ax_mps2", "az_mps2", "bank_rad"):
+        assert late[name].to_numpy() == pytest.approx(at_zero[name].to_numpy(), nan_ok=True, abs=1e-9), name

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from analysis.airdata.pressure_plateaus import plateaus
-from analysis.airdata.transducers import TransducerCalibration, air_data_errors, calibrate, parse_transducers
+from analysis.airdata.pressure_plateaus import in_words, plateaus
+from analysis.airdata.transducers import TRANSDUCERS_FILE, TransducerCalibration, air_data_errors, calibrate
 from analysis.cli.calibrate import app
 from analysis.cli.calibrate.transducers import pressures_Pa
 from analysis.trajectory.equations import SENSOR_ERRORS
@@ -133,11 +133,62 @@ def test_the_command_lists_plateaus_writes_a_file_and_refuses_what_is_not_suppor
     assert refused.exit_code == 1 and "nothing written" in refused.output and not output.exists()
     assert run(log, *given).exit_code == 0
     text = output.read_bytes()
-    assert parse_transducers(text, "file").airspeed.slope == pytest.approx(1.02, abs=0.005)
+    assert TRANSDUCERS_FILE.parsed(text, "file").airspeed.slope == pytest.approx(1.02, abs=0.005)
     for wrong, cause in (
         ({"format": "flightpower-probe-2"}, "not supported"),
         ({"airspeed_scale_error": 0.0}, "airspeed_scale_error 0"),
         ({"alpha": json.loads(text)["alpha"] | {"slope": 3.0}}, "alpha: slope 3"),
     ):
         with pytest.raises(InputError, match=cause):
-            parse_transducers(json.dumps(json.loads(text) | wrong).encode(), "file")
+            TRANSDUCERS_FILE.parsed(json.dumps(json.loads(text) | wrong).encode(), "file")
+
+
+def held(*pieces: tuple[float, float], noise_Pa: float = 0.0, drift_Pa: float = 0.0) -> pd.DataFrame:
+    """Readings from 100 s on, 25 a second, of pressures [Pa] held for seconds; the last drifts linearly."""
+    values = np.concatenate([np.full(round(25 * seconds), pressure) for pressure, seconds in pieces])
+    last = round(25 * pieces[-1][1])
+    values[len(values) - last :] += np.linspace(0, drift_Pa, last)
+    values = values + noise_Pa * np.random.default_rng(0).standard_normal(len(values))
+    return pd.DataFrame(dict.fromkeys(("alpha", "beta", "airspeed"), values), 100 + np.arange(len(values)) / 25)
+
+
+@pytest.mark.parametrize(("seconds", "count"), [(4.8, 1), (5.6, 2)])
+def test_a_pressure_is_held_for_five_seconds(seconds: float, count: int) -> None:
+    """Smoothed over half a second, which takes a quarter at either end."""
+    seen = plateaus(held((0.0, 8.0), (200.0, seconds), (500.0, 2.0)), "log")
+    assert len(seen) == count
+    assert seen[0].open and seen[0].start_s == pytest.approx(100.0) and seen[0].end_s == pytest.approx(108.0, abs=0.3)
+
+
+@pytest.mark.parametrize(("drift_Pa", "whole"), [(2.6, True), (3.6, False)])
+def test_a_held_pressure_stays_within_3_pascals_of_its_first_second(drift_Pa: float, whole: bool) -> None:
+    """A drift beyond that ends it: of 3.6 Pa in 20 s, the last three seconds are too short for another."""
+    seen = plateaus(held((0.0, 8.0), (200.0, 20.0), drift_Pa=drift_Pa), "log")
+    assert len(seen) == 2 and (seen[1].end_s > 127.5) is whole
+
+
+def test_noise_allows_more_by_five_of_its_standard_errors() -> None:
+    """40 Pa of noise over half a second: 11 Pa; a drift of 30 Pa is still held, one of 200 Pa is not."""
+    quiet = plateaus(held((0.0, 8.0), (500.0, 10.0), noise_Pa=40.0, drift_Pa=30.0), "log")
+    assert len(quiet) == 2 and quiet[1].end_s == pytest.approx(118.0, abs=0.5)
+    moving = plateaus(held((0.0, 8.0), (500.0, 10.0), noise_Pa=40.0, drift_Pa=200.0), "log")
+    assert len(moving) == 1 or moving[1].end_s < 117.0
+
+
+def test_tubes_are_open_within_a_twentieth_of_the_largest_pressure() -> None:
+    seen = plateaus(held((10.0, 8.0), (410.0, 8.0), (28.0, 8.0), (32.0, 8.0), (410.0, 8.0)), "log")
+    assert [one.open for one in seen] == [True, False, True, False, False]
+    assert [one.readings_Pa[2] for one in seen] == pytest.approx([10.0, 410.0, 28.0, 32.0, 410.0], abs=0.01)
+    assert in_words(seen) == "zero at 100 s, 1: 410 Pa at 108 s, zero at 116 s, 2: 32 Pa at 124 s, 3: 410 Pa at 132 s"
+
+
+@pytest.mark.parametrize(("missing", "refused"), [(0.18, False), (0.22, True)])
+def test_a_fifth_of_a_plateau_s_readings_may_be_missing(missing: float, refused: bool) -> None:
+    table = held((0.0, 8.0), (200.0, 20.0))
+    rows = np.flatnonzero(table["airspeed"].to_numpy() > 100)
+    table.iloc[rows[np.arange(len(rows)) % 50 < 50 * missing], 1] = np.nan
+    if refused:
+        with pytest.raises(InputError, match="/probe/beta has no good readings at 108 s"):
+            plateaus(table, "log")
+    else:
+        assert plateaus(table, "log")[1].readings_Pa[1] == pytest.approx(200.0)

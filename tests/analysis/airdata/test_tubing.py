@@ -8,12 +8,12 @@ import pandas as pd
 import pytest
 from calibration import NOISE_PA, SEA_LEVEL, bursts
 
-from analysis.airdata.lines import air_in, bounded_inverse, inverted, remainder_of, without_remainder
+from analysis.airdata.lines import air_in, bounded_inverse, inverted, line_responses, without_remainder
 from analysis.airdata.step_test import diameter_of_lag_m, find_steps, fit_lag, through
-from analysis.airdata.tubing import Gas, air, low_frequency_lag_s, response
+from analysis.airdata.tubing import Gas, air, low_frequency_lag_s, remainder_of, response
 from flight.aircraft import Aircraft, PneumaticLine
 from flight.errors import InputError
-from flight.log_entries import LogEntry
+from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log
 from flight.messages import AbsolutePressure
 
@@ -200,18 +200,27 @@ def test_only_a_long_and_narrow_line_is_worth_its_noise(nexstar: Aircraft, cavit
     aircraft = replace(nexstar, probe=replace(nexstar.probe, lines={"alpha": line}))
     t = np.arange(0, 20, 0.04)
     table = pd.DataFrame({"dp_alpha_Pa": 50 + 10 * np.sin(2 * np.pi * 2 * t)}, index=pd.Index(t, name="t_s"))
-    out, notes = without_remainder(table, aircraft, SEA_LEVEL)
+    out, notes = without_remainder(table, line_responses(Log(Path("flight.mcap")), aircraft))
     assert [("/probe/alpha" in note) for note in notes] == ([True] if corrected else [])
     gain = out["dp_alpha_Pa"].iloc[100:-100].std() / table["dp_alpha_Pa"].iloc[100:-100].std()
     expected = 1 / abs(response([line], np.array([2.0]), SEA_LEVEL)[0])
     assert gain == pytest.approx(expected if corrected else 1.0, rel=0.02)
 
 
+def test_a_line_without_length_has_no_response(nexstar: Aircraft) -> None:
+    """No length means that the transducer is at the port: no lag, and nothing to correct."""
+    none, some = (PneumaticLine(length_m=m, diameter_m=0.0 if m == 0 else 1e-3, cavity_m3=20e-9) for m in (0.0, 0.3))
+    aircraft = replace(nexstar, probe=replace(nexstar.probe, lines={"alpha": none, "static": some}))
+    (line,) = line_responses(Log(Path("flight.mcap")), aircraft)
+    assert (line.topic, line.column) == ("/static", "static_Pa")
+    assert line.lag_s == low_frequency_lag_s([some], air(101_325.0, 288.15))
+
+
 def test_the_air_in_the_lines_is_that_of_the_log() -> None:
     log = Log(Path("flight.mcap"))
-    log.entries["/static"] = [
-        LogEntry(k, k, AbsolutePressure(pressure_Pa=p, temperature_K=T))
-        for k, (p, T) in enumerate([(89_000.0, 270.0), (90_000.0, 280.0), (91_000.0, 310.0)])
-    ]
+    readings = enumerate([(89_000.0, 270.0), (90_000.0, 280.0), (91_000.0, 310.0)])
+    log.entries["/static"] = entries_of(
+        [LogEntry(k, k, AbsolutePressure(pressure_Pa=p, temperature_K=T)) for k, (p, T) in readings]
+    )
     assert air_in(log) == air(90_000.0, 280.0)
     assert air_in(Log(Path("flight.mcap"))) == air(101_325.0, 288.15)

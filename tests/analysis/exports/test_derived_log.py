@@ -11,7 +11,7 @@ import pytest
 from analysis.exports.derived import _by_thrust_table
 from analysis.exports.derived_log import _write_location
 from flight.aircraft import load_aircraft
-from flight.log_entries import LogEntry
+from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log
 from flight.messages import Gps, Status
 
@@ -46,7 +46,7 @@ def test_a_fix_has_half_the_horizontal_variance_in_each_direction() -> None:
     ]
     gps = [LogEntry(10**9 * i + 250_000_000, i, message) for i, message in enumerate(messages, start=7)]
     writer = WriterInMemory()
-    _write_location(writer, Log(path=Path("flight.mcap"), entries={"/gps": gps}))
+    _write_location(writer, Log(path=Path("flight.mcap"), entries={"/gps": entries_of(gps)}))
     (time_ns, fix), (_, unknown), *others = writer.messages
     assert not others and time_ns == 7_250_000_000 and fix["timestamp"] == {"sec": 7, "nsec": 250_000_000}
     assert (fix["latitude"], fix["longitude"], fix["altitude"]) == (47.1, 8.2, 431.0)

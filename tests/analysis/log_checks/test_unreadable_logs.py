@@ -175,6 +175,13 @@ def test_only_what_a_log_lacks_is_named(tmp_path: Path) -> None:
     assert ": no aircraft.toml, probe.json in the log" in lacking(log, Replacements())
 
 
+def test_a_malformed_aircraft_file_matters_only_where_no_other_is_given(tmp_path: Path) -> None:
+    log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED))
+    log.attachments["aircraft.toml"] = b"[geometry"
+    assert "not valid TOML" in lacking(log, Replacements())
+    assert ": no probe.json in the log" in lacking(log, Replacements(aircraft=load_aircraft("nexstar")))
+
+
 def test_messages_that_cannot_be_decoded_are_refused_before_missing_attachments(tmp_path: Path) -> None:
     log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED | {"/gps": b'{"itow_ms": 1.5}'}))
     with pytest.raises(InputError, match="/gps: 30 of 30 messages cannot be decoded"):

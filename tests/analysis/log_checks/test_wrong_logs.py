@@ -26,7 +26,7 @@ from daq.attachments import propeller_text
 from flight.aircraft import parse_aircraft
 from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
-from flight.log_entries import LogEntry
+from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log, read_log
 from flight.undecodable import Undecodable
 from flight.units import GRAVITY_MPS2
@@ -137,7 +137,7 @@ def entries(change: Callable[[str, list[LogEntry]], list[LogEntry]], *topics: st
     return lambda log: replace(
         log,
         entries={
-            topic: change(topic, found) if topic in topics or not topics else found
+            topic: entries_of(change(topic, found)) if topic in topics or not topics else found
             for topic, found in log.entries.items()
         },
     )

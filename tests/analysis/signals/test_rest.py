@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.signals.rest import BLOCK_S, CHANNELS, _around_flight, _mean, rest_segments, zero_of_attachment, zeros
+from analysis.signals.rest import BLOCK_S, CHANNELS, _around_flight, mean_at_rest, rest_segments, zeros
+from analysis.signals.still_air_zero import ZERO_FILE
 from analysis.signals.stretches import stretches
 from daq import still_air_zero as daq_zero
 from daq.still_air_zero import ZeroReading
@@ -109,13 +110,13 @@ def test_what_the_daemon_saves_is_what_the_analysis_reads() -> None:
         temperature_K={},
         readings={"/imu": one, "/probe/beta": pressure},
     )
-    found = zero_of_attachment(msgspec.json.encode(saved), "zero.json")
+    found = ZERO_FILE.parsed(msgspec.json.encode(saved), "zero.json").by_channel()
     assert found == {"p_radps": 0.5, "q_radps": 1.5, "r_radps": 2.5, "dp_beta_Pa": -2.0}
 
 
 def test_without_rest_the_zero_of_the_log_is_used_and_what_it_lacks_is_said() -> None:
     table = log_table().iloc[round(25 * RATE_HZ) : round(75 * RATE_HZ)]
-    taken = zero_of_attachment(zero_file(dp_alpha_Pa=1.5, q_c_Pa=2.2), "zero.json")
+    taken = ZERO_FILE.parsed(zero_file(dp_alpha_Pa=1.5, q_c_Pa=2.2), "zero.json").by_channel()
     rest = zeros(table, rest_segments(table, RATE_HZ), taken)
     assert rest is not None
     assert rest.value["dp_alpha_Pa"] == 1.5 and rest.value["q_c_Pa"] == 2.2 and rest.value["r_radps"] == 0.0
@@ -125,8 +126,8 @@ def test_without_rest_the_zero_of_the_log_is_used_and_what_it_lacks_is_said() ->
 def test_a_zero_that_disagrees_with_the_log_s_own_rest_is_said() -> None:
     table = log_table()
     still = rest_segments(table, RATE_HZ)
-    near = zeros(table, still, zero_of_attachment(zero_file(q_c_Pa=2.0, q_radps=-0.021), "zero.json"))
-    far = zeros(table, still, zero_of_attachment(zero_file(q_c_Pa=-6.0, q_radps=0.02), "zero.json"))
+    near = zeros(table, still, ZERO_FILE.parsed(zero_file(q_c_Pa=2.0, q_radps=-0.021), "zero.json").by_channel())
+    far = zeros(table, still, ZERO_FILE.parsed(zero_file(q_c_Pa=-6.0, q_radps=0.02), "zero.json").by_channel())
     assert near is not None and far is not None
     assert near.notes == []
     assert len(far.notes) == 2 and "/probe/airspeed" in far.notes[1] and "-6.00 Pa" in far.notes[1]
@@ -136,8 +137,8 @@ def test_a_zero_that_disagrees_with_the_log_s_own_rest_is_said() -> None:
 def test_something_else_than_a_zero_is_refused() -> None:
     for data in (b"{", b"[]", zero_file().replace(b"zero-1", b"zero-9")):
         with pytest.raises(InputError, match=r"zero\.json"):
-            zero_of_attachment(data, "zero.json")
-    assert zero_of_attachment(None, "zero.json") is None
+            ZERO_FILE.parsed(data, "zero.json")
+    assert ZERO_FILE.parsed_if_any(None, "zero.json") is None
 
 
 def test_a_log_that_ends_in_flight_does_not_know_its_drift() -> None:
@@ -187,9 +188,9 @@ def test_rests_are_before_and_after_the_flight_by_the_pressure_above_that_at_res
 def test_the_error_of_a_mean_is_that_of_means_over_a_second() -> None:
     """Noise that stays the same for a second counts once a second."""
     slow = np.repeat(np.random.default_rng(1).normal(0, 1, 400), 25)
-    mean, error = _mean(pd.Series(slow), [slice(0, 10_000)], 0.04)
+    mean, error = mean_at_rest(pd.Series(slow), [slice(0, 10_000)], 0.04)
     assert mean == pytest.approx(slow.mean()) and error == pytest.approx(1 / np.sqrt(400), rel=0.15)
-    few, few_error = _mean(pd.Series(slow[::25]), [slice(0, 5)], 0.04)
+    few, few_error = mean_at_rest(pd.Series(slow[::25]), [slice(0, 5)], 0.04)
     assert few == pytest.approx(slow[:125:25].mean()) and few_error == pytest.approx(
         np.std(slow[:125:25], ddof=1) / np.sqrt(5)
     )

@@ -1,4 +1,4 @@
-"""Synchronisation: what was measured is found again at its instant, and nothing is invented in a gap."""
+"""Synchronisation: what was measured is found again at its instant; clipping and gaps are left out and said."""
 
 from pathlib import Path
 
@@ -6,47 +6,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.signals.synchronize import NEEDED, on_grid, synchronize
-from flight.log_entries import LogEntry
+from analysis.signals.synchronize import NEEDED, synchronize
+from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log
 from flight.messages import TYPE_OF_TOPIC, AbsolutePressure, DifferentialPressure, Imu, Rpm, Status
-
-GRID = np.arange(0, 10, 0.04)
-
-
-def signal(t):
-    return np.sin(2 * np.pi * 0.5 * t)
-
-
-def test_a_channel_sampled_late_and_unevenly_lands_on_the_grid() -> None:
-    rng = np.random.default_rng(3)
-    taken = GRID + 0.013 + rng.uniform(-0.004, 0.004, len(GRID))
-    inside = slice(2, -2)
-    # A cubic spline over steps h errs by at most (5/384) h^4 max|f''''| (de Boor), here 4e-6; twice that for uneven h.
-    bound = 2 * 5 / 384 * 0.048**4 * np.pi**4
-    assert on_grid(GRID, taken, signal(taken))[inside] == pytest.approx(signal(GRID)[inside], abs=bound)
-
-
-def test_a_gap_stays_a_gap() -> None:
-    kept = (GRID < 4) | (GRID > 5)
-    out = on_grid(GRID, GRID[kept], signal(GRID[kept]))
-    assert np.isnan(out[(GRID > 4.01) & (GRID < 4.99)]).all()
-    assert np.isfinite(out[kept]).all()
-
-
-def test_two_lost_samples_are_bridged_and_three_are_not() -> None:
-    for lost, bridged in ((2, True), (3, False)):
-        kept = np.ones(len(GRID), dtype=bool)
-        kept[100 : 100 + lost] = False
-        out = on_grid(GRID, GRID[kept], signal(GRID[kept]))
-        assert np.isfinite(out[100 : 100 + lost]).all() == bridged
-
-
-def test_nothing_is_known_before_the_first_and_after_the_last_sample() -> None:
-    out = on_grid(GRID, GRID[50:200], signal(GRID[50:200]))
-    assert np.isnan(out[:50]).all()
-    assert np.isnan(out[200:]).all()
-
 
 SECONDS = 20.0
 SOUND = {
@@ -66,11 +29,14 @@ def log_of(status_at=lambda topic, t_s: Status.OK) -> Log:
     """A log of constant readings; `status_at` says which of them failed, and how (None: no message at all)."""
     log = Log(Path("flight.mcap"), metadata={"flightpower": {"tick_rate_Hz": "25"}})
     for topic, message in SOUND.items():
+        rows = []
         for tick in range(round(SECONDS * 25)):
             status = status_at(topic, tick / 25)
             if status is not None:
                 sent = message if status is Status.OK else TYPE_OF_TOPIC[topic](status=status)
-                log.entries.setdefault(topic, []).append(LogEntry(10**18 + tick * 40_000_000, tick, sent))
+                rows.append(LogEntry(10**18 + tick * 40_000_000, tick, sent))
+        if rows:
+            log.entries[topic] = entries_of(rows)
     return log
 
 
@@ -112,11 +78,13 @@ def test_a_motor_that_speeds_up_is_not_found_to_lag() -> None:
     pulses = np.arange(1.0, 1300.0) * 10 / 7  # revolutions turned
     speed, more = 80.0, 4.0
     pulse_s = (np.sqrt(speed**2 + 2 * more * pulses) - speed) / more
+    rows = []
     for tick in range(25, round((pulse_s[-1]) * 25)):
         newest = np.searchsorted(pulse_s, tick / 25) - 1
         period_s = pulse_s[newest] - pulse_s[newest - 1]
         rpm = Rpm(period_us=round(1e6 * period_s), motor_speed_revps=10 / 7 / period_s)
-        log.entries.setdefault("/rpm", []).append(LogEntry(10**18 + tick * 40_000_000, tick, rpm))
+        rows.append(LogEntry(10**18 + tick * 40_000_000, tick, rpm))
+    log.entries["/rpm"] = entries_of(rows)
     found = synchronize(log).table["n_revps"].loc[2:14]
     off = found - (speed + more * found.index.to_numpy())
     assert abs(off.mean()) < 0.004 and off.std() < 0.03
@@ -125,15 +93,32 @@ def test_a_motor_that_speeds_up_is_not_found_to_lag() -> None:
 def test_each_delay_is_subtracted_once() -> None:
     """A pressure that rises by 10 Pa/s behind a line of 0.2 s, and a rate by 1 rad/s^2 behind a filter of 10 ms."""
     log = log_of()
-    log.entries["/static"] = [
-        LogEntry(e.time_ns, e.tick, AbsolutePressure(pressure_Pa=1e5 + 10 * (e.tick / 25 - 0.2), temperature_K=288.15))
-        for e in log.entries["/static"]
-    ]
-    imu = SOUND["/imu"]
-    log.entries["/imu"] = [
-        LogEntry(e.time_ns, e.tick, msgspec.structs.replace(imu, angular_rate_x_radps=e.tick / 25 - 0.01))
-        for e in log.entries["/imu"]
-    ]
+    for topic, fields_at in (
+        ("/static", lambda t_s: {"pressure_Pa": 1e5 + 10 * (t_s - 0.2)}),
+        ("/imu", lambda t_s: {"angular_rate_x_radps": t_s - 0.01}),
+    ):
+        log.entries[topic] = entries_of(
+            [
+                e._replace(message=msgspec.structs.replace(e.message, **fields_at(e.tick / 25)))
+                for e in log.entries[topic]
+            ]
+        )
     table = synchronize(log, {"/static": 0.2}).table.loc[2:18]
     assert table["static_Pa"].to_numpy() == pytest.approx(1e5 + 10 * table.index.to_numpy(), abs=1e-6)
     assert table["p_radps"].to_numpy() == pytest.approx(table.index.to_numpy(), abs=1e-6)
+
+
+@pytest.mark.parametrize("own_s", [None, 0.030])
+def test_specific_force_and_angular_rate_have_their_own_delays(own_s) -> None:
+    """Both rise by 1 a second; each is found again at the instant at which it was measured."""
+    log = log_of()
+    log.entries["/imu"] = entries_of([
+        LogEntry(10**18 + tick * 40_000_000, tick, msgspec.structs.replace(
+            SOUND["/imu"], specific_force_x_mps2=tick / 25 - (own_s or 0.01), angular_rate_x_radps=tick / 25 - 0.01,
+            specific_force_group_delay_s=own_s,
+        ))
+        for tick in range(round(SECONDS * 25))
+    ])  # fmt: skip
+    table = synchronize(log).table.loc[1:18]
+    assert table["ax_mps2"].to_numpy() == pytest.approx(table.index.to_numpy(), abs=1e-9)
+    assert table["p_radps"].to_numpy() == pytest.approx(table.index.to_numpy(), abs=1e-9)

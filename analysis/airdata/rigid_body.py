@@ -1,14 +1,35 @@
-"""Bank angle from the lateral balance of forces and the roll rate."""
+"""Motion of the rigid aircraft: specific force at its centre of gravity, and bank angle."""
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.signals.derivative import derivative
+from flight.aircraft import Aircraft
+from flight.motion import specific_force_at
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 TIME_CONSTANT_S = 3.0  # slower changes come from the lateral balance, faster ones from the roll rate
+DERIVATIVE_S = 0.5  # of the mean that is differentiated
+
+
+def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
+    """The table with the specific force at the IMU replaced by that at the centre of gravity."""
+    x, y, z = aircraft.imu_position_m
+    p, q, r = (table[f"{axis}_radps"].to_numpy() for axis in "pqr")
+    step_s = float(table.index[1] - table.index[0])
+    pdot, qdot, rdot = (derivative(rate, step_s) for rate in (p, q, r))
+    zero = np.zeros_like(p)
+    extra = specific_force_at(zero, zero, zero, p, q, r, pdot, qdot, rdot, (x, y, z))
+    names = ("ax_mps2", "ay_mps2", "az_mps2")
+    return table.assign(**{name: table[name] - more for name, more in zip(names, extra, strict=True)})
+
+
+def derivative(signal: Array, step_s: float) -> Array:
+    """Central difference of the mean over DERIVATIVE_S of a uniformly sampled signal, (n,) [1/s times its unit]."""
+    window = max(1, round(DERIVATIVE_S / step_s))
+    smooth = pd.Series(signal).rolling(window, center=True, min_periods=1).mean().to_numpy()
+    return np.asarray(np.gradient(smooth, step_s), dtype=float)
 
 
 def bank_angle(table: pd.DataFrame) -> Array:
