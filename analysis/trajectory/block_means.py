@@ -22,7 +22,7 @@ class BlockMeans:
     """
 
     def __init__(self, table: pd.DataFrame):
-        self.n = len(table) // BLOCK
+        self.n, self._table = len(table) // BLOCK, table
         self.rate_Hz = 1 / float(table.index[1] - table.index[0])
         self.step_s = BLOCK / self.rate_Hz
         self.rows = np.arange(self.n) * BLOCK + BLOCK // 2
@@ -36,6 +36,11 @@ class BlockMeans:
         """The blocks from the first to the last in flight."""
         flying = np.flatnonzero(self.flying)
         return slice(int(flying[0]), int(flying[-1]) + 1) if len(flying) else slice(0, 0)
+
+    def covariance(self, first: str, second: str) -> Array:
+        """Covariance (n,) of two channels within each block; NaN where a sample is missing."""
+        a, b = (self._table[name].to_numpy()[: self.n * BLOCK].reshape(self.n, BLOCK) for name in (first, second))
+        return np.asarray(((a - a.mean(axis=1, keepdims=True)) * (b - b.mean(axis=1, keepdims=True))).mean(axis=1))
 
     def __getitem__(self, name: str) -> Array:
         return self.means[name]

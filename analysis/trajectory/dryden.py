@@ -29,6 +29,10 @@ class GaussMarkov(NamedTuple):
         decay = np.exp(np.asarray(-step_s / self.time_s))
         return decay, self.sigma_mps * np.sqrt(1 - decay**2)
 
+    def power(self, omega: Array) -> Array:
+        """Two-sided power per hertz (n,) [m^2/s] at frequencies omega (n,) [rad/s]."""
+        return np.asarray(self.sigma_mps**2 * self.time_s * 2 / (1 + (omega * self.time_s) ** 2))
+
 
 class SecondOrderGust(NamedTuple):
     """Dryden's lateral or vertical gust, g = g2 + sqrt3 (g1 - g2): white noise filtered once is g1, twice is g2.
@@ -46,6 +50,11 @@ class SecondOrderGust(NamedTuple):
         """
         d = np.asarray(step_s / self.time_s)
         return np.exp(-d), self.sigma_mps * np.sqrt(-np.expm1(-2 * d) / 2), self.sigma_mps * np.sqrt(d**3 / 12)
+
+    def power(self, omega: Array) -> Array:
+        """Two-sided power per hertz (n,) [m^2/s] at frequencies omega (n,) [rad/s]."""
+        x = (omega * self.time_s) ** 2
+        return np.asarray(self.sigma_mps**2 * self.time_s * (1 + 3 * x) / (1 + x) ** 2)
 
     def as_gauss_markov(self) -> GaussMarkov:
         """The first-order process with the same spectrum at low and at high frequencies.

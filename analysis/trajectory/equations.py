@@ -34,7 +34,8 @@ GUST_FILTER_STATES = ("gust_v_filtered_twice", "gust_w_filtered_twice")  # g2 of
 STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",
           "wind_north", "wind_east", "gust_u", "gust_v", "gust_w", *GUST_FILTER_STATES)  # fmt: skip
 SENSOR_ERRORS = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_bias", "alpha_scale",
-                 "beta_bias", "V_scale", "air_data_lag", "gps_latency", "heading_bias")  # fmt: skip
+                 "beta_bias", "V_scale", "air_data_lag", "gps_latency", "heading_bias",
+                 "dp_alpha_zero", "q_c_zero")  # fmt: skip
 CONING_SCULLING = ("coning_phi", "coning_theta", "coning_psi", "sculling_north", "sculling_east", "sculling_down")
 # Between two instants: mean rates and specific force, time step, what they leave out of the changes of angles and
 # velocity, ratio of the mean wind at the two heights, decay factors of gusts.
@@ -45,12 +46,14 @@ MEASUREMENTS = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_do
 # Flow predicted from past data; variance of lateral and vertical gusts together, (m/s)^2; d ln V/d ln(pressure
 # difference of the alpha ports).
 PREDICTED_FLOW = ("V_predicted", "alpha_predicted", "transverse_gust_variance", "dlnV_dlndp_alpha")
+# Airspeed scale [1/Pa] and offset of the angle of attack [rad/Pa] that `q_c_zero` and `dp_alpha_zero` amount to.
+BY_ZEROS = ("V_scale_per_Pa", "alpha_per_Pa")
 LEVEL_FIELD = ("field_forward", "field_right")  # measured magnetic field in level axes along and across the heading [T]
-# Regressors of the errors of the angle of attack: the angle at the probe (for the slope), its derivative (for the lag),
-# the change by the airspeed scale, and the mean of the angle over a block less the value at its center.
-ALPHA_REGRESSORS = ("probe_alpha", "probe_alpha_rate", "alpha_by_V_scale", "alpha_curvature")
+# Regressors of the errors of the angle of attack: its change by the slope, the derivative of the angle at the probe,
+# which the lag subtracts, its change by the airspeed scale, and the mean over a block less the value at its center.
+ALPHA_REGRESSORS = ("alpha_by_slope", "probe_alpha_rate", "alpha_by_V_scale", "alpha_curvature")
 MEASUREMENT_INPUTS = ("ax", "ay", "az", "V_mean", "V_rate", "probe_beta_rate",
-                      *ALPHA_REGRESSORS, *PREDICTED_FLOW, *LEVEL_FIELD)  # fmt: skip
+                      *ALPHA_REGRESSORS, *PREDICTED_FLOW, *BY_ZEROS, *LEVEL_FIELD)  # fmt: skip
 
 
 def process_residuals(before: Any, after: Any, errors: Any, inputs: Any) -> Sequence[Any]:
@@ -115,27 +118,31 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
     If airspeed reads high by a fraction, dynamic pressure reads high by twice that; flow angles are pressure
     differences over dynamic pressure, and read low by as much. An angle that reads low selects the wrong q_c/qbar in
     the probe's calibration, which changes airspeed (dlnV_dlndp_alpha). A lag subtracts the derivative times the lag.
-    Slope and lag act on the angle at the probe, upwash and rotation included. These are subtracted in proportion to
-    1/V^2 and 1/V: with q the rotation's part of the probe's angle, the airspeed scale changes the angle by -2 alpha - q
-    (alpha_by_V_scale).
+    Slope and lag act on the angle at the probe, upwash and rotation included. The slope is an error of the pressure
+    difference, through the probe's calibration, which is curved: at 12 deg it acts on 10.6 deg (alpha_by_slope). Upwash
+    and rotation are subtracted in proportion to 1/V^2 and 1/V; alpha_by_V_scale contains these changes too. The zeros
+    of q_c and dp_alpha are an airspeed scale and an offset of the angle in inverse proportion to dynamic pressure; that
+    of dp_alpha changes airspeed by 0.01 % per 0.1 Pa, which is left out.
 
     compass: component of the earth's field across magnetic north, which is zero. Leveling of the field uses a fixed
     attitude (LEVEL_FIELD), so that this residual has a derivative by heading only. Otherwise errors of the
     magnetometer (hard iron) would change bank and pitch.
     """
     V, alpha, beta = flow(x, inputs)
-    alpha_slope = errors.alpha_scale - 2 * errors.V_scale
+    V_scale = errors.V_scale + errors.q_c_zero * inputs.V_scale_per_Pa
+    alpha_slope = errors.alpha_scale - 2 * V_scale
     specific_force = inputs.ax - errors.ax_bias, inputs.ay - errors.ay_bias, inputs.az - errors.az_bias
     force = motion.earth_from_body(*specific_force, x.phi, x.theta, x.psi)
     return (
         V
-        + errors.V_scale * inputs.V_mean
+        + V_scale * inputs.V_mean
         + inputs.dlnV_dlndp_alpha * alpha_slope * inputs.V_predicted
         - errors.air_data_lag * inputs.V_rate,
         alpha
         + inputs.alpha_curvature
-        + errors.alpha_scale * inputs.probe_alpha
-        + errors.V_scale * inputs.alpha_by_V_scale
+        + errors.alpha_scale * inputs.alpha_by_slope
+        + V_scale * inputs.alpha_by_V_scale
+        + errors.dp_alpha_zero * inputs.alpha_per_Pa
         - errors.air_data_lag * inputs.probe_alpha_rate
         + errors.alpha_bias,
         beta - errors.air_data_lag * inputs.probe_beta_rate + errors.beta_bias,

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.trajectory.reconstruction import Trajectory
+from analysis.trajectory.sensor_noise import ZEROS
 from analysis.trajectory.time_shift import DETERMINED_SHARE, time_shift_notes
 from flight.errors import InputError
 
@@ -29,6 +30,8 @@ TITLES: dict[str, tuple[str, float, str]] = {
     "p_bias": ("bias of the roll gyro", DEG, "deg/s"),
     "q_bias": ("bias of the pitch gyro", DEG, "deg/s"),
     "r_bias": ("bias of the yaw gyro", DEG, "deg/s"),
+    "dp_alpha_zero": ("zero of the angle-of-attack pressure", 1.0, "Pa"),
+    "q_c_zero": ("zero of the airspeed pressure", 1.0, "Pa"),
 }
 MATTERS = ("alpha_bias", "alpha_scale", "V_scale")  # sensor errors with a large effect on the power curve
 # Compass: largest offset in prior standard deviations, and largest rms residual in standard deviations.
@@ -121,11 +124,14 @@ def missing(name: str, flight: FlightExcitation) -> tuple[str, ...]:
 
 
 def sensor_error_estimates(trajectory: Trajectory) -> list[SensorErrorEstimate]:
-    """Each of SENSOR_ERRORS, those with the largest effect on power first; the compass only where one was used."""
+    """Each of SENSOR_ERRORS that a flight determines, those with the largest effect on power first.
+
+    Without the zeros of the pressures, which rest shows and not flight; the compass only where one was used.
+    """
     flight = excitation(trajectory)
     estimates = []
     for name, (title, factor, unit) in TITLES.items():
-        if name == "heading_bias" and "compass" not in trajectory.residuals:
+        if name in ZEROS or (name == "heading_bias" and "compass" not in trajectory.residuals):
             continue
         sigma, prior = trajectory.standard_error(name), trajectory.prior_standard_error(name)
         determined = sigma < DETERMINED_SHARE * prior

@@ -11,6 +11,8 @@ from flight.aircraft import Uncertainty
 
 Array = NDArray[np.float64]
 
+UNMEASURED_ZERO_PA = 1.0  # of a log without rest, by `daq zero` on another day or at another temperature
+
 
 def stated_sigma(uncertainty: Uncertainty) -> Mapping[str, float]:
     """Prior standard deviation of each sensor error, as [uncertainty] of the aircraft file states it."""
@@ -24,6 +26,7 @@ def stated_sigma(uncertainty: Uncertainty) -> Mapping[str, float]:
         "V_scale": uncertainty.airspeed_scale_fraction,
         "air_data_lag": uncertainty.air_data_lag_s, "gps_latency": 0.2,
         "heading_bias": np.radians(10.0),  # declination in inhabited regions, and how the tray sits
+        "dp_alpha_zero": UNMEASURED_ZERO_PA, "q_c_zero": UNMEASURED_ZERO_PA,
     })  # fmt: skip
 
 
@@ -41,6 +44,7 @@ def sensor_error_prior(
     alpha_scale_sigma: float,
     calibrated: Mapping[str, float] = MappingProxyType({}),
     stated: Mapping[str, float] = PRIOR_SIGMA,
+    zeros: Mapping[str, float] = MappingProxyType({}),
     *,
     gps: bool,
 ) -> tuple[Array, Array]:
@@ -50,9 +54,10 @@ def sensor_error_prior(
     calibrated : standard errors by the calibration of the transducers, by name of REMAINING_SIGMA; in place of
         the stated ones. An error of the reference's scale acts on both; they are taken as independent.
     stated : of `stated_sigma`
+    zeros : standard errors [Pa] of the zeros that the log shows, `zeros_at_rest`
     """
     own = {name: float(np.hypot(error, REMAINING_SIGMA[name])) for name, error in calibrated.items()}
-    sigma = {**stated, **own}
+    sigma = {**stated, **own, **zeros}
     sigma["alpha_scale"] = float(np.hypot(sigma["alpha_scale"], alpha_scale_sigma))
     if not gps:
         sigma["heading_bias"] = NORTH_RAD

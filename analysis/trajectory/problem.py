@@ -9,16 +9,24 @@ from numpy.typing import NDArray
 
 from analysis.airdata.magnetometer import Compass
 from analysis.trajectory.block_means import BLOCK, BlockMeans
-from analysis.trajectory.equations import MEASUREMENTS, SENSOR_ERRORS, EquationInputs, Equations
+from analysis.trajectory.equations import (
+    MEASUREMENTS,
+    SENSOR_ERRORS,
+    STATES,
+    EquationInputs,
+    Equations,
+    NamedArrays,
+)
+from analysis.trajectory.gust_intensity import ObservedGust, intensity_of
 from analysis.trajectory.inertial import InertialInputs
 from analysis.trajectory.initial_estimate import initial_sensor_errors, initial_states
-from analysis.trajectory.instrumental_variables import extrapolated
+from analysis.trajectory.instrumental_variables import NEWEST, extrapolated
 from analysis.trajectory.level_field import LevelField
 from analysis.trajectory.measurements import Measurements
 from analysis.trajectory.priors import PRIOR_SIGMA, begins_at_rest, initial_state_sigma, sensor_error_prior
-from analysis.trajectory.process import SLOWEST_MPS, GustConditions, ProcessModel
+from analysis.trajectory.process import SLOWEST_MPS, GustConditions, ProcessModel, airspeed_without_gusts
 from analysis.trajectory.regressors import Regressors
-from analysis.trajectory.sensor_noise import noise_at_rest
+from analysis.trajectory.sensor_noise import noise_at_rest, zeros_at_rest
 from analysis.trajectory.smoother import TrajectoryPrior
 
 Array = NDArray[np.float64]
@@ -50,33 +58,36 @@ class TrajectoryProblem:
         smooth_V = V.interpolate(limit_direction="both").rolling(5, center=True, min_periods=1).mean()
         slowest_mps = SLOWEST_MPS * blocks.speed_scale
         V_reference = np.maximum(smooth_V.fillna(slowest_mps).to_numpy(), slowest_mps)
-        V_predicted, _ = extrapolated(blocks["V_mps"], blocks.flying, blocks.step_s)
+        V_predicted, _ = extrapolated(blocks["V_mps"], blocks.flying, blocks.step_s, newest=NEWEST)
         field = LevelField(compass, blocks)
         self._inertial = InertialInputs(table, blocks, noise)
-        self.conditions = GustConditions(blocks, V_reference, V_predicted)
+        self.conditions = GustConditions(blocks, V_reference)
         self.measurements = Measurements(table, blocks, at_rest, noise, V_reference, field)
-        V_noise_mps, alpha_noise_rad = (
-            _noise(self.measurements.weight[:, MEASUREMENTS.index(name)]) for name in ("V", "alpha")
+        V_noise_mps, alpha_noise_rad, beta_noise_rad = (
+            _noise(self.measurements.weight[:, MEASUREMENTS.index(name)]) for name in ("V", "alpha", "beta")
         )
+        cruise_mps = self.conditions.cruise_mps
+        self._noise_mps = V_noise_mps, beta_noise_rad * cruise_mps, alpha_noise_rad * cruise_mps
         self.regressors = Regressors(blocks, V_predicted, V_noise_mps, alpha_noise_rad, self.conditions, field)
         self._begins_at_rest = begins_at_rest(at_rest)
 
         gps, has_compass = self.measurements.has_gps, self.measurements.has_compass
-        self.error_mean, self.error_sigma = sensor_error_prior(alpha_scale_sigma, calibrated, stated, gps=gps)
+        zeros = zeros_at_rest(table, rest, noise)
+        self.error_mean, self.error_sigma = sensor_error_prior(alpha_scale_sigma, calibrated, stated, zeros, gps=gps)
         bank = table["bank_rad"].to_numpy()[blocks.rows]
         self.initial_states = initial_states(blocks, bank, V_reference, field if has_compass else None)
         self.initial_errors = initial_sensor_errors(
             self.error_mean, blocks, self.initial_states, field if gps and has_compass else None
         )
 
-    def process_model(self, sigma_w_mps: float) -> ProcessModel:
-        """The process model for vertical gusts of this standard deviation."""
-        return ProcessModel(self._inertial, self.blocks, self.conditions, sigma_w_mps)
+    def process_model(self, x: Array, sigma_w_mps: float) -> ProcessModel:
+        """The process model at states x (n, nx) for vertical gusts of this standard deviation."""
+        without_gusts_mps = airspeed_without_gusts(NamedArrays(STATES, x.T))
+        return ProcessModel(self._inertial, self.blocks, self.conditions, sigma_w_mps, without_gusts_mps)
 
-    def equation_inputs(
-        self, x: Array, sensor_errors: Array, sigma_w_mps: float, process: ProcessModel
-    ) -> EquationInputs:
-        """Inputs of the equations at states x (n, nx) and sensor errors (m,); process: `process_model` of sigma_w."""
+    def equation_inputs(self, x: Array, sensor_errors: Array, sigma_w_mps: float) -> EquationInputs:
+        """Inputs of the equations at states x (n, nx) and sensor errors (m,), for this intensity of gusts."""
+        process = self.process_model(x, sigma_w_mps)
         corrections = self._inertial.coning_and_sculling(x[:, :3], sensor_errors)
         actual, predicted = self.regressors.measurement_inputs(x, sensor_errors, sigma_w_mps)
         measured, weight = self.measurements.at_gps_latency(float(sensor_errors[GPS_LATENCY]))
@@ -89,6 +100,12 @@ class TrajectoryProblem:
             predicted_states=self.regressors.predicted_states(x),
             predicted_inputs=predicted,
         )
+
+    def gust_intensity(self, found: float, middle_mps: float) -> float:
+        """The intensity of vertical gusts [m/s] for the vertex of the evidence, as `intensity_of`."""
+        gusts = self.conditions.of_unit_intensity()
+        observed = [ObservedGust(gust, noise_mps) for gust, noise_mps in zip(gusts, self._noise_mps, strict=True)]
+        return intensity_of(found, middle_mps, observed, self.blocks.step_s)
 
     def remaining_errors(self, sensor_errors: Array, sigma_w_mps: float) -> tuple[Array, TrajectoryPrior]:
         """Sensor errors (m,) in the linearized equations, and their prior: GPS has already been shifted by the latency

@@ -1,11 +1,13 @@
 """Inputs and weights of the process equations for an intensity of gusts."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.trajectory import dryden
 from analysis.trajectory.block_means import BlockMeans, moving_average
-from analysis.trajectory.equations import CONING_SCULLING, PROCESS_INPUTS, STATES
+from analysis.trajectory.equations import CONING_SCULLING, PROCESS_INPUTS, STATES, NamedArrays
 from analysis.trajectory.inertial import InertialInputs
 
 Array = NDArray[np.float64]
@@ -15,30 +17,50 @@ SLOWEST_MPS = 5.0  # least speed in quotients, times the speed scale
 WIND_WALK_MPS = 0.02  # random walk of the wind in a second: place and time of day, without turbulence
 
 
-class GustConditions:
-    """Heights and speeds at which gusts are met; on the ground, where they have no effect, those of cruise.
+def airspeed_without_gusts(state: NamedArrays) -> Array:
+    """Speed relative to the mean wind (n,) [m/s] at STATES (n,)."""
+    return np.sqrt((state.v_north - state.wind_north) ** 2 + (state.v_east - state.wind_east) ** 2 + state.v_down**2)
 
-    height_m, V_mps : (n-1,) of each step         cruise_height_m, cruise_mps : medians in flight
+
+class GustConditions:
+    """Heights at which gusts are met; on the ground, where gusts have no effect, height and speed are those of cruise.
+
+    height_m : (n-1,) of each step                cruise_height_m, cruise_mps : medians in flight
     """
 
-    def __init__(self, blocks: BlockMeans, V_reference: Array, V_predicted: Array):
-        """V_reference: (n,) smoothed airspeed. V_predicted: (n,) airspeed predicted from past data."""
+    def __init__(self, blocks: BlockMeans, V_reference: Array):
+        """V_reference: (n,) smoothed airspeed."""
         flown = blocks.flying if blocks.flying.any() else slice(None)
         self.cruise_mps = float(np.median(V_reference[flown]))
         self.cruise_height_m = float(np.nanmedian(blocks["height_m"][flown]))
-        flying = blocks.flying[:-1]
-        self.V_mps = np.where(flying, np.maximum(V_predicted[:-1], SLOWEST_MPS * blocks.speed_scale), self.cruise_mps)
-        self.height_m = np.where(flying, blocks["height_m"][:-1], self.cruise_height_m)
+        self._flying, self._slowest_mps = blocks.flying[:-1], SLOWEST_MPS * blocks.speed_scale
+        self.height_m = np.where(self._flying, blocks["height_m"][:-1], self.cruise_height_m)
         self._step_s = blocks.step_s
 
-    def vertical_steps(self, sigma_w_mps: float) -> tuple[Array, Array]:
+    def speed_mps(self, without_gusts_mps: Array) -> Array:
+        """Speed at which each step passes through the gusts (n-1,), from `airspeed_without_gusts` (n,).
+
+        Measured airspeed contains the gusts: they would decay faster against the wind than with it, and their mean
+        would not be zero (0.3 % of airspeed at 17 m/s in gusts of 1.3 m/s).
+        """
+        V = np.maximum(without_gusts_mps[:-1], self._slowest_mps)
+        return np.where(self._flying, V, self.cruise_mps)
+
+    def vertical_steps(self, sigma_w_mps: float, without_gusts_mps: Array) -> tuple[Array, Array]:
         """Decay factor of vertical gusts over each step (n-1,), and standard deviation of their increment [m/s]."""
-        decay, once, twice = dryden.vertical(sigma_w_mps, self.height_m, self.V_mps).discretize(self._step_s)
+        gust = dryden.vertical(sigma_w_mps, self.height_m, self.speed_mps(without_gusts_mps))
+        decay, once, twice = gust.discretize(self._step_s)
         return decay, np.hypot(once, twice)
 
-    def longitudinal_steps(self, sigma_w_mps: float) -> tuple[Array, Array]:
+    def longitudinal_steps(self, sigma_w_mps: float, without_gusts_mps: Array) -> tuple[Array, Array]:
         """Decay factor of longitudinal gusts over each step (n-1,), and standard deviation of their increment [m/s]."""
-        return dryden.longitudinal(sigma_w_mps, self.height_m, self.V_mps).discretize(self._step_s)
+        gust = dryden.longitudinal(sigma_w_mps, self.height_m, self.speed_mps(without_gusts_mps))
+        return gust.discretize(self._step_s)
+
+    def of_unit_intensity(self) -> Sequence[dryden.GaussMarkov | dryden.SecondOrderGust]:
+        """Longitudinal, lateral and vertical gusts in cruise where the vertical ones have 1 m/s."""
+        at = 1.0, self.cruise_height_m, self.cruise_mps
+        return dryden.longitudinal(*at), dryden.lateral(*at), dryden.vertical(*at)
 
     def in_cruise(self, sigma_w_mps: float) -> dryden.SecondOrderGust:
         """Vertical gusts of this standard deviation in cruise."""
@@ -53,7 +75,15 @@ class GustConditions:
 class ProcessModel:
     """PROCESS_INPUTS (n-1, ·) without coning and sculling, and weights 1/sigma (n-1, nx) of the process residuals."""
 
-    def __init__(self, inertial: InertialInputs, blocks: BlockMeans, conditions: GustConditions, sigma_w_mps: float):
+    def __init__(
+        self,
+        inertial: InertialInputs,
+        blocks: BlockMeans,
+        conditions: GustConditions,
+        sigma_w_mps: float,
+        without_gusts_mps: Array,
+    ):
+        """without_gusts_mps: (n,) `airspeed_without_gusts`."""
         dt, steps = blocks.step_s, blocks.n - 1
         profile = dryden.mean_wind_profile(moving_average(blocks["height_m"], 3))
         inputs = np.zeros((steps, len(PROCESS_INPUTS)))
@@ -72,7 +102,7 @@ class ProcessModel:
         set_input("wind_ratio", profile[1:] / profile[:-1])
         for axis in ("north", "east"):
             set_sigma(f"wind_{axis}", WIND_WALK_MPS * np.sqrt(dt))
-        at = sigma_w_mps, conditions.height_m, conditions.V_mps
+        at = sigma_w_mps, conditions.height_m, conditions.speed_mps(without_gusts_mps)
         decay, increment = dryden.longitudinal(*at).discretize(dt)
         set_input("decay_u", decay)
         set_sigma("gust_u", increment)

@@ -19,9 +19,10 @@ from analysis.trajectory.equations import (
     STATES,
     EquationInputs,
 )
+from analysis.trajectory.gust_intensity import vertex
 from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.slow_gusts import SlowGusts, slow_gusts, with_gust_length
+from analysis.trajectory.slow_gusts import slow_power_ratio, with_slow_power
 from analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
 from flight.aircraft import Uncertainty
 from flight.errors import InputError
@@ -195,9 +196,8 @@ def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[
     best = min(solutions, key=lambda i: solutions[i].negative_log_evidence)
     if best - 1 not in solutions or best + 1 not in solutions:
         return GUST_GRID_MPS[best], solutions[best]
-    below, here, above = (solutions[best + i].negative_log_evidence for i in (-1, 0, 1))
-    vertex = (below - above) / (2 * (below - 2 * here + above))
-    return float(GUST_GRID_MPS[best] * 2**vertex), solutions[best]
+    found = vertex(*(solutions[best + i].negative_log_evidence for i in (-1, 0, 1)))
+    return problem.gust_intensity(found, GUST_GRID_MPS[best]), solutions[best]
 
 
 def _solve(
@@ -205,11 +205,10 @@ def _solve(
 ) -> _Solution:
     """Gauss-Newton iterations for one gust intensity, until the step is within the tolerance or for so many."""
     converged, last_move, damping = False, np.zeros(len(SENSOR_ERRORS)), 1.0
-    process = problem.process_model(gust)
     linearization: Any
     step: Any
     for _ in range(iterations):
-        inputs = problem.equation_inputs(x, sensor_errors, gust, process)
+        inputs = problem.equation_inputs(x, sensor_errors, gust)
         remaining, prior = problem.remaining_errors(sensor_errors, gust)
         point = _LinearizationPoint(x, remaining, inputs)
         linearization = step = None  # frees 30 MB before as many are taken again
@@ -247,11 +246,11 @@ def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array
 def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: float) -> Trajectory:
     inputs, _ = problem.regressors.measurement_inputs(solution.x, solution.sensor_errors, solution.gust_mps)
     draws = solution.last_step.conditional.draws(len(STATES), DRAWS)
-    gust_length = _slow_gusts(problem, solution, draws).length(gust_length)
+    slow = _slow_power(problem, solution, draws, gust_length)
     return Trajectory(
         states=pd.DataFrame(solution.x, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
         sensor_errors=solution.sensor_errors,
-        covariance=with_gust_length(solution.last_step.covariance, problem.error_sigma, solution.gust_mps, gust_length),
+        covariance=with_slow_power(solution.last_step.covariance, problem.error_sigma, solution.gust_mps, slow),
         prior_sigma=problem.error_sigma,
         state_sensitivity=_state_sensitivity(problem, solution),
         states_given_errors=solution.last_step.conditional,
@@ -264,11 +263,12 @@ def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: fl
     )
 
 
-def _slow_gusts(problem: TrajectoryProblem, solution: _Solution, draws: Array) -> SlowGusts:
+def _slow_power(problem: TrajectoryProblem, solution: _Solution, draws: Array, gust_length: float) -> float:
     """Of the vertical gusts from take-off to landing."""
     flown, vertical = problem.blocks.airborne, GUST_STATES[2]
     assumed = problem.conditions.in_cruise(solution.gust_mps)
-    return slow_gusts(solution.x[flown, vertical], draws[:, flown, vertical], problem.blocks.step_s, assumed)
+    gust, errors = solution.x[flown, vertical], draws[:, flown, vertical]
+    return slow_power_ratio(gust, errors, problem.blocks.step_s, assumed, gust_length)
 
 
 def _residual_rms(problem: TrajectoryProblem, residuals: Array) -> dict[str, float]:

@@ -23,8 +23,10 @@ from analysis.trajectory.instrumental_variables import (
     projected_on_past,
 )
 from analysis.trajectory.level_field import LevelField
-from analysis.trajectory.process import SLOWEST_MPS, GustConditions
+from analysis.trajectory.measurements import ALPHA_PORT_SLOPE
+from analysis.trajectory.process import SLOWEST_MPS, GustConditions, airspeed_without_gusts
 from flight import motion
+from flight.atmosphere import SEA_LEVEL_DENSITY
 
 Array = NDArray[np.float64]
 
@@ -62,10 +64,7 @@ class Regressors:
         """MEASUREMENT_INPUTS (n, ·) at states x and sensor errors of the current iteration: actual, and predicted from
         past data."""
         errors, state, blocks = NamedArrays(SENSOR_ERRORS, sensor_errors), NamedArrays(STATES, x.T), self._blocks
-        # Of the inertial speed: airspeed already contains the gusts that the measured airspeed contains.
-        inertial_V = np.sqrt(
-            (state.v_north - state.wind_north) ** 2 + (state.v_east - state.wind_east) ** 2 + state.v_down**2
-        )
+        inertial_V = airspeed_without_gusts(state)
         V = np.maximum(self._extrapolated(inertial_V)[0], self._slowest_mps)
         _, V_rate_predicted = self._extrapolated(inertial_V, RATE_S)
         V_regressors = np.column_stack([inertial_V, derivative(inertial_V, self._flying, self._step_s)])
@@ -75,9 +74,10 @@ class Regressors:
         lift = 1 / (measured_V**2 * cos_bank)  # lift coefficient up to a factor
         az = np.nan_to_num(blocks["az_mps2"], nan=-9.8)
         regressors, predicted_regressors, alpha_predicted = self._alpha(
-            state, errors, lift, lift * V_rate_predicted / V, -az / measured_V**2, sigma_w_mps
+            state, errors, lift, lift * V_rate_predicted / V, -az / measured_V**2, sigma_w_mps, inertial_V
         )
         field_forward, field_right = self._field.leveled(state.phi, state.theta)
+        qbar_Pa = np.nan_to_num(blocks["rho"], nan=SEA_LEVEL_DENSITY) * V**2 / 2
         common = {
             "ax": np.nan_to_num(blocks["ax_mps2"]),
             "ay": np.nan_to_num(blocks["ay_mps2"]),
@@ -86,6 +86,8 @@ class Regressors:
             "alpha_predicted": alpha_predicted,
             "transverse_gust_variance": np.full(blocks.n, self._conditions.transverse_variance(sigma_w_mps)),
             "dlnV_dlndp_alpha": parabola_fit(blocks["dlnV_dlndp_alpha"], 1 / (V**2 * cos_bank), self._flying),
+            "V_scale_per_Pa": 1 / (2 * qbar_Pa),
+            "alpha_per_Pa": 1 / (ALPHA_PORT_SLOPE * qbar_Pa),
             "field_forward": np.nan_to_num(field_forward),
             "field_right": np.nan_to_num(field_right),
         }
@@ -102,12 +104,18 @@ class Regressors:
         )
 
     def _airspeed_instruments(self, inertial_V: Array, regressors: Array, sigma_w_mps: float) -> Array:
-        """Airspeed and its derivative, `regressors` (n, 2), predicted from past inertial speed and its derivative."""
+        """In place of `regressors` (n, 2): a constant airspeed, and its derivative predicted from past inertial speed.
+
+        A pilot who holds airspeed changes the inertial speed by the gusts of the last 10 s, and these last: past speed
+        knows more of the current gust than noisy air data do (docs/estimators.md).
+        """
         V, _ = self._extrapolated(inertial_V, newest=NEWEST)
         _, V_rate = self._extrapolated(inertial_V, RATE_S, NEWEST)
-        past = np.column_stack([np.ones(len(V)), V, V_rate])
-        decay, increment_mps = self._conditions.longitudinal_steps(sigma_w_mps)
-        return projected_on_past(regressors, past, decay, self._flying, increment_mps / self._V_noise_mps)
+        constant = np.ones((len(V), 1))
+        decay, increment_mps = self._conditions.longitudinal_steps(sigma_w_mps, inertial_V)
+        at = decay, self._flying, increment_mps / self._V_noise_mps
+        mean = projected_on_past(regressors[:, :1], constant, *at)
+        return np.hstack([mean, projected_on_past(regressors[:, 1:], np.column_stack([constant, V, V_rate]), *at)])
 
     def predicted_states(self, x: Array) -> Array:
         """The states with vertical velocity predicted from past data: the aircraft heaves with a gust within a step."""
@@ -124,10 +132,18 @@ class Regressors:
         return extrapolated(values, self._flying, self._step_s, window_s, newest)
 
     def _alpha(
-        self, state: NamedArrays, errors: NamedArrays, lift: Array, lift_rate: Array, load: Array, sigma_w_mps: float
+        self,
+        state: NamedArrays,
+        errors: NamedArrays,
+        lift: Array,
+        lift_rate: Array,
+        load: Array,
+        sigma_w_mps: float,
+        inertial_V: Array,
     ) -> tuple[dict[str, Array], dict[str, Array], Array]:
         """ALPHA_REGRESSORS, actual and predicted, and the predicted angle of attack at the centre of gravity.
 
+        The angle's change by its slope [rad] is that of the probe's calibration for a relative change of dp_alpha.
         lift, lift_rate : predicted lift coefficient and its derivative, up to a factor
         load : lift coefficient by the accelerometer, up to the same factor
         The prediction uses the first two and the third some blocks before. So stick movements are predicted, and the
@@ -136,7 +152,10 @@ class Regressors:
         """
         flying = self._flying
         at_probe = self._blocks["alpha_rad"] + self._by_upwash + self._by_rotation
-        measured = (at_probe - errors.alpha_bias) / (1 + errors.alpha_scale - 2 * errors.V_scale)
+        slope = errors.alpha_scale - 2 * errors.V_scale
+        # Of the angle without the offset, so that the offset keeps its meaning: what is measured at zero angle.
+        by_slope = (self._blocks["dalpha_dlndp_alpha_rad"] - errors.alpha_bias) / (1 + slope)
+        measured = at_probe - errors.alpha_bias - slope * by_slope
         steady = state.v_north - state.wind_north, state.v_east - state.wind_east, state.v_down
         u, _, w = motion.body_from_earth(*steady, state.phi, state.theta, state.psi)
         inertial = self._bridged(np.arctan2(w, u))
@@ -144,10 +163,11 @@ class Regressors:
         curvature[1:-1] = np.diff(inertial, 2) / 24  # a parabola's mean over a block less the value at its center
         bridged, t_s = self._bridged(measured), self._blocks.t_s
         alpha = bridged - self._by_upwash - self._by_rotation
-        by_V_scale = -2 * alpha - self._by_rotation
-        actual = np.column_stack([bridged, CubicSpline(t_s, bridged)(t_s, 1), by_V_scale, alpha]) * flying[:, None]
+        by_slope = self._bridged(by_slope)
+        by_V_scale = -2 * by_slope + 2 * self._by_upwash + self._by_rotation
+        actual = np.column_stack([by_slope, CubicSpline(t_s, bridged)(t_s, 1), by_V_scale, alpha]) * flying[:, None]
         past = np.column_stack([np.ones(len(inertial)), lift, lift_rate, lagged(load, flying)])
-        decay, increment_mps = self._conditions.vertical_steps(sigma_w_mps)
+        decay, increment_mps = self._conditions.vertical_steps(sigma_w_mps, inertial_V)
         predicted = projected_on_past(actual, past, decay, flying, increment_mps / self._alpha_noise_mps)
         instruments = predicted * has_past(flying)[:, None]
 

@@ -72,7 +72,7 @@ def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
         inputs[:, MEASUREMENT_INPUTS.index(name)] = column
     inputs[:, MEASUREMENT_INPUTS.index("V_mean")] = known.predicted_flow[:, PREDICTED_FLOW.index("V_predicted")]
     alpha = known.predicted_flow[:, PREDICTED_FLOW.index("alpha_predicted")]  # no upwash, no rotation
-    inputs[:, MEASUREMENT_INPUTS.index("probe_alpha")] = alpha
+    inputs[:, MEASUREMENT_INPUTS.index("alpha_by_slope")] = alpha
     inputs[:, MEASUREMENT_INPUTS.index("alpha_by_V_scale")] = -2 * alpha
     without_lags = ERRORS | {"air_data_lag": 0.0, "gps_latency": 0.0}
     shown = measurement_model(

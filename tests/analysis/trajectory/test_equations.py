@@ -37,7 +37,7 @@ def process_residuals(motion, sensor_errors, table=None) -> dict[str, np.ndarray
     blocks = BlockMeans(table)
     inertial = InertialInputs(table, blocks, BENCH_SIGMA)
     V = blocks["V_mps"]
-    model = ProcessModel(inertial, blocks, GustConditions(blocks, V, V), 1e-6)
+    model = ProcessModel(inertial, blocks, GustConditions(blocks, V), 1e-6, V)
     inputs = model.with_corrections(inertial.coning_and_sculling(x[:, :3], sensor_errors))
     inputs[:, PROCESS_INPUTS.index("wind_ratio")] = 1.0  # the wind of this motion is the same at all heights
     nothing, given = np.zeros((blocks.n, len(MEASUREMENTS))), np.ones((blocks.n, len(MEASUREMENT_INPUTS)))
@@ -142,7 +142,7 @@ def test_sensor_errors_act_on_pressures() -> None:
     """Dynamic pressure high by 2 e: airspeed reads high by e and flow angles low by 2 e. A slope of the angle acts on
     the angle at the probe, and through the probe's calibration on airspeed."""
     V, alpha = 15.0, 0.12
-    inputs = inputs_of(V_mean=V, V_predicted=V, probe_alpha=alpha, alpha_by_V_scale=-2 * alpha, dlnV_dlndp_alpha=0.1)
+    inputs = inputs_of(V_mean=V, V_predicted=V, alpha_by_slope=alpha, alpha_by_V_scale=-2 * alpha, dlnV_dlndp_alpha=0.1)
     x = state_of(**STEADY)
 
     def change(**errors: float) -> dict[str, float]:
@@ -153,6 +153,32 @@ def test_sensor_errors_act_on_pressures() -> None:
     assert change(alpha_scale=0.01) == pytest.approx({"V": 0.1 * 0.01 * V, "alpha": 0.01 * alpha})
     assert change(alpha_bias=0.01) == pytest.approx({"alpha": 0.01})
     assert change(beta_bias=0.01) == pytest.approx({"beta": 0.01})
+
+
+def test_zeros_of_pressures_are_scale_and_offset_by_dynamic_pressure() -> None:
+    """A zero of q_c of 1 % of it is an airspeed scale of 0.5 %; one of dp_alpha is an offset of the angle."""
+    V, alpha, qbar_Pa = 15.0, 0.12, 138.0
+    inputs = inputs_of(
+        V_mean=V, V_predicted=V, alpha_by_slope=alpha, alpha_by_V_scale=-2 * alpha, dlnV_dlndp_alpha=0.1,
+        V_scale_per_Pa=1 / (2 * qbar_Pa), alpha_per_Pa=1 / (4.5 * qbar_Pa),
+    )  # fmt: skip
+    none, scale, zero, other = (
+        np.array(measurement_model(state_of(**STEADY), errors_of(**e), inputs))
+        for e in ({}, {"V_scale": 0.005}, {"q_c_zero": 0.01 * qbar_Pa}, {"dp_alpha_zero": 1.0})
+    )
+    assert zero == pytest.approx(scale, abs=1e-12)
+    expected = {name: 0.0 for name in MEASUREMENTS} | {"alpha": 1 / (4.5 * qbar_Pa)}
+    assert dict(zip(MEASUREMENTS, other - none, strict=True)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_mean_angle_over_a_block_is_that_in_its_middle_and_the_curvature() -> None:
+    """The mean of a parabola that is 0.01 rad higher at both ends than in the middle is 0.0033 rad higher."""
+    x, c = state_of(**STEADY), 0.01 / 3
+    straight, curved = (
+        measurement_model(x, errors_of(), inputs_of(V_predicted=15.0, alpha_curvature=a)) for a in (0, c)
+    )
+    change = dict(zip(MEASUREMENTS, np.subtract(curved, straight), strict=True))
+    assert change == pytest.approx({name: 0.0 for name in MEASUREMENTS} | {"alpha": c}, abs=1e-12)
 
 
 def test_late_channels_show_what_was_a_lag_before() -> None:

@@ -10,7 +10,7 @@ from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, MEASUREMENTS, PROCESS_INPUTS, SENSOR_ERRORS, STATES
 from analysis.trajectory.inertial import CHANNELS, InertialInputs
 from analysis.trajectory.level_field import LevelField
-from analysis.trajectory.measurements import Measurements
+from analysis.trajectory.measurements import ALPHA_PORT_SLOPE, Measurements
 from analysis.trajectory.priors import (
     PRIOR_SIGMA,
     begins_at_rest,
@@ -20,7 +20,7 @@ from analysis.trajectory.priors import (
 )
 from analysis.trajectory.problem import TrajectoryProblem, _blocks_at_rest
 from analysis.trajectory.process import GustConditions, ProcessModel
-from analysis.trajectory.sensor_noise import BENCH_SIGMA, noise_at_rest
+from analysis.trajectory.sensor_noise import BENCH_SIGMA, ZEROS, noise_at_rest, zeros_at_rest
 from flight.aircraft import Uncertainty
 from flight.motion import body_from_earth
 
@@ -54,6 +54,24 @@ def test_noise_at_rest_is_measured_where_there_is_rest_and_else_that_of_the_benc
     for name, sigma in noise.items():
         assert sigma == pytest.approx(3 * BENCH_SIGMA[name], rel=0.07)  # 4 standard errors of 2000 samples
     assert noise_at_rest(table, []) == BENCH_SIGMA
+
+
+def test_the_error_of_a_zero_falls_with_the_time_at_rest_and_contains_slow_noise() -> None:
+    """White noise of 6 Pa over 40 s at 25 Hz, and noise of 1 Pa that lasts a second, in 1,000 logs."""
+    rng, seconds, logs = np.random.default_rng(5), 40, 1000
+    slow = np.repeat(rng.standard_normal((logs, seconds)), 25, axis=1)
+    zeros = 6.0 * rng.standard_normal((logs, seconds * 25)) + slow
+    t = 0.04 * np.arange(seconds * 25)
+    stated = np.empty(100)
+    for i, channel in enumerate(zeros[:100]):
+        table = pd.DataFrame(dict.fromkeys(BENCH_SIGMA, channel), index=t)
+        rest = [slice(0, len(t))]
+        found = zeros_at_rest(table, rest, noise_at_rest(table, rest))
+        assert set(found) == set(ZEROS)
+        stated[i] = found["q_c_zero"]
+    actual = float(np.sqrt(np.mean(zeros.mean(axis=1) ** 2)))
+    assert stated.mean() == pytest.approx(actual, rel=0.08)  # 0.25 Pa; an rms of 1,000 is known to 2.2 %
+    assert zeros_at_rest(table, [], BENCH_SIGMA) == {}
 
 
 def test_pitch_and_heave_of_a_porpoise_are_integrated_without_loss() -> None:
@@ -110,7 +128,7 @@ def test_a_gap_raises_the_noise_of_its_own_steps_only(exact) -> None:
 def test_gusts_of_the_process_model_are_stationary_with_drydens_variance(exact, problem) -> None:
     """Variances of the discrete processes in the limit: sigma^2 along; sigma^2/2 of g1 and sigma^2/4 of g2 else."""
     sigma_w = 0.7
-    model = problem.process_model(sigma_w)
+    model = problem.process_model(problem.initial_states, sigma_w)
     decay = {axis: model.inputs[0, PROCESS_INPUTS.index(f"decay_{axis}")] for axis in "uvw"}
     sigma = {name: 1 / model.weight[0, STATES.index(name)] for name in STATES}
     at_50_m = 0.177 + 0.000823 * 100.0 / 0.3048
@@ -131,13 +149,25 @@ def test_gusts_decay_with_the_distance_flown(exact) -> None:
     """A gust of length L decays by V dt/L in a step: twice as much at twice the speed. On the ground, and slower than
     5 m/s, gusts are those of cruise, and of 5 m/s."""
     blocks = BlockMeans(exact.table)
-    at = {V: GustConditions(blocks, np.full(blocks.n, 15.0), np.full(blocks.n, V)) for V in (2.0, 5.0, 10.0, 20.0)}
-    logs = {V: np.log(conditions.vertical_steps(1.0)[0]) for V, conditions in at.items()}
+    conditions = GustConditions(blocks, np.full(blocks.n, 15.0))
+    logs = {V: np.log(conditions.vertical_steps(1.0, np.full(blocks.n, V))[0]) for V in (2.0, 5.0, 10.0, 20.0)}
     assert logs[20.0] == pytest.approx(2 * logs[10.0])
     assert logs[2.0] == pytest.approx(logs[5.0]) and logs[10.0] == pytest.approx(2 * logs[5.0])
-    parked = BlockMeans(exact.table.assign(height_m=0.0))
-    conditions = GustConditions(parked, np.full(blocks.n, 15.0), np.full(blocks.n, 2.0))
-    assert conditions.V_mps == pytest.approx(15.0)
+    parked = GustConditions(BlockMeans(exact.table.assign(height_m=0.0)), np.full(blocks.n, 15.0))
+    assert parked.speed_mps(np.full(blocks.n, 2.0)) == pytest.approx(15.0)
+
+
+def test_measured_airspeed_does_not_change_how_gusts_decay(exact) -> None:
+    """Measured airspeed contains the gust: with it, gusts against the wind would decay faster than those with it, and
+    their mean would not be zero. The speed is that of the states, relative to the mean wind."""
+    gusty = exact.table.assign(V_mps=exact.table["V_mps"] + np.sin(np.arange(len(exact.table)) / 50))
+    first, second = (TrajectoryProblem(table, [slice(0, 0)], 0.0, None) for table in (exact.table, gusty))
+    x = first.initial_states.copy()
+    models = [problem.process_model(x, 0.5) for problem in (first, second)]
+    decay_u = [model.inputs[:, PROCESS_INPUTS.index("decay_u")] for model in models]
+    assert np.array_equal(*decay_u)
+    x[:, [STATES.index("v_north"), STATES.index("wind_north")]] += 3.0
+    assert first.process_model(x, 0.5).inputs == pytest.approx(models[0].inputs), "the same motion in another wind"
 
 
 def test_the_wind_follows_the_profile_over_height_and_else_walks(exact) -> None:
@@ -147,7 +177,7 @@ def test_the_wind_follows_the_profile_over_height_and_else_walks(exact) -> None:
     table["height_m"] = np.linspace(20.0, 100.0, len(table))
     blocks = BlockMeans(table)
     V = blocks["V_mps"]
-    model = ProcessModel(InertialInputs(table, blocks, BENCH_SIGMA), blocks, GustConditions(blocks, V, V), 0.1)
+    model = ProcessModel(InertialInputs(table, blocks, BENCH_SIGMA), blocks, GustConditions(blocks, V), 0.1, V)
     ratio = model.inputs[:, PROCESS_INPUTS.index("wind_ratio")]
     height, roughness = blocks["height_m"], 0.15 * 0.3048
     assert np.prod(ratio[10:-10]) == pytest.approx(np.log(height[-11] / roughness) / np.log(height[10] / roughness))
@@ -273,11 +303,14 @@ def test_regressors_of_an_exact_motion(problem, exact) -> None:
     actual, _ = problem.regressors.measurement_inputs(exact.states, errors, 0.1)
     columns = dict(zip(MEASUREMENT_INPUTS, actual.T, strict=True))
     blocks = problem.blocks
-    assert columns["probe_alpha"] == pytest.approx((blocks["alpha_rad"] - 0.02) / (1 + 0.1 - 0.06))
+    by_slope = (blocks["dalpha_dlndp_alpha_rad"] - 0.02) / (1 + 0.1 - 0.06)
+    assert columns["alpha_by_slope"] == pytest.approx(by_slope)
+    angle = blocks["alpha_rad"] - 0.02 - (0.1 - 0.06) * by_slope
     inner = slice(10, -10)
-    assert columns["probe_alpha_rate"][inner] == pytest.approx(
-        np.gradient(columns["probe_alpha"], blocks.t_s)[inner], abs=0.05
-    )
+    assert columns["probe_alpha_rate"][inner] == pytest.approx(np.gradient(angle, blocks.t_s)[inner], abs=0.05)
+    qbar_Pa = blocks["rho"] * columns["V_predicted"] ** 2 / 2
+    assert columns["V_scale_per_Pa"] == pytest.approx(1 / (2 * qbar_Pa))
+    assert columns["alpha_per_Pa"] == pytest.approx(1 / (ALPHA_PORT_SLOPE * qbar_Pa))
     center = exact.table["alpha_rad"].to_numpy()[blocks.rows]
     curvature = blocks["alpha_rad"] - center
     assert np.std((columns["alpha_curvature"] - curvature)[inner]) < 0.25 * np.std(curvature[inner])

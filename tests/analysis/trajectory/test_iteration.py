@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from exact_motion import exact_motion
+from scipy.signal import lfilter
 
-from analysis.trajectory import reconstruction
-from analysis.trajectory.block_means import BLOCK
-from analysis.trajectory.equations import PROCESS_INPUTS, SENSOR_ERRORS, STATES
+from analysis.trajectory import dryden, reconstruction
+from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import GUST_GRID_MPS, _most_probable_gust, _solve
 from analysis.trajectory.sensor_noise import BENCH_SIGMA
@@ -27,12 +27,15 @@ def evidence_with_maximum_at(gust_mps: float):
     return solve
 
 
+VERTEX = SimpleNamespace(gust_intensity=lambda vertex, middle_mps: middle_mps * 2**vertex)  # of the parabola itself
+
+
 @pytest.mark.parametrize("gust_mps", [0.03, 0.11, 0.2, 0.29, 1.3])
 def test_the_gust_intensity_of_greatest_evidence_is_found(monkeypatch, gust_mps: float) -> None:
     """A parabola through three points of a parabola is exact, whichever side of the first intensity it lies on."""
     solve = evidence_with_maximum_at(gust_mps)
     monkeypatch.setattr(reconstruction, "_solve", solve)
-    found, nearest = _most_probable_gust(None, solve(None, None, None, 0.2, 1, 1.0))
+    found, nearest = _most_probable_gust(VERTEX, solve(None, None, None, 0.2, 1, 1.0))
     assert found == pytest.approx(gust_mps)
     assert nearest.gust_mps == min(GUST_GRID_MPS, key=lambda tried: abs(np.log(tried / gust_mps)))
 
@@ -67,7 +70,7 @@ def solution(noisy):
 def test_a_converged_solution_does_not_move(noisy, solution) -> None:
     """One more step moves every sensor error by less than a fiftieth of its standard error."""
     assert solution.converged
-    inputs = noisy.equation_inputs(solution.x, solution.sensor_errors, 0.05, noisy.process_model(0.05))
+    inputs = noisy.equation_inputs(solution.x, solution.sensor_errors, 0.05)
     remaining, prior = noisy.remaining_errors(solution.sensor_errors, 0.05)
     at = noisy.equations.linearize(solution.x, remaining, inputs)
     step = gauss_newton_step(at, prior, solution.x[0], remaining)
@@ -104,39 +107,38 @@ def test_evidence_prefers_the_gusts_that_were_flown(noisy) -> None:
 
 
 def test_the_intensity_of_simulated_gusts_is_found() -> None:
-    """Dryden gusts of 0.8 m/s, drawn from the process model, in the air data of a minute with exact sensors otherwise.
+    """Dryden gusts of 0.8 m/s, simulated sample by sample, in the air data of a minute with exact sensors otherwise.
 
     The 300 increments of each gust know their standard deviation within 4 %; noise of air data takes some of this away.
     """
-    motion, sigma_w = exact_motion(), 0.8
-    still = TrajectoryProblem(motion.table, [slice(0, 0)], 0.0, None)
-    model, n = still.process_model(sigma_w), still.blocks.n
-    gusts = []
-    rng = np.random.default_rng(1)
-    for axis in "uvw":
-        noise = rng.normal(size=n + 200) / model.weight[0, STATES.index(f"gust_{axis}")]
-        decay = model.inputs[0, PROCESS_INPUTS.index(f"decay_{axis}")]
-        once, twice = np.zeros(n + 200), np.zeros(n + 200)
-        for k in range(1, n + 200):
-            once[k] = decay * once[k - 1] + noise[k]
-            twice[k] = decay * twice[k - 1] + (1 - decay) * (once[k] + once[k - 1]) / 2
-        gusts.append((once if axis == "u" else twice + np.sqrt(3) * (once - twice))[200:])
-    table = motion.table.copy()
-    u, v, w = (np.repeat(gust, BLOCK) for gust in gusts)
+    motion, sigma_w, dt = exact_motion(), 0.8, 0.04
+    table, rng = motion.table.copy(), np.random.default_rng(1)
+    n, past = len(table), 1000
+    at = sigma_w, float(table["height_m"].iloc[0]), float(table["V_mps"].mean())
+    decay, increment = dryden.longitudinal(*at).discretize(dt)
+    u = lfilter([increment], [1, -decay], rng.normal(size=n + past))[past:]
+
+    def second_order(gust: dryden.SecondOrderGust) -> np.ndarray:
+        decay, once, _ = gust.discretize(dt)
+        first = lfilter([once], [1, -decay], rng.normal(size=n + past))
+        second = lfilter([(1 - decay) / 2] * 2, [1, -decay], first)
+        return (second + np.sqrt(3) * (first - second))[past:]
+
+    v, w = second_order(dryden.lateral(*at)), second_order(dryden.vertical(*at))
     V, alpha = table["V_mps"], table["alpha_rad"]
     table["V_mps"] = V - u * np.cos(alpha) - w * np.sin(alpha)
     table["alpha_rad"] = alpha + (u * np.sin(alpha) - w * np.cos(alpha)) / V
     table["beta_rad"] -= v / V
     for name, sigma in (BENCH_SIGMA | {"V_mps": 0.3, "alpha_rad": 0.008, "beta_rad": 0.008, "height_m": 0.5}).items():
-        table[name] += sigma * rng.normal(size=len(table))
+        table[name] += sigma * rng.normal(size=n)
     trajectory = reconstruction.reconstruct(table, [slice(0, 0)])
     assert trajectory.converged
-    assert trajectory.gust_mps == pytest.approx(sigma_w, rel=0.2)
+    assert trajectory.gust_mps == pytest.approx(sigma_w, rel=0.1)
 
 
 def test_an_oscillating_iteration_is_damped(monkeypatch) -> None:
     """Each step overshoots to the other side of the solution: half of it from then on converges."""
-    m, n, nx = len(SENSOR_ERRORS), 3, 14
+    m, n, nx = len(SENSOR_ERRORS), 3, len(STATES)
 
     def overshooting_step(_at, _prior, _initial, sensor_errors):
         return SimpleNamespace(
@@ -147,7 +149,6 @@ def test_an_oscillating_iteration_is_damped(monkeypatch) -> None:
     weights = SimpleNamespace(process_weight=np.ones((n, nx)), measurement_weight=np.ones((n, 11)))
     at = SimpleNamespace(process_residual=np.zeros((n, nx)), measurement_residual=np.zeros((n, 11)))
     problem = SimpleNamespace(
-        process_model=lambda _gust: None,
         equation_inputs=lambda *_: weights,
         remaining_errors=lambda errors, _gust: (errors, None),
         equations=SimpleNamespace(linearize=lambda *_: at),

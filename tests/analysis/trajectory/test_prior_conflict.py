@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import special
 
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.prior_conflict import conflict_notes, prior_conflict, with_misfit
@@ -47,6 +48,20 @@ def test_errors_all_twice_their_priors_are_a_conflict_by_that_factor() -> None:
     assert found.factor == pytest.approx(np.full(len(PRIOR), 2.0), rel=0.02)
 
 
+def test_errors_that_the_data_half_determine_tell_their_own_size() -> None:
+    """Known to 0.7 of the prior: j = 1/0.49 - 1. The data alone give x = y (1 + 1/j), of variance s^2 + 1/j."""
+    j = 1 / 0.7**2 - 1
+    count = len(PRIOR)
+    for y in (1.6, 2.2):
+        found = prior_conflict(estimated(np.resize([y, -y], count), known_to=0.7))
+        assert found.together == pytest.approx(np.sqrt((y * (1 + 1 / j)) ** 2 - 1 / j), abs=0.006)
+    # The sum of squares over its variance is a chi square: one flight in a hundred is beyond its limit by chance.
+    at_the_limit = np.sqrt(special.chdtri(count, 0.01) / count * (1 + 1 / j)) / (1 + 1 / j)
+    for share, found in ((0.99, False), (1.01, True)):
+        y = share * at_the_limit
+        assert prior_conflict(estimated(np.resize([y, -y], count), known_to=0.7)).found is found
+
+
 def test_what_the_data_do_not_determine_is_no_conflict() -> None:
     assert not prior_conflict(estimated(np.full(len(PRIOR), 2.0), known_to=0.99)).found
 
@@ -56,5 +71,14 @@ def test_residuals_larger_than_noise_widen_the_covariance_and_are_named() -> Non
     wider, (said,) = with_misfit(trajectory)
     assert wider.covariance == pytest.approx(4 * trajectory.covariance)
     assert "airspeed by 2.0." in said
+    # Random errors of the states are twice as large, too: a quarter of the information.
+    draws = np.ones((3, 4, 5))
+    wider, _ = with_misfit(replace(trajectory, draws=draws))
+    assert wider.draws == pytest.approx(2 * draws)
+    assert wider.states_given_errors.factor == pytest.approx(trajectory.states_given_errors.factor / 2)
+    assert (
+        with_misfit(replace(trajectory, residuals={"beta": 1.51}))[1]
+        and not with_misfit(replace(trajectory, residuals={"beta": 1.49, "compass": 5.0}))[1]
+    )
     same = replace(trajectory, residuals={"V": 1.1})
     assert with_misfit(same) == (same, [])

@@ -28,7 +28,8 @@ def exact():
 
 def straight_flight(exact, V, bank=0.0, wind=(3.0, -2.0), **columns):
     """Problem and states of level flight to the north at airspeed V (rows of the table,) in a wind."""
-    table = exact.table.assign(V_mps=V, **columns)
+    angle = columns.get("alpha_rad", exact.table["alpha_rad"])
+    table = exact.table.assign(V_mps=V, dalpha_dlndp_alpha_rad=angle, **columns)
     problem = TrajectoryProblem(table, [slice(0, 0)], 0.0, None)
     values = {"phi": bank, "v_north": problem.blocks["V_mps"] + wind[0], "v_east": wind[1]}
     values |= {"wind_north": wind[0], "wind_east": wind[1]}
@@ -59,7 +60,7 @@ def test_the_angle_of_attack_of_level_flight_is_predicted_from_speed_and_its_cha
     V, Vdot = 15.0 + 6.0 * np.sin(0.25 * t), 1.5 * np.cos(0.25 * t)
     alpha, rate = -0.05 + 25.0 / V**2, -50.0 * Vdot / V**3
     found = predicted(*straight_flight(exact, V, alpha_rad=alpha))
-    for name, true in (("V_rate", Vdot), ("probe_alpha", alpha), ("probe_alpha_rate", rate)):
+    for name, true in (("V_rate", Vdot), ("alpha_by_slope", alpha), ("probe_alpha_rate", rate)):
         at_blocks = true[BLOCK // 2 :: BLOCK]
         share = np.var((found[name] - at_blocks)[INSIDE]) / np.var(at_blocks[INSIDE])
         assert share < 0.04, name
@@ -74,7 +75,7 @@ def test_turns_are_flown_at_the_lift_coefficient_of_their_bank(exact) -> None:
         exact, V, bank[BLOCK // 2 :: BLOCK], alpha_rad=0.1 * lift, dlnV_dlndp_alpha=0.05 * lift
     )
     found = predicted(problem, states)
-    for name, true in (("probe_alpha", 0.1 * lift), ("dlnV_dlndp_alpha", 0.05 * lift)):
+    for name, true in (("alpha_by_slope", 0.1 * lift), ("dlnV_dlndp_alpha", 0.05 * lift)):
         at_blocks = true[BLOCK // 2 :: BLOCK]
         share = np.var((found[name] - at_blocks)[INSIDE]) / np.var(at_blocks[INSIDE])
         assert share < 0.05, name
@@ -97,20 +98,31 @@ def test_a_short_ground_track_gives_the_heading_its_offset(exact, fast_blocks: i
     assert (off[at] + np.pi) % (2 * np.pi) - np.pi == pytest.approx(0.0, abs=0.05)
 
 
+@pytest.mark.parametrize(("curvature", "within"), [(0.0, 0.03), (0.9, 0.05)])
 @pytest.mark.parametrize(("name", "value"), [("alpha_scale", 0.05), ("V_scale", 0.02), ("air_data_lag", 0.02)])
-def test_sensor_errors_act_on_the_angle_of_attack_at_the_probe(exact, name, value) -> None:
+def test_sensor_errors_act_on_the_angle_of_attack_at_the_probe(exact, name, value, curvature, within) -> None:
     """Upwash and rotation are in what the ports measure, and are subtracted after lag and slope, in proportion to 1/V^2
-    and 1/V: with the true states and the true error the modelled angle is the measured one."""
+    and 1/V: with the true states and the true error the modelled angle is the measured one. With a
+    curved calibration (at 12 deg a pressure that is 5 % high raises the angle by 4.6 %) to first order in the error."""
     true, t = exact.table, exact.table.index.to_numpy()
     upwash, rotation = 0.02 * (1 - true["az_mps2"] / 10), -0.5 * true["q_radps"] / true["V_mps"]
     at_probe = true["alpha_rad"] + upwash + rotation
     V_scale = value if name == "V_scale" else 0.0
     slope = {"alpha_scale": value, "V_scale": -2 * value}.get(name, 0.0)
+    C = at_probe  # the pressure's coefficient: the angle is C - curvature C^3
+    for _ in range(20):
+        C = at_probe + curvature * C**3
+    more = (1 + slope) * C
     at = CubicSpline(t, at_probe)  # a first-order lag, to its second order
     late = value * at(t, 1) - value**2 * at(t, 2) if name == "air_data_lag" else 0.0
     upwash, rotation = upwash * (1 - 2 * V_scale), rotation * (1 - V_scale)
-    measured = (1 + slope) * at_probe - late - upwash - rotation
-    table = true.assign(alpha_rad=measured, alpha_by_upwash_rad=upwash, alpha_by_rotation_rad=rotation)
+    measured = more - curvature * more**3 - late - upwash - rotation
+    table = true.assign(
+        dalpha_dlndp_alpha_rad=more - 3 * curvature * more**3 - late,
+        alpha_rad=measured,
+        alpha_by_upwash_rad=upwash,
+        alpha_by_rotation_rad=rotation,
+    )
     problem = TrajectoryProblem(table, [slice(0, 0)], 0.0, None)
     errors = np.where(np.array(SENSOR_ERRORS) == name, value, 0.0)
     actual, _ = problem.regressors.measurement_inputs(exact.states, errors, 0.1)
@@ -118,7 +130,7 @@ def test_sensor_errors_act_on_the_angle_of_attack_at_the_probe(exact, name, valu
     model = measurement_model(NamedArrays(STATES, exact.states.T), NamedArrays(SENSOR_ERRORS, errors), named)
     off = model[MEASUREMENTS.index("alpha")] - problem.blocks["alpha_rad"]
     by_error = (measured - true["alpha_rad"]).to_numpy()[BLOCK // 2 :: BLOCK]
-    assert np.std(off[INSIDE]) < 0.03 * np.std(by_error[INSIDE])
+    assert np.std(off[INSIDE]) < within * np.std(by_error[INSIDE])
 
 
 @pytest.mark.parametrize("climb_mps", [3.0, -3.0])

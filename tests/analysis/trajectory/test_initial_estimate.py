@@ -1,0 +1,148 @@
+"""The first trajectory is the motion itself where that is steady: a climbing circle, with and without GPS."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from analysis.trajectory.initial_estimate import initial_sensor_errors, initial_states
+from analysis.trajectory.priors import initial_state_sigma, stated_sigma
+from flight.aircraft import Uncertainty
+
+STEP_S, N = 0.2, 300
+V, CLIMB, ALPHA, BANK, TURN = 15.0, 1.5, 0.06, 0.3, 0.2  # m/s, m/s, rad, rad, rad/s
+T_S = 50.0 + STEP_S * np.arange(N)
+HEADING = 0.4 + TURN * STEP_S * (np.arange(N) + 1)
+
+
+class Blocks(dict):
+    """The block means that the first trajectory needs."""
+
+    def __init__(self, flying: np.ndarray, speed_scale: float = 1.0, **columns: Any):
+        super().__init__({name: np.broadcast_to(np.asarray(x, dtype=float), N) for name, x in columns.items()})
+        self.n, self.t_s, self.flying, self.speed_scale = N, T_S, flying, speed_scale
+
+
+FLYING = np.ones(N, dtype=bool)
+
+
+def circling(flying: np.ndarray = FLYING, ground_mps: float = V, scale: float = 1.0, gps: bool = True) -> Blocks:
+    north, east = ground_mps * np.cos(HEADING), ground_mps * np.sin(HEADING)
+    return Blocks(
+        flying, scale, height_m=100 + CLIMB * (T_S - T_S[0]), alpha_rad=ALPHA, r_radps=TURN * np.cos(BANK),
+        gps_north_mps=north if gps else np.nan, gps_east_mps=east if gps else np.nan,
+    )  # fmt: skip
+
+
+def states(blocks: Blocks, field: Any = None) -> dict[str, np.ndarray]:
+    """By name, without the ends, at which averages are over less."""
+    x = initial_states(blocks, np.full(N, BANK), np.full(N, V), field)  # type: ignore[arg-type]
+    return dict(zip(STATES, x[10:-10].T, strict=True))
+
+
+INSIDE = slice(10, -10)
+
+
+def test_attitude_is_angle_of_attack_and_climb_and_the_heading_the_ground_track() -> None:
+    found = states(circling())
+    assert found["phi"] == pytest.approx(np.full(N - 20, BANK))
+    assert found["theta"] == pytest.approx(np.full(N - 20, ALPHA + np.arcsin(CLIMB / V)))
+    assert np.unwrap(found["psi"]) == pytest.approx(HEADING[INSIDE], abs=1e-9)
+    assert found["v_down"] == pytest.approx(np.full(N - 20, -CLIMB))
+    assert found["height"] == pytest.approx((100 + CLIMB * (T_S - T_S[0]))[INSIDE])
+    # A mean over three blocks of a velocity that turns by 0.04 rad from one to the next.
+    shrunk = V * (1 + 2 * np.cos(TURN * STEP_S)) / 3
+    assert found["v_north"] == pytest.approx(shrunk * np.cos(HEADING)[INSIDE], abs=1e-9)
+    assert found["v_east"] == pytest.approx(shrunk * np.sin(HEADING)[INSIDE], abs=1e-9)
+
+
+def test_without_gps_the_heading_is_the_integral_of_the_yaw_rate_and_the_compass_turns_it() -> None:
+    class Field:
+        def heading_offset(self, heading: np.ndarray, phi: np.ndarray, theta: np.ndarray) -> np.ndarray:
+            assert phi[20] == BANK and theta[20] == pytest.approx(ALPHA + np.arcsin(CLIMB / V))
+            return np.full(N, 0.4)
+
+    drifting, turned = states(circling(gps=False)), states(circling(gps=False), Field())
+    assert drifting["psi"] == pytest.approx(HEADING[INSIDE] - 0.4) and turned["psi"] == pytest.approx(HEADING[INSIDE])
+    assert turned["v_north"] == pytest.approx(V * np.cos(HEADING[INSIDE]))
+    assert turned["v_east"] == pytest.approx(V * np.sin(HEADING[INSIDE]))
+
+
+def test_on_the_ground_the_aircraft_is_level_and_stands() -> None:
+    parked = np.arange(N) < 100
+    found = states(circling(~parked, gps=False))
+    before = slice(0, 80)
+    for name in ("phi", "theta", "v_north", "v_east"):
+        assert np.abs(found[name][before]).max() == 0.0
+    assert found["theta"][120] == pytest.approx(ALPHA + np.arcsin(CLIMB / V))
+
+
+@pytest.mark.parametrize(("ground_mps", "scale", "tracked"), [(5.2, 1.0, True), (4.8, 1.0, False), (2.6, 0.5, True),
+                                                              (2.4, 0.5, False)])  # fmt: skip
+def test_a_ground_track_is_a_heading_from_5_metres_a_second_on(ground_mps: float, scale: float, tracked: bool) -> None:
+    """Times the speed scale. Slower, the heading stays the integral; an offset needs at least one fast block."""
+    found = states(circling(ground_mps=ground_mps, scale=scale))
+    offset = 0.0 if tracked else -0.4
+    assert found["psi"] == pytest.approx(HEADING[INSIDE] + offset, abs=1e-6)
+
+
+def test_a_few_fast_blocks_give_the_integrated_heading_its_offset() -> None:
+    """Ten of them; eleven are a track, which is then held outside."""
+    for fast, tracked in ((10, False), (11, True)):
+        blocks = circling()
+        # A mean over three blocks makes two more of them fast.
+        slow = (np.arange(N) < 151) | (np.arange(N) >= 149 + fast)
+        for axis in ("gps_north_mps", "gps_east_mps"):
+            blocks[axis] = np.where(slow, 0.01 * blocks[axis], blocks[axis])
+        speed = np.hypot(*(np.convolve(blocks[a], np.ones(3) / 3, "same") for a in ("gps_north_mps", "gps_east_mps")))
+        assert (speed > 5.0).sum() == fast
+        found = states(blocks)["psi"]
+        if tracked:
+            assert np.ptp(found[:100]) == 0.0
+        else:
+            assert found == pytest.approx(HEADING[INSIDE], abs=0.02)
+
+
+def test_the_compass_offset_is_the_mean_direction_in_flight() -> None:
+    """Of directions, not of numbers: 3.1 and -3.1 rad are near each other."""
+
+    class Field:
+        def heading_offset(self, heading: np.ndarray, phi: np.ndarray, theta: np.ndarray) -> np.ndarray:
+            return np.where(FLYING_HALF, np.where(np.arange(N) % 2, 3.1, -3.1), 0.5)
+
+    prior = np.linspace(0.1, 0.2, len(SENSOR_ERRORS))
+    x = np.zeros((N, len(STATES)))
+    found = initial_sensor_errors(prior, circling(FLYING_HALF), x, Field())  # type: ignore[arg-type]
+    i = SENSOR_ERRORS.index("heading_bias")
+    assert abs(found[i]) == pytest.approx(np.pi, abs=1e-6)
+    assert np.delete(found, i) == pytest.approx(np.delete(prior, i))
+    assert initial_sensor_errors(prior, circling(), x, None) == pytest.approx(prior)  # type: ignore[arg-type]
+
+
+FLYING_HALF = np.arange(N) >= 100
+
+
+@pytest.mark.parametrize(
+    ("heading_measured", "at_rest", "heading_rad", "velocity_mps"),
+    [(True, True, 3.0, 0.3), (True, False, 3.0, 10.0), (False, True, 0.01, 0.3)],
+)
+def test_the_initial_state_is_known_only_where_it_defines_north_or_the_aircraft_stands(
+    heading_measured: bool, at_rest: bool, heading_rad: float, velocity_mps: float
+) -> None:
+    """Any attitude; height to 3 m, wind to 8 m/s, gusts to their standard deviation but at least to 1 cm/s."""
+    for gust_mps, known in ((0.4, 0.4), (0.001, 0.01)):
+        sigma = initial_state_sigma(gust_mps, heading_measured=heading_measured, at_rest=at_rest)
+        found = dict(zip(STATES, sigma, strict=True))
+        assert (found.pop("phi"), found.pop("theta"), found.pop("psi")) == (1.0, 0.5, heading_rad)
+        assert [found.pop(f"v_{axis}") for axis in ("north", "east", "down")] == [velocity_mps] * 3
+        assert found.pop("height") == 3.0 and [found.pop(f"wind_{axis}") for axis in ("north", "east")] == [8.0] * 2
+        assert list(found.values()) == [known] * 5
+
+
+def test_sensor_errors_that_no_file_states_have_their_priors() -> None:
+    """Gyros about their zeros at rest, sideslip and compass as they are mounted, the receiver's latency."""
+    stated = stated_sigma(Uncertainty())
+    assert [stated[f"{axis}_bias"] for axis in "pqr"] == [0.002] * 3
+    assert (stated["beta_bias"], stated["heading_bias"]) == pytest.approx((np.radians(1), np.radians(10)))
+    assert stated["gps_latency"] == 0.2
