@@ -12,8 +12,8 @@ from analysis import log_contents
 from analysis.airdata.from_log import FlightData, flight_data
 from analysis.drag import assumed_values
 from analysis.drag.estimate import DragEstimates, estimate
+from analysis.drag.flown import flown_condition, flown_lift
 from analysis.drag.hysteresis import with_hysteresis_uncertainty
-from analysis.drag.polar import flown_condition, flown_lift
 from analysis.drag.repetition import Repetition
 from analysis.drag.thrust_coverage import thrust_coverage
 from analysis.electrical.complete_log import whole_flight

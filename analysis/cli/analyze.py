@@ -114,6 +114,14 @@ def analyze(
             help="Calibration of the differential transducers to use instead of the log's.",
         ),
     ] = None,
+    thrust_stand: Annotated[
+        Path | None,
+        typer.Option(
+            "--thrust-stand",
+            metavar="FILE",
+            help="Thrust at rest, of `calibrate thrust`, to use instead of the aircraft file's.",
+        ),
+    ] = None,
     battery_Wh: Annotated[
         str | None,
         typer.Option(
@@ -224,6 +232,7 @@ def analyze(
         runs=runs,
         magnetometer=magnetometer,
         transducers=transducers,
+        thrust_stand=thrust_stand,
         request=request,
         mass_kg=mass,
         wing_area_m2=wing_area,

@@ -127,6 +127,7 @@ class OrdinaryFlight:
         progress: Progress,
         table: "Propeller | None" = None,
     ) -> Done:
+        from analysis.drag.thrust_prior import stand_measurements
         from analysis.electrical.drag import drag_estimate
         from analysis.electrical.estimate import estimate
         from analysis.electrical.flight_table import flight_table
@@ -146,7 +147,8 @@ class OrdinaryFlight:
             propeller = propeller.with_beyond_zero_thrust(propulsion.beyond_zero_thrust)
         constants = motor_constants(propulsion)
         uncertainty = given.uncertainty if given else Uncertainty()
-        drag = drag_estimate(flight, found, flown.span_m, propeller, constants, uncertainty)
+        stand = stand_measurements(given) if given and self.propeller is None else ()
+        drag = drag_estimate(flight, found, flown.span_m, propeller, constants, uncertainty, stand=stand)
         battery_Wh = self._battery_Wh(given)
         battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
         source = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"

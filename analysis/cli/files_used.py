@@ -22,6 +22,7 @@ def files_used(log: Path, options: Options) -> list[tuple[str, Path]]:
         ("--zero", options.zero),
         ("--magnetometer", options.magnetometer),
         ("--transducers", options.transducers),
+        ("--thrust-stand", options.thrust_stand),
     ]
     found = [(option, path) for option, path in given if path is not None and path.is_file()]
     propeller = options.propeller or _named_propeller(log, options.aircraft)

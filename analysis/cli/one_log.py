@@ -39,6 +39,7 @@ class Options:
     runs: Path | None = None
     magnetometer: Path | None = None
     transducers: Path | None = None
+    thrust_stand: Path | None = None
     request: Request = field(default_factory=Request)
     mass_kg: float | None = None
     wing_area_m2: float | None = None
@@ -74,6 +75,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
             magnetometer=options.magnetometer,
             likelihood=options.by_likelihood or None,
             transducers=options.transducers,
+            thrust_stand=options.thrust_stand,
         )
         check_writable(folder / "report.html")
         return ordinary.analyze_autopilot_log(firmware, progress)
@@ -111,12 +113,13 @@ def replacements(options: Options) -> "Replacements":
     from flight.propeller_files import load_propeller
 
     propeller = load_propeller(options.propeller) if options.propeller else None
-    from analysis.airdata.magnetometer import load_magnetometer
-    from analysis.airdata.probe import load_probe
-    from analysis.airdata.transducers import load_transducers
+    from analysis.airdata.magnetometer import MAGNETOMETER_FILE
+    from analysis.airdata.probe import PROBE_FILE
+    from analysis.airdata.transducers import TRANSDUCERS_FILE
+    from analysis.drag.thrust_stand import THRUST_STAND_FILE
     from analysis.log_contents import Replacements
     from analysis.maneuvers import toml_file
-    from analysis.signals.rest import load_zero
+    from analysis.signals.still_air_zero import ZERO_FILE
 
     if options.runs:
         toml_file.load(options.runs)  # a wrong one is refused before anything is computed
@@ -126,15 +129,17 @@ def replacements(options: Options) -> "Replacements":
         "probe.json": options.probe,
         "magnetometer.json": options.magnetometer,
         "transducers.json": options.transducers,
+        "thrust_stand.json": options.thrust_stand,
         "zero.json": options.zero,
     }
     return Replacements(
         aircraft=aircraft,
         propeller=propeller,
-        probe=load_probe(options.probe) if options.probe else None,
-        magnetometer=load_magnetometer(options.magnetometer) if options.magnetometer else None,
-        transducers=load_transducers(options.transducers) if options.transducers else None,
-        zero=load_zero(options.zero) if options.zero else None,
+        probe=PROBE_FILE.load(options.probe) if options.probe else None,
+        magnetometer=MAGNETOMETER_FILE.load(options.magnetometer) if options.magnetometer else None,
+        transducers=TRANSDUCERS_FILE.load(options.transducers) if options.transducers else None,
+        thrust_stand=THRUST_STAND_FILE.load(options.thrust_stand) if options.thrust_stand else None,
+        zero=ZERO_FILE.load(options.zero).by_channel() if options.zero else None,
         weight_N=options.weight_N,
         files={name: str(path) for name, path in files.items() if path is not None},
     )

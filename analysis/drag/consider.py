@@ -4,14 +4,28 @@ Each has a size that the user gives in [uncertainty] of the aircraft file, or it
 repeated with each error of one standard deviation, and the outer product of its change is added to the covariance.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.drag.forces import FlightForces
 from flight.aircraft import Aircraft
 
 Array = NDArray[np.float64]
 UPDRAFT, WEIGHT = "updraft", "weight"  # names of these errors
+
+
+def changes(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> dict[str, Array]:
+    """By error, the change of an estimate (m,) of A0, A1, A2 and others.
+
+    values_of : the estimate from forces, `values` from the nominal ones
+    """
+    aircraft = flight_forces.aircraft
+    in_still_air = values_of(without_updraft(flight_forces.nominal, aircraft))
+    of_heavier = values_of(heavier(flight_forces).nominal)
+    return {UPDRAFT: in_still_air - values, WEIGHT: at_nominal_weight(of_heavier, aircraft) - values}
 
 
 def without_updraft(forces: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
@@ -20,6 +34,11 @@ def without_updraft(forces: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
     Air that rises by w carries the aircraft: drag is larger than measured by lift times w/V.
     """
     return forces.assign(CD=forces["CD"] + forces["CL"] * aircraft.uncertainty.updraft_mps / forces["V"])
+
+
+def heavier(flight_forces: FlightForces) -> FlightForces:
+    """The forces of the aircraft `weighing_more`."""
+    return FlightForces(flight_forces.trajectory, weighing_more(flight_forces.aircraft), flight_forces.propeller)
 
 
 def weighing_more(aircraft: Aircraft) -> Aircraft:

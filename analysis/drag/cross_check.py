@@ -4,6 +4,7 @@ It integrates the equations of motion through each run and uses nothing of the r
 from those of the trajectory: where the two disagree, one of them is wrong.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from analysis.drag import covariance
 from analysis.drag.cross_check_data import priors, segments_of
 from analysis.drag.cross_check_filter_error import filter_error_fit
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
+from analysis.drag.thrust_prior import stand_measurements
 from analysis.estimation import aircraft_models, output_error, uncertainty
 from analysis.estimation.fit import Convergence, Fit
 from analysis.maneuvers.kinds import Maneuver
@@ -47,7 +49,7 @@ class CrossCheck(NamedTuple):
         return "filter error" if self.in_gusts else "output error"
 
 
-def estimate_polar(
+def on_runs_alone(
     table: pd.DataFrame,
     runs: list[Maneuver],
     aircraft: Aircraft,
@@ -81,6 +83,7 @@ def output_error_fit(
     """The output-error fit of all runs at once, in still air."""
     segments = segments_of(table, runs, propeller, block=BLOCK)
     model = aircraft_models.level_run(aircraft, priors=priors(aircraft, zeroed=zeroed))
+    model = replace(model, prior_measurements=stand_measurements(aircraft))
     return output_error.estimate(model, segments, start=aircraft_models.starting_values(aircraft, segments))
 
 

@@ -3,11 +3,14 @@
 Process noise separates turbulence, which moves the aircraft, from measurement noise.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.cross_check_data import OUTPUTS, priors, segments_of
+from analysis.drag.thrust_prior import stand_measurements
 from analysis.estimation import aircraft_models, filter_error, output_error
 from analysis.estimation.filter_error import FilterFit, ProcessNoise
 from analysis.maneuvers.kinds import Maneuver
@@ -23,11 +26,12 @@ GYRO_NOISE_RADPS = 0.005  # of a sample (Table 4.1); the pitch angle integrates 
 def filter_error_fit(
     table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool
 ) -> FilterFit:
-    """The filter-error fit of all runs at once. Arguments as in `cross_check.estimate_polar`."""
+    """The filter-error fit of all runs at once. Arguments as in `cross_check.on_runs_alone`."""
     segments = segments_of(table, runs, propeller, block=BLOCK)
     known = priors(aircraft, zeroed=zeroed)
+    measured = stand_measurements(aircraft)
     still_air = output_error.estimate(
-        aircraft_models.level_run(aircraft, priors=known),
+        replace(aircraft_models.level_run(aircraft, priors=known), prior_measurements=measured),
         segments,
         start=aircraft_models.starting_values(aircraft, segments),
     )
@@ -40,7 +44,7 @@ def filter_error_fit(
     }
     gyro = ProcessNoise(state="theta", start=GYRO_NOISE_RADPS * float(np.sqrt(sample_s)), free=False)
     return filter_error.estimate(
-        aircraft_models.level_run(aircraft, priors=known, gusts=True),
+        replace(aircraft_models.level_run(aircraft, priors=known, gusts=True), prior_measurements=measured),
         segments,
         (*aircraft_models.gust_noise(V), gyro),
         noise_sigma=known_noise,

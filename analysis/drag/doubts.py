@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
+from analysis.drag.thrust_prior import CONFLICT, STAND
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
@@ -18,7 +19,6 @@ from analysis.estimation.model import Model, NamedValues, Parameter
 
 Array = NDArray[np.float64]
 
-CONFLICT = 2.5  # prior standard deviations of thrust
 SIGNIFICANT = 3.0  # standard errors of the quartic term
 LEAST_CHANGE = 0.005  # of drag at an end of the lift coefficients flown; less than that matters to nobody
 RANGE = (1.0, 99.0)  # percentiles of the lift coefficients of the runs
@@ -26,6 +26,7 @@ THRUST_TITLES = {
     "thrust_scale": "scale of thrust",
     "thrust_slope": "slope of thrust over advance ratio",
     "thrust_beyond": "thrust beyond the propeller's table",
+    STAND: "thrust at rest, against the stand",
 }
 
 
@@ -42,23 +43,34 @@ def doubts(fit: Fit) -> list[Doubt]:
 
 
 def _about_thrust(fit: Fit) -> list[Doubt]:
-    """Errors of thrust beyond CONFLICT. Each is repeated with a prior as large as the estimate."""
+    """Errors of thrust beyond CONFLICT, and a measurement on a stand that the flight contradicts by as much.
+
+    The estimate is repeated with each of these priors as wide as the estimate is off.
+    """
     sigma = {q.name: q.prior_sigma for q in fit.model.parameters if q.name in THRUST_TITLES}
     values = dict(zip(fit.names, fit.values, strict=True))
     beyond = {name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > CONFLICT * s}
+    measured = {m.name: m.deviation(values) for m in fit.model.prior_measurements}
+    beyond |= {name: z for name, z in measured.items() if abs(z) > CONFLICT}
     if not beyond:
         return []
     wider = tuple(
         replace(q, prior_sigma=q.prior_sigma * abs(beyond[q.name])) if q.name in beyond and q.prior_sigma else q
         for q in fit.model.parameters
     )
-    repeated = output_error.estimate(replace(fit.model, parameters=wider), _segments(fit))
+    measurements = tuple(
+        replace(m, sigma=m.sigma * abs(beyond[m.name])) if m.name in beyond else m for m in fit.model.prior_measurements
+    )
+    repeated = output_error.estimate(
+        replace(fit.model, parameters=wider, prior_measurements=measurements), _segments(fit)
+    )
     named = "; ".join(f"{THRUST_TITLES[name]}: {z:+.1f} standard deviations" for name, z in beyond.items())
     return [
         Doubt(
             repeated.values - fit.values,
             f"The propeller's thrust differs from its table by more than assumed ({named}). The interval is wider by"
-            " what a less certain table changes. Check the propeller, its table, and the number of pole pairs.",
+            " what a less certain table changes. Check the propeller, its table, and the number of pole pairs"
+            f"{', and repeat the measurement on the stand' if STAND in beyond else ''}.",
         )
     ]
 

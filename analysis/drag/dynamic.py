@@ -27,6 +27,7 @@ from analysis.drag.forces import J_REFERENCE, FlightForces
 from analysis.drag.joint_estimate import JointEstimate, joint_estimate
 from analysis.drag.polar import Polar
 from analysis.drag.state_errors import noise_covariance
+from analysis.drag.thrust_prior import THRUST, stand_measurements
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Convergence
@@ -34,13 +35,12 @@ from analysis.estimation.model import Model, NamedValues, Parameter
 from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
-from flight.aircraft import Aircraft, Uncertainty
+from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 POLAR = ("A0", "A1", "A2")
-THRUST = ("thrust_scale", "thrust_slope")  # thrust is the table's times 1 + scale + slope (J - J_REFERENCE)
 SHORTEST = 10  # blocks of a run
 # The largest angle of attack of level flight: that at the lowest speed flown, with a margin for turns and heave.
 SLOWEST_PERCENT, LEVEL_MARGIN_RAD = 97.5, np.radians(1.0)
@@ -48,7 +48,7 @@ LARGEST_UNMENTIONED_SHARE = 0.02
 UNITS = {
     "p_bias": "rad/s", "q_bias": "rad/s", "r_bias": "rad/s", "ax_bias": "m/s^2", "ay_bias": "m/s^2", "az_bias": "m/s^2",
     "alpha_bias": "rad", "beta_bias": "rad", "heading_bias": "rad", "gps_latency": "s",
-    "air_data_lag": "s",
+    "air_data_lag": "s", "dp_alpha_zero": "Pa", "q_c_zero": "Pa",
 }  # fmt: skip
 
 
@@ -59,7 +59,7 @@ def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
     its last J, by thrust_beyond standard deviations of its continuation, this is smaller than the true drag by the
     difference of the thrusts along the flight path.
     """
-    drag_over_m = u.qS_over_m * (p.A0 + p.A1 * u.CL + p.A2 * u.CL**2)
+    drag_over_m = u.qS_over_m * (p.A0 + p.A1 * u.CL + p.A2 * u.CL_squared)
     excess = u.thrust_along_V_over_m * (p.thrust_scale + p.thrust_slope * (u.J - J_REFERENCE))
     return (drag_over_m - excess - u.thrust_beyond_over_m * p.thrust_beyond,)
 
@@ -67,6 +67,7 @@ def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
 # Inputs of the model, and the columns of `FlightForces.forces` that they are taken from.
 INPUTS = {
     "CL": "CL",
+    "CL_squared": "CL_squared",
     "qS_over_m": "qS_over_m_mps2",
     "thrust_along_V_over_m": "thrust_along_V_over_m_mps2",
     "thrust_beyond_over_m": "thrust_beyond_over_m_mps2",
@@ -75,8 +76,9 @@ INPUTS = {
 KEPT = len(POLAR + THRUST)  # parameters of the estimate; the thrust beyond the table is in their covariance
 
 
-def drag_model(uncertainty: Uncertainty) -> Model:
+def drag_model(aircraft: Aircraft) -> Model:
     """The regression of drag on lift, with thrust as uncertain as the aircraft file states."""
+    uncertainty = aircraft.uncertainty
     return Model(
         name="drag",
         inputs=tuple(INPUTS),
@@ -90,6 +92,7 @@ def drag_model(uncertainty: Uncertainty) -> Model:
             Parameter(name="thrust_slope", start=0.0, prior_sigma=uncertainty.thrust_slope),
             Parameter(name="thrust_beyond", start=0.0, prior_sigma=1.0),
         ),
+        prior_measurements=stand_measurements(aircraft),
     )
 
 
@@ -131,40 +134,29 @@ def estimate_polar(
     """Fit all runs at once along the reconstructed trajectory."""
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
-    forces = flight_forces.forces(states, sensor_errors)
+    forces = flight_forces.nominal
     level = _within_level_flight(forces, _airborne(flight_forces), runs)
-    model = drag_model(aircraft.uncertainty)
+    model = drag_model(aircraft)
     fit = _fitted(model, forces, level, runs)
 
-    def change(states: Array, sensor_errors: Array) -> Array:
-        return np.asarray(_fitted(model, flight_forces.forces(states, sensor_errors), level, runs).values - fit.values)
-
-    def segments_along(states: Array) -> list[Segment]:
-        return _segments(_only(flight_forces.forces(states, sensor_errors), level), runs)
+    def segments_along(states: Array, sensor_errors: Array = sensor_errors) -> list[Segment]:
+        return _segments(flight_forces.forces(states, sensor_errors), level, runs)
 
     noise = noise_covariance(fit, trajectory, segments_along)
     systematic = np.zeros_like(noise)
     by_sensor_errors = []
     for error in np.linalg.cholesky(trajectory.covariance).T:
-        by_sensor_errors.append(change(states + trajectory.state_sensitivity @ error, sensor_errors + error))
+        perturbed = segments_along(states + trajectory.state_sensitivity @ error, sensor_errors + error)
+        by_sensor_errors.append(np.asarray(output_error.estimate(model, perturbed).values - fit.values))
         systematic += np.outer(by_sensor_errors[-1], by_sensor_errors[-1])
-    weighing_more = FlightForces(trajectory, consider.weighing_more(aircraft), propeller)
-    changes = {
-        name: values - fit.values
-        for name, values in {
-            consider.UPDRAFT: _fitted(model, consider.without_updraft(forces, aircraft), level, runs).values,
-            consider.WEIGHT: consider.at_nominal_weight(
-                _fitted(model, weighing_more.forces(states, sensor_errors), level, runs).values, aircraft
-            ),
-        }.items()
-    }
+    changes = consider.changes(lambda f: _fitted(model, f, level, runs).values, fit.values, flight_forces)
     doubtful = doubts(fit)
     changes |= {f"doubt {number}": doubt.change for number, doubt in enumerate(doubtful, start=1)}
     for by_error in changes.values():
         systematic += np.outer(by_error, by_error)
     prior_sigma = np.array([parameter.prior_sigma for parameter in model.parameters])
     joint = joint_estimate(fit.names, fit.values, noise, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory)
-    joint = joint.with_changes(changes)
+    joint = joint.with_changes(changes)._replace(prior_measurements=model.prior_measurements)
     values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
     warnings = [doubt.warning for doubt in doubtful]
@@ -194,18 +186,13 @@ def estimate_polar(
 def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller) -> Array:
     """The `values` (5,) of `estimate_polar`, without the work for their covariance."""
     flight_forces = FlightForces(trajectory, aircraft, propeller)
-    forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
+    forces = flight_forces.nominal
     level = _within_level_flight(forces, _airborne(flight_forces), runs)
-    return _fitted(drag_model(aircraft.uncertainty), forces, level, runs).values[:KEPT]
+    return _fitted(drag_model(aircraft), forces, level, runs).values[:KEPT]
 
 
 def _fitted(model: Model, forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
-    return output_error.estimate(model, _segments(_only(forces, level), runs))
-
-
-def _only(forces: pd.DataFrame, level: NDArray[np.bool_]) -> pd.DataFrame:
-    """The forces with drag in level flight only."""
-    return forces.assign(CD=forces["CD"].where(level))
+    return output_error.estimate(model, _segments(forces, level, runs))
 
 
 def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> list[tuple[str, float, float, str]]:
@@ -241,7 +228,9 @@ def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs
     return np.asarray(~(forces["alpha"].to_numpy() > offset + slope * largest_CL + LEVEL_MARGIN_RAD))
 
 
-def _segments(forces: pd.DataFrame, runs: list[Maneuver]) -> list[Segment]:
+def _segments(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> list[Segment]:
+    """The data of each run, with drag in level flight only."""
+    forces = forces.assign(CD=forces["CD"].where(level))
     segments = []
     t_s = forces.index.to_numpy()
     table = np.stack([forces[name].to_numpy() for name in (*INPUTS.values(), "CD")])
@@ -267,7 +256,8 @@ def _run_fits(
     for segment in (segment_fit.segment for segment_fit in fit.segment_fits):
         rows = (forces.index >= segment.t_s[0]) & (forces.index <= segment.t_s[-1])
         run, states = forces[rows], trajectory.states[rows]
-        alpha = run["alpha"].to_numpy() * (1 + slope - 2 * scale) + bias
+        by_slope = flight_forces.block_means["dalpha_dlndp_alpha_rad"][rows]
+        alpha = run["alpha"].to_numpy() + (slope - 2 * scale) * by_slope + bias
         measured = {
             "V, m/s": flight_forces.block_means["V_mps"][rows],
             "α, deg": np.degrees(flight_forces.block_means["alpha_rad"][rows]),

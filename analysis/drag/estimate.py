@@ -91,7 +91,7 @@ def estimate(
     if by_runs:
         main = by_runs
     else:
-        main, flown_CL = fallback(others.by_method, trajectory, aircraft.uncertainty, log)
+        main, flown_CL = fallback(others.by_method, trajectory, aircraft, log)
         main = with_assumption_uncertainty(main, assumption_uncertainty)
     assumptions = assumption_uncertainty.notes if assumption_uncertainty else []
     warnings = assumptions + main.warnings + run_scatter(others.one_by_one, condition)
@@ -99,7 +99,7 @@ def estimate(
     if runs:
         progress("cross-checking on the runs alone")
         try:
-            check = cross_check.estimate_polar(table, runs, aircraft, zeroed=zeroed, propeller=propeller)
+            check = cross_check.on_runs_alone(table, runs, aircraft, zeroed=zeroed, propeller=propeller)
         except (InputError, np.linalg.LinAlgError) as error:
             warnings.append(f"The cross-check on the runs alone failed: {error}.")
         else:

@@ -3,21 +3,22 @@
 import numpy as np
 
 from analysis.drag.direct import VARIED_LIFT
-from analysis.drag.dynamic import THRUST, DynamicEstimate, parameter_list
+from analysis.drag.dynamic import DynamicEstimate, parameter_list
 from analysis.drag.method import MethodEstimate
 from analysis.drag.piw_viw import PIW_VIW_THREE
-from analysis.drag.sensor_errors import error_prior_sigma
+from analysis.drag.polar import Polar
+from analysis.drag.thrust_prior import THRUST, thrust_prior
 from analysis.trajectory.reconstruction import Trajectory
-from flight.aircraft import Uncertainty
+from flight.aircraft import Aircraft
 from flight.errors import InputError
 
 
 def fallback(
-    estimates: list[MethodEstimate], trajectory: Trajectory, uncertainty: Uncertainty, log: str
+    estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: Aircraft, log: str
 ) -> tuple[DynamicEstimate, tuple[float, float]]:
     """The polar from steady points, else from roller coasters and wind-up turns, and its range of lift coefficients.
 
-    It has the form of the dynamic method's estimate; the corrections of thrust are zero, with their prior covariance.
+    It has the form of the dynamic method's estimate; the corrections of thrust are those of their prior.
     Raises InputError, beginning with `log`, with the reasons when neither gives a polar.
     """
     by_method = {estimate.method.name: estimate for estimate in estimates}
@@ -30,13 +31,18 @@ def fallback(
         )
     noise, systematic = np.zeros((5, 5)), np.zeros((5, 5))
     noise[:3, :3], systematic[:3, :3] = best.noise, best.systematic
-    sigma = error_prior_sigma(uncertainty)
-    for i, name in enumerate(THRUST, start=3):
-        variance = sigma[name] ** 2
-        systematic[i, i] = variance
-        systematic[:3, i] = systematic[i, :3] = best.sensitivities[name] * variance
-    values = np.concatenate([best.polar.A, [0.0, 0.0]])
+    # The method's own covariance is that of independent errors of the table.
+    prior = thrust_prior(aircraft)
+    sensitivity = np.stack([best.sensitivities[name] for name in THRUST], axis=1)
+    independent = np.diag([aircraft.uncertainty.thrust_scale_fraction**2, aircraft.uncertainty.thrust_slope**2])
+    by_stand = sensitivity @ (prior.covariance - independent) @ sensitivity.T
+    systematic[:3, :3] += by_stand
+    systematic[3:, 3:] = prior.covariance
+    systematic[:3, 3:] = sensitivity @ prior.covariance
+    systematic[3:, :3] = systematic[:3, 3:].T
+    polar = Polar(best.polar.A + sensitivity @ prior.mean, best.polar.covariance + by_stand)
+    values = np.concatenate([polar.A, prior.mean])
     warning = f"No acceleration or deceleration was flown: the curve is from another method, {best.method.title}."
     verdict = f"by {best.method.title}" if trajectory.converged else "the trajectory did not converge"
     parameters = parameter_list(values, noise + systematic, trajectory)
-    return DynamicEstimate(best.polar, parameters, verdict, [warning], [], values, noise, systematic), best.flown_CL
+    return DynamicEstimate(polar, parameters, verdict, [warning], [], values, noise, systematic), best.flown_CL

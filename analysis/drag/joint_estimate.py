@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimation.model import PriorMeasurement
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_MEAN
 from analysis.trajectory.reconstruction import Trajectory
@@ -23,6 +24,7 @@ class JointEstimate(NamedTuple):
     names : (m,) parameters of the drag model, then SENSOR_ERRORS
     values (m,), covariance (m, m) : estimate and its covariance by noise and sensor errors, priors included
     prior_mean, prior_sigma : (m,); infinite where there is no prior
+    prior_measurements : that are part of the prior, too
     changes : by error, change (m,) of the values by one standard deviation of an error that no residual shows
     """
 
@@ -32,6 +34,7 @@ class JointEstimate(NamedTuple):
     prior_mean: Array
     prior_sigma: Array
     changes: dict[str, Array]
+    prior_measurements: tuple[PriorMeasurement, ...] = ()
 
     def with_changes(self, changes: Mapping[str, Array]) -> "JointEstimate":
         """The same with more such errors. changes: of the first values; those of the others are zero."""

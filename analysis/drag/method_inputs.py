@@ -18,7 +18,7 @@ from analysis.drag.sensor_errors import CAUSES, ErrorEstimate, error_prior_sigma
 from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory import dryden
 from analysis.trajectory.dryden import GaussMarkov
-from analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.units import GRAVITY_MPS2 as g
@@ -49,30 +49,26 @@ def method_inputs(
 ) -> MethodInputs:
     """The tables of one flight. errors: from `estimate_errors`."""
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
+    perturbed = [
+        (flight_forces.forces(states + trajectory.state_sensitivity @ error, sensor_errors + error), error)
+        for error in np.linalg.cholesky(trajectory.covariance).T
+    ]
     sigmas = error_prior_sigma(flight_forces.aircraft.uncertainty)
     flying = np.isfinite(flight_forces.block_means["V_mps"])
     height_m, V = (float(np.nanmedian(flight_forces.block_means[name][flying])) for name in ("height_m", "V_mps"))
-    vertical_gust = dryden.vertical(trajectory.gust_mps, height_m, V).as_gauss_markov()
-    longitudinal_gust = dryden.longitudinal(trajectory.gust_mps, height_m, V)
+    gusts = (
+        dryden.vertical(trajectory.gust_mps, height_m, V).as_gauss_markov(),
+        dryden.longitudinal(trajectory.gust_mps, height_m, V),
+    )
 
     def corrected(removed: Mapping[str, float]) -> pd.DataFrame:
-        return input_table(flight_forces, states, sensor_errors, removed, vertical_gust, longitudinal_gust)
+        return input_table(flight_forces, flight_forces.nominal, sensor_errors, removed, *gusts)
 
     return MethodInputs(
         flight_forces.aircraft,
         runs,
         corrected({}),
-        [
-            input_table(
-                flight_forces,
-                states + trajectory.state_sensitivity @ error,
-                sensor_errors + error,
-                {},
-                vertical_gust,
-                longitudinal_gust,
-            )
-            for error in np.linalg.cholesky(trajectory.covariance).T
-        ],
+        [input_table(flight_forces, forces, sensor_errors + error, {}, *gusts) for forces, error in perturbed],
         {name: corrected({name: sigma}) for name, sigma in sigmas.items()},
         {cause: corrected({name: errors[name].value for name in names}) for cause, names in CAUSES.items()},
     )
@@ -80,7 +76,7 @@ def method_inputs(
 
 def input_table(
     flight_forces: FlightForces,
-    states: Array,
+    f: pd.DataFrame,
     sensor_errors: Array,
     removed: Mapping[str, float],
     vertical_gust: GaussMarkov,
@@ -88,9 +84,9 @@ def input_table(
 ) -> pd.DataFrame:
     """The data that methods work on, one row per block, with the errors `removed` subtracted from measured quantities.
 
-    Along the trajectory of states (n, len(STATES)) with sensor errors (len(SENSOR_ERRORS),): V, alpha, gamma, climb,
-    bank, Vdot, rho, J as in `FlightForces.forces`; specific force ax, az [m/s^2]; qS_over_m_mps2; thrust_x_over_m_mps2,
-    the thrust of the table along body x.
+    f: of `FlightForces.forces`, along a trajectory with sensor errors (len(SENSOR_ERRORS),). From it V, alpha, gamma,
+    climb, bank, Vdot, rho, J; specific force ax, az [m/s^2]; qS_over_m_mps2; thrust_x_over_m_mps2, the thrust of the
+    table along body x.
     As measured: alpha_measured [rad]; theta_measured [rad], pitch attitude leveled by the accelerometer;
     height_measured [m]; V_measured [m/s], with the qS_over_m and thrust_x_over_m computed from it; static_Pa [Pa],
     temperature_K [K]. lagged: airspeed as measured with its estimated scale error corrected, so that only the error by
@@ -101,10 +97,9 @@ def input_table(
     """
     e = {name: removed.get(name, 0.0) for names in CAUSES.values() for name in names}
     known = dict(zip(SENSOR_ERRORS, sensor_errors, strict=True))
-    f = flight_forces.forces(states, sensor_errors)
     mean, m = flight_forces.block_means, flight_forces.aircraft.mass_kg
-    V, alpha, Vdot, rho, climb = (f[name].to_numpy() for name in ("V", "alpha", "Vdot", "rho", "climb"))
-    theta = states[:, STATES.index("theta")]
+    V, alpha, theta, Vdot = (f[name].to_numpy() for name in ("V", "alpha", "theta", "Vdot"))
+    rho, climb = f["rho"].to_numpy(), f["climb"].to_numpy()
     # Flow angles are pressures over dynamic pressure: the estimated airspeed scale corrects them too.
     alpha_measured = mean["alpha_rad"] + 2 * known["V_scale"] * alpha
     alpha_measured = (
@@ -125,7 +120,7 @@ def input_table(
 
     columns = {
         **{name: f[name].to_numpy() for name in ("V", "alpha", "gamma", "climb", "bank", "Vdot", "rho", "J")},
-        "ax": mean["ax_mps2"] - known["ax_bias"],
+        "ax": mean["ax_mps2"] - known["ax_bias"] + flight_forces.cov_az_alpha,  # without the push by gusts
         "az": mean["az_mps2"] - known["az_bias"],
         "qS_over_m_mps2": qS_over_m(V),
         "thrust_x_over_m_mps2": thrust_over_m(V),

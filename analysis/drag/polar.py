@@ -7,17 +7,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-
-from analysis.signals.aircraft_size import least_height_m, speed_scale_of
-from flight.aircraft import Aircraft
-from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 DRAWS = 4000
-LIFT_S, LARGEST_PERCENT = 0.5, 99.9
-ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients that a curve is drawn over
 
 
 class Condition(NamedTuple):
@@ -42,37 +35,6 @@ class ClassicPolar(NamedTuple):
     K: float
     CL_minD: float
     oswald: float
-
-
-def flown_condition(flown: pd.DataFrame, aircraft: Aircraft) -> Condition:
-    """Weight of the aircraft and mean density of the air. flown: rows of `air_data`."""
-    return Condition(aircraft.mass.weight_N, float(flown["rho"].mean()), aircraft.geometry.wing_area_m2)
-
-
-def flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
-    """Range of the lift coefficients of level flight at the speeds flown. flown: rows of `air_data`.
-
-    Of slow aircraft, whose speed is noisy, means are taken: noise would make the slowest speed lower than was flown.
-    """
-    V = flown["V_mps"].rolling(round(speed_scale_of(flown) ** -4), center=True, min_periods=1).mean()
-    CL = 2 * aircraft.mass.weight_N / (flown["rho"] * V**2 * aircraft.geometry.wing_area_m2)
-    low, high = np.percentile(CL.dropna(), ROBUST_RANGE)
-    return float(low), float(high)
-
-
-def largest_lift(table: pd.DataFrame, condition: Condition) -> float:
-    """The largest lift coefficient of a flight, by the vertical accelerometer; -inf where there is none.
-
-    table: of `air_data`. Held for half a second, and exceeded in a thousandth of the flight: neither noise nor a bump.
-    """
-    aloft = table["flying"] & (table["height_m"] > least_height_m(table))
-    step_s = float(table.index[1] - table.index[0])
-    force_N = -condition.weight_N / GRAVITY_MPS2 * table["az_mps2"]
-    CL = force_N.rolling(round(LIFT_S / step_s), center=True).mean() / (
-        table["qbar_Pa"].rolling(round(LIFT_S / step_s), center=True).mean() * condition.wing_area_m2
-    )
-    known = CL[aloft].dropna()
-    return float(np.percentile(known, LARGEST_PERCENT)) if len(known) else -np.inf
 
 
 def lift_coefficient(V: ArrayLike, condition: Condition) -> Array:

@@ -76,7 +76,7 @@ class Repetition:
     def _without_runs(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> DynamicEstimate:
         maneuvers = self.maneuvers.maneuvers
         others = every_method(trajectory, maneuvers, None, self.flown_CL, aircraft, propeller, self.condition)
-        return fallback(others.by_method, trajectory, aircraft.uncertainty, self.log)[0]
+        return fallback(others.by_method, trajectory, aircraft, self.log)[0]
 
     def _trajectory_of(self, aircraft: Aircraft, upwash_slope_sigma: float) -> Trajectory:
         """The trajectory, which does not depend on the propeller; the first one where nothing has changed."""

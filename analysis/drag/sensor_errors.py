@@ -11,9 +11,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.forces import J_REFERENCE, FlightForces
+from analysis.drag.thrust_prior import THRUST, thrust_prior
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
-from flight.aircraft import Uncertainty
+from flight.aircraft import Aircraft, Uncertainty
 from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
@@ -34,7 +35,7 @@ CAUSES = {
     "pitch attitude": ("pitch",),
     "airspeed": ("airspeed_scale",),
     "air-data lag": ("lag",),
-    "propeller table": ("thrust_scale", "thrust_slope"),
+    "propeller table": THRUST,
 }
 UNEXPLAINED = "unexplained"  # the part of a difference that no cause explains
 
@@ -84,9 +85,7 @@ def estimate_errors(
     ):
         i = SENSOR_ERRORS.index(sensor_error)
         estimates[name] = ErrorEstimate(float(sensor_errors[i] * factor), float(standard_errors[i] * factor))
-    return estimates | _thrust_errors(
-        flight_forces.forces(states, sensor_errors)[rows], flight_forces.aircraft.uncertainty
-    )
+    return estimates | _thrust_errors(flight_forces.forces(states, sensor_errors)[rows], flight_forces.aircraft)
 
 
 def _with_lag_prior(trajectory: Trajectory, sigma_s: float) -> tuple[Array, Array]:
@@ -102,20 +101,22 @@ def _with_lag_prior(trajectory: Trajectory, sigma_s: float) -> tuple[Array, Arra
     return covariance @ information @ trajectory.sensor_errors, covariance  # the prior's mean is zero
 
 
-def _thrust_errors(forces: pd.DataFrame, uncertainty: Uncertainty) -> dict[str, ErrorEstimate]:
+def _thrust_errors(forces: pd.DataFrame, aircraft: Aircraft) -> dict[str, ErrorEstimate]:
     """Errors of the propeller table: drag regressed on the polar and on thrust together, with priors on the latter."""
-    data = forces[["CL", "CD", "qS_over_m_mps2", "thrust_along_V_over_m_mps2", "J"]].dropna()
-    prior_sigma = {"thrust_scale": uncertainty.thrust_scale_fraction, "thrust_slope": uncertainty.thrust_slope}
+    data = forces[["CL", "CL_squared", "CD", "qS_over_m_mps2", "thrust_along_V_over_m_mps2", "J"]].dropna()
+    prior = thrust_prior(aircraft)
     if len(data) < FEWEST_BLOCKS:
-        return {name: ErrorEstimate(0.0, sigma) for name, sigma in prior_sigma.items()}
-    CL, CD, qS_over_m, thrust_over_m, J = data.to_numpy().T
+        sigma = np.sqrt(np.diag(prior.covariance))
+        return {name: ErrorEstimate(float(prior.mean[i]), float(sigma[i])) for i, name in enumerate(THRUST)}
+    CL, CL_squared, CD, qS_over_m, thrust_over_m, J = data.to_numpy().T
     X = np.stack(
-        [qS_over_m, qS_over_m * CL, qS_over_m * CL**2, -thrust_over_m, -thrust_over_m * (J - J_REFERENCE)], axis=1
+        [qS_over_m, qS_over_m * CL, qS_over_m * CL_squared, -thrust_over_m, -thrust_over_m * (J - J_REFERENCE)], axis=1
     )
     z = qS_over_m * CD
     theta, *_ = np.linalg.lstsq(X, z, rcond=None)
     variance = float(np.mean((z - X @ theta) ** 2)) * CORRELATED_BLOCKS
-    prior_information = np.diag([0, 0, 0, *(1 / sigma**2 for sigma in prior_sigma.values())])
+    prior_information, prior_vector = np.zeros((5, 5)), np.zeros(5)
+    prior_information[3:, 3:], prior_vector[3:] = prior.information, prior.vector
     C = np.linalg.inv(X.T @ X / variance + prior_information)
-    values, errors = C @ (X.T @ z) / variance, np.sqrt(np.diag(C))
-    return {name: ErrorEstimate(float(values[i]), float(errors[i])) for i, name in enumerate(prior_sigma, start=3)}
+    values, errors = C @ (X.T @ z) / variance + C @ prior_vector, np.sqrt(np.diag(C))
+    return {name: ErrorEstimate(float(values[i]), float(errors[i])) for i, name in enumerate(THRUST, start=3)}

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from analysis.drag.method import MethodDescription, MethodEstimate
 from analysis.drag.polar import Polar
+from analysis.drag.thrust_prior import stand_measurements
 from analysis.electrical.daemon_log import recording_of
 from analysis.electrical.drag import DragEstimate, drag_estimate
 from analysis.electrical.energy_balance import FlightConditions, drag_power
 from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.fit import derivatives
-from analysis.electrical.flight_table import FlightTable, flight_table
+from analysis.electrical.flight_table import flight_table
 from analysis.electrical.thrust_balance import aerodynamics
 from flight.aircraft import Aircraft
 from flight.errors import InputError
@@ -53,13 +54,21 @@ def whole_flight(log: Log, aircraft: Aircraft, propeller: Propeller) -> WholeFli
     weight_N, geometry = aircraft.mass.weight_N, aircraft.geometry
     electrical: ElectricalEstimate | None = None
     try:
-        flight = _thinned(flight_table(recording_of(log), weight_N, geometry.wing_area_m2))
+        recording = recording_of(log)
+        flight = flight_table(recording, weight_N, geometry.wing_area_m2).thinned(EVERY)
         electrical = estimate(
             flight, weight_N, geometry.wing_area_m2, geometry.span_m, str(log.path),
             most_windows=MOST_WINDOWS, most_points=MOST_POINTS,
         )  # fmt: skip
         drag: DragEstimate | str = drag_estimate(
-            flight, electrical, geometry.span_m, propeller, None, aircraft.uncertainty, MOST_WINDOWS
+            flight,
+            electrical,
+            geometry.span_m,
+            propeller,
+            None,
+            aircraft.uncertainty,
+            MOST_WINDOWS,
+            stand_measurements(aircraft),
         )
     except InputError as error:
         drag = str(error).removeprefix(f"{log.path}: ")
@@ -85,9 +94,3 @@ def method_estimate(drag: DragEstimate) -> MethodEstimate:
     return MethodEstimate(
         WHOLE_FLIGHT, Polar(A, noise + systematic), noise, systematic, flown_CL=(float(CL[0]), float(CL[-1]))
     )
-
-
-def _thinned(flight: FlightTable) -> FlightTable:
-    """Every EVERY-th sample."""
-    airborne = [slice(-(-rows.start // EVERY), -(-rows.stop // EVERY)) for rows in flight.airborne]
-    return flight._replace(table=flight.table.iloc[::EVERY], airborne=airborne, flown=flight.flown[::EVERY])

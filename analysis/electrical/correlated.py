@@ -18,17 +18,24 @@ def correlation(apart_s: Array, time_s: float) -> Array:
 
 
 def most_probable(
-    residual: Callable[[Array], Array], whiten: Array, mean: Array, sigma: Array, start: Array
+    residual: Callable[[Array], Array],
+    whiten: Array,
+    mean: Array,
+    sigma: Array,
+    start: Array,
+    measured: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
-    """Maximum a posteriori parameters (m,), and the derivative (n + m, m) of whitened residuals and priors there.
+    """Maximum a posteriori parameters (m,), and the derivative (n + m + k, m) of whitened residuals and priors there.
 
     residual: of (m,), (n,). whiten: (n, n), the inverse of a root of its covariance. mean, sigma: (m,) of the prior.
+    measured: rows (k, m) and values (k,) of combinations that were measured before, in units of their errors.
     """
+    rows, values = measured or (np.zeros((0, len(mean))), np.zeros(0))
 
     from scipy.optimize import least_squares  # takes 0.2 s to import, which other analyses do not need
 
     def cost(x: Array) -> Array:
-        return np.concatenate([whiten @ residual(x), (x - mean) / sigma])
+        return np.concatenate([whiten @ residual(x), (x - mean) / sigma, rows @ x - values])
 
     found = least_squares(cost, start, x_scale=sigma, ftol=TOLERANCE, xtol=TOLERANCE)
     return found.x, np.asarray(found.jac)

@@ -3,8 +3,10 @@
 import numpy as np
 
 from analysis.autopilot_logs import recording
-from analysis.autopilot_logs.recording import Channel, FlightRecording, channel
-from analysis.signals.synchronize import NEEDED, samples
+from analysis.autopilot_logs.recording import Channel, FlightRecording
+from analysis.signals.log_fields import samples
+from analysis.signals.synchronize import NEEDED
+from flight.log_entries import NO_ENTRIES
 from flight.log_reader import Log
 
 CHANNELS = {
@@ -27,10 +29,10 @@ def recording_of(log: Log) -> FlightRecording:
     start_ns = log.entries["/probe/airspeed"][0].time_ns
     channels: dict[str, Channel] = {}
     for name, (topic, field) in CHANNELS.items():
-        one = channel(*samples(log.entries.get(topic, []), field, start_ns))
+        one = Channel(*samples(log.entries.get(topic, NO_ENTRIES), field, start_ns))
         if len(one.t_s) >= recording.FEWEST_SAMPLES:
             channels[name] = one
-    warm = channel(*samples(log.entries.get("/static", []), "temperature_K", start_ns))
+    warm = Channel(*samples(log.entries.get("/static", NO_ENTRIES), "temperature_K", start_ns))
     first = float(np.mean(warm.value[:50])) if len(warm.value) else float("nan")
     # The tray warms up: its first reading is that of the air.
     air = Channel(warm.t_s, np.full(len(warm.t_s), first))

@@ -1,6 +1,6 @@
 """Power required and shaft power of level flight, where a propeller's table gives thrust."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,8 @@ from analysis.electrical.fit import (
     with_standard_error,
 )
 from analysis.electrical.flight_table import FlightTable
-from analysis.electrical.thrust_balance import MotorConstants, ThrustBalance, aerodynamics
+from analysis.electrical.thrust_balance import PARAMETERS, MotorConstants, ThrustBalance, aerodynamics
+from analysis.estimation.model import PriorMeasurement
 from analysis.performance.propeller_speed import revps_for_thrust
 from flight.aircraft import Uncertainty
 from flight.propeller import Propeller
@@ -69,8 +70,9 @@ def drag_estimate(
     motor: MotorConstants | None,
     uncertainty: Uncertainty = Uncertainty(),
     most_windows: int = MOST_WINDOWS,
+    stand: Sequence[PriorMeasurement] = (),
 ) -> DragEstimate | str:
-    """The estimate, or a sentence that says what it would take. uncertainty: of thrust."""
+    """The estimate, or a sentence that says what it would take. uncertainty: of thrust. stand: of thrust at rest."""
     measured = bool(flight.table[recording.MOTOR][flight.flown].notna().mean() > LEAST_KNOWN)
     if propeller is None:
         return WITHHELD_DRAG
@@ -100,8 +102,13 @@ def drag_estimate(
     mean, sigma = drag_prior(span_m, c.wing_area_m2)
     lift_mean, lift_sigma = lift_prior(span_m, c.wing_area_m2)
     thrust_sigma = uncertainty.thrust_scale_fraction, uncertainty.thrust_slope
+    rows = np.array([one.row(PARAMETERS) for one in stand]).reshape(len(stand), len(PARAMETERS))
+    values = np.array([one.value / one.sigma for one in stand])
     fit = most_probable_fit(
-        balance, np.array([*mean, 0.0, 0.0, *lift_mean]), np.array([*sigma, *thrust_sigma, *lift_sigma])
+        balance,
+        np.array([*mean, 0.0, 0.0, *lift_mean]),
+        np.array([*sigma, *thrust_sigma, *lift_sigma]),
+        (rows, values),
     )
     power_sigma = CURRENT_SIGMA if measured else float(np.hypot(CURRENT_SIGMA, MOTOR_CONSTANTS_SIGMA))
     shared = [*shared_errors(flight, balance, fit, airspeed, power_sigma, UPDRAFT_SHARE)]

@@ -64,8 +64,11 @@ def samples_of(flight: FlightTable, scale: float, zero_Pa: float) -> Samples:
     )
 
 
-def most_probable_fit(balance: EnergyBalance, mean: Array, sigma: Array) -> Fit:
-    """Maximum a posteriori parameters, and the sizes of errors by maximum likelihood, in turns.
+def most_probable_fit(
+    balance: EnergyBalance, mean: Array, sigma: Array, measured: tuple[Array, Array] | None = None
+) -> Fit:
+    """Maximum a posteriori parameters, and the sizes of errors by maximum likelihood, in turns. measured: of
+    `most_probable`.
 
     The sum of both balances has no motion of the air in it: it shows the error of the angle of attack.
     """
@@ -85,7 +88,7 @@ def most_probable_fit(balance: EnergyBalance, mean: Array, sigma: Array) -> Fit:
             of_force = by_angle(windows, mass_kg, balance.V_mps, angle_rad, angle_s) + white
             noise = of_both(air, of_drag, of_force)
         whiten = np.linalg.inv(np.linalg.cholesky(noise))
-        parameters, jacobian = most_probable(balance.residual, whiten, mean, sigma, parameters)
+        parameters, jacobian = most_probable(balance.residual, whiten, mean, sigma, parameters, measured)
         residual = balance.residual(parameters)
         of_drag = by_efficiency(windows, balance.useful_W(parameters)) + white
         gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)

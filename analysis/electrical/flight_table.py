@@ -59,6 +59,11 @@ class FlightTable(NamedTuple):
     idle_power_W: float
     notes: list[str]
 
+    def thinned(self, every: int) -> "FlightTable":
+        """One sample of so many."""
+        airborne = [slice(-(-rows.start // every), -(-rows.stop // every)) for rows in self.airborne]
+        return self._replace(table=self.table.iloc[::every], airborne=airborne, flown=self.flown[::every])
+
 
 def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) -> FlightTable:
     """The flight of a recording. Raises InputError, in one line, where it lacks a channel or a flight."""

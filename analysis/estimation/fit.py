@@ -85,7 +85,7 @@ class Fit:
     parameters : free and fixed parameters by name
     noise_covariance : R (outputs, outputs)
     negative_log_likelihood : up to a constant, priors included
-    information : (m, m) Fisher information of the data     prior_information : (m, m), diagonal
+    information : (m, m) Fisher information of the data     prior_information : (m, m), of all priors
     variance_information : the part of `information` that comes from the variances of the residuals, not their means
     integrator, inputs : with which the response was computed
     costs, steps : those of `Convergence`, if kept

@@ -60,7 +60,7 @@ class InnovationsLikelihood:
 
     def expected_gain(self, point: Evaluation) -> float:
         """Decrease of the cost in a step with the information matrix."""
-        H = point.information + np.diag(self.problem.prior_information)
+        H = point.information + self.problem.prior_matrix
         return float(point.gradient @ np.linalg.lstsq(H, point.gradient, rcond=None)[0]) / 2
 
     def doubtful(self, point: Evaluation, tried: Mapping[str, float]) -> list[str]:
@@ -143,9 +143,8 @@ class InnovationsLikelihood:
             white = Whitened(e, np.ones_like(e), S, present)
             response = Response(innovations.x, innovations.y, -innovations.d_e)
             segment_fits.append(SegmentFit(segment, response, residuals, white, own))
-        from_prior = theta - problem.prior_mean
-        cost += float(problem.prior_information @ from_prior**2) / 2
-        g -= problem.prior_information * from_prior
+        cost += problem.prior_cost(theta)
+        g -= problem.prior_gradient(theta)
         return Evaluation(
             theta, cost, tuple(segment_fits), np.diag(np.exp(2 * ln_v)), g, H, of_variances, observed=observed
         )

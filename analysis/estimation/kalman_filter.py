@@ -26,9 +26,8 @@ from analysis.estimation.simulation import (
     INTEGRATORS,
     InputRule,
     Integrator,
-    check_symbols,
-    not_differentiable,
 )
+from analysis.estimation.symbolic_checks import check_symbols, not_differentiable
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

@@ -12,6 +12,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from analysis.estimation.data import Segment
 from flight.errors import InputError
 
@@ -77,16 +80,50 @@ class Parameter:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PriorMeasurement:
+    """A linear combination of shared parameters that was measured before: sum of coefficient times parameter.
+
+    Its error is normal with standard deviation `sigma`. With the priors of the parameters themselves it makes a prior
+    that is correlated. coefficients : (parameter, coefficient), or by parameter name
+
+    Raises InputError when there is no coefficient, a number is not finite, or `sigma` is not positive.
+    """
+
+    name: str
+    coefficients: tuple[tuple[str, float], ...]
+    value: float
+    sigma: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "coefficients", tuple(dict(self.coefficients).items()))
+        stated = (*(coefficient for _, coefficient in self.coefficients), self.value, self.sigma)
+        if not self.coefficients or not all(map(math.isfinite, stated)):
+            raise InputError(f"prior measurement {self.name}: coefficients, value and sigma must be finite numbers")
+        if not self.sigma > 0:
+            raise InputError(f"prior measurement {self.name}: sigma must be greater than zero, is {self.sigma}")
+
+    def row(self, names: Iterable[str]) -> NDArray[np.float64]:
+        """Coefficients (m,) of parameters of these names in units of `sigma`; 0 where one is not measured."""
+        by_name = dict(self.coefficients)
+        return np.array([by_name.get(name, 0.0) for name in names]) / self.sigma
+
+    def deviation(self, values: Mapping[str, float]) -> float:
+        """Standard deviations by which parameters of these values differ from what was measured."""
+        return (sum(c * values[name] for name, c in self.coefficients) - self.value) / self.sigma
+
+
+@dataclass(frozen=True, kw_only=True)
 class Model:
     """xdot = dynamics(x, u, p), y = outputs(x, u, p), z = y + noise (3.24-3.26).
 
     A model without states is an ordinary regression and needs no `dynamics`. `initial_state` computes a starting value
     of the state at a segment's first sample from the segment's data; `Segment.x0` takes precedence over it. `delays`
     names inputs that act late, each with the parameter that is its delay [s]: (("elevator", "tau"),). Output error and
-    equation error estimate it; inputs are interpolated between samples.
+    equation error estimate it; inputs are interpolated between samples. `prior_measurements` add to the priors of the
+    parameters.
 
     Raises InputError when a name occurs twice, there are no outputs, states have no dynamics, or a delay's input or
-    parameter does not exist.
+    parameter, or a prior measurement's parameter, does not exist.
     """
 
     name: str
@@ -98,6 +135,7 @@ class Model:
     dynamics: ModelFunction | None = None
     initial_state: Callable[[Segment], Mapping[str, float]] | None = None
     delays: tuple[tuple[str, str], ...] = ()
+    prior_measurements: tuple[PriorMeasurement, ...] = ()
 
     def __post_init__(self) -> None:
         for kind in ("states", "inputs", "outputs", "parameters"):
@@ -116,6 +154,12 @@ class Model:
             if input_name not in self.inputs or parameter not in [q.name for q in self.parameters if q.shared]:
                 raise InputError(
                     f"model {self.name}: delays: {input_name!r} must be an input and {parameter!r} a shared parameter"
+                )
+        shared = {q.name for q in self.parameters if q.shared}
+        for measurement in self.prior_measurements:
+            for name in sorted(dict(measurement.coefficients).keys() - shared):
+                raise InputError(
+                    f"model {self.name}: prior measurement {measurement.name}: {name!r} must be a shared parameter"
                 )
         if not self.outputs:
             raise InputError(f"model {self.name}: it has no outputs to compare with data; name at least one")

@@ -117,7 +117,7 @@ def maximize(
     correction = np.zeros_like(point.information)
     values = sum(fit.white.present.sum() for fit in point.segment_fits)
     for iteration in range(1, max_iterations + 1):
-        H = point.information + np.diag(problem.prior_information)
+        H = point.information + problem.prior_matrix
         # An unknown at a bound stays there in this step if the gradient points out of the bounds.
         held = ((point.theta <= problem.lower) & (point.gradient < 0)) | (
             (point.theta >= problem.upper) & (point.gradient > 0)
@@ -138,7 +138,7 @@ def maximize(
         length = np.sqrt(max(float(step @ H @ step), 0.0))
         change = abs(new.ln_det_R - point.ln_det_R)
         if secant:
-            prior = np.diag(problem.prior_information)
+            prior = problem.prior_matrix
             curvature, H = likelihood.curvature(new) + prior, new.information + prior
             if length < SECANT_LENGTH:
                 correction = _secant(correction, step, point.gradient - new.gradient, curvature, H)
@@ -186,7 +186,7 @@ def _step_matrix(
 ) -> _EigenSystem:
     """The matrix of the Newton step of the unknowns `moving`: the curvature of the cost, or the information matrix."""
     block = np.ix_(moving, moving)
-    prior = np.diag(likelihood.problem.prior_information)
+    prior = likelihood.problem.prior_matrix
     information = (point.information + prior)[block]
     convex = _convex((likelihood.curvature(point) + correction + prior)[block], information) if near else None
     return convex or _EigenSystem.of(information)
@@ -231,7 +231,7 @@ def _limited(step: Array, largest: Array) -> Array:
 def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_stopped: str) -> Fit:
     """The fit at `point`, the result of `maximize`."""
     problem = likelihood.problem
-    eigen = _EigenSystem.of(point.information + np.diag(problem.prior_information))
+    eigen = _EigenSystem.of(point.information + problem.prior_matrix)
     V = eigen.vectors[:, eigen.identifiable] / eigen.scale[:, None]
     covariance = V / eigen.values[eigen.identifiable] @ V.T
     singular_vectors = eigen.vectors[:, ~eigen.identifiable]
@@ -256,7 +256,7 @@ def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_sto
         iterations=iterations,
         negative_log_likelihood=point.cost,
         information=point.information,
-        prior_information=np.diag(problem.prior_information),
+        prior_information=problem.prior_matrix,
         segment_fits=point.segment_fits,
         variance_information=point.variance_information,
         costs=(*point.costs, point.cost),
@@ -286,7 +286,7 @@ def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations:
     ]
     if at_bound:
         return Verdict(FitStatus.AT_BOUND, f"converged at a bound: {', '.join(at_bound)}")
-    information = point.information + np.diag(problem.prior_information)
+    information = point.information + problem.prior_matrix
     return Verdict(FitStatus.CONVERGED, converged_text(problem.names, information, iterations))
 
 

@@ -173,9 +173,8 @@ class OutputErrorLikelihood:
             response = Response(np.zeros((len(segment), 0)), of_segment.y, white.S)
             segment_fits.append(SegmentFit(segment, response, of_segment.residuals, white, own))
         g += products.sum(axis=0)
-        from_prior = theta - problem.prior_mean
-        cost += float(problem.prior_information @ from_prior**2) / 2
-        g -= problem.prior_information * from_prior
+        cost += problem.prior_cost(theta)
+        g -= problem.prior_gradient(theta)
         ln_det_R = float(np.linalg.slogdet(R)[1])
         return Evaluation(theta, cost, tuple(segment_fits), R, g, H, ln_det_R=ln_det_R, products=products)
 
@@ -210,9 +209,8 @@ class OutputErrorLikelihood:
             g[columns] += flat.T @ (white.weight * white.e).ravel()
             H[np.ix_(columns, columns)] += flat.T @ flat
             segment_fits.append(SegmentFit(problem.segments[i], response, residuals[i], white, columns))
-        from_prior = theta - problem.prior_mean
-        cost += float(problem.prior_information @ from_prior**2) / 2
-        g -= problem.prior_information * from_prior
+        cost += problem.prior_cost(theta)
+        g -= problem.prior_gradient(theta)
         H *= information_factor(self.tail_dof)
         return Evaluation(theta, cost, tuple(segment_fits), R, g, H, ln_det_R=float(np.linalg.slogdet(R)[1]))
 

@@ -37,6 +37,8 @@ class Problem:
     names, units, start, lower, upper, prior_mean, prior_information, largest_step : (m,), in the order of theta
     columns : per segment, the indices in theta of its unknowns: free parameters, free initial states, noise parameters
     free_states : indices of the states whose initial values are estimated
+    measured_rows, measured_values : (k, m) and (k,), the prior measurements of the model in units of their sigma:
+        rows theta = values
     x0 : per segment, the initial state (states,); elements in `free_states` are only starting values
     """
 
@@ -55,6 +57,8 @@ class Problem:
     columns: list[NDArray[np.intp]]
     free_states: NDArray[np.intp]
     x0: list[Array]
+    measured_rows: Array
+    measured_values: Array
 
     @classmethod
     def assemble(
@@ -124,7 +128,7 @@ class Problem:
             tuple(unknowns), tuple(n.unit for n in free), np.clip(values, lower, upper), lower, upper,
             np.array([n.prior_mean for n in free]), np.array([n.prior_information for n in free]),
             np.array([n.largest_step for n in free]),
-            columns, free_states, x0,
+            columns, free_states, x0, *_prior_measurements(model, index),
         )  # fmt: skip
 
     def without(self, keep: NDArray[np.bool_]) -> "Problem":
@@ -141,7 +145,23 @@ class Problem:
             prior_information=self.prior_information[keep],
             largest_step=self.largest_step[keep],
             columns=[new_index[columns[keep[columns]]] for columns in self.columns],
+            measured_rows=self.measured_rows[:, keep],
         )
+
+    @property
+    def prior_matrix(self) -> Array:
+        """Information (m, m) of all priors: those of the unknowns, and the prior measurements."""
+        return np.asarray(np.diag(self.prior_information) + self.measured_rows.T @ self.measured_rows)
+
+    def prior_cost(self, theta: Array) -> float:
+        """The part of the negative log-likelihood that is due to the priors, up to a constant."""
+        from_prior, from_measured = theta - self.prior_mean, self.measured_rows @ theta - self.measured_values
+        return float(self.prior_information @ from_prior**2) / 2 + float(from_measured @ from_measured) / 2
+
+    def prior_gradient(self, theta: Array) -> Array:
+        """Gradient (m,) of `prior_cost`."""
+        from_measured = self.measured_rows @ theta - self.measured_values
+        return np.asarray(self.prior_information * (theta - self.prior_mean) + self.measured_rows.T @ from_measured)
 
     def unpack(self, theta: Array, i: int) -> tuple[Array, Array, Array]:
         """Segment i's parameters (free and fixed, in model order), initial state (states,), and noise parameters."""
@@ -152,6 +172,21 @@ class Problem:
         x0 = self.x0[i].copy()
         x0[self.free_states] = states
         return p, x0, noise
+
+
+def _prior_measurements(model: Model, index: Mapping[str, int]) -> tuple[Array, Array]:
+    """`measured_rows` and `measured_values`; parameters that are fixed are known. index: of theta, by name."""
+    start = {q.name: q.start for q in model.parameters}
+    rows = np.zeros((len(model.prior_measurements), len(index)))
+    values = np.zeros(len(rows))
+    for i, measurement in enumerate(model.prior_measurements):
+        values[i] = measurement.value / measurement.sigma
+        for name, coefficient in measurement.coefficients:
+            if name in index:
+                rows[i, index[name]] = coefficient / measurement.sigma
+            else:
+                values[i] -= coefficient * start[name] / measurement.sigma
+    return rows, values
 
 
 def as_segments(segments: Segment | Sequence[Segment]) -> tuple[Segment, ...]:

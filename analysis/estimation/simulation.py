@@ -18,6 +18,7 @@ from analysis.estimation import linear_recursion
 from analysis.estimation.array_function import ArrayFunction
 from analysis.estimation.delays import delayed
 from analysis.estimation.model import Model
+from analysis.estimation.symbolic_checks import check_symbols, has_branches, not_differentiable
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -254,27 +255,3 @@ def build_simulator(
         check_symbols(model, function)
     branches = has_branches(next_state) or has_branches(derivatives)
     return Simulator(model, free, next_state, ArrayFunction(derivatives), branches)
-
-
-def check_symbols(model: Model, function: ca.Function) -> None:
-    """Raises InputError if the model applied a function to a symbol that made a number of it: math.sin gives NaN."""
-    for k in range(function.n_instructions()):
-        if function.instruction_id(k) == ca.OP_CONST and np.isnan(function.instruction_constant(k)):
-            raise InputError(
-                f"model {model.name}: a function of the module math, or float(), lost a symbol (it gives NaN); use"
-                " NumPy's functions, np.sin for math.sin"
-            )
-
-
-def has_branches(function: ca.Function) -> bool:
-    """Whether values or derivatives depend on comparisons, as with np.where, np.sign, or np.maximum."""
-    branching = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL}
-    return any(function.instruction_id(k) in branching for k in range(function.n_instructions()))
-
-
-def not_differentiable(model: Model, error: Exception) -> InputError:
-    """The error for a model function that does not accept CasADi symbols."""
-    return InputError(
-        f"model {model.name}: a function cannot be differentiated: write it with NumPy functions of its arguments,"
-        f" without if, float() or loops over values ({error})".replace("\n", " ")
-    )

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 
 from flight.errors import InputError
-from flight.json_file import decoded
+from flight.json_file import JsonFormat
 
 FORMAT = "flightpower fit 1"
 LARGE_CORRELATION = 0.9  # above it the data determine two unknowns only together (Klein & Morelli 2006, ch. 5)
@@ -75,4 +75,4 @@ def save_summary(summary: FitSummary, file: Path) -> None:
 
 def load_summary(file: Path) -> FitSummary:
     """Read what `save_summary` wrote. Raises InputError for another kind of file."""
-    return decoded(file.read_bytes(), FitSummary, (FORMAT,), str(file), "a saved fit")
+    return JsonFormat(FitSummary, (FORMAT,), "a saved fit").parsed(file.read_bytes(), str(file))

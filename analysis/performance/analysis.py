@@ -7,10 +7,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.dynamic import POLAR, THRUST, DynamicEstimate
+from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.drag.estimate import DragEstimates
 from analysis.drag.forces import FlightForces
 from analysis.drag.polar import Condition, speed_at
+from analysis.drag.thrust_prior import THRUST
 from analysis.performance.assumed_motor import ASSUMED_MOTOR, motor_is_known, with_assumed_motor
 from analysis.performance.available import (
     SERVICE_CLIMB_MPS,
@@ -130,8 +131,7 @@ def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Prop
     covered (inside the propeller's table and above `least_height_m`); NaN gaps.
     """
     flight_forces = FlightForces(trajectory, aircraft, propeller)
-    forces = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
-    return _with_battery_and_coverage(forces, flight_forces.block_means.means, propeller)
+    return _with_battery_and_coverage(flight_forces.nominal, flight_forces.block_means.means, propeller)
 
 
 def _with_battery_and_coverage(forces: pd.DataFrame, mean: Mapping[str, Array], propeller: Propeller) -> pd.DataFrame:

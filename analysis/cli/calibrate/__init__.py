@@ -6,6 +6,7 @@ from analysis.cli.calibrate.airspeed import airspeed
 from analysis.cli.calibrate.magnetometer import magnetometer
 from analysis.cli.calibrate.probe import probe
 from analysis.cli.calibrate.surfaces import surfaces
+from analysis.cli.calibrate.thrust import thrust
 from analysis.cli.calibrate.transducers import transducers
 from analysis.cli.calibrate.tubing import tubing
 from analysis.cli.calibrate.weight_and_balance import weight_and_balance
@@ -16,8 +17,8 @@ app = application()
 
 @app.callback()
 def _group() -> None:
-    """Calibrations: the probe in a wind tunnel; transducers, tubes, magnetometer and surfaces on the bench; airspeed
-    in flight; weight and balance."""
+    """Calibrations: the probe in a wind tunnel; transducers, tubes, magnetometer, surfaces and thrust on the bench;
+    airspeed in flight; weight and balance."""
     # The matrices are small: a thread pool gains nothing and slows down the start.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -29,6 +30,7 @@ for command, short_help in (
     (transducers, "Slope and offset of the transducers, from known pressures."),
     (airspeed, "Scale error of the airspeed, and wind, from a flight."),
     (magnetometer, "Hard and soft iron, from a log with turns."),
+    (thrust, "Thrust at rest against the propeller's table, from a stand."),
     (surfaces, "Surface angle and servo pulse, with a protractor."),
     (weight_and_balance, "Weight and centre of gravity, from scales."),
 ):

@@ -47,7 +47,7 @@ def airspeed(
       calibrate airspeed log.ulg                     a log of PX4 or ArduPilot
     """
     from analysis.airdata.from_log import flight_data
-    from analysis.airdata.probe import load_probe
+    from analysis.airdata.probe import PROBE_FILE
     from analysis.drag.assumed_values import alpha_scale_sigma
     from analysis.log_checks.axes import check_axes
     from analysis.log_checks.log import check_log
@@ -67,7 +67,7 @@ def airspeed(
         return
     recorded = read_log(log)
     given = Replacements(
-        aircraft=load_aircraft(aircraft) if aircraft else None, probe=load_probe(probe) if probe else None
+        aircraft=load_aircraft(aircraft) if aircraft else None, probe=PROBE_FILE.load(probe) if probe else None
     )
     check_decodable(recorded)
     carried = contents(recorded, given)

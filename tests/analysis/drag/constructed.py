@@ -100,6 +100,7 @@ def measured(f: pd.DataFrame, scale: float = 0.0, slope: float = 0.0, **sensor_e
         "ax_mps2": f["ax"] + sensor_errors.get("ax_bias", 0.0), "az_mps2": f["az"], "V_mps": V, "alpha_rad": f["alpha"],
         "height_m": f["height_measured"], "rho": RHO, "n_revps": n, "static_Pa": f["static_Pa"],
         "temperature_K": f["temperature_K"], "propeller_covered": 1.0, "flying": 1.0,
+        "dalpha_dlndp_alpha_rad": f["alpha"], "alpha_by_upwash_rad": 0.0,
     }  # fmt: skip
     table = pd.DataFrame(columns).loc[f.index.repeat(BLOCK)]
     table.index = (np.arange(n_blocks * BLOCK) - BLOCK // 2) * STEP_S / BLOCK

@@ -12,10 +12,11 @@ from methods import Analyzed, analyzed, drawn, fly
 
 from analysis.drag.dynamic import estimate_polar
 from analysis.drag.fallback import fallback
+from analysis.drag.flown import flown_condition, flown_lift
 from analysis.drag.forces import FlightForces
 from analysis.drag.method import MethodEstimate
 from analysis.drag.methods import every_method
-from analysis.drag.polar import Condition, flown_condition, flown_lift, power_required, speed_at
+from analysis.drag.polar import Condition, power_required, speed_at
 from analysis.drag.sensor_errors import estimate_errors
 from analysis.maneuvers.find import find
 from analysis.trajectory.reconstruction import reconstruct
@@ -159,7 +160,7 @@ def test_a_flight_of_manoeuvres_alone_has_a_curve_and_one_of_a_single_speed_has_
         return every_method(trajectory, found.of(*kinds), None, (0, 1), AIRCRAFT, propeller, at).by_method
 
     estimate, flown_CL = fallback(
-        estimates("steady", "roller coaster", "wind-up turn"), trajectory, AIRCRAFT.uncertainty, "flight.mcap"
+        estimates("steady", "roller coaster", "wind-up turn"), trajectory, AIRCRAFT, "flight.mcap"
     )
     V = speed_at(np.geomspace(flown_CL[0] * 1.1, flown_CL[1] / 1.1, 9), at)
     power, error = power_required(V, estimate.polar, at)
@@ -167,4 +168,4 @@ def test_a_flight_of_manoeuvres_alone_has_a_curve_and_one_of_a_single_speed_has_
     assert np.all(np.abs(power - truth) < 1.96 * error)
     assert abs(power[4] / truth[4] - 1) < 0.1
     with pytest.raises(InputError, match=r"flight.mcap: no acceleration .* 3 different speeds are needed, there are 1"):
-        fallback(estimates("steady"), trajectory, AIRCRAFT.uncertainty, "flight.mcap")
+        fallback(estimates("steady"), trajectory, AIRCRAFT, "flight.mcap")

@@ -17,7 +17,7 @@ from flight.errors import InputError
 from flight.propeller import Propeller, Row
 
 NEXSTAR = load_aircraft("nexstar")
-DRAG = drag_model(NEXSTAR.uncertainty)
+DRAG = drag_model(NEXSTAR)
 AT = Condition(NEXSTAR.mass.weight_N, 1.2, NEXSTAR.geometry.wing_area_m2)
 A = np.array([0.04, -0.02, 0.06])
 
@@ -42,6 +42,7 @@ def deceleration(table: Propeller, table_error: float = 0.0) -> Segment:
     beyond = table.continuation_error(J, 60 * n) * unit
     u = {
         "CL": CL,
+        "CL_squared": CL**2,
         "qS_over_m": qS_over_m,
         "thrust_along_V_over_m": table.coefficients(J, 60 * n)[0] * unit,
         "thrust_beyond_over_m": beyond,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from constructed import AIRCRAFT, PROPELLER, STEP_S, W, accelerations_and_decelerations, measured, polar
+from constructed import AIRCRAFT, BLOCK, PROPELLER, STEP_S, W, accelerations_and_decelerations, measured, polar
 
 from analysis.drag import covariance
 from analysis.drag.dynamic import estimate_polar
@@ -15,9 +15,12 @@ from analysis.drag.method_inputs import MethodInputs, input_table, method_inputs
 from analysis.drag.methods import ALL_METHODS
 from analysis.drag.polar import Condition, Polar, power_required
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
+from analysis.estimation.aircraft_models import lift_slope
+from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.dryden import GaussMarkov
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
+from flight.aerodynamics import stability_axes
 from flight.aircraft import Aircraft, Uncertainty
 from flight.units import GRAVITY_MPS2 as g
 
@@ -104,8 +107,7 @@ def test_an_accelerometer_that_reads_high_levels_the_pitch_attitude_too_high() -
 
 def inputs(trajectory: Trajectory, **removed: float) -> pd.DataFrame:
     flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
-    states = trajectory.states.to_numpy()
-    return input_table(flight_forces, states, trajectory.sensor_errors, removed, STILL_AIR, STILL_AIR)
+    return input_table(flight_forces, flight_forces.nominal, trajectory.sensor_errors, removed, STILL_AIR, STILL_AIR)
 
 
 def wrong(name: str, value: float) -> tuple[pd.DataFrame, Trajectory]:
@@ -165,6 +167,23 @@ def test_the_scale_of_airspeed_in_flow_angles_is_removed() -> None:
     assert found["V_measured"].to_numpy() == pytest.approx(1.03 * f["V"].to_numpy(), rel=1e-6)
 
 
+def test_a_biased_accelerometer_levels_a_steep_attitude_more() -> None:
+    """At rest ax = g sin(theta): at 50 deg of pitch, a bias b changes the angle by b/(g cos 50 deg).
+
+    The part of the bias that the trajectory knows is there; the one removed takes it away.
+    """
+    f, _ = accelerations_and_decelerations()
+    trajectory = measured(f, ax_bias=0.2)
+    forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
+    steep = forces.nominal.assign(theta=np.radians(50.0))
+    for removed, left in (({}, 0.2), ({"pitch": 0.15 / g}, 0.05)):
+        found = input_table(forces, steep, trajectory.sensor_errors, removed, STILL_AIR, STILL_AIR)
+        assert found["theta_measured"].to_numpy() == pytest.approx(
+            np.full(len(f), np.radians(50.0) + left / (g * np.cos(np.radians(50.0)))), rel=1e-9
+        )
+        assert found["ax"].to_numpy() == pytest.approx(f["ax"].to_numpy(), rel=1e-9)
+
+
 def weighed_within(fraction: float) -> Aircraft:
     """The aircraft whose weight is known to this standard deviation."""
     return replace(AIRCRAFT, uncertainty=Uncertainty(weight_fraction=fraction))
@@ -195,10 +214,62 @@ def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
         assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-9), method.name
 
 
+def test_lift_that_gusts_tilt_within_a_block_is_drag() -> None:
+    """Angle and lift rise and fall by 0.6 deg and 5 % of lift within each block: CD and CL^2 are means over samples.
+    Vibration of the accelerometer is in the correction for upwash too, and changes nothing."""
+    f, _ = accelerations_and_decelerations()
+    trajectory = measured(f)
+    forces = FlightForces(trajectory, AIRCRAFT, PROPELLER).nominal
+    pattern = np.tile([1.0, -1.0, 0.0, -1.0, 1.0], len(f))
+    gust_rad = 0.01 * pattern
+    by_gust = np.repeat(forces["qS_over_m_mps2"].to_numpy(), BLOCK) * lift_slope(AIRCRAFT.aspect_ratio) * gust_rad
+    steady = trajectory.block_means._table
+    upwash = AIRCRAFT.probe.upwash_per_CL_rad
+    table = steady.assign(
+        alpha_rad=steady["alpha_rad"] + gust_rad,
+        alpha_by_upwash_rad=upwash * lift_slope(AIRCRAFT.aspect_ratio) * gust_rad,
+        az_mps2=steady["az_mps2"] - by_gust,
+    )
+    found = FlightForces(replace(trajectory, block_means=BlockMeans(table)), AIRCRAFT, PROPELLER).nominal
+
+    qS = np.repeat(forces["qS_over_m_mps2"].to_numpy(), BLOCK)
+    along_V = np.repeat(forces["thrust_along_V_over_m_mps2"].to_numpy(), BLOCK) / np.cos(steady["alpha_rad"])
+    sample_CL, sample_CD = stability_axes((table["ax_mps2"] - along_V) / qS, table["az_mps2"] / qS, table["alpha_rad"])
+    assert found["CD"].to_numpy() == pytest.approx(np.asarray(sample_CD).reshape(-1, BLOCK).mean(axis=1), rel=2e-4)
+    assert np.all(found["CD"] - forces["CD"] > 3e-4)
+    of_gusts = FlightForces(replace(trajectory, block_means=BlockMeans(table)), AIRCRAFT, PROPELLER)
+    f = input_table(of_gusts, of_gusts.nominal, trajectory.sensor_errors, {}, STILL_AIR, STILL_AIR)
+    drag_over_m = (f["thrust_x_over_m_mps2"] - f["ax"]) * np.cos(f["alpha"]) - f["az"] * np.sin(f["alpha"])
+    assert drag_over_m.to_numpy() == pytest.approx((found["CD"] * found["qS_over_m_mps2"]).to_numpy(), rel=1e-6)
+
+    # A polar flown sample by sample is found again.
+    A = polar()
+    lacks = (A @ [1 + 0 * sample_CL, sample_CL, sample_CL**2] - sample_CD) * qS
+    flown = table.assign(ax_mps2=table["ax_mps2"] - lacks / np.cos(table["alpha_rad"]))
+    runs = accelerations_and_decelerations()[1]
+    result = estimate_polar(replace(trajectory, block_means=BlockMeans(flown)), runs, AIRCRAFT, PROPELLER)
+    assert power(result.polar.A) == pytest.approx(power(A), rel=1e-3)
+
+    vibration_mps2 = 1.5 * np.tile([0.0, 1.0, 0.0, -1.0, 0.0], len(f))
+    by_vibration = -upwash * vibration_mps2 / qS
+    shaken = table.assign(
+        az_mps2=table["az_mps2"] + vibration_mps2,
+        alpha_rad=table["alpha_rad"] - by_vibration,
+        alpha_by_upwash_rad=table["alpha_by_upwash_rad"] + by_vibration,
+    )
+    of_shaken = FlightForces(replace(trajectory, block_means=BlockMeans(shaken)), AIRCRAFT, PROPELLER).nominal
+    assert of_shaken["CD"].to_numpy() == pytest.approx(found["CD"].to_numpy(), rel=1e-9)
+    of_square = np.asarray(sample_CL**2).reshape(-1, BLOCK).mean(axis=1)
+    assert found["CL_squared"].to_numpy() == pytest.approx(of_square, rel=1e-3)
+    assert np.all(found["CL_squared"] - found["CL"] ** 2 > 1e-3)
+
+
 def test_drag_with_a_quartic_term_is_a_doubt_and_the_interval_covers_it() -> None:
     """C_D rises by 0.02 C_L^4, 10 % at the slowest speed: a warning, and an interval that contains the true curve."""
     f, runs = accelerations_and_decelerations()
-    forces = FlightForces(measured(f), AIRCRAFT, PROPELLER).forces(measured(f).states.to_numpy(), np.zeros(13))
+    forces = FlightForces(measured(f), AIRCRAFT, PROPELLER).forces(
+        measured(f).states.to_numpy(), np.zeros(len(SENSOR_ERRORS))
+    )
     more = 0.02 * forces["CL"] ** 4
     extra = f["qS_over_m_mps2"] * more
     alpha = f["alpha"]

@@ -1,10 +1,12 @@
 """The cross-check knows its own errors: wrong instruments and moving air are inside what it says of itself."""
 
+from dataclasses import replace
+
 import methods
 import numpy as np
 import pytest
 
-from analysis.drag.cross_check import MOST_RUNS, CrossCheck, disagreement, estimate_polar, spread
+from analysis.drag.cross_check import MOST_RUNS, CrossCheck, disagreement, on_runs_alone, spread
 from analysis.drag.polar import Condition, Polar, power_required
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, Maneuver
@@ -25,7 +27,7 @@ def flown(nexstar, probe):
 def asked(flight, aircraft, propeller):
     """The cross-check, and how far its power is off in its own standard errors and in per cent."""
     runs = find(flight.table, flight.still).of("acceleration", "deceleration")
-    check = estimate_polar(flight.table, runs, aircraft, zeroed=True, propeller=propeller)
+    check = on_runs_alone(flight.table, runs, aircraft, zeroed=True, propeller=propeller)
     rho = float(np.mean([flight.table["rho"].iloc[run.rows].mean() for run in runs]))
     at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
     power, error = power_required(SPEEDS_MPS, check.polar, at)
@@ -48,6 +50,14 @@ def test_air_that_moves_is_noticed_and_allowed_for(flown, nexstar, propeller):
     assert np.abs(deviation).max() < 3
     still, _, _ = asked(flown(2, 0.0), nexstar, propeller)
     assert np.all(np.diag(check.polar.covariance) > np.diag(still.polar.covariance)), "moving air costs certainty"
+
+
+def test_thrust_on_a_stand_is_a_prior_of_the_cross_check(flown, nexstar, propeller):
+    """One that says 1.1 nearly exactly moves the power by some per cent, since the slope takes most of it."""
+    exact = replace(nexstar.uncertainty, static_thrust_ratio_fraction=1e-4, thrust_curvature_fraction=0.0)
+    on_stand = replace(nexstar, propulsion=replace(nexstar.propulsion, static_thrust_ratio=1.1), uncertainty=exact)
+    (_, _, without), (_, _, with_stand) = (asked(flown(2, 0.0), one, propeller) for one in (nexstar, on_stand))
+    assert np.abs(with_stand - without).max() > 0.1
 
 
 def test_it_differs_where_the_intervals_do_not_allow_it() -> None:

@@ -15,8 +15,9 @@ from methods import Flown, drawn, fly
 from analysis.airdata.probe import ProbeCalibration
 from analysis.drag import likelihood
 from analysis.drag.dynamic import estimate_polar
+from analysis.drag.flown import flown_lift
 from analysis.drag.likelihood import LikelihoodEstimates
-from analysis.drag.polar import Condition, Polar, flown_lift, power_required
+from analysis.drag.polar import Condition, Polar, power_required
 from analysis.estimation.intervals import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import Maneuver

@@ -28,6 +28,7 @@ from analysis.drag.method_inputs import MethodInputs, method_inputs
 from analysis.drag.piw_viw import PIW_VIW_THREE, PIW_VIW_TWO
 from analysis.drag.polar import Condition, Polar, power_required
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
+from analysis.drag.thrust_prior import thrust_prior
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.maneuvers.kinds import Maneuver
@@ -52,11 +53,11 @@ def test_the_polar_of_a_cross_check_contains_noise_and_floor() -> None:
     f, _ = accelerations_and_decelerations()
     rng = np.random.default_rng(1)
     CL = 9.81 / f["qS_over_m_mps2"].to_numpy()
-    u = {"CL": CL, "qS_over_m": f["qS_over_m_mps2"].to_numpy()}
+    u = {"CL": CL, "CL_squared": CL**2, "qS_over_m": f["qS_over_m_mps2"].to_numpy()}
     u |= dict.fromkeys(("thrust_along_V_over_m", "thrust_beyond_over_m", "J"), 0 * CL)
     drag = u["qS_over_m"] * (polar() @ [CL**0, CL, CL**2]) + 0.01 * rng.standard_normal(len(CL))
     fit = output_error.estimate(
-        dynamic.drag_model(AIRCRAFT.uncertainty), Segment(name="run", t_s=f.index.to_numpy(), u=u, z={"drag": drag})
+        dynamic.drag_model(AIRCRAFT), Segment(name="run", t_s=f.index.to_numpy(), u=u, z={"drag": drag})
     )
     floor = covariance.polar_of(fit).covariance - covariance.of_noise(fit)[:3, :3]
     assert power_error(floor) == pytest.approx(W * V * np.tan(np.radians(0.02)), rel=1e-6)
@@ -176,7 +177,7 @@ def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
     found = MethodEstimate(
         PIW_VIW_THREE, Polar(polar(), noise + C), noise, C, sensitivities=sensitivities, flown_CL=(0.3, 1.0)
     )
-    result, flown_CL = fallback([found, MethodEstimate(VARIED_LIFT)], trajectory, AIRCRAFT.uncertainty, "flight.mcap")
+    result, flown_CL = fallback([found, MethodEstimate(VARIED_LIFT)], trajectory, AIRCRAFT, "flight.mcap")
     assert flown_CL == (0.3, 1.0)
     assert result.values == pytest.approx([*polar(), 0.0, 0.0])
     for i, name in ((3, "thrust_scale"), (4, "thrust_slope")):
@@ -186,3 +187,13 @@ def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
     C_thrust = result.systematic[3:, 3:]
     rest = C - result.systematic[:3, 3:] @ np.linalg.inv(C_thrust) @ result.systematic[3:, :3]
     assert rest == pytest.approx(own, abs=1e-15)
+
+    # Thrust on a stand: its prior instead of that of the table.
+    on_stand = replace(AIRCRAFT, propulsion=replace(AIRCRAFT.propulsion, static_thrust_ratio=1.05))
+    prior, S = thrust_prior(on_stand), np.stack(list(sensitivities.values()), axis=1)
+    after, _ = fallback([found, MethodEstimate(VARIED_LIFT)], trajectory, on_stand, "flight.mcap")
+    assert after.values == pytest.approx([*(polar() + S @ prior.mean), *prior.mean])
+    assert after.systematic == pytest.approx(
+        np.block([[own + S @ prior.covariance @ S.T, S @ prior.covariance], [prior.covariance @ S.T, prior.covariance]])
+    )
+    assert after.polar.covariance == pytest.approx(noise + after.systematic[:3, :3])

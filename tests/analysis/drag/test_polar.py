@@ -1,8 +1,10 @@
 """Power required where it is known exactly, and its interval."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from analysis.drag.flown import flown_condition, flown_lift, largest_lift
 from analysis.drag.polar import (
     Condition,
     Polar,
@@ -16,6 +18,9 @@ from analysis.drag.polar import (
     speed_at,
     unphysical,
 )
+from analysis.signals.aircraft_size import SPEED_SCALE
+from flight.aircraft import load_aircraft
+from flight.units import GRAVITY_MPS2
 
 NEXSTAR = Condition(weight_N=37.68, rho=1.225, wing_area_m2=0.4636)
 NO_DOUBT = np.zeros((3, 3))
@@ -100,3 +105,52 @@ def test_a_polar_without_a_minimum_has_no_special_speed() -> None:
 def test_an_unphysical_polar_is_recognised(A: list[float], variance: float, said: str) -> None:
     found = unphysical(Polar(np.array(A), variance * np.eye(3)), (0.3, 1.1))
     assert (said in found) and bool(found) == bool(said)
+
+
+def aloft(**columns) -> pd.DataFrame:
+    """Four minutes of level flight at 15 m/s at 1 g, from 100 s on, 25 rows a second."""
+    t = 100 + 0.04 * np.arange(6000)
+    usual = {"V_mps": 15.0, "rho": 1.2, "qbar_Pa": 135.0, "az_mps2": -GRAVITY_MPS2, "flying": True, "height_m": 60.0}
+    return pd.DataFrame({n: np.broadcast_to(x, t.shape) for n, x in (usual | columns).items()}, index=t)
+
+
+def for_seconds(seconds: float, value: float, otherwise: float) -> np.ndarray:
+    return np.where(
+        np.arange(6000) - 3000 < 25 * seconds, np.where(np.arange(6000) >= 3000, value, otherwise), otherwise
+    )
+
+
+def test_the_largest_lift_is_what_a_pull_up_held_for_half_a_second() -> None:
+    """2.5 g for a second; a bump of a fifth of a second is averaged, and the ground does not count."""
+    level = NEXSTAR.weight_N / (135.0 * NEXSTAR.wing_area_m2)
+    assert largest_lift(aloft(), NEXSTAR) == pytest.approx(level)
+    pulled = for_seconds(1.0, -2.5 * GRAVITY_MPS2, -GRAVITY_MPS2)
+    assert largest_lift(aloft(az_mps2=pulled), NEXSTAR) == pytest.approx(2.5 * level)
+    slower = aloft(az_mps2=pulled, qbar_Pa=for_seconds(1.0, 100.0, 135.0))
+    assert largest_lift(slower, NEXSTAR) == pytest.approx(2.5 * level * 135 / 100)
+    bump = for_seconds(0.2, -2.5 * GRAVITY_MPS2, -GRAVITY_MPS2)
+    assert largest_lift(aloft(az_mps2=bump), NEXSTAR) == pytest.approx((1 + 1.5 * 5 / 12) * level, rel=0.01)
+    assert largest_lift(aloft(az_mps2=pulled, height_m=for_seconds(1.0, 19.0, 60.0)), NEXSTAR) < 2 * level
+    assert largest_lift(aloft(height_m=19.0), NEXSTAR) == -np.inf
+
+
+def test_the_range_of_lift_flown_is_that_of_level_flight_at_the_speeds_flown() -> None:
+    """Without the fastest and the slowest hundredth."""
+    aircraft = load_aircraft("nexstar")
+    W, S = aircraft.mass.weight_N, aircraft.geometry.wing_area_m2
+    V = np.linspace(12.0, 22.0, 6000)
+    V[:30], V[-30:] = 5.0, 60.0
+    low, high = flown_lift(aloft(V_mps=V), aircraft)
+    assert (high, low) == pytest.approx([W / (0.6 * v**2 * S) for v in (12.1, 21.9)], rel=0.005)
+    assert flown_condition(aloft(rho=np.linspace(1.1, 1.3, 6000)), aircraft) == pytest.approx((W, 1.2, S))
+
+
+def test_of_slow_aircraft_the_mean_speed_counts() -> None:
+    """At half the speed, noise matters sixteen times as much: means are over so many samples."""
+    aircraft = load_aircraft("nexstar")
+    noisy = 7.5 * np.where(np.arange(6000) % 2, 1.1, 0.9)
+    small = flown_lift(aloft(V_mps=noisy).assign(**{SPEED_SCALE: 0.5}), aircraft)
+    large = flown_lift(aloft(V_mps=noisy), aircraft)
+    assert small[1] / small[0] == pytest.approx(1.0, abs=0.02) and large[1] / large[0] == pytest.approx(
+        (1.1 / 0.9) ** 2
+    )

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.drag.forces import J_REFERENCE
 from analysis.drag.sensor_errors import INSTALLATION_TOLERANCE, _thrust_errors, error_prior_sigma
-from flight.aircraft import Uncertainty
+from flight.aircraft import Uncertainty, load_aircraft
 
 PAGE = Path(__file__).parents[3] / "docs" / "methods.md"
 BLOCKS, CORRELATED, SIGMA_MPS2 = 1000, 4, 0.02
@@ -24,8 +24,8 @@ def forces(scale: float, slope: float, noise: np.ndarray) -> pd.DataFrame:
     thrust = 3.0 + 2.0 * np.cos(np.arange(BLOCKS) / 20)
     J = 0.6 + 0.15 * np.sin(np.arange(BLOCKS) / 20 + 0.5)
     drag = qS_over_m * (0.045 - 0.02 * CL + 0.065 * CL**2) - thrust * (scale + slope * (J - J_REFERENCE)) + noise
-    columns = {"CL": CL, "CD": drag / qS_over_m, "qS_over_m_mps2": qS_over_m, "thrust_along_V_over_m_mps2": thrust}
-    return pd.DataFrame(columns | {"J": J})
+    columns = {"CL": CL, "CL_squared": CL**2, "CD": drag / qS_over_m, "qS_over_m_mps2": qS_over_m}
+    return pd.DataFrame(columns | {"thrust_along_V_over_m_mps2": thrust, "J": J})
 
 
 def test_standard_errors_of_thrust_are_those_of_noise_that_lasts_four_blocks() -> None:
@@ -37,7 +37,7 @@ def test_standard_errors_of_thrust_are_those_of_noise_that_lasts_four_blocks() -
         true = {name: ERROR_PRIOR_SIGMA[name] * rng.standard_normal() for name in off}
         white = rng.normal(0, SIGMA_MPS2, BLOCKS + CORRELATED - 1)
         noise = np.convolve(white, np.ones(CORRELATED) / np.sqrt(CORRELATED), "valid")
-        found = _thrust_errors(forces(true["thrust_scale"], true["thrust_slope"], noise), Uncertainty())
+        found = _thrust_errors(forces(true["thrust_scale"], true["thrust_slope"], noise), load_aircraft("nexstar"))
         for name, (value, standard_error) in found.items():
             assert standard_error < 0.4 * ERROR_PRIOR_SIGMA[name], "the flight tells more than the prior"
             off[name].append((value - true[name]) / standard_error)

@@ -67,6 +67,20 @@ def test_the_standard_error_is_that_of_table_gusts_and_scatter() -> None:
     assert scatter_W == pytest.approx(M * SPEED * 0.3 / np.sqrt(n), rel=0.06)
 
 
+def test_a_pilot_s_speed_changes_and_climbs_are_no_scatter_of_drag() -> None:
+    """Thrust that exactly makes up for them: the point is as certain as one without, wherever the log's time begins."""
+    wave = np.sin(np.arange(len(table())) / 9.0)
+    flown = table(Vdot=0.3 * wave, gamma=0.02 * wave, thrust_x_over_m_mps2=1.0 + 0.3 * wave + g * np.sin(0.02 * wave))
+    flown.index += 500.0
+    late = Maneuver(STEADY, slice(None), 500.0, 500.0 + SECONDS, SPEED, SPEED, 0.0)
+    found = steady_means(flown, [late], NEXSTAR)
+    assert found.power_error_W == pytest.approx(0.005 * found.power_W)
+    scattered = table(thrust_x_over_m_mps2=1.0 + 0.3 * wave)
+    before = steady_means(scattered, [RUN], NEXSTAR).power_error_W
+    scattered.index += 500.0
+    assert steady_means(scattered, [late], NEXSTAR).power_error_W == pytest.approx(before)
+
+
 def test_a_mean_over_less_than_twice_the_time_constant_scatters_as_the_gust_itself() -> None:
     assert mean_gust_mps(0.4, 5.0, 8.0) == pytest.approx(0.4)
     assert mean_gust_mps(0.4, 5.0, 40.0) == pytest.approx(0.2)

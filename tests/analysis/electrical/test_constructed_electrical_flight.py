@@ -17,7 +17,8 @@ from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.fit import derivatives, with_standard_error
 from analysis.electrical.flight_table import FlightTable, flight_table
 from analysis.electrical.flown_aircraft import FlownAircraft
-from analysis.electrical.thrust_balance import MotorConstants
+from analysis.electrical.thrust_balance import PARAMETERS, MotorConstants
+from analysis.estimation.model import PriorMeasurement
 from analysis.performance.propeller_speed import revps_for_thrust
 from analysis.results.electrical import _warnings, electrical_results
 from analysis.results.electrical_parameters import flight_values
@@ -223,6 +224,18 @@ def test_power_required_and_shaft_power_are_found_by_the_propeller_s_table(
     assert 0.7 < found.motor_efficiency < 0.95
     relative = found.error_W[inside] / found.power_W[inside]
     assert 0.01 < relative.min() and relative.max() < 0.06
+
+
+def test_thrust_on_a_stand_is_a_prior_of_the_table_s_errors(table: FlightTable, electrical: ElectricalEstimate) -> None:
+    """A stand that says thrust at rest is 10 % above the table, nearly exactly: so do the parameters."""
+    stand = PriorMeasurement(
+        name="stand", coefficients={"thrust_scale": 1, "thrust_slope": -0.5}, value=0.1, sigma=1e-3
+    )
+    found = drag_estimate(table, electrical, SPAN_M, PROPELLER, None, stand=(stand,))
+    assert isinstance(found, DragEstimate)
+    row = np.array([{"thrust_scale": 1.0, "thrust_slope": -0.5}.get(name, 0.0) for name in PARAMETERS])
+    assert row @ found.parameters == pytest.approx(0.1, abs=1e-3)
+    assert np.sqrt(row @ found.parameter_covariance @ row) == pytest.approx(1e-3, rel=0.01)
 
 
 def test_a_wrong_number_of_poles_is_found_by_the_efficiency(table: FlightTable, electrical: ElectricalEstimate) -> None:

@@ -13,7 +13,7 @@ from analysis.cli.electrical import lacks_drag_topics
 from analysis.electrical.daemon_log import recording_of
 from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
-from flight.log_entries import LogEntry
+from flight.log_entries import Entries, LogEntry, entries_of
 from flight.log_reader import Log
 from flight.messages import AbsolutePressure, Battery, DifferentialPressure, Gps, Imu, Message
 from flight.units import GRAVITY_MPS2
@@ -74,12 +74,14 @@ def test_ardupilot(tmp_path: Path, px4: FlightRecording, expected: np.ndarray) -
 
 
 def test_a_log_of_the_daemon_without_flow_angles_and_motor_speed(px4: FlightRecording, expected: np.ndarray) -> None:
-    def entries(channel: Channel, message: type[Message], **fields: np.ndarray) -> list[LogEntry]:
+    def entries(channel: Channel, message: type[Message], **fields: np.ndarray) -> Entries:
         rows = zip(*fields.values(), strict=True)
-        return [
-            LogEntry(round(t * 1e9), i, message(**dict(zip(fields, map(float, row), strict=True))))
-            for i, (t, row) in enumerate(zip(channel.t_s, rows, strict=True))
-        ]
+        return entries_of(
+            [
+                LogEntry(round(t * 1e9), i, message(**dict(zip(fields, map(float, row), strict=True))))
+                for i, (t, row) in enumerate(zip(channel.t_s, rows, strict=True))
+            ]
+        )
 
     def at(name: str, times: Channel) -> np.ndarray:
         return np.interp(times.t_s, *px4.channels[name])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.estimation.input_design import doublet, multisine, three_two_one_one
+from analysis.estimation.input_design import _peak_factor, doublet, multisine, steps, three_two_one_one
 from flight.errors import InputError
 
 
@@ -16,6 +16,27 @@ def test_a_3211_excites_the_band_about_its_mode_and_no_trim():
     assert wide.max() / wide.min() > 2.5
     assert wide.min() < 1 / 2.1 < wide.max()
     assert np.abs(u).max() == 0.1 and u[0] == u[-1] == 0
+
+
+@pytest.mark.parametrize(
+    ("signal", "seconds"),
+    [
+        (three_two_one_one(2.1, 0.1, 0.02), (2.1, 1.4, 0.7, 0.7)),  # a third of the mode's period
+        (doublet(1.2, 0.1, 0.02), (0.6, 0.6)),  # half of it
+        (steps((2, 1), 0.5, 0.1, 0.02, start_s=0.4), (1.0, 0.5)),
+    ],
+)
+def test_steps_last_as_told_and_alternate(signal, seconds):
+    start = round((0.4 if len(seconds) == 2 and seconds[0] == 1.0 else 1.0) / 0.02)
+    parts = [np.full(round(s / 0.02), 0.1 if i % 2 == 0 else -0.1) for i, s in enumerate(seconds)]
+    assert signal == pytest.approx(np.concatenate([np.zeros(start), *parts, np.zeros(start)]))
+    assert len(steps((1, 1), 0.04, 0.1, 0.04)) == 52, "a unit of one sample can be flown"
+
+
+def test_a_sine_has_a_relative_peak_factor_of_one():
+    t = np.arange(1000) / 1000
+    assert _peak_factor(0.3 * np.sin(2 * np.pi * t)) == pytest.approx(1.0, rel=1e-3)
+    assert _peak_factor(np.sign(np.sin(2 * np.pi * (t + 0.0005)))) == pytest.approx(1 / np.sqrt(2), rel=1e-3)
 
 
 def test_a_doublet_has_no_mean():

@@ -1,5 +1,8 @@
 """Long records: sums over blocks give what the whole record gives."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from disturbed import LINEAR, linear_record
@@ -26,6 +29,20 @@ def test_a_fit_in_blocks_is_that_of_the_whole_record(segments, monkeypatch):
     assert in_blocks.values == pytest.approx(whole.values, rel=1e-9)
     assert in_blocks.covariance == pytest.approx(whole.covariance, rel=1e-9)
     assert in_blocks.segment_fits[0].white.S == pytest.approx(whole.segment_fits[0].white.S, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize(("samples", "long"), [((200_000,), False), ((200_001,), True), ((120_000, 80_000), False),
+                                               ((120_000, 80_001), True)])  # fmt: skip
+def test_sensitivities_of_more_than_8_megabytes_are_not_kept(samples: tuple[int, ...], long: bool) -> None:
+    """A million numbers of 8 bytes: samples times outputs times the unknowns of the segment, all segments together.
+
+    Robust, correlated and known noise need them, and so does the frequency domain.
+    """
+    problem = SimpleNamespace(Z=[np.empty((n, 1)) for n in samples], columns=[np.arange(5)] * len(samples))
+    likelihood = output_error.OutputErrorLikelihood(problem, None)
+    assert likelihood.is_long is long
+    for needs in ({"noise": "full"}, {"known_R": np.eye(1)}, {"tail_dof": 4.0}, {"transforms": []}):
+        assert not replace(likelihood, **needs).is_long
 
 
 def test_blocks_of_a_response_join(segments):

@@ -1,9 +1,15 @@
 """Physical facts about the aircraft models at single flight states: lags, scales, thrust and gusts."""
 
+import numpy as np
 import pytest
 from test_aircraft_models import ALL_MODELS, NEXSTAR, RHO
 
+from analysis.drag.dynamic import drag_model
+from analysis.drag.forces import J_REFERENCE
 from analysis.estimation import aircraft_models
+from analysis.estimation.aircraft_models.force_models import force_models
+from analysis.estimation.aircraft_models.parameters import Priors
+from flight.aircraft import Uncertainty
 
 m = NEXSTAR.mass_kg
 
@@ -80,3 +86,58 @@ def test_gusts_act_on_wing_propeller_and_probe():
     still, _ = at_state(model)
     moved, _ = at_state(model, gust=1.0, gust_alpha=0.01)
     assert moved["h"] == still["h"]
+
+
+FORCE_MODELS = force_models(NEXSTAR)
+
+
+def test_a_search_starts_at_a_usual_aircraft_in_trim():
+    """A cambered wing with fuselage and landing gear and a span efficiency of 0.8; a static margin of 15 %."""
+    start = {q.name: q.start for model in (*ALL_MODELS.values(), FORCE_MODELS) for q in model.parameters}
+    AR = NEXSTAR.aspect_ratio
+    slope = 2 * np.pi * AR / (2 + np.sqrt(AR**2 + 4))
+    assert (start["CL0"], start["CLa"], start["A0"], start["A2"]) == pytest.approx(
+        (0.25, slope, 0.04, 1 / (np.pi * 0.8 * AR))
+    )
+    pitching = (start["Cm0"], start["Cma"], start["Cmq"], start["Cmde"])
+    assert pitching == pytest.approx((0.05, -0.15 * slope, -15.0, -1.2))
+    assert start["Cma"] / start["CLa"] == pytest.approx(-0.15)
+    # The same wing by its axial and normal force, at angles of attack up to 10 deg: to 0.03 of drag.
+    for alpha in np.radians([0.0, 5.0, 10.0]):
+        CX = start["CX0"] + start["CXa"] * alpha + start["CXa2"] * alpha**2
+        CZ = start["CZ0"] + start["CZa"] * alpha + start["CZa2"] * alpha**2
+        CL, CD = CX * np.sin(alpha) - CZ * np.cos(alpha), -CX * np.cos(alpha) - CZ * np.sin(alpha)
+        assert pytest.approx(0.25 + slope * alpha, abs=0.05) == CL
+        assert pytest.approx(0.04 + CL**2 / (np.pi * 0.8 * AR), abs=0.03) == CD
+    drag = {q.name: q for q in drag_model(NEXSTAR).parameters}
+    assert (drag["A0"].start, drag["A2"].start, drag["thrust_beyond"].prior_sigma) == (0.04, 0.06, 1.0)
+
+
+def test_priors_of_the_models_are_those_of_the_aircraft_file():
+    """An aircraft file without [uncertainty] and a model without priors assume the same."""
+    priors, stated = Priors(), Uncertainty()
+    assert (priors.alpha_bias_rad, priors.alpha_scale, priors.V_scale, priors.accelerometer_bias_mps2) == pytest.approx(
+        (stated.angle_of_attack_offset_rad, stated.angle_of_attack_slope_fraction, stated.airspeed_scale_fraction,
+         stated.accelerometer_offset_mps2)
+    )  # fmt: skip
+    assert (priors.thrust_scale, priors.thrust_slope) == (stated.thrust_scale_fraction, stated.thrust_slope)
+    (CZa2,) = (q for q in FORCE_MODELS.parameters if q.name == "CZa2")
+    assert CZa2.prior_sigma == 2.0
+
+
+@pytest.mark.parametrize("name", [*ALL_MODELS, "force_models"])
+def test_the_slope_of_thrust_is_about_the_same_advance_ratio_in_all_models(name):
+    """At J = 0.5 its error changes nothing; thrust is half as much more beside it as at twice the distance."""
+    model = ALL_MODELS.get(name, FORCE_MODELS)
+    outputs = {J: [at_state(model, {"thrust_slope": slope}, J=J)[1] for slope in (0.0, 0.1)] for J in (0.5, 0.6, 0.7)}
+    assert J_REFERENCE == 0.5
+    output = "drag" if name == "wind_axis_forces" else "ax"
+    change = {J: right[output] - without[output] for J, (without, right) in outputs.items()}
+    assert change[0.5] == pytest.approx(0.0, abs=1e-12)
+    assert abs(change[0.6]) > 0.001 and change[0.7] == pytest.approx(2 * change[0.6])
+
+
+def test_gusts_of_0_3_mps_are_where_the_search_for_their_strength_starts():
+    along, across = aircraft_models.gust_noise(18.0)
+    assert along.start**2 * along.active_before_s == pytest.approx(0.3**2)
+    assert across.start**2 * across.active_before_s == pytest.approx((0.3 / 18.0) ** 2)

@@ -25,7 +25,7 @@ class Parabola:
     @property
     def problem(self):
         return SimpleNamespace(
-            prior_information=np.zeros(1),
+            prior_matrix=np.zeros((1, 1)),
             lower=np.array([-np.inf]),
             upper=np.array([np.inf]),
             largest_step=np.array([np.inf]),
@@ -104,3 +104,55 @@ def test_as_many_steps_are_made_as_allowed(most: int) -> None:
     point, iterations, reason = maximize(parabola, parabola.evaluate(np.array([9.0])), most)
     assert (iterations, len(point.steps)) == (most, most) and reason == f"{most} iterations were not enough"
     assert point.theta[0] == pytest.approx(9.0 * (2 / 3) ** most)
+
+
+@dataclass
+class Quadratic:
+    """Two unknowns, a prior on each, and a cost whose curvature is not the information matrix."""
+
+    information: np.ndarray
+    hessian: np.ndarray  # of the data
+    prior: np.ndarray
+
+    @property
+    def problem(self):
+        two = np.ones(2)
+        return SimpleNamespace(
+            prior_matrix=np.diag(self.prior), lower=-np.inf * two, upper=np.inf * two, largest_step=np.inf * two
+        )
+
+    def curvature(self, point):
+        return self.hessian
+
+    def evaluate(self, theta):
+        total = self.hessian + np.diag(self.prior)
+        white = SimpleNamespace(present=np.ones((1000, 1)))
+        fits = (SimpleNamespace(white=white),)
+        return Evaluation(theta, 1.0 + theta @ total @ theta / 2, fits, np.eye(1), -total @ theta, self.information)
+
+
+@pytest.mark.parametrize("secant", [False, True])
+def test_near_the_optimum_a_step_is_newton_s_with_the_prior_s_curvature(secant: bool) -> None:
+    """With the exact curvature of data and prior, the step after one near the optimum ends at it."""
+    hessian = np.array([[4.0, 1.0], [1.0, 3.0]])
+    likelihood = Quadratic(1.5 * hessian, hessian, np.array([6.0, 2.0]))
+    start = likelihood.evaluate(np.array([0.05, -0.08]))
+    point, iterations, reason = maximize(likelihood, start, 20, secant=secant)
+    first = np.linalg.solve(likelihood.information + np.diag(likelihood.prior), start.gradient)
+    assert point.steps[0] ** 2 == pytest.approx(first @ (likelihood.information + np.diag(likelihood.prior)) @ first)
+    assert reason == "" and np.abs(point.theta).max() < 1e-12
+    assert iterations <= 4 and len(point.steps) <= 3
+
+
+def test_secants_find_the_curvature_that_the_likelihood_does_not_give() -> None:
+    """A likelihood that gives half its curvature: after two steps the changes of the gradient have told the rest."""
+    hessian = np.array([[4.0, 1.0], [1.0, 3.0]])
+    prior = np.array([2.0, 1.0])
+    steps = {}
+    for secant in (False, True):
+        likelihood = Quadratic(1.5 * hessian, hessian, prior)
+        likelihood.curvature = lambda point: 0.5 * hessian
+        point, _, reason = maximize(likelihood, likelihood.evaluate(np.array([0.05, -0.08])), 60, secant=secant)
+        assert reason == ""
+        steps[secant] = len(point.steps)
+    assert steps[True] <= 6 < steps[False]

@@ -34,6 +34,16 @@ def test_the_motor_turns_as_the_simulator_s_at_other_speeds_and_densities(nexsta
     assert np.all((slower > 0) & (faster < 0)), "the balance of torques lies within 0.5 %"
 
 
+def test_a_flight_may_begin_at_any_time_of_the_log(nexstar, propeller, motor) -> None:
+    """The step is that between two rows: a run of less than the seconds needed stays too short an hour later."""
+    late = full_throttle_run(nexstar, propeller)
+    late.index += 3600.0
+    found = fit_full_throttle(late, nexstar.propulsion, propeller)
+    assert found.parameters is not None and found.parameters.values == pytest.approx(motor.values, rel=1e-6)
+    few = late.iloc[:5]
+    assert "s of settled full throttle" in fit_full_throttle(few, nexstar.propulsion, propeller).reason
+
+
 def test_a_throttle_not_quite_open_is_not_taken_for_full(nexstar, propeller, motor) -> None:
     """Climbing at 0.98 the motor turns 2 % slower: it must not pass for full throttle at that torque."""
     run = full_throttle_run(nexstar, propeller)

@@ -1,0 +1,227 @@
+"""Thrust of a propeller at rest, on a stand, against its table: the ratio of the two with its error.
+
+Thrust over that of the table at J = 0 and the same motor speed, by least squares over all readings. Errors of single
+readings are found from their scatter. An error of the stand's scale (load cell, lever arm, air density) shows in no
+residual and is given by the user. A ratio that changes with motor speed, by Reynolds number or a stall of the blades,
+is not that of another speed: half of its change over the speeds measured is part of the error.
+"""
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from analysis.estimation.intervals import NORMAL_95
+from flight.aircraft import Aircraft
+from flight.atmosphere import density
+from flight.errors import InputError
+from flight.json_file import JsonFormat
+from flight.propeller import Propeller
+from flight.unit_columns import csv_rows, si_column
+
+Array = NDArray[np.float64]
+
+FORMAT = "flightpower-thrust-stand-1"
+FEWEST_READINGS, FEWEST_SPEEDS = 5, 3
+SAME_SPEED = 0.02  # readings at speeds nearer than this are repetitions
+LARGEST_DIFFERENCE = 0.4  # of the ratio from one: beyond it, a wrong unit, diameter or number of pole pairs
+# Standard error (1 sigma) of the ratio beyond which the stand says hardly more than the priors of a flight without it:
+# 0.8 of 7.7 %, which 1.8 % of scale and 0.15 of slope are at J = 0.
+LARGEST_ERROR = 0.06
+LEAST_CHANGE = 0.005  # of the ratio over the speeds measured: less matters to nobody
+SAME_TABLE = 0.001  # relative difference of thrust coefficients
+
+# Column of the file: (field, unit).
+_COLUMNS = {
+    "motor_speed": ("revps", "turn/s"),
+    "thrust": ("thrust_N", "N"),
+    "pressure": ("pressure_Pa", "Pa"),
+    "temperature": ("temperature_K", "K"),
+}
+_REVOLUTIONS = {"revps": "turn/s", "rev/s": "turn/s", "rev/min": "rpm"}  # names that pint does not know
+_EXAMPLE = "motor_speed_rpm, thrust_N, pressure_hPa, temperature_degC"
+
+
+class StandReadings(NamedTuple):
+    """Readings on a stand, each (n,): motor speed [rev/s], thrust [N], air density [kg/m^3]."""
+
+    revps: Array
+    thrust_N: Array
+    rho: Array
+
+
+class ThrustStand(msgspec.Struct, frozen=True, kw_only=True):
+    """The content of the file that `calibrate thrust` writes."""
+
+    format: str = FORMAT
+    source: str
+    propeller: str  # name of the table
+    diameter_m: float
+    readings: int
+    revps: list[float]  # the speeds measured, ascending
+    table_cT: list[float]  # of the table at these speeds and J = 0
+    ratio: float  # thrust over that of the table
+    ratio_error: float  # 1 sigma, of the following three
+    scatter_error: float
+    scale_error: float  # of the stand, as given, as a fraction of thrust
+    speed_error: float  # 0 where the ratio does not change with speed
+
+    def applied_to(self, aircraft: Aircraft) -> Aircraft:
+        """The aircraft with this measurement in place of its file's."""
+        return replace(
+            aircraft,
+            propulsion=replace(aircraft.propulsion, static_thrust_ratio=self.ratio),
+            uncertainty=replace(aircraft.uncertainty, static_thrust_ratio_fraction=self.ratio_error / self.ratio),
+        )
+
+    def check_table(self, propeller: Propeller, where: str) -> None:
+        """Raises InputError naming `where` if the propeller's table is not the one that was compared."""
+        cT = np.asarray(propeller.table(np.zeros(len(self.revps)), 60 * np.array(self.revps))[0])
+        same_size = abs(propeller.diameter_m / self.diameter_m - 1) < SAME_TABLE
+        if not same_size or np.any(np.abs(cT / np.array(self.table_cT) - 1) > SAME_TABLE):
+            raise InputError(
+                f"{where}: thrust on the stand was compared with another table ({self.propeller}) than that of this"
+                f" analysis ({propeller.name}); repeat `calibrate thrust` with --propeller {propeller.name}"
+            )
+
+
+def calibrate(
+    readings: StandReadings, propeller: Propeller, scale_error: float, source: str
+) -> tuple[ThrustStand, str]:
+    """The ratio of thrust to that of the table, and why the readings do not support it (empty if they do).
+
+    scale_error : standard deviation of the stand's scale, as a fraction
+    Raises InputError for too few readings or speeds, a table that does not reach J = 0, and a ratio that no propeller
+    has.
+    """
+    n = readings.revps
+    speeds = _speeds(n)
+    if len(n) < FEWEST_READINGS or len(speeds) < FEWEST_SPEEDS:
+        raise InputError(
+            f"{source}: {len(n)} readings at {len(speeds)} motor speeds; measure {FEWEST_READINGS} at"
+            f" {FEWEST_SPEEDS} speeds at least, from half to full throttle"
+        )
+    begins_at = np.interp(60 * n, [row.rpm for row in propeller.rows], [row.J[0] for row in propeller.rows])
+    if np.any(begins_at > 0):
+        raise InputError(
+            f"propeller {propeller.name}: its table begins at J = {begins_at.max():.2g}, and the stand measures at"
+            " J = 0; give a table with a static test (docs/propellers.md)"
+        )
+    table_N = np.asarray(propeller.thrust_and_power(np.zeros(len(n)), n, readings.rho)[0])
+    weight = table_N @ table_N
+    ratio = float(table_N @ readings.thrust_N / weight)
+    if not abs(ratio - 1) <= LARGEST_DIFFERENCE:
+        raise InputError(
+            f"{source}: thrust is {ratio:.2g} times that of propeller {propeller.name}; check the units, the number of"
+            " pole pairs that the motor speed was counted with, and that this is the propeller on the stand"
+        )
+    # The second regressor is orthogonal to the first.
+    change = table_N * (n / (table_N**2 @ n / weight) - 1)
+    slope = float(change @ readings.thrust_N / (change @ change))
+    residuals = readings.thrust_N - table_N * ratio
+    with_slope = residuals - change * slope
+    by_speed = slope * float(np.ptp(change / table_N))
+    slope_sigma = _scaled(with_slope, 2) / math.sqrt(change @ change)
+    depends = abs(slope) > NORMAL_95 * slope_sigma and abs(by_speed) > LEAST_CHANGE
+    scatter = (_scaled(with_slope, 2) if depends else _scaled(residuals, 1)) / math.sqrt(weight)
+    speed_error = abs(by_speed) / 2 if depends else 0.0
+    found = ThrustStand(
+        source=source,
+        propeller=propeller.name,
+        diameter_m=propeller.diameter_m,
+        readings=len(n),
+        revps=speeds,
+        table_cT=np.asarray(propeller.table(np.zeros(len(speeds)), 60 * np.array(speeds))[0]).tolist(),
+        ratio=ratio,
+        ratio_error=math.hypot(scatter, scale_error * ratio, speed_error),
+        scatter_error=scatter,
+        scale_error=scale_error,
+        speed_error=speed_error,
+    )
+    return found, _why_not_supported(found)
+
+
+def _speeds(revps: Array) -> list[float]:
+    """The different speeds among the readings, ascending."""
+    found: list[float] = []
+    for n in np.sort(revps).tolist():
+        if not found or n > (1 + SAME_SPEED) * found[-1]:
+            found.append(n)
+    return found
+
+
+def _scaled(residuals: Array, parameters: int) -> float:
+    """Standard deviation of a reading by its residuals, so that +-1.96 of it are Student's 95 %."""
+    dof = len(residuals) - parameters
+    factor = float(special.stdtrit(dof, 0.975)) / NORMAL_95
+    return factor * math.sqrt(float(residuals @ residuals) / dof)
+
+
+def _why_not_supported(found: ThrustStand) -> str:
+    """Empty if the ratio is known well enough to be of use."""
+    error = found.ratio_error / found.ratio
+    if error <= LARGEST_ERROR:
+        return ""
+    return (
+        f"the standard error of the ratio is {100 * error:.1f} %, more than {100 * LARGEST_ERROR:.0f} %: scatter of"
+        f" the readings {100 * found.scatter_error:.1f} %, scale {100 * found.scale_error:.1f} %, change with motor"
+        f" speed {100 * found.speed_error:.1f} %; measure again without wind, and more readings"
+    )
+
+
+def read_stand(path: Path, rho: float | None = None) -> StandReadings:
+    """The readings in a CSV file whose header names each column with its unit: `thrust_N` or `thrust [N]`.
+
+    rho : density, for a file without air pressure and temperature
+    Raises InputError naming file and cause.
+    """
+    rows = [row for row in csv_rows(path) if not row[0].startswith("#")]
+    if len(rows) < 2:
+        raise InputError(f"{path}: holds no readings; give columns such as {_EXAMPLE}")
+    header, *lines = rows
+    values: dict[str, Array] = {}
+    for i, title in enumerate(header):
+        found = re.fullmatch(rf"\s*({'|'.join(_COLUMNS)})(?:_|\s*\[)([^\]]+)\]?\s*", title)
+        if found is None:
+            raise InputError(
+                f"{path}: column {title!r}: must be one of {', '.join(_COLUMNS)} with its unit: {_EXAMPLE}"
+            )
+        (name, unit), given = _COLUMNS[found[1]], _REVOLUTIONS.get(found[2], found[2])
+        values[name] = si_column(lines, i, given, unit, f"{path}: {title}")
+        positive = np.isfinite(values[name]) & (values[name] > 0)
+        if not positive.all():
+            wrong = lines[int(positive.argmin())]
+            raise InputError(f"{path}: column {title!r}: not a positive number in the line {','.join(wrong)}")
+    if missing := [title for title in ("motor_speed", "thrust") if _COLUMNS[title][0] not in values]:
+        raise InputError(f"{path}: no column {' and '.join(missing)}; give columns such as {_EXAMPLE}")
+    if "pressure_Pa" in values and "temperature_K" in values:
+        air = np.asarray(density(values["pressure_Pa"], values["temperature_K"]))
+    elif rho is not None:
+        air = np.full(len(lines), rho)
+    else:
+        raise InputError(
+            f"{path}: the air density is not known; give columns pressure and temperature, or --pressure and"
+            " --temperature"
+        )
+    return StandReadings(values["revps"], values["thrust_N"], air)
+
+
+def _check(found: ThrustStand, where: str) -> None:
+    usable = (
+        abs(found.ratio - 1) <= LARGEST_DIFFERENCE
+        and 0 < found.ratio_error <= LARGEST_ERROR * found.ratio
+        and found.diameter_m > 0
+        and 0 < len(found.revps) == len(found.table_cT)
+        and min(found.table_cT) > 0
+    )
+    if not usable:
+        raise InputError(f"{where}: not a result of `calibrate thrust` (ratio {found.ratio:g} ± {found.ratio_error:g})")
+
+
+THRUST_STAND_FILE = JsonFormat(ThrustStand, (FORMAT,), "a result of `calibrate thrust`", _check)

@@ -1,0 +1,36 @@
+"""What a command assumes where an option is not given."""
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from analysis.cli.calibrate.probe import probe
+from analysis.cli.calibrate.transducers import transducers
+from analysis.cli.calibrate.weight_and_balance import weight_and_balance
+from analysis.cli.plan import PILOTS, plan
+from daq.__main__ import check, zero
+
+
+@pytest.mark.parametrize(
+    ("command", "assumed"),
+    [
+        # Twenty minutes and the last of the landing; a light breeze, 131 ft, porpoising from 0 to 2 g.
+        (plan, {"minutes": 21.0, "wind_kt": 5.0, "height_m": 40.0, "load": 2.0, "heading": 0.0}),
+        (probe, {"angle_scale": 0.5}),  # per cent
+        (transducers, {"reference_error": 0.5}),  # per cent, of a column of water
+        (weight_and_balance, {"reading_error": 0.005, "gain_error": 0.1, "position_error": 0.002}),  # kg, %, m
+        (zero, {"seconds": 10.0}),
+        (check, {"seconds": 5.0}),
+    ],
+)
+def test_an_option_that_is_not_given_has_its_usual_value(command: Callable[..., None], assumed: dict[str, Any]) -> None:
+    parameters = inspect.signature(command).parameters
+    assert {name: parameters[name].default for name in assumed} == assumed
+
+
+def test_the_lengths_of_legs_are_those_of_the_help() -> None:
+    help_of = str(inspect.signature(plan).parameters["leg_m"].annotation.__metadata__[0].help)
+    for pilot, words in (("line-of-sight", "{:.0f} m in line of sight"), ("autopilot", "{:.0f} m with an autopilot")):
+        assert words.format(PILOTS[pilot]) in help_of
