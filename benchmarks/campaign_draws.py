@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.pooling.flight_statistics import POOLED, FlightStatistics
-from analysis.pooling.joint import stacked
+from analysis.pooling.flight_statistics import POOLED, FlightStatistics, M
+from analysis.pooling.joint import OWN_CHANGES, stacked
 from analysis.pooling.pool import PooledResult, pool
 from sim.sensors.budget import load_budget
 
@@ -27,9 +27,10 @@ class Draws:
         """polar: (3,) that is flown. Flights: with a named installation."""
         stack = stacked(flights)
         self.flights, self.polar, self._rng = flights, polar, np.random.default_rng(seed)
-        self._own = np.linalg.inv(stack.gain)
-        self._information = stack.information
-        values, vectors = np.linalg.eigh(stack.information)
+        self._own, self._normal_matrix = np.linalg.inv(stack.gain), stack.normal_matrix
+        of_the_day = [[change for name, change in flight.changes.items() if name in OWN_CHANGES] for flight in flights]
+        by_changes = np.stack([sum((np.outer(c, c) for c in some), np.zeros((M, M))) for some in of_the_day])
+        values, vectors = np.linalg.eigh(stack.own_covariance - by_changes)  # the budget has none of these changes
         self._root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
 
     def shared(self) -> Array:
@@ -53,9 +54,9 @@ class Draws:
         flights = []
         for i in self._rng.integers(len(self.flights), size=number):
             flight = self.flights[i]
-            prior = flight.prior_information * flight.prior_mean
-            data = self._information[i] @ shared + self._root[i] @ self._rng.standard_normal(len(shared)) + prior
-            flights.append(flight._replace(values=self._own[i] @ data, installation="drawn"))
+            expected = self._own[i] @ (self._normal_matrix[i] @ shared + flight.prior_vector)
+            noise = self._root[i] @ self._rng.standard_normal(len(shared))
+            flights.append(flight._replace(values=expected + noise, installation="drawn"))
         return pool(flights)
 
 

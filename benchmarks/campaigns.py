@@ -31,7 +31,7 @@ from estimators import speeds
 from study import known_lines
 
 from analysis.drag import dynamic
-from analysis.drag.polar import flown_condition, flown_lift
+from analysis.drag.flown import flown_condition, flown_lift
 from analysis.maneuvers.selection import select
 from analysis.results.pooling_statistics import pooling_statistics
 from analysis.trajectory.priors import stated_sigma

@@ -91,7 +91,7 @@ def differences_to_others(stack: FlightStack, prior: Prior) -> list[Difference]:
 
 
 def _by_prior(pool: JointEstimate) -> Array:
-    return np.asarray((pool.prior_part * pool.prior_covariance) @ pool.prior_part.T)
+    return np.asarray(pool.prior_part @ pool.prior_covariance @ pool.prior_part.T)
 
 
 def _common(change: Array, pool: JointEstimate, counts: Array) -> Array:
@@ -111,7 +111,7 @@ def _difference(
 ) -> Difference:
     """Of one flight. own: (M, M) covariance by the errors that each flight has of its own."""
     prior = stack.prior_part[number] - pool.prior_part
-    covariance = own + (prior * pool.prior_covariance) @ prior.T
+    covariance = own + prior @ pool.prior_covariance @ prior.T
     for change in stack.changes.values():
         apart = change[number] - _common(change, pool, np.ones(len(change)) if counts is None else counts)
         covariance = covariance + np.outer(apart, apart)
@@ -146,7 +146,7 @@ def flights_covariance(stack: FlightStack, pool: JointEstimate, part: slice = PO
     """Covariance (k n, k n) of k parameters that each of n flights estimates alone; common errors correlate them."""
     n, k = stack.values[:, part].shape
     a = stack.prior_part[:, part].reshape(n * k, M)
-    covariance = (a * pool.prior_covariance) @ a.T
+    covariance = a @ pool.prior_covariance @ a.T
     for change in stack.changes.values():
         flat = change[:, part].ravel()
         covariance = covariance + np.outer(flat, flat)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
@@ -146,7 +147,8 @@ def _same_installation(a: JointPool, b: JointPool) -> bool:
 
 
 def _same_propeller(a: JointPool, b: JointPool) -> bool:
-    return a.flights[0].propeller_table == b.flights[0].propeller_table
+    first, other = a.flights[0], b.flights[0]
+    return (first.propeller_table, first.prior_measurements) == (other.propeller_table, other.prior_measurements)
 
 
 def _common_speeds(a: JointPool, b: JointPool, condition_b: Condition) -> Array:
@@ -176,10 +178,10 @@ def _joint_polars(
     installation = slice(_N_POLAR + _N_THRUST, M)
     at_b = at_a.copy()
     at_b[:_N_POLAR] += _N_POLAR
-    priors = [Prior(np.zeros(_N_POLAR), np.zeros(_N_POLAR)), prior_a]
+    priors = [Prior(np.zeros((_N_POLAR, _N_POLAR)), np.zeros(_N_POLAR)), prior_a]
     for shared, part in ((same_propeller, thrust), (same_installation, installation)):
         if not shared:
-            priors.append(Prior(b.prior.mean[part], b.prior.information[part]))
+            priors.append(Prior(b.prior.information[part, part], b.prior.vector[part]))
             at_b[part] = np.arange(end, end + len(at_b[part]))
             end += len(at_b[part])
     stack_b = b.stack
@@ -188,7 +190,7 @@ def _joint_polars(
     of_a, of_b = counts or (np.ones(len(a.flights)), np.ones(len(b.flights)))
     joint = solve(
         [Group(a.stack, at_a, of_a), Group(stack_b, at_b, of_b)],
-        Prior(np.concatenate([p.mean for p in priors]), np.concatenate([p.information for p in priors])),
+        Prior(block_diag(*(p.information for p in priors)), np.concatenate([p.vector for p in priors])),
     )
     polars = slice(0, 2 * _N_POLAR)
     floor = np.kron(np.ones((2, 2)) if same_installation else np.eye(2), covariance.floor())

@@ -21,11 +21,32 @@ POOLED = POLAR + THRUST + INSTALLATION  # shared by flights of one aircraft and 
 M = len(POOLED)
 
 
+class SharedMeasurement(NamedTuple):
+    """A linear combination of the shared parameters that was measured before the flights. coefficients: (M,)"""
+
+    name: str
+    coefficients: tuple[float, ...]
+    value: float
+    sigma: float
+
+    @property
+    def information(self) -> Array:
+        """(M, M)."""
+        row = np.array(self.coefficients) / self.sigma
+        return np.outer(row, row)
+
+    @property
+    def vector(self) -> Array:
+        """(M,), what it adds to information times mean."""
+        return np.array(self.coefficients) * self.value / self.sigma**2
+
+
 class FlightStatistics(NamedTuple):
     """One flight. Arrays in the order of POOLED, (M,) or (M, M); `results` is the content of its results.json.
 
     values, covariance : the flight's own estimate; errors that no residual shows are in `changes`
     prior_mean, prior_information : of that estimate; information 0 where there is no prior
+    prior_measurements : that add to this prior
     changes : by error, change of the values by one standard deviation
     polar_covariance : (3, 3) of the flight's own curve
     """
@@ -45,6 +66,17 @@ class FlightStatistics(NamedTuple):
     installation: str
     probe_calibration: str
     results: Mapping[str, Any]
+    prior_measurements: tuple[SharedMeasurement, ...] = ()
+
+    @property
+    def prior_matrix(self) -> Array:
+        """Information (M, M) of the prior."""
+        return sum((one.information for one in self.prior_measurements), np.diag(self.prior_information))
+
+    @property
+    def prior_vector(self) -> Array:
+        """(M,), information times mean of the prior."""
+        return sum((one.vector for one in self.prior_measurements), self.prior_information * self.prior_mean)
 
 
 def read_statistics(results: Path | Mapping[str, Any]) -> FlightStatistics:
@@ -107,6 +139,15 @@ def _parsed(found: Mapping[str, Any], content: Mapping[str, Any]) -> FlightStati
         installation=str(found["installation"]),
         probe_calibration=str(found["probe_calibration"]),
         results=content,
+        prior_measurements=tuple(
+            SharedMeasurement(
+                str(one["name"]),
+                tuple(float(one["coefficients"].get(name, 0.0)) for name in POOLED),
+                float(one["value"]),
+                float(one["sigma"]),
+            )
+            for one in found.get("prior_measurements", [])
+        ),
     )
     finite = (statistics.values, statistics.covariance, statistics.polar_covariance)
     if not all(np.isfinite(array).all() for array in finite):
@@ -139,6 +180,13 @@ def check_one_aircraft(flights: Sequence[FlightStatistics]) -> None:
                 " if nothing was moved between them",
             ),
             (
+                first.prior_measurements != other.prior_measurements,
+                "two measurements of thrust on a stand",
+                (_measured(first), _measured(other)),
+                "analyze both logs with one file of `calibrate thrust` (`--thrust-stand`), or pool each alone and"
+                " compare the two pools",
+            ),
+            (
                 first.probe_calibration != other.probe_calibration,
                 "two calibrations of the probe or its transducers",
                 (first.probe_calibration, other.probe_calibration),
@@ -151,3 +199,7 @@ def check_one_aircraft(flights: Sequence[FlightStatistics]) -> None:
                     f"{what} in one pool: {first.name} has {values[0]}, {other.name} has {values[1]}; their errors are"
                     f" not the same; {advice}"
                 )
+
+
+def _measured(flight: FlightStatistics) -> str:
+    return ", ".join(f"{one.value:+.3f} ± {one.sigma:.3f}" for one in flight.prior_measurements) or "none"

@@ -1,8 +1,11 @@
 """The joint estimate of several flights: normal equations over what they share, each prior used once.
 
-Flight f estimates v_f with covariance S_f, prior included. Its information without the prior is L_f = S_f^-1 - P. The
-pool has the information P + sum L_f (Bayesian linear update; Tapley et al. 2004, sec. 4.5). The flight's own errors
-(biases of the IMU, wind, gusts, zeros) have been marginalized: they are in S_f.
+A flight is estimated in two steps: the errors of its installation along the flight path, and then drag and thrust for
+these errors. What drag shows of the errors is not used, so a pool may not use it either: the prior of thrust would
+move the airspeed scale. Each step has a prior, and the normal equations of each are added over the flights without the
+prior and with the prior once (Tapley et al. 2004, sec. 4.5): those of the first step alone, those of the second at the
+pooled errors. Together their matrix is triangular by blocks. A flight's own errors (biases of the IMU, wind, gusts,
+zeros) have been marginalized: they are in its covariance.
 
 Where nothing says that the probe stayed mounted, each flight has its own deviation from the shared errors of the
 installation, with the variance Q. The prior of the shared part is smaller by Q, so that a single flight has its own
@@ -31,7 +34,8 @@ class FlightStack(NamedTuple):
     """Flights in the normal equations: arrays (n, M) or (n, M, M).
 
     values : the flights' own estimates
-    information, vector : without the prior, deviations of a flight's own installation marginalized
+    normal_matrix, vector : matrix and right-hand side of the normal equations without the prior; deviations of a
+        flight's own installation are marginalized
     gain : derivative of `vector` by the flight's own estimate
     prior_part : derivative of the flight's own estimate by an error of the prior's mean
     own_covariance : of the flight's own estimate for given shared parameters
@@ -39,7 +43,7 @@ class FlightStack(NamedTuple):
     """
 
     values: Array
-    information: Array
+    normal_matrix: Array
     vector: Array
     gain: Array
     prior_part: Array
@@ -48,10 +52,24 @@ class FlightStack(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """Mean and information of the shared parameters; information 0 where there is no prior."""
+    """Of the shared parameters (k,): information (k, k), 0 where there is no prior, and information times mean (k,)."""
 
-    mean: Array
     information: Array
+    vector: Array
+
+    @property
+    def covariance(self) -> Array:
+        """(k, k); 0 where there is no prior."""
+        known = np.diag(self.information) > 0
+        covariance = np.zeros(self.information.shape)
+        own = self.information[np.ix_(known, known)]
+        scale = 1 / np.sqrt(np.diag(own))
+        off_diagonal = own - np.diag(np.diag(own))
+        if not off_diagonal.any():
+            covariance[known, known] = 1 / np.diag(own)
+        else:
+            covariance[np.ix_(known, known)] = np.linalg.inv(own * np.outer(scale, scale)) * np.outer(scale, scale)
+        return covariance
 
 
 class Group(NamedTuple):
@@ -66,14 +84,13 @@ class Group(NamedTuple):
 
 
 class JointEstimate(NamedTuple):
-    """The solution: x (k,), covariance (k, k) by noise and priors; influences (n, k, M) of each group's estimates.
+    """The solution x (k,), and influences (n, k, M) of each group's estimates on it.
 
-    prior_part : (k, k) derivative of x by an error of the prior's mean     prior_covariance : (k,) variances
+    prior_part : (k, k) derivative of x by an error of the prior's mean     prior_covariance : (k, k)
     total : (k, k) covariance with the errors that no residual shows, the floor of `analysis.drag.covariance` excepted
     """
 
     x: Array
-    covariance: Array
     influences: list[Array]
     prior_part: Array
     prior_covariance: Array
@@ -89,13 +106,13 @@ def remounting_variance(flight: FlightStatistics) -> Array:
 
 def stacked(flights: Sequence[FlightStatistics]) -> FlightStack:
     """Flights as arrays."""
-    information, vector, gain, prior_part, own_covariance = (
-        np.stack(part) for part in zip(*(_information(flight) for flight in flights), strict=True)
+    normal_matrix, vector, gain, prior_part, own_covariance = (
+        np.stack(part) for part in zip(*(_normal_equations(flight) for flight in flights), strict=True)
     )
     names = sorted({name for flight in flights for name in flight.changes} - OWN_CHANGES)
     changes = {name: np.stack([flight.changes.get(name, np.zeros(M)) for flight in flights]) for name in names}
     values = np.stack([flight.values for flight in flights])
-    return FlightStack(values, information, vector, gain, prior_part, own_covariance, changes)
+    return FlightStack(values, normal_matrix, vector, gain, prior_part, own_covariance, changes)
 
 
 def take(stack: FlightStack, numbers: Sequence[int]) -> FlightStack:
@@ -106,52 +123,88 @@ def take(stack: FlightStack, numbers: Sequence[int]) -> FlightStack:
     return FlightStack(**arrays, changes=changes)
 
 
-def _information(flight: FlightStatistics) -> tuple[Array, Array, Array, Array, Array]:
-    """Of `FlightStack`: information, vector, gain, prior_part, own_covariance."""
-    P, S = np.diag(flight.prior_information), flight.covariance
-    scale = np.sqrt(np.diag(S))
-    own, vectors = np.linalg.eigh(np.linalg.inv(S / np.outer(scale, scale)) - P * np.outer(scale, scale))
-    L = (vectors * np.maximum(own, 0.0)) @ vectors.T / np.outer(scale, scale)
-    K = L + P
-    excess = np.zeros((M, M))
-    if own[0] < -1e-9 * own[-1]:  # the estimate is less certain than its prior: colored residuals, random draws
-        excess = S - np.linalg.inv(K)
-        S = np.linalg.inv(K)
-    vector = K @ flight.values - P @ flight.prior_mean
+class _DataInformation(NamedTuple):
+    """What the data say: information (k, k) without the prior, and by how much (k, k) the covariance exceeds the
+    prior's where an estimate is less certain than its prior (colored residuals, random draws)."""
+
+    information: Array
+    excess: Array
+
+
+def _without_prior(covariance: Array, prior: Array) -> _DataInformation:
+    """Of an estimate with this covariance, the prior's information (k, k) included."""
+    scale = np.sqrt(np.diag(covariance))
+    own, vectors = np.linalg.eigh(np.linalg.inv(covariance / np.outer(scale, scale)) - prior * np.outer(scale, scale))
+    information = (vectors * np.maximum(own, 0.0)) @ vectors.T / np.outer(scale, scale)
+    excess = np.zeros_like(covariance)
+    if own[0] < -1e-9 * own[-1]:
+        excess = covariance - np.linalg.inv(information + prior)
+    return _DataInformation(information, excess)
+
+
+def _normal_equations(flight: FlightStatistics) -> tuple[Array, Array, Array, Array, Array]:
+    """Of `FlightStack`: normal_matrix, vector, gain, prior_part, own_covariance.
+
+    s: errors of the installation, the first step, with the covariance S_ss. r: drag and thrust, the second step, which
+    change by `slope` times s and have the covariance S_rr - slope S_ss slope' for given s.
+    """
+    P, S = flight.prior_matrix, flight.covariance
+    s, r = np.flatnonzero(_INSTALLATION), np.flatnonzero(~_INSTALLATION)
+    ss, rr, rs = np.ix_(s, s), np.ix_(r, r), np.ix_(r, s)
+    slope = np.linalg.solve(S[ss], S[rs].T).T
+    first = _without_prior(S[ss], P[ss])
+    second = _without_prior(S[rr] - slope @ S[rs].T, P[rr])
+    gain, inverse, noise, excess = (np.zeros((M, M)) for _ in range(4))
+    gain[ss], gain[rr] = first.information + P[ss], second.information + P[rr]
+    gain[rs] = -gain[rr] @ slope
+    inverse[ss], inverse[rr] = np.linalg.inv(gain[ss]), np.linalg.inv(gain[rr])
+    inverse[rs] = slope @ inverse[ss]
+    noise[ss], noise[rr] = first.information, second.information
+    by_first = np.zeros((M, len(s)))
+    by_first[s], by_first[r] = np.eye(len(s)), slope
+    excess[rr] = second.excess
+    excess = excess + by_first @ first.excess @ by_first.T
+
+    normal_matrix, vector = gain - P, gain @ flight.values - flight.prior_vector
     Q = remounting_variance(flight)
     moved = Q > 0
     shrink = np.eye(M)
     if moved.any():
-        inner = np.linalg.inv(L[np.ix_(moved, moved)] + np.diag(1 / Q[moved]))
-        shrink[:, moved] -= L[:, moved] @ inner
-    own_covariance = S @ (L + L @ np.diag(Q) @ L) @ S + excess
+        inner = np.linalg.inv(normal_matrix[np.ix_(moved, moved)] + np.diag(1 / Q[moved]))
+        shrink[:, moved] -= normal_matrix[:, moved] @ inner
+    score = noise + normal_matrix @ np.diag(Q) @ normal_matrix.T
+    own_covariance = inverse @ score @ inverse.T + excess
     for name, change in flight.changes.items():
         if name in OWN_CHANGES:
             own_covariance = own_covariance + np.outer(change, change)
-    return shrink @ L, shrink @ vector, shrink @ K, S @ P, own_covariance
+    return shrink @ normal_matrix, shrink @ vector, shrink @ gain, inverse @ P, own_covariance
 
 
 def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
-    """The prior of what the flights share; the widest, where theirs differ."""
+    """The prior of what the flights share; the widest, where theirs differ. What was measured on a stand is that of
+    the first: flights of one propeller have the same."""
     widest = np.min([flight.prior_information for flight in flights], axis=0)
     share = 1.0 if flights[0].installation else 1 - REMOUNTED**2
-    return Prior(flights[0].prior_mean, np.where(_INSTALLATION, widest / share, widest))
+    own = np.where(_INSTALLATION, widest / share, widest)
+    measured = flights[0].prior_measurements
+    return Prior(
+        sum((one.information for one in measured), np.diag(own)),
+        sum((one.vector for one in measured), own * flights[0].prior_mean),
+    )
 
 
 def solve(groups: Sequence[Group], prior: Prior) -> JointEstimate:
     """Solve for all parameters (k,) that the flights share."""
-    H, b = np.diag(prior.information), prior.information * prior.mean
+    H, b = prior.information.copy(), prior.vector.copy()  # not symmetric: the first step does not see the second
     for stack, at, counts in groups:
-        H[np.ix_(at, at)] += np.tensordot(counts, stack.information, 1)
+        H[np.ix_(at, at)] += np.tensordot(counts, stack.normal_matrix, 1)
         b[at] += counts @ stack.vector
     scale = 1 / np.sqrt(np.diag(H))
-    C = np.linalg.inv(H * np.outer(scale, scale)) * np.outer(scale, scale)
-    C = (C + C.T) / 2
-    influences = [C[:, at] @ stack.gain for stack, at, _ in groups]
-    with np.errstate(divide="ignore"):
-        prior_covariance = np.where(prior.information > 0, 1 / prior.information, 0.0)
-    prior_part = C * prior.information
-    total = (prior_part * prior_covariance) @ prior_part.T
+    solution = np.linalg.inv(H * np.outer(scale, scale)) * np.outer(scale, scale)
+    influences = [solution[:, at] @ stack.gain for stack, at, _ in groups]
+    prior_covariance = prior.covariance
+    prior_part = solution @ prior.information
+    total = prior_part @ prior_covariance @ prior_part.T
     changes: dict[str, Array] = {}
     for W, (stack, _, counts) in zip(influences, groups, strict=True):
         total += np.einsum("f,fij,fjk,flk->il", counts, W, stack.own_covariance, W, optimize=True)
@@ -159,7 +212,7 @@ def solve(groups: Sequence[Group], prior: Prior) -> JointEstimate:
             changes[name] = changes.get(name, 0.0) + np.einsum("f,fij,fj->i", counts, W, change, optimize=True)
     for change in changes.values():
         total += np.outer(change, change)
-    return JointEstimate(C @ b, C, influences, prior_part, prior_covariance, total)
+    return JointEstimate(solution @ b, influences, prior_part, prior_covariance, total)
 
 
 def pooled_estimate(stack: FlightStack, prior: Prior, counts: Sequence[float] = ()) -> JointEstimate:

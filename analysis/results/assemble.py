@@ -79,7 +79,8 @@ def assemble(
         parameters=[
             ParameterResult(name=name, value=value, standard_error=error, unit=unit)
             for name, value, error, unit in drag.main.parameters
-        ],
+        ]
+        + ([flight_found.static_thrust(drag.main)] if aircraft.propulsion.static_thrust_ratio is not None else []),
         drag_polar=power_curves.drag_polar(polar, aircraft),
         power_required=power_required,
         power_required_standard=power_curves.power_curve(polar, standard, flown_CL, (flown, condition)),

@@ -4,9 +4,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.dynamic import POLAR, THRUST, DynamicEstimate
+from analysis.drag.dynamic import POLAR, DynamicEstimate
+from analysis.drag.forces import J_REFERENCE
 from analysis.drag.polar import Condition
+from analysis.drag.thrust_prior import THRUST
 from analysis.performance.conditions import density_altitude_m
+from analysis.results.schema import ParameterResult
 from analysis.results.schema_provenance import AirFound, Correlation, RunResidual, Track
 from analysis.trajectory.reconstruction import Trajectory
 
@@ -76,6 +79,14 @@ def parameter_correlation(estimate: DynamicEstimate) -> Correlation:
     scale = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0)
     matrix = covariance * np.outer(scale, scale)
     return Correlation(names=[*POLAR, *THRUST], matrix=np.round(matrix, 4).tolist())
+
+
+def static_thrust(estimate: DynamicEstimate) -> ParameterResult:
+    """Thrust at rest over that of the table by the estimate, 1 + thrust_scale - J_REFERENCE thrust_slope."""
+    row = np.array([0.0, 0.0, 0.0, 1.0, -J_REFERENCE])
+    error = float(np.sqrt(row @ (estimate.noise + estimate.systematic) @ row))
+    value = 1 + float(row @ estimate.values)
+    return ParameterResult(name="static_thrust_ratio", value=value, standard_error=error, unit="")
 
 
 def track(trajectory: Trajectory) -> Track:

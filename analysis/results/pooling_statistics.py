@@ -17,6 +17,15 @@ FORMAT = "flightpower-pooling-1"
 CLOCK_SET_UNIX_S = 1.5e9  # 2017: an earlier time is that of a clock without battery
 
 
+class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):
+    """A linear combination of the parameters that was measured before the flight: part of the prior."""
+
+    name: str
+    coefficients: dict[str, float]  # by name of the parameter
+    value: float
+    sigma: float
+
+
 class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True):
     """Sufficient statistics of one flight: estimates, their joint covariance, and the priors that are part of it."""
 
@@ -26,6 +35,7 @@ class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True):
     covariance: list[list[float]]  # lower triangle; by noise and sensor errors
     prior_mean: list[float]
     prior_sigma: list[float | None]  # null where there is no prior
+    prior_measurements: list[PriorMeasurementStatistics] | msgspec.UnsetType = msgspec.UNSET  # absent where none is
     changes: dict[str, list[float]]  # of the values, by one standard deviation of errors that no residual shows
     polar_covariance: list[list[float]]  # (3, 3) of this flight's own curve: everything together
     flown_CL: tuple[float, float]
@@ -57,6 +67,13 @@ def pooling_statistics(
         covariance=[row[: i + 1] for i, row in enumerate(joint.covariance.tolist())],
         prior_mean=joint.prior_mean.tolist(),
         prior_sigma=[float(sigma) if np.isfinite(sigma) else None for sigma in joint.prior_sigma],
+        prior_measurements=[
+            PriorMeasurementStatistics(
+                name=one.name, coefficients=dict(one.coefficients), value=one.value, sigma=one.sigma
+            )
+            for one in joint.prior_measurements
+        ]
+        or msgspec.UNSET,
         changes={name: change.tolist() for name, change in joint.changes.items() if np.any(change)},
         polar_covariance=estimate.polar.covariance.tolist(),
         flown_CL=flown_CL,

@@ -7,11 +7,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
+from analysis.drag.flown import largest_lift
 from analysis.drag.polar import (
     Condition,
     Polar,
     classic_form,
-    largest_lift,
     lift_coefficient,
     maximum_lift_to_drag,
     optimum_speed,

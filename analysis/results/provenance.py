@@ -6,7 +6,7 @@ from pathlib import Path
 
 from analysis.log_contents import LogContents, Replacements
 from analysis.results.schema_provenance import Provenance, SensorHealth, SourceFile
-from flight.log_entries import STATUS_CODE, entries_of
+from flight.log_entries import STATUS_CODE
 from flight.log_reader import Log
 from flight.messages import Event, Gps, Status, Tick
 from flight.satellite_time import satellites_minus_log_time_ns
@@ -20,6 +20,7 @@ ROLES = {
     "probe.json": "probe calibration",
     "magnetometer.json": "magnetometer calibration",
     "transducers.json": "transducer calibration",
+    "thrust_stand.json": "thrust on a stand",
     "zero.json": "still-air zero",
 }
 READ_BYTES = 2**20
@@ -50,7 +51,7 @@ def provenance(
         ticks=len(ticks) if ticks else None,
         ticks_missed=sum(tick.missed for tick in ticks) if ticks else None,
         sensors=[
-            _health(topic, entries_of(entries).status.tobytes())
+            _health(topic, entries.status.tobytes())
             for topic, entries in log.entries.items()
             if entries and topic not in NOT_SENSORS
         ],
@@ -123,6 +124,7 @@ def _files(log: Log, contents: LogContents, replacements: Replacements, runs_fil
         "probe.json": contents.probe.source,
         "magnetometer.json": "" if contents.magnetometer else None,
         "transducers.json": contents.transducers.source if contents.transducers else None,
+        "thrust_stand.json": contents.thrust_stand.source if contents.thrust_stand else None,
         "zero.json": None if contents.zero is None else "",
     }
     files = []

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+from msgspec import UNSET
+
 from analysis.report.answers import optimum_speed_text
 from analysis.report.html_page import HtmlTable
 from analysis.report.parameter_meaning import meaning
@@ -23,6 +25,7 @@ class CurveSection(NamedTuple):
     table: HtmlTable
     shared_part: str  # at which speed how much of the interval all runs share; "" where it is not known
     parameters: HtmlTable
+    stand: str  # thrust on the stand; "" without one
 
 
 def curve_section(results: Results) -> CurveSection:
@@ -46,6 +49,21 @@ def curve_section(results: Results) -> CurveSection:
                 for p in results.parameters
             ],
         ),
+        stand=_stand(results),
+    )
+
+
+def _stand(results: Results) -> str:
+    """What was known of thrust at rest before the flight, and what the flight makes of it."""
+    measurements = results.pooling.prior_measurements if results.pooling else UNSET
+    found = next((p for p in results.parameters if p.name == "static_thrust_ratio"), None)
+    if found is None or not measurements:
+        return ""
+    before = measurements[0]
+    return (
+        f"Thrust at rest was measured on a stand: {1 + before.value:.3f} ± {before.sigma:.3f} times that of the"
+        " propeller table (standard error, with that of the straight line from rest to flight). With this flight it is"
+        f" {found.value:.3f} ± {found.standard_error:.3f}."
     )
 
 

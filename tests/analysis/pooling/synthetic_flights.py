@@ -1,4 +1,8 @@
-"""Synthetic statistics of flights: draws from the model that the joint estimate assumes."""
+"""Synthetic statistics of flights: draws from the model that the joint estimate assumes.
+
+Two steps, as in an analysis: the errors of the installation with their prior; then drag and thrust for these, with the
+prior of thrust, whose effect is not fed back to the first step.
+"""
 
 from typing import Any
 
@@ -25,6 +29,8 @@ BY_OTHERS[:, 3:] = np.array(
         [0.02, 0.002, 1e-4, 0.05, 0.06, 0, 0.05, 0.03],
     ]
 )
+# Change of thrust scale and slope by the errors of the installation: drag and thrust are told apart by airspeed.
+THRUST_BY_ERRORS = np.array([[0, 0, 0, -0.26, 0.30], [0.1, 0, 0, -1.45, 0.19], [0, 0, 0, 0, 0]])
 CHANGES = {"weight": np.r_[1e-4, -4e-5, 1.2e-4, 2e-3, np.zeros(M - 4)]}
 
 
@@ -34,17 +40,32 @@ def truth(rng: np.random.Generator, polar: Array = POLAR) -> Array:
 
 
 def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **facts: Any) -> dict[str, Any]:
-    """The results of a flight with the shared parameters x. Its posterior, prior included, is exact.
+    """The results of a flight with the shared parameters x. Its covariance, priors included, is exact.
 
-    noise : factor on the standard deviations     facts : replace `installation`, `aircraft`, `prior_sigma`, ...
+    noise : factor on the standard deviations     facts : replace `installation`, `aircraft`, `prior_sigma`, ...;
+    `stand`: a measurement of thrust before the flight, as `results.json` has it
     """
     sigma = facts.get("prior_sigma", PRIOR_SIGMA)
-    J = np.eye(M)
-    J[:3] += BY_OTHERS
-    whitened = np.diag(1 / (noise * NOISE)) @ np.linalg.inv(J)
-    information, P = whitened.T @ whitened, np.diag(sigma**-2.0)
-    data = whitened @ x + rng.standard_normal(M)
-    S = np.linalg.inv(information + P)
+    P = np.diag(sigma**-2.0)
+    vector, measured = P @ PRIOR_MEAN, [facts["stand"]] if "stand" in facts else []
+    for one in measured:
+        h = np.array([one["coefficients"].get(key, 0.0) for key in POOLED]) / one["sigma"]
+        P, vector = P + np.outer(h, h), vector + h * one["value"] / one["sigma"]
+    error = noise * NOISE * rng.standard_normal(M)
+    first, second = slice(6, M), slice(0, 6)
+    data_information = np.diag((noise * NOISE) ** -2.0)
+    C_first = np.linalg.inv(data_information[first, first] + P[first, first])
+    errors = C_first @ (data_information[first, first] @ (x + error)[first] + vector[first])
+    # Drag shows A + BY_OTHERS times the errors of thrust and installation, thrust itself.
+    J = np.eye(6)
+    J[:3, 3:] = BY_OTHERS[:, 3:6]
+    whitened = np.diag(1 / (noise * NOISE[second])) @ np.linalg.inv(J)
+    by_errors = np.vstack([BY_OTHERS[:, 6:], THRUST_BY_ERRORS])
+    C_second = np.linalg.inv(whitened.T @ whitened + P[second, second])
+    shown = x[second] + by_errors @ (errors - x[first]) + J @ error[second]
+    drag = C_second @ (whitened.T @ whitened @ shown + vector[second])
+    slope = C_second @ whitened.T @ whitened @ by_errors
+    S = np.block([[C_second + slope @ C_first @ slope.T, slope @ C_first], [C_first @ slope.T, C_first]])
     S = (S + S.T) / 2
     total = S[:3, :3] + covariance.floor() + sum(np.outer(c[:3], c[:3]) for c in CHANGES.values())
     return {
@@ -61,10 +82,11 @@ def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **
         "pooling": {
             "format": FORMAT,
             "names": list(POOLED),
-            "values": (S @ (whitened.T @ data + P @ PRIOR_MEAN)).tolist(),
+            "values": [*drag.tolist(), *errors.tolist()],
             "covariance": [row[: i + 1] for i, row in enumerate(S.tolist())],
             "prior_mean": PRIOR_MEAN.tolist(),
             "prior_sigma": [s if np.isfinite(s) else None for s in sigma.tolist()],
+            **({"prior_measurements": measured} if measured else {}),
             "changes": {key: change.tolist() for key, change in CHANGES.items()},
             "polar_covariance": total.tolist(),
             "flown_CL": [0.25, 1.0],

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic_flights import POLAR, PRIOR_SIGMA, flight, truth
+from synthetic_flights import CHANGES, POLAR, PRIOR_MEAN, PRIOR_SIGMA, flight, truth
 
 from analysis.drag import covariance
 from analysis.drag.polar import Polar
@@ -46,6 +46,40 @@ def test_one_flight_equals_its_own_analysis_and_the_equations_agree() -> None:
     np.testing.assert_allclose(total, pooled.polar.covariance, rtol=1e-7, atol=1e-16)
 
 
+STAND = {
+    "name": "stand", "coefficients": {"thrust_scale": 1.0, "thrust_slope": -0.5}, "value": 0.04, "sigma": 0.02
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_a_stand_counts_once_in_a_pool(number: int) -> None:
+    """The pool is that of the same flights without a stand, and then the stand's measurement: a Kalman update of drag
+    and thrust for given errors of the installation, which thrust does not change."""
+    with_stand, without = (pool_results(campaign(5, number, **facts)).estimate for facts in ({"stand": STAND}, {}))
+    h = np.array([STAND["coefficients"].get(name, 0.0) for name in POOLED])  # type: ignore[attr-defined]
+    Ch = without.prior_part @ (np.where(h, PRIOR_SIGMA, 0.0) ** 2 * h)
+    gain = Ch / (h @ Ch + STAND["sigma"] ** 2)  # type: ignore[operator]
+    expected = without.x + gain * (STAND["value"] - h @ without.x)
+    np.testing.assert_allclose(with_stand.x, expected, rtol=1e-6, atol=1e-9)
+    left = np.eye(len(h)) - np.outer(gain, h)
+    total = left @ without_weight(without) @ left.T + STAND["sigma"] ** 2 * np.outer(gain, gain)  # type: ignore[operator]
+    np.testing.assert_allclose(without_weight(with_stand), total, rtol=1e-5, atol=1e-12)
+
+
+def without_weight(estimate) -> np.ndarray:
+    """The covariance by noise and priors."""
+    change = estimate.influences[0].sum(axis=0) @ CHANGES["weight"]
+    return np.asarray(estimate.total - np.outer(change, change))
+
+
+def test_flights_with_two_stands_are_not_one_pool() -> None:
+    flights = [*campaign(5, 1, stand=STAND), *campaign(6, 1)]
+    with pytest.raises(
+        InputError, match=r"two measurements of thrust on a stand .* \+0.040 ± 0.020, .* has none; .*--thr"
+    ):
+        pool_results(flights)
+
+
 def test_flights_with_different_stated_priors_are_pooled_with_the_widest() -> None:
     """The same data, analysed with a narrower prior once: its own prior is subtracted, so the pool is the same."""
     x, narrower = truth(np.random.default_rng(0)), PRIOR_SIGMA / np.where(np.arange(len(PRIOR_SIGMA)) > 2, 2.0, 1.0)
@@ -56,7 +90,25 @@ def test_flights_with_different_stated_priors_are_pooled_with_the_widest() -> No
 
     mixed, wide = pooled(narrower), pooled(PRIOR_SIGMA)
     np.testing.assert_allclose(mixed.estimate.x, wide.estimate.x, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(mixed.estimate.covariance, wide.estimate.covariance, rtol=1e-6, atol=1e-15)
+    np.testing.assert_allclose(without_weight(mixed.estimate), without_weight(wide.estimate), rtol=1e-6, atol=1e-15)
+
+
+def test_the_prior_of_thrust_moves_a_pool_of_twenty_flights_by_its_own_share_only() -> None:
+    """Thrust 2 and 1.5 prior standard deviations beyond its table, in 60 campaigns of 20 flights: the prior of thrust
+    moves neither the airspeed scale nor the polar by more than its own share."""
+    rng, campaigns, known = np.random.default_rng(11), 60, np.isfinite(PRIOR_SIGMA)
+    errors, totals = [], []
+    for _ in range(campaigns):
+        x = truth(rng)
+        x[3:5] = [0.036, -0.22]
+        pooled = pool_results([flight(x, rng, str(i)) for i in range(20)])
+        prior = pooled.estimate.prior_part
+        errors.append(pooled.estimate.x - x - prior @ np.where(known, PRIOR_MEAN - x, 0.0))
+        by_prior = prior @ np.diag(np.where(known, PRIOR_SIGMA, 0.0) ** 2) @ prior.T
+        totals.append(np.diag(without_weight(pooled.estimate) - by_prior))
+    mean, sigma = np.mean(errors, axis=0), np.sqrt(np.mean(totals, axis=0))
+    assert np.all(np.abs(mean) < 3.5 * sigma / np.sqrt(campaigns))
+    assert np.std(errors, axis=0) == pytest.approx(sigma, rel=0.35)
 
 
 def test_one_flight_without_a_named_installation_equals_its_own_analysis_too() -> None:

@@ -35,6 +35,14 @@ def test_alarms_without_a_difference_are_rare_and_the_interval_covers() -> None:
         assert np.mean(inside) == pytest.approx(0.95, abs=0.05)
 
 
+def test_two_measurements_of_thrust_at_rest_are_two_propellers() -> None:
+    """Of one table: whether the propeller is the same is not known, so its errors do not cancel."""
+    stand = {"name": "stand", "coefficients": {"thrust_scale": 1.0, "thrust_slope": -0.5}, "value": 0.0, "sigma": 0.03}
+    assert compared(1, 1.0).same_propeller
+    found = compared(1, 1.0, stand=stand)  # type: ignore[arg-type]
+    assert not found.same_propeller and np.all(found.half_width_percent > compared(1, 1.0).half_width_percent)
+
+
 def test_a_difference_is_seen_and_shared_errors_cancel() -> None:
     same, other = compared(1, 1.05), compared(1, 1.05, installation="nose")
     assert same.differs

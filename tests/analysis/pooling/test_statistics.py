@@ -7,7 +7,7 @@ import pytest
 from analysis.log_contents import Replacements, contents
 from analysis.results.pooling_statistics import start_unix_s
 from flight.aircraft import parse_aircraft
-from flight.log_entries import LogEntry
+from flight.log_entries import NO_ENTRIES, LogEntry, entries_of
 from flight.log_reader import Log
 from flight.messages import Time
 from flight.propeller_files import load_propeller
@@ -37,5 +37,6 @@ def test_the_installation_is_named_by_the_aircraft_file_or_else_by_the_tray_file
 
 def test_the_start_of_a_flight_is_unknown_where_the_clock_was_not_set() -> None:
     for time_s, start_s in ((1.7e9, 1.7e9), (86400.0, None)):
-        entries = {"/rpm": [], "/time": [LogEntry(int(time_s * 1e9), 0, Time()), LogEntry(2 * 10**18, 1, Time())]}
+        times = [LogEntry(int(time_s * 1e9), 0, Time()), LogEntry(2 * 10**18, 1, Time())]
+        entries = {"/rpm": NO_ENTRIES, "/time": entries_of(times)}
         assert start_unix_s(Log(Path("flight.mcap"), entries)) == start_s

@@ -62,10 +62,12 @@ def test_each_correlation_stands_in_its_row_and_column_with_the_color_of_its_sig
 
 
 def test_the_path_s_airspeed_and_angle_of_attack_are_relative_to_the_wind() -> None:
-    """Level flight to the north at 15 m/s through the air with the nose 5 deg up, in 4 m/s of wind from the south."""
-    one = np.ones(50)
-    states = {"v_north": 19 * one, "v_east": 0 * one, "v_down": 0 * one, "wind_north": 4 * one, "wind_east": 0 * one}
-    states |= {"phi": 0 * one, "theta": np.radians(5) * one, "psi": 0 * one}
+    """To the north at 15 m/s through the air, down by 10 deg with the nose 5 deg below the horizon, in 4 m/s of wind
+    from the south and 2 m/s from the west."""
+    one, descent = np.ones(50), np.radians(10)
+    states = {"v_north": (15 * np.cos(descent) + 4) * one, "v_east": 2 * one, "v_down": 15 * np.sin(descent) * one}
+    states |= {"wind_north": 4 * one, "wind_east": 2 * one}
+    states |= {"phi": 0 * one, "theta": np.radians(-5) * one, "psi": 0 * one}
 
     class Blocks(dict):
         flying, t_s = np.arange(50) > 10, np.arange(50) * 0.2

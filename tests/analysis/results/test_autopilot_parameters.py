@@ -1,8 +1,11 @@
 """Values to type into an autopilot: units of each firmware, what is withheld."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from analysis.results.autopilot_parameters import FlightValues, around, typed_in, wing_loading_of
+from analysis.results.autopilot_parameters import FlightValues, around, of_power_required, typed_in, wing_loading_of
+from flight.atmosphere import SEA_LEVEL_DENSITY
 
 
 def values(**given: object) -> FlightValues:
@@ -35,3 +38,69 @@ def test_what_is_not_known_is_withheld_with_what_it_takes() -> None:
     assert not {one.name for one in parameters} & {"FW_T_SINK_MIN", "SOAR_POLAR_CD0", "cruise_power", "ARSPD_RATIO"}
     told = " ".join(withheld)
     assert all(name in told for name in ("FW_T_SINK_MIN", "SOAR_POLAR_CD0", "cruise_power", "ARSPD_RATIO"))
+
+
+def curve_of(use: object = None, best: tuple[float | None, float | None, float | None] = (15.0, 14.0, 16.5)) -> object:
+    """Results of an aircraft of 40 N at 1.0 kg/m^3 that flew 12 to 20 m/s: power 10 W per m/s, known to a tenth."""
+    speeds = [12.0, 14.0, 16.0, 18.0, 20.0]
+    curve = [SimpleNamespace(speed_mps=v, power_W=10 * v, power_lo_W=9 * v, power_hi_W=11 * v) for v in speeds]
+    return SimpleNamespace(
+        power_required=curve,
+        use=use,
+        test=SimpleNamespace(air_density_kgpm3=1.0, weight_N=40.0),
+        best_range_speed=SimpleNamespace(speed_mps=best[0], lo_mps=best[1], hi_mps=best[2]),
+        aircraft=SimpleNamespace(wing_area_m2=0.5),
+    )
+
+
+def told(results: object) -> dict[str, tuple[float, float, float]]:
+    return {one.name: (one.value, one.lo, one.hi) for one in of_power_required(results)[0]}  # type: ignore[arg-type]
+
+
+TO_EQUIVALENT = (1.0 / SEA_LEVEL_DENSITY) ** 0.5
+
+
+@pytest.mark.parametrize(
+    ("best", "cruise"),
+    [
+        ((15.0, 14.0, 16.5), (15.0, 14.0, 16.5)),
+        ((15.0, None, 16.5), (15.0, 12.0, 16.5)),  # no lower end: down to the slowest flown
+        ((11.0, 10.0, 11.5), (12.0, 12.0, 12.0)),  # slower than was flown
+        ((21.0, 19.0, 23.0), (20.0, 19.0, 23.0)),
+        ((None, None, None), (12.0, 12.0, 12.0)),
+    ],
+)
+def test_the_cruise_is_that_of_best_range_among_the_speeds_flown(best, cruise) -> None:
+    """As equivalent airspeed."""
+    found = told(curve_of(best=best))
+    assert found["FW_AIRSPD_TRIM"] == pytest.approx(tuple(v * TO_EQUIVALENT for v in cruise))
+    assert found["FW_AIRSPD_MIN"] == pytest.approx((12.0 * TO_EQUIVALENT,) * 3)
+    assert found["FW_AIRSPD_MAX"] == pytest.approx((20.0 * TO_EQUIVALENT,) * 3)
+
+
+def test_sink_is_power_required_over_weight() -> None:
+    assert told(curve_of())["FW_T_SINK_MIN"] == pytest.approx((150 / 40.0, 135 / 40.0, 165 / 40.0))
+
+
+def test_the_cruise_s_power_is_as_uncertain_as_the_range() -> None:
+    """Of the battery: as much energy over a range of 30 to 50 km, 40 km in the middle."""
+    distance = SimpleNamespace(value=40e3, lo=30e3, hi=50e3)
+    cruise = SimpleNamespace(value=16.0, lo=15.0, hi=17.0)
+    case = SimpleNamespace(range_speed_mps=cruise, range_power_W=200.0, range_m=distance)
+    found = told(curve_of(SimpleNamespace(loadings=[case])))
+    assert found["cruise_power"] == pytest.approx((20_000.0, 16_000.0, 20_000.0 * 4 / 3))
+    assert found["FW_AIRSPD_TRIM"] == pytest.approx(tuple(v * TO_EQUIVALENT for v in (16.0, 15.0, 17.0)))
+    case.range_m = SimpleNamespace(value=40e3, lo=-1.0, hi=90e3)
+    assert "cruise_power" not in told(curve_of(SimpleNamespace(loadings=[case])))
+
+
+def test_a_wing_loading_is_as_uncertain_as_a_weighed_mass() -> None:
+    """To a hundredth; 2 W/(rho_0 S)."""
+    found = wing_loading_of(40.0, 0.5)
+    assert (found.value, found.lo, found.hi) == pytest.approx(
+        tuple(f * 160 / SEA_LEVEL_DENSITY for f in (1, 0.99, 1.01))
+    )
+
+
+def test_without_a_curve_nothing_is_told() -> None:
+    assert of_power_required(SimpleNamespace(power_required=[], use=None)) == ([], [])  # type: ignore[arg-type]

@@ -113,6 +113,13 @@ def test_costs_are_those_of_single_changes_where_there_are_any() -> None:
     assert "13.0 to 13.5 m/s (+4 %)" in text
     (text,) = performance_result(performance(BOTH)).costs
     assert text.startswith("300 g more, 1000 m higher: ")
+    # Within half a per cent, weights and densities are the same.
+    thinner = at("higher", 48, 41, 13.8, weight_N=1.004 * TEST.weight_N, rho=0.9 * TEST.rho)
+    (text,) = performance_result(performance(thinner, BOTH)).costs
+    assert text.startswith("higher: ")
+    heavier = at("heavier", 48, 41, 13.8, weight_N=1.006 * TEST.weight_N, rho=0.996 * TEST.rho)
+    (text,) = performance_result(performance(heavier, BOTH)).costs
+    assert text.startswith("heavier: ")
 
 
 def test_density_altitude_of_thin_air_is_positive() -> None:

@@ -10,6 +10,7 @@ import pytest
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.method import SteadyPoint
 from analysis.drag.polar import Condition, Polar, best_range_lift, minimum_power_lift
+from analysis.estimation.intervals import NORMAL_95
 from analysis.results import power_curves
 from analysis.results.files import to_csv
 from analysis.results.methods import _point
@@ -127,3 +128,22 @@ def test_the_drag_polar_in_both_forms_is_the_same(nexstar) -> None:
         ),
         rel=1e-6,
     )
+
+
+def test_the_polar_of_two_terms_is_the_nearest_and_its_interval_that_of_the_polar() -> None:
+    """Exact where A1 = 0. A1 alone is known to 0.01 there: C_L is nearly a line in C_L^2, by least squares."""
+    flown = (0.3, 1.1)
+    exact = Polar(np.array([0.04, 0.0, 0.06]), np.diag([0.002**2, 0.0, 0.005**2]))
+    for found, value, error in zip(
+        power_curves.two_term_polar(exact, flown), (0.04, 0.06), (0.002, 0.005), strict=True
+    ):
+        half = NORMAL_95 * error
+        assert (found.value, found.lo, found.hi) == pytest.approx((value, value - half, value + half))
+    CL = np.linspace(*flown, 61)
+    slope, start = np.polyfit(CL**2, CL, 1)
+    curved = Polar(np.array([0.04, -0.02, 0.06]), np.diag([0.0, 0.01**2, 0.0]))
+    for found, value, share in zip(
+        power_curves.two_term_polar(curved, flown), (0.04, 0.06), (start, slope), strict=True
+    ):
+        assert found.value == pytest.approx(value - 0.02 * share)
+        assert found.hi - found.value == pytest.approx(NORMAL_95 * 0.01 * share)

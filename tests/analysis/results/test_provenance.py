@@ -14,7 +14,8 @@ from analysis.results.flight_found import autocorrelation, parameter_correlation
 from analysis.results.previous import replaced
 from analysis.results.provenance import provenance
 from analysis.results.schema_provenance import Provenance
-from flight.log_reader import Log, LogEntry
+from flight.log_entries import LogEntry, entries_of
+from flight.log_reader import Log
 from flight.messages import Event, Gps, Imu, Status, Tick
 
 START_NS = 5_000_000_000
@@ -24,7 +25,7 @@ def contents(propeller: str | None = None) -> SimpleNamespace:
     return SimpleNamespace(
         aircraft=SimpleNamespace(name="mine", propulsion=SimpleNamespace(propeller=propeller)),
         propeller=SimpleNamespace(name=propeller or "table"), probe=SimpleNamespace(source="tunnel.csv"),
-        magnetometer=None, transducers=None, zero=None,
+        thrust_stand=None, magnetometer=None, transducers=None, zero=None,
     )  # fmt: skip
 
 
@@ -41,8 +42,10 @@ def log(tmp_path: Path) -> Log:
                                                          longitude_deg=78.25, height_msl_m=100.0))]  # fmt: skip
     return Log(
         path,
-        {"/imu": imu, "/gps": gps, "/daq/tick": [at(0, Tick()), at(1, Tick(missed=3))],
-         "/daq/event": [at(0, Event(text="starts")), at(30, Event(severity="error", sensor="gps", text="gps lost"))]},
+        {"/imu": entries_of(imu), "/gps": entries_of(gps),
+         "/daq/tick": entries_of([at(0, Tick()), at(1, Tick(missed=3))]),
+         "/daq/event": entries_of(
+             [at(0, Event(text="starts")), at(30, Event(severity="error", sensor="gps", text="gps lost"))])},
         attachments={name: name.encode() for name in ("aircraft.toml", "propeller.csv", "probe.json")},
         metadata={"flightpower": {"version": "0.1.0"}},
     )  # fmt: skip

@@ -1,0 +1,203 @@
+"""What stands beside the curve of electrical power: endurance, range, best speeds and their intervals."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from analysis.drag.polar import maximum_lift_to_drag
+from analysis.electrical.airspeed_gps import AirspeedErrors
+from analysis.electrical.energy_balance import FlightConditions
+from analysis.electrical.fit import IDLE_POWER_SIGMA_W
+from analysis.electrical.flight_table import STEP_S
+from analysis.estimation.intervals import NORMAL_95
+from analysis.results.electrical import _beside_the_curve, _best_speed, _points, _polar, _warnings
+from analysis.results.electrical_parameters import flight_values
+from analysis.results.schema import SpeedInterval
+from flight.atmosphere import SEA_LEVEL_DENSITY
+from flight.units import GRAVITY_MPS2
+
+V = np.linspace(10.0, 20.0, 41)
+POWER_W = 50.0 + (V - 14.0) ** 2
+BATTERY_J = 360e3
+FLIGHT = SimpleNamespace(flown=np.ones(3000, dtype=bool))
+
+
+def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | None = 3.0, scale: float = 0.02):
+    """A curve whose error is one scale of all power, as large as this share, and noise."""
+    systematic = share**2 * np.outer(POWER_W, POWER_W)
+    noise = noise_W**2 * np.eye(len(V))
+    return SimpleNamespace(
+        V_mps=V, power_W=POWER_W, noise=noise, systematic=systematic, residual_W=np.array([3.0, -4.0]),
+        standard_error_W=np.sqrt(np.diag(noise + systematic)), conditions=SimpleNamespace(idle_power_W=4.0),
+        airspeed=AirspeedErrors(scale, 0.0, np.diag([0.01**2, 4.0]), wind_mps, 10.0),
+    )  # fmt: skip
+
+
+def beside(drag="withheld", **of):
+    return _beside_the_curve(FLIGHT, estimate(**of), BATTERY_J, drag, "apc-12x8e")
+
+
+def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed() -> None:
+    found = beside()
+    assert found.endurance_s.value == pytest.approx(BATTERY_J / 50.0)
+    assert found.range_m.value == pytest.approx(BATTERY_J / np.min(POWER_W / V))
+    for interval in (found.endurance_s, found.range_m):
+        ends = interval.value / (1 + 1.96 * 0.03), interval.value / (1 - 1.96 * 0.03)
+        assert (interval.lo, interval.hi) == pytest.approx(ends, rel=0.015)  # 400 draws
+    assert _beside_the_curve(FLIGHT, estimate(), None, "withheld", "").endurance_s is None
+
+
+def test_best_speeds_are_those_of_the_least_power_and_of_the_least_energy_per_metre() -> None:
+    """A scale of all power moves neither; noise moves both."""
+    found = beside()
+    assert found.least_power_speed.speed_mps == 14.0 and found.best_range_speed.speed_mps == V[np.argmin(POWER_W / V)]
+    assert (found.least_power_speed.lo_mps, found.least_power_speed.hi_mps) == (14.0, 14.0)
+    assert found.best_range_speed.lo_mps == found.best_range_speed.hi_mps == found.best_range_speed.speed_mps > 15.5
+    noisy = beside(noise_W=1.0).least_power_speed
+    assert 12.0 < noisy.lo_mps < 13.5 and 14.5 < noisy.hi_mps < 16.0 and noisy.inside_flown_range
+
+
+def test_a_power_of_less_than_a_tenth_is_not_believed() -> None:
+    """A curve that is known to 60 % only has no longer endurance than ten times that of its value."""
+    found = beside(share=0.6)
+    assert found.endurance_s.hi == pytest.approx(10 * found.endurance_s.value)
+    assert found.range_m.hi == pytest.approx(10 * found.range_m.value)
+
+
+def test_a_best_speed_at_the_slowest_flown_has_no_lower_end() -> None:
+    rising = V.copy()
+    found = _best_speed(V, rising, np.stack([rising] * 10))
+    assert (found.speed_mps, found.lo_mps, found.inside_flown_range) == (10.0, None, False)
+    # A twentieth of the draws at the slowest speed: more than the 2.5 % beyond the interval; of one in a hundred, less.
+    mixed = np.stack([rising] * 5 + [(V - 14.0) ** 2] * 95)
+    assert _best_speed(V, (V - 14.0) ** 2, mixed).lo_mps is None
+    few = np.stack([rising] + [(V - 14.0) ** 2] * 99)
+    assert _best_speed(V, (V - 14.0) ** 2, few).lo_mps == 14.0
+    falling = np.stack([-rising] * 5 + [(V - 14.0) ** 2] * 95)
+    assert _best_speed(V, (V - 14.0) ** 2, falling).hi_mps == 20.0
+    assert not _best_speed(V, -rising, falling).inside_flown_range
+
+
+def test_what_is_beside_the_curve_has_intervals_of_95_per_cent() -> None:
+    found = beside(noise_W=2.0)
+    first, systematic_W = found.interval_parts[0], 0.03 * POWER_W[0]
+    assert (first.noise_W, first.systematic_W) == pytest.approx((NORMAL_95 * 2.0, NORMAL_95 * systematic_W))
+    scale = found.airspeed_scale
+    assert (scale.value, scale.lo, scale.hi) == pytest.approx((0.02, 0.02 - 0.01 * NORMAL_95, 0.02 + 0.01 * NORMAL_95))
+    assert found.residual_W == pytest.approx(np.sqrt(12.5)) and found.flown_s == pytest.approx(3000 * STEP_S)
+
+
+def test_a_power_s_interval_ends_at_zero_and_what_is_not_known_is_left_out() -> None:
+    points = _points(np.array([10.0, 11.0, 12.0]), np.array([50.0, 50.0, 50.0]), np.array([10.0, 60.0, np.inf]))
+    assert [(p.power_lo_W, p.power_hi_W) for p in points] == [(40.0, 60.0), (0.0, 110.0)]
+
+
+def test_the_polar_is_that_of_the_quadratic_form(monkeypatch: pytest.MonkeyPatch) -> None:
+    """C_D0 + K (C_L - C_LminD)^2, and e = 1/(pi A K)."""
+    form = SimpleNamespace(CD0=0.04, K=0.06, CL_minD=0.2)
+    monkeypatch.setattr("analysis.results.electrical.aerodynamics", lambda _: form)
+    aircraft = SimpleNamespace(wing_area_m2=0.5, span_m=2.0)
+    polar = _polar(SimpleNamespace(parameters=np.zeros(3)), aircraft)
+    for CL in (0.0, 0.5, 1.0):
+        assert polar.A0 + polar.A1 * CL + polar.A2 * CL**2 == pytest.approx(0.04 + 0.06 * (CL - 0.2) ** 2)
+    assert polar.oswald_efficiency == pytest.approx(1 / (np.pi * 8.0 * 0.06))
+    assert polar.maximum_lift_to_drag == pytest.approx(maximum_lift_to_drag(np.array([polar.A0, polar.A1, polar.A2])))
+
+
+def test_the_basis_of_thrust_tells_the_efficiency_in_per_cent() -> None:
+    for measured, text in ((True, "motor speed in the log"), (False, "motor speed by electrical power")):
+        drag = SimpleNamespace(
+            measured_speed=measured, motor_efficiency=0.72, V_mps=V, shaft_W=POWER_W, shaft_error_W=0.1 * POWER_W
+        )
+        found = beside(drag)
+        assert "an efficiency of 72 %" in found.thrust_basis and text in found.thrust_basis
+        assert found.shaft_power[0].power_hi_W == pytest.approx(POWER_W[0] * (1 + 0.1 * NORMAL_95))
+
+
+@pytest.mark.parametrize(
+    ("of", "said"),
+    [
+        ({}, []),
+        ({"scale": 0.031}, ["Airspeed reads 3 % too high by GPS"]),
+        ({"scale": -0.05}, ["Airspeed reads 5 % too low by GPS"]),
+        ({"scale": 0.05, "wind_mps": None}, ["No GPS in this log"]),
+        ({"share": 0.15}, []),
+        ({"share": 0.16}, ["The interval is wider than ±30 % at 100 % of the speeds"]),
+    ],
+)
+def test_what_a_reader_must_know_is_said_from_its_limit_on(of: dict, said: list[str]) -> None:
+    found = _warnings(estimate(**of))
+    assert len(found) == len(said) and all(text.startswith(begin) for text, begin in zip(found, said, strict=True))
+
+
+GIVEN = FlightConditions(3.0, 0.5, 1.1, 4.0)
+#            ln CD0, ln K, CL_minD, K4, logit efficiency, ln x, ln fall, idle drag
+PARAMETERS = np.array([np.log(0.04), np.log(0.06), 0.0, 0.0, 0.0, 0.0, 0.0, 0.25])
+
+
+def source(**more):
+    """Quantities with a standard error of 3 %, in the flight's own conditions."""
+
+    def quantity(of):
+        value = of(PARAMETERS, GIVEN)
+        return value, 0.03 * np.abs(value)
+
+    return SimpleNamespace(quantity=quantity, **more)
+
+
+def values(drag=None, best=(14.0, 13.5, 14.2), **of):
+    speed, lo, hi = best
+    best_range = SpeedInterval(speed_mps=speed, lo_mps=lo, hi_mps=hi, inside_flown_range=True)
+    found = source(**(vars(estimate(**of)) | {"conditions": GIVEN}))
+    return flight_values(found, best_range, {}, drag)
+
+
+def test_a_glide_is_with_the_idling_propeller_unless_its_table_gives_the_drag() -> None:
+    """Sink = D V/W at the cruise speed, of C_D0 (1 + 0.25) + K C_L^2 or without the quarter."""
+    weight_N = 3.0 * GRAVITY_MPS2
+    qS = 1.1 * 14.0**2 / 2 * 0.5
+    for drag, CD0 in ((None, 0.05), (source(), 0.04)):
+        found = values(drag)
+        assert found.CD0.value == pytest.approx(CD0) and found.B.value == pytest.approx(0.06)
+        assert found.sink.value == pytest.approx((CD0 + 0.06 * (weight_N / qS) ** 2) * qS * 14.0 / weight_N)
+        for quantity in (found.CD0, found.B, found.sink):
+            assert quantity.hi / quantity.value - 1 == pytest.approx(0.03 * NORMAL_95)
+            assert 1 - quantity.lo / quantity.value == pytest.approx(0.03 * NORMAL_95)
+
+
+def test_equivalent_airspeeds_have_the_error_of_scale_and_zero() -> None:
+    """A zero of 2 Pa at 10 m/s is 2/(rho V^2) of the speed."""
+    to_equivalent = np.sqrt(1.1 / SEA_LEVEL_DENSITY)
+    found = values()
+    for interval, speed in ((found.slowest, 10.0), (found.fastest, 20.0)):
+        share = NORMAL_95 * np.hypot(0.01, 2.0 / (1.1 * speed**2))
+        assert interval.value == pytest.approx(speed * to_equivalent)
+        assert (interval.lo, interval.hi) == pytest.approx(
+            (speed * to_equivalent * (1 - share), speed * to_equivalent * (1 + share))
+        )
+
+
+def test_the_cruise_s_interval_is_that_of_its_optimum_or_of_the_airspeed_if_that_is_wider() -> None:
+    to_equivalent = np.sqrt(1.1 / SEA_LEVEL_DENSITY)
+    by_airspeed = 14.0 * (1 + NORMAL_95 * np.hypot(0.01, 2.0 / (1.1 * 14.0**2)))
+    for best, ends in (
+        ((14.0, 13.5, 14.2), (13.5, by_airspeed)),
+        ((14.0, 13.5, 18.0), (13.5, 18.0)),
+        ((14.0, None, None), (10.0, by_airspeed)),
+    ):
+        cruise = values(best=best).cruise
+        assert (cruise.lo, cruise.value, cruise.hi) == pytest.approx(
+            tuple(to_equivalent * speed for speed in (ends[0], 14.0, ends[1]))
+        )
+
+
+def test_powers_and_the_factor_of_airspeed_have_intervals_of_95_per_cent() -> None:
+    found = values(share=0.04)
+    half = NORMAL_95 * 0.04 * 50.0
+    assert (found.cruise_power.lo, found.cruise_power.hi) == pytest.approx((50 - half, 50 + half))
+    assert found.idle_power.value == 4.0 and found.idle_power.lo == max(4.0 - NORMAL_95 * IDLE_POWER_SIGMA_W, 0.0)
+    assert found.idle_power.hi == pytest.approx(4.0 + NORMAL_95 * IDLE_POWER_SIGMA_W)
+    assert found.airspeed_factor.value == pytest.approx(1 / 1.02)
+    assert found.airspeed_factor.hi - found.airspeed_factor.value == pytest.approx(NORMAL_95 * 0.01)
+    assert values(wind_mps=None).airspeed_factor is None
