@@ -11,7 +11,7 @@ from analysis.results.schema import FORMAT, Results
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import TITLES
 from flight.errors import InputError
-from flight.json_file import decoded, json_object_text
+from flight.json_file import JsonFormat, json_object_text
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 def read_results(path: Path) -> Results:
     """A results.json. Raises InputError when it is something else."""
     of = "results of `analyze`"
-    return decoded(json_object_text(path, of), Results, (FORMAT,), str(path), of)
+    return JsonFormat(Results, (FORMAT,), of).parsed(json_object_text(path, of), str(path))
 
 
 def polar(results: Sequence[Results]) -> Array | None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from analysis.drag import consider
 from analysis.drag.forces import J_REFERENCE, FlightForces
 from analysis.drag.state_errors import STATE_STEP
+from analysis.drag.thrust_prior import stand_information
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import Maneuver
 from analysis.planning.expected_aircraft import ExpectedAircraft
@@ -24,7 +25,7 @@ from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SE
 from analysis.trajectory.priors import stated_sigma
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import DRAWS, Trajectory
-from analysis.trajectory.slow_gusts import expected_slow_gusts, with_gust_length
+from analysis.trajectory.slow_gusts import planned_ratio, with_slow_power
 from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 
 Array = NDArray[np.float64]
@@ -72,7 +73,7 @@ def _linearized(
     x[:, STATES.index("height")] = blocks["height_m"]
     x[:, [STATES.index(f"wind_{axis}") for axis in ("north", "east")]] = history.wind[blocks.rows]
     errors = np.zeros(len(SENSOR_ERRORS))
-    inputs = problem.equation_inputs(x, errors, gust_mps, problem.process_model(gust_mps))
+    inputs = problem.equation_inputs(x, errors, gust_mps)
     remaining, prior = problem.remaining_errors(errors, gust_mps)
     step = gauss_newton_step(problem.equations.linearize(x, remaining, inputs), prior, x[0], remaining)
     return _Linearized(problem, x, errors, inputs, step)
@@ -88,9 +89,9 @@ def sensor_error_covariance(
 def _sensor_errors(linearized: _Linearized, aircraft: ExpectedAircraft, gust_mps: float) -> Array:
     problem = linearized.problem
     flown = len(problem.blocks.t_s[problem.blocks.airborne])
-    slow = expected_slow_gusts(flown, problem.blocks.step_s, problem.conditions.in_cruise(gust_mps))
-    gust_length = slow.length(aircraft.aircraft.uncertainty.gust_length)
-    return with_gust_length(linearized.step.covariance, problem.error_sigma, gust_mps, gust_length)
+    assumed, length = problem.conditions.in_cruise(gust_mps), aircraft.aircraft.uncertainty.gust_length
+    slow = planned_ratio(flown, problem.blocks.step_s, assumed, length)
+    return with_slow_power(linearized.step.covariance, problem.error_sigma, gust_mps, slow)
 
 
 def linearized_trajectory(
@@ -127,10 +128,11 @@ def expected(
     inside = np.zeros(len(states), dtype=bool)
     for run in runs:
         inside |= (forces.t_s >= run.start_s) & (forces.t_s <= run.end_s)
-    along = forces.forces(states, errors)
+    along = forces.nominal
     inside &= along[["CL", "CD", "J"]].notna().all(axis=1).to_numpy()
     stated = aircraft.aircraft.uncertainty
     prior = np.diag([0, 0, 0, stated.thrust_scale_fraction**-2, stated.thrust_slope**-2, 1.0])
+    prior[3:5, 3:5] += stand_information(aircraft.aircraft)
 
     residual_mps2 = float(np.interp(gust_mps, *RESIDUALS))
 
@@ -139,8 +141,9 @@ def expected(
         f = f[inside]
         qS, CL = f["qS_over_m_mps2"].to_numpy(), f["CL"].to_numpy()
         T = f["thrust_along_V_over_m_mps2"].to_numpy()
+        CL_squared, J = f["CL_squared"].to_numpy(), f["J"].to_numpy()
         X = np.column_stack(
-            [qS, qS * CL, qS * CL**2, -T, -T * (f["J"].to_numpy() - J_REFERENCE), -f["thrust_beyond_over_m_mps2"]]
+            [qS, qS * CL, qS * CL_squared, -T, -T * (J - J_REFERENCE), -f["thrust_beyond_over_m_mps2"].to_numpy()]
         )
         return X / residual_mps2, qS * f["CD"].to_numpy() / residual_mps2
 
@@ -166,11 +169,10 @@ def expected(
         error[j] = sigma
         moved = values(states + trajectory.state_sensitivity @ error, errors + error)
         shared[:, j] = (moved - fit)[:3] / sigma
-    heavier = FlightForces(trajectory, consider.weighing_more(aircraft.aircraft), aircraft.propeller)
     systematic = shared @ trajectory.covariance @ shared.T
     for change in (
         np.linalg.solve(*normal(consider.without_updraft(along, aircraft.aircraft))) - fit,
-        consider.at_nominal_weight(values(states, errors, heavier), aircraft.aircraft) - fit,
+        consider.at_nominal_weight(values(states, errors, consider.heavier(forces)), aircraft.aircraft) - fit,
     ):
         systematic += np.outer(change[:3], change[:3])
     return Expected(trajectory.covariance, np.asarray(noise), systematic, shared, runs)

@@ -215,7 +215,9 @@ def _history(
     drag = expected.drag_N(flown, load)
     thrust = drag + expected.aircraft.mass_kg * (np.gradient(V, STEP_S) + g * np.sin(climb))
     revps = np.where(V > 0, expected.revps_of_thrust(np.maximum(flown, 1.0), thrust / np.cos(alpha)), 0.0)
-    sine = 9 / 4 * np.sin(2 * alpha)  # pressure differences of a hemisphere in potential flow
+    # Pressure differences of a hemisphere in potential flow: C = dp_alpha/q_c, and its derivative at constant q_c.
+    C = 9 / 4 * np.sin(2 * alpha) / (1 - 9 / 4 * np.sin(alpha) ** 2)
+    dalpha_dlndp_alpha = np.tan(2 * alpha) / 2 / (1 + C * np.tan(2 * alpha) / 2)
     columns = {
         "p_radps": phi_rate - psi_rate * np.sin(theta),
         "q_radps": theta_rate * np.cos(bank) + psi_rate * np.sin(bank) * np.cos(theta),
@@ -229,7 +231,9 @@ def _history(
         "alpha_rad": alpha * known,
         "beta_rad": 0.0 * known,
         "bank_rad": bank,
-        "dlnV_dlndp_alpha": sine * np.tan(2 * alpha) / 4 / (1 - 9 / 4 * np.sin(alpha) ** 2) * known,
+        "dalpha_dlndp_alpha_rad": dalpha_dlndp_alpha * known,
+        "dlnV_dlndp_alpha": C * dalpha_dlndp_alpha / 2 * known,
+        "alpha_by_upwash_rad": 0.0 * known,
         "n_revps": revps,
         "thrust_N": thrust,
         "qbar_Pa": expected.rho * V**2 / 2 * known,

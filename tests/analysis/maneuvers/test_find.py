@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.bank import bank_angle
+from analysis.airdata.rigid_body import bank_angle
 from analysis.maneuvers.find_level import SMOOTHING_S, find_runs
 from analysis.maneuvers.legs import turning_points
 

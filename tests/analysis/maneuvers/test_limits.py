@@ -196,3 +196,12 @@ def test_a_short_stretch_within_an_input_or_a_porpoise_is_part_of_it(start_s, en
     assert _within(stretch, [steps]) is within
     assert not _within(RejectedManeuver(STEPS_3211, start_s, end_s, ""), [steps])
     assert _part_of(stretch, [Maneuver(PORPOISING, slice(0, 1), 20.0, 28.0, 15.0, 15.0, 0.0)]) is part
+
+
+@pytest.mark.parametrize(
+    ("third_s", "found"), [(0.5 * 1.3, True), (0.5 * 1.5, False), (0.5 * 0.72, True), (0.28, False)]
+)
+def test_steps_flown_by_hand_may_be_a_third_of_a_unit_off(third_s: float, found: bool) -> None:
+    """The unit is the sum over seven: it grows with a hold that is too long."""
+    inputs, rejected = find_3211(elevator([1.5, 1.0, third_s, 0.5]))
+    assert bool(inputs) is found and bool(rejected) is not found

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from methods import drawn, fly
 
-from analysis.airdata.bank import bank_angle
+from analysis.airdata.rigid_body import bank_angle
 from analysis.maneuvers import toml_file
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import Maneuvers

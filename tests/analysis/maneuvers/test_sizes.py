@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.drag.polar import flown_condition, flown_lift, speed_at
+from analysis.drag.flown import flown_condition, flown_lift
+from analysis.drag.polar import speed_at
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.find_loads import find_loads
 from analysis.maneuvers.quality import too_low
@@ -97,3 +98,54 @@ def test_noise_of_speed_does_not_make_the_slowest_speed_of_a_light_aircraft_lowe
     data = scaled(flight(speed)).assign(V_mps=speed + np.random.default_rng(1).normal(0, 4.9, 250) / speed)
     slowest = speed_at(flown_lift(data, LIGHT)[1], flown_condition(data, LIGHT))
     assert slowest == pytest.approx(7.0, rel=0.05)
+
+
+def loaded(load: np.ndarray) -> pd.DataFrame:
+    """Level flight at 15 m/s at a load factor, 1 for 10 s before and after."""
+    whole = np.concatenate([np.ones(round(10 * RATE_HZ)), load, np.ones(round(10 * RATE_HZ))])
+    return flight(np.full(len(whole), 15.0)).assign(az_mps2=-GRAVITY_MPS2 * whole)
+
+
+def pull_and_push(most: float, least: float, seconds: float = 8.0) -> np.ndarray:
+    """Half of the time pulled and half pushed, each as a half sine."""
+    half = np.sin(np.linspace(0, np.pi, round(seconds / 2 * RATE_HZ)))
+    return np.concatenate([1 + (most - 1) * half, 1 - (1 - least) * half])
+
+
+def test_a_roller_coaster_pulls_and_pushes_beyond_a_quarter() -> None:
+    (found,), rejected = find_loads(loaded(pull_and_push(1.5, 0.5)))
+    assert found.kind == "roller coaster" and not rejected
+    assert found.notes[0].startswith("load factor 0.5 to 1.5")
+    # It lasts while the load factor differs from 1 by more than 0.15: a tenth of either end is not of it.
+    assert found.start_s == pytest.approx(10.0 + 4.0 * np.arcsin(0.3) / np.pi, abs=0.15)
+    assert found.end_s == pytest.approx(18.0 - 4.0 * np.arcsin(0.3) / np.pi, abs=0.15)
+    for most, least in ((1.22, 0.5), (1.5, 0.78), (1.0, 0.5), (1.5, 1.0)):
+        assert find_loads(loaded(pull_and_push(most, least))) == ([], []), (most, least)
+    assert find_loads(loaded(pull_and_push(1.3, 0.7, 5.0)))[0]
+
+
+def test_pulls_alone_are_no_swings_of_a_porpoise() -> None:
+    """Nine pulls to 1.5 and one push: what goes from pushed to pulled and back eight times is a porpoise."""
+    pull = 1 + 0.5 * np.sin(np.linspace(0, np.pi, round(1.2 * RATE_HZ)))
+    (found,), _ = find_loads(loaded(np.concatenate([pull] * 5 + [2 - pull] + [pull] * 4)))
+    assert found.kind == "roller coaster"
+    (porpoise,), _ = find_loads(loaded(np.concatenate([pull, 2 - pull] * 5)))
+    assert porpoise.kind == "porpoising"
+
+
+@pytest.mark.parametrize(("seconds", "reason"), [(2.2, "too short"), (2.8, ""), (39.0, ""), (41.0, "too long")])
+def test_a_roller_coaster_lasts_from_2_5_to_40_seconds(seconds: float, reason: str) -> None:
+    half = np.full(round(seconds / 2 * RATE_HZ), 0.5)
+    found, rejected = find_loads(loaded(np.concatenate([1 + half, 1 - half])))
+    if reason:
+        assert not found and rejected[0].reason.startswith(reason)
+    else:
+        assert found and not rejected
+
+
+def test_a_pause_of_more_than_a_second_divides_a_roller_coaster() -> None:
+    # At either end of one, 0.39 s are within 0.15 of 1.
+    for pause_s, parts in ((0.1, 1), (0.5, 2)):
+        pause = np.ones(round(pause_s * RATE_HZ))
+        found, _ = find_loads(loaded(np.concatenate([pull_and_push(1.5, 0.5), pause, pull_and_push(1.5, 0.5)])))
+        assert len(found) == parts

@@ -114,3 +114,30 @@ def test_what_is_known_of_an_earlier_flight_is_used(aircraft: Aircraft) -> None:
     assert found.A is A and found.stall_mps == 9.0 and found.stall_basis == "as given"
     assert "drag of the earlier flights" in found.basis
     assert found.aircraft.mass.weight_N == pytest.approx(found.aircraft.mass_kg * GRAVITY_MPS2)
+
+
+def test_any_speed_of_rotation_from_5_to_400_a_second_is_found(nexstar: ExpectedAircraft) -> None:
+    n = np.array([5.2, 9.0, 90.0, 210.0, 390.0])
+    V = 0.4 * n * nexstar.propeller.diameter_m
+    thrust_N, _ = nexstar.propeller.thrust_and_power(V, n, nexstar.rho)
+    assert nexstar.revps_of_thrust(V, thrust_N) == pytest.approx(n, rel=1e-5)
+
+
+def test_thrust_is_known_from_0_8_to_4_5_times_the_stall(nexstar: ExpectedAircraft) -> None:
+    """Beyond, it is that at the end."""
+    stall = nexstar.stall_mps
+    for end, inside in ((0.8, 0.83), (4.5, 4.4)):
+        at_the_end = nexstar.thrust_N(1.0, end * stall)
+        assert nexstar.thrust_N(1.0, (2 * end - inside) * stall) == pytest.approx(at_the_end)
+        assert abs(nexstar.thrust_N(1.0, inside * stall) - at_the_end) > 0.01
+
+
+def test_an_assumed_motor_may_turn_at_any_speed_from_5_to_400_a_second(aircraft: Aircraft) -> None:
+    """A standing throttle is five revolutions a second."""
+    unknown = replace(aircraft, keys=aircraft.keys - {"propulsion.motor_resistance"})
+    quick = expected_aircraft(unknown, HEIGHT_M, fastest_mps=47.0)
+    assert quick.thrust_N(1.0, 47.0) == pytest.approx(float(quick.drag_N(47.0)), rel=0.01)
+    n = quick.revps_of_thrust(np.array([47.0]), np.array([float(quick.drag_N(47.0))]))
+    assert 205.0 < float(n[0]) < 400.0
+    idle, _ = quick.propeller.thrust_and_power(20.0, 5.0, quick.rho)
+    assert quick.thrust_N(0.0, 20.0) == pytest.approx(float(idle), rel=1e-6)

@@ -17,6 +17,7 @@ from analysis.planning.time_history import (
     fly,
     throttle_at,
 )
+from analysis.trajectory.sensor_noise import BENCH_SIGMA
 from flight import motion
 from flight.aircraft import load_aircraft
 from flight.units import GRAVITY_MPS2 as g
@@ -51,10 +52,6 @@ def part(history: TimeHistory, kind: type) -> slice:
     return slice(*(round(float(s) / STEP_S) for s in history.starts_s[i : i + 2]))
 
 
-def rms(x: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(x))))
-
-
 def test_attitude_rates_and_accelerations_belong_to_one_motion(history: TimeHistory) -> None:
     """Body rates turn the attitude; specific force and gravity change the velocity over the ground."""
     table = history.table
@@ -64,12 +61,12 @@ def test_attitude_rates_and_accelerations_belong_to_one_motion(history: TimeHist
     still = table["V_mps"].isna().to_numpy()  # sensors at rest show noise
     for i, rate in enumerate(rates):
         expected = np.gradient(history.attitude[:, i], STEP_S)
-        assert rms((rate - expected)[~still]) < 0.02 * rms(expected[~still])
+        assert rate[~still] == pytest.approx(expected[~still], abs=1e-9)
     force = (table[f"a{axis}_mps2"].to_numpy() for axis in "xyz")
     felt = motion.earth_from_body(*force, *history.attitude.T)
     for i, component in enumerate(felt):
         expected = np.gradient(history.velocity[:, i], STEP_S) - (g if i == 2 else 0.0)
-        assert rms((component - expected)[~still]) < 0.01
+        assert component[~still] == pytest.approx(expected[~still], abs=1e-9)
     moved = np.gradient(history.position_m, STEP_S, axis=0)
     assert np.allclose(moved[5:-5], history.velocity[5:-5, :2], atol=0.5)
     assert history.position_m[-1] == pytest.approx(np.trapezoid(history.velocity[:, :2], dx=STEP_S, axis=0), abs=0.5)
@@ -118,7 +115,7 @@ def test_the_probe_s_dynamic_pressure_follows_alpha_as_a_hemisphere_does(history
     """Around a sphere the pressure at an angle theta from the stagnation point is q (1 - 9/4 sin^2 theta).
 
     With the alpha holes at 45 deg, the difference is dp = q 9/4 sin 2 alpha, and the hole at the centre reads
-    q_c = q (1 - 9/4 sin^2 alpha): at constant V, both change with alpha; the column is dlnV/dlndp at constant q_c.
+    q_c = q (1 - 9/4 sin^2 alpha). The columns are derivatives by ln dp at constant q_c.
     """
     flying = history.table[history.table["flying"]]
     alpha = flying["alpha_rad"].to_numpy()
@@ -133,9 +130,12 @@ def test_the_probe_s_dynamic_pressure_follows_alpha_as_a_hemisphere_does(history
     found = flying["dlnV_dlndp_alpha"].to_numpy()
     step = 1e-5
     dlnV = (np.log(q_over_qc(alpha + step)) - np.log(q_over_qc(alpha - step))) / 2
-    dlndp = (dp_over_q(alpha + step) - dp_over_q(alpha - step)) / dp_over_q(alpha)
+    dp = [dp_over_q(alpha + h) * q_over_qc(alpha + h) for h in (-step, 0.0, step)]
+    dlndp = (dp[2] - dp[0]) / dp[1]
     large = np.abs(alpha) > 0.02
     assert np.allclose(found[large], (dlnV / dlndp)[large], rtol=1e-6)
+    angle = flying["dalpha_dlndp_alpha_rad"].to_numpy()
+    assert np.allclose(angle[large], (2 * step / dlndp)[large], rtol=1e-6)
 
 
 def test_a_flight_takes_off_climbs_and_lands_at_its_rates(history: TimeHistory, nexstar: ExpectedAircraft) -> None:
@@ -151,6 +151,35 @@ def test_a_flight_takes_off_climbs_and_lands_at_its_rates(history: TimeHistory, 
     assert V[up.stop - 2] == pytest.approx(16.0, abs=0.01) and np.ptp(V[up.start + 330 : up.stop]) < 0.01
     assert len(history.rest) == 2
     assert [rows.stop - rows.start for rows in history.rest] == pytest.approx([20 / STEP_S, 10 / STEP_S], abs=3)
+
+
+def test_sensors_at_rest_show_their_bench_noise_and_flight_begins_at_seven_tenths_of_the_stall(
+    history: TimeHistory, nexstar: ExpectedAircraft
+) -> None:
+    table = history.table
+    for name, sigma in BENCH_SIGMA.items():
+        seen = table[name].to_numpy()[history.rest[0]][5:-5]  # the specific force changes where the roll begins
+        assert seen.std() == pytest.approx(sigma, rel=1e-6), name
+    assert table["V_mps"].min() == pytest.approx(0.7 * nexstar.stall_mps, rel=0.05)
+    assert table["dlnV_dlndp_alpha"].notna().equals(table["flying"])
+
+
+def test_on_the_ground_the_wind_moves_the_aircraft_by_the_share_of_its_speed(
+    history: TimeHistory, nexstar: ExpectedAircraft
+) -> None:
+    """It stands in any wind, and from the speed of the stall on it moves with the air."""
+    rows = part(history, TakeOff)
+    rolling = rows.start + round(5.0 / STEP_S)
+    V = float(_take_off(nexstar, 16.0, HEIGHT_M).V[rolling - rows.start])
+    assert 0.1 < V / nexstar.stall_mps < 0.9
+    sideways = np.array([np.sin(history.attitude[0, 2]), -np.cos(history.attitude[0, 2])])
+    drift = history.velocity[rolling, :2] @ sideways / (history.wind[rolling] @ sideways)
+    assert drift == pytest.approx(V / nexstar.stall_mps, rel=1e-6)
+
+
+def test_a_part_of_a_plan_begins_at_its_height(nexstar: ExpectedAircraft) -> None:
+    level = fly([Hold(4.0, 17.0)], nexstar, HEIGHT_M, 0.0, begins="air").table
+    assert level["height_m"].to_numpy() == pytest.approx(np.full(len(level), HEIGHT_M), abs=0.5)
 
 
 def test_a_hold_reaches_its_speed_as_a_pilot_does(nexstar: ExpectedAircraft) -> None:

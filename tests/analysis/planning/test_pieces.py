@@ -1,0 +1,108 @@
+"""The catalogue of an aircraft that stalls at 10 m/s and reaches 30 m/s: speeds, durations and turns of its pieces."""
+
+from math import cos, degrees, pi
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from analysis.planning import pieces
+from analysis.planning.maneuvers import Hold, Porpoise, Run, Turn
+from analysis.planning.pieces import Pilot, Space
+
+AIRCRAFT: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=30.0)
+SLOW, FAST = 11.0, 27.6  # 1.08 and 0.002 for each of 10 kt; 92 %
+HELD = 1.04 * SLOW
+WIND_KT = 10.0
+
+
+def turning_mps(bank_rad: float) -> float:
+    """Lift at the stall is 1.2 times what the turn needs, and 15 % of speed besides."""
+    return 1.15 * 10.0 * (1.2 / cos(bank_rad)) ** 0.5
+
+
+@pytest.mark.parametrize(("i", "ramp_s", "settle_s", "hold_s"), [(0, 13.0, 16.0, 5.0), (1, 8.0, 10.0, 3.0)])
+def test_runs_go_from_the_slowest_speed_to_the_fastest_and_back(i, ramp_s, settle_s, hold_s) -> None:
+    piece = list(pieces.run_pairs(AIRCRAFT, Space(5000.0, 60.0), WIND_KT))[i]
+    settle, up, hold, down, rest, turn = piece.maneuvers
+    assert settle == Hold(settle_s, pytest.approx(HELD)) and hold == Hold(hold_s, pytest.approx(FAST))
+    assert up == Run(0.87, ramp_s, pytest.approx(FAST)) and down == Run(0.495, 2.5, pytest.approx(SLOW))
+    assert rest == Hold(4.0, 13.0) and turn == Turn(17.0, pi, 0.6)
+    assert f"throttle over {ramp_s:.0f} s" in piece.title
+    # Both runs last 38 s; what does not fit into one leg is flown on two, with a turn at the fast speed.
+    needed_m = SLOW * settle_s + (SLOW + FAST) / 2 * 38 + hold_s * FAST
+    for more_m, legs in ((1.0, 1), (-1.0, 2)):
+        found = list(pieces.run_pairs(AIRCRAFT, Space(needed_m + more_m, 60.0), WIND_KT))[i].maneuvers
+        assert sum(isinstance(one, Turn) for one in found) == legs
+    assert found[0] == Hold(settle_s / 2, pytest.approx(HELD)) and found[2] == Turn(pytest.approx(FAST), pi, 0.6)
+
+
+def test_circuits_are_at_six_speeds_for_8_to_60_seconds() -> None:
+    for leg_m, least_s, most_s in ((400.0, 400 / 27.6, 400 / HELD), (50.0, 8.0, 8.0), (5000.0, 60.0, 60.0)):
+        found = list(pieces.circuits(AIRCRAFT, Space(leg_m, 60.0), WIND_KT))
+        assert [piece.maneuvers[0].speed_mps for piece in found] == pytest.approx([HELD, 13.0, 16.0, 23.1, 25.5, FAST])
+        seconds = [piece.maneuvers[0].duration_s for piece in found]
+        assert (min(seconds), max(seconds)) == pytest.approx((least_s, most_s))
+        for piece in found:
+            hold, turn, *again = piece.maneuvers
+            assert again == [hold, turn] and turn.angle_rad == pi and turn.bank_rad == 0.6
+            assert turn.speed_mps == pytest.approx(max(hold.speed_mps, turning_mps(0.6)))
+
+
+def test_circles_are_two_at_three_speeds_and_two_banks() -> None:
+    found = [piece.maneuvers[0] for piece in pieces.circles(AIRCRAFT)]
+    expected = [Turn(V, 4 * pi, bank) for bank in (0.6, 0.8) for V in (turning_mps(bank), 24.0, FAST)]
+    assert [(one.speed_mps, one.angle_rad, one.bank_rad) for one in found] == [
+        (pytest.approx(one.speed_mps), one.angle_rad, one.bank_rad) for one in expected
+    ]
+    titles = [piece.title for piece in pieces.circles(AIRCRAFT)]
+    assert titles[1] == "two circles at 24.0 m/s, bank 34°" and degrees(0.6) == pytest.approx(34, abs=0.5)
+    slow: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=15.0)
+    assert [piece.maneuvers[0].speed_mps for piece in pieces.circles(slow)][1:2] != [12.0], "too slow to turn"
+
+
+@pytest.mark.parametrize(
+    ("load", "over_stall"), [(0.8, [1.5, 1.6, 1.75, 1.95, 2.76]), (1.0, [1.6, 1.75, 1.95, 2.76]), (1.6, [1.95, 2.76])]
+)
+def test_porpoising_is_where_the_wing_carries_a_fifth_more_than_its_load(load: float, over_stall: list[float]) -> None:
+    """(V/V_stall)^2 >= 1.2 (1 + load), at two rates; for a leg less 4 s, from 10 to 75 s."""
+    for leg_m, seconds in ((800.0, lambda V: 800 / V - 4.0), (100.0, lambda V: 10.0), (5000.0, lambda V: 75.0)):
+        found = list(pieces.porpoising(AIRCRAFT, Space(leg_m, 60.0), Pilot(load=load)))
+        speeds = [10 * ratio for ratio in over_stall for _ in range(2)]
+        cycles = [(1.8, 1.3), (2.4, 1.8)] * len(over_stall)
+        for piece, V, (first, last) in zip(found, speeds, cycles, strict=True):
+            hold, porpoise, turn = piece.maneuvers
+            assert hold == Hold(4.0, pytest.approx(V))
+            assert porpoise == Porpoise(pytest.approx(seconds(V)), pytest.approx(V), load, first, last)
+            assert turn.speed_mps == pytest.approx(max(V, turning_mps(0.6)))
+
+
+def test_full_throttle_is_held_to_95_per_cent_of_the_fastest_speed() -> None:
+    hold, run = pieces.full_throttle(AIRCRAFT).maneuvers
+    assert hold == Hold(8.0, 13.0) and run == Run(1.0, 1.0, pytest.approx(28.5))
+
+
+def test_a_flight_begins_and_ends_at_1_6_of_the_stall_and_turns_to_either_side() -> None:
+    turn = Turn(17.0, pi, 0.6)
+    whole = pieces.sequence([pieces.Piece("", (turn, turn, turn), "circuit", True)], AIRCRAFT)
+    assert [one.angle_rad for one in whole if isinstance(one, Turn)] == [pi, -pi, pi]
+    assert (whole[0].duration_s, whole[1].speed_mps, whole[-2].speed_mps, whole[-1].duration_s) == (
+        90.0,
+        16.0,
+        16.0,
+        30.0,
+    )
+
+
+def test_a_turn_that_has_no_room_is_steeper_then_slower_then_left_out() -> None:
+    circuit = pieces.Piece("", (Turn(25.0, pi, 0.6),), "circuit", True)
+    steep, slow = Turn(25.0, pi, 0.8), Turn(turning_mps(0.8), pi, 0.8)
+    wide = circuit.maneuvers[0].width_m
+    for side_m, expected in (
+        (wide + 0.1, circuit.maneuvers[0]), (wide - 0.1, steep), (steep.width_m + 0.1, steep),
+        (steep.width_m - 0.1, slow), (slow.width_m + 0.1, slow),
+    ):  # fmt: skip
+        (found,) = pieces._with_room(circuit, AIRCRAFT, side_m).maneuvers
+        assert (found.speed_mps, found.bank_rad) == (pytest.approx(expected.speed_mps), expected.bank_rad)
+    assert pieces._with_room(circuit, AIRCRAFT, slow.width_m - 0.1) is None
+    assert pieces._with_room(pieces.replace(circuit, kind="circles"), AIRCRAFT, wide - 0.1) is None
