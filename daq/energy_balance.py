@@ -19,6 +19,7 @@ from flight.units import GRAVITY_MPS2
 WINDOW_ROWS = 11  # longer than the smoothing: errors of speed at both ends are independent
 UNKNOWNS = 5  # A0, A1, A2, thrust scale, thrust slope
 J_REFERENCE = 0.5
+STAND = {3: 1.0, 4: -J_REFERENCE}  # coefficients of the unknowns in the correction of thrust at J = 0
 # Relative change of power by that of airspeed, near the speed of least power: the thrust computed for a motor speed
 # falls with some power 2 to 2.5 of airspeed, and power is thrust times airspeed.
 POWER_PER_AIRSPEED = 1.5
@@ -37,9 +38,11 @@ class PowerInterval(NamedTuple):
 class EnergyBalance:
     """Normal equations of the polar. Each window adds some forty products."""
 
-    def __init__(self, uncertainty: Uncertainty) -> None:
-        """uncertainty: of the aircraft file, which states the errors of thrust and airspeed."""
+    def __init__(self, uncertainty: Uncertainty, static_thrust_excess: tuple[float, float] | None = None) -> None:
+        """uncertainty: of the aircraft file, which states the errors of thrust and airspeed. static_thrust_excess: of
+        `Aircraft`, the correction of thrust at J = 0 by a stand, and its standard deviation."""
         self._prior_sigma = {3: uncertainty.thrust_scale_fraction, 4: uncertainty.thrust_slope}  # by unknown
+        self._stand = static_thrust_excess
         self._airspeed_sigma = uncertainty.airspeed_scale_fraction
         self.windows = 0
         self._N = [[0.0] * UNKNOWNS for _ in range(UNKNOWNS)]
@@ -92,10 +95,17 @@ class EnergyBalance:
             N = [row[:] for row in self._N]
             for i, sigma in self._prior_sigma.items():
                 N[i][i] += noise2 / sigma**2
+            Nz = self._Nz[:]
+            if self._stand:
+                excess, sigma = self._stand
+                for i, a in STAND.items():
+                    Nz[i] += noise2 / sigma**2 * a * excess
+                    for j, b in STAND.items():
+                        N[i][j] += noise2 / sigma**2 * a * b
             inverse = inverted(N)
             if inverse is None:
                 return None
-            p = [sum(a * b for a, b in zip(row, self._Nz, strict=True)) for row in inverse]
+            p = [sum(a * b for a, b in zip(row, Nz, strict=True)) for row in inverse]
             squares = self._zz - 2 * sum(a * b for a, b in zip(p, self._Nz, strict=True))
             squares += sum(p[i] * p[j] * self._N[i][j] for i in range(UNKNOWNS) for j in range(UNKNOWNS))
             noise2 = max(LEAST_NOISE_MPS2**2, squares / max(1, self.windows - 3))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from daq.sensor_health import GOOD_STATUSES
-from flight.log_entries import LogEntry
+from flight.log_entries import NO_ENTRIES, LogEntry
 from flight.log_reader import Log, read_log
 from flight.satellite_time import satellites_minus_log_time_ns
 
@@ -53,7 +53,7 @@ def summarise(path: Path) -> Summary:
 
 
 def _ticks(log: Log) -> str:
-    ticks = log.entries.get("/daq/tick", [])
+    ticks = log.entries.get("/daq/tick", NO_ENTRIES)
     late_ms = sorted(getattr(entry.message, "late_ns", 0) / 1e6 for entry in ticks)
     missed = sum(getattr(entry.message, "missed", 0) for entry in ticks)
     if not late_ms:

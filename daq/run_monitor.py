@@ -57,7 +57,7 @@ class RunMonitor:
         name = aircraft.propulsion.propeller
         thrust = load_thrust(name, folding=aircraft.propulsion.beyond_zero_thrust == "fold") if name else None
         self.motion = MotionFromMeans(aircraft, probe, thrust, zeros or {})
-        self.energy = EnergyBalance(aircraft.uncertainty)
+        self.energy = EnergyBalance(aircraft.uncertainty, aircraft.static_thrust_excess)
         self.slowest_mps, self.fastest_mps, self.runs = math.inf, 0.0, 0
         self._scale = self.motion.scale
         self._window: deque[Motion] = deque(maxlen=2 * HALF + 1)

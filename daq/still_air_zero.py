@@ -15,7 +15,7 @@ import msgspec
 from daq.sensors import Sample
 from daq.sync_directory import sync_directory
 from flight.errors import InputError
-from flight.json_file import decoded
+from flight.json_file import JsonFormat
 from flight.messages import DifferentialPressure, Imu, Rpm, Status
 
 FORMAT = "flightpower-zero-1"
@@ -142,7 +142,8 @@ def rest_problems(name: str, values: list[float], criteria: RestCriteria) -> lis
 
 def parse_zero(text: str, where: str) -> Zero:
     """Parse a zero.json. Raises InputError naming `where`."""
-    return decoded(text, Zero, (FORMAT,), where, "a zero", "; take a new one with `daq zero`, or delete it")
+    remedy = "; take a new one with `daq zero`, or delete it"
+    return JsonFormat(Zero, (FORMAT,), "a zero", remedy=remedy).parsed(text, where)
 
 
 def save_zero(zero: Zero, path: Path) -> None:

@@ -7,9 +7,9 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from analysis.airdata.magnetometer import parse_magnetometer
-from analysis.airdata.probe import parse_probe
-from analysis.airdata.transducers import parse_transducers
+from analysis.airdata.magnetometer import MAGNETOMETER_FILE
+from analysis.airdata.probe import PROBE_FILE
+from analysis.airdata.transducers import TRANSDUCERS_FILE
 from analysis.autopilot_logs import ardupilot, px4
 from daq.config import parse_tray
 from daq.log_list import listed
@@ -146,9 +146,9 @@ TARGETS: dict[str, Target] = {
     "propeller": text(lambda content: parse_propeller(content, "propeller.csv")),
     "zero": text(lambda content: parse_zero(content, "zero.json")),
     "plan": text(lambda content: parse_plan(content, "plan")),
-    "probe": binary(parse_probe),
-    "magnetometer": binary(parse_magnetometer),
-    "transducers": binary(parse_transducers),
+    "probe": binary(PROBE_FILE.parsed),
+    "magnetometer": binary(MAGNETOMETER_FILE.parsed),
+    "transducers": binary(TRANSDUCERS_FILE.parsed),
     "log": file(".mcap", summarise, listed, recovery_event, summarise),
     "ulog": file(".ulg", px4.read_px4),
     "dataflash": file(".bin", ardupilot.read_ardupilot),

@@ -10,7 +10,7 @@ import pytest
 from running import done, read_once, rewritten
 
 from analysis.airdata.from_log import flight_data
-from analysis.airdata.magnetometer import MagnetometerCalibration, load_magnetometer
+from analysis.airdata.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
 from analysis.log_contents import Replacements, contents
 from analysis.results.schema import Results
 from analysis.results.trajectory import trajectory_result
@@ -60,7 +60,7 @@ def test_a_calibration_in_the_log_is_what_one_given_by_hand_is(flown: Path, tmp_
     (tmp_path / "mine.json").write_bytes(CALIBRATION)
     log = read_once(flown / "log.mcap")
     attached = dataclasses.replace(log, attachments=log.attachments | {"magnetometer.json": CALIBRATION})
-    given = contents(log, Replacements(magnetometer=load_magnetometer(tmp_path / "mine.json")))
+    given = contents(log, Replacements(magnetometer=MAGNETOMETER_FILE.load(tmp_path / "mine.json")))
     assert given.magnetometer is not None and given.magnetometer == contents(attached).magnetometer
 
 

@@ -57,6 +57,8 @@ RUN_ELSEWHERE = {
     "analyze 00000042.BIN .*": "analysis/electrical/test_formats.py",
     r"analyze flights/\*.mcap -o out( --scheduler .*)?": "analysis/campaign/test_campaign.py",
     "analyze compare old/ new/ -o difference": "analysis/pooling/test_pooled_comparison.py",
+    "calibrate thrust stand.csv .*": "analysis/drag/test_thrust_stand.py",
+    "analyze log.mcap --thrust-stand stand.json": "analysis/drag/test_thrust_stand.py",
     "flightpower plan nexstar .*": "analysis/planning/test_planning.py",
     "make -C firmware/esc_counter": "firmware/test_esc_counter.py",
 }

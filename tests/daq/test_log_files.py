@@ -165,10 +165,10 @@ def test_a_log_is_named_by_the_satellites_time_once_it_is_known(tmp_path):
     session = RecordingSession(tmp_path)
     session.run(10)
     session.files.satellite_offset_ns = 1_795_358_402 * 10**9  # 2026-11-22 14:40:02 at monotonic time 0
-    session.run_until(lambda: session.files.path != tmp_path / "log-0001.mcap")
-    session.files.close()
     dated = tmp_path / "log-0001_2026-11-22_144002Z.mcap"
-    assert session.files.paths == [dated] and f"recording {dated}" in session.texts
+    session.run_until(lambda: f"recording {dated}" in session.texts)  # told at the tick after the new name
+    session.files.close()
+    assert session.files.paths == [dated]
     assert ticks_of(dated) == list(range(session.tick))
     assert numbered_names(tmp_path)(0).name == "log-0002.mcap"
 
@@ -212,11 +212,9 @@ def test_the_directory_is_synced_at_once(tmp_path, monkeypatch):
 def test_a_new_file_goes_on_where_the_last_one_ended(tmp_path, why):
     limits = {"asked": NO_LIMITS, "age": FileLimits(20 * TICK_NS, 10**9), "size": FileLimits(10**18, 3000)}[why]
     session = RecordingSession(tmp_path, limits=limits)
-    for _ in range(5):
-        session.run(20)
-        wait_for(lambda: session.files.path is not None)
-        if why == "asked":
-            session.run(1, new_file=True)
+    for tick in range(100):
+        session.run(1, new_file=why == "asked" and tick % 20 == 19)
+        wait_for(lambda: session.files.path is not None)  # a file names the one before by its path, if it has one yet
     assert session.files.close() == ""
     paths = sorted(tmp_path.glob("log-*.mcap"))
     assert len(paths) >= 3 and session.files.paths == paths

@@ -6,14 +6,14 @@ import math
 import numpy as np
 import pytest
 
-from analysis.airdata import bank
+from analysis.airdata import rigid_body
 from analysis.drag import forces
 from analysis.maneuvers import find_level, quality
 from analysis.maneuvers import legs as analysis_legs
 from analysis.signals import aircraft_size, rest
 from daq import energy_balance, legs, motion_means, run_monitor
-from daq.energy_balance import EnergyBalance, inverted
-from daq.legs import Row
+from daq.energy_balance import EnergyBalance, PowerInterval, inverted
+from daq.legs import Legs, Row
 from daq.run_monitor import LARGEST_BANK_RAD, RunMonitor
 from daq.sensors import Sample
 from daq.thrust import load_thrust
@@ -120,13 +120,103 @@ def test_criteria_are_those_of_the_analysis():
     )
     for name in ("REFERENCE_MPS", "FLYING_PA", "LEAST_FLYING_PA"):
         assert getattr(motion_means, name) == getattr(aircraft_size, name), name
-    assert motion_means.BANK_TIME_S == bank.TIME_CONSTANT_S
+    assert motion_means.BANK_TIME_S == rigid_body.TIME_CONSTANT_S
     assert (motion_means.RATE_SPREAD_RADPS, motion_means.MOTOR_REVPS, motion_means.PRESSURE_SPREAD_PA) == (
         rest.RATE_SPREAD_RADPS,
         rest.MOTOR_REVPS,
         rest.AIRSPEED_SPREAD_PA,
     )
     assert energy_balance.J_REFERENCE == forces.J_REFERENCE
+
+
+def flown(rows, aircraft=NEXSTAR) -> list[str]:
+    """What the pilot reads of (V, height, turn) five times a second, after ten seconds on the ground; None: a gap."""
+    monitor, texts = RunMonitor(aircraft, None), []
+    for i, row in enumerate([(0.0, 0.0, 0.0)] * 50 + list(rows)):
+        if row is not None:
+            texts += monitor.texts(
+                means_at(0.2 * (i + 0.5), row[0], row[1], bank_rate=row[2], n=80.0 if i >= 50 else 0.0)
+            )
+    return [text for _, text in texts if not text[0].isdigit()]
+
+
+LEVEL = [(12.0, 60.0, 0.0)] * 40 + [(12 + 0.14 * i, 60.0, 0.0) for i in range(50)]  # 12 to 19 m/s in 10 s
+
+
+@pytest.mark.parametrize("turn_radps", [0.0, 0.8])
+def test_a_run_ends_where_a_steep_climb_or_a_turn_begins(turn_radps):
+    """Speed goes on rising, by 3 m/s of climb or 55 deg of bank; before that the run was good."""
+    climb = 0.0 if turn_radps else 0.6
+    on = [(19 + 0.14 * i, 60 + climb * i, turn_radps) for i in range(30)]
+    good, *others = flown(LEVEL + on + on[-1:] * 40)
+    assert good.startswith("acceleration good: 1") and 17.0 < float(good.split(" to ")[1].split()[0]) < 20.5
+    assert not [text for text in others if "good" in text]
+
+
+def test_a_gap_of_one_mean_ends_a_run():
+    """Speeds are fits over eleven means; none is over a gap."""
+    rows = [*LEVEL, *[(19.0, 60.0, 0.0)] * 40]
+    assert [text.split(":")[0] for text in flown(rows)] == ["acceleration good"]
+    rows[64] = None  # in the middle
+    assert not [text for text in flown(rows) if "good" in text]
+    monitor = RunMonitor(NEXSTAR, None)
+    for i in range(100):
+        monitor.add(means_at(0.2 * (i + 0.5), 15.0 if i >= 50 else 0.0, 60.0 if i >= 50 else 0.0, n=0.0))
+    smoothed = monitor._legs.rows
+    assert [row.t_s for row in smoothed] == pytest.approx([0.2 * (i + 0.5) for i in range(55, 95)])
+    assert [row.V for row in smoothed] == pytest.approx([15.0] * 40, abs=0.01)
+
+
+def test_a_change_of_speed_for_less_than_three_seconds_is_not_mentioned():
+    for steps, told_of in ((3, False), (14, True)):
+        V = [12.0] * 40 + [12 + 5.0 * i / steps for i in range(steps)] + [17.0] * 40
+        assert bool(flown([(v, 60.0, 0.0) for v in V])) is told_of
+
+
+def test_a_run_changes_speed_by_a_fifth_of_its_mean_and_not_too_gently():
+    """Clearly: by 0.5 m/s^2 somewhere. A small or gentle change is told only where it would have covered enough."""
+
+    def change(first: float, last: float, over_s: float) -> list[str]:
+        n = round(5 * over_s)
+        V = [first] * 40 + [first + (last - first) * i / n for i in range(n)] + [last] * 40
+        return flown([(v, 60.0, 0.0) for v in V])
+
+    assert change(18.0, 21.0, 6.0) == [] and "good" in change(17.0, 22.5, 8.0)[0]
+    assert change(15.0, 19.5, 14.0) == ["acceleration lost: too gentle; repeat"]
+    assert change(15.0, 17.5, 8.0) == []
+
+
+def test_the_speeds_covered_are_those_of_the_run():
+    """With ends at which speed changes slowly, between 0.09 and 0.25 m/s^2, of an aircraft of 6.7 m/s at C_L = 1."""
+    slow, fast = 0.2 * 0.16 * np.arange(30), 0.2 * 0.9 * np.arange(1, 26)
+    V = np.concatenate([7 + slow, 7 + slow[-1] + fast, 7 + slow[-1] + fast[-1] + slow])
+    monitor, texts = RunMonitor(load_aircraft("light-1kg"), None), []
+    for i, v in enumerate([0.0] * 50 + [7.0] * 30 + V.tolist() + [float(V[-1])] * 40):
+        texts += monitor.texts(means_at(0.2 * (i + 0.5), v, 50.0 if v else 0.0, n=80.0 if v else 0.0))
+    good, interval = (text for _, text in texts)
+    assert good.split(": ")[1].split(" m/s")[0] == interval.split(", ")[1].split(" m/s")[0]
+
+
+def test_the_interval_s_half_width_is_told_in_per_cent(monkeypatch):
+    monitor = RunMonitor(NEXSTAR, None)
+    monitor.runs, monitor.slowest_mps, monitor.fastest_mps = 3, 12.04, 21.96
+    monkeypatch.setattr(monitor.energy, "at_endurance_speed", lambda *speeds: PowerInterval(15.0, 0.042))
+    assert monitor.interval_text() == "3 runs, 12.0 to 22.0 m/s: power +-4.2 %"
+
+
+def test_a_leg_in_which_speed_is_held_is_given_after_four_seconds_and_again_if_speed_goes_on():
+    """By more than 5 % of it; the leg's end is that of the furthest speed."""
+    divided, given, t, V = Legs(), [], 0.0, 12.0
+    for wanted, seconds in ((20.0, 4.0), (20.0, 10.0), (20.8, 2.0), (20.8, 8.0), (22.0, 2.0), (22.0, 8.0)):
+        n = round(seconds / 0.2)
+        step = (wanted - V) / n
+        for _ in range(n):
+            t, V = t + 0.2, V + step
+            leg = divided.add(Row(t, V, step / 0.2, 0.0, 0.0, 50.0, 50.0, True, None))
+            given += [(t, leg.sign, leg.ended, leg.rows[-1].t_s)] if leg else []
+    assert [(sign, ended) for _, sign, ended, _ in given] == [(1, False), (1, False)]
+    assert given[0][0] == pytest.approx(4.0 + 4.1, abs=0.2) and given[0][3] == pytest.approx(4.0, abs=0.3)
+    assert given[1][0] == pytest.approx(26.0 + 4.1, abs=0.2) and given[1][3] == pytest.approx(26.0, abs=0.3)
 
 
 def test_nothing_is_told_of_steady_flight_and_of_turns():
@@ -243,6 +333,29 @@ def test_in_steady_flight_the_interval_is_what_the_aircraft_file_states(thrust_s
     found = monitor.energy.at_endurance_speed(12.0, 22.0)
     assert found is not None
     assert found.half_width == pytest.approx(1.96 * math.hypot(thrust_scale, 1.5 * airspeed_scale), rel=0.02)
+
+
+def test_thrust_on_a_stand_is_a_prior_of_the_in_flight_estimate():
+    """With a stand and a slope that are exactly known, thrust is known: 3 % more of it is 3 % more power."""
+    stated = Uncertainty(
+        thrust_slope=1e-5,
+        airspeed_scale_fraction=1e-5,
+        static_thrust_ratio_fraction=1e-5,
+        thrust_curvature_fraction=0.0,
+    )
+    with_stand = dataclasses.replace(NEXSTAR.propulsion, static_thrust_ratio=1.03)
+    powers, half_widths = [], []
+    for propulsion in (NEXSTAR.propulsion, with_stand):
+        monitor = RunMonitor(dataclasses.replace(NEXSTAR, uncertainty=stated, propulsion=propulsion), None)
+        for V in np.linspace(12.0, 22.0, 12):
+            qS = 0.08 * V**2
+            CL = GRAVITY_MPS2 / qS
+            of_mass = qS * (0.045 - 0.02 * CL + 0.06 * CL**2), qS, CL, 0.5
+            monitor.energy.add_run([Row(0.2 * i, V, 0.0, 0.0, 0.0, 50.0, 50.0, True, of_mass) for i in range(600)])
+        powers.append(monitor.energy.power_W(15.0, 4.0))
+        half_widths.append(monitor.energy.at_endurance_speed(12.0, 22.0).half_width)
+    assert powers[1] == pytest.approx(1.03 * powers[0], rel=1e-3)
+    assert half_widths[0] ** 2 - half_widths[1] ** 2 == pytest.approx((1.96 * 0.018) ** 2, rel=0.1)
 
 
 def test_a_climb_is_paid_from_the_energy_and_an_inverse_is_one():

@@ -3,10 +3,11 @@
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from scripted_parts import HandClock
+from scripted_parts import HandClock, ScriptedPort
 from test_daemon import EXAMPLE, NoBuses, SteadySensorTruth, default_tray
 
 from daq import tray_check
@@ -16,7 +17,18 @@ from daq.config import parse_tray
 from daq.part_identity import autopilot_version, identify
 from daq.rest_check import height_comparison
 from daq.sensors.autopilot import is_autopilot
-from flight.messages import TYPE_OF_TOPIC, AbsolutePressure, Attitude, Gps, Imu, Magnetometer, Status
+from flight.messages import (
+    TYPE_OF_TOPIC,
+    AbsolutePressure,
+    Attitude,
+    Battery,
+    Controls,
+    Gps,
+    Imu,
+    Magnetometer,
+    Rpm,
+    Status,
+)
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.faults import Fault
 from hw_fakes.tray import FakeTray
@@ -154,6 +166,38 @@ def asked(driver: str, port, extra="", **options):
 def test_a_counter_that_speaks_the_other_variant_is_told():
     said = asked("esc_counter", 'port="/dev/ttyUSB0"', rpm_with_crc=True)
     assert said == "pulse counter, framed frames, 84 a second, but the tray says framed = false, /dev/ttyUSB0"
+
+
+@pytest.mark.parametrize(
+    ("topic", "message", "shown"),
+    [
+        ("/static", AbsolutePressure(pressure_Pa=98_650.0), ["986.5 hPa"]),
+        ("/imu", Imu(specific_force_z_mps2=-9.8, angular_rate_y_radps=0.1), ["-9.8 m/s2 down", "5.7296 deg/s pitch"]),
+        ("/mag", Magnetometer(field_x_T=21.5e-6), ["21.5 uT forward"]),
+        ("/rpm", Rpm(motor_speed_revps=80.0), ["4800 rpm"]),
+        ("/controls", Controls(elevator_rad=-0.1, throttle=0.45), ["-5.7296 deg elevator", "45 % throttle"]),
+        ("/attitude", Attitude(pitch_rad=0.05), ["2.8648 deg pitch"]),
+        ("/battery", Battery(voltage_V=11.1, current_A=2.5), ["11.1 V", "2.5 A"]),
+    ],
+)
+def test_readings_are_shown_in_the_units_that_a_pilot_knows(topic, message, shown):
+    assert tray_check.check_topic(topic, [message], 1.0).values == shown
+    scattered = [AbsolutePressure(pressure_Pa=98_600.0), AbsolutePressure(pressure_Pa=98_800.0)]
+    assert tray_check.check_topic("/baro", scattered, 0.5).values == ["987 ± 1.4 hPa"]
+    assert tray_check.check_topic("/baro", scattered, 0.5).rate_Hz == 4.0
+
+
+@pytest.mark.parametrize(
+    ("driver", "port", "listened_s"),
+    [("ublox", "/dev/ttyAMA0", 1.5), ("esc_counter", "/dev/ttyUSB0", 1.0), ("autopilot", "/dev/ttyUSB1", 2.5)],
+)
+def test_a_silent_line_is_listened_to_as_long_as_its_part_may_take(driver, port, listened_s):
+    """A heartbeat comes once a second, a receiver answers after its next solution, a counter sends all the time."""
+    clock = HandClock()
+    table = parse_tray(f'[[sensors]]\ndriver="{driver}"\nport="{port}"\n', "tray.toml", Path()).sensors[0]
+    begin_ns = clock.now_ns()
+    identify(table, SimpleNamespace(port=lambda *_: ScriptedPort()), clock)
+    assert (clock.now_ns() - begin_ns) / 1e9 == pytest.approx(listened_s, abs=0.021)
 
 
 def test_a_receiver_on_the_bus_says_who_it_is():
