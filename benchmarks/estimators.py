@@ -15,6 +15,7 @@ import flights
 import numpy as np
 import pandas as pd
 import typer
+from numpy.polynomial import Polynomial
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -27,6 +28,7 @@ from analysis.drag.polar import Condition, Polar, power_required
 from analysis.estimation.intervals import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from analysis.trajectory.measurements import ALPHA_PORT_SLOPE
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
@@ -37,6 +39,7 @@ from sim.sensors.budget import DrawnErrors
 OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
 FLYING_M = 30.0
 LEVEL_RAD = 0.15
+SLOPE_DEGREE = 5  # of the polynomial of d alpha/d ln(dp_alpha) over alpha
 SLOW_OVER_STALL = 1.237  # 13 m/s of the Nexstar
 
 
@@ -89,7 +92,7 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
             chosen = sorted(chosen, key=lambda run: run.start_s - run.end_s)[:1]
         figures[name] = compared(dynamic.estimate_polar(trajectory, chosen, aircraft, propeller).polar)
     if with_cross_check:
-        integrated = cross_check_module.estimate_polar(
+        integrated = cross_check_module.on_runs_alone(
             air, runs, aircraft, zeroed=at_rest is not None, propeller=propeller
         )
         figures["output error"] = compared(integrated.polar)
@@ -103,7 +106,8 @@ def trajectory_errors(
 
     Forces are taken in the IMU's axes, so the IMU's tilt counts as part of the offset of angle of attack and of pitch.
     The true slope and offset of the measured angle are those of the best line over the angles flown, which includes the
-    error of the probe's calibration. The true airspeed scale includes the error of density.
+    error of the probe's calibration; the slope acts through the calibration. The true airspeed scale includes the error
+    of density.
     """
     values, tilt = drawn.values, drawn.imu_rotation[0, 2]
     t, air_t = trajectory.states.index.to_numpy(), air.index.to_numpy()
@@ -115,12 +119,15 @@ def trajectory_errors(
     high = (true("height_m", t) > FLYING_M) & (np.abs(true("roll_rad", t)) < LEVEL_RAD)
     V, alpha, rho = (true(name, air_t) for name in ("V_mps", "alpha_rad", "density_kgpm3"))
     flown = air["flying"].to_numpy() & air["alpha_rad"].notna().to_numpy()
-    at_probe = air["alpha_by_upwash_rad"] + air["alpha_by_rotation_rad"]  # slope and offset are those of the probe
-    slope, offset = np.polyfit((alpha - tilt + at_probe)[flown], (air["alpha_rad"] + at_probe)[flown], 1)
+    at_probe = air["alpha_by_upwash_rad"] + air["alpha_by_rotation_rad"]
+    measured_slope = air["dalpha_dlndp_alpha_rad"]
+    of_angle = Polynomial.fit((air["alpha_rad"] + at_probe)[flown], measured_slope[flown], SLOPE_DEGREE)
+    true_slope = of_angle(alpha - tilt + at_probe)  # without the noise of the measured angle
+    slope_error, offset = np.polyfit(true_slope[flown], (air["alpha_rad"] - alpha + tilt)[flown], 1)
     V_scale = (1 + values.V_scale) * np.sqrt((rho / air["rho"])[flown].mean()) - 1
     known = {
         "alpha_bias": (offset, np.degrees(1), "deg"),
-        "alpha_scale": (slope - 1 + 2 * V_scale, 100, "%"),
+        "alpha_scale": (slope_error + 2 * V_scale, 100, "%"),
         "V_scale": (V_scale, 100, "%"),
         "gps_latency": (values.gps_latency_s, 1000, "ms"),
     }
@@ -143,11 +150,18 @@ def trajectory_errors(
         figures[f"path, {name}, mean [{unit}]"] = factor * with_half_interval(off, error)
 
     slow = flown & (V < slow_mps)
-    found = (air["alpha_rad"] + at_probe - trajectory.value("alpha_bias")) / (
-        1 + trajectory.value("alpha_scale") - 2 * trajectory.value("V_scale")
-    ) - at_probe
-    mean = found[slow].mean()
-    changes = {"alpha_bias": 1.0, "alpha_scale": mean + at_probe[slow].mean(), "V_scale": -2 * mean}
+    bias, slope = trajectory.value("alpha_bias"), trajectory.value("alpha_scale") - 2 * trajectory.value("V_scale")
+    by_slope = (measured_slope - bias) / (1 + slope)
+    found = air["alpha_rad"] - bias - slope * by_slope
+    of_slope, qbar_Pa = by_slope[slow].mean(), air["qbar_Pa"][slow].mean()
+    by_V_scale = -2 * of_slope + (2 * air["alpha_by_upwash_rad"] + air["alpha_by_rotation_rad"])[slow].mean()
+    changes = {
+        "alpha_bias": 1.0,
+        "alpha_scale": of_slope,
+        "V_scale": by_V_scale,
+        "dp_alpha_zero": 1 / (ALPHA_PORT_SLOPE * qbar_Pa),
+        "q_c_zero": by_V_scale / (2 * qbar_Pa),
+    }
     by = np.array([changes.get(name, 0.0) for name in SENSOR_ERRORS])
     off = np.mean((found - alpha + tilt)[slow])
     figures[f"path, angle of attack below {slow_mps:.0f} m/s [deg]"] = np.degrees(

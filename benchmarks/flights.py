@@ -16,11 +16,12 @@ from analysis.airdata.air import air_data
 from analysis.airdata.pressure_plateaus import CHANNELS, Plateau
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.probe_fit import calibrate
+from analysis.airdata.rigid_body import specific_force_at_cg
 from analysis.airdata.transducers import TransducerCalibration
 from analysis.airdata.transducers import calibrate as calibrate_transducers
 from analysis.airdata.tunnel import read_tunnel
 from analysis.signals.aircraft_size import flying_Pa, speed_scale
-from analysis.signals.rest import Zeros, rest_segments, zeros
+from analysis.signals.rest import Zeros, rest_segments, without_zeros, zeros
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
@@ -127,9 +128,11 @@ class AirOf(NamedTuple):
 def air_of(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration) -> AirOf:
     """The chain's steps up to the air data, for a table as `synchronize` leaves it."""
     still = rest_segments(table, 1 / TICK_S)
-    at_rest = zeros(table, still, flying_Pa=flying_Pa(speed_scale(aircraft)))
+    scale = speed_scale(aircraft)
+    at_rest = zeros(table, still, flying_Pa=flying_Pa(scale))
+    corrected = specific_force_at_cg(without_zeros(table, at_rest)[0], aircraft)
     propeller = load_propeller(aircraft.propulsion.propeller)
-    return AirOf(air_data(table, aircraft, probe, propeller, at_rest).table, still, at_rest)
+    return AirOf(air_data(corrected, aircraft, probe, propeller, scale).table, still, at_rest)
 
 
 def column_pressures() -> np.ndarray:
