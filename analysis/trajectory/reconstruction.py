@@ -272,9 +272,10 @@ def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: fl
 def _slow_power(problem: TrajectoryProblem, solution: _Solution, draws: Array, gust_length: float) -> Array:
     """`slow_power_ratios` from take-off to landing."""
     flown = problem.blocks.airborne
-    if not flown.any():
+    x = solution.x[flown]
+    if not len(x):
         return np.full(len(GUST_STATES), gust_length)
-    gusts, errors = gusts_and_wind(solution.x[flown]), gusts_and_wind(draws[:, flown], solution.x[flown])
+    gusts, errors = gusts_and_wind(x), gusts_and_wind(draws[:, flown], x)
     assumed = problem.conditions.in_cruise(solution.gust_mps)
     return slow_power_ratios(gusts, errors, problem.blocks.step_s, assumed, gust_length)
 
