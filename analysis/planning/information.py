@@ -25,7 +25,7 @@ from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SE
 from analysis.trajectory.priors import stated_sigma
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import DRAWS, Trajectory
-from analysis.trajectory.slow_gusts import planned_ratio, with_slow_power
+from analysis.trajectory.slow_gusts import Estimate, planned_ratios, with_slow_power
 from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 
 Array = NDArray[np.float64]
@@ -90,8 +90,10 @@ def _sensor_errors(linearized: _Linearized, aircraft: ExpectedAircraft, gust_mps
     problem = linearized.problem
     flown = len(problem.blocks.t_s[problem.blocks.airborne])
     assumed, length = problem.conditions.in_cruise(gust_mps), aircraft.aircraft.uncertainty.gust_length
-    slow = planned_ratio(flown, problem.blocks.step_s, assumed, length)
-    return with_slow_power(linearized.step.covariance, problem.error_sigma, gust_mps, slow)
+    slow = planned_ratios(flown, problem.blocks.step_s, assumed, length)
+    found = Estimate(linearized.errors, linearized.step.covariance)
+    prior = Estimate(linearized.errors, np.diag(problem.error_sigma**2))
+    return with_slow_power(found, prior, gust_mps, slow).covariance
 
 
 def linearized_trajectory(

@@ -103,7 +103,7 @@ class TrajectoryProblem:
 
     def gust_intensity(self, found: float, middle_mps: float) -> float:
         """The intensity of vertical gusts [m/s] for the vertex of the evidence, as `intensity_of`."""
-        gusts = self.conditions.of_unit_intensity()
+        gusts = self.conditions.in_cruise(1.0)
         observed = [ObservedGust(gust, noise_mps) for gust, noise_mps in zip(gusts, self._noise_mps, strict=True)]
         return intensity_of(found, middle_mps, observed, self.blocks.step_s)
 

@@ -57,14 +57,10 @@ class GustConditions:
         gust = dryden.longitudinal(sigma_w_mps, self.height_m, self.speed_mps(without_gusts_mps))
         return gust.discretize(self._step_s)
 
-    def of_unit_intensity(self) -> Sequence[dryden.GaussMarkov | dryden.SecondOrderGust]:
-        """Longitudinal, lateral and vertical gusts in cruise where the vertical ones have 1 m/s."""
-        at = 1.0, self.cruise_height_m, self.cruise_mps
+    def in_cruise(self, sigma_w_mps: float) -> Sequence[dryden.GaussMarkov | dryden.SecondOrderGust]:
+        """Longitudinal, lateral and vertical gusts in cruise where the vertical ones have this standard deviation."""
+        at = sigma_w_mps, self.cruise_height_m, self.cruise_mps
         return dryden.longitudinal(*at), dryden.lateral(*at), dryden.vertical(*at)
-
-    def in_cruise(self, sigma_w_mps: float) -> dryden.SecondOrderGust:
-        """Vertical gusts of this standard deviation in cruise."""
-        return dryden.vertical(sigma_w_mps, self.cruise_height_m, self.cruise_mps)
 
     def transverse_variance(self, sigma_w_mps: float) -> float:
         """Variance of lateral and vertical gusts together [m^2/s^2], in cruise."""

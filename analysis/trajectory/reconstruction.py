@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.airdata.magnetometer import Compass
 from analysis.trajectory.block_means import BlockMeans
+from analysis.trajectory.dryden import mean_wind_profile
 from analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
@@ -22,7 +23,7 @@ from analysis.trajectory.equations import (
 from analysis.trajectory.gust_intensity import vertex
 from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.slow_gusts import slow_power_ratio, with_slow_power
+from analysis.trajectory.slow_gusts import Estimate, slow_power_ratios, with_slow_power
 from analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
 from flight.aircraft import Uncertainty
 from flight.errors import InputError
@@ -246,13 +247,18 @@ def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array
 def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: float) -> Trajectory:
     inputs, _ = problem.regressors.measurement_inputs(solution.x, solution.sensor_errors, solution.gust_mps)
     draws = solution.last_step.conditional.draws(len(STATES), DRAWS)
+    sensitivity = _state_sensitivity(problem, solution)
+    as_assumed = Estimate(solution.sensor_errors, solution.last_step.covariance)
+    prior = Estimate(problem.error_mean, np.diag(problem.error_sigma**2))
     slow = _slow_power(problem, solution, draws, gust_length)
+    sensor_errors, covariance = with_slow_power(as_assumed, prior, solution.gust_mps, slow)
+    states = solution.x + sensitivity @ (sensor_errors - solution.sensor_errors)
     return Trajectory(
-        states=pd.DataFrame(solution.x, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
-        sensor_errors=solution.sensor_errors,
-        covariance=with_slow_power(solution.last_step.covariance, problem.error_sigma, solution.gust_mps, slow),
+        states=pd.DataFrame(states, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
+        sensor_errors=sensor_errors,
+        covariance=covariance,
         prior_sigma=problem.error_sigma,
-        state_sensitivity=_state_sensitivity(problem, solution),
+        state_sensitivity=sensitivity,
         states_given_errors=solution.last_step.conditional,
         draws=draws,
         predicted_flow=inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],
@@ -263,12 +269,29 @@ def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: fl
     )
 
 
-def _slow_power(problem: TrajectoryProblem, solution: _Solution, draws: Array, gust_length: float) -> float:
-    """Of the vertical gusts from take-off to landing."""
-    flown, vertical = problem.blocks.airborne, GUST_STATES[2]
+def _slow_power(problem: TrajectoryProblem, solution: _Solution, draws: Array, gust_length: float) -> Array:
+    """`slow_power_ratios` from take-off to landing."""
+    flown = problem.blocks.airborne
+    x = solution.x[flown]
+    if not len(x):
+        return np.full(len(GUST_STATES), gust_length)
+    gusts, errors = gusts_and_wind(x), gusts_and_wind(draws[:, flown], x)
     assumed = problem.conditions.in_cruise(solution.gust_mps)
-    gust, errors = solution.x[flown, vertical], draws[:, flown, vertical]
-    return slow_power_ratio(gust, errors, problem.blocks.step_s, assumed, gust_length)
+    return slow_power_ratios(gusts, errors, problem.blocks.step_s, assumed, gust_length)
+
+
+def gusts_and_wind(states: Array, along: Array | None = None) -> Array:
+    """Gusts (3, ..., n) of states (..., n, nx), with what the wind changes at one height: slow gusts look like it.
+
+    along : states (n, nx) whose heading and height are taken where `states` are errors
+    """
+    at = states if along is None else along
+    psi, profile = at[:, STATES.index("psi")], mean_wind_profile(at[:, STATES.index("height")])
+    north, east = (states[..., STATES.index(f"wind_{axis}")] * profile.mean() / profile for axis in ("north", "east"))
+    if along is None:
+        north, east = north - north.mean(), east - east.mean()
+    u, v, w = (states[..., i] for i in GUST_STATES)
+    return np.stack([u + north * np.cos(psi) + east * np.sin(psi), v - north * np.sin(psi) + east * np.cos(psi), w])
 
 
 def _residual_rms(problem: TrajectoryProblem, residuals: Array) -> dict[str, float]:

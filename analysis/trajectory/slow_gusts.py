@@ -1,60 +1,81 @@
-"""How much more power slow vertical gusts have than assumed: from the spectrum of the flight's own gusts.
+"""How much more power slow gusts have than assumed: from the spectra of the flight's own gusts.
 
-The intensity of gusts is found from all their frequencies, most of which are fast. Errors of the angle of attack come
-from the slow ones: the mean of a gust over minutes. Their power grows with the scale length (Lenschow, Mann &
+The intensity of gusts is found from all their frequencies, most of which are fast. Errors of airspeed and flow angles
+come from the slow ones: the mean of a gust over minutes. Their power grows with the scale length (Lenschow, Mann &
 Kristensen 1994, J. Atmos. Oceanic Technol. 11, 661), which differs from place to place, and with the shape of the
 spectrum. A flight of minutes has few slow gusts, but the corner of the spectrum, at V/L, shows the scale length too. So
-Dryden's spectrum of free intensity and length is fitted to the periodogram of the reconstructed gust (Whittle's
-likelihood), with the user's scale length (`[uncertainty] gust_length`) as a prior.
+Dryden's spectra are fitted to the periodograms of the reconstructed gusts (Whittle's likelihood): one factor of length
+for all three axes, with the user's (`[uncertainty] gust_length`) as a prior, and an intensity for each axis.
 """
+
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.trajectory.dryden import SecondOrderGust
+from analysis.trajectory.dryden import GaussMarkov, SecondOrderGust
+from analysis.trajectory.equations import SENSOR_ERRORS
 
 Array = NDArray[np.float64]
+Gust = GaussMarkov | SecondOrderGust
 
 FASTEST = 2.0  # frequency in radians over a gust's time L/V, up to which spectra are compared: beyond are fast gusts
 TAPERS = 3  # of the multitaper periodogram, sines (Riedel & Sidorenko 1995, IEEE Trans. Signal Process. 43, 188)
 HALF_BANDWIDTH = (TAPERS + 1) / 2  # in units of one over the duration
-FEWEST_FREQUENCIES = 12  # two minutes at 40 m: fewer tell less than the user
+FEWEST_FREQUENCIES = 12  # two minutes of vertical gusts at 40 m: fewer tell less than the user
 LENGTH_FACTOR = 2.0  # the user's scale length is right within this factor, 1 sigma
 LENGTHS = np.geomspace(0.1, 20.0, 80)  # over the standard's, over which the posterior is summed
+LEAST_INFORMATION = 1e-6  # of the data about a sensor error, over the prior's
 GUSTS_DOMINATE_MPS = 0.1  # vertical gusts, 1 sigma, that contribute as much as noise to the errors of flow angles
+# The axis whose slow gusts look like the sensor error. The others are found from fast motion, gravity and GPS.
+LONGITUDINAL, LATERAL, VERTICAL = range(3)
+LIKE_GUSTS = {"alpha_bias": VERTICAL, "alpha_scale": VERTICAL, "dp_alpha_zero": VERTICAL, "beta_bias": LATERAL,
+              "V_scale": LONGITUDINAL, "q_c_zero": LONGITUDINAL}  # fmt: skip
 
 
-def slow_power_ratio(
-    gust_mps: Array, random_errors_mps: Array, step_s: float, assumed: SecondOrderGust, prior_length: float
-) -> float:
-    """Expected power of slow vertical gusts over the assumed one, for a gust (n,) at constant steps.
+class _Axis(NamedTuple):
+    """Of one axis: power (m,) at the compared frequencies omega (m,) [rad/s], and the assumed process."""
 
-    random_errors_mps : (k, n) drawn from their distribution. assumed: the gust's process at the mean speed and height.
+    power: Array
+    omega: Array
+    assumed: Gust
+
+
+def slow_power_ratios(
+    gusts_mps: Array, random_errors_mps: Array, step_s: float, assumed: Sequence[Gust], prior_length: float
+) -> Array:
+    """Expected power of slow gusts over the assumed one (3,), for gusts (3, n) at constant steps.
+
+    random_errors_mps : (3, k, n) drawn from their distribution. assumed: processes at the mean speed and height.
     prior_length: scale length over the standard's, returned for a flight too short to show another. The reconstructed
     gust is smoother than the true one; what it lacks is on average the power of its random errors.
     """
-    n = len(gust_mps)
-    compared, omega = _frequencies(n, step_s, assumed)
+    n = gusts_mps.shape[1]
     tapers = np.sqrt(2 / (n + 1)) * np.sin(np.pi / (n + 1) * np.outer(np.arange(1, TAPERS + 1), np.arange(1, n + 1)))
 
-    def power(values: Array) -> Array:
+    def power(values: Array, compared: NDArray[np.bool_]) -> Array:
         spectra = np.fft.rfft(values[..., None, :] * tapers)[..., compared]
         return np.asarray(np.mean(np.abs(spectra) ** 2, axis=-2) * step_s)
 
-    if len(omega) < FEWEST_FREQUENCIES:
-        return prior_length
-    return _posterior_mean(power(gust_mps) + np.mean(power(random_errors_mps), axis=0), omega, assumed, prior_length)
+    axes = []
+    for gust, errors, process in zip(gusts_mps, random_errors_mps, assumed, strict=True):
+        compared, omega = _frequencies(n, step_s, process)
+        found = power(gust, compared) + np.mean(power(errors, compared), axis=0) if compared.any() else omega
+        axes.append(_Axis(found, omega, process))
+    return _posterior_means(axes, prior_length)
 
 
-def planned_ratio(n: int, step_s: float, assumed: SecondOrderGust, prior_length: float) -> float:
-    """`slow_power_ratio` of a flight of n steps in gusts as assumed, whose periodogram is the spectrum."""
-    _, omega = _frequencies(n, step_s, assumed)
-    if len(omega) < FEWEST_FREQUENCIES:
-        return prior_length
-    return _posterior_mean(assumed.power(omega), omega, assumed, prior_length)
+def planned_ratios(n: int, step_s: float, assumed: Sequence[Gust], prior_length: float) -> Array:
+    """`slow_power_ratios` of a flight of n steps in gusts as assumed, whose periodograms are the spectra."""
+    axes = []
+    for process in assumed:
+        _, omega = _frequencies(n, step_s, process)
+        axes.append(_Axis(process.power(omega), omega, process))
+    return _posterior_means(axes, prior_length)
 
 
-def _frequencies(n: int, step_s: float, assumed: SecondOrderGust) -> tuple[NDArray[np.bool_], Array]:
+def _frequencies(n: int, step_s: float, assumed: Gust) -> tuple[NDArray[np.bool_], Array]:
     """Which frequencies of n steps are compared, and these [rad/s]: from the resolution to FASTEST."""
     omega = 2 * np.pi * np.fft.rfftfreq(max(n, 1), step_s)
     at_least, at_most = 2 * np.pi * HALF_BANDWIDTH / max(n * step_s, step_s), FASTEST / float(assumed.time_s)
@@ -62,29 +83,52 @@ def _frequencies(n: int, step_s: float, assumed: SecondOrderGust) -> tuple[NDArr
     return compared, np.asarray(omega[compared], dtype=float)
 
 
-def _posterior_mean(power: Array, omega: Array, assumed: SecondOrderGust, prior_length: float) -> float:
-    """Mean of the posterior of sigma^2 T over the assumed one. power (m,) at omega (m,) [rad/s].
+def _posterior_means(axes: Sequence[_Axis], prior_length: float) -> Array:
+    """Means (3,) of the posterior of sigma^2 T over the assumed one.
 
     For a length, sigma^2 over the assumed one has an inverse gamma distribution with m degrees and the scale A, the sum
-    of power over spectrum; it is integrated over (prior flat in its logarithm).
+    of power over spectrum; it is integrated over (prior flat in its logarithm). The intensity of an axis with too few
+    frequencies is as assumed.
     """
-    spectra = np.stack([assumed._replace(time_s=assumed.time_s * length).power(omega) for length in LENGTHS])
-    A, m = np.sum(power / spectra, axis=1), len(omega)
-    prior = (np.log(LENGTHS / prior_length) / np.log(LENGTH_FACTOR)) ** 2 / 2
-    log_posterior = -np.sum(np.log(spectra), axis=1) - m * np.log(A) - prior
+    log_posterior = -((np.log(LENGTHS / prior_length) / np.log(LENGTH_FACTOR)) ** 2) / 2
+    intensity = np.ones((len(axes), len(LENGTHS)))
+    shown = [i for i, axis in enumerate(axes) if len(axis.omega) >= FEWEST_FREQUENCIES]
+    if not shown:
+        return np.full(len(axes), prior_length)
+    for i in shown:
+        power, omega, assumed = axes[i]
+        spectra = np.stack([assumed._replace(time_s=assumed.time_s * length).power(omega) for length in LENGTHS])
+        A, m = np.sum(power / spectra, axis=1), len(omega)
+        log_posterior = log_posterior - np.sum(np.log(spectra), axis=1) - m * np.log(A)
+        intensity[i] = A / (m - 1)
     posterior = np.exp(log_posterior - log_posterior.max())
-    return float(np.sum(posterior * A / (m - 1) * LENGTHS) / np.sum(posterior))
+    return np.asarray((intensity * LENGTHS) @ posterior / np.sum(posterior))
 
 
-def with_slow_power(covariance: Array, prior_sigma: Array, gust_mps: float, ratio: float) -> Array:
-    """Covariance (m, m) of the sensor errors where the power of slow gusts is `ratio` times that assumed.
+class Estimate(NamedTuple):
+    """Of the sensor errors: values (m,) and covariance (m, m)."""
 
-    The variance of the mean of a gust over a time much longer than its scale is in proportion to it. The data's
-    information is divided by as much, the prior's is not. gust_mps : standard deviation of vertical gusts, which share
-    the errors with noise
+    values: Array
+    covariance: Array
+
+
+def with_slow_power(estimate: Estimate, prior: Estimate, gust_mps: float, ratios: Array) -> Estimate:
+    """The estimate of SENSOR_ERRORS where the power of slow gusts is `ratios` (3,) times that assumed in it.
+
+    The variance of the mean of a gust over a time much longer than its scale is in proportion to its slow power. So the
+    errors by the data of what looks like such gusts grow with the root of the ratio. The prior then counts for more:
+    the estimate moves towards it. gust_mps : standard deviation of vertical gusts, which share the errors with noise
     """
     share = gust_mps**2 / (gust_mps**2 + GUSTS_DOMINATE_MPS**2)
-    factor = 1 + (ratio - 1) * share
-    prior = np.diag(prior_sigma**-2.0)
-    scaled = np.linalg.inv((np.linalg.inv(covariance) - prior) / factor + prior)
-    return np.asarray((scaled + scaled.T) / 2)
+    ratio = np.ones(len(SENSOR_ERRORS))
+    for name, axis in LIKE_GUSTS.items():
+        ratio[SENSOR_ERRORS.index(name)] = ratios[axis]
+    factor = np.sqrt(1 + (ratio - 1) * share)
+    # The data's own estimate is values + offset. What they do not determine is as little determined afterwards.
+    of_prior = np.linalg.inv(prior.covariance)
+    of_data = np.linalg.inv(estimate.covariance) - (1 - LEAST_INFORMATION) * of_prior
+    offset = np.linalg.solve(of_data, of_prior @ (estimate.values - prior.values))
+    of_data = of_data / np.outer(factor, factor)
+    covariance = np.linalg.inv(of_data + of_prior)
+    values = estimate.values + covariance @ (of_data @ offset - of_prior @ (estimate.values - prior.values))
+    return Estimate(values, (covariance + covariance.T) / 2)

@@ -157,3 +157,30 @@ def test_an_oscillating_iteration_is_damped(monkeypatch) -> None:
     monkeypatch.setattr(reconstruction, "cost", lambda *_: 0.0)
     solution = _solve(problem, np.zeros((n, nx)), np.ones(m), 0.1, 10, 0.02)
     assert solution.converged and np.abs(solution.sensor_errors).max() < 0.02
+
+
+def test_a_change_of_the_wind_is_a_gust_along_and_across_the_heading() -> None:
+    """A wind from behind is a longitudinal gust, one from the left a lateral one; the profile is none."""
+    height = np.array([20.0, 20.0, 60.0, 60.0])
+    x = np.zeros((4, len(STATES)))
+    psi, north, u, w = (STATES.index(name) for name in ("psi", "wind_north", "gust_u", "gust_w"))
+    x[:, STATES.index("height")], x[:, psi] = height, [0.0, np.pi / 2, 0.0, np.pi / 2]
+    profile = dryden.mean_wind_profile(height)
+    x[:, north] = 3.0 * profile
+    assert reconstruction.gusts_and_wind(x) == pytest.approx(0.0, abs=1e-12)
+    change = np.array([0.1, 0.1, -0.1, -0.1]) * profile / profile.mean()
+    x[:, north] += change
+    x[:, u] = x[:, w] = 0.5
+    along, across, down = reconstruction.gusts_and_wind(x)
+    assert along == pytest.approx([0.6, 0.5, 0.4, 0.5])
+    assert across == pytest.approx([0.0, -0.1, 0.0, 0.1], abs=1e-12)
+    assert down == pytest.approx(0.5)
+
+
+def test_errors_of_the_wind_count_in_the_same_axes() -> None:
+    at, errors = np.zeros((3, len(STATES))), np.zeros((2, 3, len(STATES)))
+    at[:, STATES.index("height")], at[:, STATES.index("psi")] = 40.0, np.pi / 2
+    errors[1, :, STATES.index("wind_east")] = 0.2
+    along, across, _ = reconstruction.gusts_and_wind(errors, at)
+    assert along == pytest.approx(np.array([[0.0] * 3, [0.2] * 3]))
+    assert across == pytest.approx(0.0, abs=1e-12)

@@ -1,73 +1,149 @@
-"""Power of slow vertical gusts over that of the assumed spectrum."""
+"""Power of slow gusts over that of the assumed spectra, and what it does to sensor errors."""
 
 import numpy as np
 import pytest
 
 from analysis.trajectory import dryden
-from analysis.trajectory.slow_gusts import planned_ratio, slow_power_ratio, with_slow_power
+from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.slow_gusts import (
+    LIKE_GUSTS,
+    Estimate,
+    planned_ratios,
+    slow_power_ratios,
+    with_slow_power,
+)
 
 STEP_S, HEIGHT_M, V = 0.2, 40.0, 15.0
+AT = 0.1, HEIGHT_M, V
+STANDARD = dryden.longitudinal(*AT), dryden.lateral(*AT), dryden.vertical(*AT)
 
 
-def _gust(sigma: float, length: float, seconds: float, seed: int) -> np.ndarray:
-    """Dryden's vertical gust, its scale `length` times the standard's."""
-    gust = dryden.vertical(sigma, HEIGHT_M, V / length)
+def _of_length(gust, length: float, root_power: float = 1.0):
+    return gust._replace(time_s=gust.time_s * length, sigma_mps=gust.sigma_mps * root_power)
+
+
+def _first_order(gust: dryden.GaussMarkov, noise: np.ndarray) -> np.ndarray:
+    decay, increment = gust.discretize(STEP_S)
+    out = np.zeros(len(noise))
+    for i in range(1, len(noise)):
+        out[i] = decay * out[i - 1] + increment * noise[i]
+    return out
+
+
+def _second_order(gust: dryden.SecondOrderGust, noise: np.ndarray) -> np.ndarray:
     decay, once, twice = gust.discretize(STEP_S)
-    rng, n = np.random.default_rng(seed), round(seconds / STEP_S)
-    noise, g1, g2, out = rng.standard_normal((n, 2)), 0.0, 0.0, np.empty(n)
-    for i in range(n):
+    g1, g2, out = 0.0, 0.0, np.empty(len(noise))
+    for i in range(len(noise)):
         before, g1 = g1, decay * g1 + once * noise[i, 0]
         g2 = decay * g2 + (1 - decay) * (before + g1) / 2 + twice * noise[i, 1]
         out[i] = g2 + np.sqrt(3) * (g1 - g2)
     return out
 
 
-def _found(length: float, seconds: float, seed: int, prior: float = 1.4) -> float:
-    """The ratio for such a gust, whose fast part has the assumed intensity: sigma^2 over length is the same."""
-    gust = _gust(0.1 * np.sqrt(length), length, seconds, seed)
-    return slow_power_ratio(gust, np.zeros((1, len(gust))), STEP_S, dryden.vertical(0.1, HEIGHT_M, V), prior)
+def _gusts(length: float, seconds: float, seed: int, root_power: float = 1.0) -> np.ndarray:
+    """Dryden's gusts of three axes (3, n), their scales `length` times the standard's."""
+    rng, n = np.random.default_rng(seed), round(seconds / STEP_S)
+    u, v, w = (_of_length(gust, length, root_power) for gust in STANDARD)
+    return np.stack(
+        [
+            _first_order(u, rng.standard_normal(n)),
+            _second_order(v, rng.standard_normal((n, 2))),
+            _second_order(w, rng.standard_normal((n, 2))),
+        ]
+    )
+
+
+def _ratios(gusts: np.ndarray, errors: np.ndarray | None = None, prior: float = 1.4) -> np.ndarray:
+    errors = np.zeros((3, 1, gusts.shape[1])) if errors is None else errors
+    return slow_power_ratios(gusts, errors, STEP_S, STANDARD, prior)
+
+
+def _found(length: float, seconds: float, seed: int, prior: float = 1.4) -> np.ndarray:
+    """The ratios for such gusts, whose fast part has the assumed intensity: sigma^2 over length is the same."""
+    return _ratios(_gusts(length, seconds, seed, np.sqrt(length)), prior=prior)
 
 
 def test_gusts_as_assumed_have_a_ratio_of_one_in_the_mean() -> None:
-    """Flights of four minutes, 40 of them; a flight in gusts as the planner expects them has the planner's ratio."""
-    found = [_found(1.0, 240, seed, prior=1.0) for seed in range(40)]
-    assert np.mean(found) == pytest.approx(1, abs=0.12)
-    assert np.std(found) < 0.4
-    planned = planned_ratio(1200, STEP_S, dryden.vertical(0.1, HEIGHT_M, V), 1.0)
-    assert planned == pytest.approx(np.mean(found), abs=0.12)
+    """Flights of four minutes, 80 of them; a flight in gusts as the planner expects them has the planner's ratios."""
+    found = np.array([_found(1.0, 240, seed, prior=1.0) for seed in range(80)])
+    assert np.mean(found, axis=0) == pytest.approx(1, abs=0.12)
+    assert np.std(found, axis=0).max() < 0.4
+    planned = planned_ratios(1200, STEP_S, STANDARD, 1.0)
+    assert planned == pytest.approx(np.mean(found, axis=0), abs=0.12)
 
 
 def test_longer_gusts_of_the_same_fast_part_have_more_slow_power() -> None:
     """Power at frequency zero is sigma^2 T: with sigma^2 over T the same, it grows with the square of T. Four minutes
-    show it already."""
-    assert np.mean([_found(2.0, 1200, seed) for seed in range(12)]) == pytest.approx(4, rel=0.2)
-    assert np.mean([_found(0.5, 1200, seed) for seed in range(12)]) == pytest.approx(1 / 4, rel=0.2)
-    assert np.mean([_found(2.0, 240, seed) for seed in range(30)]) == pytest.approx(4, rel=0.3)
+    of vertical gusts show it already, twenty of all."""
+    assert np.mean([_found(2.0, 1200, seed) for seed in range(12)], axis=0) == pytest.approx(4, rel=0.25)
+    assert np.mean([_found(0.5, 1200, seed) for seed in range(12)], axis=0) == pytest.approx(1 / 4, rel=0.2)
+    assert np.mean([_found(2.0, 240, seed)[2] for seed in range(30)]) == pytest.approx(4, rel=0.3)
+
+
+def test_each_axis_has_an_intensity_of_its_own() -> None:
+    """Longitudinal gusts of twice the assumed power, with the others as assumed."""
+    twice = np.sqrt([2.0, 1.0, 1.0])[:, None]
+    found = [_ratios(twice * _gusts(1.0, 1200, seed)) for seed in range(12)]
+    assert np.mean(found, axis=0) == pytest.approx([2.0, 1.0, 1.0], rel=0.2)
 
 
 def test_what_the_reconstruction_smooths_away_is_counted_by_its_random_errors() -> None:
-    """Errors with a quarter of the gust's power and its spectrum: a quarter more."""
-    gust = _gust(0.1, 1.0, 1200, 3)
-    assumed = dryden.vertical(0.1, HEIGHT_M, V)
-    lost = np.stack([_gust(0.05, 1.0, 1200, seed) for seed in range(10, 26)])
-    whole, with_lost = (slow_power_ratio(gust, errors, STEP_S, assumed, 1.4) for errors in (0 * lost, lost))
+    """Errors with a quarter of the gusts' power and their spectra: a quarter more."""
+    lost = np.stack([_gusts(1.0, 1200, seed, 0.5) for seed in range(10, 26)], axis=1)
+    whole, with_lost = (
+        np.mean([_ratios(_gusts(1.0, 1200, seed), errors) for seed in range(30, 42)], axis=0)
+        for errors in (0 * lost, lost)
+    )
     assert with_lost / whole - 1 == pytest.approx(0.25, rel=0.3)
 
 
 def test_a_short_flight_keeps_the_users_length_and_a_long_one_its_own() -> None:
-    assumed = dryden.vertical(0.1, HEIGHT_M, V)
     for n in (0, 20):
-        assert slow_power_ratio(np.ones(n), np.zeros((1, n)), STEP_S, assumed, 1.7) == 1.7
-        assert planned_ratio(n, STEP_S, assumed, 1.7) == 1.7
-    of_user = {seconds: [_found(1.0, seconds, seed, 3.0) / _found(1.0, seconds, seed) for seed in range(6)]
+        assert _ratios(np.ones((3, n)), prior=1.7).tolist() == [1.7] * 3
+        assert planned_ratios(n, STEP_S, STANDARD, 1.7).tolist() == [1.7] * 3
+    of_user = {seconds: [(_found(1.0, seconds, seed, 3.0) / _found(1.0, seconds, seed))[2] for seed in range(6)]
                for seconds in (120, 2400)}  # fmt: skip
     assert np.mean(of_user[120]) > 1.2
     assert np.mean(of_user[2400]) == pytest.approx(1, abs=0.08)
 
 
-def test_information_of_the_data_is_divided_by_the_length_and_that_of_the_prior_is_not() -> None:
-    prior, data = np.diag([1.0, 4.0]), np.array([[2.0, 0.5], [0.5, 3.0]])
-    storm = with_slow_power(np.linalg.inv(prior + data), np.array([1.0, 0.5]), 1e3, 2.0)
-    assert np.linalg.inv(storm) == pytest.approx(prior + data / 2, rel=1e-6)
-    calm = with_slow_power(np.linalg.inv(prior + data), np.array([1.0, 0.5]), 0.0, 2.0)
-    assert np.linalg.inv(calm) == pytest.approx(prior + data)
+def _estimate(factor: np.ndarray | float = 1.0) -> tuple[Estimate, Estimate, np.ndarray, np.ndarray]:
+    """Estimate and prior of all sensor errors from data whose errors are `factor` times as large; the data's own
+    estimate and information, with correlations."""
+    m, rng = len(SENSOR_ERRORS), np.random.default_rng(5)
+    root = np.eye(m) + 0.2 * rng.standard_normal((m, m))
+    information, data = root @ root.T / np.outer(factor, factor), rng.standard_normal(m)
+    of_prior, expected = np.diag(rng.uniform(0.5, 4.0, m)), rng.standard_normal(m)
+    covariance = np.linalg.inv(information + of_prior)
+    values = covariance @ (information @ data + of_prior @ expected)
+    return Estimate(values, covariance), Estimate(expected, np.linalg.inv(of_prior)), data, information
+
+
+def test_the_estimate_is_that_of_data_with_larger_errors_where_gusts_look_like_the_error() -> None:
+    """As if the data had stated larger errors, by the root of the ratio: the prior counts for more."""
+    found, prior, data, information = _estimate()
+    ratios, factor = np.array([4.0, 2.0, 3.0]), np.ones(len(SENSOR_ERRORS))
+    for name, axis in LIKE_GUSTS.items():
+        factor[SENSOR_ERRORS.index(name)] = np.sqrt(ratios[axis])
+    storm = with_slow_power(found, prior, 1e3, ratios)
+    less, of_prior = information / np.outer(factor, factor), np.linalg.inv(prior.covariance)
+    assert np.linalg.inv(storm.covariance) == pytest.approx(less + of_prior, rel=1e-4, abs=1e-4)
+    expected = storm.covariance @ (less @ data + of_prior @ prior.values)
+    assert storm.values == pytest.approx(expected, abs=1e-4)
+
+
+def test_in_calm_air_the_estimate_stays() -> None:
+    found, prior, *_ = _estimate()
+    calm = with_slow_power(found, prior, 0.0, np.array([4.0, 2.0, 3.0]))
+    assert calm.values == pytest.approx(found.values, abs=1e-4)
+    assert calm.covariance == pytest.approx(found.covariance, abs=1e-4)
+
+
+def test_what_the_data_do_not_show_stays_at_its_prior() -> None:
+    """The data know nothing of an error: neither its estimate nor its standard error moves."""
+    factor = np.ones(len(SENSOR_ERRORS))
+    factor[0] = 1e5
+    found, prior, *_ = _estimate(factor)
+    storm = with_slow_power(found, prior, 1e3, np.array([4.0, 2.0, 3.0]))
+    assert storm.values[0] == pytest.approx(prior.values[0], abs=2e-3)
+    assert storm.covariance[0, 0] == pytest.approx(prior.covariance[0, 0], rel=1e-3)
