@@ -25,19 +25,28 @@ import campaign_figures
 import flights
 import msgspec
 import numpy as np
+import pandas as pd
 import typer
 from campaign_draws import MORE_DRAG
 from estimators import speeds
+from numpy.typing import ArrayLike, NDArray
 from study import known_lines
 
+from analysis.airdata.probe import ProbeCalibration
 from analysis.drag import dynamic
+from analysis.drag.assumed_values import with_assumption_uncertainty
+from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.flown import flown_condition, flown_lift
+from analysis.drag.hysteresis import with_hysteresis_uncertainty
+from analysis.maneuvers.kinds import Maneuver
 from analysis.maneuvers.selection import select
 from analysis.results.pooling_statistics import pooling_statistics
+from analysis.trajectory.prior_conflict import prior_conflict, with_misfit
 from analysis.trajectory.priors import stated_sigma
-from analysis.trajectory.reconstruction import reconstruct
+from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, Installation, load_aircraft
 from flight.errors import InputError
+from flight.propeller import Propeller
 from flight.propeller_files import load_propeller
 from sim.fly import fly
 from sim.plan import load_plan
@@ -106,6 +115,31 @@ def aircraft_of(configuration: str, world: World, campaign: int) -> Aircraft:
     )
 
 
+def analysed(
+    data: flights.AirOf, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, probe: ProbeCalibration
+) -> DynamicEstimate:
+    """What `analyze` makes of a flight: with larger priors where they conflict with the data, and with hysteresis."""
+
+    def trajectory_of(air: pd.DataFrame, prior_factor: ArrayLike) -> Trajectory:
+        return reconstruct(
+            air, data.still, stated=stated_sigma(aircraft.uncertainty), alpha_scale_sigma=probe.alpha_scale_sigma,
+            gust_length=aircraft.uncertainty.gust_length, prior_factor=prior_factor,
+        )  # fmt: skip
+
+    trajectory = trajectory_of(data.table, 1.0)
+    conflict = prior_conflict(trajectory)
+    if conflict.found:
+        trajectory = trajectory_of(data.table, conflict.factor)
+    trajectory, _ = with_misfit(trajectory)
+
+    def values_with(air: pd.DataFrame) -> NDArray[np.float64]:
+        of_air = trajectory if air is data.table else trajectory_of(air, conflict.factor)
+        return dynamic.estimate_values(of_air, runs, aircraft, propeller)
+
+    hysteresis = with_hysteresis_uncertainty(None, values_with, data.table, aircraft)
+    return with_assumption_uncertainty(dynamic.estimate_polar(trajectory, runs, aircraft, propeller), hysteresis)
+
+
 def one_flight(job: Job) -> dict[str, Any]:
     """The line of one flight: the part of results.json that pooling reads, and the true power at `speeds`."""
     world, probe = load_world(job.world), flights.tunnel_probe()
@@ -119,10 +153,7 @@ def one_flight(job: Job) -> dict[str, Any]:
         propeller = world.table(aircraft.propulsion) or load_propeller(aircraft.propulsion.propeller)
         data = flights.air_of(table, aircraft, probe)
         runs = select(data.table, data.still, "log", None).level_runs
-        trajectory = reconstruct(
-            data.table, data.still, stated=stated_sigma(aircraft.uncertainty), alpha_scale_sigma=probe.alpha_scale_sigma
-        )
-        estimate = dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
+        estimate = analysed(data, runs, aircraft, propeller, probe)
     except (InputError, np.linalg.LinAlgError) as error:
         return {**job._asdict(), "refused": str(error)}
     rows = np.concatenate([np.arange(len(data.table))[run.rows] for run in runs])
