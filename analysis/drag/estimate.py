@@ -32,7 +32,8 @@ class DragEstimates:
     main : the polar of the power curve, valid over the lift coefficients flown_CL
     methods, one_by_one : by all other methods; from each acceleration and deceleration alone
     cross_check : None where the flight has no run for it, or it failed
-    cross_check_differs : from the power curve by the simultaneous 95 % band of the difference; never by filter error
+    cross_check_differs : it leaves the simultaneous 95 % band of the difference from the power curve; False for filter
+        error
     pitch_rate, likelihood_fits : of the maximum likelihoods, where they were asked for; the fits by method name
     """
 
