@@ -68,7 +68,7 @@ def analyze(
 
     replacements: files used instead of parts of the log, such as another aircraft file. request: battery, weights and
     density altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.toml_file`).
-    command_line: that started the analysis, for the report. by_likelihood: with the maximum likelihoods (`likelihood`).
+    command_line: that started the analysis, for the report. by_likelihood: with the two maximum-likelihood methods.
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
     name = str(log.path)

@@ -95,7 +95,15 @@ def main(
     aircraft, calibration = load_aircraft(aircraft_name), flights.tunnel_probe()
     probe = msgspec.json.decode(msgspec.json.encode(calibration), type=ProbeMaps)
     adding, judging, ticks = [], [], 0
-    columns = ["W20, kt", "flights", "runs", "told good", "told good, no run", "rejected and told lost", "error, %"]
+    columns = [
+        "W20, kt",
+        "flights",
+        "runs",
+        "runs announced as good",
+        "announced as good, but no run",
+        "rejected, and announced as lost",
+        "error, %",
+    ]
     print("| " + " | ".join([*columns, "half width, %"]) + " |\n" + 8 * "|---" + "|")
     for kt in map(float, winds.split(",")):
         runs = agreed = wrongly_good = lost = 0

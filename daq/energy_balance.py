@@ -1,10 +1,10 @@
 """Drag polar from the energy of runs, by least squares with sums that grow with each run.
 
-Over a window of a run, thrust work that is not found in speed and height is the work of drag (2.23)-(2.26). Divided by
-the way flown it is the mean of drag over mass. It is regressed on C_D = A0 + A1 C_L + A2 C_L^2, with errors of the
-thrust's scale and of its slope over J as further unknowns. The residuals give the noise. The scale of airspeed,
-which only the analysis determines, adds the uncertainty that the aircraft file states; other errors of the probe are
-not in the interval.
+Over a window of a run, the work of thrust less the gain of kinetic and potential energy is the work of drag
+(2.23)-(2.26). Divided by mass and by the distance flown it is the mean of drag over mass. It is regressed on
+C_D = A0 + A1 C_L + A2 C_L^2, with errors of the thrust's scale and of its slope over J as further unknowns. The
+residuals give the noise. The scale of airspeed, which only the analysis determines, adds the uncertainty that the
+aircraft file states; other errors of the probe are not in the interval.
 """
 
 import math
@@ -59,19 +59,19 @@ class EnergyBalance:
             self._add(rows[first : last + 1])
 
     def _add(self, rows: Sequence[Row]) -> None:
-        way = 0.0
+        sum_V = 0.0
         sums = [0.0] * (UNKNOWNS + 1)  # of the unknowns, and of rho S/m
         for i, row in enumerate(rows):
             if row.drag is None:
                 return
             thrust, qS, CL, J = row.drag
             step = row.V / 2 if i in (0, len(rows) - 1) else row.V  # trapezoids
-            way += step
+            sum_V += step
             beside = (qS, qS * CL, qS * CL * CL, -thrust, -thrust * (J - J_REFERENCE), 2 * qS / row.V**2)
             for j, value in enumerate(beside):
                 sums[j] += value * step
-        x = [value / way for value in sums]
-        length_m = way * (rows[-1].t_s - rows[0].t_s) / (len(rows) - 1)
+        x = [value / sum_V for value in sums]
+        length_m = sum_V * (rows[-1].t_s - rows[0].t_s) / (len(rows) - 1)
         energy = (rows[-1].V ** 2 - rows[0].V ** 2) / 2 + GRAVITY_MPS2 * (
             rows[-1].smooth_height_m - rows[0].smooth_height_m
         )

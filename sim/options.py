@@ -54,5 +54,9 @@ ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an ear
 ReplaceFileOption = Annotated[bool, typer.Option("--replace", help="Replace an existing file.")]
 SeedOption = Annotated[
     int,
-    typer.Option(min=0, metavar="N", help="Draws turbulence, noise and errors. The same seed gives the same flight."),
+    typer.Option(
+        min=0,
+        metavar="N",
+        help="Number that turbulence, noise and errors are drawn by. The same seed gives the same result.",
+    ),
 ]

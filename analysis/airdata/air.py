@@ -35,7 +35,7 @@ def air_data(
 ) -> AirData:
     """The table with speed, angles, density, height, thrust, bank and `flying` added.
 
-    table: without zeros, with specific forces at the centre of gravity. scale: the aircraft's `speed_scale`.
+    table: the zeros at rest subtracted, specific forces at the centre of gravity. scale: the aircraft's `speed_scale`.
     Angles are those at the centre of gravity: corrected for upwash and for the velocity of the probe by rotation.
     """
     notes: list[str] = []

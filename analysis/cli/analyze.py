@@ -104,7 +104,10 @@ def analyze(
     ] = None,
     likelihood: Annotated[
         bool,
-        typer.Option("--likelihood", help="Add two maximum likelihoods to the methods compared; takes a second."),
+        typer.Option(
+            "--likelihood",
+            help="Also apply the two maximum-likelihood methods of the source (docs/methods.md); takes a second.",
+        ),
     ] = False,
     transducers: Annotated[
         Path | None,

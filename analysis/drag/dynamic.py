@@ -4,10 +4,10 @@ It is named for its data, dynamic maneuvers instead of steady points. First the 
 reconstructed over the whole flight; then drag along the trajectory is regressed on lift. All runs of a flight are
 fitted at once, because their aerodynamics and sensor errors are the same.
 
-The uncertainty of the trajectory is propagated into the covariance of the polar: each independent direction of the
-sensor errors' covariance, and random draws of the state errors, which are not common to the runs, are passed through
-trajectory and regression. Without these the 95 % interval of one deceleration covered the truth in only 75 to 85 % of
-simulated flights, at its lowest speeds.
+The uncertainty of the trajectory is propagated into the covariance of the polar. Each independent direction of the
+sensor errors' covariance is passed through trajectory and regression. The covariance of the state errors, which are not
+common to the runs, is propagated by the derivatives of the regression (`state_errors`). Without these the 95 % interval
+of one deceleration covered the truth in only 75 to 85 % of simulated flights, at its lowest speeds.
 
 A gust near the stall raises the angle of attack above that of level flight, where drag is no longer a parabola of lift.
 Such samples are left out. With them, power at 1.1 V_stall was overestimated by 1.1 % at W20 = 15 kt (200 flights).

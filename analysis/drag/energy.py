@@ -1,4 +1,4 @@
-"""Energy: the thrust work that is not found in speed and height is the work of drag (2.23)-(2.26).
+"""Energy: work of thrust less the gain of kinetic and potential energy is the work of drag (2.23)-(2.26).
 
 Edot = (T cos(alpha) - D) V is used in its integral, E(t) - E(0): nothing noisy is differentiated. Speed and height are
 taken as measured. Accelerometers, gyros and angles serve only for the part of the weight that thrust carries. A

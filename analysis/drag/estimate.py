@@ -32,8 +32,9 @@ class DragEstimates:
     main : the polar of the power curve, valid over the lift coefficients flown_CL
     methods, one_by_one : by all other methods; from each acceleration and deceleration alone
     cross_check : None where the flight has no run for it, or it failed
-    cross_check_differs : from the power curve by the simultaneous 95 % band of the difference; never by filter error
-    pitch_rate, likelihood_fits : of the maximum likelihoods, where they were asked for; the fits by method name
+    cross_check_differs : it leaves the simultaneous 95 % band of the difference from the power curve; False for filter
+        error
+    pitch_rate, likelihood_fits : of the maximum-likelihood methods, where these were asked for; the fits by method name
     """
 
     main: DynamicEstimate
@@ -68,7 +69,7 @@ def estimate(
     table: from `air_data`. condition: weight and density of the flight, at which methods are compared. flown_CL: lift
     coefficients of level flight at the speeds flown. zeroed: the gyro biases at rest were subtracted.
     assumption_uncertainty: by values assumed for keys that the aircraft file lacks.
-    by_likelihood: the maximum likelihoods are among the methods.
+    by_likelihood: the two maximum-likelihood methods are applied, too.
     Raises InputError, beginning with `log`, when the maneuvers do not determine a physical polar.
     """
     runs = maneuvers.level_runs
@@ -85,7 +86,7 @@ def estimate(
     others = every_method(trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, condition)
     by_method, pitch_rate, fits = others.by_method, None, {}
     if by_likelihood:
-        progress("applying the maximum likelihoods")
+        progress("applying the maximum-likelihood methods")
         found = likelihood.estimate(table, trajectory, runs, aircraft, propeller, flown_CL, zeroed=zeroed)
         by_method, pitch_rate, fits = [*by_method, *found.methods], found.pitch_rate, found.fits
     if by_runs:

@@ -1,4 +1,4 @@
-"""The source's own estimators on the runs of a log: two maximum likelihoods by output error.
+"""The source's own estimators on the runs of a log: two maximum-likelihood estimators by output error.
 
 Two states (3.37)-(3.44): airspeed and angle of attack are integrated; pitch attitude, thrust, elevator and body rates
 are inputs; biases and scales of Table 3.1 are estimated. Force models (2.14)-(2.17): polynomials of CX and CZ, with the

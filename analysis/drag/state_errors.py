@@ -1,8 +1,9 @@
 """Noise of the polar by errors of the reconstructed states and by what remains of the residuals without them.
 
 The residuals of the runs contain the errors of the states: their slow part is hardly anything else. The covariance by
-residuals and that by draws of the states must therefore not simply be added. Here the spectrum that the draws explain
-is subtracted from the spectrum of the residuals.
+residuals and that by errors of the states must therefore not simply be added. The latter is propagated exactly. The
+spectrum that errors of the states have in the residuals is estimated from random draws, and subtracted from the
+spectrum of the residuals.
 """
 
 from collections.abc import Callable
@@ -32,7 +33,7 @@ def noise_covariance(fit: Fit, trajectory: Trajectory, segments_along: Callable[
 
 
 def _by_states(fit: Fit, trajectory: Trajectory, segments_along: Callable[[Array], list[Segment]]) -> Array:
-    """Covariance (m, m) by random errors of the states given the sensor errors."""
+    """Covariance (m, m) by the errors of the states for given sensor errors, propagated to first order."""
     states, t_s = trajectory.states.to_numpy(), trajectory.states.index.to_numpy()
     gradient = np.zeros((*states.shape, len(fit.names)))
     for i, step in enumerate(STATE_STEP * np.eye(states.shape[1])):

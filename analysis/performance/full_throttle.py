@@ -1,6 +1,6 @@
 """The motor at full throttle, fitted to the flight's full-throttle stretches.
 
-Model: n = n_0 - c Q. The speed of rotation falls in proportion to the motor's torque Q, because the voltage left for
+Model: n = n_0 - n_Q Q. The speed of rotation falls in proportion to the motor's torque Q, because the voltage left for
 the back-EMF falls with the current. Just below full throttle n_0 is smaller in proportion to the throttle. Q is the
 propeller's torque by its table at the measured n, plus the torque that accelerates the rotor.
 
@@ -25,14 +25,14 @@ from flight.propeller import Propeller
 FULL_THROTTLE, STEADY_THROTTLE = 0.97, 0.005  # at least this, and within this of the largest throttle of the flight
 SETTLING_S = 0.6  # after the stick moves: ramp of the speed controller and the motor's inertia
 SHORTEST_S, NEEDED_S = 1.0, 2.0  # of one stretch, and of all together
-SLOPE_SIGMA_SHARE = 0.5  # prior standard deviation of c, as a share of the value by the aircraft file's resistances
+SLOPE_SIGMA_SHARE = 0.5  # prior standard deviation of n_Q, as a share of the value by the aircraft file's resistances
 
 
 @dataclass(frozen=True)
 class FullThrottle:
     """The motor at full throttle.
 
-    parameters : n_0 (`unloaded_revps` [rev/s]) and c (`revps_per_Nm` [rev/s/(N m)]); None where they are not known
+    parameters : n_0 (`unloaded_revps` [rev/s]) and n_Q (`revps_per_Nm` [rev/s/(N m)]); None where they are not known
     basis : what they were fitted to, in words     reason : why they are not known, in words; empty where they are
     """
 
@@ -42,7 +42,7 @@ class FullThrottle:
 
 
 def fit_full_throttle(data: pd.DataFrame, propulsion: CompletePropulsion, propeller: Propeller) -> FullThrottle:
-    """Fit n_0 and c to the flight.
+    """Fit n_0 and n_Q to the flight.
 
     data : index t_s, even steps; columns V [m/s], n [rev/s], rho [kg/m^3], throttle (0 to 1), covered (by the
     propeller's table)

@@ -57,7 +57,7 @@ def full_throttle_revps(
 ) -> Array:
     """The speed of rotation [rev/s] at full throttle, elementwise.
 
-    It solves n = n_0 - c Q(V, n) with n_0 = unloaded_revps, c = revps_per_Nm and the propeller's torque Q [N m].
+    It solves n = n_0 - n_Q Q(V, n) with n_0 = unloaded_revps, n_Q = revps_per_Nm and the propeller's torque Q [N m].
     """
     V, unloaded_revps = np.asarray(V, dtype=float), np.asarray(unloaded_revps, dtype=float)
     shape = np.broadcast_shapes(V.shape, np.shape(rho), unloaded_revps.shape)

@@ -1,9 +1,9 @@
 """How thresholds scale with the size of the aircraft.
 
 They were set on aircraft of 20 m/s and 80 N/m^2. An aircraft with a lower wing loading flies the same lift coefficients
-at lower speeds: speeds, and changes of speed in a given time, scale with its speed at a lift coefficient of 1; dynamic
-pressures with the square of that, which is the wing loading; the duration of a run with it, because thrust and drag
-over weight are the same. Faster aircraft keep the thresholds.
+at lower speeds. Speeds, changes of speed in a given time, and durations of runs scale with its speed at a lift
+coefficient of 1: durations, because thrust and drag over weight are the same. Dynamic pressures scale with the square
+of that speed, which is proportional to the wing loading. Faster aircraft keep the thresholds.
 """
 
 import numpy as np

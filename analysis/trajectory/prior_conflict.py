@@ -1,9 +1,10 @@
 """Do the estimated sensor errors fit their priors? Where they do not, the priors are too narrow, and so are intervals.
 
-In a direction that the data determine with information j, in units of the prior standard deviation, the data alone give
-x = y (1 + j)/j, y the estimate. By the prior x is normal with variance 1 + 1/j. If all sensor errors are larger than
-their priors by the same factor s, the variance is s^2 + 1/j; s is estimated by maximum likelihood (empirical Bayes;
-Box 1980, J. R. Stat. Soc. A 143, 383, for the test).
+All errors here are in prior standard deviations, so that the prior's information is 1 in every direction. In a
+direction in which the data have the information j, the data alone would give x = y (1 + j)/j in place of the estimate
+y. If the prior is right, x is normal with variance 1 + 1/j. If all sensor errors are larger than their priors by the
+same factor s, the variance is s^2 + 1/j; s is estimated by maximum likelihood (empirical Bayes; Box 1980, J. R. Stat.
+Soc. A 143, 383, for the test).
 """
 
 from dataclasses import replace
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 
 CONFLICT = 2.5  # prior standard deviations
 FALSE_ALARM_RATE = 0.01  # of the test of all sensor errors together
-LEAST_INFORMATION = 0.1  # j of a direction that the data say something about
+LEAST_INFORMATION = 0.1  # of the data in a direction, over the prior's (j): below it the direction is not tested
 FACTORS = np.linspace(1.0, 6.0, 501)
 LARGEST_RMS = 1.5  # of residuals, in standard deviations: 1.0 to 1.1 in calm air on the study's budget, less in gusts
 MISFIT = {

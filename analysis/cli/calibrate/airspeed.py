@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from analysis.autopilot_logs.read import firmware_of
-from analysis.cli.calibrate.options import AircraftFile, LogFile, Replace, check_output, write_json
+from analysis.cli.calibrate.options import AircraftFile, Replace, check_output, write_json
 from analysis.cli.electrical import refuse_daemon_options
 from analysis.estimation.intervals import NORMAL_95
 from flight.errors import InputError
@@ -19,11 +19,14 @@ TYPICAL_WEIGHT_N, TYPICAL_WING_AREA_M2 = 60.0, 1.0  # only their ratio counts, t
 
 
 def airspeed(
-    log: LogFile,
+    log: Annotated[
+        Path,
+        typer.Argument(metavar="LOG", help="A log recorded by the daemon, or one of PX4 (.ulg) or ArduPilot (.BIN)."),
+    ],
     aircraft: AircraftFile = None,
     probe: Annotated[
         Path | None,
-        typer.Option("--probe", metavar="FILE", help="Probe calibration to use instead of the one the log carries."),
+        typer.Option("--probe", metavar="FILE", help="Probe calibration to use instead of the one in the log."),
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write as well.")

@@ -15,6 +15,7 @@ MORE_RUNS = "more runs like these"
 NOT_FLOWN = "no run of the required kind was flown: "  # begins a note of a method
 WHITE = 1.96  # standard errors: autocorrelation of white residuals stays within in 95 % of the lags
 RESIDUAL_TOO_LARGE = 1.5  # rms in standard deviations of the channel's noise
+FILTER_ERROR = "filter error"  # as `cross_check_by` says it
 CHANCE = 0.10  # share of lags beyond WHITE that may be chance in a run of a few seconds
 
 
@@ -44,10 +45,7 @@ def _checks(results: Results) -> list[tuple[str, str]]:
             ("Do other methods agree?", f"{answer}, of {len(curves)} that had data; see Comparison of methods.")
         )
     if results.cross_check:
-        differs = "No: it differs by more than" if results.cross_check_differs else "Yes, within what"
-        rows.append(
-            ("Does a fit of the runs alone agree?", f"{differs} the intervals allow ({results.cross_check_by}).")
-        )
+        rows.append(("Does a fit of the runs alone agree?", _cross_check(results)))
     scatter = _scatter_of_runs(results)
     if scatter:
         rows.append(("Do the runs agree with each other?", scatter))
@@ -62,6 +60,14 @@ def _checks(results: Results) -> list[tuple[str, str]]:
     if results.provenance is not None:
         rows.append(("Is the log whole?", _health(results)))
     return rows
+
+
+def _cross_check(results: Results) -> str:
+    """Filter error is not compared (`drag.cross_check.disagreement`)."""
+    if results.cross_check_by == FILTER_ERROR:
+        return f"Not compared: the intervals of {FILTER_ERROR} are too narrow for a comparison."
+    differs = "No: it differs by more than" if results.cross_check_differs else "Yes, within what"
+    return f"{differs} the intervals allow ({results.cross_check_by})."
 
 
 def _scatter_of_runs(results: Results) -> str:

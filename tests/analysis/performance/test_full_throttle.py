@@ -94,7 +94,7 @@ def accelerating_rotor(propulsion: Propulsion, propeller: Propeller, V: float, s
 def test_a_rotor_that_still_accelerates_takes_torque_from_the_motor(nexstar, propeller, motor) -> None:
     """A rotor of 120 times the inertia speeds up over seconds, slower than the propeller's torque alone explains.
 
-    The fit finds the motor of the settled rotor; finite differences of 0.2 s leave 0.2 % of n_0 and 1.3 % of c.
+    The fit finds the motor of the settled rotor; finite differences of 0.2 s leave 0.2 % of n_0 and 1.3 % of n_Q.
     """
     heavy = replace(nexstar.propulsion, propeller_inertia_kgm2=120 * nexstar.propulsion.propeller_inertia_kgm2)
     n = accelerating_rotor(heavy, propeller, V=18.0, seconds=8.0)
@@ -115,7 +115,7 @@ def test_the_first_tenths_of_a_second_at_full_throttle_are_left_out(nexstar, pro
 
 
 def test_one_speed_leaves_the_loss_by_torque_to_the_resistances(nexstar, propeller) -> None:
-    """At one torque the flight determines n_0 - c Q and not c: it stays what the simulator's motor loses for each
+    """At one torque the flight determines n_0 - n_Q Q and not n_Q: it stays what the simulator's motor loses for each
     N m between two other speeds, uncertain by half of it. (Density makes the torque the same at every noisy n, and the
     rotor is light.)"""
     run = at_throttle(nexstar, propeller, np.full(40, 15.0), 1.0)

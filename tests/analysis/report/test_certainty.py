@@ -3,9 +3,12 @@
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from analysis.drag.cross_check import CrossCheck
+from analysis.drag.polar import Polar
 from analysis.report.sections.certainty import (
     _scatter_of_runs,
     certainty_section,
@@ -97,6 +100,19 @@ def test_the_verdict_is_the_curve_at_the_speed_of_least_drag(results: Results) -
     assert "1 other method agrees within the intervals" in verdict_section(agreeing).reasons
     for wrong in ({"verdict": "not converged"}, {"cross_check_differs": True}):
         assert verdict_section(agreeing).trusted and not verdict_section(replace(agreeing, **wrong)).trusted
+
+
+def test_a_fit_of_the_runs_alone_is_said_to_agree_only_where_it_is_compared(results: Results) -> None:
+    """Filter error never warns, so its silence is no agreement."""
+
+    def answer(**changed: Any) -> str:
+        rows = certainty_section(replace(results, **changed)).checks.rows
+        return dict(rows)["Does a fit of the runs alone agree?"]
+
+    gusty = CrossCheck(Polar(np.zeros(3), np.zeros((3, 3))), "converged", converged=True, in_gusts=True)
+    assert answer() == "Yes, within what the intervals allow (output error)."
+    assert answer(cross_check_differs=True).startswith("No: it differs by more than")
+    assert answer(cross_check_by=gusty.by).startswith("Not compared")
 
 
 def test_residuals_that_are_not_white_are_said_to_be(results: Results) -> None:
