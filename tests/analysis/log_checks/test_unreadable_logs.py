@@ -1,11 +1,13 @@
 """A log whose messages are not those of docs/log-format.md is refused in one line that names the mistake."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 from mcap.writer import Writer
 
+from analysis.cli.one_log import Options, analyze_log
 from analysis.log_checks.messages import check_messages
 from analysis.log_contents import Replacements, contents
 from analysis.pipeline import analyze
@@ -147,6 +149,29 @@ def test_what_cannot_be_read_is_refused_with_its_mistake(
     with pytest.raises(InputError) as caught:
         check_messages(read_log(path))
     assert str(caught.value) == f"{path}: {message}"
+
+
+BATTERY = {"/battery": b'{"voltage_V": 15.0, "current_A": 4.0}'}
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (imu(specific_force_x_mps2="1.0"), "/imu: 30 of 30 messages cannot be decoded: specific_force_x_mps2 is a"),
+        ({"/rpm": b'{"status": "OK"}'}, '/rpm: 30 of 30 messages cannot be decoded: status is "OK"'),
+        ({"/imu": None, "imu": b"{}"}, "no topic /imu, which the power curve needs; is it imu? Rename it"),
+        ({"/rpm": None, "/motor/rpm": b"{}"}, "no topic /rpm, which the power curve needs; is it /motor/rpm?"),
+    ],
+    ids=["strings", "status", "without slash", "longer name"],
+)
+def test_a_topic_written_wrongly_is_not_replaced_by_electrical_power(
+    tmp_path: Path, changed: dict[str, bytes | None], message: str
+) -> None:
+    topics = {topic: data for topic, data in (REQUIRED | BATTERY | changed).items() if data is not None}
+    log = file_of(tmp_path / "flight.mcap", topics)
+    with pytest.raises(InputError, match=re.escape(f"{log}: {message}")):
+        analyze_log(log, tmp_path / "report", Options(), lambda _: None)
+    assert not (tmp_path / "report").exists()
 
 
 def test_numbers_without_a_fraction_are_integers(tmp_path: Path) -> None:
