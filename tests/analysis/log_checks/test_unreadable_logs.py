@@ -9,12 +9,13 @@ from mcap.writer import Writer
 
 from analysis.cli.one_log import Options, analyze_log
 from analysis.log_checks.messages import check_messages
-from analysis.log_contents import Replacements, contents
+from analysis.log_contents import Replacements, contents, damage
 from analysis.pipeline import analyze
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log, read_log
 from flight.messages import Controls, Gps
+from flight.undecodable import Undecodable
 
 
 def file_of(path: Path, messages: dict[str, bytes], *, encoding: str = "json", profile: str = "flightpower") -> Path:
@@ -190,6 +191,23 @@ def test_all_that_a_log_lacks_is_named_at_once(tmp_path: Path) -> None:
     message = lacking(log, Replacements())
     assert message.startswith(f"{log.path}: no aircraft.toml, propeller.csv, probe.json in the log; attach them to the")
     assert all(option in message for option in ("--aircraft FILE", "--propeller NAME", "--probe FILE"))
+
+
+@pytest.mark.parametrize("name", ["Aircraft.toml", "config/aircraft.toml"])
+def test_an_attachment_of_almost_the_name_is_named(tmp_path: Path, name: str) -> None:
+    log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED))
+    log.attachments[name] = b""
+    assert lacking(log, Replacements()) == f"{log.path}: the attachment {name} is not aircraft.toml: rename it"
+
+
+def test_the_few_messages_left_out_are_named_with_their_mistake(tmp_path: Path) -> None:
+    log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED))
+    assert damage(log) == []
+    log.undecodable_of["/rpm"] = Undecodable(b'{"motor_speed_revps": NaN}', "", 2)
+    log.undecodable_of["/imu"] = Undecodable(b"[1]", "Expected `object`, got `array`", 1)
+    one, two = damage(log)
+    assert one.startswith("1 message is left out: /imu: a message is not a JSON object")
+    assert two == "2 messages are left out: /rpm: NaN is not JSON; write null where nothing was measured."
 
 
 def test_only_what_a_log_lacks_is_named(tmp_path: Path) -> None:
