@@ -167,8 +167,9 @@ def _of_another_table(aircraft: Aircraft, propeller: Propeller) -> str:
 def damage(log: Log) -> list[str]:
     """Parts of the log that are torn or cannot be decoded, in sentences."""
     notes = [f"The log is torn ({log.torn}); the part before is used."] if log.torn else []
-    if log.undecodable:
-        notes.append(f"{log.undecodable} messages could not be decoded and are left out.")
+    for topic, found in sorted(log.undecodable_of.items()):
+        left_out = "1 message is" if found.count == 1 else f"{found.count} messages are"
+        notes.append(f"{left_out} left out: {topic}: {found.mistake}.")
     return notes
 
 
@@ -184,7 +185,15 @@ def _lacking(log: Log, replacements: Replacements, aircraft: list[Aircraft]) -> 
 
 
 def _not_in_log(log: Log, names: list[str]) -> InputError:
+    similar = [f"{match} is not {name}" for name in names if (match := _other_case(log, name))]
+    if similar:
+        return InputError(f"{log.path}: the attachment {', '.join(similar)}: rename it")
     return InputError(
         f"{log.path}: no {', '.join(names)} in the log; attach {'it' if len(names) == 1 else 'them'} to the log (the"
         f" daemon attaches what the tray file names), or give {', '.join(REMEDIES[name] for name in names)}"
     )
+
+
+def _other_case(log: Log, name: str) -> str | None:
+    """The attachment of that name but for capitals, or with its path."""
+    return next((found for found in log.attachments if PurePath(found).name.lower() == name), None)

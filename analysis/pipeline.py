@@ -12,7 +12,7 @@ from analysis import log_contents
 from analysis.airdata.from_log import FlightData, flight_data
 from analysis.drag import assumed_values
 from analysis.drag.estimate import DragEstimates, estimate
-from analysis.drag.flown import flown_condition, flown_lift
+from analysis.drag.flown import check_lift, flown_condition, flown_lift
 from analysis.drag.hysteresis import with_hysteresis_uncertainty
 from analysis.drag.repetition import Repetition
 from analysis.drag.thrust_coverage import thrust_coverage
@@ -94,6 +94,7 @@ def analyze(
     maneuvers = select(table, data.rest, name, runs_file)
     flown = pd.concat([table.iloc[run.rows] for run in maneuvers.level_runs or maneuvers.of(*FOR_DRAG)])
     condition, flown_CL = flown_condition(flown, aircraft), flown_lift(flown, aircraft)
+    check_lift(flown_CL, condition, name)
     kinds = {run.kind for run in maneuvers.level_runs}
     coverage_warnings = thrust_coverage(flown, propeller, kinds, str(runs_file or ""))
 

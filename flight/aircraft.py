@@ -23,6 +23,7 @@ from flight.text_file import read_text
 from flight.units import GRAVITY_MPS2, NO_KEY
 
 Position = tuple[float, float, float]
+LEAST_RATIO, LARGEST_RATIO = 0.2, 100.0  # aspect ratios of span and area in one unit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,7 +269,7 @@ def parse_as(kind: type[AnyAircraft], text: str, where: str) -> AnyAircraft:
     aircraft = replace(read, text=text, keys=keys)
     if by_weight:
         aircraft = replace(aircraft, mass=replace(read.mass, standard_weight_N=read.mass.weight_N))
-    problems = [*_not_positive(aircraft), *_bad_surfaces(aircraft)]
+    problems = [*_implausible(aircraft), *_bad_surfaces(aircraft)]
     if problems:
         raise InputError(f"{where}: {'; '.join(problems)}")
     return aircraft
@@ -291,7 +292,7 @@ def _bad_surfaces(aircraft: Aircraft) -> Iterator[str]:
             yield f"{name}: pulse_us must be ascending and have as many entries as angle, two or more"
 
 
-def _not_positive(aircraft: Aircraft) -> Iterator[str]:
+def _implausible(aircraft: Aircraft) -> Iterator[str]:
     geometry, mass, propulsion = aircraft.geometry, aircraft.mass, aircraft.propulsion
     uncertainty = aircraft.uncertainty
     for key, value in (
@@ -316,6 +317,11 @@ def _not_positive(aircraft: Aircraft) -> Iterator[str]:
     ):
         if value is not None and not value > 0:
             yield f"{key}: must be greater than zero"
+    if geometry.span_m > 0 and geometry.wing_area_m2 > 0 and not LEAST_RATIO < aircraft.aspect_ratio < LARGEST_RATIO:
+        yield (
+            f"geometry.span of {geometry.span_m:g} m and geometry.wing_area of {geometry.wing_area_m2:g} m^2 make an"
+            f" aspect ratio of {aircraft.aspect_ratio:.2g}; check their units"
+        )
     for key, value in (
         ("uncertainty.weight", uncertainty.weight_fraction),
         ("uncertainty.updraft", uncertainty.updraft_mps),

@@ -16,6 +16,8 @@ from flight.shipped_propellers import FOLDER, shipped_propellers
 
 INCH_M = 0.0254
 LARGEST_INCHES = 40.0  # larger numbers are millimetres: UIUC names a few small propellers so (E-Flite 130x70)
+COLUMNS = ("rpm", "J", "cT", "cP")
+LARGEST_DIAMETER_M = 3.0  # larger numbers are inches or millimetres
 SAME_RPM = 0.01  # relative difference of speeds of rotation below which two tests are put into one row
 UIUC_NAME = re.compile(r"(?P<name>.+_(?P<size>\d+(?:\.\d+)?)x\d+(?:\.\d+)?[^_]*)_(?P<test>.+)\.txt")
 
@@ -101,8 +103,17 @@ def _csv_table(text: str, name: str) -> tuple[float, tuple[Row, ...], str]:
         diameter_m = float(diameter[1])
     except ValueError:
         raise InputError(f"propeller {name}: diameter_m = {diameter[1]} is not a number") from None
+    if diameter_m > LARGEST_DIAMETER_M:
+        raise InputError(
+            f"propeller {name}: diameter_m = {diameter[1]} is not that of a small propeller in metres; an inch is"
+            " 0.0254 m"
+        )
     points: dict[float, list[tuple[float, float, float]]] = {}
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if lines and (lacking := [column for column in COLUMNS if column not in next(csv.reader(lines))]):
+        raise InputError(
+            f"propeller {name}: not a table of rpm,J,cT,cP: no {', '.join(lacking)} in the header {lines[0]!r}"
+        )
     try:
         for entry in csv.DictReader(lines):
             point = (float(entry["J"]), float(entry["cT"]), float(entry["cP"]))

@@ -92,8 +92,10 @@ class OrdinaryFlight:
         """Write the report of a log of the daemon. Raises InputError."""
         from analysis.electrical.daemon_log import recording_of
         from analysis.electrical.flown_aircraft import flown_aircraft
+        from analysis.log_checks.messages import check_lacking
         from analysis.log_contents import propeller_of
 
+        check_lacking(log)
         text = log.attachments.get("aircraft.toml")
         given = load_aircraft(self.aircraft) if self.aircraft else None
         if given is None and text is not None:

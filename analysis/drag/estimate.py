@@ -80,7 +80,8 @@ def estimate(
     if by_runs and (reason := unphysical(by_runs.polar, flown_CL)):
         source = "one run" if len(runs) == 1 else f"{len(runs)} runs"
         raise InputError(
-            f"{log}: unphysical drag polar from {source}: {reason}; keep or fly more runs, longer, over more speeds"
+            f"{log}: unphysical drag polar from {source}: {reason}; keep or fly more runs, longer, over more speeds; or"
+            " weight, wing area, propeller table, or a unit or delay in the log is wrong"
         )
     progress("applying all other methods")
     others = every_method(trajectory, maneuvers.maneuvers, by_runs, flown_CL, aircraft, propeller, condition)

@@ -6,9 +6,11 @@ import pandas as pd
 from analysis.drag.polar import Condition
 from analysis.signals.aircraft_size import least_height_m, speed_scale_of
 from flight.aircraft import Aircraft
+from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
 LIFT_S, LARGEST_PERCENT = 0.5, 99.9
+LEAST_CL, LARGEST_CL = 0.05, 5.0  # of the slowest speed flown; no wing reaches the latter
 ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients that a curve is drawn over
 
 
@@ -26,6 +28,17 @@ def flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
     CL = 2 * aircraft.mass.weight_N / (flown["rho"] * V**2 * aircraft.geometry.wing_area_m2)
     low, high = np.percentile(CL.dropna(), ROBUST_RANGE)
     return float(low), float(high)
+
+
+def check_lift(flown_CL: tuple[float, float], condition: Condition, log: str) -> None:
+    """Raises InputError if no wing could carry the weight at the speeds flown. flown_CL: of `flown_lift`."""
+    largest = flown_CL[1]
+    if not LEAST_CL < largest < LARGEST_CL:
+        raise InputError(
+            f"{log}: a weight of {condition.weight_N:.3g} N and a wing area of {condition.wing_area_m2:.3g} m^2 need a"
+            f" lift coefficient of {largest:.2g} at the slowest speed flown; a wing has 0.5 to 2: check"
+            " mass.weight and geometry.wing_area of the aircraft file, and the unit of /probe/airspeed"
+        )
 
 
 def largest_lift(table: pd.DataFrame, condition: Condition) -> float:

@@ -29,13 +29,24 @@ def check_decodable(log: Log) -> None:
             )
 
 
+def check_lacking(log: Log) -> None:
+    """Raises InputError if a topic that the power curve needs is only written wrongly, or under another name.
+
+    For a log that gives electrical power instead: one that really lacks the topic.
+    """
+    check_decodable(log)
+    for topic in NEEDED:
+        if not log.entries.get(topic) and _match(log, topic):
+            raise _no_topic(log, topic)
+
+
 def check_messages(log: Log) -> None:
     """Raises InputError if messages of a topic cannot be decoded, or a required topic or field has no value."""
     check_decodable(log)
     for topic in TOPICS:
         entries = log.entries.get(topic, NO_ENTRIES)
         if topic in NEEDED and not entries:
-            raise InputError(f"{log.path}: no topic {topic}, which the power curve needs{_similar_topic(log, topic)}")
+            raise _no_topic(log, topic)
         if entries:
             _check_fields(log, topic)
 
@@ -67,8 +78,17 @@ def _why_empty(log: Log, topic: str, unknown: list[str], good: bool) -> str:
     return f"never carried a value (its status: {statuses})" if good else f"was never measured (its status: {statuses})"
 
 
+def _no_topic(log: Log, topic: str) -> InputError:
+    return InputError(f"{log.path}: no topic {topic}, which the power curve needs{_similar_topic(log, topic)}")
+
+
+def _match(log: Log, topic: str) -> str | None:
+    """The unknown topic that resembles `topic`, or ends with it."""
+    found = get_close_matches(topic, log.unknown_topics, 1, SIMILAR)
+    return next((name for name in [*found, *log.unknown_topics] if name in found or name.endswith(topic)), None)
+
+
 def _similar_topic(log: Log, topic: str) -> str:
-    match = get_close_matches(topic, log.unknown_topics, 1, SIMILAR)
-    if match:
-        return f"; is it {match[0]}? Rename it"
+    if match := _match(log, topic):
+        return f"; is it {match}? Rename it"
     return f"; unknown topics of the log: {', '.join(log.unknown_topics)}" if log.unknown_topics else ""

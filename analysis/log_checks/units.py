@@ -18,12 +18,14 @@ Array = NDArray[np.float64]
 MEDIAN = 50.0
 FORCE = tuple(f"specific_force_{axis}_mps2" for axis in "xyz")
 LOAD_G = (0.3, 3.0)  # of the median of a flight; at rest 1
+ONE_AXIS = 0.8  # of the magnitude, at least, is the median of one axis in any unit, unless gravity was taken out
 UPRIGHT = -0.5  # z over magnitude, median; level flight, turns and rest are all near -1
 SPEED_OF_SOUND_MPS = 340.0
 SLOWEST_TIP_MPS = 20.0  # of a propeller that drives an aircraft; less than its flight speed gives no thrust
 TURNING_REVPS = 1.0
 LEAST_FLIGHT_PA = 10.0  # 4 m/s at sea level
 SWAPPED = 1.3  # times q_c; q_c is largest below some 20 deg of angle of attack, beyond every wing's stall
+LEAST_CURRENT_A = 0.5  # more than the zero of a current sensor
 FEWEST_SAMPLES = 250  # to judge by: 10 s of the default tray
 
 
@@ -67,6 +69,7 @@ def check_units(log: Log, diameter_m: float) -> None:
     _check_specific_force(log)
     _check_temperature(log)
     _check_motor_speed(log, diameter_m)
+    _check_current(log)
     for limits in LIMITS:
         _check(log, limits)
 
@@ -93,7 +96,10 @@ def _check_specific_force(log: Log) -> None:
     if not low <= magnitude <= high:
         factors = {"g": GRAVITY_MPS2, "milli-g": GRAVITY_MPS2 / 1000}
         unit = next((unit for unit, factor in factors.items() if low <= magnitude * factor <= high), None)
-        remedy = f"it looks like {unit}; multiply by {factors[unit]:.6g}" if unit else "write m/s^2"
+        if np.abs(median).max() < ONE_AXIS * magnitude:
+            remedy = "gravity was taken out; write what an accelerometer measures"
+        else:
+            remedy = f"it looks like {unit}; multiply by {factors[unit]:.6g}" if unit else "write m/s^2"
         raise InputError(
             f"{log.path}: /imu: specific_force_{{x,y,z}}_mps2 have a magnitude of {magnitude:.3g} (median in flight),"
             f" but rest and flight have about 9.8: {remedy}"
@@ -134,6 +140,18 @@ def _check_motor_speed(log: Log, diameter_m: float) -> None:
         raise InputError(
             f"{log.path}: /rpm: motor_speed_revps is {found:.0f} (median of the turning motor), at which the tips of a"
             f" propeller of {diameter_m:.2f} m move faster than sound: {remedy}"
+        )
+
+
+def _check_current(log: Log) -> None:
+    """A battery discharges in flight."""
+    _, values = field_of(log, "/battery", "current_A")
+    if not len(values):
+        return
+    low, high = np.percentile(values, (5, 95))
+    if low < -LEAST_CURRENT_A and -low > 2 * high:
+        raise InputError(
+            f"{log.path}: /battery: current_A is negative in flight ({low:.3g} A): write it positive when discharging"
         )
 
 

@@ -11,6 +11,7 @@ Array = NDArray[np.float64]
 
 NEEDED = ("V_mps", "alpha_rad", "ax_mps2", "az_mps2", "q_radps", "thrust_N", "rho")
 LARGEST_GAP_SHARE = 0.02
+TOO_LOW = "too low"
 
 # A note is written beyond these.
 NOTED_HEIGHT_M = 5.0
@@ -29,7 +30,7 @@ def too_low(data: pd.DataFrame) -> str:
     if not data["height_m"].notna().any():
         return "no height was measured"
     lowest, least = np.nanmin(data["height_m"]), least_height_m(data)
-    return "" if lowest >= least else f"too low: down to {lowest:.0f} m above the ground, {least:.0f} m are needed"
+    return "" if lowest >= least else f"{TOO_LOW}: down to {lowest:.0f} m above the ground, {least:.0f} m are needed"
 
 
 def without_data(data: pd.DataFrame) -> str:

@@ -7,6 +7,7 @@ import pandas as pd
 from analysis.maneuvers import toml_file
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import FOR_DRAG, LEVEL_RUNS, Maneuvers, RejectedManeuver
+from analysis.maneuvers.quality import TOO_LOW
 from analysis.signals.aircraft_size import flying_Pa, speed_scale_of
 from analysis.signals.synchronize import COLUMNS
 from flight.errors import InputError
@@ -28,11 +29,15 @@ def select(table: pd.DataFrame, rest: list[slice], log: str, runs_file: Path | N
         return found
     if runs_file:
         raise InputError(f"{runs_file}: no maneuver to analyse; keep one of these: {', '.join(FOR_DRAG)}")
-    raise InputError(f"{log}: no acceleration or deceleration to analyse{nearest_miss(found.rejected, table)}")
+    missed = nearest_miss(found.rejected, table, rested=bool(rest))
+    raise InputError(f"{log}: no acceleration or deceleration to analyse{missed}")
 
 
-def nearest_miss(rejected: list[RejectedManeuver], table: pd.DataFrame) -> str:
-    """Why there is no run: the reason for the longest rejected one, or why no flight was recognized."""
+def nearest_miss(rejected: list[RejectedManeuver], table: pd.DataFrame, *, rested: bool = True) -> str:
+    """Why there is no run: the reason for the longest rejected one, or why no flight was recognized.
+
+    rested: the aircraft stood still somewhere in the log.
+    """
     if not table["flying"].any():
         dead = sorted({COLUMNS[name][0] for name in PRESSURES if table[name].isna().all()})
         if dead:
@@ -45,4 +50,9 @@ def nearest_miss(rejected: list[RejectedManeuver], table: pd.DataFrame) -> str:
     if not missed:
         return " (speed never changed steadily in level flight)"
     longest = max(missed, key=lambda r: r.end_s - r.start_s)
-    return f"; the longest stretch, {longest.start_s:.0f} to {longest.end_s:.0f} s: {longest.reason}"
+    reason = f"; the longest stretch, {longest.start_s:.0f} to {longest.end_s:.0f} s: {longest.reason}"
+    if rested or not longest.reason.startswith(TOO_LOW):
+        return reason
+    return (
+        f"{reason}; there is no rest on the ground in the log, and the height where it begins is taken as the ground's"
+    )

@@ -29,12 +29,9 @@ def write_electrical_report(results: Results, flight: FlightTable, estimate: Ele
 
     Returns what of another log or of other options they replaced, in a sentence.
     """
-    before = replaced(folder, results)
-    files: dict[str, str | bytes] = {
-        "results.json": to_json(results),
-        "electrical_power.csv": to_csv(results),
-        "report.html": _page(results, flight, estimate, before),
-    }
+    files: dict[str, str | bytes] = {"results.json": to_json(results), "electrical_power.csv": to_csv(results)}
+    before = replaced(folder, results, files)
+    files["report.html"] = _page(results, flight, estimate, before)
     for name, content in files.items():
         write_file(folder / name, content)
     return before

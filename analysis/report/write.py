@@ -19,7 +19,6 @@ def write_report(analysis: Analysis, folder: Path) -> str:
     Everything is computed before the first file is written. Raises InputError when the folder cannot be written.
     """
     results = analysis.results
-    before = replaced(folder, results)
     files: dict[str, str | bytes] = {
         "results.json": to_json(results),
         "power_required.csv": to_csv(results),
@@ -28,6 +27,7 @@ def write_report(analysis: Analysis, folder: Path) -> str:
     if results.use:
         files["field_table.md"] = field_table.to_markdown(results, results.use)
         files["field_table.csv"] = field_table.to_csv(results, results.use)
+    before = replaced(folder, results, files)
     files["report.html"] = page.render(results, figures_by_name(analysis), run_fits(analysis), replaced=before)
     for name, content in files.items():
         write_file(folder / name, content)

@@ -1,6 +1,7 @@
 """Whether results in a folder are of another log or of other options than those that replace them."""
 
 import shlex
+from collections.abc import Collection
 from pathlib import Path
 
 import msgspec
@@ -8,6 +9,9 @@ import msgspec
 from analysis.results.schema import Results
 
 OUTPUT, QUIET = ("-o", "--output"), ("-q", "--quiet")  # options that change no result
+
+
+TABLES = ("power_required.csv", "path.csv", "field_table.md", "field_table.csv", "electrical_power.csv")
 
 
 class _File(msgspec.Struct):
@@ -28,8 +32,20 @@ class _Previous(msgspec.Struct):
     provenance: _Provenance | None = None
 
 
-def replaced(folder: Path, results: Results) -> str:
-    """What `results` replace in the folder, in a sentence; empty where there is nothing, or the same analysis."""
+def replaced(folder: Path, results: Results, written: Collection[str] = TABLES) -> str:
+    """What `results` replace in the folder, in a sentence; empty where there is nothing, or the same analysis.
+
+    written: names of the files that replace others. Tables of an earlier analysis beside them are named.
+    """
+    left = [name for name in TABLES if name not in written and (folder / name).exists()]
+    said = _replaced(folder, results)
+    if not left:
+        return said
+    of_earlier = f"{', '.join(left)} in {folder} {'is' if len(left) == 1 else 'are'} of an earlier analysis"
+    return f"{said}; {of_earlier}" if said else of_earlier
+
+
+def _replaced(folder: Path, results: Results) -> str:
     path = folder / "results.json"
     try:
         previous = msgspec.json.decode(path.read_bytes(), type=_Previous)

@@ -79,6 +79,8 @@ def test_a_file_of_ones_own_is_read_like_a_shipped_one(tmp_path):
         ('span = "5.73 ft"', "", r"geometry\.span is missing"),
         ('span = "5.73 ft"', 'span = "0 ft"', r"geometry\.span.*greater than zero"),
         ('weight = "8.47 lbf"', 'weight = "-1 lbf"', r"mass\.weight.*greater than zero"),
+        ('span = "5.73 ft"', 'span = "5.73 cm"', r"geometry\.span of 0\.0573 m .* aspect ratio of 0\.0071"),
+        ('span = "5.73 ft"', 'span = "573 ft"', r"aspect ratio of 6\.6e\+04; check their units"),
         ("[geometry]", "[geometri]", "geometr"),
         ("pole_pairs = 7", "pole_pairs = 7.5", "pole_pairs"),
         ("pulse_us = [1000, 1500, 2000]", "pulse_us = [1000, 1500]", "aileron.*pulse_us"),

@@ -238,7 +238,9 @@ def test_covers_knows_the_table():
     ("text", "cause"),
     [
         ("rpm,J,cT,cP\n5000,0,0.1,0.04\n", "diameter_m"),
-        ("# diameter_m = 0.3\nrpm,J,cT\n5000,0,0.1\n", "rpm,J,cT,cP"),
+        ("# diameter_m = 0.3\nrpm,J,cT\n5000,0,0.1\n", "rpm,J,cT,cP: no cP in the header 'rpm,J,cT'"),
+        ("# diameter_m = 0.3\nrpm;J;cT;cP\n5000;0;0.1;0.1\n", "no rpm, J, cT, cP in the header 'rpm;J;cT;cP'"),
+        ("# diameter_m = 11\nrpm,J,cT,cP\n5000,0,0.1,0.04\n5000,0.5,0.1,0.04\n", "diameter_m = 11 .* inch is 0.0254"),
         ("# diameter_m = 0.3\nrpm,J,cT,cP\n5000,0,x,0.04\n", "rpm,J,cT,cP"),
         ("# diameter_m = 0.3\nrpm,J,cT,cP\n", "empty"),
         ("# diameter_m = 0.3\nrpm,J,cT,cP\n5000,0,0.1,0.04\n", "two points"),

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.drag.flown import flown_condition, flown_lift, largest_lift
+from analysis.drag.flown import check_lift, flown_condition, flown_lift, largest_lift
 from analysis.drag.polar import (
     Condition,
     Polar,
@@ -20,6 +20,7 @@ from analysis.drag.polar import (
 )
 from analysis.signals.aircraft_size import SPEED_SCALE
 from flight.aircraft import load_aircraft
+from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
 NEXSTAR = Condition(weight_N=37.68, rho=1.225, wing_area_m2=0.4636)
@@ -154,3 +155,13 @@ def test_of_slow_aircraft_the_mean_speed_counts() -> None:
     assert small[1] / small[0] == pytest.approx(1.0, abs=0.02) and large[1] / large[0] == pytest.approx(
         (1.1 / 0.9) ** 2
     )
+
+
+@pytest.mark.parametrize(("largest", "refused"), [(0.6, False), (2.5, False), (11.0, True), (2e-4, True)])
+def test_a_weight_that_no_wing_carries_is_refused(largest: float, refused: bool) -> None:
+    condition = Condition(294.2, 1.2, 0.5)
+    if not refused:
+        check_lift((0.3, largest), condition, "flight.mcap")
+        return
+    with pytest.raises(InputError, match=r"flight\.mcap: a weight of 294 N .* 0\.5 m\^2 .* check mass\.weight"):
+        check_lift((1e-4, largest), condition, "flight.mcap")

@@ -1,18 +1,21 @@
 """A log whose messages are not those of docs/log-format.md is refused in one line that names the mistake."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 from mcap.writer import Writer
 
+from analysis.cli.one_log import Options, analyze_log
 from analysis.log_checks.messages import check_messages
-from analysis.log_contents import Replacements, contents
+from analysis.log_contents import Replacements, contents, damage
 from analysis.pipeline import analyze
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log, read_log
 from flight.messages import Controls, Gps
+from flight.undecodable import Undecodable
 
 
 def file_of(path: Path, messages: dict[str, bytes], *, encoding: str = "json", profile: str = "flightpower") -> Path:
@@ -149,6 +152,29 @@ def test_what_cannot_be_read_is_refused_with_its_mistake(
     assert str(caught.value) == f"{path}: {message}"
 
 
+BATTERY = {"/battery": b'{"voltage_V": 15.0, "current_A": 4.0}'}
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (imu(specific_force_x_mps2="1.0"), "/imu: 30 of 30 messages cannot be decoded: specific_force_x_mps2 is a"),
+        ({"/rpm": b'{"status": "OK"}'}, '/rpm: 30 of 30 messages cannot be decoded: status is "OK"'),
+        ({"/imu": None, "imu": b"{}"}, "no topic /imu, which the power curve needs; is it imu? Rename it"),
+        ({"/rpm": None, "/motor/rpm": b"{}"}, "no topic /rpm, which the power curve needs; is it /motor/rpm?"),
+    ],
+    ids=["strings", "status", "without slash", "longer name"],
+)
+def test_a_topic_written_wrongly_is_not_replaced_by_electrical_power(
+    tmp_path: Path, changed: dict[str, bytes | None], message: str
+) -> None:
+    topics = {topic: data for topic, data in (REQUIRED | BATTERY | changed).items() if data is not None}
+    log = file_of(tmp_path / "flight.mcap", topics)
+    with pytest.raises(InputError, match=re.escape(f"{log}: {message}")):
+        analyze_log(log, tmp_path / "report", Options(), lambda _: None)
+    assert not (tmp_path / "report").exists()
+
+
 def test_numbers_without_a_fraction_are_integers(tmp_path: Path) -> None:
     path = file_of(
         tmp_path / "flight.mcap",
@@ -165,6 +191,23 @@ def test_all_that_a_log_lacks_is_named_at_once(tmp_path: Path) -> None:
     message = lacking(log, Replacements())
     assert message.startswith(f"{log.path}: no aircraft.toml, propeller.csv, probe.json in the log; attach them to the")
     assert all(option in message for option in ("--aircraft FILE", "--propeller NAME", "--probe FILE"))
+
+
+@pytest.mark.parametrize("name", ["Aircraft.toml", "config/aircraft.toml"])
+def test_an_attachment_of_almost_the_name_is_named(tmp_path: Path, name: str) -> None:
+    log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED))
+    log.attachments[name] = b""
+    assert lacking(log, Replacements()) == f"{log.path}: the attachment {name} is not aircraft.toml: rename it"
+
+
+def test_the_few_messages_left_out_are_named_with_their_mistake(tmp_path: Path) -> None:
+    log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED))
+    assert damage(log) == []
+    log.undecodable_of["/rpm"] = Undecodable(b'{"motor_speed_revps": NaN}', "", 2)
+    log.undecodable_of["/imu"] = Undecodable(b"[1]", "Expected `object`, got `array`", 1)
+    one, two = damage(log)
+    assert one.startswith("1 message is left out: /imu: a message is not a JSON object")
+    assert two == "2 messages are left out: /rpm: NaN is not JSON; write null where nothing was measured."
 
 
 def test_only_what_a_log_lacks_is_named(tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
 from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log, read_log
+from flight.messages import Battery
 from flight.undecodable import Undecodable
 from flight.units import GRAVITY_MPS2
 from sim.sensors.budget import load_budget
@@ -234,10 +235,37 @@ def test_the_sequence_need_not_count_ticks(written: Log, tick: Callable[[int], i
     assert len(data.table) == len(written.entries["/imu"])
 
 
+def with_current(ampere: float) -> Change:
+    """A current where the motor turns."""
+    return lambda log: replace(
+        log,
+        entries=log.entries
+        | {
+            "/battery": entries_of(
+                [
+                    entry._replace(
+                        message=Battery(voltage_V=15.0, current_A=ampere * bool(entry.message.motor_speed_revps))
+                    )
+                    for entry in log.entries["/rpm"]
+                ]
+            )
+        },
+    )
+
+
+def test_a_discharging_battery_is_accepted(written: Log) -> None:
+    judged(with_current(9.0)(written))
+
+
 WRONG: dict[str, tuple[Change, str]] = {
     "g": (scaled("/imu", FORCE, 1 / GRAVITY_MPS2),
         "/imu: specific_force_{x,y,z}_mps2 have a magnitude of 0.995 (median in flight), but rest and flight "
         "have about 9.8: it looks like g; multiply by 9.80665"),
+    "without gravity": (scaled("/imu", FORCE[2:], 1, GRAVITY_MPS2),
+        "/imu: specific_force_{x,y,z}_mps2 have a magnitude of 1.4 (median in flight), but rest and flight "
+        "have about 9.8: gravity was taken out; write what an accelerometer measures"),
+    "charging": (with_current(-9.0),
+        "/battery: current_A is negative in flight (-9 A): write it positive when discharging"),
     "degrees": (scaled("/imu", RATE, 57.2958),
         "/imu: angular_rate_y_radps and angular_rate_z_radps are too large for the specific force in 52 % of "
         "the flight: they look like degrees per second; multiply by 0.0174533"),

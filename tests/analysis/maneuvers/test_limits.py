@@ -173,6 +173,10 @@ def test_the_longest_stretch_without_a_run_is_told_with_its_times() -> None:
         RejectedManeuver("steady", 200.0, 290.0, "the motor stood still"),
     ]
     assert nearest_miss(rejected, steady_flight()) == "; the longest stretch, 10 to 16 s: too short"
+    assert nearest_miss(rejected, steady_flight(), rested=False) == "; the longest stretch, 10 to 16 s: too short"
+    low = [RejectedManeuver("acceleration", 0.0, 60.0, "too low: down to 15 m above the ground")]
+    assert nearest_miss(low, steady_flight()).endswith("above the ground")
+    assert "; there is no rest on the ground in the log" in nearest_miss(low, steady_flight(), rested=False)
     assert nearest_miss(rejected[2:], steady_flight()) == " (speed never changed steadily in level flight)"
 
 

@@ -106,6 +106,19 @@ def test_only_other_options_are_told(log: Log, tmp_path: Path, command: str, say
     assert says in note and bool(note) == bool(says)
 
 
+def test_tables_of_an_earlier_analysis_beside_the_new_ones_are_told(log: Log, tmp_path: Path) -> None:
+    now = SimpleNamespace(provenance=made(log))
+    for name in ("power_required.csv", "path.csv", "electrical_power.csv", "notes.csv"):
+        (tmp_path / name).write_text("", "utf-8")
+    written = ("results.json", "electrical_power.csv", "report.html")
+    assert replaced(tmp_path, now, written) == f"power_required.csv, path.csv in {tmp_path} are of an earlier analysis"
+    (tmp_path / "results.json").write_text("{}")
+    assert "not known; power_required.csv, path.csv in" in replaced(tmp_path, now, written)
+    assert replaced(tmp_path, now, (*written, "power_required.csv")).endswith(
+        f"; path.csv in {tmp_path} is of an earlier analysis"
+    )
+
+
 def test_another_log_or_file_is_told(log: Log, tmp_path: Path) -> None:
     now = SimpleNamespace(provenance=made(log))
     assert replaced(tmp_path, now) == "", "nothing was there"
