@@ -127,8 +127,8 @@ class AirOf(NamedTuple):
 
 def air_of(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration) -> AirOf:
     """The chain's steps up to the air data, for a table as `synchronize` leaves it."""
-    still = rest_segments(table, 1 / TICK_S)
     scale = speed_scale(aircraft)
+    still = rest_segments(table, 1 / TICK_S, flying_Pa(scale))
     at_rest = zeros(table, still, flying_Pa=flying_Pa(scale))
     corrected = specific_force_at_cg(without_zeros(table, at_rest)[0], aircraft)
     propeller = load_propeller(aircraft.propulsion.propeller)

@@ -23,8 +23,12 @@ SHORTEST_S = 4.0
 # add to it.
 RATE_SPREAD_RADPS = 0.03
 FORCE_SPREAD_MPS2 = 0.5
+# Largest difference of the mean specific force over WINDOW_S from the median of the whole rest. A take-off or landing
+# whose acceleration grows gently has no spread, but it changes this mean.
+FORCE_CHANGE_MPS2 = 0.1
 MOTOR_REVPS = 1.0
 AIRSPEED_SPREAD_PA = 8.0
+FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 CHANNELS = ("p_radps", "q_radps", "r_radps", "dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa")
 BLOCK_S = 1.0  # longer than the correlation of the noise: means over blocks are independent
 FEWEST_BLOCKS = 8
@@ -53,18 +57,36 @@ class Zeros(NamedTuple):
         return np.full(len(t_s), self.value[name])
 
 
-def rest_segments(table: pd.DataFrame, rate_Hz: float) -> list[slice]:
-    """Stretches (slices of rows) in which the aircraft stood with its motor off, each SHORTEST_S at least."""
+def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = FLYING_PA) -> list[slice]:
+    """Stretches (slices of rows) in which the aircraft stood with its motor off, each SHORTEST_S at least.
+
+    flying_Pa: dynamic pressure of flight. A stretch whose mean exceeds the least by more is a glide.
+    """
     window = max(3, round(WINDOW_S * rate_Hz))
     spread = table.rolling(window, center=True, min_periods=window // 2).std()
     at_rest = (table["n_revps"].fillna(0) < MOTOR_REVPS) & (spread["q_c_Pa"] < AIRSPEED_SPREAD_PA)
     for name in ("p_radps", "q_radps", "r_radps"):
         at_rest &= spread[name] < RATE_SPREAD_RADPS
-    for name in ("ax_mps2", "ay_mps2", "az_mps2"):
+    for name in FORCES:
         at_rest &= spread[name] < FORCE_SPREAD_MPS2
     margin = window // 2  # rows whose window reaches beyond the rest
     found = [slice(s.start + margin, s.stop - margin) for s in stretches(at_rest.to_numpy())]
-    return [s for s in found if s.stop - s.start >= SHORTEST_S * rate_Hz]
+    standing = [_without_motion(table, s, window) for s in found if s.stop - s.start >= SHORTEST_S * rate_Hz]
+    long = [s for s in standing if s.stop - s.start >= SHORTEST_S * rate_Hz]
+    q_c_Pa = [table["q_c_Pa"].iloc[s].mean() for s in long]
+    least_Pa = min((q for q in q_c_Pa if np.isfinite(q)), default=0.0)
+    return [s for s, q in zip(long, q_c_Pa, strict=True) if not q - least_Pa > flying_Pa]
+
+
+def _without_motion(table: pd.DataFrame, rest: slice, window: int) -> slice:
+    """The rest without the gentle beginning of a take-off at its end, or the end of a landing at its start."""
+    mean = table[list(FORCES)].iloc[rest].rolling(window, center=True, min_periods=1).mean()
+    standing = np.flatnonzero(~((mean - mean.median()).abs() > FORCE_CHANGE_MPS2).any(axis=1))
+    if not len(standing):
+        return slice(rest.start, rest.start)
+    first, last = int(standing[0]), int(standing[-1]) + 1
+    start = rest.start + (first + window // 2 if first else 0)
+    return slice(start, rest.start + last - (window // 2 if last < len(mean) else 0))
 
 
 def zeros(

@@ -31,6 +31,7 @@ PNEUMATIC_DT_S = 1 / 200
 WARM_UP_K, WARM_UP_S = 10.0, 240.0
 # The airstream cools one side of a transducer: the gradient is full at this airspeed, and lags by this time constant.
 COOLING_MPS, COOLING_S = 15.0, 60.0
+PART_S = 60.0  # in which a part within the aircraft follows the temperature of the air
 # Time constant of the autopilot's correction towards the vertical of the accelerometer.
 ATTITUDE_FILTER_S = 2.0
 GYRO_AND_ACCEL_RATE = GRID_HZ / 25  # noise is given for 25 Hz means of 200 Hz samples
@@ -199,7 +200,13 @@ class FlightSensorTruth:
 
     def _warmed(self, t_s: Array) -> Array:
         warm = WARM_UP_K * (1 - np.exp(-np.maximum(t_s, 0.0) / WARM_UP_S))
-        return self._linear("temperature_K", t_s) + warm
+        return np.interp(self._clipped(t_s), self._t, self._followed) + warm
+
+    @cached_property
+    def _followed(self) -> Array:
+        """Temperature of the air as a part within the aircraft follows it, along the truth (n,) [K]."""
+        kelvin = self._truth["temperature_K"].to_numpy(dtype=float)
+        return first_order_lag(kelvin, float(self._t[1] - self._t[0]), PART_S)
 
     @cached_property
     def _cooled(self) -> Array:

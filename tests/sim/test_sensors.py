@@ -15,7 +15,7 @@ from sim.sensors import FlightSensorTruth, draw, load_budget
 from sim.sensors.budget import ErrorBudget, Noise, Systematic
 from sim.sensors.noise import gauss_markov, white
 from sim.sensors.probe import flow_at_probe, port_pressures
-from sim.sensors.tray import HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, with_hysteresis
+from sim.sensors.tray import HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, PART_S, WARM_UP_K, WARM_UP_S, with_hysteresis
 from sim.sensors.tubing import first_order_lag, time_constant_s
 
 FOOT, INCH = 0.3048, 0.0254
@@ -66,6 +66,18 @@ def test_coloured_noise_forgets_in_its_correlation_time():
     assert abs(np.var(x) - 1) < 4 * np.sqrt(2 / independent)
     correlation = np.mean(x[50:] * x[:-50]) / np.var(x)
     assert correlation == pytest.approx(np.exp(-1), abs=4 / np.sqrt(independent))
+
+
+# Temperature
+
+
+def test_a_part_within_the_aircraft_follows_the_temperature_of_the_air_slowly(perfect, flight):
+    """T_air = T + PART_S dT/dt, besides the warming by the electronics: in a climb of 3 m/s 1 K is 50 s of time."""
+    t = flight.truth["time_s"].to_numpy()
+    part_K = perfect.transducer_temperature_K("static", t) - WARM_UP_K * (1 - np.exp(-t / WARM_UP_S))
+    air_K = flight.truth["temperature_K"].to_numpy()
+    assert np.ptp(air_K) > 0.1
+    assert np.max(np.abs(part_K + PART_S * np.gradient(part_K, t) - air_K)[1:-1]) < 0.01 * np.ptp(air_K)
 
 
 # Probe

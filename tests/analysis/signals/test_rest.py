@@ -47,6 +47,33 @@ def test_both_stands_are_found_and_nothing_else() -> None:
     assert 80 < found[1][0] < 82 and found[1][1] > 88.5
 
 
+@pytest.mark.parametrize("landing", [False, True])
+def test_a_gentle_take_off_or_landing_is_no_rest(landing: bool) -> None:
+    """A force along the path that grows evenly by 0.3 m/s² a second has no spread over a second, only another mean.
+
+    Where the mean over WINDOW_S has changed by FORCE_CHANGE_MPS2, the aircraft has moved at 0.1²/(2·0.3) = 0.02 m/s.
+    """
+    table = log_table()
+    t = table.index.to_numpy()
+    since = np.maximum(82 - t, 0) * (t >= 80) if landing else np.maximum(t - 18, 0) * (t < 20)
+    table["ax_mps2"] += 0.3 * since
+    table.loc[(t > 80) if landing else (t < 20), "n_revps"] = np.nan
+    first, second = rest_segments(table, RATE_HZ)
+    assert t[first.stop - 1] < (18.4 if not landing else 20)
+    assert t[second.start] > (81.6 if landing else 80)
+    assert t[first.stop - 1] > 17 and t[second.start] < 83
+
+
+def test_a_steady_glide_with_the_motor_off_is_no_rest() -> None:
+    table = log_table()
+    t = table.index.to_numpy()
+    glide = (t > 40) & (t < 60)
+    calm = log_table(seed=1).iloc[: int(glide.sum())].assign(n_revps=0.0)
+    table.loc[glide, :] = calm.to_numpy()
+    table.loc[glide, "q_c_Pa"] += 74.0  # 11 m/s
+    assert [round(float(t[s.start])) for s in rest_segments(table, RATE_HZ)] == [0, 81]
+
+
 def test_zeros_lie_within_four_of_their_own_standard_errors() -> None:
     """The errors come from 25 or so means over a second: each is good to 4 / sqrt(2 * 24) in four of its own sigmas."""
     for seed in range(20):
