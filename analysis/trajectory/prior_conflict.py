@@ -100,6 +100,7 @@ def with_misfit(trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
     wider = replace(
         trajectory,
         covariance=trajectory.covariance * worst**2,
+        prior_sigma=trajectory.prior_sigma * worst,  # so that the prior's information remains a part of the estimate's
         draws=trajectory.draws * worst,
         states_given_errors=StatesGivenErrors(trajectory.states_given_errors.factor / worst),
     )
