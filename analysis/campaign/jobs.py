@@ -13,7 +13,7 @@ from flight.errors import InputError
 
 Progress = Callable[[str], None]
 
-MEMORY_LIMIT_BYTES = 4 * 2**30  # of one analysis; a flight of twenty minutes takes a sixth of it
+MEMORY_LIMIT_BYTES = 4 * 2**30  # of one analysis; a flight of two hours takes a quarter of it
 
 
 class Analyze(Protocol):
