@@ -89,7 +89,7 @@ def steady_log() -> bytes:
 
 
 def two_pairs_log() -> bytes:
-    return flight("two-pairs", "--seed", "2")
+    return flight("two-pairs")
 
 
 @cache
@@ -170,7 +170,9 @@ def exports() -> Contents:
         return {**of_files(folder / "tables"), "info": run("daq", "info", "log.mcap")}
 
 
-def calibrations() -> Contents:
+@cache
+def calibrated() -> tuple[dict[str, object], dict[str, bytes]]:
+    """What each calibration prints, and its files."""
     found: dict[str, object] = {}
     with new_folder() as folder:
         for plan in ("tubing-bursts", "magnetometer-turn", "surface-deflections", "transducer-column"):
@@ -181,7 +183,36 @@ def calibrations() -> Contents:
         run("flightpower", "new", "aircraft", "--like", "nexstar", "-o", "nexstar.toml")
         for i, words in enumerate(CALIBRATIONS):
             found[f"{i} {words[0]}"] = run("calibrate", *words)
+        files = {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix != ".mcap"}
+    return found, files
+
+
+def calibrations() -> Contents:
+    found, files = calibrated()
+    with new_folder() as folder:
+        for name, content in files.items():
+            (folder / name).write_bytes(content)
         return found | of_files(folder)
+
+
+def own_aircraft() -> Contents:
+    """An aircraft file with few keys, and all calibrations; then one with long lines that have to be corrected."""
+    found: dict[str, object] = {}
+    with new_folder() as folder:
+        for name, content in calibrated()[1].items():
+            (folder / name).write_bytes(content)
+        (folder / "log.mcap").write_bytes(demo_log())
+        (folder / "my.toml").write_text(MY_AIRCRAFT, "utf-8")
+        whole = (folder / "nexstar.toml").read_text("utf-8")
+        (folder / "long.toml").write_text(whole.replace('"0.6 m"', '"1.2 m"').replace('"1.59 mm"', '"1.1 mm"'), "utf-8")
+        files = ("--magnetometer", "magnetometer.json", "--transducers", "transducers.json")
+        for name, options in (
+            ("calibrated", ("--aircraft", "my.toml", *files, "--thrust-stand", "stand.json", "--battery-Wh", "74")),
+            ("long lines", ("--aircraft", "long.toml", "--weight", "4.0 kg")),
+        ):
+            found[name] = run("analyze", "log.mcap", "-o", name, *options)
+            found[f"{name}, results"] = of_files(folder / name)["results.json"]
+    return found
 
 
 PLAN = """
@@ -230,6 +261,17 @@ kind = "land"
 kind = "stand"
 duration = "10 s"
 """
+MY_AIRCRAFT = """name = "mine"
+[geometry]
+span = "5.73 ft"
+wing_area = "4.99 ft^2"
+[mass]
+weight = "8.47 lb"
+[propulsion]
+propeller = "apc-12x8e"
+[uncertainty]
+hysteresis = "0.5 %"
+"""
 PLANS = {
     "curve": ("nexstar", "--minutes", "8", "--wind-kt", "8", "--after", "results.json", "--side", "90 m"),
     "range": ("survey-6kg", "--minutes", "8", "--question", "range", "--pilot", "autopilot", "--home", "48.1,11.5",
@@ -274,4 +316,5 @@ CASES: dict[str, Callable[[], Contents]] = {
     "autopilot-logs": autopilot_logs,
     "exports": exports,
     "calibrations": calibrations,
+    "own-aircraft": own_aircraft,
 }

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,13 @@ from analysis.estimation import (
     multiple_shooting,
     output_error,
     plots,
+    starts,
 )
 from analysis.estimation import uncertainty as errors
 from analysis.estimation.data import Segment, split
 from analysis.estimation.fit import Fit
 from analysis.estimation.frequency_domain import band_matrix, transform
+from analysis.estimation.model import Parameter
 from analysis.estimation.recursive_fourier import RecursiveFourierRegression
 from analysis.estimation.term_selection import orthogonal_functions, stepwise
 from analysis.estimation.transfer_function import starting_values, transfer_function
@@ -41,6 +44,11 @@ from tests.analysis.estimation.test_aircraft_models import (
 
 Contents = dict[str, Any]
 BAND_HZ = (0.15, 2.5)
+LATE = replace(
+    disturbed.LINEAR,
+    parameters=(*disturbed.LINEAR.parameters, Parameter(name="tau", start=0.02, unit="s", lower=0.0, upper=0.5)),
+    delays=(("de", "tau"),),
+)
 
 
 def of_fit(fit: Fit) -> Contents:
@@ -76,6 +84,17 @@ def fits() -> Contents:
         "in a band": of_fit(output_error.estimate(disturbed.LINEAR, still, band_Hz=BAND_HZ)),
         "filter error": of_fit(filtered),
         "a hardening spring": of_fit(spring),
+        **{
+            f"by {rule}": of_fit(output_error.estimate(disturbed.LINEAR, still, integrator=rule))
+            for rule in ("euler", "heun", "trapezoidal")
+        },
+        "with a delay": of_fit(output_error.estimate(LATE, still)),
+        "from equation error": of_fit(
+            filter_error.estimate(
+                twins.TURBULENCE, twins.in_turbulence(1), twins.TURBULENCE_NOISE, start="equation error"
+            )
+        ),
+        "several starts": of_fit(starts.estimate(disturbed.LINEAR, still, starts=3)),
         "equation error": of_fit(equation_error.estimate(disturbed.LINEAR, still, smoothing_s=0.2)),
         "equation error in a band": of_fit(equation_error.estimate_in_band(disturbed.LINEAR, still, band_Hz=BAND_HZ)),
         "shooting": of_fit(
