@@ -85,7 +85,6 @@ def run_monitor() -> Contents:
         "demonstration": monitored(demo, nexstar, probe_of(demo)),
         "manoeuvres": monitored(manoeuvres, nexstar, probe_of(manoeuvres)),
         "steady": monitored(log_of(commands.steady_log), stand, None),
-        "two pairs": monitored(log_of(commands.two_pairs_log), nexstar, probe_of(demo)),
         "other speeds": [monitored(demo, nexstar, probe_of(demo), speed)["verdicts"] for speed in (0.8, 1.3)],
     }
 

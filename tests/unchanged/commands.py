@@ -88,10 +88,6 @@ def steady_log() -> bytes:
     return flight("steady-points", "--seed", "3", "--errors", "study")
 
 
-def two_pairs_log() -> bytes:
-    return flight("two-pairs")
-
-
 @cache
 def manoeuvres_log() -> bytes:
     with new_folder() as folder:

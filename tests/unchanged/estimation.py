@@ -66,13 +66,15 @@ def of_fit(fit: Fit) -> Contents:
 
 
 def hard() -> Contents:
-    return {name: of_fit(case.fit(1)) for name, case in hard_cases.CASES.items()}
+    """Without the unstable one, whose iterations rounding decides."""
+    return {name: of_fit(case.fit(1)) for name, case in hard_cases.CASES.items() if name != "an unstable aircraft"}
 
 
 def fits() -> Contents:
     """Every method, on records of which two have turbulence."""
     still, rough = disturbed.linear_record(1, 0.0), disturbed.linear_record(2)
     start = {name: value * 1.3 for name, value in disturbed.LINEAR_TRUTH.items()}
+    unbiased = disturbed.LINEAR.changed(Z0={"free": False}, M0={"free": False})
     plain = output_error.estimate(disturbed.LINEAR, still, start=start)
     tailed = output_error.estimate(disturbed.LINEAR, still, tail_dof=4.0)
     filtered = filter_error.estimate(disturbed.LINEAR, rough, disturbed.LINEAR_NOISE)
@@ -81,7 +83,7 @@ def fits() -> Contents:
     found: Contents = {
         "output error": of_fit(plain),
         "with tails": of_fit(tailed),
-        "in a band": of_fit(output_error.estimate(disturbed.LINEAR, still, band_Hz=BAND_HZ)),
+        "in a band": of_fit(output_error.estimate(unbiased, still, band_Hz=BAND_HZ)),
         "filter error": of_fit(filtered),
         "a hardening spring": of_fit(spring),
         **{
@@ -96,7 +98,7 @@ def fits() -> Contents:
         ),
         "several starts": of_fit(starts.estimate(disturbed.LINEAR, still, starts=3)),
         "equation error": of_fit(equation_error.estimate(disturbed.LINEAR, still, smoothing_s=0.2)),
-        "equation error in a band": of_fit(equation_error.estimate_in_band(disturbed.LINEAR, still, band_Hz=BAND_HZ)),
+        "equation error in a band": of_fit(equation_error.estimate_in_band(unbiased, still, band_Hz=BAND_HZ)),
         "shooting": of_fit(
             multiple_shooting.estimate(twins.UNSTABLE, twins.unstable(2), parts=10, inputs="held",
                                        start={name: 1.2 * value for name, value in twins.UNSTABLE_TRUTH.items()})
@@ -125,7 +127,10 @@ def fits() -> Contents:
         }
         drawn = [plots.overlay(fit), plots.residuals(fit), plots.autocorrelation(fit), plots.correlation_matrix(fit),
                  plots.convergence(fit)]  # fmt: skip
-        found[f"plots, {name}"] = [one.to_json() for one in drawn]
+        traces = [trace.to_plotly_json() for one in drawn for trace in one.data]
+        found[f"plots, {name}"] = [
+            {axis: np.asarray(trace[axis]) for axis in ("x", "y", "z") if axis in trace} for trace in traces
+        ]
     found["between"] = errors.between_fits([output_error.estimate(disturbed.LINEAR, one) for one in parts])
     return found
 

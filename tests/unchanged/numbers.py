@@ -22,14 +22,14 @@ import numpy as np
 import pandas as pd
 
 REFERENCES = Path(__file__).parents[1] / "data" / "unchanged"
-RELATIVE = 1e-5  # of a number, or of the root mean square of its array
+RELATIVE = 3e-5  # of a number, or of the root mean square of its array
 SHORT = 4  # an array of at most so many numbers stands as it is
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 FIGURE = re.compile(r"<script>figures\[(\".*?\")\] = \{data: (.*), layout: (.*)\};</script>")
 HASH = re.compile(r"\b[0-9a-f]{16,}\b")
 UNSEEN = re.compile(r"<(script|style)>.*?</\1>|<[^>]*>", re.DOTALL)
 # What another computer, folder or version may change without a change of any result.
-LEFT_OUT = {"software_version", "versions"}
+LEFT_OUT = {"software_version", "versions", "probe_calibration", "log_sha256"}
 
 Leaf = float | str | None | list[float | None]
 
