@@ -9,8 +9,10 @@ import tempfile
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
+import typer
 from rich.console import Console
 
 from analysis.pooling import pool_results
@@ -257,6 +259,25 @@ kind = "land"
 kind = "stand"
 duration = "10 s"
 """
+
+
+def option_defaults() -> Contents:
+    """What every command does unless it is told otherwise."""
+    found: dict[str, object] = {}
+
+    def collect(program: Any, path: str) -> None:
+        for name, inner in getattr(program, "commands", {}).items():
+            collect(inner, f"{path} {name}")
+        for option in program.params:
+            if isinstance(option.default, int | float) and not isinstance(option.default, bool):
+                found[f"{path} {option.name}"] = option.default
+
+    for name, module in {**MODULES, "plan": "analysis.cli.plan", "export": "analysis.cli.export"}.items():
+        if name != "sim":
+            collect(typer.main.get_command(importlib.import_module(module).app), name)
+    return found
+
+
 MY_AIRCRAFT = """name = "mine"
 [geometry]
 span = "5.73 ft"
@@ -313,4 +334,5 @@ CASES: dict[str, Callable[[], Contents]] = {
     "exports": exports,
     "calibrations": calibrations,
     "own-aircraft": own_aircraft,
+    "option-defaults": option_defaults,
 }
