@@ -69,9 +69,9 @@ def test_a_level_acceleration_is_good_and_its_speeds_are_told():
 @pytest.mark.parametrize(
     ("flown", "why"),
     [
-        ({"climb_mps": 1.5}, "climbed"),
-        ({"climb_mps": -1.5}, "sank"),
-        ({"over_s": 2.0}, "not 5 s"),
+        ({"climb_mps": 1.5}, "climbed 21 m"),  # 14 s
+        ({"climb_mps": -1.5}, "sank 21 m"),
+        ({"over_s": 2.0}, "3.0 s, not 5 s"),
         ({"over_s": 41.0, "V": (12.0, 37.0)}, "long"),
         ({"height_m": 12.0}, "down to 12 m"),
         ({"n": None}, "no data"),

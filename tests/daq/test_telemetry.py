@@ -326,6 +326,28 @@ def test_a_failed_reading_is_not_handed_on(tmp_path):
     link.close()
 
 
+def test_lines_come_at_the_rate_of_the_tray_with_the_age_of_each_reading(tmp_path, monkeypatch):
+    """5 Hz: every 5th tick of 40 ms, on the same grid after a second of silence; ages and times in seconds."""
+
+    def cannot_start(*_arguments, **_options):
+        raise OSError("no process here: this test reads the other end of the pipe itself")
+
+    monkeypatch.setattr(telemetry_module.subprocess, "Popen", cannot_start)
+    to = tray(tmp_path, "udp:127.0.0.1:9")
+    link = TelemetryLink(to.telemetry, to)
+    first, silent = 50, range(62, 87)
+    for number in range(first, 102):
+        if number not in silent:
+            link.hear(cycle_of(number, SAMPLES if number == first else []), [])
+    lines = os.read(link._read_end, 1 << 16).splitlines()
+    link.close()
+    snapshots = [msgspec.json.decode(line, type=Snapshot) for line in lines]
+    times_s = [0.0, 0.2, 0.4, 1.48, 1.6, 1.8, 2.0]
+    assert [one.elapsed_s for one in snapshots] == pytest.approx(times_s)
+    for one in snapshots:
+        assert one.ages_s == pytest.approx(dict.fromkeys(READINGS, one.elapsed_s))
+
+
 def test_height_is_given_above_the_first_position_too():
     ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9"), None, None)
     higher = msgspec.structs.replace(READINGS["/gps"], height_msl_m=530.0)

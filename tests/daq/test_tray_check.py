@@ -14,6 +14,7 @@ from daq import tray_check
 from daq.bus import IN_USE
 from daq.computer_check import card_check, card_speed, supply_check
 from daq.config import parse_tray
+from daq.dry_run import DryRun, dry_run
 from daq.part_identity import autopilot_version, identify
 from daq.rest_check import height_comparison
 from daq.sensors.autopilot import is_autopilot
@@ -297,3 +298,42 @@ def test_the_room_on_the_disk_is_that_beyond_what_is_kept_free(tmp_path, monkeyp
     clock = SimulatedClock()
     keep_free_MB = default_tray(tmp_path, FakeTray(AtRest(), clock)).files.keep_free_MB
     assert keep_free_MB > 0 and found.free_s == pytest.approx((10e9 - keep_free_MB * 1e6) / 16e3)
+
+
+@pytest.mark.parametrize(
+    ("readings", "free_s", "told"),
+    [
+        (DryRun([], 25, 0, 3.21, []), 7200.0, ["25 of 25 ticks at 25 Hz, at most 3.2 ms late", "space for 2.0 h of"]),
+        (
+            DryRun([], 22, 3, 81.0, ["i2c needs 50 ms"]), 7199.0,
+            ["22 of 25 ticks at 25 Hz, at most 81.0 ms late: stop other programs", "move logs", "i2c needs 50 ms"],
+        ),
+    ],
+)  # fmt: skip
+def test_ticks_and_room_are_told_in_numbers(tmp_path, readings, free_s, told):
+    """Missed ticks are among those that were expected; two hours of recording have to fit."""
+    tray = default_tray(tmp_path, FakeTray(AtRest(), SimulatedClock()))
+    facts = tray_check.system_checks(tray, readings, free_s)
+    assert [fact.ok for fact in facts[:2]] == [readings.missed == 0, free_s >= 7200.0]
+    assert [fact.ok for fact in facts[2:]] == [False] * len(readings.slow) + [True, True]
+    for fact, text in zip(facts, told, strict=False):
+        assert text in fact.text
+
+
+def test_a_stall_is_counted_in_the_ticks_that_it_cost(tmp_path, monkeypatch):
+    """One tick of 40 ms begins 0.1 s late: the two after it are passed over."""
+    clock = SimulatedClock()
+    fake = FakeTray(AtRest(), clock)
+    tray, stalled = default_tray(tmp_path, fake), []
+    real = clock.sleep_until_ns
+
+    def stalls_once(time_ns: int) -> None:
+        late_ns = 100_000_000 if not stalled and time_ns > clock.now_ns() and time_ns >= begin_ns + 2_500_000_000 else 0
+        stalled.extend([True] if late_ns else [])
+        real(time_ns + late_ns)
+
+    begin_ns = clock.now_ns()
+    monkeypatch.setattr(clock, "sleep_until_ns", stalls_once)
+    found = dry_run(tray, buses=fake, clock=clock, seconds=1)
+    assert stalled and found.missed == 2 and found.ticks + found.missed == 25
+    assert found.late_ms == pytest.approx(100.0, abs=1.0)

@@ -1,0 +1,343 @@
+"""What commands write and print of simulated flights and of a real one; all of it is the same in every run."""
+
+import contextlib
+import importlib
+import io
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import typer
+from rich.console import Console
+
+from analysis.pooling import pool_results
+from analysis.report import write_pooled
+from tests.documented_commands import MODULES
+from tests.unchanged.numbers import of_files
+
+SEAWAY_MINI = Path(__file__).parents[1] / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
+Contents = dict[str, object]
+
+
+def run(*words: object) -> dict[str, object]:
+    """Exit code and output of one of our commands, 100 columns wide, in this process."""
+    line, out, err = [str(word) for word in words], io.StringIO(), io.StringIO()
+    main, code = importlib.import_module(MODULES[line[0]]).main, 0
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        mock.patch.object(sys, "argv", line),
+        mock.patch.dict(os.environ, {"COLUMNS": "100"}),
+    ):
+        try:
+            main()
+        except SystemExit as ended:
+            code = int(ended.code or 0)
+    return {"exit code": code, "output": out.getvalue().splitlines(), "errors": err.getvalue().splitlines()}
+
+
+@contextlib.contextmanager
+def new_folder() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        yield Path(folder)
+
+
+@cache
+def flight(plan: str, *options: str) -> bytes:
+    """The log of a simulated flight."""
+    with new_folder() as folder:
+        done = run("sim", "fly", "--no-hardware", "--plan", plan, "-o", folder / "flight", *options)
+        assert done["exit code"] == 0, done
+        (log,) = (path for path in (folder / "flight").iterdir() if path.suffix in (".mcap", ".ulg", ".BIN"))
+        return log.read_bytes()
+
+
+@cache
+def analysis_of(log: bytes, *options: str) -> tuple[dict[str, object], dict[str, bytes]]:
+    """What `analyze` prints, and the files that it writes."""
+    with new_folder() as folder:
+        Path("log.mcap").write_bytes(log)
+        printed = run("analyze", "log.mcap", "-o", "out", *options)
+        return printed, {path.name: path.read_bytes() for path in (folder / "out").iterdir()}
+
+
+def analysed(log: bytes, *options: str) -> Contents:
+    printed, files = analysis_of(log, *options)
+    with new_folder() as folder:
+        for name, content in files.items():
+            (folder / name).write_bytes(content)
+        return {"": printed, **of_files(folder)}
+
+
+def without_figures(contents: Contents) -> Contents:
+    """The figures of another case are drawn by the same code."""
+    for page in contents.values():
+        if isinstance(page, dict):
+            page.pop("figures", None)
+    return contents
+
+
+def demo_log() -> bytes:
+    return flight("demo")
+
+
+def steady_log() -> bytes:
+    return flight("steady-points", "--seed", "3", "--errors", "study")
+
+
+@cache
+def manoeuvres_log() -> bytes:
+    with new_folder() as folder:
+        (folder / "plan.toml").write_text(PLAN, "utf-8")
+        return flight(str(folder / "plan.toml"), "--seed", "5", "--errors", "harsh")
+
+
+def demonstration() -> Contents:
+    return analysed(demo_log())
+
+
+def steady_points() -> Contents:
+    return without_figures(analysed(steady_log(), *STEADY_OPTIONS))
+
+
+def manoeuvres() -> Contents:
+    """Loads and elevator inputs, and a run at full throttle, in gusts."""
+    return without_figures(analysed(manoeuvres_log()))
+
+
+def larger_errors() -> Contents:
+    """Sensors twice as bad as stated, which the analysis notices."""
+    return without_figures(analysed(flight("demo", "--world", "twice", "--seed", "4")))
+
+
+def pool() -> Contents:
+    """Three flights of one aircraft, and one of them against the others."""
+    with new_folder() as folder:
+        for name, log, options in (
+            ("a/demo", demo_log(), ()),
+            ("a/manoeuvres", manoeuvres_log(), ()),
+            ("b/demo-1", flight("demo", "--seed", "1"), ()),
+        ):
+            (folder / name).mkdir(parents=True)
+            (folder / name / "results.json").write_bytes(analysis_of(log, *options)[1]["results.json"])
+        found: dict[str, object] = {"compare": run("analyze", "compare", "a", "b", "-o", "compared")}
+        pooled = pool_results(sorted(folder.glob("[ab]/*/results.json"))).to_json() | {"left_out": ["c: torn"]}
+        out = io.StringIO()
+        write_pooled.print_pooled(pooled, Path("report.html"), Console(file=out, width=100))
+        write_pooled.write_pooled(pooled, folder / "pooled")
+        found["printed"] = out.getvalue().splitlines()
+        for name in ("compared", "pooled"):
+            found |= {f"{name} {file}": inside for file, inside in of_files(folder / name).items()}
+    return found
+
+
+def plans() -> Contents:
+    found: dict[str, object] = {}
+    with new_folder() as folder:
+        (folder / "results.json").write_bytes(analysis_of(demo_log())[1]["results.json"])
+        for name, options in PLANS.items():
+            found[name] = run("flightpower", "plan", *options, "-o", name)
+            found |= {f"{name} {file}": inside for file, inside in of_files(folder / name).items()}
+    return found
+
+
+def autopilot_logs() -> Contents:
+    found: dict[str, object] = {}
+    log = flight("ordinary-flight", "--as", "ardupilot", "--seed", "3", "--errors", "study")
+    known = flight("ordinary-flight", "--as", "px4", "--log-faults", "pressure-offset,dropouts", "--errors", "study")
+    aircraft = ("--aircraft", "nexstar.toml", "--propeller", "apc-12x8e")
+    with new_folder() as folder:
+        run("flightpower", "new", "aircraft", "--like", "nexstar", "-o", "nexstar.toml")
+        for name, content, options in (
+            ("seaway.ulg", SEAWAY_MINI.read_bytes(), SEAWAY_OPTIONS),
+            ("ardupilot.BIN", log, ("--mass", "3.84 kg", "--wing-area", "0.4636 m^2", "--span", "1.7465 m")),
+            ("px4.ulg", known, aircraft),
+        ):
+            (folder / name).write_bytes(content)
+            found[name] = run("analyze", name, "-o", f"of {name}", *options)
+            found |= {f"{name} {file}": inside for file, inside in of_files(folder / f"of {name}").items()}
+        found["airspeed"] = run("calibrate", "airspeed", "ardupilot.BIN")
+    return found
+
+
+def exports() -> Contents:
+    with new_folder() as folder:
+        (folder / "log.mcap").write_bytes(flight("demo"))
+        run("flightpower", "export", "log.mcap", "--to", "csv", "-o", "tables", "-q")
+        return {**of_files(folder / "tables"), "info": run("daq", "info", "log.mcap")}
+
+
+@cache
+def calibrated() -> tuple[dict[str, object], dict[str, bytes]]:
+    """What each calibration prints, and its files."""
+    found: dict[str, object] = {}
+    with new_folder() as folder:
+        for plan in ("tubing-bursts", "magnetometer-turn", "surface-deflections", "transducer-column"):
+            (folder / f"{plan}.mcap").write_bytes(flight(plan))
+        (folder / "steady.mcap").write_bytes(steady_log())
+        (folder / "stand.csv").write_text(STAND, "utf-8")
+        run("sim", "tunnel", "-o", "tunnel.csv")
+        run("flightpower", "new", "aircraft", "--like", "nexstar", "-o", "nexstar.toml")
+        for i, words in enumerate(CALIBRATIONS):
+            found[f"{i} {words[0]}"] = run("calibrate", *words)
+        files = {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix != ".mcap"}
+    return found, files
+
+
+def calibrations() -> Contents:
+    found, files = calibrated()
+    with new_folder() as folder:
+        for name, content in files.items():
+            (folder / name).write_bytes(content)
+        return found | of_files(folder)
+
+
+def own_aircraft() -> Contents:
+    """An aircraft file with few keys, and all calibrations; then one with long lines that have to be corrected."""
+    found: dict[str, object] = {}
+    with new_folder() as folder:
+        for name, content in calibrated()[1].items():
+            (folder / name).write_bytes(content)
+        (folder / "log.mcap").write_bytes(demo_log())
+        (folder / "my.toml").write_text(MY_AIRCRAFT, "utf-8")
+        whole = (folder / "nexstar.toml").read_text("utf-8")
+        (folder / "long.toml").write_text(whole.replace('"0.6 m"', '"1.2 m"').replace('"1.59 mm"', '"1.1 mm"'), "utf-8")
+        files = ("--magnetometer", "magnetometer.json", "--transducers", "transducers.json")
+        for name, options in (
+            ("calibrated", ("--aircraft", "my.toml", *files, "--thrust-stand", "stand.json", "--battery-Wh", "74")),
+            ("long lines", ("--aircraft", "long.toml", "--weight", "4.0 kg")),
+        ):
+            found[name] = run("analyze", "log.mcap", "-o", name, *options)
+            found[f"{name}, results"] = of_files(folder / name)["results.json"]
+    return found
+
+
+PLAN = """
+title = "Loads, elevator, full throttle"
+heading = "200 deg"
+[air]
+wind = "3 m/s"
+turbulence = "5 kt"
+[[segment]]
+kind = "stand"
+duration = "20 s"
+[[segment]]
+kind = "take-off"
+[[segment]]
+kind = "climb"
+height = "80 m"
+climb = "3 m/s"
+climb_over_stall = 0.3
+speed_over_stall = 1.6
+[[segment]]
+kind = "roller-coaster"
+[[segment]]
+kind = "hold"
+duration = "8 s"
+speed_of_max = 0.65
+[[segment]]
+kind = "wind-up-turn"
+[[segment]]
+kind = "hold"
+duration = "8 s"
+speed_over_stall = 1.2
+[[segment]]
+kind = "run"
+throttle = 1.0
+[[segment]]
+kind = "3-2-1-1"
+[[segment]]
+kind = "climb"
+height = "20 m"
+climb = "3 m/s"
+climb_over_stall = 0.3
+speed_over_stall = 1.6
+[[segment]]
+kind = "land"
+[[segment]]
+kind = "stand"
+duration = "10 s"
+"""
+
+
+def option_defaults() -> Contents:
+    """What every command does unless it is told otherwise."""
+    found: dict[str, object] = {}
+
+    def collect(program: Any, path: str) -> None:
+        for name, inner in getattr(program, "commands", {}).items():
+            collect(inner, f"{path} {name}")
+        for option in program.params:
+            if isinstance(option.default, int | float) and not isinstance(option.default, bool):
+                found[f"{path} {option.name}"] = option.default
+
+    for name, module in {**MODULES, "plan": "analysis.cli.plan", "export": "analysis.cli.export"}.items():
+        if name != "sim":
+            collect(typer.main.get_command(importlib.import_module(module).app), name)
+    return found
+
+
+MY_AIRCRAFT = """name = "mine"
+[geometry]
+span = "5.73 ft"
+wing_area = "4.99 ft^2"
+[mass]
+weight = "8.47 lb"
+[propulsion]
+propeller = "apc-12x8e"
+[uncertainty]
+hysteresis = "0.5 %"
+"""
+PLANS = {
+    "curve": ("nexstar", "--minutes", "8", "--wind-kt", "8", "--after", "results.json", "--side", "90 m"),
+    "range": ("survey-6kg", "--minutes", "8", "--question", "range", "--pilot", "autopilot", "--home", "48.1,11.5",
+              "--heading", "250", "--height", "100 m", "--load-factor", "1.7"),
+}  # fmt: skip
+STEADY_OPTIONS = ("--likelihood", "--battery-Wh", "5000 mAh, 14.8 V", "--usable", "70%", "--weights", "3.8 kg, 9 lbf",
+                  "--density-altitudes", "0 m, 5000 ft", "--propeller", "apc-12x8e-windmilling")  # fmt: skip
+SEAWAY_OPTIONS = ("--mass", "9.4 kg", "--wing-area", "1.499 m^2", "--span", "4.0 m", "--battery-Wh", "200")
+STAND = """motor_speed_rpm,thrust_N
+3000,3.31
+4000,5.87
+5000,9.26
+6000,13.3
+7000,18.2
+6500,15.6
+5500,11.2
+4500,7.49
+3500,4.52
+"""
+CALIBRATIONS = (
+    ("probe", "tunnel.csv", "-o", "probe.json"),
+    ("tubing", "tubing-bursts.mcap", "-o", "lines.toml"),
+    ("magnetometer", "magnetometer-turn.mcap", "-o", "magnetometer.json"),
+    ("surfaces", "surface-deflections.mcap"),
+    ("surfaces", "surface-deflections.mcap", "--surface", "elevator", "--angles", "0 -20 -10 10 20 0", "-o",
+     "surfaces.toml"),
+    ("transducers", "transducer-column.mcap"),
+    ("transducers", "transducer-column.mcap", "--pressures", "105.6 207.1 308.3 409.9 358.2 258.1 156.5 55 Pa", "-o",
+     "transducers.json"),
+    ("airspeed", "steady.mcap"),
+    ("thrust", "stand.csv", "--aircraft", "nexstar.toml", "--pressure", "1002 hPa",
+     "--temperature", "18 degC"),
+    ("weight-and-balance", "--scale", "0.12 m: 1.25 1.26 kg", "--scale", "0.13 m: 1.29 1.30 kg", "--scale",
+     "0.95 m: 0.92 0.93 kg"),
+)  # fmt: skip
+CASES: dict[str, Callable[[], Contents]] = {
+    "demonstration": demonstration,
+    "steady-points": steady_points,
+    "manoeuvres": manoeuvres,
+    "larger-errors": larger_errors,
+    "pool": pool,
+    "plans": plans,
+    "autopilot-logs": autopilot_logs,
+    "exports": exports,
+    "calibrations": calibrations,
+    "own-aircraft": own_aircraft,
+    "option-defaults": option_defaults,
+}

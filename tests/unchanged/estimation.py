@@ -1,0 +1,204 @@
+"""What the estimators find in simulated records, good ones and such as must not be used."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "analysis" / "estimation"))
+import disturbed
+import hard_cases
+import twins
+
+from analysis.estimation import (
+    aircraft_models,
+    equation_error,
+    filter_error,
+    input_design,
+    multiple_shooting,
+    output_error,
+    plots,
+    starts,
+)
+from analysis.estimation import uncertainty as errors
+from analysis.estimation.data import Segment, split
+from analysis.estimation.fit import Fit
+from analysis.estimation.frequency_domain import band_matrix, transform
+from analysis.estimation.model import Parameter
+from analysis.estimation.recursive_fourier import RecursiveFourierRegression
+from analysis.estimation.term_selection import orthogonal_functions, stepwise
+from analysis.estimation.transfer_function import starting_values, transfer_function
+from analysis.estimation.validation import cross_validate, predict
+from tests.analysis.estimation.test_aircraft_models import (
+    ALL_MODELS,
+    BENCH_NOISE,
+    NEXSTAR,
+    fly,
+    hold_height,
+    measured,
+    three_two_one_one,
+)
+
+Contents = dict[str, Any]
+BAND_HZ = (0.15, 2.5)
+LATE = replace(
+    disturbed.LINEAR,
+    parameters=(*disturbed.LINEAR.parameters, Parameter(name="tau", start=0.02, unit="s", lower=0.0, upper=0.5)),
+    delays=(("de", "tau"),),
+)
+
+
+def of_fit(fit: Fit) -> Contents:
+    return {
+        "summary": fit.summary(),
+        "text": str(fit).splitlines(),
+        "hints": list(fit.verdict.hints),
+        "costs": fit.costs,
+        "information": fit.information,
+        "prior": fit.prior_information,
+        "variances": fit.variance_information,
+        "residuals": list(fit.residuals.values()),
+        "intensities": getattr(fit, "process_noise", {}),
+    }
+
+
+def hard() -> Contents:
+    """Without the unstable one, whose iterations rounding decides."""
+    return {name: of_fit(case.fit(1)) for name, case in hard_cases.CASES.items() if name != "an unstable aircraft"}
+
+
+def fits() -> Contents:
+    """Every method, on records of which two have turbulence."""
+    still, rough = disturbed.linear_record(1, 0.0), disturbed.linear_record(2)
+    start = {name: value * 1.3 for name, value in disturbed.LINEAR_TRUTH.items()}
+    unbiased = disturbed.LINEAR.changed(Z0={"free": False}, M0={"free": False})
+    plain = output_error.estimate(disturbed.LINEAR, still, start=start)
+    tailed = output_error.estimate(disturbed.LINEAR, still, tail_dof=4.0)
+    filtered = filter_error.estimate(disturbed.LINEAR, rough, disturbed.LINEAR_NOISE)
+    spring = filter_error.estimate(disturbed.NONLINEAR, disturbed.nonlinear_record(3), disturbed.NONLINEAR_NOISE)
+    parts = [disturbed.linear_record(seed, 0.0, f"run {seed}") for seed in (4, 5, 6)]
+    found: Contents = {
+        "output error": of_fit(plain),
+        "with tails": of_fit(tailed),
+        "in a band": of_fit(output_error.estimate(unbiased, still, band_Hz=BAND_HZ)),
+        "filter error": of_fit(filtered),
+        "a hardening spring": of_fit(spring),
+        **{
+            f"by {rule}": of_fit(output_error.estimate(disturbed.LINEAR, still, integrator=rule))
+            for rule in ("euler", "heun", "trapezoidal")
+        },
+        "with a delay": of_fit(output_error.estimate(LATE, still)),
+        "from equation error": of_fit(
+            filter_error.estimate(
+                twins.TURBULENCE, twins.in_turbulence(1), twins.TURBULENCE_NOISE, start="equation error"
+            )
+        ),
+        "several starts": of_fit(starts.estimate(disturbed.LINEAR, still, starts=3)),
+        "equation error": of_fit(equation_error.estimate(disturbed.LINEAR, still, smoothing_s=0.2)),
+        "equation error in a band": of_fit(equation_error.estimate_in_band(unbiased, still, band_Hz=BAND_HZ)),
+        "shooting": of_fit(
+            multiple_shooting.estimate(twins.UNSTABLE, twins.unstable(2), parts=10, inputs="held",
+                                       start={name: 1.2 * value for name, value in twins.UNSTABLE_TRUTH.items()})
+        ),
+        "predicted": [
+            {"response": one.y, "residuals": one.residuals, "agreement": one.agreement}
+            for one in (predict(plain, parts[0]), predict(plain, rough))
+        ],
+        "cross-validation": {
+            name: one.agreement
+            for name, one in cross_validate(parts, lambda some: output_error.estimate(disturbed.LINEAR, some)).items()
+        },
+        "halves": [len(half) for half in split(still, 3)],
+    }  # fmt: skip
+    for name, fit in (("plain", plain), ("rough", output_error.estimate(disturbed.LINEAR, rough))):
+        corrected = errors.morelli_klein(fit)
+        derived = errors.delta_method(corrected, lambda p: np.sqrt(-p.Mal - p.Mq * p.Zal))
+        found[f"errors, {name}"] = {
+            "corrected": corrected.covariance,
+            "raw": errors.morelli_klein(fit, "raw").covariance,
+            "bootstrap": errors.block_bootstrap(fit, block_s=1.0, draws=40).covariance,
+            "derived": [derived.value, derived.standard_error],
+            "tests": errors.t_tests(corrected),
+            "white": errors.whiteness(fit),
+            "signal": errors.signal_to_noise(fit),
+        }
+        drawn = [plots.overlay(fit), plots.residuals(fit), plots.autocorrelation(fit), plots.correlation_matrix(fit),
+                 plots.convergence(fit)]  # fmt: skip
+        traces = [trace.to_plotly_json() for one in drawn for trace in one.data]
+        found[f"plots, {name}"] = [
+            {axis: np.asarray(trace[axis]) for axis in ("x", "y", "z") if axis in trace} for trace in traces
+        ]
+    found["between"] = errors.between_fits([output_error.estimate(disturbed.LINEAR, one) for one in parts])
+    return found
+
+
+def signals() -> Contents:
+    """Inputs, transforms, and structure selection."""
+    record = disturbed.linear_record(1, 0.0)
+    t = record.t_s
+    u, q = record.u["de"], record.z["q"]
+    model = transfer_function(1, 2, "de", "q")
+    recursion = RecursiveFourierRegression(2, np.arange(0.2, 2.0, 0.1), disturbed.STEP_S, memory_s=4.0)
+    for x, z in zip(np.column_stack([record.z["alpha"], u]), q, strict=True):
+        recursion.add(x, z)
+    rng = np.random.default_rng(3)
+    candidates = {f"x{i}": rng.standard_normal(200) for i in range(8)}
+    z = 1.0 + 2 * candidates["x1"] - 0.5 * candidates["x4"] + 0.1 * candidates["x6"] + 0.4 * rng.standard_normal(200)
+    chosen = [stepwise(candidates, z), orthogonal_functions(candidates, z)]
+    return {
+        "3-2-1-1": input_design.three_two_one_one(1.4, 0.05, 0.04),
+        "doublet": input_design.doublet(1.4, 0.05, 0.04),
+        "steps": input_design.steps((3, 1, 2), 0.3, 0.1, 0.02, 0.5),
+        "multisine": input_design.multisine((0.1, 0.05), (0.2, 2.0), 10.0, 0.04),
+        "band": band_matrix(BAND_HZ, 100, 0.04),
+        "transform": [transform(np.exp(-t), 0.04, [0.1, 0.7]).real, transform(np.exp(-t), 0.04, [0.1, 0.7]).imag],
+        "recursion": recursion.estimate(),
+        "starts": starting_values(model, Segment(name="run", t_s=t, u=record.u, z={"q": q}), BAND_HZ),
+        "chosen": [one._asdict() for one in chosen],
+    }
+
+
+def aircraft() -> Contents:
+    """The models of an aircraft, fitted to two runs with bench noise and an elevator input."""
+    noise = BENCH_NOISE | {"q": 0.0}
+    truths = {
+        "acceleration": fly(12, lambda V, t: 14 * min(1, 0.4 + t / 2) * (1 - V / 40), hold_height, 20, stop_at=23),
+        "deceleration": fly(24, lambda V, t: 4 * max(0, 1 - t / 2) * (1 - V / 40), hold_height, 20, stop_at=12),
+    }
+    runs = [measured(name, truth, noise, i) for i, (name, truth) in enumerate(truths.items())]
+    input_made = measured("3-2-1-1", fly(18, lambda V, t: 5.0, three_two_one_one, 8), BENCH_NOISE, 3)
+    start = aircraft_models.starting_values(NEXSTAR, runs)
+    rng = np.random.default_rng(1)
+    found: Contents = {
+        "start": start,
+        "level": [aircraft_models.level_flight_state(run) for run in runs],
+        "gusts": aircraft_models.gust_noise(17.0, gust_mps=0.4),
+        "priors": aircraft_models.Priors(),
+        "two states": of_fit(output_error.estimate(aircraft_models.two_state(NEXSTAR), runs, start=start)),
+        "height": of_fit(output_error.estimate(aircraft_models.pitch_and_height(NEXSTAR), runs, start=start)),
+        "elevator": of_fit(output_error.estimate(aircraft_models.longitudinal(NEXSTAR), input_made)),
+    }
+    for name, model in ALL_MODELS.items():
+        x, u = (rng.uniform(0.05, 0.4, (len(names), 9)) for names in (model.states, model.inputs))
+        for values, names in ((x, model.states), (u, model.inputs)):
+            for i, one in enumerate(names):
+                values[i] += {"V": 15.0, "V_ref": 17.0, "rho": 1.0, "thrust": 6.0}.get(one, 0.0)
+        p = [q.start + 0.1 for q in model.parameters]
+        rates = model.evaluate_dynamics(x, u, p) if model.states else ()
+        found[name] = {
+            "rates": [np.broadcast_to(np.asarray(one, dtype=float), 9) for one in rates],
+            "outputs": [np.broadcast_to(np.asarray(one, dtype=float), 9) for one in model.evaluate_outputs(x, u, p)],
+            "parameters": {q.name: [q.start, q.prior_sigma, q.lower, q.upper] for q in model.parameters},
+        }
+    return found
+
+
+CASES: dict[str, Callable[[], Contents]] = {
+    "hard-fits": hard,
+    "fits": fits,
+    "signals": signals,
+    "aircraft-models": aircraft,
+}

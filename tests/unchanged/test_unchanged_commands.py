@@ -1,0 +1,13 @@
+"""What the commands compute, print and draw is what it was, to 3e-5, unless CHANGELOG.md says why it is not."""
+
+import pytest
+
+from tests.unchanged.commands import CASES
+from tests.unchanged.numbers import check
+
+pytestmark = pytest.mark.xdist_group("unchanged")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_nothing_changed_unasked(name: str) -> None:
+    check(name, CASES[name]())

@@ -1,0 +1,11 @@
+"""What the estimators find is what it was, to 3e-5, unless CHANGELOG.md says why it is not."""
+
+import pytest
+
+from tests.unchanged.estimation import CASES
+from tests.unchanged.numbers import check
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_nothing_changed_unasked(name: str) -> None:
+    check(name, CASES[name]())
