@@ -276,7 +276,7 @@ WRONG: dict[str, tuple[Change, str]] = {
         "/static: pressure_Pa is 996.1 (median), but air has 20000 to 110000 Pa below 11 km: it looks like "
         "hPa (mbar); multiply by 100"),
     "Celsius": (scaled("/static", ("temperature_K",), 1, -273.15),
-        "/static: temperature_K is 18.0 (median), but air has 220 to 330 K: it looks like degrees Celsius "
+        "/static: temperature_K is 18.3 (median), but air has 220 to 330 K: it looks like degrees Celsius "
         "(add 273.15) or Fahrenheit"),
     "difference in hPa": (scaled("/probe/airspeed", DIFFERENCE, 0.01),
         "/probe/alpha: differential_pressure_Pa reaches 56.3 Pa, but that of /probe/airspeed only 2.25 Pa, "
@@ -310,7 +310,7 @@ WRONG: dict[str, tuple[Change, str]] = {
         "pressures is not in Pa"),
     "alpha and beta exchanged": (exchanged("/probe/alpha", "/probe/beta"),
         "/probe/alpha and /probe/beta: differential_pressure_Pa of beta follows the lift (correlation +0.79),"
-        " that of alpha does not (+0.09): the topics or tubes are exchanged"),
+        " that of alpha does not (+0.10): the topics or tubes are exchanged"),
     "revolutions a minute": (scaled("/rpm", ("motor_speed_revps",), 60),
         "/rpm: motor_speed_revps is 4429 (median of the turning motor), at which the tips of a propeller of "
         "0.30 m move faster than sound: it looks like rev/min; divide by 60"),
