@@ -1,4 +1,4 @@
-"""Renews the stored references; see `tests/unchanged/numbers.py`."""
+"""Renews the stored references; see `tests/unchanged/stored_values.py`."""
 
 import os
 import sys
@@ -6,7 +6,7 @@ import sys
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: threads cost more than they give
 
 from tests.unchanged import aboard, commands, estimation
-from tests.unchanged.numbers import store
+from tests.unchanged.stored_values import store
 
 if __name__ == "__main__":
     CASES = {**commands.CASES, **aboard.CASES, **estimation.CASES}

@@ -18,7 +18,7 @@ from rich.console import Console
 from analysis.pooling import pool_results
 from analysis.report import write_pooled
 from tests.documented_commands import MODULES
-from tests.unchanged.numbers import of_files
+from tests.unchanged.stored_values import of_files
 
 SEAWAY_MINI = Path(__file__).parents[1] / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
 Contents = dict[str, object]

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.unchanged.commands import CASES
-from tests.unchanged.numbers import check
+from tests.unchanged.stored_values import check
 
 pytestmark = pytest.mark.xdist_group("unchanged")
 

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.unchanged.estimation import CASES
-from tests.unchanged.numbers import check
+from tests.unchanged.stored_values import check
 
 
 @pytest.mark.parametrize("name", CASES)
