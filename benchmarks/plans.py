@@ -36,12 +36,13 @@ from flight.propeller_files import load_propeller
 from sim.sensors import load_budget
 
 SHIPPED = "full-test-flight"
+BY_HAND = Pilot(autopilot=False, load=1.0)
 HEIGHT_M, LEG_M = 40.0, 1300.0  # those of the shipped plan
 EARLIER_SEED = 999  # of the first flight, after which others are planned
 
 
 def make_plans(
-    aircraft_name: str, kt: float, minutes: float, asked: str, folder: Path, *, known_drag: bool, pilot: Pilot = Pilot()
+    aircraft_name: str, kt: float, minutes: float, asked: str, folder: Path, *, known_drag: bool, pilot: Pilot = BY_HAND
 ) -> dict[str, Any]:
     """Writes the planned and the shipped plan of a cell. Paths and predicted half widths [%] at estimators.speeds.
 

@@ -96,7 +96,7 @@ class TrayCheck(NamedTuple):
         return all(line.ok is not False for line in self.lines) and all(fact.ok for fact in self.facts)
 
 
-def check_tray(tray: Tray, *, buses: Buses, clock: Clock, seconds: float = 5.0, threaded: bool = False) -> TrayCheck:
+def check_tray(tray: Tray, *, buses: Buses, clock: Clock, seconds: float, threaded: bool = False) -> TrayCheck:
     """Read the whole tray for `seconds` after it has settled, without recording. threaded: see `cycles`.
 
     Raises InputError when the configuration is incomplete.

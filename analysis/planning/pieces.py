@@ -33,8 +33,8 @@ class Space:
 class Pilot:
     """What the pilot or the autopilot can fly. load: largest change of the load factor from 1."""
 
-    autopilot: bool = False
-    load: float = 1.0
+    autopilot: bool
+    load: float
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ cost. The result is computed once more as a whole.
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -40,7 +40,7 @@ class Request:
     minutes: float
     wind_kt: float
     space: Space
-    pilot: Pilot = field(default_factory=Pilot)
+    pilot: Pilot
     question: str = "curve"
     earlier: Array | None = None  # (m, m) information of earlier flights about the sensor errors of the installation
     alpha_scale_sigma: float = ALPHA_SCALE_SIGMA

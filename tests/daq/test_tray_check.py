@@ -120,7 +120,7 @@ def test_an_attitude_that_is_no_number_is_not_ok(tmp_path):
 def test_a_tray_that_works_is_fit_to_fly(tmp_path):
     clock = SimulatedClock()
     fake = FakeTray(AtRest(), clock)
-    report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock)
+    report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock, seconds=5)
     assert all(line.ok for line in report.lines), report.lines
     values = {line.topic: line.values for line in report.lines}
     shown, _, unit = values["/probe/airspeed"][0].partition(" ± 0 ")
@@ -229,7 +229,7 @@ def test_bus_errors_are_counted_and_a_glitch_is_no_reason_to_stay_on_the_ground(
     clock = SimulatedClock()
     fault = Fault(kind="no_acknowledge", device="alpha", start_s=4.0, duration_s=0.05)
     fake = FakeTray(AtRest(), clock, faults=[fault])
-    report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock)
+    report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock, seconds=5)
     alpha = next(line for line in report.lines if line.topic == "/probe/alpha")
     assert alpha.bus_errors in (1, 2) and alpha.ok and "no_reply" in alpha.trouble
     assert all(line.bus_errors == 0 for line in report.lines if line.topic != "/probe/alpha")
@@ -247,7 +247,7 @@ def test_a_card_without_room_is_not_fit(tmp_path, monkeypatch, free, said):
 
 def test_nothing_there_is_not_fit_and_every_line_has_advice(tmp_path):
     tray = parse_tray(EXAMPLE.read_text(), "tray.toml", tmp_path)
-    report = tray_check.check_tray(tray, buses=NoBuses(), clock=HandClock())
+    report = tray_check.check_tray(tray, buses=NoBuses(), clock=HandClock(), seconds=5)
     assert not report.fit
     assert len(report.lines) == len(TYPE_OF_TOPIC) - 4  # all but /analog, and the daemon's own
     assert all(line.ok is False and line.advice for line in report.lines)

@@ -88,6 +88,12 @@ def test_the_table_of_a_session_is_the_one_that_was_measured() -> None:
     assert found.angle_deg == sorted(ANGLES)
 
 
+def test_the_angle_may_fall_as_the_pulse_grows() -> None:
+    found = surfaces.surface_table(surfaces.held_pulses(*session()), [-angle for angle in ANGLES])
+    assert found.pulse_us == pytest.approx(sorted(PULSES), abs=1)
+    assert found.angle_deg == sorted((-angle for angle in ANGLES), reverse=True)
+
+
 def test_there_and_back_shows_the_play_of_the_linkage() -> None:
     there_and_back = (1500.0, 1000.0, 1500.0, 2000.0)
     found = surfaces.surface_table(surfaces.held_pulses(*session(there_and_back)), (0.0, -22.0, 1.0, 21.0))

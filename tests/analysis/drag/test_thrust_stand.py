@@ -1,5 +1,6 @@
 """`calibrate thrust`: the ratio of thrust on a stand to the table, its error, what it refuses, and its use."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -134,6 +135,16 @@ def test_a_ratio_that_stays_uncertain_is_not_written(tmp_path: Path) -> None:
     given, output = write(tmp_path / "stand.csv", readings(noise=0.4)), tmp_path / "stand.json"
     outcome = run(given, "--propeller", "apc-12x8e", *AIR, "-o", output)
     assert outcome.exit_code == 1 and "the standard error of the ratio is" in outcome.output and not output.exists()
+
+
+def test_the_error_of_a_ratio_is_told_relative_to_it(tmp_path: Path) -> None:
+    """Four fifths of all thrusts are four fifths of the ratio, with the same error in per cent."""
+    told = [
+        run(write(tmp_path / "s.csv", readings(ratio, noise)), "--propeller", "apc-12x8e", *AIR, "-o", tmp_path / "o")
+        for ratio, noise in ((1.0, 0.4), (0.8, 0.32))
+    ]
+    first, second = (re.findall(r"error of the ratio is ([\d.]+) %", outcome.output) for outcome in told)
+    assert first == second and len(first) == 1
 
 
 def test_a_table_with_one_speed_of_rotation_is_compared() -> None:

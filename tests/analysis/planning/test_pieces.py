@@ -67,7 +67,7 @@ def test_circles_are_two_at_three_speeds_and_two_banks() -> None:
 def test_porpoising_is_where_the_wing_carries_a_fifth_more_than_its_load(load: float, over_stall: list[float]) -> None:
     """(V/V_stall)^2 >= 1.2 (1 + load), at two rates; for a leg less 4 s, from 10 to 75 s."""
     for leg_m, seconds in ((800.0, lambda V: 800 / V - 4.0), (100.0, lambda V: 10.0), (5000.0, lambda V: 75.0)):
-        found = list(pieces.porpoising(AIRCRAFT, Space(leg_m, 60.0), Pilot(load=load)))
+        found = list(pieces.porpoising(AIRCRAFT, Space(leg_m, 60.0), Pilot(autopilot=False, load=load)))
         speeds = [10 * ratio for ratio in over_stall for _ in range(2)]
         cycles = [(1.8, 1.3), (2.4, 1.8)] * len(over_stall)
         for piece, V, (first, last) in zip(found, speeds, cycles, strict=True):

@@ -259,7 +259,7 @@ def test_the_next_flight_is_for_what_is_least_known(plan: FlightPlan):
 
 def test_too_little_time_is_refused(nexstar: ExpectedAircraft):
     with pytest.raises(InputError, match="minutes are too short"):
-        plan_flight(nexstar, Request(3.0, 0.0, Space(1300.0, HEIGHT_M)))
+        plan_flight(nexstar, Request(3.0, 0.0, Space(1300.0, HEIGHT_M), Pilot(autopilot=False, load=1.0)))
 
 
 def test_without_a_motor_the_highest_speed_is_assumed():
@@ -304,7 +304,7 @@ def test_pieces_keep_their_margins_and_fit_the_space(nexstar: ExpectedAircraft):
     """docs/flying.md: 8 % above the stall and 0.2 % for each knot; a speed that is held 4 % above that."""
     stall, fastest, wind_kt = nexstar.stall_mps, nexstar.fastest_mps, 10.0
     slow, fast = 1.10 * stall, 0.92 * fastest
-    pilot, leg_m = Pilot(load=0.8), 500.0
+    pilot, leg_m = Pilot(autopilot=False, load=0.8), 500.0
     found = pieces.catalogue(nexstar, Space(leg_m, HEIGHT_M), pilot, wind_kt)
     by_kind = {kind: [piece for piece in found if piece.kind == kind] for kind in search.ORDER}
     assert [len(by_kind[kind]) for kind in ("runs", "circuit", "circles")] == [2, 6, 6]
@@ -437,16 +437,16 @@ def test_points_of_the_mission_lie_where_the_legs_are(plan: FlightPlan):
 def test_turns_keep_within_the_room_beside_the_legs(nexstar: ExpectedAircraft):
     """Every turn's diameter fits, with the lift margin of all turns; fast circles go first; a fence is as wide."""
     for side_m in (60.0, 100.0, 200.0):
-        found = pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M, side_m), Pilot(), 3.0)
+        found = pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M, side_m), Pilot(autopilot=False, load=1.0), 3.0)
         turns = [m for piece in found for m in piece.maneuvers if isinstance(m, Turn)]
         assert max(2 * m.speed_mps**2 / (GRAVITY_MPS2 * tan(m.bank_rad)) for m in turns) <= side_m
         stalls_mps = [nexstar.stall_mps * np.sqrt(1.2 / np.cos(m.bank_rad)) for m in turns]
         assert all(m.speed_mps > stall for m, stall in zip(turns, stalls_mps, strict=True))
         assert {"runs", "circuit", "porpoise"} <= {piece.kind for piece in found}
-    everything = pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M), Pilot(), 3.0)
+    everything = pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M), Pilot(autopilot=False, load=1.0), 3.0)
     assert found == everything, "200 m are room enough"
     with pytest.raises(InputError, match=r"--side 40: too narrow for a turn of nexstar; .* needs 51 m"):
-        pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M, 40.0), Pilot(), 3.0)
+        pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M, 40.0), Pilot(autopilot=False, load=1.0), 3.0)
 
 
 def test_a_fence_is_as_wide_as_the_room(plan: FlightPlan):
@@ -489,8 +489,8 @@ def test_information_of_pieces_adds_and_is_taken_away_again():
     assert np.linalg.eigvalsh(search._less(before, 10 * np.linalg.inv(before))) == pytest.approx(
         np.linalg.eigvalsh(before) / search.LEAST_LEFT
     )
-    assert Request(9.0, 10.0, Space(500.0, 40.0)).gust_mps == pytest.approx(0.1 * 5.14444)
-    assert Request(9.0, 0.0, Space(500.0, 40.0)).gust_mps == 0.0125
+    assert Request(9.0, 10.0, Space(500.0, 40.0), Pilot(False, 1.0)).gust_mps == pytest.approx(0.1 * 5.14444)
+    assert Request(9.0, 0.0, Space(500.0, 40.0), Pilot(False, 1.0)).gust_mps == 0.0125
 
 
 def test_a_turn_of_half_a_circle_turns_back_and_more_are_circles() -> None:
