@@ -26,9 +26,11 @@ FORCE_SPREAD_MPS2 = 0.5
 # Largest difference of the mean specific force over WINDOW_S from the median of the whole rest. A take-off or landing
 # whose acceleration grows gently has no spread, but it changes this mean.
 FORCE_CHANGE_MPS2 = 0.1
+ROLLING_MPS = 1.0  # mean speed by GPS over WINDOW_S; the noise of one solution is 0.1 m/s
 MOTOR_REVPS = 1.0
 AIRSPEED_SPREAD_PA = 8.0
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
+GPS_HORIZONTAL = ("gps_north_mps", "gps_east_mps")
 CHANNELS = ("p_radps", "q_radps", "r_radps", "dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa")
 BLOCK_S = 1.0  # longer than the correlation of the noise: means over blocks are independent
 FEWEST_BLOCKS = 8
@@ -69,6 +71,9 @@ def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = FLYING
         at_rest &= spread[name] < RATE_SPREAD_RADPS
     for name in FORCES:
         at_rest &= spread[name] < FORCE_SPREAD_MPS2
+    gps = table.reindex(columns=list(GPS_HORIZONTAL))  # a log may lack GPS
+    speed = gps.pow(2).sum(axis=1, min_count=2).pow(0.5)
+    at_rest &= ~(speed.rolling(window, center=True, min_periods=1).mean() > ROLLING_MPS)
     margin = window // 2  # rows whose window reaches beyond the rest
     found = [slice(s.start + margin, s.stop - margin) for s in stretches(at_rest.to_numpy())]
     standing = [_without_motion(table, s, window) for s in found if s.stop - s.start >= SHORTEST_S * rate_Hz]

@@ -64,6 +64,20 @@ def test_a_gentle_take_off_or_landing_is_no_rest(landing: bool) -> None:
     assert t[first.stop - 1] > 17 and t[second.start] < 83
 
 
+def test_a_smooth_roll_out_is_no_rest() -> None:
+    """Even braking by 1.2 m/s² has no spread of force and rotation; GPS shows the motion."""
+    table, calm = log_table(), log_table(seed=1)
+    t = table.index.to_numpy()
+    rolling = (t >= 73) & (t < 80)
+    table.loc[rolling, :] = calm.iloc[: int(rolling.sum())].to_numpy()
+    table.loc[rolling, "ax_mps2"] -= 1.2
+    assert [round(float(t[s.start])) for s in rest_segments(table, RATE_HZ)] == [0, 74, 81]
+    speed_mps = np.where(rolling, 1.2 * (80 - t), np.where((t > 20) & (t < 73), 15.0, 0.0))
+    with_gps = table.assign(gps_north_mps=speed_mps, gps_east_mps=0.0)
+    with_gps.loc[with_gps.index[1::2], ["gps_north_mps", "gps_east_mps"]] = np.nan  # fewer solutions than ticks
+    assert [round(float(t[s.start])) for s in rest_segments(with_gps, RATE_HZ)] == [0, 81]
+
+
 def test_a_steady_glide_with_the_motor_off_is_no_rest() -> None:
     table = log_table()
     t = table.index.to_numpy()
