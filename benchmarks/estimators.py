@@ -93,7 +93,7 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
         figures[name] = compared(dynamic.estimate_polar(trajectory, chosen, aircraft, propeller).polar)
     if with_cross_check:
         integrated = cross_check_module.on_runs_alone(
-            air, runs, aircraft, zeroed=at_rest is not None, propeller=propeller
+            air, runs, aircraft, zeroed=at_rest is not None, propeller=propeller, gust_mps=trajectory.gust_mps
         )
         figures["output error"] = compared(integrated.polar)
     return figures

@@ -16,16 +16,15 @@ from analysis.drag.cross_check_data import priors, segments_of
 from analysis.drag.cross_check_filter_error import filter_error_fit
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.drag.thrust_prior import stand_measurements
-from analysis.estimation import aircraft_models, output_error, uncertainty
+from analysis.estimation import aircraft_models, output_error
 from analysis.estimation.fit import Convergence, Fit
 from analysis.maneuvers.kinds import Maneuver
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
 BLOCK = 2  # samples: 12.5 blocks per second are ten per cycle of the short period
-# Correlation of neighbouring residuals of the vertical acceleration: 0.2 in still air (from the gyro's noise), 0.7 in
-# turbulence of W20 = 3 kt.
-LARGEST_STILL_AIR_CORRELATION = 0.4
+# Vertical gusts, 1 sigma, up to which output error's intervals hold: W20 = 1 kt has 0.05, 2 kt 0.1.
+STILL_AIR_MPS = 0.07
 SPEEDS = 61  # at which the polars are compared
 # Each run has initial states of its own: the time of one iteration grows with the cube of their number.
 MOST_RUNS = 40
@@ -36,7 +35,7 @@ SIMULTANEOUS_95 = float(np.sqrt(special.chdtri(3, 1 - 0.95)))
 
 
 class CrossCheck(NamedTuple):
-    """A polar, and how its estimation ended. in_gusts: the residuals showed gusts, and filter error was used."""
+    """A polar, and how its estimation ended. in_gusts: the flight had gusts, and filter error was used."""
 
     polar: Polar
     verdict: str
@@ -56,17 +55,16 @@ def on_runs_alone(
     *,
     zeroed: bool,
     propeller: Propeller,
+    gust_mps: float,
 ) -> CrossCheck:
-    """Fit all runs at once, by output error, or by filter error with gusts as states where the residuals show gusts.
+    """Fit all runs at once, by output error in still air, by filter error with gusts as states in gusts.
 
-    table: from `air_data`. zeroed: the gyro biases at rest were subtracted. Of a long flight's runs,
-    `spread` ones are taken.
+    table: from `air_data`. zeroed: the gyro biases at rest were subtracted. gust_mps: standard deviation of vertical
+    gusts [m/s], by the trajectory, which tells them from noise. Of a long flight's runs, `spread` ones are taken.
     """
-    runs = spread(runs)
-    fit = output_error_fit(table, runs, aircraft, propeller, zeroed=zeroed)
-    in_gusts = _in_gusts(fit)
-    if in_gusts:
-        fit = filter_error_fit(table, runs, aircraft, propeller, zeroed=zeroed)
+    in_gusts = gust_mps > STILL_AIR_MPS
+    fit_of = filter_error_fit if in_gusts else output_error_fit
+    fit = fit_of(table, spread(runs), aircraft, propeller, zeroed=zeroed)
     return CrossCheck(covariance.polar_of(fit), fit.verdict.text, fit.verdict.ok, in_gusts, fit.convergence)
 
 
@@ -85,10 +83,6 @@ def output_error_fit(
     model = aircraft_models.level_run(aircraft, priors=priors(aircraft, zeroed=zeroed))
     model = replace(model, prior_measurements=stand_measurements(aircraft))
     return output_error.estimate(model, segments, start=aircraft_models.starting_values(aircraft, segments))
-
-
-def _in_gusts(fit: Fit) -> bool:
-    return uncertainty.whiteness(fit)["az"].lag_one > LARGEST_STILL_AIR_CORRELATION
 
 
 class Disagreement(NamedTuple):

@@ -101,7 +101,9 @@ def estimate(
     if runs:
         progress("cross-checking on the runs alone")
         try:
-            check = cross_check.on_runs_alone(table, runs, aircraft, zeroed=zeroed, propeller=propeller)
+            check = cross_check.on_runs_alone(
+                table, runs, aircraft, zeroed=zeroed, propeller=propeller, gust_mps=trajectory.gust_mps
+            )
         except (InputError, np.linalg.LinAlgError) as error:
             warnings.append(f"The cross-check on the runs alone failed: {error}.")
         else:

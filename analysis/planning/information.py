@@ -31,7 +31,6 @@ from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 Array = NDArray[np.float64]
 
 VERTICAL_OVER_W20 = 0.1  # sigma_w over the wind 20 ft above the ground (MIL-F-8785C sec. 3.7.3.4)
-CALM_GUST_MPS = 0.0125
 # Residuals of drag over mass, means over 0.2 s, in simulated flights: gusts [m/s, 1 sigma], residuals [m/s^2]. Errors
 # of the states make part of them; the rest has the effect on the polar of white noise of this share (`state_errors`).
 RESIDUALS = ((0.0, 0.15, 0.75), (0.029, 0.040, 0.060))

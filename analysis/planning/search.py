@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
-from analysis.planning.information import CALM_GUST_MPS, VERTICAL_OVER_W20, Expected, expected, sensor_error_covariance
+from analysis.planning.information import VERTICAL_OVER_W20, Expected, expected, sensor_error_covariance
 from analysis.planning.maneuvers import Maneuver
 from analysis.planning.pieces import FASTEST_SHARE, Piece, Pilot, Space, catalogue, full_throttle, sequence, slowest_mps
 from analysis.planning.questions import Covariances, Question, question
 from analysis.planning.time_history import STEP_S, TimeHistory, fly
+from analysis.trajectory.reconstruction import LEAST_GUST_MPS
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ class Request:
 
     @property
     def gust_mps(self) -> float:
-        return max(CALM_GUST_MPS, VERTICAL_OVER_W20 * self.wind_kt * KNOT_MPS)
+        return max(LEAST_GUST_MPS, VERTICAL_OVER_W20 * self.wind_kt * KNOT_MPS)
 
 
 class Contribution(NamedTuple):

@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 GUST_STATES = [STATES.index(f"gust_{axis}") for axis in "uvw"]
 GUST_GRID_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125, calm air, to 3.2, a storm
+LEAST_GUST_MPS = 0.025  # less cannot be told from the noise of the flow angles
 _FIRST_GUST = GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
 MOST_ITERATIONS = 40
 GRID_ITERATIONS = 1  # from the solution at the neighboring gust intensity
@@ -179,6 +180,7 @@ def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[
     """The gust intensity of greatest evidence [m/s], and the solution nearest to it on the grid.
 
     A search along GUST_GRID_MPS from the first solution until evidence falls, then a parabola through the best three.
+    At least LEAST_GUST_MPS: below it the evidence is of noise, and differs between two analyses of one log.
     """
     start = GUST_GRID_MPS.index(first.gust_mps)
     solutions = {start: first}
@@ -196,9 +198,9 @@ def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[
             break  # the evidence rose in this direction
     best = min(solutions, key=lambda i: solutions[i].negative_log_evidence)
     if best - 1 not in solutions or best + 1 not in solutions:
-        return GUST_GRID_MPS[best], solutions[best]
+        return max(GUST_GRID_MPS[best], LEAST_GUST_MPS), solutions[best]
     found = vertex(*(solutions[best + i].negative_log_evidence for i in (-1, 0, 1)))
-    return problem.gust_intensity(found, GUST_GRID_MPS[best]), solutions[best]
+    return max(problem.gust_intensity(found, GUST_GRID_MPS[best]), LEAST_GUST_MPS), solutions[best]
 
 
 def _solve(

@@ -10,6 +10,7 @@ from analysis.drag.cross_check import MOST_RUNS, CrossCheck, disagreement, on_ru
 from analysis.drag.polar import Condition, Polar, power_required
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, Maneuver
+from analysis.trajectory.reconstruction import reconstruct
 from sim.sensors import load_budget
 
 SPEEDS_MPS = np.array([14.0, 17.0, 20.0])
@@ -27,7 +28,8 @@ def flown(nexstar, probe):
 def asked(flight, aircraft, propeller):
     """The cross-check, and how far its power is off in its own standard errors and in per cent."""
     runs = find(flight.table, flight.still).of("acceleration", "deceleration")
-    check = on_runs_alone(flight.table, runs, aircraft, zeroed=True, propeller=propeller)
+    gust_mps = reconstruct(flight.table, flight.still).gust_mps
+    check = on_runs_alone(flight.table, runs, aircraft, zeroed=True, propeller=propeller, gust_mps=gust_mps)
     rho = float(np.mean([flight.table["rho"].iloc[run.rows].mean() for run in runs]))
     at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
     power, error = power_required(SPEEDS_MPS, check.polar, at)
@@ -50,6 +52,17 @@ def test_air_that_moves_is_noticed_and_allowed_for(flown, nexstar, propeller):
     assert np.abs(deviation).max() < 3
     still, _, _ = asked(flown(2, 0.0), nexstar, propeller)
     assert np.all(np.diag(check.polar.covariance) > np.diag(still.polar.covariance)), "moving air costs certainty"
+
+
+@pytest.mark.parametrize("turbulence_kt", [0.0, 3.0])
+def test_vibration_neither_looks_like_gusts_nor_hides_them(flown, nexstar, propeller, turbulence_kt):
+    """White noise of 0.3 m/s2 makes residuals as white as in still air. Output error in gusts gave false alarms."""
+    flight = flown(103, turbulence_kt)
+    vibration = 0.3 * np.random.default_rng(0).normal(size=(len(flight.table), 3))
+    shaken = flight.table.assign(**{f"a{axis}_mps2": flight.table[f"a{axis}_mps2"] + vibration[:, i]
+                                    for i, axis in enumerate("xyz")})  # fmt: skip
+    check, _, _ = asked(flight._replace(table=shaken), nexstar, propeller)
+    assert check.in_gusts == (turbulence_kt > 0)
 
 
 def test_thrust_on_a_stand_is_a_prior_of_the_cross_check(flown, nexstar, propeller):

@@ -25,7 +25,7 @@ from analysis.planning.simulator_plan import simulator_plan
 from analysis.planning.texts import _words
 from analysis.planning.time_history import STEP_S, TimeHistory, fly
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.reconstruction import reconstruct
+from analysis.trajectory.reconstruction import LEAST_GUST_MPS, reconstruct
 from flight.aircraft import Uncertainty, load_aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
@@ -490,7 +490,7 @@ def test_information_of_pieces_adds_and_is_taken_away_again():
         np.linalg.eigvalsh(before) / search.LEAST_LEFT
     )
     assert Request(9.0, 10.0, Space(500.0, 40.0), Pilot(False, 1.0)).gust_mps == pytest.approx(0.1 * 5.14444)
-    assert Request(9.0, 0.0, Space(500.0, 40.0), Pilot(False, 1.0)).gust_mps == 0.0125
+    assert Request(9.0, 0.0, Space(500.0, 40.0), Pilot(False, 1.0)).gust_mps == LEAST_GUST_MPS
 
 
 def test_a_turn_of_half_a_circle_turns_back_and_more_are_circles() -> None:
