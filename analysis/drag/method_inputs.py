@@ -57,8 +57,8 @@ def method_inputs(
     flying = np.isfinite(flight_forces.block_means["V_mps"])
     height_m, V = (float(np.nanmedian(flight_forces.block_means[name][flying])) for name in ("height_m", "V_mps"))
     gusts = (
-        dryden.vertical(trajectory.gust_mps, height_m, V).as_gauss_markov(),
-        dryden.longitudinal(trajectory.gust_mps, height_m, V),
+        dryden.vertical(trajectory.gust_mps, height_m, V / trajectory.gust_length).as_gauss_markov(),
+        dryden.longitudinal(trajectory.gust_mps, height_m, V / trajectory.gust_length),
     )
 
     def corrected(removed: Mapping[str, float]) -> pd.DataFrame:

@@ -33,6 +33,7 @@ def air_found(trajectory: Trajectory, flown: pd.DataFrame, condition: Condition)
         wind_from_deg=float(np.degrees(np.arctan2(-east, -north)) % 360),
         wind_standard_error_mps=float(np.sqrt(np.mean(errors**2))),
         gust_mps=trajectory.gust_mps,
+        gust_length=trajectory.gust_length,
         temperature_K=float(flown["temperature_K"].mean()),
         density_altitude_m=float(density_altitude_m(condition.rho)),
         lowest_height_m=float(height.min()),

@@ -50,6 +50,7 @@ class AirFound(msgspec.Struct, frozen=True, kw_only=True):
     wind_from_deg: float
     wind_standard_error_mps: float
     gust_mps: float  # vertical, 1 sigma
+    gust_length: float = 1.0  # scale length over the standard's, which the flight's spectra may deny
     temperature_K: float
     density_altitude_m: float
     lowest_height_m: float  # of the runs, above the place of take-off

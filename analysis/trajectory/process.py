@@ -26,6 +26,7 @@ class GustConditions:
     """Heights at which gusts are met; on the ground, where gusts have no effect, height and speed are those of cruise.
 
     height_m : (n-1,) of each step                cruise_height_m, cruise_mps : medians in flight
+    length : scale length of the gusts over the standard's, 1 unless the flight's spectra deny it
     """
 
     def __init__(self, blocks: BlockMeans, V_reference: Array):
@@ -36,6 +37,7 @@ class GustConditions:
         self._flying, self._slowest_mps = blocks.flying[:-1], SLOWEST_MPS * blocks.speed_scale
         self.height_m = np.where(self._flying, blocks["height_m"][:-1], self.cruise_height_m)
         self._step_s = blocks.step_s
+        self.length = 1.0
 
     def speed_mps(self, without_gusts_mps: Array) -> Array:
         """Speed at which each step passes through the gusts (n-1,), from `airspeed_without_gusts` (n,).
@@ -46,20 +48,22 @@ class GustConditions:
         V = np.maximum(without_gusts_mps[:-1], self._slowest_mps)
         return np.where(self._flying, V, self.cruise_mps)
 
+    def passed(self, sigma_w_mps: float, without_gusts_mps: Array) -> tuple[float, Array, Array]:
+        """Arguments of Dryden's processes for each step. Gusts of twice the length take the time of half the speed."""
+        return sigma_w_mps, self.height_m, self.speed_mps(without_gusts_mps) / self.length
+
     def vertical_steps(self, sigma_w_mps: float, without_gusts_mps: Array) -> tuple[Array, Array]:
         """Decay factor of vertical gusts over each step (n-1,), and standard deviation of their increment [m/s]."""
-        gust = dryden.vertical(sigma_w_mps, self.height_m, self.speed_mps(without_gusts_mps))
-        decay, once, twice = gust.discretize(self._step_s)
+        decay, once, twice = dryden.vertical(*self.passed(sigma_w_mps, without_gusts_mps)).discretize(self._step_s)
         return decay, np.hypot(once, twice)
 
     def longitudinal_steps(self, sigma_w_mps: float, without_gusts_mps: Array) -> tuple[Array, Array]:
         """Decay factor of longitudinal gusts over each step (n-1,), and standard deviation of their increment [m/s]."""
-        gust = dryden.longitudinal(sigma_w_mps, self.height_m, self.speed_mps(without_gusts_mps))
-        return gust.discretize(self._step_s)
+        return dryden.longitudinal(*self.passed(sigma_w_mps, without_gusts_mps)).discretize(self._step_s)
 
     def in_cruise(self, sigma_w_mps: float) -> Sequence[dryden.GaussMarkov | dryden.SecondOrderGust]:
         """Longitudinal, lateral and vertical gusts in cruise where the vertical ones have this standard deviation."""
-        at = sigma_w_mps, self.cruise_height_m, self.cruise_mps
+        at = sigma_w_mps, self.cruise_height_m, self.cruise_mps / self.length
         return dryden.longitudinal(*at), dryden.lateral(*at), dryden.vertical(*at)
 
     def transverse_variance(self, sigma_w_mps: float) -> float:
@@ -98,7 +102,7 @@ class ProcessModel:
         set_input("wind_ratio", profile[1:] / profile[:-1])
         for axis in ("north", "east"):
             set_sigma(f"wind_{axis}", WIND_WALK_MPS * np.sqrt(dt))
-        at = sigma_w_mps, conditions.height_m, conditions.speed_mps(without_gusts_mps)
+        at = conditions.passed(sigma_w_mps, without_gusts_mps)
         decay, increment = dryden.longitudinal(*at).discretize(dt)
         set_input("decay_u", decay)
         set_sigma("gust_u", increment)

@@ -23,7 +23,17 @@ from analysis.trajectory.equations import (
 from analysis.trajectory.gust_intensity import vertex
 from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.slow_gusts import Estimate, slow_power_ratios, with_slow_power
+from analysis.trajectory.slow_gusts import (
+    AROUND_CORNER,
+    GUSTS_DOMINATE_MPS,
+    SLOW,
+    AxisSpectrum,
+    Estimate,
+    gust_spectra,
+    scale_length,
+    slow_power_ratios,
+    with_slow_power,
+)
 from analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
 from flight.aircraft import Uncertainty
 from flight.errors import InputError
@@ -54,7 +64,7 @@ class Trajectory:
     states_given_errors : the distribution of the states given the sensor errors
     draws : (DRAWS, n, nx) random errors by it
     predicted_flow : (n, ·) columns PREDICTED_FLOW, for `flow`
-    gust_mps : standard deviation of vertical gusts [m/s]
+    gust_mps : standard deviation of vertical gusts [m/s]        gust_length : their scale length over the standard's
     residuals : rms of each measurement's residuals, in units of its standard deviation
     block_means : the measurements at the same instants
     """
@@ -71,6 +81,7 @@ class Trajectory:
     residuals: dict[str, float]
     converged: bool
     block_means: BlockMeans
+    gust_length: float = 1.0
 
     def value(self, name: str) -> float:
         """Estimate of a sensor error."""
@@ -171,9 +182,25 @@ def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
     first = _candidate(
         _solve(problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST)
     )
-    gust, nearest = _most_probable_gust(problem, first)
-    solution = _solve(problem, nearest.x, nearest.sensor_errors, gust, MOST_ITERATIONS, CONVERGED)
+    solution = _in_most_probable_gusts(problem, first)
+    if solution.gust_mps > GUSTS_DOMINATE_MPS:
+        length = scale_length(_spectra(problem, solution, _draws(solution), AROUND_CORNER), gust_length)
+        if length.denied:
+            problem.conditions.length = length.ratio
+            solution = _in_most_probable_gusts(problem, _near_grid(problem, solution))
     return _trajectory(problem, solution, gust_length)
+
+
+def _in_most_probable_gusts(problem: TrajectoryProblem, first: _Candidate) -> _Solution:
+    """The solution for the gust intensity of greatest evidence, found from a first solution on GUST_GRID_MPS."""
+    gust, nearest = _most_probable_gust(problem, first)
+    return _solve(problem, nearest.x, nearest.sensor_errors, gust, MOST_ITERATIONS, CONVERGED)
+
+
+def _near_grid(problem: TrajectoryProblem, solution: _Solution) -> _Candidate:
+    """A first solution for the intensity of GUST_GRID_MPS next to that of a solution for other gusts."""
+    nearest = min(GUST_GRID_MPS, key=lambda gust: abs(np.log(gust / solution.gust_mps)))
+    return _candidate(_solve(problem, solution.x, solution.sensor_errors, nearest, MOST_ITERATIONS, CONVERGED_FIRST))
 
 
 def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[float, _Candidate]:
@@ -248,11 +275,11 @@ def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array
 
 def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: float) -> Trajectory:
     inputs, _ = problem.regressors.measurement_inputs(solution.x, solution.sensor_errors, solution.gust_mps)
-    draws = solution.last_step.conditional.draws(len(STATES), DRAWS)
+    draws = _draws(solution)
     sensitivity = _state_sensitivity(problem, solution)
     as_assumed = Estimate(solution.sensor_errors, solution.last_step.covariance)
     prior = Estimate(problem.error_mean, np.diag(problem.error_sigma**2))
-    slow = _slow_power(problem, solution, draws, gust_length)
+    slow = slow_power_ratios(_spectra(problem, solution, draws, SLOW), gust_length / problem.conditions.length)
     sensor_errors, covariance = with_slow_power(as_assumed, prior, solution.gust_mps, slow)
     states = solution.x + sensitivity @ (sensor_errors - solution.sensor_errors)
     return Trajectory(
@@ -265,21 +292,27 @@ def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: fl
         draws=draws,
         predicted_flow=inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],
         gust_mps=solution.gust_mps,
+        gust_length=problem.conditions.length,
         residuals=_residual_rms(problem, solution.residuals),
         converged=solution.converged,
         block_means=problem.blocks,
     )
 
 
-def _slow_power(problem: TrajectoryProblem, solution: _Solution, draws: Array, gust_length: float) -> Array:
-    """`slow_power_ratios` from take-off to landing."""
-    flown = problem.blocks.airborne
+def _draws(solution: _Solution) -> Array:
+    return solution.last_step.conditional.draws(len(STATES), DRAWS)
+
+
+def _spectra(
+    problem: TrajectoryProblem, solution: _Solution, draws: Array, band: tuple[float, float]
+) -> list[AxisSpectrum]:
+    """`gust_spectra` from take-off to landing."""
+    flown, assumed = problem.blocks.airborne, problem.conditions.in_cruise(solution.gust_mps)
     x = solution.x[flown]
     if not len(x):
-        return np.full(len(GUST_STATES), gust_length)
+        return [AxisSpectrum(np.empty(0), np.empty(0), gust) for gust in assumed]
     gusts, errors = gusts_and_wind(x), gusts_and_wind(draws[:, flown], x)
-    assumed = problem.conditions.in_cruise(solution.gust_mps)
-    return slow_power_ratios(gusts, errors, problem.blocks.step_s, assumed, gust_length)
+    return gust_spectra(gusts, errors, problem.blocks.step_s, assumed, band)
 
 
 def gusts_and_wind(states: Array, along: Array | None = None) -> Array:

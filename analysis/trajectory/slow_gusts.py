@@ -1,11 +1,12 @@
-"""How much more power slow gusts have than assumed: from the spectra of the flight's own gusts.
+"""Scale length and slow power of gusts, from the spectra of the flight's own gusts.
 
 The intensity of gusts is found from all their frequencies, most of which are fast. Errors of airspeed and flow angles
 come from the slow ones: the mean of a gust over minutes. Their power grows with the scale length (Lenschow, Mann &
 Kristensen 1994, J. Atmos. Oceanic Technol. 11, 661), which differs from place to place, and with the shape of the
 spectrum. A flight of minutes has few slow gusts, but the corner of the spectrum, at V/L, shows the scale length too. So
 Dryden's spectra are fitted to the periodograms of the reconstructed gusts (Whittle's likelihood): one factor of length
-for all three axes, with the user's (`[uncertainty] gust_length`) as a prior, and an intensity for each axis.
+for all three axes, with the user's (`[uncertainty] gust_length`) as a prior, and an intensity for each axis. Where the
+corner denies the assumed length, the flight is reconstructed again with the length found.
 """
 
 from collections.abc import Sequence
@@ -20,7 +21,10 @@ from analysis.trajectory.equations import SENSOR_ERRORS
 Array = NDArray[np.float64]
 Gust = GaussMarkov | SecondOrderGust
 
-FASTEST = 2.0  # frequency in radians over a gust's time L/V, up to which spectra are compared: beyond are fast gusts
+# Bands in which spectra are compared, in radians over a gust's time L/V: of slow gusts, and about the corner of the
+# spectrum, where gusts of another length differ most. Above, noise is larger than gusts.
+SLOW, AROUND_CORNER = (0.0, 2.0), (1.0, 10.0)
+DENIED = 3.0  # standard deviations of the logarithm, from which on the length found is taken instead of the assumed one
 TAPERS = 3  # of the multitaper periodogram, sines (Riedel & Sidorenko 1995, IEEE Trans. Signal Process. 43, 188)
 HALF_BANDWIDTH = (TAPERS + 1) / 2  # in units of one over the duration
 FEWEST_FREQUENCIES = 12  # two minutes of vertical gusts at 40 m: fewer tell less than the user
@@ -34,22 +38,34 @@ LIKE_GUSTS = {"alpha_bias": VERTICAL, "alpha_scale": VERTICAL, "dp_alpha_zero": 
               "V_scale": LONGITUDINAL, "q_c_zero": LONGITUDINAL}  # fmt: skip
 
 
-class _Axis(NamedTuple):
-    """Of one axis: power (m,) at the compared frequencies omega (m,) [rad/s], and the assumed process."""
+class AxisSpectrum(NamedTuple):
+    """Of the gusts of one axis: power (m,) at the compared frequencies omega (m,) [rad/s], and the assumed process."""
 
     power: Array
     omega: Array
     assumed: Gust
 
 
-def slow_power_ratios(
-    gusts_mps: Array, random_errors_mps: Array, step_s: float, assumed: Sequence[Gust], prior_length: float
-) -> Array:
-    """Expected power of slow gusts over the assumed one (3,), for gusts (3, n) at constant steps.
+class ScaleLength(NamedTuple):
+    """Of gusts, over the assumed one, and the standard deviation of its logarithm."""
+
+    ratio: float
+    log_sigma: float
+
+    @property
+    def denied(self) -> bool:
+        """Whether the spectra contradict the assumed length."""
+        return abs(float(np.log(self.ratio))) > DENIED * self.log_sigma
+
+
+def gust_spectra(
+    gusts_mps: Array, random_errors_mps: Array, step_s: float, assumed: Sequence[Gust], band: tuple[float, float]
+) -> list[AxisSpectrum]:
+    """Multitaper periodograms of gusts (3, n) at constant steps.
 
     random_errors_mps : (3, k, n) drawn from their distribution. assumed: processes at the mean speed and height.
-    prior_length: scale length over the standard's, returned for a flight too short to show another. The reconstructed
-    gust is smoother than the true one; what it lacks is on average the power of its random errors.
+    band : lowest and highest frequency, in radians over each axis' L/V. The reconstructed gust is smoother than the
+    true one; what it lacks is on average the power of its random errors.
     """
     n = gusts_mps.shape[1]
     tapers = np.sqrt(2 / (n + 1)) * np.sin(np.pi / (n + 1) * np.outer(np.arange(1, TAPERS + 1), np.arange(1, n + 1)))
@@ -60,49 +76,74 @@ def slow_power_ratios(
 
     axes = []
     for gust, errors, process in zip(gusts_mps, random_errors_mps, assumed, strict=True):
-        compared, omega = _frequencies(n, step_s, process)
+        compared, omega = _frequencies(n, step_s, process, band)
         found = power(gust, compared) + np.mean(power(errors, compared), axis=0) if compared.any() else omega
-        axes.append(_Axis(found, omega, process))
-    return _posterior_means(axes, prior_length)
+        axes.append(AxisSpectrum(found, omega, process))
+    return axes
 
 
 def planned_ratios(n: int, step_s: float, assumed: Sequence[Gust], prior_length: float) -> Array:
     """`slow_power_ratios` of a flight of n steps in gusts as assumed, whose periodograms are the spectra."""
     axes = []
     for process in assumed:
-        _, omega = _frequencies(n, step_s, process)
-        axes.append(_Axis(process.power(omega), omega, process))
-    return _posterior_means(axes, prior_length)
+        _, omega = _frequencies(n, step_s, process, SLOW)
+        axes.append(AxisSpectrum(process.power(omega), omega, process))
+    return slow_power_ratios(axes, prior_length)
 
 
-def _frequencies(n: int, step_s: float, assumed: Gust) -> tuple[NDArray[np.bool_], Array]:
-    """Which frequencies of n steps are compared, and these [rad/s]: from the resolution to FASTEST."""
+def _frequencies(n: int, step_s: float, assumed: Gust, band: tuple[float, float]) -> tuple[NDArray[np.bool_], Array]:
+    """Which frequencies of n steps are compared, and these [rad/s]: within the band, and resolved."""
     omega = 2 * np.pi * np.fft.rfftfreq(max(n, 1), step_s)
-    at_least, at_most = 2 * np.pi * HALF_BANDWIDTH / max(n * step_s, step_s), FASTEST / float(assumed.time_s)
-    compared = np.asarray((omega >= at_least) & (omega <= at_most))
+    resolved = 2 * np.pi * HALF_BANDWIDTH / max(n * step_s, step_s)
+    lowest, highest = (limit / float(assumed.time_s) for limit in band)
+    compared = np.asarray((omega >= max(resolved, lowest)) & (omega <= highest))
     return compared, np.asarray(omega[compared], dtype=float)
 
 
-def _posterior_means(axes: Sequence[_Axis], prior_length: float) -> Array:
-    """Means (3,) of the posterior of sigma^2 T over the assumed one.
+def slow_power_ratios(axes: Sequence[AxisSpectrum], prior_length: float) -> Array:
+    """Expected power of slow gusts over the assumed one (3,): means of the posterior of sigma^2 T over the assumed.
+
+    axes : `gust_spectra` in the band SLOW. prior_length: scale length over the assumed one, returned for a flight too
+    short to show another. The intensity of an axis with too few frequencies is as assumed.
+    """
+    shown = [len(axis.omega) >= FEWEST_FREQUENCIES for axis in axes]
+    if not any(shown):
+        return np.full(len(axes), prior_length)
+    posterior = _length_posterior(axes, prior_length)
+    intensity = np.ones((len(axes), len(LENGTHS)))
+    for i, axis in enumerate(axes):
+        if shown[i]:
+            intensity[i] = np.sum(axis.power / _spectra(axis), axis=1) / (len(axis.omega) - 1)
+    return np.asarray((intensity * LENGTHS) @ posterior)
+
+
+def scale_length(axes: Sequence[AxisSpectrum], prior_length: float) -> ScaleLength:
+    """The scale length of gusts over the assumed one, by `gust_spectra` in the band AROUND_CORNER."""
+    posterior, log_length = _length_posterior(axes, prior_length), np.log(LENGTHS)
+    mean = float(posterior @ log_length)
+    return ScaleLength(float(np.exp(mean)), float(np.sqrt(posterior @ (log_length - mean) ** 2)))
+
+
+def _length_posterior(axes: Sequence[AxisSpectrum], prior_length: float) -> Array:
+    """Probabilities of LENGTHS (80,), the intensity of each axis unknown.
 
     For a length, sigma^2 over the assumed one has an inverse gamma distribution with m degrees and the scale A, the sum
-    of power over spectrum; it is integrated over (prior flat in its logarithm). The intensity of an axis with too few
-    frequencies is as assumed.
+    of power over spectrum; it is integrated over (prior flat in its logarithm).
     """
     log_posterior = -((np.log(LENGTHS / prior_length) / np.log(LENGTH_FACTOR)) ** 2) / 2
-    intensity = np.ones((len(axes), len(LENGTHS)))
-    shown = [i for i, axis in enumerate(axes) if len(axis.omega) >= FEWEST_FREQUENCIES]
-    if not shown:
-        return np.full(len(axes), prior_length)
-    for i in shown:
-        power, omega, assumed = axes[i]
-        spectra = np.stack([assumed._replace(time_s=assumed.time_s * length).power(omega) for length in LENGTHS])
-        A, m = np.sum(power / spectra, axis=1), len(omega)
-        log_posterior = log_posterior - np.sum(np.log(spectra), axis=1) - m * np.log(A)
-        intensity[i] = A / (m - 1)
+    for axis in axes:
+        if len(axis.omega) >= FEWEST_FREQUENCIES:
+            spectra, m = _spectra(axis), len(axis.omega)
+            A = np.sum(axis.power / spectra, axis=1)
+            log_posterior = log_posterior - np.sum(np.log(spectra), axis=1) - m * np.log(A)
     posterior = np.exp(log_posterior - log_posterior.max())
-    return np.asarray((intensity * LENGTHS) @ posterior / np.sum(posterior))
+    return np.asarray(posterior / np.sum(posterior))
+
+
+def _spectra(axis: AxisSpectrum) -> Array:
+    """Of the assumed intensity and each of LENGTHS: (80, m)."""
+    assumed = axis.assumed
+    return np.stack([assumed._replace(time_s=assumed.time_s * length).power(axis.omega) for length in LENGTHS])
 
 
 class Estimate(NamedTuple):

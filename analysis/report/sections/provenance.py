@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from analysis.report.html_page import HtmlTable
 from analysis.results.schema import Results
-from analysis.results.schema_provenance import Provenance
+from analysis.results.schema_provenance import AirFound, Provenance
 from flight.units import GRAVITY_MPS2
 
 
@@ -103,13 +103,19 @@ def _wind(results: Results) -> str:
     return f"{air.wind_mps:.1f} ± {1.96 * air.wind_standard_error_mps:.1f} m/s from {air.wind_from_deg:.0f}°"
 
 
+def _length_of(air: AirFound) -> str:
+    if air.gust_length == 1:
+        return ""
+    return f", {air.gust_length:.2f} times as long as MIL-F-8785C has them, by their spectra"
+
+
 def _air(results: Results) -> list[tuple[str, str]]:
     air = results.air
     if air is None:
         return []
     return [
         ("Wind in the runs", f"{_wind(results)}, found from airspeed and path"),
-        ("Turbulence", f"{air.gust_mps:.2f} m/s vertical gusts (1 standard deviation)"),
+        ("Turbulence", f"{air.gust_mps:.2f} m/s vertical gusts (1 standard deviation){_length_of(air)}"),
         (
             "Air",
             f"{air.temperature_K - 273.15:.1f} °C, {results.air_pressure_Pa / 100:.0f} hPa,"

@@ -20,7 +20,10 @@ from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Uncertainty, load_aircraft
 from flight.errors import InputError
-from sim.sensors import load_budget
+from sim.fly import fly
+from sim.plan import load_plan
+from sim.sensors import FlightSensorTruth, load_budget
+from sim.world import load_world
 
 SEEDS = (0, 1, 2)
 
@@ -33,6 +36,20 @@ def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbule
         table[name] = np.nan
     air, still, _ = flights.air_of(table, aircraft, probe)
     return flight.truth, drawn, air, still
+
+
+@pytest.mark.slow
+def test_short_gusts_are_reconstructed_with_their_own_length(probe) -> None:
+    """With the standard's length the airspeed scale of this flight in 15 kt is 2 standard errors off, and power 7 %."""
+    world, plan, aircraft = load_world("short-gusts"), load_plan("full-test-flight"), load_aircraft("nexstar")
+    drawn = flights.drawn(world.errors, 203)
+    plan = world.plan(dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=15 * 0.514444)), 203)
+    flight = fly(aircraft, plan, seed=203, deviations=drawn.deviations)
+    air, still, _ = flights.air_of(flights.sensor_table(FlightSensorTruth(flight, drawn), aircraft), aircraft, probe)
+    trajectory = reconstruct(air, still)
+    assert trajectory.gust_length == pytest.approx(0.4, rel=0.25)
+    assert trajectory.gust_mps == pytest.approx(0.1 * 15 * 0.514444, rel=0.25)
+    assert abs(trajectory.value("V_scale") - drawn.values.V_scale) < 2 * trajectory.standard_error("V_scale")
 
 
 def test_priors_are_those_of_the_study():
@@ -100,6 +117,7 @@ def test_gusts_are_not_attributed_to_sensor_errors(probe) -> None:
         trajectory = reconstruct(air, still)
         assert trajectory.converged
         assert 0.4 < trajectory.gust_mps / (0.1 * 15 * 0.514444) < 1.6
+        assert trajectory.gust_length == 1, "gusts as assumed are not denied"
         slope = 1 + drawn.values.alpha_scale - 2 * drawn.values.V_scale
         truth = {
             "alpha_bias": (drawn.values.alpha_offset_rad + drawn.imu_rotation[0, 2]) * slope,

@@ -6,9 +6,14 @@ import pytest
 from analysis.trajectory import dryden
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.slow_gusts import (
+    AROUND_CORNER,
     LIKE_GUSTS,
+    SLOW,
     Estimate,
+    ScaleLength,
+    gust_spectra,
     planned_ratios,
+    scale_length,
     slow_power_ratios,
     with_slow_power,
 )
@@ -55,7 +60,7 @@ def _gusts(length: float, seconds: float, seed: int, root_power: float = 1.0) ->
 
 def _ratios(gusts: np.ndarray, errors: np.ndarray | None = None, prior: float = 1.4) -> np.ndarray:
     errors = np.zeros((3, 1, gusts.shape[1])) if errors is None else errors
-    return slow_power_ratios(gusts, errors, STEP_S, STANDARD, prior)
+    return slow_power_ratios(gust_spectra(gusts, errors, STEP_S, STANDARD, SLOW), prior)
 
 
 def _found(length: float, seconds: float, seed: int, prior: float = 1.4) -> np.ndarray:
@@ -105,6 +110,33 @@ def test_a_short_flight_keeps_the_users_length_and_a_long_one_its_own() -> None:
                for seconds in (120, 2400)}  # fmt: skip
     assert np.mean(of_user[120]) > 1.2
     assert np.mean(of_user[2400]) == pytest.approx(1, abs=0.08)
+
+
+def _scale_length(length: float, seconds: float, seed: int) -> ScaleLength:
+    """The scale length found of such gusts with the standard's fast part."""
+    gusts = _gusts(length, seconds, seed, np.sqrt(length))
+    errors = np.zeros((3, 1, gusts.shape[1]))
+    return scale_length(gust_spectra(gusts, errors, STEP_S, STANDARD, AROUND_CORNER), 1.0)
+
+
+@pytest.mark.parametrize(("length", "denied"), [(1.0, False), (0.4, True), (2.5, False)])
+def test_four_minutes_show_short_gusts_at_the_corner_of_the_spectrum(length: float, denied: bool) -> None:
+    """Longer gusts differ below the corner, where four minutes have few periods."""
+    assert [_scale_length(length, 240, seed).denied for seed in range(12)] == [denied] * 12
+
+
+@pytest.mark.parametrize("length", [1.0, 0.6, 0.4])
+def test_twenty_minutes_show_the_scale_length_within_its_error(length: float) -> None:
+    found = [_scale_length(length, 1200, seed) for seed in range(12)]
+    log_error = np.log([one.ratio for one in found]) - np.log(length)
+    assert np.mean(log_error) == pytest.approx(0, abs=0.1)
+    assert 0.5 < np.std(log_error) / np.mean([one.log_sigma for one in found]) < 1.3
+
+
+def test_a_length_is_denied_beyond_three_standard_deviations() -> None:
+    """1 of 370 flights with gusts as assumed is reconstructed twice."""
+    assert ScaleLength(np.exp(0.31), 0.1).denied and ScaleLength(np.exp(-0.31), 0.1).denied
+    assert not ScaleLength(np.exp(0.29), 0.1).denied and not ScaleLength(np.exp(-0.29), 0.1).denied
 
 
 def _estimate(factor: np.ndarray | float = 1.0) -> tuple[Estimate, Estimate, np.ndarray, np.ndarray]:
