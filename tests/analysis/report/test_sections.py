@@ -62,6 +62,9 @@ def test_wind_and_air_are_told_with_95_per_cent_and_in_everyday_units(results: R
     facts = dict(_air(whole))
     assert facts["Air"] == "16.9 °C, 1000 hPa, 1.200 kg/m³: density altitude 250 m"
     assert facts["Height of the runs"] == "40 to 60 m above the start"
+    assert facts["Turbulence"] == "0.25 m/s vertical gusts (1 standard deviation)"
+    short = dict(_air(replace(results, air=replace(AIR, gust_length=0.44))))
+    assert short["Turbulence"].endswith(", 0.44 times as long as MIL-F-8785C has them, by their spectra")
 
 
 @pytest.mark.parametrize(
