@@ -161,6 +161,13 @@ def taken_back(text: str, table: pd.DataFrame, folder: Path) -> Maneuvers:
     return toml_file.apply(toml_file.load(path), table, [], "runs.toml")
 
 
+def test_runs_that_meet_do_not_overlap(maneuvers, tmp_path: Path) -> None:
+    """An acceleration and a deceleration share the moment between them, whichever is written first."""
+    first, second = ONE, ONE.replace('"68', '"75').replace('"60', '"68')
+    for text in (first + second, second + first):
+        assert [round(run.start_s) for run in taken_back(text, maneuvers.table, tmp_path).maneuvers] == [60, 68]
+
+
 ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
 
 

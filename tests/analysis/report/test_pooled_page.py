@@ -110,6 +110,7 @@ def test_electrical_flights_stand_side_by_side() -> None:
     }  # fmt: skip
     text = body(render_electrical_flights({"flights": [one, {**one, "log": "b"}], "failures": ["c.ulg: torn"]}))
     assert "2 flights" in text and "(46 to 47)" in text and "c.ulg: torn" in text
+    assert "3.84 kg" in text, "37.7 N over 9.80665 m/s^2"
 
 
 def test_tables_thin_the_curve_and_give_half_widths_in_per_cent() -> None:
