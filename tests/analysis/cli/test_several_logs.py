@@ -119,7 +119,9 @@ def test_folders_of_a_pool_of_several_flights_and_of_one(tmp_path: Path) -> None
 def test_the_last_line_gives_seconds_and_megabytes() -> None:
     said = Console(file=StringIO(), width=100)
     told = ProgressOnConsole(said, quiet=False)
+    told.planned(3, kept=2)
+    assert (told.bars.tasks[0].completed, told.bars.tasks[0].total) == (2, 5)
     told.ended("a", Outcome("", seconds=12.34))
     told.finished(Campaign(processor_seconds=61.7, peak_bytes=321_000_000))
-    assert "a: 12.3 s (1 of 0)" in said.file.getvalue()
+    assert "a: 12.3 s (1 of 3)" in said.file.getvalue()
     assert "1 analysed in 62 s of processor time, with at most 321 MB of memory each" in said.file.getvalue()

@@ -258,7 +258,8 @@ def test_the_next_flight_is_for_what_is_least_known(plan: FlightPlan):
 
 
 def test_too_little_time_is_refused(nexstar: ExpectedAircraft):
-    with pytest.raises(InputError, match="minutes are too short"):
+    """Two minutes of standing, and one and a half at least for the take-off, two pairs of runs and the landing."""
+    with pytest.raises(InputError, match=r"3 minutes are too short: .* landing take [4-6]\.\d$"):
         plan_flight(nexstar, Request(3.0, 0.0, Space(1300.0, HEIGHT_M), Pilot(autopilot=False, load=1.0)))
 
 
