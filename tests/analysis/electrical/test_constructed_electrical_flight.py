@@ -162,6 +162,8 @@ def test_without_a_thermometer_and_too_short_a_flight_it_is_said(truth: Truth) -
     short = {name: Channel(*(x[truth.t_s < GROUND_S + 60] for x in one)) for name, one in whole.channels.items()}
     with pytest.raises(InputError, match="for less than 60 s above the ground"):
         flight_table(FlightRecording(whole.path, short, {}, zeroed=False), MASS_KG * g, AREA_M2)
+    late = {name: one._replace(t_s=one.t_s + 1e5) for name, one in whole.channels.items()}  # on for a day
+    assert flight_table(FlightRecording(whole.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2).flown.any()
     late = {name: Channel(one.t_s + 1e5 + 4e4 * (one.t_s > 100.0), one.value) for name, one in whole.channels.items()}
     with pytest.raises(InputError, match=f"its clock spans {4e4 + truth.t_s[-1]:.0f} s; longer than any flight"):
         flight_table(FlightRecording(whole.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2)
