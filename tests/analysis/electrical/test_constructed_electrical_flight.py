@@ -247,6 +247,8 @@ def test_a_wrong_number_of_poles_is_found_by_the_efficiency(table: FlightTable, 
     doubled = table._replace(table=table.table.assign(**{recording.MOTOR: 2 * table.table[recording.MOTOR]}))
     said = drag_estimate(doubled, electrical, SPAN_M, PROPELLER, None)
     assert isinstance(said, str) and "which no motor does" in said
+    share = float(said.partition("the shaft takes ")[2].split(" %")[0])
+    assert 4 * 70 < share < 2000, "by twice the speed, at the same airspeed: four times the power at least"
     assert "--propeller" in str(drag_estimate(table, electrical, SPAN_M, None, None))
 
 

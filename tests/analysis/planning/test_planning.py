@@ -175,6 +175,18 @@ def test_a_plan_uses_its_time_and_keeps_off_the_stall(plan: FlightPlan):
     assert abs(sum(np.sign(turns))) <= 1
 
 
+def test_a_knot_is_a_nautical_mile_an_hour(plan: FlightPlan, monkeypatch):
+    winds_mps = []
+
+    def watched(maneuvers, aircraft, height_m: float, wind_mps: float) -> TimeHistory:
+        winds_mps.append(wind_mps)
+        return fly(maneuvers, aircraft, height_m, wind_mps)
+
+    monkeypatch.setattr(search, "fly", watched)
+    search.predicted(plan.maneuvers, plan.aircraft, replace(plan.request, wind_kt=15.0))
+    assert winds_mps == [pytest.approx(15 * 1852 / 3600, rel=1e-5)]
+
+
 def test_every_piece_of_a_plan_narrows_its_interval(plan: FlightPlan):
     worst = max(plan.half_widths)
     assert plan.contributions

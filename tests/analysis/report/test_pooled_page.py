@@ -4,6 +4,8 @@ import math
 import re
 from typing import Any
 
+import pytest
+
 from analysis.report.pooled_page import (
     curve_table,
     differences_table,
@@ -101,6 +103,13 @@ def test_a_comparison_says_what_cancels() -> None:
     assert (
         "new against old" in text and "+3.0 % (+1.8 to +4.2)" in text and "±4.0 %" in text and "more than 200" in text
     )
+
+
+@pytest.mark.parametrize(("p", "said"), [(0.04, "a trend (p = 0.04"), (0.06, "none seen (p = 0.06")])
+def test_a_trend_is_one_at_five_per_cent(p: float, said: str) -> None:
+    content = pooled(12)
+    content["trends"][0]["p"] = p
+    assert said in body(render_pooled(content))
 
 
 def test_electrical_flights_stand_side_by_side() -> None:
