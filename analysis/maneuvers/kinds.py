@@ -37,10 +37,6 @@ class Maneuver:
     def name(self) -> str:
         return f"{self.kind} at {self.start_s:.0f} s"
 
-    @property
-    def seconds(self) -> float:
-        return self.end_s - self.start_s
-
 
 @dataclass(frozen=True)
 class RejectedManeuver:

@@ -9,12 +9,13 @@ import os
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from daq import disk_writer as disk_module
 from daq import log_files as logbook_module
-from daq.disk_space import DiskSpace
+from daq.disk_space import DiskSpace, is_finished
 from daq.disk_writer import DiskWriter
 from daq.log_files import FileLimits, LogFiles
 from daq.log_names import numbered_names, part_names
@@ -283,6 +284,29 @@ def test_a_disk_that_stays_broken_costs_data_but_never_time(tmp_path, faulty):
     faulty.hold.set()
 
 
+def test_each_further_file_of_a_failing_card_gets_twice_the_time(tmp_path):
+    """Up to a minute: of an hour of failure sixty files are left, and a few more."""
+    session = RecordingSession(tmp_path)
+    patience_s = []
+    for _ in range(6):
+        patience_s.append(session.files._patience_s)
+        session.run(1)
+        session.files._replace_current(session.tick * TICK_NS)
+    assert patience_s == [3.0, 6.0, 12.0, 24.0, 48.0, 60.0]
+    session.files.close()
+
+
+def test_each_loss_is_told_with_its_own_number_of_messages(tmp_path):
+    session = RecordingSession(tmp_path)
+    session.files.close()
+    said = []
+    for dropped in (5, 5, 12, 12):
+        disk = SimpleNamespace(error="", backlog_bytes=0)
+        session.files._current = SimpleNamespace(dropped=dropped, disk=disk, path=None)
+        said += [event.text for event in session.files._events() if "were lost" in event.text]
+    assert [text.rpartition(", ")[2] for text in said] == ["5 messages were lost", "7 messages were lost"]
+
+
 def test_a_disk_that_hangs_is_reported_and_does_not_delay_the_end(tmp_path, faulty, monkeypatch):
     monkeypatch.setattr(disk_module, "SLOW_CALL_S", 0.05)
     session = RecordingSession(tmp_path)
@@ -363,7 +387,18 @@ def test_recording_resumes_only_when_a_quarter_more_than_the_kept_space_is_free(
     assert [bytes_free for bytes_free, enough in sufficient.items() if not enough] == [
         999_999, 1_000_001, 1_100_000, 1_249_999,
     ]  # fmt: skip
-    assert [event.severity for event in space.events()] == ["error", "info"]
+    stops, resumes = space.events()
+    assert (stops.severity, resumes.severity) == ("error", "info")
+    assert "1 MB are free" in stops.text and "keeps 1 MB free" in stops.text and "1 MB are free again" in resumes.text
+
+
+def test_a_file_with_nothing_but_its_first_bytes_is_not_finished(tmp_path):
+    """A complete log begins and ends with them."""
+    finished_log(tmp_path / "log.mcap", ticks=1)
+    whole = (tmp_path / "log.mcap").read_bytes()
+    assert is_finished(tmp_path / "log.mcap") and whole[:8] == whole[-8:]
+    (tmp_path / "log.mcap").write_bytes(whole[:8])
+    assert not is_finished(tmp_path / "log.mcap")
 
 
 def test_the_oldest_finished_logs_go_first_and_only_they(tmp_path, monkeypatch):

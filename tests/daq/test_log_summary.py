@@ -53,3 +53,6 @@ def test_a_list_gives_minutes_and_megabytes(log: Path) -> None:
         "complete",
     )
     assert float(megabytes) == pytest.approx(log.stat().st_size / 1e6, abs=0.06)
+    (log.parent / "log-0008.mcap").write_bytes(bytes(3_400_000))
+    outcome = CliRunner().invoke(app, ["list", str(log.parent)], env={"COLUMNS": "120"})
+    assert " 3.4 " in next(line for line in outcome.output.splitlines() if "log-0008" in line)

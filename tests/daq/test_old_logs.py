@@ -200,9 +200,9 @@ def test_completing_a_log_ends_at_its_time_limit(tmp_path):
         try:
             while True: sum(range(1000))
         except TimeoutError as error:
-            print(error)"""
+            print(error, b.time.process_time() > 1)"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=GIVE_UP_S)
-    assert "more than 1 s" in done.stdout
+    assert "more than 1 s" in done.stdout and "True" in done.stdout
 
 
 def test_a_small_file_with_a_huge_chunk_is_read_up_to_it_in_bounded_memory(tmp_path, bomb):

@@ -102,6 +102,12 @@ def test_the_computers_supply_and_card_are_judged(tmp_path):
     assert not supply_check(tmp_path).ok
     assert card_check(tmp_path / "absent") is None and "MB/s" in card_check(tmp_path).text
     assert not list(tmp_path.glob("*tmp*"))
+    rate, _, slowest = (
+        card_check(tmp_path).text.removeprefix("the disk writes ").partition(" MB/s, 0.26 MB in at most ")
+    )
+    assert float(rate) > 0
+    assert 0 <= float(slowest.removesuffix(" s").split(" s:")[0]) < 60
+    assert "writes 0.5 MB/s" in card_speed(0.5e6, 0.1).text
     assert card_speed(10e6, 0.1).ok and not card_speed(0.5e6, 0.1).ok and not card_speed(10e6, 3.0).ok
 
 

@@ -202,6 +202,12 @@ def test_the_tunnel_s_own_angles_count_too_and_all_of_it_travels() -> None:
     assert PROBE_FILE.parsed(msgspec.json.encode(known), "probe.json") == known
 
 
+def test_a_slope_that_the_tunnel_does_not_determine_is_refused_with_its_error() -> None:
+    """40 % from 12 to 32 m/s: 1.3 % of standard deviation for each 3 %, so 17 % here."""
+    with pytest.raises(InputError, match=r"slope of alpha is uncertain by 1[5-9] % \(1 sigma\)"):
+        calibrate(simulated_tunnel(3, slope_by_speed=0.4))
+
+
 def test_a_file_of_the_first_format_means_what_it_meant() -> None:
     """Polynomials in C_alpha and C_beta, all three: alpha = 0.5 C_alpha + C_alpha C_beta, q_c/qbar = 0.75."""
     surface = {"residual_rms": 0.0, "order": 1}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.airdata.line_lags import LineLag
+from analysis.airdata.line_lags import LineLag, to_toml
 from analysis.airdata.step_test import (
     LONGEST_STEP_S,
     QUIET_S,
@@ -131,6 +131,14 @@ def test_more_steps_narrow_the_interval_with_the_square_root_of_their_number() -
 def test_what_is_told_of_a_line(measured: Lag | None, lines: list[str]) -> None:
     line = PneumaticLine(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)
     assert summary(LineLag("alpha", "/probe/alpha", measured, 0.019, line)) == lines
+
+
+def test_a_measured_line_is_written_in_the_units_of_an_aircraft_file() -> None:
+    line = PneumaticLine(length_m=0.9, diameter_m=1.234e-3, cavity_m3=20e-9)
+    text = to_toml([LineLag("alpha", "/probe/alpha", lag(0.0205, 0.0192, 0.0208), 0.019, line)])
+    assert text.splitlines() == [
+        "[probe.lines.alpha]  # measured: 20.5 ms", 'length = "0.9 m"', 'diameter = "1.234 mm"', 'cavity = "20 mm^3"',
+    ]  # fmt: skip
 
 
 def test_a_line_is_left_out_if_its_lag_is_known_no_better_than_40_per_cent() -> None:

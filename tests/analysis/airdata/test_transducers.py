@@ -54,6 +54,14 @@ def test_slopes_lie_within_their_errors() -> None:
     assert np.median(errors) < 0.005, "airspeed to 0.5 %"
 
 
+def test_a_reference_that_is_too_uncertain_is_named_with_its_error() -> None:
+    """Airspeed goes with the root of pressure: half of the 5 % of the reference."""
+    _, unsupported = found(scale=0.05)
+    assert unsupported.startswith(
+        "the standard error of airspeed is 2.5 %, more than 1.0 %: the reference is known to 5.0 %"
+    )
+
+
 def test_corrected_readings_are_the_pressures_of_the_reference() -> None:
     calibration, _ = found(noise_Pa=0.0)
     table = column(noise_Pa=0.0).set_axis(["dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa"], axis=1)

@@ -201,7 +201,8 @@ def test_only_a_long_and_narrow_line_is_worth_its_noise(nexstar: Aircraft, cavit
     t = np.arange(0, 20, 0.04)
     table = pd.DataFrame({"dp_alpha_Pa": 50 + 10 * np.sin(2 * np.pi * 2 * t)}, index=pd.Index(t, name="t_s"))
     out, notes = without_remainder(table, line_responses(Log(Path("flight.mcap")), aircraft))
-    assert [("/probe/alpha" in note) for note in notes] == ([True] if corrected else [])
+    change = 100 * abs(1 - remainder_of(line, SEA_LEVEL)(np.array([3.0]))[0])
+    assert [("/probe/alpha" in note and f"3 Hz by {change:.0f} %" in note) for note in notes] == [True] * corrected
     gain = out["dp_alpha_Pa"].iloc[100:-100].std() / table["dp_alpha_Pa"].iloc[100:-100].std()
     expected = 1 / abs(response([line], np.array([2.0]), SEA_LEVEL)[0])
     assert gain == pytest.approx(expected if corrected else 1.0, rel=0.02)

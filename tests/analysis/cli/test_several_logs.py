@@ -1,16 +1,20 @@
 """`analyze` of several logs and `analyze compare`: what is refused, and which files the results depend on."""
 
 import json
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
+from analysis.campaign.campaign import Campaign
+from analysis.campaign.jobs import Outcome
 from analysis.campaign.pooled import flight_folders_of, read_results
 from analysis.cli.analyze import app
 from analysis.cli.files_used import files_used
 from analysis.cli.one_log import Options
-from analysis.cli.several_logs import FlightAnalysis, settings
+from analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, settings
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_writer import LogWriter
@@ -110,3 +114,14 @@ def test_folders_of_a_pool_of_several_flights_and_of_one(tmp_path: Path) -> None
     (tmp_path / "pool" / "a" / "empty").mkdir()
     with pytest.raises(InputError, match=r"no results\.json"):
         flight_folders_of(tmp_path / "pool" / "a" / "empty")
+
+
+def test_the_last_line_gives_seconds_and_megabytes() -> None:
+    said = Console(file=StringIO(), width=100)
+    told = ProgressOnConsole(said, quiet=False)
+    told.planned(3, kept=2)
+    assert (told.bars.tasks[0].completed, told.bars.tasks[0].total) == (2, 5)
+    told.ended("a", Outcome("", seconds=12.34))
+    told.finished(Campaign(processor_seconds=61.7, peak_bytes=321_000_000))
+    assert "a: 12.3 s (1 of 3)" in said.file.getvalue()
+    assert "1 analysed in 62 s of processor time, with at most 321 MB of memory each" in said.file.getvalue()

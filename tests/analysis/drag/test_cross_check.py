@@ -86,6 +86,8 @@ def test_it_differs_where_the_intervals_do_not_allow_it() -> None:
     assert compared(0.0443) == (False, 0)  # the root of chi-square of 3 at 95 %, 2.80, times hypot(1, 1.2): 4.37
     assert compared(0.0445) == (True, 1)
     assert compared(0.08, in_gusts=True) == (False, 0)  # filter error's intervals are too narrow for an alarm
+    (warning,) = disagreement(polar(0.04), CrossCheck(polar(0.08), "", True, False), at, (0.6, 0.6)).warnings
+    assert "by +65 %" in warning, "C_D is 0.1016 in place of 0.0616"
     assert compared(0.05, converged=False) == (False, 1)  # it is left out, and said to be
 
 

@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from analysis.cli.calibrate import app
+from analysis.cli.calibrate.thrust import doubts
 from analysis.drag.thrust_stand import THRUST_STAND_FILE, StandReadings, calibrate
 from analysis.log_contents import Replacements, contents
 from flight.aircraft import load_aircraft, parse_aircraft
@@ -64,6 +65,10 @@ def test_a_ratio_that_changes_with_motor_speed_is_less_certain() -> None:
     assert constant.speed_error == 0 and constant.ratio_error < 0.011
     assert found.speed_error == pytest.approx(0.02 * 4 / 2, rel=0.1)
     assert found.scatter_error < 0.005 and found.ratio_error > found.speed_error
+    change = 100 * 0.02 * 4  # per cent, from 3000 to 7000 rpm
+    (doubt,) = doubts(found, readings(), TABLE, None)
+    assert float(re.findall(r"changes by (\S+) %", doubt)[0]) == pytest.approx(change, rel=0.1)
+    assert not doubts(constant, readings(), TABLE, None)
 
 
 def test_the_command_writes_a_file_that_replaces_the_aircraft_files_ratio(tmp_path: Path) -> None:

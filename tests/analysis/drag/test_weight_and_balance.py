@@ -53,6 +53,12 @@ def test_readings_that_contradict_each_other_are_not_written(tmp_path: Path) -> 
     assert outcome.exit_code == 1 and "support 1 differ by 100 g" in outcome.output and not output.exists()
 
 
+def test_a_scale_worse_than_two_per_cent_is_said_to_be() -> None:
+    supports = [Support(0.1, (2.0,)), Support(0.5, (2.0,))]
+    good, bad = (weight_and_balance(supports, ScaleErrors(0.0, gain, 0.002)) for gain in (0.018, 0.031))
+    assert not good.unsupported and "of the weight is 3.1 %, more than 2 %" in bad.unsupported
+
+
 def test_repeated_readings_average_and_their_scatter_counts_where_it_is_larger() -> None:
     """Four readings halve the error of one, be it the stated one or that of their scatter."""
     exactly = ScaleErrors(reading_kg=0.005, gain=0.0, position_m=0.0)

@@ -162,6 +162,11 @@ def test_without_a_thermometer_and_too_short_a_flight_it_is_said(truth: Truth) -
     short = {name: Channel(*(x[truth.t_s < GROUND_S + 60] for x in one)) for name, one in whole.channels.items()}
     with pytest.raises(InputError, match="for less than 60 s above the ground"):
         flight_table(FlightRecording(whole.path, short, {}, zeroed=False), MASS_KG * g, AREA_M2)
+    late = {name: one._replace(t_s=one.t_s + 1e5) for name, one in whole.channels.items()}  # on for a day
+    assert flight_table(FlightRecording(whole.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2).flown.any()
+    late = {name: Channel(one.t_s + 1e5 + 4e4 * (one.t_s > 100.0), one.value) for name, one in whole.channels.items()}
+    with pytest.raises(InputError, match=f"its clock spans {4e4 + truth.t_s[-1]:.0f} s; longer than any flight"):
+        flight_table(FlightRecording(whole.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2)
     hot = FlightRecording(whole.path, whole.channels, {"bay": Channel(truth.t_s, 0 * truth.t_s + 305.0)}, zeroed=False)
     assert flight_table(hot, MASS_KG * g, AREA_M2).rho_sigma == pytest.approx(8.0 / 305.0)
 
@@ -242,6 +247,8 @@ def test_a_wrong_number_of_poles_is_found_by_the_efficiency(table: FlightTable, 
     doubled = table._replace(table=table.table.assign(**{recording.MOTOR: 2 * table.table[recording.MOTOR]}))
     said = drag_estimate(doubled, electrical, SPAN_M, PROPELLER, None)
     assert isinstance(said, str) and "which no motor does" in said
+    share = float(said.partition("the shaft takes ")[2].split(" %")[0])
+    assert 4 * 70 < share < 2000, "by twice the speed, at the same airspeed: four times the power at least"
     assert "--propeller" in str(drag_estimate(table, electrical, SPAN_M, None, None))
 
 

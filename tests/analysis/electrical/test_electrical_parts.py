@@ -265,6 +265,23 @@ def test_the_motor_s_speed_follows_from_its_power() -> None:
     gliding = samples._replace(power_W=np.where(np.arange(len(V)) < 60, samples.power_W, IDLE_W + 1.0))
     (rows,) = ThrustBalance(gliding, CONDITIONS, propeller, motor).samples.stretches
     assert (rows.start, rows.stop) == (0, 60)
+    hungry = CONDITIONS._replace(idle_power_W=100.0)  # of which the motor has no part
+    gliding = gliding._replace(power_W=gliding.power_W + 100.0 - IDLE_W)
+    (rows,) = ThrustBalance(gliding, hungry, propeller, motor).samples.stretches
+    assert (rows.start, rows.stop) == (0, 60)
+
+
+def test_without_power_the_air_turns_the_propeller_as_fast_as_it_needs_none() -> None:
+    """To a step of the speeds that are tried, 4 %."""
+    motor, propeller = MotorConstants(0.015, 0.05, 1.0), load_propeller("apc-12x8e")
+    flight = climbing(30.0)
+    V = np.full(len(flight.table), 18.0)
+    samples = samples_of(flight, 0.0, 0.0)._replace(V_mps=V, power_W=np.full(len(V), IDLE_W))  # type: ignore[arg-type]
+    found = ThrustBalance(samples, CONDITIONS, propeller, motor)._revps(samples, CONDITIONS)[0]
+    n = np.linspace(20.0, 120.0, 20_001)
+    taken_W = motor.electrical_W(propeller.thrust_and_power(np.full_like(n, 18.0), n, RHO)[1], n)
+    turned_by_air = n[np.argmax(taken_W > 0)]
+    assert turned_by_air / 1.045 < found < 1.001 * turned_by_air
 
 
 def test_stretches_of_twenty_seconds_clear_of_the_ground_count() -> None:

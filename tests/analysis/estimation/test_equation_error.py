@@ -92,8 +92,10 @@ def test_a_gap_removes_only_samples_within_the_kernel():
 
 
 def test_unusable_data_and_models_are_refused():
-    with pytest.raises(InputError, match="sweep: 500 samples are too few for smoothing over 2 s"):
+    with pytest.raises(InputError, match=r"sweep: 500 samples .* over 2 s; more than 801 are needed"):
         equation_error.estimate(MODEL, segment(), smoothing_s=2.0)
+    with pytest.raises(InputError, match="more than 501 are needed"):  # four standard deviations on either side
+        equation_error.estimate(MODEL, segment(), smoothing_s=1.25)
     hidden = Model(
         name="hidden",
         states=("x",),

@@ -129,6 +129,8 @@ def test_wrong_bands_and_records_are_refused():
         output_error.estimate(SHORT_PERIOD, holed, band_Hz=BAND_HZ)
     with pytest.raises(InputError, match="numerator's order must be smaller"):
         transfer_function(2, 2)
+    with pytest.raises(InputError, match="half the sampling rate of 25 Hz"):
+        RecursiveFourierRegression(1, [1.0, 13.0], STEP_S)
     with pytest.raises(InputError, match="determine 1 of 2 coefficients"):
         twice = RecursiveFourierRegression(2, [0.5, 1.0], STEP_S)
         twice.add([1.0, 2.0], 3.0)

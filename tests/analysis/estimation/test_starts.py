@@ -1,10 +1,13 @@
 """Output error from several starting values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis.estimation import output_error, starts
 from analysis.estimation.data import Segment
+from analysis.estimation.fit import FitStatus
 from analysis.estimation.model import Model, Parameter
 from flight.errors import InputError
 from tests.analysis.estimation.test_output_error import SHORT_PERIOD, TRUTH, noisy
@@ -50,3 +53,13 @@ def test_when_no_start_gives_a_response_the_reason_is_told():
     far = SHORT_PERIOD.changed(Zal={"start": 1e5}, Mq={"start": 1e5})
     with pytest.raises(InputError, match="not finite"):
         starts.estimate(far, noisy(0), starts=2)
+
+
+def test_starts_without_a_fit_are_counted(monkeypatch):
+    """Of four starts the third gives a fit that did not converge: it is no optimum, and is not compared."""
+    fit, ends = output_error.estimate(SHORT_PERIOD, noisy(0)), iter(["good", "good", "lost", "good"])
+    lost = fit.verdict._replace(status=FitStatus.NOT_CONVERGED)
+    found = {"good": fit, "lost": replace(fit, verdict=lost, negative_log_likelihood=-1e9)}
+    monkeypatch.setattr(output_error, "estimate", lambda *_, **__: found[next(ends)])
+    best = starts.estimate(SHORT_PERIOD, noisy(0), starts=4)
+    assert best.verdict.text.endswith("reached from 3 of 4 starts, 1 did not converge")

@@ -149,6 +149,7 @@ IMPOSSIBLE: tuple[tuple[dict[str, Any], str], ...] = (
     ({"imu": {"specific_force_x_mps2": 0.0, "specific_force_z_mps2": -3.2 * 9.80665}}, "a magnitude of 31.4"),
     ({"imu": {"specific_force_x_mps2": 0.0, "specific_force_z_mps2": -1000.0}}, "like milli-g; multiply by 0.00980665"),
     ({"imu": {"specific_force_x_mps2": 9.0, "specific_force_z_mps2": -4.0}}, r"axes are exchanged .x has \+9.0."),
+    ({"imu": {"specific_force_x_mps2": 9.0, "specific_force_z_mps2": 3.0}}, r"axes are exchanged .x has \+9.0."),
     ({"imu": {"specific_force_x_mps2": 8.0, "specific_force_z_mps2": 6.0}}, "z points up"),
     ({"imu": {"specific_force_z_mps2": np.where(HALF > 0, 9.8, -9.8)}}, "z points up"),
     ({ALPHA: {DIFFERENCE: 1.35 * 150.0 * HALF}}, "/probe/alpha: .* reaches 202 Pa, but that of /probe/airspeed only"),

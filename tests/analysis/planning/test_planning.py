@@ -19,7 +19,7 @@ from analysis.planning.maneuvers import Hold, Land, Porpoise, Run, Stand, TakeOf
 from analysis.planning.mission import Home, left_out, qgroundcontrol_plan, waypoint_file
 from analysis.planning.next_flight import next_flight
 from analysis.planning.pieces import Pilot, Space
-from analysis.planning.questions import condition, question
+from analysis.planning.questions import _of_difference, condition, question
 from analysis.planning.search import FlightPlan, Request, plan_flight
 from analysis.planning.simulator_plan import simulator_plan
 from analysis.planning.texts import _words
@@ -175,6 +175,18 @@ def test_a_plan_uses_its_time_and_keeps_off_the_stall(plan: FlightPlan):
     assert abs(sum(np.sign(turns))) <= 1
 
 
+def test_a_knot_is_a_nautical_mile_an_hour(plan: FlightPlan, monkeypatch):
+    winds_mps = []
+
+    def watched(maneuvers, aircraft, height_m: float, wind_mps: float) -> TimeHistory:
+        winds_mps.append(wind_mps)
+        return fly(maneuvers, aircraft, height_m, wind_mps)
+
+    monkeypatch.setattr(search, "fly", watched)
+    search.predicted(plan.maneuvers, plan.aircraft, replace(plan.request, wind_kt=15.0))
+    assert winds_mps == [pytest.approx(15 * 1852 / 3600, rel=1e-5)]
+
+
 def test_every_piece_of_a_plan_narrows_its_interval(plan: FlightPlan):
     worst = max(plan.half_widths)
     assert plan.contributions
@@ -258,7 +270,8 @@ def test_the_next_flight_is_for_what_is_least_known(plan: FlightPlan):
 
 
 def test_too_little_time_is_refused(nexstar: ExpectedAircraft):
-    with pytest.raises(InputError, match="minutes are too short"):
+    """Two minutes of standing, and one and a half at least for the take-off, two pairs of runs and the landing."""
+    with pytest.raises(InputError, match=r"3 minutes are too short: .* landing take [4-6]\.\d$"):
         plan_flight(nexstar, Request(3.0, 0.0, Space(1300.0, HEIGHT_M), Pilot(autopilot=False, load=1.0)))
 
 
@@ -474,7 +487,18 @@ def test_half_widths_and_questions_are_those_of_the_power_curve(plan: FlightPlan
     for name, sigma in (("alpha_bias", np.radians(0.1)), ("alpha_scale", 0.01), ("V_scale", 0.01)):
         errors[SENSOR_ERRORS.index(name), SENSOR_ERRORS.index(name)] = sigma**2
     probe = question("probe", aircraft, 12.0, 20.0)
-    assert probe.cost(plan.covariances._replace(errors=errors)) == pytest.approx(1.96, rel=1e-3)
+    for size in (1.0, 2.0):
+        cost = probe.cost(plan.covariances._replace(errors=size**2 * errors))
+        assert cost == pytest.approx(1.96 * size, rel=1e-3)
+
+
+def test_the_difference_of_two_flights_has_the_errors_of_both_but_not_those_they_share(plan: FlightPlan):
+    one = plan.covariances
+    both = _of_difference(one)
+    assert both.noise == pytest.approx(2 * one.noise) and not both.fixed.any()
+    own, shared = SENSOR_ERRORS.index("az_bias"), SENSOR_ERRORS.index("alpha_bias")
+    assert both.errors[own, own] == pytest.approx(2 * one.errors[own, own])
+    assert both.errors[shared, shared] == 0 < one.errors[shared, shared]
 
 
 def test_information_of_pieces_adds_and_is_taken_away_again():

@@ -11,7 +11,7 @@ from synthetic_flights import flight, truth
 from analysis.drag.polar import Condition, speed_at
 from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling import pool_results
-from analysis.pooling.agreement import differences_in_pool, quadratic_form
+from analysis.pooling.agreement import differences_in_pool, likely_reason, quadratic_form
 from analysis.pooling.flight_statistics import POOLED
 from analysis.pooling.pooled_json import _thrust_known
 from analysis.pooling.trends import trends
@@ -103,6 +103,17 @@ def test_a_quadratic_form_is_that_of_the_inverse() -> None:
     C = np.array([[4e-6, 1e-4], [1e-4, 0.04]])
     d = np.array([1e-3, 0.3])
     assert quadratic_form(d, C) == pytest.approx(d @ np.linalg.inv(C) @ d)
+
+
+def test_the_likely_reason_is_the_installation_s_largest_difference_in_its_unit() -> None:
+    """Beyond two and a half standard deviations; that of the polar itself is no reason."""
+    value, standardized = np.zeros(len(POOLED)), np.zeros(len(POOLED))
+    i = POOLED.index("thrust_scale")
+    value[i], standardized[i], standardized[0] = 0.05, 2.6, 9.0
+    said = likely_reason(SimpleNamespace(value=value, standardized=standardized))  # type: ignore[arg-type]
+    assert "differs by +5 %, 2.6 standard deviations" in said
+    standardized[i] = 2.4
+    assert "differs by" not in likely_reason(SimpleNamespace(value=value, standardized=standardized))  # type: ignore[arg-type]
 
 
 def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:

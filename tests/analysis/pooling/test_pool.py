@@ -13,7 +13,7 @@ from analysis.drag.polar import Polar
 from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling import pool_results
 from analysis.pooling.flight_statistics import POOLED
-from analysis.pooling.joint import REMOUNTED
+from analysis.pooling.joint import REMOUNTED, _without_prior
 from analysis.pooling.pool import PooledResult
 from flight.errors import InputError
 
@@ -70,6 +70,15 @@ def without_weight(estimate) -> np.ndarray:
     """The covariance by noise and priors."""
     change = estimate.influences[0].sum(axis=0) @ CHANGES["weight"]
     return np.asarray(estimate.total - np.outer(change, change))
+
+
+def test_an_estimate_less_certain_than_its_prior_keeps_its_covariance() -> None:
+    """What the data say, and what they add to the prior's uncertainty, are the estimate again."""
+    prior = np.diag([4.0, 1.0])
+    covariance = np.linalg.inv(prior) * 1.5
+    data = _without_prior(covariance, prior)
+    np.testing.assert_allclose(data.information, 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.inv(data.information + prior) + data.excess, covariance)
 
 
 def test_flights_with_two_stands_are_not_one_pool() -> None:

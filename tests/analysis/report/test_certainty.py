@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from analysis.drag.cross_check import CrossCheck
 from analysis.drag.polar import Polar
 from analysis.report.sections.certainty import (
+    _largest_shared,
     _scatter_of_runs,
     certainty_section,
     halving,
@@ -81,6 +82,9 @@ def test_thrust_explains_as_much_as_it_is_correlated(results: Results) -> None:
     )
     assert thrust_share(known) == pytest.approx(0.36, abs=1e-3)
     assert thrust_share(results) is None
+    assert _largest_shared(known).startswith("36 % of the interval's square goes with the thrust")
+    matrix[0][3] = matrix[3][0] = 0.8
+    assert _largest_shared(known).startswith("64 % of the interval's square") and "stopped" in _largest_shared(known)
 
 
 def test_the_margin_to_the_stall_is_what_the_wing_has_carried(results: Results) -> None:
@@ -94,6 +98,10 @@ def test_the_margin_to_the_stall_is_what_the_wing_has_carried(results: Results) 
 def test_the_verdict_is_the_curve_at_the_speed_of_least_drag(results: Results) -> None:
     at, meaning = reference_point(results)
     assert (at.speed_mps, meaning) == (13.1, "the speed of least drag")
+    unknown = replace(results.best_range_speed, speed_mps=None)
+    middle, meaning = reference_point(replace(results, best_range_speed=unknown, minimum_power_speed=unknown))
+    ends = results.power_required[0].speed_mps, results.power_required[-1].speed_mps
+    assert middle.speed_mps == pytest.approx(np.mean(ends), abs=0.3) and meaning == "the middle of those flown"
     assert at.power_lo_W < at.power_W < at.power_hi_W
     assert "but 1 pair of methods disagree" in verdict_section(results).reasons
     agreeing = replace(results, disagreements=[])

@@ -4,6 +4,8 @@ import math
 import re
 from typing import Any
 
+import pytest
+
 from analysis.report.pooled_page import (
     curve_table,
     differences_table,
@@ -103,6 +105,13 @@ def test_a_comparison_says_what_cancels() -> None:
     )
 
 
+@pytest.mark.parametrize(("p", "said"), [(0.04, "a trend (p = 0.04"), (0.06, "none seen (p = 0.06")])
+def test_a_trend_is_one_at_five_per_cent(p: float, said: str) -> None:
+    content = pooled(12)
+    content["trends"][0]["p"] = p
+    assert said in body(render_pooled(content))
+
+
 def test_electrical_flights_stand_side_by_side() -> None:
     one = {
         "log": "a", "software_version": "0", "aircraft": AIRCRAFT, "test": CONDITION,
@@ -110,6 +119,7 @@ def test_electrical_flights_stand_side_by_side() -> None:
     }  # fmt: skip
     text = body(render_electrical_flights({"flights": [one, {**one, "log": "b"}], "failures": ["c.ulg: torn"]}))
     assert "2 flights" in text and "(46 to 47)" in text and "c.ulg: torn" in text
+    assert "3.84 kg" in text, "37.7 N over 9.80665 m/s^2"
 
 
 def test_tables_thin_the_curve_and_give_half_widths_in_per_cent() -> None:

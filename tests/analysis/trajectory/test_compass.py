@@ -199,6 +199,8 @@ def test_the_offset_of_the_compass_is_determined_with_gps_only(with_gps, without
         assert (trajectory.prior_standard_error("heading_bias") == PRIOR_SIGMA["heading_bias"]) == gps
         assert all("held the heading" in note for note in heading_notes(trajectory, calibrated=True))
         assert len(heading_notes(trajectory, calibrated=True)) == (0 if gps else 1)
+        for note in heading_notes(trajectory, calibrated=True):
+            assert 1.0 < float(note.partition("standard error ")[2].split(" deg")[0]) < 5.0, "3 deg by motor currents"
         assert "heading_bias" not in {error.name for error in sensor_error_estimates(alone)}
 
 
