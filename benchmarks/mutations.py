@@ -7,9 +7,9 @@ puts sin for cos and min for max. The draw is uniform over all such places in `a
 always gives the same draw of the same code. Each mutation is made in a copy of the tracked files. It counts as killed
 when a test fails, or its files take longer than --timeout-s, and the same run passes without the mutation. A mutated
 module that cannot be imported tells nothing about the tests: another mutation is drawn in its place. Test files run in
-the order of their distance to the mutated file: same name, direct import, import of an import, and so on; then all
-others. A survivor costs the time of the whole suite; `--nearest N` stops after N files. Exit code 1 if fewer than
---killed are killed.
+the order of their distance to the mutated file: same name, direct import, the stored results of `tests/unchanged`,
+import of an import, and so on; then all others. A survivor costs the time of the whole suite; `--nearest N` stops after
+N files. Exit code 1 if fewer than --killed are killed.
 """
 
 import ast
@@ -170,7 +170,10 @@ def importers_of_files() -> dict[Path, list[Path]]:
 
 
 def tests_by_distance(file: Path) -> list[Path]:
-    """All test files: those that bear the file's name, then by the number of imports between test and file."""
+    """All test files: those that bear the file's name, then by the number of imports between test and file.
+
+    The comparison with stored results comes after direct imports: it notices most of what changes a result.
+    """
     importers = importers_of_files()
     distance = {file: 0}
     waiting = deque([file])
@@ -181,6 +184,7 @@ def tests_by_distance(file: Path) -> list[Path]:
                 distance[importer] = distance[here] + 1
                 waiting.append(importer)
     tests = [p.relative_to(ROOT) for p in (ROOT / "tests").rglob("test_*.py")]
+    distance |= {test: 2 for test in tests if test.parent.name == "unchanged"}
     return sorted(tests, key=lambda p: (file.stem not in p.stem, distance.get(p, len(importers)), p))
 
 
