@@ -18,6 +18,7 @@ def trajectory(north: np.ndarray, east: np.ndarray, error_mps: float = 0.2, **st
         states=table,
         states_error=lambda: 0 * table + error_mps,
         gust_mps=0.4,
+        gust_length=0.7,
         block_means=SimpleNamespace(flying=np.arange(len(T_S)) < 100),
     )
 
@@ -33,6 +34,7 @@ def test_the_wind_is_the_mean_over_the_runs_and_named_by_where_it_comes_from(nor
     wind = trajectory(np.where(during, north, 50.0), np.where(during, east, 50.0))
     found = air_found(wind, flown, Condition(40.0, 1.1, 0.5))
     assert (found.wind_mps, found.wind_from_deg) == pytest.approx((5.0, from_deg), abs=0.01)
+    assert (found.gust_mps, found.gust_length) == (0.4, 0.7)
     assert found.wind_standard_error_mps == pytest.approx(0.2)
     assert (found.lowest_height_m, found.highest_height_m, found.temperature_K) == (31.0, 55.0, 282.0)
     assert found.density_altitude_m == pytest.approx(1110, abs=15)  # ISO 2533
