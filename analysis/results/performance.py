@@ -63,6 +63,12 @@ def _interval_or_value(value: UncertainValue) -> Interval:
     return _interval(value) or Interval(value=float(value.value), lo=float(value.value), hi=float(value.value))
 
 
+def _time_or_distance(value: UncertainValue) -> Interval:
+    """Its interval ends at zero. Where power is hardly known, the symmetric interval would reach below."""
+    interval = _interval_or_value(value)
+    return Interval(value=interval.value, lo=max(interval.lo, 0.0), hi=interval.hi)
+
+
 def _flown_speed(value: UncertainValue, slowest: float) -> Interval:
     """A best speed among those flown; its interval ends at the slowest."""
     speed = _interval_or_value(value)
@@ -78,12 +84,12 @@ def _case(one: ConditionPerformance) -> PerformanceCase:
         weight_N=one.condition.weight_N,
         air_density_kgpm3=one.condition.rho,
         density_altitude_m=float(density_altitude_m(one.condition.rho)),
-        endurance_s=_interval_or_value(one.endurance.best),
+        endurance_s=_time_or_distance(one.endurance.best),
         endurance_speed_mps=_flown_speed(one.endurance.speed_mps, slowest),
         endurance_power_W=float(one.endurance.power_W.value),
         endurance_at_slowest=one.endurance.at_slowest,
         endurance_at_fastest=one.endurance.at_fastest,
-        range_m=_interval_or_value(one.range.best),
+        range_m=_time_or_distance(one.range.best),
         range_speed_mps=_flown_speed(one.range.speed_mps, slowest),
         range_power_W=float(one.range.power_W.value),
         range_at_slowest=one.range.at_slowest,

@@ -207,6 +207,19 @@ def test_a_silent_line_is_listened_to_as_long_as_its_part_may_take(driver, port,
     assert (clock.now_ns() - begin_ns) / 1e9 == pytest.approx(listened_s, abs=0.021)
 
 
+@pytest.mark.parametrize(("driver", "part"), [("ms5611", "baro"), ("ms5805", "static")])
+def test_a_barometer_says_its_own_coefficient_and_checksum(driver: str, part: str):
+    """A part is told from another of its kind by what the factory wrote into it."""
+    clock = SimulatedClock()
+    fake = FakeTray(SteadySensorTruth(), clock)
+    clock.advance_ns(2 * 10**9)
+    table = parse_tray(f'[[sensors]]\ndriver="{driver}"\nbus="/dev/i2c-1"\n', "tray.toml", Path()).sensors[0]
+    barometer = getattr(fake, part)
+    crc = barometer.prom[barometer.part.crc_in_word] >> barometer.part.crc_shift & 0xF
+    said = identify(table, fake, clock)
+    assert said.startswith(f"{driver.upper()} with C1 {barometer.prom[1]}, CRC 0x{crc:x}, ")
+
+
 def test_a_receiver_on_the_bus_says_who_it_is():
     assert asked("ublox_ddc", 'bus="/dev/i2c-1"', gps_on_i2c=True).startswith("u-blox ROM CORE 3.01 (107888), ")
 

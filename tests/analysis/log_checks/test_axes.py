@@ -14,11 +14,13 @@ def circling(turn: float) -> pd.DataFrame:
     t_s = np.arange(0, 60, 0.04)
     rate = 0.4 * np.sin(2 * np.pi * t_s / 20)
     course = turn * np.cumsum(rate) * 0.04
+    roll_rate = np.gradient(np.arcsin(15 * rate / 9.80665), 0.04)
     steady = {"V_mps": 15.0, "qbar_Pa": 138.0, "q_c_Pa": 138.0, "az_mps2": -9.8, "flying": True}
     columns = ("ax_mps2", "ay_mps2", "q_radps", "alpha_rad", "beta_rad", "dp_alpha_Pa", "dp_beta_Pa", "height_m")
     velocity = {"gps_north_mps": 15 * np.cos(course), "gps_east_mps": 15 * np.sin(course), "gps_down_mps": 0.0}
     return pd.DataFrame(
-        dict.fromkeys(columns, 0.0) | steady | velocity | {"r_radps": rate}, index=pd.Index(t_s, name="t_s")
+        dict.fromkeys(columns, 0.0) | steady | velocity | {"p_radps": roll_rate, "r_radps": rate},
+        index=pd.Index(t_s, name="t_s"),
     ).assign(qbar_Pa=138 + np.linspace(0, 1e-3, len(t_s)))
 
 
@@ -30,6 +32,13 @@ def test_a_yaw_rate_against_the_course_is_refused() -> None:
         "flight.mcap: /imu and /gps: angular_rate_z_radps turns against the course of velocity_north_mps and"
         " velocity_east_mps: the rate is not positive to the right, or north and east are exchanged"
     )
+
+
+def test_a_roll_rate_out_of_the_turn_is_refused() -> None:
+    table = circling(1)
+    with pytest.raises(InputError, match="angular_rate_x_radps has the wrong sign; write it positive right wing down"):
+        check_axes(table.assign(p_radps=-table["p_radps"]), "flight.mcap")
+    check_axes(table.assign(p_radps=0.0), "flight.mcap")
 
 
 def test_the_climb_rate_is_that_of_the_height() -> None:
@@ -67,6 +76,7 @@ def swinging(**change: float) -> pd.DataFrame:
         "ax_mps2": Vdot + 9.8 * climb / V,
         "ay_mps2": -0.02 * q * np.sin(1.1 * t_s) * 0.03,
         "az_mps2": -lift_over_m,
+        "p_radps": 0.0,
         "q_radps": (lift_over_m - 9.8) / V,
         "r_radps": 0.0,
         "height_m": 60 - 2 / 0.3 * np.cos(0.3 * t_s),

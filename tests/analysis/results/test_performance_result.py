@@ -13,7 +13,7 @@ from analysis.performance.full_throttle import FullThrottle
 from analysis.performance.level_flight import LevelFlight
 from analysis.performance.power_train import MeasuredEfficiency, PowerTrainModel
 from analysis.performance.propagation import ParameterVector, UncertainValue, exact
-from analysis.results.performance import performance_result
+from analysis.results.performance import _time_or_distance, performance_result
 from analysis.results.schema import PerformanceCase
 from flight.propeller_files import load_propeller
 
@@ -209,3 +209,10 @@ def test_the_power_train_has_standard_errors_units_and_efficiencies() -> None:
     assert [point.extrapolated for point in train.efficiency] == [False, False, True]
     (measured,) = train.points
     assert (measured.time_s, measured.speed_mps, measured.overall) == (5.0, 13.0, 0.48)
+
+
+def test_an_endurance_that_is_hardly_known_is_not_below_zero() -> None:
+    """A thousand seconds with a standard error of a thousand: 95 % would begin at -960 s."""
+    hardly, well = (_time_or_distance(UncertainValue(np.array(1000.0), np.array(e))) for e in (1000.0, 100.0))
+    assert hardly.lo == 0.0 and hardly.hi == pytest.approx(2960, abs=1)
+    assert (well.lo, well.hi) == (pytest.approx(804, abs=1), pytest.approx(1196, abs=1))
