@@ -326,7 +326,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     power_required: list[PowerPoint]  # at the test's weight and density, over the flown range
     power_required_standard: list[PowerPoint]  # at the standard weight and sea-level density
     cross_check: list[PowerPoint]  # the same over the runs alone, at the test's weight and density, by
-    cross_check_by: str = "output error"  # or filter error, where the air moved
+    cross_check_by: str = "output error"  # or filter error, in gusts
     cross_check_differs: bool = False  # from `power_required` by more than their 95 % intervals allow
     minimum_power_speed: SpeedInterval  # longest endurance, at the test's weight and density
     best_range_speed: SpeedInterval

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.report.html_page import HtmlTable
 from analysis.report.sections.sensors import CHANNELS, decimals
-from analysis.report.sections.verdict import reference_point
+from analysis.report.sections.verdict import FILTER_ERROR, reference_point
 from analysis.results.schema import IntervalPart, Results
 
 MOST_RUNS = 200  # more are no advice
@@ -15,7 +15,6 @@ MORE_RUNS = "more runs like these"
 NOT_FLOWN = "no run of the required kind was flown: "  # begins a note of a method
 WHITE = 1.96  # standard errors: autocorrelation of white residuals stays within in 95 % of the lags
 RESIDUAL_TOO_LARGE = 1.5  # rms in standard deviations of the channel's noise
-FILTER_ERROR = "filter error"  # as `cross_check_by` says it
 CHANCE = 0.10  # share of lags beyond WHITE that may be chance in a run of a few seconds
 
 

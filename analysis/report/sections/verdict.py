@@ -8,6 +8,8 @@ from analysis.results.schema import PowerPoint, Results
 from analysis.results.trust import reasons_not_to_trust
 from flight.units import GRAVITY_MPS2
 
+FILTER_ERROR = "filter error"  # as `cross_check_by` says it; its intervals are too narrow for a comparison
+
 
 class NamedPoint(NamedTuple):
     """A point of the curve and what is special about its speed."""
@@ -69,7 +71,7 @@ def _support(results: Results) -> str:
     pairs = len(results.disagreements)
     if others and not pairs:
         parts.append(f"{others} other {'method agrees' if others == 1 else 'methods agree'} within the intervals")
-    if results.cross_check:
+    if results.cross_check and results.cross_check_by != FILTER_ERROR:
         parts.append("the cross-check on the runs alone agrees")
     but = f", but {pairs} {'pair' if pairs == 1 else 'pairs'} of methods disagree: see the comparison" if pairs else ""
     return f"{', '.join(parts)}{but}."

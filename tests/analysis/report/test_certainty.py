@@ -122,6 +122,8 @@ def test_a_fit_of_the_runs_alone_is_said_to_agree_only_where_it_is_compared(resu
     assert answer() == "Yes, within what the intervals allow (output error)."
     assert answer(cross_check_differs=True).startswith("No: it differs by more than")
     assert answer(cross_check_by=gusty.by).startswith("Not compared")
+    still, moving = (verdict_section(replace(results, cross_check_by=by)).reasons for by in ("output error", gusty.by))
+    assert "the cross-check on the runs alone agrees" in still and "cross-check" not in moving
 
 
 def test_residuals_that_are_not_white_are_said_to_be(results: Results) -> None:
