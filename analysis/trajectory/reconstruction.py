@@ -41,7 +41,7 @@ from flight.errors import InputError
 Array = NDArray[np.float64]
 
 GUST_STATES = [STATES.index(f"gust_{axis}") for axis in "uvw"]
-GUST_GRID_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125, calm air, to 3.2, a storm
+GUST_GRID_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125 to 3.2, a storm
 LEAST_GUST_MPS = 0.025  # less cannot be told from the noise of the flow angles
 _FIRST_GUST = GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
 MOST_ITERATIONS = 40
@@ -183,12 +183,14 @@ def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
         _solve(problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST)
     )
     solution = _in_most_probable_gusts(problem, first)
+    draws = _draws(solution)
     if solution.gust_mps > GUSTS_DOMINATE_MPS:
-        length = scale_length(_spectra(problem, solution, _draws(solution), AROUND_CORNER), gust_length)
+        length = scale_length(_spectra(problem, solution, draws, AROUND_CORNER), gust_length)
         if length.denied:
             problem.conditions.length = length.ratio
             solution = _in_most_probable_gusts(problem, _near_grid(problem, solution))
-    return _trajectory(problem, solution, gust_length)
+            draws = _draws(solution)
+    return _trajectory(problem, solution, draws, gust_length)
 
 
 def _in_most_probable_gusts(problem: TrajectoryProblem, first: _Candidate) -> _Solution:
@@ -273,9 +275,8 @@ def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array
     return solution.last_step.conditional.state_sensitivity(problem.equations.linearize(x, sensor_errors, actual))
 
 
-def _trajectory(problem: TrajectoryProblem, solution: _Solution, gust_length: float) -> Trajectory:
+def _trajectory(problem: TrajectoryProblem, solution: _Solution, draws: Array, gust_length: float) -> Trajectory:
     inputs, _ = problem.regressors.measurement_inputs(solution.x, solution.sensor_errors, solution.gust_mps)
-    draws = _draws(solution)
     sensitivity = _state_sensitivity(problem, solution)
     as_assumed = Estimate(solution.sensor_errors, solution.last_step.covariance)
     prior = Estimate(problem.error_mean, np.diag(problem.error_sigma**2))
