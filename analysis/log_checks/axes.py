@@ -19,8 +19,8 @@ FEWEST_MEANS = 30
 SLOWEST_SHARE = 0.15
 # Angular rate needs a centripetal force. None of 42 flights exceeded this in any second; in deg/s 15 % to 78 % do.
 SLACK_MPS2, MOST_EXCEEDED = 5.0, 0.05
-# Correlation of angle of attack and lift coefficient: 0.76 to 0.99 in 42 flights. Of roll rate and change of bank: 0.22
-# (short flights in 15 kt) to 0.91 in 28.
+# Correlation of angle of attack and lift coefficient: 0.76 to 0.99 in 42 flights. Of roll rate and change of bank: 0.21
+# (short flights in 15 kt) to 0.91 in 64 flights of three aircraft.
 REVERSED = -0.5
 # Correlation of the changes of side force and of sideslip. -0.94 to 0.05: calm flights hardly sideslip, and their curve
 # does not depend on it.
