@@ -130,6 +130,7 @@ class Uncertainty:
     updraft_mps : mean vertical motion of the air over the runs of one flight; by default on a still morning over flat
         ground: 1.3 m/s of wind over a slope of 0.3 %, a third of what is allowed for the mean of a runway (ICAO Annex
         14, 3.1.13)
+    air_density_fraction : 1.5 hPa and 0.8 K at most, evenly: absolute accuracy of the MS5611 at 25 degC (data sheet)
     gust_length : scale length of vertical gusts over the height. The standard's is 1 (MIL-F-8785C), and 1.4 that of
         convection at 40 m under an inversion at 1 km, 0.28 sqrt(z z_i) (Lenschow & Stankov 1986, J. Atmos. Sci. 43)
     hysteresis_fraction : of the differential pressure transducers, over the range of pressure in the flight
@@ -152,6 +153,7 @@ class Uncertainty:
 
     weight_fraction: float = 0.002
     updraft_mps: float = 0.004
+    air_density_fraction: float = 0.002
     gust_length: float = 1.4
     hysteresis_fraction: float = 0.0
     angle_of_attack_offset_rad: float = math.radians(1.0)
@@ -325,6 +327,7 @@ def _implausible(aircraft: Aircraft) -> Iterator[str]:
     for key, value in (
         ("uncertainty.weight", uncertainty.weight_fraction),
         ("uncertainty.updraft", uncertainty.updraft_mps),
+        ("uncertainty.air_density", uncertainty.air_density_fraction),
         ("uncertainty.hysteresis", uncertainty.hysteresis_fraction),
         ("uncertainty.gust_length", uncertainty.gust_length),
         ("uncertainty.thrust_curvature", uncertainty.thrust_curvature_fraction),

@@ -200,6 +200,13 @@ KEYS: dict[str, Key] = {
         "analysis",
         "0.004 m/s: a still morning over flat ground; intervals contain it",
     ),
+    "uncertainty.air_density": Key(
+        '"0.2 %"',
+        "Standard deviation of the density of the air in one flight.",
+        "0.1 % for each hPa of static pressure, 0.35 % for each K of the temperature on the ground.",
+        "analysis",
+        "0.2 %: 1.5 hPa and 0.8 K at most; intervals contain it",
+    ),
     "uncertainty.gust_length": Key(
         "1.4",
         "Scale length of vertical gusts over the height above ground.",

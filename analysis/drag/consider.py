@@ -14,7 +14,7 @@ from analysis.drag.forces import FlightForces
 from flight.aircraft import Aircraft
 
 Array = NDArray[np.float64]
-UPDRAFT, WEIGHT = "updraft", "weight"  # names of these errors
+UPDRAFT, WEIGHT, DENSITY = "updraft", "weight", "air density"  # names of these errors
 
 
 def changes(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> dict[str, Array]:
@@ -25,7 +25,12 @@ def changes(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_fo
     aircraft = flight_forces.aircraft
     in_still_air = values_of(without_updraft(flight_forces.nominal, aircraft))
     of_heavier = values_of(heavier(flight_forces).nominal)
-    return {UPDRAFT: in_still_air - values, WEIGHT: at_nominal_weight(of_heavier, aircraft) - values}
+    in_denser = values + by_density(values_of, values, flight_forces)
+    return {
+        UPDRAFT: in_still_air - values,
+        WEIGHT: at_nominal_weight(of_heavier, aircraft) - values,
+        DENSITY: at_nominal_density(in_denser, aircraft) - values,
+    }
 
 
 def without_updraft(forces: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
@@ -53,6 +58,39 @@ def at_nominal_weight(values: Array, aircraft: Aircraft) -> Array:
     """
     factor = _factor(aircraft)
     return values * np.concatenate([[1.0, factor, factor**2], np.ones(len(values) - 3)])
+
+
+def by_density(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> Array:
+    """Change of an estimate (m,) by a measured density that is one standard deviation too high, at right airspeeds.
+
+    Airspeed from dynamic pressure is too low by half of it. That is an error of the airspeed scale of this flight, and
+    is estimated as such.
+    """
+    return values_of(denser(flight_forces).nominal) - values
+
+
+def denser(flight_forces: FlightForces) -> FlightForces:
+    """The forces in air that is denser by one standard deviation."""
+    f = flight_forces
+    return FlightForces(f.trajectory, f.aircraft, f.propeller, density_factor=_density_factor(f.aircraft))
+
+
+def at_nominal_density(values: Array, aircraft: Aircraft) -> Array:
+    """An estimate (m,) of A0, A1, A2 and others in `denser` air, so that it gives the same power at each speed.
+
+    Dynamic pressure at a speed is larger by the factor of the density, the lift coefficient smaller.
+    """
+    factor = _density_factor(aircraft)
+    return values * np.concatenate([[factor, 1.0, 1 / factor], np.ones(len(values) - 3)])
+
+
+def airspeed_scale_by_density(aircraft: Aircraft) -> float:
+    """Change of the estimated airspeed scale by a density that is one standard deviation too high."""
+    return -aircraft.uncertainty.air_density_fraction / 2
+
+
+def _density_factor(aircraft: Aircraft) -> float:
+    return 1 + aircraft.uncertainty.air_density_fraction
 
 
 def _factor(aircraft: Aircraft) -> float:

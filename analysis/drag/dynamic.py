@@ -149,7 +149,11 @@ def estimate_polar(
         perturbed = segments_along(states + trajectory.state_sensitivity @ error, sensor_errors + error)
         by_sensor_errors.append(np.asarray(output_error.estimate(model, perturbed).values - fit.values))
         systematic += np.outer(by_sensor_errors[-1], by_sensor_errors[-1])
-    changes = consider.changes(lambda f: _fitted(model, f, level, runs).values, fit.values, flight_forces)
+
+    def values_of(forces: pd.DataFrame) -> Array:
+        return _fitted(model, forces, level, runs).values
+
+    changes = consider.changes(values_of, fit.values, flight_forces)
     doubtful = doubts(fit)
     changes |= {f"doubt {number}": doubt.change for number, doubt in enumerate(doubtful, start=1)}
     for by_error in changes.values():
@@ -157,6 +161,10 @@ def estimate_polar(
     prior_sigma = np.array([parameter.prior_sigma for parameter in model.parameters])
     joint = joint_estimate(fit.names, fit.values, noise, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory)
     joint = joint.with_changes(changes)._replace(prior_measurements=model.prior_measurements)
+    # Several flights are compared at one density.
+    joint = joint.with_density_error(
+        consider.by_density(values_of, fit.values, flight_forces), consider.airspeed_scale_by_density(aircraft)
+    )
     values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
     warnings = [doubt.warning for doubt in doubtful]

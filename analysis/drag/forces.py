@@ -32,13 +32,16 @@ class FlightForces:
     """Forces of one flight, along the reconstructed trajectory and along perturbed ones.
 
     block_means : the measurements, (n,) by name     t_s : (n,) centres of the blocks [s]
+    density_factor : on the measured density of the air
     cov_az_alpha : (n,) of vertical specific force and angle of attack within a block [m/s^2 rad], by gusts
     """
 
-    def __init__(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller):
+    def __init__(
+        self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller, *, density_factor: float = 1.0
+    ):
         self.trajectory, self.block_means = trajectory, trajectory.block_means
         self.t_s = trajectory.states.index.to_numpy()
-        self.aircraft, self.propeller = aircraft, propeller
+        self.aircraft, self.propeller, self.density_factor = aircraft, propeller, density_factor
         self._predicted_flow = NamedArrays(PREDICTED_FLOW, trajectory.predicted_flow.T)
         self.cov_az_alpha = _gust_covariance(trajectory.block_means, aircraft)
 
@@ -61,7 +64,7 @@ class FlightForces:
         """
         x, error = NamedArrays(STATES, states.T), NamedArrays(SENSOR_ERRORS, sensor_errors)
         V, alpha, _ = flow(x, self._predicted_flow)
-        m, rho = self.aircraft.mass_kg, self.block_means["rho"]
+        m, rho = self.aircraft.mass_kg, self.density_factor * self.block_means["rho"]
         qS_N = rho * V**2 / 2 * self.aircraft.geometry.wing_area_m2
         n = np.where(self.block_means["n_revps"] > 1, self.block_means["n_revps"], np.nan)
         thrust_N, _ = self.propeller.thrust_and_power(V, n, rho)  # (3.48): J is of the whole airspeed

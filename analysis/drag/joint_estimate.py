@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.drag.consider import DENSITY
 from analysis.estimation.model import PriorMeasurement
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_MEAN
@@ -40,6 +41,12 @@ class JointEstimate(NamedTuple):
         """The same with more such errors. changes: of the first values; those of the others are zero."""
         whole = {name: np.pad(change, (0, len(self.values) - len(change))) for name, change in changes.items()}
         return self._replace(changes=self.changes | whole)
+
+    def with_density_error(self, change: Array, airspeed_scale: float) -> "JointEstimate":
+        """The same with that error of the density. change: of the first values. airspeed_scale: change of V_scale."""
+        whole = np.pad(change, (0, len(self.values) - len(change)))
+        whole[self.names.index("V_scale")] = airspeed_scale
+        return self._replace(changes=self.changes | {DENSITY: whole})
 
 
 def joint_estimate(

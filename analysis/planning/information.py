@@ -174,6 +174,7 @@ def expected(
     for change in (
         np.linalg.solve(*normal(consider.without_updraft(along, aircraft.aircraft))) - fit,
         consider.at_nominal_weight(values(states, errors, consider.heavier(forces)), aircraft.aircraft) - fit,
+        consider.at_nominal_density(values(states, errors, consider.denser(forces)), aircraft.aircraft) - fit,
     ):
         systematic += np.outer(change[:3], change[:3])
     return Expected(trajectory.covariance, np.asarray(noise), systematic, shared, runs)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drag.consider import UPDRAFT
+from analysis.drag.consider import DENSITY, UPDRAFT
 from analysis.pooling.flight_statistics import INSTALLATION, POOLED, FlightStatistics, M
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 # Standard deviation of what moves when the probe is taken off and put on again, as a part of the prior's: 0.3 deg of
 # angle of attack, 0.4 % of airspeed.
 REMOUNTED = 0.3
-OWN_CHANGES = frozenset({UPDRAFT})  # errors that each flight has its own of; all others are common to all flights
+OWN_CHANGES = frozenset({UPDRAFT, DENSITY})  # errors that each flight has its own of; others are common to all flights
 _INSTALLATION = np.array([name in INSTALLATION for name in POOLED])
 
 

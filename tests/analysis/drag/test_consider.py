@@ -86,6 +86,15 @@ def test_a_polar_at_another_weight_gives_the_same_power_at_each_speed() -> None:
     assert here == pytest.approx(there) and nominal[3:].tolist() == [0.01, 0.02]
 
 
+def test_a_polar_in_denser_air_gives_the_same_power_at_each_speed() -> None:
+    aircraft = replace(NEXSTAR, uncertainty=replace(NEXSTAR.uncertainty, air_density_fraction=0.02))
+    nominal = consider.at_nominal_density(np.array([*A, 0.01, 0.02]), aircraft)
+    V = np.linspace(12, 24, 5)
+    there, _ = power_required(V, Polar(A, np.eye(3)), AT._replace(rho=1.02 * AT.rho))
+    here, _ = power_required(V, Polar(nominal[:3], np.eye(3)), AT)
+    assert here == pytest.approx(there) and nominal[3:].tolist() == [0.01, 0.02]
+
+
 def test_an_updraft_takes_weight_times_its_speed_off_the_power() -> None:
     V = np.array([12.0, 18.0, 24.0])
     CL, qS = lift_coefficient(V, AT), AT.rho * V**2 / 2 * AT.wing_area_m2

@@ -8,6 +8,7 @@ import pytest
 from constructed import AIRCRAFT, BLOCK, PROPELLER, STEP_S, W, accelerations_and_decelerations, measured, polar
 
 from analysis.drag import covariance
+from analysis.drag.consider import DENSITY
 from analysis.drag.dynamic import estimate_polar
 from analysis.drag.forces import FlightForces
 from analysis.drag.method import estimate
@@ -302,6 +303,22 @@ def test_the_interval_contains_a_steady_updraft_of_4_mm_a_second() -> None:
         systematic = Polar(polar(), result.systematic[:3, :3])
         assert power_required(V, systematic, AT)[1] == pytest.approx(np.full(len(V), W * w), rel=0.02)
         assert np.all(power_required(V, result.polar, AT)[1] > 0.98 * W * w)
+
+
+def test_a_density_that_is_too_high_looks_like_thrust_and_airspeed_and_leaves_the_power() -> None:
+    """By 2 %, at right airspeeds: of an equal power the polar and the correction of thrust are as `by_density` says."""
+    f, runs = accelerations_and_decelerations()
+    aircraft = replace(AIRCRAFT, uncertainty=replace(AIRCRAFT.uncertainty, air_density_fraction=0.02))
+    right, trajectory = estimate_polar(measured(f), runs, aircraft, PROPELLER), measured(f)
+    trajectory.block_means.means["rho"] = 1.02 * trajectory.block_means["rho"]
+    wrong = estimate_polar(trajectory, runs, aircraft, PROPELLER)
+    assert right.joint is not None
+    change = dict(zip(right.joint.names, right.joint.changes[DENSITY], strict=True))
+    assert wrong.values - right.values == pytest.approx([change[name] for name in right.joint.names[:5]], rel=1e-3)
+    assert change["thrust_scale"] == pytest.approx(-0.02, abs=0.001), "the propeller pushes as it did"
+    assert change["V_scale"] == pytest.approx(-0.01), "V = sqrt(2 q / rho)"
+    there = power_required(V, wrong.polar, AT._replace(rho=1.02 * AT.rho))[0]
+    assert there == pytest.approx(power(right.values[:3]), rel=0.002)
 
 
 @pytest.mark.parametrize(

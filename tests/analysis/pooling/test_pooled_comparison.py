@@ -1,9 +1,12 @@
 """Two configurations compared."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from synthetic_flights import POLAR, flight, truth
 
+from analysis.drag.consider import DENSITY
 from analysis.pooling import Comparison, PooledResult, compare, flights_to_see, pool_results
 from flight.errors import InputError
 
@@ -33,6 +36,29 @@ def test_alarms_without_a_difference_are_rare_and_the_interval_covers() -> None:
         assert np.mean([one.differs for one in found]) < 0.15
         inside = [np.abs(one.difference_percent) < one.half_width_percent for one in found]
         assert np.mean(inside) == pytest.approx(0.95, abs=0.05)
+
+
+def test_each_flight_has_its_own_error_of_the_density() -> None:
+    """It acts on polar, thrust and airspeed of that flight alone: without it most comparisons would alarm here."""
+    change = np.r_[-0.01 * POLAR[0], 0.0, 0.01 * POLAR[2], -0.01, np.zeros(5), -0.005, 0.0]
+
+    def measured(x: np.ndarray, rng: np.random.Generator, name: str, stated: bool) -> dict[str, Any]:
+        found = flight(x, rng, name, noise=0.1)["pooling"]
+        values = np.array(found["values"]) + rng.standard_normal() * change
+        changes = found["changes"] | ({DENSITY: change.tolist()} if stated else {})
+        found = found | {"values": values.tolist(), "changes": changes}
+        return flight(x, rng, name) | {"pooling": found}
+
+    def alarms(stated: bool) -> float:
+        found = []
+        for seed in range(50):
+            rng = np.random.default_rng(seed)
+            x = truth(rng)
+            a, b = (pool_results([measured(x, rng, f"{n}{i}", stated) for i in range(2)]) for n in "ab")
+            found.append(compare(a, b).differs)
+        return float(np.mean(found))
+
+    assert alarms(stated=True) < 0.15 and alarms(stated=False) > 0.5
 
 
 def test_two_measurements_of_thrust_at_rest_are_two_propellers() -> None:
