@@ -185,7 +185,8 @@ def tables(lines: list[dict[str, Any]]) -> str:
         alarms = 100 * np.mean([line["alarm"] for line in done])
         out.append(
             f"{head} {coverage(error, half):.0f} | {listed('coverage, %', '{:.0f}')}"
-            f" | {listed('95 % of errors below', '{:.1f}')} | {listed('half width of intervals', '{:.1f}')} | {warnings:.1f} | {alarms:.0f} |"
+            f" | {listed('95 % of errors below', '{:.1f}')} | {listed('half width of intervals', '{:.1f}')}"
+            f" | {warnings:.1f} | {alarms:.0f} |"
         )
     for plan in dict.fromkeys(cell.plan for cell in by_cell):
         flights: dict[str, dict[float, list[Points]]] = {}
