@@ -25,8 +25,8 @@ FOLDED_DRAG_AREA = 2 * 2 * 0.07 * 0.5 * 0.011
 STANDING_DRAG_AREA = 2 * 0.07 * 0.5 * 0.5 * 1.2
 # Relative error of the change of cT beyond the table: of the slope, and more per unit of J from the end; one standard
 # deviation. The last segment's line misses what comes after it in the shipped tables, cut off anywhere below half the
-# static thrust, by 5 % (rms) in 0.05, 10 % in 0.2 and 12 % in 0.3. Beyond zero thrust the blades stall: an element at 3/4
-# of the radius departs from the line by 10 % in 0.2, 19 % in 0.3 and 35 % in 0.5.
+# static thrust, by 5 % (rms) in 0.05, 10 % in 0.2 and 12 % in 0.3. Beyond zero thrust the blades stall: an element at
+# 3/4 of the radius departs from the line by 10 % in 0.2, 19 % in 0.3 and 35 % in 0.5.
 CONTINUATION_SLOPE_ERROR, CONTINUATION_ERROR_PER_J = 0.05, 0.4
 
 
