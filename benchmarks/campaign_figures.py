@@ -7,6 +7,7 @@ import numpy as np
 from campaign_draws import MORE_DRAG, Draws, with_more_drag
 from estimators import OVER_STALL, speeds
 from numpy.typing import NDArray
+from world_table import Points, world_table
 
 from analysis.drag.polar import Polar, power_required
 from analysis.estimation.intervals import NORMAL_95
@@ -32,6 +33,7 @@ def print_figures(lines: list[dict[str, Any]]) -> None:
         cell = campaigns.setdefault((line["world"], line["weather_kt"], line["configuration"]), {})
         cell.setdefault(line["campaign"], {})[line["flight"]] = line
     print("\n".join(pools_table(campaigns)), end="\n\n")
+    print("\n".join(singles_table(campaigns)), end="\n\n")
     print("\n".join(comparisons_table(campaigns)), end="\n\n")
     print("\n".join(drawn_table(flown)))
 
@@ -102,6 +104,17 @@ def pools_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
                 f" | {_covered(mean_error, mean_half)} |"
             )
     return out
+
+
+def singles_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
+    """Each flight of A alone, by world."""
+    V = speeds(load_aircraft("nexstar"))
+    flights: dict[str, dict[float, list[Points]]] = {}
+    for (world, weather, configuration), found in sorted(campaigns.items()):
+        if configuration == "A":
+            pools = [(pooled([line]), [line]) for of_campaign in found.values() for line in of_campaign.values()]
+            flights.setdefault(world, {})[weather] = [errors(pool.polar, pool, line, V) for pool, line in pools]
+    return world_table(flights)
 
 
 def promised(lines: list[dict[str, Any]], number: int, V: Array) -> Array:

@@ -33,6 +33,7 @@ import typer
 from chain import compared, plan_text, read_truth
 from estimators import OVER_STALL, speeds
 from flights import COLUMN, COLUMN_SCALE, as_read, column_pressures, error_rows, tunnel_probe
+from world_table import Points, coverage, world_table
 
 from analysis.airdata.pressure_plateaus import plateaus, readings
 from analysis.airdata.transducers import TransducerCalibration, calibrate
@@ -176,8 +177,6 @@ def tables(lines: list[dict[str, Any]]) -> str:
             continue
         error, half = (np.array([line[name] for line in done], dtype=float) for name in ("error", "half"))
         rows = {name: row for name, row, _ in error_rows(error, half)}
-        known = np.isfinite(error)
-        pooled = 100 * np.mean(np.abs(error[known]) < half[known])
 
         def listed(name: str, form: str, rows: dict[str, np.ndarray] = rows) -> str:
             return " / ".join(form.format(x) if np.isfinite(x) else "-" for x in rows[name])
@@ -185,9 +184,17 @@ def tables(lines: list[dict[str, Any]]) -> str:
         warnings = np.mean([len(line["warnings"]) for line in done])
         alarms = 100 * np.mean([line["alarm"] for line in done])
         out.append(
-            f"{head} {pooled:.0f} | {listed('coverage, %', '{:.0f}')} | {listed('95 % of errors below', '{:.1f}')}"
-            f" | {listed('half width of intervals', '{:.1f}')} | {warnings:.1f} | {alarms:.0f} |"
+            f"{head} {coverage(error, half):.0f} | {listed('coverage, %', '{:.0f}')}"
+            f" | {listed('95 % of errors below', '{:.1f}')} | {listed('half width of intervals', '{:.1f}')}"
+            f" | {warnings:.1f} | {alarms:.0f} |"
         )
+    for plan in dict.fromkeys(cell.plan for cell in by_cell):
+        flights: dict[str, dict[float, list[Points]]] = {}
+        for cell, members in by_cell.items():
+            done = [(line["error"], line["half"]) for line in members if "error" in line]
+            if cell.plan == plan and done:
+                flights.setdefault(cell.world, {})[cell.weather_kt] = done
+        out += ["", f"Plan {plan}.", *world_table(flights)]
     return "\n".join(out)
 
 

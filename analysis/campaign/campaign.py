@@ -2,7 +2,7 @@
 
 import contextlib
 import shutil
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -13,8 +13,10 @@ from analysis.campaign.flight_folders import (
     Record,
     complete,
     edited_runs,
+    intact,
     names,
     partial_folder,
+    put_aside,
     record_of,
     records,
 )
@@ -120,25 +122,57 @@ def _plan(logs: Sequence[Path], output: Path, work: Work, jobs: int, campaign: C
             campaign.notes.append(f"{log}: has the same content as {by_digest[found]}; used once")
         else:
             by_digest[found] = log
-    folder_of = {record.key: folder for folder, record in earlier.items()}
+    named = list(zip(by_digest.items(), names(list(by_digest.values())), strict=True))
+    with contextlib.suppress(OSError, InputError):  # what cannot be renamed is refused below
+        campaign.notes += _rename(output, {name: LogFile.of(log, found) for (found, log), name in named}, earlier)
     planned = []
-    for (found, log), name in zip(by_digest.items(), names(list(by_digest.values())), strict=True):
+    for (found, log), name in named:
         folder = output / name
         try:
             record = record_of(folder)
+            file = LogFile.of(log, found)
+            if record and not _belongs(folder, record, file):
+                raise InputError(f"{folder}: is of another log, {record.log.path}; move it")
             runs = edited_runs(folder, record)
             files = work.files(log)
-            wanted, file = key(found, work.settings, files, runs), LogFile.of(log, found)
+            wanted = key(found, work.settings, files, runs)
+            done = record is not None and record.key == wanted and intact(folder, record)
         except (InputError, OSError) as error:
             campaign.failures.append(str(error))
             continue
-        if record is None and wanted in folder_of:
-            folder_of[wanted].rename(folder)  # the log was moved, or has got a namesake
-        elif record is None or record.key != wanted:
+        if done:
+            campaign.folders.append(folder)
+        else:
             planned.append(Planned(Job(name, log, runs, tuple(path for _, path in files)), wanted, file))
-            continue
-        campaign.folders.append(folder)
     return planned
+
+
+def _rename(output: Path, logs: Mapping[str, LogFile], earlier: Mapping[Path, Record]) -> list[str]:
+    """Give the earlier folders of the logs the names they have now: a log was moved, or has got a namesake.
+
+    logs : by name. The folder of another log that has such a name is put aside, with a line.
+    Raises OSError, InputError.
+    """
+    notes = []
+    records, wanted = dict(earlier), {log.digest for log in logs.values()}
+    for name, log in logs.items():
+        folder = output / name
+        if folder in records and not _belongs(folder, records[folder], log):
+            aside = put_aside(folder)
+            records[aside] = other = records.pop(folder)
+            if other.log.digest not in wanted:
+                notes.append(f"{folder}: was of another log, {other.log.path}; is {aside} now")
+        own = next((found for found, record in records.items() if record.log.digest == log.digest), None)
+        if own and not folder.exists():
+            own.rename(folder)
+            records[folder] = records.pop(own)
+    return notes
+
+
+def _belongs(folder: Path, record: Record, log: LogFile) -> bool:
+    """Whether a folder is of this log, or of an earlier content of the same file, without a list of runs by hand."""
+    same_file = record.log.path == log.path and edited_runs(folder, record) is None
+    return record.log.digest == log.digest or same_file
 
 
 def _known_digest(records: Iterable[Record]) -> Callable[[Path], str | None]:

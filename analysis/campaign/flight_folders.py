@@ -1,6 +1,7 @@
 """The folders of the flights: one for each log, complete or not there, with a record of what it was computed from."""
 
 import contextlib
+import os
 import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -13,7 +14,7 @@ from analysis.campaign.inputs import digest
 from analysis.files import write_file
 from flight.errors import InputError
 
-RECORD, RUNS = "inputs.json", "runs.toml"
+RECORD, RUNS, RESULTS = "inputs.json", "runs.toml", "results.json"
 PARTIAL, REPLACED = ".partial", ".replaced"  # ends of the names of folders that a run leaves behind when it is killed
 
 
@@ -39,6 +40,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     log: LogFile
     runs_edited: bool  # the results use the folder's own runs.toml
     runs_digest: str | None  # of that file when the folder was written
+    results_digest: str | None = None  # of results.json; None in folders of earlier versions
     files: list[str]  # that the analysis wrote
 
 
@@ -56,7 +58,19 @@ def names(logs: Sequence[Path]) -> list[str]:
             "-".join([*log.parts[1:-1][-depth:], last]) if name.casefold() in repeated else name
             for name, last, log in zip(found, own, absolute, strict=True)
         ]
-    return found
+    return _numbered(found)
+
+
+def _numbered(found: Sequence[str]) -> list[str]:
+    """The names; a number follows one that occurred before, as `a-b/x` and `a/b-x` make one."""
+    used, out = set[str](), []
+    for name in found:
+        number, own = 2, name
+        while own.casefold() in used:
+            own, number = f"{name}-{number}", number + 1
+        used.add(own.casefold())
+        out.append(own)
+    return out
 
 
 def _repeated(texts: Sequence[str]) -> set[str]:
@@ -76,7 +90,8 @@ def record_of(folder: Path) -> Record | None:
         return msgspec.json.decode((folder / RECORD).read_bytes(), type=Record)
     except (OSError, msgspec.DecodeError, msgspec.ValidationError):
         raise InputError(
-            f"{folder}: exists, and is not the folder of an analysed flight; move it, or give another folder with -o"
+            f"{folder}: exists, and was not written by `analyze` of several logs; move it, or give another folder with"
+            " -o"
         ) from None
 
 
@@ -91,6 +106,24 @@ def records(output: Path) -> dict[Path, Record]:
         if record:
             found[path.parent] = record
     return found
+
+
+def intact(folder: Path, record: Record) -> bool:
+    """Whether the results in a flight's folder are those that were written with the record."""
+    results = folder / RESULTS
+    if record.results_digest is None:
+        return True
+    return results.is_file() and digest(results) == record.results_digest
+
+
+def put_aside(folder: Path) -> Path:
+    """Rename a flight's folder, whose name another log has now. Returns the new one. Raises InputError."""
+    number = 2
+    while (aside := folder.with_name(f"{folder.name}-{number}")).exists():
+        number += 1
+    with _as_input_error(folder):
+        folder.rename(aside)
+    return aside
 
 
 def edited_runs(folder: Path, record: Record | None) -> Path | None:
@@ -126,6 +159,7 @@ def complete(partial: Path, folder: Path, *, key: str, log: LogFile, runs: Path 
             runs_edited=runs is not None,
             runs_digest=digest(partial / RUNS) if (partial / RUNS).is_file() else None,
             files=written,
+            results_digest=digest(partial / RESULTS) if (partial / RESULTS).is_file() else None,
         )
         write_file(partial / RECORD, msgspec.json.format(msgspec.json.encode(record), indent=1))
         partial.chmod(0o755)  # of a temporary folder it is 0o700
@@ -140,11 +174,16 @@ def complete(partial: Path, folder: Path, *, key: str, log: LogFile, runs: Path 
 
 
 def _carry_over(folder: Path, partial: Path, ours: set[str]) -> None:
+    """Copy what is not ours: files, links and empty folders."""
     for path in folder.rglob("*"):
         name = path.relative_to(folder)
-        if path.is_file() and name.as_posix() not in ours and not (partial / name).exists():
+        if name.as_posix() in ours or os.path.lexists(partial / name):
+            continue
+        if path.is_symlink() or path.is_file():
             (partial / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(path, partial / name)
+            shutil.copy2(path, partial / name, follow_symlinks=False)
+        elif path.is_dir() and not any(path.iterdir()):
+            (partial / name).mkdir(parents=True)
 
 
 @contextlib.contextmanager

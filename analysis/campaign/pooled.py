@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from analysis.results.schema import Results
+from analysis.results.trust import NOT_TO_TRUST, reasons_not_to_trust
 from flight.errors import InputError
 
 RESULTS = "results.json"
@@ -20,6 +22,11 @@ class FlightResults(NamedTuple):
     electrical: list[dict[str, Any]]  # flights that give electrical power only
     left_out: list[str]
 
+    @property
+    def not_to_trust(self) -> list[str]:
+        """Flights to pool whose results are not to be trusted, each with the reason."""
+        return [f"{one['log']}: {reason}" for one in self.to_pool for reason in one[NOT_TO_TRUST]]
+
 
 def read_results(folders: Sequence[Path]) -> FlightResults:
     """The results in flights' folders. Flights without statistics for pooling are left out, with a reason.
@@ -30,6 +37,7 @@ def read_results(folders: Sequence[Path]) -> FlightResults:
     for folder in folders:
         content = read_json(folder / RESULTS)
         content["log"] = folder.name
+        content[NOT_TO_TRUST] = _reasons(content)
         content = {name: value for name, value in content.items() if name not in UNUSED}
         if content.get("pooling") is not None:
             found.to_pool.append(content)
@@ -39,6 +47,14 @@ def read_results(folders: Sequence[Path]) -> FlightResults:
         else:
             found.left_out.append(f"{folder.name}: has no accelerations and decelerations, and is not pooled")
     return found
+
+
+def _reasons(content: dict[str, Any]) -> list[str]:
+    """Reasons not to trust the results of a flight; none where another version wrote them."""
+    try:
+        return reasons_not_to_trust(msgspec.convert(content, Results))
+    except msgspec.ValidationError:
+        return []
 
 
 def flight_folders_of(folder: Path) -> list[Path]:

@@ -223,7 +223,8 @@ def analyze(
       analyze compare old/ new/ -o difference
 
     Exit code 0: done. 1: done, but the result is not to be trusted, and lines on stderr say why; or, of several logs,
-    some cannot be used. 2: the input cannot be used; one line on stderr says why, and nothing was written.
+    some cannot be used or are not to be trusted. 2: the input cannot be used; one line on stderr says why, and nothing
+    was written; of several logs, the folders of flights that could be analysed stay.
     """
     request = parse_request(battery_Wh, usable, weights, density_altitudes)
     options = Options(

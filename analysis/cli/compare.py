@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from flight.command_line import application
+from flight.command_line import FAILURE, application
 from flight.errors import InputError
 from flight.output_file import check_writable
 
@@ -32,21 +32,24 @@ def compare(
     Example:
       analyze compare old/ new/ -o difference
 
-    Exit code 0: done. 2: the folders cannot be compared; one line on stderr says why, and nothing was written.
+    Exit code 0: done. 1: done, but the results of a flight are not to be trusted; lines on stderr say why. 2: the
+    folders cannot be compared; one line on stderr says why, and nothing was written.
     """
     if output is not None:
         check_writable(output / "report.html")
+        _check_no_other_results(output / "results.json")
     from analysis.campaign.pooled import flight_folders_of, read_results
     from analysis.pooling import compare as compare_pools
     from analysis.pooling import pool_results
     from analysis.report.write_pooled import print_comparison, write_comparison
 
-    pools = []
+    pools, not_to_trust = [], []
     for folder in (a, b):
         found = read_results(flight_folders_of(folder))
         if not found.to_pool:
             raise InputError(f"{folder}: no flight to compare; {found.left_out[0]}")
         pools.append(pool_results(found.to_pool))
+        not_to_trust += found.not_to_trust
     comparison = compare_pools(*pools).to_json()
     names = [folder.resolve().name for folder in (a, b)]
     if names[0] == names[1]:
@@ -55,3 +58,16 @@ def compare(
     if output is not None:
         write_comparison(comparison, output)
     print_comparison(comparison, output and output / "report.html", Console())
+    for line in not_to_trust:
+        Console(stderr=True).print(f"not to be trusted: {line}", highlight=False, markup=False, soft_wrap=True)
+    if not_to_trust:
+        raise typer.Exit(FAILURE)
+
+
+def _check_no_other_results(path: Path) -> None:
+    """Raises InputError where there are results of something else, such as of a flight that is compared."""
+    from analysis.campaign.pooled import read_json
+    from analysis.pooling.comparison import FORMAT
+
+    if path.exists() and read_json(path).get("format") != FORMAT:
+        raise InputError(f"{path.parent}: has results of `analyze`, which must not be replaced; give another folder")

@@ -53,7 +53,8 @@ def settings(options: Options) -> str:
 def analyze_logs(
     logs: Sequence[Path], output: Path | None, options: Options, *, jobs: int | None, scheduler: str | None, quiet: bool
 ) -> int:
-    """Analyse logs and pool the flights. Returns the exit code: FAILURE when some of the logs cannot be used.
+    """Analyse logs and pool the flights. Returns the exit code: FAILURE when some of the logs cannot be used, or the
+    results of one are not to be trusted.
 
     Raises InputError when none can, or the flights cannot be pooled.
     """
@@ -77,8 +78,8 @@ def analyze_logs(
             stderr.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
         if not campaign.folders:
             raise InputError(f"{output}: none of the {len(logs)} logs can be used")
-        _pool(campaign, output, stderr, quiet)
-    return FAILURE if campaign.failures else 0
+        not_to_trust = _pool(campaign, output, stderr, quiet)
+    return FAILURE if campaign.failures or not_to_trust else 0
 
 
 def _load_report() -> None:
@@ -86,8 +87,11 @@ def _load_report() -> None:
         importlib.import_module(module)
 
 
-def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> None:
-    """Write and print the results of all flights. Raises InputError when they cannot be pooled."""
+def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> list[str]:
+    """Write and print the results of all flights; lines on those that are not to be trusted.
+
+    Raises InputError when they cannot be pooled.
+    """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
         from analysis.pooling import pool_results
         from analysis.report.write_pooled import print_pooled, write_electrical_flights, write_pooled
@@ -101,13 +105,16 @@ def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> Non
             write_pooled(pooled, output)
         else:
             write_electrical_flights(found.electrical, campaign.failures, output)
+    for line in found.not_to_trust:
+        stderr.print(f"not to be trusted: {line}", highlight=False, markup=False, soft_wrap=True)
     if quiet:
-        return
+        return found.not_to_trust
     if found.to_pool:
         print_pooled(pooled, page, Console())
     else:
         note = f"{len(found.electrical)} flights give electrical power only, which is not pooled"
         Console().print(f"{note}\nreport: {page}", highlight=False, markup=False)
+    return found.not_to_trust
 
 
 def _processors() -> int:

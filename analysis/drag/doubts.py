@@ -30,9 +30,14 @@ THRUST_TITLES = {
 }
 
 
-class Doubt(NamedTuple):
-    """change : (m,) of the estimates without the doubtful assumption     warning : for the reader"""
+THRUST, SHAPE = "doubt of thrust", "doubt of the polar's shape"  # what is doubted
 
+
+class Doubt(NamedTuple):
+    """about: THRUST or SHAPE     change : (m,) of the estimates without the doubtful assumption
+    warning : for the reader"""
+
+    about: str
     change: Array
     warning: str
 
@@ -67,6 +72,7 @@ def _about_thrust(fit: Fit) -> list[Doubt]:
     named = "; ".join(f"{THRUST_TITLES[name]}: {z:+.1f} standard deviations" for name, z in beyond.items())
     return [
         Doubt(
+            THRUST,
             repeated.values - fit.values,
             f"The propeller's thrust differs from its table by more than assumed ({named}). The interval is wider by"
             " what a less certain table changes. Check the propeller, its table, and the number of pole pairs"
@@ -92,6 +98,7 @@ def _about_shape(fit: Fit) -> list[Doubt]:
         return []
     return [
         Doubt(
+            SHAPE,
             values - fit.values,
             f"Drag is no parabola of lift: a quartic term is {abs(quartic) / error:.1f} times its standard error. The"
             " interval is wider by what this term changes; most at the slowest and the fastest speed.",

@@ -155,7 +155,7 @@ def estimate_polar(
 
     changes = consider.changes(values_of, fit.values, flight_forces)
     doubtful = doubts(fit)
-    changes |= {f"doubt {number}": doubt.change for number, doubt in enumerate(doubtful, start=1)}
+    changes |= {doubt.about: doubt.change for doubt in doubtful}
     for by_error in changes.values():
         systematic += np.outer(by_error, by_error)
     prior_sigma = np.array([parameter.prior_sigma for parameter in model.parameters])

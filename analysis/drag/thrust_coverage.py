@@ -13,7 +13,7 @@ from flight.propeller import Propeller
 Array = NDArray[np.float64]
 
 NEARBY, LEAST_COVERED = 0.04, 0.5  # relative difference of speeds; share of the samples near a speed
-LARGEST_UNMENTIONED_SHARE, LARGEST_SHARE_OUTSIDE = 0.02, 0.5  # of the runs, outside the propeller table
+LARGEST_UNMENTIONED_SHARE, LARGEST_SHARE_OUTSIDE = 0.02, 0.7  # of the runs, outside the propeller table
 
 
 def thrust_known(flown: pd.DataFrame, V: Array) -> NDArray[np.bool_]:

@@ -24,6 +24,7 @@ from flight.units import read_table
 
 HEAD = """\
 # Maneuvers found in {log}. Edit this file and run: analyze {log} --runs {name}
+# In a folder of several logs: edit it, and give the same command as before.
 #
 # keep = false leaves a maneuver out; keep = true takes one that was rejected. Start and end count from the beginning of
 # the log and may be moved. The kind may be changed: {kinds}.

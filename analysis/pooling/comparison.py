@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
-from analysis.drag import covariance
+from analysis.drag import covariance, doubts
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling.agreement import Test, quadratic_form
@@ -172,7 +172,7 @@ def _joint_polars(
     counts: tuple[Array, Array] | None = None,
 ) -> Polar:
     """Polars of A and B (6,) with their joint covariance (6, 6). counts: of `Group`, of A and of B."""
-    prior_a = shared_prior([*a.flights, *b.flights]) if same_installation else a.prior
+    prior_a = _prior_of_a(a, b, same_installation, same_propeller)
     at_a, end = np.r_[0:_N_POLAR, 2 * _N_POLAR : _N_POLAR + M], _N_POLAR + M
     thrust = slice(_N_POLAR, _N_POLAR + _N_THRUST)
     installation = slice(_N_POLAR + _N_THRUST, M)
@@ -184,9 +184,13 @@ def _joint_polars(
             priors.append(Prior(b.prior.information[part, part], b.prior.vector[part]))
             at_b[part] = np.arange(end, end + len(at_b[part]))
             end += len(at_b[part])
-    stack_b = b.stack
-    if not same_installation:  # errors that no residual shows are those of another installation: they do not cancel
-        stack_b = stack_b._replace(changes={f"{name}, B": change for name, change in stack_b.changes.items()})
+
+    def cancels(error: str) -> bool:
+        """Whether this error, which no residual shows, is the same in A and in B."""
+        return error != doubts.SHAPE and (same_propeller if error == doubts.THRUST else same_installation)
+
+    changes_b = {name if cancels(name) else f"{name}, B": change for name, change in b.stack.changes.items()}
+    stack_b = b.stack._replace(changes=changes_b)
     of_a, of_b = counts or (np.ones(len(a.flights)), np.ones(len(b.flights)))
     joint = solve(
         [Group(a.stack, at_a, of_a), Group(stack_b, at_b, of_b)],
@@ -195,6 +199,17 @@ def _joint_polars(
     polars = slice(0, 2 * _N_POLAR)
     floor = np.kron(np.ones((2, 2)) if same_installation else np.eye(2), covariance.floor())
     return Polar(joint.x[polars], joint.total[polars, polars] + floor)
+
+
+def _prior_of_a(a: JointPool, b: JointPool, same_installation: bool, same_propeller: bool) -> Prior:
+    """The prior (M,) of the parameters of A; of those that B shares, the prior of both."""
+    of_both = shared_prior([*a.flights, *b.flights])
+    shared = np.zeros(M, dtype=bool)
+    shared[_N_POLAR : _N_POLAR + _N_THRUST], shared[_N_POLAR + _N_THRUST :] = same_propeller, same_installation
+    return Prior(
+        np.where(np.outer(shared, shared), of_both.information, np.where(shared, 0.0, a.prior.information)),
+        np.where(shared, of_both.vector, a.prior.vector),
+    )
 
 
 def _gradient(V: Array, condition: Condition) -> Array:

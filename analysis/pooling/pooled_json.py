@@ -17,12 +17,12 @@ from analysis.pooling.comparison import DIFFERENCES_TO_SEE, flights_to_see
 from analysis.pooling.flight_statistics import INSTALLATION, POLAR, THRUST
 from analysis.pooling.joint_pool import JointPool
 from analysis.pooling.trends import trends
+from analysis.results.trust import NOT_TO_TRUST
 
 Array = NDArray[np.float64]
 
 FORMAT = "flightpower-pooled-1"
 HOMOGENEITY_LEVEL = 0.05
-CONVERGED = "converged"  # a verdict of `results.json` begins with it
 _N_POLAR = len(POLAR)
 
 
@@ -220,9 +220,7 @@ def _notes(pooled: JointPool) -> list[str]:
             " flights between which nothing was moved one name."
         )
     for flight in pooled.flights:
-        verdict = str(flight.results.get("verdict", CONVERGED))
-        if not verdict.startswith(CONVERGED):
-            notes.append(f"{flight.name}: the estimation did not converge ({verdict}); leave this flight out.")
+        notes += [f"{flight.name} is not to be trusted. {reason}" for reason in flight.results.get(NOT_TO_TRUST, [])]
     for found in (_homogeneity(pooled), _installation_homogeneity(pooled)):
         if found and found["p"] < HOMOGENEITY_LEVEL:
             notes.append(found["text"])

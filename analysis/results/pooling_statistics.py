@@ -13,7 +13,7 @@ from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
 
-FORMAT = "flightpower-pooling-1"
+FORMAT = "flightpower-pooling-2"
 CLOCK_SET_UNIX_S = 1.5e9  # 2017: an earlier time is that of a clock without battery
 
 

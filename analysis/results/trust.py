@@ -2,6 +2,8 @@
 
 from analysis.results.schema import PowerPoint, Results
 
+NOT_TO_TRUST = "not_to_trust"  # name under which the results of a flight in a pool have its reasons
+
 
 def reasons_not_to_trust(results: Results) -> list[str]:
     """Each in one sentence; empty for a result that can be used within its interval."""

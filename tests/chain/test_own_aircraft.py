@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from running import command, done, read_once, rewritten
 
+from analysis.campaign.pooled import read_results
 from analysis.performance.analysis import compute
 from analysis.performance.request import Request
 from flight.aircraft import load_aircraft
@@ -76,3 +77,10 @@ def test_a_wrong_replacement_names_its_file(flown: Path, tmp_path: Path, option:
         (line,) = outcome.stderr.strip().splitlines()
         assert line.startswith("error: ") and path.name in line
         assert not (tmp_path / "report").exists()
+
+
+def test_the_reasons_not_to_trust_a_flight_are_read_for_its_pool(four: Path, tmp_path: Path) -> None:
+    content = json.loads((four / "four" / "results.json").read_text("utf-8"))
+    for verdict, reasons in ((content["verdict"], 0), ("not converged", 1)):
+        (tmp_path / "results.json").write_text(json.dumps(content | {"verdict": verdict}), "utf-8")
+        assert len(read_results([tmp_path]).not_to_trust) == reasons

@@ -259,15 +259,14 @@ def test_an_unknown_propeller_lists_those_there_are():
         load_propeller("apc-99x99")
 
 
-def test_the_error_of_the_continuation_grows_with_the_square_of_the_distance_beyond_the_table():
-    """0 inside; 19 % of the change of thrust where the blade element departs by that much, 0.3 beyond the end."""
+def test_the_error_of_the_continuation_grows_with_the_distance_beyond_the_table():
+    """0 inside; of the change of thrust 5 %, and 4 % more each 0.1: 9 % in 0.1, 17 % in 0.3."""
     table = Propeller("two", 0.3, (Row(4000, (0.2, 0.6, 0.8), (0.1, 0.04, 0.0), (0.05, 0.03, 0.005)),))
     J = np.array([0.1, 0.5, 0.8, 0.9, 1.1])
     error = table.continuation_error(J, 4000.0)
     assert (error[:3] == 0).all()
-    assert error[4] == pytest.approx(9 * error[3])
-    change = table.coefficients(1.1, 4000.0)[0] - 0.0
-    assert error[4] / abs(change) == pytest.approx(0.18)
+    change = np.abs(table.coefficients(J, 4000.0)[0])
+    assert error[3:] / change[3:] == pytest.approx([0.09, 0.17])
     assert (table.with_beyond_zero_thrust("fold").continuation_error(J, 4000.0) == 0).all(), (
         "folded blades do not brake"
     )

@@ -102,6 +102,54 @@ def test_a_log_that_moved_or_got_a_namesake_keeps_its_results(tmp_path: Path, wo
     assert sorted(path.name for path in out.iterdir()) == [".lock", "monday-log", "tuesday-log"]
 
 
+def test_an_edited_list_of_runs_stays_with_its_log(tmp_path: Path, work: Work, analyzed) -> None:
+    """A log that gets a namesake keeps it; another log of the same name does not inherit it."""
+    out = tmp_path / "out"
+    (monday,) = logs(tmp_path / "monday", log="1")
+    run_in(out, [monday], work)
+    (out / "log" / "runs.toml").write_text("by hand")
+    (out / "log" / "remarks.txt").write_text("mine")
+    (tuesday,) = logs(tmp_path / "tuesday", log="2")
+    found = run_in(out, [monday, tuesday], work)
+    assert "by hand" in (out / "monday-log" / "results.json").read_text()
+    assert (out / "monday-log" / "remarks.txt").read_text() == "mine"
+    assert "by hand" not in (out / "tuesday-log" / "results.json").read_text() and not found.notes
+    assert sorted(path.name for path in out.iterdir()) == [".lock", "monday-log", "tuesday-log"]
+    run_in(out, [monday], work)
+    (note,) = run_in(out, [tuesday], work).notes
+    assert "monday" in note and (out / "log-2" / "remarks.txt").read_text() == "mine"
+    assert "by hand" not in (out / "log" / "results.json").read_text()
+    run_in(out, [monday], work)
+    assert "by hand" in (out / "log" / "results.json").read_text()
+
+
+def test_a_log_written_anew_does_not_get_the_runs_of_its_earlier_content(tmp_path: Path, work: Work) -> None:
+    out = tmp_path / "out"
+    run_in(out, logs(tmp_path / "in", a="1"), work)
+    (out / "a" / "runs.toml").write_text("by hand")
+    (note,) = run_in(out, logs(tmp_path / "in", a="2"), work).notes
+    assert "by hand" not in (out / "a" / "results.json").read_text() and str(out / "a-2") in note
+    assert (out / "a-2" / "runs.toml").read_text() == "by hand"
+
+
+def test_results_that_something_else_replaced_are_made_again(tmp_path: Path, work: Work, analyzed) -> None:
+    out, paths = tmp_path / "out", logs(tmp_path / "in", a="1", b="2")
+    run_in(out, paths, work)
+    analyzed()
+    (out / "a" / "results.json").write_text("of another command")
+    run_in(out, paths, work)
+    assert analyzed() == ["a.mcap"] and "['1']" in (out / "a" / "results.json").read_text()
+
+
+def test_a_folder_written_anew_keeps_the_users_links_and_empty_folders(tmp_path: Path, work: Work) -> None:
+    out, paths = tmp_path / "out", logs(tmp_path / "in", a="1")
+    run_in(out, paths, work)
+    (out / "a" / "video").symlink_to(tmp_path / "in", target_is_directory=True)
+    (out / "a" / "photos").mkdir()
+    run_in(out, logs(tmp_path / "in", a="10"), work)
+    assert (out / "a" / "video").readlink() == tmp_path / "in" and (out / "a" / "photos").is_dir()
+
+
 def test_a_log_given_twice_counts_once(tmp_path: Path, work: Work, analyzed) -> None:
     (path,) = logs(tmp_path / "in", a="1")
     (copy,) = logs(tmp_path / "copies", b="1")
@@ -163,7 +211,9 @@ def test_two_at_once_in_one_folder_are_refused(tmp_path: Path) -> None:
 def test_a_folder_of_something_else_is_not_replaced(tmp_path: Path, work: Work) -> None:
     (tmp_path / "out" / "a").mkdir(parents=True)
     found = run_in(tmp_path / "out", logs(tmp_path / "in", a="1", b="2"), work)
-    assert [folder.name for folder in found.folders] == ["b"] and "not the folder of an analysed" in found.failures[0]
+    assert [folder.name for folder in found.folders] == [
+        "b"
+    ] and "was not written by `analyze` of several logs" in found.failures[0]
 
 
 @pytest.mark.parametrize("way", ["absolute", "relative"])
@@ -193,3 +243,5 @@ def test_folders_have_the_shortest_names_that_tell_logs_apart() -> None:
     given = [Path("/x/1/log.mcap"), Path("/y/1/log.mcap"), Path("/y/2/log.mcap"), Path("/y/2/other.ulg")]
     assert names(given) == ["x-1-log", "y-1-log", "2-log", "other"]
     assert names([Path("/x/a.mcap"), Path("/x/a.ulg")]) == ["a.mcap", "a.ulg"]
+    many = [Path("/a/b-x.mcap"), Path("/q/b-x.mcap"), Path("/a-b/x.mcap"), Path("/q/x.mcap")]
+    assert names(many) == ["a-b-x", "q-b-x", "a-b-x-2", "q-x"]

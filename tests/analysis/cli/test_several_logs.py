@@ -12,9 +12,11 @@ from analysis.campaign.campaign import Campaign
 from analysis.campaign.jobs import Outcome
 from analysis.campaign.pooled import flight_folders_of, read_results
 from analysis.cli.analyze import app
+from analysis.cli.compare import app as compare_app
 from analysis.cli.files_used import files_used
 from analysis.cli.one_log import Options
 from analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, settings
+from analysis.results.trust import NOT_TO_TRUST
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_writer import LogWriter
@@ -109,7 +111,10 @@ def test_folders_of_a_pool_of_several_flights_and_of_one(tmp_path: Path) -> None
     assert [folder.name for folder in flight_folders_of(tmp_path / "pool")] == ["a", "b", "removed"]
     (tmp_path / "pool" / "results.json").write_text(json.dumps({"flights": [{"log": "a"}, {"log": "b"}]}))
     found = read_results(flight_folders_of(tmp_path / "pool"))
-    assert found.to_pool == [{"pooling": {"x": 1}, "log": "a"}] and "electrical power only" in found.left_out[0]
+    assert (
+        found.to_pool == [{"pooling": {"x": 1}, "log": "a", NOT_TO_TRUST: []}]
+        and "electrical power only" in found.left_out[0]
+    )
     assert flight_folders_of(tmp_path / "pool" / "a") == [tmp_path / "pool" / "a"]
     (tmp_path / "pool" / "a" / "empty").mkdir()
     with pytest.raises(InputError, match=r"no results\.json"):
@@ -125,3 +130,12 @@ def test_the_last_line_gives_seconds_and_megabytes() -> None:
     told.finished(Campaign(processor_seconds=61.7, peak_bytes=321_000_000))
     assert "a: 12.3 s (1 of 3)" in said.file.getvalue()
     assert "1 analysed in 62 s of processor time, with at most 321 MB of memory each" in said.file.getvalue()
+
+
+def test_a_comparison_does_not_replace_the_results_of_a_flight(tmp_path: Path) -> None:
+    results = tmp_path / "a" / "results.json"
+    results.parent.mkdir()
+    results.write_text(json.dumps({"format": "flightpower-results-2"}))
+    outcome = CliRunner().invoke(compare_app, [str(tmp_path / "a"), str(tmp_path / "a"), "-o", str(tmp_path / "a")])
+    assert isinstance(outcome.exception, InputError) and "must not be replaced" in str(outcome.exception)
+    assert json.loads(results.read_text()) == {"format": "flightpower-results-2"}

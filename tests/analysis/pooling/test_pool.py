@@ -15,6 +15,7 @@ from analysis.pooling import pool_results
 from analysis.pooling.flight_statistics import POOLED
 from analysis.pooling.joint import REMOUNTED, _without_prior
 from analysis.pooling.pool import PooledResult
+from analysis.results.trust import NOT_TO_TRUST
 from flight.errors import InputError
 
 
@@ -208,12 +209,11 @@ def test_the_pool_of_files_equals_that_of_their_content(tmp_path: Path) -> None:
     assert json.dumps(pool_results(paths).to_json()) == json.dumps(pool_results(results).to_json())
 
 
-def test_a_flight_that_did_not_converge_is_noted() -> None:
+def test_a_flight_that_is_not_to_be_trusted_is_noted() -> None:
     good, bad = campaign(10, 2)
-    (note,) = pool_results(
-        [{**good, "verdict": "converged in 4 iterations"}, {**bad, "verdict": "not converged"}]
-    ).to_json()["notes"]
-    assert note.startswith("10-1.mcap: the estimation did not converge (not converged)")
+    reason = "The estimation did not converge: not converged."
+    (note,) = pool_results([{**good, NOT_TO_TRUST: []}, {**bad, NOT_TO_TRUST: [reason]}]).to_json()["notes"]
+    assert note == f"10-1.mcap is not to be trusted. {reason}"
 
 
 def test_a_calm_flight_contributes_most_and_another_like_it_is_offered() -> None:

@@ -4,10 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic_flights import POLAR, flight, truth
+from synthetic_flights import POLAR, PRIOR_SIGMA, flight, truth
 
 from analysis.drag.consider import DENSITY
+from analysis.drag.doubts import SHAPE, THRUST
 from analysis.pooling import Comparison, PooledResult, compare, flights_to_see, pool_results
+from analysis.pooling.flight_statistics import M
 from flight.errors import InputError
 
 
@@ -105,6 +107,41 @@ def test_errors_that_no_residual_shows_cancel_too_in_one_installation() -> None:
     found = compare(*pools(8, 1.0, noise=0.01))
     assert np.all(found.half_width_percent < 0.1)
     assert np.all(found.independent_half_width_percent > 0.5)
+
+
+def with_doubt(results: dict[str, Any], about: str, sign: float) -> dict[str, Any]:
+    """A doubt that changes the polar by 3 %."""
+    pooling = dict(results["pooling"])
+    pooling["changes"] = pooling["changes"] | {about: (sign * 0.03 * np.r_[POLAR, np.zeros(M - 3)]).tolist()}
+    return results | {"pooling": pooling}
+
+
+@pytest.mark.parametrize(("about", "facts", "cancels"), [
+    (THRUST, {}, True),
+    (THRUST, {"propeller": "apc-10x5"}, False),
+    (SHAPE, {}, False),
+])  # fmt: skip
+def test_a_doubt_of_the_shape_never_cancels_and_one_of_thrust_with_one_propeller(
+    about: str, facts: dict[str, str], cancels: bool
+) -> None:
+    rng = np.random.default_rng(3)
+    x = truth(rng)
+    a, b = flight(x, rng, "a", 0.3), flight(x, rng, "b", 0.3, **facts)
+    plain = compare(pool_results([a]), pool_results([b])).half_width_percent
+    doubted = compare(
+        pool_results([with_doubt(a, about, 1.0)]), pool_results([with_doubt(b, about, 1.0)])
+    ).half_width_percent
+    assert np.all(doubted < 1.2 * plain) if cancels else np.all(doubted > 6.0)
+
+
+def test_which_is_a_does_not_matter_where_only_b_has_a_wide_prior_of_thrust() -> None:
+    rng = np.random.default_rng(4)
+    x = truth(rng)
+    wide = np.where(np.isin(np.arange(M), [3, 4]), 5.0, 1.0) * PRIOR_SIGMA
+    a = pool_results([flight(x, rng, "a", 3.0)])
+    b = pool_results([flight(x, rng, "b", 3.0, propeller="apc-10x5", prior_sigma=wide)])
+    there, back = compare(a, b), compare(b, a)
+    assert 1 + back.difference_percent / 100 == pytest.approx(1 / (1 + there.difference_percent / 100), rel=1e-3)
 
 
 def test_comparison_is_symmetric() -> None:
