@@ -133,6 +133,7 @@ class Uncertainty:
     air_density_fraction : 1.5 hPa and 0.8 K at most, evenly: absolute accuracy of the MS5611 at 25 degC (data sheet)
     gust_length : scale length of vertical gusts over the height. The standard's is 1 (MIL-F-8785C), and 1.4 that of
         convection at 40 m under an inversion at 1 km, 0.28 sqrt(z z_i) (Lenschow & Stankov 1986, J. Atmos. Sci. 43)
+    transducer_zero_Pa : of the differential pressure transducers, change between rest and flight
     hysteresis_fraction : of the differential pressure transducers, over the range of pressure in the flight
 
     The flight determines these errors in part; what it adds to is the prior:
@@ -155,6 +156,7 @@ class Uncertainty:
     updraft_mps: float = 0.004
     air_density_fraction: float = 0.002
     gust_length: float = 1.4
+    transducer_zero_Pa: float = 0.0
     hysteresis_fraction: float = 0.0
     angle_of_attack_offset_rad: float = math.radians(1.0)
     angle_of_attack_slope_fraction: float = 0.03
@@ -328,6 +330,7 @@ def _implausible(aircraft: Aircraft) -> Iterator[str]:
         ("uncertainty.weight", uncertainty.weight_fraction),
         ("uncertainty.updraft", uncertainty.updraft_mps),
         ("uncertainty.air_density", uncertainty.air_density_fraction),
+        ("uncertainty.transducer_zero", uncertainty.transducer_zero_Pa),
         ("uncertainty.hysteresis", uncertainty.hysteresis_fraction),
         ("uncertainty.gust_length", uncertainty.gust_length),
         ("uncertainty.thrust_curvature", uncertainty.thrust_curvature_fraction),

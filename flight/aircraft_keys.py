@@ -214,6 +214,13 @@ KEYS: dict[str, Key] = {
         "analysis",
         "1.4; intervals contain it",
     ),
+    "uncertainty.transducer_zero": Key(
+        '"2.5 Pa"',
+        "Standard deviation of the change of the differential pressure transducers' zeros between rest and flight.",
+        "Cool or warm the tray by as much as the airstream does; data sheets allow up to 1 % of full scale.",
+        "analysis",
+        "0: zeros as at rest, with a drift linear in time between rests",
+    ),
     "uncertainty.hysteresis": Key(
         '"0.2 %"',
         "Standard deviation of the hysteresis of the differential pressure transducers, of the range flown.",

@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.sensor_noise import ZEROS
 from flight.aircraft import Uncertainty
 
 Array = NDArray[np.float64]
 
+CHANGE_OF_ZERO = "change_of_zero"  # between rest and flight, among what the aircraft file states; no sensor error
 UNMEASURED_ZERO_PA = 1.0  # of a log without rest, by `daq zero` on another day or at another temperature
 
 
@@ -27,6 +29,7 @@ def stated_sigma(uncertainty: Uncertainty) -> Mapping[str, float]:
         "air_data_lag": uncertainty.air_data_lag_s, "gps_latency": 0.2,
         "heading_bias": np.radians(10.0),  # declination in inhabited regions, and how the tray sits
         "dp_alpha_zero": UNMEASURED_ZERO_PA, "q_c_zero": UNMEASURED_ZERO_PA,
+        CHANGE_OF_ZERO: uncertainty.transducer_zero_Pa,
     })  # fmt: skip
 
 
@@ -58,6 +61,8 @@ def sensor_error_prior(
     """
     own = {name: float(np.hypot(error, REMAINING_SIGMA[name])) for name, error in calibrated.items()}
     sigma = {**stated, **own, **zeros}
+    for name in ZEROS:
+        sigma[name] = float(np.hypot(sigma[name], stated[CHANGE_OF_ZERO]))
     sigma["alpha_scale"] = float(np.hypot(sigma["alpha_scale"], alpha_scale_sigma))
     if not gps:
         sigma["heading_bias"] = NORTH_RAD

@@ -368,3 +368,14 @@ def test_a_latency_of_gps_up_to_half_a_second_is_within_two_standard_deviations(
     """docs/log-format.md: a constant latency of up to about half a second is estimated; receivers take 0.1 s."""
     mean, sigma = (part[SENSOR_ERRORS.index("gps_latency")] for part in sensor_error_prior(0.0, gps=True))
     assert mean == 0.1 and mean + 2 * sigma == pytest.approx(0.5)
+
+
+def test_the_prior_of_a_zero_contains_its_change_between_rest_and_flight() -> None:
+    at_rest = {"dp_alpha_zero": 0.1, "q_c_zero": 0.2}
+    for change in (0.0, 2.5):
+        stated = stated_sigma(Uncertainty(transducer_zero_Pa=change))
+        with_rest = dict(zip(SENSOR_ERRORS, sensor_error_prior(0.0, {}, stated, at_rest, gps=True)[1], strict=True))
+        without = dict(zip(SENSOR_ERRORS, sensor_error_prior(0.0, {}, stated, gps=True)[1], strict=True))
+        for name, error in at_rest.items():
+            assert with_rest[name] == pytest.approx(np.hypot(error, change))
+            assert without[name] == pytest.approx(np.hypot(1.0, change)), "a zero of another day is known to 1 Pa"
