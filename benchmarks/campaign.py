@@ -7,6 +7,7 @@ that each is analysed and none equals another. Every part checks that the result
 one part, `--log` takes copies of a log of your own, such as one of twenty minutes.
 """
 
+import io
 import os
 import re
 import resource
@@ -24,8 +25,9 @@ from typing import Annotated
 import msgspec
 import numpy as np
 import typer
-from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Attachment
 from rich.console import Console
 
 from analysis.campaign.campaign import Work, run
@@ -34,7 +36,8 @@ from analysis.campaign.jobs import Outcome
 from analysis.cli.files_used import files_used
 from analysis.cli.one_log import Options
 from analysis.cli.several_logs import settings
-from flight.log_writer import PROFILE
+from flight.log_index import MAGIC, RECORD_HEAD
+from flight.log_writer import LogWriter
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
 ANALYZE = (sys.executable, "-m", "analysis.cli.analyze")
@@ -77,24 +80,21 @@ def copies(logs: list[Path], folder: Path, count: int) -> list[Path]:
 
 def copy(log: Path, to: Path, number: int) -> None:
     """The same messages, with another weight in the aircraft file: no two flights have the same estimate."""
-    with log.open("rb") as source, to.open("wb") as target:
-        reader, writer = make_reader(source), Writer(target)
-        writer.start(profile=PROFILE, library="benchmark")
-        channels: dict[int, int] = {}
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.id not in channels:
-                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data) if schema else 0
-                channels[channel.id] = writer.register_channel(
-                    channel.topic, channel.message_encoding, schema_id, channel.metadata
-                )
-            writer.add_message(
-                channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence
-            )
-        for one in reader.iter_attachments():
-            data = heavier(one.data, number) if one.name == "aircraft.toml" else one.data
-            writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, data)
-        for record in reader.iter_metadata():
-            writer.add_metadata(record.name, record.metadata)
+    data, at = log.read_bytes(), len(MAGIC)
+    with to.open("wb") as target:
+        writer = LogWriter(target)
+        while True:
+            opcode, length = RECORD_HEAD.unpack_from(data, at)
+            end = at + RECORD_HEAD.size + length
+            if opcode == Opcode.DATA_END:
+                break
+            if opcode == Opcode.ATTACHMENT:
+                one = Attachment.read(ReadDataStream(io.BytesIO(data[at + RECORD_HEAD.size : end])))
+                content = heavier(one.data, number) if one.name == "aircraft.toml" else one.data
+                writer.attach(one.name, content, one.media_type, one.create_time)
+            elif opcode != Opcode.HEADER:
+                writer.append(data[at:end])
+            at = end
         writer.finish()
 
 

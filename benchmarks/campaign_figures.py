@@ -21,11 +21,10 @@ Cell = tuple[str, float, str]  # world, weather, configuration
 
 NUMBERS, EACH = (1, 2, 5, 10, 20), (1, 2, 5, 10)
 TO_SEE = MORE_DRAG
-DRAWN = 200
 
 
-def print_figures(lines: list[dict[str, Any]]) -> None:
-    """Markdown: pools of each size; comparisons."""
+def print_figures(lines: list[dict[str, Any]], drawn: int = 0) -> None:
+    """Markdown: pools of each size; comparisons; so many drawn campaigns."""
     flown = [line for line in lines if "results" in line]
     print(f"{len(flown)} flights, {len(lines) - len(flown)} refused.\n")
     campaigns: dict[Cell, dict[int, Flights]] = {}
@@ -35,7 +34,8 @@ def print_figures(lines: list[dict[str, Any]]) -> None:
     print("\n".join(pools_table(campaigns)), end="\n\n")
     print("\n".join(singles_table(campaigns)), end="\n\n")
     print("\n".join(comparisons_table(campaigns)), end="\n\n")
-    print("\n".join(drawn_table(flown)))
+    if drawn:
+        print("\n".join(drawn_table(flown, drawn)))
 
 
 def groups(flights: Flights, size: int) -> Iterator[list[dict[str, Any]]]:
@@ -162,11 +162,11 @@ def comparisons_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
     return out
 
 
-def drawn_table(flown: list[dict[str, Any]]) -> list[str]:
-    """Pools and comparisons of campaigns drawn from the flights' statistics."""
+def drawn_table(flown: list[dict[str, Any]], campaigns: int) -> list[str]:
+    """Pools and comparisons of so many campaigns a row, drawn from the flights' statistics."""
     V = speeds(load_aircraft("nexstar"))
     out = [
-        f"{DRAWN} campaigns a row, drawn from the statistics of the flights of A (`benchmarks/campaign_draws.py`).",
+        f"{campaigns} campaigns a row, drawn from the statistics of the flights of A (`benchmarks/campaign_draws.py`).",
         "",
         "| world | W20, kt | flights | half width | rms | coverage, % | inhomogeneous, % | mean: rms | its coverage, %"
         " | 3 % more drag seen, % | alarms, % |",
@@ -186,7 +186,7 @@ def drawn_table(flown: list[dict[str, Any]]) -> list[str]:
         for number in NUMBERS:
             draws = Draws(statistics, polar, seed=number)
             of_pool, of_mean, p, seen, alarms = [], [], [], [], []
-            for _ in range(DRAWN):
+            for _ in range(campaigns):
                 shared = draws.shared()
                 pool = draws.pool(shared, number)
                 for found, kept in ((pool.polar, of_pool), (mean_polar(pool), of_mean)):

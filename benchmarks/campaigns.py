@@ -1,7 +1,7 @@
 """Campaigns of simulated flights of one installation, pooled: half widths, coverage, differences seen, false alarms.
 
     python benchmarks/campaigns.py --campaigns 20
-    python benchmarks/campaigns.py --campaigns 2 --flights 2 --seed 0 --weather 3
+    python benchmarks/campaigns.py --campaigns 2 --flights 2 --seed 0 --weather 3 --drawn 200
 
 The systematic errors of installation, propeller and aircraft are drawn once a campaign; biases of the IMU, zeros of the
 transducers and the updraft once a flight. Configuration B is the same aircraft with 3 % more drag at every lift.
@@ -200,6 +200,7 @@ def main(
     with_B: Annotated[int, typer.Option("--flights-b", help="Flights of configuration B in the calmest weather.")] = 5,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
     file: Annotated[Path, typer.Option(help="Where flights are kept, one a line.")] = Path("out/campaigns.jsonl"),
+    drawn: Annotated[int, typer.Option(help="Campaigns drawn from the flights' statistics, a row.")] = 0,
     fly_missing: Annotated[
         bool, typer.Option("--fly/--no-fly", help="Fly what is missing; or print the figures of what is in the file.")
     ] = True,
@@ -212,7 +213,9 @@ def main(
     known = known_lines(file)
     if not fly_missing:
         places = {tuple(job)[:-1] for job in wanted}  # by any version
-        campaign_figures.print_figures([line for line in known if tuple(line[n] for n in Job._fields[:-1]) in places])
+        campaign_figures.print_figures(
+            [line for line in known if tuple(line[n] for n in Job._fields[:-1]) in places], drawn
+        )
         return
     done = {tuple(line[name] for name in Job._fields): line for line in known}
     missing = [job for job in wanted if tuple(job) not in done]
@@ -226,7 +229,7 @@ def main(
             stream.flush()
             left_min = (time.monotonic() - began) / count * (len(missing) - count) / 60
             print(f"{count}/{len(missing)}, {left_min:.0f} min left {line.get('refused', '')}", file=sys.stderr)
-    campaign_figures.print_figures([done[tuple(job)] for job in wanted if tuple(job) in done])
+    campaign_figures.print_figures([done[tuple(job)] for job in wanted if tuple(job) in done], drawn)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,21 @@
 """The files that the analysis of a log reads beside the log itself: what its results depend on."""
 
+import io
+import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
+from mcap.records import Attachment, AttachmentIndex, Footer, SummaryOffset
 
 from analysis.autopilot_logs.read import firmware_of
 from analysis.cli.one_log import Options
 from flight.aircraft import load_aircraft, parse_aircraft
 from flight.errors import InputError
+from flight.log_index import FOOTER_BYTES, MAGIC, RECORD_HEAD
 from flight.shipped_propellers import shipped_propellers
 
 
@@ -49,9 +57,38 @@ def _attachments(log: Path) -> dict[str, bytes]:
     """Attachments of a log by name, by its index; none of a torn log, whose index is missing."""
     try:
         with log.open("rb") as stream:
-            return {one.name: one.data for one in SeekingReader(stream).iter_attachments()}
+            return {one.name: one.data for one in _indexed_attachments(stream)}
     except Exception:  # the reader raises errors of many kinds; the analysis says what is wrong with the log
         return {}
+
+
+def _indexed_attachments(stream: IO[bytes]) -> Iterator[Attachment]:
+    """By the offsets at the end of the file: the rest of the index, a record for each chunk, is not read."""
+    end = stream.seek(-(RECORD_HEAD.size + FOOTER_BYTES + len(MAGIC)), os.SEEK_END)
+    footer = Footer.read(_contents(stream.read(RECORD_HEAD.size + FOOTER_BYTES))[0][1])
+    if not footer.summary_offset_start:
+        yield from SeekingReader(stream).iter_attachments()
+        return
+    stream.seek(footer.summary_offset_start)
+    for _, content in _contents(stream.read(end - footer.summary_offset_start)):
+        group = SummaryOffset.read(content)
+        if group.group_opcode == Opcode.ATTACHMENT_INDEX:
+            stream.seek(group.group_start)
+            for _, entry in _contents(stream.read(group.group_length)):
+                index = AttachmentIndex.read(entry)
+                stream.seek(index.offset)
+                yield Attachment.read(_contents(stream.read(index.length))[0][1])
+
+
+def _contents(records: bytes) -> list[tuple[int, ReadDataStream]]:
+    """Operation code and content of each whole record."""
+    found, at = [], 0
+    while at < len(records):
+        opcode, length = RECORD_HEAD.unpack_from(records, at)
+        begin = at + RECORD_HEAD.size
+        found.append((opcode, ReadDataStream(io.BytesIO(records[begin : begin + length]))))
+        at = begin + length
+    return found
 
 
 def _propeller_files(name_or_path: str | None) -> list[Path]:

@@ -118,7 +118,12 @@ def slow_power_ratios(axes: Sequence[AxisSpectrum], prior_length: float) -> Arra
 
 
 def scale_length(axes: Sequence[AxisSpectrum], prior_length: float) -> ScaleLength:
-    """The scale length of gusts over the assumed one, by `gust_spectra` in the band AROUND_CORNER."""
+    """The scale length of gusts over the assumed one, by `gust_spectra` in the band AROUND_CORNER.
+
+    Unknown where no axis has FEWEST_FREQUENCIES: the user's length alone denies nothing.
+    """
+    if all(len(axis.omega) < FEWEST_FREQUENCIES for axis in axes):
+        return ScaleLength(1.0, np.inf)
     posterior, log_length = _length_posterior(axes, prior_length), np.log(LENGTHS)
     mean = float(posterior @ log_length)
     return ScaleLength(float(np.exp(mean)), float(np.sqrt(posterior @ (log_length - mean) ** 2)))

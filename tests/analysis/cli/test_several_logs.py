@@ -5,6 +5,7 @@ from io import StringIO
 from pathlib import Path
 
 import pytest
+from mcap.reader import SeekingReader
 from rich.console import Console
 from typer.testing import CliRunner
 
@@ -13,7 +14,7 @@ from analysis.campaign.jobs import Outcome
 from analysis.campaign.pooled import flight_folders_of, read_results
 from analysis.cli.analyze import app
 from analysis.cli.compare import app as compare_app
-from analysis.cli.files_used import files_used
+from analysis.cli.files_used import _attachments, files_used
 from analysis.cli.one_log import Options
 from analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, settings
 from analysis.results.trust import NOT_TO_TRUST
@@ -139,3 +140,12 @@ def test_a_comparison_does_not_replace_the_results_of_a_flight(tmp_path: Path) -
     outcome = CliRunner().invoke(compare_app, [str(tmp_path / "a"), str(tmp_path / "a"), "-o", str(tmp_path / "a")])
     assert isinstance(outcome.exception, InputError) and "must not be replaced" in str(outcome.exception)
     assert json.loads(results.read_text()) == {"format": "flightpower-results-2"}
+
+
+def test_attachments_are_those_of_the_log_and_none_of_a_torn_one(tmp_path: Path) -> None:
+    log = log_of(tmp_path / "log.mcap", aircraft_toml="span", propeller_csv="rpm,J")
+    with log.open("rb") as stream:
+        known = {one.name: one.data for one in SeekingReader(stream).iter_attachments()}
+    assert _attachments(log) == known == {"aircraft.toml": b"span", "propeller.csv": b"rpm,J"}
+    log.write_bytes(log.read_bytes()[:-40])
+    assert _attachments(log) == {}

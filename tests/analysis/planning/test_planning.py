@@ -133,8 +133,8 @@ ELSEWHERE = ("gust_length", "hysteresis_fraction", "static_thrust_ratio_fraction
 def test_every_error_that_the_aircraft_file_states_is_in_a_plans_interval(
     nexstar, acceleration, stated, stated_variance, key: str
 ):
-    """Stated five times as large, it widens the interval."""
-    larger = replace(nexstar.aircraft, uncertainty=replace(stated, **{key: 5 * getattr(stated, key)}))
+    """Stated five times as large, or as 1 where it was 0, it widens the interval."""
+    larger = replace(nexstar.aircraft, uncertainty=replace(stated, **{key: 5 * getattr(stated, key) or 1.0}))
     assert variance_of_drag(acceleration, replace(nexstar, aircraft=larger)) > 1.0001 * stated_variance
 
 

@@ -112,11 +112,16 @@ def test_a_short_flight_keeps_the_users_length_and_a_long_one_its_own() -> None:
     assert np.mean(of_user[2400]) == pytest.approx(1, abs=0.08)
 
 
-def _scale_length(length: float, seconds: float, seed: int) -> ScaleLength:
+def test_a_length_that_the_user_states_denies_nothing_in_a_flight_too_short_to_show_it() -> None:
+    for stated in (0.1, 1.0, 10.0):
+        assert not _scale_length(1.0, 10.0, 0, stated).denied
+
+
+def _scale_length(length: float, seconds: float, seed: int, stated: float = 1.0) -> ScaleLength:
     """The scale length found of such gusts with the standard's fast part."""
     gusts = _gusts(length, seconds, seed, np.sqrt(length))
     errors = np.zeros((3, 1, gusts.shape[1]))
-    return scale_length(gust_spectra(gusts, errors, STEP_S, STANDARD, AROUND_CORNER), 1.0)
+    return scale_length(gust_spectra(gusts, errors, STEP_S, STANDARD, AROUND_CORNER), stated)
 
 
 @pytest.mark.parametrize(("length", "denied"), [(1.0, False), (0.4, True), (2.5, False)])
