@@ -4,6 +4,7 @@ import json
 
 import pytest
 from study import Cell, cells, key, known_lines, tables
+from world_table import world_table
 
 
 def line(seed: int, error: list[float | None], half: list[float | None], alarm: bool = False) -> dict[str, object]:
@@ -14,9 +15,17 @@ def line(seed: int, error: list[float | None], half: list[float | None], alarm: 
 def test_coverage_is_counted_at_each_speed_and_over_all():
     """Five points covered of seven; the fastest speed was reached by one flight alone."""
     lines = [line(0, [1.0, -3.0, 0.5, None], [2.0] * 3 + [None], True), line(1, [1.0, 1.0, -2.5, 0.1], [2.0] * 4)]
-    row = tables(lines).splitlines()[-1]
+    (row, of_world) = (one for one in tables(lines).splitlines() if one.startswith("| weight |"))
     assert row.startswith("| weight | 3 | two-pairs | 2 | 71 | 100 / 50 / 50 / 100 |")
     assert row.endswith("| 1.0 | 50 |")
+    assert of_world.startswith("| weight | 2 | 71 | 71 | 100 / 50 / 50 / 100 |")
+
+
+def test_coverage_by_world_is_over_all_weathers_and_in_each():
+    found = {"weight": {0.0: [([1.0, 3.0], [2.0, 2.0])], 15.0: [([1.0, 1.0], [2.0, 2.0]), ([3.0, None], [2.0, None])]}}
+    header, _, row = world_table(found)[-3:]
+    assert "at 0 / 15 kt" in header
+    assert row == "| weight | 3 | 60 | 50 / 67 | 67 / 50 | 2.8 / 2.9 | 2.0 / 2.0 |"
 
 
 def test_refused_flights_are_counted_and_not_averaged():
