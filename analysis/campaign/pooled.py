@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from analysis.campaign.flight_folders import RESULTS
 from analysis.results.schema import Results
 from analysis.results.trust import NOT_TO_TRUST, reasons_not_to_trust
 from flight.errors import InputError
 
-RESULTS = "results.json"
 # Parts of results.json that the joint estimate does not use, and that would take most of the memory.
 UNUSED = ("methods", "one_by_one", "cross_check", "power_required_standard", "interval_parts", "path", "use", "runs")
 

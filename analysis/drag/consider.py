@@ -18,19 +18,14 @@ UPDRAFT, WEIGHT, DENSITY = "updraft", "weight", "air density"  # names of these 
 
 
 def changes(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> dict[str, Array]:
-    """By error, the change of an estimate (m,) of A0, A1, A2 and others.
+    """By error, UPDRAFT and WEIGHT, the change of an estimate (m,) of A0, A1, A2 and others.
 
     values_of : the estimate from forces, `values` from the nominal ones
     """
     aircraft = flight_forces.aircraft
     in_still_air = values_of(without_updraft(flight_forces.nominal, aircraft))
     of_heavier = values_of(heavier(flight_forces).nominal)
-    in_denser = values + by_density(values_of, values, flight_forces)
-    return {
-        UPDRAFT: in_still_air - values,
-        WEIGHT: at_nominal_weight(of_heavier, aircraft) - values,
-        DENSITY: at_nominal_density(in_denser, aircraft) - values,
-    }
+    return {UPDRAFT: in_still_air - values, WEIGHT: at_nominal_weight(of_heavier, aircraft) - values}
 
 
 def without_updraft(forces: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:

@@ -154,6 +154,8 @@ def estimate_polar(
         return _fitted(model, forces, level, runs).values
 
     changes = consider.changes(values_of, fit.values, flight_forces)
+    by_density = consider.by_density(values_of, fit.values, flight_forces)
+    changes[consider.DENSITY] = consider.at_nominal_density(fit.values + by_density, aircraft) - fit.values
     doubtful = doubts(fit)
     changes |= {doubt.about: doubt.change for doubt in doubtful}
     for by_error in changes.values():
@@ -162,9 +164,7 @@ def estimate_polar(
     joint = joint_estimate(fit.names, fit.values, noise, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory)
     joint = joint.with_changes(changes)._replace(prior_measurements=model.prior_measurements)
     # Several flights are compared at one density.
-    joint = joint.with_density_error(
-        consider.by_density(values_of, fit.values, flight_forces), consider.airspeed_scale_by_density(aircraft)
-    )
+    joint = joint.with_density_error(by_density, consider.airspeed_scale_by_density(aircraft))
     values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
     warnings = [doubt.warning for doubt in doubtful]
