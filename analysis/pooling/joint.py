@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag.consider import DENSITY, UPDRAFT
+from analysis.drag.transducer_errors import ZERO_STEPS
 from analysis.pooling.flight_statistics import INSTALLATION, POOLED, FlightStatistics, M
 
 Array = NDArray[np.float64]
@@ -26,7 +27,8 @@ Array = NDArray[np.float64]
 # Standard deviation of what moves when the probe is taken off and put on again, as a part of the prior's: 0.3 deg of
 # angle of attack, 0.4 % of airspeed.
 REMOUNTED = 0.3
-OWN_CHANGES = frozenset({UPDRAFT, DENSITY})  # errors that each flight has its own of; others are common to all flights
+# Errors that each flight has its own of; others are common to all flights.
+OWN_CHANGES = frozenset({UPDRAFT, DENSITY, *ZERO_STEPS.values()})
 _INSTALLATION = np.array([name in INSTALLATION for name in POOLED])
 
 

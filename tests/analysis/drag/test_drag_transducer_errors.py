@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.hysteresis import CHANNELS, with_hysteresis
+from analysis.airdata.transducer_errors import CHANNELS, with_hysteresis
 from analysis.drag.assumed_values import AssumptionUncertainty
-from analysis.drag.hysteresis import with_hysteresis_uncertainty
+from analysis.drag.transducer_errors import with_transducer_uncertainty
 from flight.aircraft import load_aircraft
-from tests.analysis.airdata.test_hysteresis import up_and_down
+from tests.analysis.airdata.test_transducer_errors import up_and_down
 
 AIR = up_and_down()
 AIRCRAFT = load_aircraft("nexstar")
@@ -23,18 +23,18 @@ def values_from(air: pd.DataFrame) -> np.ndarray:
 
 
 def test_the_covariance_is_the_sum_over_the_transducers() -> None:
-    found = with_hysteresis_uncertainty(None, values_from, AIR, HYSTERESIS)
+    found = with_transducer_uncertainty(None, values_from, AIR, HYSTERESIS)
     assert found is not None and len(found.changes) == len(CHANNELS)
     changes = [values_from(with_hysteresis(AIR, channel, 0.004)) - values_from(AIR) for channel in CHANNELS]
     assert np.abs(changes).max() > 1e-4
     assert found.covariance == pytest.approx(sum(np.outer(change, change) for change in changes))
     assert np.stack(list(found.changes.values())) == pytest.approx(np.stack(changes))
     other = AssumptionUncertainty(np.diag([2.0, 3.0]), ["a note"], {"upwash": np.ones(2)})
-    both = with_hysteresis_uncertainty(other, values_from, AIR, HYSTERESIS)
+    both = with_transducer_uncertainty(other, values_from, AIR, HYSTERESIS)
     assert both is not None and both.covariance == pytest.approx(found.covariance + other.covariance)
     assert set(both.changes) == {"upwash", *found.changes} and both.notes == other.notes
 
 
 def test_transducers_without_hysteresis_add_nothing() -> None:
     none = replace(AIRCRAFT, uncertainty=replace(AIRCRAFT.uncertainty, hysteresis_fraction=0.0))
-    assert with_hysteresis_uncertainty(None, values_from, AIR, none) is None
+    assert with_transducer_uncertainty(None, values_from, AIR, none) is None
