@@ -1,4 +1,4 @@
-"""Hysteresis as a consider term: the outer products of the changes by each transducer, added to other assumptions."""
+"""Hysteresis and steps of the zero as consider terms: the outer products of the changes by each transducer."""
 
 from dataclasses import replace
 
@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.transducer_errors import CHANNELS, with_hysteresis
+from analysis.airdata.transducer_errors import CHANNELS, with_hysteresis, with_zero_step
 from analysis.drag.assumed_values import AssumptionUncertainty
-from analysis.drag.transducer_errors import with_transducer_uncertainty
+from analysis.drag.transducer_errors import ZERO_STEPS, with_transducer_uncertainty
 from flight.aircraft import load_aircraft
 from tests.analysis.airdata.test_transducer_errors import up_and_down
 
@@ -35,6 +35,18 @@ def test_the_covariance_is_the_sum_over_the_transducers() -> None:
     assert set(both.changes) == {"upwash", *found.changes} and both.notes == other.notes
 
 
-def test_transducers_without_hysteresis_add_nothing() -> None:
-    none = replace(AIRCRAFT, uncertainty=replace(AIRCRAFT.uncertainty, hysteresis_fraction=0.0))
+def test_half_of_the_variance_of_a_zero_arises_in_mid_flight() -> None:
+    """A change of the zero of 2 Pa: a step of 1.41 Pa, besides the hysteresis."""
+    uncertainty = replace(HYSTERESIS.uncertainty, transducer_zero_Pa=2.0)
+    found = with_transducer_uncertainty(None, values_from, AIR, replace(AIRCRAFT, uncertainty=uncertainty))
+    assert found is not None and len(found.changes) == 2 * len(CHANNELS)
+    for channel, name in ZERO_STEPS.items():
+        change = values_from(with_zero_step(AIR, channel, 2**0.5)) - values_from(AIR)
+        assert np.abs(change).max() > 1e-3
+        assert found.changes[name] == pytest.approx(change)
+    assert found.covariance == pytest.approx(sum(np.outer(change, change) for change in found.changes.values()))
+
+
+def test_transducers_without_errors_add_nothing() -> None:
+    none = replace(AIRCRAFT, uncertainty=replace(AIRCRAFT.uncertainty, hysteresis_fraction=0.0, transducer_zero_Pa=0.0))
     assert with_transducer_uncertainty(None, values_from, AIR, none) is None
