@@ -28,7 +28,7 @@ FORCE_SPREAD_MPS2 = 0.5
 FORCE_CHANGE_MPS2 = 0.1
 ROLLING_MPS = 1.0  # mean speed by GPS over WINDOW_S; the noise of one solution is 0.1 m/s
 MOTOR_REVPS = 1.0
-AIRSPEED_SPREAD_PA = 8.0  # without the noise of the transducer
+AIRSPEED_SPREAD_PA = 8.0  # or that of the noise of the transducer
 NOISE_SCATTER = 1.5  # of a standard deviation over 25 samples: 3.5 of its own
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 GPS_HORIZONTAL = ("gps_north_mps", "gps_east_mps")
@@ -67,7 +67,7 @@ def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = FLYING
     """
     window = max(3, round(WINDOW_S * rate_Hz))
     spread = table.rolling(window, center=True, min_periods=window // 2).std()
-    airspeed_spread_Pa = np.hypot(AIRSPEED_SPREAD_PA, NOISE_SCATTER * _white_noise(table["q_c_Pa"], window))
+    airspeed_spread_Pa = max(AIRSPEED_SPREAD_PA, NOISE_SCATTER * _white_noise(table["q_c_Pa"], window))
     at_rest = (table["n_revps"].fillna(0) < MOTOR_REVPS) & (spread["q_c_Pa"] < airspeed_spread_Pa)
     for name in ("p_radps", "q_radps", "r_radps"):
         at_rest &= spread[name] < RATE_SPREAD_RADPS
