@@ -13,9 +13,9 @@ from analysis.airdata.from_log import FlightData, flight_data
 from analysis.drag import assumed_values
 from analysis.drag.estimate import DragEstimates, estimate
 from analysis.drag.flown import check_lift, flown_condition, flown_lift
-from analysis.drag.hysteresis import with_hysteresis_uncertainty
 from analysis.drag.repetition import Repetition
 from analysis.drag.thrust_coverage import thrust_coverage
+from analysis.drag.transducer_errors import with_transducer_uncertainty
 from analysis.electrical.complete_log import whole_flight
 from analysis.log_checks.axes import check_axes
 from analysis.log_checks.log import check_log
@@ -131,7 +131,7 @@ def analyze(
     assumption_uncertainty = assumed_values.assumption_uncertainty(
         repetition.estimate, repetition.values, aircraft, propeller, condition, flown_CL
     )
-    assumption_uncertainty = with_hysteresis_uncertainty(
+    assumption_uncertainty = with_transducer_uncertainty(
         assumption_uncertainty, lambda air: repetition.values_with_air(air, propeller), table, aircraft
     )
     drag = estimate(

@@ -37,7 +37,7 @@ from analysis.drag import dynamic
 from analysis.drag.assumed_values import with_assumption_uncertainty
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.flown import flown_condition, flown_lift
-from analysis.drag.hysteresis import with_hysteresis_uncertainty
+from analysis.drag.transducer_errors import with_transducer_uncertainty
 from analysis.maneuvers.kinds import Maneuver
 from analysis.maneuvers.selection import select
 from analysis.results.pooling_statistics import pooling_statistics
@@ -118,7 +118,7 @@ def aircraft_of(configuration: str, world: World, campaign: int) -> Aircraft:
 def analysed(
     data: flights.AirOf, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, probe: ProbeCalibration
 ) -> DynamicEstimate:
-    """What `analyze` makes of a flight: with larger priors where they conflict with the data, and with hysteresis."""
+    """What `analyze` makes of a flight: with larger priors where they conflict with the data."""
 
     def trajectory_of(air: pd.DataFrame, prior_factor: ArrayLike) -> Trajectory:
         return reconstruct(
@@ -136,8 +136,8 @@ def analysed(
         of_air = trajectory if air is data.table else trajectory_of(air, conflict.factor)
         return dynamic.estimate_values(of_air, runs, aircraft, propeller)
 
-    hysteresis = with_hysteresis_uncertainty(None, values_with, data.table, aircraft)
-    return with_assumption_uncertainty(dynamic.estimate_polar(trajectory, runs, aircraft, propeller), hysteresis)
+    transducers = with_transducer_uncertainty(None, values_with, data.table, aircraft)
+    return with_assumption_uncertainty(dynamic.estimate_polar(trajectory, runs, aircraft, propeller), transducers)
 
 
 def one_flight(job: Job) -> dict[str, Any]:

@@ -133,7 +133,8 @@ class Uncertainty:
     air_density_fraction : 1.5 hPa and 0.8 K at most, evenly: absolute accuracy of the MS5611 at 25 degC (data sheet)
     gust_length : scale length of vertical gusts over the height. The standard's is 1 (MIL-F-8785C), and 1.4 that of
         convection at 40 m under an inversion at 1 km, 0.28 sqrt(z z_i) (Lenschow & Stankov 1986, J. Atmos. Sci. 43)
-    transducer_zero_Pa : of the differential pressure transducers, change between rest and flight
+    transducer_zero_Pa : of the differential pressure transducers, change between rest and flight, half of its variance
+        in mid-flight
     hysteresis_fraction : of the differential pressure transducers, over the range of pressure in the flight
 
     The flight determines these errors in part; what it adds to is the prior:

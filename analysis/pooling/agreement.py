@@ -5,6 +5,7 @@ estimate is v_f - x = a_f e + n_f + sum of c_f: e is the error of the prior's me
 the effect of errors that all flights have in common. Both tests use the covariance of the differences that follows.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from analysis.pooling.flight_statistics import INSTALLATION, POLAR, POOLED, THRUST, M
-from analysis.pooling.joint import FlightStack, JointEstimate, Prior, pooled_estimate, take
+from analysis.pooling.joint import FlightStack, JointEstimate, Prior, take, without_each
 from analysis.trajectory.observability import TITLES
 
 Array = NDArray[np.float64]
@@ -74,48 +75,45 @@ def differences_in_pool(stack: FlightStack, pool: JointEstimate) -> list[Differe
     # Of flight f less W_f of the same errors: (1 - W) C (1 - W)' instead of W C W'.
     cross = W @ stack.own_covariance
     own = stack.own_covariance - cross - cross.transpose(0, 2, 1)
-    return [_difference(stack, pool, i, by_others + own[i]) for i in range(len(stack.values))]
+    common = {name: np.einsum("fij,fj->i", W, change, optimize=True) for name, change in stack.changes.items()}
+    return [
+        _difference(
+            stack.values[i] - pool.x,
+            by_others + own[i],
+            stack.prior_part[i] - pool.prior_part,
+            pool.prior_covariance,
+            [change[i] - common[name] for name, change in stack.changes.items()],
+        )
+        for i in range(len(stack.values))
+    ]
 
 
 def differences_to_others(stack: FlightStack, prior: Prior) -> list[Difference]:
     """Each flight minus the pool of all others, of two flights or more."""
-    n = len(stack.values)
-    found = []
-    for i in range(n):
-        counts = np.ones(n)
-        counts[i] = 0.0
-        pool = pooled_estimate(stack, prior, counts.tolist())
-        by_others = pool.total - _by_prior(pool) - _by_changes(stack, pool, counts)
-        found.append(_difference(stack, pool, i, by_others + stack.own_covariance[i], counts))
-    return found
-
-
-def _by_prior(pool: JointEstimate) -> Array:
-    return np.asarray(pool.prior_part @ pool.prior_covariance @ pool.prior_part.T)
-
-
-def _common(change: Array, pool: JointEstimate, counts: Array) -> Array:
-    return np.asarray(np.einsum("f,fij,fj->i", counts, pool.influences[0], change, optimize=True))
-
-
-def _by_changes(stack: FlightStack, pool: JointEstimate, counts: Array) -> Array:
-    covariance = np.zeros((M, M))
-    for change in stack.changes.values():
-        common = _common(change, pool, counts)
-        covariance += np.outer(common, common)
-    return covariance
+    others = without_each(stack, prior)
+    return [
+        _difference(
+            stack.values[i] - others.x[i],
+            stack.own_covariance[i] + others.by_others[i],
+            stack.prior_part[i] - others.prior_part[i],
+            prior.covariance,
+            [change[i] - others.changes[name][i] for name, change in stack.changes.items()],
+        )
+        for i in range(len(stack.values))
+    ]
 
 
 def _difference(
-    stack: FlightStack, pool: JointEstimate, number: int, own: Array, counts: Array | None = None
+    value: Array, own: Array, prior_part: Array, prior_covariance: Array, changes: Sequence[Array]
 ) -> Difference:
-    """Of one flight. own: (M, M) covariance by the errors that each flight has of its own."""
-    prior = stack.prior_part[number] - pool.prior_part
-    covariance = own + prior @ pool.prior_covariance @ prior.T
-    for change in stack.changes.values():
-        apart = change[number] - _common(change, pool, np.ones(len(change)) if counts is None else counts)
-        covariance = covariance + np.outer(apart, apart)
-    value = stack.values[number] - pool.x
+    """Of one flight from a pool.
+
+    own : (M, M) covariance by the errors that each flight has of its own     prior_part : (M, M) derivative by an error
+    of the prior's mean     changes : (M,) each, by errors that all flights have in common
+    """
+    covariance = own + prior_part @ prior_covariance @ prior_part.T
+    for change in changes:
+        covariance = covariance + np.outer(change, change)
     p, p_installation = (
         float(chi2.sf(quadratic_form(value[part], covariance[part, part]), len(value[part])))
         for part in (POLAR_PART, INSTALLATION_PART)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag.consider import DENSITY, UPDRAFT
+from analysis.drag.transducer_errors import ZERO_STEPS
 from analysis.pooling.flight_statistics import INSTALLATION, POOLED, FlightStatistics, M
 
 Array = NDArray[np.float64]
@@ -26,7 +27,8 @@ Array = NDArray[np.float64]
 # Standard deviation of what moves when the probe is taken off and put on again, as a part of the prior's: 0.3 deg of
 # angle of attack, 0.4 % of airspeed.
 REMOUNTED = 0.3
-OWN_CHANGES = frozenset({UPDRAFT, DENSITY})  # errors that each flight has its own of; others are common to all flights
+# Errors that each flight has its own of; others are common to all flights.
+OWN_CHANGES = frozenset({UPDRAFT, DENSITY, *ZERO_STEPS.values()})
 _INSTALLATION = np.array([name in INSTALLATION for name in POOLED])
 
 
@@ -81,6 +83,25 @@ class Group(NamedTuple):
     stack: FlightStack
     columns: NDArray[np.intp]
     counts: Array
+
+
+class WithoutEach(NamedTuple):
+    """The joint estimates without each of n flights in turn.
+
+    x : (n, M)     prior_part : (n, M, M) derivative of x by an error of the prior's mean
+    by_others : (n, M, M) covariance by the errors that each of the other flights has of its own
+    changes : (n, M) by error that all flights have in common
+    """
+
+    x: Array
+    prior_part: Array
+    by_others: Array
+    changes: dict[str, Array]
+
+    def total(self, prior_covariance: Array) -> Array:
+        """(n, M, M) of `JointEstimate`."""
+        by_changes = sum(change[:, :, None] * change[:, None, :] for change in self.changes.values())
+        return np.asarray(_congruent(self.prior_part, prior_covariance) + self.by_others + by_changes)
 
 
 class JointEstimate(NamedTuple):
@@ -199,8 +220,7 @@ def solve(groups: Sequence[Group], prior: Prior) -> JointEstimate:
     for stack, at, counts in groups:
         H[np.ix_(at, at)] += np.tensordot(counts, stack.normal_matrix, 1)
         b[at] += counts @ stack.vector
-    scale = 1 / np.sqrt(np.diag(H))
-    solution = np.linalg.inv(H * np.outer(scale, scale)) * np.outer(scale, scale)
+    solution = _inverse(H)
     influences = [solution[:, at] @ stack.gain for stack, at, _ in groups]
     prior_covariance = prior.covariance
     prior_part = solution @ prior.information
@@ -219,3 +239,33 @@ def pooled_estimate(stack: FlightStack, prior: Prior, counts: Sequence[float] = 
     """The joint estimate (M,) of flights of one aircraft and installation. counts: of `Group`; one where empty."""
     times = np.array(counts or np.ones(len(stack.values)), dtype=float)
     return solve([Group(stack, np.arange(M), times)], prior)
+
+
+def without_each(stack: FlightStack, prior: Prior) -> WithoutEach:
+    """The joint estimates of all flights but one, for each of two flights or more."""
+    noise = _congruent(stack.gain, stack.own_covariance)
+    gained = {name: np.einsum("fij,fj->fi", stack.gain, change) for name, change in stack.changes.items()}
+    solution = _inverse(prior.information + _of_others(stack.normal_matrix))
+    return WithoutEach(
+        np.einsum("fij,fj->fi", solution, prior.vector + _of_others(stack.vector)),
+        solution @ prior.information,
+        _congruent(solution, _of_others(noise)),
+        {name: np.einsum("fij,fj->fi", solution, _of_others(change)) for name, change in gained.items()},
+    )
+
+
+def _of_others(of_flights: Array) -> Array:
+    """Sum over all flights but one, for each."""
+    return np.asarray(of_flights.sum(axis=0) - of_flights)
+
+
+def _congruent(W: Array, C: Array) -> Array:
+    """W C W', each (..., M, M)."""
+    return np.asarray(W @ C @ np.swapaxes(W, -1, -2))
+
+
+def _inverse(H: Array) -> Array:
+    """Of matrices (..., k, k) whose parameters have different units."""
+    scale = 1 / np.sqrt(np.diagonal(H, axis1=-2, axis2=-1))
+    scales = scale[..., :, None] * scale[..., None, :]
+    return np.asarray(np.linalg.inv(H * scales) * scales)

@@ -12,7 +12,7 @@ from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.estimation.intervals import NORMAL_95
 from analysis.pooling.agreement import INSTALLATION_PART, Difference, Test, differences_to_others, homogeneity, outliers
 from analysis.pooling.flight_statistics import POLAR, FlightStatistics
-from analysis.pooling.joint import FlightStack, JointEstimate, Prior, pooled_estimate
+from analysis.pooling.joint import FlightStack, JointEstimate, Prior, pooled_estimate, without_each
 
 Array = NDArray[np.float64]
 
@@ -78,10 +78,20 @@ class JointPool:
         """
         only = [i for i, count in enumerate(counts) if count]
         if len(only) == 1 and counts[only[0]] == 1:
-            C = self.flights[only[0]].polar_covariance
+            return self._half_width_percent(self.flights[only[0]].polar_covariance, V)
+        return self._half_width_percent(pooled_covariance(pooled_estimate(self.stack, self.prior, counts).total), V)
+
+    def half_widths_without_percent(self, V: Array) -> Array:
+        """Half widths (flights, n) without each of two flights or more, at speeds V (n,), as `half_widths_percent`."""
+        if len(self.flights) == 2:  # the other alone
+            covariances = [flight.polar_covariance for flight in reversed(self.flights)]
         else:
-            C = pooled_covariance(pooled_estimate(self.stack, self.prior, counts))
-        power, error = power_required(V, Polar(self.polar.A, C), self.condition)
+            total = without_each(self.stack, self.prior).total(self.prior.covariance)
+            covariances = [pooled_covariance(one) for one in total]
+        return np.stack([self._half_width_percent(C, V) for C in covariances])
+
+    def _half_width_percent(self, polar_covariance: Array, V: Array) -> Array:
+        power, error = power_required(V, Polar(self.polar.A, polar_covariance), self.condition)
         return np.asarray(100 * NORMAL_95 * error / power)
 
 
@@ -95,9 +105,9 @@ def pooled_polar(flights: Sequence[FlightStatistics], estimate: JointEstimate) -
     """For one flight its own polar: the joint estimate equals it but for rounding."""
     if len(flights) == 1:
         return Polar(flights[0].values[:_N_POLAR], flights[0].polar_covariance)
-    return Polar(estimate.x[:_N_POLAR], pooled_covariance(estimate))
+    return Polar(estimate.x[:_N_POLAR], pooled_covariance(estimate.total))
 
 
-def pooled_covariance(estimate: JointEstimate) -> Array:
-    """Covariance (3, 3) of the pooled polar, everything together."""
-    return np.asarray(estimate.total[:_N_POLAR, :_N_POLAR] + covariance.floor())
+def pooled_covariance(total: Array) -> Array:
+    """Covariance (3, 3) of the pooled polar, everything together. total: of `JointEstimate`."""
+    return np.asarray(total[:_N_POLAR, :_N_POLAR] + covariance.floor())

@@ -161,8 +161,8 @@ def _installation_homogeneity(pooled: JointPool) -> dict[str, Any] | None:
 def _flights(pooled: JointPool) -> list[dict[str, Any]]:
     n, V = len(pooled.flights), pooled.speeds_mps
     half = pooled.half_widths_percent([1] * n, V)
-    without = [pooled.half_widths_percent([int(j != i) for j in range(n)], V) for i in range(n)] if n > 1 else []
-    gains = np.array([np.mean(half**-2 - other**-2) for other in without]) if without else np.ones(1)
+    without = pooled.half_widths_without_percent(V) if n > 1 else np.full((1, len(V)), np.inf)
+    gains = np.mean(half**-2 - without**-2, axis=1)
     shares = np.maximum(gains, 0) / np.maximum(gains, 0).sum()
     found = []
     for i, (flight, (value, limit)) in enumerate(zip(pooled.flights, _deviations(pooled), strict=True)):
@@ -174,7 +174,7 @@ def _flights(pooled: JointPool) -> list[dict[str, Any]]:
                 "test": {"weight_N": flight.condition.weight_N, "air_density_kgpm3": flight.condition.rho},
                 "drag_polar": dict(zip(POLAR, flight.values[:_N_POLAR].tolist(), strict=True)),
                 "half_width_percent": pooled.half_widths_percent([int(j == i) for j in range(n)], V).tolist(),
-                "half_width_without_percent": without[i].tolist() if without else None,
+                "half_width_without_percent": without[i].tolist() if n > 1 else None,
                 "share_of_information": float(shares[i]),
                 "against_pool": [
                     {"speed_mps": v, "difference_percent": d, "limit_percent": m}

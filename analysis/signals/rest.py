@@ -28,7 +28,8 @@ FORCE_SPREAD_MPS2 = 0.5
 FORCE_CHANGE_MPS2 = 0.1
 ROLLING_MPS = 1.0  # mean speed by GPS over WINDOW_S; the noise of one solution is 0.1 m/s
 MOTOR_REVPS = 1.0
-AIRSPEED_SPREAD_PA = 8.0
+AIRSPEED_SPREAD_PA = 8.0  # or that of the noise of the transducer
+NOISE_SCATTER = 1.5  # of a standard deviation over 25 samples: 3.5 of its own
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 GPS_HORIZONTAL = ("gps_north_mps", "gps_east_mps")
 CHANNELS = ("p_radps", "q_radps", "r_radps", "dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa")
@@ -66,7 +67,8 @@ def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = FLYING
     """
     window = max(3, round(WINDOW_S * rate_Hz))
     spread = table.rolling(window, center=True, min_periods=window // 2).std()
-    at_rest = (table["n_revps"].fillna(0) < MOTOR_REVPS) & (spread["q_c_Pa"] < AIRSPEED_SPREAD_PA)
+    airspeed_spread_Pa = max(AIRSPEED_SPREAD_PA, NOISE_SCATTER * _white_noise(table["q_c_Pa"], window))
+    at_rest = (table["n_revps"].fillna(0) < MOTOR_REVPS) & (spread["q_c_Pa"] < airspeed_spread_Pa)
     for name in ("p_radps", "q_radps", "r_radps"):
         at_rest &= spread[name] < RATE_SPREAD_RADPS
     for name in FORCES:
@@ -81,6 +83,12 @@ def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = FLYING
     q_c_Pa = [table["q_c_Pa"].iloc[s].mean() for s in long]
     least_Pa = min((q for q in q_c_Pa if np.isfinite(q)), default=0.0)
     return [s for s, q in zip(long, q_c_Pa, strict=True) if not q - least_Pa > flying_Pa]
+
+
+def _white_noise(column: pd.Series, window: int) -> float:
+    """Standard deviation of the noise from one sample to the next: the median over the log; 0 without samples."""
+    noise = column.diff().rolling(window, min_periods=window // 2).std() / np.sqrt(2)
+    return float(noise.median()) if noise.notna().any() else 0.0
 
 
 def _without_motion(table: pd.DataFrame, rest: slice, window: int) -> slice:

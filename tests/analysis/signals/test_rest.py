@@ -47,6 +47,20 @@ def test_both_stands_are_found_and_nothing_else() -> None:
     assert 80 < found[1][0] < 82 and found[1][1] > 88.5
 
 
+def test_noise_of_the_transducer_is_no_wind() -> None:
+    """A 10-bit converter over 4 kPa has 12 Pa, more than AIRSPEED_SPREAD_PA. Wind of 40 Pa on the probe is seen."""
+    table = log_table()
+    noise = np.random.default_rng(1).normal(0, 12.0, len(table))
+    table["q_c_Pa"] = 5 * ((table["q_c_Pa"] + noise) / 5).round()
+    found = [(table.index[s.start], table.index[s.stop - 1]) for s in rest_segments(table, RATE_HZ)]
+    assert len(found) == 2
+    assert found[0][0] < 1.5 and 18 < found[0][1] < 20 and found[1][1] > 88.5
+    windy = table.index < 10
+    table.loc[windy, "q_c_Pa"] += 40 * np.sin(2 * np.pi * table.index[windy].to_numpy())
+    first, *_ = rest_segments(table, RATE_HZ)
+    assert 9.5 < table.index[first.start] < 11.5
+
+
 @pytest.mark.parametrize("landing", [False, True])
 def test_a_gentle_take_off_or_landing_is_no_rest(landing: bool) -> None:
     """A force along the path that grows evenly by 0.3 m/s² a second has no spread over a second, only another mean.

@@ -1,4 +1,4 @@
-"""Air data as they would be if a transducer had more hysteresis."""
+"""Air data as they would be if a differential pressure transducer had more hysteresis, or a zero that changes."""
 
 import numpy as np
 import pandas as pd
@@ -14,14 +14,31 @@ def with_hysteresis(air: pd.DataFrame, channel: str, fraction: float) -> pd.Data
     """Air data (`air_data`) with hysteresis of one of CHANNELS, to first order.
 
     fraction : width over the range of the flight. Pressure lags by half the width in the direction it came from
-    (play operator). Angle of attack is proportional to its pressure over dynamic pressure.
+    (play operator).
     """
+    smooth = _smooth(air[channel].interpolate(limit_direction="both"), air)
+    width = fraction * float(np.ptp(smooth[air["V_mps"].notna()]))
+    return _with_change(air, channel, play(smooth.to_numpy(), width) - smooth.to_numpy())
+
+
+def with_zero_step(air: pd.DataFrame, channel: str, step_Pa: float) -> pd.DataFrame:
+    """Air data (`air_data`) with a step of the zero of one of CHANNELS [Pa] in the middle of the flight, to first
+    order: half of it too low before, half of it too high after."""
+    flying = air.index[air["V_mps"].notna()]
+    later = air.index.to_numpy() > (flying[0] + flying[-1]) / 2
+    return _with_change(air, channel, np.where(later, step_Pa / 2, -step_Pa / 2))
+
+
+def _smooth(pressure: pd.Series, air: pd.DataFrame) -> pd.Series:
+    window = max(1, round(SMOOTHING_S / float(air.index[1] - air.index[0])))
+    return pressure.rolling(window, center=True, min_periods=1).mean()
+
+
+def _with_change(air: pd.DataFrame, channel: str, change_Pa: Array) -> pd.DataFrame:
+    """Air data with a change (n,) of a pressure. Angle of attack is proportional to its pressure over dynamic
+    pressure."""
     flying = air["V_mps"].notna()
-    step_s = float(air.index[1] - air.index[0])
-    window = max(1, round(SMOOTHING_S / step_s))
-    smooth = air[channel].interpolate(limit_direction="both").rolling(window, center=True, min_periods=1).mean()
-    change_Pa = play(smooth.to_numpy(), fraction * float(np.ptp(smooth[flying]))) - smooth.to_numpy()
-    q_c = air["q_c_Pa"].rolling(window, center=True, min_periods=1).mean().where(flying)
+    q_c = _smooth(air["q_c_Pa"], air).where(flying)
     relative = change_Pa / q_c
     if channel == "q_c_Pa":
         V, alpha = air["V_mps"] * (1 + relative / 2), air["alpha_rad"] * (1 - relative)

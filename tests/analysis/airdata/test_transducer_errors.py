@@ -1,10 +1,10 @@
-"""What hysteresis of a transducer does to air data."""
+"""What hysteresis of a transducer, and a step of its zero, do to air data."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.hysteresis import play, with_hysteresis
+from analysis.airdata.transducer_errors import play, with_hysteresis, with_zero_step
 from sim.sensors.tray import with_hysteresis as of_the_simulator
 
 
@@ -52,3 +52,16 @@ def test_angle_of_attack_lags_by_its_own_transducer() -> None:
     assert np.abs(off).max() == pytest.approx(half_Pa, rel=0.02)
     assert np.sign(off[250]) == -np.sign(off[750])
     assert other["V_mps"].equals(bent["V_mps"])
+
+
+def test_zero_step_changes_sign_in_the_middle_of_the_flight() -> None:
+    """2 Pa: 1 Pa too low before and 1 Pa too high after; V by 1/(2 q), angle of attack by 1/q the other way."""
+    air = up_and_down()
+    still = air.assign(V_mps=air["V_mps"].where(air.index > 10))  # at rest for 10 s: flight is from 10 to 40 s
+    for row, sign in ((260, -1), (620, -1), (630, 1), (990, 1)):  # the middle is at 25 s
+        other, q_c = with_zero_step(still, "q_c_Pa", 2.0), still["q_c_Pa"].iloc[row]
+        assert (other["V_mps"] / still["V_mps"] - 1).iloc[row] == pytest.approx(sign / (2 * q_c), rel=0.02)
+        assert (other["alpha_rad"] / still["alpha_rad"] - 1).iloc[row] == pytest.approx(-sign / q_c, rel=0.02)
+        of_angle = with_zero_step(still, "dp_alpha_Pa", 2.0)
+        assert (of_angle["alpha_rad"] - still["alpha_rad"]).iloc[row] == pytest.approx(sign / (4.5 * q_c), rel=0.02)
+        assert of_angle["V_mps"].equals(still["V_mps"])
