@@ -216,8 +216,8 @@ KEYS: dict[str, Key] = {
     ),
     "uncertainty.transducer_zero": Key(
         '"2.5 Pa"',
-        "Standard deviation of the change of the differential pressure transducers' zeros between rest and flight; half of"
-        " its variance is taken as a step in mid-flight.",
+        "Standard deviation of the change of the differential pressure transducers' zeros between rest and flight; half"
+        " of its variance is taken as a step in mid-flight.",
         "Cool or warm the tray by as much as the airstream does; data sheets allow up to 1 % of full scale.",
         "analysis",
         "0: zeros as at rest, with a drift linear in time between rests",

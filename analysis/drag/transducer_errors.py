@@ -29,7 +29,7 @@ def with_transducer_uncertainty(
     """
     uncertainty = aircraft.uncertainty
     fraction, step_Pa = uncertainty.hysteresis_fraction, np.sqrt(SHARE_IN_FLIGHT) * uncertainty.transducer_zero_Pa
-    perturbed = {}
+    perturbed: dict[str, pd.DataFrame] = {}
     if fraction:
         perturbed |= {f"hysteresis {channel}": with_hysteresis(air, channel, fraction) for channel in CHANNELS}
     if step_Pa:
