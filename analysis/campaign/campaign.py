@@ -22,7 +22,7 @@ from analysis.campaign.flight_folders import (
 )
 from analysis.campaign.inputs import digests, key
 from analysis.campaign.jobs import Analyze, Job, Outcome
-from analysis.campaign.processes import run_on_processors
+from analysis.campaign.processes import load_ahead, run_on_processors
 from flight.errors import InputError
 
 
@@ -77,6 +77,8 @@ def run(
 
     `output` belongs to the caller (`flight_folders.exclusive`). Raises InputError when it cannot be written.
     """
+    if scheduler is None:
+        load_ahead(work.preload)
     campaign = Campaign()
     planned = {one.job.name: one for one in _plan(logs, output, work, jobs, campaign)}
     campaign.kept = len(campaign.folders)
@@ -92,7 +94,7 @@ def run(
 
     todo = [one.job for one in planned.values()]
     if scheduler is None:
-        ending = run_on_processors(todo, work.analyze, jobs, new_folder, step, work.preload)
+        ending = run_on_processors(todo, work.analyze, jobs, new_folder, step)
     else:
         ending = run_on_cluster(todo, work.analyze, scheduler, new_folder, step)
     for job, partial, outcome in ending:

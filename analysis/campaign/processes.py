@@ -1,6 +1,7 @@
 """Jobs on the processors of this computer: a process for each, so that memory stays flat and a crash costs one job."""
 
 import multiprocessing
+import multiprocessing.forkserver
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -19,21 +20,25 @@ class Running(NamedTuple):
     process: Any
 
 
+def load_ahead(modules: Sequence[str]) -> None:
+    """Begin to load modules that all jobs need, once for all of them, and return meanwhile."""
+    if START_METHOD == "forkserver":
+        multiprocessing.set_forkserver_preload(list(modules))
+        multiprocessing.forkserver.ensure_running()
+
+
 def run_on_processors(
     jobs: Sequence[Job],
     analyze: Analyze,
     count: int,
     new_folder: Callable[[str], Path],
     progress: Callable[[Job, str], None],
-    preload: Sequence[str] = (),
 ) -> Iterator[tuple[Job, Path, Outcome]]:
     """Run jobs, `count` at a time; yields each with its folder when it ends.
 
-    new_folder: by name, the folder that a job writes into. preload: modules that all need; they are loaded once.
+    new_folder: by name, the folder that a job writes into.
     """
     context: Any = multiprocessing.get_context(START_METHOD)
-    if START_METHOD == "forkserver":
-        context.set_forkserver_preload(list(preload))
     waiting, running = list(reversed(jobs)), dict[Connection, Running]()
     try:
         while waiting or running:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from analysis.pooling.flight_statistics import INSTALLATION, POLAR, POOLED, THRUST, M
 from analysis.pooling.joint import FlightStack, JointEstimate, Prior, take, without_each
@@ -115,7 +115,7 @@ def _difference(
     for change in changes:
         covariance = covariance + np.outer(change, change)
     p, p_installation = (
-        float(chi2.sf(quadratic_form(value[part], covariance[part, part]), len(value[part])))
+        float(chdtrc(len(value[part]), quadratic_form(value[part], covariance[part, part])))
         for part in (POLAR_PART, INSTALLATION_PART)
     )
     return Difference(value, covariance, p, p_installation)
@@ -164,7 +164,7 @@ def homogeneity(stack: FlightStack, pool: JointEstimate, part: slice = POLAR_PAR
     residual = z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
     chi_square = float(residual @ residual)
     degrees_of_freedom = k * (n - 1)
-    return Test(chi_square, degrees_of_freedom, float(chi2.sf(chi_square, degrees_of_freedom)))
+    return Test(chi_square, degrees_of_freedom, float(chdtrc(degrees_of_freedom, chi_square)))
 
 
 def likely_reason(difference: Difference) -> str:
