@@ -68,7 +68,7 @@ bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 study: $(READY) ## coverage over worlds, weather and plans; hours, goes on where it stopped; JOBS=4 for four processes
 	$(BIN)/python benchmarks/study.py --jobs $(JOBS)
 
-dissertation: $(READY) ## the results of the dissertation's chapters 4 and 7 from simulated flights, into out/dissertation (20 min)
+dissertation: $(READY) ## the results of the dissertation's chapters 4 and 7 from simulated flights, into out/dissertation (4 min)
 	$(BIN)/python benchmarks/dissertation.py
 
 soak: $(READY) ## the daemon for ten minutes in real time at 25 and at 100 Hz, on device files (needs root)
