@@ -176,7 +176,7 @@ def _normal_equations(flight: FlightStatistics) -> tuple[Array, Array, Array, Ar
     slope = np.linalg.solve(S[ss], S[rs].T).T
     first = _without_prior(S[ss], P[ss])
     D = flight.weighting_covariance
-    second = _DataInformation(np.linalg.inv(D) - P[rr], S[rr] - slope @ S[rs].T - D)
+    second = _DataInformation(_inverse(D) - P[rr], S[rr] - slope @ S[rs].T - D)
     gain, inverse, noise, excess = (np.zeros((M, M)) for _ in range(4))
     gain[ss], gain[rr] = first.information + P[ss], second.information + P[rr]
     gain[rs] = -gain[rr] @ slope
