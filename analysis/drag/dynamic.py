@@ -161,7 +161,9 @@ def estimate_polar(
     for by_error in changes.values():
         systematic += np.outer(by_error, by_error)
     prior_sigma = np.array([parameter.prior_sigma for parameter in model.parameters])
-    joint = joint_estimate(fit.names, fit.values, noise, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory)
+    joint = joint_estimate(
+        fit.names, fit.values, noise, fit.covariance, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory
+    )
     joint = joint.with_changes(changes)._replace(prior_measurements=model.prior_measurements)
     # Several flights are compared at one density.
     joint = joint.with_density_error(by_density, consider.airspeed_scale_by_density(aircraft))

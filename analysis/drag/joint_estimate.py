@@ -24,6 +24,8 @@ class JointEstimate(NamedTuple):
 
     names : (m,) parameters of the drag model, then SENSOR_ERRORS
     values (m,), covariance (m, m) : estimate and its covariance by noise and sensor errors, priors included
+    weighting_covariance : (k, k) of the parameters of the drag model for given sensor errors, by white residuals and
+        the priors; its inverse weighs data and priors in the estimate, whatever color the residuals have
     prior_mean, prior_sigma : (m,); infinite where there is no prior
     prior_measurements : that are part of the prior, too
     changes : by error, change (m,) of the values by one standard deviation of an error that no residual shows
@@ -32,6 +34,7 @@ class JointEstimate(NamedTuple):
     names: tuple[str, ...]
     values: Array
     covariance: Array
+    weighting_covariance: Array
     prior_mean: Array
     prior_sigma: Array
     changes: dict[str, Array]
@@ -53,13 +56,14 @@ def joint_estimate(
     names: tuple[str, ...],
     values: Array,
     noise: Array,
+    weighting_covariance: Array,
     prior_sigma: Array,
     changes_by_sensor_errors: Array,
     trajectory: Trajectory,
 ) -> JointEstimate:
     """The joint estimate of the parameters of the drag model (k,) and of the sensor errors.
 
-    noise : (k, k) covariance of the parameters for given sensor errors
+    noise : (k, k) covariance of the parameters for given sensor errors     weighting_covariance : of `JointEstimate`
     changes_by_sensor_errors : (k, s) of the parameters along the columns of the Cholesky factor of the sensor errors'
     covariance
     """
@@ -70,6 +74,7 @@ def joint_estimate(
         names=(*names, *SENSOR_ERRORS),
         values=np.concatenate([values, trajectory.sensor_errors]),
         covariance=np.block([[parameters, cross], [cross.T, trajectory.covariance]]),
+        weighting_covariance=weighting_covariance,
         prior_mean=np.array([PRIOR_MEAN.get(name, 0.0) for name in (*names, *SENSOR_ERRORS)]),
         prior_sigma=np.concatenate([prior_sigma, trajectory.prior_sigma]),
         changes={},

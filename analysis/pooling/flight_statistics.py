@@ -45,6 +45,8 @@ class FlightStatistics(NamedTuple):
     """One flight. Arrays in the order of POOLED, (M,) or (M, M); `results` is the content of its results.json.
 
     values, covariance : the flight's own estimate; errors that no residual shows are in `changes`
+    weighting_covariance : (k, k) of the first k, which are not errors of the installation, for given errors of it: its
+        inverse weighs data and prior in the estimate. Colored residuals make `covariance` larger
     prior_mean, prior_information : of that estimate; information 0 where there is no prior
     prior_measurements : that add to this prior
     changes : by error, change of the values by one standard deviation
@@ -54,6 +56,7 @@ class FlightStatistics(NamedTuple):
     name: str
     values: Array
     covariance: Array
+    weighting_covariance: Array
     prior_mean: Array
     prior_information: Array
     changes: dict[str, Array]
@@ -115,18 +118,18 @@ def _read(path: Path) -> Mapping[str, Any]:
 
 
 def _parsed(found: Mapping[str, Any], content: Mapping[str, Any]) -> FlightStatistics:
-    names, rows = list(found["names"]), found["covariance"]
-    lower = np.zeros((len(names), len(names)))
-    for i, row in enumerate(rows):
-        lower[i, : i + 1] = row
-    covariance = lower + np.tril(lower, -1).T
+    names = list(found["names"])
+    covariance = _symmetric(found["covariance"], len(names))
+    weighting = found["weighting_covariance"]
     kept = [names.index(name) for name in POOLED]
+    drag = [names.index(name) for name in POLAR + THRUST]
     sigma = np.array([np.inf if s is None else s for s in found["prior_sigma"]], dtype=float)[kept]
     aircraft, test = content["aircraft"], content["test"]
     statistics = FlightStatistics(
         name=str(content["log"]),
         values=np.array(found["values"], dtype=float)[kept],
         covariance=covariance[np.ix_(kept, kept)],
+        weighting_covariance=_symmetric(weighting, len(weighting))[np.ix_(drag, drag)],
         prior_mean=np.array(found["prior_mean"], dtype=float)[kept],
         prior_information=sigma**-2.0,
         changes={name: np.array(change, dtype=float)[kept] for name, change in found["changes"].items()},
@@ -149,10 +152,22 @@ def _parsed(found: Mapping[str, Any], content: Mapping[str, Any]) -> FlightStati
             for one in found.get("prior_measurements", [])
         ),
     )
-    finite = (statistics.values, statistics.covariance, statistics.polar_covariance)
+    finite = (
+        statistics.values,
+        statistics.covariance,
+        statistics.weighting_covariance,
+        statistics.polar_covariance,
+    )
     if not all(np.isfinite(array).all() for array in finite):
         raise ValueError("not a finite number")
     return statistics
+
+
+def _symmetric(lower_triangle: Sequence[Sequence[float]], size: int) -> Array:
+    lower = np.zeros((size, size))
+    for i, row in enumerate(lower_triangle):
+        lower[i, : i + 1] = row
+    return np.asarray(lower + np.tril(lower, -1).T)
 
 
 def check_one_aircraft(flights: Sequence[FlightStatistics]) -> None:

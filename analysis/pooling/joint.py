@@ -145,8 +145,8 @@ def take(stack: FlightStack, numbers: Sequence[int]) -> FlightStack:
 
 
 class _DataInformation(NamedTuple):
-    """What the data say: information (k, k) without the prior, and by how much (k, k) the covariance exceeds the
-    prior's where an estimate is less certain than its prior (colored residuals, random draws)."""
+    """What the data say: information (k, k) without the prior, and by how much (k, k) the covariance of the estimate
+    exceeds what follows from it and the prior (colored residuals, random draws)."""
 
     information: Array
     excess: Array
@@ -167,14 +167,16 @@ def _normal_equations(flight: FlightStatistics) -> tuple[Array, Array, Array, Ar
     """Of `FlightStack`: normal_matrix, vector, gain, prior_part, own_covariance.
 
     s: errors of the installation, the first step, with the covariance S_ss. r: drag and thrust, the second step, which
-    change by `slope` times s and have the covariance S_rr - slope S_ss slope' for given s.
+    change by `slope` times s and have the covariance S_rr - slope S_ss slope' for given s. Their data and priors were
+    weighed by D, as for white residuals.
     """
     P, S = flight.prior_matrix, flight.covariance
     s, r = np.flatnonzero(_INSTALLATION), np.flatnonzero(~_INSTALLATION)
     ss, rr, rs = np.ix_(s, s), np.ix_(r, r), np.ix_(r, s)
     slope = np.linalg.solve(S[ss], S[rs].T).T
     first = _without_prior(S[ss], P[ss])
-    second = _without_prior(S[rr] - slope @ S[rs].T, P[rr])
+    D = flight.weighting_covariance
+    second = _DataInformation(_inverse(D) - P[rr], S[rr] - slope @ S[rs].T - D)
     gain, inverse, noise, excess = (np.zeros((M, M)) for _ in range(4))
     gain[ss], gain[rr] = first.information + P[ss], second.information + P[rr]
     gain[rs] = -gain[rr] @ slope

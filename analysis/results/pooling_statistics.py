@@ -5,6 +5,7 @@ import hashlib
 import msgspec
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.transducers import TransducerCalibration
@@ -13,7 +14,7 @@ from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
 
-FORMAT = "flightpower-pooling-2"
+FORMAT = "flightpower-pooling-3"
 CLOCK_SET_UNIX_S = 1.5e9  # 2017: an earlier time is that of a clock without battery
 
 
@@ -33,6 +34,8 @@ class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True):
     names: list[str]  # A0, A1, A2, corrections of thrust, then sensor errors
     values: list[float]
     covariance: list[list[float]]  # lower triangle; by noise and sensor errors
+    # Lower triangle, of the first names for given sensor errors, by white residuals: the weights of the estimate.
+    weighting_covariance: list[list[float]]
     prior_mean: list[float]
     prior_sigma: list[float | None]  # null where there is no prior
     prior_measurements: list[PriorMeasurementStatistics] | msgspec.UnsetType = msgspec.UNSET  # absent where none is
@@ -64,7 +67,8 @@ def pooling_statistics(
     return PoolingStatistics(
         names=list(joint.names),
         values=joint.values.tolist(),
-        covariance=[row[: i + 1] for i, row in enumerate(joint.covariance.tolist())],
+        covariance=_lower_triangle(joint.covariance),
+        weighting_covariance=_lower_triangle(joint.weighting_covariance),
         prior_mean=joint.prior_mean.tolist(),
         prior_sigma=[float(sigma) if np.isfinite(sigma) else None for sigma in joint.prior_sigma],
         prior_measurements=[
@@ -100,6 +104,10 @@ def mean_battery_V(flown: pd.DataFrame) -> float | None:
     if "battery_V" not in flown or flown["battery_V"].isna().all():
         return None
     return float(flown["battery_V"].mean())
+
+
+def _lower_triangle(matrix: NDArray[np.float64]) -> list[list[float]]:
+    return [row[: i + 1] for i, row in enumerate(matrix.tolist())]
 
 
 def _fingerprint(data: bytes) -> str:

@@ -43,7 +43,8 @@ def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **
     """The results of a flight with the shared parameters x. Its covariance, priors included, is exact.
 
     noise : factor on the standard deviations     facts : replace `installation`, `aircraft`, `prior_sigma`, ...;
-    `stand`: a measurement of thrust before the flight, as `results.json` has it
+    `stand`: a measurement of thrust before the flight, as `results.json` has it; `color`: errors of drag and thrust
+    as multiples of those that their weights assume, as of colored residuals
     """
     sigma = facts.get("prior_sigma", PRIOR_SIGMA)
     P = np.diag(sigma**-2.0)
@@ -51,8 +52,10 @@ def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **
     for one in measured:
         h = np.array([one["coefficients"].get(key, 0.0) for key in POOLED]) / one["sigma"]
         P, vector = P + np.outer(h, h), vector + h * one["value"] / one["sigma"]
-    error = noise * NOISE * rng.standard_normal(M)
+    color = facts.get("color", 1.0)
     first, second = slice(6, M), slice(0, 6)
+    error = noise * NOISE * rng.standard_normal(M)
+    error[second] *= color
     data_information = np.diag((noise * NOISE) ** -2.0)
     C_first = np.linalg.inv(data_information[first, first] + P[first, first])
     errors = C_first @ (data_information[first, first] @ (x + error)[first] + vector[first])
@@ -65,6 +68,8 @@ def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **
     shown = x[second] + by_errors @ (errors - x[first]) + J @ error[second]
     drag = C_second @ (whitened.T @ whitened @ shown + vector[second])
     slope = C_second @ whitened.T @ whitened @ by_errors
+    weighting = C_second
+    C_second = weighting @ (color**2 * whitened.T @ whitened + P[second, second]) @ weighting
     S = np.block([[C_second + slope @ C_first @ slope.T, slope @ C_first], [C_first @ slope.T, C_first]])
     S = (S + S.T) / 2
     total = S[:3, :3] + covariance.floor() + sum(np.outer(c[:3], c[:3]) for c in CHANGES.values())
@@ -84,6 +89,7 @@ def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **
             "names": list(POOLED),
             "values": [*drag.tolist(), *errors.tolist()],
             "covariance": [row[: i + 1] for i, row in enumerate(S.tolist())],
+            "weighting_covariance": [row[: i + 1] for i, row in enumerate(weighting.tolist())],
             "prior_mean": PRIOR_MEAN.tolist(),
             "prior_sigma": [s if np.isfinite(s) else None for s in sigma.tolist()],
             **({"prior_measurements": measured} if measured else {}),
