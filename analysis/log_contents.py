@@ -11,7 +11,7 @@ from analysis.airdata.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibra
 from analysis.airdata.probe import PROBE_FILE, ProbeCalibration
 from analysis.airdata.transducers import TRANSDUCERS_FILE, TransducerCalibration
 from analysis.drag.thrust_stand import ThrustStand
-from analysis.signals.still_air_zero import ZERO_FILE
+from analysis.signals.rest import ZERO_FILE
 from flight.aircraft import Aircraft, Installation, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log

@@ -9,20 +9,18 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from analysis import log_contents
-from analysis.airdata.from_log import FlightData, flight_data
+from analysis.airdata.flight_data import FlightData, flight_data
 from analysis.drag import assumed_values
+from analysis.drag.assumed_values import with_transducer_uncertainty
 from analysis.drag.estimate import DragEstimates, estimate
-from analysis.drag.flown import check_lift, flown_condition, flown_lift
-from analysis.drag.repetition import Repetition
-from analysis.drag.thrust_coverage import thrust_coverage
-from analysis.drag.transducer_errors import with_transducer_uncertainty
-from analysis.electrical.complete_log import whole_flight
+from analysis.drag.flown import check_lift, flown_condition, flown_lift, thrust_coverage
+from analysis.drag.rerun import Repetition
+from analysis.electrical.daemon_log import whole_flight
 from analysis.log_checks.axes import check_axes
-from analysis.log_checks.log import check_log
-from analysis.log_checks.messages import check_decodable
+from analysis.log_checks.structure import check_decodable, check_log
 from analysis.log_contents import Replacements
 from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
-from analysis.maneuvers.selection import select
+from analysis.maneuvers.runs_file import select
 from analysis.performance.analysis import compute as compute_performance
 from analysis.performance.request import Request
 from analysis.planning.next_flight import next_flight
@@ -34,8 +32,13 @@ from analysis.results.provenance import provenance
 from analysis.results.schema import Results
 from analysis.results.trajectory import trajectory_result
 from analysis.trajectory.consistency import Consistency, consistency
-from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
-from analysis.trajectory.prior_conflict import conflict_notes, prior_conflict, with_misfit
+from analysis.trajectory.observability import (
+    conflict_notes,
+    prior_conflict,
+    sensor_error_estimates,
+    trajectory_notes,
+    with_misfit,
+)
 from analysis.trajectory.priors import stated_sigma
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft

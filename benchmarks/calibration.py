@@ -15,12 +15,11 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from analysis.airdata.line_calibration import find_steps, fit_lag, through
 from analysis.airdata.probe import ProbeCalibration, ProbeFlow, flow_at_probe
-from analysis.airdata.probe_fit import calibrate
-from analysis.airdata.step_test import find_steps, fit_lag, through
+from analysis.airdata.probe_calibration import TunnelData, calibrate
 from analysis.airdata.tubing import air, low_frequency_lag_s, response
-from analysis.airdata.tunnel import TunnelData
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from flight.aircraft import PneumaticLine
 from sim.sensors.probe import port_pressures
 from sim.sensors.tubing import first_order_lag, time_constant_s

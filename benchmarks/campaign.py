@@ -31,8 +31,8 @@ from mcap.records import Attachment
 from rich.console import Console
 
 from analysis.campaign.campaign import Work, run
-from analysis.campaign.flight_folders import exclusive
-from analysis.campaign.jobs import Outcome
+from analysis.campaign.folders import exclusive
+from analysis.campaign.processes import Outcome
 from analysis.cli.files_used import files_used
 from analysis.cli.one_log import Options
 from analysis.cli.several_logs import settings

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.pooling.flight_statistics import POOLED, FlightStatistics, M
 from analysis.pooling.joint import OWN_CHANGES, stacked
-from analysis.pooling.pool import PooledResult, pool
+from analysis.pooling.pooled_results import PooledResult, pool
 from sim.sensors.budget import load_budget
 
 Array = NDArray[np.float64]

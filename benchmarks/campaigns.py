@@ -34,14 +34,13 @@ from study import known_lines
 
 from analysis.airdata.probe import ProbeCalibration
 from analysis.drag import dynamic
-from analysis.drag.assumed_values import with_assumption_uncertainty
+from analysis.drag.assumed_values import with_assumption_uncertainty, with_transducer_uncertainty
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.flown import flown_condition, flown_lift
-from analysis.drag.transducer_errors import with_transducer_uncertainty
 from analysis.maneuvers.kinds import Maneuver
-from analysis.maneuvers.selection import select
+from analysis.maneuvers.runs_file import select
 from analysis.results.pooling_statistics import pooling_statistics
-from analysis.trajectory.prior_conflict import prior_conflict, with_misfit
+from analysis.trajectory.observability import prior_conflict, with_misfit
 from analysis.trajectory.priors import stated_sigma
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, Installation, load_aircraft

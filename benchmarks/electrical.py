@@ -23,7 +23,7 @@ from analysis.electrical.drag import drag_estimate
 from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
 from analysis.electrical.thrust_balance import motor_constants
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.propeller_files import load_propeller
 from sim.ardupilot_log import write_ardupilot_log

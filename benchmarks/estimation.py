@@ -22,7 +22,7 @@ from rich.table import Table
 
 from analysis.estimation import aircraft_models, filter_error, output_error, uncertainty
 from analysis.estimation.data import Segment
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from sim.figures import runs

@@ -18,10 +18,9 @@ from rich.console import Console
 from rich.table import Table
 
 from analysis.estimation import filter_error, multiple_shooting, output_error
-from analysis.estimation.data import split
+from analysis.estimation.data import band_matrix, frequencies_of, split
 from analysis.estimation.fit import Fit
-from analysis.estimation.frequency_domain import band_matrix, frequencies_of
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.recursive_fourier import RecursiveFourierRegression
 from flight.errors import InputError
 

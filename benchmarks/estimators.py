@@ -25,7 +25,7 @@ from analysis.airdata.transducers import air_data_errors
 from analysis.drag import cross_check as cross_check_module
 from analysis.drag import dynamic
 from analysis.drag.polar import Condition, Polar, power_required
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.measurements import ALPHA_PORT_SLOPE

@@ -12,14 +12,12 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 
-from analysis.airdata.air import air_data
+from analysis.airdata.air import air_data, specific_force_at_cg
 from analysis.airdata.pressure_plateaus import CHANNELS, Plateau
 from analysis.airdata.probe import ProbeCalibration
-from analysis.airdata.probe_fit import calibrate
-from analysis.airdata.rigid_body import specific_force_at_cg
+from analysis.airdata.probe_calibration import calibrate, read_tunnel
 from analysis.airdata.transducers import TransducerCalibration
 from analysis.airdata.transducers import calibrate as calibrate_transducers
-from analysis.airdata.tunnel import read_tunnel
 from analysis.signals.aircraft_size import flying_Pa, speed_scale
 from analysis.signals.rest import Zeros, rest_segments, without_zeros, zeros
 from flight.aircraft import Aircraft

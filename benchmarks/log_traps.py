@@ -15,7 +15,7 @@ from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.px4 import read_px4
 from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
 from sim.ardupilot_log import write_ardupilot_log

@@ -24,11 +24,11 @@ from rich.table import Table
 from analysis.airdata.probe import ProbeCalibration
 from analysis.drag.comparison import MethodDisagreement
 from analysis.drag.dynamic import DynamicEstimate, estimate_polar
+from analysis.drag.estimate import every_method
 from analysis.drag.flown import flown_condition, flown_lift
 from analysis.drag.method import MethodEstimate
-from analysis.drag.methods import every_method
 from analysis.drag.polar import Condition, Polar, lift_coefficient, power_required
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import LEVEL_RUNS
 from analysis.trajectory.reconstruction import reconstruct

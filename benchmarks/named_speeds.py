@@ -8,12 +8,10 @@ import numpy as np
 from analysis.drag.polar import Condition, speed_at
 from analysis.report.answers import headline_answers
 from analysis.report.field_table import loading_rows, speed_rows
-from analysis.report.figures.methods import every_method, run_by_run
-from analysis.report.figures.power import power_required
+from analysis.report.figures.power import every_method, power_required, run_by_run
 from analysis.report.sections.certainty import certainty_section
-from analysis.report.sections.curve import curve_section
-from analysis.report.sections.methods import methods_section
-from analysis.report.sections.verdict import verdict_section
+from analysis.report.sections.curve import curve_section, methods_section
+from analysis.report.sections.summary import verdict_section
 from analysis.results.schema import Results
 
 ROUNDED = 0.051  # speeds are written to a tenth of a metre per second

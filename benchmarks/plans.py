@@ -20,14 +20,13 @@ import typer
 
 from analysis.drag import dynamic
 from analysis.drag.polar import Condition, Polar, power_required
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.planning.maneuvers import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
-from analysis.planning.pieces import Pilot, Space
-from analysis.planning.questions import half_widths
+from analysis.planning.information import half_widths
+from analysis.planning.mission import simulator_plan
+from analysis.planning.pieces import Hold, Land, Maneuver, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
 from analysis.planning.search import Request, plan_flight, predicted
-from analysis.planning.simulator_plan import simulator_plan
 from analysis.planning.time_history import fly
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft

@@ -26,11 +26,10 @@ from rich.progress import track
 from rich.table import Table
 
 from analysis.drag import dynamic
-from analysis.drag.fallback import fallback
-from analysis.drag.methods import every_method
+from analysis.drag.estimate import every_method, fallback
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.drag.thrust_stand import StandReadings, ThrustStand, calibrate
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find import find
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver

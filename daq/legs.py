@@ -1,4 +1,4 @@
-"""Divides speed into legs while it is measured, as `analysis.maneuvers.legs`. A run is the changing part of a leg.
+"""Divides speed into legs while it is measured, like `analysis.maneuvers.find_level`. A run is the changing part of it.
 
 In gusts the slope of speed changes sign every few seconds within a run. A leg continues through that; it ends when
 speed has come back by a share of its value and by a share of what the leg gained.

@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from analysis.signals.synchronize import COLUMNS, NEEDED
+from analysis.signals.channels import COLUMNS, NEEDED
 from daq.attachments import Attachments, write_attachments
 from flight.aircraft import load_aircraft
 from flight.messages import TYPE_OF_TOPIC, Status

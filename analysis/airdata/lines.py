@@ -13,8 +13,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.tubing import ComplexArray, Gas, air, low_frequency_lag_s, remainder_of
-from analysis.signals.log_fields import field_of
-from analysis.signals.stretches import stretches
+from analysis.signals.channels import field_of
+from analysis.signals.smoothing import stretches
 from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
 from flight.log_reader import Log

@@ -3,6 +3,8 @@
 A T-piece connects the three to a water column, or to a syringe with a reference manometer. Each pressure is held, so
 that the log has a plateau for it: reading = offset + slope * pressure. Errors of the reference's readings act on all
 three transducers and are part of the residuals; an error of its scale shows in no residual and is given by the user.
+
+Air data as they would be if a differential pressure transducer had more hysteresis, or a zero that changes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from analysis.airdata.pressure_plateaus import CHANNELS, Plateau, in_words
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from flight.errors import InputError
 from flight.json_file import JsonFormat
 
@@ -188,3 +190,54 @@ def _why_not_supported(calibration: TransducerCalibration) -> str:
                 " for a leak, a wrong reading or a wrong order"
             )
     return ""
+
+
+SMOOTHING_S = 1.0  # noise of the electronics does not move the membrane
+AIR_DATA_CHANNELS = ("q_c_Pa", "dp_alpha_Pa")
+
+
+def with_hysteresis(air: pd.DataFrame, channel: str, fraction: float) -> pd.DataFrame:
+    """Air data (`air_data`) with hysteresis of one of CHANNELS, to first order.
+
+    fraction : width over the range of the flight. Pressure lags by half the width in the direction it came from
+    (play operator).
+    """
+    smooth = _smooth(air[channel].interpolate(limit_direction="both"), air)
+    width = fraction * float(np.ptp(smooth[air["V_mps"].notna()]))
+    return _with_change(air, channel, play(smooth.to_numpy(), width) - smooth.to_numpy())
+
+
+def with_zero_step(air: pd.DataFrame, channel: str, step_Pa: float) -> pd.DataFrame:
+    """Air data (`air_data`) with a step of the zero of one of CHANNELS [Pa] in the middle of the flight, to first
+    order: half of it too low before, half of it too high after."""
+    flying = air.index[air["V_mps"].notna()]
+    later = air.index.to_numpy() > (flying[0] + flying[-1]) / 2
+    return _with_change(air, channel, np.where(later, step_Pa / 2, -step_Pa / 2))
+
+
+def _smooth(pressure: pd.Series, air: pd.DataFrame) -> pd.Series:
+    window = max(1, round(SMOOTHING_S / float(air.index[1] - air.index[0])))
+    return pressure.rolling(window, center=True, min_periods=1).mean()
+
+
+def _with_change(air: pd.DataFrame, channel: str, change_Pa: Array) -> pd.DataFrame:
+    """Air data with a change (n,) of a pressure. Angle of attack is proportional to its pressure over dynamic
+    pressure."""
+    flying = air["V_mps"].notna()
+    q_c = _smooth(air["q_c_Pa"], air).where(flying)
+    relative = change_Pa / q_c
+    if channel == "q_c_Pa":
+        V, alpha = air["V_mps"] * (1 + relative / 2), air["alpha_rad"] * (1 - relative)
+        return air.assign(V_mps=V, qbar_Pa=air["qbar_Pa"] * (1 + relative), alpha_rad=alpha)
+    known = flying & air["alpha_rad"].notna() & q_c.notna()
+    slope, _ = np.polyfit((air["dp_alpha_Pa"] / q_c)[known], air["alpha_rad"][known], 1)
+    return air.assign(alpha_rad=air["alpha_rad"] + slope * relative)
+
+
+def play(x: Array, width: float) -> Array:
+    """The play operator over x (n,): its output follows half the width behind."""
+    y, held = np.empty_like(x), float(x[0])
+    for i, value in enumerate(x.tolist()):
+        held = min(max(held, value - width / 2), value + width / 2)
+        y[i] = held
+    return y

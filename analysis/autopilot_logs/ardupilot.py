@@ -10,8 +10,16 @@ from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.dataflash import DataflashLog
-from analysis.autopilot_logs.instances import Battery, measuring_battery, most_varying, turning_motor
-from analysis.autopilot_logs.recording import Channel, FlightRecording, channel, without_clock_jumps
+from analysis.autopilot_logs.recording import (
+    Battery,
+    Channel,
+    FlightRecording,
+    channel,
+    measuring_battery,
+    most_varying,
+    turning_motor,
+    without_clock_jumps,
+)
 from flight.errors import InputError
 
 CELSIUS = 273.15

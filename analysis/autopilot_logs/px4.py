@@ -10,8 +10,17 @@ from numpy.typing import NDArray
 from pyulog import ULog
 
 from analysis.autopilot_logs import recording
-from analysis.autopilot_logs.instances import Battery, measuring_battery, most_varying, turning_motor
-from analysis.autopilot_logs.recording import Array, Channel, FlightRecording, channel, without_clock_jumps
+from analysis.autopilot_logs.recording import (
+    Array,
+    Battery,
+    Channel,
+    FlightRecording,
+    channel,
+    measuring_battery,
+    most_varying,
+    turning_motor,
+    without_clock_jumps,
+)
 from flight.errors import InputError
 
 TOPICS = (

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from analysis.campaign.inputs import software
-from analysis.campaign.jobs import Analyze, Job, Outcome, below
+from analysis.campaign.folders import software
 from analysis.campaign.process_apart import run_apart
+from analysis.campaign.processes import Analyze, Job, Outcome, below
 from flight.errors import InputError
 
 CONNECT_S = 10

@@ -8,7 +8,7 @@ import sys
 import threading
 from pathlib import Path
 
-from analysis.campaign.jobs import Analyze, Job, Outcome, run_job
+from analysis.campaign.processes import Analyze, Job, Outcome, run_job
 
 OUTCOME = "outcome.pickle"
 

@@ -1,15 +1,105 @@
-"""Jobs on the processors of this computer: a process for each, so that memory stays flat and a crash costs one job."""
+"""One analysis among many, and how it ended.
+
+Jobs on the processors of this computer: a process for each, so that memory stays flat and a crash costs one job.
+"""
 
 import multiprocessing
 import multiprocessing.forkserver
+import os
 import signal
+import sys
+import time
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
-from analysis.campaign.jobs import Analyze, Job, Outcome, run_job
+from flight.errors import InputError
+
+Progress = Callable[[str], None]
+
+MEMORY_LIMIT_BYTES = 4 * 2**30  # of one analysis; a flight of two hours takes a quarter of it
+
+
+class Analyze(Protocol):
+    """The analysis of one log: writes its results into `folder`. It is pickled to reach other processes.
+
+    Raises InputError when the log cannot be used.
+    """
+
+    def __call__(self, log: Path, folder: Path, runs: Path | None, progress: Progress) -> None: ...
+
+    def under(self, root: Path) -> "Analyze":
+        """The same where the files that it reads were copied to the same paths below `root`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Job:
+    """An analysis to be run. name: of its folder. runs: an edited list of runs. files: others that it reads."""
+
+    name: str
+    log: Path
+    runs: Path | None = None
+    files: tuple[Path, ...] = ()
+
+
+class Outcome(NamedTuple):
+    """How a job ended: elapsed and processor time, the most memory of its process, and one line where it failed."""
+
+    error: str = ""
+    seconds: float = 0.0
+    processor_seconds: float = 0.0
+    peak_bytes: int = 0
+
+
+def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Outcome:
+    """Run one job in this process, which is its own: the memory of the process is limited. Never raises."""
+    start, processor_start = time.monotonic(), time.process_time()
+    limit_memory(MEMORY_LIMIT_BYTES)
+    error = ""
+    try:
+        analyze(job.log, folder, job.runs, progress)
+    except InputError as cause:
+        error = str(cause)
+    except MemoryError:
+        error = f"{job.log}: needs more than {MEMORY_LIMIT_BYTES / 2**30:.0f} GB of memory; analyse it alone"
+    except BaseException as cause:
+        where = traceback.extract_tb(cause.__traceback__)[-1]
+        error = (
+            f"{job.log}: {type(cause).__name__}: {cause} ({Path(where.filename).name}:{where.lineno}), an error of the"
+            " software; analyse it alone for the details, and report it"
+        )
+    seconds, processor_seconds = time.monotonic() - start, time.process_time() - processor_start
+    return Outcome(" ".join(error.splitlines()), seconds, processor_seconds, peak_bytes())
+
+
+def below(root: Path, path: Path) -> Path:
+    """An absolute path below `root`; a relative one as it is, for a process that works below `root`."""
+    return root / path.relative_to(path.anchor) if path.is_absolute() else path
+
+
+def limit_memory(limit_bytes: int) -> None:
+    """Allocations of this process beyond the limit raise MemoryError. On Linux only."""
+    if sys.platform == "linux":
+        import resource
+
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        most = limit_bytes if hard == resource.RLIM_INFINITY else min(limit_bytes, hard)
+        resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+
+
+def peak_bytes() -> int:
+    """The most memory that this process had; 0 where the system does not say."""
+    if os.name != "posix":
+        return 0
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
 
 START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 

@@ -38,10 +38,10 @@ def compare(
     if output is not None:
         check_writable(output / "report.html")
         _check_no_other_results(output / "results.json")
-    from analysis.campaign.pooled import flight_folders_of, read_results
+    from analysis.campaign.campaign import flight_folders_of, read_results
     from analysis.pooling import compare as compare_pools
     from analysis.pooling import pool_results
-    from analysis.report.write_pooled import print_comparison, write_comparison
+    from analysis.report.write import print_comparison, write_comparison
 
     pools, not_to_trust = [], []
     for folder in (a, b):
@@ -66,7 +66,7 @@ def compare(
 
 def _check_no_other_results(path: Path) -> None:
     """Raises InputError where there are results of something else, such as of a flight that is compared."""
-    from analysis.campaign.pooled import read_json
+    from analysis.campaign.campaign import read_json
     from analysis.pooling.comparison import FORMAT
 
     if path.exists() and read_json(path).get("format") != FORMAT:

@@ -16,7 +16,7 @@ from flight.log_reader import Log
 
 if TYPE_CHECKING:
     from analysis.autopilot_logs.recording import FlightRecording
-    from analysis.electrical.flown_aircraft import FlownAircraft
+    from analysis.electrical.estimate import FlownAircraft
     from analysis.results.schema import Results
     from flight.propeller import Propeller
 
@@ -82,7 +82,7 @@ class OrdinaryFlight:
 
     def analyze_autopilot_log(self, firmware: str, progress: Progress) -> Done:
         """Write the report of a log of PX4 or ArduPilot. Raises InputError."""
-        from analysis.electrical.flown_aircraft import flown_aircraft
+        from analysis.electrical.estimate import flown_aircraft
 
         given = load_aircraft(self.aircraft) if self.aircraft else None
         flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
@@ -91,8 +91,8 @@ class OrdinaryFlight:
     def analyze_daemon_log(self, log: Log, progress: Progress) -> Done:
         """Write the report of a log of the daemon. Raises InputError."""
         from analysis.electrical.daemon_log import recording_of
-        from analysis.electrical.flown_aircraft import flown_aircraft
-        from analysis.log_checks.messages import check_lacking
+        from analysis.electrical.estimate import flown_aircraft
+        from analysis.log_checks.structure import check_lacking
         from analysis.log_contents import propeller_of
 
         check_lacking(log)

@@ -118,8 +118,8 @@ def replacements(options: Options) -> "Replacements":
     from analysis.airdata.transducers import TRANSDUCERS_FILE
     from analysis.drag.thrust_stand import THRUST_STAND_FILE
     from analysis.log_contents import Replacements
-    from analysis.maneuvers import toml_file
-    from analysis.signals.still_air_zero import ZERO_FILE
+    from analysis.maneuvers import runs_file as toml_file
+    from analysis.signals.rest import ZERO_FILE
 
     if options.runs:
         toml_file.load(options.runs)  # a wrong one is refused before anything is computed

@@ -143,23 +143,22 @@ def plan(
     folder = output or Path(f"plan-{flown.name}")
     check_writable(folder / "plan.toml")
 
-    from analysis.planning import earlier
+    from analysis.planning import information
     from analysis.planning.card import card
     from analysis.planning.expected_aircraft import expected_aircraft
-    from analysis.planning.mission import Home, qgroundcontrol_plan, waypoint_file
+    from analysis.planning.mission import Home, qgroundcontrol_plan, simulator_plan, waypoint_file
     from analysis.planning.pieces import Pilot, Space
     from analysis.planning.search import Request, plan_flight
-    from analysis.planning.simulator_plan import simulator_plan
 
-    results = [earlier.read_results(path) for path in after or []]
-    expected = expected_aircraft(flown, height_m, A=earlier.polar(results), stall_mps=stall_mps)
+    results = [information.read_results(path) for path in after or []]
+    expected = expected_aircraft(flown, height_m, A=information.polar(results), stall_mps=stall_mps)
     request = Request(
         minutes,
         wind_kt,
         Space(leg_m or PILOTS[pilot], height_m, inf if side_m is None else side_m),
         Pilot(pilot == "autopilot", load - 1),
         asked,
-        earlier.information(results),
+        information.information(results),
     )
     made = plan_flight(expected, request)
     files = {
@@ -187,7 +186,7 @@ def _place(text: str) -> tuple[float, float]:
 
 
 def _print(made: "FlightPlan", folder: Path, files: list[str], *, stall_given: bool) -> None:
-    from analysis.planning import texts
+    from analysis.planning import card as texts
 
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"Plan for {made.question.title}: {made.seconds / 60:.1f} min, {made.request.wind_kt:g} kt")

@@ -13,9 +13,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from analysis.campaign.campaign import Campaign, Work, run
-from analysis.campaign.flight_folders import exclusive
-from analysis.campaign.jobs import Outcome, below
-from analysis.campaign.jobs import Progress as Step
+from analysis.campaign.folders import exclusive
+from analysis.campaign.processes import Outcome, below
+from analysis.campaign.processes import Progress as Step
 from analysis.cli.files_used import files_used
 from analysis.cli.one_log import Options, analyze_log, replacements
 from flight.command_line import FAILURE
@@ -82,7 +82,7 @@ def analyze_logs(
 
 
 def _load_report() -> None:
-    for module in ("analysis.campaign.pooled", "analysis.pooling", "analysis.report.write_pooled"):
+    for module in ("analysis.campaign.campaign", "analysis.pooling", "analysis.report.write"):
         importlib.import_module(module)
 
 
@@ -92,9 +92,9 @@ def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> lis
     Raises InputError when they cannot be pooled.
     """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
-        from analysis.campaign.pooled import read_results
+        from analysis.campaign.campaign import read_results
         from analysis.pooling import pool_results
-        from analysis.report.write_pooled import print_pooled, write_electrical_flights, write_pooled
+        from analysis.report.write import print_pooled, write_electrical_flights, write_pooled
 
         page, found = output / "report.html", read_results(campaign.folders)
         if not found.to_pool and not found.electrical:

@@ -1,11 +1,34 @@
-"""What every method's covariance of the drag polar (A0, A1, A2) has to contain."""
+"""What every method's covariance of the drag polar (A0, A1, A2) has to contain.
+
+Errors that no residual of the flight shows: consider terms (Schmidt 1966; Tapley et al. 2004, ch. 6).
+
+Each has a size that the user gives in [uncertainty] of the aircraft file, or its default there. The estimate is
+repeated with each error of one standard deviation, and the outer product of its change is added to the covariance.
+
+Noise of the polar by errors of the reconstructed states and by what remains of the residuals without them.
+
+The residuals of the runs contain the errors of the states: their slow part is hardly anything else. The covariance by
+residuals and that by errors of the states must therefore not simply be added. The latter is propagated exactly. The
+spectrum that errors of the states have in the residuals is estimated from random draws, and subtracted from the
+spectrum of the residuals.
+"""
+
+from collections.abc import Callable
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
+from scipy import fft
 
+from analysis.drag.forces import FlightForces
 from analysis.drag.polar import Polar
 from analysis.estimation import uncertainty
-from analysis.estimation.output_error import Fit
+from analysis.estimation.colored_residuals import Autoregression, noise_spectrum, score_covariance, spectrum_order
+from analysis.estimation.data import Segment
+from analysis.estimation.fit import Fit
+from analysis.estimation.model import NamedValues
+from analysis.trajectory.reconstruction import Trajectory
+from flight.aircraft import Aircraft
 
 Array = NDArray[np.float64]
 # Intervals in still air have the right coverage without any floor.
@@ -37,3 +60,142 @@ def polar_of(fit: Fit) -> Polar:
     """The drag polar of a fit with parameters A0, A1, A2; its covariance contains noise and floor."""
     where = [fit.names.index(name) for name in ("A0", "A1", "A2")]
     return Polar(fit.values[where], of_noise(fit)[np.ix_(where, where)] + floor())
+
+
+UPDRAFT, WEIGHT, DENSITY = "updraft", "weight", "air density"  # names of these errors
+
+
+def changes(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> dict[str, Array]:
+    """By error, UPDRAFT and WEIGHT, the change of an estimate (m,) of A0, A1, A2 and others.
+
+    values_of : the estimate from forces, `values` from the nominal ones
+    """
+    aircraft = flight_forces.aircraft
+    in_still_air = values_of(without_updraft(flight_forces.nominal, aircraft))
+    of_heavier = values_of(heavier(flight_forces).nominal)
+    return {UPDRAFT: in_still_air - values, WEIGHT: at_nominal_weight(of_heavier, aircraft) - values}
+
+
+def without_updraft(forces: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
+    """Forces as in still air, if the air rose by one standard deviation. forces: of `FlightForces.forces`.
+
+    Air that rises by w carries the aircraft: drag is larger than measured by lift times w/V.
+    """
+    return forces.assign(CD=forces["CD"] + forces["CL"] * aircraft.uncertainty.updraft_mps / forces["V"])
+
+
+def heavier(flight_forces: FlightForces) -> FlightForces:
+    """The forces of the aircraft `weighing_more`."""
+    return FlightForces(flight_forces.trajectory, weighing_more(flight_forces.aircraft), flight_forces.propeller)
+
+
+def weighing_more(aircraft: Aircraft) -> Aircraft:
+    """The aircraft heavier by one standard deviation of its weight."""
+    return aircraft.weighing(_factor(aircraft) * aircraft.mass.weight_N)
+
+
+def at_nominal_weight(values: Array, aircraft: Aircraft) -> Array:
+    """An estimate (m,) of A0, A1, A2 and others for `weighing_more`, so that it gives the same power at each speed.
+
+    The lift coefficient at a speed is larger by the same factor as the weight.
+    """
+    factor = _factor(aircraft)
+    return values * np.concatenate([[1.0, factor, factor**2], np.ones(len(values) - 3)])
+
+
+def by_density(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> Array:
+    """Change of an estimate (m,) by a measured density that is one standard deviation too high, at right airspeeds.
+
+    Airspeed from dynamic pressure is too low by half of it. That is an error of the airspeed scale of this flight, and
+    is estimated as such.
+    """
+    return values_of(denser(flight_forces).nominal) - values
+
+
+def denser(flight_forces: FlightForces) -> FlightForces:
+    """The forces in air that is denser by one standard deviation."""
+    f = flight_forces
+    return FlightForces(f.trajectory, f.aircraft, f.propeller, density_factor=_density_factor(f.aircraft))
+
+
+def at_nominal_density(values: Array, aircraft: Aircraft) -> Array:
+    """An estimate (m,) of A0, A1, A2 and others in `denser` air, so that it gives the same power at each speed.
+
+    Dynamic pressure at a speed is larger by the factor of the density, the lift coefficient smaller.
+    """
+    factor = _density_factor(aircraft)
+    return values * np.concatenate([[factor, 1.0, 1 / factor], np.ones(len(values) - 3)])
+
+
+def airspeed_scale_by_density(aircraft: Aircraft) -> float:
+    """Change of the estimated airspeed scale by a density that is one standard deviation too high."""
+    return -aircraft.uncertainty.air_density_fraction / 2
+
+
+def _density_factor(aircraft: Aircraft) -> float:
+    return 1 + aircraft.uncertainty.air_density_fraction
+
+
+def _factor(aircraft: Aircraft) -> float:
+    return 1 + aircraft.uncertainty.weight_fraction
+
+
+STATE_STEP = 1e-4  # of the derivatives by the states [rad], [m/s]
+
+
+def noise_covariance(fit: Fit, trajectory: Trajectory, segments_along: Callable[[Array], list[Segment]]) -> Array:
+    """Covariance (m, m) of a fit with one output by errors of the states and by other noise.
+
+    segments_along: the segments of the fit along states (n, nx) other than the most probable ones.
+    """
+    return _by_states(fit, trajectory, segments_along) + _by_rest(fit, trajectory, segments_along)
+
+
+def _by_states(fit: Fit, trajectory: Trajectory, segments_along: Callable[[Array], list[Segment]]) -> Array:
+    """Covariance (m, m) by the errors of the states for given sensor errors, propagated to first order."""
+    states, t_s = trajectory.states.to_numpy(), trajectory.states.index.to_numpy()
+    gradient = np.zeros((*states.shape, len(fit.names)))
+    for i, step in enumerate(STATE_STEP * np.eye(states.shape[1])):
+        for change, segment_fit in zip(_changes(fit, segments_along(states + step)), fit.segment_fits, strict=True):
+            rows = np.searchsorted(t_s, segment_fit.segment.t_s)
+            by_state = change[:, None] * segment_fit.white.S[:, 0] / STATE_STEP
+            gradient[rows[:, None], i, segment_fit.columns] = by_state
+    D = fit.covariance
+    return np.asarray(D @ trajectory.states_given_errors.covariance_of(gradient) @ D)
+
+
+def _by_rest(fit: Fit, trajectory: Trajectory, segments_along: Callable[[Array], list[Segment]]) -> Array:
+    """Covariance (m, m) by the residuals, less what errors of the states explain of these.
+
+    Per parameter it is at least that by the white part of the rest, as in `covariance.of_noise`.
+    """
+    states = trajectory.states.to_numpy()
+    changes = [change for draw in trajectory.draws for change in _changes(fit, segments_along(states + draw))]
+    samples, order = sum(len(change) for change in changes), spectrum_order(fit)
+    gamma = np.zeros((order, 1, 1))
+    for change in changes:
+        for lag in range(min(order, len(change))):
+            gamma[lag] += change[lag:] @ change[: len(change) - lag] / samples
+    size = fft.next_fast_len(4 * max(len(segment_fit.segment) for segment_fit in fit.segment_fits))
+    of_residuals = noise_spectrum(fit, size).real
+    rest = of_residuals
+    if gamma[0, 0, 0] > 0:
+        rest = np.maximum(of_residuals - Autoregression.fitted(gamma, samples).spectrum(size).real, 0.0)
+    D = fit.covariance
+    prior = D @ fit.prior_information @ D
+    colored = D @ score_covariance(fit, rest.astype(complex), size) @ D + prior
+    white = D @ (fit.information * rest.mean() / of_residuals.mean()) @ D + prior
+    scale = np.sqrt(np.maximum(1.0, np.diag(white) / np.diag(colored)))
+    return np.asarray(colored * np.outer(scale, scale))
+
+
+def _changes(fit: Fit, segments: list[Segment]) -> list[Array]:
+    """Change of the whitened residuals (n,) by segment, 0 where a sample is missing."""
+    (output,), p = fit.model.outputs, fit.shared()
+    sigma = float(np.sqrt(fit.noise_covariance[0, 0]))
+    residuals = fit.residuals
+    changes = []
+    for segment in segments:
+        (modelled,) = fit.model.output_function(NamedValues("state", {}), NamedValues("input", segment.u), p)
+        changes.append(np.nan_to_num(segment.z[output] - modelled - residuals[segment.name][:, 0]) / sigma)
+    return changes

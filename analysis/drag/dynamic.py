@@ -21,12 +21,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag import consider
-from analysis.drag.doubts import doubts
+from analysis.drag import covariance as consider
+from analysis.drag.covariance import noise_covariance
 from analysis.drag.forces import J_REFERENCE, FlightForces
 from analysis.drag.joint_estimate import JointEstimate, joint_estimate
 from analysis.drag.polar import Polar
-from analysis.drag.state_errors import noise_covariance
+from analysis.drag.rejected_assumptions import doubts
 from analysis.drag.thrust_prior import THRUST, stand_measurements
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment

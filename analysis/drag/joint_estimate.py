@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drag.consider import DENSITY
+from analysis.drag.covariance import DENSITY
 from analysis.estimation.model import PriorMeasurement
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_MEAN

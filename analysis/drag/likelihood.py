@@ -22,7 +22,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
-from analysis.drag.cross_check_data import priors, segments_of
+from analysis.drag.cross_check import priors, segments_of
 from analysis.drag.forces import J_REFERENCE
 from analysis.drag.method import MethodDescription, MethodEstimate
 from analysis.drag.polar import Polar
@@ -32,7 +32,7 @@ from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import NamedValues
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
-from analysis.signals.gaps import without_gaps
+from analysis.signals.smoothing import without_gaps
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aerodynamics import stability_axes

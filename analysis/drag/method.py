@@ -89,7 +89,7 @@ class MethodEstimate:
     notes: tuple[str, ...] = ()
 
 
-def estimate(method: Method, inputs: MethodInputs) -> MethodEstimate:
+def estimate_with(method: Method, inputs: MethodInputs) -> MethodEstimate:
     """A method's estimate. Where the flight lacks something it needs, the estimate has no polar but a note."""
     try:
         return _estimate(method, inputs)

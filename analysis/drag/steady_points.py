@@ -2,6 +2,15 @@
 
 Speed comes from the trajectory, power from the uncorrected propeller table: a difference between these points and the
 dynamic method shows a wrong table.
+
+PIW-VIW: power and speed made independent of weight and density, from steady level points (2.1)-(2.6).
+
+PIW VIW = m0 VIW^4 + b0 is a straight line only for a polar with least drag at zero lift; a CL_minD adds a term
+m1 VIW^2. Both forms are linear in the polar: m0 = rho_sl S A0/2, m1 = W_s A1, b0 = 2 W_s^2 A2/(rho_sl S).
+
+W/delta: drag and weight over the pressure ratio form one curve over Mach number, from steady level points (2.11).
+
+The low-subsonic form (2.13) is the same in speed and temperature; both lack a CL_minD.
 """
 
 import math
@@ -13,10 +22,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.method import Method, SteadyPoint
-from analysis.drag.regression import TWO_TERM, PointRegression
+from analysis.drag.regression import THREE_TERM, TWO_TERM, PointRegression
 from analysis.drag.sensor_errors import CAUSES
 from analysis.maneuvers.kinds import STEADY, Maneuver
 from flight.aircraft import Aircraft
+from flight.atmosphere import GAS_CONSTANT_AIR, SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
 
@@ -160,3 +170,49 @@ def steady_method(
         points=steady_points,
         two_term=terms is TWO_TERM,
     )
+
+
+def piw_viw(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
+    """PIW (2.5) [W] and VIW (2.3) [m/s], each (n,), for the aircraft's standard weight at sea level."""
+    sigma, w = points.rho / SEA_LEVEL_DENSITY, points.lift_N / aircraft.mass.standard_weight_N
+    return points.power_W * np.sqrt(sigma) / w**1.5, points.V * np.sqrt(sigma / w)
+
+
+def _piw_viw_regression(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
+    PIW, VIW = piw_viw(points, aircraft)
+    S, Ws = aircraft.geometry.wing_area_m2, aircraft.mass.standard_weight_N
+    q = SEA_LEVEL_DENSITY * S / 2
+    return np.stack([q * VIW**4, Ws * VIW**2, np.full_like(VIW, Ws**2 / q)], axis=1), PIW * VIW
+
+
+PIW_VIW_THREE = steady_method(
+    "piw-viw", "PIW-VIW, three terms", "(2.1)-(2.6) with the term in VIW^2", THREE_TERM, _piw_viw_regression
+)
+PIW_VIW_TWO = steady_method("piw-viw-two-term", "PIW-VIW, two terms", "(2.1)-(2.6)", TWO_TERM, _piw_viw_regression)
+
+
+GAMMA = 1.4  # ratio of specific heats of air
+
+
+def _w_delta_regression(points: SteadyMeans, qS_over_delta_N: Array) -> tuple[Array, Array]:
+    """D/delta = A0 (q S/delta) + A2 (W/delta)^2 / (q S/delta)."""
+    delta = points.static_Pa / SEA_LEVEL_PRESSURE_PA
+    lift_over_delta = points.lift_N / delta
+    X = np.stack([qS_over_delta_N, lift_over_delta, lift_over_delta**2 / qS_over_delta_N], axis=1)
+    return X, points.power_W / points.V / delta
+
+
+def mach_form(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
+    """(2.11): over Mach number."""
+    M = points.V / np.sqrt(GAMMA * GAS_CONSTANT_AIR * points.temperature_K)
+    return _w_delta_regression(points, GAMMA * SEA_LEVEL_PRESSURE_PA * M**2 * aircraft.geometry.wing_area_m2 / 2)
+
+
+def speed_form(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
+    """(2.13): over true airspeed and temperature."""
+    q_over_delta_Pa = SEA_LEVEL_PRESSURE_PA * points.V**2 / (2 * GAS_CONSTANT_AIR * points.temperature_K)
+    return _w_delta_regression(points, q_over_delta_Pa * aircraft.geometry.wing_area_m2)
+
+
+W_DELTA = steady_method("w-delta", "W/δ", "(2.11)", TWO_TERM, mach_form)
+W_DELTA_SLOW = steady_method("w-delta-low-subsonic", "W/δ, low-subsonic", "(2.13)", TWO_TERM, speed_form)

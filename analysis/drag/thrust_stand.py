@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from flight.aircraft import Aircraft
 from flight.atmosphere import density
 from flight.errors import InputError

@@ -1,13 +1,34 @@
-"""A log of the daemon as the recording of an ordinary flight, for what needs neither flow angles nor motor speed."""
+"""A log of the daemon as the recording of an ordinary flight, for what needs neither flow angles nor motor speed.
+
+What the energy of the whole flight gives for a complete log: its electrical curve, and one more drag polar.
+
+The balance is that of an ordinary flight, with longer windows and fewer samples: it costs little beside the rest.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.polynomial import polyfit
+from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
-from analysis.signals.log_fields import samples
-from analysis.signals.synchronize import NEEDED
+from analysis.drag.method import MethodDescription, MethodEstimate
+from analysis.drag.polar import Polar
+from analysis.drag.thrust_prior import stand_measurements
+from analysis.electrical.drag import DragEstimate, drag_estimate
+from analysis.electrical.energy_balance import FlightConditions, drag_power
+from analysis.electrical.estimate import ElectricalEstimate, estimate
+from analysis.electrical.fit import derivatives
+from analysis.electrical.flight_table import flight_table
+from analysis.electrical.thrust_balance import aerodynamics
+from analysis.signals.channels import NEEDED, samples
+from flight.aircraft import Aircraft
+from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES
 from flight.log_reader import Log
+from flight.propeller import Propeller
+from flight.units import GRAVITY_MPS2 as g
 
 CHANNELS = {
     recording.AIRSPEED_PRESSURE: ("/probe/airspeed", "differential_pressure_Pa"),
@@ -39,3 +60,74 @@ def recording_of(log: Log) -> FlightRecording:
     missing = ", ".join(topic for topic in NEEDED if not log.entries.get(topic))
     note = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
     return FlightRecording(log.path, channels, {"/static": air}, (note, NOTE), zeroed=False)
+
+
+Array = NDArray[np.float64]
+
+MOST_WINDOWS, MOST_POINTS = 100, 200
+EVERY = 3  # sample of the flight's table
+LIFT_POINTS = 31  # of the quadratic polar through that with a term of fourth order
+
+WHOLE_FLIGHT = MethodDescription(
+    name="whole-flight",
+    title="energy, whole flight",
+    equations="(2.23)-(2.26)",
+    kinds=(),
+    taken_as_measured=(),
+)
+
+
+class WholeFlight(NamedTuple):
+    """electrical : None where the log has no battery, or its flight does not determine the curve"""
+
+    electrical: ElectricalEstimate | None
+    method: MethodEstimate
+
+
+def whole_flight(log: Log, aircraft: Aircraft, propeller: Propeller) -> WholeFlight:
+    """The electrical curve and the drag polar of a complete log, or a note of what is missing."""
+    if not log.entries.get("/battery"):
+        return WholeFlight(None, MethodEstimate(WHOLE_FLIGHT, notes=("the log has no voltage and current",)))
+    weight_N, geometry = aircraft.mass.weight_N, aircraft.geometry
+    electrical: ElectricalEstimate | None = None
+    try:
+        recording = recording_of(log)
+        flight = flight_table(recording, weight_N, geometry.wing_area_m2).thinned(EVERY)
+        electrical = estimate(
+            flight, weight_N, geometry.wing_area_m2, geometry.span_m, str(log.path),
+            most_windows=MOST_WINDOWS, most_points=MOST_POINTS,
+        )  # fmt: skip
+        drag: DragEstimate | str = drag_estimate(
+            flight,
+            electrical,
+            geometry.span_m,
+            propeller,
+            None,
+            aircraft.uncertainty,
+            MOST_WINDOWS,
+            stand_measurements(aircraft),
+        )
+    except InputError as error:
+        drag = str(error).removeprefix(f"{log.path}: ")
+    if isinstance(drag, str):
+        return WholeFlight(electrical, MethodEstimate(WHOLE_FLIGHT, notes=(drag,)))
+    return WholeFlight(electrical, method_estimate(drag))
+
+
+def method_estimate(drag: DragEstimate) -> MethodEstimate:
+    """The quadratic polar over the lift coefficients of the curve, with its covariance."""
+    c = drag.conditions
+    V = np.linspace(drag.V_mps[-1], drag.V_mps[0], LIFT_POINTS)
+    qS = c.rho * V**2 / 2 * c.wing_area_m2
+    CL = c.mass_kg * g / qS
+
+    def polar(parameters: Array, given: FlightConditions) -> Array:
+        CD = drag_power(V, 1.0, 0.0, aerodynamics(parameters), given) / (qS * V)
+        return np.asarray(polyfit(CL, CD, 2))
+
+    gradient, effects = derivatives(polar, drag.parameters, drag.parameter_covariance, drag.shared, c)
+    noise, systematic = gradient.T @ drag.parameter_covariance @ gradient, effects.T @ effects
+    A = polar(drag.parameters, c)
+    return MethodEstimate(
+        WHOLE_FLIGHT, Polar(A, noise + systematic), noise, systematic, flown_CL=(float(CL[0]), float(CL[-1]))
+    )

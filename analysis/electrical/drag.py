@@ -20,7 +20,7 @@ from analysis.electrical.fit import (
 from analysis.electrical.flight_table import FlightTable
 from analysis.electrical.thrust_balance import PARAMETERS, MotorConstants, ThrustBalance, aerodynamics
 from analysis.estimation.model import PriorMeasurement
-from analysis.performance.propeller_speed import revps_for_thrust
+from analysis.performance.power_train import revps_for_thrust
 from flight.aircraft import Uncertainty
 from flight.propeller import Propeller
 

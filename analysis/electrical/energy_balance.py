@@ -1,4 +1,17 @@
-"""Energy balance of an ordinary flight (2.23)-(2.26): P eta = D V + dE/dt, averaged over windows.
+"""Efficiency from battery to propeller thrust for an unknown motor and propeller.
+
+Propellers are alike when efficiency is drawn against V (rho D^2 / P)^(1/3) = J / c_P^(1/3), relative to its maximum:
+the APC 10x5E and 12x8E agree with the form below within 0.02 up to the maximum. Beyond it they differ, and so the fall
+is a parameter. The unknown diameter and the motor's losses are in the two scales.
+
+Covariance of the energy balance's residuals.
+
+Air rising at w does the work m g w per second, and a gust u along the path changes the kinetic energy relative to the
+air by m V u. Both are first-order noise, averaged by the balance's windows. The efficiency is not exactly a function of
+its argument; that error is in proportion to the useful power. The balance with the accelerometer has the same motion of
+the air with the opposite sign, and the errors of an angle of attack that follows from C_L.
+
+Energy balance of an ordinary flight (2.23)-(2.26): P eta = D V + dE/dt, averaged over windows.
 
 P is the motor's electrical power, eta its efficiency to thrust, E = m (g h + V^2/2). The derivative is moved to the
 window's weight (integration by parts), so nothing noisy is differentiated. C_L comes from the accelerometer.
@@ -13,11 +26,89 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.electrical import propulsion
-from analysis.electrical.air_motion import Windows
 from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
+
+RISE_EXPONENT = 2.3
+
+
+def advance(V: Array, power_W: Array, rho: Array | float) -> Array:
+    """V (rho / P)^(1/3), proportional to J / c_P^(1/3) [m^(-2/3)]."""
+    return np.asarray(V * np.cbrt(rho / np.maximum(power_W, 1e-3)))
+
+
+def efficiency(x: Array, maximum: float, x_at_maximum: float, fall: float) -> Array:
+    """Thrust times airspeed over the motor's electrical power; zero where the propeller no longer pulls."""
+    u = x / x_at_maximum
+    rising = 1 - np.abs(1 - np.minimum(u, 1.0)) ** RISE_EXPONENT
+    falling = 1 - fall * (np.maximum(u, 1.0) - 1) ** 2
+    return np.asarray(maximum * np.maximum(np.where(u < 1, rising, falling), 0.0))
+
+
+def idling(x: Array, x_at_maximum: float, fall: float) -> Array:
+    """How far the propeller idles: 0 where it pulls, 1 where it hardly takes power."""
+    zero_thrust = 1 + 1 / np.sqrt(fall)
+    return np.asarray(np.clip((x / x_at_maximum - zero_thrust) / zero_thrust, 0.0, 1.0))
+
+
+LONGITUDINAL_RATIO = 1.0  # standard deviation of u over that of w
+EFFICIENCY_SHARE, EFFICIENCY_S = 0.05, 10.0  # error of the efficiency's form, and how long it lasts
+LEAST_W = 1.0  # standard deviation of a window's power, uncorrelated
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of one shape. centers_s : (n,)     offsets_s, weight, slope : (k,) weight and its derivative in a window,
+    each summing with the step to averages"""
+
+    centers_s: Array
+    offsets_s: Array
+    weight: Array
+    slope: Array
+
+
+def by_air(windows: Windows, mass_kg: float, V_mps: float, sigma_w_mps: float, time_s: float) -> Array:
+    """Covariance (n, n) [W^2] by vertical and longitudinal air motion of this size and correlation time."""
+    lags = _lags(windows)
+    vertical = (mass_kg * g * sigma_w_mps) ** 2 * _at_lags(lags, windows, windows.weight, time_s)
+    along = (mass_kg * V_mps * LONGITUDINAL_RATIO * sigma_w_mps) ** 2 * _at_lags(lags, windows, windows.slope, time_s)
+    return np.asarray(vertical + along)
+
+
+def by_efficiency(windows: Windows, useful_W: Array) -> Array:
+    """Covariance (n, n) [W^2] by the form of the efficiency."""
+    return np.asarray(EFFICIENCY_SHARE**2 * np.outer(useful_W, useful_W) * np.exp(-_lags(windows) / EFFICIENCY_S))
+
+
+def by_angle(windows: Windows, mass_kg: float, V_mps: Array, sigma_rad: float, time_s: float) -> Array:
+    """Covariance (n, n) [W^2] by errors of the angle of attack, at the airspeeds V_mps (n,) of the windows."""
+    lift_W = mass_kg * g * V_mps * sigma_rad
+    return np.asarray(np.outer(lift_W, lift_W) * _at_lags(_lags(windows), windows, windows.weight, time_s))
+
+
+def uncorrelated(windows: Windows) -> Array:
+    return np.asarray(LEAST_W**2 * np.eye(len(windows.centers_s)))
+
+
+def of_both(air: Array, of_drag: Array, of_force: Array) -> Array:
+    """Covariance (2 n, 2 n) of both balances: the air's motion with opposite signs, and what only one contains."""
+    return np.block([[air + of_drag, -air], [-air, air + of_force]])
+
+
+def _lags(windows: Windows) -> Array:
+    return np.asarray(np.abs(windows.centers_s[:, None] - windows.centers_s))
+
+
+def _at_lags(lags: Array, windows: Windows, weight: Array, time_s: float) -> Array:
+    """Covariance of two weighted means of first-order noise of variance 1, whose windows are `lags` apart."""
+    step = float(windows.offsets_s[1] - windows.offsets_s[0])
+    overlap = np.convolve(weight, weight[::-1])  # sum over the pairs of offsets with one difference
+    differences = step * (np.arange(len(overlap)) - len(weight) + 1)
+    beyond = np.arange(0.0, windows.offsets_s[-1] * 2 + 6 * time_s + step, step)
+    values = np.exp(-np.abs(beyond[:, None] + differences) / time_s) @ overlap
+    return np.asarray(np.interp(lags, beyond, values, right=0.0))
+
 
 WINDOW_S, LEAST_STEP_S, MOST_WINDOWS = 8.0, 2.0, 400
 GREATEST_POWER_W, POWER_POINTS = 1e5, 600
@@ -103,7 +194,7 @@ class EnergyBalance:
         centers_s = samples.t_s[self._rows[:, count // 2]]
         self.windows = Windows(centers_s, offsets_s, weight / weight.sum(), slope)
         self.V_mps, self.power_W = self._mean(samples.V_mps), self._mean(samples.power_W)
-        self._x = propulsion.advance(samples.V_mps, self._motor_power(conditions), conditions.rho)
+        self._x = advance(samples.V_mps, self._motor_power(conditions), conditions.rho)
 
     def residual(
         self, parameters: Array, samples: Samples | None = None, given: FlightConditions | None = None
@@ -138,9 +229,9 @@ class EnergyBalance:
 
     def _drag_and_useful_W(self, parameters: Array, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
         p, motor = DragAndEfficiency.of(parameters), self._motor_power(c)
-        x = propulsion.advance(s.V_mps, motor, c.rho)
-        useful = motor * propulsion.efficiency(x, p.efficiency, p.x_at_maximum, p.fall)
-        idle = propulsion.idling(x, p.x_at_maximum, p.fall)
+        x = advance(s.V_mps, motor, c.rho)
+        useful = motor * efficiency(x, p.efficiency, p.x_at_maximum, p.fall)
+        idle = idling(x, p.x_at_maximum, p.fall)
         return drag_power(s.V_mps, s.load_factor, idle, p, c), useful
 
     def _mean(self, values: Array) -> Array:
@@ -170,8 +261,8 @@ def level_power(V: Array, parameters: Array, c: FlightConditions) -> Array:
     p = DragAndEfficiency.of(parameters)
     drag_W = drag_power(V, 1.0, 0.0, p, c)
     motor = np.geomspace(LEAST_POWER_W, GREATEST_POWER_W, POWER_POINTS)
-    x = propulsion.advance(V[:, None], motor, c.rho)
-    surplus = motor * propulsion.efficiency(x, p.efficiency, p.x_at_maximum, p.fall) - drag_W[:, None]
+    x = advance(V[:, None], motor, c.rho)
+    surplus = motor * efficiency(x, p.efficiency, p.x_at_maximum, p.fall) - drag_W[:, None]
     enough = surplus >= 0
     first = np.maximum(np.argmax(enough, axis=1), 1)
     at = np.arange(len(V))

@@ -7,18 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
-from analysis.electrical.air_motion import (
+from analysis.electrical.airspeed_gps import AirspeedErrors, most_probable, true_airspeed
+from analysis.electrical.energy_balance import (
+    EnergyBalance,
+    FlightConditions,
+    Samples,
     by_air,
     by_angle,
     by_efficiency,
     of_both,
     uncorrelated,
 )
-from analysis.electrical.airspeed_gps import AirspeedErrors, true_airspeed
-from analysis.electrical.correlated import most_probable
-from analysis.electrical.energy_balance import EnergyBalance, FlightConditions, Samples
 from analysis.electrical.flight_table import FlightTable
-from analysis.signals.gaps import without_gaps
+from analysis.signals.smoothing import without_gaps
 
 Array = NDArray[np.float64]
 SharedErrors = list[tuple[Array, FlightConditions]]

@@ -18,7 +18,7 @@ from analysis.electrical.energy_balance import (
     Samples,
     drag_power,
 )
-from analysis.signals.stretches import stretches
+from analysis.signals.smoothing import stretches
 from flight.aircraft import Propulsion
 from flight.propeller import Propeller
 

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation import output_error
-from analysis.estimation.data import Segment
-from analysis.estimation.frequency_domain import Band
+from analysis.estimation.data import Band, Segment
 from analysis.estimation.model import Model, NamedValues
 from analysis.estimation.problem import inputs_of, measurements_of
 from analysis.estimation.simulation import InputRule

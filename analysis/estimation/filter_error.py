@@ -30,7 +30,6 @@ from analysis.estimation.hints import innovation_hints
 from analysis.estimation.innovations import InnovationsLikelihood, not_finite
 from analysis.estimation.kalman_filter import build_filter
 from analysis.estimation.model import Model
-from analysis.estimation.noise_start import noise_from_predictions
 from analysis.estimation.optimizer import Evaluation, make_fit, maximize
 from analysis.estimation.problem import Problem, as_segments, free_names
 from analysis.estimation.process_noise import (
@@ -39,6 +38,7 @@ from analysis.estimation.process_noise import (
     check_noise,
     intensity_of,
     logarithm,
+    noise_from_predictions,
     noise_unknowns,
 )
 from analysis.estimation.process_noise import ProcessNoise as ProcessNoise

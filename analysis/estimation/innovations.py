@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.fit import SegmentFit
-from analysis.estimation.intervals import NORMAL_95
 from analysis.estimation.kalman_filter import Innovations, KalmanFilter
-from analysis.estimation.noise import Whitened
+from analysis.estimation.noise import NORMAL_95, Whitened
 from analysis.estimation.optimizer import Evaluation, nowhere
 from analysis.estimation.problem import Problem
 from analysis.estimation.process_noise import ProcessNoise

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
-from analysis.estimation.frequency_domain import frequencies_of
+from analysis.estimation.data import frequencies_of
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

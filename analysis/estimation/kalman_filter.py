@@ -20,14 +20,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.model import Model
+from analysis.estimation.model import Model, check_symbols, not_differentiable
 from analysis.estimation.simulation import (
     INPUT_RULES,
     INTEGRATORS,
     InputRule,
     Integrator,
 )
-from analysis.estimation.symbolic_checks import check_symbols, not_differentiable
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

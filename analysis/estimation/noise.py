@@ -3,6 +3,8 @@
 R (outputs, outputs) is the covariance of one sample's noise, diagonal or full. With `tail_dof` the noise of each output
 follows Student's t distribution instead of the normal one, which gives outliers a small weight; R then holds the
 squared scales (Lange, Little & Taylor 1989, J. Am. Stat. Assoc. 84, 881).
+
+The factor of 95 % confidence intervals.
 """
 
 from dataclasses import dataclass
@@ -112,3 +114,6 @@ def _patterns(present: NDArray[np.bool_]) -> list[tuple[NDArray[np.bool_], NDArr
 def information_factor(tail_dof: float | None) -> float:
     """Fisher information of one sample about its mean, relative to R^-1: (dof + 1)/(dof + 3) for t noise, else 1."""
     return 1.0 if tail_dof is None else (tail_dof + 1) / (tail_dof + 3)
+
+
+NORMAL_95 = 1.959964  # half width of the central 95 % of a normal distribution, in standard deviations

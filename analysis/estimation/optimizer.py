@@ -11,8 +11,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.collinearity import collinearities
 from analysis.estimation.fit import Fit, FitStatus, ParameterEstimate, SegmentFit, Verdict
+from analysis.estimation.hints import collinearities
 from analysis.estimation.problem import Problem
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from analysis.estimation.fit import Fit, SegmentFit
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from analysis.estimation import linear_recursion
 from analysis.estimation.array_function import ArrayFunction
-from analysis.estimation.delays import delayed
-from analysis.estimation.model import Model
-from analysis.estimation.symbolic_checks import check_symbols, has_branches, not_differentiable
+from analysis.estimation.data import delayed
+from analysis.estimation.model import Model, check_symbols, has_branches, not_differentiable
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.data import Segment
-from analysis.estimation.frequency_domain import Band, frequencies_of, transform
+from analysis.estimation.data import Band, Segment, frequencies_of, transform
 from analysis.estimation.model import Model, NamedValues, Parameter
 from flight.errors import InputError
 

@@ -9,15 +9,14 @@ import pandas as pd
 from analysis.airdata.magnetometer import MAGNETOMETER_FILE
 from analysis.airdata.probe import PROBE_FILE
 from analysis.exports import KINDS
-from analysis.exports.derived_log import write_derived_log
-from analysis.exports.files import WRITERS
-from analysis.exports.tables import tables_of
+from analysis.exports.derived import write_derived_log
+from analysis.exports.tables import WRITERS, tables_of
 from analysis.log_contents import LogContents, Replacements, contents
-from analysis.maneuvers import toml_file
+from analysis.maneuvers import runs_file as toml_file
 from analysis.pipeline import Analysis
 from analysis.pipeline import analyze as run_pipeline
 from analysis.results.schema import Results
-from analysis.signals.still_air_zero import ZERO_FILE
+from analysis.signals.rest import ZERO_FILE
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log, read_log

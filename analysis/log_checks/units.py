@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.log_fields import field_of, is_good, times_ns, values
+from analysis.signals.channels import field_of, is_good, times_ns, values
 from flight.errors import InputError
 from flight.log_reader import Log
 from flight.units import GRAVITY_MPS2

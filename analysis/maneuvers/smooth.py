@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.signals.local_polynomial import local_quadratic
-from analysis.signals.stretches import stretches
+from analysis.signals.smoothing import local_quadratic, stretches
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]

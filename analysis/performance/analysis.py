@@ -12,21 +12,31 @@ from analysis.drag.estimate import DragEstimates
 from analysis.drag.forces import FlightForces
 from analysis.drag.polar import Condition, speed_at
 from analysis.drag.thrust_prior import THRUST
-from analysis.performance.assumed_motor import ASSUMED_MOTOR, motor_is_known, with_assumed_motor
-from analysis.performance.available import (
+from analysis.performance.full_throttle import (
     SERVICE_CLIMB_MPS,
+    FullThrottle,
     FullThrottlePerformance,
     ceilings_m,
+    fit_full_throttle,
     full_throttle_performance,
 )
-from analysis.performance.balance import incidence
-from analysis.performance.conditions import FlownCondition, TitledCondition, requested_conditions
-from analysis.performance.endurance_range import Optimum, longest_endurance, longest_range
-from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
-from analysis.performance.level_flight import LevelFlight, level_flight
-from analysis.performance.power_train import PowerTrainModel, fit_power_train
+from analysis.performance.level_flight import (
+    LevelFlight,
+    Optimum,
+    incidence,
+    level_flight,
+    longest_endurance,
+    longest_range,
+)
+from analysis.performance.power_train import (
+    ASSUMED_MOTOR,
+    PowerTrainModel,
+    fit_power_train,
+    motor_is_known,
+    with_assumed_motor,
+)
 from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, combine_independent
-from analysis.performance.request import Request
+from analysis.performance.request import FlownCondition, Request, TitledCondition, requested_conditions
 from analysis.signals.aircraft_size import LEAST_HEIGHT_M, SPEED_SCALE
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft

@@ -1,22 +1,91 @@
-"""Level flight at a weight and density: from speed to thrust, speed of rotation, shaft power and battery power.
+"""Balance of forces in steady flight, with the part of the weight that thrust carries.
+
+L + T sin(alpha) = W cos(gamma) and T cos(alpha) = D + W sin(gamma): (3.21) and (3.22) without accelerations. Power
+required is D V at L = W by its definition (1.3). The thrust of level flight and the climb at full throttle follow from
+the balance here.
+
+The angle of attack is a straight line over C_L, fitted by `incidence` and taken as exact: a quarter of a degree changes
+a climb by 0.1 %.
+
+Units: thrust and drag in N, V in m/s, angles in rad.
+
+Level flight at a weight and density: from speed to thrust, speed of rotation, shaft power and battery power.
 
 In level flight drag determines thrust (see `balance`), thrust and speed determine the speed of rotation, that the shaft
 power, and that the battery power.
+
+Longest endurance and longest range with a battery, at one weight and density, in still air.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.polar import Condition, lift_coefficient
-from analysis.performance.balance import drag, level_thrust
-from analysis.performance.power_train import PowerTrainModel
-from analysis.performance.propagation import SigmaPoints, UncertainValue, from_sigma_points
-from analysis.performance.propeller_speed import revps_for_thrust
+from analysis.performance.power_train import PowerTrainModel, revps_for_thrust
+from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, exact, from_sigma_points
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
+
+ITERATIONS = 6  # each changes the result by a tenth of the change before
+FEWEST_BLOCKS = 20
+STEEPEST_SINE = 0.99  # of the angle of climb
+
+
+def incidence(data: pd.DataFrame) -> ParameterVector:
+    """alpha_0 and alpha_CL of alpha [rad] = alpha_0 + alpha_CL C_L, fitted to the flight.
+
+    data : columns CL, alpha, covered (inside the propeller's table, well above the ground); NaN gaps. With fewer than
+    FEWEST_BLOCKS rows both are zero: thrust along the flight path.
+    """
+    flown = data.loc[data["covered"], ["CL", "alpha"]].dropna()
+    if len(flown) < FEWEST_BLOCKS:
+        return exact(alpha_0=0.0, alpha_CL=0.0)
+    slope, offset = np.polyfit(flown["CL"], flown["alpha"], 1)
+    return exact(alpha_0=float(offset), alpha_CL=float(slope))
+
+
+def drag(parameters: SigmaPoints, V: Array, CL: Array, condition: Condition) -> Array:
+    """Drag [N] of the polar at V (k,) [m/s] and C_L, (2m + 1, k). parameters : A0, A1, A2"""
+    return _qS(V, condition) * (parameters["A0"] + parameters["A1"] * CL + parameters["A2"] * CL**2)
+
+
+def level_thrust(parameters: SigmaPoints, V: Array, condition: Condition) -> Array:
+    """Thrust [N] of level flight at V (k,) [m/s], (2m + 1, k). parameters : A0, A1, A2, alpha_0, alpha_CL
+
+    1/cos(alpha) makes it larger than drag; the weight that it carries reduces lift, and with it drag.
+    """
+    carried_N = np.zeros(1)
+    for _ in range(ITERATIONS):
+        CL = (condition.weight_N - carried_N) / _qS(V, condition)
+        alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
+        thrust_N = drag(parameters, V, CL, condition) / np.cos(alpha)
+        carried_N = thrust_N * np.sin(alpha)
+    return thrust_N
+
+
+def climb_angle(parameters: SigmaPoints, thrust_N: Array, V: Array, condition: Condition) -> tuple[Array, Array]:
+    """sin(gamma), and thrust along the flight path [N], each (2m + 1, k), at V (k,) [m/s].
+
+    parameters : A0, A1, A2, alpha_0, alpha_CL     thrust_N : (2m + 1, k), along the propeller's axis
+    """
+    carried_N, sine = np.zeros(1), np.zeros(1)
+    for _ in range(ITERATIONS):
+        CL = (condition.weight_N * np.sqrt(1 - sine**2) - carried_N) / _qS(V, condition)
+        alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
+        along_path_N, carried_N = thrust_N * np.cos(alpha), thrust_N * np.sin(alpha)
+        excess_N = along_path_N - drag(parameters, V, CL, condition)
+        sine = np.clip(excess_N / condition.weight_N, -STEEPEST_SINE, STEEPEST_SINE)
+    return sine, along_path_N
+
+
+def _qS(V: Array, condition: Condition) -> Array:
+    """Dynamic pressure times wing area [N]."""
+    return condition.rho * V**2 / 2 * condition.wing_area_m2
+
 
 ROUNDING = 1e-9  # of a lift coefficient: the ends of the flown range count as inside
 
@@ -73,3 +142,60 @@ def level_flight(
         inside=covered & flown,
         battery_at_sigma_points=battery_W,
     )
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The best speed among those of a `LevelFlight`.
+
+    speed_mps : the best speed     best : endurance [s] or range [m] there     power_W : from the battery there
+    at_slowest, at_fastest : the best speed lies at that end     inside : as `LevelFlight.inside` there
+    """
+
+    speed_mps: UncertainValue
+    best: UncertainValue
+    power_W: UncertainValue
+    at_slowest: bool
+    at_fastest: bool
+    inside: bool
+
+
+def longest_endurance(flight: LevelFlight, energy_J: float, sustained: NDArray[np.bool_]) -> Optimum:
+    """The speed of longest endurance. energy_J : from the battery     sustained : (k,) speeds to choose from"""
+    return _optimum(flight, sustained, energy_J / flight.battery_at_sigma_points)
+
+
+def longest_range(flight: LevelFlight, energy_J: float, sustained: NDArray[np.bool_]) -> Optimum:
+    """The speed of longest range. energy_J : from the battery     sustained : (k,) speeds to choose from"""
+    return _optimum(flight, sustained, energy_J / flight.battery_at_sigma_points * flight.V)
+
+
+def _optimum(flight: LevelFlight, sustained: NDArray[np.bool_], objective: Array) -> Optimum:
+    """Where the objective (2m + 1, k) is largest.
+
+    Every sigma point has its own optimum: the value there is known better than the speed.
+    """
+    maxima = [_maximum(flight.V, values) for values in np.where(sustained, objective, np.nan)]
+    speed, best = (from_sigma_points(values) for values in zip(*maxima, strict=True))
+    power_W = [np.interp(float(speed.value), flight.V, values) for values in flight.battery_at_sigma_points]
+    margin = 1.01 * (flight.V[1] - flight.V[0])
+    return Optimum(
+        speed_mps=speed,
+        best=best,
+        power_W=from_sigma_points(power_W),
+        at_slowest=bool(speed.value <= flight.V[0] + margin),
+        at_fastest=bool(speed.value >= flight.V[-1] - margin),
+        inside=bool(flight.inside[np.argmin(np.abs(flight.V - speed.value))]),
+    )
+
+
+def _maximum(x: Array, y: Array) -> tuple[float, float]:
+    """Place and height of the maximum, by a parabola through the highest point and its neighbors."""
+    if np.isnan(y).all():
+        return np.nan, np.nan
+    i = int(np.nanargmax(y))
+    if i in (0, len(x) - 1) or not np.isfinite(y[i - 1 : i + 2]).all():
+        return float(x[i]), float(y[i])
+    before, after = y[i - 1] - y[i], y[i + 1] - y[i]
+    shift = (before - after) / (2 * (before + after)) if before + after < 0 else 0.0
+    return float(x[i] + shift * (x[1] - x[0])), float(y[i] + (after - before) * shift / 4)

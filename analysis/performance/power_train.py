@@ -1,12 +1,23 @@
-"""Losses between propeller shaft and battery: motor and speed controller, fitted to slow stretches of a flight.
+"""The propeller's speed of rotation: at a given thrust, and at full throttle.
+
+Thrust is the table's times 1 + thrust_scale + thrust_slope (J - J_REFERENCE), the correction that the dynamic method
+estimates in flight. Units: V in m/s, n in rev/s, thrust in N, shaft power in W, torque in N m, rho in kg/m^3.
+
+Losses between propeller shaft and battery: motor and speed controller, fitted to slow stretches of a flight.
 
 Shaft power comes from the speed of rotation and the propeller's table (3.48). Where the log has voltage and current of
 the battery, the losses are fitted to them. Where it has not, they are those of the aircraft file's motor, with wide
 standard errors, and `basis` says so.
 
 Units: power in W, thrust in N, torque in N m, V in m/s, n in rev/s.
+
+The motor and battery that stand in where the aircraft file does not describe them.
+
+Of a motor that fits its propeller a tenth of the highest power goes into friction and iron, and a tenth into copper;
+losses have wide priors anyway (`power_train`), and battery data in the log replace them.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,16 +26,88 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
+from analysis.drag.forces import J_REFERENCE
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.performance.propagation import ParameterVector, SigmaPoints, combine_independent
-from analysis.performance.propeller_speed import corrected_thrust
-from analysis.signals.stretches import stretches
+from analysis.signals.smoothing import stretches
+from flight.aircraft import Propulsion
 from flight.complete_aircraft import CompletePropulsion
-from flight.propeller import Propeller
+from flight.propeller import Propeller, PropellerModel
 
 Array = NDArray[np.float64]
+Floats = float | Array
+
+# The bisection ends at 0.001 rev/s; linear interpolation does the rest.
+BISECTIONS = 18
+
+
+def corrected_thrust(
+    propeller: Propeller, V: Array, n: Array, rho: Floats, *, thrust_scale: Floats, thrust_slope: Floats
+) -> Array:
+    """Thrust [N] of the table with the correction estimated in flight, elementwise."""
+    thrust_N, _ = propeller.thrust_and_power(V, n, rho)
+    J = V / (n * propeller.diameter_m)
+    corrected: Array = thrust_N * (1 + thrust_scale + thrust_slope * (J - J_REFERENCE))
+    return corrected
+
+
+def revps_for_thrust(
+    propeller: Propeller,
+    V: Floats,
+    thrust_N: Floats,
+    rho: Floats,
+    *,
+    thrust_scale: Floats = 0.0,
+    thrust_slope: Floats = 0.0,
+) -> Array:
+    """The speed of rotation [rev/s] at which the propeller gives a thrust [N] above zero, elementwise.
+
+    NaN where five times the speed of rotation of zero thrust does not give it.
+    """
+    V, thrust_N = np.broadcast_arrays(np.asarray(V, dtype=float), np.asarray(thrust_N, dtype=float))
+    slowest: Array = V / (3 * propeller.diameter_m)  # J = 3: beyond zero thrust of any model propeller
+
+    def excess(n: Array) -> Array:
+        given_N = corrected_thrust(propeller, V, n, rho, thrust_scale=thrust_scale, thrust_slope=thrust_slope)
+        return given_N - thrust_N
+
+    return _root(excess, slowest, 15 * slowest + 100.0)
+
+
+def full_throttle_revps(
+    propeller: Propeller, V: Floats, rho: Floats, *, unloaded_revps: Floats, revps_per_Nm: Floats
+) -> Array:
+    """The speed of rotation [rev/s] at full throttle, elementwise.
+
+    It solves n = n_0 - n_Q Q(V, n) with n_0 = unloaded_revps, n_Q = revps_per_Nm and the propeller's torque Q [N m].
+    """
+    V, unloaded_revps = np.asarray(V, dtype=float), np.asarray(unloaded_revps, dtype=float)
+    shape = np.broadcast_shapes(V.shape, np.shape(rho), unloaded_revps.shape)
+
+    def excess(n: Array) -> Array:
+        _, shaft_W = propeller.thrust_and_power(V, n, rho)
+        difference: Array = n + revps_per_Nm * shaft_W / (2 * np.pi * n) - unloaded_revps
+        return difference
+
+    return _root(excess, np.full(shape, 1.0), np.broadcast_to(1.5 * unloaded_revps, shape).astype(float))
+
+
+def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """The zero of a rising function between low and high, elementwise; NaN where it is not above zero at high."""
+    found = excess(high) > 0
+    low, high = np.broadcast_arrays(low, high)
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        above = excess(middle) > 0
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    at_low, at_high = excess(low), excess(high)
+    rise = at_high - at_low
+    no_root = np.where(high > low, np.nan, 0.0)  # a constant excess has none; bounds that have met are the root
+    beyond = np.divide((high - low) * at_low, rise, out=no_root, where=rise != 0)
+    return np.where(found, low - beyond, np.nan)
+
 
 # Standard deviations of the priors. Two sources of one propeller differ by 10 % in cP (docs/propellers.md). A motor's
 # constants leave out the speed controller and half of the iron and bearing losses. Current sensors of autopilots are
@@ -200,3 +283,52 @@ def _efficiencies(
                 )
             )
     return efficiencies
+
+
+FRICTION_SHARE, COPPER_SHARE = 0.1, 0.1  # of the highest shaft power of the flight
+UNLOADED_OVER_HIGHEST = 1.25  # speed of rotation without load over the highest flown
+REFERENCE_INERTIA_KGM2, REFERENCE_DIAMETER_M = 9e-5, 0.305  # of a propeller of 12 in with the motor's bell
+MOTOR = ("motor_kv_rpm_per_volt", "motor_resistance_ohm", "motor_no_load_current_A")
+ASSUMED_MOTOR = (
+    "assumed, because the aircraft file lacks motor_kv_rpm_per_volt, motor_resistance or motor_no_load_current; with"
+    " them, or with battery voltage and current in the log, the intervals would be narrower"
+)
+
+
+def motor_is_known(propulsion: Propulsion) -> bool:
+    """Whether the aircraft file has the three constants of the motor."""
+    return all(getattr(propulsion, name) is not None for name in MOTOR)
+
+
+def with_assumed_motor(propulsion: Propulsion, data: pd.DataFrame, propeller: PropellerModel) -> CompletePropulsion:
+    """The power train of the aircraft file, with assumptions for what it lacks.
+
+    data : columns V [m/s], n [rev/s], rho [kg/m^3], covered (by the propeller's table)
+    """
+    voltage = propulsion.battery_voltage_V or 10.0  # any will do for losses in watts
+    assumed: dict[str, float] = {"battery_voltage_V": voltage, "battery_resistance_ohm": 0.0}
+    assumed["propeller_inertia_kgm2"] = REFERENCE_INERTIA_KGM2 * (propeller.diameter_m / REFERENCE_DIAMETER_M) ** 5
+    if not motor_is_known(propulsion):
+        power_W, n = _highest_power(data, propeller)
+        unloaded_revps = UNLOADED_OVER_HIGHEST * n
+        k = voltage / (2 * np.pi * unloaded_revps)  # N m/A and V s/rad
+        torque_Nm = power_W / (2 * np.pi * n)
+        assumed["motor_kv_rpm_per_volt"] = 60 * unloaded_revps / voltage
+        assumed["motor_no_load_current_A"] = FRICTION_SHARE * power_W / (2 * np.pi * n * k)
+        assumed["motor_resistance_ohm"] = COPPER_SHARE * power_W * (k / torque_Nm) ** 2
+    known = {name: value for name, value in vars(propulsion).items() if value is not None}
+    if not motor_is_known(propulsion):  # one constant says little without the others
+        known = {name: value for name, value in known.items() if name not in MOTOR}
+    unused = {"propeller": "", "max_rpm": 0.0, "pole_pairs": 1, "battery_energy_Wh": 0.0}
+    return CompletePropulsion(**{**unused, **assumed, **known})
+
+
+def _highest_power(data: pd.DataFrame, propeller: PropellerModel) -> tuple[float, float]:
+    """Highest shaft power of the flight by the propeller's table [W], and its speed of rotation [rev/s]."""
+    turning = data[data["covered"] & (data["n"] > SLOWEST_REVPS)]
+    if turning.empty:
+        return 100.0, 100.0
+    V, n, rho = (turning[name].to_numpy() for name in ("V", "n", "rho"))
+    _, shaft_W = propeller.thrust_and_power(V, n, rho)
+    i = int(np.nanargmax(shaft_W))
+    return float(shaft_W[i]), float(n[i])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 
 Array = NDArray[np.float64]
 SigmaPoints = dict[str, Array]  # by name of the parameter, each (2m + 1, 1)

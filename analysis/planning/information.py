@@ -1,34 +1,163 @@
-"""The expected covariance of a flight before it is flown: the estimator's equations, linearized along that flight.
+"""What a plan takes from earlier flights: drag, and information about the sensor errors of the installation.
+
+What a plan is to answer, as the half width that it makes small.
+
+The expected covariance of a flight before it is flown: the estimator's equations, linearized along that flight.
 
 The covariance of the sensor errors, the sensitivity of the trajectory and the random errors of the states are those of
 `analysis.trajectory`, at the gust intensity expected; drag is regressed as in `analysis.drag.dynamic`, and its noise is
-that of `analysis.drag.state_errors`: by errors of the states, and by what else the residuals contain. The latter is
+that of `analysis.drag.covariance`: by errors of the states, and by what else the residuals contain. The latter is
 taken as white, of the size that flights of this kind have shown.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag import consider
+from analysis.drag import covariance as consider
+from analysis.drag.covariance import STATE_STEP
 from analysis.drag.forces import J_REFERENCE, FlightForces
-from analysis.drag.state_errors import STATE_STEP
+from analysis.drag.polar import Condition, Polar, best_range_lift, minimum_power_lift, power_required, speed_at
 from analysis.drag.thrust_prior import stand_information
+from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import Maneuver
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.time_history import TimeHistory
+from analysis.results.schema import FORMAT, Results
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
+from analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power
+from analysis.trajectory.observability import TITLES
 from analysis.trajectory.priors import stated_sigma
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import DRAWS, Trajectory
-from analysis.trajectory.slow_gusts import Estimate, planned_ratios, with_slow_power
 from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
+from flight.errors import InputError
+from flight.json_file import JsonFormat, json_object_text
 
 Array = NDArray[np.float64]
+
+
+def read_results(path: Path) -> Results:
+    """A results.json. Raises InputError when it is something else."""
+    of = "results of `analyze`"
+    return JsonFormat(Results, (FORMAT,), of).parsed(json_object_text(path, of), str(path))
+
+
+def polar(results: Sequence[Results]) -> Array | None:
+    """A0, A1, A2 of the last flight that has a drag polar; None without one."""
+    known = [found.drag_polar for found in results if found.drag_polar is not None]
+    return np.array([known[-1].A0, known[-1].A1, known[-1].A2]) if known else None
+
+
+def information(results: Sequence[Results]) -> Array | None:
+    """Information (m, m) of the flights about the errors that stay with the installation; None without any.
+
+    What each flight knew beyond the prior, each error by itself: results.json has no correlations.
+    """
+    total = np.zeros((len(SENSOR_ERRORS), len(SENSOR_ERRORS)))
+    for found in results:
+        if found.path is None:
+            raise InputError(f"{found.log}: these results have no sensor errors, so a plan cannot begin with them")
+        for error in found.path.sensor_errors:
+            if error.name in INSTALLATION:
+                i, factor = SENSOR_ERRORS.index(error.name), TITLES[error.name][1]
+                gained = (factor / error.standard_error) ** 2 - (factor / error.assumed_sigma) ** 2
+                total[i, i] += max(gained, 0.0)
+    return total if results else None
+
+
+SPEEDS = 5
+INSTALLATION = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")  # common to two flights of a day
+MEAN_SHARE = 0.1  # of the mean over speeds, beside the worst speed
+
+
+class Covariances(NamedTuple):
+    """Of the sensor errors (m, m), and of A0, A1, A2 (3, 3): by noise, and by consider terms and floor.
+
+    shared : (3, m) derivative of A0, A1, A2 by the sensor errors
+    """
+
+    errors: Array
+    noise: Array
+    fixed: Array
+    shared: Array
+
+    @property
+    def polar(self) -> Array:
+        """Covariance of A0, A1, A2."""
+        return np.asarray(self.noise + self.fixed + self.shared @ self.errors @ self.shared.T)
+
+
+class Question(NamedTuple):
+    """speeds: where half widths are told [m/s]. cost: what the plan makes small [%]."""
+
+    name: str
+    title: str
+    speeds: Array
+    cost: Callable[[Covariances], float]
+    half_widths: Callable[[Covariances], Array]  # in % of power, at `speeds`
+
+
+QUESTION_TITLES = {
+    "curve": "the whole power curve",
+    "endurance": "power at the speed of longest endurance",
+    "range": "power at the speed of longest range",
+    "propellers": "the difference of two propellers, flown one after the other",
+    "probe": "the calibration of the probe",
+}
+
+
+def question(name: str, expected: ExpectedAircraft, slowest_mps: float, fastest_mps: float) -> Question:
+    """One of TITLES, for the speeds that are planned."""
+    V = np.linspace(slowest_mps, fastest_mps, SPEEDS)
+    center = {"endurance": minimum_power_lift, "range": best_range_lift}.get(name)
+    if center is not None:
+        best = float(np.clip(speed_at(center(expected.A), condition(expected)), slowest_mps, fastest_mps))
+        V = np.unique(np.clip(best * np.array([0.95, 1.0, 1.05]), slowest_mps, fastest_mps))
+
+    def widths_of(found: Covariances) -> Array:
+        return half_widths(_of_difference(found) if name == "propellers" else found, expected, V)
+
+    def cost(found: Covariances) -> float:
+        if name == "probe":
+            return _probe_cost(found.errors)
+        widths = widths_of(found)
+        return float(np.max(widths) + MEAN_SHARE * np.mean(widths))
+
+    return Question(name, QUESTION_TITLES[name], V, cost, widths_of)
+
+
+def condition(expected: ExpectedAircraft) -> Condition:
+    """Weight and density of the flight."""
+    return Condition(expected.aircraft.mass.weight_N, expected.rho, expected.aircraft.geometry.wing_area_m2)
+
+
+def half_widths(found: Covariances, expected: ExpectedAircraft, V: Array) -> Array:
+    """Half widths of the 95 % interval of power [%] at speeds V (n,) [m/s]."""
+    power, sigma = power_required(V, Polar(expected.A, found.polar), condition(expected))
+    return np.asarray(100 * NORMAL_95 * sigma / power)
+
+
+def _of_difference(found: Covariances) -> Covariances:
+    """Of the difference of two flights like this: errors of the installation are the same in both."""
+    errors = found.errors.copy()
+    same = [SENSOR_ERRORS.index(error) for error in INSTALLATION]
+    errors[same] = errors[:, same] = 0.0
+    return found._replace(errors=2 * errors, noise=2 * found.noise, fixed=0 * found.fixed)
+
+
+def _probe_cost(errors: Array) -> float:
+    """95 % half widths of offset [0.1 deg], slope [%] and airspeed scale [%], the root of their mean square."""
+    i = [SENSOR_ERRORS.index(name) for name in ("alpha_bias", "alpha_scale", "V_scale")]
+    sigma = np.sqrt(np.diag(errors)[i]) * np.array([10 * np.degrees(1), 100, 100])
+    return float(NORMAL_95 * np.sqrt(np.mean(sigma**2)))
+
 
 VERTICAL_OVER_W20 = 0.1  # sigma_w over the wind 20 ft above the ground (MIL-F-8785C sec. 3.7.3.4)
 # Residuals of drag over mass, means over 0.2 s, in simulated flights: gusts [m/s, 1 sigma], residuals [m/s^2]. Errors

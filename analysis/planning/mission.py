@@ -4,15 +4,20 @@ Format: docs.qgroundcontrol.com, Plan File Format (version 1, mission version 2)
 MAV_CMD_DO_CHANGE_SPEED (airspeed), legs end at waypoints, circles are MAV_CMD_NAV_LOITER_TURNS. A run is a leg with a
 changed speed: an autopilot moves the throttle as its own speed controller does, not along a ramp. Porpoising is left
 out.
+
+A flight plan as TOML for `sim fly --plan`.
 """
 
 import json
+from collections.abc import Sequence
 from math import asin, atan2, cos, degrees, pi, radians, sin
 from typing import NamedTuple
 
-from analysis.planning.maneuvers import Hold, Porpoise, Run, TakeOff, Turn
-from analysis.planning.pieces import HELD_MARGIN, slowest_mps
-from analysis.planning.search import FlightPlan
+from analysis.planning.expected_aircraft import ExpectedAircraft
+from analysis.planning.information import QUESTION_TITLES
+from analysis.planning.pieces import HELD_MARGIN, Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn, slowest_mps
+from analysis.planning.search import KNOT_MPS, FlightPlan, Request
+from analysis.planning.time_history import GROUND_HEIGHT_M, WIND_FROM_RAD, climb_rate_mps
 
 EARTH_RADIUS_M = 6371000.0
 RELATIVE_ALT, MISSION_FRAME = 3, 2  # MAV_FRAME
@@ -158,3 +163,81 @@ def _fence(plan: FlightPlan, home: Home) -> dict[str, object]:
         _place(home, along, across) for along, across in ((half, side), (half, -side), (-half, -side), (-half, side))
     ]
     return {"inclusion": True, "polygon": [list(corner) for corner in corners], "version": 1}
+
+
+FIRST_ELEVATOR_DEG = 8.0
+
+
+def simulator_plan(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request: Request) -> str:
+    """The text of the file, in the wind and the turbulence that the plan was made for."""
+    kt = request.wind_kt
+    lines = [
+        f'title = "Planned for {QUESTION_TITLES[request.question]}, {request.minutes:g} min"',
+        "",
+        "[air]",
+        f'wind = "{kt * KNOT_MPS:.2f} m/s"',
+        f'wind_from = "{degrees(WIND_FROM_RAD) % 360:.0f} deg"',
+        f'turbulence = "{kt * KNOT_MPS:.3f} m/s"',
+    ]
+    for maneuver in maneuvers:
+        for segment in _segments(maneuver, aircraft, request.space.height_m):
+            lines += ["", "[[segment]]", *(f"{key} = {_value(value)}" for key, value in segment.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: object) -> str:
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+def _segments(maneuver: Maneuver, aircraft: ExpectedAircraft, height_m: float) -> list[dict[str, object]]:
+    rate_mps = climb_rate_mps(aircraft)
+
+    def climb(to_m: float, speed_mps: float) -> dict[str, object]:
+        return {
+            "kind": "climb",
+            "height": f"{to_m:g} m",
+            "climb": f"{rate_mps:.2f} m/s",
+            "speed": f"{speed_mps:.2f} m/s",
+        }
+
+    match maneuver:
+        case Stand(duration_s):
+            return [{"kind": "stand", "duration": f"{duration_s:g} s"}]
+        case TakeOff(speed_mps):
+            return [{"kind": "take-off"}, climb(height_m, speed_mps)]
+        case Hold(duration_s, speed_mps):
+            return [{"kind": "hold", "duration": f"{duration_s:.1f} s", "speed": f"{speed_mps:.2f} m/s"}]
+        case Turn(speed_mps, angle_rad, bank_rad):
+            return [
+                {
+                    "kind": "turn",
+                    "angle": f"{degrees(angle_rad):.0f} deg",
+                    "bank": f"{degrees(bank_rad):.0f} deg",
+                    "speed": f"{speed_mps:.2f} m/s",
+                }
+            ]
+        case Run():
+            return [
+                {
+                    "kind": "run",
+                    "throttle": maneuver.throttle,
+                    "ramp": f"{maneuver.ramp_s:g} s",
+                    "longest": f"{maneuver.longest_s:g} s",
+                    "speed": f"{maneuver.until_mps:.2f} m/s",
+                }
+            ]
+        case Porpoise():
+            return [
+                {
+                    "kind": "porpoise",
+                    "duration": f"{maneuver.duration_s:.1f} s",
+                    "speed": f"{maneuver.speed_mps:.2f} m/s",
+                    "elevator": f"{FIRST_ELEVATOR_DEG:g} deg",
+                    "load": round(maneuver.load, 3),
+                    "first_period": f"{maneuver.first_period_s:g} s",
+                    "last_period": f"{maneuver.last_period_s:g} s",
+                }
+            ]
+        case Land(speed_mps):
+            return [climb(min(GROUND_HEIGHT_M, height_m), speed_mps), {"kind": "land"}]
+    raise AssertionError(maneuver)

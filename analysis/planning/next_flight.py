@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import GUSTY_MPS, MATTERS
 from analysis.trajectory.reconstruction import Trajectory

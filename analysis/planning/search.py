@@ -15,10 +15,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
-from analysis.planning.information import VERTICAL_OVER_W20, Expected, expected, sensor_error_covariance
-from analysis.planning.maneuvers import Maneuver
-from analysis.planning.pieces import FASTEST_SHARE, Piece, Pilot, Space, catalogue, full_throttle, sequence, slowest_mps
-from analysis.planning.questions import Covariances, Question, question
+from analysis.planning.information import (
+    VERTICAL_OVER_W20,
+    Covariances,
+    Expected,
+    Question,
+    expected,
+    question,
+    sensor_error_covariance,
+)
+from analysis.planning.pieces import (
+    FASTEST_SHARE,
+    Maneuver,
+    Piece,
+    Pilot,
+    Space,
+    catalogue,
+    full_throttle,
+    sequence,
+    slowest_mps,
+)
 from analysis.planning.time_history import STEP_S, TimeHistory, fly
 from analysis.trajectory.reconstruction import LEAST_GUST_MPS
 from flight.errors import InputError

@@ -12,10 +12,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
-from analysis.planning.maneuvers import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
+from analysis.planning.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
 from analysis.signals.aircraft_size import SPEED_SCALE, speed_scale
 from analysis.trajectory import dryden
-from analysis.trajectory.sensor_noise import BENCH_SIGMA
+from analysis.trajectory.priors import BENCH_SIGMA
 from flight import motion
 from flight.units import GRAVITY_MPS2 as g
 

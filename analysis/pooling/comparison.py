@@ -15,9 +15,9 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
-from analysis.drag import covariance, doubts
+from analysis.drag import covariance, rejected_assumptions
 from analysis.drag.polar import Condition, Polar, power_required, speed_at
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.pooling.agreement import Test, quadratic_form
 from analysis.pooling.flight_statistics import POLAR, THRUST, M
 from analysis.pooling.joint import Group, Prior, shared_prior, solve
@@ -187,7 +187,9 @@ def _joint_polars(
 
     def cancels(error: str) -> bool:
         """Whether this error, which no residual shows, is the same in A and in B."""
-        return error != doubts.SHAPE and (same_propeller if error == doubts.THRUST else same_installation)
+        return error != rejected_assumptions.SHAPE and (
+            same_propeller if error == rejected_assumptions.THRUST else same_installation
+        )
 
     changes_b = {name if cancels(name) else f"{name}, B": change for name, change in b.stack.changes.items()}
     stack_b = b.stack._replace(changes=changes_b)

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drag.consider import DENSITY, UPDRAFT
-from analysis.drag.transducer_errors import ZERO_STEPS
+from analysis.drag.assumed_values import ZERO_STEPS
+from analysis.drag.covariance import DENSITY, UPDRAFT
 from analysis.pooling.flight_statistics import INSTALLATION, POOLED, FlightStatistics, M
 
 Array = NDArray[np.float64]

@@ -5,11 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.airdata.probe import ProbeCalibration
-from analysis.airdata.speed_dependence import SpeedDependence, speed_dependence
-from analysis.airdata.tunnel import TunnelData, dynamic_pressure
+from analysis.airdata.probe_calibration import SpeedDependence, TunnelData, dynamic_pressure, speed_dependence
 from analysis.report.figures import probe_calibration as figures
-from analysis.report.figures.figure import Figure
-from analysis.report.figures.style import Array
+from analysis.report.figures.style import Array, Figure
 from analysis.report.html_page import HtmlTable, html_figure, render_page
 
 DEG = float(np.degrees(1.0))

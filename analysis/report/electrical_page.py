@@ -14,8 +14,8 @@ from analysis.files import write_file
 from analysis.report.answers import HeadlineAnswer, interval_text, optimum_speed_text
 from analysis.report.figures import electrical as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
-from analysis.report.sections.autopilot import autopilot_section
-from analysis.report.sections.provenance import electrical_facts
+from analysis.report.sections.flight import electrical_facts
+from analysis.report.sections.performance import autopilot_section
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
 from analysis.results.schema import ElectricalResult, Results, SpeedInterval

@@ -12,8 +12,7 @@ import msgspec
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from analysis.report.figures.figure import Figure
-from analysis.report.figures.style import ON_DARK
+from analysis.report.figures.style import ON_DARK, Figure
 
 PLOTLY = "plotly-basic.min.js"
 

@@ -1,20 +1,66 @@
-"""The report page: its sections and figures put into the template `report.html`."""
+"""All figures of the report page of an analysis.
+
+The report page: its sections and figures put into the template `report.html`.
+"""
 
 from collections.abc import Mapping, Sequence
 
-from analysis.report.figures.figure import Figure
+from analysis.pipeline import Analysis
+from analysis.report.figures import flight, power
+from analysis.report.figures import flight as estimation
+from analysis.report.figures import flight as residuals
+from analysis.report.figures import power as methods
+from analysis.report.figures import power as performance
+from analysis.report.figures.style import Figure
 from analysis.report.html_page import html_figure, render_page
-from analysis.report.sections.autopilot import autopilot_section
 from analysis.report.sections.certainty import certainty_section
-from analysis.report.sections.curve import curve_section
-from analysis.report.sections.flight import flight_section
-from analysis.report.sections.methods import methods_section
-from analysis.report.sections.performance import performance_section
-from analysis.report.sections.provenance import provenance_section
-from analysis.report.sections.sensors import sensors_section
-from analysis.report.sections.summary import summary_section
-from analysis.report.sections.verdict import verdict_section
+from analysis.report.sections.curve import curve_section, methods_section
+from analysis.report.sections.flight import flight_section, provenance_section, sensors_section
+from analysis.report.sections.performance import autopilot_section, performance_section
+from analysis.report.sections.summary import summary_section, verdict_section
 from analysis.results.schema import Results
+
+Drawn = Figure | Sequence[Figure]  # one, or several side by side
+
+
+def figures_by_name(analysis: Analysis) -> dict[str, Drawn]:
+    """The figures by their names in the template `report.html`; optional ones are missing where there are no data."""
+    results = analysis.results
+    figures: dict[str, Drawn] = {
+        "power": power.power_required(results),
+        "methods": methods.every_method(results),
+        "timeline": flight.timeline(analysis.table, analysis.maneuvers.maneuvers, results.rejected),
+        "polar": power.drag_polar(analysis.drag.main.polar, analysis.drag.flown_CL),
+    }
+    if any(run.power_required for run in results.one_by_one):
+        figures["one_by_one"] = methods.run_by_run(results)
+    if any(differences.notna().any(axis=None) for differences in analysis.consistency):
+        figures["consistency"] = flight.consistency(analysis.consistency)
+    if results.run_residuals:
+        figures["autocorrelation"] = residuals.autocorrelation(results.run_residuals)
+    if results.parameter_correlation:
+        figures["correlation"] = estimation.correlation(results.parameter_correlation)
+    main, check = analysis.drag.main, analysis.drag.cross_check
+    histories = {"regression of drag": main.convergence} | (
+        {f"{check.by}, cross-check": check.convergence} if check else {}
+    )
+    if kept := {name: history for name, history in histories.items() if history and history.steps}:
+        figures["convergence"] = estimation.convergence(kept)
+    if analysis.trajectory.block_means.flying.any():
+        figures["air_and_path"] = residuals.air_and_path(analysis.trajectory)
+    if results.track:
+        figures["track"] = residuals.ground_track(results.track, analysis.maneuvers.maneuvers, results.air)
+    if results.interval_parts:
+        figures["parts"] = power.interval_parts(results)
+    if results.use:
+        figures["loadings"] = performance.loadings(results.use)
+        figures["efficiency"] = performance.efficiency(results.use)
+    return figures
+
+
+def run_fits(analysis: Analysis) -> list[Drawn]:
+    """The fit of each run."""
+    return [flight.run_fit(*fit) for fit in analysis.drag.main.fits]
 
 
 def render(

@@ -9,7 +9,7 @@ import numpy as np
 from analysis.report.answers import HeadlineAnswer
 from analysis.report.figures import pooled as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
-from analysis.report.parameter_meaning import meaning
+from analysis.report.wording import meaning
 from flight.units import GRAVITY_MPS2
 
 CURVE_ROWS = 12

@@ -17,15 +17,17 @@ from analysis.results.likelihood import pitch_rate_result
 from analysis.results.pooling_statistics import PoolingStatistics
 from analysis.results.schema import (
     AircraftResult,
+    AirFound,
     ConditionResult,
     ParameterResult,
     PathResult,
     PerformanceResult,
+    Provenance,
     RejectedResult,
     Results,
     RunResult,
+    Track,
 )
-from analysis.results.schema_provenance import AirFound, Provenance, Track
 from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.propeller import Propeller

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from analysis.drag.polar import maximum_lift_to_drag
 from analysis.electrical.drag import WITHHELD_DRAG, DragEstimate
-from analysis.electrical.estimate import ElectricalEstimate
+from analysis.electrical.estimate import ElectricalEstimate, FlownAircraft
 from analysis.electrical.flight_table import STEP_S, FlightTable
-from analysis.electrical.flown_aircraft import FlownAircraft
 from analysis.electrical.thrust_balance import aerodynamics
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.results.autopilot_parameters import typed_in
 from analysis.results.electrical_parameters import flight_values
 from analysis.results.schema import (
@@ -24,10 +23,10 @@ from analysis.results.schema import (
     Interval,
     IntervalPart,
     PowerPoint,
+    Provenance,
     Results,
     SpeedInterval,
 )
-from analysis.results.schema_provenance import Provenance
 from flight.atmosphere import SEA_LEVEL_DENSITY
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from analysis.electrical.energy_balance import DragAndEfficiency, FlightConditio
 from analysis.electrical.estimate import ElectricalEstimate
 from analysis.electrical.fit import IDLE_POWER_SIGMA_W
 from analysis.electrical.thrust_balance import aerodynamics
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.results.autopilot_parameters import FlightValues, around, wing_loading_of
 from analysis.results.schema import Interval, SpeedInterval
 from flight.atmosphere import SEA_LEVEL_DENSITY

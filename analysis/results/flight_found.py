@@ -8,9 +8,8 @@ from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.drag.forces import J_REFERENCE
 from analysis.drag.polar import Condition
 from analysis.drag.thrust_prior import THRUST
-from analysis.performance.conditions import density_altitude_m
-from analysis.results.schema import ParameterResult
-from analysis.results.schema_provenance import AirFound, Correlation, RunResidual, Track
+from analysis.performance.request import density_altitude_m
+from analysis.results.schema import AirFound, Correlation, ParameterResult, RunResidual, Track
 from analysis.trajectory.reconstruction import Trajectory
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.flown import largest_lift
+from analysis.drag.flown import largest_lift, thrust_known
 from analysis.drag.polar import (
     Condition,
     Polar,
@@ -18,8 +18,7 @@ from analysis.drag.polar import (
     power_required,
     speed_at,
 )
-from analysis.drag.thrust_coverage import thrust_known
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.results.schema import (
     BELOW_SLOWEST,
     DragPolar,

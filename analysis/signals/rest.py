@@ -3,17 +3,21 @@
 For a log without rest the zeros are those taken by `daq zero`, if it carries them; a log with rest is compared with
 them. Zeros before and after the flight may differ because transducers warm up. A significant drift is noted and
 corrected linearly over the flight.
+
+The transducers' readings in still air that `daq zero` took: the file `zero.json`.
 """
 
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.signals.aircraft_size import FLYING_PA
-from analysis.signals.stretches import stretches
-from analysis.signals.synchronize import COLUMNS
+from analysis.signals.channels import COLUMNS
+from analysis.signals.smoothing import stretches
+from flight.json_file import JsonFormat
 
 Array = NDArray[np.float64]
 
@@ -213,3 +217,30 @@ def _with_unit(name: str, value: float, error: float | None = None) -> str:
     scale, unit = (1.0, "Pa") if _unit(name) == "Pa" else (float(np.degrees(1)), "deg/s")
     text = f"{scale * value:+.2f}"
     return f"{text} {unit}" if error is None else f"{text} ± {scale * error:.2f} {unit}"
+
+
+class Reading(msgspec.Struct, frozen=True):
+    """Of one field of one topic."""
+
+    mean: float
+    standard_deviation: float
+    samples: int
+
+
+class StillAirZero(msgspec.Struct, frozen=True):
+    """The content of `zero.json`; readings: by topic and field."""
+
+    format: str
+    readings: dict[str, dict[str, Reading]]
+
+    def by_channel(self) -> dict[str, float]:
+        """The mean reading of each of CHANNELS that was taken."""
+        fields = {name: COLUMNS[name] for name in CHANNELS}
+        return {
+            name: self.readings[topic][field].mean
+            for name, (topic, field) in fields.items()
+            if field in self.readings.get(topic, {})
+        }
+
+
+ZERO_FILE = JsonFormat(StillAirZero, ("flightpower-zero-1",), "a still-air zero")

@@ -4,6 +4,18 @@ Two checks of classic flight-path reconstruction. With wings level, pitch attitu
 climb: theta - alpha - gamma = 0, gamma from the barometer (a small bank is included). And airspeed equals GPS velocity
 less wind. No sensor measures attitude or wind: both come from the reconstructed trajectory in either case, so "before"
 shows the errors of air data and GPS, and "after" what is left of them.
+
+Residual time shifts between channels, after all known delays were taken out.
+
+The reconstruction estimates them with everything else: the probe's channels, whose tubes have much the same length,
+against the inertial sensors; and GPS against them. It always corrects for them, significant or not; this module only
+reports them.
+
+Why not alpha by itself, against pitch rate and lift (3.22): the aircraft responds to a gust by turning away from it,
+which looks like a late probe. On simulated flights with lags of 15 to 20 ms such a fit gave 53 to 75 ms in a turbulence
+of W20 = 3 kt and 120 to 134 ms at 15 kt, with errors of 3 to 8 ms and residuals that look like white noise.
+
+Airspeed scale and wind of a flight, from airspeed against GPS on different headings.
 """
 
 from typing import NamedTuple
@@ -128,3 +140,124 @@ def _advanced(values: Array, t_s: Array, lag_s: float) -> Array:
     if not known.any():
         return values
     return np.where(known, np.interp(t_s + lag_s, t_s[known], values[known]), np.nan)
+
+
+SIGNIFICANT = 3.0  # standard errors
+LEAST_S = 0.004  # a tenth of a sample interval has no effect on the results
+DETERMINED_SHARE = 0.8  # a standard error below this share of the prior: the flight determined the sensor error
+SHIFTED_CHANNELS = {"air_data_lag": "the probe", "gps_latency": "GPS"}
+
+
+class TimeShift(NamedTuple):
+    """Delay of channels against the inertial sensors, and its standard error [s]."""
+
+    name: str
+    delay_s: float
+    standard_error_s: float
+    determined: bool  # by this flight, not only by the prior
+
+    @property
+    def significant(self) -> bool:
+        return abs(self.delay_s) > max(SIGNIFICANT * self.standard_error_s, LEAST_S)
+
+    def in_words(self) -> str:
+        """ "GPS is 212 ± 3 ms late against the IMU.", or that the flight does not show it."""
+        if not self.determined:
+            return f"This flight does not show how late {self.name} is against the IMU."
+        shift = f"{1e3 * abs(self.delay_s):.0f} ± {1e3 * self.standard_error_s:.0f} ms"
+        side = "late" if self.delay_s >= 0 else "early"
+        return f"{self.name[0].upper()}{self.name[1:]} is {shift} {side} against the IMU."
+
+
+def time_shifts(trajectory: Trajectory) -> list[TimeShift]:
+    """The time shifts of a reconstructed flight."""
+    return [
+        TimeShift(
+            words, trajectory.value(name), error, error < DETERMINED_SHARE * trajectory.prior_standard_error(name)
+        )
+        for name, words in SHIFTED_CHANNELS.items()
+        for error in [trajectory.standard_error(name)]
+    ]
+
+
+def time_shift_notes(trajectory: Trajectory) -> list[str]:
+    """A significant shift of the probe; a latency of GPS is normal."""
+    return [
+        f"{shift.in_words()} The analysis corrects for it. Check the tube lengths in the aircraft file, or the log"
+        " times; `calibrate tubing` measures the lag."
+        for shift in time_shifts(trajectory)
+        if shift.name == SHIFTED_CHANNELS["air_data_lag"] and shift.determined and shift.significant
+    ]
+
+
+ONE_WAY = 0.75  # length of the mean heading vector; above it, nearly all was flown in one direction
+
+
+class AirspeedCalibration(NamedTuple):
+    """scale: fraction by which airspeed reads high, and its standard error; wind: mean over the flight [m/s]."""
+
+    scale: float
+    scale_error: float
+    wind_mps: float
+    wind_from_deg: float
+    one_way: float  # length of the mean heading vector: 0 for evenly distributed headings, 1 for a single one
+    notes: list[str]
+    unsupported: str  # why the flight does not determine the scale, and what to fly; empty if it does
+
+
+def why_not_determined(error: float, prior: float) -> str:
+    """Why a flight does not determine the scale, and what to fly; empty if it does. Both: standard errors."""
+    if error <= DETERMINED_SHARE * prior:
+        return ""
+    return (
+        f"the flight does not determine the scale (standard error {100 * error:.1f} %, before the flight"
+        f" {100 * prior:.1f} %): fly legs of half a minute there and back, with GPS"
+    )
+
+
+def notes_on(one_way: float, error: float, prior: float) -> list[str]:
+    """What limits a scale, in sentences. one_way: length of the mean heading vector; prior: its standard deviation."""
+    notes = []
+    if one_way > ONE_WAY:
+        notes.append(
+            "Nearly all was flown in one direction: scale and wind along it cannot be separated. Fly back, too."
+        )
+    if error > DETERMINED_SHARE * prior:
+        notes.append(
+            f"This flight hardly determines the scale: standard error {100 * error:.1f} %,"
+            f" before the flight {100 * prior:.1f} %."
+        )
+    return notes
+
+
+def calibrate(table: pd.DataFrame, trajectory: Trajectory) -> AirspeedCalibration:
+    """Airspeed scale and wind of a reconstructed flight. table: as `air_data` returns it."""
+    flying = table["flying"].to_numpy()[trajectory.block_means.rows]
+    heading = trajectory.states["psi"].to_numpy()[flying]
+    north, east = (trajectory.states[f"wind_{axis}"].to_numpy()[flying].mean() for axis in ("north", "east"))
+    one_way = float(abs(np.mean(np.exp(1j * heading)))) if len(heading) else 1.0
+    error = trajectory.standard_error("V_scale")
+    prior = trajectory.prior_standard_error("V_scale")
+    notes = []
+    if not trajectory.block_means.measured("gps_north_mps"):
+        notes.append("No GPS in this log: neither scale nor wind can be determined.")
+        notes += notes_on(0.0, error, prior)
+    else:
+        notes += notes_on(one_way, error, prior)
+    if not trajectory.converged:
+        notes.append("The trajectory reconstruction did not converge: do not rely on these values.")
+    if not trajectory.converged:
+        unsupported = "the trajectory reconstruction did not converge"
+    elif not trajectory.block_means.measured("gps_north_mps"):
+        unsupported = "no GPS in this log, so wind and scale are not determined: fly with GPS"
+    else:
+        unsupported = why_not_determined(error, prior)
+    return AirspeedCalibration(
+        scale=trajectory.value("V_scale"),
+        scale_error=error,
+        wind_mps=float(np.hypot(north, east)),
+        wind_from_deg=float(np.degrees(np.arctan2(-east, -north)) % 360),
+        one_way=one_way,
+        notes=notes,
+        unsupported=unsupported,
+    )

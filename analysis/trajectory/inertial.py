@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.signals.cubic_spline import CubicSpline
-from analysis.signals.gaps import without_gaps
+from analysis.signals.smoothing import CubicSpline, without_gaps
 from analysis.trajectory.block_means import BLOCK, BlockMeans
 from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays
 from flight import motion

@@ -1,14 +1,54 @@
-"""Prior standard deviations of the sensor errors and of the initial state."""
+"""Noise of the sensors, measured while the aircraft is at rest.
+
+Prior standard deviations of the sensor errors and of the initial state.
+
+A first trajectory for the iteration: attitude from angle of attack and climb, velocity from GPS or airspeed.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.sensor_noise import ZEROS
+from analysis.signals.rest import mean_at_rest
+from analysis.trajectory.block_means import BlockMeans, moving_average
+from analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from analysis.trajectory.measurements import LevelField
 from flight.aircraft import Uncertainty
+
+# Standard deviations of one sample where the log has no rest.
+BENCH_SIGMA = {
+    "p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "ax_mps2": 0.06, "ay_mps2": 0.06, "az_mps2": 0.06,
+    "dp_alpha_Pa": 6.0, "dp_beta_Pa": 6.0, "q_c_Pa": 6.0, "static_Pa": 6.0,
+}  # fmt: skip
+ZEROS = {"dp_alpha_zero": "dp_alpha_Pa", "q_c_zero": "q_c_Pa"}  # sensor errors, and their channels
+LEAST_SHARE = 0.1  # of BENCH_SIGMA: a smaller standard deviation at rest is quantization or a stuck channel
+
+
+def noise_at_rest(table: pd.DataFrame, rest: list[slice]) -> dict[str, float]:
+    """Standard deviation of one sample of each channel of BENCH_SIGMA. rest: rows in which the aircraft is at rest."""
+    noise = {}
+    for name, bench in BENCH_SIGMA.items():
+        variance = np.array([table[name].iloc[rows].var() for rows in rest])
+        finite = variance[np.isfinite(variance)]
+        noise[name] = float(max(np.sqrt(finite.mean()), LEAST_SHARE * bench)) if len(finite) else bench
+    return noise
+
+
+def zeros_at_rest(table: pd.DataFrame, rest: list[slice], noise: dict[str, float]) -> dict[str, float]:
+    """Standard errors [Pa] of the zeros of ZEROS; empty without rest. noise: of `noise_at_rest`.
+
+    By the scatter of means over seconds, which noise correlated over less is in, and by white noise at least.
+    """
+    samples = sum(rows.stop - rows.start for rows in rest)
+    if not samples:
+        return {}
+    step_s = float(table.index[1] - table.index[0])
+    errors = {name: mean_at_rest(table[channel], rest, step_s)[1] for name, channel in ZEROS.items()}
+    return {name: float(np.fmax(errors[name], noise[ZEROS[name]] / np.sqrt(samples))) for name in ZEROS}
+
 
 Array = NDArray[np.float64]
 
@@ -82,3 +122,51 @@ def initial_state_sigma(sigma_w_mps: float, *, heading_measured: bool, at_rest: 
 def begins_at_rest(at_rest: NDArray[np.bool_]) -> bool:
     """Whether the log begins with the aircraft at rest. at_rest: (n,) blocks at rest."""
     return bool(at_rest.any()) and int(np.argmax(at_rest)) < INITIAL_BLOCKS
+
+
+GROUND_TRACK_MPS = 5.0  # ground speed above which the ground track approximates the heading; times the speed scale
+FEWEST_TRACK_BLOCKS = 10
+
+
+def initial_states(blocks: BlockMeans, bank: Array, V_reference: Array, field: LevelField | None) -> Array:
+    """States (n, nx). bank: (n,) [rad]. V_reference: (n,) smoothed airspeed. field: None without a compass."""
+    flying = blocks.flying
+    x = np.zeros((blocks.n, len(STATES)))
+    climb = np.gradient(moving_average(blocks["height_m"], 7), blocks.t_s)
+    alpha = moving_average(np.where(flying, blocks["alpha_rad"], np.nan), 5)
+    theta = alpha + np.arcsin(np.clip(climb / V_reference, -0.5, 0.5))
+    x[:, 0] = bank * flying
+    x[:, 1] = np.where(flying, theta, 0.0)
+    yaw_rate = np.nan_to_num(blocks["r_radps"]) / np.cos(x[:, 0])
+    heading = np.cumsum(yaw_rate) * (blocks.t_s[1] - blocks.t_s[0])
+    north, east = (moving_average(blocks[f"gps_{axis}_mps"], 3) for axis in ("north", "east"))
+    if np.isfinite(north).all():
+        heading = _with_ground_track(heading, north, east, GROUND_TRACK_MPS * blocks.speed_scale)
+        x[:, 3], x[:, 4] = north, east
+    else:
+        if field is not None:
+            heading = heading + field.heading_offset(heading, x[:, 0], x[:, 1])
+        speed = np.where(flying, V_reference, 0.0)
+        x[:, 3], x[:, 4] = speed * np.cos(heading), speed * np.sin(heading)
+    x[:, 2], x[:, 5], x[:, 6] = heading, -climb, moving_average(blocks["height_m"], 3)
+    return x
+
+
+def initial_sensor_errors(prior_mean: Array, blocks: BlockMeans, x: Array, field: LevelField | None) -> Array:
+    """Prior means (m,), with the compass offset measured against the headings of x. field: None without compass or
+    without GPS."""
+    errors = prior_mean.copy()
+    if field is not None:
+        offset = field.heading_offset(x[:, 2], x[:, 0], x[:, 1])[blocks.flying]
+        errors[SENSOR_ERRORS.index("heading_bias")] = np.angle(np.mean(np.exp(1j * offset)))
+    return errors
+
+
+def _with_ground_track(heading: Array, north: Array, east: Array, least_mps: float) -> Array:
+    """The ground track where faster than `least_mps`; otherwise the integrated heading, its mean offset corrected."""
+    fast = np.hypot(north, east) > least_mps
+    if fast.sum() > FEWEST_TRACK_BLOCKS:
+        track = np.unwrap(np.arctan2(east, north)[fast])
+        return np.interp(np.arange(len(heading)), np.flatnonzero(fast), track)
+    offset = np.angle(np.sum(np.exp(1j * (np.arctan2(east, north) - heading))[fast]))
+    return np.asarray(heading + offset)

@@ -17,16 +17,21 @@ from analysis.trajectory.equations import (
     Equations,
     NamedArrays,
 )
-from analysis.trajectory.gust_intensity import ObservedGust, intensity_of
+from analysis.trajectory.gusts import ObservedGust, intensity_of
 from analysis.trajectory.inertial import InertialInputs
-from analysis.trajectory.initial_estimate import initial_sensor_errors, initial_states
-from analysis.trajectory.instrumental_variables import NEWEST, extrapolated
-from analysis.trajectory.level_field import LevelField
-from analysis.trajectory.measurements import Measurements
-from analysis.trajectory.priors import PRIOR_SIGMA, begins_at_rest, initial_state_sigma, sensor_error_prior
+from analysis.trajectory.measurements import LevelField, Measurements
+from analysis.trajectory.priors import (
+    PRIOR_SIGMA,
+    begins_at_rest,
+    initial_sensor_errors,
+    initial_state_sigma,
+    initial_states,
+    noise_at_rest,
+    sensor_error_prior,
+    zeros_at_rest,
+)
 from analysis.trajectory.process import SLOWEST_MPS, GustConditions, ProcessModel, airspeed_without_gusts
-from analysis.trajectory.regressors import Regressors
-from analysis.trajectory.sensor_noise import noise_at_rest, zeros_at_rest
+from analysis.trajectory.regressors import NEWEST, Regressors, extrapolated
 from analysis.trajectory.smoother import TrajectoryPrior
 
 Array = NDArray[np.float64]

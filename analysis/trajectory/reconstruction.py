@@ -20,10 +20,7 @@ from analysis.trajectory.equations import (
     STATES,
     EquationInputs,
 )
-from analysis.trajectory.gust_intensity import vertex
-from analysis.trajectory.priors import PRIOR_SIGMA
-from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.slow_gusts import (
+from analysis.trajectory.gusts import (
     AROUND_CORNER,
     GUSTS_DOMINATE_MPS,
     SLOW,
@@ -32,8 +29,11 @@ from analysis.trajectory.slow_gusts import (
     gust_spectra,
     scale_length,
     slow_power_ratios,
+    vertex,
     with_slow_power,
 )
+from analysis.trajectory.priors import PRIOR_SIGMA
+from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
 from flight.aircraft import Uncertainty
 from flight.errors import InputError

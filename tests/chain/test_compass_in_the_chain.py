@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from running import done, read_once, rewritten
 
-from analysis.airdata.from_log import flight_data
+from analysis.airdata.flight_data import flight_data
 from analysis.airdata.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
 from analysis.log_contents import Replacements, contents
 from analysis.results.schema import Results

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from running import command, done, read_once, rewritten
 
-from analysis.campaign.pooled import read_results
+from analysis.campaign.campaign import read_results
 from analysis.performance.analysis import compute
 from analysis.performance.request import Request
 from flight.aircraft import load_aircraft

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from analysis.maneuvers import legs as analysis_legs
+from analysis.maneuvers import find_level as analysis_legs
 from daq.legs import KEPT_ROWS, Leg, Legs, Row, changing_part
 from daq.motion_means import Motion, MotionFromMeans
 from daq.probe_calibration import PolynomialMap, ProbeMaps

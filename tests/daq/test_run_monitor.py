@@ -6,10 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from analysis.airdata import rigid_body
+from analysis.airdata import air
 from analysis.drag import forces
-from analysis.maneuvers import find_level, quality
-from analysis.maneuvers import legs as analysis_legs
+from analysis.maneuvers import find_level
+from analysis.maneuvers import find_level as analysis_legs
+from analysis.maneuvers import find_level as quality
 from analysis.signals import aircraft_size, rest
 from daq import energy_balance, legs, motion_means, run_monitor
 from daq.energy_balance import EnergyBalance, PowerInterval, inverted
@@ -120,7 +121,7 @@ def test_criteria_are_those_of_the_analysis():
     )
     for name in ("REFERENCE_MPS", "FLYING_PA", "LEAST_FLYING_PA"):
         assert getattr(motion_means, name) == getattr(aircraft_size, name), name
-    assert motion_means.BANK_TIME_S == rigid_body.TIME_CONSTANT_S
+    assert motion_means.BANK_TIME_S == air.TIME_CONSTANT_S
     assert (motion_means.RATE_SPREAD_RADPS, motion_means.MOTOR_REVPS, motion_means.PRESSURE_SPREAD_PA) == (
         rest.RATE_SPREAD_RADPS,
         rest.MOTOR_REVPS,

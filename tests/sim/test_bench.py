@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.airdata.step_test import find_steps, fit_lag, through
+from analysis.airdata.line_calibration import find_steps, fit_lag, through
 from analysis.airdata.tubing import air, low_frequency_lag_s
 from flight.aircraft import PneumaticLine, load_aircraft
 from flight.complete_aircraft import as_complete, load_complete_aircraft

@@ -16,7 +16,7 @@ import typer
 from rich.console import Console
 
 from analysis.pooling import pool_results
-from analysis.report import write_pooled
+from analysis.report import write
 from tests.documented_commands import MODULES
 from tests.unchanged.stored_values import of_files
 
@@ -128,8 +128,8 @@ def pool() -> Contents:
         found: dict[str, object] = {"compare": run("analyze", "compare", "a", "b", "-o", "compared")}
         pooled = pool_results(sorted(folder.glob("[ab]/*/results.json"))).to_json() | {"left_out": ["c: torn"]}
         out = io.StringIO()
-        write_pooled.print_pooled(pooled, Path("report.html"), Console(file=out, width=100))
-        write_pooled.write_pooled(pooled, folder / "pooled")
+        write.print_pooled(pooled, Path("report.html"), Console(file=out, width=100))
+        write.write_pooled(pooled, folder / "pooled")
         found["printed"] = out.getvalue().splitlines()
         for name in ("compared", "pooled"):
             found |= {f"{name} {file}": inside for file, inside in of_files(folder / name).items()}

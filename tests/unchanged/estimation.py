@@ -24,9 +24,8 @@ from analysis.estimation import (
     starts,
 )
 from analysis.estimation import uncertainty as errors
-from analysis.estimation.data import Segment, split
+from analysis.estimation.data import Segment, band_matrix, split, transform
 from analysis.estimation.fit import Fit
-from analysis.estimation.frequency_domain import band_matrix, transform
 from analysis.estimation.model import Parameter
 from analysis.estimation.recursive_fourier import RecursiveFourierRegression
 from analysis.estimation.term_selection import orthogonal_functions, stepwise

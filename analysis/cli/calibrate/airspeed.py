@@ -9,11 +9,11 @@ import typer
 from analysis.autopilot_logs.read import firmware_of
 from analysis.cli.calibrate.options import AircraftFile, Replace, check_output, write_json
 from analysis.cli.electrical import refuse_daemon_options
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from flight.errors import InputError
 
 if TYPE_CHECKING:
-    from analysis.trajectory.airspeed_scale import AirspeedCalibration
+    from analysis.trajectory.consistency import AirspeedCalibration
 
 TYPICAL_WEIGHT_N, TYPICAL_WING_AREA_M2 = 60.0, 1.0  # only their ratio counts, to recognise flight
 
@@ -49,14 +49,13 @@ def airspeed(
       calibrate airspeed log.mcap --probe probe.json -o airspeed.json
       calibrate airspeed log.ulg                     a log of PX4 or ArduPilot
     """
-    from analysis.airdata.from_log import flight_data
+    from analysis.airdata.flight_data import flight_data
     from analysis.airdata.probe import PROBE_FILE
     from analysis.drag.assumed_values import alpha_scale_sigma
     from analysis.log_checks.axes import check_axes
-    from analysis.log_checks.log import check_log
-    from analysis.log_checks.messages import check_decodable
+    from analysis.log_checks.structure import check_decodable, check_log
     from analysis.log_contents import Replacements, contents
-    from analysis.trajectory.airspeed_scale import calibrate
+    from analysis.trajectory.consistency import calibrate
     from analysis.trajectory.priors import stated_sigma
     from analysis.trajectory.reconstruction import reconstruct
     from flight.aircraft import load_aircraft
@@ -97,7 +96,7 @@ def autopilot_airspeed(log: Path, firmware: str) -> "AirspeedCalibration":
     from analysis.cli.electrical import read_autopilot_log
     from analysis.electrical.airspeed_gps import airspeed_errors, one_way
     from analysis.electrical.flight_table import flight_table
-    from analysis.trajectory.airspeed_scale import AirspeedCalibration, notes_on, why_not_determined
+    from analysis.trajectory.consistency import AirspeedCalibration, notes_on, why_not_determined
 
     flight = flight_table(read_autopilot_log(log, firmware), TYPICAL_WEIGHT_N, TYPICAL_WING_AREA_M2)
     found = airspeed_errors(flight)

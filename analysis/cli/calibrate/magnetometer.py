@@ -38,7 +38,7 @@ def magnetometer(
     import numpy as np
 
     from analysis.airdata.magnetometer import calibrate
-    from analysis.signals.log_fields import field_of
+    from analysis.signals.channels import field_of
     from flight.log_reader import read_log
 
     check_output(output, replace)

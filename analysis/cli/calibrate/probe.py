@@ -61,8 +61,7 @@ def probe(
       speed [m/s],alpha [deg],beta [deg],dp_alpha [Pa],dp_beta [Pa],q_c [Pa],
       static [hPa],temperature [degC]     (on one line; then a line a point)
     """
-    from analysis.airdata.probe_fit import calibrate
-    from analysis.airdata.tunnel import read_tunnel
+    from analysis.airdata.probe_calibration import calibrate, read_tunnel
     from analysis.report import calibration as page
 
     check_output(output, replace)

@@ -61,7 +61,7 @@ def surfaces(
     """
     from analysis.airdata.surfaces import found_in_words, held_pulses, surface_table, to_toml
     from analysis.log_contents import aircraft_of
-    from analysis.signals.log_fields import servo_pulses
+    from analysis.signals.channels import servo_pulses
     from flight.aircraft import ControlSurface
     from flight.log_reader import read_log
 

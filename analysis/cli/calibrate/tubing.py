@@ -14,7 +14,7 @@ from analysis.cli.calibrate.options import (
 from flight.errors import InputError
 
 if TYPE_CHECKING:
-    from analysis.airdata.line_lags import LineLag
+    from analysis.airdata.line_calibration import LineLag
 
 
 LARGEST_MISFIT = 2.0  # rms of the residuals over the noise, beyond which the model of the line is doubted
@@ -48,7 +48,7 @@ def tubing(
     Example:
       calibrate tubing log.mcap -o lines.toml
     """
-    from analysis.airdata.line_lags import line_lags, to_toml
+    from analysis.airdata.line_calibration import line_lags, to_toml
     from analysis.log_contents import aircraft_of
     from flight.aircraft import load_aircraft
     from flight.log_reader import read_log

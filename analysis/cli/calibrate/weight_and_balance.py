@@ -99,7 +99,7 @@ def support(text: str) -> "Support":
 
 def summary(found: "WeightAndBalance") -> list[str]:
     """The result in lines."""
-    from analysis.estimation.intervals import NORMAL_95
+    from analysis.estimation.noise import NORMAL_95
 
     lines = [f"weight {found.mass_kg:.3f} ± {NORMAL_95 * found.mass_error_kg:.3f} kg (95 % interval)"]
     if found.position_m is None or found.position_error_m is None:

@@ -11,13 +11,16 @@ Outputs by name: airspeed V [m/s], alpha [rad], specific force ax, az [m/s^2], p
 rate hdot [m/s]; of `wind_axis_forces` drag and lift per unit mass [m/s^2].
 """
 
-from analysis.estimation.aircraft_models.force_models import force_coefficients, force_models
-from analysis.estimation.aircraft_models.level_run import gust_noise, level_run
+from analysis.estimation.aircraft_models.forces import Constants, Priors, force_coefficients, force_models, lift_slope
+from analysis.estimation.aircraft_models.level_run import (
+    gust_noise,
+    level_flight_state,
+    level_run,
+    starting_values,
+    two_state,
+)
 from analysis.estimation.aircraft_models.longitudinal import longitudinal
-from analysis.estimation.aircraft_models.parameters import Constants, Priors, lift_slope
 from analysis.estimation.aircraft_models.pitch_and_height import pitch_and_height
-from analysis.estimation.aircraft_models.starting_values import level_flight_state, starting_values
-from analysis.estimation.aircraft_models.two_state import two_state
 from analysis.estimation.aircraft_models.wind_axis_forces import wind_axis_forces, wind_axis_outputs
 
 __all__ = [

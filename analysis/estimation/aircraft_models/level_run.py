@@ -1,27 +1,126 @@
-"""Level runs with all their systematic errors, in still air or with gusts as states."""
+"""Starting values from the data: aerodynamic parameters by least squares, and the initial state of level flight.
 
-from collections.abc import Mapping
+Airspeed and angle of attack with measured pitch angle, the dissertation's model (3.38).
+
+Level runs with all their systematic errors, in still air or with gusts as states.
+"""
+
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from analysis.estimation.aircraft_models.equations import climb_rate, reduced_pitch_rate
-from analysis.estimation.aircraft_models.parameters import (
+from analysis.estimation.aircraft_models.forces import (
     CLq_with_prior,
     Constants,
     Priors,
     aerodynamic_parameters,
+    climb_rate,
     gyro_bias,
+    measured_air_data,
+    measured_specific_force,
+    reduced_pitch_rate,
     sensor_parameters,
     thrust_parameters,
+    wind_axis_derivative,
 )
-from analysis.estimation.aircraft_models.starting_values import level_flight_state
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise
 from analysis.estimation.model import Model, NamedValues, Parameter
 from flight import motion
-from flight.aerodynamics import body_axes
+from flight.aerodynamics import body_axes, stability_axes
 from flight.aircraft import Aircraft
+
+Array = NDArray[np.float64]
+
+
+def starting_values(aircraft: Aircraft, segments: Segment | Sequence[Segment], CLde: float = 0.4) -> dict[str, float]:
+    """Starting values of CL0, CLa, A0, A1, A2: CL and CD of each sample, and a least-squares line and parabola.
+
+    Biases of the sensors and noise in the regressors are ignored. Where lift falls with alpha, or the parabola is
+    unphysical (A0 <= 0 or A2 <= 0), the default starting values remain.
+    """
+    c = Constants.of(aircraft)
+    segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
+
+    def pooled(name: str) -> Array:
+        return np.concatenate([segment.z[name] if name in segment.z else segment.u[name] for segment in segments])
+
+    V, alpha, ax, az = (pooled(name) for name in ("V", "alpha", "ax", "az"))
+    qS = pooled("rho") * V**2 / 2 * c.S
+    CL, CD = stability_axes((c.m * ax - pooled("thrust")) / qS, c.m * az / qS, alpha)
+    good = np.isfinite(CL) & np.isfinite(CD) & (qS > 0)
+    CL, CD, alpha, elevator = CL[good], CD[good], alpha[good], pooled("elevator")[good]
+    start = {q.name: q.start for q in aerodynamic_parameters(c, Priors()) if q.free and q.name != "CLde"}
+    if len(CL) < len(start):
+        return start
+    line = np.linalg.lstsq(np.stack([np.ones_like(alpha), alpha], axis=1), CL - CLde * elevator, rcond=None)[0]
+    if line[1] > 0:
+        start |= {"CL0": float(line[0]), "CLa": float(line[1])}
+    polar = np.linalg.lstsq(np.stack([np.ones_like(CL), CL, CL**2], axis=1), CD, rcond=None)[0]
+    if polar[0] > 0 and polar[2] > 0:
+        start |= {name: float(value) for name, value in zip(("A0", "A1", "A2"), polar, strict=True)}
+    return start
+
+
+def level_flight_state(segment: Segment) -> Mapping[str, float]:
+    """V, alpha, theta, q, h at a segment's start, from its first second: theta = alpha + climb angle, q = 0.
+
+    States without data are left out.
+    """
+    first_second = slice(0, max(2, round(1 / segment.step_s)))
+    t = segment.t_s[first_second] - segment.t_s[0]
+
+    def line(name: str) -> tuple[float, float]:
+        """(value, slope) at the start, of a least-squares line; NaN with fewer than two samples."""
+        if name not in segment.z:
+            return np.nan, np.nan
+        values = segment.z[name][first_second]
+        good = np.isfinite(values)
+        if good.sum() < 2:
+            return np.nan, np.nan
+        slope, value = np.polyfit(t[good], values[good], 1)
+        return float(value), float(slope)
+
+    (V, _), (alpha, _), (h, hdot) = line("V"), line("alpha"), line("h")
+    theta = alpha + np.arcsin(np.clip(hdot / V, -1, 1))
+    state = {"V": V, "alpha": alpha, "theta": float(theta), "q": 0.0, "h": h}
+    return {name: value for name, value in state.items() if np.isfinite(value)}
+
+
+def two_state(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5) -> Model:
+    """States V, alpha; outputs V, alpha, ax, az; the pitch angle theta is an input (3.38).
+
+    With bias and scale of V and alpha, and bias of ax and az (Table 3.1). Errors of the measured theta go into the
+    estimates.
+    """
+    c = Constants.of(aircraft)
+
+    def dynamics(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, ...]:
+        return wind_axis_derivative(c, x.V, x.alpha, u.theta, u.q - p.q_bias, u, p, J_ref)
+
+    def outputs(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, ...]:
+        return (
+            *measured_air_data(x, p),
+            *measured_specific_force(c, x.V, x.alpha, u.q - p.q_bias, u, p, J_ref),
+        )
+
+    return Model(
+        name="two_state",
+        states=("V", "alpha"),
+        inputs=("thrust", "J", "elevator", "q", "theta", "phi", "p", "r", "beta", "rho"),
+        outputs=("V", "alpha", "ax", "az"),
+        parameters=(
+            *aerodynamic_parameters(c, priors),
+            *thrust_parameters(priors),
+            *sensor_parameters(priors, V_bias_free=True),
+            gyro_bias(priors, free=False),
+        ),
+        dynamics=dynamics,
+        output_function=outputs,
+    )
+
 
 GUSTS = ("gust", "gust_alpha")
 # Dryden turbulence 100 m above the ground (MIL-F-8785C sec. 3.7.3.4.1): scale lengths along and across the flow.

@@ -4,23 +4,21 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimation.aircraft_models.equations import (
-    climb_rate,
-    measured_air_data,
-    measured_specific_force,
-    reduced_pitch_rate,
-    wind_axis_derivative,
-)
-from analysis.estimation.aircraft_models.parameters import (
+from analysis.estimation.aircraft_models.forces import (
     Constants,
     Priors,
     aerodynamic_parameters,
+    climb_rate,
     gyro_bias,
     lift_slope,
+    measured_air_data,
+    measured_specific_force,
+    reduced_pitch_rate,
     sensor_parameters,
     thrust_parameters,
+    wind_axis_derivative,
 )
-from analysis.estimation.aircraft_models.starting_values import level_flight_state
+from analysis.estimation.aircraft_models.level_run import level_flight_state
 from analysis.estimation.model import Model, NamedValues, Parameter
 from flight import motion
 from flight.aircraft import Aircraft

@@ -2,22 +2,20 @@
 
 from typing import Any
 
-from analysis.estimation.aircraft_models.equations import (
-    climb_rate,
-    measured_air_data,
-    measured_specific_force,
-    wind_axis_derivative,
-)
-from analysis.estimation.aircraft_models.parameters import (
+from analysis.estimation.aircraft_models.forces import (
     CLq_with_prior,
     Constants,
     Priors,
     aerodynamic_parameters,
+    climb_rate,
     gyro_bias,
+    measured_air_data,
+    measured_specific_force,
     sensor_parameters,
     thrust_parameters,
+    wind_axis_derivative,
 )
-from analysis.estimation.aircraft_models.starting_values import level_flight_state
+from analysis.estimation.aircraft_models.level_run import level_flight_state
 from analysis.estimation.model import Model, NamedValues
 from flight import motion
 from flight.aircraft import Aircraft

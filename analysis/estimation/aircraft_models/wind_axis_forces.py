@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from analysis.estimation.aircraft_models.equations import specific_force
-from analysis.estimation.aircraft_models.parameters import (
+from analysis.estimation.aircraft_models.forces import (
     Constants,
     Priors,
     aerodynamic_parameters,
+    specific_force,
     thrust_parameters,
 )
 from analysis.estimation.model import Model, NamedValues

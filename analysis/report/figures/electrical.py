@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 
 from analysis.electrical.estimate import ElectricalEstimate
 from analysis.electrical.flight_table import FlightTable
-from analysis.report.figures.figure import Figure
 from analysis.report.figures.style import (
     BLUE,
     GREY,
     INK,
+    Figure,
     add_band,
     add_curve,
     curve_arrays,

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from analysis.report.figures.figure import Figure
 from analysis.report.figures.style import (
     BLUE,
     GREY,
@@ -14,6 +13,7 @@ from analysis.report.figures.style import (
     PALETTE,
     RED,
     Array,
+    Figure,
     add_band,
     rounded,
     styled,

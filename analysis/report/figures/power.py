@@ -1,19 +1,29 @@
-"""Figures of the power-required curve, of its interval, and of the drag polar."""
+"""Points measured in steady flight, as power and methods figures show them.
+
+Figures of the power-required curve, of its interval, and of the drag polar.
+
+Figures that compare the methods, and the runs fitted one by one.
+
+Figures of endurance and range, and of the efficiencies of propeller and motor.
+"""
 
 import numpy as np
 
 from analysis.drag.polar import Polar
-from analysis.estimation.intervals import NORMAL_95
-from analysis.report.figures.figure import Figure
-from analysis.report.figures.measured_points import add_measured_points
+from analysis.estimation.noise import NORMAL_95
 from analysis.report.figures.style import (
     BLUE,
     GREEN,
     INK,
     ORANGE,
+    OTHER_RUN,
+    PALETTE,
     PAPER,
     RED,
+    RUN_COLOR,
+    SYMBOLS,
     Array,
+    Figure,
     add_band,
     add_curve,
     curve_arrays,
@@ -21,7 +31,28 @@ from analysis.report.figures.style import (
     styled,
     translucent,
 )
-from analysis.results.schema import Results, SpeedInterval
+from analysis.report.wording import capitalized_title, listed_methods
+from analysis.results.schema import Interval, MethodResult, PerformanceResult, PowerPoint, Results, SpeedInterval
+from flight.units import GRAVITY_MPS2
+
+
+def add_measured_points(figure: Figure, method: MethodResult, color: str, name: str, *, in_legend: bool = True) -> None:
+    """The points of a method with their 95 % intervals."""
+    power = np.array([p.power_W for p in method.points])
+    lo = np.array([p.power_W if p.power_lo_W is None else p.power_lo_W for p in method.points])
+    hi = np.array([p.power_W if p.power_hi_W is None else p.power_hi_W for p in method.points])
+    figure.add_scatter(
+        x=rounded(np.array([p.speed_mps for p in method.points])),
+        y=rounded(power),
+        error_y={"symmetric": False, "array": rounded(hi - power), "arrayminus": rounded(power - lo), "thickness": 2},
+        mode="markers",
+        marker={"color": PAPER, "size": 10, "line": {"color": color, "width": 3}},
+        name=name,
+        legendgroup=name,
+        showlegend=in_legend,
+        hovertemplate="%{y:.1f} W",
+    )
+
 
 POLAR_POINTS = 60
 
@@ -125,3 +156,134 @@ def drag_polar(polar: Polar, flown_CL: tuple[float, float]) -> Figure:
     figure.update_xaxis(title="drag coefficient", rangemode="tozero")
     figure.update_yaxis(title="lift coefficient", rangemode="tozero")
     return styled(figure, 420, hover="closest")
+
+
+INTERVALS_SHOWN = 4  # of each curve
+ALL_RUNS_COLOR = PALETTE[5]
+
+
+def every_method(results: Results) -> Figure:
+    """The curve of every method; bars are its 95 % interval, circles the points it measured."""
+    figure = Figure()
+    drawn = [method for method in listed_methods(results) if method.power_required]
+    V, _, lo, hi = curve_arrays(results.power_required)
+    add_band(figure, V, lo, hi, PALETTE[0], 0.25, legendgroup=capitalized_title(drawn[0]))
+    for i, method in reversed(list(enumerate(drawn))):  # the first one on top
+        color, title = PALETTE[i % len(PALETTE)], capitalized_title(method)
+        symbol = "" if i == 0 else SYMBOLS[i % len(SYMBOLS)]
+        add_curve(figure, method.power_required, title, color, 5 if i == 0 else 2.5, symbol)
+        if i > 0:
+            _add_interval_bars(figure, method, color, (i - 0.5) / len(drawn))
+        if method.points:
+            add_measured_points(figure, method, color, title, in_legend=False)
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="power required, W", range=[0, 1.3 * float(np.max(hi))])
+    figure = styled(figure, 640 + 13 * len(drawn), hover="closest")
+    legend = {"traceorder": "reversed", "y": -0.16, "yanchor": "top"}
+    figure.update_layout(legend=legend, margin={"b": 120})
+    return figure
+
+
+def _add_interval_bars(figure: Figure, method: MethodResult, color: str, offset: float) -> None:
+    """The interval of a method at a few speeds. offset: 0 to 1, shifts the bars so that methods do not overlap."""
+    V, P, lo, hi = curve_arrays(method.power_required)
+    at = V[0] + (V[-1] - V[0]) * (np.arange(INTERVALS_SHOWN) + offset) / INTERVALS_SHOWN
+    value, low, high = (np.interp(at, V, values) for values in (P, lo, hi))
+    figure.add_scatter(
+        x=rounded(at),
+        y=rounded(value),
+        error_y={"symmetric": False, "array": rounded(high - value), "arrayminus": rounded(value - low), "width": 5},
+        mode="markers",
+        marker={"color": color, "size": 3},
+        legendgroup=capitalized_title(method),
+        showlegend=False,
+        hoverinfo="skip",
+    )
+
+
+def run_by_run(results: Results) -> Figure:
+    """The curve of every run fitted alone, over the curve of all runs."""
+    figure = Figure()
+    V, _, lo, hi = curve_arrays(results.power_required)
+    add_band(figure, V, lo, hi, ALL_RUNS_COLOR, 0.3)
+    add_curve(figure, results.power_required, "all runs", ALL_RUNS_COLOR, 5)
+    in_legend = set()
+    for run in results.one_by_one:
+        if run.power_required:
+            kind = next((kind for kind in RUN_COLOR if kind in run.title), "run")
+            V, P, _, _ = curve_arrays(run.power_required)
+            figure.add_scatter(
+                x=rounded(V), y=rounded(P), mode="lines", line={"color": RUN_COLOR.get(kind, OTHER_RUN), "width": 2},
+                name=kind, legendgroup=kind, showlegend=kind not in in_legend,
+                hovertemplate=f"{run.title}: %{{y:.1f}} W<extra></extra>",
+            )  # fmt: skip
+            in_legend.add(kind)
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="power required, W", range=[0, 1.3 * float(np.max(hi))])
+    return styled(figure, 460, hover="closest")
+
+
+def loadings(use: PerformanceResult) -> list[Figure]:
+    """Longest endurance [min] and range [km] against mass, a line for each air density."""
+    return [
+        _against_mass(use, [case.endurance_s.times(1 / 60) for case in use.loadings], "endurance, min", "%{y:.0f} min"),
+        _against_mass(use, [case.range_m.times(1e-3) for case in use.loadings], "range, km", "%{y:.1f} km"),
+    ]
+
+
+def _against_mass(use: PerformanceResult, values: list[Interval], title: str, hover: str) -> Figure:
+    """values: of `use.loadings`, in their order."""
+    figure = Figure()
+    pairs = list(zip(use.loadings, values, strict=True))
+    densities = sorted({round(case.air_density_kgpm3, 5) for case in use.loadings}, reverse=True)
+    for i, rho in enumerate(densities):
+        here = sorted((p for p in pairs if round(p[0].air_density_kgpm3, 5) == rho), key=lambda p: p[0].weight_N)
+        as_flown = rho == round(use.loadings[0].air_density_kgpm3, 5)
+        name = f"density altitude {here[0][0].density_altitude_m:.0f} m{' (as flown)' if as_flown else ''}"
+        mass = np.array([case.weight_N / GRAVITY_MPS2 for case, _ in here])
+        value, lo, hi = np.array([(v.value, v.lo, v.hi) for _, v in here]).T
+        color = PALETTE[i % len(PALETTE)]
+        if as_flown:
+            add_band(figure, mass, lo, hi, color, 0.2)
+        figure.add_scatter(
+            x=rounded(mass), y=rounded(value), name=name, mode="lines+markers", hovertemplate=hover,
+            line={"color": color, "width": 4, "dash": ("solid", "dash", "dot")[i % 3]},
+            marker={"size": 11, "color": color, "symbol": SYMBOLS[i % len(SYMBOLS)]},
+        )  # fmt: skip
+    figure.update_xaxis(title="mass, kg")
+    figure.update_yaxis(title=title)
+    return styled(figure, 420)
+
+
+def efficiency(use: PerformanceResult) -> Figure:
+    """Efficiencies [%] of propeller, motor and both against speed in level flight, with the points measured."""
+    figure = Figure()
+    points, measured = use.power_train.efficiency, use.power_train.points
+    V = np.array([p.speed_mps for p in points])
+    for name, title, color in (
+        ("propeller", "propeller", BLUE),
+        ("motor", "motor and controller", ORANGE),
+        ("overall", "overall", INK),
+    ):
+        value, lo, hi = 100 * np.array([(i.value, i.lo, i.hi) for i in (getattr(p, name) for p in points)]).T
+        curve = [
+            PowerPoint(speed_mps=v, power_W=p, power_lo_W=p, power_hi_W=p, extrapolated=point.extrapolated)
+            for v, p, point in zip(V.tolist(), value.tolist(), points, strict=True)
+        ]
+        add_band(figure, V, lo, hi, color, 0.18)
+        add_curve(figure, curve, title, color, 4)
+        if measured:
+            figure.add_scatter(
+                x=rounded(np.array([p.speed_mps for p in measured])),
+                y=rounded(100 * np.array([getattr(p, name) for p in measured])),
+                mode="markers",
+                marker={"size": 8, "color": PAPER, "line": {"color": color, "width": 2}},
+                showlegend=False,
+                hoverinfo="skip",
+            )
+    for trace in figure.data:
+        if trace["mode"] == "lines":
+            trace["hovertemplate"] = "%{y:.0f} %"
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="efficiency, %", range=[0, 105])
+    return styled(figure, 420)

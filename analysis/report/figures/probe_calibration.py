@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from analysis.airdata.probe import ProbeCalibration
-from analysis.airdata.speed_dependence import SpeedDependence
-from analysis.airdata.tunnel import TunnelData
-from analysis.report.figures.figure import Figure
-from analysis.report.figures.style import BLUE, INK, PALETTE, RED, SYMBOLS, Array, rounded, styled
+from analysis.airdata.probe_calibration import SpeedDependence, TunnelData
+from analysis.report.figures.style import BLUE, INK, PALETTE, RED, SYMBOLS, Array, Figure, rounded, styled
 
 DEG = float(np.degrees(1.0))
 NEAR_ZERO_RAD = np.radians(1.0)  # of the other angle, for a section through the calibration

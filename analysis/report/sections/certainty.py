@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.report.html_page import HtmlTable
-from analysis.report.sections.sensors import CHANNELS, decimals
-from analysis.report.sections.verdict import FILTER_ERROR, reference_point
+from analysis.report.sections.flight import CHANNELS, decimals
+from analysis.report.sections.summary import FILTER_ERROR, reference_point
 from analysis.results.schema import IntervalPart, Results
 
 MOST_RUNS = 200  # more are no advice

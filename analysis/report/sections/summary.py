@@ -1,9 +1,15 @@
-"""The top of the page: aircraft and air, the headline answers as cards, and the notes on the first figure."""
+"""The top of the page: aircraft and air, the headline answers as cards, and the notes on the first figure.
+
+The verdict: the power required at one speed with its interval, and whether it can be trusted.
+"""
 
 from typing import NamedTuple
 
+import numpy as np
+
 from analysis.report.answers import HeadlineAnswer, headline_answers
-from analysis.results.schema import Results
+from analysis.results.schema import PowerPoint, Results
+from analysis.results.trust import reasons_not_to_trust
 from flight.units import GRAVITY_MPS2
 
 FEET_PER_SECOND, KM_PER_HOUR = 1 / 0.3048, 3.6  # of 1 m/s
@@ -52,3 +58,72 @@ def _card(answer: HeadlineAnswer) -> AnswerCard:
     speed = float(number)
     other_units = f"{speed * KM_PER_HOUR:.0f} km/h · {speed * FEET_PER_SECOND:.0f} ft/s"
     return AnswerCard(answer.question, number, rest, other_units, answer.note)
+
+
+FILTER_ERROR = "filter error"  # as `cross_check_by` says it; its intervals are too narrow for a comparison
+
+
+class NamedPoint(NamedTuple):
+    """A point of the curve and what is special about its speed."""
+
+    point: PowerPoint
+    meaning: str
+
+
+class VerdictSection(NamedTuple):
+    number: str
+    interval: str
+    sentence: str
+    trusted: bool
+    reasons: str
+
+
+def reference_point(results: Results) -> NamedPoint:
+    """The speed of least drag; where it is not known, that of least power, or the middle of the speeds flown."""
+    candidates = (
+        (results.best_range_speed, "the speed of least drag"),
+        (results.minimum_power_speed, "the speed of least power"),
+    )
+    for optimum, meaning in candidates:
+        if optimum.speed_mps is not None and optimum.inside_flown_range:
+            return NamedPoint(_point_at(results, optimum.speed_mps), meaning)
+    curve = results.power_required
+    return NamedPoint(_point_at(results, (curve[0].speed_mps + curve[-1].speed_mps) / 2), "the middle of those flown")
+
+
+def _point_at(results: Results, speed_mps: float) -> PowerPoint:
+    curve = results.power_required
+    V = [point.speed_mps for point in curve]
+    power, lo, hi = (
+        float(np.interp(speed_mps, V, values))
+        for values in np.array([(p.power_W, p.power_lo_W, p.power_hi_W) for p in curve]).T
+    )
+    return PowerPoint(speed_mps=speed_mps, power_W=power, power_lo_W=lo, power_hi_W=hi)
+
+
+def verdict_section(results: Results) -> VerdictSection:
+    at, meaning = reference_point(results)
+    against = reasons_not_to_trust(results)
+    return VerdictSection(
+        number=f"{at.power_W:.1f} W",
+        interval=f"{at.power_lo_W:.1f} to {at.power_hi_W:.1f} W",
+        sentence=(
+            f"in level flight at {at.speed_mps:.1f} m/s, {meaning}. This is drag times true airspeed, for"
+            f" {results.test.weight_N / GRAVITY_MPS2:.2f} kg in air of {results.test.air_density_kgpm3:.3f} kg/m³."
+        ),
+        trusted=not against,
+        reasons=" ".join(against) if against else _support(results),
+    )
+
+
+def _support(results: Results) -> str:
+    """What speaks for the result."""
+    others = sum(bool(method.power_required) for method in results.methods)
+    parts = ["the estimation converged" if results.verdict.startswith("converged") else results.verdict]
+    pairs = len(results.disagreements)
+    if others and not pairs:
+        parts.append(f"{others} other {'method agrees' if others == 1 else 'methods agree'} within the intervals")
+    if results.cross_check and results.cross_check_by != FILTER_ERROR:
+        parts.append("the cross-check on the runs alone agrees")
+    but = f", but {pairs} {'pair' if pairs == 1 else 'pairs'} of methods disagree: see the comparison" if pairs else ""
+    return f"{', '.join(parts)}{but}."

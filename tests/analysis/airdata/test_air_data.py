@@ -4,8 +4,7 @@ import flights
 import numpy as np
 import pytest
 
-from analysis.airdata.air import _slow_flight, air_data
-from analysis.airdata.rigid_body import specific_force_at_cg
+from analysis.airdata.air import _slow_flight, air_data, specific_force_at_cg
 from analysis.signals.aircraft_size import speed_scale
 from analysis.signals.rest import rest_segments, without_zeros, zeros
 from flight.aircraft import load_aircraft

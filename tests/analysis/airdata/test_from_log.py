@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from analysis.airdata.from_log import silent_topics
-from analysis.signals.synchronize import COLUMNS, TOPICS
+from analysis.airdata.flight_data import silent_topics
+from analysis.signals.channels import COLUMNS, TOPICS
 
 
 def flight(**lost: float) -> pd.DataFrame:

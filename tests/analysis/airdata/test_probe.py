@@ -10,9 +10,7 @@ import pytest
 
 from analysis.airdata.polynomial_map import PolynomialMap, polynomial_of_order
 from analysis.airdata.probe import PROBE_FILE, ProbeCalibration, _inside, flow_at_probe
-from analysis.airdata.probe_fit import calibrate
-from analysis.airdata.speed_dependence import speed_dependence
-from analysis.airdata.tunnel import TunnelData, dynamic_pressure, read_tunnel
+from analysis.airdata.probe_calibration import TunnelData, calibrate, dynamic_pressure, read_tunnel, speed_dependence
 from analysis.cli.calibrate.probe import summary as probe_summary
 from daq.probe_calibration import load_probe_maps
 from flight.atmosphere import density

@@ -6,12 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.air import _ground, _stuck, air_data
+from analysis.airdata.air import _ground, _stuck, air_data, bank_angle, specific_force_at_cg
 from analysis.airdata.polynomial_map import PolynomialMap
 from analysis.airdata.probe import FIRST_FORMAT, ProbeCalibration
-from analysis.airdata.rigid_body import bank_angle, specific_force_at_cg
 from analysis.signals.aircraft_size import speed_scale
-from analysis.signals.synchronize import COLUMNS
+from analysis.signals.channels import COLUMNS
 from flight.aircraft import Aircraft, ProbeInstallation
 from flight.propeller import Propeller
 

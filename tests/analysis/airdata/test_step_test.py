@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.airdata.line_lags import LineLag, to_toml
-from analysis.airdata.step_test import (
+from analysis.airdata.line_calibration import (
     LONGEST_STEP_S,
     QUIET_S,
     Lag,
+    LineLag,
     _crossing,
     _interval,
     _minimum,
@@ -17,6 +17,7 @@ from analysis.airdata.step_test import (
     find_steps,
     fit_lag,
     through,
+    to_toml,
 )
 from analysis.airdata.tubing import air
 from analysis.cli.calibrate.tubing import summary

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.transducer_errors import play, with_hysteresis, with_zero_step
+from analysis.airdata.transducers import play, with_hysteresis, with_zero_step
 from sim.sensors.tray import with_hysteresis as of_the_simulator
 
 

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from calibration import NOISE_PA, SEA_LEVEL, bursts
 
+from analysis.airdata.line_calibration import diameter_of_lag_m, find_steps, fit_lag, through
 from analysis.airdata.lines import air_in, bounded_inverse, inverted, line_responses, without_remainder
-from analysis.airdata.step_test import diameter_of_lag_m, find_steps, fit_lag, through
 from analysis.airdata.tubing import Gas, air, low_frequency_lag_s, remainder_of, response
 from flight.aircraft import Aircraft, PneumaticLine
 from flight.errors import InputError

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from analysis.autopilot_logs import px4
-from analysis.autopilot_logs.instances import Battery, measuring_battery, most_varying, turning_motor
 from analysis.autopilot_logs.recording import (
     AIRSPEED_PRESSURE,
     CURRENT,
@@ -14,9 +13,13 @@ from analysis.autopilot_logs.recording import (
     MOTOR,
     STATIC,
     VOLTAGE,
+    Battery,
     Channel,
     channel,
+    measuring_battery,
+    most_varying,
     pressure_of_indicated_airspeed,
+    turning_motor,
     without_clock_jumps,
 )
 

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.campaign.jobs import below
+from analysis.campaign.processes import below
 from flight.errors import InputError
 
 

@@ -14,9 +14,8 @@ from stub_analysis import Stub
 
 from analysis.campaign.campaign import Campaign, Work, run
 from analysis.campaign.cluster import Parcel, analyze_parcel
-from analysis.campaign.flight_folders import exclusive, names
-from analysis.campaign.inputs import software
-from analysis.campaign.jobs import Job
+from analysis.campaign.folders import exclusive, names, software
+from analysis.campaign.processes import Job
 from flight.errors import InputError
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="processes are ended by signals")

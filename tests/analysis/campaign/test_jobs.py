@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.campaign import jobs
+from analysis.campaign import processes
 from flight.errors import InputError
 
 
@@ -23,8 +23,8 @@ def test_a_job_that_fails_says_why_in_one_line(tmp_path: Path, monkeypatch, rais
     def analyze(*_: object) -> None:
         raise raised
 
-    monkeypatch.setattr(jobs, "limit_memory", lambda _: None)  # it holds for the whole process
-    ended = jobs.run_job(analyze, jobs.Job("a", Path("long.mcap")), tmp_path, print)  # type: ignore[arg-type]
+    monkeypatch.setattr(processes, "limit_memory", lambda _: None)  # it holds for the whole process
+    ended = processes.run_job(analyze, processes.Job("a", Path("long.mcap")), tmp_path, print)  # type: ignore[arg-type]
     assert said in ended.error and len(ended.error.splitlines()) == 1
     assert 0 <= ended.seconds < 60 and 0 <= ended.processor_seconds < 60
     assert os.name != "posix" or 10e6 < ended.peak_bytes < 1e12, "an interpreter takes some ten megabytes"

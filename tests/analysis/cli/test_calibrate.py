@@ -11,8 +11,7 @@ import pytest
 from calibration import bursts
 from typer.testing import CliRunner
 
-from analysis.airdata.line_lags import LineLag
-from analysis.airdata.step_test import Lag
+from analysis.airdata.line_calibration import Lag, LineLag
 from analysis.airdata.tubing import air, low_frequency_lag_s
 from analysis.cli.calibrate import app
 from flight.aircraft import PneumaticLine, load_aircraft, parse_aircraft

@@ -19,7 +19,7 @@ from analysis.cli.calibrate.weight_and_balance import summary as of_weight
 from analysis.cli.calibrate.weight_and_balance import support
 from analysis.drag.weight_and_balance import WeightAndBalance
 from analysis.electrical.airspeed_gps import AirspeedErrors
-from analysis.trajectory.airspeed_scale import AirspeedCalibration
+from analysis.trajectory.consistency import AirspeedCalibration
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 

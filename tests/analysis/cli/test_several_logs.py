@@ -9,9 +9,8 @@ from mcap.reader import SeekingReader
 from rich.console import Console
 from typer.testing import CliRunner
 
-from analysis.campaign.campaign import Campaign
-from analysis.campaign.jobs import Outcome
-from analysis.campaign.pooled import flight_folders_of, read_results
+from analysis.campaign.campaign import Campaign, flight_folders_of, read_results
+from analysis.campaign.processes import Outcome
 from analysis.cli.analyze import app
 from analysis.cli.compare import app as compare_app
 from analysis.cli.files_used import _attachments, files_used

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.drag.comparison_text import sentences
+from analysis.drag.comparison import sentences
 from analysis.drag.polar import Condition
 from analysis.drag.sensor_errors import UNEXPLAINED, ErrorEstimate
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.drag import consider
+from analysis.drag import covariance as consider
 from analysis.drag.dynamic import INPUTS, drag_model
 from analysis.drag.polar import Condition, Polar, lift_coefficient, power_required
 from analysis.estimation import output_error

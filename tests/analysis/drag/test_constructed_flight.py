@@ -8,12 +8,12 @@ import pytest
 from constructed import AIRCRAFT, BLOCK, PROPELLER, STEP_S, W, accelerations_and_decelerations, measured, polar
 
 from analysis.drag import covariance
-from analysis.drag.consider import DENSITY
+from analysis.drag.covariance import DENSITY
 from analysis.drag.dynamic import estimate_polar
+from analysis.drag.estimate import ALL_METHODS
 from analysis.drag.forces import FlightForces
-from analysis.drag.method import estimate
+from analysis.drag.method import estimate_with
 from analysis.drag.method_inputs import MethodInputs, input_table, method_inputs
-from analysis.drag.methods import ALL_METHODS
 from analysis.drag.polar import Condition, Polar, power_required
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
 from analysis.estimation.aircraft_models import lift_slope
@@ -211,7 +211,7 @@ def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
         AIRCRAFT, runs, f, [f], dict.fromkeys(error_prior_sigma(AIRCRAFT.uncertainty), f), dict.fromkeys(CAUSES, f)
     )
     for method in (one for one in ALL_METHODS if one.name in ("direct-speed", "energy")):
-        systematic = Polar(polar(), estimate(method, same).systematic)
+        systematic = Polar(polar(), estimate_with(method, same).systematic)
         assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-9), method.name
 
 
@@ -340,7 +340,7 @@ def test_a_method_s_sensitivity_predicts_the_error_of_its_power(method: str, nam
     errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
     errors[name] = errors[name]._replace(value=value)
     (chosen,) = (one for one in ALL_METHODS if one.name == method)
-    result = estimate(chosen, method_inputs(flight_forces, trajectory, runs, errors))
+    result = estimate_with(chosen, method_inputs(flight_forces, trajectory, runs, errors))
     assert result.polar is not None
     (cause,) = (cause for cause, names in CAUSES.items() if name in names)
     wrong_by = power(result.polar.A) - power(polar())
@@ -374,7 +374,7 @@ def test_a_method_s_interval_contains_the_errors_that_the_aircraft_file_states()
         found.append(method_inputs(flight_forces, trajectory, runs, errors))
     factors = {error: factor for factor, error in FACTORS.values()}
     for method in (one for one in ALL_METHODS if one.name in ("direct", "direct-speed", "energy", "accelerations")):
-        default, stated = (estimate(method, inputs) for inputs in found)
+        default, stated = (estimate_with(method, inputs) for inputs in found)
         parts = {
             error: factors[error] ** 2 * np.outer(s, s) * error_prior_sigma(Uncertainty())[error] ** 2
             for error, s in default.sensitivities.items()

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from analysis.drag.comparison import disagreements
-from analysis.drag.direct import ACCELERATIONS, DECELERATIONS, DIRECT
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.energy import ENERGY
 from analysis.drag.method import Method, MethodEstimate
+from analysis.drag.methods_from_runs import ACCELERATIONS, DECELERATIONS, DIRECT, ENERGY
 from analysis.drag.polar import Condition, Polar
 from analysis.drag.sensor_errors import INSTALLATION_TOLERANCE, ErrorEstimate
 

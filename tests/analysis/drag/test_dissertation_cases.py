@@ -18,7 +18,7 @@ from analysis.drag.dynamic import estimate_polar
 from analysis.drag.flown import flown_lift
 from analysis.drag.likelihood import LikelihoodEstimates
 from analysis.drag.polar import Condition, Polar, power_required
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory.reconstruction import Trajectory, reconstruct

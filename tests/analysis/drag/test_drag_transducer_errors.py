@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.transducer_errors import CHANNELS, with_hysteresis, with_zero_step
-from analysis.drag.assumed_values import AssumptionUncertainty
-from analysis.drag.transducer_errors import ZERO_STEPS, with_transducer_uncertainty
+from analysis.airdata.transducers import AIR_DATA_CHANNELS, with_hysteresis, with_zero_step
+from analysis.drag.assumed_values import ZERO_STEPS, AssumptionUncertainty, with_transducer_uncertainty
 from flight.aircraft import load_aircraft
 from tests.analysis.airdata.test_transducer_errors import up_and_down
 
@@ -24,8 +23,8 @@ def values_from(air: pd.DataFrame) -> np.ndarray:
 
 def test_the_covariance_is_the_sum_over_the_transducers() -> None:
     found = with_transducer_uncertainty(None, values_from, AIR, HYSTERESIS)
-    assert found is not None and len(found.changes) == len(CHANNELS)
-    changes = [values_from(with_hysteresis(AIR, channel, 0.004)) - values_from(AIR) for channel in CHANNELS]
+    assert found is not None and len(found.changes) == len(AIR_DATA_CHANNELS)
+    changes = [values_from(with_hysteresis(AIR, channel, 0.004)) - values_from(AIR) for channel in AIR_DATA_CHANNELS]
     assert np.abs(changes).max() > 1e-4
     assert found.covariance == pytest.approx(sum(np.outer(change, change) for change in changes))
     assert np.stack(list(found.changes.values())) == pytest.approx(np.stack(changes))
@@ -39,7 +38,7 @@ def test_half_of_the_variance_of_a_zero_arises_in_mid_flight() -> None:
     """A change of the zero of 2 Pa: a step of 1.41 Pa, besides the hysteresis."""
     uncertainty = replace(HYSTERESIS.uncertainty, transducer_zero_Pa=2.0)
     found = with_transducer_uncertainty(None, values_from, AIR, replace(AIRCRAFT, uncertainty=uncertainty))
-    assert found is not None and len(found.changes) == 2 * len(CHANNELS)
+    assert found is not None and len(found.changes) == 2 * len(AIR_DATA_CHANNELS)
     for channel, name in ZERO_STEPS.items():
         change = values_from(with_zero_step(AIR, channel, 2**0.5)) - values_from(AIR)
         assert np.abs(change).max() > 1e-3

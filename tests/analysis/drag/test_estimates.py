@@ -19,15 +19,14 @@ from constructed import (
 )
 
 from analysis.drag import covariance, dynamic
-from analysis.drag.direct import ONE_RUN, VARIED_LIFT
-from analysis.drag.energy import ENERGY
-from analysis.drag.fallback import fallback
+from analysis.drag.estimate import fallback
 from analysis.drag.forces import FlightForces
-from analysis.drag.method import Method, MethodEstimate, _missing_term, estimate
+from analysis.drag.method import Method, MethodEstimate, _missing_term, estimate_with
 from analysis.drag.method_inputs import MethodInputs, method_inputs
-from analysis.drag.piw_viw import PIW_VIW_THREE, PIW_VIW_TWO
+from analysis.drag.methods_from_runs import ENERGY, ONE_RUN, VARIED_LIFT
 from analysis.drag.polar import Condition, Polar, power_required
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
+from analysis.drag.steady_points import PIW_VIW_THREE, PIW_VIW_TWO
 from analysis.drag.thrust_prior import thrust_prior
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
@@ -72,7 +71,7 @@ def test_an_error_of_the_trajectory_is_in_the_covariance_of_every_method() -> No
     trajectory = replace(trajectory, covariance=C)
     flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
     errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
-    result = estimate(ONE_RUN, method_inputs(flight_forces, trajectory, runs, errors))
+    result = estimate_with(ONE_RUN, method_inputs(flight_forces, trajectory, runs, errors))
     by_trajectory = power_error(result.trajectory_deviations @ result.trajectory_deviations.T)
     assert by_trajectory == pytest.approx(0.05 * m * V, rel=0.03)
     parts = [by_trajectory, power_error(covariance.floor())]
@@ -161,7 +160,7 @@ def test_the_missing_term_is_the_error_of_a_two_term_fit_for_a_CL_minD_of_0_2(CL
     assert _missing_term(CL, A) == pytest.approx(np.outer(error, error), rel=1e-6)
     table, runs = points(SPEEDS, polar(0.0), "steady")
     inputs = same_everywhere(table, runs)
-    two, three = (estimate(method, inputs) for method in (PIW_VIW_TWO, PIW_VIW_THREE))
+    two, three = (estimate_with(method, inputs) for method in (PIW_VIW_TWO, PIW_VIW_THREE))
     missing = two.systematic - three.systematic
     assert missing == pytest.approx(_missing_term(PIW_VIW_TWO.regression(table, runs, AIRCRAFT).CL, polar(0.0)))
 

@@ -7,15 +7,22 @@ import pandas as pd
 import pytest
 from constructed import AIRCRAFT, STEP_S, S, W, flown, polar
 
-from analysis.drag.direct import DIRECT, FROM_SPEED
-from analysis.drag.energy import ENERGY
 from analysis.drag.method import Method
-from analysis.drag.piw_viw import PIW_VIW_THREE, PIW_VIW_TWO, piw_viw
+from analysis.drag.methods_from_runs import DIRECT, ENERGY, FROM_SPEED
 from analysis.drag.polar import Condition, Polar, power_required
 from analysis.drag.regression import THREE_TERM, PointRegression
-from analysis.drag.steady_points import _error_of_mean, mean_gust_mps, steady_means, steady_points
-from analysis.drag.w_delta import W_DELTA, W_DELTA_SLOW
-from analysis.estimation.intervals import NORMAL_95
+from analysis.drag.steady_points import (
+    PIW_VIW_THREE,
+    PIW_VIW_TWO,
+    W_DELTA,
+    W_DELTA_SLOW,
+    _error_of_mean,
+    mean_gust_mps,
+    piw_viw,
+    steady_means,
+    steady_points,
+)
+from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import Maneuver
 from flight.atmosphere import GRAVITY_MPS2, SEA_LEVEL_DENSITY
 from flight.errors import InputError

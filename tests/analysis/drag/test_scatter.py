@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.drag.direct import ONE_RUN
+from analysis.drag.estimate import FALSE_ALARM_RATE, run_scatter
 from analysis.drag.method import MethodEstimate
+from analysis.drag.methods_from_runs import ONE_RUN
 from analysis.drag.polar import Condition, Polar
-from analysis.drag.run_scatter import FALSE_ALARM_RATE, run_scatter
 
 AT = Condition(37.68, 1.2, 0.4636)
 TRUTH = np.array([0.0465, -0.0195, 0.065])

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from analysis.drag import covariance
+from analysis.drag.covariance import _by_rest, _by_states, noise_covariance
 from analysis.drag.regression import POLAR_FIT
-from analysis.drag.state_errors import _by_rest, _by_states, noise_covariance
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.trajectory.smoother import StatesGivenErrors

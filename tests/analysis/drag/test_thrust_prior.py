@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 from constructed import PROPELLER, accelerations_and_decelerations, measured
 
-from analysis.drag.doubts import doubts
 from analysis.drag.dynamic import INPUTS, drag_model, estimate_polar
 from analysis.drag.forces import J_REFERENCE
+from analysis.drag.rejected_assumptions import doubts
 from analysis.drag.sensor_errors import _thrust_errors
 from analysis.drag.thrust_prior import stand_conflict, thrust_prior
 from analysis.estimation import output_error

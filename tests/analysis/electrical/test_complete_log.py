@@ -7,7 +7,7 @@ import pytest
 
 from analysis.drag.polar import Condition, power_required
 from analysis.electrical import airspeed_gps
-from analysis.electrical.complete_log import method_estimate, whole_flight
+from analysis.electrical.daemon_log import method_estimate, whole_flight
 from analysis.electrical.drag import DragEstimate
 from analysis.electrical.energy_balance import FlightConditions, drag_power
 from analysis.electrical.thrust_balance import aerodynamics

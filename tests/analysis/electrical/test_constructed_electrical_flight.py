@@ -13,17 +13,15 @@ from analysis.autopilot_logs.recording import Channel, FlightRecording
 from analysis.electrical.airspeed_gps import airspeed_errors, one_way
 from analysis.electrical.drag import DragEstimate, drag_estimate
 from analysis.electrical.energy_balance import FlightConditions
-from analysis.electrical.estimate import ElectricalEstimate, estimate
+from analysis.electrical.estimate import ElectricalEstimate, FlownAircraft, estimate
 from analysis.electrical.fit import derivatives, with_standard_error
 from analysis.electrical.flight_table import FlightTable, flight_table
-from analysis.electrical.flown_aircraft import FlownAircraft
 from analysis.electrical.thrust_balance import PARAMETERS, MotorConstants
 from analysis.estimation.model import PriorMeasurement
-from analysis.performance.propeller_speed import revps_for_thrust
+from analysis.performance.power_train import revps_for_thrust
 from analysis.results.electrical import _warnings, electrical_results
 from analysis.results.electrical_parameters import flight_values
-from analysis.results.schema import SpeedInterval
-from analysis.results.schema_provenance import Provenance
+from analysis.results.schema import Provenance, SpeedInterval
 from flight.atmosphere import pressure_at
 from flight.errors import InputError
 from flight.propeller_files import load_propeller

@@ -8,10 +8,18 @@ import pytest
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel
-from analysis.electrical import airspeed_gps, propulsion
-from analysis.electrical.air_motion import by_air, by_angle, by_efficiency, of_both, uncorrelated
+from analysis.electrical import airspeed_gps, energy_balance
 from analysis.electrical.airspeed_gps import AirspeedErrors, airspeed_errors
-from analysis.electrical.energy_balance import EnergyBalance, FlightConditions, level_power
+from analysis.electrical.energy_balance import (
+    EnergyBalance,
+    FlightConditions,
+    by_air,
+    by_angle,
+    by_efficiency,
+    level_power,
+    of_both,
+    uncorrelated,
+)
 from analysis.electrical.estimate import drag_prior, lift_prior
 from analysis.electrical.fit import Fit, samples_of, shared_errors
 from analysis.electrical.flight_table import (
@@ -21,8 +29,8 @@ from analysis.electrical.flight_table import (
     _standing_and_moving,
     _touches_ground,
     _zero,
+    resampled,
 )
-from analysis.electrical.smoothing import resampled
 from analysis.electrical.thrust_balance import MotorConstants, ThrustBalance
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
@@ -105,10 +113,10 @@ def test_level_power_is_not_known_beyond_what_a_motor_gives() -> None:
         found = level_power(np.array([V_MPS, 200.0]), PARAMETERS, CONDITIONS)
     assert EFFICIENCY * (found[0] - IDLE_W) >= DRAG_W * 0.999 and np.isnan(found[1])
     u = np.array([0.0, 0.5, 1.0, 1.5, 1 + 1 / np.sqrt(0.7), 4.0])
-    falling = propulsion.efficiency(u, 0.6, 1.0, 0.7)
+    falling = energy_balance.efficiency(u, 0.6, 1.0, 0.7)
     assert falling == pytest.approx([0.0, 0.6 * (1 - 0.5**2.3), 0.6, 0.6 * (1 - 0.7 * 0.25), 0.0, 0.0], abs=1e-9)
     zero_thrust = 1 + 1 / np.sqrt(0.7)
-    idling = propulsion.idling(np.array([1.0, zero_thrust, 1.5 * zero_thrust, 9.0]), 1.0, 0.7)
+    idling = energy_balance.idling(np.array([1.0, zero_thrust, 1.5 * zero_thrust, 9.0]), 1.0, 0.7)
     assert idling == pytest.approx([0.0, 0.0, 0.5, 1.0], abs=1e-9), "idles only where it no longer pulls"
 
 

@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 
-from analysis.electrical import propulsion
-from analysis.electrical.air_motion import by_air
-from analysis.electrical.correlated import correlation, most_likely_noise
+from analysis.electrical import energy_balance
+from analysis.electrical.airspeed_gps import correlation, most_likely_noise
 from analysis.electrical.energy_balance import (
     WINDOW_S,
     DragAndEfficiency,
     EnergyBalance,
     FlightConditions,
     Samples,
+    by_air,
     drag_power,
     level_power,
 )
-from analysis.electrical.smoothing import smoothed
+from analysis.electrical.flight_table import smoothed
 from flight.propeller_files import load_propeller
 from flight.units import GRAVITY_MPS2 as g
 
@@ -27,7 +27,10 @@ def motor_power(useful_W: np.ndarray, V: np.ndarray) -> np.ndarray:
     """The motor's power that gives a useful power."""
     p, grid = DragAndEfficiency.of(PARAMETERS), np.geomspace(5.0, 3000.0, 4000)
     gives = [
-        grid * propulsion.efficiency(propulsion.advance(v, grid, CONDITIONS.rho), p.efficiency, p.x_at_maximum, p.fall)
+        grid
+        * energy_balance.efficiency(
+            energy_balance.advance(v, grid, CONDITIONS.rho), p.efficiency, p.x_at_maximum, p.fall
+        )
         for v in V
     ]
     return np.array([np.interp(useful, row, grid) for useful, row in zip(useful_W, gives, strict=True)])
@@ -77,10 +80,10 @@ def test_both_balances_show_the_same_rising_air(samples: Samples) -> None:
     parameters = np.array([*PARAMETERS, alpha_0, np.log(per_CL), per_CT])
     p, m, V, n = DragAndEfficiency.of(PARAMETERS), CONDITIONS.mass_kg, samples.V_mps, samples.load_factor
     motor, qS = samples.power_W - CONDITIONS.idle_power_W, CONDITIONS.rho * samples.V_mps**2 / 2 * 0.5
-    x = propulsion.advance(V, motor, CONDITIONS.rho)
-    thrust_N = motor * propulsion.efficiency(x, p.efficiency, p.x_at_maximum, p.fall) / V
+    x = energy_balance.advance(V, motor, CONDITIONS.rho)
+    thrust_N = motor * energy_balance.efficiency(x, p.efficiency, p.x_at_maximum, p.fall) / V
     alpha = alpha_0 + per_CL * n * m * g / qS + per_CT * thrust_N / qS
-    along_N = thrust_N - drag_power(V, n, propulsion.idling(x, p.x_at_maximum, p.fall), p, CONDITIONS) / V
+    along_N = thrust_N - drag_power(V, n, energy_balance.idling(x, p.x_at_maximum, p.fall), p, CONDITIONS) / V
     force_x = (along_N / m + n * g * np.sin(alpha)) / np.cos(alpha)
     balance = EnergyBalance(samples._replace(force_x_mps2=force_x), CONDITIONS)
     of_drag, of_force = np.split(balance.residual(parameters), 2)
@@ -95,8 +98,8 @@ def test_level_power_is_where_drag_meets_the_motor() -> None:
     V = np.array([12.0, 16.0, 20.0])
     p = DragAndEfficiency.of(PARAMETERS)
     motor = level_power(V, PARAMETERS, CONDITIONS) - CONDITIONS.idle_power_W
-    x = propulsion.advance(V, motor, CONDITIONS.rho)
-    useful = motor * propulsion.efficiency(x, p.efficiency, p.x_at_maximum, p.fall)
+    x = energy_balance.advance(V, motor, CONDITIONS.rho)
+    useful = motor * energy_balance.efficiency(x, p.efficiency, p.x_at_maximum, p.fall)
     assert useful == pytest.approx(drag_power(V, 1.0, 0.0, p, CONDITIONS), rel=1e-3)
 
 
@@ -107,9 +110,9 @@ def test_propellers_have_the_form_of_the_efficiency(name: str) -> None:
     n = np.full(60, 100.0)
     V = np.linspace(0.05, 1.0, 60) * n * propeller.diameter_m
     thrust, shaft = propeller.thrust_and_power(V, n, 1.2)
-    efficiency, x = thrust * V / shaft, propulsion.advance(V, shaft, 1.2)
+    efficiency, x = thrust * V / shaft, energy_balance.advance(V, shaft, 1.2)
     best = int(np.argmax(np.where(thrust > 0.1 * thrust[0], efficiency, 0.0)))
-    form = propulsion.efficiency(x[:best], float(efficiency[best]), float(x[best]), 0.7)
+    form = energy_balance.efficiency(x[:best], float(efficiency[best]), float(x[best]), 0.7)
     assert form == pytest.approx(efficiency[:best], abs=0.04 * efficiency[best])
 
 

@@ -15,7 +15,7 @@ from analysis.electrical.drag import DragEstimate, drag_estimate
 from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.flight_table import FlightTable, flight_table
 from analysis.electrical.thrust_balance import motor_constants
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
 from flight.propeller_files import load_propeller

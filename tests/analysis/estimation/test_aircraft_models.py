@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from analysis.estimation import aircraft_models, output_error, uncertainty
-from analysis.estimation.aircraft_models.starting_values import level_flight_state
+from analysis.estimation.aircraft_models.level_run import level_flight_state
 from analysis.estimation.data import Segment
 from analysis.estimation.simulation import build_simulator
 from flight import motion

@@ -27,9 +27,9 @@ from disturbed import (
 from analysis.estimation import aircraft_models, filter_error, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise
-from analysis.estimation.intervals import NORMAL_95
 from analysis.estimation.kalman_filter import build_filter
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.noise import NORMAL_95
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 

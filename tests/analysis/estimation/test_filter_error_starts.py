@@ -8,7 +8,7 @@ import twins
 
 from analysis.estimation import equation_error, filter_error
 from analysis.estimation.fit import FitStatus
-from analysis.estimation.noise_start import noise_from_predictions
+from analysis.estimation.process_noise import noise_from_predictions
 from flight.errors import InputError
 
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.estimation import equation_error, output_error
-from analysis.estimation.data import Segment
-from analysis.estimation.frequency_domain import band_matrix, frequencies_of, transform
+from analysis.estimation.data import Segment, band_matrix, frequencies_of, transform
 from analysis.estimation.recursive_fourier import RecursiveFourierRegression
 from analysis.estimation.transfer_function import starting_values, transfer_function
 from flight.errors import InputError

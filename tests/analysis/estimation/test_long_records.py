@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from disturbed import LINEAR, linear_record
 
-from analysis.estimation import long_records, output_error
+from analysis.estimation import output_error
+from analysis.estimation import output_error as long_records
 from analysis.estimation.data import Segment
 from analysis.estimation.simulation import build_simulator
 

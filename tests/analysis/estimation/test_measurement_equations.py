@@ -7,8 +7,7 @@ from test_aircraft_models import ALL_MODELS, NEXSTAR, RHO
 from analysis.drag.dynamic import drag_model
 from analysis.drag.forces import J_REFERENCE
 from analysis.estimation import aircraft_models
-from analysis.estimation.aircraft_models.force_models import force_models
-from analysis.estimation.aircraft_models.parameters import Priors
+from analysis.estimation.aircraft_models.forces import Priors, force_models
 from flight.aircraft import Uncertainty
 
 m = NEXSTAR.mass_kg

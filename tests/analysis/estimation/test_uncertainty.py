@@ -9,8 +9,8 @@ from scipy.stats import chi2
 
 from analysis.estimation import output_error, uncertainty
 from analysis.estimation.data import Segment
-from analysis.estimation.intervals import NORMAL_95
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.simulation import build_simulator
 from flight.errors import InputError
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from analysis.estimation import output_error, uncertainty
-from analysis.estimation.collinearity import collinearities
 from analysis.estimation.data import Segment
+from analysis.estimation.fit import load_summary, save_summary
+from analysis.estimation.hints import collinearities
 from analysis.estimation.model import Model, Parameter
-from analysis.estimation.summary import load_summary, save_summary
 from analysis.estimation.validation import agreement, cross_validate, predict
 from flight.errors import InputError
 from tests.analysis.estimation.test_output_error import (

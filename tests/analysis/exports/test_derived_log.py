@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.exports.derived import _by_thrust_table
-from analysis.exports.derived_log import _write_location
+from analysis.exports.derived import _by_thrust_table, _write_location
 from flight.aircraft import load_aircraft
 from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.log_checks.clock import _wrong_interval
+from analysis.log_checks.structure import _wrong_interval
 
 
 @pytest.mark.parametrize(

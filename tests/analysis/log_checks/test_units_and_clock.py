@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.log_checks.clock import _wrong_interval, check_clock
+from analysis.log_checks.structure import _wrong_interval, check_clock
 from analysis.log_checks.units import LIMITS, check_units
 from flight.errors import InputError
 from flight.log_entries import LogEntry, entries_of

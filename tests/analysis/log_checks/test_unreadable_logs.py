@@ -8,7 +8,7 @@ import pytest
 from mcap.writer import Writer
 
 from analysis.cli.one_log import Options, analyze_log
-from analysis.log_checks.messages import check_messages
+from analysis.log_checks.structure import check_messages
 from analysis.log_contents import Replacements, contents, damage
 from analysis.pipeline import analyze
 from flight.aircraft import load_aircraft

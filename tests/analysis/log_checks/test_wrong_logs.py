@@ -16,9 +16,9 @@ import pandas as pd
 import pytest
 
 from analysis import pipeline
-from analysis.airdata.from_log import flight_data
+from analysis.airdata.flight_data import flight_data
 from analysis.log_checks.axes import check_axes
-from analysis.log_checks.log import check_log
+from analysis.log_checks.structure import check_log
 from analysis.log_contents import Replacements, contents
 from analysis.pipeline import analyze
 from analysis.trajectory.priors import PRIOR_SIGMA

@@ -4,9 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.rigid_body import bank_angle
-from analysis.maneuvers.find_level import SMOOTHING_S, find_runs
-from analysis.maneuvers.legs import turning_points
+from analysis.airdata.air import bank_angle
+from analysis.maneuvers.find_level import SMOOTHING_S, find_runs, turning_points
 
 RATE_HZ = 25.0
 

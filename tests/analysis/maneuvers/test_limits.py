@@ -4,15 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.maneuvers.find import _part_of, _within
-from analysis.maneuvers.find_elevator import find_3211
-from analysis.maneuvers.find_level import find_runs
-from analysis.maneuvers.find_loads import _against_wind_up_turn
-from analysis.maneuvers.find_steady import _reason_against as find_steady_reason
-from analysis.maneuvers.find_steady import find_steady
+from analysis.maneuvers.find import _part_of, _within, find_steady
+from analysis.maneuvers.find import _reason_against as find_steady_reason
+from analysis.maneuvers.find_level import find_runs, notes, without_data
+from analysis.maneuvers.find_loads import _against_wind_up_turn, find_3211
 from analysis.maneuvers.kinds import PORPOISING, ROLLER_COASTER, STEPS_3211, Maneuver, RejectedManeuver
-from analysis.maneuvers.quality import notes, without_data
-from analysis.maneuvers.selection import nearest_miss
+from analysis.maneuvers.runs_file import nearest_miss
 from analysis.maneuvers.smooth import SmoothedMotion
 from tests.analysis.maneuvers.test_find import RATE_HZ, flight, up_and_down
 

@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 from methods import drawn, fly
 
-from analysis.airdata.rigid_body import bank_angle
-from analysis.maneuvers import toml_file
+from analysis.airdata.air import bank_angle
+from analysis.maneuvers import runs_file
 from analysis.maneuvers.find import find
+from analysis.maneuvers.find_level import load_factor_rms
 from analysis.maneuvers.kinds import Maneuvers
-from analysis.maneuvers.quality import load_factor_rms
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from sim.sensors import load_budget
@@ -135,13 +135,13 @@ def test_a_throttle_step_is_noted_and_a_ramp_is_not(probe) -> None:
 
 def test_a_file_of_runs_taken_back_unchanged_gives_the_same_runs(maneuvers, tmp_path: Path) -> None:
     found = find(maneuvers.table, maneuvers.still)
-    again = taken_back(toml_file.to_toml(found, "log.mcap"), maneuvers.table, tmp_path)
+    again = taken_back(runs_file.to_toml(found, "log.mcap"), maneuvers.table, tmp_path)
     assert [(run.kind, run.rows) for run in again.maneuvers] == [(run.kind, run.rows) for run in found.maneuvers]
     assert len(again.rejected) == len(found.rejected)
 
 
 def test_runs_can_be_dropped_kept_and_shifted(maneuvers, tmp_path: Path) -> None:
-    text = toml_file.to_toml(find(maneuvers.table, maneuvers.still), "log.mcap")
+    text = runs_file.to_toml(find(maneuvers.table, maneuvers.still), "log.mcap")
     only = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
     (run,) = taken_back(
         only + "[[run]]\nkind='steady'\nstart='70 s'\nend='80 s'\nkeep=false", maneuvers.table, tmp_path
@@ -158,7 +158,7 @@ def test_runs_can_be_dropped_kept_and_shifted(maneuvers, tmp_path: Path) -> None
 def taken_back(text: str, table: pd.DataFrame, folder: Path) -> Maneuvers:
     path = folder / "runs.toml"
     path.write_text(text, "utf-8")
-    return toml_file.apply(toml_file.load(path), table, [], "runs.toml")
+    return runs_file.apply(runs_file.load(path), table, [], "runs.toml")
 
 
 def test_runs_that_meet_do_not_overlap(maneuvers, tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def test_a_file_taken_back_as_it_was_written_changes_nothing_and_keeps_every_rea
         free[run.rows] = False
     table.loc[free & (table.index.to_numpy() > whole.start_s), "thrust_N"] = np.nan
     assert table["thrust_N"].iloc[whole.rows].isna().mean() > 0.05
-    (tmp_path / "runs.toml").write_text(toml_file.to_toml(found, "log.mcap"), "utf-8")
-    back = toml_file.apply(toml_file.load(tmp_path / "runs.toml"), table, found.rejected, "runs.toml")
+    (tmp_path / "runs.toml").write_text(runs_file.to_toml(found, "log.mcap"), "utf-8")
+    back = runs_file.apply(runs_file.load(tmp_path / "runs.toml"), table, found.rejected, "runs.toml")
     assert [(run.kind, run.rows) for run in back.maneuvers] == [(run.kind, run.rows) for run in found.maneuvers]
     assert found.rejected and [stretch.reason for stretch in back.rejected] == [r.reason for r in found.rejected]

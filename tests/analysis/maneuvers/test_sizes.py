@@ -8,9 +8,8 @@ import pytest
 
 from analysis.drag.flown import flown_condition, flown_lift
 from analysis.drag.polar import speed_at
-from analysis.maneuvers.find_level import find_runs
+from analysis.maneuvers.find_level import find_runs, too_low
 from analysis.maneuvers.find_loads import find_loads
-from analysis.maneuvers.quality import too_low
 from analysis.signals.aircraft_size import SPEED_SCALE, flying_Pa, speed_scale
 from flight.aircraft import Aircraft, load_aircraft
 from flight.units import GRAVITY_MPS2

@@ -28,9 +28,9 @@ from analysis.performance.analysis import (
     performance_at,
     performance_model,
 )
-from analysis.performance.conditions import TitledCondition
 from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
 from analysis.performance.propagation import ParameterVector, UncertainValue, combine_independent, exact
+from analysis.performance.request import TitledCondition
 from analysis.signals.aircraft_size import LEAST_HEIGHT_M
 from sim.plant import plant_of
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.performance.assumed_motor import motor_is_known, with_assumed_motor
+from analysis.performance.power_train import motor_is_known, with_assumed_motor
 from flight.aircraft import Propulsion
 
 RHO = 1.2

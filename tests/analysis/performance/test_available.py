@@ -8,16 +8,16 @@ import pytest
 from motor_data import RHO, full_throttle_run, height_of, incidence_of
 
 from analysis.drag.polar import lift_coefficient
-from analysis.performance.available import (
+from analysis.performance.full_throttle import (
     FASTEST,
     SERVICE_CLIMB_MPS,
     _last_crossing,
     ceilings_m,
+    fit_full_throttle,
     full_throttle_performance,
 )
-from analysis.performance.full_throttle import fit_full_throttle
+from analysis.performance.power_train import full_throttle_revps
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
-from analysis.performance.propeller_speed import full_throttle_revps
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
 from sim.plant import plant_of

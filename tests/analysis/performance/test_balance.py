@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from analysis.drag.polar import Condition, lift_coefficient
-from analysis.performance.balance import climb_angle, drag, incidence, level_thrust
+from analysis.performance.level_flight import climb_angle, drag, incidence, level_thrust
 
 AT = Condition(37.7, 1.19, 0.4636)
 POINTS = {name: np.array([[x]]) for name, x in

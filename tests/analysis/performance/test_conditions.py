@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.drag.polar import Condition
-from analysis.performance.conditions import FlownCondition, density_altitude_m, requested_conditions
-from analysis.performance.request import Request
+from analysis.performance.request import FlownCondition, Request, density_altitude_m, requested_conditions
 from flight.atmosphere import density, pressure_at, temperature_at
 
 TEST = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)

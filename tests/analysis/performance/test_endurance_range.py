@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.performance.endurance_range import _maximum, longest_endurance, longest_range
-from analysis.performance.level_flight import LevelFlight
+from analysis.performance.level_flight import LevelFlight, _maximum, longest_endurance, longest_range
 from analysis.performance.propagation import UncertainValue
 
 

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from analysis.planning import pieces
-from analysis.planning.maneuvers import Hold, Porpoise, Run, Turn
-from analysis.planning.pieces import Pilot, Space
+from analysis.planning.pieces import Hold, Pilot, Porpoise, Run, Space, Turn
 
 AIRCRAFT: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=30.0)
 SLOW, FAST = 11.0, 27.6  # 1.08 and 0.002 for each of 10 kt; 92 %

@@ -12,17 +12,21 @@ import pytest
 from pymavlink import mavutil, mavwp
 
 from analysis.drag.polar import Polar
-from analysis.planning import earlier, pieces, search, texts
+from analysis.planning import card, information, pieces, search
+from analysis.planning.card import _words
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.planning.information import expected, linearized_trajectory, sensor_error_covariance
-from analysis.planning.maneuvers import Hold, Land, Porpoise, Run, Stand, TakeOff, Turn
-from analysis.planning.mission import Home, left_out, qgroundcontrol_plan, waypoint_file
+from analysis.planning.information import (
+    _of_difference,
+    condition,
+    expected,
+    linearized_trajectory,
+    question,
+    sensor_error_covariance,
+)
+from analysis.planning.mission import Home, left_out, qgroundcontrol_plan, simulator_plan, waypoint_file
 from analysis.planning.next_flight import next_flight
-from analysis.planning.pieces import Pilot, Space
-from analysis.planning.questions import _of_difference, condition, question
+from analysis.planning.pieces import Hold, Land, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
 from analysis.planning.search import FlightPlan, Request, plan_flight
-from analysis.planning.simulator_plan import simulator_plan
-from analysis.planning.texts import _words
 from analysis.planning.time_history import STEP_S, TimeHistory, fly
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import LEAST_GUST_MPS, reconstruct
@@ -302,15 +306,15 @@ def test_earlier_flights_are_known_by_what_they_added_to_the_prior():
 
     errors = [error("alpha_scale", 1.0, 3.0), error("alpha_bias", 0.1, 1.0), error("ax_bias", 0.01, 0.19)]
     flight = SimpleNamespace(path=SimpleNamespace(sensor_errors=errors), log="one")
-    known = earlier.information([flight, flight])  # type: ignore[list-item]
+    known = information.information([flight, flight])  # type: ignore[list-item]
     assert known is not None
     diagonal = dict(zip(SENSOR_ERRORS, np.diag(known), strict=True))
     assert diagonal["alpha_scale"] == pytest.approx(2 * (0.01**-2 - 0.03**-2))
     assert diagonal["alpha_bias"] == pytest.approx(2 * (np.radians(0.1) ** -2 - np.radians(1.0) ** -2))
     assert diagonal["ax_bias"] == 0.0
-    assert earlier.information([]) is None
+    assert information.information([]) is None
     with pytest.raises(InputError, match="no sensor errors"):
-        earlier.information([SimpleNamespace(path=None, log="two")])  # type: ignore[list-item]
+        information.information([SimpleNamespace(path=None, log="two")])  # type: ignore[list-item]
 
 
 def test_pieces_keep_their_margins_and_fit_the_space(nexstar: ExpectedAircraft):
@@ -380,7 +384,7 @@ def test_a_pair_of_runs_takes_one_leg_where_it_fits_and_two_where_it_does_not(ne
 
 
 def test_the_rows_of_the_card_are_the_flight_in_order(plan: FlightPlan):
-    rows = texts.rows(plan)
+    rows = card.rows(plan)
     assert sum(row.seconds for row in rows) == pytest.approx(plan.seconds)
     assert rows[0].seconds == pytest.approx(plan.history.starts_s[2])
     assert [row.title for row in rows[1:-1]] == [title for title, _ in groupby(piece.title for piece in plan.pieces)]
@@ -393,27 +397,27 @@ def test_the_rows_of_the_card_are_the_flight_in_order(plan: FlightPlan):
 
 
 def test_the_card_says_what_each_maneuver_is():
-    said = texts._steps([Turn(18.0, 4 * pi, 0.6), Turn(18.0, pi, 0.8), Run(0.87, 13.0, 25.0), Stand(90.0)])
+    said = card._steps([Turn(18.0, 4 * pi, 0.6), Turn(18.0, pi, 0.8), Run(0.87, 13.0, 25.0), Stand(90.0)])
     assert said == (
         "2 circles at 18.0 m/s, bank 34° → turn back at 18.0 m/s, bank 46° → throttle to 87 % over 13 s until"
         " 25.0 m/s (at most 20 s) → stand still 90 s, motor off"
     )
-    assert texts._steps([Porpoise(20.0, 17.0, 0.8)]).endswith("load factor 0.2 to 1.8")
+    assert card._steps([Porpoise(20.0, 17.0, 0.8)]).endswith("load factor 0.2 to 1.8")
 
 
 def test_the_card_tells_margin_room_and_what_a_piece_is_worth(plan: FlightPlan):
     stall = plan.aircraft.stall_mps
-    margin = texts.margin(plan)
+    margin = card.margin(plan)
     assert f"slower than {1.1 * stall:.1f} m/s is planned (10 % above the stall" in margin
     assert f"below {1.04 * 1.1 * stall:.1f} m/s is held (14 % above)" in margin
     assert "The margin is 8 % in still air and 0.2 % more for each knot of wind." in margin
     widest = max(m.speed_mps**2 / tan(m.bank_rad) for m in plan.maneuvers if isinstance(m, Turn))
-    assert texts.side_m(plan) == pytest.approx(2 * widest / GRAVITY_MPS2)
+    assert card.side_m(plan) == pytest.approx(2 * widest / GRAVITY_MPS2)
     worst = max(plan.half_widths)
-    assert [line.endswith(f"instead of ±{worst:.1f} %") for line in texts.losses(plan)] == [True] * len(
+    assert [line.endswith(f"instead of ±{worst:.1f} %") for line in card.losses(plan)] == [True] * len(
         plan.contributions
     )
-    by_hand = texts.losses(replace(plan, worst_with_porpoising=0.5))[-1]
+    by_hand = card.losses(replace(plan, worst_with_porpoising=0.5))[-1]
     assert by_hand.endswith(f"±0.5 % instead of ±{worst:.1f} %.")
 
 

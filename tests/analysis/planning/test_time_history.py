@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.planning.maneuvers import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
+from analysis.planning.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
 from analysis.planning.time_history import (
     STEP_S,
     TAKE_OFF_S,
@@ -17,7 +17,7 @@ from analysis.planning.time_history import (
     fly,
     throttle_at,
 )
-from analysis.trajectory.sensor_noise import BENCH_SIGMA
+from analysis.trajectory.priors import BENCH_SIGMA
 from flight import motion
 from flight.aircraft import load_aircraft
 from flight.units import GRAVITY_MPS2 as g

@@ -9,12 +9,12 @@ from scipy.stats import norm
 from synthetic_flights import flight, truth
 
 from analysis.drag.polar import Condition, speed_at
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.pooling import pool_results
 from analysis.pooling.agreement import differences_in_pool, likely_reason, quadratic_form
 from analysis.pooling.flight_statistics import POOLED
-from analysis.pooling.pooled_json import _thrust_known
-from analysis.pooling.trends import trends
+from analysis.pooling.joint_pool import trends
+from analysis.pooling.pooled_results import _thrust_known
 
 
 def test_homogeneity_is_calibrated_on_flights_drawn_from_the_model() -> None:

@@ -10,11 +10,11 @@ from synthetic_flights import CHANGES, POLAR, PRIOR_MEAN, PRIOR_SIGMA, flight, t
 
 from analysis.drag import covariance
 from analysis.drag.polar import Polar
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.pooling import pool_results
 from analysis.pooling.flight_statistics import POOLED
 from analysis.pooling.joint import REMOUNTED, _without_prior, without_each
-from analysis.pooling.pool import PooledResult
+from analysis.pooling.pooled_results import PooledResult
 from analysis.results.trust import NOT_TO_TRUST
 from flight.errors import InputError
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from synthetic_flights import POLAR, PRIOR_SIGMA, flight, truth
 
-from analysis.drag.consider import DENSITY
-from analysis.drag.doubts import SHAPE, THRUST
+from analysis.drag.covariance import DENSITY
+from analysis.drag.rejected_assumptions import SHAPE, THRUST
 from analysis.pooling import Comparison, PooledResult, compare, flights_to_see, pool_results
 from analysis.pooling.flight_statistics import M
 from flight.errors import InputError

@@ -10,8 +10,8 @@ from rich.console import Console
 from analysis.report.answers import headline_answers
 from analysis.report.field_table import loading_rows, speed_rows, to_csv, to_markdown
 from analysis.report.sections.curve import curve_section
+from analysis.report.sections.flight import decimals, sensors_section
 from analysis.report.sections.performance import ceilings
-from analysis.report.sections.sensors import decimals, sensors_section
 from analysis.report.terminal import print_summary
 from analysis.results.schema import (
     Check,

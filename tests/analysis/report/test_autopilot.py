@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from analysis.report.sections.autopilot import autopilot_section
+from analysis.report.sections.performance import autopilot_section
 from analysis.results.autopilot_parameters import of_power_required
 from analysis.results.schema import PowerPoint, Results
 

@@ -19,9 +19,17 @@ from analysis.report.sections.certainty import (
     stall_margin,
     thrust_share,
 )
-from analysis.report.sections.verdict import reference_point, verdict_section
-from analysis.results.schema import IntervalPart, ParameterResult, PathResult, Results, SensorError, SlowestFlown
-from analysis.results.schema_provenance import Correlation, RunResidual
+from analysis.report.sections.summary import reference_point, verdict_section
+from analysis.results.schema import (
+    Correlation,
+    IntervalPart,
+    ParameterResult,
+    PathResult,
+    Results,
+    RunResidual,
+    SensorError,
+    SlowestFlown,
+)
 
 
 def part(noise_W: float, systematic_W: float) -> IntervalPart:

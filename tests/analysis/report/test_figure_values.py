@@ -10,8 +10,8 @@ from msgspec.structs import replace
 
 from analysis.maneuvers.kinds import ACCELERATION, STANDING
 from analysis.report import calibration as calibration_page
-from analysis.report.figures import electrical, flight, performance, pooled, probe_calibration
-from analysis.report.figures.figure import Figure
+from analysis.report.figures import electrical, flight, pooled, power, probe_calibration
+from analysis.report.figures.style import Figure
 from analysis.results.schema import MeasuredEfficiencyPoint, Results
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from flight.units import GRAVITY_MPS2
@@ -160,7 +160,7 @@ def test_endurance_and_range_are_over_mass_and_efficiencies_in_per_cent(with_bat
     flown = use.loadings[0]
     heavier = replace(flown, title="heavier", weight_N=40.0)
     higher = replace(flown, title="higher", air_density_kgpm3=1.0, density_altitude_m=2000.0)
-    endurance, distance = performance.loadings(replace(use, loadings=[flown, heavier, higher]))
+    endurance, distance = power.loadings(replace(use, loadings=[flown, heavier, higher]))
     for figure, value in ((endurance, 50.0), (distance, 40.0)):
         (as_flown,) = named(figure, "density altitude 200 m (as flown)")
         assert np.asarray(as_flown["x"]) == pytest.approx(np.array([37.0, 40.0]) / GRAVITY_MPS2, abs=1e-3)
@@ -169,7 +169,7 @@ def test_endurance_and_range_are_over_mass_and_efficiencies_in_per_cent(with_bat
         assert np.asarray(band["y"]) == pytest.approx([1.2 * value] * 2 + [0.9 * value] * 2)
         assert len(named(figure, "density altitude 2000 m")[0]["x"]) == 1
     point = MeasuredEfficiencyPoint(time_s=0.0, speed_mps=15.0, propeller=0.65, motor=0.8, overall=0.52)
-    figure = performance.efficiency(replace(use, power_train=replace(use.power_train, points=[point])))
+    figure = power.efficiency(replace(use, power_train=replace(use.power_train, points=[point])))
     for name, value in (("propeller", 70.0), ("motor and controller", 80.0), ("overall", 56.0)):
         assert named(figure, name)[0]["y"][0] == pytest.approx(value)
     markers = [trace["y"][0] for trace in figure.data if trace["mode"] == "markers"]

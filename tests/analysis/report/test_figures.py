@@ -10,12 +10,11 @@ from msgspec.structs import replace
 from analysis.drag.polar import Polar
 from analysis.estimation.fit import Convergence
 from analysis.maneuvers.kinds import ACCELERATION
-from analysis.report.figures import estimation, methods, power, residuals
-from analysis.report.figures.figure import Figure
-from analysis.report.figures.style import BLUE, GRID, RED, rounded, thinned, translucent
+from analysis.report.figures import flight, power
+from analysis.report.figures import power as methods
+from analysis.report.figures.style import BLUE, GRID, RED, Figure, rounded, thinned, translucent
 from analysis.report.sections import certainty
-from analysis.results.schema import Results, SpeedInterval
-from analysis.results.schema_provenance import Correlation
+from analysis.results.schema import Correlation, Results, SpeedInterval
 
 
 def named(figure: Figure, name: str) -> list[dict]:
@@ -29,7 +28,7 @@ def test_panels_share_the_height_with_a_gap_between_them() -> None:
 
 def test_the_autocorrelation_has_the_bounds_of_white_noise() -> None:
     run = SimpleNamespace(run="acceleration at 10 s", step_s=0.2, points=100, autocorrelation=[1.0, 0.3, -0.1])
-    figure = residuals.autocorrelation([run])  # type: ignore[list-item]
+    figure = flight.autocorrelation([run])  # type: ignore[list-item]
     assert list(figure.data[0]["x"]) == pytest.approx([0.0, 0.2, 0.4])
     bounds = named(figure, "95 % bound of white noise")
     assert [bound["y"][0] for bound in bounds] == pytest.approx([-0.196, 0.196])
@@ -39,18 +38,18 @@ def test_the_autocorrelation_has_the_bounds_of_white_noise() -> None:
 def test_the_convergence_shows_cost_above_the_last_and_step_by_iteration() -> None:
     """Costs from the start on, steps from the first iteration on; a cost below the last has no logarithm."""
     one, other = Convergence((-1.0, -3.99, -4.0), (2.0, 0.12345678)), Convergence((0.0, -1.1, -1.0), (1.0, 1e-5))
-    figure = estimation.convergence({"drag": one, "cross-check": other})
+    figure = flight.convergence({"drag": one, "cross-check": other})
     cost, step = named(figure, "drag")
     assert list(cost["x"]) == [0, 1] and list(cost["y"]) == pytest.approx([3.0, 0.01])
     assert list(step["x"]) == [1, 2] and list(step["y"]) == pytest.approx([2.0, 0.1235])
     assert np.isnan(named(figure, "cross-check")[0]["y"][1])
     assert [figure.layout[axis]["type"] for axis in ("yaxis", "yaxis2")] == ["log", "log"]
-    assert estimation.convergence({"long": Convergence((3.0,) * 41, (1.0,) * 40)}).layout["xaxis"]["dtick"] == 6
+    assert flight.convergence({"long": Convergence((3.0,) * 41, (1.0,) * 40)}).layout["xaxis"]["dtick"] == 6
 
 
 def test_each_correlation_stands_in_its_row_and_column_with_the_color_of_its_sign() -> None:
     matrix = [[1.0, -0.8, 0.4], [-0.8, 1.0, 0.0], [0.4, 0.0, 1.0]]
-    figure = estimation.correlation(Correlation(names=["A0", "A1", "thrust_scale"], matrix=matrix))
+    figure = flight.correlation(Correlation(names=["A0", "A1", "thrust_scale"], matrix=matrix))
     (cells,) = figure.data
     at = {(int(x), int(base)): i for i, (x, base) in enumerate(zip(cells["x"], cells["base"], strict=True))}
     first_row_second_column, first_row_third_column = at[1, 2], at[2, 2]
@@ -76,7 +75,7 @@ def test_the_path_s_airspeed_and_angle_of_attack_are_relative_to_the_wind() -> N
         block_means=Blocks(V_mps=15 * one, alpha_rad=np.radians(5) * one),
         states=pd.DataFrame(states),
     )
-    figure = residuals.air_and_path(trajectory)  # type: ignore[arg-type]
+    figure = flight.air_and_path(trajectory)  # type: ignore[arg-type]
     for trace, expected in zip(figure.data, (15, 15, 5, 5), strict=True):
         y = np.asarray(trace["y"], dtype=float)
         assert np.isnan(y[:10]).all() and y[20:] == pytest.approx(expected, abs=1e-3)
@@ -87,7 +86,7 @@ def test_the_wind_s_arrow_points_where_the_wind_blows() -> None:
     track = SimpleNamespace(t_s=[0.0, 1.0, 2.0], north_m=[0.0, 100.0, 200.0], east_m=[10.0, 20.0, 30.0])
     run = SimpleNamespace(kind=ACCELERATION, start_s=0.5, end_s=2.0, name="acceleration 1")
     air = SimpleNamespace(wind_from_deg=300.0, wind_mps=5.0)
-    figure = residuals.ground_track(track, [run], air)  # type: ignore[arg-type]
+    figure = flight.ground_track(track, [run], air)  # type: ignore[arg-type]
     (arrow,) = named(figure, "wind, 5.0 m/s")
     x, y = (np.asarray(arrow[axis], dtype=float) for axis in "xy")
     assert (x[0], y[0]) == (10.0, 200.0)

@@ -8,11 +8,10 @@ from msgspec.structs import replace
 from analysis.drag.polar import Condition, Polar, minimum_power_lift
 from analysis.report import page
 from analysis.report.answers import headline_answers, optimum_speed_text
-from analysis.report.figures.figure import Figure
 from analysis.report.figures.flight import run_fit
-from analysis.report.figures.methods import every_method
-from analysis.report.figures.power import interval_parts, power_required
-from analysis.report.method_list import listed_methods
+from analysis.report.figures.power import every_method, interval_parts, power_required
+from analysis.report.figures.style import Figure
+from analysis.report.wording import listed_methods
 from analysis.results.files import to_csv
 from analysis.results.power_curves import optimum
 from analysis.results.schema import ParameterResult, PathResult, RejectedResult, Results, SensorError

@@ -5,14 +5,11 @@ from types import SimpleNamespace
 import pytest
 from msgspec.structs import replace
 
-from analysis.report.sections.flight import flight_section
-from analysis.report.sections.methods import _power_at_ends
+from analysis.report.sections.curve import _power_at_ends
+from analysis.report.sections.flight import _air, _log, _place, _ticks, _wind, decimals, flight_section
 from analysis.report.sections.performance import ceilings, performance_section
-from analysis.report.sections.provenance import _air, _log, _place, _ticks, _wind
-from analysis.report.sections.sensors import decimals
 from analysis.report.sections.summary import summary_section
-from analysis.results.schema import ConditionResult, Interval, PowerPoint, RejectedResult, Results
-from analysis.results.schema_provenance import AirFound
+from analysis.results.schema import AirFound, ConditionResult, Interval, PowerPoint, RejectedResult, Results
 
 AIR = AirFound(
     wind_mps=5.0, wind_from_deg=310.0, wind_standard_error_mps=0.5, gust_mps=0.25, temperature_K=290.0,

@@ -5,8 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from analysis.report.figures.figure import Figure
-from analysis.report.figures.style import GREY, INK, ON_DARK, PALETTE, PAPER, RUN_COLOR, rounded, thinned
+from analysis.report.figures.style import GREY, INK, ON_DARK, PALETTE, PAPER, RUN_COLOR, Figure, rounded, thinned
 from analysis.report.html_page import to_json
 
 # From linear RGB to what is seen: Machado, Oliveira and Fernandes (2009), severity 1.

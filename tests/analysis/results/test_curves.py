@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.maneuvers.selection import nearest_miss
+from analysis.maneuvers.runs_file import nearest_miss
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import gust_notes
 from analysis.trajectory.reconstruction import Trajectory

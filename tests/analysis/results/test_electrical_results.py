@@ -10,7 +10,7 @@ from analysis.electrical.airspeed_gps import AirspeedErrors
 from analysis.electrical.energy_balance import FlightConditions
 from analysis.electrical.fit import IDLE_POWER_SIGMA_W
 from analysis.electrical.flight_table import STEP_S
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.results.electrical import _beside_the_curve, _best_speed, _points, _polar, _warnings
 from analysis.results.electrical_parameters import flight_values
 from analysis.results.schema import SpeedInterval

@@ -7,10 +7,8 @@ import pytest
 
 from analysis.drag.polar import Condition, lift_coefficient
 from analysis.performance.analysis import Ceilings, ConditionPerformance, FlightPerformance, PerformanceModel
-from analysis.performance.available import FullThrottlePerformance
-from analysis.performance.endurance_range import Optimum
-from analysis.performance.full_throttle import FullThrottle
-from analysis.performance.level_flight import LevelFlight
+from analysis.performance.full_throttle import FullThrottle, FullThrottlePerformance
+from analysis.performance.level_flight import LevelFlight, Optimum
 from analysis.performance.power_train import MeasuredEfficiency, PowerTrainModel
 from analysis.performance.propagation import ParameterVector, UncertainValue, exact
 from analysis.results.performance import _time_or_distance, performance_result

@@ -10,7 +10,7 @@ import pytest
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.method import SteadyPoint
 from analysis.drag.polar import Condition, Polar, best_range_lift, minimum_power_lift
-from analysis.estimation.intervals import NORMAL_95
+from analysis.estimation.noise import NORMAL_95
 from analysis.results import power_curves
 from analysis.results.files import to_csv
 from analysis.results.methods import _point

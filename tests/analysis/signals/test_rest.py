@@ -7,9 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.signals.rest import BLOCK_S, CHANNELS, _around_flight, mean_at_rest, rest_segments, zeros
-from analysis.signals.still_air_zero import ZERO_FILE
-from analysis.signals.stretches import stretches
+from analysis.signals.rest import BLOCK_S, CHANNELS, ZERO_FILE, _around_flight, mean_at_rest, rest_segments, zeros
+from analysis.signals.smoothing import stretches
 from daq import still_air_zero as daq_zero
 from daq.still_air_zero import ZeroReading
 from flight.errors import InputError

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.signals.synchronize import NEEDED, synchronize
+from analysis.signals.channels import NEEDED, synchronize
 from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log
 from flight.messages import TYPE_OF_TOPIC, AbsolutePressure, DifferentialPressure, Imu, Rpm, Status

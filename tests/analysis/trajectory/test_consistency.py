@@ -6,8 +6,16 @@ import pytest
 from exact_motion import exact_motion
 
 from analysis.results.trajectory import trajectory_result
-from analysis.trajectory.airspeed_scale import calibrate
-from analysis.trajectory.consistency import ANGLES, SPEED, Consistency, consistency
+from analysis.trajectory.consistency import (
+    ANGLES,
+    SPEED,
+    Consistency,
+    TimeShift,
+    calibrate,
+    consistency,
+    time_shift_notes,
+    time_shifts,
+)
 from analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
@@ -22,7 +30,6 @@ from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.smoother import StatesGivenErrors
-from analysis.trajectory.time_shift import TimeShift, time_shift_notes, time_shifts
 from flight.errors import InputError
 
 ERRORS = {"alpha_bias": 0.02, "alpha_scale": 0.05, "beta_bias": -0.02, "V_scale": 0.03, "air_data_lag": 0.1,

@@ -19,8 +19,8 @@ from analysis.trajectory.equations import (
     measurement_model,
 )
 from analysis.trajectory.inertial import InertialInputs
+from analysis.trajectory.priors import BENCH_SIGMA
 from analysis.trajectory.process import GustConditions, ProcessModel
-from analysis.trajectory.sensor_noise import BENCH_SIGMA
 from flight.motion import body_from_earth, flow_of
 
 NO_ERRORS = np.zeros(len(SENSOR_ERRORS))

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.trajectory import dryden
-from analysis.trajectory.gust_intensity import (
-    ObservedGust,
-    block_mean_spectrum,
-    intensity_of,
-    process_spectrum,
-    vertex,
-)
+from analysis.trajectory.gusts import ObservedGust, block_mean_spectrum, intensity_of, process_spectrum, vertex
 
 STEP_S, PARTS = 0.2, 20
 CRUISE = 1.0, 40.0, 17.0

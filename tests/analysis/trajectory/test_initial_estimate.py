@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
-from analysis.trajectory.initial_estimate import initial_sensor_errors, initial_states
-from analysis.trajectory.priors import initial_state_sigma, stated_sigma
+from analysis.trajectory.priors import initial_sensor_errors, initial_state_sigma, initial_states, stated_sigma
 from flight.aircraft import Uncertainty
 
 STEP_S, N = 0.2, 300

@@ -9,18 +9,20 @@ from analysis.airdata.magnetometer import Compass
 from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, MEASUREMENTS, PROCESS_INPUTS, SENSOR_ERRORS, STATES
 from analysis.trajectory.inertial import CHANNELS, InertialInputs
-from analysis.trajectory.level_field import LevelField
-from analysis.trajectory.measurements import ALPHA_PORT_SLOPE, Measurements
+from analysis.trajectory.measurements import ALPHA_PORT_SLOPE, LevelField, Measurements
 from analysis.trajectory.priors import (
+    BENCH_SIGMA,
     PRIOR_SIGMA,
+    ZEROS,
     begins_at_rest,
     initial_state_sigma,
+    noise_at_rest,
     sensor_error_prior,
     stated_sigma,
+    zeros_at_rest,
 )
 from analysis.trajectory.problem import TrajectoryProblem, _blocks_at_rest
 from analysis.trajectory.process import GustConditions, ProcessModel
-from analysis.trajectory.sensor_noise import BENCH_SIGMA, ZEROS, noise_at_rest, zeros_at_rest
 from flight.aircraft import Uncertainty
 from flight.motion import body_from_earth
 

@@ -5,7 +5,8 @@ import pytest
 from test_reconstruction import flown as fly
 
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, STATES, NamedArrays
-from analysis.trajectory.instrumental_variables import (
+from analysis.trajectory.problem import TrajectoryProblem
+from analysis.trajectory.regressors import (
     LAGS,
     NEWEST,
     RATE_S,
@@ -15,7 +16,6 @@ from analysis.trajectory.instrumental_variables import (
     lagged,
     projected_on_past,
 )
-from analysis.trajectory.problem import TrajectoryProblem
 
 DECAY = 0.93  # of a gust in 0.2 s: scale length 40 m, at 14 m/s
 N = 6000

@@ -9,9 +9,9 @@ from scipy.signal import lfilter
 
 from analysis.trajectory import dryden, reconstruction
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from analysis.trajectory.priors import BENCH_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import GUST_GRID_MPS, LEAST_GUST_MPS, _most_probable_gust, _solve
-from analysis.trajectory.sensor_noise import BENCH_SIGMA
 from analysis.trajectory.smoother import gauss_newton_step
 
 

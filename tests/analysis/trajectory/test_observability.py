@@ -13,8 +13,8 @@ from analysis.trajectory.block_means import block_mean
 from analysis.trajectory.consistency import ANGLES, SPEED, consistency, difference_statistics
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import FlightExcitation, missing, sensor_error_estimates, sensor_error_notes
+from analysis.trajectory.priors import ZEROS
 from analysis.trajectory.reconstruction import reconstruct
-from analysis.trajectory.sensor_noise import ZEROS
 
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
 WITHIN = 3.3  # standard errors: 99.9 %

@@ -7,7 +7,7 @@ import pytest
 from scipy import special
 
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.prior_conflict import conflict_notes, prior_conflict, with_misfit
+from analysis.trajectory.observability import conflict_notes, prior_conflict, with_misfit
 from analysis.trajectory.priors import PRIOR_MEAN, PRIOR_SIGMA
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.smoother import StatesGivenErrors

@@ -14,7 +14,7 @@ from analysis.trajectory.equations import (
     NamedArrays,
     measurement_model,
 )
-from analysis.trajectory.initial_estimate import initial_states
+from analysis.trajectory.priors import initial_states
 from analysis.trajectory.problem import TrajectoryProblem
 
 INSIDE = slice(20, -20)

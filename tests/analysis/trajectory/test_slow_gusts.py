@@ -5,7 +5,7 @@ import pytest
 
 from analysis.trajectory import dryden
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.slow_gusts import (
+from analysis.trajectory.gusts import (
     AROUND_CORNER,
     LIKE_GUSTS,
     SLOW,

@@ -4,9 +4,8 @@ import flights
 import numpy as np
 import pytest
 
-from analysis.trajectory.airspeed_scale import calibrate
+from analysis.trajectory.consistency import calibrate, time_shift_notes, time_shifts
 from analysis.trajectory.reconstruction import reconstruct
-from analysis.trajectory.time_shift import time_shift_notes, time_shifts
 from flight.aircraft import load_aircraft
 from sim.sensors import load_budget
 

@@ -1,0 +1,192 @@
+"""The file of maneuvers, `runs.toml`: written with every analysis, edited by the user, read with `--runs`.
+
+Selects the maneuvers that an analysis uses: those found in the data, or those of an edited file.
+"""
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from analysis.maneuvers import find_level
+from analysis.maneuvers.find import find
+from analysis.maneuvers.find_level import TOO_LOW
+from analysis.maneuvers.kinds import (
+    CONTEXT_KINDS,
+    FOR_DRAG,
+    KINDS,
+    LEVEL_RUNS,
+    Maneuver,
+    Maneuvers,
+    RejectedManeuver,
+    maneuver_in,
+)
+from analysis.maneuvers.smooth import smooth
+from analysis.signals.aircraft_size import flying_Pa, speed_scale_of
+from analysis.signals.channels import COLUMNS
+from flight.errors import InputError
+from flight.text_file import read_text
+from flight.units import read_table
+
+HEAD = """\
+# Maneuvers found in {log}. Edit this file and run: analyze {log} --runs {name}
+# In a folder of several logs: edit it, and give the same command as before.
+#
+# keep = false leaves a maneuver out; keep = true takes one that was rejected. Start and end count from the beginning of
+# the log and may be moved. The kind may be changed: {kinds}.
+# Further [[run]] tables may be added. Lines that begin with # are remarks.
+"""
+SMOOTHING_S = 2.2
+FEWEST_SAMPLES = 60  # twelve of the estimators' five-sample blocks; estimators ignore shorter maneuvers
+LEFT_OUT = "left out by hand"
+ROUNDED_S = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class ManeuverEntry:
+    """One [[run]] of the file."""
+
+    kind: str
+    start_s: float
+    end_s: float
+    keep: bool = True
+
+
+def to_toml(found: Maneuvers, log: str, name: str = "runs.toml") -> str:
+    """The maneuvers of a flight and the rejected stretches as a file to edit."""
+    parts = [HEAD.format(log=log, name=name, kinds=", ".join(KINDS))]
+    everything: list[Maneuver | RejectedManeuver] = sorted([*found.maneuvers, *found.rejected], key=_start)
+    for stretch in everything:
+        keep = "true" if isinstance(stretch, Maneuver) else "false"
+        remarks = stretch.notes if isinstance(stretch, Maneuver) else (f"rejected: {stretch.reason}",)
+        parts.append(
+            "\n[[run]]\n"
+            + "".join(f"# {remark}\n" for remark in remarks)
+            + f'kind = "{stretch.kind}"\nstart = "{stretch.start_s:.2f} s"\nend = "{stretch.end_s:.2f} s"\n'
+            + f"keep = {keep}\n"
+        )
+    return "".join(parts)
+
+
+def load(path: Path) -> list[ManeuverEntry]:
+    """The entries of a file of maneuvers.
+
+    Raises InputError naming file, entry and key if something is missing, unknown or has a wrong unit.
+    """
+    try:
+        table = tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not valid TOML ({error})") from None
+    raw = table.pop("run", [])
+    if table:
+        raise InputError(f"{path}: unknown key {next(iter(table))!r}; only [[run]] tables are allowed")
+    if not isinstance(raw, list) or not raw:
+        raise InputError(f"{path}: has no [[run]] table")
+    entries = []
+    for i, one in enumerate(raw, start=1):
+        where = f"{path}: run {i}"
+        entry = read_table(ManeuverEntry, one, where)
+        if entry.kind not in KINDS:
+            raise InputError(f"{where}: kind: {entry.kind!r} is none of {', '.join(KINDS)}")
+        if not 0 <= entry.start_s < entry.end_s:
+            raise InputError(
+                f"{where}: start ({entry.start_s:g} s) must lie before end ({entry.end_s:g} s), and not before 0"
+            )
+        entries.append(entry)
+    if not any(entry.keep for entry in entries):
+        raise InputError(f"{path}: no [[run]] has keep = true")
+    return entries
+
+
+def apply(entries: list[ManeuverEntry], table: pd.DataFrame, rejected: list[RejectedManeuver], where: str) -> Maneuvers:
+    """The maneuvers that a file keeps, and the reasons why the others are left out.
+
+    table: of `air_data`. rejected: the stretches rejected in this log; their reasons are kept. where: names the file in
+    errors.
+    Raises InputError for a maneuver outside the log, one without the data that every method needs, and for runs that
+    overlap: data counted twice make the interval too narrow.
+    """
+    motion = smooth(table, SMOOTHING_S)
+    last_s = float(table.index[-1])
+    kept: list[Maneuver] = []
+    left_out: list[RejectedManeuver] = []
+    for i, entry in enumerate(entries, start=1):
+        if not entry.keep:
+            reason = next((stretch.reason for stretch in rejected if _same(entry, stretch)), LEFT_OUT)
+            left_out.append(RejectedManeuver(entry.kind, entry.start_s, entry.end_s, reason))
+            continue
+        at = f"{where}: run {i} ({entry.kind}, {entry.start_s:g} to {entry.end_s:g} s)"
+        if entry.start_s > last_s or entry.end_s > last_s + 1:
+            raise InputError(f"{at}: the log ends at {last_s:.0f} s")
+        first, end = np.searchsorted(table.index.to_numpy(), (entry.start_s - 1e-3, entry.end_s + 1e-3))
+        rows = slice(int(first), int(end))
+        if rows.stop - rows.start < FEWEST_SAMPLES:
+            raise InputError(f"{at}: only {rows.stop - rows.start} samples; {FEWEST_SAMPLES} are needed")
+        data = table.iloc[rows]
+        missing = "" if entry.kind in CONTEXT_KINDS else find_level.without_data(data)
+        if missing:
+            raise InputError(f"{at}: {missing}")
+        for other in kept if entry.kind in LEVEL_RUNS else ():
+            if other.kind in LEVEL_RUNS and other.rows.start < rows.stop - 1 and rows.start < other.rows.stop - 1:
+                raise InputError(f"{at}: overlaps the {other.name}")
+        notes = () if entry.kind in CONTEXT_KINDS else find_level.notes(data, motion.bank[rows])
+        kept.append(maneuver_in(entry.kind, rows, table, motion.V, notes))
+    return Maneuvers(sorted(kept, key=_start), left_out)
+
+
+def _start(stretch: Maneuver | RejectedManeuver) -> float:
+    return stretch.start_s
+
+
+def _same(entry: ManeuverEntry, stretch: RejectedManeuver) -> bool:
+    """Whether an entry is that stretch; times in the file are rounded."""
+    apart = max(abs(entry.start_s - stretch.start_s), abs(entry.end_s - stretch.end_s))
+    return entry.kind == stretch.kind and apart < ROUNDED_S
+
+
+PRESSURES = ("q_c_Pa", "dp_alpha_Pa", "static_Pa")  # flight is recognized only if all of these are measured
+
+
+def select(table: pd.DataFrame, rest: list[slice], log: str, runs_file: Path | None = None) -> Maneuvers:
+    """The maneuvers found, or the ones that `runs_file` keeps.
+
+    table: of `air_data`. rest: rows in which the aircraft stood still.
+    Raises InputError naming the log or the file if no maneuver allows drag to be estimated.
+    """
+    entries = load(runs_file) if runs_file else None
+    found = find(table, rest)
+    if entries:
+        found = apply(entries, table, found.rejected, str(runs_file))
+    if found.of(*FOR_DRAG):
+        return found
+    if runs_file:
+        raise InputError(f"{runs_file}: no maneuver to analyse; keep one of these: {', '.join(FOR_DRAG)}")
+    missed = nearest_miss(found.rejected, table, rested=bool(rest))
+    raise InputError(f"{log}: no acceleration or deceleration to analyse{missed}")
+
+
+def nearest_miss(rejected: list[RejectedManeuver], table: pd.DataFrame, *, rested: bool = True) -> str:
+    """Why there is no run: the reason for the longest rejected one, or why no flight was recognized.
+
+    rested: the aircraft stood still somewhere in the log.
+    """
+    if not table["flying"].any():
+        dead = sorted({COLUMNS[name][0] for name in PRESSURES if table[name].isna().all()})
+        if dead:
+            return f": {', '.join(dead)} showed nothing (a broken transducer or a blocked tube)"
+        return (
+            f": no flight in it (dynamic pressure below {flying_Pa(speed_scale_of(table)):.0f} Pa,"
+            " or flow angles outside the probe calibration)"
+        )
+    missed = [stretch for stretch in rejected if stretch.kind in LEVEL_RUNS]
+    if not missed:
+        return " (speed never changed steadily in level flight)"
+    longest = max(missed, key=lambda r: r.end_s - r.start_s)
+    reason = f"; the longest stretch, {longest.start_s:.0f} to {longest.end_s:.0f} s: {longest.reason}"
+    if rested or not longest.reason.startswith(TOO_LOW):
+        return reason
+    return (
+        f"{reason}; there is no rest on the ground in the log, and the height where it begins is taken as the ground's"
+    )

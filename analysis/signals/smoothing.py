@@ -1,0 +1,138 @@
+"""Gaps in a signal, filled by linear interpolation.
+
+Smoothing and differentiation by local polynomials (Savitzky and Golay, Anal. Chem. 36, 1964).
+
+The numbers are those of `scipy.signal.savgol_filter`, whose import takes half a second and 30 MB for what is not used
+here.
+
+Interpolation by a cubic spline with the not-a-knot condition (de Boor, A Practical Guide to Splines, ch. IV).
+
+The numbers are those of `scipy.interpolate.CubicSpline`, whose import takes 0.15 s and 20 MB for what is not used here.
+
+Stretches of a boolean signal in which it is true.
+"""
+
+from math import factorial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+from scipy.linalg import lapack
+
+Array = NDArray[np.float64]
+
+
+def without_gaps(values: Array) -> Array:
+    """Values (n,) with NaN interpolated linearly, and constant before the first and after the last known value.
+
+    All NaN if none is known. The numbers are those of `pandas.Series.interpolate(limit_direction="both")`.
+    """
+    known = ~np.isnan(values)
+    if known.all() or not known.any():
+        return values
+    at = np.arange(len(values))
+    return np.interp(at, at[known], values[known])
+
+
+def local_quadratic(values: Array, window: int, derivative: int = 0, step: float = 1.0) -> Array:
+    """The value or derivative of a quadratic fitted by least squares around each of the values (n,), (n,).
+
+    window: odd number of values of a fit, at most n. step: distance of two values. The first and the last half window
+    are those of one quadratic each, fitted to the first and to the last window.
+    """
+    half = window // 2
+    powers = np.arange(half, half - window, -1.0) ** np.arange(3).reshape(-1, 1)
+    wanted = np.zeros(3)
+    wanted[derivative] = factorial(derivative) / step**derivative
+    weights = linalg.lstsq(powers, wanted)[0]
+    fitted = _correlated(values, weights[::-1])
+    at = np.arange(window)
+    for part, inside in (
+        (slice(None, window), slice(0, half)),
+        (slice(len(values) - window, None), slice(-half, None)),
+    ):
+        edge = np.polyder(np.polyfit(at, values[part], 2), derivative)
+        fitted[part][inside] = np.polyval(edge, at[inside]) / step**derivative
+    return fitted
+
+
+def _correlated(values: Array, weights: Array) -> Array:
+    """Sums of the values (n,) around each, times an odd number of weights; zero beyond the ends.
+
+    The order of operations is that of `scipy.ndimage`, whose import takes 0.06 s.
+    """
+    half, n = len(weights) // 2, len(values)
+    padded = np.concatenate([np.zeros(half), values, np.zeros(half)])
+    near = [padded[i : i + n] for i in range(len(weights))]
+    for sign in (1, -1):
+        if np.abs(weights - sign * weights[::-1])[:half].max() <= np.finfo(float).eps:
+            result = weights[half] * values
+            for i in range(half):
+                result += (near[i] + sign * near[-1 - i]) * weights[i]
+            return result
+    result = near[-1] * weights[-1]
+    for i in range(len(weights) - 1):
+        result += near[i] * weights[i]
+    return result
+
+
+FEWEST = 4  # points
+GAP = 3.5  # median intervals, beyond which samples are not connected
+
+
+class CubicSpline:
+    """A piecewise cubic through values (n,) or (n, k) at increasing x (n,), with two continuous derivatives."""
+
+    def __init__(self, x: Array, values: Array):
+        """Raises ValueError for fewer than FEWEST points, or where x does not increase."""
+        x, values = np.asarray(x, dtype=float), np.asarray(values, dtype=float)
+        step = np.diff(x)
+        if len(x) < FEWEST or not (step > 0).all():
+            raise ValueError(f"a cubic spline needs {FEWEST} points in increasing order")
+        self._x = x
+        by_point = (-1, *[1] * (values.ndim - 1))
+        h = step.reshape(by_point)
+        slope = np.diff(values, axis=0) / h
+        diagonal, above, below = np.empty(len(x)), np.empty(len(x) - 1), np.empty(len(x) - 1)
+        diagonal[1:-1], above[1:], below[:-1] = 2 * (step[:-1] + step[1:]), step[:-1], step[1:]
+        right = np.empty_like(values)
+        right[1:-1] = 3 * (h[1:] * slope[:-1] + h[:-1] * slope[1:])
+        first, last = x[2] - x[0], x[-1] - x[-3]
+        diagonal[0], above[0] = step[1], first
+        diagonal[-1], below[-1] = step[-2], last
+        right[0] = ((step[0] + 2 * first) * step[1] * slope[0] + step[0] ** 2 * slope[1]) / first
+        right[-1] = (step[-1] ** 2 * slope[-2] + (2 * last + step[-1]) * step[-2] * slope[-1]) / last
+        *_, derivative, _ = lapack.dgtsv(below, diagonal, above, right)
+        derivative = derivative.reshape(values.shape)
+        excess = (derivative[:-1] + derivative[1:] - 2 * slope) / h
+        # Coefficients of the powers 0 to 3 of the distance from the interval's first point.
+        self._coefficients = values[:-1], derivative[:-1], (slope - derivative[:-1]) / h - excess, excess / h
+
+    def __call__(self, x: Array, derivative: int = 0) -> Array:
+        """The value, or the first derivative, at x (m,); beyond the ends the first and the last cubic continue."""
+        interval = np.clip(np.searchsorted(self._x, x, side="right") - 1, 0, len(self._x) - 2)
+        constant, linear, square, cubic = (c.take(interval, axis=0) for c in self._coefficients)
+        d = (x - self._x[interval]).reshape(-1, *[1] * (constant.ndim - 1))
+        if derivative:
+            return np.asarray(linear + square * d * 2 + cubic * (d * d) * 3)
+        return np.asarray(constant + linear * d + square * (d * d) + cubic * (d * d * d))
+
+
+def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
+    """Values (m,) measured at `taken_s` (m,), by a cubic spline at `t_s` (n,); NaN in gaps and beyond the ends."""
+    if len(value) < FEWEST:
+        return np.full_like(t_s, np.nan)
+    interval = max(float(np.median(np.diff(taken_s))), t_s[1] - t_s[0])
+    after = np.clip(np.searchsorted(taken_s, t_s), 1, len(taken_s) - 1)
+    before = after - 1
+    bridged = taken_s[after] - taken_s[before] <= GAP * interval
+    distance = np.minimum(np.abs(t_s - taken_s[before]), np.abs(taken_s[after] - t_s))
+    within = (t_s >= taken_s[0]) & (t_s <= taken_s[-1])
+    known = (bridged & within) | (distance <= 0.01 * interval)
+    return np.where(known, CubicSpline(taken_s, value)(t_s), np.nan)
+
+
+def stretches(flag: NDArray[np.bool_]) -> list[slice]:
+    """The slices of a boolean array (n,) in which it is True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flag, [False]]).astype(np.int8)))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,254 @@
+"""The intensity of gusts from the evidence of three intensities.
+
+Two things move the vertex of the parabola through the three away from the true intensity. The process model takes the
+gusts of neighboring blocks as values at their centers; means over blocks have smaller increments, two thirds of the
+variance where the gusts are much longer than a block, so the likelihood is greatest up to a fifth too low. And minus
+the logarithm of the likelihood is no parabola: it rises faster towards low intensities, which moves the vertex up.
+Both depend on the noise: where it hides the fast gusts, the slow ones determine the intensity. The expected likelihood
+of a Gaussian process by its spectra (Whittle 1953, Ark. Mat. 2, 423) has the same vertex for the true intensity.
+
+Scale length and slow power of gusts, from the spectra of the flight's own gusts.
+
+The intensity of gusts is found from all their frequencies, most of which are fast. Errors of airspeed and flow angles
+come from the slow ones: the mean of a gust over minutes. Their power grows with the scale length (Lenschow, Mann &
+Kristensen 1994, J. Atmos. Oceanic Technol. 11, 661), which differs from place to place, and with the shape of the
+spectrum. A flight of minutes has few slow gusts, but the corner of the spectrum, at V/L, shows the scale length too. So
+Dryden's spectra are fitted to the periodograms of the reconstructed gusts (Whittle's likelihood): one factor of length
+for all three axes, with the user's (`[uncertainty] gust_length`) as a prior, and an intensity for each axis. Where the
+corner denies the assumed length, the flight is reconstructed again with the length found.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.trajectory.dryden import GaussMarkov, SecondOrderGust
+from analysis.trajectory.equations import SENSOR_ERRORS
+
+Array = NDArray[np.float64]
+
+FREQUENCIES = 256  # of a step's Nyquist band
+ALIASES = 4  # multiples of the sampling frequency; means over a step and the gusts' own spectrum attenuate the others
+FARTHEST_OCTAVES = 3.0  # between the intensity and the middle of the three
+
+
+class ObservedGust(NamedTuple):
+    """A gust at cruise where the vertical ones have 1 m/s, and the noise of a block mean that shows it [m/s]."""
+
+    gust: GaussMarkov | SecondOrderGust
+    noise_mps: float
+
+
+def vertex(below: float, here: float, above: float) -> float:
+    """Of the parabola through three values at -1, 0, 1."""
+    return (below - above) / (2 * (below - 2 * here + above))
+
+
+def intensity_of(found: float, middle_mps: float, observed: Sequence[ObservedGust], step_s: float) -> float:
+    """The intensity of vertical gusts [m/s] for which `found` is the expected vertex.
+
+    found : vertex of minus twice the logarithm of the evidence, in octaves from the middle of three intensities
+    middle_mps : intensity in the middle; the others are half and twice as large
+    """
+    from scipy.optimize import brentq  # its import takes longer than all of this
+
+    theta = np.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
+    # Per measurement and frequency, at the three intensities: model's power (k, n), and means' for 1 m/s (n,).
+    spectra = []
+    for gust, noise_mps in observed:
+        if np.isfinite(noise_mps):
+            model = np.multiply.outer(middle_mps**2 * 4.0 ** np.arange(-1, 2), process_spectrum(gust, theta, step_s))
+            spectra.append((model + noise_mps**2, block_mean_spectrum(gust, theta, step_s), noise_mps**2))
+
+    def beyond(octaves: float) -> float:
+        variance = (middle_mps * 2**octaves) ** 2
+        return found - vertex(
+            *sum(np.sum(np.log(f) + (variance * means + noise) / f, axis=1) for f, means, noise in spectra)
+        )
+
+    if not spectra or beyond(-FARTHEST_OCTAVES) < 0 or beyond(FARTHEST_OCTAVES) > 0:
+        return float(middle_mps * 2**found)
+    return float(middle_mps * 2 ** brentq(beyond, -FARTHEST_OCTAVES, FARTHEST_OCTAVES, xtol=1e-4))
+
+
+def process_spectrum(gust: GaussMarkov | SecondOrderGust, theta: Array, step_s: float) -> Array:
+    """Two-sided power per step of the process model's gust at frequencies theta (n,) [rad/step]."""
+    shift = np.exp(-1j * theta)
+    if isinstance(gust, GaussMarkov):
+        decay, increment = gust.discretize(step_s)
+        return np.asarray(increment**2 / np.abs(1 - decay * shift) ** 2)
+    decay, once, twice = gust.discretize(step_s)
+    first = 1 / (1 - decay * shift)
+    second = first**2 * (1 - decay) * (1 + shift) / 2
+    once_to_gust, twice_to_gust = np.sqrt(3) * first + (1 - np.sqrt(3)) * second, (1 - np.sqrt(3)) * first
+    return np.asarray(np.abs(once_to_gust) ** 2 * once**2 + np.abs(twice_to_gust) ** 2 * twice**2)
+
+
+def block_mean_spectrum(gust: GaussMarkov | SecondOrderGust, theta: Array, step_s: float) -> Array:
+    """Two-sided power per step of means over a step of the continuous gust, at theta (n,) [rad/step]."""
+    aliases = theta + 2 * np.pi * np.arange(-ALIASES, ALIASES + 1)[:, None]
+    power = gust.power(aliases / step_s) / step_s * np.sinc(aliases / (2 * np.pi)) ** 2
+    return np.asarray(power.sum(axis=0))
+
+
+Gust = GaussMarkov | SecondOrderGust
+
+# Bands in which spectra are compared, in radians over a gust's time L/V: of slow gusts, and about the corner of the
+# spectrum, where gusts of another length differ most. Above, noise is larger than gusts.
+SLOW, AROUND_CORNER = (0.0, 2.0), (1.0, 10.0)
+DENIED = 3.0  # standard deviations of the logarithm, from which on the length found is taken instead of the assumed one
+TAPERS = 3  # of the multitaper periodogram, sines (Riedel & Sidorenko 1995, IEEE Trans. Signal Process. 43, 188)
+HALF_BANDWIDTH = (TAPERS + 1) / 2  # in units of one over the duration
+FEWEST_FREQUENCIES = 12  # two minutes of vertical gusts at 40 m: fewer tell less than the user
+LENGTH_FACTOR = 2.0  # the user's scale length is right within this factor, 1 sigma
+LENGTHS = np.geomspace(0.1, 20.0, 80)  # over the standard's, over which the posterior is summed
+LEAST_INFORMATION = 1e-6  # of the data about a sensor error, over the prior's
+GUSTS_DOMINATE_MPS = 0.1  # vertical gusts, 1 sigma, that contribute as much as noise to the errors of flow angles
+# The axis whose slow gusts look like the sensor error. The others are found from fast motion, gravity and GPS.
+LONGITUDINAL, LATERAL, VERTICAL = range(3)
+LIKE_GUSTS = {"alpha_bias": VERTICAL, "alpha_scale": VERTICAL, "dp_alpha_zero": VERTICAL, "beta_bias": LATERAL,
+              "V_scale": LONGITUDINAL, "q_c_zero": LONGITUDINAL}  # fmt: skip
+
+
+class AxisSpectrum(NamedTuple):
+    """Of the gusts of one axis: power (m,) at the compared frequencies omega (m,) [rad/s], and the assumed process."""
+
+    power: Array
+    omega: Array
+    assumed: Gust
+
+
+class ScaleLength(NamedTuple):
+    """Of gusts, over the assumed one, and the standard deviation of its logarithm."""
+
+    ratio: float
+    log_sigma: float
+
+    @property
+    def denied(self) -> bool:
+        """Whether the spectra contradict the assumed length."""
+        return abs(float(np.log(self.ratio))) > DENIED * self.log_sigma
+
+
+def gust_spectra(
+    gusts_mps: Array, random_errors_mps: Array, step_s: float, assumed: Sequence[Gust], band: tuple[float, float]
+) -> list[AxisSpectrum]:
+    """Multitaper periodograms of gusts (3, n) at constant steps.
+
+    random_errors_mps : (3, k, n) drawn from their distribution. assumed: processes at the mean speed and height.
+    band : lowest and highest frequency, in radians over each axis' L/V. The reconstructed gust is smoother than the
+    true one; what it lacks is on average the power of its random errors.
+    """
+    n = gusts_mps.shape[1]
+    tapers = np.sqrt(2 / (n + 1)) * np.sin(np.pi / (n + 1) * np.outer(np.arange(1, TAPERS + 1), np.arange(1, n + 1)))
+
+    def power(values: Array, compared: NDArray[np.bool_]) -> Array:
+        spectra = np.fft.rfft(values[..., None, :] * tapers)[..., compared]
+        return np.asarray(np.mean(np.abs(spectra) ** 2, axis=-2) * step_s)
+
+    axes = []
+    for gust, errors, process in zip(gusts_mps, random_errors_mps, assumed, strict=True):
+        compared, omega = _frequencies(n, step_s, process, band)
+        found = power(gust, compared) + np.mean(power(errors, compared), axis=0) if compared.any() else omega
+        axes.append(AxisSpectrum(found, omega, process))
+    return axes
+
+
+def planned_ratios(n: int, step_s: float, assumed: Sequence[Gust], prior_length: float) -> Array:
+    """`slow_power_ratios` of a flight of n steps in gusts as assumed, whose periodograms are the spectra."""
+    axes = []
+    for process in assumed:
+        _, omega = _frequencies(n, step_s, process, SLOW)
+        axes.append(AxisSpectrum(process.power(omega), omega, process))
+    return slow_power_ratios(axes, prior_length)
+
+
+def _frequencies(n: int, step_s: float, assumed: Gust, band: tuple[float, float]) -> tuple[NDArray[np.bool_], Array]:
+    """Which frequencies of n steps are compared, and these [rad/s]: within the band, and resolved."""
+    omega = 2 * np.pi * np.fft.rfftfreq(max(n, 1), step_s)
+    resolved = 2 * np.pi * HALF_BANDWIDTH / max(n * step_s, step_s)
+    lowest, highest = (limit / float(assumed.time_s) for limit in band)
+    compared = np.asarray((omega >= max(resolved, lowest)) & (omega <= highest))
+    return compared, np.asarray(omega[compared], dtype=float)
+
+
+def slow_power_ratios(axes: Sequence[AxisSpectrum], prior_length: float) -> Array:
+    """Expected power of slow gusts over the assumed one (3,): means of the posterior of sigma^2 T over the assumed.
+
+    axes : `gust_spectra` in the band SLOW. prior_length: scale length over the assumed one, returned for a flight too
+    short to show another. The intensity of an axis with too few frequencies is as assumed.
+    """
+    shown = [len(axis.omega) >= FEWEST_FREQUENCIES for axis in axes]
+    if not any(shown):
+        return np.full(len(axes), prior_length)
+    posterior = _length_posterior(axes, prior_length)
+    intensity = np.ones((len(axes), len(LENGTHS)))
+    for i, axis in enumerate(axes):
+        if shown[i]:
+            intensity[i] = np.sum(axis.power / _spectra(axis), axis=1) / (len(axis.omega) - 1)
+    return np.asarray((intensity * LENGTHS) @ posterior)
+
+
+def scale_length(axes: Sequence[AxisSpectrum], prior_length: float) -> ScaleLength:
+    """The scale length of gusts over the assumed one, by `gust_spectra` in the band AROUND_CORNER.
+
+    Unknown where no axis has FEWEST_FREQUENCIES: the user's length alone denies nothing.
+    """
+    if all(len(axis.omega) < FEWEST_FREQUENCIES for axis in axes):
+        return ScaleLength(1.0, np.inf)
+    posterior, log_length = _length_posterior(axes, prior_length), np.log(LENGTHS)
+    mean = float(posterior @ log_length)
+    return ScaleLength(float(np.exp(mean)), float(np.sqrt(posterior @ (log_length - mean) ** 2)))
+
+
+def _length_posterior(axes: Sequence[AxisSpectrum], prior_length: float) -> Array:
+    """Probabilities of LENGTHS (80,), the intensity of each axis unknown.
+
+    For a length, sigma^2 over the assumed one has an inverse gamma distribution with m degrees and the scale A, the sum
+    of power over spectrum; it is integrated over (prior flat in its logarithm).
+    """
+    log_posterior = -((np.log(LENGTHS / prior_length) / np.log(LENGTH_FACTOR)) ** 2) / 2
+    for axis in axes:
+        if len(axis.omega) >= FEWEST_FREQUENCIES:
+            spectra, m = _spectra(axis), len(axis.omega)
+            A = np.sum(axis.power / spectra, axis=1)
+            log_posterior = log_posterior - np.sum(np.log(spectra), axis=1) - m * np.log(A)
+    posterior = np.exp(log_posterior - log_posterior.max())
+    return np.asarray(posterior / np.sum(posterior))
+
+
+def _spectra(axis: AxisSpectrum) -> Array:
+    """Of the assumed intensity and each of LENGTHS: (80, m)."""
+    assumed = axis.assumed
+    return np.stack([assumed._replace(time_s=assumed.time_s * length).power(axis.omega) for length in LENGTHS])
+
+
+class Estimate(NamedTuple):
+    """Of the sensor errors: values (m,) and covariance (m, m)."""
+
+    values: Array
+    covariance: Array
+
+
+def with_slow_power(estimate: Estimate, prior: Estimate, gust_mps: float, ratios: Array) -> Estimate:
+    """The estimate of SENSOR_ERRORS where the power of slow gusts is `ratios` (3,) times that assumed in it.
+
+    The variance of the mean of a gust over a time much longer than its scale is in proportion to its slow power. So the
+    errors by the data of what looks like such gusts grow with the root of the ratio. The prior then counts for more:
+    the estimate moves towards it. gust_mps : standard deviation of vertical gusts, which share the errors with noise
+    """
+    share = gust_mps**2 / (gust_mps**2 + GUSTS_DOMINATE_MPS**2)
+    ratio = np.ones(len(SENSOR_ERRORS))
+    for name, axis in LIKE_GUSTS.items():
+        ratio[SENSOR_ERRORS.index(name)] = ratios[axis]
+    factor = np.sqrt(1 + (ratio - 1) * share)
+    # The data's own estimate is values + offset. What they do not determine is as little determined afterwards.
+    of_prior = np.linalg.inv(prior.covariance)
+    of_data = np.linalg.inv(estimate.covariance) - (1 - LEAST_INFORMATION) * of_prior
+    offset = np.linalg.solve(of_data, of_prior @ (estimate.values - prior.values))
+    of_data = of_data / np.outer(factor, factor)
+    covariance = np.linalg.inv(of_data + of_prior)
+    values = estimate.values + covariance @ (of_data @ offset - of_prior @ (estimate.values - prior.values))
+    return Estimate(values, (covariance + covariance.T) / 2)

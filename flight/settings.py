@@ -1,0 +1,45 @@
+"""Thresholds and priors as typed, documented records: each with its unit and the reason for its value, or its source.
+
+A package keeps its own in `settings.py`, one record a subject:
+
+    @dataclass(frozen=True)
+    class LevelRuns(Settings):
+        "What counts as a level acceleration or deceleration."
+
+        shortest_s: float = setting(3.0, "s", "a shorter run holds fewer than ten independent samples of drag")
+
+    LEVEL_RUNS = LevelRuns()
+
+docs/assumptions.md is made from these records. A value that follows from another setting, from the noise or from the
+aircraft's size is computed, and is no setting.
+"""
+
+from collections.abc import Iterator
+from dataclasses import field, fields
+from typing import Any, NamedTuple, TypeVar
+
+T = TypeVar("T")
+
+
+def setting(value: T, unit: str, reason: str) -> T:
+    """The default of a field of `Settings`. unit: "1" for a ratio; reason: why this value, or its source."""
+    return field(default=value, metadata={"unit": unit, "reason": reason})
+
+
+class Described(NamedTuple):
+    """A setting with what is said of it."""
+
+    name: str
+    value: Any
+    unit: str
+    reason: str
+
+
+class Settings:
+    """Base of all records of settings; subclasses are frozen dataclasses."""
+
+    @classmethod
+    def described(cls) -> Iterator[Described]:
+        """All settings of the record with their defaults."""
+        for one in fields(cls):  # type: ignore[arg-type]
+            yield Described(one.name, one.default, one.metadata["unit"], one.metadata["reason"])
