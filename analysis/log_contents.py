@@ -10,7 +10,7 @@ from typing import NamedTuple
 from analysis.airdata.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
 from analysis.airdata.probe import PROBE_FILE, ProbeCalibration
 from analysis.airdata.transducers import TRANSDUCERS_FILE, TransducerCalibration
-from analysis.drag.thrust_stand import ThrustStand
+from analysis.ground.thrust_stand import ThrustStand
 from analysis.signals.rest import ZERO_FILE
 from flight.aircraft import Aircraft, Installation, parse_aircraft
 from flight.errors import InputError

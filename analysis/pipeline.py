@@ -13,9 +13,9 @@ from analysis.airdata.flight_data import FlightData, flight_data
 from analysis.drag import assumed_values
 from analysis.drag.assumed_values import with_transducer_uncertainty
 from analysis.drag.estimate import DragEstimates, estimate
-from analysis.drag.flown import check_lift, flown_condition, flown_lift, thrust_coverage
 from analysis.drag.rerun import Repetition
 from analysis.electrical.daemon_log import whole_flight
+from analysis.flown import check_lift, flown_condition, flown_lift, thrust_coverage
 from analysis.log_checks.axes import check_axes
 from analysis.log_checks.structure import check_decodable, check_log
 from analysis.log_contents import Replacements

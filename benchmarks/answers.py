@@ -21,11 +21,11 @@ from scipy.optimize import brentq
 
 from analysis.airdata.probe import ProbeCalibration
 from analysis.drag import dynamic
-from analysis.drag.polar import Condition, lift_coefficient
 from analysis.maneuvers.find_level import find_runs
 from analysis.performance.analysis import performance_model, power_train_data
 from analysis.performance.full_throttle import full_throttle_performance
 from analysis.performance.level_flight import level_flight
+from analysis.polar import Condition, lift_coefficient
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError

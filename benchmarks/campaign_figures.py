@@ -9,8 +9,8 @@ from estimators import OVER_STALL, speeds
 from numpy.typing import NDArray
 from world_table import Points, world_table
 
-from analysis.drag.polar import Polar, power_required
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import Polar, power_required
 from analysis.pooling import PooledResult, compare, flights_to_see, pool_results
 from analysis.pooling.flight_statistics import read_statistics
 from flight.aircraft import load_aircraft

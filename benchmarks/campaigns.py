@@ -36,7 +36,7 @@ from analysis.airdata.probe import ProbeCalibration
 from analysis.drag import dynamic
 from analysis.drag.assumed_values import with_assumption_uncertainty, with_transducer_uncertainty
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.flown import flown_condition, flown_lift
+from analysis.flown import flown_condition, flown_lift
 from analysis.maneuvers.kinds import Maneuver
 from analysis.maneuvers.runs_file import select
 from analysis.results.pooling_statistics import pooling_statistics

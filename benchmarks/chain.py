@@ -25,7 +25,7 @@ import typer
 from flights import tunnel_probe
 from rich.console import Console
 
-from analysis.drag.polar import Condition, Polar, power_required
+from analysis.polar import Condition, Polar, power_required
 from flight.aircraft import load_aircraft
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))

@@ -11,11 +11,11 @@ import pandas as pd
 
 from analysis import log_contents
 from analysis.drag import likelihood
-from analysis.drag.polar import Condition, power_required
 from analysis.estimation import uncertainty
 from analysis.estimation.fit import Fit
 from analysis.maneuvers.kinds import LEVEL_RUNS, STANDING, Maneuver
 from analysis.pipeline import Analysis, analyze
+from analysis.polar import Condition, power_required
 from flight.aircraft import load_aircraft
 from flight.log_reader import read_log
 

@@ -24,9 +24,9 @@ from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.transducers import air_data_errors
 from analysis.drag import cross_check as cross_check_module
 from analysis.drag import dynamic
-from analysis.drag.polar import Condition, Polar, power_required
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
+from analysis.polar import Condition, Polar, power_required
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.measurements import ALPHA_PORT_SLOPE
 from analysis.trajectory.reconstruction import Trajectory, reconstruct

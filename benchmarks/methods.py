@@ -25,12 +25,12 @@ from analysis.airdata.probe import ProbeCalibration
 from analysis.drag.comparison import MethodDisagreement
 from analysis.drag.dynamic import DynamicEstimate, estimate_polar
 from analysis.drag.estimate import every_method
-from analysis.drag.flown import flown_condition, flown_lift
 from analysis.drag.method import MethodEstimate
-from analysis.drag.polar import Condition, Polar, lift_coefficient, power_required
 from analysis.estimation.noise import NORMAL_95
+from analysis.flown import flown_condition, flown_lift
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import LEVEL_RUNS
+from analysis.polar import Condition, Polar, lift_coefficient, power_required
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.propeller_files import load_propeller

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from analysis.drag.polar import Condition, speed_at
+from analysis.polar import Condition, speed_at
 from analysis.report.answers import headline_answers
 from analysis.report.field_table import loading_rows, speed_rows
 from analysis.report.figures.power import every_method, power_required, run_by_run

@@ -19,7 +19,6 @@ import pandas as pd
 import typer
 
 from analysis.drag import dynamic
-from analysis.drag.polar import Condition, Polar, power_required
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
@@ -28,6 +27,7 @@ from analysis.planning.mission import simulator_plan
 from analysis.planning.pieces import Hold, Land, Maneuver, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
 from analysis.planning.search import Request, plan_flight, predicted
 from analysis.planning.time_history import fly
+from analysis.polar import Condition, Polar, power_required
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError

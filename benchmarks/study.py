@@ -38,9 +38,9 @@ from world_table import Points, coverage, world_table
 from analysis.airdata.pressure_plateaus import plateaus, readings
 from analysis.airdata.transducers import TransducerCalibration, calibrate
 from analysis.drag import cross_check
-from analysis.drag.polar import Condition
 from analysis.log_contents import Replacements
 from analysis.pipeline import Analysis, analyze
+from analysis.polar import Condition
 from analysis.results.files import to_json
 from flight.aircraft import load_aircraft
 from flight.errors import InputError

@@ -27,12 +27,12 @@ from rich.table import Table
 
 from analysis.drag import dynamic
 from analysis.drag.estimate import every_method, fallback
-from analysis.drag.polar import Condition, Polar, power_required, speed_at
-from analysis.drag.thrust_stand import StandReadings, ThrustStand, calibrate
 from analysis.estimation.noise import NORMAL_95
+from analysis.ground.thrust_stand import StandReadings, ThrustStand, calibrate
 from analysis.maneuvers.find import find
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
+from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY

@@ -129,11 +129,11 @@ class OrdinaryFlight:
         progress: Progress,
         table: "Propeller | None" = None,
     ) -> Done:
-        from analysis.drag.thrust_prior import stand_measurements
         from analysis.electrical.drag import drag_estimate
         from analysis.electrical.estimate import estimate
         from analysis.electrical.flight_table import flight_table
         from analysis.electrical.thrust_balance import motor_constants
+        from analysis.ground.thrust_prior import stand_measurements
         from analysis.report.electrical_page import print_electrical_summary, write_electrical_report
         from analysis.results.electrical import electrical_results
         from analysis.results.provenance import provenance_of_file

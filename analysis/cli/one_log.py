@@ -116,7 +116,7 @@ def replacements(options: Options) -> "Replacements":
     from analysis.airdata.magnetometer import MAGNETOMETER_FILE
     from analysis.airdata.probe import PROBE_FILE
     from analysis.airdata.transducers import TRANSDUCERS_FILE
-    from analysis.drag.thrust_stand import THRUST_STAND_FILE
+    from analysis.ground.thrust_stand import THRUST_STAND_FILE
     from analysis.log_contents import Replacements
     from analysis.maneuvers import runs_file as toml_file
     from analysis.signals.rest import ZERO_FILE

@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from scipy import special
 
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.forces import J_REFERENCE
 from analysis.drag.method import MethodEstimate
-from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.drag.sensor_errors import CAUSES, INSTALLATION_TOLERANCE, UNEXPLAINED, ErrorEstimate
 from analysis.estimation.noise import NORMAL_95
+from analysis.ground.thrust_prior import J_REFERENCE
+from analysis.polar import Condition, Polar, power_required, speed_at
 
 Array = NDArray[np.float64]
 

@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from analysis.drag.forces import FlightForces
-from analysis.drag.polar import Polar
 from analysis.estimation import uncertainty
 from analysis.estimation.colored_residuals import Autoregression, noise_spectrum, score_covariance, spectrum_order
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import NamedValues
+from analysis.polar import Polar
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 

@@ -21,14 +21,14 @@ from scipy import special
 
 from analysis.drag import covariance
 from analysis.drag.assumed_values import alpha_scale_sigma
-from analysis.drag.polar import Condition, Polar, power_required, speed_at
-from analysis.drag.thrust_prior import stand_measurements
 from analysis.estimation import aircraft_models, filter_error, output_error
 from analysis.estimation.aircraft_models import Priors
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import FilterFit, ProcessNoise
 from analysis.estimation.fit import Convergence, Fit
+from analysis.ground.thrust_prior import stand_measurements
 from analysis.maneuvers.kinds import Maneuver
+from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.signals.aircraft_size import speed_scale_of
 from analysis.signals.smoothing import without_gaps
 from flight.aircraft import Aircraft

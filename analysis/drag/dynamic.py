@@ -23,16 +23,16 @@ from numpy.typing import NDArray
 
 from analysis.drag import covariance as consider
 from analysis.drag.covariance import noise_covariance
-from analysis.drag.forces import J_REFERENCE, FlightForces
+from analysis.drag.forces import FlightForces
 from analysis.drag.joint_estimate import JointEstimate, joint_estimate
-from analysis.drag.polar import Polar
 from analysis.drag.rejected_assumptions import doubts
-from analysis.drag.thrust_prior import THRUST, stand_measurements
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Convergence
 from analysis.estimation.model import Model, NamedValues, Parameter
+from analysis.ground.thrust_prior import J_REFERENCE, THRUST, stand_measurements
 from analysis.maneuvers.kinds import Maneuver
+from analysis.polar import Polar
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft

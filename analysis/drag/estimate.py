@@ -33,12 +33,12 @@ from analysis.drag.methods_from_runs import (
     ONE_RUN,
     VARIED_LIFT,
 )
-from analysis.drag.polar import Condition, Polar, power_required, speed_at, unphysical
 from analysis.drag.sensor_errors import estimate_errors
 from analysis.drag.steady_points import PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW
-from analysis.drag.thrust_prior import THRUST, thrust_prior
 from analysis.estimation.fit import Fit
+from analysis.ground.thrust_prior import THRUST, thrust_prior
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver, Maneuvers
+from analysis.polar import Condition, Polar, power_required, speed_at, unphysical
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.errors import InputError

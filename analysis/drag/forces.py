@@ -24,9 +24,6 @@ from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 
-# A propeller table is corrected to T = T_table (1 + thrust_scale + thrust_slope (J - J_REFERENCE)).
-J_REFERENCE = 0.5
-
 
 class FlightForces:
     """Forces of one flight, along the reconstructed trajectory and along perturbed ones.

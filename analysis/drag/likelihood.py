@@ -23,15 +23,15 @@ from numpy.typing import NDArray
 
 from analysis.drag import covariance
 from analysis.drag.cross_check import priors, segments_of
-from analysis.drag.forces import J_REFERENCE
 from analysis.drag.method import MethodDescription, MethodEstimate
-from analysis.drag.polar import Polar
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma
 from analysis.estimation import aircraft_models, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import NamedValues
+from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
+from analysis.polar import Polar
 from analysis.signals.smoothing import without_gaps
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.reconstruction import Trajectory

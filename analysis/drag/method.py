@@ -13,12 +13,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
-from analysis.drag.flown import ROBUST_RANGE
 from analysis.drag.method_inputs import MethodInputs
-from analysis.drag.polar import Polar
 from analysis.drag.regression import PolarRegression
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma
+from analysis.flown import ROBUST_RANGE
 from analysis.maneuvers.kinds import Maneuver
+from analysis.polar import Polar
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 

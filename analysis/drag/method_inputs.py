@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.forces import J_REFERENCE, FlightForces
+from analysis.drag.forces import FlightForces
 from analysis.drag.sensor_errors import CAUSES, ErrorEstimate, error_prior_sigma
+from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory import dryden
 from analysis.trajectory.dryden import GaussMarkov

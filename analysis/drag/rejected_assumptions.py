@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
-from analysis.drag.thrust_prior import CONFLICT, STAND
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
+from analysis.ground.thrust_prior import CONFLICT, STAND
 
 Array = NDArray[np.float64]
 

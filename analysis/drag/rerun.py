@@ -12,8 +12,8 @@ from analysis.airdata.flight_data import FlightData
 from analysis.drag import dynamic
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.estimate import every_method, fallback
-from analysis.drag.polar import Condition
 from analysis.maneuvers.kinds import Maneuvers
+from analysis.polar import Condition
 from analysis.trajectory.priors import stated_sigma
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft

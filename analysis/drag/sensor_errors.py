@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.forces import J_REFERENCE, FlightForces
-from analysis.drag.thrust_prior import THRUST, thrust_prior
+from analysis.drag.forces import FlightForces
+from analysis.ground.thrust_prior import J_REFERENCE, THRUST, thrust_prior
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft, Uncertainty

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
 from analysis.drag.method import MethodDescription, MethodEstimate
-from analysis.drag.polar import Polar
-from analysis.drag.thrust_prior import stand_measurements
 from analysis.electrical.drag import DragEstimate, drag_estimate
 from analysis.electrical.energy_balance import FlightConditions, drag_power
 from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.fit import derivatives
 from analysis.electrical.flight_table import flight_table
 from analysis.electrical.thrust_balance import aerodynamics
+from analysis.ground.thrust_prior import stand_measurements
+from analysis.polar import Polar
 from analysis.signals.channels import NEEDED, samples
 from flight.aircraft import Aircraft
 from flight.errors import InputError

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drag.forces import J_REFERENCE
 from analysis.electrical.energy_balance import (
     MOST_WINDOWS,
     DragAndEfficiency,
@@ -18,6 +17,7 @@ from analysis.electrical.energy_balance import (
     Samples,
     drag_power,
 )
+from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.signals.smoothing import stretches
 from flight.aircraft import Propulsion
 from flight.propeller import Propeller

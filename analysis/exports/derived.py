@@ -18,9 +18,9 @@ from mcap.writer import Writer
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
-from analysis.drag.forces import J_REFERENCE, FlightForces
-from analysis.drag.thrust_prior import thrust_prior
+from analysis.drag.forces import FlightForces
 from analysis.files import write_file
+from analysis.ground.thrust_prior import J_REFERENCE, thrust_prior
 from analysis.signals.channels import is_good, times_ns, values
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.drag.estimate import DragEstimates
 from analysis.drag.forces import FlightForces
-from analysis.drag.polar import Condition, speed_at
-from analysis.drag.thrust_prior import THRUST
+from analysis.ground.thrust_prior import THRUST
 from analysis.performance.full_throttle import (
     SERVICE_CLIMB_MPS,
     FullThrottle,
@@ -37,6 +36,7 @@ from analysis.performance.power_train import (
 )
 from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, combine_independent
 from analysis.performance.request import FlownCondition, Request, TitledCondition, requested_conditions
+from analysis.polar import Condition, speed_at
 from analysis.signals.aircraft_size import LEAST_HEIGHT_M, SPEED_SCALE
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft

@@ -23,13 +23,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
-from analysis.drag.polar import Condition, speed_at
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.performance.level_flight import climb_angle
 from analysis.performance.power_train import corrected_thrust, full_throttle_revps
 from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, from_sigma_points
+from analysis.polar import Condition, speed_at
 from analysis.signals.smoothing import stretches
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.complete_aircraft import CompletePropulsion

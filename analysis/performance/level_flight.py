@@ -23,9 +23,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.polar import Condition, lift_coefficient
 from analysis.performance.power_train import PowerTrainModel, revps_for_thrust
 from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, exact, from_sigma_points
+from analysis.polar import Condition, lift_coefficient
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]

@@ -26,10 +26,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
-from analysis.drag.forces import J_REFERENCE
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
+from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.performance.propagation import ParameterVector, SigmaPoints, combine_independent
 from analysis.signals.smoothing import stretches
 from flight.aircraft import Propulsion

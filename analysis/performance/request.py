@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.drag.polar import Condition
+from analysis.polar import Condition
 from flight.aircraft import Aircraft
 from flight.atmosphere import (
     GAS_CONSTANT_AIR,

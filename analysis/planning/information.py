@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 
 from analysis.drag import covariance as consider
 from analysis.drag.covariance import STATE_STEP
-from analysis.drag.forces import J_REFERENCE, FlightForces
-from analysis.drag.polar import Condition, Polar, best_range_lift, minimum_power_lift, power_required, speed_at
-from analysis.drag.thrust_prior import stand_information
+from analysis.drag.forces import FlightForces
 from analysis.estimation.noise import NORMAL_95
+from analysis.ground.thrust_prior import J_REFERENCE, stand_information
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import Maneuver
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.time_history import TimeHistory
+from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift, power_required, speed_at
 from analysis.results.schema import FORMAT, Results
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
 from analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import GUSTY_MPS, MATTERS
 from analysis.trajectory.reconstruction import Trajectory

@@ -16,8 +16,8 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
 from analysis.drag import covariance, rejected_assumptions
-from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.pooling.agreement import Test, quadratic_form
 from analysis.pooling.flight_statistics import POLAR, THRUST, M
 from analysis.pooling.joint import Group, Prior, shared_prior, solve

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drag.polar import Condition
+from analysis.polar import Condition
 from analysis.results.pooling_statistics import FORMAT
 from flight.errors import InputError
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from analysis.drag import covariance
-from analysis.drag.polar import Condition, Polar, power_required, speed_at
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.pooling.agreement import INSTALLATION_PART, Difference, Test, differences_to_others, homogeneity, outliers
 from analysis.pooling.flight_statistics import POLAR, FlightStatistics
 from analysis.pooling.joint import FlightStack, JointEstimate, Prior, pooled_estimate, without_each

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drag.polar import Polar, lift_coefficient, power_required
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import Polar, lift_coefficient, power_required
 from analysis.pooling.agreement import (
     differences_in_pool,
     flights_covariance,

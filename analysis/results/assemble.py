@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from analysis.drag.estimate import DragEstimates
-from analysis.drag.polar import Condition, best_range_lift, minimum_power_lift
 from analysis.electrical.estimate import ElectricalEstimate
 from analysis.maneuvers.kinds import Maneuvers
+from analysis.polar import Condition, best_range_lift, minimum_power_lift
 from analysis.results import flight_found, methods, power_curves
 from analysis.results.autopilot_parameters import of_power_required
 from analysis.results.electrical import electrical_points

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drag.polar import maximum_lift_to_drag
 from analysis.electrical.drag import WITHHELD_DRAG, DragEstimate
 from analysis.electrical.estimate import ElectricalEstimate, FlownAircraft
 from analysis.electrical.flight_table import STEP_S, FlightTable
 from analysis.electrical.thrust_balance import aerodynamics
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import maximum_lift_to_drag
 from analysis.results.autopilot_parameters import typed_in
 from analysis.results.electrical_parameters import flight_values
 from analysis.results.schema import (

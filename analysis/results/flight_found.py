@@ -5,10 +5,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.dynamic import POLAR, DynamicEstimate
-from analysis.drag.forces import J_REFERENCE
-from analysis.drag.polar import Condition
-from analysis.drag.thrust_prior import THRUST
+from analysis.ground.thrust_prior import J_REFERENCE, THRUST
 from analysis.performance.request import density_altitude_m
+from analysis.polar import Condition
 from analysis.results.schema import AirFound, Correlation, ParameterResult, RunResidual, Track
 from analysis.trajectory.reconstruction import Trajectory
 

@@ -2,8 +2,8 @@
 
 from analysis.drag.comparison import MethodDisagreement
 from analysis.drag.method import MethodEstimate, SteadyPoint
-from analysis.drag.polar import Condition, speed_at
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import Condition, speed_at
 from analysis.results.power_curves import power_curve
 from analysis.results.schema import DisagreementResult, MethodPoint, MethodResult
 

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from analysis.drag.polar import Condition, speed_at
 from analysis.performance.analysis import ConditionPerformance, FlightPerformance
 from analysis.performance.full_throttle import FullThrottlePerformance
 from analysis.performance.level_flight import LevelFlight
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import UncertainValue
 from analysis.performance.request import density_altitude_m
+from analysis.polar import Condition, speed_at
 from analysis.results.schema import (
     AvailableResult,
     FieldRow,

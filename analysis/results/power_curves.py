@@ -7,8 +7,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.flown import largest_lift, thrust_known
-from analysis.drag.polar import (
+from analysis.estimation.noise import NORMAL_95
+from analysis.flown import largest_lift, thrust_known
+from analysis.polar import (
     Condition,
     Polar,
     classic_form,
@@ -18,7 +19,6 @@ from analysis.drag.polar import (
     power_required,
     speed_at,
 )
-from analysis.estimation.noise import NORMAL_95
 from analysis.results.schema import (
     BELOW_SLOWEST,
     DragPolar,

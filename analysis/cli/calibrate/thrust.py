@@ -13,7 +13,7 @@ from flight.errors import InputError
 from flight.shipped_propellers import shipped_propellers
 
 if TYPE_CHECKING:
-    from analysis.drag.thrust_stand import StandReadings, ThrustStand
+    from analysis.ground.thrust_stand import StandReadings, ThrustStand
     from flight.propeller import Propeller
 
 
@@ -96,7 +96,7 @@ def thrust(
         raise InputError(f"{aircraft}: no [propulsion] propeller; name it there, or give --propeller")
     if (pressure is None) != (temperature is None):
         raise InputError("--pressure, --temperature: give both, or none")
-    from analysis.drag.thrust_stand import calibrate, read_stand
+    from analysis.ground.thrust_stand import calibrate, read_stand
     from flight.atmosphere import density
     from flight.propeller_files import load_propeller
 
@@ -132,7 +132,7 @@ def doubts(
     found: "ThrustStand", readings: "StandReadings", propeller: "Propeller", aircraft: Aircraft | None
 ) -> list[str]:
     """What the user should look at, in sentences."""
-    from analysis.drag.thrust_prior import stand_conflict
+    from analysis.ground.thrust_prior import stand_conflict
 
     sentences = []
     if found.speed_error:

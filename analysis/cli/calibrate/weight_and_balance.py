@@ -11,7 +11,7 @@ from flight.errors import InputError
 from flight.units import to_si
 
 if TYPE_CHECKING:
-    from analysis.drag.weight_and_balance import Support, WeightAndBalance
+    from analysis.ground.weight_and_balance import Support, WeightAndBalance
 
 EXAMPLE = '--scale "0.12 m: 1.25 1.26 kg"'
 
@@ -71,7 +71,7 @@ def weight_and_balance(
       calibrate weight-and-balance --scale "4.08 4.09 kg"
       calibrate weight-and-balance --scale "0.0 m: 1.2 kg" --scale "0.4 m: 2.9 kg"
     """
-    from analysis.drag import weight_and_balance as computation
+    from analysis.ground import weight_and_balance as computation
 
     check_output(output, replace)
     errors = computation.ScaleErrors(reading_error, gain_error / 100, position_error)
@@ -87,7 +87,7 @@ def weight_and_balance(
 
 def support(text: str) -> "Support":
     """A support of the text after --scale. Raises InputError naming the option."""
-    from analysis.drag.weight_and_balance import Support
+    from analysis.ground.weight_and_balance import Support
 
     position, _, readings = text.rpartition(":")
     words = readings.replace(",", " ").split()

@@ -9,8 +9,8 @@ Figures of endurance and range, and of the efficiencies of propeller and motor.
 
 import numpy as np
 
-from analysis.drag.polar import Polar
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import Polar
 from analysis.report.figures.style import (
     BLUE,
     GREEN,

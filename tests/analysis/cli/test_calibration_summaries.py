@@ -17,8 +17,8 @@ from analysis.cli.calibrate.transducers import pressures_Pa
 from analysis.cli.calibrate.transducers import summary as of_transducers
 from analysis.cli.calibrate.weight_and_balance import summary as of_weight
 from analysis.cli.calibrate.weight_and_balance import support
-from analysis.drag.weight_and_balance import WeightAndBalance
 from analysis.electrical.airspeed_gps import AirspeedErrors
+from analysis.ground.weight_and_balance import WeightAndBalance
 from analysis.trajectory.consistency import AirspeedCalibration
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2

@@ -16,7 +16,7 @@ from analysis.drag.assumed_values import (
     with_assumption_uncertainty,
 )
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.polar import Condition, Polar, power_required, speed_at
+from analysis.polar import Condition, Polar, power_required, speed_at
 from flight.aircraft import parse_aircraft
 
 FOUR_KEYS = """

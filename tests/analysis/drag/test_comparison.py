@@ -12,12 +12,12 @@ from methods import Analyzed, analyzed, drawn, fly
 
 from analysis.drag.dynamic import estimate_polar
 from analysis.drag.estimate import every_method, fallback
-from analysis.drag.flown import flown_condition, flown_lift
 from analysis.drag.forces import FlightForces
 from analysis.drag.method import MethodEstimate
-from analysis.drag.polar import Condition, power_required, speed_at
 from analysis.drag.sensor_errors import estimate_errors
+from analysis.flown import flown_condition, flown_lift
 from analysis.maneuvers.find import find
+from analysis.polar import Condition, power_required, speed_at
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import load_aircraft
 from flight.errors import InputError

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.drag.comparison import sentences
-from analysis.drag.polar import Condition
 from analysis.drag.sensor_errors import UNEXPLAINED, ErrorEstimate
+from analysis.polar import Condition
 
 AT = Condition(40.0, 1.2, 0.6)
 TITLES = ("the dynamic method", "direct method")

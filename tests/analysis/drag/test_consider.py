@@ -8,10 +8,10 @@ import pytest
 
 from analysis.drag import covariance as consider
 from analysis.drag.dynamic import INPUTS, drag_model
-from analysis.drag.polar import Condition, Polar, lift_coefficient, power_required
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.uncertainty import cramer_rao
+from analysis.polar import Condition, Polar, lift_coefficient, power_required
 from flight.aircraft import load_aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.propeller import Propeller, Row

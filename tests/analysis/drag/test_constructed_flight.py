@@ -14,9 +14,9 @@ from analysis.drag.estimate import ALL_METHODS
 from analysis.drag.forces import FlightForces
 from analysis.drag.method import estimate_with
 from analysis.drag.method_inputs import MethodInputs, input_table, method_inputs
-from analysis.drag.polar import Condition, Polar, power_required
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
 from analysis.estimation.aircraft_models import lift_slope
+from analysis.polar import Condition, Polar, power_required
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.dryden import GaussMarkov
 from analysis.trajectory.equations import SENSOR_ERRORS

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from analysis.drag.cross_check import MOST_RUNS, CrossCheck, disagreement, on_runs_alone, spread
-from analysis.drag.polar import Condition, Polar, power_required
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, Maneuver
+from analysis.polar import Condition, Polar, power_required
 from analysis.trajectory.reconstruction import reconstruct
 from sim.sensors import load_budget
 

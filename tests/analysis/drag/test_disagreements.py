@@ -9,8 +9,8 @@ from analysis.drag.comparison import disagreements
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.method import Method, MethodEstimate
 from analysis.drag.methods_from_runs import ACCELERATIONS, DECELERATIONS, DIRECT, ENERGY
-from analysis.drag.polar import Condition, Polar
 from analysis.drag.sensor_errors import INSTALLATION_TOLERANCE, ErrorEstimate
+from analysis.polar import Condition, Polar
 
 AT = Condition(weight_N=37.68, rho=1.2, wing_area_m2=0.4636)
 A = np.array([0.0465, -0.0195, 0.065])

@@ -15,12 +15,12 @@ from methods import Flown, drawn, fly
 from analysis.airdata.probe import ProbeCalibration
 from analysis.drag import likelihood
 from analysis.drag.dynamic import estimate_polar
-from analysis.drag.flown import flown_lift
 from analysis.drag.likelihood import LikelihoodEstimates
-from analysis.drag.polar import Condition, Polar, power_required
 from analysis.estimation.noise import NORMAL_95
+from analysis.flown import flown_lift
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import Maneuver
+from analysis.polar import Condition, Polar, power_required
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import load_aircraft
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W

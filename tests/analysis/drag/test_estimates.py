@@ -24,13 +24,13 @@ from analysis.drag.forces import FlightForces
 from analysis.drag.method import Method, MethodEstimate, _missing_term, estimate_with
 from analysis.drag.method_inputs import MethodInputs, method_inputs
 from analysis.drag.methods_from_runs import ENERGY, ONE_RUN, VARIED_LIFT
-from analysis.drag.polar import Condition, Polar, power_required
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
 from analysis.drag.steady_points import PIW_VIW_THREE, PIW_VIW_TWO
-from analysis.drag.thrust_prior import thrust_prior
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
+from analysis.ground.thrust_prior import thrust_prior
 from analysis.maneuvers.kinds import Maneuver
+from analysis.polar import Condition, Polar, power_required
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.smoother import StatesGivenErrors
 

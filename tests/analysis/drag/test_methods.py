@@ -9,7 +9,6 @@ from constructed import AIRCRAFT, STEP_S, S, W, flown, polar
 
 from analysis.drag.method import Method
 from analysis.drag.methods_from_runs import DIRECT, ENERGY, FROM_SPEED
-from analysis.drag.polar import Condition, Polar, power_required
 from analysis.drag.regression import THREE_TERM, PointRegression
 from analysis.drag.steady_points import (
     PIW_VIW_THREE,
@@ -24,6 +23,7 @@ from analysis.drag.steady_points import (
 )
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import Maneuver
+from analysis.polar import Condition, Polar, power_required
 from flight.atmosphere import GRAVITY_MPS2, SEA_LEVEL_DENSITY
 from flight.errors import InputError
 

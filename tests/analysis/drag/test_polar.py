@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.drag.flown import check_lift, flown_condition, flown_lift, largest_lift
-from analysis.drag.polar import (
+from analysis.flown import check_lift, flown_condition, flown_lift, largest_lift
+from analysis.polar import (
     Condition,
     Polar,
     best_range_lift,

@@ -7,7 +7,7 @@ import numpy as np
 from analysis.drag.estimate import FALSE_ALARM_RATE, run_scatter
 from analysis.drag.method import MethodEstimate
 from analysis.drag.methods_from_runs import ONE_RUN
-from analysis.drag.polar import Condition, Polar
+from analysis.polar import Condition, Polar
 
 AT = Condition(37.68, 1.2, 0.4636)
 TRUTH = np.array([0.0465, -0.0195, 0.065])

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.drag.forces import J_REFERENCE
 from analysis.drag.sensor_errors import INSTALLATION_TOLERANCE, _thrust_errors, error_prior_sigma
+from analysis.ground.thrust_prior import J_REFERENCE
 from flight.aircraft import Uncertainty, load_aircraft
 
 PAGE = Path(__file__).parents[3] / "docs" / "methods.md"

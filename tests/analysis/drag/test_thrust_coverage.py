@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.drag.flown import thrust_coverage, thrust_known
+from analysis.flown import thrust_coverage, thrust_known
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
 

@@ -9,15 +9,14 @@ import pytest
 from constructed import PROPELLER, accelerations_and_decelerations, measured
 
 from analysis.drag.dynamic import INPUTS, drag_model, estimate_polar
-from analysis.drag.forces import J_REFERENCE
 from analysis.drag.rejected_assumptions import doubts
 from analysis.drag.sensor_errors import _thrust_errors
-from analysis.drag.thrust_prior import stand_conflict, thrust_prior
 from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import PriorMeasurement
 from analysis.exports.derived import _by_thrust_table
+from analysis.ground.thrust_prior import J_REFERENCE, stand_conflict, thrust_prior
 from analysis.results.flight_found import static_thrust
 from analysis.results.pooling_statistics import pooling_statistics
 from flight.aircraft import Aircraft, Uncertainty, load_aircraft

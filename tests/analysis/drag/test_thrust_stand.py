@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from analysis.cli.calibrate import app
 from analysis.cli.calibrate.thrust import doubts
-from analysis.drag.thrust_stand import THRUST_STAND_FILE, StandReadings, calibrate
+from analysis.ground.thrust_stand import THRUST_STAND_FILE, StandReadings, calibrate
 from analysis.log_contents import Replacements, contents
 from flight.aircraft import load_aircraft, parse_aircraft
 from flight.errors import InputError

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from analysis.cli.calibrate import app
-from analysis.drag.weight_and_balance import ScaleErrors, Support, weight_and_balance
+from analysis.ground.weight_and_balance import ScaleErrors, Support, weight_and_balance
 from flight.aircraft import load_aircraft, parse_aircraft
 
 ERRORS = ScaleErrors(reading_kg=0.005, gain=0.001, position_m=0.002)

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.drag.polar import Condition, power_required
 from analysis.electrical import airspeed_gps
 from analysis.electrical.daemon_log import method_estimate, whole_flight
 from analysis.electrical.drag import DragEstimate
 from analysis.electrical.energy_balance import FlightConditions, drag_power
 from analysis.electrical.thrust_balance import aerodynamics
+from analysis.polar import Condition, power_required
 from flight.aircraft import Uncertainty
 from flight.complete_aircraft import load_complete_aircraft
 from flight.log_reader import Log

@@ -5,9 +5,9 @@ import pytest
 from test_aircraft_models import ALL_MODELS, NEXSTAR, RHO
 
 from analysis.drag.dynamic import drag_model
-from analysis.drag.forces import J_REFERENCE
 from analysis.estimation import aircraft_models
 from analysis.estimation.aircraft_models.forces import Priors, force_models
+from analysis.ground.thrust_prior import J_REFERENCE
 from flight.aircraft import Uncertainty
 
 m = NEXSTAR.mass_kg

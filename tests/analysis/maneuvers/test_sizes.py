@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.drag.flown import flown_condition, flown_lift
-from analysis.drag.polar import speed_at
+from analysis.flown import flown_condition, flown_lift
 from analysis.maneuvers.find_level import find_runs, too_low
 from analysis.maneuvers.find_loads import find_loads
+from analysis.polar import speed_at
 from analysis.signals.aircraft_size import SPEED_SCALE, flying_Pa, speed_scale
 from flight.aircraft import Aircraft, load_aircraft
 from flight.units import GRAVITY_MPS2

@@ -18,7 +18,6 @@ from motor_data import (
 )
 
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.polar import Condition, Polar, speed_at
 from analysis.performance.analysis import (
     ConditionPerformance,
     PerformanceModel,
@@ -31,6 +30,7 @@ from analysis.performance.analysis import (
 from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
 from analysis.performance.propagation import ParameterVector, UncertainValue, combine_independent, exact
 from analysis.performance.request import TitledCondition
+from analysis.polar import Condition, Polar, speed_at
 from analysis.signals.aircraft_size import LEAST_HEIGHT_M
 from sim.plant import plant_of
 

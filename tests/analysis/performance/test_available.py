@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from motor_data import RHO, full_throttle_run, height_of, incidence_of
 
-from analysis.drag.polar import lift_coefficient
 from analysis.performance.full_throttle import (
     FASTEST,
     SERVICE_CLIMB_MPS,
@@ -18,6 +17,7 @@ from analysis.performance.full_throttle import (
 )
 from analysis.performance.power_train import full_throttle_revps
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
+from analysis.polar import lift_coefficient
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
 from sim.plant import plant_of

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.drag.polar import Condition, Polar
 from analysis.planning.next_flight import WORTH_PERCENT, _effects_W, lacking, next_flight
+from analysis.polar import Condition, Polar
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import MATTERS
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from pymavlink import mavutil, mavwp
 
-from analysis.drag.polar import Polar
 from analysis.planning import card, information, pieces, search
 from analysis.planning.card import _words
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
@@ -28,6 +27,7 @@ from analysis.planning.next_flight import next_flight
 from analysis.planning.pieces import Hold, Land, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
 from analysis.planning.search import FlightPlan, Request, plan_flight
 from analysis.planning.time_history import STEP_S, TimeHistory, fly
+from analysis.polar import Polar
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import LEAST_GUST_MPS, reconstruct
 from flight.aircraft import Uncertainty, load_aircraft

@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import norm
 from synthetic_flights import flight, truth
 
-from analysis.drag.polar import Condition, speed_at
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import Condition, speed_at
 from analysis.pooling import pool_results
 from analysis.pooling.agreement import differences_in_pool, likely_reason, quadratic_form
 from analysis.pooling.flight_statistics import POOLED

@@ -9,8 +9,8 @@ import pytest
 from synthetic_flights import CHANGES, POLAR, PRIOR_MEAN, PRIOR_SIGMA, flight, truth
 
 from analysis.drag import covariance
-from analysis.drag.polar import Polar
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import Polar
 from analysis.pooling import pool_results
 from analysis.pooling.flight_statistics import POOLED
 from analysis.pooling.joint import REMOUNTED, _without_prior, without_each

@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from analysis.drag.cross_check import CrossCheck
-from analysis.drag.polar import Polar
+from analysis.polar import Polar
 from analysis.report.sections.certainty import (
     _largest_shared,
     _scatter_of_runs,

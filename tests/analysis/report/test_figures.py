@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from msgspec.structs import replace
 
-from analysis.drag.polar import Polar
 from analysis.estimation.fit import Convergence
 from analysis.maneuvers.kinds import ACCELERATION
+from analysis.polar import Polar
 from analysis.report.figures import flight, power
 from analysis.report.figures import power as methods
 from analysis.report.figures.style import BLUE, GRID, RED, Figure, rounded, thinned, translucent

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from msgspec.structs import replace
 
-from analysis.drag.polar import Condition, Polar, minimum_power_lift
+from analysis.polar import Condition, Polar, minimum_power_lift
 from analysis.report import page
 from analysis.report.answers import headline_answers, optimum_speed_text
 from analysis.report.figures.flight import run_fit

@@ -4,12 +4,12 @@ import numpy as np
 from msgspec.structs import replace
 from named_speeds import below_slowest
 
-from analysis.drag.polar import Condition, Polar, best_range_lift, minimum_power_lift, speed_at
 from analysis.performance.analysis import PerformanceModel, flight_performance
 from analysis.performance.full_throttle import FullThrottle
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
 from analysis.performance.request import TitledCondition
+from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift, speed_at
 from analysis.report.answers import headline_answers, optimum_speed_text
 from analysis.report.field_table import to_markdown
 from analysis.results.performance import performance_result

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.drag.polar import maximum_lift_to_drag
 from analysis.electrical.airspeed_gps import AirspeedErrors
 from analysis.electrical.energy_balance import FlightConditions
 from analysis.electrical.fit import IDLE_POWER_SIGMA_W
 from analysis.electrical.flight_table import STEP_S
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import maximum_lift_to_drag
 from analysis.results.electrical import _beside_the_curve, _best_speed, _points, _polar, _warnings
 from analysis.results.electrical_parameters import flight_values
 from analysis.results.schema import SpeedInterval

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.drag.polar import Condition, lift_coefficient
 from analysis.performance.analysis import Ceilings, ConditionPerformance, FlightPerformance, PerformanceModel
 from analysis.performance.full_throttle import FullThrottle, FullThrottlePerformance
 from analysis.performance.level_flight import LevelFlight, Optimum
 from analysis.performance.power_train import MeasuredEfficiency, PowerTrainModel
 from analysis.performance.propagation import ParameterVector, UncertainValue, exact
+from analysis.polar import Condition, lift_coefficient
 from analysis.results.performance import _time_or_distance, performance_result
 from analysis.results.schema import PerformanceCase
 from flight.propeller_files import load_propeller

@@ -9,8 +9,8 @@ import pytest
 
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.method import SteadyPoint
-from analysis.drag.polar import Condition, Polar, best_range_lift, minimum_power_lift
 from analysis.estimation.noise import NORMAL_95
+from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift
 from analysis.results import power_curves
 from analysis.results.files import to_csv
 from analysis.results.methods import _point

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.polar import Condition
 from analysis.maneuvers.kinds import DECELERATION
+from analysis.polar import Condition
 from analysis.signals.aircraft_size import least_height_m, speed_scale_of
 from flight.aircraft import Aircraft
 from flight.errors import InputError

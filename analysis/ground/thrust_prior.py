@@ -11,12 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drag.forces import J_REFERENCE
 from analysis.estimation.model import PriorMeasurement
 from flight.aircraft import Aircraft, Uncertainty
 
 Array = NDArray[np.float64]
 
+# A propeller table is corrected to T = T_table (1 + thrust_scale + thrust_slope (J - J_REFERENCE)).
+J_REFERENCE = 0.5
 THRUST = ("thrust_scale", "thrust_slope")  # thrust is the table's times 1 + scale + slope (J - J_REFERENCE)
 STAND = "thrust on the stand"
 CONFLICT = 2.5  # prior standard deviations
