@@ -1,14 +1,28 @@
-"""Renews the stored references; see `tests/unchanged/stored_values.py`."""
+"""Renews or compares stored results; see `tests/unchanged/stored_values.py`."""
 
+import argparse
 import os
 import sys
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: threads cost more than they give
 
-from tests.unchanged import aboard, commands, estimation
-from tests.unchanged.stored_values import store
+from tests.unchanged import aboard, commands, estimation, stored_values
+
+CASES = {**commands.CASES, **aboard.CASES, **estimation.CASES}
 
 if __name__ == "__main__":
-    CASES = {**commands.CASES, **aboard.CASES, **estimation.CASES}
-    for name in sys.argv[1:] or CASES:
-        store(name, CASES[name]())
+    parser = argparse.ArgumentParser(prog="python -m tests.unchanged", description=__doc__)
+    parser.add_argument("cases", nargs="*", metavar="CASE", help="all, unless some are named")
+    parser.add_argument("--exact", type=Path, metavar="FOLDER", help="write every number in full there")
+    parser.add_argument("--compare", type=Path, nargs=2, metavar="FOLDER", help="two folders written by --exact")
+    given = parser.parse_args()
+    if given.compare:
+        changed = stored_values.compare(*given.compare)
+        sys.exit("\n".join([*changed[:200], f"{len(changed)} values changed"]) if changed else 0)
+    for name in given.cases or CASES:
+        value = CASES[name]()
+        if given.exact:
+            stored_values.store_in_full(name, value, given.exact)
+        else:
+            stored_values.store(name, value)

@@ -50,7 +50,7 @@ def monitored(log: Log, aircraft: Aircraft, probe: ProbeMaps | None, speed: floa
     """Motion, verdicts and the interval so far. speed: of a faster or slower aircraft, by the pressures."""
     monitor, means = RunMonitor(aircraft, probe), TickMeans()
     motion = RunMonitor(aircraft, probe).motion
-    moved, verdicts, told = [], [], []
+    moved, verdicts = [], []
     for tick, samples in ticks_of(log):
         finished = means.add(tick * TICK_NS, samples)
         if finished is None:
@@ -60,16 +60,13 @@ def monitored(log: Log, aircraft: Aircraft, probe: ProbeMaps | None, speed: floa
         at = motion.at(finished)
         if at is not None:
             moved.append(at._replace(drag=at.drag or (np.nan,) * 4))
-        found = monitor.add(finished)
-        verdicts += found
-        told += [monitor.interval_text() for verdict in found if verdict.good]
+        verdicts += monitor.add(finished)
     speeds = np.linspace(10.0, 24.0, 8)
     fields = ("t_s", "V", "height_m", "bank", "complete")
     return {
         "motion": {name: [getattr(one, name) for one in moved] for name in fields},
         "drag": np.array([one.drag for one in moved]).T.tolist(),
         "verdicts": [one._asdict() for one in verdicts],
-        "told": told,
         "runs": [monitor.runs, monitor.slowest_mps, monitor.fastest_mps],
         "polar": monitor.energy.polar(),
         "power_W": [monitor.energy.power_W(V, aircraft.mass_kg) for V in speeds.tolist()],

@@ -1,4 +1,4 @@
-"""What commands write and print of simulated flights and of a real one; all of it is the same in every run."""
+"""What commands compute of simulated flights and of a real one; all of it is the same in every run."""
 
 import contextlib
 import importlib
@@ -13,24 +13,33 @@ from typing import Any
 from unittest import mock
 
 import typer
-from rich.console import Console
 
 from analysis.pooling import pool_results
 from analysis.report import write
 from tests.documented_commands import MODULES
-from tests.unchanged.stored_values import of_files
+from tests.unchanged.stored_values import numbers_printed, of_files
 
 SEAWAY_MINI = Path(__file__).parents[1] / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
 Contents = dict[str, object]
 
 
-def run(*words: object) -> dict[str, object]:
-    """Exit code and output of one of our commands, 100 columns wide, in this process."""
-    line, out, err = [str(word) for word in words], io.StringIO(), io.StringIO()
+def run(*words: object) -> Contents:
+    """Exit code of one of our commands, which runs in this process."""
+    return {"exit code": _run(*words)[0]}
+
+
+def printed_by(*words: object) -> Contents:
+    """Exit code, and numbers printed, of a command that does not write them to a file."""
+    code, lines = _run(*words)
+    return {"exit code": code, "printed": numbers_printed(lines)}
+
+
+def _run(*words: object) -> tuple[int, list[str]]:
+    line, out = [str(word) for word in words], io.StringIO()
     main, code = importlib.import_module(MODULES[line[0]]).main, 0
     with (
         contextlib.redirect_stdout(out),
-        contextlib.redirect_stderr(err),
+        contextlib.redirect_stderr(io.StringIO()),
         mock.patch.object(sys, "argv", line),
         mock.patch.dict(os.environ, {"COLUMNS": "100"}),
     ):
@@ -38,7 +47,7 @@ def run(*words: object) -> dict[str, object]:
             main()
         except SystemExit as ended:
             code = int(ended.code or 0)
-    return {"exit code": code, "output": out.getvalue().splitlines(), "errors": err.getvalue().splitlines()}
+    return code, out.getvalue().splitlines()
 
 
 @contextlib.contextmanager
@@ -58,20 +67,20 @@ def flight(plan: str, *options: str) -> bytes:
 
 
 @cache
-def analysis_of(log: bytes, *options: str) -> tuple[dict[str, object], dict[str, bytes]]:
-    """What `analyze` prints, and the files that it writes."""
+def analysis_of(log: bytes, *options: str) -> tuple[Contents, dict[str, bytes]]:
+    """Exit code of `analyze`, and the files that it writes."""
     with new_folder() as folder:
         Path("log.mcap").write_bytes(log)
-        printed = run("analyze", "log.mcap", "-o", "out", *options)
-        return printed, {path.name: path.read_bytes() for path in (folder / "out").iterdir()}
+        ended = run("analyze", "log.mcap", "-o", "out", *options)
+        return ended, {path.name: path.read_bytes() for path in (folder / "out").iterdir()}
 
 
 def analysed(log: bytes, *options: str) -> Contents:
-    printed, files = analysis_of(log, *options)
+    ended, files = analysis_of(log, *options)
     with new_folder() as folder:
         for name, content in files.items():
             (folder / name).write_bytes(content)
-        return {"": printed, **of_files(folder)}
+        return {"": ended, **of_files(folder)}
 
 
 def without_figures(contents: Contents) -> Contents:
@@ -127,10 +136,7 @@ def pool() -> Contents:
             (folder / name / "results.json").write_bytes(analysis_of(log, *options)[1]["results.json"])
         found: dict[str, object] = {"compare": run("analyze", "compare", "a", "b", "-o", "compared")}
         pooled = pool_results(sorted(folder.glob("[ab]/*/results.json"))).to_json() | {"left_out": ["c: torn"]}
-        out = io.StringIO()
-        write.print_pooled(pooled, Path("report.html"), Console(file=out, width=100))
         write.write_pooled(pooled, folder / "pooled")
-        found["printed"] = out.getvalue().splitlines()
         for name in ("compared", "pooled"):
             found |= {f"{name} {file}": inside for file, inside in of_files(folder / name).items()}
     return found
@@ -141,7 +147,7 @@ def plans() -> Contents:
     with new_folder() as folder:
         (folder / "results.json").write_bytes(analysis_of(demo_log())[1]["results.json"])
         for name, options in PLANS.items():
-            found[name] = run("flightpower", "plan", *options, "-o", name)
+            found[name] = printed_by("flightpower", "plan", *options, "-o", name)
             found |= {f"{name} {file}": inside for file, inside in of_files(folder / name).items()}
     return found
 
@@ -161,7 +167,7 @@ def autopilot_logs() -> Contents:
             (folder / name).write_bytes(content)
             found[name] = run("analyze", name, "-o", f"of {name}", *options)
             found |= {f"{name} {file}": inside for file, inside in of_files(folder / f"of {name}").items()}
-        found["airspeed"] = run("calibrate", "airspeed", "ardupilot.BIN")
+        found["airspeed"] = printed_by("calibrate", "airspeed", "ardupilot.BIN")
     return found
 
 
@@ -169,12 +175,12 @@ def exports() -> Contents:
     with new_folder() as folder:
         (folder / "log.mcap").write_bytes(flight("demo"))
         run("flightpower", "export", "log.mcap", "--to", "csv", "-o", "tables", "-q")
-        return {**of_files(folder / "tables"), "info": run("daq", "info", "log.mcap")}
+        return {**of_files(folder / "tables"), "info": printed_by("daq", "info", "log.mcap")}
 
 
 @cache
-def calibrated() -> tuple[dict[str, object], dict[str, bytes]]:
-    """What each calibration prints, and its files."""
+def calibrated() -> tuple[Contents, dict[str, bytes]]:
+    """Exit code of each calibration, numbers of those that only print, and all files."""
     found: dict[str, object] = {}
     with new_folder() as folder:
         for plan in ("tubing-bursts", "magnetometer-turn", "surface-deflections", "transducer-column"):
@@ -184,7 +190,7 @@ def calibrated() -> tuple[dict[str, object], dict[str, bytes]]:
         run("sim", "tunnel", "-o", "tunnel.csv")
         run("flightpower", "new", "aircraft", "--like", "nexstar", "-o", "nexstar.toml")
         for i, words in enumerate(CALIBRATIONS):
-            found[f"{i} {words[0]}"] = run("calibrate", *words)
+            found[f"{i} {words[0]}"] = (run if "-o" in words else printed_by)("calibrate", *words)
         files = {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix != ".mcap"}
     return found, files
 

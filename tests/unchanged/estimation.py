@@ -53,8 +53,6 @@ LATE = replace(
 def of_fit(fit: Fit) -> Contents:
     return {
         "summary": fit.summary(),
-        "text": str(fit).splitlines(),
-        "hints": list(fit.verdict.hints),
         "costs": fit.costs,
         "information": fit.information,
         "prior": fit.prior_information,

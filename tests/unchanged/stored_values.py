@@ -1,19 +1,24 @@
-"""Numbers and words of any result, condensed to a few lines that can be stored, and what changed since they were.
+"""Numbers and names of any result, condensed to a few lines that can be stored, and what changed since they were.
 
-    python -m tests.unchanged            # renews the stored references, tests/data/unchanged/*.json
-    python -m tests.unchanged plans      # only that one
+    python -m tests.unchanged                     # renews the stored references, tests/data/unchanged/*.json
+    python -m tests.unchanged plans               # only that one
+    python -m tests.unchanged --exact A           # instead writes every number in full into the folder A
+    python -m tests.unchanged --compare A B       # to 1e-9: of two checkouts, on one computer
 
-An array becomes its length, mean, root mean square, first and last element; a text the checksum of its words and, as an
-array, its numbers. Records of equal names become one array a name.
+An array becomes its length, mean, root mean square, first and last element; records of equal names become one array a
+name. Of texts only quantities (a number and a unit) and names are stored, such as statuses, kinds and units: one or
+two words that begin with no digit. No sentence is: it may be written better at any time.
 """
 
 import csv
 import dataclasses
+import enum
 import json
 import math
 import re
-import zlib
-from collections.abc import Mapping
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,57 +27,62 @@ import numpy as np
 import pandas as pd
 
 REFERENCES = Path(__file__).parents[1] / "data" / "unchanged"
-RELATIVE = 3e-5  # of a number, or of the root mean square of its array
+RELATIVE = 3e-5  # of a number, or of the root mean square of its array: another computer's rounding
+EXACT = 1e-9  # of the same computer
 SHORT = 4  # an array of at most so many numbers stands as it is
-NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
-FIGURE = re.compile(r"<script>figures\[(\".*?\")\] = \{data: (.*), layout: (.*)\};</script>")
-HASH = re.compile(r"\b[0-9a-f]{16,}\b")
-UNSEEN = re.compile(r"<(script|style)>.*?</\1>|<[^>]*>", re.DOTALL)
+NUMBER = r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?"
+QUANTITY = re.compile(rf"({NUMBER})(?:\s+([^\s\d]\S*))?")
+NAME = re.compile(r"[^\W\d]\S*(?: [^\W\d]\S*)?(?<![.,:;])|[%°]")
+HASH = re.compile(r"[0-9a-f]{12,}")
+FIGURE = re.compile(r"<script>figures\[(\".*?\")\] = \{data: (.*), layout: .*\};</script>")
 # What another computer, folder or version may change without a change of any result.
 LEFT_OUT = {"software_version", "versions", "probe_calibration", "log_sha256"}
 
 Leaf = float | str | None | list[float | None]
 
 
-def condensed(value: object, path: str = "") -> dict[str, Leaf]:
-    """Numbers and words by their path, such as power_required.speed_mps."""
-    found: dict[str, Leaf] = {}
-    _collect(_plain(value), path, found)
-    return found
+def condensed(value: object) -> dict[str, Leaf]:
+    """Numbers and names by their path, such as power_required.speed_mps, arrays as their moments."""
+    return {path: _short(leaf) for path, leaf in _leaves(value).items()}
+
+
+def in_full(value: object) -> dict[str, Leaf]:
+    """The same with every number of every array."""
+    return {path: _full(leaf) for path, leaf in _leaves(value).items()}
 
 
 def of_files(folder: Path) -> dict[str, object]:
-    """What the files of a folder contain, by name: JSON, tables, figures of pages and what a page says."""
-    read = {".json": _json, ".csv": _csv, ".parquet": pd.read_parquet, ".html": _page, ".plan": _json}
-    texts = (".toml", ".md", ".waypoints", ".txt")
+    """What the files of a folder contain, by name: JSON, TOML, tables, and figures of pages."""
+    read = {".json": _json, ".plan": _json, ".toml": _toml, ".csv": _csv, ".parquet": pd.read_parquet,
+            ".html": _page, ".waypoints": _waypoints}  # fmt: skip
     return {
-        path.relative_to(folder).as_posix(): read.get(path.suffix, Path.read_text)(path)  # type: ignore[operator]
+        path.relative_to(folder).as_posix(): read[path.suffix](path)
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.suffix in {*read, *texts}
+        if path.is_file() and path.suffix in read
     }
 
 
-def changes(before: Mapping[str, Leaf], after: Mapping[str, Leaf]) -> list[str]:
-    """One line for each value that changed by more than RELATIVE, is gone, or is new."""
-    lines = [f"{path}: {before[path]}, which is gone" for path in before if path not in after]
-    for path, value in after.items():
-        if path not in before:
-            lines.append(f"{path}: new, {value}")
-        elif not same(before[path], value):
-            lines.append(f"{path}: {before[path]} -> {value}")
-    return lines
+def numbers_printed(lines: Iterable[str]) -> list[float]:
+    """Those of a command that writes no file, in their order."""
+    return [float(number) for number in re.findall(NUMBER, "\n".join(lines))]
 
 
 def store(name: str, value: object) -> None:
-    """Stores a result in place of the one before."""
-    REFERENCES.mkdir(parents=True, exist_ok=True)
-    (REFERENCES / f"{name}.json").write_text(_text(condensed(value)), "utf-8")
+    """Stores a result in place of the one before; what is unchanged stays as it was stored."""
+    before = json.loads(_path(name).read_text("utf-8")) if _path(name).exists() else {}
+    after = condensed(value)
+    unchanged = {path for path in after if path in before and same(before[path], after[path])}
+    _write(_path(name), {path: before[path] if path in unchanged else leaf for path, leaf in after.items()})
+
+
+def store_in_full(name: str, value: object, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    _write(folder / f"{name}.json", in_full(value))
 
 
 def check(name: str, value: object) -> None:
     """Fails where a result is no longer what is stored under this name."""
-    stored = json.loads((REFERENCES / f"{name}.json").read_text("utf-8"))
-    changed = changes(stored, json.loads(_text(condensed(value))))
+    changed = changes(json.loads(_path(name).read_text("utf-8")), condensed(value))
     assert not changed, (
         f"{len(changed)} values of {name} changed (arrays: length, mean, rms, first, last):\n  "
         + "\n  ".join(changed[:40])
@@ -80,19 +90,40 @@ def check(name: str, value: object) -> None:
     )
 
 
-def same(a: Leaf, b: Leaf) -> bool:
+def compare(before: Path, after: Path) -> list[str]:
+    """What changed between two folders of `store_in_full`, by more than EXACT."""
+    lines = []
+    for path in sorted(before.glob("*.json")):
+        old, new = (json.loads((folder / path.name).read_text("utf-8")) for folder in (before, after))
+        lines += [f"{path.stem}: {line[:300]}" for line in changes(old, new, EXACT)]
+    return lines
+
+
+def changes(before: Mapping[str, Leaf], after: Mapping[str, Leaf], relative: float = RELATIVE) -> list[str]:
+    """One line for each value that changed by more than a part of itself, is gone, or is new."""
+    lines = [f"{path}: {before[path]}, which is gone" for path in before if path not in after]
+    for path, value in after.items():
+        if path not in before:
+            lines.append(f"{path}: new, {value}")
+        elif not same(before[path], value, relative):
+            lines.append(f"{path}: {before[path]} -> {value}")
+    return lines
+
+
+def same(a: Leaf, b: Leaf, relative: float = RELATIVE) -> bool:
     if isinstance(a, list) and isinstance(b, list):
-        scale = max((abs(x) for x in a if x is not None), default=0.0) if len(a) <= SHORT else abs(a[2] or 0.0)
-        return len(a) == len(b) and all(_near(x, y, scale) for x, y in zip(a, b, strict=True))
+        moments = len(a) > SHORT and relative != EXACT
+        scale = abs(a[2] or 0.0) if moments else max((abs(x) for x in a if x is not None), default=0.0)
+        return len(a) == len(b) and all(_near(x, y, scale, relative) for x, y in zip(a, b, strict=True))
     if isinstance(a, list | str) or isinstance(b, list | str):
         return a == b
-    return _near(a, b, 0.0)
+    return _near(a, b, 0.0, relative)
 
 
-def _near(a: float | None, b: float | None, scale: float) -> bool:
+def _near(a: float | None, b: float | None, scale: float, relative: float) -> bool:
     if a is None or b is None:
         return a is b
-    return abs(a - b) <= RELATIVE * max(abs(a), scale) + 1e-12
+    return abs(a - b) <= relative * max(abs(a), scale) + 1e-12
 
 
 def _plain(value: Any) -> Any:
@@ -110,63 +141,83 @@ def _plain(value: Any) -> Any:
             return value.item()
         case Path():
             return value.name
+        case enum.Enum():
+            return value.value
         case _ if dataclasses.is_dataclass(value) and not isinstance(value, type):
             return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
     return value
 
 
-def _collect(value: Any, path: str, found: dict[str, Leaf]) -> None:
+def _leaves(value: object) -> dict[str, float | str | np.ndarray | None]:
+    leaves: dict[str, float | str | np.ndarray | None] = {}
+    _collect(_plain(value), "", leaves)
+    return leaves
+
+
+def _collect(value: Any, path: str, leaves: dict[str, Any]) -> None:
     match value:
-        case None | bool():
-            found[path] = value if value is None else float(value)
-        case int() | float():
-            found[path] = _rounded(value)
+        case None:
+            leaves[path] = None
+        case bool() | int() | float():
+            leaves[path] = float(value)
         case str():
-            _collect_text(value, path, found)
+            _collect_texts([value], path, leaves)
         case Mapping():
             for name, inner in value.items():
                 if name not in LEFT_OUT:
-                    _collect(_plain(inner), f"{path}.{name}".lstrip("."), found)
+                    _collect(_plain(inner), f"{path}.{name}".lstrip("."), leaves)
         case np.ndarray() if value.dtype.kind in "fiub":
-            found[path] = _array(value.astype(float).ravel())
+            leaves[path] = value.astype(float).ravel()
         case list() | tuple() | np.ndarray():
-            _collect_list([_plain(one) for one in value], path, found)
+            _collect_list([_plain(one) for one in value], path, leaves)
         case _:
             raise TypeError(f"{path}: {type(value).__name__}")
 
 
-def _collect_list(values: list[Any], path: str, found: dict[str, Leaf]) -> None:
+def _collect_list(values: list[Any], path: str, leaves: dict[str, Any]) -> None:
     if all(isinstance(one, int | float | None) for one in values):
-        found[path] = _array(np.array([np.nan if one is None else one for one in values], dtype=float))
+        leaves[path] = np.array([np.nan if one is None else one for one in values], dtype=float)
     elif all(isinstance(one, str) for one in values):
-        _collect_text("\n".join(values), path, found)
+        _collect_texts(values, path, leaves)
     elif all(isinstance(one, Mapping) and one.keys() == values[0].keys() for one in values):
-        _collect({name: [one[name] for one in values] for name in values[0]}, path, found)
+        _collect({name: [one[name] for one in values] for name in values[0]}, path, leaves)
     elif all(isinstance(one, list | tuple | np.ndarray) for one in values):
         flat = [_plain(inner) for one in values for inner in one]
-        found[f"{path}.lengths"] = _array(np.array([len(one) for one in values], dtype=float))
-        _collect_list(flat, path, found)
+        leaves[f"{path}.lengths"] = np.array([len(one) for one in values], dtype=float)
+        _collect_list(flat, path, leaves)
     else:
         for i, one in enumerate(values):
-            _collect(one, f"{path}[{i}]", found)
+            _collect(one, f"{path}[{i}]", leaves)
 
 
-def _collect_text(text: str, path: str, found: dict[str, Leaf]) -> None:
-    """Words as they are, or the checksum of many; the logarithms of the numbers, so that small ones count as well."""
-    text = HASH.sub("hash", text)
-    numbers = np.array([float(number) for number in NUMBER.findall(text)])
-    words = " ".join(NUMBER.sub("#", text).split())
-    found[path] = words if len(words) <= 60 else f"{len(words.split())} words {zlib.crc32(words.encode()):08x}"
-    if numbers.size:
-        found[f"{path} numbers"] = _array(np.sign(numbers) * np.log1p(np.abs(numbers) * 1e3))
+def _collect_texts(texts: list[str], path: str, leaves: dict[str, Any]) -> None:
+    """Quantities as their numbers and units; names, each once and how often; nothing else."""
+    quantities = [QUANTITY.fullmatch(text) for text in texts]
+    if all(quantities):
+        leaves[path] = np.array([float(one[1]) for one in quantities if one])
+        texts = [one[2] or "" for one in quantities if one]
+        path += " unit"
+    names = Counter(text for text in texts if NAME.fullmatch(text) and not HASH.fullmatch(text))
+    if names:
+        leaves[path] = ", ".join(name if count == 1 else f"{name} x{count}" for name, count in names.items())
 
 
-def _array(values: np.ndarray) -> list[float | None]:
-    if values.size <= SHORT:
-        return [_rounded(one) for one in values.tolist()]
-    finite = values[np.isfinite(values)]
+def _short(leaf: float | str | np.ndarray | None) -> Leaf:
+    if isinstance(leaf, float):
+        return _rounded(leaf)
+    if not isinstance(leaf, np.ndarray):
+        return leaf
+    if leaf.size <= SHORT:
+        return [_rounded(one) for one in leaf.tolist()]
+    finite = leaf[np.isfinite(leaf)]
     moments = (finite.mean(), np.sqrt(np.mean(finite**2))) if finite.size else (np.nan, np.nan)
-    return [float(finite.size), *(_rounded(float(one)) for one in (*moments, values[0], values[-1]))]
+    return [float(finite.size), *(_rounded(float(one)) for one in (*moments, leaf[0], leaf[-1]))]
+
+
+def _full(leaf: float | str | np.ndarray | None) -> Leaf:
+    if isinstance(leaf, np.ndarray):
+        return [one if math.isfinite(one) else None for one in leaf.tolist()]
+    return None if isinstance(leaf, float) and not math.isfinite(leaf) else leaf
 
 
 def _rounded(value: float) -> float | None:
@@ -177,8 +228,19 @@ def _json(path: Path) -> Any:
     return json.loads(path.read_text("utf-8"))
 
 
+def _toml(path: Path) -> Any:
+    """Tables of an array as columns; a key that some of them lack is shorter."""
+    return {name: _columns(value) for name, value in tomllib.loads(path.read_text("utf-8")).items()}
+
+
+def _columns(value: Any) -> Any:
+    if not isinstance(value, list) or not all(isinstance(one, dict) for one in value):
+        return value
+    return {name: [one[name] for one in value if name in one] for name in {name: 0 for one in value for name in one}}
+
+
 def _csv(path: Path) -> Any:
-    """Columns of numbers where all of a column are; other tables as text."""
+    """Columns of numbers where all of a column are; other columns as texts."""
     lines = [line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
     header, *rows = csv.reader(lines)
     return {name: _column([row[i] for row in rows]) for i, name in enumerate(header)}
@@ -188,22 +250,32 @@ def _column(cells: list[str]) -> Any:
     try:
         return np.array([float(cell) if cell else np.nan for cell in cells])
     except ValueError:
-        return "\n".join(cells)
+        return cells
+
+
+def _waypoints(path: Path) -> Any:
+    """The numbers of a mission as ArduPilot's tools write it."""
+    _, *rows = path.read_text("utf-8").splitlines()
+    return np.array([[float(cell) for cell in row.split("\t")] for row in rows])
 
 
 def _page(path: Path) -> dict[str, Any]:
-    """Figures by name, and the text from each heading to the next."""
-    text = path.read_text("utf-8")
-    figures = {json.loads(name): _figure(json.loads(data), layout) for name, data, layout in FIGURE.findall(text)}
-    head, *parts = re.split(r"<h[1-6][^>]*>", UNSEEN.sub("", text[: text.index("<h1")]) + text[text.index("<h1") :])
-    said = [UNSEEN.sub(" ", part) for part in parts]
-    return {"figures": figures, "head": head, **{f"part {i}": " ".join(part.split()) for i, part in enumerate(said)}}
+    """What is drawn in the figures of a page, by name."""
+    found = FIGURE.findall(path.read_text("utf-8"))
+    return {"figures": {json.loads(name): {"drawn": _drawn(json.loads(data))} for name, data in found}}
 
 
-def _figure(traces: list[dict[str, Any]], layout: str) -> dict[str, Any]:
-    """What is drawn; the style of lines, points and axes as one text."""
-    drawn = [{name: trace.pop(name) for name in ("x", "y") if name in trace} for trace in traces]
-    return {"drawn": {f"{i}": one for i, one in enumerate(drawn)}, "style": json.dumps(traces) + layout}
+def _drawn(traces: list[dict[str, Any]]) -> dict[str, Any]:
+    return {f"{i}": {axis: trace[axis] for axis in ("x", "y") if axis in trace} for i, trace in enumerate(traces)}
+
+
+def _path(name: str) -> Path:
+    return REFERENCES / f"{name}.json"
+
+
+def _write(path: Path, leaves: Mapping[str, Leaf]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(_text(leaves), "utf-8")
 
 
 def _text(leaves: Mapping[str, Leaf]) -> str:

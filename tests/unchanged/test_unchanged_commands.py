@@ -1,4 +1,4 @@
-"""What the commands compute, print and draw is what it was, to 3e-5, unless CHANGELOG.md says why it is not."""
+"""What the commands compute and draw is what it was, to 3e-5, unless CHANGELOG.md says why it is not."""
 
 import pytest
 
