@@ -1,87 +1,90 @@
 """I2C buses, serial lines and UDP ports on Linux, with the interfaces of `daq.bus`.
 
-The only module that imports pyserial. Devices are locked with flock(2) while they are open, because two readers of a
-bus spoil each other's readings; opening a locked one raises 16 (EBUSY).
+The only module that imports smbus2 and pyserial. Devices are locked with flock(2) while they are open, because two
+readers of a bus spoil each other's readings; opening a locked one raises 16 (EBUSY).
 """
 
-import ctypes
 import errno
 import fcntl
 import os
 import socket
-import struct
 import termios
+from ctypes import string_at
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from smbus2 import SMBus, i2c_msg
+from smbus2.smbus2 import I2C_RDWR, i2c_rdwr_ioctl_data
 
 from daq.bus import IN_USE, BytePort, I2CBus
 
 RECEIVE_BYTES = 4096  # the kernel's buffer of a serial line (N_TTY_BUF_SIZE)
 I2C_RETRIES = 0x0701  # linux/i2c-dev.h
 I2C_TIMEOUT = 0x0702  # in units of 10 ms
-I2C_RDWR = 0x0707
-I2C_M_RD = 0x0001  # linux/i2c.h
-MESSAGE = struct.Struct("@HHHP")  # struct i2c_msg: address, flags, length, where the bytes are
-TRANSFER = struct.Struct("@PI")  # struct i2c_rdwr_ioctl_data: where the messages are, and how many
 PREPARED_TRANSFERS = 128  # kept; the default tray needs about thirty, and one more for each length of FIFO read
 
 
 class Transfer(NamedTuple):
-    """The argument of ioctl(I2C_RDWR) for a write, a read, or both joined by a repeated start."""
+    """A write, a read, or both joined by a repeated start, as smbus2's structures."""
 
-    request: bytearray  # TRANSFER
+    request: i2c_rdwr_ioctl_data  # the argument of ioctl(I2C_RDWR)
     messages: int  # how many
-    reply: bytearray  # where the kernel writes what it reads
-    kept: list[ctypes.Array[ctypes.c_char]]  # what the kernel finds by address
+    reply: Any  # pointer to where the kernel writes what it reads
+    kept: list[i2c_msg]  # what the kernel finds by address
 
 
 class LinuxI2C:
-    """/dev/i2c-N, with a timeout for each transfer (rounded up to 10 ms). For one thread at a time.
+    """/dev/i2c-N through smbus2, with a timeout for each transfer (rounded up to 10 ms). For one thread at a time.
 
-    The same transfers are repeated every tick. Preparing one takes longer than the transfer, so prepared ones are kept.
+    smbus2 has no timeout, no lock, and no check of how many messages were transferred; they are added here. The same
+    transfers are repeated every tick. smbus2 would make their structures anew each time, which takes longer than the
+    transfer, so prepared ones are kept.
     """
 
     def __init__(self, device: str, timeout_ms: int = 20):
         self._prepared = lru_cache(PREPARED_TRANSFERS)(_prepare)
-        self._file = os.open(device, os.O_RDWR | os.O_CLOEXEC)
+        self._bus = SMBus()
         try:
+            self._bus.open(device)
+            assert self._bus.fd is not None
+            self._file = self._bus.fd
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.ioctl(self._file, I2C_TIMEOUT, -(-timeout_ms // 10))
+            fcntl.ioctl(self._file, I2C_RETRIES, 0)
         except BlockingIOError:
             self.close()
             raise _in_use(device) from None
-        fcntl.ioctl(self._file, I2C_TIMEOUT, -(-timeout_ms // 10))
-        fcntl.ioctl(self._file, I2C_RETRIES, 0)
+        except OSError:  # such as a file that is no bus; smbus2 leaves it open
+            self.close()
+            raise
 
     def write(self, address: int, data: bytes) -> None:
-        self._do(address, data, 0)
+        self._transfer(address, data, 0)
 
     def read(self, address: int, count: int) -> bytes:
-        return self._do(address, b"", count)
+        return self._transfer(address, b"", count)
 
     def write_read(self, address: int, data: bytes, count: int) -> bytes:
-        return self._do(address, data, count)
+        return self._transfer(address, data, count)
 
     def close(self) -> None:
-        os.close(self._file)
+        self._bus.close()
 
-    def _do(self, address: int, data: bytes, count: int) -> bytes:
+    def _transfer(self, address: int, data: bytes, count: int) -> bytes:
         """The bytes read. Raises OSError if the transfer is incomplete: the buffer then holds an old reading."""
         request, messages, reply, _ = self._prepared(address, data, count)
         if fcntl.ioctl(self._file, I2C_RDWR, request) != messages:
             raise OSError(errno.EIO, os.strerror(errno.EIO))
-        return bytes(reply)
+        return string_at(reply, count)
 
 
 def _prepare(address: int, data: bytes, count: int) -> Transfer:
-    written, reply = ctypes.create_string_buffer(data, len(data)), bytearray(count)
-    read = (ctypes.c_char * count).from_buffer(reply)
-    messages = MESSAGE.pack(address, 0, len(data), ctypes.addressof(written)) if data else b""
+    messages = [i2c_msg.write(address, data)] if data else []
     if count:
-        messages += MESSAGE.pack(address, I2C_M_RD, count, ctypes.addressof(read))
-    packed = ctypes.create_string_buffer(messages, len(messages))
-    number = len(messages) // MESSAGE.size
-    return Transfer(bytearray(TRANSFER.pack(ctypes.addressof(packed), number)), number, reply, [written, read, packed])
+        messages.append(i2c_msg.read(address, count))
+    request = i2c_rdwr_ioctl_data.create(*messages)  # type: ignore[arg-type]  # its stub asks for sequences
+    return Transfer(request, len(messages), messages[-1].buf, messages)
 
 
 class LinuxSerial:

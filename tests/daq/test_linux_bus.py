@@ -4,6 +4,7 @@ import errno
 import os
 import pty
 import tty
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +14,8 @@ from daq.sensor_supervisor import status_of
 from flight.messages import Status
 from hw_fakes import fuse_i2c
 from hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C
+
+OPEN_FILES = Path("/proc/self/fd")
 
 
 class Counter:
@@ -66,6 +69,16 @@ def test_a_transfer_that_was_cut_short_is_an_error_and_not_the_last_reading(bus,
     assert caught.value.errno == errno.EIO
 
 
+def test_a_file_that_is_no_bus_is_closed_again(tmp_path):
+    """The supervisor tries again twice a second: each try that left a file open would end the daemon in minutes."""
+    before = len(list(OPEN_FILES.iterdir()))
+    (tmp_path / "i2c-1").touch()
+    with pytest.raises(OSError) as caught:
+        LinuxI2C(str(tmp_path / "i2c-1"))
+    assert caught.value.errno == errno.ENOTTY
+    assert len(list(OPEN_FILES.iterdir())) == before
+
+
 def test_a_line_that_somebody_else_has_open_is_said_to_be():
     ours, theirs = pty.openpty()
     tty.setraw(theirs)
@@ -83,6 +96,7 @@ def test_a_line_that_somebody_else_has_open_is_said_to_be():
 def test_the_kernel_s_timeout_is_in_units_of_ten_milliseconds_rounded_up(tmp_path, monkeypatch, timeout_ms, units):
     asked = []
     monkeypatch.setattr(linux_bus.fcntl, "ioctl", lambda file, request, value: asked.append((request, value)))
+    monkeypatch.setattr("smbus2.smbus2.ioctl", lambda file, request, value: 0)  # asks what the bus can do
     device = tmp_path / "i2c-1"
     device.touch()
     LinuxI2C(str(device), timeout_ms).close()
