@@ -9,6 +9,7 @@ import enum
 from typing import Any, ClassVar
 
 import msgspec
+import msgspec.inspect
 
 
 class Status(enum.StrEnum):
@@ -220,7 +221,38 @@ TYPE_OF_TOPIC: dict[str, type[Message]] = {topic: kind for kind in MESSAGES for 
 
 
 def schema_of(kind: type[Message]) -> dict[str, Any]:
-    """JSON Schema of a message type, whose root is an object, as Foxglove and PlotJuggler require."""
-    (reference,), components = msgspec.json.schema_components([kind], ref_template="#/$defs/{name}")
-    root = dict(components.pop(reference["$ref"].rsplit("/", 1)[-1]))
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **root, "$defs": components}
+    """JSON Schema of a message type, as Foxglove, Lichtblick and PlotJuggler require it.
+
+    Its root is an object, and every property has one plain type: those programs read no `anyOf`, no `$ref` and no list
+    of types. So it does not say that a field without a measurement is null.
+    """
+    info = msgspec.inspect.type_info(kind)
+    assert isinstance(info, msgspec.inspect.StructType)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": kind.__name__,
+        "description": " ".join((kind.__doc__ or "").split()),
+        "type": "object",
+        "properties": {field.encode_name: _schema_of_type(field.type) for field in info.fields},
+    }
+
+
+def _schema_of_type(of: msgspec.inspect.Type) -> dict[str, Any]:
+    """One plain type. Raises TypeError for a field that viewers could not show."""
+    match of:
+        case msgspec.inspect.UnionType(types=types):
+            (measured,) = (each for each in types if not isinstance(each, msgspec.inspect.NoneType))
+            return _schema_of_type(measured)
+        case msgspec.inspect.EnumType(cls=cls):
+            return {"type": "string", "enum": [member.value for member in cls]}
+        case msgspec.inspect.ListType(item_type=item):
+            return {"type": "array", "items": _schema_of_type(item)}
+        case msgspec.inspect.DictType(value_type=value):
+            return {"type": "object", "properties": {}, "additionalProperties": _schema_of_type(value)}
+        case msgspec.inspect.IntType():
+            return {"type": "integer"}
+        case msgspec.inspect.FloatType():
+            return {"type": "number"}
+        case msgspec.inspect.StrType():
+            return {"type": "string"}
+    raise TypeError(f"no plain JSON type for {of}")

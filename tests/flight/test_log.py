@@ -87,6 +87,36 @@ def test_a_failed_reading_is_a_status_and_nulls(kind):
     assert schema_of(kind)["properties"]["status"]
 
 
+@pytest.mark.parametrize("kind", MESSAGES)
+def test_viewers_can_read_the_schema(kind):
+    """Foxglove and Lichtblick show no topic at all where a property has no plain type, or one that is a reference."""
+    schema = schema_of(kind)
+    assert schema["type"] == "object"
+    assert set(schema["properties"]) == set(kind.__struct_fields__)
+    for name, of in schema["properties"].items():
+        assert_plain_type(of, name)
+
+
+def assert_plain_type(schema, name):
+    assert schema["type"] in {"string", "number", "integer", "boolean", "object", "array"}, name
+    assert not {"$ref", "anyOf", "oneOf", "allOf"} & set(schema), name
+    if schema["type"] == "array":
+        assert_plain_type(schema["items"], name)
+    for inner, of in schema.get("properties", {}).items():
+        assert_plain_type(of, f"{name}.{inner}")
+
+
+def test_a_log_whose_schemas_say_more_is_read_as_before(tmp_path, monkeypatch):
+    """Logs of earlier versions: `anyOf` with null, and `$ref` to the list of statuses."""
+    earlier = {"type": "object", "properties": {"status": {"$ref": "#/$defs/Status"}, "samples": {"anyOf": [{}]}}}
+    stream = io.BytesIO()
+    monkeypatch.setattr("flight.log_writer.schema_text", lambda kind: json.dumps(earlier).encode())
+    written = write(stream, ticks=3)
+    path = tmp_path / "log.mcap"
+    path.write_bytes(stream.getvalue())
+    assert {topic: [e.message for e in entries] for topic, entries in read_log(path).entries.items()} == written
+
+
 def test_a_file_torn_anywhere_gives_what_was_closed_before_the_tear(tmp_path):
     """Cut at random bytes: no exception but InputError, no wrong message, and only the open chunk is lost."""
     stream = io.BytesIO()
