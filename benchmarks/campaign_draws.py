@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.pooling.flight_statistics import POOLED, FlightStatistics, M
 from analysis.pooling.joint import OWN_CHANGES, stacked
-from analysis.pooling.pooled_results import PooledResult, pool
+from analysis.pooling.pool import Pool, pool
 from sim.sensors.budget import load_budget
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Draws:
         }
         return np.concatenate([self.polar, [errors[name] for name in POOLED[3:]]])
 
-    def pool(self, shared: Array, number: int) -> PooledResult:
+    def pool(self, shared: Array, number: int) -> Pool:
         """So many flights, drawn with replacement, with new errors of the day."""
         flights = []
         for i in self._rng.integers(len(self.flights), size=number):

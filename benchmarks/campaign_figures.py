@@ -11,8 +11,9 @@ from world_table import Points, world_table
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Polar, power_required
-from analysis.pooling import PooledResult, compare, flights_to_see, pool_results
+from analysis.pooling.comparison import compare, flights_to_see
 from analysis.pooling.flight_statistics import read_statistics
+from analysis.pooling.pool import Pool, pool_results
 from flight.aircraft import load_aircraft
 
 Array = NDArray[np.float64]
@@ -45,18 +46,18 @@ def groups(flights: Flights, size: int) -> Iterator[list[dict[str, Any]]]:
         yield [flights[number] for number in numbers[first : first + size]]
 
 
-def pooled(lines: list[dict[str, Any]]) -> PooledResult:
+def pooled(lines: list[dict[str, Any]]) -> Pool:
     return pool_results([line["results"] for line in lines])
 
 
-def errors(found: Polar, pool: PooledResult, lines: list[dict[str, Any]], V: Array) -> tuple[Array, Array]:
+def errors(found: Polar, pool: Pool, lines: list[dict[str, Any]], V: Array) -> tuple[Array, Array]:
     """Error and half the 95 % interval of a polar, each (speeds,), in percent of the true power."""
     truth = np.mean([line["power_W"] for line in lines], axis=0)
     power, error = power_required(V, found, pool.condition)
     return 100 * (power / truth - 1), 100 * NORMAL_95 * error / truth
 
 
-def mean_polar(pool: PooledResult) -> Polar:
+def mean_polar(pool: Pool) -> Polar:
     """The mean of the flights' polars, with the covariance of a mean of independent estimates."""
     polars = [Polar(flight.values[:3], flight.polar_covariance) for flight in pool.flights]
     weights = [np.linalg.inv(polar.covariance) for polar in polars]

@@ -38,9 +38,11 @@ def compare(
     if output is not None:
         check_writable(output / "report.html")
         _check_no_other_results(output / "results.json")
+    import msgspec
+
     from analysis.campaign.campaign import flight_folders_of, read_results
-    from analysis.pooling import compare as compare_pools
-    from analysis.pooling import pool_results
+    from analysis.pooling.comparison import compare as compare_pools
+    from analysis.pooling.pool import pool_results
     from analysis.report.write import print_comparison, write_comparison
 
     pools, not_to_trust = [], []
@@ -50,11 +52,10 @@ def compare(
             raise InputError(f"{folder}: no flight to compare; {found.left_out[0]}")
         pools.append(pool_results(found.to_pool))
         not_to_trust += found.not_to_trust
-    comparison = compare_pools(*pools).to_json()
     names = [folder.resolve().name for folder in (a, b)]
     if names[0] == names[1]:
         names = [str(a), str(b)]
-    comparison["a"]["name"], comparison["b"]["name"] = names
+    comparison = msgspec.to_builtins(compare_pools(*pools).results(*names))
     if output is not None:
         write_comparison(comparison, output)
     print_comparison(comparison, output and output / "report.html", Console())
@@ -67,7 +68,7 @@ def compare(
 def _check_no_other_results(path: Path) -> None:
     """Raises InputError where there are results of something else, such as of a flight that is compared."""
     from analysis.campaign.campaign import read_json
-    from analysis.pooling.comparison import FORMAT
+    from analysis.pooling.results import COMPARISON_FORMAT
 
-    if path.exists() and read_json(path).get("format") != FORMAT:
+    if path.exists() and read_json(path).get("format") != COMPARISON_FORMAT:
         raise InputError(f"{path.parent}: has results of `analyze`, which must not be replaced; give another folder")

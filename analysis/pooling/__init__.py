@@ -1,6 +1,6 @@
-"""Several flights of one aircraft: one joint estimate, and the comparison of two configurations (docs/pooling.md)."""
+"""Several flights of one aircraft: one joint estimate, and the comparison of two configurations (docs/pooling.md).
 
-from analysis.pooling.comparison import Comparison, compare, flights_to_see
-from analysis.pooling.pooled_results import PooledResult, pool_results
-
-__all__ = ["Comparison", "PooledResult", "compare", "flights_to_see", "pool_results"]
+`pool.pool_results` reads the results of flights, `comparison.compare` two pools. Flights are stacked along the first
+axis of arrays. The shared parameters x (M,) are those of `flight_statistics.POOLED`: drag polar, corrections of thrust,
+errors of the installation. Nothing is imported here: the page needs the form of the results alone.
+"""

@@ -1,4 +1,4 @@
-"""Do the flights agree? Each flight against the others, and a test of homogeneity of all.
+"""Do the flights agree? Each flight against the others, a test of homogeneity of all, and trends.
 
 The estimates of two flights are correlated, since both were drawn to the same prior. For the shared parameters x, each
 estimate is v_f - x = a_f e + n_f + sum of c_f: e is the error of the prior's mean, n_f the flight's own error, and c_f
@@ -11,36 +11,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
+from scipy.stats import norm
 
-from analysis.pooling.flight_statistics import INSTALLATION, POLAR, POOLED, THRUST, M
-from analysis.pooling.joint import FlightStack, JointEstimate, Prior, take, without_each
-from analysis.trajectory.observability import TITLES
+from analysis.pooling.flight_statistics import INSTALLATION_ERRORS, POLAR, POOLED, FlightStatistics, M
+from analysis.pooling.joint import FlightStack, PooledEstimate, Prior, take, without_each
+from analysis.pooling.results import Trend
+from analysis.pooling.settings import POOLING
 
 Array = NDArray[np.float64]
 
-OUTLIER_LEVEL = 0.05  # probability of naming any of the flights of a homogeneous pool
-CONSPICUOUS = 2.5  # standard deviations of a difference that is named as the likely reason
 _N_POLAR = len(POLAR)
-POLAR_PART, INSTALLATION_PART = slice(0, _N_POLAR), slice(M - len(INSTALLATION), M)
-_REASONS = {
-    "alpha_bias": "was the probe or the tray touched?",
-    "beta_bias": "was the probe touched?",
-    "alpha_scale": "a tube of the probe partly blocked or loose, or another calibration?",
-    "V_scale": "a leak or water in the lines of airspeed or static pressure?",
-    "air_data_lag": "a tube kinked, exchanged, or with water in it?",
-    "thrust_scale": "another or a damaged propeller, or a wrong number of pole pairs?",
-    "thrust_slope": "another or a damaged propeller?",
-    "thrust_beyond": "another or a damaged propeller?",
-}
-_THRUST_TITLES = {
-    "thrust_scale": "scale of thrust",
-    "thrust_slope": "slope of thrust",
-    "thrust_beyond": "thrust beyond the propeller's table",
-}
-_NO_REASON = (
-    "no sensor or thrust error stands out: weight, rising or sinking air, or something changed on the aircraft"
-    " (surface, gear, flaps)?"
-)
+POLAR_PART, INSTALLATION_PART = slice(0, _N_POLAR), slice(M - len(INSTALLATION_ERRORS), M)
 
 
 class Difference(NamedTuple):
@@ -61,14 +42,27 @@ class Difference(NamedTuple):
 
 
 class Test(NamedTuple):
-    """A chi-square test."""
+    """A chi-square test. p : probability of a larger value if nothing differs"""
 
     chi_square: float
     degrees_of_freedom: int
     p: float
 
+    @property
+    def differs(self) -> bool:
+        """Whether something differs, with at most `POOLING.false_alarms` of false alarms."""
+        return self.p < POOLING.false_alarms
 
-def differences_in_pool(stack: FlightStack, pool: JointEstimate) -> list[Difference]:
+
+class LikelyCause(NamedTuple):
+    """Why a flight differs from others: `parameter` of POOLED, its difference in SI and in standard deviations."""
+
+    parameter: str
+    difference: float
+    standard_deviations: float
+
+
+def differences_in_pool(stack: FlightStack, pool: PooledEstimate) -> list[Difference]:
     """Each flight minus the pool that it is part of."""
     (W,) = pool.influences
     by_others = np.einsum("fij,fjk,flk->il", W, stack.own_covariance, W, optimize=True)
@@ -124,23 +118,23 @@ def _difference(
 def outliers(stack: FlightStack, prior: Prior) -> dict[int, Difference]:
     """By number, flights that differ from the pool of those that agree; the worst is taken out first.
 
-    Polar and installation are tested; the level of each test is OUTLIER_LEVEL over the number of tests. At most half of
-    the flights are named, and none of two: which of them is wrong is not known.
+    Polar and installation are tested, each at the level `POOLING.false_alarms` over the number of tests. At most half
+    of the flights are named, and none of two: which of them is wrong is not known.
     """
     n = len(stack.values)
-    inside, found = list(range(n)), dict[int, Difference]()
-    while len(inside) > 2 and 2 * (len(found) + 1) <= n:
-        differences = differences_to_others(take(stack, inside), prior)
+    agreeing, differing = list(range(n)), dict[int, Difference]()
+    while len(agreeing) > 2 and 2 * (len(differing) + 1) <= n:
+        differences = differences_to_others(take(stack, agreeing), prior)
         p = [min(difference.p, difference.p_installation) for difference in differences]
         worst = int(np.argmin(p))
-        if p[worst] >= OUTLIER_LEVEL / (2 * n):
+        if p[worst] >= POOLING.false_alarms / (2 * n):
             break
-        found[inside[worst]] = differences[worst]
-        del inside[worst]
-    return found
+        differing[agreeing[worst]] = differences[worst]
+        del agreeing[worst]
+    return differing
 
 
-def flights_covariance(stack: FlightStack, pool: JointEstimate, part: slice = POLAR_PART) -> Array:
+def flights_covariance(stack: FlightStack, pool: PooledEstimate, part: slice = POLAR_PART) -> Array:
     """Covariance (k n, k n) of k parameters that each of n flights estimates alone; common errors correlate them."""
     n, k = stack.values[:, part].shape
     a = stack.prior_part[:, part].reshape(n * k, M)
@@ -153,7 +147,7 @@ def flights_covariance(stack: FlightStack, pool: JointEstimate, part: slice = PO
     return np.asarray(covariance)
 
 
-def homogeneity(stack: FlightStack, pool: JointEstimate, part: slice = POLAR_PART) -> Test:
+def homogeneity(stack: FlightStack, pool: PooledEstimate, part: slice = POLAR_PART) -> Test:
     """Whether the flights differ by more than their errors: generalized least squares on common parameters."""
     n, k = stack.values[:, part].shape
     covariance = flights_covariance(stack, pool, part)
@@ -167,22 +161,56 @@ def homogeneity(stack: FlightStack, pool: JointEstimate, part: slice = POLAR_PAR
     return Test(chi_square, degrees_of_freedom, float(chdtrc(degrees_of_freedom, chi_square)))
 
 
-def likely_reason(difference: Difference) -> str:
-    """What differs most, apart from the polar, in words."""
+def likely_cause(difference: Difference) -> LikelyCause | None:
+    """The correction of thrust or error of the installation that differs most, in standard deviations.
+
+    None where none is conspicuous.
+    """
     z = difference.standardized
-    candidates = [POOLED.index(name) for name in THRUST + INSTALLATION]
-    most = max(candidates, key=lambda i: abs(z[i]))
-    if abs(z[most]) < CONSPICUOUS:
-        return _NO_REASON
-    name = POOLED[most]
-    title, factor, unit = (_THRUST_TITLES[name], 100.0, "%") if name in _THRUST_TITLES else TITLES[name]
-    return (
-        f"the {title} differs by {factor * difference.value[most]:+.2g} {unit}, {abs(z[most]):.1f} standard deviations:"
-        f" {_REASONS[name]}"
-    )
+    most = max(range(_N_POLAR, M), key=lambda i: abs(z[i]))
+    if abs(z[most]) < POOLING.conspicuous:
+        return None
+    return LikelyCause(POOLED[most], float(difference.value[most]), float(abs(z[most])))
 
 
 def quadratic_form(d: Array, C: Array) -> float:
     """d' C^-1 d."""
     scale = np.sqrt(np.diag(C))
     return float(d / scale @ np.linalg.solve(C / np.outer(scale, scale), d / scale))
+
+
+def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, covariance: Array) -> list[Trend]:
+    """Change of power over date, temperature and battery voltage, by generalized least squares.
+
+    deviations_percent (n,): of each flight from a common curve, covariance (n, n). Quantities that fewer than
+    `POOLING.fewest_for_trend` flights have, or that are the same in all, are left out.
+    """
+    found = []
+    for quantity, unit, values in (
+        ("date", "day", [_number(f.results["pooling"].get("start_unix_s")) / 86400.0 for f in flights]),
+        ("air temperature", "K", [_number(f.results.get("air_temperature_K")) for f in flights]),
+        ("battery voltage", "V", [_number(f.results["pooling"].get("battery_V")) for f in flights]),
+    ):
+        x = np.array(values)
+        known = np.isfinite(x)
+        if known.sum() < POOLING.fewest_for_trend or np.ptp(x[known]) < 1e-9 * np.abs(x[known]).max():
+            continue
+        X = np.stack([np.ones(known.sum()), x[known] - x[known].mean()], axis=1)
+        weights = np.linalg.inv(covariance[np.ix_(known, known)])
+        C = np.linalg.inv(X.T @ weights @ X)
+        slope, error = float((C @ X.T @ weights @ deviations_percent[known])[1]), float(np.sqrt(C[1, 1]))
+        found.append(
+            Trend(
+                quantity=quantity,
+                unit=unit,
+                slope_percent=slope,
+                standard_error_percent=error,
+                p=float(2 * norm.sf(abs(slope / error))),
+                flights=int(known.sum()),
+            )
+        )
+    return found
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else float("nan")

@@ -7,7 +7,6 @@ propeller those of thrust: such an error moves both curves alike and cancels in 
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,18 +18,18 @@ from analysis.drag import covariance, rejected_assumptions
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.pooling.agreement import Test, quadratic_form
-from analysis.pooling.flight_statistics import POLAR, THRUST, M
+from analysis.pooling.flight_statistics import POLAR, THRUST_CORRECTIONS, M
 from analysis.pooling.joint import Group, Prior, shared_prior, solve
-from analysis.pooling.joint_pool import SPEEDS, JointPool
+from analysis.pooling.joint_pool import JointPool
+from analysis.pooling.results import ComparisonResults, Configuration, FlightsToSee, PowerDifference
+from analysis.pooling.settings import POOLING
+from analysis.pooling.wording import SharedErrors
+from analysis.results.schema import ConditionResult
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
-LEVEL, POWER = 0.05, 0.9  # of the test: false alarms, and differences seen
-MOST_FLIGHTS = 200
-FORMAT = "flightpower-comparison-1"
-DIFFERENCES_TO_SEE = (0.01, 0.02, 0.05)
-_N_POLAR, _N_THRUST = len(POLAR), len(THRUST)
+_N_POLAR, _N_THRUST = len(POLAR), len(THRUST_CORRECTIONS)
 
 
 @dataclass(frozen=True)
@@ -58,11 +57,34 @@ class Comparison:
     @property
     def differs(self) -> bool:
         """Whether the curves differ, with at most 5 % of false alarms."""
-        return self.test.p < LEVEL
+        return self.test.differs
 
-    def to_json(self) -> dict[str, Any]:
-        """The content of the comparison's results.json (docs/pooling.md)."""
-        return _comparison_json(self)
+    @property
+    def shared_errors(self) -> SharedErrors:
+        """Which errors cancel in the difference."""
+        if self.same_installation and not self.a.flights[0].installation:
+            return SharedErrors.COMMON_PART
+        if self.same_installation:
+            return SharedErrors.INSTALLATION_AND_PROPELLER if self.same_propeller else SharedErrors.INSTALLATION
+        return SharedErrors.PROPELLER if self.same_propeller else SharedErrors.NONE
+
+    def results(self, a_name: str = "", b_name: str = "") -> ComparisonResults:
+        """The contents of the comparison's results.json. a_name, b_name: of the two configurations."""
+        return ComparisonResults(
+            software_version=version("flightpower"),
+            a=_configuration(self.a, a_name),
+            b=_configuration(self.b, b_name),
+            test=ConditionResult(weight_N=self.condition.weight_N, air_density_kgpm3=self.condition.rho),
+            same_installation=self.same_installation,
+            same_propeller=self.same_propeller,
+            differences=_differences(self),
+            chi_square=self.test.chi_square,
+            degrees_of_freedom=self.test.degrees_of_freedom,
+            p=self.test.p,
+            differs=self.differs,
+            text=_text(self),
+            flights_to_see=plans_to_see(self.a),
+        )
 
 
 def compare(a: JointPool, b: JointPool) -> Comparison:
@@ -107,7 +129,7 @@ def flights_to_see(pooled: JointPool, difference: float) -> int | None:
     """Flights of each of two configurations by which a difference of drag is seen in 9 of 10 campaigns.
 
     difference : fraction of drag, at every lift coefficient. The flights are taken to be like those of the pool, with
-    the same installation and propeller throughout. None for more than MOST_FLIGHTS.
+    the same installation and propeller throughout. None for more than `POOLING.largest_plan`.
     Raises InputError where the difference is not positive.
     """
     if not difference > 0:
@@ -123,19 +145,27 @@ def flights_to_see(pooled: JointPool, difference: float) -> int | None:
         T = np.hstack([-np.eye(_N_POLAR), np.eye(_N_POLAR)])
         return quadratic_form(d, T @ C @ T.T) >= needed
 
-    if not seen(MOST_FLIGHTS):
+    if not seen(POOLING.largest_plan):
         return None
-    low, high = 0, MOST_FLIGHTS
+    low, high = 0, POOLING.largest_plan
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if seen(middle) else (middle, high)
     return high
 
 
+def plans_to_see(pooled: JointPool) -> list[FlightsToSee]:
+    """Of `flights_to_see`, for each of `POOLING.differences_to_see`."""
+    return [
+        FlightsToSee(difference_percent=100 * share, flights_each=flights_to_see(pooled, share))
+        for share in POOLING.differences_to_see
+    ]
+
+
 @cache
 def _needed_noncentrality() -> float:
-    limit = chi2.isf(LEVEL, _N_POLAR)
-    return float(brentq(lambda x: ncx2.sf(limit, _N_POLAR, x) - POWER, 1e-3, 100.0))
+    limit = chi2.isf(POOLING.false_alarms, _N_POLAR)
+    return float(brentq(lambda x: ncx2.sf(limit, _N_POLAR, x) - POOLING.detection, 1e-3, 100.0))
 
 
 def _same_installation(a: JointPool, b: JointPool) -> bool:
@@ -143,7 +173,7 @@ def _same_installation(a: JointPool, b: JointPool) -> bool:
     first, other = a.flights[0], b.flights[0]
     if first.installation != other.installation or first.probe_calibration != other.probe_calibration:
         return False
-    return bool(first.installation) or first.aircraft == other.aircraft
+    return bool(first.installation) or first.aircraft.name == other.aircraft.name
 
 
 def _same_propeller(a: JointPool, b: JointPool) -> bool:
@@ -161,7 +191,7 @@ def _common_speeds(a: JointPool, b: JointPool, condition_b: Condition) -> Array:
             f"the two pools have no speeds in common: {slow[0]:.1f} to {fast[0]:.1f} m/s, and {slow[1]:.1f} to"
             f" {fast[1]:.1f} m/s; fly both over the same speeds"
         )
-    return np.linspace(max(slow), min(fast), SPEEDS)
+    return np.linspace(max(slow), min(fast), POOLING.compared_speeds)
 
 
 def _joint_polars(
@@ -223,64 +253,32 @@ def _half_width(J: Array, C: Array) -> Array:
     return np.asarray(NORMAL_95 * np.sqrt(np.einsum("vi,ij,vj->v", J, C, J)))
 
 
-def _comparison_json(comparison: Comparison) -> dict[str, Any]:
-    """Plain values only; B minus A, in percent of A."""
-    c = comparison
-    rows = zip(
-        c.speeds_mps.tolist(), c.power_a_W.tolist(), c.power_b_W.tolist(), c.difference_percent.tolist(),
-        c.half_width_percent.tolist(), c.independent_half_width_percent.tolist(), strict=True,
-    )  # fmt: skip
-    return {
-        "format": FORMAT,
-        "software_version": version("flightpower"),
-        "a": _configuration(c.a),
-        "b": _configuration(c.b),
-        "test": {"weight_N": c.condition.weight_N, "air_density_kgpm3": c.condition.rho},
-        "same_installation": c.same_installation,
-        "same_propeller": c.same_propeller,
-        "differences": [
-            {
-                "speed_mps": v, "power_a_W": a, "power_b_W": b, "difference_percent": d, "lo_percent": d - h,
-                "hi_percent": d + h, "independent_half_width_percent": i,
-            }
-            for v, a, b, d, h, i in rows
-        ],
-        "chi_square": c.test.chi_square,
-        "degrees_of_freedom": c.test.degrees_of_freedom,
-        "p": c.test.p,
-        "differs": c.differs,
-        "text": _comparison_text(c),
-        "flights_to_see": [
-            {"difference_percent": 100 * share, "flights_each": flights_to_see(c.a, share)}
-            for share in DIFFERENCES_TO_SEE
-        ],
-    }  # fmt: skip
+def _configuration(pooled: JointPool, name: str) -> Configuration:
+    first = pooled.flights[0]
+    logs = [flight.name for flight in pooled.flights]
+    return Configuration(aircraft=first.aircraft, installation=first.installation, logs=logs, name=name)
 
 
-def _configuration(pooled: JointPool) -> dict[str, Any]:
-    return {
-        "aircraft": dict(pooled.flights[0].results["aircraft"]),
-        "installation": pooled.flights[0].installation,
-        "logs": [flight.name for flight in pooled.flights],
-    }
+def _differences(c: Comparison) -> list[PowerDifference]:
+    columns = (c.speeds_mps, c.power_a_W, c.power_b_W, c.difference_percent, c.half_width_percent)
+    rows = zip(*(column.tolist() for column in (*columns, c.independent_half_width_percent)), strict=True)
+    return [
+        PowerDifference(
+            speed_mps=speed,
+            power_a_W=power_a,
+            power_b_W=power_b,
+            difference_percent=difference,
+            lo_percent=difference - half_width,
+            hi_percent=difference + half_width,
+            independent_half_width_percent=independent,
+        )
+        for speed, power_a, power_b, difference, half_width, independent in rows
+    ]
 
 
-def _comparison_text(c: Comparison) -> str:
+def _text(c: Comparison) -> str:
     least = int(np.argmin(c.half_width_percent))
     difference, half_width = c.difference_percent[least], c.half_width_percent[least]
     said = f"at {c.speeds_mps[least]:.1f} m/s the power of B is {difference:+.1f} ± {half_width:.1f} % from that of A"
     verdict = f"B differs from A (p = {c.test.p:.2g})" if c.differs else f"No difference is seen (p = {c.test.p:.2g})"
-    if c.same_installation and not c.a.flights[0].installation:
-        shared = (
-            "The files name no installation: the probe is taken to be mounted anew for each flight, and only the common"
-            " part of these errors cancels."
-        )
-    elif c.same_installation and c.same_propeller:
-        shared = "Errors of installation and propeller table cancel, since both share them."
-    elif c.same_installation:
-        shared = "Errors of the installation cancel, since both share it; those of the two propeller tables do not."
-    elif c.same_propeller:
-        shared = "Errors of the propeller table cancel; those of the two installations do not."
-    else:
-        shared = "No error cancels: installations and propellers differ."
-    return f"{verdict}: {said}. {shared}"
+    return f"{verdict}: {said}. {c.shared_errors.value}"

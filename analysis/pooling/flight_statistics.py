@@ -5,19 +5,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.polar import Condition
 from analysis.results.pooling_statistics import FORMAT
+from analysis.results.schema import AircraftResult
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
 POLAR = ("A0", "A1", "A2")
-THRUST = ("thrust_scale", "thrust_slope", "thrust_beyond")
-INSTALLATION = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")
-POOLED = POLAR + THRUST + INSTALLATION  # shared by flights of one aircraft and installation
+THRUST_CORRECTIONS = ("thrust_scale", "thrust_slope", "thrust_beyond")  # the last beyond the propeller's table
+INSTALLATION_ERRORS = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")
+POOLED = POLAR + THRUST_CORRECTIONS + INSTALLATION_ERRORS  # shared by flights of one aircraft and installation
 M = len(POOLED)
 
 
@@ -63,8 +65,7 @@ class FlightStatistics(NamedTuple):
     polar_covariance: Array
     flown_CL: tuple[float, float]
     condition: Condition
-    aircraft: str
-    propeller: str
+    aircraft: AircraftResult
     propeller_table: str
     installation: str
     probe_calibration: str
@@ -103,7 +104,7 @@ def read_statistics(results: Path | Mapping[str, Any]) -> FlightStatistics:
         )
     try:
         return _parsed(found, content)
-    except (KeyError, ValueError, TypeError, IndexError) as error:
+    except (KeyError, ValueError, TypeError, IndexError, msgspec.ValidationError) as error:
         raise InputError(f"{where}: malformed statistics for pooling ({error}); analyze the log again") from None
 
 
@@ -122,9 +123,9 @@ def _parsed(found: Mapping[str, Any], content: Mapping[str, Any]) -> FlightStati
     covariance = _symmetric(found["covariance"], len(names))
     weighting = found["weighting_covariance"]
     kept = [names.index(name) for name in POOLED]
-    drag = [names.index(name) for name in POLAR + THRUST]
+    drag = [names.index(name) for name in POLAR + THRUST_CORRECTIONS]
     sigma = np.array([np.inf if s is None else s for s in found["prior_sigma"]], dtype=float)[kept]
-    aircraft, test = content["aircraft"], content["test"]
+    aircraft, test = msgspec.convert(content["aircraft"], AircraftResult), content["test"]
     statistics = FlightStatistics(
         name=str(content["log"]),
         values=np.array(found["values"], dtype=float)[kept],
@@ -135,9 +136,8 @@ def _parsed(found: Mapping[str, Any], content: Mapping[str, Any]) -> FlightStati
         changes={name: np.array(change, dtype=float)[kept] for name, change in found["changes"].items()},
         polar_covariance=np.array(found["polar_covariance"], dtype=float),
         flown_CL=(float(found["flown_CL"][0]), float(found["flown_CL"][1])),
-        condition=Condition(float(test["weight_N"]), float(test["air_density_kgpm3"]), float(aircraft["wing_area_m2"])),
-        aircraft=str(aircraft["name"]),
-        propeller=str(aircraft["propeller"]),
+        condition=Condition(float(test["weight_N"]), float(test["air_density_kgpm3"]), aircraft.wing_area_m2),
+        aircraft=aircraft,
         propeller_table=str(found["propeller_table"]),
         installation=str(found["installation"]),
         probe_calibration=str(found["probe_calibration"]),
@@ -176,15 +176,16 @@ def check_one_aircraft(flights: Sequence[FlightStatistics]) -> None:
     for other in flights[1:]:
         for differs, what, values, advice in (
             (
-                (first.aircraft, first.condition.wing_area_m2) != (other.aircraft, other.condition.wing_area_m2),
+                (first.aircraft.name, first.aircraft.wing_area_m2)
+                != (other.aircraft.name, other.aircraft.wing_area_m2),
                 "two aircraft",
-                (first.aircraft, other.aircraft),
+                (first.aircraft.name, other.aircraft.name),
                 "pool each alone, and compare the two pools",
             ),
             (
                 first.propeller_table != other.propeller_table,
                 "two propellers, or two tables of one",
-                (first.propeller, other.propeller),
+                (first.aircraft.propeller, other.aircraft.propeller),
                 "pool each alone, and compare the two pools",
             ),
             (

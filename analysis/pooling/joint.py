@@ -20,16 +20,14 @@ from numpy.typing import NDArray
 
 from analysis.drag.assumed_values import ZERO_STEPS
 from analysis.drag.covariance import DENSITY, UPDRAFT
-from analysis.pooling.flight_statistics import INSTALLATION, POOLED, FlightStatistics, M
+from analysis.pooling.flight_statistics import INSTALLATION_ERRORS, POOLED, FlightStatistics, M
+from analysis.pooling.settings import POOLING
 
 Array = NDArray[np.float64]
 
-# Standard deviation of what moves when the probe is taken off and put on again, as a part of the prior's: 0.3 deg of
-# angle of attack, 0.4 % of airspeed.
-REMOUNTED = 0.3
 # Errors that each flight has its own of; others are common to all flights.
 OWN_CHANGES = frozenset({UPDRAFT, DENSITY, *ZERO_STEPS.values()})
-_INSTALLATION = np.array([name in INSTALLATION for name in POOLED])
+_INSTALLATION = np.array([name in INSTALLATION_ERRORS for name in POOLED])
 
 
 class FlightStack(NamedTuple):
@@ -99,12 +97,12 @@ class WithoutEach(NamedTuple):
     changes: dict[str, Array]
 
     def total(self, prior_covariance: Array) -> Array:
-        """(n, M, M) of `JointEstimate`."""
+        """(n, M, M) of `PooledEstimate`."""
         by_changes = sum(change[:, :, None] * change[:, None, :] for change in self.changes.values())
         return np.asarray(_congruent(self.prior_part, prior_covariance) + self.by_others + by_changes)
 
 
-class JointEstimate(NamedTuple):
+class PooledEstimate(NamedTuple):
     """The solution x (k,), and influences (n, k, M) of each group's estimates on it.
 
     prior_part : (k, k) derivative of x by an error of the prior's mean     prior_covariance : (k, k)
@@ -121,7 +119,7 @@ class JointEstimate(NamedTuple):
 def remounting_variance(flight: FlightStatistics) -> Array:
     """Variance (M,) of a flight's own deviations: 0 where the installation has a name."""
     with np.errstate(divide="ignore"):
-        variance = np.where(_INSTALLATION, REMOUNTED**2 / flight.prior_information, 0.0)
+        variance = np.where(_INSTALLATION, POOLING.remounted**2 / flight.prior_information, 0.0)
     return np.zeros(M) if flight.installation else variance
 
 
@@ -207,7 +205,7 @@ def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
     """The prior of what the flights share; the widest, where theirs differ. What was measured on a stand is that of
     the first: flights of one propeller have the same."""
     widest = np.min([flight.prior_information for flight in flights], axis=0)
-    share = 1.0 if flights[0].installation else 1 - REMOUNTED**2
+    share = 1.0 if flights[0].installation else 1 - POOLING.remounted**2
     own = np.where(_INSTALLATION, widest / share, widest)
     measured = flights[0].prior_measurements
     return Prior(
@@ -216,7 +214,7 @@ def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
     )
 
 
-def solve(groups: Sequence[Group], prior: Prior) -> JointEstimate:
+def solve(groups: Sequence[Group], prior: Prior) -> PooledEstimate:
     """Solve for all parameters (k,) that the flights share."""
     H, b = prior.information.copy(), prior.vector.copy()  # not symmetric: the first step does not see the second
     for stack, at, counts in groups:
@@ -234,10 +232,10 @@ def solve(groups: Sequence[Group], prior: Prior) -> JointEstimate:
             changes[name] = changes.get(name, 0.0) + np.einsum("f,fij,fj->i", counts, W, change, optimize=True)
     for change in changes.values():
         total += np.outer(change, change)
-    return JointEstimate(solution @ b, influences, prior_part, prior_covariance, total)
+    return PooledEstimate(solution @ b, influences, prior_part, prior_covariance, total)
 
 
-def pooled_estimate(stack: FlightStack, prior: Prior, counts: Sequence[float] = ()) -> JointEstimate:
+def pooled_estimate(stack: FlightStack, prior: Prior, counts: Sequence[float] = ()) -> PooledEstimate:
     """The joint estimate (M,) of flights of one aircraft and installation. counts: of `Group`; one where empty."""
     times = np.array(counts or np.ones(len(stack.values)), dtype=float)
     return solve([Group(stack, np.arange(M), times)], prior)

@@ -1,72 +1,22 @@
-"""Does the power of the flights change with date, temperature or battery voltage?
-
-The pool of several flights: its curve, how the flights agree with it, what each contributed.
-"""
+"""The pool of several flights: its curve, how the flights agree with it, what each contributed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from analysis.drag import covariance
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.pooling.agreement import INSTALLATION_PART, Difference, Test, differences_to_others, homogeneity, outliers
 from analysis.pooling.flight_statistics import POLAR, FlightStatistics
-from analysis.pooling.joint import FlightStack, JointEstimate, Prior, pooled_estimate, without_each
+from analysis.pooling.joint import FlightStack, PooledEstimate, Prior, pooled_estimate, without_each
+from analysis.pooling.settings import POOLING
 
 Array = NDArray[np.float64]
 
-FEWEST_FLIGHTS = 4
-DAY_S = 86400.0
-
-
-class Trend(NamedTuple):
-    """Change of power per unit of a quantity, in percent, with its standard error.
-
-    p : probability of a slope this far from zero without a trend     flights : with this quantity
-    """
-
-    quantity: str
-    unit: str
-    slope_percent: float
-    standard_error_percent: float
-    p: float
-    flights: int
-
-
-def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, covariance: Array) -> list[Trend]:
-    """By generalized least squares. deviations_percent (n,): of each flight from a common curve, covariance (n, n).
-
-    Quantities that fewer than FEWEST_FLIGHTS have, or that are the same in all, are left out.
-    """
-    found = []
-    for quantity, unit, values in (
-        ("date", "day", [_number(f.results["pooling"].get("start_unix_s")) / DAY_S for f in flights]),
-        ("air temperature", "K", [_number(f.results.get("air_temperature_K")) for f in flights]),
-        ("battery voltage", "V", [_number(f.results["pooling"].get("battery_V")) for f in flights]),
-    ):
-        x = np.array(values)
-        known = np.isfinite(x)
-        if known.sum() < FEWEST_FLIGHTS or np.ptp(x[known]) < 1e-9 * np.abs(x[known]).max():
-            continue
-        X = np.stack([np.ones(known.sum()), x[known] - x[known].mean()], axis=1)
-        weights = np.linalg.inv(covariance[np.ix_(known, known)])
-        C = np.linalg.inv(X.T @ weights @ X)
-        slope, error = float((C @ X.T @ weights @ deviations_percent[known])[1]), float(np.sqrt(C[1, 1]))
-        found.append(Trend(quantity, unit, slope, error, float(2 * norm.sf(abs(slope / error))), int(known.sum())))
-    return found
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, int | float) else float("nan")
-
-
-CURVE_POINTS, SPEEDS = 61, 7
 _N_POLAR = len(POLAR)
 
 
@@ -81,21 +31,21 @@ class JointPool:
     flights: tuple[FlightStatistics, ...]
     stack: FlightStack
     prior: Prior
-    estimate: JointEstimate
+    estimate: PooledEstimate
     polar: Polar
     condition: Condition
     flown_CL: tuple[float, float]
 
     @cached_property
     def curve_speeds_mps(self) -> Array:
-        """Speeds (CURVE_POINTS,) of the curve [m/s]."""
+        """Speeds (`POOLING.curve_points`,) of the curve [m/s]."""
         low, high = self.flown_CL
-        return np.linspace(speed_at(high, self.condition), speed_at(low, self.condition), CURVE_POINTS)
+        return np.linspace(speed_at(high, self.condition), speed_at(low, self.condition), POOLING.curve_points)
 
     @cached_property
     def speeds_mps(self) -> Array:
-        """Speeds (SPEEDS,) of comparisons [m/s]."""
-        return np.linspace(self.curve_speeds_mps[0], self.curve_speeds_mps[-1], SPEEDS)
+        """Speeds (`POOLING.compared_speeds`,) of comparisons [m/s]."""
+        return np.linspace(self.curve_speeds_mps[0], self.curve_speeds_mps[-1], POOLING.compared_speeds)
 
     @cached_property
     def differences(self) -> list[Difference]:
@@ -151,7 +101,7 @@ def mean_condition(flights: Sequence[FlightStatistics]) -> Condition:
     return Condition(weight, rho, area)
 
 
-def pooled_polar(flights: Sequence[FlightStatistics], estimate: JointEstimate) -> Polar:
+def pooled_polar(flights: Sequence[FlightStatistics], estimate: PooledEstimate) -> Polar:
     """For one flight its own polar: the joint estimate equals it but for rounding."""
     if len(flights) == 1:
         return Polar(flights[0].values[:_N_POLAR], flights[0].polar_covariance)
@@ -159,5 +109,5 @@ def pooled_polar(flights: Sequence[FlightStatistics], estimate: JointEstimate) -
 
 
 def pooled_covariance(total: Array) -> Array:
-    """Covariance (3, 3) of the pooled polar, everything together. total: of `JointEstimate`."""
+    """Covariance (3, 3) of the pooled polar, everything together. total: of `PooledEstimate`."""
     return np.asarray(total[:_N_POLAR, :_N_POLAR] + covariance.floor())

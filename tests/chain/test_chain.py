@@ -12,7 +12,7 @@ import pytest
 from mcap.reader import make_reader
 from running import command, done
 
-from analysis.pooling import pool_results
+from analysis.pooling.pool import pool_results
 from analysis.results.schema import Results
 from benchmarks.named_speeds import below_slowest
 from flight.aircraft import load_aircraft
@@ -88,7 +88,7 @@ def test_the_battery_gives_a_curve_and_a_method_of_its_own(results: Results) -> 
 
 def test_one_flight_through_the_pool_equals_its_analysis_to_the_digit(flown: Path) -> None:
     path = flown / "log.report" / "results.json"
-    results, pooled = json.loads(path.read_bytes()), pool_results([path]).to_json()
+    results, pooled = json.loads(path.read_bytes()), msgspec.to_builtins(pool_results([path]).results())
     assert pooled["power_required"] == results["power_required"]
     assert pooled["test"] == results["test"]
     assert pooled["drag_polar"] == {name: results["drag_polar"][name] for name in ("A0", "A1", "A2")}

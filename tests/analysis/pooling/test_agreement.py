@@ -1,7 +1,6 @@
 """Whether flights agree: the test of homogeneity, outliers with their likely reason."""
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +9,10 @@ from synthetic_flights import flight, truth
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, speed_at
-from analysis.pooling import pool_results
-from analysis.pooling.agreement import differences_in_pool, likely_reason, quadratic_form
+from analysis.pooling.agreement import differences_in_pool, likely_cause, quadratic_form, trends
 from analysis.pooling.flight_statistics import POOLED
-from analysis.pooling.joint_pool import trends
-from analysis.pooling.pooled_results import _thrust_known
+from analysis.pooling.pool import Pool, _thrust_known, pool_results
+from analysis.pooling.wording import NoteKind, cause_text
 
 
 def test_homogeneity_is_calibrated_on_flights_drawn_from_the_model() -> None:
@@ -53,39 +51,39 @@ def test_errors_common_to_all_flights_do_not_widen_the_differences_between_them(
     assert np.sqrt(np.mean(np.square(polar))) == pytest.approx(1, abs=0.4)
 
 
-def spoiled(name: str, change: float) -> dict[str, Any]:
+def spoiled(name: str, change: float) -> Pool:
     """The pool of six calm flights, of which the third flew with another value of a parameter."""
     rng = np.random.default_rng(1)
     x = truth(rng)
     other = x.copy()
     other[POOLED.index(name)] += change
-    return pool_results([flight(other if i == 2 else x, rng, f"{i}", 0.1) for i in range(6)]).to_json()
+    return pool_results([flight(other if i == 2 else x, rng, f"{i}", 0.1) for i in range(6)])
 
 
 def test_an_outlier_is_named_and_the_scatter_between_flights_exceeds_what_is_expected() -> None:
     found = spoiled("A0", 0.002)
-    assert [outlier["log"] for outlier in found["outliers"]] == ["2.mcap"]
-    assert "no sensor or thrust error stands out" in found["outliers"][0]["reason"]
-    assert found["homogeneity"]["p"] < 1e-3
-    assert found["between_flights"][-1]["excess_percent"] > 1
-    assert any("differ by more than their errors" in note for note in found["notes"])
+    assert [outlier.log for outlier in found.results().outliers] == ["2.mcap"]
+    assert likely_cause(found.outliers[2]) is None
+    assert found.homogeneity is not None and found.homogeneity.p < 1e-3
+    assert found.results().between_flights[-1].excess_percent > 1
+    assert NoteKind.POLARS_DIFFER in [note.kind for note in found.notes]
 
 
 def test_a_probe_that_was_moved_in_one_flight_is_named() -> None:
     found = spoiled("alpha_bias", 0.02)
-    assert [outlier["log"] for outlier in found["outliers"]] == ["2.mcap"]
-    assert "offset of angle of attack differs by +1." in found["outliers"][0]["reason"]
-    assert "was the probe or the tray touched?" in found["outliers"][0]["reason"]
-    assert found["installation_homogeneity"]["p"] < 1e-3
-    assert found["homogeneity"]["p"] > 1e-3
-    assert any("different [installation] names" in note for note in found["notes"])
+    cause = likely_cause(found.outliers[2])
+    assert cause is not None and cause.parameter == "alpha_bias" and cause.difference > 0.015
+    assert "offset of angle of attack differs by +1." in cause_text(cause)
+    assert found.installation_homogeneity is not None and found.installation_homogeneity.p < 1e-3
+    assert found.homogeneity is not None and found.homogeneity.p > 1e-3
+    assert [note.kind for note in found.notes] == [NoteKind.INSTALLATIONS_DIFFER]
 
 
 def test_flights_that_agree_have_no_outlier() -> None:
     found = spoiled("A0", 0.0)
-    assert not found["outliers"]
-    assert not found["notes"]
-    assert found["homogeneity"]["text"].startswith("The flights agree")
+    assert not found.outliers
+    assert not found.notes
+    assert found.homogeneity is not None and not found.homogeneity.differs
 
 
 def test_at_most_half_of_the_flights_are_named() -> None:
@@ -95,8 +93,8 @@ def test_at_most_half_of_the_flights_are_named() -> None:
     others = [x.copy() for _ in range(5)]
     for i, other in enumerate(others):
         other[POOLED.index("A0")] += 0.004 * 2**i
-    found = pool_results([flight(other, rng, f"{i}", 0.1) for i, other in enumerate(others)]).to_json()
-    assert len(found["outliers"]) == 2
+    found = pool_results([flight(other, rng, f"{i}", 0.1) for i, other in enumerate(others)])
+    assert len(found.outliers) == 2
 
 
 def test_a_quadratic_form_is_that_of_the_inverse() -> None:
@@ -105,15 +103,16 @@ def test_a_quadratic_form_is_that_of_the_inverse() -> None:
     assert quadratic_form(d, C) == pytest.approx(d @ np.linalg.inv(C) @ d)
 
 
-def test_the_likely_reason_is_the_installation_s_largest_difference_in_its_unit() -> None:
-    """Beyond two and a half standard deviations; that of the polar itself is no reason."""
+def test_the_likely_cause_is_the_installation_s_largest_difference_in_its_unit() -> None:
+    """Beyond two and a half standard deviations; that of the polar itself is no cause."""
     value, standardized = np.zeros(len(POOLED)), np.zeros(len(POOLED))
     i = POOLED.index("thrust_scale")
     value[i], standardized[i], standardized[0] = 0.05, 2.6, 9.0
-    said = likely_reason(SimpleNamespace(value=value, standardized=standardized))  # type: ignore[arg-type]
-    assert "differs by +5 %, 2.6 standard deviations" in said
+    cause = likely_cause(SimpleNamespace(value=value, standardized=standardized))  # type: ignore[arg-type]
+    assert cause == ("thrust_scale", 0.05, 2.6)
+    assert "scale of thrust differs by +5 %, 2.6 standard deviations" in cause_text(cause)
     standardized[i] = 2.4
-    assert "differs by" not in likely_reason(SimpleNamespace(value=value, standardized=standardized))  # type: ignore[arg-type]
+    assert likely_cause(SimpleNamespace(value=value, standardized=standardized)) is None  # type: ignore[arg-type]
 
 
 def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:

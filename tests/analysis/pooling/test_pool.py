@@ -11,10 +11,11 @@ from synthetic_flights import CHANGES, POLAR, PRIOR_MEAN, PRIOR_SIGMA, flight, t
 from analysis.drag import covariance
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Polar
-from analysis.pooling import pool_results
 from analysis.pooling.flight_statistics import POOLED
-from analysis.pooling.joint import REMOUNTED, _without_prior, without_each
-from analysis.pooling.pooled_results import PooledResult
+from analysis.pooling.joint import _without_prior, without_each
+from analysis.pooling.pool import Pool, pool_results
+from analysis.pooling.settings import POOLING
+from analysis.pooling.wording import NoteKind
 from analysis.results.trust import NOT_TO_TRUST
 from flight.errors import InputError
 
@@ -25,15 +26,15 @@ def campaign(seed: int, flights: int, **facts: Any) -> list[dict[str, Any]]:
     return [flight(x, rng, f"{seed}-{i}", **facts) for i in range(flights)]
 
 
-def slowest_error_percent(pooled: PooledResult, A: np.ndarray) -> tuple[float, float]:
+def slowest_error_percent(pooled: Pool, A: np.ndarray) -> tuple[float, float]:
     """Of the power by the polar A at the slowest speed: error, and half the 95 % interval of `pooled`."""
     V = pooled.speeds_mps[:1]
     power, error = pooled.power(V)
-    other, _ = PooledResult(**{**vars_of(pooled), "polar": Polar(A, np.zeros((3, 3)))}).power(V)
+    other, _ = Pool(**{**vars_of(pooled), "polar": Polar(A, np.zeros((3, 3)))}).power(V)
     return float(100 * (other / power - 1)[0]), float(100 * NORMAL_95 * (error / power)[0])
 
 
-def vars_of(pooled: PooledResult) -> dict[str, Any]:
+def vars_of(pooled: Pool) -> dict[str, Any]:
     return {name: getattr(pooled, name) for name in pooled.__dataclass_fields__}
 
 
@@ -123,7 +124,7 @@ def test_flights_with_different_stated_priors_are_pooled_with_the_widest() -> No
     """The same data, analysed with a narrower prior once: its own prior is subtracted, so the pool is the same."""
     x, narrower = truth(np.random.default_rng(0)), PRIOR_SIGMA / np.where(np.arange(len(PRIOR_SIGMA)) > 2, 2.0, 1.0)
 
-    def pooled(first: np.ndarray) -> PooledResult:
+    def pooled(first: np.ndarray) -> Pool:
         rng = np.random.default_rng(1)
         return pool_results([flight(x, rng, "first", prior_sigma=first), flight(x, rng, "second")])
 
@@ -170,7 +171,7 @@ def test_the_mean_of_curves_keeps_the_error_by_the_prior_that_all_flights_used()
             np.mean([polar.A for polar in polars], axis=0),
             np.mean([p.covariance for p in polars], axis=0) / len(polars),
         )
-        mean.append(slowest_error_percent(PooledResult(**{**vars_of(pooled), "polar": of_mean}), POLAR))
+        mean.append(slowest_error_percent(Pool(**{**vars_of(pooled), "polar": of_mean}), POLAR))
     error, half = np.array(joint).T
     assert np.mean(np.abs(error) < half) >= 0.9
     mean_error, mean_half = np.array(mean).T
@@ -189,10 +190,10 @@ def test_the_interval_narrows_with_flights_and_less_where_the_probe_is_mounted_a
 def test_the_common_part_of_mountings_is_known_no_better_than_their_scatter_allows() -> None:
     named, unnamed = (pool_results(campaign(3, 6, noise=0.1, installation=name)) for name in ("boom", ""))
     at = POOLED.index("alpha_bias")
-    scatter = 0.95 * REMOUNTED * PRIOR_SIGMA[at] / np.sqrt(6)  # the prior knows a little more
+    scatter = 0.95 * POOLING.remounted * PRIOR_SIGMA[at] / np.sqrt(6)  # the prior knows a little more
     assert unnamed.estimate.total[at, at] ** 0.5 > scatter > 2 * named.estimate.total[at, at] ** 0.5
-    assert any("[installation] name" in note for note in unnamed.to_json()["notes"])
-    assert not named.to_json()["notes"]
+    assert [note.kind for note in unnamed.notes] == [NoteKind.INSTALLATION_NOT_NAMED]
+    assert not named.notes
 
 
 @pytest.mark.parametrize(
@@ -235,27 +236,28 @@ def test_the_pool_of_files_equals_that_of_their_content(tmp_path: Path) -> None:
     paths = [tmp_path / f"{i}.json" for i in range(3)]
     for path, one in zip(paths, results, strict=True):
         path.write_text(json.dumps(one), "utf-8")
-    assert json.dumps(pool_results(paths).to_json()) == json.dumps(pool_results(results).to_json())
+    assert pool_results(paths).results() == pool_results(results).results()
 
 
 def test_a_flight_that_is_not_to_be_trusted_is_noted() -> None:
     good, bad = campaign(10, 2)
     reason = "The estimation did not converge: not converged."
-    (note,) = pool_results([{**good, NOT_TO_TRUST: []}, {**bad, NOT_TO_TRUST: [reason]}]).to_json()["notes"]
-    assert note == f"10-1.mcap is not to be trusted. {reason}"
+    (note,) = pool_results([{**good, NOT_TO_TRUST: []}, {**bad, NOT_TO_TRUST: [reason]}]).notes
+    assert note.kind is NoteKind.FLIGHT_NOT_TO_TRUST
+    assert note.text == f"10-1.mcap is not to be trusted. {reason}"
 
 
 def test_a_calm_flight_contributes_most_and_another_like_it_is_offered() -> None:
     rng = np.random.default_rng(8)
     x = truth(rng)
     results = [flight(x, rng, f"windy {i}", noise=3.0) for i in range(3)] + [flight(x, rng, "calm")]
-    found = pool_results(results).to_json()
-    shares = [one["share_of_information"] for one in found["flights"]]
+    found = pool_results(results).results()
+    shares = [one.share_of_information for one in found.flights]
     assert shares.index(max(shares)) == 3
     assert sum(shares) == pytest.approx(1)
-    assert found["one_more"]["like"] == "calm.mcap"
-    now, then = (np.array(found["one_more"][name]) for name in ("half_width_percent", "half_width_then_percent"))
-    assert np.all(then < now)
+    more = found.one_more
+    assert more.like == "calm.mcap"
+    assert np.all(np.array(more.half_width_then_percent) < more.half_width_percent)
 
 
 def test_a_trend_over_temperature_is_found_and_none_over_date() -> None:
@@ -266,11 +268,11 @@ def test_a_trend_over_temperature_is_found_and_none_over_date() -> None:
         factor = 1 + 0.01 * (i - 4)  # of drag, per 5 K
         drift = np.concatenate([factor * POLAR, x[3:]])
         results.append(flight(drift, rng, str(i), 0.3, temperature_K=280.0 + 5 * i, start_unix_s=1.7e9 + i % 2 * 1e6))
-    temperature, date = sorted(pool_results(results).to_json()["trends"], key=lambda trend: trend["p"])
-    assert temperature["quantity"] == "air temperature"
-    assert temperature["slope_percent"] == pytest.approx(0.2, abs=3 * temperature["standard_error_percent"])
-    assert temperature["p"] < 0.01
-    assert date["quantity"] == "date"
+    temperature, date = sorted(pool_results(results).results().trends, key=lambda trend: trend.p)
+    assert temperature.quantity == "air temperature"
+    assert temperature.slope_percent == pytest.approx(0.2, abs=3 * temperature.standard_error_percent)
+    assert temperature.p < 0.01
+    assert date.quantity == "date"
 
 
 def test_half_widths_are_of_power_in_per_cent() -> None:

@@ -8,14 +8,14 @@ from synthetic_flights import POLAR, PRIOR_SIGMA, flight, truth
 
 from analysis.drag.covariance import DENSITY
 from analysis.drag.rejected_assumptions import SHAPE, THRUST
-from analysis.pooling import Comparison, PooledResult, compare, flights_to_see, pool_results
+from analysis.pooling.comparison import Comparison, compare, flights_to_see
 from analysis.pooling.flight_statistics import M
+from analysis.pooling.pool import Pool, pool_results
+from analysis.pooling.wording import SharedErrors
 from flight.errors import InputError
 
 
-def pools(
-    seed: int, factor: float, flights: int = 4, noise: float = 0.3, **facts: str
-) -> tuple[PooledResult, PooledResult]:
+def pools(seed: int, factor: float, flights: int = 4, noise: float = 0.3, **facts: str) -> tuple[Pool, Pool]:
     """Of one installation and propeller unless `facts` say otherwise of B, whose drag is larger by the factor."""
     rng = np.random.default_rng(seed)
     x = truth(rng)
@@ -77,8 +77,9 @@ def test_a_difference_is_seen_and_shared_errors_cancel() -> None:
     assert np.all(np.abs(same.difference_percent - 5) < 1.5 * same.half_width_percent)
     assert np.all(same.half_width_percent < 0.9 * same.independent_half_width_percent)
     assert np.all(same.half_width_percent < other.half_width_percent)
-    assert "Errors of installation and propeller table cancel" in same.to_json()["text"]
-    assert "those of the two installations do not" in other.to_json()["text"]
+    assert same.shared_errors is SharedErrors.INSTALLATION_AND_PROPELLER
+    assert "Errors of installation and propeller table cancel" in same.results().text
+    assert other.shared_errors is SharedErrors.PROPELLER
 
 
 def test_another_propeller_leaves_its_thrust_error_in_the_difference() -> None:
@@ -94,13 +95,13 @@ def test_without_a_named_installation_only_the_common_part_cancels() -> None:
     a, b = (pool_results([flight(x, rng, f"{name}{i}", 0.3, installation="") for i in range(4)]) for name in ("a", "b"))
     found = compare(a, b)
     assert found.same_installation
-    assert "mounted anew for each flight" in found.to_json()["text"]
+    assert found.shared_errors is SharedErrors.COMMON_PART
 
 
 def test_where_nothing_is_shared_nothing_cancels() -> None:
     found = compared(7, 1.0, installation="nose", propeller="apc-10x5")
     np.testing.assert_allclose(found.half_width_percent, found.independent_half_width_percent, rtol=1e-3)
-    assert "No error cancels" in found.to_json()["text"]
+    assert found.shared_errors is SharedErrors.NONE
 
 
 def test_errors_that_no_residual_shows_cancel_too_in_one_installation() -> None:

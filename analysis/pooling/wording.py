@@ -1,0 +1,95 @@
+"""Sentences about pools and comparisons, made last from what was found."""
+
+from enum import Enum
+from typing import NamedTuple
+
+from analysis.pooling.agreement import LikelyCause, Test
+from analysis.trajectory.observability import TITLES
+
+_PROPELLER = "another or a damaged propeller?"
+_CAUSES = {
+    "alpha_bias": "was the probe or the tray touched?",
+    "beta_bias": "was the probe touched?",
+    "alpha_scale": "a tube of the probe partly blocked or loose, or another calibration?",
+    "V_scale": "a leak or water in the lines of airspeed or static pressure?",
+    "air_data_lag": "a tube kinked, exchanged, or with water in it?",
+    "thrust_scale": "another or a damaged propeller, or a wrong number of pole pairs?",
+    "thrust_slope": _PROPELLER,
+    "thrust_beyond": _PROPELLER,
+}
+_TITLES = TITLES | {
+    "thrust_scale": ("scale of thrust", 100.0, "%"),
+    "thrust_slope": ("slope of thrust", 100.0, "%"),
+    "thrust_beyond": ("thrust beyond the propeller's table", 100.0, "%"),
+}
+
+
+def cause_text(cause: LikelyCause | None) -> str:
+    """Why a flight is likely to differ from the others."""
+    if cause is None:
+        return (
+            "no sensor or thrust error stands out: weight, rising or sinking air, or something changed on the aircraft"
+            " (surface, gear, flaps)?"
+        )
+    title, factor, unit = _TITLES[cause.parameter]
+    return (
+        f"the {title} differs by {factor * cause.difference:+.2g} {unit}, {cause.standard_deviations:.1f} standard"
+        f" deviations: {_CAUSES[cause.parameter]}"
+    )
+
+
+def polars_text(test: Test) -> str:
+    """Whether the polars of the flights agree."""
+    if not test.differs:
+        return f"The flights agree within their errors (p = {test.p:.2g})."
+    return (
+        f"The flights differ by more than their errors explain (p = {test.p:.2g}): the interval of the pooled curve may"
+        " be too narrow. Look at the outliers and trends: something changed between flights, or an error is larger than"
+        " assumed."
+    )
+
+
+def installations_text(test: Test) -> str:
+    """Whether the errors of the installation are the same in all flights."""
+    if not test.differs:
+        return f"The errors of the installation are the same in all flights within their errors (p = {test.p:.2g})."
+    return (
+        f"The errors of the installation differ between flights (p = {test.p:.2g}): probe, tubes or tray were moved."
+        " Give the flights before and after different [installation] names, or none."
+    )
+
+
+class NoteKind(Enum):
+    """What the reader of a pool has to know."""
+
+    INSTALLATION_NOT_NAMED = "each flight has its own deviation of the installation"
+    FLIGHT_NOT_TO_TRUST = "the results of a flight are not to be trusted"
+    POLARS_DIFFER = "the flights differ by more than their errors"
+    INSTALLATIONS_DIFFER = "the errors of the installation differ by more than their errors"
+
+
+class Note(NamedTuple):
+    """text : of the flight, or of the test"""
+
+    kind: NoteKind
+    text: str
+
+
+INSTALLATION_NOT_NAMED = Note(
+    NoteKind.INSTALLATION_NOT_NAMED,
+    "The aircraft file has no [installation] name: the probe is taken to be mounted anew for each flight. Give flights"
+    " between which nothing was moved one name.",
+)
+
+
+class SharedErrors(Enum):
+    """Which errors two configurations share, so that they cancel in the difference."""
+
+    COMMON_PART = (
+        "The files name no installation: the probe is taken to be mounted anew for each flight, and only the common"
+        " part of these errors cancels."
+    )
+    INSTALLATION_AND_PROPELLER = "Errors of installation and propeller table cancel, since both share them."
+    INSTALLATION = "Errors of the installation cancel, since both share it; those of the two propeller tables do not."
+    PROPELLER = "Errors of the propeller table cancel; those of the two installations do not."
+    NONE = "No error cancels: installations and propellers differ."
