@@ -17,11 +17,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from analysis.estimation import filter_error, multiple_shooting, output_error
-from analysis.estimation.data import band_matrix, frequencies_of, split
+from analysis.estimation import filter_error, output_error
+from analysis.estimation.data import split
 from analysis.estimation.fit import Fit
 from analysis.estimation.noise import NORMAL_95
-from analysis.estimation.recursive_fourier import RecursiveFourierRegression
 from flight.errors import InputError
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
@@ -127,10 +126,6 @@ def optima(starts: Annotated[int, typer.Option(help="Starts of each case.")] = 8
             lambda start: output_error.estimate(twins.UNSTABLE, pieces, inputs="held", start=start),
             twins.UNSTABLE_TRUTH, 2.0,
         ),
-        "unstable, ten tied parts, 1/2 to 2": (
-            lambda start: multiple_shooting.estimate(twins.UNSTABLE, unstable, parts=10, inputs="held", start=start),
-            twins.UNSTABLE_TRUTH, 2.0,
-        ),
     }  # fmt: skip
     table = Table(f"{starts} starts", "at the best optimum", "elsewhere, told", "elsewhere, silent", box=None)
     for name, (fit, truth, factor) in cases.items():
@@ -170,14 +165,13 @@ def cases(seeds: Annotated[int, typer.Option(help="Number of draws of the noise.
 
 @app.command()
 def agreement(seeds: Annotated[int, typer.Option(help="Number of records.")] = 100) -> None:
-    """True terms found by structure selection; frequency against time domain; recursive against batch regression."""
+    """True terms found by structure selection; frequency against time domain."""
     every = range(FIRST_SEED, FIRST_SEED + seeds)
     table = Table("", "measured", "wanted", box=None)
     for name, method in zip(("stepwise", "orthogonal functions"), terms.METHODS, strict=True):
         right = sum(set(method(*terms.flight(seed)).names) == set(terms.TRUE) for seed in every)
         table.add_row(f"true terms found, {name}", f"{right} of {seeds}", "95 of 100")
-    apart, recursive = [], []
-    truth, band_Hz = disturbed.LINEAR_TRUTH, (0.1, 3.0)
+    apart, truth = [], disturbed.LINEAR_TRUTH
     # Constants have no part in the frequency domain and must be fixed.
     still = disturbed.LINEAR.changed(**{name: {"start": truth[name], "free": False} for name in ("Z0", "M0")})
     for seed in every:
@@ -188,19 +182,10 @@ def agreement(seeds: Annotated[int, typer.Option(help="Number of records.")] = 1
         difference = np.abs(in_frequency.values - in_time.values)
         errors = [np.sqrt(np.diag(fit.covariance)) for fit in (in_time, in_frequency)]
         apart.append((difference / errors)[:, : len(truth) - 2])
-        X, z = np.column_stack([segment.z["alpha"], segment.z["q"], segment.u["de"]]), segment.z["q"]
-        z = X @ [-20.0, -3.0, -25.0] + 0.2 * np.random.default_rng(seed).standard_normal(len(z))
-        regression = RecursiveFourierRegression(3, frequencies_of(band_Hz, len(X), segment.step_s), segment.step_s)
-        for row, value in zip(X, z, strict=True):
-            regression.add(row, value)
-        T = band_matrix(band_Hz, len(X), segment.step_s)
-        batch = np.linalg.lstsq(T @ X, T @ z, rcond=None)[0]
-        recursive.append(np.max(np.abs(regression.estimate().values / batch - 1)))
     for i, domain in enumerate(("time", "frequency")):
         ratios = np.array(apart)[:, i]
         within = f"rms {np.sqrt(np.mean(ratios**2)):.2f}, largest {ratios.max():.2f}"
         table.add_row(f"frequency less time domain, in standard errors of {domain} domain", within, "rms 1")
-    table.add_row("recursive less batch regression, relative", f"at most {max(recursive):.1g}", "0")
     CONSOLE.print(table)
 
 

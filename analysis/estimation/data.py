@@ -96,7 +96,7 @@ def _vector(values: ArrayLike, what: str) -> Array:
 def split(segment: Segment, parts: int) -> tuple[Segment, ...]:
     """The segment cut into `parts` of about equal length, each with its own initial state.
 
-    Use it for unstable models: errors then grow only over one part (multiple shooting without continuity constraints).
+    Use it for unstable models: errors then grow over one part only.
     """
     cuts = np.linspace(0, len(segment), parts + 1).round().astype(int)
     return tuple(
@@ -125,7 +125,6 @@ def delayed(signal: Array, step_s: float, delay_s: float) -> tuple[Array, Array]
     return np.asarray(cubic(at)), np.where(inside, cubic(at, 1), 0.0)
 
 
-ComplexArray = NDArray[np.complex128]
 Band = tuple[float, float]  # lowest and highest frequency [Hz]
 
 
@@ -158,10 +157,3 @@ def band_matrix(band_Hz: Band, samples: int, step_s: float) -> Array:
     """
     phase = 2 * np.pi * np.outer(frequencies_of(band_Hz, samples, step_s), np.arange(samples) * step_s)
     return np.sqrt(2 / samples) * np.concatenate([np.cos(phase), np.sin(phase)])
-
-
-def transform(values: ArrayLike, step_s: float, frequencies_Hz: ArrayLike) -> ComplexArray:
-    """(k,) finite Fourier transform: the sum of values (n,) times exp(-2 pi j f t) and the step, from t = 0."""
-    x = np.asarray(values, dtype=float)
-    t = np.arange(len(x)) * step_s
-    return np.asarray(np.exp(-2j * np.pi * np.outer(np.asarray(frequencies_Hz), t)) @ x * step_s)

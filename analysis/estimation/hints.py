@@ -122,7 +122,7 @@ def _unstable(fit: Fit) -> list[str]:
         return []
     return [
         f"unstable: with an eigenvalue of {eigenvalue:+.2g} 1/s an error grows by {math.exp(min(ln_growth, 700)):.0e}"
-        f" within segment {name}; split it (data.split), or use multiple_shooting or filter_error"
+        f" within segment {name}; split it (data.split), or use filter_error"
     ]
 
 

@@ -17,19 +17,14 @@ from analysis.estimation import (
     aircraft_models,
     equation_error,
     filter_error,
-    input_design,
-    multiple_shooting,
     output_error,
-    plots,
     starts,
 )
 from analysis.estimation import uncertainty as errors
-from analysis.estimation.data import Segment, band_matrix, split, transform
+from analysis.estimation.data import band_matrix, split
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Parameter
-from analysis.estimation.recursive_fourier import RecursiveFourierRegression
 from analysis.estimation.term_selection import orthogonal_functions, stepwise
-from analysis.estimation.transfer_function import starting_values, transfer_function
 from analysis.estimation.validation import cross_validate, predict
 from tests.analysis.estimation.test_aircraft_models import (
     ALL_MODELS,
@@ -96,10 +91,6 @@ def fits() -> Contents:
         "several starts": of_fit(starts.estimate(disturbed.LINEAR, still, starts=3)),
         "equation error": of_fit(equation_error.estimate(disturbed.LINEAR, still, smoothing_s=0.2)),
         "equation error in a band": of_fit(equation_error.estimate_in_band(unbiased, still, band_Hz=BAND_HZ)),
-        "shooting": of_fit(
-            multiple_shooting.estimate(twins.UNSTABLE, twins.unstable(2), parts=10, inputs="held",
-                                       start={name: 1.2 * value for name, value in twins.UNSTABLE_TRUTH.items()})
-        ),
         "predicted": [
             {"response": one.y, "residuals": one.residuals, "agreement": one.agreement}
             for one in (predict(plain, parts[0]), predict(plain, rough))
@@ -122,38 +113,18 @@ def fits() -> Contents:
             "white": errors.whiteness(fit),
             "signal": errors.signal_to_noise(fit),
         }
-        drawn = [plots.overlay(fit), plots.residuals(fit), plots.autocorrelation(fit), plots.correlation_matrix(fit),
-                 plots.convergence(fit)]  # fmt: skip
-        traces = [trace.to_plotly_json() for one in drawn for trace in one.data]
-        found[f"plots, {name}"] = [
-            {axis: np.asarray(trace[axis]) for axis in ("x", "y", "z") if axis in trace} for trace in traces
-        ]
     found["between"] = errors.between_fits([output_error.estimate(disturbed.LINEAR, one) for one in parts])
     return found
 
 
 def signals() -> Contents:
     """Inputs, transforms, and structure selection."""
-    record = disturbed.linear_record(1, 0.0)
-    t = record.t_s
-    u, q = record.u["de"], record.z["q"]
-    model = transfer_function(1, 2, "de", "q")
-    recursion = RecursiveFourierRegression(2, np.arange(0.2, 2.0, 0.1), disturbed.STEP_S, memory_s=4.0)
-    for x, z in zip(np.column_stack([record.z["alpha"], u]), q, strict=True):
-        recursion.add(x, z)
     rng = np.random.default_rng(3)
     candidates = {f"x{i}": rng.standard_normal(200) for i in range(8)}
     z = 1.0 + 2 * candidates["x1"] - 0.5 * candidates["x4"] + 0.1 * candidates["x6"] + 0.4 * rng.standard_normal(200)
     chosen = [stepwise(candidates, z), orthogonal_functions(candidates, z)]
     return {
-        "3-2-1-1": input_design.three_two_one_one(1.4, 0.05, 0.04),
-        "doublet": input_design.doublet(1.4, 0.05, 0.04),
-        "steps": input_design.steps((3, 1, 2), 0.3, 0.1, 0.02, 0.5),
-        "multisine": input_design.multisine((0.1, 0.05), (0.2, 2.0), 10.0, 0.04),
         "band": band_matrix(BAND_HZ, 100, 0.04),
-        "transform": [transform(np.exp(-t), 0.04, [0.1, 0.7]).real, transform(np.exp(-t), 0.04, [0.1, 0.7]).imag],
-        "recursion": recursion.estimate(),
-        "starts": starting_values(model, Segment(name="run", t_s=t, u=record.u, z={"q": q}), BAND_HZ),
         "chosen": [one._asdict() for one in chosen],
     }
 
