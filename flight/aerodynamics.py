@@ -11,7 +11,7 @@ import numpy as np
 
 from flight.aircraft import Aircraft
 from flight.errors import InputError
-from flight.number import Number
+from flight.number import Number, Vector
 from flight.units import read_table
 
 
@@ -86,23 +86,16 @@ def lift_and_drag(aero: Aerodynamics, alpha: Number, elevator: Number, q_hat: Nu
 
 
 def coefficients(
-    aero: Aerodynamics,
-    *,
-    alpha: Number,
-    beta: Number,
-    p_hat: Number,
-    q_hat: Number,
-    r_hat: Number,
-    elevator: Number,
-    aileron: Number,
-    rudder: Number,
+    aero: Aerodynamics, *, alpha: Number, beta: Number, reduced_rates: Vector, surfaces: Vector
 ) -> Coefficients:
     """All six coefficients at one flight condition, elementwise.
 
-    alpha, beta, elevator, aileron, rudder [rad]; p_hat = p b/2V, q_hat = q cbar/2V, r_hat = r b/2V [-].
+    alpha, beta [rad]; reduced_rates: p_hat = p b/2V, q_hat = q cbar/2V, r_hat = r b/2V [-]; surfaces: elevator,
+    aileron, rudder [rad].
     Signs: elevator trailing edge down positive (more lift, nose down), aileron positive rolls right,
     rudder trailing edge left positive (nose left).
     """
+    (p_hat, q_hat, r_hat), (elevator, aileron, rudder) = reduced_rates, surfaces
     CL, CD = lift_and_drag(aero, alpha, elevator, q_hat)
     return Coefficients(
         CL=CL,

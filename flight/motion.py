@@ -2,8 +2,9 @@
 
 Simulator, trim and estimators all use these functions, which accept floats, arrays and CasADi symbols. Misprints of
 the source are corrected, such as signs in (3.10) and (3.11). Body axes: x forward, y right, z down, origin at the
-centre of gravity. qS is dynamic pressure times reference area, a force [N]; T thrust [N]; V airspeed [m/s]; g standard
-gravity [m/s^2]. In function bodies c and s are cosine and sine; a, b, f, t, p stand for alpha, beta, phi, theta, psi.
+centre of gravity. A vector is a tuple of three components, an attitude one of (phi, theta, psi), rates are (p, q, r).
+qS is dynamic pressure times reference area, a force [N]; T thrust [N]; V airspeed [m/s]; g standard gravity [m/s^2]. In
+function bodies c and s are cosine and sine; a, b, f, t, p stand for alpha, beta, phi, theta, psi.
 """
 
 from typing import Any, NamedTuple
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flight.atmosphere import GRAVITY_MPS2 as g
-from flight.number import Number
+from flight.number import Number, Vector
 
 
 class Inertia(NamedTuple):
@@ -44,23 +45,14 @@ def velocity_of(V: Number, alpha: Number, beta: Number) -> tuple[Number, Number,
 
 
 def velocity_derivative(
-    u: Number,
-    v: Number,
-    w: Number,
-    p: Number,
-    q: Number,
-    r: Number,
-    phi: Number,
-    theta: Number,
-    ax: Number,
-    ay: Number,
-    az: Number,
+    velocity: Vector, rates: Vector, phi: Number, theta: Number, specific_force: Vector
 ) -> tuple[Number, Number, Number]:
-    """(udot, vdot, wdot) [m/s^2] from the specific force (ax, ay, az) and gravity (3.6-3.8).
+    """(udot, vdot, wdot) [m/s^2] from velocity (u, v, w), rates, specific force (ax, ay, az) and gravity (3.6-3.8).
 
-    (ax, ay, az) is aerodynamic force plus thrust, over mass: the measurement of an accelerometer at the centre of
-    gravity [m/s^2].
+    specific_force: aerodynamic force plus thrust, over mass, which an accelerometer at the centre of gravity measures
+    [m/s^2].
     """
+    (u, v, w), (p, q, r), (ax, ay, az) = velocity, rates, specific_force
     return (
         r * v - q * w + ax - g * np.sin(theta),
         p * w - r * u + ay + g * np.cos(theta) * np.sin(phi),
@@ -69,14 +61,15 @@ def velocity_derivative(
 
 
 def rate_derivative(
-    p: Number, q: Number, r: Number, L: Number, M: Number, N: Number, inertia: Inertia, propeller_radps: Number = 0.0
+    rates: Vector, moment: Vector, inertia: Inertia, propeller_radps: Number = 0.0
 ) -> tuple[Number, Number, Number]:
-    """(pdot, qdot, rdot) [rad/s^2] from the moments L, M, N [N m] about body axes (3.9-3.11).
+    """(pdot, qdot, rdot) [rad/s^2] from the moment (L, M, N) [N m] about body axes (3.9-3.11).
 
     `propeller_radps`: angular speed of the propeller about +x (clockwise seen from behind). Its angular momentum adds
     omega x h = (0, rH, -qH) to the rate of change of momentum; (3.10) and (3.11) print these terms with the signs of
     a propeller that turns about -x.
     """
+    (p, q, r), (L, M, N) = rates, moment
     Ix, Iy, Iz, Ixz, Ip = inertia
     H = Ip * propeller_radps
     roll = L - (Iz - Iy) * q * r + Ixz * q * p
@@ -93,10 +86,9 @@ def attitude_derivative(phi: Number, theta: Number, p: Number, q: Number, r: Num
     return p + psidot * np.sin(theta), q * np.cos(phi) - r * np.sin(phi), psidot
 
 
-def earth_from_body(
-    x: Number, y: Number, z: Number, phi: Number, theta: Number, psi: Number
-) -> tuple[Number, Number, Number]:
+def earth_from_body(vector: Vector, attitude: Vector) -> tuple[Number, Number, Number]:
     """North, east and down components of a vector given in body axes (3-2-1 Euler angles)."""
+    (x, y, z), (phi, theta, psi) = vector, attitude
     cf, sf, ct, st, cp, sp = np.cos(phi), np.sin(phi), np.cos(theta), np.sin(theta), np.cos(psi), np.sin(psi)
     return (
         ct * cp * x + (sf * st * cp - cf * sp) * y + (cf * st * cp + sf * sp) * z,
@@ -105,10 +97,9 @@ def earth_from_body(
     )
 
 
-def body_from_earth(
-    n: Number, e: Number, d: Number, phi: Number, theta: Number, psi: Number
-) -> tuple[Number, Number, Number]:
+def body_from_earth(vector: Vector, attitude: Vector) -> tuple[Number, Number, Number]:
     """Body-axis components of a vector given by its north, east and down components; inverse of `earth_from_body`."""
+    (n, e, d), (phi, theta, psi) = vector, attitude
     cf, sf, ct, st, cp, sp = np.cos(phi), np.sin(phi), np.cos(theta), np.sin(theta), np.cos(psi), np.sin(psi)
     return (
         ct * cp * n + ct * sp * e - st * d,
@@ -118,27 +109,14 @@ def body_from_earth(
 
 
 def wind_axis_derivative(
-    V: Number,
-    alpha: Number,
-    beta: Number,
-    phi: Number,
-    theta: Number,
-    p: Number,
-    q: Number,
-    r: Number,
-    *,
-    CL: Number,
-    CD: Number,
-    CY: Number,
-    T: Number,
-    m: Number,
-    qS: Number,
+    flow: Vector, phi: Number, theta: Number, rates: Vector, *, coefficients: Vector, T: Number, m: Number, qS: Number
 ) -> tuple[Number, Number, Number]:
-    """(Vdot, alphadot, betadot) [m/s^2, rad/s, rad/s] (3.21-3.23).
+    """(Vdot, alphadot, betadot) [m/s^2, rad/s, rad/s] of the flow (V, alpha, beta) (3.21-3.23).
 
-    CL, CD, CY as in `aerodynamics.Coefficients`; T: thrust along body x [N]; m: mass [kg]; qS: dynamic pressure times
-    reference area, so a force [N].
+    coefficients: (CL, CD, CY) as in `aerodynamics.Coefficients`; T: thrust along body x [N]; m: mass [kg]; qS: dynamic
+    pressure times reference area, so a force [N].
     """
+    (V, alpha, beta), (p, q, r), (CL, CD, CY) = flow, rates, coefficients
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
     ct, st, cf, sf = np.cos(theta), np.sin(theta), np.cos(phi), np.sin(phi)
     CD_W = CD * cb - CY * sb
@@ -162,21 +140,13 @@ def wind_axis_derivative(
 
 
 def specific_force_at(
-    ax: Number,
-    ay: Number,
-    az: Number,
-    p: Number,
-    q: Number,
-    r: Number,
-    pdot: Number,
-    qdot: Number,
-    rdot: Number,
-    position_m: Number,
+    specific_force: Vector, rates: Vector, angular_acceleration: Vector, position_m: Vector
 ) -> tuple[Number, Number, Number]:
     """Specific force [m/s^2] at `position_m` (x, y, z from the centre of gravity), from that at the centre of gravity.
 
     a + omegadot x r + omega x (omega x r), in body axes.
     """
+    (ax, ay, az), (p, q, r), (pdot, qdot, rdot) = specific_force, rates, angular_acceleration
     x, y, z = position_m
     return (
         ax + qdot * z - rdot * y + p * (q * y + r * z) - x * (q**2 + r**2),

@@ -10,7 +10,7 @@ import numpy as np
 
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
-from flight.number import Number
+from flight.number import Number, Vector
 from sim.convection import updraft
 
 FOOT_M = 0.3048
@@ -161,7 +161,7 @@ def dryden(states: GustStates, white: Number, *, V: Number, span_m: float, scale
         v3=-states.v3 / T_u,
         w3=-states.w3 / T_w,
     )
-    return rates, gust_of(states, rates, states.u, v, w, V)
+    return rates, gust_of(states, rates, (states.u, v, w), V)
 
 
 def rotation_rates(
@@ -176,6 +176,7 @@ def rotation_rates(
     return -states.p / T_p + sigma_p * np.sqrt(2 / T_p) * n_p, (w - states.q) / T_p, (v - states.r) / T_r
 
 
-def gust_of(states: GustStates, rates: GustStates, u: Number, v: Number, w: Number, V: Number) -> Gust:
+def gust_of(states: GustStates, rates: GustStates, velocity: Vector, V: Number) -> Gust:
     """A gradient along x is a rotation of the air: q_g = -dw_g/dx, r_g = +dv_g/dx, with d/dx = (d/dt)/V."""
+    u, v, w = velocity
     return Gust(u, v, w, states.p, -rates.q / V, rates.r / V)

@@ -138,7 +138,7 @@ class HandTurnSegment(BenchSegment):
         )
         spline = CubicSpline(t, angles, bc_type="clamped")
         zeros = np.zeros((len(t), 3))
-        return motion_of(np.tile(position, (len(t), 1)), zeros, zeros, spline(t), spline(t, 1), spline(t, 2))
+        return motion_of((np.tile(position, (len(t), 1)), zeros, zeros), (spline(t), spline(t, 1), spline(t, 2)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ from sim.plan_segment import FlightContext
 from sim.plant import NO_DEVIATIONS, AircraftState, Commands, Deviations, Plant, plant_of
 from sim.segments import GROUND
 from sim.trim import Trim, Trimmer
-from sim.truth import Columns, airborne_rows, kinematic_rows, power_required_table, table_of
+from sim.truth import Columns, Prescribed, airborne_rows, kinematic_rows, power_required_table, table_of
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -64,13 +64,15 @@ def fly(
     Raises InputError when the aircraft cannot fly what the plan contains, or when the flight diverges.
     """
     plant = plant_of(aircraft, plan.air, deviations)
-    return _FlightSimulation(aircraft, plan, plant, seed, dt, progress or (lambda _: None)).fly()
+    return _FlightSimulation(aircraft, plan, plant, seed, dt=dt, progress=progress or (lambda _: None)).fly()
 
 
 class _FlightSimulation:
     """The state of a flight being flown."""
 
-    def __init__(self, aircraft: CompleteAircraft, plan: Plan, plant: Plant, seed: int, dt: float, progress: Progress):
+    def __init__(
+        self, aircraft: CompleteAircraft, plan: Plan, plant: Plant, seed: int, *, dt: float, progress: Progress
+    ):
         self.aircraft, self.plan, self.plant, self.seed, self.dt = aircraft, plan, plant, seed, dt
         self.progress = progress
         highest = max([plan.height_m, *(s.height_m for s in plan.segments if s.kind == "climb")])
@@ -212,7 +214,7 @@ class _FlightSimulation:
             except StopIteration:
                 targets = None
         drawn = noises.array() if white else None
-        self.rows.append(airborne_rows(self.plant, states.array(), commands.array(), drawn, index, segment.kind))
+        self._add(airborne_rows(self.plant, states.array(), commands.array(), drawn), index, segment.kind)
         self.energy_J = float(stepper.x[AircraftState._fields.index("energy")])
         self.t += step * self.dt
         self.seen = seen
@@ -220,7 +222,7 @@ class _FlightSimulation:
     def _stand(self, segment: Any, index: int) -> None:
         n = round(segment.duration_s / self.dt)
         motion = stand(self.pose.position, self.pose.attitude, n)
-        self._kinematic(motion, np.zeros(n), None, None, index, "stand")
+        self._prescribed(segment, index, motion)
 
     def _bench(self, segment: BenchSegment, index: int, where: str) -> None:
         try:
@@ -230,8 +232,8 @@ class _FlightSimulation:
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         motion = segment.motion(self.pose.position, self.pose.attitude, t)
-        self._kinematic(motion, np.zeros(len(t)), None, None, index, "stand")
-        self.rows[-1].update(columns, kind=np.full(len(t), segment.kind))
+        self._prescribed(segment, index, motion)
+        self.rows[-1].update(columns)
 
     def _take_off(self, segment: Any, index: int) -> None:
         context, T = self.context, segment.duration_s
@@ -239,7 +241,7 @@ class _FlightSimulation:
         trim = self._trim_at(V, segment.height_m)
         context.height_m, context.speed_mps, context.heading_rad = segment.height_m, V, self.pose.attitude[2]
         there = self._airborne_state(trim, np.array([0.0, 0.0, -segment.height_m]))
-        velocity = np.array(earth_from_body(there.u, there.v, there.w, there.phi, there.theta, there.psi))
+        velocity = np.array(earth_from_body((there.u, there.v, there.w), (there.phi, there.theta, there.psi)))
         # The mean speed is half the final speed; with that distance the quintic does not overshoot.
         position = self.pose.position + velocity * T / 2 * np.array([1.0, 1.0, 0.0])
         position[2] = -segment.height_m
@@ -248,7 +250,7 @@ class _FlightSimulation:
         n = round(T / self.dt)
         motion = move(self.pose, goal, n * self.dt, np.arange(n) * self.dt)
         share = smooth_step(np.arange(n) / n)
-        self._kinematic(motion, share, None, trim, index, "take-off")
+        self._prescribed(segment, index, motion, share, (trim.state(), trim.commands))
         self._start_airborne(trim, position)
 
     def _land(self, segment: Any, index: int) -> None:
@@ -257,8 +259,8 @@ class _FlightSimulation:
         now, _ = self.plant.instant(x, commands)
         rate = self.plant.derivative(x, commands)
         velocity = np.array([float(c) for c in now.ground_velocity])
-        ax, ay, az = velocity_derivative(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, x.phi, x.theta, *now.specific_force)
-        acceleration = np.array([float(c) for c in earth_from_body(ax, ay, az, x.phi, x.theta, x.psi)])
+        ax, ay, az = velocity_derivative((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), x.phi, x.theta, now.specific_force)
+        acceleration = np.array([float(c) for c in earth_from_body((ax, ay, az), (x.phi, x.theta, x.psi))])
         here = EndState(
             np.array([x.north, x.east, x.down]),
             velocity,
@@ -273,32 +275,32 @@ class _FlightSimulation:
         n = round(T / self.dt)
         motion = move(here, goal, n * self.dt, np.arange(n) * self.dt)
         share = 1 - smooth_step(np.arange(n) / n)
-        self._kinematic(motion, share, (x, commands), None, index, "land")
+        self._prescribed(segment, index, motion, share, (x, commands))
         self.pose, self.airborne = goal, False
 
-    def _kinematic(
+    def _prescribed(
         self,
-        motion: Motion,
-        share: Array,
-        last: tuple[AircraftState, Commands] | None,
-        trim: Trim | None,
+        segment: Any,
         index: int,
-        kind: str,
+        motion: Motion,
+        share: Array | None = None,
+        end: tuple[AircraftState, Commands] | None = None,
     ) -> None:
         """Rows of prescribed motion; controls and motor speed are `share` times those at its airborne end."""
-        state: AircraftState | None
-        commands: Commands | None
-        if last is not None:
-            state, commands = last
-        elif trim is not None:
-            state, commands = trim.state(), trim.commands
-        else:
-            state, commands = None, None
-        rows = kinematic_rows(self.plant, motion, share, state, commands, self.energy_J, self.dt, index, kind)
-        self.rows.append(rows)
+        share = np.zeros(len(motion.position)) if share is None else share
+        phase = segment.kind if end else "ground"
+        rows = kinematic_rows(
+            self.plant, Prescribed(motion, share, end), phase=phase, energy_J=self.energy_J, dt=self.dt
+        )
+        self._add(rows, index, segment.kind)
         self.energy_J = float(rows["battery_energy_J"][-1])
         self.t += len(share) * self.dt
         self.progress(self.t)
+
+    def _add(self, rows: Columns, index: int, kind: str) -> None:
+        n = len(rows["phase"])
+        labels = {"phase": rows["phase"], "segment": np.full(n, index), "kind": np.full(n, kind)}
+        self.rows.append({**labels, **rows})
 
 
 def _divergence_message(seen: Observation, t: float) -> str:

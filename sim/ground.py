@@ -47,7 +47,7 @@ class Motion:
 
     @property
     def body_velocity(self) -> Array:
-        return np.column_stack(body_from_earth(*self.velocity.T, *self.attitude.T))
+        return np.column_stack(body_from_earth(self.velocity.T, self.attitude.T))
 
 
 def quintic(duration_s: float, start: tuple[float, float, float], end: tuple[float, float, float]) -> Polynomial:
@@ -62,7 +62,7 @@ def quintic(duration_s: float, start: tuple[float, float, float], end: tuple[flo
 
 def move(start: EndState, end: EndState, duration_s: float, t: Array) -> Motion:
     """The motion from `start` to `end` at times t (n,) since its start."""
-    position = [
+    positions = [
         quintic(
             duration_s,
             (start.position[i], start.velocity[i], start.acceleration[i]),
@@ -76,9 +76,12 @@ def move(start: EndState, end: EndState, duration_s: float, t: Array) -> Motion:
         )
         for i in range(3)
     ]
-    x, v, a = (np.column_stack([c.deriv(k)(t) if k else c(t) for c in position]) for k in range(3))
-    angle, rate, rate_dot = (np.column_stack([c.deriv(k)(t) if k else c(t) for c in angles]) for k in range(3))
-    return motion_of(x, v, a, angle, rate, rate_dot)
+
+    def with_derivatives(curves: list[Polynomial]) -> tuple[Array, Array, Array]:
+        x, v, a = (np.column_stack([c.deriv(k)(t) if k else c(t) for c in curves]) for k in range(3))
+        return x, v, a
+
+    return motion_of(with_derivatives(positions), with_derivatives(angles))
 
 
 def smooth_step(x: Array) -> Array:
@@ -86,8 +89,9 @@ def smooth_step(x: Array) -> Array:
     return x**3 * (10 - 15 * x + 6 * x**2)
 
 
-def motion_of(x: Array, v: Array, a: Array, angle: Array, rate: Array, rate_dot: Array) -> Motion:
-    """The motion with these positions, attitudes and their first two derivatives, each (n, 3)."""
+def motion_of(position: tuple[Array, Array, Array], attitude: tuple[Array, Array, Array]) -> Motion:
+    """The motion with these positions and attitudes, each with its first two derivatives, (n, 3)."""
+    (x, v, a), (angle, rate, rate_dot) = position, attitude
     phi, theta, _ = angle.T
     # (3.12-3.14) inverted, and differentiated.
     (f1, t1, s1), (f2, t2, s2) = rate.T, rate_dot.T
@@ -99,12 +103,12 @@ def motion_of(x: Array, v: Array, a: Array, angle: Array, rate: Array, rate_dot:
     qdot = t2 * cf - t1 * sf * f1 + s2 * sf * ct + s1 * (cf * f1 * ct - sf * st * t1)
     rdot = -t2 * sf - t1 * cf * f1 + s2 * cf * ct + s1 * (-sf * f1 * ct - cf * st * t1)
     north, east, down = a.T
-    force = body_from_earth(north, east, down - GRAVITY_MPS2, *angle.T)
+    force = body_from_earth((north, east, down - GRAVITY_MPS2), angle.T)
     return Motion(x, v, angle, np.column_stack([p, q, r]), np.column_stack([pdot, qdot, rdot]), np.column_stack(force))
 
 
 def stand(position: Array, attitude: Array, n: int) -> Motion:
     """Standing still, for n times."""
     zeros = np.zeros((n, 3))
-    force = np.array(body_from_earth(0.0, 0.0, -GRAVITY_MPS2, *attitude))
+    force = np.array(body_from_earth((0.0, 0.0, -GRAVITY_MPS2), attitude))
     return Motion(np.tile(position, (n, 1)), zeros, np.tile(attitude, (n, 1)), zeros, zeros, np.tile(force, (n, 1)))

@@ -26,7 +26,7 @@ from flight.propeller import PropellerModel
 from flight.propeller_files import load_propeller
 from sim.air import VON_KARMAN, Air, Gust, GustStates, ambient, dryden, gust_scales, mean_wind
 from sim.drag_shape import PARABOLA, REFERENCE_CL, DragShape
-from sim.propulsion import PowerTrainState, power_train
+from sim.propulsion import PowerTrainState, ThrustFactor, power_train
 from sim.true_propeller import true_propeller
 from sim.von_karman import von_karman
 
@@ -148,20 +148,19 @@ class Plant:
         height = -x.down
         p_s, T_s, rho = ambient(self.air, height)
         wind = mean_wind(self.air, x.north, x.east, height, self.deviations.updraft_mps)
-        wind_north, wind_east, wind_down = wind
-        wind_body = body_from_earth(wind_north, wind_east, wind_down, x.phi, x.theta, x.psi)
+        wind_body = body_from_earth(wind, (x.phi, x.theta, x.psi))
         gust_rates, gust = self._gusts(x, wind_body, white)
         V, alpha, beta = flow_of(x.u - wind_body[0] - gust.u, x.v - wind_body[1] - gust.v, x.w - wind_body[2] - gust.w)
         C = coefficients(
             aero,
             alpha=alpha,
             beta=beta,
-            p_hat=(x.p - gust.p) * b / (2 * V),
-            q_hat=(x.q - gust.q) * c / (2 * V),
-            r_hat=(x.r - gust.r) * b / (2 * V),
-            elevator=x.elevator,
-            aileron=x.aileron,
-            rudder=x.rudder,
+            reduced_rates=(
+                (x.p - gust.p) * b / (2 * V),
+                (x.q - gust.q) * c / (2 * V),
+                (x.r - gust.r) * b / (2 * V),
+            ),
+            surfaces=(x.elevator, x.aileron, x.rudder),
         )
         CD = C.CD + self.added_CD(C.CL, V)
         CX, CZ = body_axes(C.CL, CD, alpha)
@@ -172,25 +171,16 @@ class Plant:
             n=x.motor,
             throttle=commands.throttle,
             rho=rho,
-            thrust_scale=1 + self.deviations.thrust_scale,
-            thrust_slope_J=self.deviations.thrust_slope_J,
+            thrust_factor=ThrustFactor(1 + self.deviations.thrust_scale, self.deviations.thrust_slope_J),
         )
         qS = rho * V**2 / 2 * S
         force = ((CX * qS + train.thrust_N) / m, C.CY * qS / m, CZ * qS / m)
         # The propeller turns clockwise seen from behind, so its reaction torque rolls the aircraft left. qS: force [N].
         gained = 0.0 if motor_held else self.inertia.Ip * 2 * np.pi * train.motor_acceleration_revps2
         reaction = -(train.propeller_torque_Nm + gained)
-        turning = rate_derivative(
-            x.p,
-            x.q,
-            x.r,
-            C.Cl * qS * b + reaction,
-            C.Cm * qS * c,
-            C.Cn * qS * b,
-            self.inertia,
-            2 * np.pi * x.motor,
-        )
-        over_ground = earth_from_body(x.u, x.v, x.w, x.phi, x.theta, x.psi)
+        moment = (C.Cl * qS * b + reaction, C.Cm * qS * c, C.Cn * qS * b)
+        turning = rate_derivative((x.p, x.q, x.r), moment, self.inertia, 2 * np.pi * x.motor)
+        over_ground = earth_from_body((x.u, x.v, x.w), (x.phi, x.theta, x.psi))
         return (
             FlightCondition(
                 V=V,
@@ -237,7 +227,7 @@ class Plant:
         """Rates of change of every state (3.6-3.14), with servos and motor."""
         now, gust_rates = self.instant(x, commands, white)
         north, east, down = now.ground_velocity
-        udot, vdot, wdot = velocity_derivative(x.u, x.v, x.w, x.p, x.q, x.r, x.phi, x.theta, *now.specific_force)
+        udot, vdot, wdot = velocity_derivative((x.u, x.v, x.w), (x.p, x.q, x.r), x.phi, x.theta, now.specific_force)
         phidot, thetadot, psidot = attitude_derivative(x.phi, x.theta, x.p, x.q, x.r)
         pdot, qdot, rdot = now.angular_acceleration
         return AircraftState(

@@ -27,6 +27,13 @@ class PowerTrainState(NamedTuple):
     battery_current_A: Any
 
 
+class ThrustFactor(NamedTuple):
+    """cT is that of the table times scale (1 + slope_J (J - 0.5))."""
+
+    scale: Any = 1.0
+    slope_J: Any = 0.0
+
+
 def torque_constant(propulsion: CompletePropulsion) -> float:
     """Torque per current [N m/A], which is also voltage per angular speed [V s/rad]."""
     return 60 / (2 * np.pi * propulsion.motor_kv_rpm_per_volt)
@@ -40,8 +47,7 @@ def power_train(
     n: Number,
     throttle: Number,
     rho: Number,
-    thrust_scale: Number = 1.0,
-    thrust_slope_J: Number = 0.0,
+    thrust_factor: ThrustFactor = ThrustFactor(),
 ) -> PowerTrainState:
     """Thrust, torque balance and currents at airspeed V [m/s], n [rev/s], throttle 0 to 1.
 
@@ -49,13 +55,12 @@ def power_train(
     current = throttle times motor current; it freewheels and does not brake, so current never flows back. The
     motor is a resistance, a back-EMF and a friction torque equal to that of its no-load current.
 
-    thrust_scale, thrust_slope_J : deviation of the propeller from its table: cT is multiplied by
-    thrust_scale (1 + thrust_slope_J (J - 0.5)).
+    thrust_factor: deviation of the propeller from its table.
     """
     n_air = np.maximum(n, SLOWEST_REVPS)
     thrust_N, shaft_power_W = propeller.thrust_and_power(V, n_air, rho)
     J = V / (n_air * propeller.diameter_m)
-    thrust_N = thrust_N * thrust_scale * (1 + thrust_slope_J * (J - 0.5))
+    thrust_N = thrust_N * thrust_factor.scale * (1 + thrust_factor.slope_J * (J - 0.5))
     turning = np.clip(n / SLOWEST_REVPS, 0, 1)
     thrust_N = turning * thrust_N + (1 - turning) * propeller.standing_thrust(V, rho)
     torque_Nm = shaft_power_W / (2 * np.pi * n_air)

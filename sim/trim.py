@@ -52,7 +52,7 @@ class Trim:
         """The state of the aircraft in this trim, at the origin, in a given mean wind [m/s] and without gusts."""
         z = self.unknowns
         air_velocity = velocity_of(z.V, z.alpha, z.beta)
-        wind = body_from_earth(*wind_ned, z.phi, z.theta, heading_rad)
+        wind = body_from_earth(wind_ned, (z.phi, z.theta, heading_rad))
         u, v, w = (float(a + b) for a, b in zip(air_velocity, wind, strict=True))
         p, q, r = turn_rates(z.turn, z.phi, z.theta)
         return AircraftState(
@@ -112,7 +112,7 @@ def residuals(plant: Plant, z: TrimUnknowns, height_m: float) -> tuple[Number, .
         *gusts,
     )
     now, _ = plant.instant(x, Commands(z.elevator, z.aileron, z.rudder, 0.0), motor_held=True)
-    accelerations = velocity_derivative(u, v, w, p, q, r, z.phi, z.theta, *now.specific_force)
+    accelerations = velocity_derivative((u, v, w), (p, q, r), z.phi, z.theta, now.specific_force)
     ball = now.specific_force[1]
     return *accelerations, *now.angular_acceleration, -now.ground_velocity[2] - z.climb, ball
 

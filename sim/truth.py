@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,12 +22,20 @@ Columns = dict[str, NDArray[Any]]
 METADATA_KEY = b"flightpower"
 
 
-def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array | None, index: int, kind: str) -> Columns:
+class Prescribed(NamedTuple):
+    """Prescribed motion; controls and motor speed are `share` (n,) of those at its airborne end, if it has one."""
+
+    motion: Motion
+    share: Array
+    end: tuple[AircraftState, Commands] | None = None
+
+
+def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array | None) -> Columns:
     """Columns of a segment flown: states (n, n_states), commands (n, 4) and, in turbulence, white noises (n, 4)."""
     x, c = AircraftState(*states.T), Commands(*commands.T)
     noises = (0.0, 0.0, 0.0, 0.0) if white is None else tuple(white.T)
     now, _ = plant.instant(x, c, noises)
-    udot, vdot, wdot = velocity_derivative(x.u, x.v, x.w, x.p, x.q, x.r, x.phi, x.theta, *now.specific_force)
+    udot, vdot, wdot = velocity_derivative((x.u, x.v, x.w), (x.p, x.q, x.r), x.phi, x.theta, now.specific_force)
     m, S = plant.mass_kg, plant.aircraft.geometry.wing_area_m2
     q_bar = now.density * now.V**2 / 2
     ca, sa = np.cos(now.alpha), np.sin(now.alpha)
@@ -35,8 +43,6 @@ def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array | N
     geometry = plant.aircraft.geometry
     columns = {
         "phase": "flight",
-        "segment": index,
-        "kind": kind,
         "north_m": x.north,
         "east_m": x.east,
         "height_m": -x.down,
@@ -112,31 +118,23 @@ def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array | N
     return {name: np.broadcast_to(value, len(states)) for name, value in columns.items()}
 
 
-def kinematic_rows(
-    plant: Plant,
-    motion: Motion,
-    share: Array,
-    state: AircraftState | None,
-    commands: Commands | None,
-    energy_J: float,
-    dt: float,
-    index: int,
-    kind: str,
-) -> Columns:
-    """Columns of prescribed motion on the ground, in take-off and landing.
+def kinematic_rows(plant: Plant, prescribed: Prescribed, *, phase: str, energy_J: float, dt: float) -> Columns:
+    """Columns of prescribed motion on the ground, in take-off and landing. energy_J: taken from the battery before.
 
-    Controls and motor speed are `share` (n,) of those of `state`, zero when there is none. Aerodynamic coefficients
-    and moments are not known here (the wheels carry part of the load): there are no such columns.
+    Aerodynamic coefficients and moments are not known here (the wheels carry part of the load): there are no such
+    columns.
     """
+    motion, share, end = prescribed
     n = len(share)
     north, east, down = motion.position.T
     air = ambient(plant.air, -down)
     wind = mean_wind(plant.air, north, east, -down, plant.deviations.updraft_mps)
     phi, theta, psi = motion.attitude.T
     u, v, w = motion.body_velocity.T
-    wind_body = body_from_earth(wind[0], wind[1], wind[2], phi, theta, psi)
+    wind_body = body_from_earth(wind, (phi, theta, psi))
     # At zero airspeed the flow angles are undefined; 1e-9 m/s defines them.
-    gusts = _gusts(plant, state, commands)
+    gusts, upwash_rad = _at_the_end(plant, end)
+    state, commands = end or (None, None)
     flow = flow_of(
         u - wind_body[0] - share * gusts["gust_u_mps"] + 1e-9,
         v - wind_body[1] - share * gusts["gust_v_mps"],
@@ -144,13 +142,11 @@ def kinematic_rows(
     )
     p, q, r = motion.rates.T
     force = motion.specific_force.T
-    udot, vdot, wdot = velocity_derivative(u, v, w, p, q, r, phi, theta, *force)
+    udot, vdot, wdot = velocity_derivative((u, v, w), (p, q, r), phi, theta, force)
     motor = share * (state.motor if state else 0.0)
     train = _steady_train(plant, flow.V, motor, air.density)
     rows: dict[str, Any] = dict(
-        phase="ground" if kind == "stand" else kind,
-        segment=index,
-        kind=kind,
+        phase=phase,
         north_m=north,
         east_m=east,
         height_m=-down,
@@ -197,7 +193,7 @@ def kinematic_rows(
         specific_force_x_mps2=force[0],
         specific_force_y_mps2=force[1],
         specific_force_z_mps2=force[2],
-        upwash_rad=0.0 if state is None else share * _upwash(plant, state, commands),
+        upwash_rad=share * upwash_rad,
         **{name: share * value for name, value in gusts.items()},
         **train,
     )
@@ -217,19 +213,14 @@ def table_of(parts: Sequence[Columns], dt: float) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _gusts(plant: Plant, state: AircraftState | None, commands: Commands | None) -> dict[str, float]:
-    """The gust at the airborne end of the motion; it decreases to zero at the ground."""
+def _at_the_end(plant: Plant, end: tuple[AircraftState, Commands] | None) -> tuple[dict[str, float], float]:
+    """Gust and upwash at the airborne end of prescribed motion; both decrease to zero at the ground."""
     names = ("gust_u_mps", "gust_v_mps", "gust_w_mps", "gust_p_radps", "gust_q_radps", "gust_r_radps")
-    if state is None or commands is None:
-        return dict.fromkeys(names, 0.0)
-    now, _ = plant.instant(state, commands)
-    return {name: float(value) for name, value in zip(names, now.gust, strict=True)}
-
-
-def _upwash(plant: Plant, state: AircraftState, commands: Commands | None) -> float:
-    assert commands is not None
-    now, _ = plant.instant(state, commands)
-    return float(plant.aircraft.probe.upwash_per_CL_rad * now.CL)
+    if end is None:
+        return dict.fromkeys(names, 0.0), 0.0
+    now, _ = plant.instant(*end)
+    gust = {name: float(value) for name, value in zip(names, now.gust, strict=True)}
+    return gust, float(plant.aircraft.probe.upwash_per_CL_rad * now.CL)
 
 
 def _steady_train(plant: Plant, V: Array, n: Array, rho: Array) -> dict[str, Array]:

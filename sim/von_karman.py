@@ -40,7 +40,7 @@ def von_karman(
         v3=_last_rate(states.v1, states.v2, states.v3, n_v, T_u),
         w3=_last_rate(states.w1, states.w2, states.w3, n_w, T_w),
     )
-    return rates, gust_of(states, rates, u, v, w, V)
+    return rates, gust_of(states, rates, (u, v, w), V)
 
 
 def _lateral(x1: Number, x2: Number, x3: Number) -> Number:

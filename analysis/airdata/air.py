@@ -30,7 +30,7 @@ def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFram
     step_s = float(table.index[1] - table.index[0])
     pdot, qdot, rdot = (derivative(rate, step_s) for rate in (p, q, r))
     zero = np.zeros_like(p)
-    extra = specific_force_at(zero, zero, zero, p, q, r, pdot, qdot, rdot, (x, y, z))
+    extra = specific_force_at((zero, zero, zero), (p, q, r), (pdot, qdot, rdot), (x, y, z))
     names = ("ax_mps2", "ay_mps2", "az_mps2")
     return table.assign(**{name: table[name] - more for name, more in zip(names, extra, strict=True)})
 

@@ -198,7 +198,7 @@ def _history(
     theta = np.arctan(np.cos(bank) * np.tan(alpha)) + climb
     heading = np.cumsum(g * np.tan(bank) / flown) * STEP_S
     body = motion.velocity_of(V, alpha, 0.0)
-    air = np.column_stack(motion.earth_from_body(*body, bank, theta, heading))
+    air = np.column_stack(motion.earth_from_body(body, (bank, theta, heading)))
     height = np.cumsum(-air[:, 2]) * STEP_S + (height_m if begins == "air" else 0.0)
     height = np.maximum(height, 0.0)
     profile = dryden.mean_wind_profile(height) / dryden.mean_wind_profile(height_m)
@@ -209,7 +209,7 @@ def _history(
     phi_rate, theta_rate, psi_rate = (np.gradient(x, STEP_S) for x in (bank, theta, heading))
     acceleration = np.gradient(velocity, STEP_S, axis=0) - np.array([0.0, 0.0, g])
     north, east, down = acceleration.T
-    force = motion.body_from_earth(north, east, down, bank, theta, heading)
+    force = motion.body_from_earth((north, east, down), (bank, theta, heading))
     flying = V > 0.7 * expected.stall_mps
     known = np.where(flying, 1.0, np.nan)
     drag = expected.drag_N(flown, load)

@@ -93,7 +93,7 @@ def _differences(trajectory: Trajectory, channels: _AirDataAndGps) -> pd.DataFra
     level = np.where(np.abs(x.phi) < LEVEL_RAD, 1.0, np.nan)
     V, beta = channels.V, np.nan_to_num(channels.beta)  # no sideslip where it was not measured
     u, v, w = velocity_of(1.0, channels.alpha, beta)
-    _, _, down = earth_from_body(u, v, w, x.phi, x.theta, x.psi)
+    _, _, down = earth_from_body((u, v, w), (x.phi, x.theta, x.psi))
     climb_angle = _moving_average(np.arcsin(np.clip(-np.asarray(down), -1, 1)) * flying, t_s)
     climb = np.gradient(_moving_average(blocks["height_m"], t_s), t_s)
     gamma = np.arcsin(np.clip(climb / _moving_average(V * flying, t_s), -1, 1))

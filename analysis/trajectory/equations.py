@@ -64,7 +64,9 @@ def process_residuals(before: Any, after: Any, errors: Any, inputs: Any) -> Sequ
     a, b, u = before, after, inputs
     phi, theta, psi = (a.phi + b.phi) / 2, (a.theta + b.theta) / 2, (a.psi + b.psi) / 2
     euler_rates = motion.attitude_derivative(phi, theta, u.p - errors.p_bias, u.q - errors.q_bias, u.r - errors.r_bias)
-    force = motion.earth_from_body(u.ax - errors.ax_bias, u.ay - errors.ay_bias, u.az - errors.az_bias, phi, theta, psi)
+    force = motion.earth_from_body(
+        (u.ax - errors.ax_bias, u.ay - errors.ay_bias, u.az - errors.az_bias), (phi, theta, psi)
+    )
     v_once, v_twice = _gust_increments(a.gust_v, a.gust_v_filtered_twice, b.gust_v, b.gust_v_filtered_twice, u.decay_v)
     w_once, w_twice = _gust_increments(a.gust_w, a.gust_w_filtered_twice, b.gust_w, b.gust_w_filtered_twice, u.decay_w)
     return (
@@ -99,7 +101,7 @@ def flow(x: Any, predicted: Any) -> tuple[Any, Any, Any]:
     like an offset of angle of attack.
     """
     steady = x.v_north - x.wind_north, x.v_east - x.wind_east, x.v_down
-    u, v, w = motion.body_from_earth(*steady, x.phi, x.theta, x.psi)
+    u, v, w = motion.body_from_earth(steady, (x.phi, x.theta, x.psi))
     V = np.sqrt(u**2 + v**2 + w**2 + 1e-6)  # never zero, for the derivative at rest
     cos_alpha, sin_alpha = np.cos(predicted.alpha_predicted), np.sin(predicted.alpha_predicted)
     return (
@@ -132,7 +134,7 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
     V_scale = errors.V_scale + errors.q_c_zero * inputs.V_scale_per_Pa
     alpha_slope = errors.alpha_scale - 2 * V_scale
     specific_force = inputs.ax - errors.ax_bias, inputs.ay - errors.ay_bias, inputs.az - errors.az_bias
-    force = motion.earth_from_body(*specific_force, x.phi, x.theta, x.psi)
+    force = motion.earth_from_body(specific_force, (x.phi, x.theta, x.psi))
     return (
         V
         + V_scale * inputs.V_mean

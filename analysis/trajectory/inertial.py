@@ -76,7 +76,7 @@ def _derivatives(attitude: Array, channels: Array, errors: NamedArrays) -> Array
     phi, theta, psi = attitude
     p, q, r, ax, ay, az = channels
     rates = motion.attitude_derivative(phi, theta, p - errors.p_bias, q - errors.q_bias, r - errors.r_bias)
-    force = motion.earth_from_body(ax - errors.ax_bias, ay - errors.ay_bias, az - errors.az_bias, phi, theta, psi)
+    force = motion.earth_from_body((ax - errors.ax_bias, ay - errors.ay_bias, az - errors.az_bias), (phi, theta, psi))
     return np.column_stack([*rates, *force])
 
 

@@ -32,7 +32,7 @@ class LevelField:
     def leveled(self, phi: Array, theta: Array) -> tuple[Array, Array]:
         """Components forward and right (n,) [T], in the horizontal plane at these attitudes."""
         x, y, z = self.body_T.T
-        forward, right, _ = motion.earth_from_body(x, y, z, phi, theta, 0.0)
+        forward, right, _ = motion.earth_from_body((x, y, z), (phi, theta, 0.0))
         return forward, right
 
     def heading_offset(self, heading: Array, phi: Array, theta: Array) -> Array:

@@ -253,7 +253,7 @@ class Regressors:
         by_slope = (self._blocks["dalpha_dlndp_alpha_rad"] - errors.alpha_bias) / (1 + slope)
         measured = at_probe - errors.alpha_bias - slope * by_slope
         steady = state.v_north - state.wind_north, state.v_east - state.wind_east, state.v_down
-        u, _, w = motion.body_from_earth(*steady, state.phi, state.theta, state.psi)
+        u, _, w = motion.body_from_earth(steady, (state.phi, state.theta, state.psi))
         inertial = self._bridged(np.arctan2(w, u))
         curvature = np.zeros(len(inertial))
         curvature[1:-1] = np.diff(inertial, 2) / 24  # a parabola's mean over a block less the value at its center

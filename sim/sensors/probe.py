@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.aircraft import Position
-from flight.number import Number
+from flight.motion import Airflow
+from flight.number import Number, Vector
 
 Array = NDArray[np.float64]
 
@@ -49,13 +50,11 @@ def port_pressures(dynamic_pressure_Pa: Number, alpha_rad: Number, beta_rad: Num
     )
 
 
-def flow_at_probe(
-    V: Number, alpha: Number, beta: Number, p: Number, q: Number, r: Number, position_m: Position, upwash_rad: Number
-) -> tuple[Number, Number, Number]:
-    """(V, alpha, beta) at the probe's tip, from those at the centre of gravity, body rates [rad/s] and upwash [rad]."""
+def flow_at_probe(velocity: Vector, rates: Vector, position_m: Position, upwash_rad: Number) -> Airflow:
+    """The flow at the probe's tip, from the velocity (u, v, w) [m/s] relative to the air at the centre of gravity, body
+    rates [rad/s] and upwash [rad]."""
     x, y, z = position_m
-    u = V * np.cos(alpha) * np.cos(beta) + q * z - r * y
-    v = V * np.sin(beta) + r * x - p * z
-    w = V * np.sin(alpha) * np.cos(beta) + p * y - q * x
+    p, q, r = rates
+    u, v, w = velocity[0] + q * z - r * y, velocity[1] + r * x - p * z, velocity[2] + p * y - q * x
     V_probe = np.sqrt(u**2 + v**2 + w**2)
-    return V_probe, np.arctan2(w, u) + upwash_rad, np.arcsin(v / np.maximum(V_probe, 1e-12))
+    return Airflow(V_probe, np.arctan2(w, u) + upwash_rad, np.arcsin(v / np.maximum(V_probe, 1e-12)))

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from flight.aircraft import ControlSurface, PneumaticLine
 from flight.atmosphere import GRAVITY_MPS2
 from flight.complete_aircraft import CompleteAircraft
-from flight.motion import body_from_earth, specific_force_at
+from flight.motion import body_from_earth, specific_force_at, velocity_of
 from sim.bench import BurstsSegment, ColumnSegment
 from sim.fly import Flight
 from sim.sensor_truth import GpsSolution
@@ -56,7 +56,7 @@ class FlightSensorTruth:
         t, e = self._clipped(t_s), self._errors
         ax, ay, az, p, q, r, pdot, qdot, rdot, turns, speed = self._imu_spline(t).T
         position = self._aircraft.imu_position_m
-        force = np.column_stack(specific_force_at(ax, ay, az, p, q, r, pdot, qdot, rdot, position))
+        force = np.column_stack(specific_force_at((ax, ay, az), (p, q, r), (pdot, qdot, rdot), position))
         force += self._vibration(turns, speed)[:, None]
         rates = np.column_stack([p, q, r])
         force = force @ e.imu_rotation.T * (1 + e.accel_scale) + e.accel_bias
@@ -74,7 +74,7 @@ class FlightSensorTruth:
         t, e = self._clipped(t_s), self._errors
         phi, theta, psi = self._attitude_spline(t).T
         earth = (FIELD_T * np.cos(DIP_RAD), 0.0, FIELD_T * np.sin(DIP_RAD))
-        body = np.column_stack(body_from_earth(*earth, phi, theta, psi))
+        body = np.column_stack(body_from_earth(earth, (phi, theta, psi)))
         field = body @ e.soft_iron.T + e.hard_iron
         for i, axis in enumerate("xyz"):
             field[:, i] += e.noise.magnetic_T * white(e.seed, f"mag {axis}", t_s)
@@ -254,18 +254,14 @@ class FlightSensorTruth:
     def _pressures(self) -> tuple[Array, dict[str, Array]]:
         """Pressures at the transducers on a 200 Hz grid, lines and systematic errors included."""
         grid = np.arange(0.0, self.duration_s + PNEUMATIC_DT_S / 2, PNEUMATIC_DT_S)
-        names = ["u_air", "v_air", "w_air", "p_radps", "q_radps", "r_radps", "upwash_rad"]
-        names += ["static_pressure_Pa", "temperature_K", "density_kgpm3"]
-        V, alpha, beta = (self._truth[name].to_numpy() for name in ("V_mps", "alpha_rad", "beta_rad"))
-        columns = [V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha) * np.cos(beta)]
-        columns += [self._truth[name].to_numpy() for name in names[3:]]
-        spline = CubicSpline(self._t, np.column_stack(columns))
+        names = ["p_radps", "q_radps", "r_radps", "upwash_rad", "static_pressure_Pa", "temperature_K", "density_kgpm3"]
+        velocity = velocity_of(*(self._truth[name].to_numpy() for name in ("V_mps", "alpha_rad", "beta_rad")))
+        columns = [self._truth[name].to_numpy() for name in names]
+        spline = CubicSpline(self._t, np.column_stack([*velocity, *columns]))
         u, v, w, p, q, r, upwash, static, temperature, density = spline(np.minimum(grid, self.duration_s)).T
-        V = np.sqrt(u**2 + v**2 + w**2)
-        alpha, beta = np.arctan2(w, u), np.arcsin(v / np.maximum(V, 1e-9))
         e = self._errors.values
         position = self._aircraft.probe.position_m
-        V, alpha, beta = flow_at_probe(V, alpha, beta, p, q, r, position, upwash)
+        V, alpha, beta = flow_at_probe((u, v, w), (p, q, r), position, upwash)
         q_bar = density * V**2 / 2
         ports = port_pressures(q_bar, alpha + e.alpha_offset_rad, beta + e.beta_offset_rad)
         pressure, kelvin = float(static.mean()), float(temperature.mean())

@@ -55,11 +55,11 @@ def test_axis_change_is_undone_by_its_inverse_and_keeps_the_length():
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_signs_of_the_controls_and_of_static_stability(name):
     aero = aerodynamics_of(load_aircraft(name))
-    calm = dict(alpha=0.05, beta=0.0, p_hat=0.0, q_hat=0.0, r_hat=0.0, elevator=0.0, aileron=0.0, rudder=0.0)
-    base = coefficients(aero, **calm)
+    calm = {**AT_REST, "alpha": 0.05}
+    base = at(aero, **calm)
 
     def change(**moved):
-        return np.subtract(coefficients(aero, **{**calm, **moved}), base)
+        return np.subtract(at(aero, **{**calm, **moved}), base)
 
     CL, _, CY, Cl, Cm, Cn = range(6)
     assert change(elevator=0.1)[Cm] < 0 < change(elevator=0.1)[CL]
@@ -85,6 +85,12 @@ DISTINCT = Aerodynamics(
     Cm0=0.01, Cma=-0.83, Cmq=-12.1, Cmde=-1.22, Cnb=0.064, Cnp=-0.035, Cnr=-0.096, Cnda=-0.027, Cndr=-0.078,
 )  # fmt: skip
 AT_REST = dict.fromkeys(("alpha", "beta", "p_hat", "q_hat", "r_hat", "elevator", "aileron", "rudder"), 0.0)
+
+
+def at(aero, *, p_hat, q_hat, r_hat, elevator, aileron, rudder, **flow):
+    return coefficients(aero, **flow, reduced_rates=(p_hat, q_hat, r_hat), surfaces=(elevator, aileron, rudder))
+
+
 DERIVATIVES = {
     ("CL", "alpha"): "CLa", ("CL", "elevator"): "CLde", ("CL", "q_hat"): "CLq",
     ("CY", "beta"): "CYb", ("CY", "p_hat"): "CYp", ("CY", "r_hat"): "CYr", ("CY", "rudder"): "CYdr",
@@ -100,8 +106,8 @@ DERIVATIVES = {
 @pytest.mark.parametrize("coefficient", ["CL", "CY", "Cl", "Cm", "Cn"])
 def test_each_coefficient_changes_with_each_variable_by_its_derivative(coefficient, variable):
     step = 1e-3
-    before = coefficients(DISTINCT, **AT_REST)
-    after = coefficients(DISTINCT, **{**AT_REST, variable: step})
+    before = at(DISTINCT, **AT_REST)
+    after = at(DISTINCT, **{**AT_REST, variable: step})
     slope = (getattr(after, coefficient) - getattr(before, coefficient)) / step
     name = DERIVATIVES.get((coefficient, variable))
     assert slope == pytest.approx(getattr(DISTINCT, name) if name else 0.0, rel=1e-6, abs=1e-9)

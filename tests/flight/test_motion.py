@@ -42,8 +42,8 @@ def test_rotation_agrees_with_an_independent_library(seed):
     rng = np.random.default_rng(seed)
     attitude, vector = random_attitude(rng), rng.normal(size=3)
     R = body_to_earth(attitude)
-    assert np.allclose(earth_from_body(*vector, *attitude), R @ vector, atol=1e-14)
-    assert np.allclose(body_from_earth(*vector, *attitude), R.T @ vector, atol=1e-14)
+    assert np.allclose(earth_from_body(vector, attitude), R @ vector, atol=1e-14)
+    assert np.allclose(body_from_earth(vector, attitude), R.T @ vector, atol=1e-14)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -53,7 +53,7 @@ def test_velocity_derivative_is_newton_in_rotating_axes(seed):
     attitude = random_attitude(rng)
     gravity = body_to_earth(attitude).T @ [0, 0, g]
     expected = force + gravity - np.cross(omega, velocity)
-    assert np.allclose(velocity_derivative(*velocity, *omega, *attitude[:2], *force), expected, atol=1e-12)
+    assert np.allclose(velocity_derivative(velocity, omega, *attitude[:2], force), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -63,7 +63,7 @@ def test_rate_derivative_is_euler_with_the_propellers_momentum(seed):
     spin = rng.uniform(0, 1000)
     momentum = tensor(INERTIA) @ omega + [INERTIA.Ip * spin, 0, 0]
     expected = np.linalg.solve(tensor(INERTIA), moment - np.cross(omega, momentum))
-    assert np.allclose(rate_derivative(*omega, *moment, INERTIA, spin), expected, atol=1e-12)
+    assert np.allclose(rate_derivative(omega, moment, INERTIA, spin), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -91,12 +91,12 @@ def test_wind_axis_form_is_the_body_axis_form(seed):
     ca, sa = np.cos(alpha), np.sin(alpha)
     force = np.array([(CL * sa - CD * ca) * qS + T, CY * qS, (-CL * ca - CD * sa) * qS]) / m
     u, v, w = velocity_of(V, alpha, beta)
-    rate = np.array(velocity_derivative(u, v, w, p, q, r, phi, theta, *force))
+    rate = np.array(velocity_derivative((u, v, w), (p, q, r), phi, theta, force))
     h = 1e-5
     ahead = flow_of(*(np.array([u, v, w]) + h * rate))
     behind = flow_of(*(np.array([u, v, w]) - h * rate))
     expected = (np.array(ahead) - np.array(behind)) / (2 * h)
-    found = wind_axis_derivative(V, alpha, beta, phi, theta, p, q, r, CL=CL, CD=CD, CY=CY, T=T, m=m, qS=qS)
+    found = wind_axis_derivative((V, alpha, beta), phi, theta, (p, q, r), coefficients=(CL, CD, CY), T=T, m=m, qS=qS)
     assert np.allclose(found, expected, rtol=1e-7, atol=1e-7)
 
 
@@ -110,7 +110,7 @@ def test_torque_free_rotation_keeps_energy_and_momentum():
 
     def rates(_, x):
         phidot = attitude_derivative(*x[3:5], *x[:3])
-        return [*rate_derivative(*x[:3], 0.0, 0.0, 0.0, INERTIA), *phidot]
+        return [*rate_derivative(x[:3], (0.0, 0.0, 0.0), INERTIA), *phidot]
 
     start = [2.0, 0.3, 1.1, 0.2, 0.1, 0.0]
     # About the axis of middle inertia this would tumble through pitch 90 deg, where Euler angles end.
@@ -126,7 +126,7 @@ def test_torque_free_rotation_keeps_energy_and_momentum():
 def test_a_spinning_propeller_yaws_the_aircraft_that_pitches_up():
     """Clockwise seen from behind: momentum forward. A pitch-up needs a torque that turns the momentum upwards; the
     aircraft feels the opposite, a yaw to the right."""
-    _, _, rdot = rate_derivative(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, INERTIA._replace(Ixz=0.0), 800.0)
+    _, _, rdot = rate_derivative((0.0, 1.0, 0.0), (0.0, 0.0, 0.0), INERTIA._replace(Ixz=0.0), 800.0)
     assert rdot == pytest.approx(INERTIA.Ip * 800 / INERTIA.Iz)
 
 
@@ -142,7 +142,7 @@ def test_specific_force_off_the_centre_is_that_of_a_point_carried_around():
     h = 1e-4
     second = (position(h) - 2 * position(0) + position(-h)) / h**2
     omega, alpha = axis * rate, axis * acceleration
-    found = specific_force_at(0.0, 0.0, 0.0, *omega, *alpha, point)
+    found = specific_force_at((0.0, 0.0, 0.0), omega, alpha, point)
     # Differences of step h lose eps/h^2 = 2e-8 to rounding and h^2 to curvature.
     assert np.allclose(found, second, atol=1e-6)
 
@@ -152,6 +152,8 @@ def test_casadi_symbols_pass_through():
     ca.GlobalOptions.setNumpyMode(-1)
     x = ca.SX.sym("x", 9)
     parts = ca.vertsplit(x)
-    f = ca.Function("f", [x], [ca.vertcat(*velocity_derivative(*parts[:8], *parts[:3]))])
+    f = ca.Function("f", [x], [ca.vertcat(*velocity_derivative(parts[:3], parts[3:6], *parts[6:8], parts[:3]))])
     values = np.random.default_rng(0).normal(size=9)
-    assert np.allclose(np.array(f(values)).ravel(), velocity_derivative(*values[:8], *values[:3]))
+    assert np.allclose(
+        np.array(f(values)).ravel(), velocity_derivative(values[:3], values[3:6], *values[6:8], values[:3])
+    )

@@ -41,7 +41,7 @@ def test_the_truth_is_one_motion_from_standing_to_standing(flight):
         assert np.allclose(rate(position), sign * truth[f"velocity_{velocity}_mps"][inner], atol=2e-3)
     attitude = [truth[name].to_numpy() for name in ("roll_rad", "pitch_rad", "yaw_rad")]
     force = [truth[f"specific_force_{axis}_mps2"].to_numpy() for axis in "xyz"]
-    on_earth = earth_from_body(*force, *attitude)
+    on_earth = earth_from_body(force, attitude)
     # Where a throttle or a servo turns a corner the force does too, and a spline is off by a step times its change.
     for direction, f, gravity in zip(("north", "east", "down"), on_earth, (0, 0, 9.80665), strict=True):
         error = rate(f"velocity_{direction}_mps") - (f + gravity)[inner]

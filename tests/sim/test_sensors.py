@@ -11,6 +11,7 @@ import pytest
 from flight.aircraft import PneumaticLine
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
+from flight.motion import velocity_of
 from sim.sensors import FlightSensorTruth, draw, load_budget
 from sim.sensors.budget import ErrorBudget, Noise, Systematic
 from sim.sensors.noise import gauss_markov, white
@@ -100,7 +101,7 @@ def test_wind_from_the_right_presses_on_the_right_port():
 
 def test_a_probe_on_a_boom_sees_the_rotation():
     """alpha_cg = alpha_probe - upwash + q x/V, beta_cg = beta_probe - r x/V."""
-    V, alpha, beta = flow_at_probe(20.0, 0.05, 0.0, 0.0, 0.3, 0.2, (0.5, 0.0, 0.0), upwash_rad=0.01)
+    V, alpha, beta = flow_at_probe(velocity_of(20.0, 0.05, 0.0), (0.0, 0.3, 0.2), (0.5, 0.0, 0.0), upwash_rad=0.01)
     assert alpha == pytest.approx(0.05 + 0.01 - 0.3 * 0.5 / 20, rel=0.01)
     assert beta == pytest.approx(0.2 * 0.5 / 20, rel=0.01)
     assert V == pytest.approx(20.0, rel=1e-3)

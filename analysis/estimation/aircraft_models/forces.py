@@ -135,8 +135,8 @@ def wind_axis_derivative(
     """Vdot [m/s^2] and alphadot [rad/s] in still air."""
     CL, CD = lift_and_drag(c, V, alpha, q, u, p)
     Vdot, alphadot, _ = motion.wind_axis_derivative(
-        V, alpha, u.beta, u.phi, theta, u.p, q, u.r,
-        CL=CL, CD=CD, CY=0.0, T=corrected_thrust(u, p, J_ref), m=c.m, qS=u.rho * V**2 / 2 * c.S,
+        (V, alpha, u.beta), u.phi, theta, (u.p, q, u.r),
+        coefficients=(CL, CD, 0.0), T=corrected_thrust(u, p, J_ref), m=c.m, qS=u.rho * V**2 / 2 * c.S,
     )  # fmt: skip
     return Vdot, alphadot
 
@@ -166,7 +166,7 @@ def measured_air_data(x: NamedValues, p: NamedValues) -> tuple[Any, Any]:
 def climb_rate(V: Any, alpha: Any, theta: Any, u: NamedValues) -> Any:
     """hdot [m/s] in still air."""
     forward, right, down = motion.velocity_of(V, alpha, u.beta)
-    return -motion.earth_from_body(forward, right, down, u.phi, theta, 0.0)[2]
+    return -motion.earth_from_body((forward, right, down), (u.phi, theta, 0.0))[2]
 
 
 # An elevator deflection tilts the tail's lift little, so its part of the axial force is small.
@@ -189,8 +189,8 @@ def force_models(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
     def dynamics(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, ...]:
         CL, CD = stability_axes(*force_coefficients(x.alpha, u.elevator, p), x.alpha)
         Vdot, alphadot, _ = motion.wind_axis_derivative(
-            x.V, x.alpha, u.beta, u.phi, x.theta, u.p, u.q, u.r,
-            CL=CL, CD=CD, CY=0.0, T=corrected_thrust(u, p, J_ref), m=c.m, qS=u.rho * x.V**2 / 2 * c.S,
+            (x.V, x.alpha, u.beta), u.phi, x.theta, (u.p, u.q, u.r),
+            coefficients=(CL, CD, 0.0), T=corrected_thrust(u, p, J_ref), m=c.m, qS=u.rho * x.V**2 / 2 * c.S,
         )  # fmt: skip
         return Vdot, alphadot, motion.attitude_derivative(u.phi, x.theta, u.p, u.q, u.r)[1]
 

@@ -160,7 +160,7 @@ def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
         """Vdot [m/s^2], alphadot [rad/s] from the specific force; the side force is zero."""
         forward, right, down = motion.velocity_of(x.V, x.theta - x.gamma, u.beta)
         udot, vdot, wdot = motion.velocity_derivative(
-            forward, right, down, u.p, u.q - p.q_bias, u.r, u.phi, x.theta, ax, 0.0, az
+            (forward, right, down), (u.p, u.q - p.q_bias, u.r), u.phi, x.theta, (ax, 0.0, az)
         )
         Vdot = (forward * udot + right * vdot + down * wdot) / x.V
         return Vdot, (forward * wdot - down * udot) / (forward**2 + down**2)

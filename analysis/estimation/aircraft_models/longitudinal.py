@@ -44,7 +44,7 @@ def longitudinal(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
         _, thetadot, _ = motion.attitude_derivative(u.phi, x.theta, u.p, x.q, u.r)
         Cm = p.Cm0 + p.Cma * x.alpha + p.Cmq * reduced_pitch_rate(c, x.q, x.V) + p.Cmde * u.elevator
         M = u.rho * x.V**2 / 2 * c.S * c.chord * Cm
-        _, qdot, _ = motion.rate_derivative(u.p, x.q, u.r, 0.0, M, 0.0, inertia)
+        _, qdot, _ = motion.rate_derivative((u.p, x.q, u.r), (0.0, M, 0.0), inertia)
         return Vdot, alphadot, thetadot, qdot, climb_rate(x.V, x.alpha, x.theta, u)
 
     def outputs(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, ...]:

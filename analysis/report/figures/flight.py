@@ -162,7 +162,7 @@ def air_and_path(trajectory: Trajectory) -> Figure:
             x["v_north"] - x["wind_north"], x["v_east"] - x["wind_east"], x["v_down"], x["phi"], x["theta"], x["psi"],
         )
     )  # fmt: skip
-    u, _, w = (np.asarray(component) for component in body_from_earth(north, east, down, phi, theta, psi))
+    u, _, w = (np.asarray(component) for component in body_from_earth((north, east, down), (phi, theta, psi)))
     speed = np.sqrt(north**2 + east**2 + down**2)
     figure = Figure(2, 0.06)
     rows = (

@@ -18,7 +18,9 @@ def measured(seed: int, *, by_hand: bool):
         phi, theta, psi = np.pi * np.sin(t / 3.7), 1.3 * np.sin(t / 2.7 + 1), t / 1.75
     else:  # two steep turns, one each way
         phi, theta, psi = np.where(t < 30, 0.7, -0.7) * (1 + 0.1 * np.sin(t)), 0.05 + 0.03 * np.sin(t / 2), t / 2.4
-    body = np.column_stack(body_from_earth(FIELD_T * np.cos(DIP_RAD), 0.0, FIELD_T * np.sin(DIP_RAD), phi, theta, psi))
+    body = np.column_stack(
+        body_from_earth((FIELD_T * np.cos(DIP_RAD), 0.0, FIELD_T * np.sin(DIP_RAD)), (phi, theta, psi))
+    )
     skew = rng.normal(size=(3, 3))
     soft, hard = np.eye(3) + 0.05 * (skew + skew.T) / 2, 5e-6 * rng.normal(size=3)
     return body @ soft.T + hard + NOISE_T * rng.normal(size=body.shape), hard, body

@@ -27,7 +27,7 @@ def flight(left_T=(0.0, 0.0, 0.0), left_on_the_ground_T: float = 0.0) -> pd.Data
         0.1 * np.sin(t / 7),
         np.where(flying, (t - 60) / 12, 0),
     )
-    true = np.column_stack(body_from_earth(LEVEL_T, 0.0, FIELD_T * np.sin(DIP_RAD), phi, theta, psi))
+    true = np.column_stack(body_from_earth((LEVEL_T, 0.0, FIELD_T * np.sin(DIP_RAD)), (phi, theta, psi)))
     true += np.where(flying[:, None], left_T, left_on_the_ground_T)
     raw = true @ np.linalg.inv(np.array(CALIBRATION.soft_iron)).T + CALIBRATION.hard_iron_T
     raw += NOISE_T * np.random.default_rng(0).normal(size=raw.shape)

@@ -63,7 +63,7 @@ def test_attitude_rates_and_accelerations_belong_to_one_motion(history: TimeHist
         expected = np.gradient(history.attitude[:, i], STEP_S)
         assert rate[~still] == pytest.approx(expected[~still], abs=1e-9)
     force = (table[f"a{axis}_mps2"].to_numpy() for axis in "xyz")
-    felt = motion.earth_from_body(*force, *history.attitude.T)
+    felt = motion.earth_from_body(force, history.attitude.T)
     for i, component in enumerate(felt):
         expected = np.gradient(history.velocity[:, i], STEP_S) - (g if i == 2 else 0.0)
         assert component[~still] == pytest.approx(expected[~still], abs=1e-9)

@@ -40,7 +40,7 @@ def exact_motion(duration_s: float = 60.0) -> ExactMotion:
     phi, theta, psi, v_north, v_east, v_down = spline(t).T
     height_m = 100.0 - height(t)
     wind = WIND_NORTH, WIND_EAST
-    V, alpha, beta = flow_of(*body_from_earth(v_north - wind[0], v_east - wind[1], v_down, phi, theta, psi))
+    V, alpha, beta = flow_of(*body_from_earth((v_north - wind[0], v_east - wind[1], v_down), (phi, theta, psi)))
     imu = np.mean([_imu(spline, t + part / RATE_HZ) for part in (np.arange(8) - 3.5) / 8], axis=0)
     table = pd.DataFrame(
         {
@@ -66,4 +66,4 @@ def _imu(motion: CubicSpline, t: np.ndarray) -> np.ndarray:
     p = rates[0] - rates[2] * np.sin(theta)
     q = rates[1] * np.cos(phi) + rates[2] * np.cos(theta) * np.sin(phi)
     r = -rates[1] * np.sin(phi) + rates[2] * np.cos(theta) * np.cos(phi)
-    return np.array([p, q, r, *body_from_earth(rates[3], rates[4], rates[5] - G, phi, theta, psi)])
+    return np.array([p, q, r, *body_from_earth((rates[3], rates[4], rates[5] - G), (phi, theta, psi))])

@@ -34,7 +34,7 @@ def calibration_by_hand(drawn):
     """The magnetometer's calibration, from a minute of turning the aircraft about on the ground."""
     t = np.linspace(0, 60, 1500)
     attitude = np.pi * np.sin(t / 3.7), 1.3 * np.sin(t / 2.7 + 1), t / 1.75
-    body = np.column_stack(body_from_earth(FIELD_T * np.cos(DIP_RAD), 0.0, FIELD_T * np.sin(DIP_RAD), *attitude))
+    body = np.column_stack(body_from_earth((FIELD_T * np.cos(DIP_RAD), 0.0, FIELD_T * np.sin(DIP_RAD)), attitude))
     noise = drawn.noise.magnetic_T * np.random.default_rng(0).normal(size=body.shape)
     return calibrate(body @ drawn.soft_iron.T + drawn.hard_iron + noise, "turned by hand")
 
@@ -76,10 +76,10 @@ def test_the_field_across_north_is_zero_and_depends_on_heading_only() -> None:
     x = np.zeros((n, len(STATES)))
     x[:, :3] = rng.uniform(-1, 1, (n, 3)) * (1.0, 0.5, np.pi)
     north = level_T * np.cos(declination), level_T * np.sin(declination), FIELD_T * np.sin(DIP_RAD)
-    body = body_from_earth(*north, *x[:, :3].T)
+    body = body_from_earth(north, x[:, :3].T)
     given = np.ones((n, len(MEASUREMENT_INPUTS)))
     for name, part in zip(
-        ("field_forward", "field_right"), earth_from_body(*body, x[:, 0], x[:, 1], 0.0), strict=False
+        ("field_forward", "field_right"), earth_from_body(body, (x[:, 0], x[:, 1], 0.0)), strict=False
     ):
         given[:, MEASUREMENT_INPUTS.index(name)] = part
     shared = np.zeros(len(SENSOR_ERRORS))
@@ -149,7 +149,7 @@ def test_with_gps_the_declination_is_found(with_gps) -> None:
     level = FIELD_T * np.cos(DIP_RAD) * np.array([np.cos(declination), np.sin(declination)])
     attitude = [np.interp(air.index, truth["time_s"], np.unwrap(truth[f"{a}_rad"])) for a in ("roll", "pitch", "yaw")]
     field, _ = compass(air, calibration)
-    field.field_T[:] = np.column_stack(body_from_earth(*level, FIELD_T * np.sin(DIP_RAD), *attitude))
+    field.field_T[:] = np.column_stack(body_from_earth((*level, FIELD_T * np.sin(DIP_RAD)), attitude))
     trajectory = reconstruct(air, still, compass=field)
     assert trajectory.converged
     off = np.degrees(trajectory.value("heading_bias")) - 12.0

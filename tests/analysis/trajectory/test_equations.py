@@ -99,7 +99,7 @@ def test_a_gust_changes_the_flow_as_air_that_moves_along_the_body_axes() -> None
     """To first order, at zero sideslip: airspeed and flow angles of the velocity less the gust's."""
     psi = np.arctan2(15.0, -7.0)
     x = {"theta": 0.2, "psi": psi, "v_north": -6.0, "v_east": 13.0, "v_down": 0.5, "wind_north": 1.0, "wind_east": -2.0}
-    u, v, w = body_from_earth(-7.0, 15.0, 0.5, 0.0, 0.2, psi)
+    u, v, w = body_from_earth((-7.0, 15.0, 0.5), (0.0, 0.2, psi))
     V, alpha, beta = flow_of(u, v, w)
     predicted = inputs_of(V_predicted=V, alpha_predicted=alpha)
     assert abs(beta) < 1e-9
@@ -184,7 +184,7 @@ def test_a_mean_angle_over_a_block_is_that_in_its_middle_and_the_curvature() -> 
 def test_late_channels_show_what_was_a_lag_before() -> None:
     """Accelerating at 2 m/s^2 north and 1 m/s^2 down; airspeed and angles rise: a late channel reads less."""
     x = state_of(**STEADY)
-    ax, ay, az = body_from_earth(2.0, 0.0, 1.0 - G, STEADY["phi"], STEADY["theta"], STEADY["psi"])
+    ax, ay, az = body_from_earth((2.0, 0.0, 1.0 - G), (STEADY["phi"], STEADY["theta"], STEADY["psi"]))
     bias = {"ax_bias": 0.2, "ay_bias": -0.1, "az_bias": 0.3}
     force = {"ax": ax + 0.2, "ay": ay - 0.1, "az": az + 0.3}
     inputs = inputs_of(V_predicted=15.0, V_rate=2.0, probe_alpha_rate=0.3, probe_beta_rate=0.1, **force)

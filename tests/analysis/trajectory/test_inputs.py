@@ -286,7 +286,7 @@ def test_the_initial_state_is_known_only_at_rest() -> None:
 def test_the_initial_estimate_is_near_enough_to_converge(exact, gps: bool) -> None:
     """With GPS the ground track, which is this motion's heading; without, the compass. Within 15 deg at any time."""
     attitude = exact.states[:, :3]
-    field = np.column_stack(body_from_earth(22e-6, 0.0, 40e-6, *np.repeat(attitude, BLOCK, axis=0).T))
+    field = np.column_stack(body_from_earth((22e-6, 0.0, 40e-6), np.repeat(attitude, BLOCK, axis=0).T))
     table = exact.table if gps else exact.table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan)
     compass = Compass(field, 1e-6)
     x = TrajectoryProblem(table, [slice(0, 0)], 0.0, compass).initial_states
@@ -359,7 +359,7 @@ def test_heading_offset_of_the_compass(exact) -> None:
     attitude = np.repeat(exact.states[:, :3], BLOCK, axis=0)
     east = np.radians(20.0)
     level = 22e-6 * np.cos(east), 22e-6 * np.sin(east)
-    field = np.column_stack(body_from_earth(*level, 40e-6, *attitude.T))
+    field = np.column_stack(body_from_earth((*level, 40e-6), attitude.T))
     leveled = LevelField(Compass(field, 1e-6), BlockMeans(exact.table))
     phi, theta, psi = exact.states[:, :3].T
     offset = np.degrees(leveled.heading_offset(psi, phi, theta))
