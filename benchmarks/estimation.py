@@ -19,13 +19,13 @@ import pandas as pd
 import typer
 from rich.console import Console
 from rich.table import Table
+from simulation_figures import runs
 
 from analysis.estimation import aircraft_models, filter_error, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.noise import NORMAL_95
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
-from sim.figures import runs
 from sim.sensors import load_budget
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))

@@ -10,11 +10,11 @@ import msgspec
 import pandas as pd
 import plotly.graph_objects as go
 import typer
+from simulation_figures import picture
 
 from analysis.report.figures.power import power_required
 from analysis.report.figures.style import ORANGE
 from analysis.results.schema import Results
-from sim.figures import picture
 from sim.output_folder import CURVE, LOG
 
 WIDTH, HEIGHT = 1200, 600

@@ -12,10 +12,10 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from simulation_figures import picture
 
 from flight.propeller import Propeller, Row
 from flight.propeller_files import load_propeller
-from sim.figures import picture
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data" / "propellers"

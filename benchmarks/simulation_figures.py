@@ -1,5 +1,6 @@
-"""The figures of docs/simulation.md: `python -m sim.figures`. Flies the shipped plans, draws with plotly, and lets
-headless Chromium take the pictures.
+"""The figures of docs/simulation.md: flies the shipped plans, draws with plotly; headless Chromium takes the pictures.
+
+.venv/bin/python benchmarks/simulation_figures.py
 """
 
 import shutil
@@ -54,10 +55,12 @@ def panels(titles: list[str], columns: int = 1) -> Any:
 
 
 def line(
-    drawn: Any, run: pd.DataFrame, y: Any, name: str, colour: str, row: int, column: int = 1, legend: bool = True
+    drawn: Any, run: pd.DataFrame, y: Any, colour: str, place: tuple[int, int], *, name: str | None = None
 ) -> None:
+    """A line in the panel (row, column); in the legend with a name."""
+    row, column = place
     style = {"color": colour, "width": 2}
-    drawn.add_scatter(x=run["t_s"], y=y, name=name, line=style, showlegend=legend, row=row, col=column)
+    drawn.add_scatter(x=run["t_s"], y=y, name=name, line=style, showlegend=name is not None, row=row, col=column)
 
 
 def deceleration() -> Any:
@@ -69,9 +72,9 @@ def deceleration() -> Any:
     )
     for column, run in enumerate(runs("long-deceleration", "astraeus-hs"), start=1):
         colour = COLOURS[column]
-        line(drawn, run, run["V_mps"], "", colour, 1, column, legend=False)
-        line(drawn, run, run["pitch_rad"] * DEG, "", colour, 2, column, legend=False)
-        line(drawn, run, run["q_radps"] * DEG, "", colour, 3, column, legend=False)
+        line(drawn, run, run["V_mps"], colour, (1, column))
+        line(drawn, run, run["pitch_rad"] * DEG, colour, (2, column))
+        line(drawn, run, run["q_radps"] * DEG, colour, (3, column))
     return drawn
 
 
@@ -80,9 +83,9 @@ def throttle_step() -> Any:
     drawn = panels(["throttle", "pitch rate [deg/s]", "pitch [deg]"])
     for run, name, colour in zip(runs("throttle-step"), ("step", "ramp of 2 s"), COLOURS, strict=False):
         first = run[run["t_s"] < 4]
-        line(drawn, first, first["throttle"], name, colour, 1)
-        line(drawn, first, first["q_radps"] * DEG, name, colour, 2, legend=False)
-        line(drawn, first, first["pitch_rad"] * DEG, name, colour, 3, legend=False)
+        line(drawn, first, first["throttle"], colour, (1, 1), name=name)
+        line(drawn, first, first["q_radps"] * DEG, colour, (2, 1))
+        line(drawn, first, first["pitch_rad"] * DEG, colour, (3, 1))
     return drawn
 
 
@@ -100,8 +103,8 @@ def cases() -> Any:
     for colour, (plan, name) in zip(COLOURS, plans.items(), strict=True):
         for column, run in enumerate(runs(plan), start=1):
             gained = run["height_m"] - run["height_m"].iloc[0]
-            line(drawn, run, gained, name, colour, 1, column, legend=column == 1)
-            line(drawn, run, run["V_mps"], name, colour, 2, column, legend=False)
+            line(drawn, run, gained, colour, (1, column), name=name if column == 1 else None)
+            line(drawn, run, run["V_mps"], colour, (2, column))
     return drawn
 
 
