@@ -35,7 +35,7 @@ $(VENV)/.docs: $(READY)
 site: $(VENV)/.docs ## the documentation as a site in build/site; a broken link is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-demo: $(READY) ## fly, record and analyse a simulated Nexstar; the report lands in out/demo
+demo: $(READY) ## fly, record and analyze a simulated Nexstar; the report lands in out/demo
 	$(BIN)/sim fly --replace --plan demo -o out/demo
 	$(BIN)/analyze out/demo/log.mcap
 
@@ -85,9 +85,10 @@ crash-points: $(READY) ## cut the daemon's power at 500 writes of each of three 
 vm: $(READY) ## the service in a virtual Debian computer: installed, power pulled, unplugged, upgraded (needs root; 1 h)
 	$(BIN)/python benchmarks/vm
 
-lint: $(READY) ## ruff
+lint: $(READY) ## ruff, and American spelling
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/codespell
 
 types: $(READY) ## mypy
 	$(BIN)/mypy

@@ -61,7 +61,7 @@ def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarr
 
 
 class Job(NamedTuple):
-    """One simulated flight to analyse."""
+    """One simulated flight to analyze."""
 
     aircraft: Aircraft
     probe: ProbeCalibration

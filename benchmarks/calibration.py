@@ -55,7 +55,7 @@ def slope_error(calibration: ProbeCalibration) -> float:
 
 def _measured(calibration: ProbeCalibration, alpha_rad: Array, beta_rad: Array) -> ProbeFlow:
     ports = port_pressures(np.full(len(alpha_rad), QBAR_PA), alpha_rad, beta_rad)
-    return flow_at_probe(calibration, ports.lower_minus_upper, ports.right_minus_left, ports.centre - ports.static)
+    return flow_at_probe(calibration, ports.lower_minus_upper, ports.right_minus_left, ports.center - ports.static)
 
 
 @app.command()

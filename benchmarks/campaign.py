@@ -3,7 +3,7 @@
     python benchmarks/campaign.py --flights 100 --logs 4 --out /var/tmp/campaign
 
 `--logs` short flights are simulated (seeds 1000 and on). Copies of them differ in the weight of the aircraft file, so
-that each is analysed and none equals another. Every part checks that the results are equal to the byte. `--part` runs
+that each is analyzed and none equals another. Every part checks that the results are equal to the byte. `--part` runs
 one part, `--log` takes copies of a log of your own, such as one of twenty minutes.
 """
 
@@ -139,7 +139,7 @@ def processors(logs: list[Path], folder: Path) -> None:
         elapsed[jobs] = time.monotonic() - start
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         alone = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime  # of the first process, without jobs
-        analyses = float(re.search(rb"analysed in ([\d.]+) s", said.stderr)[1])  # type: ignore[index]
+        analyses = float(re.search(rb"analyzed in ([\d.]+) s", said.stderr)[1])  # type: ignore[index]
         ideal[jobs] = alone + analyses / jobs
         console.print(
             f"--jobs {jobs}: {len(logs)} flights in {elapsed[jobs]:.0f} s; processor time {alone:.1f} s of the first"
@@ -164,7 +164,7 @@ def killed(logs: list[Path], folder: Path, whole: Path) -> None:
     kept = sum(written_at(out)[name] == when for name, when in done.items())
     console.print(
         f"SIGKILL with {len(done)} of {len(logs)} done, {partial} begun; resumed: {kept} kept, {len(logs) - kept}"
-        f" analysed; {equal(out, whole)}"
+        f" analyzed; {equal(out, whole)}"
     )
 
 
@@ -280,7 +280,7 @@ def hundred(folder: Path, whole: Path, count: int = 100) -> None:
     busy = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime
     page = out / "report.html"
     console.print(
-        f"{count} flights that are analysed: pooled and reported in {elapsed:.1f} s, {busy:.1f} s of processor time;"
+        f"{count} flights that are analyzed: pooled and reported in {elapsed:.1f} s, {busy:.1f} s of processor time;"
         f" the page has {page.stat().st_size / 1e6:.2f} MB"
     )
     before, start = used, time.monotonic()
@@ -303,7 +303,7 @@ def hundred(folder: Path, whole: Path, count: int = 100) -> None:
 
 
 def main(
-    flights: Annotated[int, typer.Option(help="Copies to analyse.")] = 100,
+    flights: Annotated[int, typer.Option(help="Copies to analyze.")] = 100,
     logs: Annotated[int, typer.Option(help="Simulated flights that are copied.")] = 4,
     log: Annotated[Path | None, typer.Option(help="Copy this log instead.")] = None,
     out: Annotated[Path, typer.Option(help="Folder to work in; what is there already is used.")] = Path("out/campaign"),

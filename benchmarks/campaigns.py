@@ -5,7 +5,7 @@
 
 The systematic errors of installation, propeller and aircraft are drawn once a campaign; biases of the IMU, zeros of the
 transducers and the updraft once a flight. Configuration B is the same aircraft with 3 % more drag at every lift.
-Each flight's statistics for pooling are a line of the file of flights as soon as it is flown and analysed, without
+Each flight's statistics for pooling are a line of the file of flights as soon as it is flown and analyzed, without
 buses, counts and log (`benchmarks/flights.py`). A flight that has a line by this version of the code is not flown
 again, so that an interrupted run continues. The numbers of flights pooled are taken from the same flights.
 Campaigns below 10 are for development; figures of the documentation come from others (seeds from 1000).
@@ -114,7 +114,7 @@ def aircraft_of(configuration: str, world: World, campaign: int) -> Aircraft:
     )
 
 
-def analysed(
+def analyzed(
     data: flights.AirOf, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, probe: ProbeCalibration
 ) -> DynamicEstimate:
     """What `analyze` makes of a flight: with larger priors where they conflict with the data."""
@@ -152,7 +152,7 @@ def one_flight(job: Job) -> dict[str, Any]:
         propeller = world.table(aircraft.propulsion) or load_propeller(aircraft.propulsion.propeller)
         data = flights.air_of(table, aircraft, probe)
         runs = select(data.table, data.still, "log", None).level_runs
-        estimate = analysed(data, runs, aircraft, propeller, probe)
+        estimate = analyzed(data, runs, aircraft, propeller, probe)
     except (InputError, np.linalg.LinAlgError) as error:
         return {**job._asdict(), "refused": str(error)}
     rows = np.concatenate([np.arange(len(data.table))[run.rows] for run in runs])

@@ -2,7 +2,7 @@
 
     python benchmarks/chain.py --turbulence-kt 3 --flights 8 --seed 0
 
-Each flight is flown and recorded by `sim fly` and analysed by `analyze`, as a user would: all runs, and by an edited
+Each flight is flown and recorded by `sim fly` and analyzed by `analyze`, as a user would: all runs, and by an edited
 runs.toml the longest acceleration and the longest deceleration alone. Compared is the curve of results.json with the
 simulator's truth at the speeds of benchmarks/estimators.py that were flown; beside it stands what the same flights give
 without sensors' buses, counts and log ("direct"), as benchmarks/estimators.py has them, and by how much the two differ.

@@ -41,13 +41,13 @@ Flights = dict[FlightName, Shown]
 
 
 def significance_limits(folder: Path) -> dict[str, list[tuple[float, float]]]:
-    """Fig. 4.12 for the Astraeus HS: by manoeuvre (factor on the noise, SNR above which C_Lq is significant)."""
+    """Fig. 4.12 for the Astraeus HS: by maneuver (factor on the noise, SNR above which C_Lq is significant)."""
     kept = folder / "significance.json"
     if not kept.exists():
         aircraft = load_aircraft("astraeus-hs")
         found = {
             name: [(factor, estimation.significance_limit(aircraft, run, factor, DRAWS).snr) for factor in FACTORS]
-            for name, run in estimation.manoeuvres("astraeus-hs").items()
+            for name, run in estimation.maneuvers("astraeus-hs").items()
         }
         kept.write_text(json.dumps(found), "utf-8")
     return {name: [(f, snr) for f, snr in points] for name, points in json.loads(kept.read_text("utf-8")).items()}

@@ -7,7 +7,7 @@ import numpy as np
 from dissertation_flights import AIRCRAFT, CASES, NOISE_FACTORS, SHOWN, Curve, FlightName, RunFit, Shown, true_estimates
 from plotly.subplots import make_subplots
 
-BLUE, RED, GREEN, PURPLE, GREY, BLACK = "#1f5fa8", "#c0392b", "#2e8b57", "#8e44ad", "#7f8c8d", "#000000"
+BLUE, RED, GREEN, PURPLE, GRAY, BLACK = "#1f5fa8", "#c0392b", "#2e8b57", "#8e44ad", "#7f8c8d", "#000000"
 OUTPUTS = {"V": ("V, m/s", 1.0), "alpha": ("α, deg", 180 / np.pi), "ax": ("ax, m/s²", 1.0), "az": ("az, m/s²", 1.0)}
 SPEED, POWER, TIME = "true airspeed, m/s", "power required, W", "time since the run began, s"
 Flights = dict[FlightName, Shown]
@@ -99,10 +99,10 @@ def fits(flights: Flights) -> Any:
     for row, (name, (_, unit)) in enumerate(OUTPUTS.items(), start=1):
         for i, run in enumerate(runs):
             column = 2 * i + 1
-            _line(figure, run.t_s, unit * run.measured[name], "measured", GREY, (row, column), mode="markers",
-                  marker={"size": 4, "color": GREY})  # fmt: skip
-            _line(figure, run.t_s, unit * run.modelled[name], "model", RED, (row, column))
-            rest = unit * (run.measured[name] - run.modelled[name])
+            _line(figure, run.t_s, unit * run.measured[name], "measured", GRAY, (row, column), mode="markers",
+                  marker={"size": 4, "color": GRAY})  # fmt: skip
+            _line(figure, run.t_s, unit * run.modeled[name], "model", RED, (row, column))
+            rest = unit * (run.measured[name] - run.modeled[name])
             _line(figure, run.t_s, rest, "residual", BLUE, (row, column + 1), width=1)
     return figure
 
@@ -151,7 +151,7 @@ def power_on_noise(flights: Flights) -> Any:
 def signal_to_noise(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> Any:
     """Fig. 7.8 with Fig. 4.12: SNR of pitch rate of each run, and where C_Lq becomes significant.
 
-    limits : by manoeuvre (factor on the noise, SNR)
+    limits : by maneuver (factor on the noise, SNR)
     """
     figure = _panels(["pitch rate of the runs", "C_Lq significant above"], 2, 440)
     for i, aircraft in enumerate(AIRCRAFT.values()):
@@ -168,7 +168,7 @@ def signal_to_noise(flights: Flights, limits: dict[str, list[tuple[float, float]
             x=[i + 0.3] * len(significant), y=[snr for snr, _ in significant], mode="markers", name="C_Lq significant",
             marker={"color": BLACK, "symbol": "x", "size": 9}, showlegend=i == 0, row=1, col=1,
         )  # fmt: skip
-    for (name, points), color in zip(limits.items(), (BLUE, GREEN, GREY), strict=False):
+    for (name, points), color in zip(limits.items(), (BLUE, GREEN, GRAY), strict=False):
         known = [(factor, snr) for factor, snr in points if snr > 0]  # neither never (NaN) nor always (0)
         figure.add_scatter(
             x=[factor for factor, _ in known], y=[snr for _, snr in known], name=f"limit, {name}",
@@ -257,7 +257,7 @@ def cases(flights: Flights) -> Any:
     titles = [f"{name}, {how}" for how in ("dynamic method", "two states") for name in ("Astraeus LS", "Astraeus HS")]
     figure = _panels(titles, 2, 640, SPEED, ["error of power, W"] * 2, vertical_spacing=0.12)
     for column, aircraft in enumerate(("astraeus-ls", "astraeus-hs"), start=1):
-        for plan, color in zip(CASES, (BLUE, GREEN, RED, PURPLE, GREY), strict=True):
+        for plan, color in zip(CASES, (BLUE, GREEN, RED, PURPLE, GRAY), strict=True):
             flight = flights[FlightName(aircraft, plan)]
             for row, method in enumerate(("dynamic", "two-state"), start=1):
                 curve = flight.curves.get(method)

@@ -1,4 +1,4 @@
-"""The flights of benchmarks/dissertation.py: simulated, analysed, and what the figures show of each, cached."""
+"""The flights of benchmarks/dissertation.py: simulated, analyzed, and what the figures show of each, cached."""
 
 import pickle
 import subprocess
@@ -57,7 +57,7 @@ class Curve(NamedTuple):
 class RunFit(NamedTuple):
     """One run fitted alone by the two-state model.
 
-    measured, modelled : (n,) by output     change_by_CLq : of the model's response, in fits with and without it
+    measured, modeled : (n,) by output     change_by_CLq : of the model's response, in fits with and without it
     estimates : name to value, standard error for white and for colored residuals
     CLq, t_CLq : of a second fit, without a prior
     """
@@ -66,7 +66,7 @@ class RunFit(NamedTuple):
     t_s: Array
     curve: Curve
     measured: dict[str, Array]
-    modelled: dict[str, Array]
+    modeled: dict[str, Array]
     change_by_CLq: dict[str, Array]
     estimates: dict[str, tuple[float, float, float]]
     CLq: float
@@ -121,7 +121,7 @@ def _budget(noise: float) -> str:
 
 
 def shown(name: FlightName, folder: Path) -> Shown:
-    """What the figures show of a flight; from the cache, where it has been analysed before."""
+    """What the figures show of a flight; from the cache, where it has been analyzed before."""
     path = flown(name, folder)
     kept = path / "shown.pickle"
     if not kept.exists():

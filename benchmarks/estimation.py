@@ -142,8 +142,8 @@ OCTAVES = range(-4, 8)  # of the gyro's noise: 0.0003 to 0.64 rad/s
 DECIMATION = 2  # the truth is at 50 Hz, the measurements are at 25 Hz
 
 
-def manoeuvres(aircraft: str = "nexstar") -> dict[str, pd.DataFrame]:
-    """The manoeuvres of case 3: two runs and an elevator input, without the recovery after it."""
+def maneuvers(aircraft: str = "nexstar") -> dict[str, pd.DataFrame]:
+    """The maneuvers of case 3: two runs and an elevator input, without the recovery after it."""
     ramp, _, step = runs("case-3", aircraft)
     elevator = runs("case-3", aircraft, kind="3-2-1-1")[0]
     return {
@@ -154,7 +154,7 @@ def manoeuvres(aircraft: str = "nexstar") -> dict[str, pd.DataFrame]:
 
 
 def measured(run: pd.DataFrame, factor: float, gyro_radps: float, seed: int) -> Segment:
-    """A manoeuvre with the noise of Table 4.1 times `factor` on the outputs, and white noise on the gyro."""
+    """A maneuver with the noise of Table 4.1 times `factor` on the outputs, and white noise on the gyro."""
     rng = np.random.default_rng(seed)
     rows = run.iloc[::DECIMATION]
     true = {name: rows[name].to_numpy() for name in rows.columns if name != "kind"}
@@ -226,12 +226,12 @@ def trajectory() -> None:
 
 @app.command()
 def significance(seeds: Annotated[int, typer.Option(help="Number of draws of the noise.")] = 6) -> None:
-    """The SNR of pitch rate at which CLq becomes significant in the manoeuvres of case 3 (Fig. 4.12)."""
+    """The SNR of pitch rate at which CLq becomes significant in the maneuvers of case 3 (Fig. 4.12)."""
     aircraft = load_aircraft("nexstar")
     table = Table(
-        "manoeuvre", "all other noise", "CLq significant above SNR", "SNR in flight", "t, quietest gyro", box=None
+        "maneuver", "all other noise", "CLq significant above SNR", "SNR in flight", "t, quietest gyro", box=None
     )
-    for name, run in manoeuvres().items():
+    for name, run in maneuvers().items():
         for factor in (0.5, 1.0, 1.5):
             limit = significance_limit(aircraft, run, factor, seeds)
             shown = "never" if np.isnan(limit.snr) else f"{limit.snr:.2g}" if limit.snr else "always"

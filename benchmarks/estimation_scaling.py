@@ -113,35 +113,35 @@ def fitted(model, segments):
 
 @app.command()
 def growth() -> None:
-    """Processor time and peak memory of fits over samples and manoeuvres; each fit in its own process."""
+    """Processor time and peak memory of fits over samples and maneuvers; each fit in its own process."""
     table = Table(
-        "samples", "manoeuvres", "states", "outputs", "parameters", "s", "ms per 1000 samples", "MB", "wanted", box=None
+        "samples", "maneuvers", "states", "outputs", "parameters", "s", "ms per 1000 samples", "MB", "wanted", box=None
     )
-    for model, samples, manoeuvres, wanted in (
+    for model, samples, maneuvers, wanted in (
         ("TWELVE", 500, 1, "20 ms"), ("TEN", 500, 1, ""), ("ELEVEN", 601, 1, "50 ms"), ("TEN", 2000, 1, ""),
         ("TEN", 10_000, 1, ""), ("TEN", 50_000, 1, "3 s, 300 MB"), ("TEN", 200_000, 1, ""), ("TEN", 500, 10, ""),
         ("TEN", 500, 100, ""),
     ):  # fmt: skip
-        command = [sys.executable, __file__, "one", model, str(samples), str(manoeuvres)]
+        command = [sys.executable, __file__, "one", model, str(samples), str(maneuvers)]
         ran = subprocess.run(command, capture_output=True, text=True, check=True)
         seconds, megabytes = (float(word) for word in ran.stdout.split())
         chosen = MODELS[model]
         states, outputs, parameters = (len(part) for part in (chosen.states, chosen.outputs, chosen.parameters))
-        per_1000 = 1e6 * seconds / (samples * manoeuvres)
+        per_1000 = 1e6 * seconds / (samples * maneuvers)
         table.add_row(
-            str(samples), str(manoeuvres), str(states), str(outputs), str(parameters), f"{seconds:.3f}",
+            str(samples), str(maneuvers), str(states), str(outputs), str(parameters), f"{seconds:.3f}",
             f"{per_1000:.0f}", f"{megabytes:.0f}", wanted,
         )  # fmt: skip
     CONSOLE.print(table)
 
 
 @app.command(hidden=True)
-def one(model: str, samples: int, manoeuvres: int) -> None:
+def one(model: str, samples: int, maneuvers: int) -> None:
     """Processor time [s] of one fit after the model is compiled, and peak memory of the process [MB]."""
     chosen = MODELS[model]
-    segments = [record(chosen, samples, seed) for seed in range(manoeuvres)]
+    segments = [record(chosen, samples, seed) for seed in range(maneuvers)]
     fitted(chosen, record(chosen, 100))
-    seconds = processor_time_s(lambda: fitted(chosen, segments), 1 if samples * manoeuvres > 5000 else 10)
+    seconds = processor_time_s(lambda: fitted(chosen, segments), 1 if samples * maneuvers > 5000 else 10)
     print(seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 

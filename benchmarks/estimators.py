@@ -44,7 +44,7 @@ SLOW_OVER_STALL = 1.237  # 13 m/s of the Nexstar
 
 
 class Job(NamedTuple):
-    """One flight to fly and to analyse."""
+    """One flight to fly and to analyze."""
 
     aircraft: Aircraft
     probe: ProbeCalibration

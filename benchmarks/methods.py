@@ -109,7 +109,7 @@ def compared(
 
 
 class Job(NamedTuple):
-    """One flight to simulate and to analyse."""
+    """One flight to simulate and to analyze."""
 
     aircraft: Aircraft
     probe: ProbeCalibration

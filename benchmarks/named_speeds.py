@@ -14,7 +14,7 @@ from analysis.report.sections.curve import curve_section, methods_section
 from analysis.report.sections.summary import verdict_section
 from analysis.results.schema import Results
 
-ROUNDED = 0.051  # speeds are written to a tenth of a metre per second
+ROUNDED = 0.051  # speeds are written to a tenth of a meter per second
 
 
 def below_slowest(results: Results, *, figures: bool = True) -> list[str]:

@@ -3,7 +3,7 @@
     .venv/bin/python benchmarks/own_aircraft.py --flights 20
 
 Simulated flights (without buses) of Nexstars that differ in what the short file lacks: upwash at the probe, places of
-probe and IMU, each drawn evenly. The same log is analysed with the aircraft file that it carries, and with one of name,
+probe and IMU, each drawn evenly. The same log is analyzed with the aircraft file that it carries, and with one of name,
 span, wing area and weight.
 """
 

@@ -21,7 +21,7 @@ WIDTH, HEIGHT = 1200, 600
 
 
 def main(
-    flight: Annotated[Path, typer.Argument(help="Folder of a simulated flight that was analysed.")],
+    flight: Annotated[Path, typer.Argument(help="Folder of a simulated flight that was analyzed.")],
     output: Annotated[Path, typer.Argument(help="PNG file to write.")],
 ) -> None:
     report = (flight / LOG).with_suffix(".report")

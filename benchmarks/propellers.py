@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data" / "propellers"
 J = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
 ZERO_THRUST_J, RPM = 0.70, 6011.5  # of the 10x5E; at which the two are compared
-COLOURS = ("#004a99", "#c64b00", "#00735c", "#8a2f8f")
+COLORS = ("#004a99", "#c64b00", "#00735c", "#8a2f8f")
 
 
 def main(
@@ -59,15 +59,15 @@ def _figure(measured, computed):
 
     figure = make_subplots(rows=1, cols=2, subplot_titles=["thrust coefficient", "power coefficient"])
     grid = np.linspace(0, 0.7, 141)
-    for colour, row in zip(COLOURS, measured.rows, strict=True):
+    for color, row in zip(COLORS, measured.rows, strict=True):
         for column in (1, 2):
             dots, line = (row.cT, row.cP)[column - 1], computed.coefficients(grid, row.rpm)[column - 1]
             name, first = f"{row.rpm:.0f} rpm", column == 1
             figure.add_scatter(
-                x=row.J, y=dots, mode="markers", marker={"color": colour, "size": 8}, row=1, col=column,
+                x=row.J, y=dots, mode="markers", marker={"color": color, "size": 8}, row=1, col=column,
                 name=f"measured, {name}", showlegend=first,
             )  # fmt: skip
-            style = {"color": colour, "width": 2.5, "dash": "solid" if row is measured.rows[0] else "dash"}
+            style = {"color": color, "width": 2.5, "dash": "solid" if row is measured.rows[0] else "dash"}
             figure.add_scatter(
                 x=grid, y=line, mode="lines", line=style, row=1, col=column, name=f"computed, {name}", showlegend=first
             )

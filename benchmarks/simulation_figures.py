@@ -22,7 +22,7 @@ from sim.sensors import load_budget
 
 FOLDER = Path(__file__).parents[1] / "docs" / "figures"
 WIDTH, HEIGHT = 900, 560
-COLOURS = ("#1f5fa8", "#c0392b", "#2e8b57", "#8e44ad")
+COLORS = ("#1f5fa8", "#c0392b", "#2e8b57", "#8e44ad")
 DEG = 180 / np.pi
 
 
@@ -54,12 +54,10 @@ def panels(titles: list[str], columns: int = 1) -> Any:
     return drawn
 
 
-def line(
-    drawn: Any, run: pd.DataFrame, y: Any, colour: str, place: tuple[int, int], *, name: str | None = None
-) -> None:
+def line(drawn: Any, run: pd.DataFrame, y: Any, color: str, place: tuple[int, int], *, name: str | None = None) -> None:
     """A line in the panel (row, column); in the legend with a name."""
     row, column = place
-    style = {"color": colour, "width": 2}
+    style = {"color": color, "width": 2}
     drawn.add_scatter(x=run["t_s"], y=y, name=name, line=style, showlegend=name is not None, row=row, col=column)
 
 
@@ -71,21 +69,21 @@ def deceleration() -> Any:
         2,
     )
     for column, run in enumerate(runs("long-deceleration", "astraeus-hs"), start=1):
-        colour = COLOURS[column]
-        line(drawn, run, run["V_mps"], colour, (1, column))
-        line(drawn, run, run["pitch_rad"] * DEG, colour, (2, column))
-        line(drawn, run, run["q_radps"] * DEG, colour, (3, column))
+        color = COLORS[column]
+        line(drawn, run, run["V_mps"], color, (1, column))
+        line(drawn, run, run["pitch_rad"] * DEG, color, (2, column))
+        line(drawn, run, run["q_radps"] * DEG, color, (3, column))
     return drawn
 
 
 def throttle_step() -> Any:
     """The first seconds of the same acceleration, with the throttle as a step and as a ramp."""
     drawn = panels(["throttle", "pitch rate [deg/s]", "pitch [deg]"])
-    for run, name, colour in zip(runs("throttle-step"), ("step", "ramp of 2 s"), COLOURS, strict=False):
+    for run, name, color in zip(runs("throttle-step"), ("step", "ramp of 2 s"), COLORS, strict=False):
         first = run[run["t_s"] < 4]
-        line(drawn, first, first["throttle"], colour, (1, 1), name=name)
-        line(drawn, first, first["q_radps"] * DEG, colour, (2, 1))
-        line(drawn, first, first["pitch_rad"] * DEG, colour, (3, 1))
+        line(drawn, first, first["throttle"], color, (1, 1), name=name)
+        line(drawn, first, first["q_radps"] * DEG, color, (2, 1))
+        line(drawn, first, first["pitch_rad"] * DEG, color, (3, 1))
     return drawn
 
 
@@ -100,11 +98,11 @@ def cases() -> Any:
         "case-2-higher": "ends higher",
         "case-2-lower": "ends lower",
     }
-    for colour, (plan, name) in zip(COLOURS, plans.items(), strict=True):
+    for color, (plan, name) in zip(COLORS, plans.items(), strict=True):
         for column, run in enumerate(runs(plan), start=1):
             gained = run["height_m"] - run["height_m"].iloc[0]
-            line(drawn, run, gained, colour, (1, column), name=name if column == 1 else None)
-            line(drawn, run, run["V_mps"], colour, (2, column))
+            line(drawn, run, gained, color, (1, column), name=name if column == 1 else None)
+            line(drawn, run, run["V_mps"], color, (2, column))
     return drawn
 
 
@@ -114,14 +112,14 @@ def signal_to_noise() -> dict[str, list[float]]:
     first, _, third = runs("case-3")
     elevator = runs("case-3", kind="3-2-1-1")[0]
     elevator = elevator[elevator["t_s"] < 7 * 0.3 + 4.0]  # without the recovery
-    manoeuvres = {
+    maneuvers = {
         "throttle ramp, height held": first,
         "throttle step, height wanders": third,
         "3-2-1-1 elevator": elevator,
     }
     return {
         name: [float(run["q_radps"].var()) / (factor * sigma) ** 2 for factor in (0.5, 1.0, 1.5)]
-        for name, run in manoeuvres.items()
+        for name, run in maneuvers.items()
     }
 
 
@@ -130,13 +128,13 @@ def case_3() -> Any:
 
     drawn = go.Figure()
     found = signal_to_noise()
-    for i, (colour, label) in enumerate(zip(COLOURS, ("noise x 0.5", "x 1", "x 1.5"), strict=False)):
+    for i, (color, label) in enumerate(zip(COLORS, ("noise x 0.5", "x 1", "x 1.5"), strict=False)):
         values = [snr[i] for snr in found.values()]
         drawn.add_bar(
             x=list(found),
             y=values,
             name=label,
-            marker_color=colour,
+            marker_color=color,
             text=[f"{v:.0f}" for v in values],
             textposition="outside",
         )

@@ -2,7 +2,7 @@
 
     .venv/bin/python benchmarks/slowest_speed.py --flights 50
 
-Each flight is simulated without buses and analysed, with another aircraft, air and set of errors; short plans, since
+Each flight is simulated without buses and analyzed, with another aircraft, air and set of errors; short plans, since
 the shorter a flight, the wider the intervals of its best speeds. Whatever `below_slowest` finds is printed.
 """
 

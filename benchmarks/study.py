@@ -5,10 +5,10 @@
     python benchmarks/study.py --worlds study --weather 15 --plans full-test-flight --calibrated
 
 With --calibrated, `calibrate transducers` comes first: the transducers of each flight are held at the pressures of the
-plan `transducer-column`, by a water column whose scale and readings have errors, and the flight is analysed with the
+plan `transducer-column`, by a water column whose scale and readings have errors, and the flight is analyzed with the
 result.
 
-Every cell of world, weather and plan is flown with a number of seeds, recorded by `sim fly --no-hardware`, analysed,
+Every cell of world, weather and plan is flown with a number of seeds, recorded by `sim fly --no-hardware`, analyzed,
 and compared with the true curve of the aircraft flown. Each flight is a line of the file of flights as soon as it is
 done. A flight that has a line by this version of the code is not flown again, so that an interrupted study continues.
 Seeds below 1000 are for development; figures of the documentation come from others.
@@ -63,7 +63,7 @@ class Cell(NamedTuple):
 
 
 class Job(NamedTuple):
-    """One flight to fly and to analyse."""
+    """One flight to fly and to analyze."""
 
     cell: Cell
     seed: int

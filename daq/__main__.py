@@ -1,4 +1,4 @@
-"""The command `daq`: record the tray, check it before flight, take its zero, summarise a log, print an example.
+"""The command `daq`: record the tray, check it before flight, take its zero, summarize a log, print an example.
 
 More than 350 lines: options and help of every subcommand are here, and little else.
 """
@@ -253,7 +253,7 @@ def check(
 
 @app.command()
 def info(log: Annotated[Path, typer.Argument(metavar="LOG", help="A log; may be unfinished.")]) -> None:
-    """Summarise a log: topics, rates, failed readings and attachments.
+    """Summarize a log: topics, rates, failed readings and attachments.
 
     \b
     Example:
@@ -262,9 +262,9 @@ def info(log: Annotated[Path, typer.Argument(metavar="LOG", help="A log; may be 
     from rich.console import Console
     from rich.table import Table
 
-    from daq.log_summary import summarise
+    from daq.log_summary import summarize
 
-    summary = summarise(log)
+    summary = summarize(log)
     console = Console()
     for line in summary.lines:
         console.print(line, highlight=False, markup=False)

@@ -28,8 +28,8 @@ class Summary(NamedTuple):
     topics: list[TopicSummary]
 
 
-def summarise(path: Path) -> Summary:
-    """Summarise a log. Raises InputError when it cannot be read."""
+def summarize(path: Path) -> Summary:
+    """Summarize a log. Raises InputError when it cannot be read."""
     log = read_log(path)
     times_ns = [time_ns for entries in log.entries.values() for time_ns in (e.time_ns for e in entries)]
     begin_ns, end_ns = min(times_ns), max(times_ns)

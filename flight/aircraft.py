@@ -63,7 +63,7 @@ class Propulsion:
     battery_resistance_ohm: float | None = None
     battery_energy_Wh: float | None = None
     throttle_channel: int = 3
-    beyond_zero_thrust: str = "windmill"  # or "fold": behaviour of the propeller at negative thrust
+    beyond_zero_thrust: str = "windmill"  # or "fold": behavior of the propeller at negative thrust
     static_thrust_ratio: float | None = None  # thrust at rest, on a stand, over that of the propeller's table
 
 
@@ -117,7 +117,7 @@ class ProbeInstallation:
     deviations.
     """
 
-    position_m: Position = (0.3, 0.0, 0.0)  # from the centre of gravity, body axes
+    position_m: Position = (0.3, 0.0, 0.0)  # from the center of gravity, body axes
     upwash_per_CL_rad: float = 0.017453292519943295  # (alpha at the probe - alpha of the aircraft) / CL; 1 deg
     lines: dict[str, PneumaticLine] = field(default_factory=dict)
 

@@ -33,10 +33,10 @@ KEYS: dict[str, Key] = {
     "source": Key('"Own measurements, 2026"', "Where the numbers come from.", "Write it down.", "reader", "empty"),
     "imu_position": Key(
         '["0.05 m", "0.0 m", "0.02 m"]',
-        "The IMU from the centre of gravity: forward, right, down.",
+        "The IMU from the center of gravity: forward, right, down.",
         "With a ruler, from the balance point.",
         "analysis, simulator",
-        "the centre of gravity, ±0.1 m each way; intervals contain it",
+        "the center of gravity, ±0.1 m each way; intervals contain it",
     ),
     "geometry.span": Key('"1.75 m"', "Wing span b.", "From tip to tip, with a tape measure.", ALL),
     "geometry.wing_area": Key(
@@ -165,7 +165,7 @@ KEYS: dict[str, Key] = {
     "SURFACE.lag": Key('"20 ms"', "Lag of the servo.", "Data sheet.", SIMULATOR, "20 ms"),
     "probe.position": Key(
         '["0.45 m", "0.0 m", "0.0 m"]',
-        "Tip of the probe from the centre of gravity: forward, right, down.",
+        "Tip of the probe from the center of gravity: forward, right, down.",
         "With a ruler, from the balance point.",
         "analysis, simulator",
         "0.3 m forward, ±0.2 m; intervals contain it",

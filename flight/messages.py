@@ -91,7 +91,7 @@ class DifferentialPressure(Message):
     """A pressure difference of the five-port probe (MS4515DO, Honeywell SSC).
 
     /probe/alpha: lower minus upper port. /probe/beta: right minus left port (positive with wind from the right).
-    /probe/airspeed: centre port minus static.
+    /probe/airspeed: center port minus static.
     """
 
     topics = ("/probe/alpha", "/probe/beta", "/probe/airspeed")
@@ -163,7 +163,7 @@ class Battery(Message):
 
 
 class Analog(Message):
-    """The voltage at one input of an analogue converter (ADS1115). Its inputs take turns."""
+    """The voltage at one input of an analog converter (ADS1115). Its inputs take turns."""
 
     topics = ("/analog",)
 

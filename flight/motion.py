@@ -2,7 +2,7 @@
 
 Simulator, trim and estimators all use these functions, which accept floats, arrays and CasADi symbols. Misprints of
 the source are corrected, such as signs in (3.10) and (3.11). Body axes: x forward, y right, z down, origin at the
-centre of gravity. A vector is a tuple of three components, an attitude one of (phi, theta, psi), rates are (p, q, r).
+center of gravity. A vector is a tuple of three components, an attitude one of (phi, theta, psi), rates are (p, q, r).
 qS is dynamic pressure times reference area, a force [N]; T thrust [N]; V airspeed [m/s]; g standard gravity [m/s^2]. In
 function bodies c and s are cosine and sine; a, b, f, t, p stand for alpha, beta, phi, theta, psi.
 """
@@ -49,7 +49,7 @@ def velocity_derivative(
 ) -> tuple[Number, Number, Number]:
     """(udot, vdot, wdot) [m/s^2] from velocity (u, v, w), rates, specific force (ax, ay, az) and gravity (3.6-3.8).
 
-    specific_force: aerodynamic force plus thrust, over mass, which an accelerometer at the centre of gravity measures
+    specific_force: aerodynamic force plus thrust, over mass, which an accelerometer at the center of gravity measures
     [m/s^2].
     """
     (u, v, w), (p, q, r), (ax, ay, az) = velocity, rates, specific_force
@@ -142,7 +142,7 @@ def wind_axis_derivative(
 def specific_force_at(
     specific_force: Vector, rates: Vector, angular_acceleration: Vector, position_m: Vector
 ) -> tuple[Number, Number, Number]:
-    """Specific force [m/s^2] at `position_m` (x, y, z from the centre of gravity), from that at the centre of gravity.
+    """Specific force [m/s^2] at `position_m` (x, y, z from the center of gravity), from that at the center of gravity.
 
     a + omegadot x r + omega x (omega x r), in body axes.
     """

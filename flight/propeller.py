@@ -146,9 +146,9 @@ class Propeller(PropellerModel):
         cT, cP, cT_slope, cP_slope = self._lines
         return interpolated(cT, cT_slope), interpolated(cP, cP_slope)
 
-    def with_beyond_zero_thrust(self, behaviour: str) -> "Propeller":
-        """The same table with another behaviour beyond zero thrust."""
-        return Propeller(self.name, self.diameter_m, self.rows, self.source, behaviour)
+    def with_beyond_zero_thrust(self, behavior: str) -> "Propeller":
+        """The same table with another behavior beyond zero thrust."""
+        return Propeller(self.name, self.diameter_m, self.rows, self.source, behavior)
 
     def covers(self, J: Number, rpm: Number) -> Number:
         """True where (J, rpm) lies inside the table, without extrapolation; elementwise."""

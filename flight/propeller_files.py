@@ -15,9 +15,9 @@ from flight.propeller import Propeller, Row
 from flight.shipped_propellers import FOLDER, shipped_propellers
 
 INCH_M = 0.0254
-LARGEST_INCHES = 40.0  # larger numbers are millimetres: UIUC names a few small propellers so (E-Flite 130x70)
+LARGEST_INCHES = 40.0  # larger numbers are millimeters: UIUC names a few small propellers so (E-Flite 130x70)
 COLUMNS = ("rpm", "J", "cT", "cP")
-LARGEST_DIAMETER_M = 3.0  # larger numbers are inches or millimetres
+LARGEST_DIAMETER_M = 3.0  # larger numbers are inches or millimeters
 SAME_RPM = 0.01  # relative difference of speeds of rotation below which two tests are put into one row
 UIUC_NAME = re.compile(r"(?P<name>.+_(?P<size>\d+(?:\.\d+)?)x\d+(?:\.\d+)?[^_]*)_(?P<test>.+)\.txt")
 
@@ -105,7 +105,7 @@ def _csv_table(text: str, name: str) -> tuple[float, tuple[Row, ...], str]:
         raise InputError(f"propeller {name}: diameter_m = {diameter[1]} is not a number") from None
     if diameter_m > LARGEST_DIAMETER_M:
         raise InputError(
-            f"propeller {name}: diameter_m = {diameter[1]} is not that of a small propeller in metres; an inch is"
+            f"propeller {name}: diameter_m = {diameter[1]} is not that of a small propeller in meters; an inch is"
             " 0.0254 m"
         )
     points: dict[float, list[tuple[float, float, float]]] = {}

@@ -17,7 +17,7 @@ WAKE_UP_S = 25e-6  # [9.4.2.1]
 class FakeADS1115:
     """The part. input_V: voltage of an input at the times [s] since the start; seed: draws the oscillator.
 
-    Continuous mode is not modelled: its result register stays as it is.
+    Continuous mode is not modeled: its result register stays as it is.
     """
 
     def __init__(self, input_V: Callable[[int, float], float], now_ns: Callable[[], int], seed: int):

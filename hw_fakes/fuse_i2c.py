@@ -101,7 +101,7 @@ class FuseI2C:
             try:
                 request = os.read(self._fuse, REQUEST_BYTES)
             except OSError as error:
-                if error.errno in (errno.ENOENT, errno.EINTR, errno.EAGAIN):  # the request was cancelled
+                if error.errno in (errno.ENOENT, errno.EINTR, errno.EAGAIN):  # the request was canceled
                     continue
                 return  # ENODEV: unmounted
             _, opcode, unique, _, _, _, pid, _ = IN_HEADER.unpack_from(request)

@@ -1,7 +1,7 @@
 """TI INA226 (SBOS547B) and INA228 (SLYS021A): power monitors that convert bus and shunt voltage in turn.
 
 Sections are those of the datasheets' register maps. A register is two or three bytes, most significant first; a pointer
-write selects it and stays. Only what a reader of voltage and current needs is modelled: no alerts, power or energy.
+write selects it and stays. Only what a reader of voltage and current needs is modeled: no alerts, power or energy.
 """
 
 from collections.abc import Callable

@@ -112,7 +112,7 @@ class FlightCondition(NamedTuple):
     Cl: Any
     Cm: Any
     Cn: Any
-    specific_force: tuple[Any, Any, Any]  # body axes, at the centre of gravity
+    specific_force: tuple[Any, Any, Any]  # body axes, at the center of gravity
     angular_acceleration: tuple[Any, Any, Any]
     train: PowerTrainState
 

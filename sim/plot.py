@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 DEG = 180 / np.pi
-COLOURS = ("#1f5fa8", "#c0392b", "#2e8b57")
+COLORS = ("#1f5fa8", "#c0392b", "#2e8b57")
 # One panel a quantity: the axis title, then its columns with name and factor to the unit.
 PANELS: tuple[tuple[str, dict[str, tuple[str, float]]], ...] = (
     ("speed<br>[m/s]", {"V_mps": ("airspeed", 1.0)}),
@@ -38,8 +38,8 @@ def figure(truth: pd.DataFrame, metadata: dict[str, Any]) -> Any:
     every = table.iloc[:: max(1, len(table) // MOST_POINTS)]
     for row, (title, columns) in enumerate(PANELS, start=1):
         legend = "legend" if row == 1 else f"legend{row}"
-        for colour, (column, (name, factor)) in zip(COLOURS, columns.items(), strict=False):
-            line = {"color": colour, "width": 1.5}
+        for color, (column, (name, factor)) in zip(COLORS, columns.items(), strict=False):
+            line = {"color": color, "width": 1.5}
             drawn.add_scatter(
                 x=every["time_s"], y=every[column] * factor, name=name, line=line, legend=legend, row=row, col=1
             )

@@ -7,7 +7,7 @@ from math import cos, pi, sin
 from flight.errors import InputError
 from sim.bench import BurstsSegment, ColumnSegment, DeflectSegment, HandTurnSegment
 from sim.integration import Observation
-from sim.manoeuvres import MultistepSegment, PorpoiseSegment, RollerCoasterSegment, WindUpTurnSegment
+from sim.maneuvers import MultistepSegment, PorpoiseSegment, RollerCoasterSegment, WindUpTurnSegment
 from sim.pilot import Targets, wrap_angle
 from sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
 
@@ -27,7 +27,7 @@ class StandSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class TakeOffSegment:
-    """From standing to trimmed flight along a smooth path (a quintic in time); the wheels are not modelled."""
+    """From standing to trimmed flight along a smooth path (a quintic in time); the wheels are not modeled."""
 
     height_m: float = 20.0
     duration_s: float = 12.0

@@ -43,7 +43,7 @@ class SensorTruth(Protocol):
         """`which`: "baro" (inside the fuselage) or "static" (the probe's static line)."""
 
     def differential_pressure_Pa(self, which: str, t_s: Array) -> Array:
-        """`which`: "alpha" (lower minus upper), "beta" (right minus left), "airspeed" (centre minus static)."""
+        """`which`: "alpha" (lower minus upper), "beta" (right minus left), "airspeed" (center minus static)."""
 
     def transducer_temperature_K(self, which: str, t_s: Array) -> Array:
         """Temperature of "baro", "static", "alpha", "beta" or "airspeed"."""

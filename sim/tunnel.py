@@ -64,7 +64,7 @@ def simulated_measurements(tunnel: WindTunnel = WindTunnel(), seed: int = 0) -> 
         beta,
         ports.lower_minus_upper + noise[0],
         ports.right_minus_left + noise[1],
-        ports.centre - ports.static + noise[2],
+        ports.center - ports.static + noise[2],
         static,
         temperature,
     )

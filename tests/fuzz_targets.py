@@ -14,7 +14,7 @@ from analysis.autopilot_logs import ardupilot, px4
 from daq.config import parse_tray
 from daq.log_list import listed
 from daq.log_recovery import recovery_event
-from daq.log_summary import summarise
+from daq.log_summary import summarize
 from daq.sensors import SensorFailure, honeywell, ms45xxdo, ms56xx
 from daq.sensors.ads1115 import ADS1115Driver
 from daq.sensors.ak8963 import AK8963Driver
@@ -149,7 +149,7 @@ TARGETS: dict[str, Target] = {
     "probe": binary(PROBE_FILE.parsed),
     "magnetometer": binary(MAGNETOMETER_FILE.parsed),
     "transducers": binary(TRANSDUCERS_FILE.parsed),
-    "log": file(".mcap", summarise, listed, recovery_event, summarise),
+    "log": file(".mcap", summarize, listed, recovery_event, summarize),
     "ulog": file(".ulg", px4.read_px4),
     "dataflash": file(".bin", ardupilot.read_ardupilot),
 }

@@ -1,1 +1,1 @@
-"""From raw channels to speed, flow angles and density at the centre of gravity."""
+"""From raw channels to speed, flow angles and density at the center of gravity."""

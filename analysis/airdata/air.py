@@ -1,6 +1,6 @@
-"""Motion of the rigid aircraft: specific force at its centre of gravity, and bank angle.
+"""Motion of the rigid aircraft: specific force at its center of gravity, and bank angle.
 
-Air data at the centre of gravity from the probe's pressures: speed, flow angles, density, height, thrust, bank.
+Air data at the center of gravity from the probe's pressures: speed, flow angles, density, height, thrust, bank.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ DERIVATIVE_S = 0.5  # of the mean that is differentiated
 
 
 def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
-    """The table with the specific force at the IMU replaced by that at the centre of gravity."""
+    """The table with the specific force at the IMU replaced by that at the center of gravity."""
     x, y, z = aircraft.imu_position_m
     p, q, r = (table[f"{axis}_radps"].to_numpy() for axis in "pqr")
     step_s = float(table.index[1] - table.index[0])
@@ -45,7 +45,7 @@ def derivative(signal: Array, step_s: float) -> Array:
 def bank_angle(table: pd.DataFrame) -> Array:
     """Bank angle in nearly straight flight [rad], (n,), positive with the right wing down.
 
-    table: air data at the centre of gravity with V_mps, alpha_rad, beta_rad, p_radps, r_radps, ay_mps2.
+    table: air data at the center of gravity with V_mps, alpha_rad, beta_rad, p_radps, r_radps, ay_mps2.
     (3.7) solved for phi with v = V sin(beta) and cos(theta) = 1: g sin(phi) = vdot - p w + r u - ay. The accelerometer
     alone would not show the vertical in a turn. In gaps the angle returns to zero.
     """
@@ -92,8 +92,8 @@ def air_data(
 ) -> AirData:
     """The table with speed, angles, density, height, thrust, bank and `flying` added.
 
-    table: the zeros at rest subtracted, specific forces at the centre of gravity. scale: the aircraft's `speed_scale`.
-    Angles are those at the centre of gravity: corrected for upwash and for the velocity of the probe by rotation.
+    table: the zeros at rest subtracted, specific forces at the center of gravity. scale: the aircraft's `speed_scale`.
+    Angles are those at the center of gravity: corrected for upwash and for the velocity of the probe by rotation.
     """
     notes: list[str] = []
     out = table.copy()
@@ -129,14 +129,14 @@ def air_data(
     V = np.sqrt(2 * flow.qbar_Pa * nan_on_ground / rho) * (1 + deviation / 2)
 
     CL = -aircraft.mass_kg * out["az_mps2"] / (flow.qbar_Pa * nan_on_ground * aircraft.geometry.wing_area_m2)
-    x_probe = aircraft.probe.position_m[0]  # ahead of the centre of gravity
+    x_probe = aircraft.probe.position_m[0]  # ahead of the center of gravity
     out["flying"] = flying
     out["qbar_Pa"] = flow.qbar_Pa * (1 + deviation) * nan_on_ground
     out["rho"] = rho
     out["V_mps"] = V
     out["dalpha_dlndp_alpha_rad"] = flow.dalpha_dlndp_alpha_rad * nan_on_ground
     out["dlnV_dlndp_alpha"] = flow.dlnV_dlndp_alpha * nan_on_ground
-    # Rotation moves a probe ahead of the centre of gravity upwards at q x and to the right at r x.
+    # Rotation moves a probe ahead of the center of gravity upwards at q x and to the right at r x.
     out["alpha_by_upwash_rad"] = aircraft.probe.upwash_per_CL_rad * CL
     out["alpha_by_rotation_rad"] = -out["q_radps"] * x_probe / V
     out["alpha_rad"] = flow.alpha_rad * nan_on_ground - out["alpha_by_upwash_rad"] - out["alpha_by_rotation_rad"]

@@ -1,4 +1,4 @@
-"""From a log to air data at the centre of gravity: synchronizes channels, corrects for line lags and zeros."""
+"""From a log to air data at the center of gravity: synchronizes channels, corrects for line lags and zeros."""
 
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
@@ -23,7 +23,7 @@ LARGEST_UNMENTIONED_LOSS = 0.02
 OPTIONAL_TOPICS = ("/battery", "/mag")
 # Topics that are not needed: what a log without them lacks; empty where another note says so.
 LOST_WITHOUT = {
-    "/controls": "the cross-check takes the elevator as fixed, and full throttle is not recognised",
+    "/controls": "the cross-check takes the elevator as fixed, and full throttle is not recognized",
     "/gps": "",
     "/probe/beta": "",
 }
@@ -55,7 +55,7 @@ def flight_data(
     zero: dict[str, float] | None = None,
     transducers: TransducerCalibration | None = None,
 ) -> FlightData:
-    """All measurements of a log on one time base, in SI units, at the centre of gravity.
+    """All measurements of a log on one time base, in SI units, at the center of gravity.
 
     log: accepted by `analysis.log_checks`.
     zero: by channel, the reading in still air that `daq zero` took before the flight.

@@ -227,7 +227,7 @@ def _residual_squares(values: Array, g: Array) -> Array:
 
 
 def _minimum(lags: Array, cost: Array, best: int) -> float:
-    """The minimum of a parabola through the best lag and its neighbours."""
+    """The minimum of a parabola through the best lag and its neighbors."""
     if best in (0, len(lags) - 1):
         return float(lags[best])
     left, middle, right = cost[best - 1 : best + 2]

@@ -33,7 +33,7 @@ SAMPLE_OFF = 0.1  # a sample whose strength differs from the median by this shar
 FIELD_OFF = 0.1  # the compass is not used if the median strength differs from the calibration's by this share …
 MOST_OFF = 0.1  # … or if this share of the samples is left out …
 WORST_RAD = np.radians(10.0)  # … or if its heading has a larger error
-CORRELATED = 5  # neighbouring samples that share errors of the model and count as one
+CORRELATED = 5  # neighboring samples that share errors of the model and count as one
 
 
 class MagnetometerCalibration(msgspec.Struct, frozen=True, kw_only=True):

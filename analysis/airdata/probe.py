@@ -1,8 +1,8 @@
 """The calibration of a five-port probe: the file `probe.json`, and the flow at the probe from its pressures.
 
-C_alpha = dp_alpha/q_c and C_beta = dp_beta/q_c, with q_c = p_centre - p_static, do not depend on speed. A polynomial in
+C_alpha = dp_alpha/q_c and C_beta = dp_beta/q_c, with q_c = p_center - p_static, do not depend on speed. A polynomial in
 the two gives (qbar/q_c)^2; polynomials in dp_alpha/qbar and dp_beta/qbar give the angles. The reason: the pressure that
-the centre port loses at an angle appears at the pairs of side ports, so qbar^2 is nearly a sum of squares of the three
+the center port loses at an angle appears at the pairs of side ports, so qbar^2 is nearly a sum of squares of the three
 pressures. That takes a polynomial of second order, q_c/qbar itself would take one of eighth order. The coefficients and
 all deviations come from the tunnel.
 """

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 class TunnelData:
     """Measurements of a tunnel calibration in SI units, arrays (n,).
 
-    dp_alpha_Pa : lower minus upper port     dp_beta_Pa : right minus left port     q_c_Pa : centre minus static
+    dp_alpha_Pa : lower minus upper port     dp_beta_Pa : right minus left port     q_c_Pa : center minus static
     """
 
     speed_mps: Array

@@ -87,7 +87,7 @@ def surface_table(found: Sequence[HeldPulse], angles_deg: Sequence[float | None]
     least = float(np.min(np.abs(steps)))
     if least < PLAY_STEPS * play:
         raise InputError(
-            f"two readings of one position differ by {play:.1f} deg, neighbouring positions only by {least:.1f} deg:"
+            f"two readings of one position differ by {play:.1f} deg, neighboring positions only by {least:.1f} deg:"
             " remove the play of the linkage, or hold positions further apart, and measure again"
         )
     return SurfaceTable(pulses, angles, play)

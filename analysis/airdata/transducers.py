@@ -139,7 +139,7 @@ def calibrate(
         if slope < 0:
             raise InputError(
                 f"{source}: /probe/{name} falls as the pressure rises: connect the pressure to the port that it counts"
-                " as positive (lower, right, centre), or give negative pressures for all three"
+                " as positive (lower, right, center), or give negative pressures for all three"
             )
         if abs(slope - 1) > LARGEST_GAIN_ERROR:
             raise InputError(

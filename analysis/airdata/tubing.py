@@ -44,7 +44,7 @@ def response(
 
     tubes: from the mouth on. Each ends in its cavity (volume 0 for none), where the next one begins.
     frequency_Hz: (n,), zero or more.
-    polytropic: exponent k of the gas in the cavities. In a transducer's few cubic millimetres the gas is isothermal up
+    polytropic: exponent k of the gas in the cavities. In a transducer's few cubic millimeters the gas is isothermal up
     to about 10 Hz (k = 1) and adiabatic at 100 Hz (k = 1.4).
     stretch: sigma, the relative increase of a cavity's volume by the diaphragm's deflection when the pressure doubles.
     """

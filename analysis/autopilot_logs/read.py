@@ -1,4 +1,4 @@
-"""Recognises a log of an autopilot by its first bytes, and reads it."""
+"""Recognizes a log of an autopilot by its first bytes, and reads it."""
 
 from pathlib import Path
 

@@ -97,7 +97,7 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
 
 
 def _without_single_times(one: Channel) -> Channel:
-    """Without samples whose time differs from those of both neighbours, which agree with one another."""
+    """Without samples whose time differs from those of both neighbors, which agree with one another."""
     if len(one.t_s) < 3:
         return one
     before, here, after = one.t_s[:-2], one.t_s[1:-1], one.t_s[2:]

@@ -81,7 +81,7 @@ class Planned(NamedTuple):
 def run(
     logs: Sequence[Path], output: Path, work: Work, monitor: Monitor, *, jobs: int, scheduler: str | None = None
 ) -> Campaign:
-    """Analyse logs into folders below `output`, `jobs` at a time, or on the cluster of a scheduler.
+    """Analyze logs into folders below `output`, `jobs` at a time, or on the cluster of a scheduler.
 
     `output` belongs to the caller (`flight_folders.exclusive`). Raises InputError when it cannot be written.
     """
@@ -186,7 +186,7 @@ def _belongs(folder: Path, record: Record, log: LogFile) -> bool:
 
 
 def _known_digest(records: Iterable[Record]) -> Callable[[Path], str | None]:
-    """By log, its digest where it was analysed before and has the same path, size and time of change."""
+    """By log, its digest where it was analyzed before and has the same path, size and time of change."""
     by_path = {record.log.path: record.log for record in records}
 
     def known(log: Path) -> str | None:

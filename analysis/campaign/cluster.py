@@ -95,7 +95,7 @@ def _unpack(future: Any, job: Job, folder: Path) -> Outcome:
     try:
         returned: Returned = future.result()
     except Exception as error:
-        return Outcome(f"{job.log}: the cluster could not analyse it ({type(error).__name__}: {error})".splitlines()[0])
+        return Outcome(f"{job.log}: the cluster could not analyze it ({type(error).__name__}: {error})".splitlines()[0])
     for name, content in returned.files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

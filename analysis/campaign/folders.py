@@ -94,7 +94,7 @@ PARTIAL, REPLACED = ".partial", ".replaced"  # ends of the names of folders that
 
 
 class LogFile(msgspec.Struct, frozen=True, kw_only=True):
-    """A log when it was analysed. While path, size and time of change are the same, its content is not read again."""
+    """A log when it was analyzed. While path, size and time of change are the same, its content is not read again."""
 
     path: str  # absolute
     size: int

@@ -24,7 +24,7 @@ def run_apart(analyze: Analyze, job: Job, working: Path, results: Path) -> Outco
         process.stdin.flush()
         code = process.wait()  # before stdin is closed: its end tells the process that nobody waits any more
     if not outcome.is_file():
-        return Outcome(f"{job.log}: its process ended with exit code {code}; is there enough memory? Analyse it alone")
+        return Outcome(f"{job.log}: its process ended with exit code {code}; is there enough memory? Analyze it alone")
     found: Outcome = pickle.loads(outcome.read_bytes())
     return found
 

@@ -66,12 +66,12 @@ def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Out
     except InputError as cause:
         error = str(cause)
     except MemoryError:
-        error = f"{job.log}: needs more than {MEMORY_LIMIT_BYTES / 2**30:.0f} GB of memory; analyse it alone"
+        error = f"{job.log}: needs more than {MEMORY_LIMIT_BYTES / 2**30:.0f} GB of memory; analyze it alone"
     except BaseException as cause:
         where = traceback.extract_tb(cause.__traceback__)[-1]
         error = (
             f"{job.log}: {type(cause).__name__}: {cause} ({Path(where.filename).name}:{where.lineno}), an error of the"
-            " software; analyse it alone for the details, and report it"
+            " software; analyze it alone for the details, and report it"
         )
     seconds, processor_seconds = time.monotonic() - start, time.process_time() - processor_start
     return Outcome(" ".join(error.splitlines()), seconds, processor_seconds, peak_bytes())
@@ -179,5 +179,5 @@ def _received(receiver: Connection) -> Any:
 def _death(exit_code: int | None) -> str:
     if exit_code is not None and exit_code < 0:
         name = signal.Signals(-exit_code).name
-        return f"its process was ended by {name}; is there enough memory? Analyse it alone"
-    return f"its process ended with exit code {exit_code}; analyse it alone"
+        return f"its process was ended by {name}; is there enough memory? Analyze it alone"
+    return f"its process ended with exit code {exit_code}; analyze it alone"

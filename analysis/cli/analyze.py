@@ -45,7 +45,7 @@ def analyze(
         typer.Argument(
             metavar="LOG",
             help="A log that the daemon recorded, one of other software (docs/log-format.md), or one of PX4 (.ulg) or"
-            " ArduPilot (.BIN). Several: each is analysed, and the flights of one aircraft are pooled.",
+            " ArduPilot (.BIN). Several: each is analyzed, and the flights of one aircraft are pooled.",
         ),
     ],
     output: Annotated[
@@ -187,7 +187,7 @@ def analyze(
     jobs: Annotated[
         int | None,
         typer.Option(
-            "--jobs", metavar="N", min=1, help="Logs to analyse at the same time; default: as many as processors."
+            "--jobs", metavar="N", min=1, help="Logs to analyze at the same time; default: as many as processors."
         ),
     ] = None,
     scheduler: Annotated[
@@ -195,7 +195,7 @@ def analyze(
         typer.Option(
             "--scheduler",
             metavar="ADDRESS",
-            help="Analyse on a Dask cluster, such as tcp://10.0.0.5:8786, instead of on this computer.",
+            help="Analyze on a Dask cluster, such as tcp://10.0.0.5:8786, instead of on this computer.",
         ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
@@ -224,7 +224,7 @@ def analyze(
 
     Exit code 0: done. 1: done, but the result is not to be trusted, and lines on stderr say why; or, of several logs,
     some cannot be used or are not to be trusted. 2: the input cannot be used; one line on stderr says why, and nothing
-    was written; of several logs, the folders of flights that could be analysed stay.
+    was written; of several logs, the folders of flights that could be analyzed stay.
     """
     request = parse_request(battery_Wh, usable, weights, density_altitudes)
     options = Options(

@@ -1,4 +1,4 @@
-"""The command `flightpower export`: an analysed flight as files that other programs open."""
+"""The command `flightpower export`: an analyzed flight as files that other programs open."""
 
 import os
 from pathlib import Path
@@ -52,7 +52,7 @@ def export(
     runs: Annotated[Path | None, typer.Option("--runs", metavar="FILE", help="An edited runs.toml.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
-    """Analyse a log and write its data for other programs: tables for pandas, MATLAB and spreadsheets, or an MCAP file
+    """Analyze a log and write its data for other programs: tables for pandas, MATLAB and spreadsheets, or an MCAP file
     for Foxglove and PlotJuggler.
 
     Tables: synchronized channels, reconstructed states and derived quantities with standard errors, runs, curves. Units

@@ -52,7 +52,7 @@ def settings(options: Options) -> str:
 def analyze_logs(
     logs: Sequence[Path], output: Path | None, options: Options, *, jobs: int | None, scheduler: str | None, quiet: bool
 ) -> int:
-    """Analyse logs and pool the flights. Returns the exit code: FAILURE when some of the logs cannot be used, or the
+    """Analyze logs and pool the flights. Returns the exit code: FAILURE when some of the logs cannot be used, or the
     results of one are not to be trusted.
 
     Raises InputError when none can, or the flights cannot be pooled.
@@ -124,7 +124,7 @@ def _processors() -> int:
 
 
 class ProgressOnConsole:
-    """A line for each flight that is being analysed, and a bar for all; without a terminal, a line when one ends."""
+    """A line for each flight that is being analyzed, and a bar for all; without a terminal, a line when one ends."""
 
     def __init__(self, console: Console, quiet: bool):
         self.console, self.quiet = console, quiet
@@ -155,7 +155,7 @@ class ProgressOnConsole:
         self.jobs = jobs
         self.bars.update(self.total, total=jobs + kept, completed=kept, step="")
         if kept:
-            self._note(f"flights done already: {kept}; to analyse: {jobs}")
+            self._note(f"flights done already: {kept}; to analyze: {jobs}")
 
     def step(self, name: str, step: str) -> None:
         if name not in self.rows:
@@ -178,7 +178,7 @@ class ProgressOnConsole:
     def finished(self, campaign: Campaign) -> None:
         if self.done:
             self._note(
-                f"{self.done} analysed in {campaign.processor_seconds:.0f} s of processor time, with at most"
+                f"{self.done} analyzed in {campaign.processor_seconds:.0f} s of processor time, with at most"
                 f" {campaign.peak_bytes / 1e6:.0f} MB of memory each"
             )
 

@@ -70,9 +70,9 @@ def _imu_displaced(axis: int) -> Callable[[Aircraft, Propeller], tuple[Aircraft,
 UPWASH = "probe.upwash_per_CL"
 ASSUMED_VALUES = (
     AssumedValue(UPWASH, "1 deg, ±1 deg", _more_upwash),
-    AssumedValue("probe.position", f"0.3 m ahead of the centre of gravity, ±{PROBE_SIGMA_M:g} m", _probe_ahead),
-    AssumedValue("imu_position", f"the centre of gravity, ±{IMU_SIGMA_M:g} m", _imu_displaced(0)),
-    AssumedValue("imu_position", f"the centre of gravity, ±{IMU_SIGMA_M:g} m", _imu_displaced(2)),
+    AssumedValue("probe.position", f"0.3 m ahead of the center of gravity, ±{PROBE_SIGMA_M:g} m", _probe_ahead),
+    AssumedValue("imu_position", f"the center of gravity, ±{IMU_SIGMA_M:g} m", _imu_displaced(0)),
+    AssumedValue("imu_position", f"the center of gravity, ±{IMU_SIGMA_M:g} m", _imu_displaced(2)),
 )
 
 

@@ -196,6 +196,6 @@ def _changes(fit: Fit, segments: list[Segment]) -> list[Array]:
     residuals = fit.residuals
     changes = []
     for segment in segments:
-        (modelled,) = fit.model.output_function(NamedValues("state", {}), NamedValues("input", segment.u), p)
-        changes.append(np.nan_to_num(segment.z[output] - modelled - residuals[segment.name][:, 0]) / sigma)
+        (modeled,) = fit.model.output_function(NamedValues("state", {}), NamedValues("input", segment.u), p)
+        changes.append(np.nan_to_num(segment.z[output] - modeled - residuals[segment.name][:, 0]) / sigma)
     return changes

@@ -164,7 +164,7 @@ def filter_error_fit(
 
 
 def _sample_noise(signal: Array) -> float:
-    """Standard deviation of white noise: a sample less the mean of its neighbours has 1.5 times its variance."""
+    """Standard deviation of white noise: a sample less the mean of its neighbors has 1.5 times its variance."""
     return float(np.sqrt(np.nanmean((signal[1:-1] - (signal[:-2] + signal[2:]) / 2) ** 2) / 1.5))
 
 

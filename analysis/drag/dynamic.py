@@ -97,12 +97,12 @@ def drag_model(aircraft: Aircraft) -> Model:
 
 
 class RunFit(NamedTuple):
-    """Measured and modelled quantities of one run at times t_s (n,), each (n,) by its name and unit."""
+    """Measured and modeled quantities of one run at times t_s (n,), each (n,) by its name and unit."""
 
     run: str
     t_s: Array
     measured: dict[str, Array]
-    modelled: dict[str, Array]
+    modeled: dict[str, Array]
 
 
 @dataclass(frozen=True)
@@ -274,11 +274,11 @@ def _run_fits(
             "height, m": flight_forces.block_means["height_m"][rows],
             "drag / mass, m/s²": segment.z["drag"],
         }
-        modelled = {
+        modeled = {
             "V, m/s": run["V"].to_numpy() * (1 + scale),
             "α, deg": np.degrees(alpha),
             "height, m": states["height"].to_numpy(),
             "drag / mass, m/s²": fit.responses[segment.name].y[:, 0],
         }
-        fits.append(RunFit(segment.name, segment.t_s, measured, modelled))
+        fits.append(RunFit(segment.name, segment.t_s, measured, modeled))
     return fits

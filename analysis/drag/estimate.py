@@ -98,7 +98,7 @@ def fallback(
     if best is None or best.polar is None:
         reasons = "; ".join(f"{one.method.title}: {', '.join(one.notes)}" for one in candidates)
         raise InputError(
-            f"{log}: no acceleration or deceleration to analyse, and no polar from other maneuvers: {reasons}"
+            f"{log}: no acceleration or deceleration to analyze, and no polar from other maneuvers: {reasons}"
         )
     noise, systematic = np.zeros((5, 5)), np.zeros((5, 5))
     noise[:3, :3], systematic[:3, :3] = best.noise, best.systematic

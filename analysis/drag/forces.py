@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 class FlightForces:
     """Forces of one flight, along the reconstructed trajectory and along perturbed ones.
 
-    block_means : the measurements, (n,) by name     t_s : (n,) centres of the blocks [s]
+    block_means : the measurements, (n,) by name     t_s : (n,) centers of the blocks [s]
     density_factor : on the measured density of the air
     cov_az_alpha : (n,) of vertical specific force and angle of attack within a block [m/s^2 rad], by gusts
     """

@@ -274,5 +274,5 @@ def pitch_rate_of(table: pd.DataFrame, runs: list[Maneuver], fit: Fit) -> PitchR
 
 
 def sample_variance(signal: Array) -> float:
-    """Variance of white noise (n,) in a smooth signal: a sample less the mean of its neighbours has 1.5 times it."""
+    """Variance of white noise (n,) in a smooth signal: a sample less the mean of its neighbors has 1.5 times it."""
     return float(np.nanmean((signal[1:-1] - (signal[:-2] + signal[2:]) / 2) ** 2) / 1.5)

@@ -144,8 +144,8 @@ def _work_of_gusts(table: pd.DataFrame, t: Array, V: Array) -> Array:
     apart_s = np.abs(t[:, None] - t)
     vertical, along = (_gust_covariance(table, name, apart_s) for name in ("gust", "gust_along"))
     integral = np.tril(np.full_like(apart_s, t[1] - t[0]))
-    centre = np.eye(len(t)) - 1 / len(t)
-    by_vertical, by_along = centre @ integral * g, centre * V
+    center = np.eye(len(t)) - 1 / len(t)
+    by_vertical, by_along = center @ integral * g, center * V
     return by_vertical @ vertical @ by_vertical.T + by_along @ along @ by_along.T
 
 

@@ -47,7 +47,7 @@ BoolArray = NDArray[np.bool_]
 
 STEP_S = 0.2
 AIRSPEED_S, HEIGHT_S, LOAD_S = 1.0, 1.0, 1.0  # widths of the smoothing windows
-FLYING_S = 3.0  # window of the pressure by which flight is recognised
+FLYING_S = 3.0  # window of the pressure by which flight is recognized
 HIGHEST_CL = 3.0  # below the dynamic pressure of this lift coefficient an aircraft stands or rolls
 LEAST_GROUND_SPEED_MPS, STANDING_MPS = 2.0, 1.0
 CLEAR_OF_GROUND_M, TRIM_S = 3.0, 8.0

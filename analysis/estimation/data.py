@@ -1,4 +1,4 @@
-"""Measured data: segments (one per manoeuvre) with a uniform time base.
+"""Measured data: segments (one per maneuver) with a uniform time base.
 
 Inputs that act late: their values at t - delay, and the slopes by which a delay can be estimated.
 
@@ -29,7 +29,7 @@ UNIFORMITY_TOLERANCE = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """One manoeuvre: inputs and measured outputs by name, with a uniform time base.
+    """One maneuver: inputs and measured outputs by name, with a uniform time base.
 
     t_s : (n,) time [s], each step within 1 % of the median step
     u : name to (n,) inputs, all finite

@@ -35,7 +35,7 @@ def read(path: Paths) -> Log:
 
 @dataclass(frozen=True)
 class Flight:
-    """An analysed log. results: in the form of results.json.
+    """An analyzed log. results: in the form of results.json.
 
     analysis : also the air data `table`, `maneuvers`, the `trajectory` with its covariance, `drag` by every method
     contents : aircraft, propeller, calibrations and zeros that were used

@@ -1,4 +1,4 @@
-"""An analysed flight as five tables; units are in the names of the columns.
+"""An analyzed flight as five tables; units are in the names of the columns.
 
 Tables as CSV, Parquet and MATLAB files.
 """

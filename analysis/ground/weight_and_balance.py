@@ -1,4 +1,4 @@
-"""Weight and centre of gravity from readings of scales under the wheels or in a suspension, with their errors."""
+"""Weight and center of gravity from readings of scales under the wheels or in a suspension, with their errors."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -27,7 +27,7 @@ class ScaleErrors(NamedTuple):
 
 
 class WeightAndBalance(NamedTuple):
-    """Mass [kg] and position of the centre of gravity aft of the datum [m], each with its standard error.
+    """Mass [kg] and position of the center of gravity aft of the datum [m], each with its standard error.
 
     position_m, position_error_m : None if a support's position was not measured
     unsupported : why the readings do not support a result; empty if they do
@@ -41,7 +41,7 @@ class WeightAndBalance(NamedTuple):
 
 
 def weight_and_balance(supports: Sequence[Support], errors: ScaleErrors) -> WeightAndBalance:
-    """The sum of the supports' means, and the centre of their moments.
+    """The sum of the supports' means, and the center of their moments.
 
     The scatter of repeated readings counts where it is larger than the stated error of a reading. Raises InputError
     for no support, and for a sum that is not positive.

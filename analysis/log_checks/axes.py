@@ -174,7 +174,7 @@ def _means(table: pd.DataFrame, rows: pd.Series, seconds: float) -> pd.DataFrame
     """Means over `seconds`, of those stretches all of whose rows count; the others are NaN."""
     n = max(1, round(seconds / float(table.index[1] - table.index[0])))
     counting = table.where(rows)
-    # The stretches are centred at rows 0, n, 2 n, …; the first and the last one are not whole.
+    # The stretches are centered at rows 0, n, 2 n, …; the first and the last one are not whole.
     before = n // 2
     after = -(before + len(table)) % n
     padded = np.pad(counting.to_numpy(dtype=float), ((before, after), (0, 0)), constant_values=np.nan)

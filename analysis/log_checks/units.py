@@ -156,12 +156,12 @@ def _check_current(log: Log) -> None:
 
 
 def _check_differential_pressures(log: Log) -> None:
-    """In flight the centre port minus static is positive, and larger than both differences of the side ports."""
+    """In flight the center port minus static is positive, and larger than both differences of the side ports."""
     q_c = _pressure(log, "airspeed")
     low, high = -_reached(-q_c), _reached(q_c)
     if low < -LEAST_FLIGHT_PA and -low > 2 * high:
         raise InputError(
-            f"{log.path}: /probe/airspeed: differential_pressure_Pa is negative in flight ({low:.0f} Pa): write centre"
+            f"{log.path}: /probe/airspeed: differential_pressure_Pa is negative in flight ({low:.0f} Pa): write center"
             " port minus static, or exchange the two tubes"
         )
     sides = {name: _reached(np.abs(side)) for name in ("alpha", "beta") if len(side := _pressure(log, name))}

@@ -162,9 +162,9 @@ def select(table: pd.DataFrame, rest: list[slice], log: str, runs_file: Path | N
     if found.of(*FOR_DRAG):
         return found
     if runs_file:
-        raise InputError(f"{runs_file}: no maneuver to analyse; keep one of these: {', '.join(FOR_DRAG)}")
+        raise InputError(f"{runs_file}: no maneuver to analyze; keep one of these: {', '.join(FOR_DRAG)}")
     missed = nearest_miss(found.rejected, table, rested=bool(rest))
-    raise InputError(f"{log}: no acceleration or deceleration to analyse{missed}")
+    raise InputError(f"{log}: no acceleration or deceleration to analyze{missed}")
 
 
 def nearest_miss(rejected: list[RejectedManeuver], table: pd.DataFrame, *, rested: bool = True) -> str:

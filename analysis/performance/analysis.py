@@ -121,7 +121,7 @@ def compute(
 ) -> FlightPerformance | None:
     """Performance at the flight's weight and density, and at those requested.
 
-    flown: rows of `air_data` within the maneuvers analysed. condition: weight and density of the flight.
+    flown: rows of `air_data` within the maneuvers analyzed. condition: weight and density of the flight.
     None where the battery's energy is not known, or the propeller's table cannot give the thrust of level flight.
     """
     battery_Wh = request.battery_energy_Wh(aircraft)

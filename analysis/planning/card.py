@@ -151,7 +151,7 @@ def card(plan: FlightPlan, name: str) -> str:
     head = (
         f"For {plan.question.title}. Wind and turbulence of {request.wind_kt:g} kt. {space.height_m:.0f} m high, legs"
         f" of at most {space.leg_m:.0f} m, and {side_m(plan):.0f} m to their side for the turns. Turn left as"
-        " often as right. Runs: wings level, height within a few metres."
+        " often as right. Runs: wings level, height within a few meters."
     )
     lines = "".join(
         f'<tr><td class="n">{escape(row.times)}</td><td><span class="title">{escape(row.title)}</span><br>'

@@ -30,7 +30,7 @@ FULL_CIRCLE_RAD = 2 * pi
 
 
 class Home(NamedTuple):
-    """Where the legs are centred [deg], and the heading of the first one [rad]."""
+    """Where the legs are centered [deg], and the heading of the first one [rad]."""
 
     latitude_deg: float
     longitude_deg: float

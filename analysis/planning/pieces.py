@@ -1,6 +1,6 @@
 """The pieces that a flight plan is made of. Speeds are true airspeeds [m/s], angles in rad, times in s.
 
-The catalogue: pieces of some 20 to 100 s that a plan is assembled from, for one aircraft, space and pilot.
+The catalog: pieces of some 20 to 100 s that a plan is assembled from, for one aircraft, space and pilot.
 """
 
 from collections.abc import Iterator, Sequence
@@ -193,7 +193,7 @@ def full_throttle(expected: ExpectedAircraft) -> Piece:
     )
 
 
-def catalogue(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float) -> list[Piece]:
+def catalog(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float) -> list[Piece]:
     """All pieces that this pilot can fly here. Raises InputError where there is no room for the turns."""
     found = [
         *run_pairs(expected, space, wind_kt),

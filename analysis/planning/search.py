@@ -30,7 +30,7 @@ from analysis.planning.pieces import (
     Piece,
     Pilot,
     Space,
-    catalogue,
+    catalog,
     full_throttle,
     sequence,
     slowest_mps,
@@ -106,7 +106,7 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     """The plan. Raises InputError where the time is too short for any."""
     slow, fast = slowest_mps(aircraft, request.wind_kt), FASTEST_SHARE * aircraft.fastest_mps
     asked = question(request.question, aircraft, slow, fast)
-    found = catalogue(aircraft, request.space, request.pilot, request.wind_kt)
+    found = catalog(aircraft, request.space, request.pilot, request.wind_kt)
     pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind in BY_HAND)]
     pairs = [piece for piece in pieces if piece.kind == "runs"]
     last = (full_throttle(aircraft),) if request.minutes * 60 >= FULL_THROTTLE_FROM_S else ()

@@ -55,7 +55,7 @@ def assemble(
 ) -> Results:
     """The contents of `results.json`.
 
-    table: of `air_data`, and flown: its rows within the maneuvers analysed. condition: weight and density of the
+    table: of `air_data`, and flown: its rows within the maneuvers analyzed. condition: weight and density of the
     flight.
     """
     polar, flown_CL = drag.main.polar, drag.flown_CL

@@ -43,7 +43,7 @@ def run_residuals(estimate: DynamicEstimate) -> list[RunResidual]:
     """Scatter and autocorrelation of each run's residuals of drag. White residuals correlate at lag 0 only."""
     found = []
     for fit in estimate.fits:
-        residual = fit.measured[DRAG] - fit.modelled[DRAG]
+        residual = fit.measured[DRAG] - fit.modeled[DRAG]
         residual = residual[np.isfinite(residual)]
         step_s = float(fit.t_s[1] - fit.t_s[0])
         correlation = autocorrelation(residual, round(LONGEST_LAG_S / step_s))

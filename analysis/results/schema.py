@@ -61,7 +61,7 @@ class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Provenance(msgspec.Struct, frozen=True, kw_only=True):
-    """When and where the log was recorded, with what, and how it was analysed."""
+    """When and where the log was recorded, with what, and how it was analyzed."""
 
     command_line: str  # empty where the analysis was not started by a command
     log_sha256: str
@@ -96,7 +96,7 @@ class AirFound(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunResidual(msgspec.Struct, frozen=True, kw_only=True):
-    """Drag over mass of one run, measured less modelled."""
+    """Drag over mass of one run, measured less modeled."""
 
     run: str
     points: int
@@ -195,7 +195,7 @@ class SlowestFlown(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParameterResult(msgspec.Struct, frozen=True, kw_only=True):
-    """An estimate and its standard error (corrected for coloured residuals)."""
+    """An estimate and its standard error (corrected for colored residuals)."""
 
     name: str
     value: float
@@ -451,7 +451,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
     electrical_power: list[PowerPoint] = []  # from the battery in level flight, by an energy balance
     electrical: ElectricalResult | None = None
-    pooling: PoolingStatistics | None = None  # null where no acceleration or deceleration was analysed
+    pooling: PoolingStatistics | None = None  # null where no acceleration or deceleration was analyzed
     provenance: Provenance | None = None
     air: AirFound | None = None
     run_residuals: list[RunResidual] = []

@@ -18,7 +18,7 @@ SPEED_SCALE = "speed_scale"  # column of the table of `air_data`, the same in al
 FLYING_PA = 30.0
 LEAST_FLYING_PA = 8.0  # three standard deviations of a mean over 0.2 s of 6 Pa of noise (Table 4.1)
 # Height above the ground, below which wind shear matters: climb times the wind's gradient, which is inverse to height,
-# acts like an acceleration. Climb scales with speed. Twenty metres are eleven spans, and ten metres of a light aircraft
+# acts like an acceleration. Climb scales with speed. Twenty meters are eleven spans, and ten meters of a light aircraft
 # still six: ground effect is below 0.1 % of induced drag from two spans on (McCormick).
 LEAST_HEIGHT_M = 20.0
 

@@ -237,7 +237,7 @@ class Regressors:
         sigma_w_mps: float,
         inertial_V: Array,
     ) -> tuple[dict[str, Array], dict[str, Array], Array]:
-        """ALPHA_REGRESSORS, actual and predicted, and the predicted angle of attack at the centre of gravity.
+        """ALPHA_REGRESSORS, actual and predicted, and the predicted angle of attack at the center of gravity.
 
         The angle's change by its slope [rad] is that of the probe's calibration for a relative change of dp_alpha.
         lift, lift_rate : predicted lift coefficient and its derivative, up to a factor

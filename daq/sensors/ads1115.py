@@ -1,4 +1,4 @@
-"""TI ADS1115, an analogue converter of four inputs and 16 bits (SBAS444D, sections in brackets).
+"""TI ADS1115, an analog converter of four inputs and 16 bits (SBAS444D, sections in brackets).
 
 Each tick takes the result of the input that the tick before started, and starts the next: with n inputs each is read
 every n-th tick.

@@ -32,7 +32,7 @@ FRAMED_SILENCE_NS = 1_200_000_000  # a little more than two frames of a stopped 
 PULSES = 10  # electrical periods in a transmitted period
 # Ten electrical periods between 300 us and 1 s: a two-pole motor at 2 million rpm, a 14-pole one at 90 rpm.
 SHORTEST_US, LONGEST_US = 300, 1_000_000
-MAX_PERIOD_RATIO = 1.25  # of neighbouring frames, while searching for the start of frames
+MAX_PERIOD_RATIO = 1.25  # of neighboring frames, while searching for the start of frames
 LEGACY_BYTES, FRAMED_BYTES = 4, 8
 LETTER, SYNC, MOTOR_STOPPED = ord("x"), 0xA5, 0x01
 

@@ -18,7 +18,7 @@ SUPPORTED = (
 def decode_part(number: str) -> tuple[int, TransferFunction]:
     """Address and transfer function of a part number.
 
-    Raises ValueError, naming the supported numbers, for any other; absolute, analogue and SPI parts are not supported.
+    Raises ValueError, naming the supported numbers, for any other; absolute, analog and SPI parts are not supported.
     """
     match = CODE.fullmatch(number.strip().upper())
     if match is None or float(match[1]) == 0:

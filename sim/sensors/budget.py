@@ -34,8 +34,8 @@ class Noise:
     airspeed_Pa: float = 0.0
     static_Pa: float = 0.0
     baro_Pa: float = 0.0
-    coloured_Pa: float = 0.0  # added to the differential transducers; correlation time `coloured_time`
-    coloured_time_s: float = 0.5
+    colored_Pa: float = 0.0  # added to the differential transducers; correlation time `colored_time`
+    colored_time_s: float = 0.5
     magnetic_T: float = 0.0
     gps_position_m: float = 0.0  # correlated over `gps_correlation`
     gps_velocity_mps: float = 0.0  # half correlated, half white
@@ -56,7 +56,7 @@ class Systematic:
     beta_offset_rad: float = 0.0
     alpha_scale: float = 0.0
     beta_scale: float = 0.0
-    V_scale: float = 0.0  # of the airspeed from the centre port
+    V_scale: float = 0.0  # of the airspeed from the center port
     static_position: float = 0.0  # error of the static line, as a fraction of dynamic pressure
     lag_s: float = 0.0  # longest; added to every pneumatic line
     zero_Pa: float = 0.0  # of the differential transducers, at power-on

@@ -24,7 +24,7 @@ STATIC_CROSSFLOW = -0.2
 class PortPressures(NamedTuple):
     """Above the static pressure of the free stream [Pa], each (n,)."""
 
-    centre: Array
+    center: Array
     lower_minus_upper: Array
     right_minus_left: Array
     static: Array
@@ -43,7 +43,7 @@ def port_pressures(dynamic_pressure_Pa: Number, alpha_rad: Number, beta_rad: Num
     z = np.sin(alpha_rad) * np.cos(beta_rad)
     c, s = np.cos(PORT_ANGLE_RAD), np.sin(PORT_ANGLE_RAD)
     return PortPressures(
-        centre=q * hemisphere_Cp(x),
+        center=q * hemisphere_Cp(x),
         lower_minus_upper=q * (hemisphere_Cp(c * x + s * z) - hemisphere_Cp(c * x - s * z)),
         right_minus_left=q * (hemisphere_Cp(c * x + s * y) - hemisphere_Cp(c * x - s * y)),
         static=q * STATIC_CROSSFLOW * (y**2 + z**2),
@@ -51,7 +51,7 @@ def port_pressures(dynamic_pressure_Pa: Number, alpha_rad: Number, beta_rad: Num
 
 
 def flow_at_probe(velocity: Vector, rates: Vector, position_m: Position, upwash_rad: Number) -> Airflow:
-    """The flow at the probe's tip, from the velocity (u, v, w) [m/s] relative to the air at the centre of gravity, body
+    """The flow at the probe's tip, from the velocity (u, v, w) [m/s] relative to the air at the center of gravity, body
     rates [rad/s] and upwash [rad]."""
     x, y, z = position_m
     p, q, r = rates

@@ -111,8 +111,8 @@ class FlightSensorTruth:
         velocity = e.noise.gps_velocity_mps * (wander[:, 3:] + np.column_stack(white_velocity)) / np.sqrt(2)
         lost = (t_s >= e.values.gps_lost_s) & (t_s < e.values.gps_lost_s + e.values.gps_lost_for_s)
         latitude = HOME_LATITUDE_DEG + np.rad2deg((north + position[:, 0]) / EARTH_RADIUS_M)
-        metres_per_rad = EARTH_RADIUS_M * np.cos(np.deg2rad(HOME_LATITUDE_DEG))
-        longitude = HOME_LONGITUDE_DEG + np.rad2deg((east + position[:, 1]) / metres_per_rad)
+        meters_per_rad = EARTH_RADIUS_M * np.cos(np.deg2rad(HOME_LATITUDE_DEG))
+        longitude = HOME_LONGITUDE_DEG + np.rad2deg((east + position[:, 1]) / meters_per_rad)
         ones = np.ones(len(valid_at))
         return GpsSolution(
             valid_at_s=valid_at,
@@ -273,16 +273,16 @@ class FlightSensorTruth:
             return first_order_lag(x, PNEUMATIC_DT_S, tau_s) + bursts
 
         static_line = through("static", static + ports.static + e.static_position * q_bar)
-        centre_line = through("airspeed", static + ports.centre)
+        center_line = through("airspeed", static + ports.center)
         at = {
             "alpha": through("alpha", ports.lower_minus_upper) * (1 + e.alpha_scale),
             "beta": through("beta", ports.right_minus_left) * (1 + e.beta_scale),
-            "airspeed": (centre_line - static_line) * (1 + e.V_scale) ** 2,
+            "airspeed": (center_line - static_line) * (1 + e.V_scale) ** 2,
             "static": static_line,
             "baro": static,
         }
         for name in DIFFERENTIAL:
-            at[name] = with_hysteresis(at[name], e.hysteresis) + self._coloured(name, len(grid))
+            at[name] = with_hysteresis(at[name], e.hysteresis) + self._colored(name, len(grid))
         return grid, at
 
     def _bursts(self, name: str, t: Array, line: StepResponse) -> Array:
@@ -300,12 +300,13 @@ class FlightSensorTruth:
                 total += segment.response(t - start_s, line, jitter)
         return total
 
-    def _coloured(self, name: str, n: int) -> Array:
+    def _colored(self, name: str, n: int) -> Array:
         noise = self._errors.noise
-        if noise.coloured_Pa == 0:
+        if noise.colored_Pa == 0:
             return np.zeros(n)
-        sequence = gauss_markov(self._errors.seed, f"coloured {name}", n, PNEUMATIC_DT_S, noise.coloured_time_s)
-        return noise.coloured_Pa * sequence
+        channel = f"coloured {name}"  # decides the random numbers  # codespell:ignore colored
+        sequence = gauss_markov(self._errors.seed, channel, n, PNEUMATIC_DT_S, noise.colored_time_s)
+        return noise.colored_Pa * sequence
 
 
 def with_hysteresis(x: Array, fraction: float) -> Array:

@@ -1,4 +1,4 @@
-"""One simulated flight, recorded by the real daemon through the fake tray and analysed: by the tutorial's commands.
+"""One simulated flight, recorded by the real daemon through the fake tray and analyzed: by the tutorial's commands.
 
 The flight needs Linux, as the daemon does; the laptop's commands run once without POSIX, as on Windows.
 """
@@ -39,7 +39,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
 
 @pytest.fixture(scope="session")
 def flown(walk: Walk) -> Path:
-    """A folder with the flight of the demonstration: truth, log and what was analysed."""
+    """A folder with the flight of the demonstration: truth, log and what was analyzed."""
     return walk.folder / "out" / "demo"
 
 

@@ -45,7 +45,7 @@ def installed(name: str, *arguments: object) -> subprocess.CompletedProcess[str]
 def command(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     """The same in this process: what `installed` would return. An error that is not caught is raised.
 
-    `analyze` reads a log once, however often it is analysed.
+    `analyze` reads a log once, however often it is analyzed.
     """
     main = next(iter(entry_points(group="console_scripts", name=name))).load()
     line, out, err, code = [name, *map(str, arguments)], io.StringIO(), io.StringIO(), 0

@@ -1,4 +1,4 @@
-"""The project's main job, end to end: fly, record, analyse; the curve against the simulator's truth."""
+"""The project's main job, end to end: fly, record, analyze; the curve against the simulator's truth."""
 
 import json
 import re
@@ -138,7 +138,7 @@ def test_the_analysis_does_not_look_at_what_the_simulator_flies(flown: Path, res
     assert again.power_required == results.power_required
 
 
-def test_a_torn_log_is_analysed_up_to_the_tear_and_says_so(flown: Path, results: Results, tmp_path: Path) -> None:
+def test_a_torn_log_is_analyzed_up_to_the_tear_and_says_so(flown: Path, results: Results, tmp_path: Path) -> None:
     """Cut in the descent, after the last run: the runs are all there. The aircraft file given overrides the log's."""
     heavier = load_aircraft("nexstar").text.replace('weight = "8.47 lbf"', 'weight = "9.00 lbf"')
     (tmp_path / "heavier.toml").write_text(heavier)

@@ -29,7 +29,7 @@ CALIBRATION = msgspec.json.encode(
 )  # fmt: skip
 
 
-def analysed(log: Path, *options: object) -> tuple[Results, pd.DataFrame]:
+def analyzed(log: Path, *options: object) -> tuple[Results, pd.DataFrame]:
     done("analyze", log, *options, "--quiet")
     folder = log.with_suffix(".report")
     return msgspec.json.decode((folder / "results.json").read_bytes(), type=Results), pd.read_csv(folder / "path.csv")
@@ -44,7 +44,7 @@ def test_the_heading_is_held_by_a_calibration(flown: Path, tmp_path: Path) -> No
     """The demonstration's magnetometer has 1 uT of iron on each axis, what the calibration says of its error."""
     rewritten(flown, tmp_path / "without.mcap", without_topic="/gps")
     (tmp_path / "mine.json").write_bytes(CALIBRATION)
-    results, path = analysed(tmp_path / "without.mcap", "--magnetometer", tmp_path / "mine.json")
+    results, path = analyzed(tmp_path / "without.mcap", "--magnetometer", tmp_path / "mine.json")
     assert results.path is not None and "compass" in results.path.residuals
     (said,) = about_heading(results)
     assert "the magnetometer held the heading" in said

@@ -131,14 +131,14 @@ def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_a_plan_of_four_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From a catalogue with one piece of a kind."""
-    catalogue = search.catalogue
+    """From a catalog with one piece of a kind."""
+    catalog = search.catalog
 
     def small(*arguments: Any) -> list[Any]:
-        everything = catalogue(*arguments)
+        everything = catalog(*arguments)
         return [next(piece for piece in everything if piece.kind == kind) for kind in ("runs", "circuit", "porpoise")]
 
-    monkeypatch.setattr(search, "catalogue", small)
+    monkeypatch.setattr(search, "catalog", small)
     monkeypatch.chdir(tmp_path)
     do(MY_TOML)
     succeeds(PLAN, "plan-mine/plan.toml")

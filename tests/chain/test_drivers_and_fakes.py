@@ -324,7 +324,7 @@ def test_noise_of_a_resting_imu_is_what_the_budget_says_and_its_filter_leaves(re
         for axis in "xyz":
             unit = "mps2" if name == "specific_force" else "radps"
             values = np.array([getattr(m, f"{name}_{axis}_{unit}") for m in messages])
-            # Plain standard deviation: neighbouring means share what the filter remembers.
+            # Plain standard deviation: neighboring means share what the filter remembers.
             assert values.std() == pytest.approx(sigma * left_by(corner_Hz), rel=4 / math.sqrt(2 * len(values)))
 
 

@@ -1,4 +1,4 @@
-"""Power monitors and the analogue converter against their fakes, which were written from the datasheets alone."""
+"""Power monitors and the analog converter against their fakes, which were written from the datasheets alone."""
 
 import sys
 from pathlib import Path
@@ -138,7 +138,7 @@ def test_a_voltage_beyond_the_range_and_an_interruption_are_noticed():
         bench.read(driver, 1)
 
 
-def test_the_daemon_records_battery_and_analogue_inputs(tmp_path):
+def test_the_daemon_records_battery_and_analog_inputs(tmp_path):
     clock = SimulatedClock(start_ns=3_000_000_000)
     truth = AnalyticSensorTruth(voltage_V=constant(11.1), current_A=constant(30.0))
     fake, tray = FakeTray(truth, clock), parse_tray(TRAY, "tray.toml", tmp_path)

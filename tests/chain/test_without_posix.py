@@ -37,7 +37,7 @@ def test_calibrations_from_a_log(laptop: Laptop, name: str) -> None:
 @pytest.mark.parametrize(
     "name, reason",
     [
-        ("flightpower export", "no acceleration or deceleration to analyse"),
+        ("flightpower export", "no acceleration or deceleration to analyze"),
         ("flightpower analyze", "none of the 2 logs can be used"),
         ("flightpower plan", "too short"),
         ("flightpower analyze compare", "in both pools"),

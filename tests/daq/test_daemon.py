@@ -14,7 +14,7 @@ from scripted_parts import HandClock
 from daq.config import parse_tray
 from daq.daemon import NoDeviceOpened, record
 from daq.log_list import list_logs
-from daq.log_summary import summarise
+from daq.log_summary import summarize
 from flight.errors import InputError
 from flight.log_reader import read_log
 from flight.messages import TYPE_OF_TOPIC, Status, schema_of
@@ -128,7 +128,7 @@ def test_logs_are_listed_by_the_satellites_time(flight, tmp_path):
     ]
     assert found[0].by_satellites and f"{found[0].begin:%Y-%m-%d %H:%M}" in ("2016-05-14 09:29", "2016-05-14 09:30")
     assert found[0].duration_s == pytest.approx(SECONDS, abs=0.1)
-    assert any("2016-05-14 09:" in line and "satellites' time" in line for line in summarise(recording.path).lines)
+    assert any("2016-05-14 09:" in line and "satellites' time" in line for line in summarize(recording.path).lines)
 
 
 def test_every_topic_is_there_with_its_schema(flight):

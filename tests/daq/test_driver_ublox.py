@@ -1,4 +1,4 @@
-"""The receiver: UBX frames out of any stream of bytes, configuration with acknowledgement, fixes and their absence."""
+"""The receiver: UBX frames out of any stream of bytes, configuration with acknowledgment, fixes and their absence."""
 
 import pytest
 from hypothesis import given, settings
@@ -83,7 +83,7 @@ def test_frames_after_garbage_are_found(noise, cuts):
 
 
 def test_what_only_looks_like_a_frame_does_not_hold_up_what_follows():
-    """Two bytes of noise before an acknowledgement make it the head of 261 bytes, of which no more will come."""
+    """Two bytes of noise before an acknowledgment make it the head of 261 bytes, of which no more will come."""
     port = ScriptedPort()
     sensor = UBloxDriver(port)
     bring_up(sensor)

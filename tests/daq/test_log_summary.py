@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from daq.__main__ import app
-from daq.log_summary import summarise
+from daq.log_summary import summarize
 from flight.log_writer import LogWriter
 from flight.messages import AbsolutePressure, Status, Tick
 
@@ -31,7 +31,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_summary_gives_length_rates_and_lateness(log: Path) -> None:
-    summary = summarise(log)
+    summary = summarize(log)
     assert summary.lines[0].startswith(f"{log}: 60.0 s from 1970-01-01 00:00:00 (system clock, UTC)")
     assert "1501 ticks, 8 missed; late by 1.00 ms (median), 3.00 ms (maximum)" in summary.lines
     baro, ticks = summary.topics

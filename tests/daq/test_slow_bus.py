@@ -51,7 +51,7 @@ class Bench:
         return self.worker.collect(self.clock.ns)  # the deadline has come
 
     def answer(self):
-        """The pending read returns, and its thread has signalled that before this returns."""
+        """The pending read returns, and its thread has signaled that before this returns."""
         self.part.permit.release()
         self.worker._done_signal.acquire(timeout=GIVE_UP_S)
         self.worker._done_signal.release()

@@ -130,7 +130,7 @@ def test_a_spinning_propeller_yaws_the_aircraft_that_pitches_up():
     assert rdot == pytest.approx(INERTIA.Ip * 800 / INERTIA.Iz)
 
 
-def test_specific_force_off_the_centre_is_that_of_a_point_carried_around():
+def test_specific_force_off_the_center_is_that_of_a_point_carried_around():
     """Second derivative of the point's position by differences: a body that turns about a tilted axis ever faster."""
     axis, rate, acceleration = np.array([0.3, -0.5, 0.8]), 1.3, 0.7
     axis = axis / np.linalg.norm(axis)

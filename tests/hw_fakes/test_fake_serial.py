@@ -66,7 +66,7 @@ def test_a_standing_motor_is_silent_in_the_legacy_frame(powered, clock):
     assert heard(powered(motor_revps=constant(0.0)).port(ESC, 115200), clock, 5.0) == b""
 
 
-def test_crc8_of_the_catalogue():
+def test_crc8_of_the_catalog():
     assert esc_counter.crc8(b"123456789") == 0xF4
 
 

@@ -33,7 +33,7 @@ ground_temperature = "{SEA_LEVEL_TEMPERATURE_K} K"
 RUN = '[[segment]]\nkind = "run"\nthrottle = 1.0\nspeed_of_max = 0.93\n'
 DOUBLET = '[[segment]]\nkind = "3-2-1-1"\nunits = [1.0, 1.0]\namplitude = "4 deg"\nunit = "0.5 s"\nrest = "4 s"\n'
 STEPS_3211 = '[[segment]]\nkind = "3-2-1-1"\namplitude = "4 deg"\nunit = "0.3 s"\nrest = "3 s"\n'
-MANOEUVRE_S = 5.0
+MANEUVER_S = 5.0
 
 
 @pytest.fixture(scope="module")
@@ -97,11 +97,11 @@ def test_our_trim_is_trimmed_there(standard_plant, other, over_stall):
     assert fdm["position/h-sl-ft"] * FT == pytest.approx(100.0, abs=1.0)
 
 
-@pytest.mark.parametrize("manoeuvre", [RUN, DOUBLET, STEPS_3211], ids=["acceleration", "elevator-doublet", "3-2-1-1"])
-def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, manoeuvre):
-    truth = fly(nexstar, parse_plan(HEAD + manoeuvre, "comparison")).truth
+@pytest.mark.parametrize("maneuver", [RUN, DOUBLET, STEPS_3211], ids=["acceleration", "elevator-doublet", "3-2-1-1"])
+def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, maneuver):
+    truth = fly(nexstar, parse_plan(HEAD + maneuver, "comparison")).truth
     # Without the recovery after the elevator input, when the motor jumps faster than JSBSim shows its thrust.
-    truth = truth[truth["segment"] == 0].iloc[: None if manoeuvre == RUN else round(MANOEUVRE_S / 0.02)]
+    truth = truth[truth["segment"] == 0].iloc[: None if maneuver == RUN else round(MANEUVER_S / 0.02)]
     columns = ("elevator_rad", "aileron_rad", "rudder_rad", "motor_speed_revps")
     controls = truth[list(columns)].to_numpy()
     first = truth.iloc[0]
@@ -131,7 +131,7 @@ def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, manoeuvre):
         steer(fdm, *after)
         found.append(state(fdm))
     V, alpha, _ = np.array(found).T
-    assert np.ptp(truth["V_mps"] if manoeuvre == RUN else np.rad2deg(truth["alpha_rad"])) > 4
+    assert np.ptp(truth["V_mps"] if maneuver == RUN else np.rad2deg(truth["alpha_rad"])) > 4
     assert np.max(np.abs(V / truth["V_mps"] - 1)) < 0.01
     assert np.max(np.abs(np.rad2deg(alpha - truth["alpha_rad"]))) < 0.2
     # JSBSim says the thrust of the step before: power is compared with the speed and motor of each instant.

@@ -159,7 +159,7 @@ def test_a_turn_ends_on_the_opposite_heading(nexstar):
 
 
 def test_the_roller_coaster_and_the_wind_up_turn_pull_what_they_should(nexstar):
-    flight = fly(nexstar, load_plan("manoeuvres"))
+    flight = fly(nexstar, load_plan("maneuvers"))
     truth = flight.truth
     load = {
         kind: -truth.loc[truth["kind"] == kind, "specific_force_z_mps2"] / 9.80665

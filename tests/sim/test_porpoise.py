@@ -3,7 +3,7 @@
 import pytest
 
 from sim.integration import Observation
-from sim.manoeuvres import PorpoiseSegment
+from sim.maneuvers import PorpoiseSegment
 from sim.pilot import Targets
 from sim.pilot_wander import PilotWander, drawn_phases
 from sim.plan_segment import FlightContext

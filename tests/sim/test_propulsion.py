@@ -101,9 +101,9 @@ def test_a_folding_propeller_neither_brakes_nor_drives(propulsion, propeller):
         assert propeller.coefficients(J, 6000) == propeller.with_beyond_zero_thrust("fold").coefficients(J, 6000)
 
 
-@pytest.mark.parametrize(("behaviour", "area_over_diameter2"), [("windmill", 0.042), ("fold", 0.00154)])
-def test_a_propeller_that_stands_drags_as_its_blades_do(propulsion, propeller, behaviour, area_over_diameter2):
-    standing = propeller.with_beyond_zero_thrust(behaviour)
+@pytest.mark.parametrize(("behavior", "area_over_diameter2"), [("windmill", 0.042), ("fold", 0.00154)])
+def test_a_propeller_that_stands_drags_as_its_blades_do(propulsion, propeller, behavior, area_over_diameter2):
+    standing = propeller.with_beyond_zero_thrust(behavior)
     train = power_train(propulsion, standing, V=15.0, n=0.0, throttle=0.0, rho=RHO)
     drag = RHO * 15.0**2 / 2 * area_over_diameter2 * propeller.diameter_m**2
     assert -train.thrust_N == pytest.approx(drag, rel=1e-6)
@@ -125,6 +125,6 @@ def test_an_aircraft_that_folds_its_propeller_glides_further(nexstar):
     assert sinks["fold"]["thrust_N"] == pytest.approx(0.0, abs=0.1) and sinks["windmill"]["thrust_N"] < -0.3
 
 
-def test_an_unknown_behaviour_is_refused():
+def test_an_unknown_behavior_is_refused():
     with pytest.raises(InputError, match="'feather' is not one of windmill, fold"):
         load_propeller("apc-12x8e").with_beyond_zero_thrust("feather")

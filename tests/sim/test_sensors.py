@@ -60,7 +60,7 @@ def test_noise_is_white_and_of_unit_variance(rate_Hz):
         assert abs(np.mean(x[lag:] * x[:-lag])) < 4 / np.sqrt(n)
 
 
-def test_coloured_noise_forgets_in_its_correlation_time():
+def test_colored_noise_forgets_in_its_correlation_time():
     dt, tau, n = 0.1, 5.0, 200_000
     x = gauss_markov(2, "x", n, dt, tau)
     independent = n * dt / (2 * tau)
@@ -91,7 +91,7 @@ def test_pair_difference_of_the_hemisphere():
     assert np.allclose(ports.lower_minus_upper, 200 * 9 / 4 * np.sin(2 * alpha) * np.cos(beta) ** 2)
     assert np.allclose(ports.right_minus_left[alpha == 0], 200 * 9 / 4 * np.sin(2 * beta[alpha == 0]))
     aligned = port_pressures(200.0, 0.0, 0.0)
-    assert (aligned.centre, aligned.lower_minus_upper, aligned.static) == pytest.approx((200, 0, 0))
+    assert (aligned.center, aligned.lower_minus_upper, aligned.static) == pytest.approx((200, 0, 0))
 
 
 def test_wind_from_the_right_presses_on_the_right_port():
@@ -176,8 +176,8 @@ def test_the_static_line_and_the_barometer_show_the_height(perfect, flown):
     assert np.allclose(perfect.absolute_pressure_Pa("static", t), truth["static_pressure_Pa"] - crossflow, atol=0.5)
 
 
-def test_the_imu_is_off_the_centre(flight, flown):
-    """Moving the IMU forward by one metre shows the pitch acceleration and the centripetal force there."""
+def test_the_imu_is_off_the_center(flight, flown):
+    """Moving the IMU forward by one meter shows the pitch acceleration and the centripetal force there."""
     t, truth = flown
     q, r = truth["q_radps"].to_numpy(), truth["r_radps"].to_numpy()
     forces = []

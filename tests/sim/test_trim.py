@@ -44,7 +44,7 @@ def test_climbing_and_turning_flight_stays_what_it_was(trimmer, climb, bank_deg)
     stepper.start(x, trim.commands)
     for _ in range(100):
         seen = stepper.step()
-    # The air thins by 1e-4 a metre of climb, and trim goes with it; the spiral mode takes half a minute to show.
+    # The air thins by 1e-4 a meter of climb, and trim goes with it; the spiral mode takes half a minute to show.
     assert seen.V == pytest.approx(18.0, abs=0.01)
     assert seen.phi == pytest.approx(np.deg2rad(bank_deg), abs=0.01)
 
@@ -102,7 +102,7 @@ def test_what_cannot_be_trimmed_says_the_limit(trimmer):
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_the_phugoid_has_lanchesters_period(name):
     """pi sqrt(2) V/g holds for an aircraft that keeps its angle of attack. Ours yields by its pitch damping, which the
-    ratio of manoeuvre margin to static margin accounts for; made ten times stiffer, it does not."""
+    ratio of maneuver margin to static margin accounts for; made ten times stiffer, it does not."""
     plant = plant_of(load_aircraft(name))
     trimmer = Trimmer(plant, 100.0)
     V = 1.7 * trimmer.V_stall

@@ -32,7 +32,7 @@ def test_it_is_the_probe_that_flies():
     ports = port_pressures(q, np.deg2rad(alpha), np.deg2rad(beta))
     assert np.allclose(dp_alpha, ports.lower_minus_upper)
     assert np.allclose(dp_beta, ports.right_minus_left)
-    assert np.allclose(q_c, ports.centre - ports.static)
+    assert np.allclose(q_c, ports.center - ports.static)
 
 
 def test_its_noise_is_what_it_says():

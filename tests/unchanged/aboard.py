@@ -75,13 +75,13 @@ def monitored(log: Log, aircraft: Aircraft, probe: ProbeMaps | None, speed: floa
 
 
 def run_monitor() -> Contents:
-    demo, manoeuvres = log_of(commands.demo_log), log_of(commands.manoeuvres_log)
+    demo, maneuvers = log_of(commands.demo_log), log_of(commands.maneuvers_log)
     nexstar = load_aircraft("nexstar")
     changed = replace(nexstar.propulsion, beyond_zero_thrust="fold", static_thrust_ratio=1.03)
     stand = replace(nexstar, propulsion=changed)
     return {
         "demonstration": monitored(demo, nexstar, probe_of(demo)),
-        "manoeuvres": monitored(manoeuvres, nexstar, probe_of(manoeuvres)),
+        "maneuvers": monitored(maneuvers, nexstar, probe_of(maneuvers)),
         "of a stand": monitored(demo, stand, None),
         "other speeds": [monitored(demo, nexstar, probe_of(demo), speed)["verdicts"] for speed in (0.8, 1.3)],
     }

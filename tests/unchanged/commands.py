@@ -76,7 +76,7 @@ def analysis_of(log: bytes, *options: str) -> tuple[Contents, dict[str, bytes]]:
         return ended, {path.name: path.read_bytes() for path in (folder / "out").iterdir()}
 
 
-def analysed(log: bytes, *options: str) -> Contents:
+def analyzed(log: bytes, *options: str) -> Contents:
     ended, files = analysis_of(log, *options)
     with new_folder() as folder:
         for name, content in files.items():
@@ -101,28 +101,28 @@ def steady_log() -> bytes:
 
 
 @cache
-def manoeuvres_log() -> bytes:
+def maneuvers_log() -> bytes:
     with new_folder() as folder:
         (folder / "plan.toml").write_text(PLAN, "utf-8")
         return flight(str(folder / "plan.toml"), "--seed", "6", "--errors", "harsh")
 
 
 def demonstration() -> Contents:
-    return analysed(demo_log())
+    return analyzed(demo_log())
 
 
 def steady_points() -> Contents:
-    return without_figures(analysed(steady_log(), *STEADY_OPTIONS))
+    return without_figures(analyzed(steady_log(), *STEADY_OPTIONS))
 
 
-def manoeuvres() -> Contents:
+def maneuvers() -> Contents:
     """Loads and elevator inputs, and a run at full throttle, in gusts."""
-    return without_figures(analysed(manoeuvres_log()))
+    return without_figures(analyzed(maneuvers_log()))
 
 
 def larger_errors() -> Contents:
     """Sensors twice as bad as stated, which the analysis notices."""
-    return without_figures(analysed(flight("demo", "--world", "twice", "--seed", "4")))
+    return without_figures(analyzed(flight("demo", "--world", "twice", "--seed", "4")))
 
 
 def pool() -> Contents:
@@ -130,7 +130,7 @@ def pool() -> Contents:
     with new_folder() as folder:
         for name, log, options in (
             ("a/demo", demo_log(), ()),
-            ("a/manoeuvres", manoeuvres_log(), ()),
+            ("a/maneuvers", maneuvers_log(), ()),
             ("b/demo-1", flight("demo", "--seed", "1"), ()),
         ):
             (folder / name).mkdir(parents=True)
@@ -338,7 +338,7 @@ CALIBRATIONS = (
 CASES: dict[str, Callable[[], Contents]] = {
     "demonstration": demonstration,
     "steady-points": steady_points,
-    "manoeuvres": manoeuvres,
+    "maneuvers": maneuvers,
     "larger-errors": larger_errors,
     "pool": pool,
     "plans": plans,

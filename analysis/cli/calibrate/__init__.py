@@ -32,7 +32,7 @@ for command, short_help in (
     (magnetometer, "Hard and soft iron, from a log with turns."),
     (thrust, "Thrust at rest against the propeller's table, from a stand."),
     (surfaces, "Surface angle and servo pulse, with a protractor."),
-    (weight_and_balance, "Weight and centre of gravity, from scales."),
+    (weight_and_balance, "Weight and center of gravity, from scales."),
 ):
     app.command(short_help=short_help)(command)
 

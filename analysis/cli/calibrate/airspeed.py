@@ -15,7 +15,7 @@ from flight.errors import InputError
 if TYPE_CHECKING:
     from analysis.trajectory.consistency import AirspeedCalibration
 
-TYPICAL_WEIGHT_N, TYPICAL_WING_AREA_M2 = 60.0, 1.0  # only their ratio counts, to recognise flight
+TYPICAL_WEIGHT_N, TYPICAL_WING_AREA_M2 = 60.0, 1.0  # only their ratio counts, to recognize flight
 
 
 def airspeed(

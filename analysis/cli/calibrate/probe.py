@@ -42,7 +42,7 @@ def probe(
     """Calibrate a five-port probe from wind-tunnel measurements.
 
     The tunnel file has the columns speed, alpha, beta, dp_alpha (lower minus upper port), dp_beta (right minus left),
-    q_c (centre minus static), static and temperature, each with its unit in brackets. Measure at three speeds or more,
+    q_c (center minus static), static and temperature, each with its unit in brackets. Measure at three speeds or more,
     so that a dependence on speed shows. Measure at angles beyond those that will be flown: the analysis leaves out
     results outside the measured range.
 

@@ -48,7 +48,7 @@ def transducers(
 ) -> None:
     """Measure slope and offset of the three differential transducers, by the same pressures on all of them.
 
-    Join the positive ports of the three transducers (lower, right, centre) by T-pieces to one tube: a water column on a
+    Join the positive ports of the three transducers (lower, right, center) by T-pieces to one tube: a water column on a
     ruler, or a syringe with a reference manometer. Leave the negative ports open, in still air. Start the daemon, leave
     the tube open for ten seconds, then hold pressures up and down for ten seconds each and write them down, eight or
     more, up to 80 % of the smallest range (400 Pa, 40 mm of water). Open the tube for ten seconds at the end.

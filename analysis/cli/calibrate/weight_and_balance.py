@@ -56,12 +56,12 @@ def weight_and_balance(
     output: AircraftFileLines = None,
     replace: Replace = False,
 ) -> None:
-    """Compute weight and centre of gravity with their errors, from scales under the wheels or in a suspension.
+    """Compute weight and center of gravity with their errors, from scales under the wheels or in a suspension.
 
     Set the aircraft level and ready to fly on one scale a wheel, or hang it from spring scales; indoors. Measure the
     position of each support aft of a datum, such as the leading edge. Read each scale several times, the aircraft
     lifted off in between. The result is the weight with its uncertainty for the aircraft file ([mass] weight and
-    [uncertainty] weight), which enters the interval of the power curve, and the centre of gravity, from which the
+    [uncertainty] weight), which enters the interval of the power curve, and the center of gravity, from which the
     positions of probe and IMU are measured.
 
     Exit code 1 and no file if readings of one support contradict each other, or the weight stays uncertain by 2 %.
@@ -103,8 +103,8 @@ def summary(found: "WeightAndBalance") -> list[str]:
 
     lines = [f"weight {found.mass_kg:.3f} ± {NORMAL_95 * found.mass_error_kg:.3f} kg (95 % interval)"]
     if found.position_m is None or found.position_error_m is None:
-        lines.append("note: a support has no position, so the centre of gravity is not computed")
+        lines.append("note: a support has no position, so the center of gravity is not computed")
     else:
         half_mm = 1e3 * NORMAL_95 * found.position_error_m
-        lines.append(f"centre of gravity {1e3 * found.position_m:.1f} ± {half_mm:.1f} mm aft of the datum")
+        lines.append(f"center of gravity {1e3 * found.position_m:.1f} ± {half_mm:.1f} mm aft of the datum")
     return lines

@@ -7,7 +7,7 @@ from analysis.electrical.estimate import ElectricalEstimate
 from analysis.electrical.flight_table import FlightTable
 from analysis.report.figures.style import (
     BLUE,
-    GREY,
+    GRAY,
     INK,
     Figure,
     add_band,
@@ -31,7 +31,7 @@ def electrical_power(results: Results, estimate: ElectricalEstimate) -> Figure:
         x=rounded(estimate.measured_V_mps),
         y=rounded(estimate.measured_W),
         mode="markers",
-        marker={"color": GREY, "size": 7, "opacity": 0.6},
+        marker={"color": GRAY, "size": 7, "opacity": 0.6},
         name="the flight, reduced to level flight",
         hovertemplate="%{y:.0f} W",
     )

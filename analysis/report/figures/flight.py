@@ -15,7 +15,7 @@ from analysis.estimation.fit import Convergence
 from analysis.maneuvers.kinds import Maneuver
 from analysis.report.figures.style import (
     BLUE,
-    GREY,
+    GRAY,
     GRID,
     INK,
     ORANGE,
@@ -42,7 +42,7 @@ ROWS = (("V_mps", "speed, m/s", 1.0), ("height_m", "height, m", 1.0), ("n_revps"
 
 
 def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[RejectedResult] = ()) -> Figure:
-    """Speed, height and motor speed of the whole flight; runs shaded by kind, rejected stretches outlined in grey."""
+    """Speed, height and motor speed of the whole flight; runs shaded by kind, rejected stretches outlined in gray."""
     figure = Figure(len(ROWS))
     t_s = table.index.to_numpy()
     for i, (column, title, factor) in enumerate(ROWS, start=1):
@@ -56,7 +56,7 @@ def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[R
     figure.update_layout(shapes=_shades(shaded, rejected))
     in_legend = {run.kind: RUN_COLOR.get(run.kind, OTHER_RUN) for run in shaded}
     if rejected:
-        in_legend["rejected"] = GREY
+        in_legend["rejected"] = GRAY
     for kind, color in in_legend.items():
         marker = {"color": color, "size": 14, "symbol": "square", "opacity": 0.6}
         figure.add_scatter(x=[None], y=[None], mode="markers", marker=marker, name=kind)
@@ -72,7 +72,7 @@ def _shades(runs: Sequence[Maneuver], rejected: Sequence[RejectedResult]) -> lis
         for run in runs
     ] + [
         {"x0": stretch.start_s, "x1": stretch.end_s, "fillcolor": "rgba(0, 0, 0, 0.04)",
-         "line": {"color": GREY, "width": 1.5, "dash": "dot"}}
+         "line": {"color": GRAY, "width": 1.5, "dash": "dot"}}
         for stretch in rejected
     ]  # fmt: skip
     place: dict[str, object] = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1}
@@ -85,7 +85,7 @@ def consistency(agreement: Consistency) -> Figure:
     rows = ((ANGLES, "θ - α - γ, deg", degrees), (SPEED, "V - GPS, m/s", 1.0))
     figure = Figure(len(rows), 0.06)
     for i, (column, title, factor) in enumerate(rows, start=1):
-        for name, differences, color in zip(("before", "after"), agreement, (GREY, BLUE), strict=True):
+        for name, differences, color in zip(("before", "after"), agreement, (GRAY, BLUE), strict=True):
             x, y = thinned(differences.index.to_numpy(), factor * differences[column].to_numpy())
             figure.add_scatter(
                 x=rounded(x), y=rounded(y), mode="lines", panel=i, name=name, legendgroup=name, showlegend=i == 1,
@@ -97,19 +97,19 @@ def consistency(agreement: Consistency) -> Figure:
     return styled(figure, 520)
 
 
-def run_fit(run: str, t_s: Array, measured: dict[str, Array], modelled: dict[str, Array]) -> list[Figure]:
+def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str, Array]) -> list[Figure]:
     """One run: measurement and fitted model, and their difference beside them."""
     both, differences = Figure(len(measured), 0.04), Figure(len(measured), 0.04)
-    point, model = {"size": 6, "color": GREY}, {"color": ORANGE, "width": 3}
+    point, model = {"size": 6, "color": GRAY}, {"color": ORANGE, "width": 3}
     for i, quantity in enumerate(measured, start=1):
-        difference = measured[quantity] - modelled[quantity]
+        difference = measured[quantity] - modeled[quantity]
         for figure, values in ((both, measured[quantity]), (differences, difference)):
             figure.add_scatter(
                 x=rounded(t_s), y=rounded(values), mode="markers", panel=i, marker=point, name="measured",
                 legendgroup="measured", showlegend=i == 1 and figure is both,
             )  # fmt: skip
         both.add_scatter(
-            x=rounded(t_s), y=rounded(modelled[quantity]), mode="lines", panel=i, line=model, name="model",
+            x=rounded(t_s), y=rounded(modeled[quantity]), mode="lines", panel=i, line=model, name="model",
             showlegend=i == 1,
         )  # fmt: skip
         differences.add_zero_line(model, panel=i)
@@ -170,7 +170,7 @@ def air_and_path(trajectory: Trajectory) -> Figure:
         (np.degrees(blocks["alpha_rad"]), np.degrees(np.arctan2(w, u)), "α, deg"),
     )
     for panel, (probe, path, title) in enumerate(rows, start=1):
-        for values, name, color, width in ((probe, "probe", GREY, 3.0), (path, "path and wind", BLUE, 1.5)):
+        for values, name, color, width in ((probe, "probe", GRAY, 3.0), (path, "path and wind", BLUE, 1.5)):
             t, y = thinned(blocks.t_s, values * flying)
             figure.add_scatter(
                 x=rounded(t), y=rounded(y), mode="lines", panel=panel, name=name, legendgroup=name,
@@ -182,10 +182,10 @@ def air_and_path(trajectory: Trajectory) -> Figure:
 
 
 def ground_track(track: Track, runs: Sequence[Maneuver], air: AirFound | None) -> Figure:
-    """The path over the ground with equal axes, runs coloured by kind, and the direction of the wind."""
+    """The path over the ground with equal axes, runs colored by kind, and the direction of the wind."""
     figure = Figure()
     t, north, east = np.array(track.t_s), np.array(track.north_m), np.array(track.east_m)
-    figure.add_scatter(x=rounded(east), y=rounded(north), mode="lines", line={"color": GREY, "width": 1.2},
+    figure.add_scatter(x=rounded(east), y=rounded(north), mode="lines", line={"color": GRAY, "width": 1.2},
                        name="whole flight", hoverinfo="skip")  # fmt: skip
     in_legend = set()
     for run in runs:

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.report.figures.style import (
     BLUE,
-    GREY,
+    GRAY,
     INK,
     ORANGE,
     PALETTE,
@@ -42,7 +42,7 @@ def power_required(pooled: Content) -> Figure:
             y += [*power, np.nan]
         figure.add_scatter(
             x=rounded(np.array(x)), y=rounded(np.array(y)), mode="lines", name="each flight alone",
-            line={"color": GREY, "width": 2}, opacity=0.7, hoverinfo="skip", connectgaps=False,
+            line={"color": GRAY, "width": 2}, opacity=0.7, hoverinfo="skip", connectgaps=False,
         )  # fmt: skip
     add_band(figure, V, lo, hi, BLUE, 0.35)
     outside = np.array([point["extrapolated"] for point in pooled["power_required"]])
@@ -64,7 +64,7 @@ def half_widths(pooled: Content, best: Content) -> Figure:
     V = np.array(more["speed_mps"])
     figure = Figure()
     for values, name, color, dash in (
-        (best["half_width_percent"], f"best flight alone, {best['log']}", GREY, "dot"),
+        (best["half_width_percent"], f"best flight alone, {best['log']}", GRAY, "dot"),
         (more["half_width_percent"], "all flights", BLUE, "solid"),
         (more["half_width_then_percent"], "one flight more", ORANGE, "dash"),
     ):

@@ -75,7 +75,7 @@ def _axis(name: str, panel: int) -> str:
 
 Array = NDArray[np.float64]
 
-INK, GRID, PAPER, GREY = "#000000", "#c9d1d8", "#ffffff", "#5b6b78"
+INK, GRID, PAPER, GRAY = "#000000", "#c9d1d8", "#ffffff", "#5b6b78"
 BLUE, RED, GREEN, ORANGE = "#004a99", "#c22a1a", "#00693e", "#c64b00"
 # Dark enough on white. With color blindness some look alike: lines also differ in symbol, dash or width.
 PALETTE = (
@@ -91,7 +91,7 @@ RUN_COLOR = {"acceleration": "#d95f02", "deceleration": BLUE, "steady": "#1b9e77
 OTHER_RUN = PALETTE[3]
 # The same colors on a dark page, by the color on a white one.
 ON_DARK = {
-    INK: "#e8edf2", GRID: "#39424c", PAPER: "#12171d", GREY: "#9fb0bf", BLUE: "#6cb6ff", RED: "#ff8375",
+    INK: "#e8edf2", GRID: "#39424c", PAPER: "#12171d", GRAY: "#9fb0bf", BLUE: "#6cb6ff", RED: "#ff8375",
     GREEN: "#3fd18b", ORANGE: "#ffa657", "#00735c": "#4fd1b5", "#8a2f8f": "#e08be6", "#6b4e00": "#d9b44a",
     "#3d3d3d": "#c0c0c0", "#0087b3": "#4cc9f0", "#a3123f": "#ff7aa2", "#5a7d00": "#b5d94c", "#b58900": "#f2cc60",
     "#5a3fc0": "#b39dff", "#d4007f": "#ff6ec7", "#d95f02": "#ff9a4d", "#1b9e77": "#b8f2c0",

@@ -2,7 +2,7 @@
 
 Agreement of the sensors with one another, and the sensor errors that the flight determined.
 
-What the result was made of: date, place, air, files with hashes, health of the log, and how it was analysed.
+What the result was made of: date, place, air, files with hashes, health of the log, and how it was analyzed.
 """
 
 import math
@@ -109,7 +109,7 @@ def provenance_section(results: Results) -> ProvenanceSection | None:
         ("Recorded by", f"flightpower {found.recorded_by}" if found.recorded_by else "not known"),
         ("Sampling", _ticks(results)),
         ("Messages of the daemon", "; ".join(found.events) or "no warning"),
-        ("Analysed by", f"flightpower {results.software_version}"),
+        ("Analyzed by", f"flightpower {results.software_version}"),
         ("Command", found.command_line or "not recorded: one of several logs, or called from Python"),
     ]
     return ProvenanceSection(
@@ -151,7 +151,7 @@ def electrical_facts(results: Results) -> list[tuple[str, str]]:
         ("Log", _log(results, found)),
         ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
         *files,
-        ("Analysed by", f"flightpower {results.software_version}"),
+        ("Analyzed by", f"flightpower {results.software_version}"),
         ("Command", found.command_line),
     ]
 

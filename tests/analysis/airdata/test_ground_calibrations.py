@@ -124,7 +124,7 @@ def test_angles_that_do_not_fit_are_refused(angles, cause: str) -> None:
         surfaces.surface_table(surfaces.held_pulses(*session()), angles)
 
 
-def test_neighbouring_samples_count_as_one() -> None:
+def test_neighboring_samples_count_as_one() -> None:
     """Of a slow turn five samples each are the same: the stated errors are those of the 300 that differ."""
     over_stated = []
     for seed in range(10):

@@ -1,4 +1,4 @@
-"""Effects of rotation on probe and IMU are taken out at the centre of gravity; bank angles of steady flight."""
+"""Effects of rotation on probe and IMU are taken out at the center of gravity; bank angles of steady flight."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ def log_of(rates_radps, alpha_rad: float, beta_rad: float, force_mps2=(0.0, 0.0,
 
 
 def at_probe(rates_radps, x_m: float) -> tuple[float, float]:
-    """(alpha, beta) at a point x_m ahead of the centre of gravity: its velocity is v + omega x r."""
+    """(alpha, beta) at a point x_m ahead of the center of gravity: its velocity is v + omega x r."""
     u, v, w = V_MPS * np.array(
         [np.cos(ALPHA_RAD) * np.cos(BETA_RAD), np.sin(BETA_RAD), np.sin(ALPHA_RAD) * np.cos(BETA_RAD)]
     ) + np.cross(rates_radps, (x_m, 0.0, 0.0))
@@ -53,7 +53,7 @@ def at_probe(rates_radps, x_m: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("rates_radps", [(0.0, 0.0, 0.5), (0.0, 0.5, 0.0), (0.0, -0.4, -0.3)])
-def test_a_turning_boom_changes_no_angle_at_the_centre_of_gravity(
+def test_a_turning_boom_changes_no_angle_at_the_center_of_gravity(
     nexstar: Aircraft, propeller: Propeller, rates_radps
 ) -> None:
     """At 0.5 rad/s a probe 0.6 m ahead sees 1.1 deg more or less; what is left is of second order, 0.05 deg."""
@@ -119,7 +119,7 @@ def test_flight_outside_the_probe_s_range_is_noted_if_it_is_more_than_a_moment(
     assert any(note.startswith("5 % of the flight lies outside") for note in air.notes) == noted
 
 
-def test_the_specific_force_is_that_of_the_centre_of_gravity(nexstar: Aircraft) -> None:
+def test_the_specific_force_is_that_of_the_center_of_gravity(nexstar: Aircraft) -> None:
     """An IMU at r feels omega x (omega x r) more: at 1 rad/s about z and 0.2 m ahead -0.2 m/s^2 along x."""
     rates, position = (0.0, 0.4, 1.0), (0.2, -0.1, 0.05)
     extra = np.cross(rates, np.cross(rates, position))
@@ -234,7 +234,7 @@ def test_a_transducer_without_noise_for_ten_seconds_of_flight_is_stuck(samples, 
 
 
 def test_air_data_do_not_depend_on_the_time_at_which_a_log_begins(nexstar: Aircraft, propeller: Propeller) -> None:
-    """Nor on where its time is counted from; the IMU is off the centre of gravity and the rates swing."""
+    """Nor on where its time is counted from; the IMU is off the center of gravity and the rates swing."""
     aircraft = replace(nexstar, imu_position_m=(0.2, 0.0, 0.1))
 
     def found(begin_s: float) -> pd.DataFrame:

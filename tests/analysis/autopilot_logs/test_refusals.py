@@ -1,4 +1,4 @@
-"""What cannot be analysed is refused in one line, and damaged files never end in a traceback."""
+"""What cannot be analyzed is refused in one line, and damaged files never end in a traceback."""
 
 from pathlib import Path
 
@@ -84,7 +84,7 @@ if SHARED.exists():  # these logs may not be shipped; others of their kind are t
     @pytest.mark.parametrize(
         "name, reason", [("multicopter.ulg", "multicopter"), ("arduplane-1s.BIN", "lacks airspeed")]
     )
-    def test_real_logs_that_cannot_be_analysed(name: str, reason: str) -> None:
+    def test_real_logs_that_cannot_be_analyzed(name: str, reason: str) -> None:
         arguments = ["--mass", "2 kg", "--wing-area", "0.4 m^2", "--span", "1.8 m"]
         done = CliRunner().invoke(app, [str(SHARED / name), *arguments])
         assert isinstance(done.exception, InputError) and reason in str(done.exception)

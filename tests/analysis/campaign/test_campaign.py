@@ -38,7 +38,7 @@ def work(tmp_path: Path) -> Work:
 
 @pytest.fixture
 def analyzed(tmp_path: Path, work: Work) -> Callable[[], list[str]]:
-    """The logs analysed since the last call."""
+    """The logs analyzed since the last call."""
 
     def calls() -> list[str]:
         path = tmp_path / "calls"
@@ -72,7 +72,7 @@ def test_a_log_that_fails_costs_its_own_flight_and_is_one_line(tmp_path: Path, w
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [".lock", "good", "last"]
 
 
-def test_only_what_changed_is_analysed_again(tmp_path: Path, work: Work, analyzed) -> None:
+def test_only_what_changed_is_analyzed_again(tmp_path: Path, work: Work, analyzed) -> None:
     out, aircraft = tmp_path / "out", tmp_path / "aircraft.toml"
     aircraft.write_text("span")
     work = replace(work, files=lambda log: [("--aircraft", aircraft)])

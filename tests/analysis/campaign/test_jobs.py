@@ -12,7 +12,7 @@ from flight.errors import InputError
 @pytest.mark.parametrize(
     ("raised", "said"),
     [
-        (MemoryError(), "long.mcap: needs more than 4 GB of memory; analyse it alone"),
+        (MemoryError(), "long.mcap: needs more than 4 GB of memory; analyze it alone"),
         (InputError("long.mcap: no flight"), "long.mcap: no flight"),
         (ValueError("out of range"), "an error of the software"),
     ],

@@ -55,11 +55,11 @@ def test_the_magnetometer_s_iron_in_microtesla(directions: float, noted: bool) -
     ) is noted
 
 
-def test_the_weight_in_kilograms_and_its_place_in_millimetres() -> None:
+def test_the_weight_in_kilograms_and_its_place_in_millimeters() -> None:
     found = WeightAndBalance(4.1, 0.005, 0.1234, 0.001, "")
     assert of_weight(found) == [
         "weight 4.100 ± 0.010 kg (95 % interval)",
-        "centre of gravity 123.4 ± 2.0 mm aft of the datum",
+        "center of gravity 123.4 ± 2.0 mm aft of the datum",
     ]
     assert "no position" in of_weight(found._replace(position_m=None))[1]
 
@@ -121,7 +121,7 @@ def test_angles_of_a_surface_are_below_a_right_angle() -> None:
 
 
 def test_the_scale_s_error_under_an_autopilot_is_that_of_the_comparison_with_gps(monkeypatch, tmp_path) -> None:
-    """Flight is recognised by a wing loading of 60 N/m^2; headings are those through the air, in flight."""
+    """Flight is recognized by a wing loading of 60 N/m^2; headings are those through the air, in flight."""
     heading = np.linspace(0, 2 * np.pi, 400, endpoint=False)
     velocity = {GPS[0]: 15 * np.cos(heading) - 4.0, GPS[1]: 15 * np.sin(heading), GPS[2]: 0.0}
     flown = SimpleNamespace(table=pd.DataFrame(velocity), flown=np.ones(400, dtype=bool), notes=["of the flight"])

@@ -129,7 +129,7 @@ def test_the_last_line_gives_seconds_and_megabytes() -> None:
     told.ended("a", Outcome("", seconds=12.34))
     told.finished(Campaign(processor_seconds=61.7, peak_bytes=321_000_000))
     assert "a: 12.3 s (1 of 3)" in said.file.getvalue()
-    assert "1 analysed in 62 s of processor time, with at most 321 MB of memory each" in said.file.getvalue()
+    assert "1 analyzed in 62 s of processor time, with at most 321 MB of memory each" in said.file.getvalue()
 
 
 def test_a_comparison_does_not_replace_the_results_of_a_flight(tmp_path: Path) -> None:

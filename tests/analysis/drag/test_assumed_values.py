@@ -47,7 +47,7 @@ def estimate(values, covariance=OWN):
 
 
 def repeat(aircraft, propeller, upwash_sigma):
-    """A0 grows by 0.01 a metre that the probe is further ahead, A1 by 0.02 a metre that the IMU is, A2 with upwash."""
+    """A0 grows by 0.01 a meter that the probe is further ahead, A1 by 0.02 a meter that the IMU is, A2 with upwash."""
     values = np.array([*A, 0.0, 0.0])
     values[2] += 0.1 * aircraft.probe.upwash_per_CL_rad
     values[0] += 0.01 * aircraft.probe.position_m[0]

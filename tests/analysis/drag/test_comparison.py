@@ -146,9 +146,9 @@ def with_steady_points() -> str:
     return f'{before}{holds}[[segment]]\nkind = "climb"{after}'
 
 
-def test_a_flight_of_manoeuvres_alone_has_a_curve_and_one_of_a_single_speed_has_none(probe) -> None:
+def test_a_flight_of_maneuvers_alone_has_a_curve_and_one_of_a_single_speed_has_none(probe) -> None:
     """Lift varied at one speed: within its interval of the truth, and 10 % in the middle of what was seen."""
-    flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), 31), "manoeuvres", 0.0, 31)
+    flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), 31), "maneuvers", 0.0, 31)
     trajectory = reconstruct(flown.table, flown.still)
     propeller = load_propeller(AIRCRAFT.propulsion.propeller)
     rho = float(flown.truth["density_kgpm3"].iloc[0])

@@ -191,7 +191,7 @@ def weighed_within(fraction: float) -> Aircraft:
 
 
 def test_a_wrong_weight_changes_power_by_what_the_interval_has_for_it() -> None:
-    """The same flight analysed with a weight 1 % too large; its curve is that of the heavier aircraft."""
+    """The same flight analyzed with a weight 1 % too large; its curve is that of the heavier aircraft."""
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
     known, unsure = (estimate_polar(trajectory, runs, weighed_within(x), PROPELLER) for x in (0.0, 0.01))

@@ -1,4 +1,4 @@
-"""Weight and centre of gravity of scales: statics, and errors that contain the truth."""
+"""Weight and center of gravity of scales: statics, and errors that contain the truth."""
 
 from pathlib import Path
 
@@ -37,7 +37,7 @@ def test_the_sections_are_ones_that_an_aircraft_file_takes(tmp_path: Path) -> No
     output = tmp_path / "weight.toml"
     arguments = ["weight-and-balance", "--scale", "2 cm: 500 502 g", "--scale", "0.38 m: 3.6 kg", "-o", str(output)]
     outcome = CliRunner().invoke(app, arguments)
-    assert outcome.exit_code == 0 and "centre of gravity 336.0 ± " in outcome.output, outcome.output
+    assert outcome.exit_code == 0 and "center of gravity 336.0 ± " in outcome.output, outcome.output
     mass, uncertainty = output.read_text("utf-8").split("\n\n")
     weight = next(line for line in mass.splitlines() if line.startswith("weight"))
     lines = load_aircraft("nexstar").text.splitlines()
@@ -64,7 +64,7 @@ def test_repeated_readings_average_and_their_scatter_counts_where_it_is_larger()
     exactly = ScaleErrors(reading_kg=0.005, gain=0.0, position_m=0.0)
     four = weight_and_balance([Support(0.1, (2.0,) * 4), Support(0.5, (2.0,) * 4)], exactly)
     assert four.mass_error_kg == pytest.approx(0.005 / 2 * np.sqrt(2))
-    # Each moves the centre of gravity, 0.2 m from either support, by its error over the mass.
+    # Each moves the center of gravity, 0.2 m from either support, by its error over the mass.
     assert four.position_error_m == pytest.approx(0.2 / 4.0 * 0.0025 * np.sqrt(2))
     scattered = weight_and_balance([Support(0.1, (1.98, 2.02, 1.98, 2.02))], exactly)
     assert scattered.mass_error_kg == pytest.approx(np.std([1.98, 2.02] * 2, ddof=1) / 2)

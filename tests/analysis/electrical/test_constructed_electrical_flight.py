@@ -143,7 +143,7 @@ def test_the_table_is_what_the_aircraft_did(table: FlightTable, truth: Truth) ->
 
 
 def test_flight_begins_clear_of_the_ground(table: FlightTable, truth: Truth) -> None:
-    """Eight seconds after and before the three metres above the ground; one stretch between."""
+    """Eight seconds after and before the three meters above the ground; one stretch between."""
     (rows,) = table.airborne
     first, last = (table.table.index[i] for i in (rows.start, rows.stop - 1))
     high = truth.t_s[truth.height_m > 3.0]

@@ -300,7 +300,7 @@ def test_stretches_of_twenty_seconds_clear_of_the_ground_count() -> None:
     assert _airborne(columns, nowhere, moving, 40.0) == [slice(0, 101), slice(181, n)]
     standing = np.arange(n) < 20
     columns["height_m"] = np.where(standing, 10.0, 50.0)
-    columns["height_m"][181:] = 12.9  # less than three metres above the ground
+    columns["height_m"][181:] = 12.9  # less than three meters above the ground
     assert _airborne(columns, standing, moving, 40.0) == []
     columns["height_m"][181:] = 13.1
     (rows,) = _airborne(columns, standing, moving, 40.0)

@@ -133,7 +133,7 @@ def test_the_covariance_is_that_of_air_motion_in_windows(samples: Samples) -> No
     assert found == pytest.approx(expected, abs=0.08 * expected[0, 0])
 
 
-def test_noise_is_recognised() -> None:
+def test_noise_is_recognized() -> None:
     t = np.arange(0, 300, 1.0)
     apart = np.abs(t[:, None] - t)
     draw = np.linalg.cholesky(correlation(apart, 10.0)) @ np.random.default_rng(2).normal(size=len(t))

@@ -76,7 +76,7 @@ def test_handled(
     assert note in " ".join(table.notes)
 
 
-def test_a_truncated_file_is_analysed_as_far_as_it_goes(tmp_path: Path, nominal: ElectricalEstimate) -> None:
+def test_a_truncated_file_is_analyzed_as_far_as_it_goes(tmp_path: Path, nominal: ElectricalEstimate) -> None:
     path = tmp_path / "log.ulg"
     path.write_bytes(LOG.read_bytes()[:180_000])
     table, found = analyzed(path)

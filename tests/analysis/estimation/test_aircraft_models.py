@@ -97,7 +97,7 @@ def runs():
 
 
 @pytest.fixture(scope="module")
-def manoeuvre():
+def maneuver():
     thrust = 0.5 * RHO * 18**2 * S * (TRUE_POLAR @ np.array([1, 0.5, 0.25]))
     return fly(18, lambda V, t: thrust, three_two_one_one, 8)
 
@@ -242,10 +242,10 @@ def test_two_states_with_true_pitch_angle(runs):
     assert np.all(np.abs(power.value - TRUE_POWER_W) < 4 * power.standard_error)
 
 
-def test_a_3211_input_identifies_pitching_moment_and_lift_due_to_pitch_rate(manoeuvre):
+def test_a_3211_input_identifies_pitching_moment_and_lift_due_to_pitch_rate(maneuver):
     model = aircraft_models.longitudinal(NEXSTAR)
     quiet = {"V": 0.1, "alpha": 0.001, "q": 0.001, "ax": 0.03, "az": 0.03, "h": 0.1}
-    fit = output_error.estimate(model, measured("3211", manoeuvre, quiet))
+    fit = output_error.estimate(model, measured("3211", maneuver, quiet))
     assert fit.verdict.ok
     for name in ("CLa", "CLde", "CLq", "Cm0", "Cma", "Cmq", "Cmde"):
         estimate = fit.parameters[name]

@@ -2,7 +2,7 @@
 Identification, 2nd ed.).
 
 The flight records are copyright of their author and the AIAA. What the published numbers promise is tested on two
-simulated manoeuvres of the same kind, with the published parameters and noise as truth; the last test reads the
+simulated maneuvers of the same kind, with the published parameters and noise as truth; the last test reads the
 records themselves where `../shared/data/attas` has them.
 """
 
@@ -88,7 +88,7 @@ def exact_response(p: np.ndarray, de: np.ndarray, x0: np.ndarray) -> np.ndarray:
     return np.array(x)
 
 
-def manoeuvres(seed: int) -> list[Segment]:
+def maneuvers(seed: int) -> list[Segment]:
     rng = np.random.default_rng(seed)
     segments = []
     for name, de in ELEVATORS.items():
@@ -106,7 +106,7 @@ def estimated(segments: Segment | list[Segment]) -> output_error.Fit:
 
 @pytest.fixture(scope="module")
 def segments() -> list[Segment]:
-    return manoeuvres(seed=0)
+    return maneuvers(seed=0)
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +116,7 @@ def fit(segments: list[Segment]) -> output_error.Fit:
 
 @pytest.fixture(scope="module")
 def information() -> np.ndarray:
-    """(8, 8) Fisher information of both manoeuvres, from sensitivities of the exact response by central differences."""
+    """(8, 8) Fisher information of both maneuvers, from sensitivities of the exact response by central differences."""
     x0, total = steady(TRUTH, TRIM), np.zeros((8, 8))
     for de in ELEVATORS.values():
         sides = [[exact_response(TRUTH + sign * step, de, x0) for sign in (1, -1)] for step in np.eye(8) * 1e-4]
@@ -126,10 +126,10 @@ def information() -> np.ndarray:
 
 
 def test_the_published_parameters_are_found_again_within_their_errors(information: np.ndarray) -> None:
-    """Twenty pairs of manoeuvres: weighted by the information, squared errors are chi-squared of 8 each."""
+    """Twenty pairs of maneuvers: weighted by the information, squared errors are chi-squared of 8 each."""
     squares = 0.0
     for seed in range(20):
-        fit = estimated(manoeuvres(seed))
+        fit = estimated(maneuvers(seed))
         errors = np.array([fit.parameters[name].value for name in CASE_11]) - TRUTH
         assert np.all(np.abs(errors) < 4 * np.array([fit.parameters[name].standard_error for name in CASE_11]))
         squares += errors @ information @ errors
@@ -139,11 +139,11 @@ def test_the_published_parameters_are_found_again_within_their_errors(informatio
 
 @pytest.mark.parametrize("name", CASE_11)
 def test_standard_errors_are_the_bound_and_of_the_published_size(fit, information: np.ndarray, name: str) -> None:
-    """Noise estimated from 626 samples of each output in two manoeuvres is good to 2 %, and so is the bound."""
+    """Noise estimated from 626 samples of each output in two maneuvers is good to 2 %, and so is the bound."""
     bound = np.sqrt(np.linalg.inv(information).diagonal())[list(CASE_11).index(name)]
     error = fit.parameters[name].standard_error
     assert error == pytest.approx(bound, rel=0.04)
-    assert error == pytest.approx(CASE_11[name][2], rel=0.1), "as long and as large as the manoeuvres of the record"
+    assert error == pytest.approx(CASE_11[name][2], rel=0.1), "as long and as large as the maneuvers of the record"
 
 
 def test_converges_in_ten_iterations_with_the_published_noise(fit) -> None:
@@ -151,8 +151,8 @@ def test_converges_in_ten_iterations_with_the_published_noise(fit) -> None:
     assert np.diag(fit.noise_covariance) == pytest.approx(NOISE_VARIANCES, rel=3 * np.sqrt(2 / (2 * SAMPLES)))
 
 
-def test_two_manoeuvres_are_worth_both_their_information(fit, segments: list[Segment]) -> None:
-    """Information adds, so that the joint bound is below that of either manoeuvre alone."""
+def test_two_maneuvers_are_worth_both_their_information(fit, segments: list[Segment]) -> None:
+    """Information adds, so that the joint bound is below that of either maneuver alone."""
     for segment in segments:
         alone = estimated(segment)
         for name in CASE_11:
@@ -169,7 +169,7 @@ def test_the_records_give_the_published_estimates() -> None:
     first = {name: float(channels[0][name][0]) for name in ("alpha", "q")}  # the reference gives it to both
     segments = [
         Segment(
-            name=f"manoeuvre {i}",
+            name=f"maneuver {i}",
             t_s=STEP_S * np.arange(len(c["de"])),
             u={"de": c["de"]},
             z={"alpha": c["alpha"], "q": c["q"]},

@@ -12,10 +12,10 @@ SEEDS = 3
 
 @pytest.fixture(scope="module")
 def flown():
-    return estimation.manoeuvres()
+    return estimation.maneuvers()
 
 
-def test_CLq_is_more_significant_in_quicker_manoeuvres(flown):
+def test_CLq_is_more_significant_in_quicker_maneuvers(flown):
     """With the gyro as it is: t grows from a slow run over a throttle step to an elevator input, several times."""
     t = [estimation.t_of_CLq(NEXSTAR, run, 0.5, estimation.GYRO_RADPS / 2, SEEDS) for run in flown.values()]
     slow, step, elevator = t

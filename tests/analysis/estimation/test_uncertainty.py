@@ -61,13 +61,13 @@ def fit_noisy(noise, **options):
 
 
 @pytest.mark.parametrize(
-    "colour", [first_order, pytest.param(moving_average, marks=pytest.mark.slow), shared_with_a_lag]
+    "color", [first_order, pytest.param(moving_average, marks=pytest.mark.slow), shared_with_a_lag]
 )
-def test_with_colored_noise_corrected_intervals_cover_and_those_of_the_bound_do_not(colour):
+def test_with_colored_noise_corrected_intervals_cover_and_those_of_the_bound_do_not(color):
     """100 seeds, 6 numbers: coverage is known to sqrt(0.95 0.05 / 100) = 2 % at most, the numbers being correlated."""
     inside: dict[str, list] = {"Cramer-Rao": [], "corrected": []}
     for seed in range(100):
-        fit = fit_noisy(colour(np.random.default_rng(seed)))
+        fit = fit_noisy(color(np.random.default_rng(seed)))
         assert fit.verdict.ok
         off = np.abs(fit.values - TRUE)
         for name, what in (("Cramer-Rao", uncertainty.cramer_rao(fit)), ("corrected", uncertainty.morelli_klein(fit))):
@@ -167,15 +167,15 @@ def fit_noisy_segment(noise):
     return Segment(name="run", t_s=T_S, u={"de": DE}, z={"alpha": z[:, 0], "q": z[:, 1]})
 
 
-def test_whiteness_tells_white_from_coloured():
+def test_whiteness_tells_white_from_colored():
     white = [
         uncertainty.whiteness(fit_noisy(np.random.default_rng(s).standard_normal((N, 2))))["q"].p_value
         for s in range(40)
     ]
     assert np.mean(np.array(white) < 0.01) < 0.15
-    coloured = uncertainty.whiteness(fit_noisy(first_order(np.random.default_rng(0))))
-    assert coloured["q"].p_value < 1e-6
-    assert coloured["q"].lag_one == pytest.approx(0.9, abs=0.08)
+    colored = uncertainty.whiteness(fit_noisy(first_order(np.random.default_rng(0))))
+    assert colored["q"].p_value < 1e-6
+    assert colored["q"].lag_one == pytest.approx(0.9, abs=0.08)
 
 
 def test_signal_to_noise_is_the_ratio_of_variances():

@@ -30,7 +30,7 @@ LINE = Model(
 )
 
 
-def other_manoeuvre(seed=5, x0=(0.05, -0.1)):
+def other_maneuver(seed=5, x0=(0.05, -0.1)):
     """Another input and another initial state than those fitted."""
     de = 0.03 * np.sin(2.5 * T_S) * (T_S > 1)
     rng = np.random.default_rng(seed)
@@ -41,7 +41,7 @@ def other_manoeuvre(seed=5, x0=(0.05, -0.1)):
 
 def test_the_right_model_predicts_other_data_to_its_noise():
     """The rms of 150 samples scatters by 1/sqrt(300) = 6 %; errors of parameters and initial state add 3 % or so."""
-    found = predict(FIT, other_manoeuvre())
+    found = predict(FIT, other_maneuver())
     for name, sigma in SIGMA.items():
         assert found.agreement[name].rms == pytest.approx(sigma, rel=0.2)
         assert found.agreement[name].R2 > 0.8
@@ -52,11 +52,11 @@ def test_the_right_model_predicts_other_data_to_its_noise():
 def test_a_wrong_model_is_seen_on_other_data():
     """With the damping fixed at a quarter of its value."""
     wrong = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -0.75, "free": False}), noisy(1))
-    assert predict(wrong, other_manoeuvre()).agreement["q"].rms > 1.5 * SIGMA["q"]
+    assert predict(wrong, other_maneuver()).agreement["q"].rms > 1.5 * SIGMA["q"]
 
 
 def test_a_given_initial_state_is_not_estimated():
-    segment = other_manoeuvre()
+    segment = other_maneuver()
     given = Segment(name="other", t_s=T_S, u=segment.u, z=segment.z, x0={"alpha": 0.2, "q": 0.0})
     assert predict(FIT, given).y[0] == pytest.approx([0.2, 0.0])
 
@@ -70,7 +70,7 @@ def test_agreement_is_split_into_means_deviations_and_the_rest():
     assert agreement(z, -z).theil == pytest.approx(1.0)
 
 
-def test_cross_validation_leaves_each_manoeuvre_out_once():
+def test_cross_validation_leaves_each_maneuver_out_once():
     segments = [noisy(seed, name=f"run {seed}") for seed in range(3)]
     fitted_to = []
 

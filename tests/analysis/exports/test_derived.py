@@ -78,7 +78,7 @@ def test_random_errors_of_the_states_are_those_of_the_draws() -> None:
 
 
 @pytest.mark.parametrize(("speed_mps", "known"), [(2.8, False), (3.2, True)])
-def test_below_three_metres_a_second_nothing_is_told(speed_mps: float, known: bool) -> None:
+def test_below_three_meters_a_second_nothing_is_told(speed_mps: float, known: bool) -> None:
     trajectory = measured(FLOWN)
     states = trajectory.states.copy()
     states.iloc[:5, STATES.index("v_north")], states.iloc[:5, STATES.index("v_down")] = speed_mps, 0.0

@@ -199,7 +199,7 @@ def test_fewer_than_ten_messages_are_too_few(messages: int, refused: bool) -> No
 
 
 @pytest.mark.parametrize(("rate_Hz", "refused"), [(201.0, False), (212.0, True), (0.95, False), (0.88, True)])
-def test_the_rates_of_the_daemon_are_analysed(rate_Hz: float, refused: bool) -> None:
+def test_the_rates_of_the_daemon_are_analyzed(rate_Hz: float, refused: bool) -> None:
     log = log_of(2.0)
     for entries in log.entries.values():
         for i in range(len(entries)):

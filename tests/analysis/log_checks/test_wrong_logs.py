@@ -1,4 +1,4 @@
-"""A log that other software wrote by docs/log-format.md is analysed; one with a mistake is refused in one clear line.
+"""A log that other software wrote by docs/log-format.md is analyzed; one with a mistake is refused in one clear line.
 
 One simulated flight, written by docs/examples/write_log.py. Every wrong log is this one, changed.
 """
@@ -190,7 +190,7 @@ def misnamed(topic: str, field: str, name: str) -> Change:
     return lambda log: replace(nothing(log), fields=log.fields | {topic: log.fields[topic] - {field} | {name}})
 
 
-def test_the_example_of_the_page_is_analysed(flown: Written) -> None:
+def test_the_example_of_the_page_is_analyzed(flown: Written) -> None:
     """Time from 0, and neither status nor schema nor metadata: the intervals contain the truth."""
     curve = analyze(flown.log).results.power_required
     true_W = np.interp([point.speed_mps for point in curve], flown.truth["speed_mps"], flown.truth["power_W"])
@@ -289,7 +289,7 @@ WRONG: dict[str, tuple[Change, str]] = {
         "/probe/alpha: differential_pressure_Pa changes with the lift, but by +0.0050 of that of "
         "/probe/airspeed only: is it in hPa (mbar), kPa or inches of water?"),
     "airspeed reversed": (scaled("/probe/airspeed", DIFFERENCE, -1),
-        "/probe/airspeed: differential_pressure_Pa is negative in flight (-225 Pa): write centre port minus "
+        "/probe/airspeed: differential_pressure_Pa is negative in flight (-225 Pa): write center port minus "
         "static, or exchange the two tubes"),
     "alpha reversed": (scaled("/probe/alpha", DIFFERENCE, -1),
         "/probe/alpha: the angle of attack falls where lift rises: differential_pressure_Pa has the wrong "

@@ -35,7 +35,7 @@ def flown(probe, plan: str, turbulence_kt: float = 0.0):
 
 @pytest.fixture(scope="module")
 def maneuvers(probe):
-    return flown(probe, "manoeuvres")
+    return flown(probe, "maneuvers")
 
 
 def test_the_maneuvers_of_the_literature_are_found_once_each_where_they_were_flown(maneuvers) -> None:
@@ -63,7 +63,7 @@ def test_a_gap_in_the_imu_does_not_make_a_wind_up_turn_vanish_without_a_word(man
 
 def test_porpoising_is_found_as_such_and_is_neither_a_roller_coaster_nor_a_3211(probe, tmp_path: Path) -> None:
     plan = tmp_path / "plan.toml"
-    text = (Path("sim/plans/manoeuvres.toml")).read_text("utf-8")
+    text = (Path("sim/plans/maneuvers.toml")).read_text("utf-8")
     plan.write_text(text.replace('"roller-coaster"', '"porpoise"\nduration = "30 s"'), "utf-8")
     flight = flown(probe, str(plan))
     found, segments = find(flight.table, flight.still), flight.segments
@@ -182,7 +182,7 @@ ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
         (ONE.replace("60 s", "60 m"), "cannot be read as a quantity in s"),
         (ONE.replace("60 s", "70 s"), "must lie before end"),
         (ONE.replace("60 s", "-1 s"), "must lie before end"),
-        (ONE + "colour = 1", "unknown key 'colour'"),
+        (ONE + "color = 1", "unknown key 'color'"),
         (ONE.replace('end = "68 s"', ""), "end is missing"),
         (ONE + "keep = false", "no [[run]] has keep = true"),
         (ONE.replace("60", "9000").replace("68", "9010"), "the log ends at"),

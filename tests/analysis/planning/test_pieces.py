@@ -1,4 +1,4 @@
-"""The catalogue of an aircraft that stalls at 10 m/s and reaches 30 m/s: speeds, durations and turns of its pieces."""
+"""The catalog of an aircraft that stalls at 10 m/s and reaches 30 m/s: speeds, durations and turns of its pieces."""
 
 from math import cos, degrees, pi
 from types import SimpleNamespace

@@ -45,19 +45,19 @@ def nexstar() -> ExpectedAircraft:
 
 @pytest.fixture(scope="module")
 def plan(nexstar: ExpectedAircraft) -> FlightPlan:
-    """A plan of 9 minutes from a small catalogue, with a leg too short for an acceleration and a deceleration."""
-    few = pieces.catalogue
+    """A plan of 9 minutes from a small catalog, with a leg too short for an acceleration and a deceleration."""
+    few = pieces.catalog
 
     def small(*arguments: object) -> list[pieces.Piece]:
         everything = few(*arguments)  # type: ignore[arg-type]
         kinds = ("runs", "circuit", "circles", "porpoise")
         return [next(piece for piece in everything[::-1] if piece.kind == kind) for kind in kinds]
 
-    search.catalogue = small  # type: ignore[assignment]
+    search.catalog = small  # type: ignore[assignment]
     try:
         return plan_flight(nexstar, Request(9.0, 10.0, Space(500.0, HEIGHT_M), Pilot(autopilot=False, load=0.8)))
     finally:
-        search.catalogue = few
+        search.catalog = few
 
 
 def test_a_level_turn_turns_by_the_bank_and_keeps_its_height(nexstar: ExpectedAircraft):
@@ -322,7 +322,7 @@ def test_pieces_keep_their_margins_and_fit_the_space(nexstar: ExpectedAircraft):
     stall, fastest, wind_kt = nexstar.stall_mps, nexstar.fastest_mps, 10.0
     slow, fast = 1.10 * stall, 0.92 * fastest
     pilot, leg_m = Pilot(autopilot=False, load=0.8), 500.0
-    found = pieces.catalogue(nexstar, Space(leg_m, HEIGHT_M), pilot, wind_kt)
+    found = pieces.catalog(nexstar, Space(leg_m, HEIGHT_M), pilot, wind_kt)
     by_kind = {kind: [piece for piece in found if piece.kind == kind] for kind in search.ORDER}
     assert [len(by_kind[kind]) for kind in ("runs", "circuit", "circles")] == [2, 6, 6]
     for piece in found:
@@ -348,10 +348,10 @@ def test_pieces_keep_their_margins_and_fit_the_space(nexstar: ExpectedAircraft):
         assert porpoise.load == 0.8 and porpoise.speed_mps**2 >= 1.2 * 1.8 * stall**2
     speeds = sorted({piece.maneuvers[1].speed_mps / stall for piece in by_kind["porpoise"][:-2]})
     assert speeds == pytest.approx([1.5, 1.6, 1.75, 1.95])
-    small = pieces.catalogue(nexstar, Space(50.0, HEIGHT_M), pilot, wind_kt)
+    small = pieces.catalog(nexstar, Space(50.0, HEIGHT_M), pilot, wind_kt)
     held = [m.duration_s for piece in small if piece.kind == "circuit" for m in piece.maneuvers if isinstance(m, Hold)]
     assert set(held) == {8.0}
-    large = pieces.catalogue(nexstar, Space(5000.0, HEIGHT_M), pilot, wind_kt)
+    large = pieces.catalog(nexstar, Space(5000.0, HEIGHT_M), pilot, wind_kt)
     held = [m.duration_s for piece in large if piece.kind == "circuit" for m in piece.maneuvers if isinstance(m, Hold)]
     assert set(held) == {60.0}
 
@@ -454,23 +454,23 @@ def test_points_of_the_mission_lie_where_the_legs_are(plan: FlightPlan):
 def test_turns_keep_within_the_room_beside_the_legs(nexstar: ExpectedAircraft):
     """Every turn's diameter fits, with the lift margin of all turns; fast circles go first; a fence is as wide."""
     for side_m in (60.0, 100.0, 200.0):
-        found = pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M, side_m), Pilot(autopilot=False, load=1.0), 3.0)
+        found = pieces.catalog(nexstar, Space(1300.0, HEIGHT_M, side_m), Pilot(autopilot=False, load=1.0), 3.0)
         turns = [m for piece in found for m in piece.maneuvers if isinstance(m, Turn)]
         assert max(2 * m.speed_mps**2 / (GRAVITY_MPS2 * tan(m.bank_rad)) for m in turns) <= side_m
         stalls_mps = [nexstar.stall_mps * np.sqrt(1.2 / np.cos(m.bank_rad)) for m in turns]
         assert all(m.speed_mps > stall for m, stall in zip(turns, stalls_mps, strict=True))
         assert {"runs", "circuit", "porpoise"} <= {piece.kind for piece in found}
-    everything = pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M), Pilot(autopilot=False, load=1.0), 3.0)
+    everything = pieces.catalog(nexstar, Space(1300.0, HEIGHT_M), Pilot(autopilot=False, load=1.0), 3.0)
     assert found == everything, "200 m are room enough"
     with pytest.raises(InputError, match=r"--side 40: too narrow for a turn of nexstar; .* needs 51 m"):
-        pieces.catalogue(nexstar, Space(1300.0, HEIGHT_M, 40.0), Pilot(autopilot=False, load=1.0), 3.0)
+        pieces.catalog(nexstar, Space(1300.0, HEIGHT_M, 40.0), Pilot(autopilot=False, load=1.0), 3.0)
 
 
 def test_a_fence_is_as_wide_as_the_room(plan: FlightPlan):
     narrow = replace(plan, request=replace(plan.request, space=Space(500.0, HEIGHT_M, 80.0)))
     (box,) = json.loads(qgroundcontrol_plan(narrow, Home(0.0, 0.0, 0.0), "px4"))["geoFence"]["polygons"]
-    metres = np.radians(np.abs(box["polygon"])) * 6371e3
-    assert metres == pytest.approx(np.array([[250 + 80, 80]] * 4), rel=1e-3)
+    meters = np.radians(np.abs(box["polygon"])) * 6371e3
+    assert meters == pytest.approx(np.array([[250 + 80, 80]] * 4), rel=1e-3)
 
 
 def test_half_widths_and_questions_are_those_of_the_power_curve(plan: FlightPlan):

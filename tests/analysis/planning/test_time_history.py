@@ -114,7 +114,7 @@ def test_lift_carries_the_load_and_thrust_the_drag_the_climb_and_the_acceleratio
 def test_the_probe_s_dynamic_pressure_follows_alpha_as_a_hemisphere_does(history: TimeHistory) -> None:
     """Around a sphere the pressure at an angle theta from the stagnation point is q (1 - 9/4 sin^2 theta).
 
-    With the alpha holes at 45 deg, the difference is dp = q 9/4 sin 2 alpha, and the hole at the centre reads
+    With the alpha holes at 45 deg, the difference is dp = q 9/4 sin 2 alpha, and the hole at the center reads
     q_c = q (1 - 9/4 sin^2 alpha). The columns are derivatives by ln dp at constant q_c.
     """
     flying = history.table[history.table["flying"]]

@@ -84,7 +84,7 @@ def test_an_estimate_less_certain_than_its_prior_keeps_its_covariance() -> None:
 
 
 def test_flights_that_say_nothing_of_a_parameter_do_not_make_a_pool_worse() -> None:
-    """Colored residuals: thrust beyond the table is less certain than its prior. Such a flight alone is as analysed;
+    """Colored residuals: thrust beyond the table is less certain than its prior. Such a flight alone is as analyzed;
     over 40 campaigns the errors of pools of 1, 5 and 20 flights are those stated, and both shrink with the number."""
     one = campaign(3, 1, color=3.0)[0]
     beyond = POOLED.index("thrust_beyond")
@@ -121,7 +121,7 @@ def test_flights_with_two_stands_are_not_one_pool() -> None:
 
 
 def test_flights_with_different_stated_priors_are_pooled_with_the_widest() -> None:
-    """The same data, analysed with a narrower prior once: its own prior is subtracted, so the pool is the same."""
+    """The same data, analyzed with a narrower prior once: its own prior is subtracted, so the pool is the same."""
     x, narrower = truth(np.random.default_rng(0)), PRIOR_SIGMA / np.where(np.arange(len(PRIOR_SIGMA)) > 2, 2.0, 1.0)
 
     def pooled(first: np.ndarray) -> Pool:

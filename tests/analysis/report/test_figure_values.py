@@ -142,7 +142,7 @@ def test_the_time_line_shows_revolutions_a_minute_and_shades_the_runs() -> None:
     assert [(shade["x0"], shade["x1"]) for shade in figure.layout["shapes"]] == [(2.0, 5.0), (6.0, 7.0)]
 
 
-def test_differences_of_angles_are_in_degrees_and_those_of_a_fit_measured_minus_modelled() -> None:
+def test_differences_of_angles_are_in_degrees_and_those_of_a_fit_measured_minus_modeled() -> None:
     t = np.arange(5.0)
     before = pd.DataFrame({ANGLES: np.radians(2.0), SPEED: 0.5}, index=t)
     figure = flight.consistency(Consistency(before, before * 0.5))

@@ -93,8 +93,8 @@ def test_the_wind_s_arrow_points_where_the_wind_blows() -> None:
     assert (x[1] - x[0], y[1] - y[0]) == pytest.approx(
         (30 * np.sin(np.radians(120)), 30 * np.cos(np.radians(120))), rel=1e-3
     )
-    (coloured,) = named(figure, ACCELERATION)
-    assert list(coloured["y"]) == [100.0, 200.0]
+    (colored,) = named(figure, ACCELERATION)
+    assert list(colored["y"]) == [100.0, 200.0]
 
 
 def test_the_power_curve_is_drawn_with_its_band_and_its_optimum(with_battery: Results) -> None:

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from analysis.report.figures.style import GREY, INK, ON_DARK, PALETTE, PAPER, RUN_COLOR, Figure, rounded, thinned
+from analysis.report.figures.style import GRAY, INK, ON_DARK, PALETTE, PAPER, RUN_COLOR, Figure, rounded, thinned
 from analysis.report.html_page import to_json
 
 # From linear RGB to what is seen: Machado, Oliveira and Fernandes (2009), severity 1.
@@ -47,7 +47,7 @@ def test_kinds_of_runs_are_told_apart_by_every_eye(eye: str, dark: bool) -> None
 
 
 def test_every_color_is_seen_on_its_page() -> None:
-    for color in {*PALETTE, *RUN_COLOR.values(), GREY, INK}:
+    for color in {*PALETTE, *RUN_COLOR.values(), GRAY, INK}:
         for drawn, page in ((color, PAPER), (ON_DARK[color], ON_DARK[PAPER])):
             light, dark = sorted((luminance(drawn), luminance(page)), reverse=True)
             assert (light + 0.05) / (dark + 0.05) > LEAST_CONTRAST, (color, drawn)

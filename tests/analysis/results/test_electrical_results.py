@@ -48,7 +48,7 @@ def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed(
     assert _beside_the_curve(FLIGHT, estimate(), None, "withheld", "").endurance_s is None
 
 
-def test_best_speeds_are_those_of_the_least_power_and_of_the_least_energy_per_metre() -> None:
+def test_best_speeds_are_those_of_the_least_power_and_of_the_least_energy_per_meter() -> None:
     """A scale of all power moves neither; noise moves both."""
     found = beside()
     assert found.least_power_speed.speed_mps == 14.0 and found.best_range_speed.speed_mps == V[np.argmin(POWER_W / V)]

@@ -44,13 +44,13 @@ def test_the_wind_is_the_mean_over_the_runs_and_named_by_where_it_comes_from(nor
     assert all_of_it.wind_mps == pytest.approx(np.hypot(*aloft))
 
 
-def test_residuals_are_measured_less_modelled_and_their_correlation_reaches_four_seconds() -> None:
+def test_residuals_are_measured_less_modeled_and_their_correlation_reaches_four_seconds() -> None:
     rng = np.random.default_rng(0)
-    modelled = rng.normal(5.0, 1.0, 200)
+    modeled = rng.normal(5.0, 1.0, 200)
     residual = 0.3 * np.sin(2 * np.pi * T_S / 4.0)
-    measured = modelled + residual
+    measured = modeled + residual
     measured[7] = np.nan
-    fit = SimpleNamespace(run="1 acceleration", t_s=T_S, measured={DRAG: measured}, modelled={DRAG: modelled})
+    fit = SimpleNamespace(run="1 acceleration", t_s=T_S, measured={DRAG: measured}, modeled={DRAG: modeled})
     (found,) = run_residuals(SimpleNamespace(fits=[fit]))
     assert (found.points, found.step_s) == (199, pytest.approx(0.2))
     assert found.rms_mps2 == pytest.approx(0.3 / np.sqrt(2), rel=0.01)

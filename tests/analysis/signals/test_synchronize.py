@@ -1,4 +1,4 @@
-"""Synchronisation: what was measured is found again at its instant; clipping and gaps are left out and said."""
+"""Synchronization: what was measured is found again at its instant; clipping and gaps are left out and said."""
 
 from pathlib import Path
 

@@ -276,7 +276,7 @@ def test_gusts_are_said_to_limit_the_angle_of_attack_from_0_3_deg_in_0_3_mps(exa
             gust_notes(trajectory, 1, "log")
 
 
-def test_results_tell_differences_in_degrees_and_metres_a_second(exact) -> None:
+def test_results_tell_differences_in_degrees_and_meters_a_second(exact) -> None:
     trajectory = trajectory_of(exact.table, exact.states, {})
     t = trajectory.block_means.t_s
     before = pd.DataFrame({ANGLES: np.radians(2.0) + 0 * t, SPEED: 0.5 + 0 * t}, index=t)

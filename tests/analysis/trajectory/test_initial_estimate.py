@@ -79,7 +79,7 @@ def test_on_the_ground_the_aircraft_is_level_and_stands() -> None:
 
 @pytest.mark.parametrize(("ground_mps", "scale", "tracked"), [(5.2, 1.0, True), (4.8, 1.0, False), (2.6, 0.5, True),
                                                               (2.4, 0.5, False)])  # fmt: skip
-def test_a_ground_track_is_a_heading_from_5_metres_a_second_on(ground_mps: float, scale: float, tracked: bool) -> None:
+def test_a_ground_track_is_a_heading_from_5_meters_a_second_on(ground_mps: float, scale: float, tracked: bool) -> None:
     """Times the speed scale. Slower, the heading stays the integral; an offset needs at least one fast block."""
     found = states(circling(ground_mps=ground_mps, scale=scale))
     offset = 0.0 if tracked else -0.4

@@ -102,7 +102,7 @@ def test_a_short_ground_track_gives_the_heading_its_offset(exact, fast_blocks: i
 @pytest.mark.parametrize(("name", "value"), [("alpha_scale", 0.05), ("V_scale", 0.02), ("air_data_lag", 0.02)])
 def test_sensor_errors_act_on_the_angle_of_attack_at_the_probe(exact, name, value, curvature, within) -> None:
     """Upwash and rotation are in what the ports measure, and are subtracted after lag and slope, in proportion to 1/V^2
-    and 1/V: with the true states and the true error the modelled angle is the measured one. With a
+    and 1/V: with the true states and the true error the modeled angle is the measured one. With a
     curved calibration (at 12 deg a pressure that is 5 % high raises the angle by 4.6 %) to first order in the error."""
     true, t = exact.table, exact.table.index.to_numpy()
     upwash, rotation = 0.02 * (1 - true["az_mps2"] / 10), -0.5 * true["q_radps"] / true["V_mps"]

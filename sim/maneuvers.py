@@ -1,4 +1,4 @@
-"""Manoeuvres for parameter estimation: load factor up and down, elevator inputs, wind-up turn."""
+"""Maneuvers for parameter estimation: load factor up and down, elevator inputs, wind-up turn."""
 
 from cmath import exp
 from dataclasses import dataclass
@@ -136,7 +136,7 @@ def _check_load(highest: float, seen: Observation, context: FlightContext) -> No
 
 
 def _recover(seen: Observation, context: FlightContext) -> SegmentTargets:
-    """Level flight at the height at the end of the manoeuvre."""
+    """Level flight at the height at the end of the maneuver."""
     context.height_m = seen.height
     for _ in range(steps_in(RECOVERY_S, context)):
         seen = yield Targets(height_m=context.height_m, speed_mps=context.speed_mps, heading_rad=context.heading_rad)
