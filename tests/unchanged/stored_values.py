@@ -36,7 +36,7 @@ NAME = re.compile(r"[^\W\d]\S*(?: [^\W\d]\S*)?(?<![.,:;])|[%°]")
 HASH = re.compile(r"[0-9a-f]{12,}")
 FIGURE = re.compile(r"<script>figures\[(\".*?\")\] = \{data: (.*), layout: .*\};</script>")
 # What another computer, folder or version may change without a change of any result.
-LEFT_OUT = {"software_version", "versions", "probe_calibration", "log_sha256"}
+LEFT_OUT = {"software_version", "versions", "probe_calibration", "log_sha256", "log_bytes"}
 
 Leaf = float | str | None | list[float | None]
 
