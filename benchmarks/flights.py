@@ -18,11 +18,12 @@ from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.probe_calibration import calibrate, read_tunnel
 from analysis.airdata.transducers import TransducerCalibration
 from analysis.airdata.transducers import calibrate as calibrate_transducers
-from analysis.signals.aircraft_size import flying_Pa, speed_scale
+from analysis.signals.aircraft_size import speed_scale
 from analysis.signals.rest import Zeros, rest_segments, without_zeros, zeros
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
+from flight.runs import flying_Pa
 from sim.bench import ColumnSegment
 from sim.fly import Flight, fly
 from sim.plan import load_plan

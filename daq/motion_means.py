@@ -8,26 +8,19 @@ from daq.probe_calibration import ProbeMaps
 from daq.thrust import ThrustTable
 from daq.tick_means import MEAN_OVER_NS, Means
 from flight.aircraft import Aircraft
-from flight.units import GRAVITY_MPS2
+from flight.runs import LEVEL_RUN, STANDING, flying_Pa, speed_scale
+from flight.units import GAS_CONSTANT_AIR, GRAVITY_MPS2, LAPSE_RATE
 
 STEP_S = MEAN_OVER_NS / 1e9
-GAS_CONSTANT = 287.05287  # of air [J/(kg K)] (ISO 2533)
-LAPSE_RATE = 0.0065  # [K/m]
-HEIGHT_EXPONENT = GAS_CONSTANT * LAPSE_RATE / 9.80665
-SEA_LEVEL_DENSITY = 1.225
-# As in analysis.signals.aircraft_size.
-REFERENCE_MPS, FLYING_PA, LEAST_FLYING_PA = 11.0, 30.0, 8.0
-BANK_TIME_S = 3.0  # slower changes come from the lateral balance, faster ones from the roll rate
-# At rest, differences of means within a second, and the motor. As in analysis.signals.rest.
-REST_ROWS = 5
-RATE_SPREAD_RADPS, FORCE_SPREAD_MPS2, PRESSURE_SPREAD_PA, MOTOR_REVPS = 0.03, 0.5, 8.0, 1.0
+HEIGHT_EXPONENT = GAS_CONSTANT_AIR * LAPSE_RATE / GRAVITY_MPS2
+REST_ROWS = 5  # a second, within which means at rest differ by less than the spread allowed
 GROUND_S = 2.0
 PLAUSIBLE = 0.5, 1.2  # static pressure over that on the ground
 ZEROED = ("q_c_Pa", "dp_alpha_Pa", "dp_beta_Pa", "p_radps", "q_radps", "r_radps")
 STEADY = {
-    **dict.fromkeys(("p_radps", "q_radps", "r_radps"), RATE_SPREAD_RADPS),
-    **dict.fromkeys(("ax_mps2", "ay_mps2", "az_mps2"), FORCE_SPREAD_MPS2),
-    "q_c_Pa": PRESSURE_SPREAD_PA,
+    **dict.fromkeys(("p_radps", "q_radps", "r_radps"), STANDING.rate_spread_radps),
+    **dict.fromkeys(("ax_mps2", "ay_mps2", "az_mps2"), STANDING.force_spread_mps2),
+    "q_c_Pa": STANDING.airspeed_spread_Pa,
 }
 
 
@@ -50,9 +43,8 @@ class MotionFromMeans:
     ):
         self._probe, self._thrust = probe, thrust
         self._mass_kg, self._area_m2 = aircraft.mass_kg, aircraft.geometry.wing_area_m2
-        loading_Pa = aircraft.mass.weight_N / self._area_m2
-        self.scale = min(1.0, math.sqrt(2 * loading_Pa / SEA_LEVEL_DENSITY) / REFERENCE_MPS)
-        self._flying_Pa = max(LEAST_FLYING_PA, FLYING_PA * self.scale**2)
+        self.scale = speed_scale(aircraft.mass.weight_N, self._area_m2)
+        self._flying_Pa = flying_Pa(self.scale)
         self._zeros = dict.fromkeys(ZEROED, 0.0) | zeros
         self._recent: deque[Means] = deque(maxlen=REST_ROWS)
         self._rest_rows = 0
@@ -92,7 +84,7 @@ class MotionFromMeans:
             return None
         self._flown = True
         height_m = ground_K / LAPSE_RATE * (1 - (means.static_Pa / ground_Pa) ** HEIGHT_EXPONENT)
-        rho = means.static_Pa / (GAS_CONSTANT * (ground_K - LAPSE_RATE * height_m))
+        rho = means.static_Pa / (GAS_CONSTANT_AIR * (ground_K - LAPSE_RATE * height_m))
         V = math.sqrt(2 * qbar / rho)
         bank = self._banked(means, V, alpha, beta)
         complete = None not in (means.ax_mps2, means.az_mps2, means.q_radps) and means.dp_alpha_Pa is not None
@@ -101,7 +93,7 @@ class MotionFromMeans:
     def _take_zeros(self, means: Means) -> None:
         """Adds the oldest of the last means to the zeros if the aircraft stood still throughout these."""
         self._recent.append(means)
-        if len(self._recent) < REST_ROWS or any((m.n_revps or 0.0) > MOTOR_REVPS for m in self._recent):
+        if len(self._recent) < REST_ROWS or any((m.n_revps or 0.0) > STANDING.motor_revps for m in self._recent):
             return
         for name, spread in STEADY.items():
             values = [value for m in self._recent if (value := getattr(m, name)) is not None]
@@ -133,7 +125,7 @@ class MotionFromMeans:
         self._v = v
         balance = (vdot - p * V * math.sin(alpha) + r * V * math.cos(alpha) - means.ay_mps2) / GRAVITY_MPS2
         slow = math.asin(min(max(balance, -1.0), 1.0))
-        keep = math.exp(-STEP_S / BANK_TIME_S)
+        keep = math.exp(-STEP_S / LEVEL_RUN.bank_time_constant_s)
         self._bank = slow if self._bank is None else keep * (self._bank + p * STEP_S) + (1 - keep) * slow
         return self._bank
 
@@ -142,7 +134,7 @@ class MotionFromMeans:
     ) -> tuple[float, float, float, float] | None:
         """What the energy balance needs; None without thrust or load factor."""
         n = means.n_revps
-        if self._thrust is None or n is None or n <= MOTOR_REVPS or means.az_mps2 is None:
+        if self._thrust is None or n is None or n <= STANDING.motor_revps or means.az_mps2 is None:
             return None
         thrust_over_m = self._thrust.thrust_N(V, n, rho) * math.cos(alpha) / self._mass_kg
         qS_over_m = qbar * self._area_m2 / self._mass_kg

@@ -1,7 +1,7 @@
 """Says during the flight whether a run was good or has to be repeated, and how narrow the power's interval is so far.
 
-A run is a level acceleration or deceleration. Criteria and thresholds are those of `analysis.maneuvers.find_level` and
-`quality`; speed and height come from means over 0.2 s, smoothed as there. Runs in the process of `daq.telemetry`.
+A run is a level acceleration or deceleration, by the criteria of `flight.runs`, which the analysis uses, too; speed and
+height come from means over 0.2 s, smoothed as there. Runs in the process of `daq.telemetry`.
 """
 
 import math
@@ -9,24 +9,16 @@ from collections import deque
 from typing import NamedTuple
 
 from daq.energy_balance import EnergyBalance
-from daq.legs import Leg, Legs, Row, changing_part
+from daq.legs import Leg, Legs, Row
 from daq.motion_means import Motion, MotionFromMeans
 from daq.probe_calibration import ProbeMaps
 from daq.thrust import load_thrust
 from daq.tick_means import MEAN_OVER_NS, Means
 from flight.aircraft import Aircraft
+from flight.runs import LEVEL_RUN, Rejection, RunMeasures, RunRejected
 
 STEP_S = MEAN_OVER_NS / 1e9
-HALF = 5  # rows on each side of a fit over 2.2 s
-# Those of the analysis; speeds and durations are times the aircraft's speed scale.
-CHANGING_MPS2, CLEARLY_CHANGING_MPS2 = 0.15, 0.5
-MENTIONED_S, SHORTEST_S, LONGEST_S = 3.0, 5.0, 40.0
-SMALLEST_SPEED_CHANGE = 0.2
-LARGEST_ALTITUDE_CHANGE_M = 20.0
-LARGEST_CLIMB_MPS, STEEP_MPS = 1.2, 2.0
-LARGEST_BANK_RAD = math.radians(25)
-LEAST_HEIGHT_M = 20.0
-LARGEST_GAP_SHARE = 0.02
+HALF = round(LEVEL_RUN.smoothing_s / STEP_S / 2 - 0.5)  # rows on each side of a fit
 
 # Local quadratic over 2 HALF + 1 rows: value and slope in the middle (Savitzky and Golay, Anal. Chem. 36, 1964).
 _INDEX = range(-HALF, HALF + 1)
@@ -36,17 +28,60 @@ SLOPE = [i / sum(k**2 for k in _INDEX) / STEP_S for i in _INDEX]
 
 
 class Verdict(NamedTuple):
-    """On one stretch. reason: why it is no run; empty if it is one. text: for the pilot, at most 50 characters."""
+    """On one stretch. rejection: why it is no run; None if it is one."""
 
     kind: str  # acceleration, deceleration
     start_s: float
     end_s: float
-    reason: str
-    text: str
+    first_mps: float
+    last_mps: float
+    speed_change: float  # largest less smallest over mean speed
+    rejection: Rejection | None
 
     @property
     def good(self) -> bool:
-        return not self.reason
+        return self.rejection is None
+
+    @property
+    def told(self) -> bool:
+        """Whether the pilot is told. In turns no run is expected; a small change of speed was none to repeat."""
+        if self.rejection is None:
+            return True
+        enough = self.speed_change >= LEVEL_RUN.smallest_speed_change
+        return enough and self.rejection.reason is not RunRejected.BANKED
+
+    @property
+    def reason(self) -> str:
+        """Why it is no run, in few words; empty if it is one."""
+        return "" if self.rejection is None else _short_text(self.rejection, self.end_s - self.start_s)
+
+    @property
+    def text(self) -> str:
+        """For the pilot, at most 50 characters; empty if nothing is told."""
+        if not self.told:
+            return ""
+        if not self.good:
+            return f"{self.kind} lost: {self.reason}; repeat"
+        covered = f"{self.first_mps:.1f} to {self.last_mps:.1f} m/s in {self.end_s - self.start_s:.0f} s"
+        return f"{self.kind} good: {covered}"
+
+
+def _short_text(rejection: Rejection, seconds: float) -> str:
+    """The reason in few words. seconds: duration of the stretch."""
+    reason, measured, limit, _ = rejection
+    texts = {
+        RunRejected.TOO_GENTLE: "too gentle",
+        RunRejected.TOO_SHORT: f"{measured:.1f} s, not {limit:.2g} s",
+        RunRejected.TOO_LONG: f"{measured:.0f} s long",
+        RunRejected.SPEED_CHANGED_LITTLE: f"speed changed {100 * measured:.0f} %",
+        RunRejected.HEIGHT_UNKNOWN: "no height",
+        RunRejected.TOO_LOW: f"down to {measured:.0f} m",
+        RunRejected.CLIMBED: f"{'climbed' if measured > 0 else 'sank'} {abs(measured) * seconds:.0f} m",
+        RunRejected.HEIGHT_VARIED: f"height +-{measured / 2:.0f} m",
+        RunRejected.BANKED: f"bank {math.degrees(measured):.0f} deg",
+        RunRejected.DATA_MISSING: f"no data, {100 * measured:.0f} %",
+    }
+    return texts[RunRejected(reason)]
 
 
 class RunMonitor:
@@ -77,30 +112,30 @@ class RunMonitor:
         if len(self._window) < 2 * HALF + 1:
             return []
         row = self._smoothed()
-        turning_or_steep = abs(row.bank) > LARGEST_BANK_RAD or abs(row.climb) > STEEP_MPS
-        found = []
+        turning_or_steep = abs(row.bank) > LEVEL_RUN.largest_bank_rad or abs(row.climb) > LEVEL_RUN.steep_mps
+        verdicts = []
         rows = self._legs.rows
         if turning_or_steep != self._turning_or_steep or (rows and row.t_s - rows[-1].t_s > 1.5 * STEP_S):
-            found = self._ended_stretch()
+            verdicts = self._ended_stretch()
         self._turning_or_steep = turning_or_steep
         leg = self._legs.add(row)
-        return found + (self._verdicts(leg) if leg else [])
+        return verdicts + (self._verdicts(leg) if leg else [])
 
     def interval_text(self) -> str:
         """Runs, speeds covered, and the interval of the smallest power by the energy of the runs; ≤ 50 characters."""
         covered = f"{self.runs} runs, {self.slowest_mps:.1f} to {self.fastest_mps:.1f} m/s"
-        found = self.energy.at_endurance_speed(self.slowest_mps, self.fastest_mps) if self.runs else None
-        return f"{covered}: power +-{100 * found.half_width:.1f} %" if found else covered
+        power = self.energy.at_endurance_speed(self.slowest_mps, self.fastest_mps) if self.runs else None
+        return f"{covered}: power +-{100 * power.half_width:.1f} %" if power else covered
 
     def texts(self, means: Means) -> list[tuple[str, str]]:
-        """Severity and text for the pilot. In turns no run is expected: what is lost there is not told."""
-        found = []
+        """Severity and text for the pilot."""
+        texts = []
         for verdict in self.add(means):
             if verdict.good:
-                found += [("info", verdict.text), ("info", self.interval_text())]
-            elif verdict.text:
-                found.append(("warning", verdict.text))
-        return found
+                texts += [("info", verdict.text), ("info", self.interval_text())]
+            elif verdict.told:
+                texts.append(("warning", verdict.text))
+        return texts
 
     def _smoothed(self) -> Row:
         window = self._window
@@ -131,7 +166,7 @@ class RunMonitor:
         if verdict is None or (early is not None and early.good == verdict.good and _same(early, verdict)):
             return []
         if verdict.good and not (early is not None and early.good):
-            self._count(changing_part(leg, CHANGING_MPS2 * self._scale))
+            self._count(leg.changing_part(LEVEL_RUN.changing_mps2 * self._scale))
         return [verdict]
 
     def _count(self, rows: list[Row]) -> None:
@@ -142,45 +177,29 @@ class RunMonitor:
 
     def _judged(self, leg: Leg) -> Verdict | None:
         """None for a stretch that is too short to mention, or in which speed was held."""
-        rows, scale = changing_part(leg, CHANGING_MPS2 * self._scale), self._scale
-        speeds = [row.V for row in rows]
-        change = (max(speeds) - min(speeds)) * len(speeds) / sum(speeds)
-        steepest = max(leg.sign * row.Vdot for row in rows)
-        gentle = steepest < CLEARLY_CHANGING_MPS2 * scale
-        if (gentle and change < SMALLEST_SPEED_CHANGE) or len(rows) < MENTIONED_S * scale / STEP_S:
+        rows = leg.changing_part(LEVEL_RUN.changing_mps2 * self._scale)
+        measures = self._measures(leg.sign, rows)
+        if measures.negligible(self._scale):
             return None
-        kind = "acceleration" if leg.sign > 0 else "deceleration"
-        start_s, end_s = rows[0].t_s, rows[-1].t_s
-        reason = "too gentle" if gentle else self._reason_against(rows, change)
-        if reason:
-            told = change >= SMALLEST_SPEED_CHANGE and not reason.startswith("bank")
-            return Verdict(kind, start_s, end_s, reason, f"{kind} lost: {reason}; repeat" if told else "")
-        covered = f"{rows[0].V:.1f} to {rows[-1].V:.1f} m/s in {end_s - start_s:.0f} s"
-        return Verdict(kind, start_s, end_s, "", f"{kind} good: {covered}")
+        ends = rows[0].t_s, rows[-1].t_s, rows[0].V, rows[-1].V
+        return Verdict(leg.kind, *ends, measures.speed_change, measures.rejection(self._scale))
 
-    def _reason_against(self, rows: list[Row], change: float) -> str:
-        """Why rows are not a run, in few words; empty if they are one."""
-        seconds, scale = rows[-1].t_s - rows[0].t_s, self._scale
-        if seconds < SHORTEST_S * scale:
-            return f"{seconds:.1f} s, not {SHORTEST_S * scale:.2g} s"
-        if seconds > LONGEST_S:
-            return f"{seconds:.0f} s long"
-        if change < SMALLEST_SPEED_CHANGE:
-            return f"speed changed {100 * change:.0f} %"
-        heights = [row.height_m for row in rows]
-        if self.motion.ground_known and min(heights) < LEAST_HEIGHT_M * scale:
-            return f"down to {min(heights):.0f} m"
-        climb = sum(row.climb for row in rows) / len(rows)
-        if abs(climb) > LARGEST_CLIMB_MPS * scale:
-            return f"climbed {climb * seconds:.0f} m" if climb > 0 else f"sank {-climb * seconds:.0f} m"
-        if max(heights) - min(heights) > LARGEST_ALTITUDE_CHANGE_M:
-            return f"height +-{(max(heights) - min(heights)) / 2:.0f} m"
-        bank = max(abs(row.bank) for row in rows)
-        if bank > LARGEST_BANK_RAD:
-            return f"bank {math.degrees(bank):.0f} deg"
-        needed = self._measured_thrust
-        gaps = sum(not row.complete or (needed and row.drag is None) for row in rows) / len(rows)
-        return f"no data, {100 * gaps:.0f} %" if gaps > LARGEST_GAP_SHARE else ""
+    def _measures(self, sign: int, rows: list[Row]) -> RunMeasures:
+        speeds, heights = [row.V for row in rows], [row.height_m for row in rows]
+        thrust_measured = self._measured_thrust
+        gaps = sum(not row.complete or (thrust_measured and row.drag is None) for row in rows)
+        return RunMeasures(
+            rows=len(rows),
+            step_s=STEP_S,
+            seconds=rows[-1].t_s - rows[0].t_s,
+            peak_mps2=max(sign * row.Vdot for row in rows),
+            speed_change=(max(speeds) - min(speeds)) * len(speeds) / sum(speeds),
+            lowest_m=min(heights) if self.motion.ground_known else math.inf,
+            mean_climb_mps=sum(row.climb for row in rows) / len(rows),
+            height_range_m=max(heights) - min(heights),
+            largest_bank_rad=max(abs(row.bank) for row in rows),
+            missing=("data", gaps / len(rows)),
+        )
 
 
 def _same(one: Verdict, other: Verdict) -> bool:

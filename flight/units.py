@@ -16,7 +16,13 @@ from typing import Any, TypeVar
 
 from flight.errors import InputError
 
-GRAVITY_MPS2 = 9.80665  # standard gravity (ICAO Doc 7488/3); here because the daemon uses it without NumPy
+# Of the standard atmosphere (ICAO Doc 7488/3); here because the daemon uses them without NumPy.
+GRAVITY_MPS2 = 9.80665  # standard gravity
+GAS_CONSTANT_AIR = 287.05287  # specific, J/(kg K)
+SEA_LEVEL_PRESSURE_PA = 101325.0
+SEA_LEVEL_TEMPERATURE_K = 288.15
+SEA_LEVEL_DENSITY = SEA_LEVEL_PRESSURE_PA / (GAS_CONSTANT_AIR * SEA_LEVEL_TEMPERATURE_K)  # 1.225 kg/m^3
+LAPSE_RATE = 0.0065  # of the troposphere, K/m
 
 UNIT_OF_SUFFIX = {
     "m": "m",

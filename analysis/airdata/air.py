@@ -10,16 +10,16 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.probe import ProbeCalibration, flow_at_probe
-from analysis.signals.aircraft_size import LEAST_HEIGHT_M, SPEED_SCALE, flying_Pa
+from analysis.signals.aircraft_size import SPEED_SCALE
 from analysis.signals.channels import COLUMNS
 from flight.aircraft import Aircraft
 from flight.atmosphere import density, height_at, temperature_at
 from flight.motion import specific_force_at
 from flight.propeller import Propeller
+from flight.runs import AIRCRAFT_SIZE, LEVEL_RUN, flying_Pa
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
-TIME_CONSTANT_S = 3.0  # slower changes come from the lateral balance, faster ones from the roll rate
 DERIVATIVE_S = 0.5  # of the mean that is differentiated
 
 
@@ -60,11 +60,11 @@ def bank_angle(table: pd.DataFrame) -> Array:
 
 def _complementary(slow: Array, rate: Array, step_s: float) -> Array:
     """Low-passed `slow` plus high-passed integral of `rate`. Run forward and backward and averaged: no lag."""
-    keep = np.exp(-step_s / TIME_CONSTANT_S)
+    keep = np.exp(-step_s / LEVEL_RUN.bank_time_constant_s)
 
     def one_way(angle: Array, rate: Array) -> Array:
         out = np.empty_like(angle)
-        state = float(np.mean(angle[: max(1, round(TIME_CONSTANT_S / step_s))]))
+        state = float(np.mean(angle[: max(1, round(LEVEL_RUN.bank_time_constant_s / step_s))]))
         for i, (a, w) in enumerate(zip(angle, rate, strict=True)):
             state = keep * (state + w * step_s) + (1 - keep) * a
             out[i] = state
@@ -157,13 +157,13 @@ def air_data(
 
 def _slow_flight(height_m: Array, qbar_Pa: Array, least_Pa: float, scale: float) -> list[str]:
     """A note where much of the time aloft has too little dynamic pressure to count as flight."""
-    aloft = height_m > LEAST_HEIGHT_M * scale
+    aloft = height_m > AIRCRAFT_SIZE.least_height_m * scale
     share = float(np.mean(qbar_Pa[aloft] <= least_Pa)) if aloft.any() else 0.0
     if share <= LARGEST_UNMENTIONED_SHARE:
         return []
     return [
-        f"{100 * share:.0f} % of the time above {LEAST_HEIGHT_M * scale:.0f} m has a dynamic pressure below"
-        f" {least_Pa:.0f} Pa, too little for this aircraft to fly level, and is left out."
+        f"{100 * share:.0f} % of the time above {AIRCRAFT_SIZE.least_height_m * scale:.0f} m has a dynamic pressure"
+        f" below {least_Pa:.0f} Pa, too little for this aircraft to fly level, and is left out."
     ]
 
 

@@ -12,12 +12,13 @@ from analysis.airdata.lines import line_responses, without_remainder
 from analysis.airdata.magnetometer import Compass, MagnetometerCalibration
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.transducers import TransducerCalibration, air_data_errors
-from analysis.signals.aircraft_size import flying_Pa, speed_scale
+from analysis.signals.aircraft_size import speed_scale
 from analysis.signals.channels import COLUMNS, synchronize
 from analysis.signals.rest import rest_segments, without_zeros, zeros
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
+from flight.runs import flying_Pa
 
 LARGEST_UNMENTIONED_LOSS = 0.02
 OPTIONAL_TOPICS = ("/battery", "/mag")

@@ -1,5 +1,11 @@
 """Finds maneuvers in the data: accelerations and decelerations, steady points, roller coasters, wind-up turns.
 
-`kinds` lists the kinds of maneuver, `quality` says why data are unsuitable. Each `find_*` finds one group of kinds,
-`find` all of them. `toml_file` writes them to a file and reads an edited one.
+`find` finds all maneuvers of a flight, each `find_*` one group of kinds; `kinds` lists the kinds, and the reasons for
+which a stretch is none; `settings` has the criteria, but for those of level runs, which the pilot's monitor shares
+(`flight.runs`). `runs_file` writes the maneuvers to a file and reads an edited one.
+
+A *maneuver* is a range of rows of the table of air data (`analysis.airdata`) with a kind. A *run* is a level
+acceleration or deceleration; a *steady point* is level flight at constant speed. Speed V [m/s], its slope Vdot [m/s^2]
+and the climb rate [m/s] are of a local quadratic, bank [rad] is positive with the right wing down, the load factor
+n is 1 in level flight. The aircraft's *speed scale* multiplies accelerations, climb rates, heights and durations.
 """

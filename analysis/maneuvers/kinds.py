@@ -1,12 +1,17 @@
 """Maneuvers: stretches of a flight, by kind. A run is a level acceleration or deceleration."""
 
+import math
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-ACCELERATION, DECELERATION, STEADY = "acceleration", "deceleration", "steady"
+from analysis.maneuvers.settings import FLIGHT
+from flight.runs import ACCELERATION, DECELERATION, Rejection, RunRejected
+
+STEADY = "steady"
 ROLLER_COASTER, WIND_UP_TURN, STEPS_3211 = "roller coaster", "wind-up turn", "3-2-1-1"
 PORPOISING = "porpoising"  # no drag method uses it; it determines the slope of angle of attack in the trajectory
 STANDING, FLYING = "standing", "flying"
@@ -17,12 +22,10 @@ FOR_DRAG = (*LEVEL_RUNS, STEADY, *LOAD_FACTOR_MANEUVERS)
 CONTEXT_KINDS = (PORPOISING, STANDING, FLYING)  # no drag method uses them: their data may have gaps
 KINDS = (*LEVEL_RUNS, STEADY, *LOAD_FACTOR_MANEUVERS, STEPS_3211, PORPOISING, STANDING, FLYING)
 
-END_S = 0.4  # the height at either end of a maneuver is the mean over this
-
 
 @dataclass(frozen=True)
 class Maneuver:
-    """A stretch of the flight of one of KINDS. rows: of the air data table."""
+    """One maneuver: kind (one of KINDS) and range of rows of the air data table."""
 
     kind: str
     rows: slice
@@ -38,6 +41,50 @@ class Maneuver:
         return f"{self.kind} at {self.start_s:.0f} s"
 
 
+class Unsuitable(StrEnum):
+    """Why a stretch is no maneuver, besides the reasons against level runs (`flight.runs.RunRejected`)."""
+
+    SPEED_DRIFTED = "speed drifted"
+    SPEED_CHANGED = "speed changed"
+    MOTOR_STOPPED = "motor stopped"
+    MOTOR_VARIED = "motor varied"
+    PORPOISE_TOO_GENTLE = "porpoise too gentle"
+    LOAD_NOT_STEADY = "load not steady"
+    NOT_FLYING = "not flying"
+    NO_3211 = "no 3-2-1-1"
+    LEFT_OUT = "left out"
+
+
+def reason_in_words(rejection: Rejection) -> str:
+    """What the reader of the results is told."""
+    reason, measured, limit, quantity = rejection
+    percent, allowed = f"{100 * measured:.0f} %", f"{100 * limit:.0f} %"
+    texts: dict[StrEnum, str] = {
+        RunRejected.TOO_GENTLE: (
+            f"too gentle: speed changed by {measured:.2f} m/s² at most, {limit:.2f} m/s² are needed"
+        ),
+        RunRejected.TOO_SHORT: f"too short: {measured:.1f} s, {limit:.2g} s are needed",
+        RunRejected.TOO_LONG: f"too long: {measured:.0f} s",
+        RunRejected.SPEED_CHANGED_LITTLE: f"speed changed by only {percent} of its mean, {allowed} are needed",
+        RunRejected.HEIGHT_UNKNOWN: "no height was measured",
+        RunRejected.TOO_LOW: f"too low: down to {measured:.0f} m above the ground, {limit:.0f} m are needed",
+        RunRejected.CLIMBED: f"not level: it climbed at {measured:.1f} m/s on average",
+        RunRejected.HEIGHT_VARIED: f"not level: height varied by {measured:.0f} m",
+        RunRejected.BANKED: f"in a turn: bank reached {math.degrees(measured):.0f} deg",
+        RunRejected.DATA_MISSING: f"no {quantity} for {percent} of the time",
+        Unsuitable.SPEED_DRIFTED: f"speed drifted by {percent} of its mean, {allowed} are allowed",
+        Unsuitable.SPEED_CHANGED: f"speed changed by {percent} of its mean, {allowed} are allowed",
+        Unsuitable.MOTOR_STOPPED: "the motor stood still",
+        Unsuitable.MOTOR_VARIED: f"the motor's speed varied by {percent}",
+        Unsuitable.PORPOISE_TOO_GENTLE: f"too gentle to count: load factor {quantity} is needed",
+        Unsuitable.LOAD_NOT_STEADY: f"the load factor did not rise steadily: {quantity}",
+        Unsuitable.NOT_FLYING: "not in flight throughout",
+        Unsuitable.NO_3211: f"steps held for {quantity} s are not a 3-2-1-1",
+        Unsuitable.LEFT_OUT: "left out by hand",
+    }
+    return texts[reason]
+
+
 @dataclass(frozen=True)
 class RejectedManeuver:
     """A stretch that looked like a maneuver, and the reason why it is not used."""
@@ -45,7 +92,12 @@ class RejectedManeuver:
     kind: str
     start_s: float
     end_s: float
-    reason: str
+    rejection: Rejection
+
+    @property
+    def reason(self) -> str:
+        """In words."""
+        return reason_in_words(self.rejection)
 
 
 @dataclass(frozen=True)
@@ -68,7 +120,7 @@ def maneuver_in(
 ) -> Maneuver:
     """The maneuver in some rows of the table. V: smoothed speed [m/s], (n,), one value per row of the table."""
     step_s = float(table.index[1] - table.index[0])
-    few = max(1, round(END_S / step_s))
+    few = max(1, round(FLIGHT.ends_s / step_s))
     height, speed = table["height_m"].to_numpy()[rows], V[rows]
     flown = np.isfinite(speed).any() and np.isfinite(height).any()
     height = height[np.isfinite(height)]

@@ -12,7 +12,6 @@ import pandas as pd
 
 from analysis.maneuvers import find_level
 from analysis.maneuvers.find import find
-from analysis.maneuvers.find_level import TOO_LOW
 from analysis.maneuvers.kinds import (
     CONTEXT_KINDS,
     FOR_DRAG,
@@ -21,12 +20,16 @@ from analysis.maneuvers.kinds import (
     Maneuver,
     Maneuvers,
     RejectedManeuver,
+    Unsuitable,
     maneuver_in,
+    reason_in_words,
 )
+from analysis.maneuvers.settings import FLIGHT
 from analysis.maneuvers.smooth import smooth
-from analysis.signals.aircraft_size import flying_Pa, speed_scale_of
+from analysis.signals.aircraft_size import speed_scale_of
 from analysis.signals.channels import COLUMNS
 from flight.errors import InputError
+from flight.runs import LEVEL_RUN, Rejection, RunRejected, flying_Pa
 from flight.text_file import read_text
 from flight.units import read_table
 
@@ -38,10 +41,7 @@ HEAD = """\
 # the log and may be moved. The kind may be changed: {kinds}.
 # Further [[run]] tables may be added. Lines that begin with # are remarks.
 """
-SMOOTHING_S = 2.2
-FEWEST_SAMPLES = 60  # twelve of the estimators' five-sample blocks; estimators ignore shorter maneuvers
-LEFT_OUT = "left out by hand"
-ROUNDED_S = 0.01
+LEFT_OUT = Rejection(Unsuitable.LEFT_OUT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,26 +108,26 @@ def apply(entries: list[ManeuverEntry], table: pd.DataFrame, rejected: list[Reje
     Raises InputError for a maneuver outside the log, one without the data that every method needs, and for runs that
     overlap: data counted twice make the interval too narrow.
     """
-    motion = smooth(table, SMOOTHING_S)
+    motion = smooth(table, LEVEL_RUN.smoothing_s)
     last_s = float(table.index[-1])
     kept: list[Maneuver] = []
     left_out: list[RejectedManeuver] = []
     for i, entry in enumerate(entries, start=1):
         if not entry.keep:
-            reason = next((stretch.reason for stretch in rejected if _same(entry, stretch)), LEFT_OUT)
-            left_out.append(RejectedManeuver(entry.kind, entry.start_s, entry.end_s, reason))
+            rejection = next((stretch.rejection for stretch in rejected if _same(entry, stretch)), LEFT_OUT)
+            left_out.append(RejectedManeuver(entry.kind, entry.start_s, entry.end_s, rejection))
             continue
         at = f"{where}: run {i} ({entry.kind}, {entry.start_s:g} to {entry.end_s:g} s)"
         if entry.start_s > last_s or entry.end_s > last_s + 1:
             raise InputError(f"{at}: the log ends at {last_s:.0f} s")
         first, end = np.searchsorted(table.index.to_numpy(), (entry.start_s - 1e-3, entry.end_s + 1e-3))
         rows = slice(int(first), int(end))
-        if rows.stop - rows.start < FEWEST_SAMPLES:
-            raise InputError(f"{at}: only {rows.stop - rows.start} samples; {FEWEST_SAMPLES} are needed")
+        if rows.stop - rows.start < FLIGHT.fewest_samples:
+            raise InputError(f"{at}: only {rows.stop - rows.start} samples; {FLIGHT.fewest_samples} are needed")
         data = table.iloc[rows]
-        missing = "" if entry.kind in CONTEXT_KINDS else find_level.without_data(data)
+        missing = None if entry.kind in CONTEXT_KINDS else find_level.without_data(data)
         if missing:
-            raise InputError(f"{at}: {missing}")
+            raise InputError(f"{at}: {reason_in_words(missing)}")
         for other in kept if entry.kind in LEVEL_RUNS else ():
             if other.kind in LEVEL_RUNS and other.rows.start < rows.stop - 1 and rows.start < other.rows.stop - 1:
                 raise InputError(f"{at}: overlaps the {other.name}")
@@ -141,9 +141,9 @@ def _start(stretch: Maneuver | RejectedManeuver) -> float:
 
 
 def _same(entry: ManeuverEntry, stretch: RejectedManeuver) -> bool:
-    """Whether an entry is that stretch; times in the file are rounded."""
+    """Whether an entry is that stretch; times in the file are rounded to 0.01 s."""
     apart = max(abs(entry.start_s - stretch.start_s), abs(entry.end_s - stretch.end_s))
-    return entry.kind == stretch.kind and apart < ROUNDED_S
+    return entry.kind == stretch.kind and apart < 0.01
 
 
 PRESSURES = ("q_c_Pa", "dp_alpha_Pa", "static_Pa")  # flight is recognized only if all of these are measured
@@ -185,7 +185,7 @@ def nearest_miss(rejected: list[RejectedManeuver], table: pd.DataFrame, *, reste
         return " (speed never changed steadily in level flight)"
     longest = max(missed, key=lambda r: r.end_s - r.start_s)
     reason = f"; the longest stretch, {longest.start_s:.0f} to {longest.end_s:.0f} s: {longest.reason}"
-    if rested or not longest.reason.startswith(TOO_LOW):
+    if rested or longest.rejection.reason is not RunRejected.TOO_LOW:
         return reason
     return (
         f"{reason}; there is no rest on the ground in the log, and the height where it begins is taken as the ground's"

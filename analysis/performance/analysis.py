@@ -37,10 +37,11 @@ from analysis.performance.power_train import (
 from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, combine_independent
 from analysis.performance.request import FlownCondition, Request, TitledCondition, requested_conditions
 from analysis.polar import Condition, speed_at
-from analysis.signals.aircraft_size import LEAST_HEIGHT_M, SPEED_SCALE
+from analysis.signals.aircraft_size import SPEED_SCALE
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
+from flight.runs import AIRCRAFT_SIZE
 
 Array = NDArray[np.float64]
 
@@ -151,7 +152,7 @@ def _with_battery_and_coverage(forces: pd.DataFrame, mean: Mapping[str, Array], 
         data[name] = mean.get(name, np.nan)
     data["battery_W"] = data["battery_V"] * data["battery_A"]
     inside = propeller.covers(data["J"].to_numpy(), 60 * data["n"].to_numpy())
-    data["covered"] = inside & (data["height_m"] > LEAST_HEIGHT_M * mean.get(SPEED_SCALE, 1.0)).to_numpy()
+    data["covered"] = inside & (data["height_m"] > AIRCRAFT_SIZE.least_height_m * mean.get(SPEED_SCALE, 1.0)).to_numpy()
     return data
 
 

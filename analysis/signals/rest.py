@@ -14,25 +14,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.signals.aircraft_size import FLYING_PA
 from analysis.signals.channels import COLUMNS
 from analysis.signals.smoothing import stretches
 from flight.json_file import JsonFormat
+from flight.runs import AIRCRAFT_SIZE, STANDING
 
 Array = NDArray[np.float64]
 
 WINDOW_S = 1.0
 SHORTEST_S = 4.0
-# Standard deviations over WINDOW_S at rest. Bench noise is 0.005 rad/s and 0.06 m/s^2 (Table 4.1); gusts on the ground
-# add to it.
-RATE_SPREAD_RADPS = 0.03
-FORCE_SPREAD_MPS2 = 0.5
 # Largest difference of the mean specific force over WINDOW_S from the median of the whole rest. A take-off or landing
 # whose acceleration grows gently has no spread, but it changes this mean.
 FORCE_CHANGE_MPS2 = 0.1
 ROLLING_MPS = 1.0  # mean speed by GPS over WINDOW_S; the noise of one solution is 0.1 m/s
-MOTOR_REVPS = 1.0
-AIRSPEED_SPREAD_PA = 8.0  # or that of the noise of the transducer
 NOISE_SCATTER = 1.5  # of a standard deviation over 25 samples: 3.5 of its own
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 GPS_HORIZONTAL = ("gps_north_mps", "gps_east_mps")
@@ -64,19 +58,19 @@ class Zeros(NamedTuple):
         return np.full(len(t_s), self.value[name])
 
 
-def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = FLYING_PA) -> list[slice]:
+def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = AIRCRAFT_SIZE.flying_Pa) -> list[slice]:
     """Stretches (slices of rows) in which the aircraft stood with its motor off, each SHORTEST_S at least.
 
     flying_Pa: dynamic pressure of flight. A stretch whose mean exceeds the least by more is a glide.
     """
     window = max(3, round(WINDOW_S * rate_Hz))
     spread = table.rolling(window, center=True, min_periods=window // 2).std()
-    airspeed_spread_Pa = max(AIRSPEED_SPREAD_PA, NOISE_SCATTER * _white_noise(table["q_c_Pa"], window))
-    at_rest = (table["n_revps"].fillna(0) < MOTOR_REVPS) & (spread["q_c_Pa"] < airspeed_spread_Pa)
+    airspeed_spread_Pa = max(STANDING.airspeed_spread_Pa, NOISE_SCATTER * _white_noise(table["q_c_Pa"], window))
+    at_rest = (table["n_revps"].fillna(0) < STANDING.motor_revps) & (spread["q_c_Pa"] < airspeed_spread_Pa)
     for name in ("p_radps", "q_radps", "r_radps"):
-        at_rest &= spread[name] < RATE_SPREAD_RADPS
+        at_rest &= spread[name] < STANDING.rate_spread_radps
     for name in FORCES:
-        at_rest &= spread[name] < FORCE_SPREAD_MPS2
+        at_rest &= spread[name] < STANDING.force_spread_mps2
     gps = table.reindex(columns=list(GPS_HORIZONTAL))  # a log may lack GPS
     speed = gps.pow(2).sum(axis=1, min_count=2).pow(0.5)
     at_rest &= ~(speed.rolling(window, center=True, min_periods=1).mean() > ROLLING_MPS)
@@ -110,7 +104,7 @@ def zeros(
     table: pd.DataFrame,
     rests: list[slice],
     daq_zeros: dict[str, float] | None = None,
-    flying_Pa: float = FLYING_PA,
+    flying_Pa: float = AIRCRAFT_SIZE.flying_Pa,
 ) -> Zeros | None:
     """The zeros of the sensors; None if the log has no rest and carries no zero.
 

@@ -1,13 +1,9 @@
 """Speed, height, bank and forces in flight are those of the atmosphere, the probe and the laws of mechanics."""
 
 import math
-from itertools import pairwise
 
-import numpy as np
 import pytest
 
-from analysis.maneuvers import find_level as analysis_legs
-from daq.legs import KEPT_ROWS, Leg, Legs, Row, changing_part
 from daq.motion_means import Motion, MotionFromMeans
 from daq.probe_calibration import PolynomialMap, ProbeMaps
 from daq.thrust import load_thrust
@@ -116,58 +112,3 @@ def test_what_is_no_flight_gives_no_motion() -> None:
     assert source.at(means(12.0, 15.0, 0.0)) is not None
     assert source.at(means(13.0, 15.0, 0.0, static_Pa=0.4 * GROUND_PA)) is None
     assert source.at(means(14.0, 15.0, 0.0, q_c_Pa=None)) is None
-
-
-def rows_of(V: np.ndarray) -> list[Row]:
-    Vdot = np.gradient(V, STEP_S)
-    return [
-        Row(STEP_S * i, float(v), float(a), 0.0, 0.0, 50.0, 50.0, True, None)
-        for i, (v, a) in enumerate(zip(V, Vdot, strict=True))
-    ]
-
-
-def legs_of(V: np.ndarray) -> list[Leg]:
-    """The legs that have ended, and the last one."""
-    legs, found = Legs(), []
-    for row in rows_of(V):
-        leg = legs.add(row)
-        if leg is not None and leg.ended:
-            found.append(leg)
-    last = legs.end()
-    return [*found, last] if last is not None else found
-
-
-def test_legs_are_those_of_the_analysis() -> None:
-    """Up, down and up again, with wobbles that are no turning points."""
-    t = np.arange(0, 120, STEP_S)
-    V = 17 + 5 * np.sin(2 * np.pi * t / 60) + 0.5 * np.sin(2 * np.pi * t / 5)
-    points = analysis_legs.turning_points(V)
-    found = legs_of(V)
-    times = [(leg.rows[0].t_s, leg.rows[-1].t_s) for leg in found]
-    expected = [(STEP_S * a, STEP_S * b) for a, b in pairwise(points)]
-    assert [time for pair in times for time in pair] == pytest.approx([time for pair in expected for time in pair])
-    assert [leg.sign for leg in found] == [1, -1, 1, -1, 1]
-    for leg, (a, b) in zip(found, pairwise(points), strict=True):
-        part = changing_part(leg, 0.15)
-        changing = leg.sign * np.gradient(V, STEP_S)[a : b + 1] > 0.15
-        rows = analysis_legs.changing_part(V[a : b + 1], changing)
-        assert (part[0].t_s, part[-1].t_s) == pytest.approx((STEP_S * (a + rows.start), STEP_S * (a + rows.stop - 1)))
-
-
-def test_legs_of_any_speed_history_are_those_of_the_analysis() -> None:
-    """Random walks between 8 and 25 m/s, some of which change direction by little more or less than a leg needs."""
-    rng = np.random.default_rng(0)
-    for _ in range(40):
-        turns = rng.uniform(8, 25) * np.exp(np.cumsum(rng.uniform(-0.25, 0.25, 30)))
-        V = np.interp(np.arange(150) / 5, np.arange(30), np.clip(turns, 8, 25))
-        found = legs_of(V)
-        points = analysis_legs.turning_points(V)
-        assert [[row.V for row in leg.rows] for leg in found] == [[*V[a : b + 1]] for a, b in pairwise(points)]
-        assert [leg.sign for leg in found] == [int(np.sign(V[b] - V[a])) for a, b in pairwise(points)]
-
-
-def test_legs_forget_what_is_older_than_minutes() -> None:
-    legs = Legs()
-    for row in rows_of(15 + 5 * np.sin(np.arange(0, 600, STEP_S) / 10)):
-        legs.add(row)
-    assert len(legs.rows) <= 2 * KEPT_ROWS

@@ -6,22 +6,18 @@ import math
 import numpy as np
 import pytest
 
-from analysis.airdata import air
 from analysis.drag import forces
-from analysis.maneuvers import find_level
-from analysis.maneuvers import find_level as analysis_legs
-from analysis.maneuvers import find_level as quality
-from analysis.signals import aircraft_size, rest
-from daq import energy_balance, legs, motion_means, run_monitor
+from daq import energy_balance, run_monitor
 from daq.energy_balance import EnergyBalance, PowerInterval, inverted
-from daq.legs import Legs, Row
-from daq.run_monitor import LARGEST_BANK_RAD, RunMonitor
+from daq.legs import KEPT_ROWS, Legs, Row
+from daq.run_monitor import RunMonitor, Verdict
 from daq.sensors import Sample
 from daq.thrust import load_thrust
 from daq.tick_means import Means, TickMeans
 from flight.aircraft import Uncertainty, load_aircraft
 from flight.messages import DifferentialPressure, Rpm, Status
 from flight.propeller_files import load_propeller
+from flight.runs import LEVEL_RUN, Rejection, RunRejected
 from flight.units import GRAVITY_MPS2
 
 NEXSTAR = load_aircraft("nexstar")
@@ -96,37 +92,9 @@ def test_a_light_aircraft_s_runs_may_be_shorter_and_lower():
     assert "sank 11 m" in told(**flown, over_s=12.0, climb_mps=-0.9)[0], "as steep as an approach"
 
 
-def test_criteria_are_those_of_the_analysis():
-    """Whoever repeats a run because the aircraft says so does it for what the analysis would have said."""
-    for name in (
-        "CHANGING_MPS2",
-        "CLEARLY_CHANGING_MPS2",
-        "MENTIONED_S",
-        "SHORTEST_S",
-        "LONGEST_S",
-        "SMALLEST_SPEED_CHANGE",
-        "LARGEST_ALTITUDE_CHANGE_M",
-        "LARGEST_CLIMB_MPS",
-        "STEEP_MPS",
-        "LARGEST_BANK_RAD",
-    ):
-        assert getattr(run_monitor, name) == pytest.approx(getattr(find_level, name)), name
-    assert run_monitor.LARGEST_GAP_SHARE == quality.LARGEST_GAP_SHARE
-    assert run_monitor.LEAST_HEIGHT_M == aircraft_size.LEAST_HEIGHT_M
-    assert (2 * run_monitor.HALF + 1) * run_monitor.STEP_S == pytest.approx(find_level.SMOOTHING_S)
-    assert (legs.OF_SPEED, legs.OF_GAIN, legs.HELD) == (
-        analysis_legs.OF_SPEED,
-        analysis_legs.OF_GAIN,
-        analysis_legs.HELD,
-    )
-    for name in ("REFERENCE_MPS", "FLYING_PA", "LEAST_FLYING_PA"):
-        assert getattr(motion_means, name) == getattr(aircraft_size, name), name
-    assert motion_means.BANK_TIME_S == air.TIME_CONSTANT_S
-    assert (motion_means.RATE_SPREAD_RADPS, motion_means.MOTOR_REVPS, motion_means.PRESSURE_SPREAD_PA) == (
-        rest.RATE_SPREAD_RADPS,
-        rest.MOTOR_REVPS,
-        rest.AIRSPEED_SPREAD_PA,
-    )
+def test_smoothing_and_advance_ratio_are_those_of_the_analysis():
+    """Criteria are in `flight.runs` for both."""
+    assert (2 * run_monitor.HALF + 1) * run_monitor.STEP_S == pytest.approx(LEVEL_RUN.smoothing_s)
     assert energy_balance.J_REFERENCE == forces.J_REFERENCE
 
 
@@ -222,7 +190,7 @@ def test_a_leg_in_which_speed_is_held_is_given_after_four_seconds_and_again_if_s
 
 def test_nothing_is_told_of_steady_flight_and_of_turns():
     assert told(V=(15.0, 15.5)) == []
-    assert math.tan(LARGEST_BANK_RAD) < 17 * 0.6 / GRAVITY_MPS2
+    assert math.tan(LEVEL_RUN.largest_bank_rad) < 17 * 0.6 / GRAVITY_MPS2
     assert not [text for text in told(turn_radps=0.6) if "bank" in text]
 
 
@@ -383,39 +351,54 @@ def test_a_climb_is_paid_from_the_energy_and_an_inverse_is_one():
     assert inverted([[1.0, 1.0], [1.0, 1.0]]) is None and inverted([[-1.0]]) is None
 
 
+def test_legs_forget_what_is_older_than_minutes_and_go_on():
+    legs, V = Legs(), 15 + 5 * np.sin(np.arange(0, 600, 0.2) / 10)
+    ended = []
+    for i, speed in enumerate(V.tolist()):
+        leg = legs.add(Row(0.2 * i, speed, 0.0, 0.0, 0.0, 50.0, 50.0, True, None))
+        ended += [leg] if leg is not None and leg.ended else []
+    assert len(legs.rows) <= 2 * KEPT_ROWS
+    for leg in ended[1:]:  # each half wave lasts 31.4 s, also after rows were forgotten
+        assert leg.rows[-1].t_s - leg.rows[0].t_s == pytest.approx(10 * math.pi, abs=0.5)
+        assert (leg.rows[-1].V - leg.rows[0].V) * leg.sign == pytest.approx(10.0, abs=0.01)
+
+
 def row(t_s: float, **changes) -> Row:
-    flown = {"V": 15.0, "Vdot": 0.5, "climb": 0.0, "bank": 0.0, "height_m": 60.0, "smooth_height_m": 60.0}
+    flown = {"V": 15.0, "Vdot": 0.6, "climb": 0.0, "bank": 0.0, "height_m": 60.0, "smooth_height_m": 60.0}
     return Row(t_s, **({**flown, "complete": True, "drag": (5.0, 60.0, 0.5, 0.4)} | changes))
 
 
 @pytest.mark.parametrize(
-    ("seconds", "change", "first", "last", "reason"),
+    ("first", "last", "reason", "words"),
     [
-        (5.1, 0.21, {}, {}, ""),
-        (4.9, 0.21, {}, {}, "4.9 s, not 5 s"),
-        (39.0, 0.21, {}, {}, ""),
-        (41.0, 0.21, {}, {}, "41 s long"),
-        (10.0, 0.19, {}, {}, "speed changed 19 %"),
-        (10.0, 0.5, {"climb": 2.3}, {}, ""),
-        (10.0, 0.5, {"climb": 3.0}, {}, "climbed 15 m"),
-        (10.0, 0.5, {}, {"climb": -3.0}, "sank 15 m"),
-        (10.0, 0.5, {"height_m": 79.0}, {}, ""),
-        (10.0, 0.5, {"height_m": 90.0}, {}, "height +-15 m"),
-        (10.0, 0.5, {"bank": math.radians(-24)}, {}, ""),
-        (10.0, 0.5, {"bank": math.radians(-26)}, {}, "bank 26 deg"),
-        (10.0, 0.5, {}, {"complete": False}, "no data, 50 %"),
+        ({}, {}, None, ""),
+        ({"climb": 3.0}, {}, RunRejected.CLIMBED, "climbed 15 m"),
+        ({}, {"climb": -3.0}, RunRejected.CLIMBED, "sank 15 m"),
+        ({"height_m": 90.0}, {}, RunRejected.HEIGHT_VARIED, "height +-15 m"),
+        ({"bank": math.radians(-26)}, {}, RunRejected.BANKED, "bank 26 deg"),
+        ({}, {"complete": False}, RunRejected.DATA_MISSING, "no data, 50 %"),
+        ({}, {"V": 18.0}, RunRejected.SPEED_CHANGED_LITTLE, "speed changed 18 %"),
     ],
 )
 def test_a_verdict_says_how_far_the_run_is_from_its_limits(
-    seconds: float, change: float, first: dict, last: dict, reason: str
+    first: dict, last: dict, reason: RunRejected | None, words: str
 ) -> None:
-    monitor = RunMonitor(NEXSTAR, None)
-    rows = [row(100.0, **first), row(100.0 + seconds, **last)]
-    assert monitor._reason_against(rows, change) == reason
+    rows = [row(100.0, **first), row(110.0, **({"V": 20.0} | last))]
+    rejection = RunMonitor(NEXSTAR, None)._measures(1, rows).rejection(1.0)
+    assert (rejection.reason if rejection else None) is reason
+    assert Verdict("acceleration", 100.0, 110.0, 15.0, 20.0, 0.3, rejection).reason == words
+
+
+def test_every_reason_has_words_and_a_turn_is_not_told():
+    for reason in RunRejected:
+        verdict = Verdict("deceleration", 0.0, 10.0, 20.0, 12.0, 0.5, Rejection(reason, 1.0, 2.0))
+        assert verdict.reason and len(verdict.text) <= 50 and verdict.told == (reason is not RunRejected.BANKED)
+        assert not verdict._replace(speed_change=0.1).told
 
 
 def test_verdicts_are_the_same_if_both_ends_are_within_a_second() -> None:
-    verdicts = [run_monitor.Verdict("acceleration", *ends, "", "") for ends in ((10, 20), (10.9, 19.1), (11.1, 20))]
+    ends = ((10.0, 20.0), (10.9, 19.1), (11.1, 20.0))
+    verdicts = [Verdict("acceleration", *both, 12.0, 20.0, 0.5, None) for both in ends]
     assert run_monitor._same(verdicts[0], verdicts[1]) and run_monitor._same(verdicts[1], verdicts[0])
     assert not run_monitor._same(verdicts[0], verdicts[2]) and not run_monitor._same(verdicts[2], verdicts[0])
     assert not run_monitor._same(verdicts[0], verdicts[0]._replace(end_s=21.1))

@@ -66,7 +66,9 @@ def monitored(log: Log, aircraft: Aircraft, probe: ProbeMaps | None, speed: floa
     return {
         "motion": {name: [getattr(one, name) for one in moved] for name in fields},
         "drag": np.array([one.drag for one in moved]).T.tolist(),
-        "verdicts": [one._asdict() for one in verdicts],
+        "verdicts": [
+            {name: getattr(one, name) for name in ("kind", "start_s", "end_s", "reason", "text")} for one in verdicts
+        ],
         "runs": [monitor.runs, monitor.slowest_mps, monitor.fastest_mps],
         "polar": monitor.energy.polar(),
         "power_W": [monitor.energy.power_W(V, aircraft.mass_kg) for V in speeds.tolist()],

@@ -5,12 +5,21 @@ import pandas as pd
 import pytest
 
 from analysis.maneuvers.find import _part_of, _within, find_steady
-from analysis.maneuvers.find import _reason_against as find_steady_reason
+from analysis.maneuvers.find import _rejection as steady_rejection
 from analysis.maneuvers.find_level import find_runs, notes, without_data
-from analysis.maneuvers.find_loads import _against_wind_up_turn, find_3211
-from analysis.maneuvers.kinds import PORPOISING, ROLLER_COASTER, STEPS_3211, Maneuver, RejectedManeuver
+from analysis.maneuvers.find_loads import _wind_up_turn_rejection, find_3211
+from analysis.maneuvers.kinds import (
+    PORPOISING,
+    ROLLER_COASTER,
+    STEPS_3211,
+    Maneuver,
+    RejectedManeuver,
+    Unsuitable,
+    reason_in_words,
+)
 from analysis.maneuvers.runs_file import nearest_miss
 from analysis.maneuvers.smooth import SmoothedMotion
+from flight.runs import Rejection, RunRejected
 from tests.analysis.maneuvers.test_find import RATE_HZ, flight, up_and_down
 
 
@@ -29,7 +38,7 @@ def test_a_run_ends_where_the_aircraft_climbs_steeply() -> None:
 
 def test_a_run_that_lasts_too_long_is_rejected() -> None:
     _, rejected = find_runs(flight(up_and_down(low=12.0, high=44.0, seconds=50.0)))
-    assert [stretch.reason.partition(":")[0] for stretch in rejected] == ["too long"] * 2
+    assert [stretch.rejection.reason for stretch in rejected] == [RunRejected.TOO_LONG] * 2
 
 
 def test_a_run_over_a_hill_is_rejected() -> None:
@@ -38,7 +47,8 @@ def test_a_run_over_a_hill_is_rejected() -> None:
     height = 50 + 25 * (1 - np.abs(np.clip(seconds(len(speed)) - 23.0, -15.0, 15.0)) / 15.0)
     runs, rejected = find_runs(flight(speed, height=height))
     assert [run.kind for run in runs] == ["deceleration"]
-    assert any("height varied by 2" in stretch.reason for stretch in rejected)
+    (hill,) = (one.rejection for one in rejected if one.rejection.reason is RunRejected.HEIGHT_VARIED)
+    assert hill.measured == pytest.approx(25.0, abs=4.0)
 
 
 def steady_flight(**columns) -> pd.DataFrame:
@@ -51,9 +61,10 @@ def test_a_steady_point_needs_a_steady_motor() -> None:
     assert point.end_s - point.start_s > 25 and not rejected
     varied = 90.0 * (1 + 0.1 * np.sign(np.sin(seconds(750))))
     points, (no_point,) = find_steady(steady_flight(n_revps=varied))
-    assert not points and "the motor's speed varied by 10 %" in no_point.reason
+    assert not points and no_point.rejection.reason is Unsuitable.MOTOR_VARIED
+    assert no_point.rejection.measured == pytest.approx(0.1, abs=0.005)
     points, (no_point,) = find_steady(steady_flight(n_revps=0.0))
-    assert not points and no_point.reason == "the motor stood still"
+    assert not points and no_point.rejection.reason is Unsuitable.MOTOR_STOPPED
 
 
 @pytest.mark.parametrize(("bank_deg", "found"), [(8.0, True), (20.0, False)])
@@ -85,7 +96,8 @@ def test_a_3211_is_known_by_its_proportions(unit_s: float) -> None:
 
 def test_four_equal_steps_are_no_3211() -> None:
     found, (rejected,) = find_3211(elevator([1.0, 1.0, 1.0, 1.0]))
-    assert not found and "not a 3-2-1-1" in rejected.reason
+    assert not found and rejected.rejection.reason is Unsuitable.NO_3211
+    assert rejected.reason == "steps held for 1.0, 1.0, 1.0, 1.0 s are not a 3-2-1-1"
 
 
 @pytest.mark.parametrize(
@@ -119,68 +131,70 @@ def test_a_note_is_written_beyond_its_limit(change: dict[str, float], note: str)
     assert not note or note in found[0]
 
 
-@pytest.mark.parametrize(("lost", "reason"), [(0.01, ""), (0.05, "no alpha for 5 % of the time")])
-def test_a_channel_that_is_missing_for_more_than_2_per_cent_rules_a_maneuver_out(lost: float, reason: str) -> None:
+@pytest.mark.parametrize(("lost", "missing"), [(0.01, False), (0.05, True)])
+def test_a_channel_that_is_missing_for_more_than_2_per_cent_rules_a_maneuver_out(lost: float, missing: bool) -> None:
     data = steady_flight()
     data.loc[data.index < lost * 30, "alpha_rad"] = np.nan
-    assert without_data(data) == reason
+    rejection = without_data(data)
+    assert (rejection is not None) == missing
+    assert rejection is None or reason_in_words(rejection) == "no alpha for 5 % of the time"
 
 
-@pytest.mark.parametrize(
-    ("V", "reason"),
-    [((15.0, 15.85), ""), ((15.0, 16.1), "speed drifted by 7 % of its mean, 6 % are allowed")],
-)
-def test_a_steady_point_s_speed_stays_within_6_per_cent(V: tuple[float, float], reason: str) -> None:
-    assert find_steady_reason(steady_flight(), np.linspace(*V, 750), 30.0) == reason
+@pytest.mark.parametrize(("V", "drifted"), [((15.0, 15.85), False), ((15.0, 16.1), True)])
+def test_a_steady_point_s_speed_stays_within_6_per_cent(V: tuple[float, float], drifted: bool) -> None:
+    rejection = steady_rejection(steady_flight(), np.linspace(*V, 750), 30.0)
+    assert (rejection is not None and rejection.reason is Unsuitable.SPEED_DRIFTED) == drifted
+    assert rejection is None or reason_in_words(rejection) == "speed drifted by 7 % of its mean, 6 % are allowed"
 
 
 def test_a_steady_point_lasts_8_seconds() -> None:
-    assert find_steady_reason(steady_flight(), np.full(750, 15.0), 7.9) == "too short: 7.9 s, 8 s are needed"
-    assert find_steady_reason(steady_flight(), np.full(750, 15.0), 8.1) == ""
+    rejection = steady_rejection(steady_flight(), np.full(750, 15.0), 7.9)
+    assert rejection is not None and reason_in_words(rejection) == "too short: 7.9 s, 8 s are needed"
+    assert steady_rejection(steady_flight(), np.full(750, 15.0), 8.1) is None
 
 
 @pytest.mark.parametrize(
     ("n", "V", "reason"),
     [
-        ((1.0, 1.9), (15.0, 17.5), ""),
-        ((1.0, 1.9), (15.0, 18.75), "speed changed by 22 % of its mean, 20 % are allowed"),
-        ((1.0, 1.8), (15.0, 15.0), "the load factor did not rise steadily: +0.03 per second, a straight line explains"),
-        ((1.9, 1.0), (15.0, 15.0), "the load factor did not rise steadily: -0.03 per second, a straight line explains"),
+        ((1.0, 1.9), (15.0, 17.5), None),
+        ((1.0, 1.9), (15.0, 18.75), Unsuitable.SPEED_CHANGED),
+        ((1.0, 1.8), (15.0, 15.0), Unsuitable.LOAD_NOT_STEADY),
+        ((1.9, 1.0), (15.0, 15.0), Unsuitable.LOAD_NOT_STEADY),
     ],
 )
 def test_a_wind_up_turn_rises_steadily_at_a_constant_speed(
-    n: tuple[float, float], V: tuple[float, float], reason: str
+    n: tuple[float, float], V: tuple[float, float], reason: Unsuitable | None
 ) -> None:
     """Thirty seconds: 0.9 more is 0.030 per second, 0.8 more is 0.027."""
     table = steady_flight()
     rows, ends = slice(0, 750), seconds(750)[-1]
     motion = SmoothedMotion(np.linspace(*V, 750), *[np.zeros(750)] * 3, 1 / RATE_HZ)  # type: ignore[arg-type]
     rising = n[0] + (n[1] - n[0]) * 1.005 * seconds(750) / ends
-    found = _against_wind_up_turn(table, motion, rows, rising)
-    assert found == reason if "explains" not in reason else found == f"{reason} 100 %"
-    assert _against_wind_up_turn(table.iloc[100:162], motion, slice(100, 162), rising[100:162]).startswith(
-        "too short: 2.4 s, 2.5 s"
-    )
+    rejection = _wind_up_turn_rejection(table, motion, rows, rising)
+    assert (rejection.reason if rejection else None) is reason
+    short = _wind_up_turn_rejection(table.iloc[100:162], motion, slice(100, 162), rising[100:162])
+    assert short is not None and reason_in_words(short) == "too short: 2.4 s, 2.5 s are needed"
 
 
 def test_a_load_factor_that_swings_about_its_rise_is_told_by_its_variance() -> None:
     """A rise by 1.2 has the variance 0.12; a swing by 0.4 adds 0.08, so a line explains 60 %."""
     motion = SmoothedMotion(*[np.full(750, 15.0)] * 4, 1 / RATE_HZ)  # type: ignore[arg-type]
     n = 1 + 1.2 * np.linspace(0, 1, 750) + 0.4 * np.cos(2 * np.pi * 10 * np.linspace(0, 1, 750))
-    found = _against_wind_up_turn(steady_flight(), motion, slice(0, 750), n)
-    assert found.endswith("+0.04 per second, a straight line explains 60 %")
+    rejection = _wind_up_turn_rejection(steady_flight(), motion, slice(0, 750), n)
+    assert rejection is not None and rejection.reason is Unsuitable.LOAD_NOT_STEADY
+    assert reason_in_words(rejection).endswith("+0.04 per second, a straight line explains 60 %")
 
 
 def test_the_longest_stretch_without_a_run_is_told_with_its_times() -> None:
     rejected = [
-        RejectedManeuver("acceleration", 10.0, 16.0, "too short"),
-        RejectedManeuver("deceleration", 100.0, 103.0, "height varied by 30 m"),
-        RejectedManeuver("steady", 200.0, 290.0, "the motor stood still"),
+        RejectedManeuver("acceleration", 10.0, 16.0, Rejection(RunRejected.TOO_LONG, 6.0)),
+        RejectedManeuver("deceleration", 100.0, 103.0, Rejection(RunRejected.HEIGHT_VARIED, 30.0)),
+        RejectedManeuver("steady", 200.0, 290.0, Rejection(Unsuitable.MOTOR_STOPPED)),
     ]
-    assert nearest_miss(rejected, steady_flight()) == "; the longest stretch, 10 to 16 s: too short"
-    assert nearest_miss(rejected, steady_flight(), rested=False) == "; the longest stretch, 10 to 16 s: too short"
-    low = [RejectedManeuver("acceleration", 0.0, 60.0, "too low: down to 15 m above the ground")]
-    assert nearest_miss(low, steady_flight()).endswith("above the ground")
+    assert nearest_miss(rejected, steady_flight()) == "; the longest stretch, 10 to 16 s: too long: 6 s"
+    assert nearest_miss(rejected, steady_flight(), rested=False) == "; the longest stretch, 10 to 16 s: too long: 6 s"
+    low = [RejectedManeuver("acceleration", 0.0, 60.0, Rejection(RunRejected.TOO_LOW, 15.0, 20.0))]
+    assert nearest_miss(low, steady_flight()).endswith("above the ground, 20 m are needed")
     assert "; there is no rest on the ground in the log" in nearest_miss(low, steady_flight(), rested=False)
     assert nearest_miss(rejected[2:], steady_flight()) == " (speed never changed steadily in level flight)"
 
@@ -200,7 +214,7 @@ def test_the_longest_stretch_without_a_run_is_told_with_its_times() -> None:
 )
 def test_a_short_stretch_within_an_input_or_a_porpoise_is_part_of_it(start_s, end_s, within, part) -> None:
     """Of an input any short overlap; of porpoising what lies within it and three seconds for the stick to settle."""
-    stretch = RejectedManeuver(ROLLER_COASTER, start_s, end_s, "")
+    stretch = RejectedManeuver(ROLLER_COASTER, start_s, end_s, Rejection(RunRejected.TOO_SHORT))
     steps = Maneuver(STEPS_3211, slice(0, 1), 20.0, 28.0, 15.0, 15.0, 0.0)
     assert _within(stretch, [steps]) is within
     assert not _within(RejectedManeuver(STEPS_3211, start_s, end_s, ""), [steps])

@@ -31,7 +31,7 @@ from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
 from analysis.performance.propagation import ParameterVector, UncertainValue, combine_independent, exact
 from analysis.performance.request import TitledCondition
 from analysis.polar import Condition, Polar, speed_at
-from analysis.signals.aircraft_size import LEAST_HEIGHT_M
+from flight.runs import AIRCRAFT_SIZE
 from sim.plant import plant_of
 
 UNKNOWN = FullThrottle(None, reason="not flown")
@@ -157,7 +157,7 @@ def test_battery_power_is_voltage_times_current_and_the_ground_is_not_covered(pr
     forces = pd.DataFrame({"V": J * n * propeller.diameter_m, "alpha": 0.1, "CL": 0.5, "n": n, "rho": rho, "J": J})
     mean = {"battery_V": np.full(3, 14.0), "battery_A": np.full(3, 5.0), "height_m": np.array([50.0, 50.0, 2.0])}
     data = _with_battery_and_coverage(forces, mean, propeller)
-    assert LEAST_HEIGHT_M > 2
+    assert AIRCRAFT_SIZE.least_height_m > 2
     assert data["battery_W"].tolist() == [70.0, 70.0, 70.0]
     assert data["covered"].tolist() == [True, False, False]
     assert data["throttle"].isna().all()

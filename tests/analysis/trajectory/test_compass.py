@@ -7,7 +7,6 @@ import pytest
 from test_reconstruction import flown as fly
 
 from analysis.airdata.magnetometer import calibrate, compass
-from analysis.signals.aircraft_size import LEAST_HEIGHT_M
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
@@ -22,6 +21,7 @@ from analysis.trajectory.observability import heading_notes, sensor_error_estima
 from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.reconstruction import reconstruct
 from flight.motion import body_from_earth, earth_from_body
+from flight.runs import AIRCRAFT_SIZE
 from sim.sensors.tray import DIP_RAD, FIELD_T
 
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
@@ -43,7 +43,7 @@ def heading_error(trajectory, truth):
     """Error of the heading in flight, and its standard error [deg]."""
     t = trajectory.states.index.to_numpy()
     true = np.interp(t, truth["time_s"], np.unwrap(truth["yaw_rad"]))
-    high = np.interp(t, truth["time_s"], truth["height_m"]) > LEAST_HEIGHT_M
+    high = np.interp(t, truth["time_s"], truth["height_m"]) > AIRCRAFT_SIZE.least_height_m
     off = (trajectory.states["psi"].to_numpy() - true + np.pi) % (2 * np.pi) - np.pi
     return np.degrees(off)[high], np.degrees(trajectory.states_error()["psi"].to_numpy())[high]
 

@@ -6,7 +6,6 @@ import flights
 import numpy as np
 import pytest
 
-from analysis.signals.aircraft_size import LEAST_HEIGHT_M
 from analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
@@ -20,6 +19,7 @@ from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Uncertainty, load_aircraft
 from flight.errors import InputError
+from flight.runs import AIRCRAFT_SIZE
 from sim.fly import fly
 from sim.plan import load_plan
 from sim.sensors import FlightSensorTruth, load_budget
@@ -97,7 +97,7 @@ def test_a_whole_calm_flight_is_found_again(probe, seed: int) -> None:
     assert trajectory.value("V_scale") == pytest.approx(drawn.values.V_scale, abs=0.005)
     assert trajectory.value("gps_latency") == pytest.approx(drawn.values.gps_latency_s, abs=0.02)
     assert trajectory.gust_mps <= 0.05
-    high = np.interp(t, truth["time_s"], truth["height_m"]) > LEAST_HEIGHT_M
+    high = np.interp(t, truth["time_s"], truth["height_m"]) > AIRCRAFT_SIZE.least_height_m
     for axis in ("north", "east"):
         wind = np.interp(t, truth["time_s"], truth[f"wind_{axis}_mps"])
         assert np.abs(trajectory.states[f"wind_{axis}"] - wind)[high].max() < 0.3
