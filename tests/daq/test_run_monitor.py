@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from analysis.drag import forces
+from analysis.ground import thrust_prior
 from daq import energy_balance, run_monitor
 from daq.energy_balance import EnergyBalance, PowerInterval, inverted
 from daq.legs import KEPT_ROWS, Legs, Row
@@ -95,7 +95,7 @@ def test_a_light_aircraft_s_runs_may_be_shorter_and_lower():
 def test_smoothing_and_advance_ratio_are_those_of_the_analysis():
     """Criteria are in `flight.runs` for both."""
     assert (2 * run_monitor.HALF + 1) * run_monitor.STEP_S == pytest.approx(LEVEL_RUN.smoothing_s)
-    assert energy_balance.J_REFERENCE == forces.J_REFERENCE
+    assert energy_balance.J_REFERENCE == thrust_prior.J_REFERENCE
 
 
 def flown(rows, aircraft=NEXSTAR) -> list[str]:
