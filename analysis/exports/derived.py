@@ -26,10 +26,13 @@ from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
+from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 QUANTITIES = ("alpha_rad", "V_mps", "theta_rad", "thrust_N", "C_L", "C_D")
-SLOWEST_MPS = 3.0  # below, an airspeed is noise and coefficients are without meaning
+SLOWEST_MPS = 3.0  # below, an airspeed is noise
+# Slower than level flight with this lift coefficient the wheels carry weight, and C_L and C_D are without meaning.
+LARGEST_LIFT = 3.0
 ERROR = "_standard_error"
 
 
@@ -38,7 +41,8 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
 
     Thrust is that of the propeller table. Standard errors are by repetition along perturbed trajectories (sensor errors
     in each independent direction, and draws of the states' random errors), with the prior standard deviations of the
-    propeller table, and with another weight. NaN where the aircraft did not fly, and thrust where the motor stood.
+    propeller table, and with another weight. NaN where the aircraft stood, coefficients also where it rolled, and
+    thrust where the motor stood.
     """
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, errors = trajectory.states.to_numpy(), trajectory.sensor_errors
@@ -59,9 +63,11 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
     heavier, _ = quantities(covariance.heavier(flight_forces), states, errors)
     variance += (heavier - nominal) ** 2
     variance[:, QUANTITIES.index("thrust_N") :] += _by_thrust_table(nominal, f, aircraft)
-    flying = nominal[:, 1] > SLOWEST_MPS
-    columns = dict(zip(QUANTITIES, np.where(flying[:, None], nominal, np.nan).T, strict=True))
-    spread = np.where(flying[:, None], np.sqrt(variance), np.nan)
+    known = np.repeat(nominal[:, 1:2] > SLOWEST_MPS, len(QUANTITIES), axis=1)
+    carried = f["qS_over_m_mps2"].to_numpy() * LARGEST_LIFT > GRAVITY_MPS2
+    known[:, QUANTITIES.index("C_L") :] &= carried[:, None]
+    columns = dict(zip(QUANTITIES, np.where(known, nominal, np.nan).T, strict=True))
+    spread = np.where(known, np.sqrt(variance), np.nan)
     columns |= {f"{name}{ERROR}": column for name, column in zip(QUANTITIES, spread.T, strict=True)}
     index = pd.Index(flight_forces.t_s, name="t_s")
     return pd.DataFrame({name: columns[name] for q in QUANTITIES for name in (q, f"{q}{ERROR}")}, index=index)

@@ -10,6 +10,7 @@ import pytest
 from analysis.exports.derived import derived
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from flight.aircraft import Uncertainty
+from flight.units import GRAVITY_MPS2
 
 sys.path.append(str(Path(__file__).parents[1] / "drag"))
 from constructed import AIRCRAFT, PROPELLER, S, accelerations_and_decelerations, m, measured, polar
@@ -77,11 +78,24 @@ def test_random_errors_of_the_states_are_those_of_the_draws() -> None:
     assert found == pytest.approx(np.full(len(FLOWN), np.sqrt(2.5e-4)), rel=1e-6)
 
 
-@pytest.mark.parametrize(("speed_mps", "known"), [(2.8, False), (3.2, True)])
-def test_below_three_meters_a_second_nothing_is_told(speed_mps: float, known: bool) -> None:
+def with_first_rows_at(speed_mps: float):
+    """The flight, with five first instants at another speed."""
     trajectory = measured(FLOWN)
     states = trajectory.states.copy()
     states.iloc[:5, STATES.index("v_north")], states.iloc[:5, STATES.index("v_down")] = speed_mps, 0.0
-    found = derived(replace(trajectory, states=states), CERTAIN, PROPELLER)
-    assert found.iloc[:5][["V_mps", "theta_rad", "C_L_standard_error"]].notna().all(axis=None) == known
+    return derived(replace(trajectory, states=states), CERTAIN, PROPELLER)
+
+
+@pytest.mark.parametrize(("speed_mps", "known"), [(2.8, False), (3.2, True)])
+def test_below_three_meters_a_second_nothing_is_told(speed_mps: float, known: bool) -> None:
+    found = with_first_rows_at(speed_mps)
+    assert found.iloc[:5][["V_mps", "theta_rad", "theta_rad_standard_error"]].notna().all(axis=None) == known
     assert found.iloc[5:].notna().all(axis=None)
+
+
+@pytest.mark.parametrize(("lift", "known"), [(3.2, False), (2.8, True)])
+def test_coefficients_are_left_out_where_no_wing_could_carry_the_weight(lift: float, known: bool) -> None:
+    """On the ground roll a lift coefficient of 7, which no wing has, squeezes the plot of the others to a line."""
+    found = with_first_rows_at(np.sqrt(2 * m * GRAVITY_MPS2 / (FLOWN["rho"].iloc[0] * S * lift)))
+    assert found.iloc[:5][["C_L", "C_D", "C_L_standard_error"]].notna().all(axis=None) == known
+    assert found.iloc[:5][["V_mps", "alpha_rad"]].notna().all(axis=None)
