@@ -304,7 +304,7 @@ class FlightSensorTruth:
         noise = self._errors.noise
         if noise.colored_Pa == 0:
             return np.zeros(n)
-        channel = f"coloured {name}"  # decides the random numbers  # codespell:ignore colored
+        channel = f"coloured {name}"  # decides the random numbers  # codespell:ignore coloured
         sequence = gauss_markov(self._errors.seed, channel, n, PNEUMATIC_DT_S, noise.colored_time_s)
         return noise.colored_Pa * sequence
 
