@@ -1,0 +1,201 @@
+"""Nothing is decided by looking into a text that was written for people: what is to be told apart is an enum.
+
+Found by syntax: `verdict.startswith("converged")`, `"bank" in reason`, `title == "Drag"`, `match note:`, and
+the same of names of estimated parameters. A text is a variable, attribute or key whose name ends in one of TEXTS.
+"""
+
+import ast
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MOST = 26  # that remain
+PACKAGES = ("analysis", "daq", "flight", "flightpower", "sim")
+TEXTS = {"verdict", "reason", "note", "title", "text", "message", "warning", "hint", "label", "problem", "sentence"}
+TEXTS |= {f"{word}s" for word in TEXTS}
+PARAMETER = {"name", "parameter"}
+# Names of what estimators find, as results list them. Polar and thrust, sensors, power train.
+ESTIMATED = {
+    "A0", "A1", "A2", "A3", "A4", "CLq", "alpha_bias", "alpha_scale", "air_data_lag", "beta_bias", "dp_alpha_zero",
+    "gps_latency", "heading_bias", "lag", "pitch", "q_c_zero", "thrust_beyond", "thrust_scale", "thrust_slope",
+    "V_scale", "airspeed_scale", "shaft_scale", "meter_scale", "friction", "copper",
+}  # fmt: skip
+LOOKS = {"startswith", "endswith", "removeprefix", "removesuffix", "find", "partition"}
+PATTERNS = {"match", "search", "fullmatch", "findall"}
+# Modules that read texts which others wrote: files, commands, messages of libraries and of the system.
+PARSERS = {
+    "analysis/airdata/probe_calibration.py": "columns of wind-tunnel tables",
+    "analysis/autopilot_logs/": "messages and parameters of autopilots' logs",
+    "analysis/cli/": "what the user types",
+    "analysis/ground/": "tables of calibrations",
+    "analysis/performance/request.py": "what the user types",
+    "daq/config.py": "messages of msgspec",
+    "daq/linux_bus.py": "names of the kernel's files",
+    "daq/part_identity.py": "answers of parts",
+    "daq/sensors/": "answers of parts",
+    "daq/thrust.py": "files of propellers",
+    "flight/command_line.py": "what the user types",
+    "flight/propeller_files.py": "files of propellers",
+    "flight/undecodable.py": "messages of msgspec",
+    "flight/units.py": "quantities that the user types",
+    "sim/ulog_writer.py": "types of the fields of ULog",
+}
+
+
+class Finding(NamedTuple):
+    path: str
+    line: int
+    code: str
+
+
+def decisions_by_text(root: Path) -> list[Finding]:
+    """Where a text for people decides something, in all packages under a folder."""
+    paths = [path for package in PACKAGES for path in sorted((root / package).rglob("*.py"))]
+    modules = {path.relative_to(root).as_posix(): ast.parse(path.read_text("utf-8")) for path in paths}
+    constants = {path: _text_constants(tree) for path, tree in modules.items()}
+    found = []
+    for path, tree in modules.items():
+        if not path.startswith(tuple(PARSERS)):
+            known = constants[path] | _imported_constants(tree, constants)
+            nodes = [node for node in ast.walk(tree) if isinstance(node, ast.expr | ast.Match)]
+            found += [Finding(path, node.lineno, ast.unparse(node)) for node in nodes if _decides(node, known)]
+    return found
+
+
+def _decides(node: ast.AST, constants: set[str]) -> bool:
+    match node:
+        case ast.Call(func=ast.Attribute(value=text, attr=method), args=[sought, *_]) if method in LOOKS:
+            return _literals(sought, constants) and (_is_text(text) or (_is_parameter(text) and _is_name(sought)))
+        case ast.Call(func=ast.Attribute(value=ast.Name(id="re"), attr=method), args=[_, text, *_]):
+            return method in PATTERNS and _is_text(text)
+        case ast.Compare(left=left, ops=[operator], comparators=[right]):
+            return _compares(left, operator, right, constants)
+        case ast.Match(subject=subject, cases=cases):
+            return _is_text(subject) and any(_is_literal(one.pattern) for one in cases)
+    return False
+
+
+def _compares(left: ast.expr, operator: ast.cmpop, right: ast.expr, constants: set[str]) -> bool:
+    if isinstance(operator, ast.In | ast.NotIn):
+        within = _literals(left, constants) and (_is_text(right) or (_is_parameter(right) and _is_name(left)))
+        one_of = (_is_text(left) and _literals(right, constants)) or (_is_parameter(left) and _estimated(right))
+        return within or one_of
+    if isinstance(operator, ast.Eq | ast.NotEq):
+        return any(
+            (_is_text(one) and _literals(other, constants)) or (_is_parameter(one) and _estimated(other))
+            for one, other in ((left, right), (right, left))
+        )
+    return False
+
+
+def _is_literal(pattern: ast.pattern) -> bool:
+    return isinstance(pattern, ast.MatchValue) and isinstance(pattern.value, ast.Constant)
+
+
+def _last_name(node: ast.expr) -> str:
+    """reason of `verdict.reason`, `reason`, `verdict["reason"]`, `str(reason)` and `reason.lower()`."""
+    match node:
+        case ast.Name(id=name) | ast.Attribute(attr=name):
+            return name
+        case ast.Subscript(slice=ast.Constant(value=str(name))):
+            return name
+        case ast.Subscript(value=value):
+            return _last_name(value)
+        case (
+            ast.Call(func=ast.Name(id="str"), args=[inner])
+            | ast.Call(func=ast.Attribute(value=inner, attr="lower" | "strip"))
+        ):
+            return _last_name(inner)
+    return ""
+
+
+def _is_text(node: ast.expr) -> bool:
+    return _last_name(node).lower().split("_")[-1] in TEXTS
+
+
+def _is_parameter(node: ast.expr) -> bool:
+    return _last_name(node) in PARAMETER
+
+
+def _is_name(node: ast.expr) -> bool:
+    """Not the suffix of a file, the dashes of an option, the underscores of Python or the colon of an address."""
+    return all(text[0] not in ".-_" and text[-1] != ":" for text in _strings(node))
+
+
+def _strings(node: ast.expr) -> list[str]:
+    elements = node.elts if isinstance(node, ast.Tuple | ast.List | ast.Set) else [node]
+    return [one.value for one in elements if isinstance(one, ast.Constant) and isinstance(one.value, str) and one.value]
+
+
+def _literals(node: ast.expr, constants: set[str]) -> bool:
+    elements = node.elts if isinstance(node, ast.Tuple | ast.List | ast.Set) else [node]
+    named = any(isinstance(one, ast.Name) and one.id in constants for one in elements)
+    return bool(_strings(node)) or named or any(isinstance(one, ast.JoinedStr) for one in elements)
+
+
+def _estimated(node: ast.expr) -> bool:
+    return not ESTIMATED.isdisjoint(_strings(node))
+
+
+def _text_constants(tree: ast.Module) -> set[str]:
+    """Names that a module gives to texts."""
+    return {
+        target.id
+        for node in tree.body
+        if isinstance(node, ast.Assign) and _strings(node.value)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+
+
+def _imported_constants(tree: ast.Module, constants: dict[str, set[str]]) -> set[str]:
+    return {
+        alias.asname or alias.name
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom) and node.module
+        for alias in node.names
+        if alias.name in constants.get(f"{node.module.replace('.', '/')}.py", set())
+    }
+
+
+def test_nothing_is_decided_by_a_text() -> None:
+    found = decisions_by_text(ROOT)
+    assert len(found) <= MOST, "\n".join(f"{one.path}:{one.line}: {one.code}" for one in found)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        'ok = results.verdict.startswith(("converged", "by "))',
+        'ok = "bank" in str(reason)',
+        'ok = run["title"] == "Drag"',
+        'ok = reason == BELOW\nBELOW = "below"',
+        'ok = re.search("bank", note)',
+        'ok = name.startswith("ln w(")',
+        'ok = parameter == "thrust_scale"',
+        'match verdict:\n    case "converged":\n        pass',
+    ],
+)
+def test_a_decision_by_text_is_found(code: str, tmp_path: Path) -> None:
+    (tmp_path / "analysis").mkdir()
+    (tmp_path / "analysis" / "page.py").write_text(code, "utf-8")
+    assert len(decisions_by_text(tmp_path)) == 1
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "ok = verdict.status is FitStatus.CONVERGED",
+        "ok = reason == Reason.BANK",
+        "match reason:\n    case Reason.BANK:\n        pass",
+        'ok = path.name.endswith(".toml")',
+        'ok = "V_scale" in names',
+        'text = note or "none"',
+    ],
+)
+def test_an_enum_and_the_name_of_a_file_are_no_text(code: str, tmp_path: Path) -> None:
+    (tmp_path / "analysis").mkdir()
+    (tmp_path / "analysis" / "page.py").write_text(code, "utf-8")
+    assert decisions_by_text(tmp_path) == []
