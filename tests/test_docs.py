@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-OTHER_PAGES = ("README.md", "Makefile", "systemd/README.md", "tests/data/README.md")
+OTHER_PAGES = ("README.md", "CHANGELOG.md", "Makefile", "systemd/README.md", "firmware/esc_counter/README.md",
+               "tests/data/README.md")  # fmt: skip
 PAGES = [*(ROOT / name for name in OTHER_PAGES), *sorted((ROOT / "docs").glob("*.md"))]
 PACKAGES = ("analysis", "daq", "flight", "flightpower", "hw_fakes", "sim")
 FOLDERS = (*PACKAGES, "benchmarks", "docs", "systemd", "tests")
