@@ -7,6 +7,7 @@ gyroscope: x and y are exchanged and z is reversed (PS-MPU-9250A-01 sec. 9.1).
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw_fakes.sample_blocks import SampleBlocks
 from sim.sensor_truth import Array, SensorTruth
@@ -39,6 +40,17 @@ MODE_WAIT_NS = 100_000  # in power-down before the next mode (sec. 6.3)
 FULL_SCALE_T, FULL_SCALE_COUNTS = 4912e-6, 32760  # at 16 bits (sec. 8.3.4)
 COUNTS_14_BIT = 8190
 BODY_TO_CHIP = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+
+
+def sensitivity(adjustment: NDArray[np.integer]) -> Array:
+    """Factor of the counts by the adjustment in the fuse ROM (sec. 8.3.11), (3,)."""
+    return np.asarray((adjustment - 128) * 0.5 / 128 + 1)
+
+
+def counts(field_T: Array, adjustment: NDArray[np.integer], full_scale: int = FULL_SCALE_COUNTS) -> NDArray[np.int64]:
+    """Counts (n, 3) in the chip's axes for the flux density in body axes (n, 3)."""
+    found: Array = np.rint(field_T @ BODY_TO_CHIP.T / (FULL_SCALE_T / full_scale) / sensitivity(adjustment))
+    return np.clip(found, -full_scale, full_scale).astype(int)
 
 
 class FakeAK8963:
@@ -160,7 +172,6 @@ class FakeAK8963:
     def _measure(self, t_s: Array) -> np.ndarray:
         """Counts x y z and the overflow flag (n, 4); sec. 8.3.4, 8.3.5 and the adjustment of sec. 8.3.11."""
         limit = FULL_SCALE_COUNTS if self._registers[CNTL1] & OUTPUT_16_BIT else COUNTS_14_BIT
-        field = self._sensor_truth.magnetic_field_T(t_s) @ BODY_TO_CHIP.T
-        counts = np.rint(field / (FULL_SCALE_T / limit) / ((self.adjustment - 128) * 0.5 / 128 + 1))
-        overflow = np.abs(field).sum(axis=1) >= FULL_SCALE_T
-        return np.column_stack([np.clip(counts, -limit, limit), overflow]).astype(int)
+        field_T = self._sensor_truth.magnetic_field_T(t_s)
+        overflow = np.abs(field_T).sum(axis=1) >= FULL_SCALE_T
+        return np.column_stack([counts(field_T, self.adjustment, limit), overflow])

@@ -9,17 +9,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw_fakes.i2c import no_acknowledge
 from hw_fakes.sample_blocks import SampleBlocks
 from sim.sensor_truth import Array, SensorTruth
+
+Counts = NDArray[np.int64]
 
 FULL_COUNT = 2**14 - 1
 UPDATE_NS = 500_000
 TEMPERATURE_COUNTS = 2047  # over 200 K from -50 degC
 TEMPERATURE_SPAN_K, TEMPERATURE_LOW_K = 200.0, 273.15 - 50.0
 NORMAL, STALE, FAULT = 0, 2, 3  # status bits
-INCH_OF_WATER_4C_PA = 249.089  # the datasheets' inH2O is at 4 degC
+INCH_OF_WATER_4C_PA = 249.08891  # the datasheets' inH2O is at 4 degC
 BLOCK_LENGTH = 2000  # one second
 
 
@@ -43,16 +46,21 @@ MS4515DO_DS5A002DP = BridgeType(2 * INCH_OF_WATER_4C_PA, 0.1 * FULL_COUNT, 0.9 *
 SSCDRRN005ND2A5 = BridgeType(5 * INCH_OF_WATER_4C_PA, 1638, 14746, 5_000_000, False)
 
 
-def frames(part: BridgeType, pressure_Pa: Array, temperature_K: Array) -> np.ndarray:
-    """Frames (n,) as 32-bit words with status 0, for the port 1 minus port 2 pressure and the bridge's temperature.
+def counts(part: BridgeType, pressure_Pa: Array, temperature_K: Array) -> tuple[Counts, Counts]:
+    """Counts (n,) of the port 1 minus port 2 pressure and of the bridge's temperature.
 
     Pressure beyond the counts is pinned at 0 or 16383.
     """
     fraction = (pressure_Pa + part.range_Pa) / (2 * part.range_Pa)
     pressure = np.rint(part.low_counts + (part.high_counts - part.low_counts) * fraction)
     temperature = np.rint((temperature_K - TEMPERATURE_LOW_K) * TEMPERATURE_COUNTS / TEMPERATURE_SPAN_K)
-    pressure = np.clip(pressure, 0, FULL_COUNT)
-    return pressure.astype(int) << 16 | np.clip(temperature, 0, TEMPERATURE_COUNTS).astype(int) << 5
+    return np.clip(pressure, 0, FULL_COUNT).astype(int), np.clip(temperature, 0, TEMPERATURE_COUNTS).astype(int)
+
+
+def frames(part: BridgeType, pressure_Pa: Array, temperature_K: Array) -> Counts:
+    """Frames (n,) as 32-bit words with status 0."""
+    pressure, temperature = counts(part, pressure_Pa, temperature_K)
+    return pressure << 16 | temperature << 5
 
 
 class FakeBridge:

@@ -9,8 +9,10 @@ The chip's axes are the body's (x forward, y right, z down: mounted with its top
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from flight.atmosphere import GRAVITY_MPS2
@@ -77,6 +79,41 @@ WARM_UP = 10  # time constants, after which the start of the filter still counts
 START_UP_NS = 11_000_000  # registers can be read and written (PS sec. 3.3.2, typical)
 GYRO_START_UP_S = 35e-3  # from sleep (PS sec. 3.1); the outputs read zero until then
 CLOCK_TOLERANCE = 0.01  # sample rate with the gyroscope's oscillator (PS sec. 3.4.2)
+
+
+class Sampling(NamedTuple):
+    """How samples are made: corner and delay of each filter, size of each count, filter outputs per sample."""
+
+    gyro: tuple[float | None, float]
+    accel: tuple[float | None, float]
+    gyro_count_radps: float
+    accel_count_mps2: float
+    stride: int
+
+
+def gyro_count_radps(full_scale: int) -> float:
+    """A count at GYRO_FS_SEL."""
+    return float(np.deg2rad(1 / GYRO_COUNTS_PER_DPS[full_scale]))
+
+
+def accel_count_mps2(full_scale: int) -> float:
+    """A count at ACCEL_FS_SEL."""
+    return GRAVITY_MPS2 / ACCEL_COUNTS_PER_G[full_scale]
+
+
+def counts(sensor_truth: SensorTruth, t_s: Array, period_s: float, sampling: Sampling) -> NDArray[np.int64]:
+    """Counts (n, 7) of samples at t (n,), `period_s` apart: specific force x y z, temperature, angular rate x y z."""
+    n, stride = len(t_s), sampling.stride
+    step_s = period_s / stride
+    inside_s = t_s[0] + np.arange(1 - stride, (n - 1) * stride + 1) * step_s
+    accel, gyro = LowPass(*sampling.accel, step_s, stride), LowPass(*sampling.gyro, step_s, stride)
+    accel_s, gyro_s = accel.input_times(inside_s), gyro.input_times(inside_s)
+    force, rate = sensor_truth.imu(np.concatenate([accel_s, gyro_s]))
+    values = np.empty((n, 7))
+    values[:, 0:3] = accel.filtered(force[: len(accel_s)])[stride - 1 :: stride] / sampling.accel_count_mps2
+    values[:, 3] = (sensor_truth.imu_temperature_K(t_s) - TEMPERATURE_ZERO_K) * TEMPERATURE_COUNTS_PER_K
+    values[:, 4:7] = gyro.filtered(rate[len(accel_s) :])[stride - 1 :: stride] / sampling.gyro_count_radps
+    return np.clip(np.rint(values), -32768, 32767).astype(int)
 
 
 class FakeMPU9250:
@@ -242,49 +279,38 @@ class FakeMPU9250:
 
     def _sample(self, t_s: Array) -> np.ndarray:
         """Counts (n, 7), big-endian: specific force x y z, temperature, angular rate x y z."""
-        n, stride = len(t_s), self._stride()
-        step_s = self._period_ns * 1e-9 / stride
-        inside_s = t_s[0] + np.arange(1 - stride, (n - 1) * stride + 1) * step_s
-        accel, gyro = (LowPass(*settings, step_s) for settings in self._filters())
-        accel_s, gyro_s = accel.input_times(inside_s), gyro.input_times(inside_s)
-        force, rate = self._sensor_truth.imu(np.concatenate([accel_s, gyro_s]))
-        force = accel.filtered(force[: len(accel_s)])[stride - 1 :: stride]
-        rate = gyro.filtered(rate[len(accel_s) :])[stride - 1 :: stride]
-        accel_scale = ACCEL_COUNTS_PER_G[self._registers[ACCEL_CONFIG] >> 3 & 3] / GRAVITY_MPS2
-        gyro_scale = GYRO_COUNTS_PER_DPS[self._registers[GYRO_CONFIG] >> 3 & 3] * 180 / np.pi
-        temperature_K = self._sensor_truth.imu_temperature_K(t_s)
-        values = np.empty((n, 7))
-        values[:, 0:3] = force * accel_scale
-        values[:, 3] = (temperature_K - TEMPERATURE_ZERO_K) * TEMPERATURE_COUNTS_PER_K
-        values[:, 4:7] = rate * gyro_scale
-        values[t_s < self._gyro_ready_s, 4:7] = 0.0
+        settings = self._registers_say()
+        values = counts(self._sensor_truth, t_s, self._period_ns * 1e-9, settings)
+        values[t_s < self._gyro_ready_s, 4:7] = 0
         off = self._registers[PWR_MGMT_2]
         for column, bit in zip((0, 1, 2, 4, 5, 6), (0x20, 0x10, 0x08, 0x04, 0x02, 0x01), strict=True):
             if off & bit:
-                values[:, column] = 0.0
-        return np.clip(np.rint(values), -32768, 32767).astype(">i2")
+                values[:, column] = 0
+        return values.astype(">i2")
 
-    def _stride(self) -> int:
-        """Filter outputs per sample; 1 at sample rates above 1 kHz."""
-        return max(1, round(INTERNAL_RATE_HZ / self._sample_rate_Hz()))
-
-    def _filters(self) -> tuple[tuple[float | None, float], tuple[float | None, float]]:
-        """Corner and delay of the accelerometer's filter and of the gyroscope's."""
-        gyro_config, accel_config_2 = self._registers[GYRO_CONFIG], self._registers[ACCEL_CONFIG_2]
-        gyro = GYRO_WITHOUT_FILTER if gyro_config & 3 else GYRO_FILTERS[self._registers[CONFIG] & 7]
-        accel = ACCEL_WITHOUT_FILTER if accel_config_2 & 0x08 else ACCEL_FILTERS[accel_config_2 & 7]
-        return accel, gyro
+    def _registers_say(self) -> Sampling:
+        gyro_config, accel_config, accel_config_2 = (
+            self._registers[at] for at in (GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2)
+        )
+        return Sampling(
+            gyro=GYRO_WITHOUT_FILTER if gyro_config & 3 else GYRO_FILTERS[self._registers[CONFIG] & 7],
+            accel=ACCEL_WITHOUT_FILTER if accel_config_2 & 0x08 else ACCEL_FILTERS[accel_config_2 & 7],
+            gyro_count_radps=gyro_count_radps(gyro_config >> 3 & 3),
+            accel_count_mps2=accel_count_mps2(accel_config >> 3 & 3),
+            # Filter outputs per sample; 1 at sample rates above 1 kHz.
+            stride=max(1, round(INTERNAL_RATE_HZ / self._sample_rate_Hz())),
+        )
 
 
 class LowPass:
     """A first-order low-pass and a pure delay; together they have the given delay at low frequency.
 
-    corner_Hz: -3 dB, None for a pure delay. step_s: between two of its outputs.
+    corner_Hz: -3 dB, None for a pure delay. step_s: between two of its outputs, of which every `stride`-th is a sample.
     """
 
-    def __init__(self, corner_Hz: float | None, delay_s: float, step_s: float):
+    def __init__(self, corner_Hz: float | None, delay_s: float, step_s: float, stride: int):
         self._pole = 0.0 if corner_Hz is None else float(np.exp(-2 * np.pi * corner_Hz * step_s))
-        self._warm_up = 0 if corner_Hz is None else int(np.ceil(WARM_UP / (2 * np.pi * corner_Hz * step_s)))
+        self._warm_up = 0 if corner_Hz is None else int(np.ceil(WARM_UP / (2 * np.pi * corner_Hz * step_s))) + stride
         self._step_s = step_s
         # y[k] = p y[k-1] + (1 - p) x[k] follows a ramp p/(1 - p) steps late.
         self._pure_s = delay_s - self._pole / (1 - self._pole) * step_s

@@ -39,14 +39,13 @@ from sim.output_folder import (
 from sim.progress import Report, progress_bar
 
 if TYPE_CHECKING:
+    from hw_fakes.direct_log_timing import Compensation
     from hw_fakes.faults import Fault
-    from sim.direct_log_timing import IndividualParts
+    from hw_fakes.tray import FakeTray
     from sim.sensor_truth import SensorTruth
 
 
 app = application(help="Simulated flights and wind tunnel: what the sensors would measure, and the truth beside it.")
-
-HIGHEST_OVERSAMPLING = 0x8  # that of a driver at 25 Hz
 
 
 @app.command(short_help="Fly a plan; write the truth and the log.")
@@ -171,10 +170,12 @@ def _write_without_hardware(
     from daq.attachments import load_attachments, write_attachments
     from daq.config import load_tray
     from flight.log_writer import LogWriter
-    from hw_fakes.tray import UTC_AT_START
-    from sim.direct_log import write_direct_log
+    from hw_fakes.clock import SimulatedClock
+    from hw_fakes.direct_log import write_direct_log
+    from hw_fakes.tray import UTC_AT_START, FakeTray
 
     tray = load_tray(output / TRAY)
+    parts = FakeTray(sensor_truth, SimulatedClock(), seed, pole_pairs=craft.propulsion.pole_pairs)
     start_unix_ns = _believed_unix_ns(UTC_AT_START)
     try:
         with (output / LOG).open("xb") as stream:
@@ -185,10 +186,10 @@ def _write_without_hardware(
             write_direct_log(
                 log,
                 sensor_truth,
+                parts,
                 craft,
-                _parts(sensor_truth, seed, craft),
+                _compensations(parts),
                 start_unix_ns=start_unix_ns,
-                utc_at_start_ns=int(UTC_AT_START.timestamp() * 1e9),
                 progress=report,
             )
             log.finish()
@@ -196,35 +197,17 @@ def _write_without_hardware(
         raise InputError(f"{output / LOG}: cannot be written ({error.strerror or error})") from None
 
 
-def _parts(sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft) -> "IndividualParts":
-    """Properties of the individual fake parts that affect a log."""
-    import numpy as np
+def _compensations(parts: "FakeTray") -> "dict[str, Compensation]":
+    """What the drivers make of the counts of the barometers."""
+    from functools import partial
 
-    from daq.sensors.ak8963 import sensitivity
-    from daq.sensors.ms56xx import MS5611, MS5805, BarometerVariant, TemperatureTrend, compensate
-    from hw_fakes.clock import SimulatedClock
-    from hw_fakes.ms56xx import FakeMS56xx, pressure_counts, temperature_counts
-    from hw_fakes.tray import FakeTray
-    from sim.direct_log_timing import BarometerPart, IndividualParts
+    from daq.sensors.ms56xx import MS5611, MS5805, TemperatureTrend, compensate
+    from hw_fakes.direct_log_timing import Compensation
 
-    tray = FakeTray(sensor_truth, SimulatedClock(), seed)
-
-    def barometer(part: FakeMS56xx, variant: BarometerVariant) -> BarometerPart:
-        def counts(pressure_Pa: float, temperature_K: float) -> tuple[int, int]:
-            d2 = temperature_counts(part.part, part.prom, temperature_K)
-            return pressure_counts(part.part, part.prom, pressure_Pa, d2), d2
-
-        def decoded(d1: int, d2: float) -> tuple[float, float]:
-            return compensate(variant, tuple(part.prom), d1, d2)
-
-        return BarometerPart(part.conversion_ns(HIGHEST_OVERSAMPLING), counts, decoded, TemperatureTrend)
-
-    return IndividualParts(
-        imu_clock_error=tray.imu.clock_error,
-        mag_sensitivity=np.array([sensitivity(int(byte)) for byte in tray.magnetometer.adjustment]),
-        barometers={"baro": barometer(tray.baro, MS5611), "static": barometer(tray.static, MS5805)},
-        pole_pairs=craft.propulsion.pole_pairs,
-    )
+    return {
+        "baro": Compensation(partial(compensate, MS5611, tuple(parts.baro.prom)), TemperatureTrend),
+        "static": Compensation(partial(compensate, MS5805, tuple(parts.static.prom)), TemperatureTrend),
+    }
 
 
 @app.command(name="worlds", short_help="List the worlds of `sim fly --world`.")

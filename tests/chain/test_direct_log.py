@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from flight.log_reader import Log, read_log
+from hw_fakes.direct_log import BRIDGE_KELVIN, BRIDGES, IMU, MAG_T
+from hw_fakes.direct_log_timing import FIRST_TICK
 from sim.__main__ import fly
-from sim.direct_log import ACCEL_MPS2, BRIDGE_KELVIN, BRIDGES, GYRO_RADPS, MAG_T
-from sim.direct_log_timing import FIRST_TICK
 
 pytestmark = pytest.mark.xdist_group("chain")
 
-PASCAL = {f"/probe/{name}": 2 * range_Pa / (high - low) for name, (range_Pa, low, high) in BRIDGES.items()}
+PASCAL = {f"/probe/{name}": 2 * p.range_Pa / (p.high_counts - p.low_counts) for name, p in BRIDGES.items()}
 # A count of each part in the units of its message; nothing is allowed where nothing stands here.
 COUNT = {
-    "/imu": {"specific_force": ACCEL_MPS2, "angular_rate": GYRO_RADPS, "temperature_K": 1 / 333.87},
+    "/imu": {"specific_force": IMU.accel_count_mps2, "angular_rate": IMU.gyro_count_radps, "temperature_K": 1 / 333.87},
     "/mag": {"field": MAG_T},
     # A count of a barometer is what its coefficients make of it: 0.02 Pa, 1e-4 K.
     "/baro": {"pressure_Pa": 0.02, "temperature_K": 1e-4},

@@ -1,4 +1,4 @@
-"""Messages of the parts on serial lines, and of the clocks, for `sim.direct_log`."""
+"""Messages of the parts on serial lines, and of the clocks, for `hw_fakes.direct_log`."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from flight.complete_aircraft import CompleteAircraft
 from flight.messages import Attitude, Battery, Controls, Gps, Rpm, Status, Time
-from sim.direct_log_timing import FIRST_TICK, SECOND_NS, TICK_NS, IndividualParts, ReadTimes, TimedMessage, seconds
+from hw_fakes.direct_log_timing import FIRST_TICK, SECOND_NS, TICK_NS, ReadTimes, TimedMessage, seconds
+from hw_fakes.esc_counter import BAUD, FakeEscCounter
 from sim.sensor_truth import SensorTruth
 
 Ints = NDArray[np.int64]
@@ -15,9 +16,8 @@ Ints = NDArray[np.int64]
 # u-blox M8: NAV-PVT, 100 bytes at 38400 baud, each 0.1 s; units of 1e-7 deg, mm and mm/s.
 GPS_PERIOD_NS, GPS_ARRIVES_NS = 100_000_000, round(100 * 10e9 / 38400)
 GPS_EPOCH_UNIX_S, LEAP_SECONDS, WEEK_MS = 315_964_800, 18, 604_800_000
-# Pulse counter: four bytes at 115200 baud for ten electrical periods, each 10 ms at most; silent for 0.5 s is no data.
-RPM_ARRIVES_NS, RPM_INTERVAL_NS, RPM_SILENCE_NS, RPM_GRID_S = round(4 * 10e9 / 115200), 10_000_000, 500_000_000, 2e-3
-RPM_LONGEST_US = 1_000_000
+# Pulse counter: frames of four bytes; the driver takes periods of up to 1 s, and silence for 0.5 s as no data.
+RPM_ARRIVES_NS, RPM_SILENCE_NS, RPM_LONGEST_US = round(4 * 10e9 / BAUD), 500_000_000, 1_000_000
 # Autopilot at 57600 baud: attitude and servos each tick, sent 20 ms before it, and battery each 0.5 s, since the daemon
 # asked for them at the first heartbeat; some 90 bytes of others come before the battery's.
 AUTOPILOT_SINCE_NS, AUTOPILOT_EARLIER_NS = 1_060_000_000, 20_000_000
@@ -63,17 +63,10 @@ def gps_messages(sensor_truth: SensorTruth, read_times: ReadTimes, utc_at_start_
         yield TimedMessage(tick, int(read_times.serial[tick]), "/gps", message)
 
 
-def rpm_messages(sensor_truth: SensorTruth, read_times: ReadTimes, parts: IndividualParts) -> Iterator[TimedMessage]:
-    """Every tenth commutation pulse; the newest period of a tick."""
-    t_s = np.arange(int(read_times.serial[-1] * 1e-9 / RPM_GRID_S) + 2).astype(np.float64) * RPM_GRID_S
-    rate_Hz = np.maximum(sensor_truth.motor_speed_revps(t_s), 0.0) * parts.pole_pairs / 10
-    phase = np.concatenate([[0.0], np.cumsum((rate_Hz[:-1] + rate_Hz[1:]) * RPM_GRID_S / 2)])
-    pulses_s = np.interp(np.arange(1, np.floor(phase[-1]) + 1), phase, t_s)
-    periods_us = np.rint(np.diff(pulses_s) * 1e6).astype(int).tolist()
-    sent: list[tuple[int, int]] = []
-    for at_ns, period_us in zip(np.rint(pulses_s[1:] * 1e9).astype(np.int64).tolist(), periods_us, strict=True):
-        if period_us <= RPM_LONGEST_US and (not sent or at_ns - sent[-1][0] >= RPM_INTERVAL_NS):
-            sent.append((at_ns, period_us))
+def rpm_messages(counter: FakeEscCounter, read_times: ReadTimes, pole_pairs: int) -> Iterator[TimedMessage]:
+    """The newest period of a tick, of a counter that sends legacy frames."""
+    frames = [(at_ns, int.from_bytes(frame[1:], "big")) for at_ns, frame in counter.output(int(read_times.serial[-1]))]
+    sent = [(at_ns, period_us) for at_ns, period_us in frames if period_us <= RPM_LONGEST_US]
     newest: dict[int, int] = {}
     arrived = np.array([at_ns + RPM_ARRIVES_NS for at_ns, _ in sent], dtype=np.int64)
     for tick, (_, period_us) in zip(_arrivals(read_times, arrived).tolist(), sent, strict=True):
@@ -84,7 +77,7 @@ def rpm_messages(sensor_truth: SensorTruth, read_times: ReadTimes, parts: Indivi
         period_us = newest.get(tick, 0)
         if period_us:
             last_ns = now_ns
-            speed = 10 * 1e6 / (period_us * parts.pole_pairs)
+            speed = 10 * 1e6 / (period_us * pole_pairs)
             yield TimedMessage(tick, now_ns, "/rpm", Rpm(period_us=period_us, motor_speed_revps=speed))
         elif now_ns - last_ns >= RPM_SILENCE_NS:
             yield TimedMessage(tick, now_ns, "/rpm", Rpm(status=Status.NO_DATA))

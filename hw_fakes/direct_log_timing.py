@@ -1,7 +1,6 @@
-"""When the daemon reads each part of the default tray, and what differs between two parts of a kind."""
+"""When the daemon reads each part of the default tray, for `hw_fakes.direct_log`."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,25 +19,11 @@ SECOND_NS = 1_000_000_000
 IMU_SINCE_NS, IMU_RATE_HZ = 120_225_000, 200.0
 
 
-@dataclass(frozen=True)
-class BarometerPart:
-    """One barometer. conversion_ns: duration of a conversion; counts: (D1, D2) from pressure [Pa] and temperature [K];
-    decoded: temperature [0.01 degC] and pressure [Pa] from (D1, D2); trend: the driver's extrapolation of D2."""
+class Compensation(NamedTuple):
+    """What the driver makes of a barometer's counts."""
 
-    conversion_ns: int
-    counts: Callable[[float, float], tuple[int, int]]
-    decoded: Callable[[int, float], tuple[float, float]]
-    trend: Callable[[], Any]  # add(time_ns, D2), at(time_ns)
-
-
-@dataclass(frozen=True)
-class IndividualParts:
-    """What differs between two parts of a kind."""
-
-    imu_clock_error: float  # relative error of its sample rate
-    mag_sensitivity: Array  # (3,), chip axes
-    barometers: dict[str, BarometerPart]
-    pole_pairs: int
+    decoded: Callable[[int, float], tuple[float, float]]  # temperature [0.01 degC] and pressure [Pa] from (D1, D2)
+    trend: Callable[[], Any]  # its extrapolation of D2: add(time_ns, D2), at(time_ns)
 
 
 def seconds(ns: Any) -> Array:
@@ -55,9 +40,9 @@ class TimedMessage(NamedTuple):
 class ReadTimes:
     """The time at which each part is read in each tick [ns since the start], (n,): one after the other on the bus."""
 
-    def __init__(self, duration_s: float, parts: IndividualParts):
+    def __init__(self, duration_s: float, imu_clock_error: float):
         self.tick_ns: Ints = np.arange(int(np.ceil(duration_s * 1e9 / TICK_NS)), dtype=np.int64) * TICK_NS
-        self.imu_period_ns = 1e9 / IMU_RATE_HZ / (1 + parts.imu_clock_error)
+        self.imu_period_ns = 1e9 / IMU_RATE_HZ / (1 + imu_clock_error)
         done = np.maximum(self.tick_ns - IMU_SINCE_NS, 0) / self.imu_period_ns
         self.imu_done: Ints = done.astype(np.int64)  # samples so far
         taken = np.diff(self.imu_done, prepend=0)
