@@ -22,11 +22,10 @@ from analysis.log_contents import Replacements
 from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.runs_file import select
 from analysis.performance.analysis import compute as compute_performance
-from analysis.performance.request import Request
+from analysis.performance.request import FlownCondition, Request
 from analysis.planning.next_flight import next_flight
 from analysis.results.assemble import assemble
 from analysis.results.flight_found import air_found, track
-from analysis.results.performance import performance_result
 from analysis.results.pooling_statistics import mean_battery_V, pooling_statistics, start_unix_s
 from analysis.results.provenance import provenance
 from analysis.results.schema import Results
@@ -148,7 +147,10 @@ def analyze(
     drag = replace(drag, methods=[*drag.methods, of_whole_flight.method])
 
     progress("computing performance")
-    performance = compute_performance(request, trajectory, drag, aircraft, propeller, condition, flown)
+    performance = compute_performance(
+        request, trajectory, drag, aircraft, propeller,
+        flight=FlownCondition(condition, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean())),
+    )  # fmt: skip
     results = assemble(
         log=name,
         aircraft=aircraft,
@@ -159,7 +161,7 @@ def analyze(
         maneuvers=maneuvers,
         drag=drag,
         trajectory=trajectory_result(trajectory, agreement, sensor_errors),
-        performance=performance_result(performance) if performance else None,
+        performance=performance,
         pooling=pooling_statistics(
             drag.main, drag.flown_CL, aircraft, propeller, contents.probe,
             transducers=contents.transducers, start_unix_s=start_unix_s(log), battery_V=mean_battery_V(flown),

@@ -23,7 +23,7 @@ from analysis.airdata.probe import ProbeCalibration
 from analysis.drag import dynamic
 from analysis.maneuvers.find_level import find_runs
 from analysis.performance.analysis import performance_model, power_train_data
-from analysis.performance.full_throttle import full_throttle_performance
+from analysis.performance.climb import full_throttle_performance
 from analysis.performance.level_flight import level_flight
 from analysis.polar import Condition, lift_coefficient
 from analysis.trajectory.reconstruction import reconstruct
@@ -95,9 +95,9 @@ def one_flight(job: Job) -> np.ndarray:
     model = performance_model(
         power_train_data(trajectory, aircraft, propeller), estimate, aircraft, propeller, flown_CL
     )
-    points, V = model.parameters.sigma_points(), speeds(aircraft)[1:]
-    full = full_throttle_performance(points, propeller, at, flown_CL)
-    level = level_flight(points, model.power_train, propeller, at, flown_CL, V)
+    V = speeds(aircraft)[1:]
+    full = full_throttle_performance(model, at)
+    level = level_flight(model, at, V)
     found = (level.battery, full.maximum_speed, full.best_climb)
     value = np.hstack([one.value for one in found])
     half = np.hstack([one.hi - one.value for one in found])

@@ -1,8 +1,9 @@
 """Performance of the aircraft from its drag polar, its power train and the flight: the order of the steps."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -11,32 +12,34 @@ from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.drag.estimate import DragEstimates
 from analysis.drag.forces import FlightForces
 from analysis.ground.thrust_prior import THRUST
-from analysis.performance.full_throttle import (
-    SERVICE_CLIMB_MPS,
-    FullThrottle,
+from analysis.performance.climb import (
+    NOT_KNOWN,
     FullThrottlePerformance,
+    available_result,
     ceilings_m,
-    fit_full_throttle,
     full_throttle_performance,
 )
+from analysis.performance.full_throttle import fit_full_throttle
 from analysis.performance.level_flight import (
     LevelFlight,
-    Optimum,
+    PerformanceModel,
     incidence,
     level_flight,
     longest_endurance,
     longest_range,
 )
-from analysis.performance.power_train import (
-    ASSUMED_MOTOR,
-    PowerTrainModel,
-    fit_power_train,
-    motor_is_known,
-    with_assumed_motor,
+from analysis.performance.power_train import WHY_ASSUMED, fit_power_train, motor_is_known, with_assumed_motor
+from analysis.performance.propagation import ParameterVector, combine_independent
+from analysis.performance.request import (
+    FlownCondition,
+    Request,
+    TitledCondition,
+    density_altitude_m,
+    requested_conditions,
 )
-from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, combine_independent
-from analysis.performance.request import FlownCondition, Request, TitledCondition, requested_conditions
+from analysis.performance.settings import PERFORMANCE
 from analysis.polar import Condition, speed_at
+from analysis.results.schema import FieldRow, PerformanceCase, PerformanceResult, PowerTrainResult
 from analysis.signals.aircraft_size import SPEED_SCALE
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -45,70 +48,19 @@ from flight.runs import AIRCRAFT_SIZE
 
 Array = NDArray[np.float64]
 
-SPEEDS, EFFICIENCY_SPEEDS, FIELD_TABLE_ROWS = 121, 31, 10
-
-
-@dataclass(frozen=True)
-class PerformanceModel:
-    """What performance is computed from.
-
-    parameters : A0, A1, A2, thrust_scale, thrust_slope, alpha_0, alpha_CL, shaft_scale, friction, copper, meter_scale;
-    then unloaded_revps and revps_per_Nm, where full throttle is known
-    """
-
-    parameters: ParameterVector
-    power_train: PowerTrainModel
-    full_throttle: FullThrottle
-    propeller: Propeller
-    flown_CL: tuple[float, float]
-
 
 @dataclass(frozen=True)
 class ConditionPerformance:
     """Performance at one weight and density.
 
-    sustained : full throttle holds level flight at some of the speeds. Where it does not, `endurance` and `range`
-    ignore full throttle.     full_throttle : None where full throttle is not known
+    sustained : full throttle holds level flight at some of the speeds. Where it does not, endurance and range of `case`
+    ignore full throttle.     level_flight : at the speeds flown     full_throttle : None where it is not known
     """
 
-    title: str
-    condition: Condition
+    case: PerformanceCase
     sustained: bool
     level_flight: LevelFlight
-    endurance: Optimum
-    range: Optimum
     full_throttle: FullThrottlePerformance | None
-
-
-@dataclass(frozen=True)
-class Ceilings:
-    """Density altitudes [m] at which the best climb is 0.508 m/s and zero."""
-
-    service_m: UncertainValue
-    absolute_m: UncertainValue
-
-
-@dataclass(frozen=True)
-class FlightPerformance:
-    """Performance at the flight's own condition, `as_flown`, and at those requested.
-
-    efficiency : level flight as flown, at EFFICIENCY_SPEEDS speeds     field_table : the same at whole speeds
-    ceilings : None where full throttle is not known     usable : share of the battery's energy that is used
-    """
-
-    battery_energy_Wh: float
-    usable: float
-    model: PerformanceModel
-    as_flown: ConditionPerformance
-    requested: list[ConditionPerformance]
-    efficiency: LevelFlight
-    field_table: LevelFlight
-    ceilings: Ceilings | None
-
-    @property
-    def energy_J(self) -> float:
-        """Energy of the battery that is used."""
-        return usable_energy_J(self.battery_energy_Wh, self.usable)
 
 
 def compute(
@@ -117,22 +69,19 @@ def compute(
     drag: DragEstimates,
     aircraft: Aircraft,
     propeller: Propeller,
-    condition: Condition,
-    flown: pd.DataFrame,
-) -> FlightPerformance | None:
+    *,
+    flight: FlownCondition,
+) -> PerformanceResult | None:
     """Performance at the flight's weight and density, and at those requested.
 
-    flown: rows of `air_data` within the maneuvers analyzed. condition: weight and density of the flight.
     None where the battery's energy is not known, or the propeller's table cannot give the thrust of level flight.
     """
-    battery_Wh = request.battery_energy_Wh(aircraft)
-    if battery_Wh is None:
+    if request.battery_energy_Wh(aircraft) is None:
         return None
-    flight = FlownCondition(condition, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))
     data = power_train_data(trajectory, aircraft, propeller)
     model = performance_model(data, drag.main, aircraft, propeller, drag.flown_CL)
-    requested = requested_conditions(request, flight)
-    return flight_performance(model, condition, requested, battery_energy_Wh=battery_Wh, usable=request.usable)
+    with_battery = replace(request, battery_Wh=request.battery_energy_Wh(aircraft))
+    return flight_performance(model, flight.condition, requested_conditions(request, flight), with_battery)
 
 
 def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> pd.DataFrame:
@@ -167,7 +116,7 @@ def performance_model(
     polar = ParameterVector((*POLAR, *THRUST), estimate.values, estimate.noise + estimate.systematic)
     scale, slope = (float(estimate.values[polar.names.index(name)]) for name in THRUST)
     propulsion = with_assumed_motor(aircraft.propulsion, data, propeller)
-    known = {} if motor_is_known(aircraft.propulsion) else {"motor_source": ASSUMED_MOTOR}
+    known = {} if motor_is_known(aircraft.propulsion) else {"motor_source": WHY_ASSUMED}
     train = fit_power_train(data, propulsion, propeller, thrust_scale=scale, thrust_slope=slope, **known)
     motor = fit_full_throttle(data, propulsion, propeller)
     parts = [polar, incidence(data), train.parameters]
@@ -177,65 +126,89 @@ def performance_model(
 
 
 def flight_performance(
-    model: PerformanceModel,
-    condition: Condition,
-    requested: Iterable[TitledCondition],
-    *,
-    battery_energy_Wh: float,
-    usable: float,
-) -> FlightPerformance | None:
+    model: PerformanceModel, condition: Condition, requested: Iterable[TitledCondition], battery: Request
+) -> PerformanceResult | None:
     """Performance at `condition`, the flight's own weight and density, and at those requested.
 
-    None where the propeller's table cannot give the thrust of level flight.
+    battery: its energy is known. None where the propeller's table cannot give the thrust of level flight.
     """
-    energy_J = usable_energy_J(battery_energy_Wh, usable)
+    energy_J = battery.usable_energy_J
     as_flown = performance_at(model, TitledCondition("as flown", condition), energy_J)
     if not np.isfinite(as_flown.level_flight.battery.value).any():
         return None
-    points = model.parameters.sigma_points()
-
-    def level(V: Array) -> LevelFlight:
-        return level_flight(points, model.power_train, model.propeller, condition, model.flown_CL, V)
-
-    return FlightPerformance(
-        battery_energy_Wh=battery_energy_Wh,
-        usable=usable,
-        model=model,
-        as_flown=as_flown,
-        requested=[performance_at(model, titled, energy_J) for titled in requested],
-        efficiency=level(_flown_speeds(model, condition, EFFICIENCY_SPEEDS)),
-        field_table=level(_whole_speeds(as_flown.level_flight.V)),
-        ceilings=_ceilings(model, points, condition) if as_flown.full_throttle else None,
+    others = [performance_at(model, titled, energy_J) for titled in requested]
+    sustained = [other.case for other in others if other.sustained]
+    single_changes = [case for case in sustained if _is_single_change(as_flown.case, case)]
+    full, available = as_flown.full_throttle, msgspec.structs.replace(NOT_KNOWN, reason=model.full_throttle.reason)
+    if full is not None:
+        fastest_mps = float(speed_at(model.flown_CL[0], condition))
+        ceilings = ceilings_m(model, condition, (PERFORMANCE.service_climb_mps, 0.0))
+        available = available_result(full, ceilings, model.full_throttle.basis, fastest_mps)
+    whole_speeds = level_flight(model, condition, _whole_speeds(as_flown.level_flight.V))
+    return PerformanceResult(
+        battery_energy_Wh=battery.battery_Wh or 0.0,
+        usable=battery.usable,
+        power_train=_power_train(model, condition),
+        available=available,
+        loadings=[as_flown.case, *sustained],
+        costs=[_cost(as_flown.case, case) for case in single_changes or sustained],
+        field_table=list(field_rows(whole_speeds, full, energy_J)),
+        too_much=[
+            f"{other.case.title}: level flight needs more than full throttle at every lift coefficient flown."
+            for other in others
+            if not other.sustained
+        ],
     )
 
 
-def usable_energy_J(battery_energy_Wh: float, usable: float) -> float:
-    """Energy that is used, of a battery's energy and the share of it that is usable."""
-    return 3600 * battery_energy_Wh * usable
-
-
 def performance_at(
-    model: PerformanceModel, titled: TitledCondition, energy_J: float, speeds: int = SPEEDS
+    model: PerformanceModel, titled: TitledCondition, energy_J: float, speeds: int = PERFORMANCE.speeds
 ) -> ConditionPerformance:
     """Performance at one weight and density, at `speeds` speeds of the flown lift coefficients."""
-    condition, points = titled.condition, model.parameters.sigma_points()
-    V = _flown_speeds(model, condition, speeds)
-    flight = level_flight(points, model.power_train, model.propeller, condition, model.flown_CL, V)
-    full, everywhere = None, np.ones(len(V), dtype=bool)
+    condition = titled.condition
+    flight = level_flight(model, condition, _flown_speeds(model, condition, speeds))
+    full, everywhere = None, np.ones(speeds, dtype=bool)
     sustained = everywhere
     if model.full_throttle.parameters is not None:
-        full = full_throttle_performance(points, model.propeller, condition, model.flown_CL)
-        sustained = ~(np.interp(V, full.V, full.climb.value) < 0)
+        full = full_throttle_performance(model, condition)
+        sustained = ~(np.interp(flight.V, full.V, full.climb.value) < 0)
     anywhere = bool((sustained & np.isfinite(flight.battery.value)).any())
-    allowed = sustained if anywhere else everywhere
     return ConditionPerformance(
+        performance_case(titled, flight, full, (energy_J, sustained if anywhere else everywhere)),
+        anywhere,
+        flight,
+        full,
+    )
+
+
+def performance_case(
+    titled: TitledCondition,
+    flight: LevelFlight,
+    full: FullThrottlePerformance | None,
+    battery: tuple[float, NDArray[np.bool_]],
+) -> PerformanceCase:
+    """Endurance, range and full throttle. battery: its energy [J], and the speeds to choose from, (k,)."""
+    endurance, range_ = longest_endurance(flight, *battery), longest_range(flight, *battery)
+    slowest = float(flight.V[0])
+    return PerformanceCase(
         title=titled.title,
-        condition=condition,
-        sustained=anywhere,
-        level_flight=flight,
-        endurance=longest_endurance(flight, energy_J, allowed),
-        range=longest_range(flight, energy_J, allowed),
-        full_throttle=full,
+        weight_N=titled.condition.weight_N,
+        air_density_kgpm3=titled.condition.rho,
+        density_altitude_m=float(density_altitude_m(titled.condition.rho)),
+        # Where power is hardly known, a symmetric interval would reach below zero.
+        endurance_s=endurance.best.interval(0.0),
+        endurance_speed_mps=endurance.speed_mps.interval(slowest),
+        endurance_power_W=float(endurance.power_W.value),
+        endurance_at_slowest=endurance.at_slowest,
+        endurance_at_fastest=endurance.at_fastest,
+        range_m=range_.best.interval(0.0),
+        range_speed_mps=range_.speed_mps.interval(slowest),
+        range_power_W=float(range_.power_W.value),
+        range_at_slowest=range_.at_slowest,
+        range_at_fastest=range_.at_fastest,
+        maximum_speed_mps=full.maximum_speed.interval_if_known() if full else None,
+        best_climb_mps=full.best_climb.interval_if_known() if full else None,
+        extrapolated=not (endurance.inside and range_.inside and (full is None or full.covers_maximum())),
     )
 
 
@@ -246,11 +219,59 @@ def _flown_speeds(model: PerformanceModel, condition: Condition, speeds: int) ->
 
 
 def _whole_speeds(V: Array) -> Array:
-    """Whole speeds within V [m/s], at most FIELD_TABLE_ROWS of them."""
+    """Whole speeds within V [m/s], at most as many as the table for the field has rows."""
     slowest, fastest = np.ceil(V[0]), np.floor(V[-1])
-    step = max(1.0, np.ceil((fastest - slowest + 1) / FIELD_TABLE_ROWS))
+    step = max(1.0, np.ceil((fastest - slowest + 1) / PERFORMANCE.field_table_rows))
     return np.arange(slowest, fastest + 0.5, step)
 
 
-def _ceilings(model: PerformanceModel, points: SigmaPoints, condition: Condition) -> Ceilings:
-    return Ceilings(*ceilings_m(points, model.propeller, condition, model.flown_CL, (SERVICE_CLIMB_MPS, 0.0)))
+def _is_single_change(as_flown: PerformanceCase, case: PerformanceCase) -> bool:
+    """Whether a case changes the weight or the air density, but not both."""
+    same_weight = abs(case.weight_N / as_flown.weight_N - 1) < PERFORMANCE.same_share
+    same_density = abs(case.air_density_kgpm3 / as_flown.air_density_kgpm3 - 1) < PERFORMANCE.same_share
+    return same_weight != same_density
+
+
+def _cost(as_flown: PerformanceCase, case: PerformanceCase) -> str:
+    """The change of endurance, range and its speed from the flight's own condition, in a sentence."""
+
+    def change(before: float, after: float, unit: str, digits: int) -> str:
+        return f"{before:.{digits}f} to {after:.{digits}f} {unit} ({100 * (after / before - 1):+.0f} %)"
+
+    endurance = change(as_flown.endurance_s.value / 60, case.endurance_s.value / 60, "min", 0)
+    range_ = change(as_flown.range_m.value / 1000, case.range_m.value / 1000, "km", 1)
+    speed = change(as_flown.range_speed_mps.value, case.range_speed_mps.value, "m/s", 1)
+    return (
+        f"{case.title}: longest endurance changes from {endurance}, longest range from {range_},"
+        f" the speed of longest range from {speed}."
+    )
+
+
+def _power_train(model: PerformanceModel, condition: Condition) -> PowerTrainResult:
+    """Losses and measured efficiencies, and the efficiencies of level flight as flown."""
+    flight = level_flight(model, condition, _flown_speeds(model, condition, PERFORMANCE.efficiency_speeds))
+    train = model.power_train
+    return PowerTrainResult(
+        measured=train.measured,
+        basis=train.basis,
+        parameters=train.parameter_results(),
+        efficiency=flight.efficiencies(),
+        points=list(train.points),
+    )
+
+
+def field_rows(flight: LevelFlight, full: FullThrottlePerformance | None, energy_J: float) -> Iterator[FieldRow]:
+    """The table for the field: a row for each speed at which battery power is known. energy_J: of the battery."""
+    for i, v in enumerate(flight.V):
+        battery_W = float(flight.battery.value[i])
+        if np.isfinite(battery_W):
+            climb = np.interp(v, full.V, full.climb.value) if full else np.nan
+            yield FieldRow(
+                speed_mps=float(v),
+                power_required_W=float(flight.required.value[i]),
+                battery_W=battery_W,
+                endurance_s=energy_J / battery_W,
+                range_m=energy_J / battery_W * float(v),
+                climb_mps=float(climb) if np.isfinite(climb) else None,
+                extrapolated=not flight.inside[i],
+            )

@@ -18,31 +18,53 @@ Longest endurance and longest range with a battery, at one weight and density, i
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.performance.full_throttle import FullThrottle
 from analysis.performance.power_train import PowerTrainModel, revps_for_thrust
 from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, exact, from_sigma_points
+from analysis.performance.settings import PERFORMANCE
 from analysis.polar import Condition, lift_coefficient
+from analysis.results.schema import LevelEfficiencyPoint
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 
-ITERATIONS = 6  # each changes the result by a tenth of the change before
-FEWEST_BLOCKS = 20
-STEEPEST_SINE = 0.99  # of the angle of climb
+ITERATIONS = range(6)  # each changes the result by a tenth of the change before
+
+
+@dataclass(frozen=True)
+class PerformanceModel:
+    """What performance is computed from.
+
+    parameters : A0, A1, A2, thrust_scale, thrust_slope, alpha_0, alpha_CL, shaft_scale, friction, copper, meter_scale;
+    then unloaded_revps and revps_per_Nm, where full throttle is known
+    """
+
+    parameters: ParameterVector
+    power_train: PowerTrainModel
+    full_throttle: FullThrottle
+    propeller: Propeller
+    flown_CL: tuple[float, float]
+
+    @cached_property
+    def sigma_points(self) -> SigmaPoints:
+        """Those of the parameters, as every function of performance takes them."""
+        return self.parameters.sigma_points()
 
 
 def incidence(data: pd.DataFrame) -> ParameterVector:
     """alpha_0 and alpha_CL of alpha [rad] = alpha_0 + alpha_CL C_L, fitted to the flight.
 
     data : columns CL, alpha, covered (inside the propeller's table, well above the ground); NaN gaps. With fewer than
-    FEWEST_BLOCKS rows both are zero: thrust along the flight path.
+    PERFORMANCE.fewest_blocks rows both are zero: thrust along the flight path.
     """
     flown = data.loc[data["covered"], ["CL", "alpha"]].dropna()
-    if len(flown) < FEWEST_BLOCKS:
+    if len(flown) < PERFORMANCE.fewest_blocks:
         return exact(alpha_0=0.0, alpha_CL=0.0)
     slope, offset = np.polyfit(flown["CL"], flown["alpha"], 1)
     return exact(alpha_0=float(offset), alpha_CL=float(slope))
@@ -59,7 +81,7 @@ def level_thrust(parameters: SigmaPoints, V: Array, condition: Condition) -> Arr
     1/cos(alpha) makes it larger than drag; the weight that it carries reduces lift, and with it drag.
     """
     carried_N = np.zeros(1)
-    for _ in range(ITERATIONS):
+    for _ in ITERATIONS:
         CL = (condition.weight_N - carried_N) / _qS(V, condition)
         alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
         thrust_N = drag(parameters, V, CL, condition) / np.cos(alpha)
@@ -73,21 +95,18 @@ def climb_angle(parameters: SigmaPoints, thrust_N: Array, V: Array, condition: C
     parameters : A0, A1, A2, alpha_0, alpha_CL     thrust_N : (2m + 1, k), along the propeller's axis
     """
     carried_N, sine = np.zeros(1), np.zeros(1)
-    for _ in range(ITERATIONS):
+    for _ in ITERATIONS:
         CL = (condition.weight_N * np.sqrt(1 - sine**2) - carried_N) / _qS(V, condition)
         alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
         along_path_N, carried_N = thrust_N * np.cos(alpha), thrust_N * np.sin(alpha)
         excess_N = along_path_N - drag(parameters, V, CL, condition)
-        sine = np.clip(excess_N / condition.weight_N, -STEEPEST_SINE, STEEPEST_SINE)
+        sine = np.clip(excess_N / condition.weight_N, -0.99, 0.99)  # of a climb, not of a steep one
     return sine, along_path_N
 
 
 def _qS(V: Array, condition: Condition) -> Array:
     """Dynamic pressure times wing area [N]."""
     return condition.rho * V**2 / 2 * condition.wing_area_m2
-
-
-ROUNDING = 1e-9  # of a lift coefficient: the ends of the flown range count as inside
 
 
 @dataclass(frozen=True)
@@ -110,19 +129,24 @@ class LevelFlight:
     inside: NDArray[np.bool_]
     battery_at_sigma_points: Array
 
+    def efficiencies(self) -> list[LevelEfficiencyPoint]:
+        """Those of the speeds at which the propeller gives the thrust, as results.json has them."""
+        return [
+            LevelEfficiencyPoint(
+                speed_mps=float(v),
+                propeller=self.propeller.at(i).interval(),
+                motor=self.motor.at(i).interval(),
+                overall=self.overall.at(i).interval(),
+                extrapolated=not self.inside[i],
+            )
+            for i, v in enumerate(self.V)
+            if np.isfinite(self.overall.value[i])
+        ]
 
-def level_flight(
-    parameters: SigmaPoints,
-    train: PowerTrainModel,
-    propeller: Propeller,
-    condition: Condition,
-    flown_CL: tuple[float, float],
-    V: Array,
-) -> LevelFlight:
-    """Power at speeds V (k,) [m/s].
 
-    parameters : A0, A1, A2, thrust_scale, thrust_slope, alpha_0, alpha_CL, shaft_scale, friction, copper, meter_scale
-    """
+def level_flight(model: PerformanceModel, condition: Condition, V: Array) -> LevelFlight:
+    """Power at speeds V (k,) [m/s]."""
+    parameters, propeller, train = model.sigma_points, model.propeller, model.power_train
     CL, thrust_N = lift_coefficient(V, condition), level_thrust(parameters, V, condition)
     correction = {name: parameters[name] for name in ("thrust_scale", "thrust_slope")}
     n = revps_for_thrust(propeller, V, thrust_N, condition.rho, **correction)
@@ -130,7 +154,8 @@ def level_flight(
     battery_W = train.battery_power(table_shaft_W, n, parameters)
     shaft_W, thrust_power_W = train.shaft_power(table_shaft_W, parameters), thrust_N * V
     covered = propeller.covers(V / (n[0] * propeller.diameter_m), 60 * n[0])
-    flown = (CL >= flown_CL[0] * (1 - ROUNDING)) & (CL <= flown_CL[1] * (1 + ROUNDING))
+    smallest_CL, largest_CL = model.flown_CL
+    flown = (CL >= smallest_CL * (1 - 1e-9)) & (CL <= largest_CL * (1 + 1e-9))  # both ends count as inside
     return LevelFlight(
         V=V,
         required=from_sigma_points(drag(parameters, V, CL, condition) * V),

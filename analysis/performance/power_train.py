@@ -31,6 +31,8 @@ from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.performance.propagation import ParameterVector, SigmaPoints, combine_independent
+from analysis.performance.settings import ASSUMED_MOTOR, POWER_TRAIN
+from analysis.results.schema import MeasuredEfficiencyPoint, ParameterResult
 from analysis.signals.smoothing import stretches
 from flight.aircraft import Propulsion
 from flight.complete_aircraft import CompletePropulsion
@@ -39,8 +41,10 @@ from flight.propeller import Propeller, PropellerModel
 Array = NDArray[np.float64]
 Floats = float | Array
 
-# The bisection ends at 0.001 rev/s; linear interpolation does the rest.
-BISECTIONS = 18
+
+def torque_constant(propulsion: CompletePropulsion) -> float:
+    """Torque by current [N m/A], which is also voltage by speed of rotation [V s/rad]."""
+    return float(60 / (2 * np.pi * propulsion.motor_kv_rpm_per_volt))
 
 
 def corrected_thrust(
@@ -98,7 +102,7 @@ def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
     """The zero of a rising function between low and high, elementwise; NaN where it is not above zero at high."""
     found = excess(high) > 0
     low, high = np.broadcast_arrays(low, high)
-    for _ in range(BISECTIONS):
+    for _ in range(18):  # to 0.001 rev/s; linear interpolation does the rest
         middle = (low + high) / 2
         above = excess(middle) > 0
         low, high = np.where(above, low, middle), np.where(above, middle, high)
@@ -107,28 +111,6 @@ def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
     no_root = np.where(high > low, np.nan, 0.0)  # a constant excess has none; bounds that have met are the root
     beyond = np.divide((high - low) * at_low, rise, out=no_root, where=rise != 0)
     return np.where(found, low - beyond, np.nan)
-
-
-# Standard deviations of the priors. Two sources of one propeller differ by 10 % in cP (docs/propellers.md). A motor's
-# constants leave out the speed controller and half of the iron and bearing losses. Current sensors of autopilots are
-# set up to a few per cent, and nothing on board measures it better.
-SHAFT_SCALE_SIGMA, LOSS_SIGMA_SHARE, METER_SCALE_SIGMA = 0.05, 0.5, 0.02
-SMOOTHING_S = 1.0
-SLOW_PER_S = 0.04  # largest change of n per second, as a share of n, of a slow stretch
-SHORTEST_S, NEEDED_S = 3.0, 10.0  # of one stretch, and of all together
-POINT_S = 5.0  # a measured efficiency is a mean over this
-SLOWEST_REVPS = 10.0
-
-
-@dataclass(frozen=True)
-class MeasuredEfficiency:
-    """Efficiencies (0 to 1) measured in a few seconds of steady or slowly changing flight."""
-
-    time_s: float
-    speed_mps: float
-    propeller: float  # thrust power over shaft power, both of the corrected table
-    motor: float  # with its speed controller: shaft power over battery power
-    overall: float
 
 
 @dataclass(frozen=True)
@@ -145,12 +127,22 @@ class PowerTrainModel:
     no_load_torque_Nm: float
     measured: bool
     basis: str
-    efficiencies: tuple[MeasuredEfficiency, ...]
+    points: tuple[MeasuredEfficiencyPoint, ...]
+
+    def parameter_results(self) -> list[ParameterResult]:
+        """The parameters with standard errors, as results.json has them."""
+        units = {"friction": "W s/rev", "copper": "W/(N m)^2"}
+        errors = np.sqrt(np.diag(self.parameters.covariance))
+        return [
+            ParameterResult(name=name, value=float(value), standard_error=float(error), unit=units.get(name, ""))
+            for name, value, error in zip(self.parameters.names, self.parameters.values, errors, strict=True)
+        ]
 
     def battery_power(self, shaft_W: Array, n: Array, parameters: SigmaPoints) -> Array:
         """Battery power [W], (2m + 1, k), at the table's shaft power [W] and n [rev/s]. parameters : those above"""
-        s, f, c = (parameters[name] for name in ("shaft_scale", "friction", "copper"))
-        measured_W: Array = _measured_battery_power(shaft_W, n, self.no_load_torque_Nm, s, f, c)
+        losses = (parameters[name] for name in ("shaft_scale", "friction", "copper"))
+        torque_Nm = shaft_W / (2 * np.pi * n) + self.no_load_torque_Nm
+        measured_W: Array = _measured_battery_power(shaft_W, torque_Nm, n, losses)
         return measured_W / (1 + parameters["meter_scale"])
 
     def shaft_power(self, shaft_W: Array, parameters: SigmaPoints) -> Array:
@@ -158,14 +150,12 @@ class PowerTrainModel:
         return shaft_W * parameters["shaft_scale"] / (1 + parameters["meter_scale"])
 
 
-def _measured_battery_power(
-    shaft_W: Any, n: Any, no_load_Nm: float, shaft_scale: Any, friction: Any, copper: Any
-) -> Any:
+def _measured_battery_power(shaft_W: Any, torque_Nm: Any, n: Any, losses: Any) -> Any:
     """Battery power [W] as its meter shows it: shaft power, friction in proportion to n, heat of the current.
 
-    Of arrays, or of CasADi symbols.
+    Of arrays, or of CasADi symbols. torque_Nm: with that of the no-load current. losses: shaft_scale, friction, copper
     """
-    torque_Nm = shaft_W / (2 * np.pi * n) + no_load_Nm
+    shaft_scale, friction, copper = losses
     return shaft_scale * shaft_W + friction * n + copper * torque_Nm**2
 
 
@@ -183,7 +173,7 @@ def fit_power_train(
     data : index t_s, even steps; columns V, n, rho, covered (by the propeller's table), battery_W (NaN: not measured)
     thrust_scale, thrust_slope : correction of the table's thrust as estimated, for the measured efficiencies
     """
-    k = 60 / (2 * np.pi * propulsion.motor_kv_rpm_per_volt)  # N m/A and V s/rad
+    k = torque_constant(propulsion)
     friction = 2 * np.pi * k * propulsion.motor_no_load_current_A
     copper = propulsion.motor_resistance_ohm / k**2
     no_load_Nm = k * propulsion.motor_no_load_current_A
@@ -192,19 +182,21 @@ def fit_power_train(
         inputs=("shaft", "n"),
         outputs=("battery",),
         output_function=lambda x, u, p: (
-            _measured_battery_power(u.shaft, u.n, no_load_Nm, p.shaft_scale, p.friction, p.copper),
+            _measured_battery_power(
+                u.shaft, u.shaft / (2 * np.pi * u.n) + no_load_Nm, u.n, (p.shaft_scale, p.friction, p.copper)
+            ),
         ),
         parameters=(
-            Parameter(name="shaft_scale", start=1.0, prior_sigma=SHAFT_SCALE_SIGMA),
-            Parameter(name="friction", start=friction, prior_sigma=LOSS_SIGMA_SHARE * friction + 1e-3),
-            Parameter(name="copper", start=copper, prior_sigma=LOSS_SIGMA_SHARE * copper + 1e-3),
+            Parameter(name="shaft_scale", start=1.0, prior_sigma=POWER_TRAIN.shaft_scale_sigma),
+            Parameter(name="friction", start=friction, prior_sigma=POWER_TRAIN.loss_sigma_share * friction + 1e-3),
+            Parameter(name="copper", start=copper, prior_sigma=POWER_TRAIN.loss_sigma_share * copper + 1e-3),
         ),
     )
     names = tuple(q.name for q in model.parameters)
-    meter = ParameterVector(("meter_scale",), np.zeros(1), np.array([[METER_SCALE_SIGMA**2]]))
+    meter = ParameterVector(("meter_scale",), np.zeros(1), np.array([[POWER_TRAIN.meter_scale_sigma**2]]))
     segments = _slow_stretches(data, propulsion, propeller)
     seconds = sum(len(segment) * segment.step_s for segment in segments)
-    if seconds < NEEDED_S:
+    if seconds < POWER_TRAIN.needed_s:
         prior = np.diag([q.prior_sigma**2 for q in model.parameters])
         losses = ParameterVector(names, np.array([q.start for q in model.parameters]), prior)
         why = (
@@ -216,15 +208,15 @@ def fit_power_train(
             f"{why}: motor and controller are {motor_source}"
             f" ({propulsion.motor_kv_rpm_per_volt:g} rpm/V, {propulsion.motor_resistance_ohm:g} ohm,"
             f" {propulsion.motor_no_load_current_A:g} A unloaded),"
-            f" losses ±{100 * LOSS_SIGMA_SHARE:.0f} %, shaft power ±{100 * SHAFT_SCALE_SIGMA:.0f} %"
-            " (one standard deviation)."
+            f" losses ±{100 * POWER_TRAIN.loss_sigma_share:.0f} %,"
+            f" shaft power ±{100 * POWER_TRAIN.shaft_scale_sigma:.0f} % (one standard deviation)."
         )
         return PowerTrainModel(combine_independent(losses, meter), no_load_Nm, False, basis, ())
     fit = output_error.estimate(model, segments)
     losses = ParameterVector(names, fit.values, covariance.of_noise(fit))
     basis = (
         f"Motor and controller from {seconds:.0f} s of steady or slowly changing flight with battery data; its meter is"
-        f" taken as good to {100 * METER_SCALE_SIGMA:.0f} % (one standard deviation)."
+        f" taken as good to {100 * POWER_TRAIN.meter_scale_sigma:.0f} % (one standard deviation)."
     )
     shaft_scale = fit.parameters["shaft_scale"].value
     efficiencies = tuple(
@@ -238,13 +230,13 @@ def fit_power_train(
 def _slow_stretches(data: pd.DataFrame, propulsion: CompletePropulsion, propeller: Propeller) -> list[Segment]:
     """Stretches in which the motor drives the propeller and n hardly changes; inputs shaft [W], n, V, rho."""
     step_s = float(data.index[1] - data.index[0])
-    smooth = data["n"].rolling(max(1, round(SMOOTHING_S / step_s)), center=True, min_periods=1).mean()
+    smooth = data["n"].rolling(max(1, round(POWER_TRAIN.smoothing_s / step_s)), center=True, min_periods=1).mean()
     acceleration = pd.Series(np.gradient(smooth.to_numpy(), step_s), data.index)  # rev/s^2
     complete = data[["V", "n", "rho", "battery_W"]].notna().all(axis=1) & data["covered"]
-    slow = complete & (smooth > SLOWEST_REVPS) & (acceleration.abs() < SLOW_PER_S * smooth)
+    slow = complete & (smooth > POWER_TRAIN.slowest_revps) & (acceleration.abs() < POWER_TRAIN.slow_per_s * smooth)
     segments = []
     for rows in stretches(slow.to_numpy()):
-        if (rows.stop - rows.start) * step_s < SHORTEST_S:
+        if (rows.stop - rows.start) * step_s < POWER_TRAIN.shortest_s:
             continue
         piece = data.iloc[rows]
         V, n, rho = (piece[name].to_numpy() for name in ("V", "n", "rho"))
@@ -261,10 +253,10 @@ def _slow_stretches(data: pd.DataFrame, propulsion: CompletePropulsion, propelle
 
 def _efficiencies(
     segment: Segment, propeller: Propeller, shaft_scale: float, thrust_scale: float, thrust_slope: float
-) -> list[MeasuredEfficiency]:
-    """Means over parts of a slow stretch of POINT_S each."""
+) -> list[MeasuredEfficiencyPoint]:
+    """Means over parts of a slow stretch of some seconds each."""
     efficiencies = []
-    parts = max(1, round(len(segment) * segment.step_s / POINT_S))
+    parts = max(1, round(len(segment) * segment.step_s / POWER_TRAIN.point_s))
     for rows in np.array_split(np.arange(len(segment)), parts):
         V, n, rho = (segment.u[name][rows] for name in ("V", "n", "rho"))
         thrust_N = corrected_thrust(propeller, V, n, rho, thrust_scale=thrust_scale, thrust_slope=thrust_slope)
@@ -274,7 +266,7 @@ def _efficiencies(
         battery_W = float(segment.z["battery"][rows].mean())
         if battery_W > 0 and shaft_W > 0:
             efficiencies.append(
-                MeasuredEfficiency(
+                MeasuredEfficiencyPoint(
                     time_s=float(segment.t_s[rows].mean()),
                     speed_mps=float(V.mean()),
                     propeller=thrust_power_W / shaft_W,
@@ -285,11 +277,8 @@ def _efficiencies(
     return efficiencies
 
 
-FRICTION_SHARE, COPPER_SHARE = 0.1, 0.1  # of the highest shaft power of the flight
-UNLOADED_OVER_HIGHEST = 1.25  # speed of rotation without load over the highest flown
-REFERENCE_INERTIA_KGM2, REFERENCE_DIAMETER_M = 9e-5, 0.305  # of a propeller of 12 in with the motor's bell
 MOTOR = ("motor_kv_rpm_per_volt", "motor_resistance_ohm", "motor_no_load_current_A")
-ASSUMED_MOTOR = (
+WHY_ASSUMED = (
     "assumed, because the aircraft file lacks motor_kv_rpm_per_volt, motor_resistance or motor_no_load_current; with"
     " them, or with battery voltage and current in the log, the intervals would be narrower"
 )
@@ -307,15 +296,15 @@ def with_assumed_motor(propulsion: Propulsion, data: pd.DataFrame, propeller: Pr
     """
     voltage = propulsion.battery_voltage_V or 10.0  # any will do for losses in watts
     assumed: dict[str, float] = {"battery_voltage_V": voltage, "battery_resistance_ohm": 0.0}
-    assumed["propeller_inertia_kgm2"] = REFERENCE_INERTIA_KGM2 * (propeller.diameter_m / REFERENCE_DIAMETER_M) ** 5
+    assumed["propeller_inertia_kgm2"] = ASSUMED_MOTOR.inertia_over_diameter_5 * propeller.diameter_m**5
     if not motor_is_known(propulsion):
         power_W, n = _highest_power(data, propeller)
-        unloaded_revps = UNLOADED_OVER_HIGHEST * n
+        unloaded_revps = ASSUMED_MOTOR.unloaded_over_highest * n
         k = voltage / (2 * np.pi * unloaded_revps)  # N m/A and V s/rad
         torque_Nm = power_W / (2 * np.pi * n)
         assumed["motor_kv_rpm_per_volt"] = 60 * unloaded_revps / voltage
-        assumed["motor_no_load_current_A"] = FRICTION_SHARE * power_W / (2 * np.pi * n * k)
-        assumed["motor_resistance_ohm"] = COPPER_SHARE * power_W * (k / torque_Nm) ** 2
+        assumed["motor_no_load_current_A"] = ASSUMED_MOTOR.loss_share * power_W / (2 * np.pi * n * k)
+        assumed["motor_resistance_ohm"] = ASSUMED_MOTOR.loss_share * power_W * (k / torque_Nm) ** 2
     known = {name: value for name, value in vars(propulsion).items() if value is not None}
     if not motor_is_known(propulsion):  # one constant says little without the others
         known = {name: value for name, value in known.items() if name not in MOTOR}
@@ -325,7 +314,7 @@ def with_assumed_motor(propulsion: Propulsion, data: pd.DataFrame, propeller: Pr
 
 def _highest_power(data: pd.DataFrame, propeller: PropellerModel) -> tuple[float, float]:
     """Highest shaft power of the flight by the propeller's table [W], and its speed of rotation [rev/s]."""
-    turning = data[data["covered"] & (data["n"] > SLOWEST_REVPS)]
+    turning = data[data["covered"] & (data["n"] > POWER_TRAIN.slowest_revps)]
     if turning.empty:
         return 100.0, 100.0
     V, n, rho = (turning[name].to_numpy() for name in ("V", "n", "rho"))

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
 from analysis.estimation.noise import NORMAL_95
+from analysis.results.schema import Interval
 
 Array = NDArray[np.float64]
 SigmaPoints = dict[str, Array]  # by name of the parameter, each (2m + 1, 1)
@@ -72,6 +73,20 @@ class UncertainValue(NamedTuple):
     def at(self, i: int) -> "UncertainValue":
         """Element i of a quantity of shape (k,)."""
         return UncertainValue(self.value[i], self.standard_error[i])
+
+    def interval_if_known(self) -> Interval | None:
+        """The 95 % interval of a single value; None where its standard error is not known."""
+        if not np.isfinite(self.standard_error):
+            return None
+        return Interval(value=float(self.value), lo=float(self.lo), hi=float(self.hi))
+
+    def interval(self, least: float = -np.inf) -> Interval:
+        """The same; of no width where the standard error is not known. Its lower end is not below `least`, nor above
+        the value for that."""
+        known = self.interval_if_known()
+        value = float(self.value)
+        lo, hi = (known.lo, known.hi) if known else (value, value)
+        return Interval(value=value, lo=max(lo, min(least, value)), hi=hi)
 
 
 def from_sigma_points(values: ArrayLike) -> UncertainValue:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.performance.settings import ASKED
 from analysis.polar import Condition
 from flight.aircraft import Aircraft
 from flight.atmosphere import (
@@ -26,9 +27,6 @@ from flight.atmosphere import (
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2, to_si, weight_to_N
 
-USABLE = 0.8  # of a battery's energy: common for lithium polymer
-HEAVIEST_KG = 1000.0  # far above any small aircraft
-HIGHEST_M = 11_000.0  # the standard troposphere
 CHARGE_AND_VOLTAGE = re.compile(r"(?P<charge>.*[hHC])\s*(?:,|at|@|[xX×*])?\s*(?P<voltage>[\d.]+\s*V)\s*")
 
 
@@ -40,13 +38,19 @@ class Request:
     """
 
     battery_Wh: float | None = None
-    usable: float = USABLE
+    usable: float = ASKED.usable
     weights_N: tuple[float, ...] = ()
     density_altitudes_m: tuple[float, ...] = ()
 
     def battery_energy_Wh(self, aircraft: Aircraft) -> float | None:
         """Of this request, or else of the aircraft file. None where neither gives it."""
         return aircraft.propulsion.battery_energy_Wh if self.battery_Wh is None else self.battery_Wh
+
+    @property
+    def usable_energy_J(self) -> float:
+        """Of a battery whose energy is known."""
+        assert self.battery_Wh is not None
+        return 3600 * self.battery_Wh * self.usable
 
     def notes(self, aircraft: Aircraft) -> list[str]:
         """A sentence where the battery's energy is not known."""
@@ -72,7 +76,7 @@ def parse_request(
     """
     return Request(
         battery_Wh=None if battery_Wh is None else _battery_Wh(battery_Wh),
-        usable=USABLE if usable is None else _share(usable),
+        usable=ASKED.usable if usable is None else _share(usable),
         weights_N=() if weights is None else tuple(parse_weight(text) for text in weights.split(",")),
         density_altitudes_m=()
         if density_altitudes is None
@@ -119,30 +123,28 @@ def _si_or_nan(text: str, unit: str) -> float:
 def parse_weight(text: str, option: str = "--weights") -> float:
     """The weight [N] of a text such as "4.1 kg" or "40 N". Raises InputError naming the option."""
     wanted = InputError(
-        f"{option} {text.strip()!r}: should be masses or weights above zero and below {HEAVIEST_KG:.0f} kg,"
+        f"{option} {text.strip()!r}: should be masses or weights above zero and below {ASKED.heaviest_kg:.0f} kg,"
         ' such as "3.8 kg, 9.5 lbf"'
         if option == "--weights"
-        else f"{option} {text.strip()!r}: should be a mass or weight above zero and below {HEAVIEST_KG:.0f} kg,"
+        else f"{option} {text.strip()!r}: should be a mass or weight above zero and below {ASKED.heaviest_kg:.0f} kg,"
         ' such as "4.1 kg"'
     )
     try:
         value = weight_to_N(text, option)
     except InputError:
         raise wanted from None
-    if not 0 < value < HEAVIEST_KG * GRAVITY_MPS2:
+    if not 0 < value < ASKED.heaviest_kg * GRAVITY_MPS2:
         raise wanted
     return value
 
 
 def _height_m(text: str) -> float:
-    if not abs(_si_or_nan(text, "m")) < HIGHEST_M:
+    if not abs(_si_or_nan(text, "m")) < ASKED.highest_m:
         raise InputError(
-            f'--density-altitudes {text.strip()!r}: should be heights below {HIGHEST_M:.0f} m, such as "0 m, 5000 ft"'
+            f"--density-altitudes {text.strip()!r}: should be heights below {ASKED.highest_m:.0f} m,"
+            ' such as "0 m, 5000 ft"'
         )
     return _si_or_nan(text, "m")
-
-
-PAYLOAD_KG, HOTTER_K, HIGHER_M = 0.3, 15.0, 1000.0  # added to the flight's own where nothing is requested
 
 
 class FlownCondition(NamedTuple):
@@ -183,11 +185,11 @@ def _weights(request: Request, flight: FlownCondition) -> list[tuple[str, float]
     """Title and weight [N]; the title of the flight's own weight is empty."""
     if request.weights_N:
         return [(f"{weight_N / GRAVITY_MPS2:.2f} kg", weight_N) for weight_N in request.weights_N]
-    payload_N = PAYLOAD_KG * GRAVITY_MPS2
+    payload_N = ASKED.payload_kg * GRAVITY_MPS2
     return [
         ("", flight.condition.weight_N),
-        (f"{1000 * PAYLOAD_KG:.0f} g more", flight.condition.weight_N + payload_N),
-        (f"{2000 * PAYLOAD_KG:.0f} g more", flight.condition.weight_N + 2 * payload_N),
+        (f"{1000 * ASKED.payload_kg:.0f} g more", flight.condition.weight_N + payload_N),
+        (f"{2000 * ASKED.payload_kg:.0f} g more", flight.condition.weight_N + 2 * payload_N),
     ]
 
 
@@ -195,11 +197,11 @@ def _airs(request: Request, flight: FlownCondition) -> list[tuple[str, float]]:
     """Title and density [kg/m^3]; the title of the flight's own air is empty."""
     if request.density_altitudes_m:
         return [(f"density altitude {h:.0f} m", _standard_density(h)) for h in request.density_altitudes_m]
-    higher_m = float(density_altitude_m(flight.condition.rho)) + HIGHER_M
+    higher_m = float(density_altitude_m(flight.condition.rho)) + ASKED.higher_m
     return [
         ("", flight.condition.rho),
-        (f"{HOTTER_K:.0f} °C hotter", float(density(flight.pressure_Pa, flight.temperature_K + HOTTER_K))),
-        (f"{HIGHER_M:.0f} m higher", _standard_density(higher_m)),
+        (f"{ASKED.hotter_K:.0f} °C hotter", float(density(flight.pressure_Pa, flight.temperature_K + ASKED.hotter_K))),
+        (f"{ASKED.higher_m:.0f} m higher", _standard_density(higher_m)),
     ]
 
 

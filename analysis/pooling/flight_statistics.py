@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.polar import Condition
-from analysis.results.pooling_statistics import FORMAT
+from analysis.results.schema import POOLING_FORMAT as FORMAT
 from analysis.results.schema import AircraftResult
 from flight.errors import InputError
 

@@ -14,7 +14,6 @@ from analysis.results import flight_found, methods, power_curves
 from analysis.results.autopilot_parameters import of_power_required
 from analysis.results.electrical import electrical_points
 from analysis.results.likelihood import pitch_rate_result
-from analysis.results.pooling_statistics import PoolingStatistics
 from analysis.results.schema import (
     AircraftResult,
     AirFound,
@@ -22,6 +21,7 @@ from analysis.results.schema import (
     ParameterResult,
     PathResult,
     PerformanceResult,
+    PoolingStatistics,
     Provenance,
     RejectedResult,
     Results,

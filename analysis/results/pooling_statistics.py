@@ -10,43 +10,12 @@ from numpy.typing import NDArray
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.transducers import TransducerCalibration
 from analysis.drag.dynamic import DynamicEstimate
+from analysis.results.schema import PoolingStatistics, PriorMeasurementStatistics
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
 
-FORMAT = "flightpower-pooling-3"
 CLOCK_SET_UNIX_S = 1.5e9  # 2017: an earlier time is that of a clock without battery
-
-
-class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):
-    """A linear combination of the parameters that was measured before the flight: part of the prior."""
-
-    name: str
-    coefficients: dict[str, float]  # by name of the parameter
-    value: float
-    sigma: float
-
-
-class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True):
-    """Sufficient statistics of one flight: estimates, their joint covariance, and the priors that are part of it."""
-
-    format: str = FORMAT
-    names: list[str]  # A0, A1, A2, corrections of thrust, then sensor errors
-    values: list[float]
-    covariance: list[list[float]]  # lower triangle; by noise and sensor errors
-    # Lower triangle, of the first names for given sensor errors, by white residuals: the weights of the estimate.
-    weighting_covariance: list[list[float]]
-    prior_mean: list[float]
-    prior_sigma: list[float | None]  # null where there is no prior
-    prior_measurements: list[PriorMeasurementStatistics] | msgspec.UnsetType = msgspec.UNSET  # absent where none is
-    changes: dict[str, list[float]]  # of the values, by one standard deviation of errors that no residual shows
-    polar_covariance: list[list[float]]  # (3, 3) of this flight's own curve: everything together
-    flown_CL: tuple[float, float]
-    installation: str  # [installation] name of the aircraft file; empty where it has none
-    propeller_table: str  # fingerprint
-    probe_calibration: str  # fingerprint, with that of the transducers if there is one
-    start_unix_s: float | None
-    battery_V: float | None  # mean over the runs
 
 
 def pooling_statistics(

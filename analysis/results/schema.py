@@ -1,17 +1,14 @@
-"""A parameter of an autopilot in `results.json`.
+"""The documented, versioned format of `results.json` and `power_required.csv` (docs/results.md).
 
-The part of `results.json` that the source's own estimators add (`analyze --likelihood`).
-
-The part of `results.json` that says what the results were made of: log, files, air, runs' residuals, track.
-
-The documented, versioned format of `results.json` and `power_required.csv` (docs/results.md).
-
-More than 350 lines: the fields of one file, with their units.
+Estimators return these records, and pages and tables are drawn from them: each number is written where it is computed,
+once. This module therefore imports nothing of the analysis. One file, though long: the fields of one file, with their
+units. Intervals are of 95 %.
 """
 
 import msgspec
 
-from analysis.results.pooling_statistics import PoolingStatistics
+FORMAT = "flightpower-results-2"
+POOLING_FORMAT = "flightpower-pooling-3"
 
 
 class AutopilotParameter(msgspec.Struct, frozen=True, kw_only=True):
@@ -120,7 +117,6 @@ class Track(msgspec.Struct, frozen=True, kw_only=True):
     east_m: list[float]
 
 
-FORMAT = "flightpower-results-2"
 BELOW_SLOWEST = "It lies below the slowest speed flown."  # reason of a `SpeedInterval`
 
 
@@ -416,6 +412,37 @@ class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
     withheld: list[str]  # what is not known, and what it would take
     shaft_power: list[PowerPoint] = []  # of level flight, where a propeller table gives thrust
     thrust_basis: str = ""  # where thrust comes from
+
+
+class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):
+    """A linear combination of the parameters that was measured before the flight: part of the prior."""
+
+    name: str
+    coefficients: dict[str, float]  # by name of the parameter
+    value: float
+    sigma: float
+
+
+class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True):
+    """Sufficient statistics of one flight: estimates, their joint covariance, and the priors that are part of it."""
+
+    format: str = POOLING_FORMAT
+    names: list[str]  # A0, A1, A2, corrections of thrust, then sensor errors
+    values: list[float]
+    covariance: list[list[float]]  # lower triangle; by noise and sensor errors
+    # Lower triangle, of the first names for given sensor errors, by white residuals: the weights of the estimate.
+    weighting_covariance: list[list[float]]
+    prior_mean: list[float]
+    prior_sigma: list[float | None]  # null where there is no prior
+    prior_measurements: list[PriorMeasurementStatistics] | msgspec.UnsetType = msgspec.UNSET  # absent where none is
+    changes: dict[str, list[float]]  # of the values, by one standard deviation of errors that no residual shows
+    polar_covariance: list[list[float]]  # (3, 3) of this flight's own curve: everything together
+    flown_CL: tuple[float, float]
+    installation: str  # [installation] name of the aircraft file; empty where it has none
+    propeller_table: str  # fingerprint
+    probe_calibration: str  # fingerprint, with that of the transducers if there is one
+    start_unix_s: float | None
+    battery_V: float | None  # mean over the runs
 
 
 class Results(msgspec.Struct, frozen=True, kw_only=True):

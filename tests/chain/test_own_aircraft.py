@@ -47,7 +47,7 @@ def test_without_a_battery_s_energy_endurance_is_left_out_and_the_option_is_name
     (note,) = Request().notes(aircraft)
     assert "No endurance" in note and "--battery-Wh" in note
     nothing: Any = None
-    assert compute(Request(), nothing, nothing, aircraft, nothing, nothing, nothing) is None
+    assert compute(Request(), nothing, nothing, aircraft, nothing, flight=nothing) is None
     assert Request(battery_Wh=74.0).notes(aircraft) == []
 
 

@@ -4,6 +4,8 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
+from analysis.performance.full_throttle import FullThrottle
+from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, exact
 from flight.aircraft import Aircraft
@@ -18,6 +20,17 @@ NO_CORRECTION = {"thrust_scale": 0.0, "thrust_slope": 0.0}
 ALONG_PATH = {"alpha_0": 0.0, "alpha_CL": 0.0}  # thrust carries no weight
 LOSSLESS = PowerTrainModel(exact(shaft_scale=1.0, friction=0.0, copper=0.0, meter_scale=0.0), 0.0, True, "", ())
 FLOWN_CL = (0.2, 1.1)
+
+
+def model_of(
+    parameters: ParameterVector,
+    propeller: Propeller,
+    train: PowerTrainModel = LOSSLESS,
+    flown_CL: tuple[float, float] = FLOWN_CL,
+) -> PerformanceModel:
+    """Full throttle is known where the parameters have it."""
+    motor = FullThrottle(parameters if "unloaded_revps" in parameters.names else None, reason="not flown")
+    return PerformanceModel(parameters, train, motor, propeller, flown_CL)
 
 
 def height_of(air: Air, rho: float) -> float:

@@ -20,7 +20,6 @@ from motor_data import (
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.performance.analysis import (
     ConditionPerformance,
-    PerformanceModel,
     _whole_speeds,
     _with_battery_and_coverage,
     flight_performance,
@@ -28,12 +27,15 @@ from analysis.performance.analysis import (
     performance_model,
 )
 from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
-from analysis.performance.propagation import ParameterVector, UncertainValue, combine_independent, exact
-from analysis.performance.request import TitledCondition
+from analysis.performance.level_flight import PerformanceModel
+from analysis.performance.propagation import ParameterVector, combine_independent, exact
+from analysis.performance.request import Request, TitledCondition
 from analysis.polar import Condition, Polar, speed_at
+from analysis.results.schema import Interval
 from flight.runs import AIRCRAFT_SIZE
 from sim.plant import plant_of
 
+BATTERY = Request(battery_Wh=50.0, usable=0.8)
 UNKNOWN = FullThrottle(None, reason="not flown")
 
 
@@ -45,10 +47,10 @@ def test_range_goes_with_energy_and_its_speed_with_the_root_of_density(propeller
         return performance_at(model, TitledCondition("", at), energy_J)
 
     once, twice, high = asked(1e5, at), asked(2e5, at), asked(1e5, at._replace(rho=0.8 * at.rho))
-    assert twice.range.best.value == pytest.approx(2 * once.range.best.value, rel=1e-12)
-    assert twice.range.speed_mps.value == pytest.approx(once.range.speed_mps.value, rel=1e-12)
+    assert twice.case.range_m.value == pytest.approx(2 * once.case.range_m.value, rel=1e-12)
+    assert twice.case.range_speed_mps.value == pytest.approx(once.case.range_speed_mps.value, rel=1e-12)
     # Lift coefficients stay, so speed goes with 1/sqrt(rho); the propeller's Reynolds number shifts it by little.
-    assert high.range.speed_mps.value == pytest.approx(once.range.speed_mps.value / np.sqrt(0.8), rel=0.02)
+    assert high.case.range_speed_mps.value == pytest.approx(once.case.range_speed_mps.value / np.sqrt(0.8), rel=0.02)
     assert once.full_throttle is None
 
 
@@ -58,11 +60,11 @@ def test_the_interval_of_range_covers_at_its_nominal_rate(propeller, at) -> None
     sigma = np.array([0.0010, 0.0020, 0.0020, 0.01, 0.02])
     energy_J, names = 2e5, (*POLAR, *NO_CORRECTION)
 
-    def range_m(values: np.ndarray) -> UncertainValue:
+    def range_m(values: np.ndarray) -> Interval:
         polar = ParameterVector(names, values, np.diag(sigma**2))
         parameters = combine_independent(polar, exact(**ALONG_PATH), LOSSLESS.parameters)
         model = PerformanceModel(parameters, LOSSLESS, UNKNOWN, propeller, FLOWN_CL)
-        return performance_at(model, TitledCondition("", at), energy_J, speeds=81).range.best
+        return performance_at(model, TitledCondition("", at), energy_J, speeds=81).case.range_m
 
     true_range = float(range_m(truth).value)
     rng = np.random.default_rng(2)
@@ -114,7 +116,7 @@ def test_the_model_holds_polar_thrust_incidence_losses_and_full_throttle(model, 
     variance = dict(zip(model.parameters.names, np.diag(model.parameters.covariance), strict=True))
     assert (variance["A0"], variance["A1"]) == pytest.approx((1e-6, 5e-6))
     # Measured efficiencies are of the corrected thrust.
-    point = model.power_train.efficiencies[0]
+    point = model.power_train.points[0]
     n = point.speed_mps / (0.56 * propeller.diameter_m)  # the advance ratio of the first steady point
     thrust_N, shaft_W = propeller.thrust_and_power(point.speed_mps, n, RHO)
     scale = 1 + 0.02 - 0.05 * (0.56 - 0.5)
@@ -124,23 +126,25 @@ def test_the_model_holds_polar_thrust_incidence_losses_and_full_throttle(model, 
 
 def test_performance_of_a_flight_covers_the_flown_speeds(model, at) -> None:
     heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N))
-    found = flight_performance(model, at, [heavier], battery_energy_Wh=50.0, usable=0.8)
-    assert found is not None and found.energy_J == pytest.approx(50 * 3600 * 0.8)
+    found = flight_performance(model, at, [heavier], BATTERY)
+    assert found is not None and BATTERY.usable_energy_J == pytest.approx(50 * 3600 * 0.8)
     slowest, fastest = speed_at(FLOWN_CL[1], at), speed_at(FLOWN_CL[0], at)
-    assert len(found.efficiency.V) == 31 and found.efficiency.V[[0, -1]] == pytest.approx([slowest, fastest])
-    whole = found.field_table.V
-    assert len(whole) <= 10 and np.all(whole == np.round(whole))
+    speeds = [point.speed_mps for point in found.power_train.efficiency]
+    assert len(speeds) == 31 and (speeds[0], speeds[-1]) == pytest.approx((slowest, fastest))
+    whole = [row.speed_mps for row in found.field_table]
+    assert len(whole) <= 10 and whole == np.round(whole).tolist()
     assert whole[0] == np.ceil(slowest) and fastest - 2 < whole[-1] <= fastest
-    assert found.as_flown.title == "as flown" and [one.title for one in found.requested] == ["heavier"]
-    assert found.requested[0].endurance.best.value < found.as_flown.endurance.best.value
+    flown, other = found.loadings
+    assert (flown.title, other.title) == ("as flown", "heavier")
+    assert other.endurance_s.value < flown.endurance_s.value
 
 
 def test_the_service_ceiling_lies_below_the_absolute_ceiling(model, at) -> None:
     """At a weight at which both lie in the troposphere."""
-    heavy = at._replace(weight_N=2.2 * at.weight_N)
-    found = flight_performance(model, heavy, [], battery_energy_Wh=50.0, usable=0.8)
-    assert found is not None and found.ceilings is not None
-    assert 0 < found.ceilings.service_m.value < found.ceilings.absolute_m.value < 11_000
+    found = flight_performance(model, at._replace(weight_N=2.2 * at.weight_N), [], BATTERY)
+    assert found is not None
+    service, absolute = found.available.service_ceiling_m, found.available.absolute_ceiling_m
+    assert service is not None and absolute is not None and 0 < service.value < absolute.value < 11_000
 
 
 @pytest.mark.filterwarnings("ignore:invalid value")
@@ -148,7 +152,7 @@ def test_no_performance_where_the_propeller_cannot_give_the_thrust(model, at) ->
     """A drag coefficient of 10^4 needs more thrust than the propeller gives at any speed of rotation sought."""
     values = np.concatenate([[1e4], model.parameters.values[1:]])
     model = replace(model, parameters=replace(model.parameters, values=values))
-    assert flight_performance(model, at, [], battery_energy_Wh=50.0, usable=0.8) is None
+    assert flight_performance(model, at, [], BATTERY) is None
 
 
 def test_battery_power_is_voltage_times_current_and_the_ground_is_not_covered(propeller) -> None:

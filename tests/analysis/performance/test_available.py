@@ -5,18 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motor_data import RHO, full_throttle_run, height_of, incidence_of
+from motor_data import RHO, full_throttle_run, height_of, incidence_of, model_of
 
-from analysis.performance.full_throttle import (
-    FASTEST,
-    SERVICE_CLIMB_MPS,
-    _last_crossing,
-    ceilings_m,
-    fit_full_throttle,
-    full_throttle_performance,
-)
+from analysis.performance.climb import _last_crossing, ceilings_m, full_throttle_performance
+from analysis.performance.full_throttle import fit_full_throttle
+from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.power_train import full_throttle_revps
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
+from analysis.performance.settings import PERFORMANCE
 from analysis.polar import lift_coefficient
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
@@ -46,9 +42,14 @@ def flown_CL(at) -> tuple[float, float]:
     return float(fast), float(slow)
 
 
-def test_highest_speed_and_climb_are_those_of_trimmed_flight(nexstar, propeller, parameters, at, flown_CL) -> None:
+@pytest.fixture(scope="module")
+def model(parameters, propeller, flown_CL) -> PerformanceModel:
+    return model_of(parameters, propeller, flown_CL=flown_CL)
+
+
+def test_highest_speed_and_climb_are_those_of_trimmed_flight(nexstar, model, at) -> None:
     """Thrust carries some of the weight and points up by alpha in both; motor and lift of the sideslip leave 0.1 %."""
-    found = full_throttle_performance(parameters.sigma_points(), propeller, at, flown_CL)
+    found = full_throttle_performance(model, at)
     plant = plant_of(nexstar)
     trimmer = Trimmer(plant, height_of(plant.air, RHO))
     assert float(found.maximum_speed.value) == pytest.approx(trimmer.V_max, rel=0.001)
@@ -63,28 +64,28 @@ def test_highest_speed_and_climb_are_those_of_trimmed_flight(nexstar, propeller,
     assert float(found.best_climb.value) == pytest.approx(low, rel=0.002)
 
 
-def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(propeller, parameters, at, flown_CL) -> None:
+def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(propeller, parameters, model, at, flown_CL) -> None:
     heavy = at._replace(weight_N=2.2 * at.weight_N)  # so that the ceiling lies well inside the troposphere
-    ceiling, absolute = ceilings_m(parameters.sigma_points(), propeller, heavy, flown_CL, (SERVICE_CLIMB_MPS, 0.0))
+    ceiling, absolute = ceilings_m(model, heavy, (PERFORMANCE.service_climb_mps, 0.0))
     h = float(ceiling.value)
     assert 1000 < h < 10_000
     up_there = heavy._replace(rho=float(density(pressure_at(h), temperature_at(h))))
-    climb = full_throttle_performance(parameters.sigma_points(), propeller, up_there, flown_CL).best_climb
-    assert float(climb.value) == pytest.approx(SERVICE_CLIMB_MPS, abs=0.01)
+    climb = full_throttle_performance(model, up_there).best_climb
+    assert float(climb.value) == pytest.approx(PERFORMANCE.service_climb_mps, abs=0.01)
     assert absolute.value > h
 
 
-def test_a_weight_far_too_large_has_no_climb_and_gives_no_warning(propeller, parameters, at, flown_CL) -> None:
+def test_a_weight_far_too_large_has_no_climb_and_gives_no_warning(propeller, parameters, model, at, flown_CL) -> None:
     """At 100 times the weight the slowest flight is faster than the propeller at full throttle can follow."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         heavy = at._replace(weight_N=100 * at.weight_N)
-        found = full_throttle_performance(parameters.sigma_points(), propeller, heavy, flown_CL)
+        found = full_throttle_performance(model, heavy)
     assert np.isnan(found.best_climb.value) and np.isnan(found.maximum_speed.value)
 
 
-def test_power_available_equals_power_required_at_the_highest_speed(propeller, parameters, at, flown_CL) -> None:
-    found = full_throttle_performance(parameters.sigma_points(), propeller, at, flown_CL)
+def test_power_available_equals_power_required_at_the_highest_speed(propeller, parameters, model, at, flown_CL) -> None:
+    found = full_throttle_performance(model, at)
     V = float(found.maximum_speed.value)
     A = dict(zip(parameters.names, parameters.values, strict=True))
     CL = float(lift_coefficient(V, at))
@@ -92,23 +93,26 @@ def test_power_available_equals_power_required_at_the_highest_speed(propeller, p
     assert np.interp(V, found.V, found.power.value) == pytest.approx(required, rel=0.002)
 
 
-def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(propeller, parameters, at, flown_CL) -> None:
+def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(
+    propeller, parameters, model, at, flown_CL
+) -> None:
     """Drag known to 3 %: speed to 1 %. Where that reaches beyond the search it is taken to first order, to a tenth."""
     variance = parameters.covariance.copy()
     variance[0, 0] = (0.03 * parameters.values[0]) ** 2
-    unsure = replace(parameters, covariance=variance).sigma_points()
-    whole = full_throttle_performance(unsure, propeller, at, flown_CL).maximum_speed
+    unsure = replace(parameters, covariance=variance)
+    whole = full_throttle_performance(model_of(unsure, propeller, flown_CL=flown_CL), at).maximum_speed
     V, error = float(whole.value), float(whole.standard_error)
     assert 0.1 < error < 0.4
-    fastest = float(lift_coefficient((V + 0.5 * error) / FASTEST, at))
-    near = full_throttle_performance(unsure, propeller, at, (fastest, flown_CL[1])).maximum_speed
+    fastest = float(lift_coefficient((V + 0.5 * error) / PERFORMANCE.fastest_sought, at))
+    at_end = model_of(unsure, propeller, flown_CL=(fastest, flown_CL[1]))
+    near = full_throttle_performance(at_end, at).maximum_speed
     assert float(near.value) == pytest.approx(V, abs=0.02)
     assert float(near.standard_error) == pytest.approx(error, rel=0.1)
 
 
-def test_power_available_is_of_the_thrust_along_the_path(propeller, parameters, at, flown_CL) -> None:
+def test_power_available_is_of_the_thrust_along_the_path(propeller, parameters, model, at, flown_CL) -> None:
     """T V cos(alpha) (3.47): at the slowest speed alpha is above 0.1 rad, which makes power 0.5 % smaller or more."""
-    found = full_throttle_performance(parameters.sigma_points(), propeller, at, flown_CL)
+    found = full_throttle_performance(model, at)
     p = dict(zip(parameters.names, parameters.values, strict=True))
     V, sine = found.V[0], found.climb.value[0] / found.V[0]
     n = full_throttle_revps(propeller, V, RHO, unloaded_revps=p["unloaded_revps"], revps_per_Nm=p["revps_per_Nm"])

@@ -53,7 +53,7 @@ def test_losses_fitted_to_steady_points_hold_at_other_points(nexstar, propeller)
     assert train.measured
     V, n, truth = elsewhere(nexstar, propeller)
     assert predicted(train, propeller, V, n).value == pytest.approx(truth, rel=0.005)
-    for point in train.efficiencies:
+    for point in train.points:
         assert point.overall == pytest.approx(point.propeller * point.motor, rel=1e-9)
         assert 0.4 < point.overall < point.motor < 1
 
@@ -78,7 +78,7 @@ def test_measured_efficiencies_use_the_true_shaft_power(nexstar, propeller) -> N
     """With a table whose power is 5 % too small, shaft power is the table's times the scale found."""
     data, low = steady_points(nexstar, propeller), replace_power(propeller, 0.95)
     train = fit_power_train(data, nexstar.propulsion, low, **NO_CORRECTION)
-    point, row = train.efficiencies[0], data.iloc[0]
+    point, row = train.points[0], data.iloc[0]
     thrust_N, table_W = low.thrust_and_power(row["V"], row["n"], RHO)
     shaft_W = train.parameters.values[0] * table_W
     assert train.parameters.values[0] > 1.01
@@ -140,7 +140,7 @@ def replace_power(propeller, factor):
 def test_without_battery_data_the_aircraft_file_is_believed_and_that_is_said(nexstar, propeller) -> None:
     blind = steady_points(nexstar, propeller).assign(battery_W=np.nan)
     train = fit_power_train(blind, nexstar.propulsion, propeller, **NO_CORRECTION)
-    assert not train.measured and train.efficiencies == ()
+    assert not train.measured and train.points == ()
     assert "no battery voltage" in train.basis and "560 rpm/V" in train.basis
     shaft_scale, friction, copper, meter_scale = np.sqrt(np.diag(train.parameters.covariance))
     assert (shaft_scale, meter_scale) == pytest.approx((0.05, 0.02)), "docs/answers.md promises these"
@@ -163,11 +163,11 @@ def test_a_few_seconds_are_no_measurement(nexstar, propeller) -> None:
 def test_efficiencies_are_means_of_five_seconds_and_a_windmilling_propeller_has_none(nexstar, propeller) -> None:
     data = steady_points(nexstar, propeller)
     train = fit_power_train(data, nexstar.propulsion, propeller, **NO_CORRECTION)
-    times = np.array([point.time_s for point in train.efficiencies])
+    times = np.array([point.time_s for point in train.points])
     assert len(times) == 20, "four means in each of five points of 20 s"
     assert np.diff(times.reshape(5, 4)) == pytest.approx(5.0, abs=0.5)
     late = np.arange(len(data)) >= len(data) - round(10 / STEP_S)
     windmilling = data.assign(V=data["V"] * np.where(late, 2.0, 1.0))  # the last 10 s, at the same motor speed
     assert propeller.thrust_and_power(45.0, data["n"].iloc[-1], RHO)[0] < 0
-    kept = fit_power_train(windmilling, nexstar.propulsion, propeller, **NO_CORRECTION).efficiencies
+    kept = fit_power_train(windmilling, nexstar.propulsion, propeller, **NO_CORRECTION).points
     assert max(point.time_s for point in kept) < 80.0, "the whole stretch is left out"

@@ -2,12 +2,13 @@
 
 import pytest
 
-from analysis.performance.request import USABLE, Request, parse_request
+from analysis.performance.request import Request, parse_request
+from analysis.performance.settings import ASKED
 from flight.errors import InputError
 
 
 def test_nothing_asked_is_the_default() -> None:
-    assert parse_request() == Request(battery_Wh=None, usable=USABLE, weights_N=(), density_altitudes_m=())
+    assert parse_request() == Request(battery_Wh=None, usable=ASKED.usable, weights_N=(), density_altitudes_m=())
 
 
 def test_units_are_understood() -> None:

@@ -4,15 +4,15 @@ import numpy as np
 from msgspec.structs import replace
 from named_speeds import below_slowest
 
-from analysis.performance.analysis import PerformanceModel, flight_performance
+from analysis.performance.analysis import flight_performance
 from analysis.performance.full_throttle import FullThrottle
+from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
-from analysis.performance.request import TitledCondition
+from analysis.performance.request import Request, TitledCondition
 from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift, speed_at
 from analysis.report.answers import headline_answers, optimum_speed_text
 from analysis.report.field_table import to_markdown
-from analysis.results.performance import performance_result
 from analysis.results.power_curves import drag_polar, optimum, power_curve
 from analysis.results.schema import BELOW_SLOWEST, ConditionResult, MethodResult, Results, SlowestFlown
 
@@ -32,7 +32,7 @@ def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = Tru
     parameters = combine_independent(ParameterVector(("A0", "A1", "A2"), *polar), REST, LOSSLESS.parameters)
     model = PerformanceModel(parameters, LOSSLESS, FullThrottle(None, reason="not flown"), propeller, flown_CL)
     heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N, rho=0.9 * at.rho))
-    performance = flight_performance(model, at, [heavier], battery_energy_Wh=50.0, usable=0.8) if performs else None
+    performance = flight_performance(model, at, [heavier], Request(battery_Wh=50.0)) if performs else None
     curve = power_curve(polar, at, flown_CL)
     method = MethodResult(name="direct", title="direct", drag_polar=A.tolist(), power_required=curve)
     standard = at._replace(rho=1.225)
@@ -56,7 +56,7 @@ def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = Tru
         one_by_one=[method],
         disagreements=[],
         interval_parts=[],
-        use=performance_result(performance) if performance else None,
+        use=performance,
     )
 
 

@@ -1,0 +1,192 @@
+"""Power available at full throttle: highest level speed, rate of climb, ceilings (Fig. 1.2).
+
+The motor's model is that of `full_throttle`; with the propeller's table it gives the speed of rotation, thrust and
+power at any speed and density. Limit: the table knows Reynolds number by speed of rotation alone; the lower Reynolds
+numbers of thin air are left out.
+
+Units: V and climb in m/s, thrust in N, power in W, n in rev/s.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.performance.level_flight import PerformanceModel, climb_angle
+from analysis.performance.power_train import corrected_thrust, full_throttle_revps
+from analysis.performance.propagation import SigmaPoints, UncertainValue, from_sigma_points
+from analysis.performance.settings import ASKED, PERFORMANCE
+from analysis.polar import Condition, speed_at
+from analysis.results.schema import AvailableResult, Interval, PowerPoint
+from flight.atmosphere import density, pressure_at, temperature_at
+from flight.propeller import Propeller
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FullThrottlePerformance:
+    """Full throttle at one weight and density; NaN where the motor does not turn the propeller.
+
+    V : (k,) [m/s]     power : available [W], (k,)     climb : rate of climb [m/s], (k,)
+    covered : by the propeller's table, (k,)     maximum_speed, best_climb : [m/s]; NaN where there is none
+    """
+
+    V: Array
+    power: UncertainValue
+    climb: UncertainValue
+    covered: NDArray[np.bool_]
+    maximum_speed: UncertainValue
+    best_climb: UncertainValue
+    best_climb_speed: float
+
+    def covers_maximum(self) -> bool:
+        """Whether the propeller's table covers the highest level speed; true where that speed is not known."""
+        maximum = self.maximum_speed.interval_if_known()
+        return maximum is None or bool(self.covered[np.argmin(np.abs(self.V - maximum.value))])
+
+
+def full_throttle_performance(
+    model: PerformanceModel, condition: Condition, speeds: int = PERFORMANCE.speeds
+) -> FullThrottlePerformance:
+    """Power available, climb and highest level speed, of a model whose full throttle is known."""
+    smallest_CL, largest_CL = model.flown_CL
+    fastest = PERFORMANCE.fastest_sought * speed_at(smallest_CL, condition)
+    V = np.linspace(speed_at(largest_CL, condition), fastest, speeds)
+    n, power_W, climb = _climb(model.sigma_points, model.propeller, V, condition)
+    best = int(np.argmax(np.nan_to_num(climb[0], nan=-np.inf)))
+    return FullThrottlePerformance(
+        V=V,
+        power=from_sigma_points(power_W),
+        climb=from_sigma_points(climb),
+        covered=model.propeller.covers(V / (n[0] * model.propeller.diameter_m), 60 * n[0]),
+        # At the highest level speed the climb turns into a descent for the last time.
+        maximum_speed=from_sigma_points(_last_crossings(V, climb)),
+        best_climb=from_sigma_points(np.fmax.reduce(climb, axis=1)),
+        best_climb_speed=float(V[best]),
+    )
+
+
+def _climb(parameters: SigmaPoints, propeller: Propeller, V: Array, condition: Condition) -> tuple[Array, Array, Array]:
+    """n [rev/s], power available T V cos(alpha) [W] (3.47) and rate of climb V sin(gamma) [m/s], each (2m + 1, k)."""
+    n = full_throttle_revps(
+        propeller,
+        V,
+        condition.rho,
+        unloaded_revps=parameters["unloaded_revps"],
+        revps_per_Nm=parameters["revps_per_Nm"],
+    )
+    correction = {name: parameters[name] for name in ("thrust_scale", "thrust_slope")}
+    thrust_N = corrected_thrust(propeller, V, n, condition.rho, **correction)
+    sine, along_path_N = climb_angle(parameters, thrust_N, V, condition)
+    return n, along_path_N * V, V * sine
+
+
+def _last_crossings(x: Array, y: Array) -> Array:
+    """Where each sigma point's y (2m + 1, k) falls through zero for the last time over x (k,).
+
+    A sigma point that does not cross within x is taken to first order: the estimate's crossing shifted by the
+    difference of y over the slope there. NaN where the estimate itself does not cross.
+    """
+    crossings = np.array([_last_crossing(x, values) for values in y])
+    here = crossings[0]
+    if np.isfinite(here):
+        i = min(int(np.searchsorted(x, here)), len(x) - 1)
+        slope = (y[0, i] - y[0, i - 1]) / (x[i] - x[i - 1])
+        nearby = here - np.array([np.interp(here, x, values) for values in y]) / slope
+        crossings = np.where(np.isfinite(crossings), crossings, nearby)
+    return crossings
+
+
+def _last_crossing(x: Array, y: Array) -> float:
+    """Where y falls through zero for the last time, linear between points; NaN if it does not."""
+    falls = np.flatnonzero((y[:-1] > 0) & (y[1:] <= 0))
+    if not len(falls):
+        return np.nan
+    i = falls[-1]
+    return float(x[i] + (x[i + 1] - x[i]) * y[i] / (y[i] - y[i + 1]))
+
+
+def ceilings_m(model: PerformanceModel, condition: Condition, climbs_mps: tuple[float, ...]) -> list[UncertainValue]:
+    """Density altitudes [m] of the standard atmosphere at which the best climb has fallen to each of `climbs_mps`.
+
+    NaN above the troposphere and below sea level. The climb is the best over the lift coefficients flown; the motor's
+    voltage is that of the flight. condition: its weight counts, its density does not.
+    """
+    heights_m = np.linspace(0.0, ASKED.highest_m, PERFORMANCE.ceiling_heights)
+    rho = density(pressure_at(heights_m), temperature_at(heights_m))[:, None]
+    smallest_CL, largest_CL = model.flown_CL
+    conditions = condition._replace(rho=rho)
+    V = speed_at(np.linspace(largest_CL, smallest_CL, PERFORMANCE.ceiling_speeds), conditions)
+    n_points = len(model.sigma_points["A0"])
+    best = np.empty((n_points, len(heights_m)))
+    for i in range(n_points):
+        point = {name: values[i] for name, values in model.sigma_points.items()}
+        best[i] = np.fmax.reduce(_climb(point, model.propeller, V, conditions)[2], axis=1)
+    return [from_sigma_points(_last_crossings(heights_m, best - climb)) for climb in climbs_mps]
+
+
+NOT_KNOWN = AvailableResult(
+    reason="", basis="", power_available=[], climb_mps=[], maximum_speed_mps=None, maximum_speed_extrapolated=False,
+    best_climb_mps=None, best_climb_speed_mps=None, service_ceiling_m=None, absolute_ceiling_m=None, notes=[],
+)  # fmt: skip
+
+
+def available_result(
+    full: FullThrottlePerformance, ceilings: list[UncertainValue], basis: str, fastest_mps: float
+) -> AvailableResult:
+    """Performance at full throttle, with the notes that a reader needs.
+
+    ceilings: service and absolute. basis: what the motor was fitted to. fastest_mps: speed flown.
+    """
+    maximum = full.maximum_speed.interval_if_known()
+    service, absolute = (ceiling.interval_if_known() for ceiling in ceilings)
+    end = max(PERFORMANCE.drawn_beyond_highest * maximum.value, fastest_mps) if maximum else np.inf
+    drawn = [i for i, v in enumerate(full.V) if np.isfinite(full.power.standard_error[i]) and v <= end]
+    return AvailableResult(
+        reason="",
+        basis=basis,
+        power_available=[
+            PowerPoint(
+                speed_mps=float(full.V[i]),
+                power_W=float(full.power.value[i]),
+                power_lo_W=float(full.power.lo[i]),
+                power_hi_W=float(full.power.hi[i]),
+                extrapolated=bool(full.V[i] > fastest_mps * (1 + 1e-9) or not full.covered[i]),
+            )
+            for i in drawn
+        ],
+        climb_mps=[float(full.climb.value[i]) for i in drawn],
+        maximum_speed_mps=maximum,
+        maximum_speed_extrapolated=maximum is not None and (maximum.value > fastest_mps or not full.covers_maximum()),
+        best_climb_mps=full.best_climb.interval_if_known(),
+        best_climb_speed_mps=full.best_climb_speed,
+        service_ceiling_m=service,
+        absolute_ceiling_m=absolute,
+        notes=[*_notes_on_speed(full, maximum, fastest_mps), _note_on_ceilings(service)],
+    )
+
+
+def _notes_on_speed(full: FullThrottlePerformance, maximum: Interval | None, fastest_mps: float) -> list[str]:
+    """What limits the highest level speed."""
+    if maximum is None and np.nanmax(full.climb.value) > 0:
+        return [f"No highest level speed: excess power remains up to {full.V[-1]:.1f} m/s."]
+    if maximum is None:
+        return ["No highest level speed: full throttle does not sustain level flight at any speed."]
+    notes = []
+    if maximum.value > fastest_mps:
+        notes.append(
+            f"The highest level speed is above the fastest speed flown, {fastest_mps:.1f} m/s: an extrapolation."
+        )
+    if not full.covers_maximum():
+        notes.append("The highest level speed lies outside the propeller's table: an extrapolation.")
+    return notes
+
+
+def _note_on_ceilings(service: Interval | None) -> str:
+    if service is None:
+        return "The service ceiling is above the troposphere or below sea level: not computed."
+    return (
+        "The ceilings assume the battery charge of the runs and the lift coefficients flown, and neglect the lower"
+        " Reynolds numbers of thin air."
+    )
