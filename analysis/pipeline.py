@@ -28,8 +28,8 @@ from analysis.results.assemble import assemble
 from analysis.results.flight_found import air_found, track
 from analysis.results.pooling_statistics import mean_battery_V, pooling_statistics, start_unix_s
 from analysis.results.provenance import provenance
-from analysis.results.schema import Results
 from analysis.results.trajectory import trajectory_result
+from analysis.schema import Results
 from analysis.trajectory.consistency import Consistency, consistency
 from analysis.trajectory.observability import (
     conflict_notes,

@@ -12,7 +12,7 @@ from analysis.report.figures.power import every_method, power_required, run_by_r
 from analysis.report.sections.certainty import certainty_section
 from analysis.report.sections.curve import curve_section, methods_section
 from analysis.report.sections.summary import verdict_section
-from analysis.results.schema import Results
+from analysis.schema import Results
 
 ROUNDED = 0.051  # speeds are written to a tenth of a meter per second
 

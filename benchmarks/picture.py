@@ -14,7 +14,7 @@ from simulation_figures import picture
 
 from analysis.report.figures.power import power_required
 from analysis.report.figures.style import ORANGE
-from analysis.results.schema import Results
+from analysis.schema import Results
 from sim.output_folder import CURVE, LOG
 
 WIDTH, HEIGHT = 1200, 600

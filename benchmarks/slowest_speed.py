@@ -18,7 +18,7 @@ from chain import run
 from named_speeds import below_slowest
 from own_aircraft import FLIGHTPOWER
 
-from analysis.results.schema import Results
+from analysis.schema import Results
 
 AIRCRAFT = ("nexstar", "astraeus-ls", "light-1kg", "survey-6kg")
 TURBULENCE_KT = (0.0, 3.0, 8.0)

@@ -29,8 +29,8 @@ from analysis.campaign.folders import (
     records,
 )
 from analysis.campaign.processes import Analyze, Job, Outcome, load_ahead, run_on_processors
-from analysis.results.schema import Results
 from analysis.results.trust import NOT_TO_TRUST, reasons_not_to_trust
+from analysis.schema import Results
 from flight.errors import InputError
 
 

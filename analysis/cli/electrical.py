@@ -17,7 +17,7 @@ from flight.log_reader import Log
 if TYPE_CHECKING:
     from analysis.autopilot_logs.recording import FlightRecording
     from analysis.electrical.estimate import FlownAircraft
-    from analysis.results.schema import Results
+    from analysis.schema import Results
     from flight.propeller import Propeller
 
 JOULES_PER_WH = 3600.0

@@ -15,7 +15,7 @@ from analysis.log_contents import LogContents, Replacements, contents
 from analysis.maneuvers import runs_file as toml_file
 from analysis.pipeline import Analysis
 from analysis.pipeline import analyze as run_pipeline
-from analysis.results.schema import Results
+from analysis.schema import Results
 from analysis.signals.rest import ZERO_FILE
 from flight.aircraft import load_aircraft
 from flight.errors import InputError

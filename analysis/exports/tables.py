@@ -17,7 +17,7 @@ from analysis.exports.derived import ERROR, derived
 from analysis.files import write_file
 from analysis.pipeline import Analysis
 from analysis.report.write import COLUMNS as STATE_COLUMNS
-from analysis.results.schema import PowerPoint
+from analysis.schema import PowerPoint
 from analysis.trajectory.equations import GUST_FILTER_STATES
 from flight.aircraft import Aircraft
 from flight.errors import InputError

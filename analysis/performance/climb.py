@@ -17,7 +17,7 @@ from analysis.performance.power_train import corrected_thrust, full_throttle_rev
 from analysis.performance.propagation import SigmaPoints, UncertainValue, from_sigma_points
 from analysis.performance.settings import ASKED, PERFORMANCE
 from analysis.polar import Condition, speed_at
-from analysis.results.schema import AvailableResult, Interval, PowerPoint
+from analysis.schema import AvailableResult, Interval, PowerPoint
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.propeller import Propeller
 

@@ -29,7 +29,7 @@ from analysis.performance.power_train import PowerTrainModel, revps_for_thrust
 from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, exact, from_sigma_points
 from analysis.performance.settings import PERFORMANCE
 from analysis.polar import Condition, lift_coefficient
-from analysis.results.schema import LevelEfficiencyPoint
+from analysis.schema import LevelEfficiencyPoint
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]

@@ -32,7 +32,7 @@ from analysis.estimation.model import Model, Parameter
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.performance.propagation import ParameterVector, SigmaPoints, combine_independent
 from analysis.performance.settings import ASSUMED_MOTOR, POWER_TRAIN
-from analysis.results.schema import MeasuredEfficiencyPoint, ParameterResult
+from analysis.schema import MeasuredEfficiencyPoint, ParameterResult
 from analysis.signals.smoothing import stretches
 from flight.aircraft import Propulsion
 from flight.complete_aircraft import CompletePropulsion

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
 from analysis.estimation.noise import NORMAL_95
-from analysis.results.schema import Interval
+from analysis.schema import Interval
 
 Array = NDArray[np.float64]
 SigmaPoints = dict[str, Array]  # by name of the parameter, each (2m + 1, 1)

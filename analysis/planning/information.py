@@ -29,7 +29,7 @@ from analysis.maneuvers.kinds import Maneuver
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.time_history import TimeHistory
 from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift, power_required, speed_at
-from analysis.results.schema import FORMAT, Results
+from analysis.schema import FORMAT, Results
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
 from analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power
 from analysis.trajectory.observability import TITLES

@@ -24,7 +24,7 @@ from analysis.pooling.joint_pool import JointPool
 from analysis.pooling.results import ComparisonResults, Configuration, FlightsToSee, PowerDifference
 from analysis.pooling.settings import POOLING
 from analysis.pooling.wording import SharedErrors
-from analysis.results.schema import ConditionResult
+from analysis.schema import ConditionResult
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.polar import Condition
-from analysis.results.schema import POOLING_FORMAT as FORMAT
-from analysis.results.schema import AircraftResult
+from analysis.schema import POOLING_FORMAT as FORMAT
+from analysis.schema import AircraftResult
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

@@ -36,8 +36,8 @@ from analysis.pooling.wording import (
     installations_text,
     polars_text,
 )
-from analysis.results.schema import ConditionResult, PowerPoint
 from analysis.results.trust import NOT_TO_TRUST
+from analysis.schema import ConditionResult, PowerPoint
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

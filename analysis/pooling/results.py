@@ -5,7 +5,7 @@ Percentages of a pool are of its power required; those of a comparison are of th
 
 import msgspec
 
-from analysis.results.schema import AircraftResult, ConditionResult, PowerPoint
+from analysis.schema import AircraftResult, ConditionResult, PowerPoint
 
 POOLED_FORMAT = "flightpower-pooled-1"
 COMPARISON_FORMAT = "flightpower-comparison-1"

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from analysis.results.schema import BELOW_SLOWEST, AvailableResult, Interval, PerformanceResult, Results, SpeedInterval
+from analysis.schema import BELOW_SLOWEST, AvailableResult, Interval, PerformanceResult, Results, SpeedInterval
 
 BEYOND_TABLE = "Outside the propeller table: an extrapolation."
 

@@ -18,7 +18,7 @@ from analysis.report.sections.flight import electrical_facts
 from analysis.report.sections.performance import autopilot_section
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
-from analysis.results.schema import ElectricalResult, Results, SpeedInterval
+from analysis.schema import ElectricalResult, Results, SpeedInterval
 from flight.units import GRAVITY_MPS2
 
 CURVE_ROWS = 12

@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Sequence
 
-from analysis.results.schema import Interval, PerformanceResult, Results
+from analysis.schema import Interval, PerformanceResult, Results
 from flight.units import GRAVITY_MPS2
 
 SPEEDS = ("speed, m/s", "power required, W", "from the battery, W", "endurance, min", "range, km", "climb, m/s")

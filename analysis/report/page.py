@@ -18,7 +18,7 @@ from analysis.report.sections.curve import curve_section, methods_section
 from analysis.report.sections.flight import flight_section, provenance_section, sensors_section
 from analysis.report.sections.performance import autopilot_section, performance_section
 from analysis.report.sections.summary import summary_section, verdict_section
-from analysis.results.schema import Results
+from analysis.schema import Results
 
 Drawn = Figure | Sequence[Figure]  # one, or several side by side
 

@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from analysis.report.answers import headline_answers
-from analysis.results.schema import Results
+from analysis.schema import Results
 
 CURVE_ROWS = 8
 

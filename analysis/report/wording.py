@@ -4,7 +4,7 @@ What each parameter of the tables means, in words.
 """
 
 from analysis.maneuvers.kinds import LEVEL_RUNS
-from analysis.results.schema import MethodResult, Results
+from analysis.schema import MethodResult, Results
 
 
 def listed_methods(results: Results) -> list[MethodResult]:

@@ -14,7 +14,7 @@ from analysis.results import flight_found, methods, power_curves
 from analysis.results.autopilot_parameters import of_power_required
 from analysis.results.electrical import electrical_points
 from analysis.results.likelihood import pitch_rate_result
-from analysis.results.schema import (
+from analysis.schema import (
     AircraftResult,
     AirFound,
     ConditionResult,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.results.schema import AutopilotParameter, Interval, Results
+from analysis.schema import AutopilotParameter, Interval, Results
 from flight.atmosphere import SEA_LEVEL_DENSITY
 
 WIDEST = 0.4  # half width of an interval over its value beyond which a value is withheld

@@ -15,7 +15,7 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.polar import maximum_lift_to_drag
 from analysis.results.autopilot_parameters import typed_in
 from analysis.results.electrical_parameters import flight_values
-from analysis.results.schema import (
+from analysis.schema import (
     AircraftResult,
     ConditionResult,
     DragPolar,

@@ -12,7 +12,7 @@ from analysis.electrical.fit import IDLE_POWER_SIGMA_W
 from analysis.electrical.thrust_balance import aerodynamics
 from analysis.estimation.noise import NORMAL_95
 from analysis.results.autopilot_parameters import FlightValues, around, wing_loading_of
-from analysis.results.schema import Interval, SpeedInterval
+from analysis.schema import Interval, SpeedInterval
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.units import GRAVITY_MPS2
 

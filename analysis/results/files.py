@@ -5,7 +5,7 @@ import io
 
 import msgspec
 
-from analysis.results.schema import Results
+from analysis.schema import Results
 
 
 def to_json(results: Results) -> bytes:

@@ -8,7 +8,7 @@ from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.ground.thrust_prior import J_REFERENCE, THRUST
 from analysis.performance.request import density_altitude_m
 from analysis.polar import Condition
-from analysis.results.schema import AirFound, Correlation, ParameterResult, RunResidual, Track
+from analysis.schema import AirFound, Correlation, ParameterResult, RunResidual, Track
 from analysis.trajectory.reconstruction import Trajectory
 
 Array = NDArray[np.float64]

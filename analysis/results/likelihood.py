@@ -1,7 +1,7 @@
 """The significance of the pitch rate in the form of `results.json`."""
 
 from analysis.drag.likelihood import PitchRate
-from analysis.results.schema import PitchRateResult
+from analysis.schema import PitchRateResult
 
 
 def pitch_rate_result(found: PitchRate) -> PitchRateResult:

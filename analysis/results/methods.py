@@ -5,7 +5,7 @@ from analysis.drag.method import MethodEstimate, SteadyPoint
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, speed_at
 from analysis.results.power_curves import power_curve
-from analysis.results.schema import DisagreementResult, MethodPoint, MethodResult
+from analysis.schema import DisagreementResult, MethodPoint, MethodResult
 
 
 def method_result(estimate: MethodEstimate, condition: Condition, largest_CL: float) -> MethodResult:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.transducers import TransducerCalibration
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.results.schema import PoolingStatistics, PriorMeasurementStatistics
+from analysis.schema import PoolingStatistics, PriorMeasurementStatistics
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller

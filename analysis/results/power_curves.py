@@ -19,7 +19,7 @@ from analysis.polar import (
     power_required,
     speed_at,
 )
-from analysis.results.schema import (
+from analysis.schema import (
     BELOW_SLOWEST,
     DragPolar,
     Interval,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from analysis.results.schema import Results
+from analysis.schema import Results
 
 OUTPUT, QUIET = ("-o", "--output"), ("-q", "--quiet")  # options that change no result
 

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from analysis.log_contents import LogContents, Replacements
-from analysis.results.schema import Provenance, SensorHealth, SourceFile
+from analysis.schema import Provenance, SensorHealth, SourceFile
 from flight.log_entries import STATUS_CODE
 from flight.log_reader import Log
 from flight.messages import Event, Gps, Status, Tick

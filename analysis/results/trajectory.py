@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.results.schema import Check, ConsistencyCheck, PathResult, SensorError
+from analysis.schema import Check, ConsistencyCheck, PathResult, SensorError
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency, difference_statistics
 from analysis.trajectory.observability import SensorErrorEstimate
 from analysis.trajectory.reconstruction import Trajectory

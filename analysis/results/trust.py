@@ -1,6 +1,6 @@
 """Reasons not to trust a result: those for which `analyze` ends with exit code 1 (docs/results.md)."""
 
-from analysis.results.schema import PowerPoint, Results
+from analysis.schema import PowerPoint, Results
 
 NOT_TO_TRUST = "not_to_trust"  # name under which the results of a flight in a pool have its reasons
 

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 ADDED = ("systemd/README.md", "firmware/esc_counter/README.md", "CHANGELOG.md", "LICENSE")
 REFERENCE = {
     "From Python": "analysis.exports.interface",
-    "The results": "analysis.results.schema",
+    "The results": "analysis.schema",
     "Trust": "analysis.results.trust",
     "Reading a log": "flight.log_reader",
     "Messages of a log": "flight.messages",

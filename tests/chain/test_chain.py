@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from running import command, done
 
 from analysis.pooling.pool import pool_results
-from analysis.results.schema import Results
+from analysis.schema import Results
 from benchmarks.named_speeds import below_slowest
 from flight.aircraft import load_aircraft
 from flight.messages import TYPE_OF_TOPIC

@@ -12,8 +12,8 @@ from running import done, read_once, rewritten
 from analysis.airdata.flight_data import flight_data
 from analysis.airdata.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
 from analysis.log_contents import Replacements, contents
-from analysis.results.schema import Results
 from analysis.results.trajectory import trajectory_result
+from analysis.schema import Results
 from analysis.trajectory.consistency import consistency
 from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
 from analysis.trajectory.reconstruction import reconstruct

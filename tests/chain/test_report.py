@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.results.schema import Results
+from analysis.schema import Results
 from tests.browser import CHROMIUM, Browser, started
 
 pytestmark = pytest.mark.xdist_group("chain")

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from analysis.maneuvers.kinds import LEVEL_RUNS
-from analysis.results.schema import Results
+from analysis.schema import Results
 from daq.probe_calibration import ProbeMaps
 from daq.run_monitor import RunMonitor
 from daq.sensors import Sample

@@ -17,7 +17,7 @@ from analysis.report.figures.style import (
     styled,
     thinned,
 )
-from analysis.results.schema import Results
+from analysis.schema import Results
 
 TIME_TITLE = "time since the start of the log, s"
 

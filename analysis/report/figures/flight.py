@@ -30,7 +30,7 @@ from analysis.report.figures.style import (
     thinned,
     translucent,
 )
-from analysis.results.schema import AirFound, Correlation, RejectedResult, RunResidual, Track
+from analysis.schema import AirFound, Correlation, RejectedResult, RunResidual, Track
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from analysis.trajectory.reconstruction import Trajectory
 from flight.motion import body_from_earth

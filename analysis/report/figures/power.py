@@ -32,7 +32,7 @@ from analysis.report.figures.style import (
     translucent,
 )
 from analysis.report.wording import capitalized_title, listed_methods
-from analysis.results.schema import Interval, MethodResult, PerformanceResult, PowerPoint, Results, SpeedInterval
+from analysis.schema import Interval, MethodResult, PerformanceResult, PowerPoint, Results, SpeedInterval
 from flight.units import GRAVITY_MPS2
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.results.schema import PowerPoint
+from analysis.schema import PowerPoint
 
 Json = dict[str, Any]
 

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.report.html_page import HtmlTable
 from analysis.report.sections.flight import CHANNELS, decimals
 from analysis.report.sections.summary import FILTER_ERROR, reference_point
-from analysis.results.schema import IntervalPart, Results
+from analysis.schema import IntervalPart, Results
 
 MOST_RUNS = 200  # more are no advice
 MORE_RUNS = "more runs like these"

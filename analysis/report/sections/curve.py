@@ -12,7 +12,7 @@ from analysis.report.answers import optimum_speed_text
 from analysis.report.html_page import HtmlTable
 from analysis.report.sections.summary import FEET_PER_SECOND
 from analysis.report.wording import listed_methods, meaning, short_name
-from analysis.results.schema import PitchRateResult, PowerPoint, Results
+from analysis.schema import PitchRateResult, PowerPoint, Results
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
 
 CURVE_ROWS = 12

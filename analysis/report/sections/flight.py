@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from analysis.report.html_page import HtmlTable
-from analysis.results.schema import AirFound, Provenance, Results, SensorError
+from analysis.schema import AirFound, Provenance, Results, SensorError
 from flight.units import GRAVITY_MPS2
 
 

@@ -9,7 +9,7 @@ from analysis.report import field_table
 from analysis.report.answers import interval_text
 from analysis.report.html_page import HtmlTable
 from analysis.report.wording import meaning
-from analysis.results.schema import PerformanceResult, Results
+from analysis.schema import PerformanceResult, Results
 
 
 class PerformanceSection(NamedTuple):

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.report.answers import HeadlineAnswer, headline_answers
-from analysis.results.schema import PowerPoint, Results
 from analysis.results.trust import reasons_not_to_trust
+from analysis.schema import PowerPoint, Results
 from flight.units import GRAVITY_MPS2
 
 FEET_PER_SECOND, KM_PER_HOUR = 1 / 0.3048, 3.6  # of 1 m/s

@@ -21,7 +21,7 @@ from analysis.estimation.model import PriorMeasurement
 from analysis.performance.power_train import revps_for_thrust
 from analysis.results.electrical import _warnings, electrical_results
 from analysis.results.electrical_parameters import flight_values
-from analysis.results.schema import Provenance, SpeedInterval
+from analysis.schema import Provenance, SpeedInterval
 from flight.atmosphere import pressure_at
 from flight.errors import InputError
 from flight.propeller_files import load_propeller

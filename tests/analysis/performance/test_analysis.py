@@ -31,7 +31,7 @@ from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
 from analysis.performance.request import Request, TitledCondition
 from analysis.polar import Condition, Polar, speed_at
-from analysis.results.schema import Interval
+from analysis.schema import Interval
 from flight.runs import AIRCRAFT_SIZE
 from sim.plant import plant_of
 

@@ -13,7 +13,7 @@ from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, UncertainValue
 from analysis.performance.request import Request, TitledCondition
 from analysis.polar import Condition
-from analysis.results.schema import AvailableResult, PerformanceCase
+from analysis.schema import AvailableResult, PerformanceCase
 
 BATTERY_W = np.array([60.0, 64.0, 70.0, 80.0])
 TEST = Condition(weight_N=37.7, rho=1.2, wing_area_m2=0.4636)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.drag import covariance
 from analysis.pooling.flight_statistics import POOLED, M
-from analysis.results.schema import POOLING_FORMAT as FORMAT
+from analysis.schema import POOLING_FORMAT as FORMAT
 
 Array = NDArray[np.float64]
 

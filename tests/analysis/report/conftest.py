@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from analysis.results.schema import (
+from analysis.schema import (
     AircraftResult,
     AvailableResult,
     ConditionResult,

@@ -13,7 +13,7 @@ from analysis.report.sections.curve import curve_section
 from analysis.report.sections.flight import decimals, sensors_section
 from analysis.report.sections.performance import ceilings
 from analysis.report.terminal import print_summary
-from analysis.results.schema import (
+from analysis.schema import (
     Check,
     ConsistencyCheck,
     Interval,

@@ -5,7 +5,7 @@ from msgspec.structs import replace
 
 from analysis.report.sections.performance import autopilot_section
 from analysis.results.autopilot_parameters import of_power_required
-from analysis.results.schema import PowerPoint, Results
+from analysis.schema import PowerPoint, Results
 
 
 def with_parameters(results: Results) -> Results:

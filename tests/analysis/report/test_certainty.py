@@ -20,7 +20,7 @@ from analysis.report.sections.certainty import (
     thrust_share,
 )
 from analysis.report.sections.summary import reference_point, verdict_section
-from analysis.results.schema import (
+from analysis.schema import (
     Correlation,
     IntervalPart,
     ParameterResult,

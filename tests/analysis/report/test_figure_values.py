@@ -12,7 +12,7 @@ from analysis.maneuvers.kinds import ACCELERATION, STANDING
 from analysis.report import calibration as calibration_page
 from analysis.report.figures import electrical, flight, pooled, power, probe_calibration
 from analysis.report.figures.style import Figure
-from analysis.results.schema import MeasuredEfficiencyPoint, Results
+from analysis.schema import MeasuredEfficiencyPoint, Results
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from flight.units import GRAVITY_MPS2
 

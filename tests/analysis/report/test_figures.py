@@ -14,7 +14,7 @@ from analysis.report.figures import flight, power
 from analysis.report.figures import power as methods
 from analysis.report.figures.style import BLUE, GRID, RED, Figure, rounded, thinned, translucent
 from analysis.report.sections import certainty
-from analysis.results.schema import Correlation, Results, SpeedInterval
+from analysis.schema import Correlation, Results, SpeedInterval
 
 
 def named(figure: Figure, name: str) -> list[dict]:

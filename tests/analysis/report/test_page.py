@@ -14,7 +14,7 @@ from analysis.report.figures.style import Figure
 from analysis.report.wording import listed_methods
 from analysis.results.files import to_csv
 from analysis.results.power_curves import optimum
-from analysis.results.schema import ParameterResult, PathResult, RejectedResult, Results, SensorError
+from analysis.schema import ParameterResult, PathResult, RejectedResult, Results, SensorError
 
 T = np.linspace(0.0, 1.0, 5)
 

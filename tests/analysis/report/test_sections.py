@@ -9,7 +9,7 @@ from analysis.report.sections.curve import _power_at_ends
 from analysis.report.sections.flight import _air, _log, _place, _ticks, _wind, decimals, flight_section
 from analysis.report.sections.performance import ceilings, performance_section
 from analysis.report.sections.summary import summary_section
-from analysis.results.schema import AirFound, ConditionResult, Interval, PowerPoint, RejectedResult, Results
+from analysis.schema import AirFound, ConditionResult, Interval, PowerPoint, RejectedResult, Results
 
 AIR = AirFound(
     wind_mps=5.0, wind_from_deg=310.0, wind_standard_error_mps=0.5, gust_mps=0.25, temperature_K=290.0,

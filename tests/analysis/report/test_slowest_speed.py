@@ -14,7 +14,7 @@ from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift
 from analysis.report.answers import headline_answers, optimum_speed_text
 from analysis.report.field_table import to_markdown
 from analysis.results.power_curves import drag_polar, optimum, power_curve
-from analysis.results.schema import BELOW_SLOWEST, ConditionResult, MethodResult, Results, SlowestFlown
+from analysis.schema import BELOW_SLOWEST, ConditionResult, MethodResult, Results, SlowestFlown
 
 SEEDS = range(50)
 LOSSLESS = PowerTrainModel(exact(shaft_scale=1.0, friction=0.0, copper=0.0, meter_scale=0.0), 0.0, True, "", ())

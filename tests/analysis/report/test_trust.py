@@ -7,8 +7,8 @@ from msgspec.structs import replace
 
 from analysis.cli.analyze import _finish
 from analysis.cli.electrical import Done
-from analysis.results.schema import Results
 from analysis.results.trust import reasons_not_to_trust
+from analysis.schema import Results
 
 CHANGES = {
     "did not converge": lambda r: replace(r, verdict="not converged: the step length"),

@@ -13,7 +13,7 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.polar import maximum_lift_to_drag
 from analysis.results.electrical import _beside_the_curve, _best_speed, _points, _polar, _warnings
 from analysis.results.electrical_parameters import flight_values
-from analysis.results.schema import SpeedInterval
+from analysis.schema import SpeedInterval
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.units import GRAVITY_MPS2
 

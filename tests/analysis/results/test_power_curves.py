@@ -14,7 +14,7 @@ from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift
 from analysis.results import power_curves
 from analysis.results.files import to_csv
 from analysis.results.methods import _point
-from analysis.results.schema import ConditionResult, PowerPoint
+from analysis.schema import ConditionResult, PowerPoint
 
 AT = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)
 CD0, K = 0.04, 0.06

@@ -13,7 +13,7 @@ from analysis.log_contents import Replacements
 from analysis.results.flight_found import autocorrelation, parameter_correlation, track
 from analysis.results.previous import replaced
 from analysis.results.provenance import provenance
-from analysis.results.schema import Provenance
+from analysis.schema import Provenance
 from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log
 from flight.messages import Event, Gps, Imu, Status, Tick
