@@ -16,7 +16,7 @@ import typer
 from daq.process_setup import prepare_process, raise_priority
 from daq.systemd_notify import ALIVE, READY, STOPPING, is_service, notify
 from daq.terminal import StatusLine, has_terminal, print_error, show_event
-from flight.command_line import FAILURE, application, quantity
+from flight.command_line import ExitCode, application, quantity
 from flight.command_line import run as run_command
 from flight.errors import InputError
 from flight.messages import Event
@@ -140,7 +140,7 @@ def run(
         if isinstance(error, InputError) and not is_service():
             raise
         print_error(f"daq: {error}")
-        raise typer.Exit(FAILURE) from None
+        raise typer.Exit(ExitCode.FAILURE) from None
     finally:
         notify(STOPPING)
         terminal.clear()
@@ -157,7 +157,7 @@ def run(
         print_error(f"daq: a part of the recording is missing: {recording.write_error}")
         # Not `Exit`: a thread that waits for a failed disk would keep the process alive.
         sys.stderr.flush()
-        os._exit(FAILURE)
+        os._exit(ExitCode.FAILURE)
 
 
 def _seconds_option(least: float, text: str) -> Any:
@@ -194,7 +194,7 @@ def zero(
     except NotStill as error:
         for line in str(error).splitlines():
             typer.echo(f"daq: no zero taken: {line}", err=True)
-        raise typer.Exit(FAILURE) from None
+        raise typer.Exit(ExitCode.FAILURE) from None
     save_zero(new, Path(tray.zero))
     for topic, fields in new.readings.items():
         for name, reading in fields.items():
@@ -248,7 +248,7 @@ def check(
             console.print(f" {mark}[/] {escape(fact.text)}", highlight=False)
         console.print("[bold green]fit to fly" if report.fit else "[bold red]not fit to fly")
     if not report.fit:
-        raise typer.Exit(FAILURE)
+        raise typer.Exit(ExitCode.FAILURE)
 
 
 @app.command()

@@ -1,21 +1,33 @@
-"""What the commands have in common: plain help, quantities with units, one line for what is wrong, exit codes.
+"""What the commands have in common: plain help, records of options, quantities with units, exit codes.
 
-Exit codes: 0 success, 1 a failure while running or a result not to be trusted, 2 wrong input or configuration, 130
-stopped by Ctrl-C.
+What is wrong with the input is one line on stderr.
 """
 
+import inspect
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import fields
+from enum import IntEnum
 from io import TextIOWrapper
-from typing import Any
+from typing import Any, TypeVar, get_type_hints
 
 import typer
 
 from flight.errors import InputError
 from flight.units import to_si
 
-FAILURE, BAD_INPUT = 1, 2
+Record = TypeVar("Record")
+
+
+class ExitCode(IntEnum):
+    """How a command ended. Ctrl-C gives 130."""
+
+    DONE = 0
+    FAILURE = 1  # while running, or a result that is not to be trusted
+    BAD_INPUT = 2  # wrong input or configuration
+
+
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer has it, but under a name that differs between its versions
 LINUX_ONLY = ("fcntl", "resource", "termios")
 
@@ -43,7 +55,7 @@ def run(app: typer.Typer, name: str, prefix: str = "error") -> None:
             raise
         _stop(prefix, f"{name}: runs on Linux only, on the aircraft's computer ({error.name} is missing)")
     except BrokenPipeError:
-        sys.exit(FAILURE)
+        sys.exit(ExitCode.FAILURE)
     except OSError as error:
         if not isinstance(error.filename, str):
             raise
@@ -51,6 +63,38 @@ def run(app: typer.Typer, name: str, prefix: str = "error") -> None:
     else:
         if code:
             sys.exit(code)
+
+
+def takes_options(record: type[Record]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """For a command with the parameter `options`, a record: each field of the record is an option of the command.
+
+    record : a dataclass whose fields are annotated with `typer.Option` and have plain defaults
+    """
+
+    def decorated(command: Callable[..., Any]) -> Callable[..., Any]:
+        annotations = get_type_hints(command, include_extras=True)
+        of_record = get_type_hints(record, include_extras=True)
+        names = {field.name for field in fields(record)}  # type: ignore[arg-type]
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        parameters = []
+        for parameter in inspect.signature(command).parameters.values():
+            if parameter.name != "options":
+                parameters.append(parameter.replace(kind=keyword, annotation=annotations[parameter.name]))
+                continue
+            for field in fields(record):  # type: ignore[arg-type]
+                annotation = of_record[field.name]
+                parameters.append(inspect.Parameter(field.name, keyword, default=field.default, annotation=annotation))
+
+        def run_command(**given: Any) -> Any:
+            options = record(**{name: given.pop(name) for name in names})
+            return command(**given, options=options)
+
+        run_command.__name__, run_command.__doc__ = command.__name__, command.__doc__
+        run_command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        run_command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        return run_command
+
+    return decorated
 
 
 def _check_encoding(arguments: list[str]) -> None:
@@ -68,14 +112,14 @@ def _check_encoding(arguments: list[str]) -> None:
 
 def _stop(prefix: str, message: str) -> None:
     print(f"{prefix}: {' '.join(message.splitlines())}", file=sys.stderr)
-    sys.exit(BAD_INPUT)
+    sys.exit(ExitCode.BAD_INPUT)
 
 
 def _usage(error: Any, name: str) -> str:
     """What is wrong with the arguments, in one line; or the help, for a command without any."""
     if type(error).__name__ == "NoArgsIsHelpError":
         error.show()
-        sys.exit(BAD_INPUT)
+        sys.exit(ExitCode.BAD_INPUT)
     command = error.ctx.command_path if error.ctx else name
     return f"{error.format_message().rstrip('.')}; see `{command} --help`"
 

@@ -1,1 +1,68 @@
-"""The command `flightpower`, with all others under it. It imports a side only when its command is called."""
+"""Power required of small electric aircraft: functions for programs (docs/python.md), and the command `flightpower`.
+
+Nothing is imported before it is asked for: NumPy, SciPy and pandas take a second, and the daemon has none of them.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from analysis import estimation
+    from flightpower.interface import (
+        Comparison,
+        Flight,
+        FlightPlan,
+        InputError,
+        Log,
+        Options,
+        PlanOptions,
+        Pool,
+        Results,
+        analyze,
+        compare,
+        export,
+        plan,
+        pool,
+        read,
+        reasons_not_to_trust,
+        tables,
+        write_report,
+    )
+
+__all__ = [
+    "Comparison",
+    "Flight",
+    "FlightPlan",
+    "InputError",
+    "Log",
+    "Options",
+    "PlanOptions",
+    "Pool",
+    "Results",
+    "analyze",
+    "compare",
+    "estimation",
+    "export",
+    "plan",
+    "pool",
+    "read",
+    "reasons_not_to_trust",
+    "tables",
+    "write_report",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'flightpower' has no attribute {name!r}")
+    from flightpower.scripts import hidden_package
+
+    if message := hidden_package():
+        raise ImportError(message)
+    if name == "estimation":
+        return importlib.import_module("analysis.estimation")
+    return getattr(importlib.import_module("flightpower.interface"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -25,7 +25,7 @@ MODULES = {
     "calibrate": "analysis.cli.calibrate",
     "sim": "sim.__main__",
     "daq": "daq.__main__",
-    "flightpower": "flightpower.__main__",
+    "flightpower": "flightpower.command",
 }
 SHELL = ("", "sh", "bash", "console")
 OTHERS = {

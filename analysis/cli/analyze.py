@@ -13,11 +13,10 @@ from typer.core import TyperCommand
 
 from analysis.cli.compare import app as compare_app
 from analysis.cli.electrical import Done
-from analysis.cli.one_log import Options, analyze_log
-from analysis.performance.request import parse_request, parse_weight
-from flight.command_line import FAILURE, application, quantity, run
+from analysis.cli.one_log import analyze_log
+from analysis.cli.options import Options, QuietOption
+from flight.command_line import ExitCode, application, run, takes_options
 from flight.errors import InputError
-from flight.shipped_propellers import shipped_propellers
 
 app = application(no_args_is_help=False)
 
@@ -39,6 +38,7 @@ class AnalyzeCommand(TyperCommand):
 
 
 @app.command(cls=AnalyzeCommand)
+@takes_options(Options)
 def analyze(
     logs: Annotated[
         list[Path],
@@ -57,129 +57,7 @@ def analyze(
             help="Folder for the results; default: LOG without .mcap, plus .report. Needed with several logs.",
         ),
     ] = None,
-    aircraft: Annotated[
-        Path | None,
-        typer.Option("--aircraft", metavar="FILE", help="Aircraft file to use instead of the log's."),
-    ] = None,
-    propeller: Annotated[
-        str | None,
-        typer.Option(
-            "--propeller",
-            metavar="NAME",
-            help="Propeller to use instead of the log's: one shipped with flightpower"
-            f" ({', '.join(shipped_propellers())}), a CSV file of its format, a PER3 file of APC, or tables of UIUC.",
-        ),
-    ] = None,
-    probe: Annotated[
-        Path | None,
-        typer.Option("--probe", metavar="FILE", help="Probe calibration to use instead of the log's."),
-    ] = None,
-    zero: Annotated[
-        Path | None,
-        typer.Option("--zero", metavar="FILE", help="Still-air zero of `daq zero` to use instead of the log's."),
-    ] = None,
-    weight: Annotated[
-        str | None,
-        typer.Option(
-            "--weight",
-            metavar="WEIGHT",
-            help='Weight in this flight, such as "4.1 kg" or "9 lb", instead of the aircraft file\'s.',
-        ),
-    ] = None,
-    runs: Annotated[
-        Path | None,
-        typer.Option(
-            "--runs",
-            metavar="FILE",
-            help="Runs to use: a runs.toml written by an earlier analysis and edited (keep, start, end, kind).",
-        ),
-    ] = None,
-    magnetometer: Annotated[
-        Path | None,
-        typer.Option(
-            "--magnetometer",
-            metavar="FILE",
-            help="Magnetometer calibration to use instead of the log's.",
-        ),
-    ] = None,
-    likelihood: Annotated[
-        bool,
-        typer.Option(
-            "--likelihood",
-            help="Also apply the two maximum-likelihood methods of the source (docs/methods.md); takes a second.",
-        ),
-    ] = False,
-    transducers: Annotated[
-        Path | None,
-        typer.Option(
-            "--transducers",
-            metavar="FILE",
-            help="Calibration of the differential transducers to use instead of the log's.",
-        ),
-    ] = None,
-    thrust_stand: Annotated[
-        Path | None,
-        typer.Option(
-            "--thrust-stand",
-            metavar="FILE",
-            help="Thrust at rest, of `calibrate thrust`, to use instead of the aircraft file's.",
-        ),
-    ] = None,
-    battery_Wh: Annotated[
-        str | None,
-        typer.Option(
-            "--battery-Wh",
-            metavar="ENERGY",
-            help='Energy of the battery [Wh], such as 74, or "5000 mAh, 14.8 V"; default: that of the aircraft file.',
-        ),
-    ] = None,
-    usable: Annotated[
-        str | None,
-        typer.Option("--usable", metavar="SHARE", help="Usable share of that energy; default: 0.8, which is 80%."),
-    ] = None,
-    weights: Annotated[
-        str | None,
-        typer.Option(
-            "--weights",
-            metavar="LIST",
-            help='Weights to compute, such as "3.8 kg, 9 lbf"; default: 300 and 600 g more than flown.',
-        ),
-    ] = None,
-    density_altitudes: Annotated[
-        str | None,
-        typer.Option(
-            "--density-altitudes",
-            metavar="LIST",
-            help='Density altitudes to compute, such as "0 m, 5000 ft"; default: 15 °C hotter and 1000 m higher.',
-        ),
-    ] = None,
-    mass: Annotated[
-        float | None,
-        typer.Option(
-            "--mass",
-            metavar="MASS",
-            parser=quantity("--mass", "kg", '"9 lb"', above=0, most=1000),
-            help='Mass [kg], such as 9.4 or "21 lb", for a log of an autopilot.',
-        ),
-    ] = None,
-    wing_area: Annotated[
-        float | None,
-        typer.Option(
-            "--wing-area",
-            metavar="AREA",
-            parser=quantity("--wing-area", "m^2", '"5 ft^2"', above=0, most=200),
-            help='Wing area [m^2], such as 1.5 or "16 ft^2", for a log of an autopilot.',
-        ),
-    ] = None,
-    span: Annotated[
-        float | None,
-        typer.Option(
-            "--span",
-            metavar="LENGTH",
-            parser=quantity("--span", "m", '"13 ft"', above=0, most=100),
-            help='Span [m], such as 4 or "13 ft", for a log of an autopilot.',
-        ),
-    ] = None,
+    options: Options = Options(),
     json: Annotated[
         bool,
         typer.Option("--json", help="Print the results as JSON on stdout (docs/results.md), instead of a summary."),
@@ -198,7 +76,7 @@ def analyze(
             help="Analyze on a Dask cluster, such as tcp://10.0.0.5:8786, instead of on this computer.",
         ),
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: QuietOption = False,
 ) -> int:
     """Compute the power required from a log: report.html, results.json, power_required.csv and a table for the field.
 
@@ -226,23 +104,6 @@ def analyze(
     some cannot be used or are not to be trusted. 2: the input cannot be used; one line on stderr says why, and nothing
     was written; of several logs, the folders of flights that could be analyzed stay.
     """
-    request = parse_request(battery_Wh, usable, weights, density_altitudes)
-    options = Options(
-        aircraft=aircraft,
-        propeller=propeller,
-        probe=probe,
-        zero=zero,
-        weight_N=None if weight is None else parse_weight(weight, "--weight"),
-        runs=runs,
-        magnetometer=magnetometer,
-        transducers=transducers,
-        thrust_stand=thrust_stand,
-        request=request,
-        mass_kg=mass,
-        wing_area_m2=wing_area,
-        span_m=span,
-        by_likelihood=likelihood,
-    )
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     if len(logs) > 1 or scheduler is not None:
@@ -267,7 +128,7 @@ def analyze(
     return _finish(done, json, quiet)
 
 
-def _finish(done: Done, json: bool, quiet: bool) -> int:
+def _finish(done: Done, json: bool, quiet: bool) -> ExitCode:
     """Print the results, and on stderr why they are not to be trusted. Returns the exit code."""
     from analysis.results.files import to_json
     from analysis.results.trust import reasons_not_to_trust
@@ -279,7 +140,7 @@ def _finish(done: Done, json: bool, quiet: bool) -> int:
     reasons = reasons_not_to_trust(done.results)
     for reason in reasons:
         print(f"not to be trusted: {reason}", file=sys.stderr)
-    return FAILURE if reasons else 0
+    return ExitCode.FAILURE if reasons else ExitCode.DONE
 
 
 def main() -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from flight.command_line import FAILURE, application
+from flight.command_line import ExitCode, application
 from flight.errors import InputError
 from flight.output_file import check_writable
 
@@ -62,7 +62,7 @@ def compare(
     for line in not_to_trust:
         Console(stderr=True).print(f"not to be trusted: {line}", highlight=False, markup=False, soft_wrap=True)
     if not_to_trust:
-        raise typer.Exit(FAILURE)
+        raise typer.Exit(ExitCode.FAILURE)
 
 
 def _check_no_other_results(path: Path) -> None:

@@ -1,18 +1,22 @@
 """The command `flightpower export`: an analyzed flight as files that other programs open."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
+from analysis.cli.options import LogOptions, QuietOption
 from analysis.exports import FOLDERS, KINDS
-from flight.command_line import application, run
+from flight.command_line import application, run, takes_options
 from flight.errors import InputError
-from flight.log_reader import read_log
+from flight.log_reader import Log, read_log
 from flight.output_file import check_writable
-from flight.units import weight_to_N
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SUFFIX = {"parquet": ".parquet", "csv": ".csv", "mat": ".mat", "mcap": ".derived.mcap"}
 
@@ -20,6 +24,7 @@ app = application(no_args_is_help=False)
 
 
 @app.command()
+@takes_options(LogOptions)
 def export(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of the daemon (docs/log-format.md).")],
     to: Annotated[str, typer.Option("--to", metavar="KIND", help=f"{', '.join(KINDS[:-1])} or {KINDS[-1]}.")],
@@ -32,25 +37,8 @@ def export(
             help="File to write; for csv and parquet a folder of files, one a table. Default: beside the log.",
         ),
     ] = None,
-    aircraft: Annotated[
-        Path | None, typer.Option("--aircraft", metavar="FILE", help="Aircraft file instead of the log's.")
-    ] = None,
-    propeller: Annotated[
-        str | None, typer.Option("--propeller", metavar="NAME", help="Propeller instead of the log's.")
-    ] = None,
-    probe: Annotated[
-        Path | None, typer.Option("--probe", metavar="FILE", help="Probe calibration instead of the log's.")
-    ] = None,
-    zero: Annotated[Path | None, typer.Option("--zero", metavar="FILE", help="Zero instead of the log's.")] = None,
-    magnetometer: Annotated[
-        Path | None,
-        typer.Option("--magnetometer", metavar="FILE", help="Magnetometer calibration instead of the log's."),
-    ] = None,
-    weight: Annotated[
-        str | None, typer.Option("--weight", metavar="WEIGHT", help='Weight in this flight, such as "4.1 kg".')
-    ] = None,
-    runs: Annotated[Path | None, typer.Option("--runs", metavar="FILE", help="An edited runs.toml.")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    options: LogOptions = LogOptions(),
+    quiet: QuietOption = False,
 ) -> None:
     """Analyze a log and write its data for other programs: tables for pandas, MATLAB and spreadsheets, or an MCAP file
     for Foxglove and PlotJuggler.
@@ -76,21 +64,29 @@ def export(
     if path.is_dir() != (to in FOLDERS) and path.exists():
         raise InputError(f"{path}: is {'a folder' if path.is_dir() else 'a file'}; give another name with -o")
     check_writable(path / "tables" if to in FOLDERS else path)
-    weight_N = None if weight is None else weight_to_N(weight, "--weight")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     stderr = Console(stderr=True, quiet=quiet)
     with stderr.status("reading the log …") as status:
         recorded = read_log(log)
-        from analysis.exports import interface
+        tables = tables_from(recorded, options, lambda step: status.update(f"{step} …"))
+        from analysis.exports.tables import export_tables
 
-        flight = interface.analyze(
-            recorded, aircraft=aircraft, propeller=propeller, probe=probe, zero=zero, magnetometer=magnetometer,
-            weight_N=weight_N, runs=runs, progress=lambda step: status.update(f"{step} …"),
-        )  # fmt: skip
         status.update("writing …")
-        interface.export(flight, to, path)
+        export_tables(tables, recorded, to, path)
     if not quiet:
         print(f"{path}: written")
+
+
+def tables_from(log: Log, options: LogOptions, progress: Callable[[str], None]) -> dict[str, "pd.DataFrame"]:
+    """Analyze a log, and give the tables of it. Raises InputError."""
+    given = options.replacements()
+    from analysis.exports.tables import tables_of
+    from analysis.log_contents import contents
+    from analysis.pipeline import analyze
+
+    carried = contents(log, given)
+    analysis = analyze(log, given, progress, runs_file=options.runs)
+    return tables_of(analysis, carried.aircraft, carried.propeller)
 
 
 def main() -> None:

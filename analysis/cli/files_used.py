@@ -12,29 +12,22 @@ from mcap.reader import SeekingReader
 from mcap.records import Attachment, AttachmentIndex, Footer, SummaryOffset
 
 from analysis.autopilot_logs.read import firmware_of
-from analysis.cli.one_log import Options
+from analysis.cli.options import ATTACHMENTS, LogOptions, option_name
 from flight.aircraft import load_aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.log_index import FOOTER_BYTES, MAGIC, RECORD_HEAD
 from flight.shipped_propellers import shipped_propellers
 
 
-def files_used(log: Path, options: Options) -> list[tuple[str, Path]]:
+def files_used(log: Path, options: LogOptions) -> list[tuple[str, Path]]:
     """(option, file) of every file that the analysis of `log` reads.
 
     Raises InputError when the aircraft file cannot be used.
     """
-    given = [
-        ("--aircraft", options.aircraft),
-        ("--probe", options.probe),
-        ("--zero", options.zero),
-        ("--magnetometer", options.magnetometer),
-        ("--transducers", options.transducers),
-        ("--thrust-stand", options.thrust_stand),
-    ]
-    found = [(option, path) for option, path in given if path is not None and path.is_file()]
+    given = ((option_name(field), getattr(options, field)) for field in ATTACHMENTS)
+    files = [(option, path) for option, path in given if isinstance(path, Path) and path.is_file()]
     propeller = options.propeller or _named_propeller(log, options.aircraft)
-    return found + [("--propeller", path) for path in _propeller_files(propeller)]
+    return files + [(option_name("propeller"), path) for path in _propeller_files(propeller)]
 
 
 def _named_propeller(log: Path, aircraft: Path | None) -> str | None:

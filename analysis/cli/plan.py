@@ -1,6 +1,6 @@
 """The command `plan`: what to fly for the narrowest interval. Arguments, messages and exit codes only."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from flight.aircraft import load_aircraft
-from flight.command_line import application, quantity, run
+from flight.aircraft import Aircraft, load_aircraft
+from flight.command_line import application, quantity, run, takes_options
 from flight.errors import InputError
 from flight.output_file import check_writable
 
@@ -23,13 +23,14 @@ FIRMWARES = ("px4", "ardupilot")
 app = application()
 
 
-@app.command()
-def plan(
-    aircraft: Annotated[str, typer.Argument(metavar="AIRCRAFT", help="A shipped aircraft, or an aircraft file.")],
+@dataclass(frozen=True)
+class PlanOptions:
+    """What is asked of a plan. Raises InputError for a value that is none of those possible."""
+
     propeller: Annotated[
         str | None,
         typer.Option("--propeller", metavar="NAME", help="Propeller, or its table, instead of the aircraft file's."),
-    ] = None,
+    ] = None
     minutes: Annotated[
         float,
         typer.Option(
@@ -38,7 +39,7 @@ def plan(
             metavar="TIME",
             help="From standing before to standing after the flight, two minutes on the ground included.",
         ),
-    ] = 21.0,
+    ] = 21.0
     wind_kt: Annotated[
         float,
         typer.Option(
@@ -47,9 +48,9 @@ def plan(
             metavar="SPEED",
             help="Wind at 6 m above the ground, which makes the turbulence.",
         ),
-    ] = 5.0,
-    asked: Annotated[str, typer.Option("--question", help=f"One of {', '.join(QUESTIONS)}.")] = "curve",
-    pilot: Annotated[str, typer.Option("--pilot", help=f"One of {', '.join(PILOTS)}.")] = "line-of-sight",
+    ] = 5.0
+    question: Annotated[str, typer.Option("--question", help=f"One of {', '.join(QUESTIONS)}.")] = "curve"
+    pilot: Annotated[str, typer.Option("--pilot", help=f"One of {', '.join(PILOTS)}.")] = "line-of-sight"
     leg_m: Annotated[
         float | None,
         typer.Option(
@@ -58,7 +59,7 @@ def plan(
             metavar="LENGTH",
             help="Longest straight flight; default: 500 m in line of sight, 1300 m with an autopilot.",
         ),
-    ] = None,
+    ] = None
     height_m: Annotated[
         float,
         typer.Option(
@@ -68,7 +69,7 @@ def plan(
             help="Above the ground. Vertical gusts are as long as this: low flight averages them sooner, but leaves"
             " less room for a stall.",
         ),
-    ] = 40.0,
+    ] = 40.0
     side_m: Annotated[
         float | None,
         typer.Option(
@@ -77,8 +78,8 @@ def plan(
             metavar="LENGTH",
             help="Room for the turns to each side of the legs, in still air; default: what the turns need.",
         ),
-    ] = None,
-    load: Annotated[
+    ] = None
+    load_factor: Annotated[
         float,
         typer.Option(
             "--load-factor",
@@ -86,7 +87,7 @@ def plan(
             metavar="NUMBER",
             help="Largest load factor while porpoising; the smallest is as far below 1.",
         ),
-    ] = 2.0,
+    ] = 2.0
     stall_mps: Annotated[
         float | None,
         typer.Option(
@@ -95,24 +96,45 @@ def plan(
             metavar="SPEED",
             help="Stall speed, wings level; default: that of a largest lift coefficient of 1.2.",
         ),
-    ] = None,
+    ] = None
     after: Annotated[
         list[Path] | None,
         typer.Option("--after", metavar="FILE", help="results.json of an earlier flight; may be repeated."),
-    ] = None,
+    ] = None
     home: Annotated[
         str | None,
         typer.Option("--home", metavar="LAT,LON", help="Middle of the legs [deg]; with it a mission is written."),
-    ] = None,
-    heading: Annotated[
+    ] = None
+    heading_deg: Annotated[
         float,
         typer.Option(
             "--heading",
             parser=quantity("--heading", "deg", '"1.2 rad"', least=-360, most=360),
             help="Of the legs [deg].",
         ),
-    ] = 0.0,
-    firmware: Annotated[str, typer.Option("--firmware", help=f"Of the mission: {' or '.join(FIRMWARES)}.")] = "px4",
+    ] = 0.0
+    firmware: Annotated[str, typer.Option("--firmware", help=f"Of the mission: {' or '.join(FIRMWARES)}.")] = "px4"
+
+    def __post_init__(self) -> None:
+        for option, value, known in (
+            ("--question", self.question, QUESTIONS),
+            ("--pilot", self.pilot, tuple(PILOTS)),
+            ("--firmware", self.firmware, FIRMWARES),
+        ):
+            if value not in known:
+                raise InputError(f"{option} {value}: should be one of {', '.join(known)}")
+
+    @property
+    def place_deg(self) -> tuple[float, float] | None:
+        """Latitude and longitude of the middle of the legs, where given. Raises InputError."""
+        return None if self.home is None else _place(self.home)
+
+
+@app.command()
+@takes_options(PlanOptions)
+def plan(
+    aircraft: Annotated[str, typer.Argument(metavar="AIRCRAFT", help="A shipped aircraft, or an aircraft file.")],
+    options: PlanOptions,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="Default: plan-AIRCRAFT.")
     ] = None,
@@ -129,50 +151,57 @@ def plan(
       flightpower plan my.toml --propeller apc-12x8e --wind-kt 8
       flightpower plan my.toml --pilot autopilot --home 48.1,11.5 --heading 250
     """
-    for option, value, known in (
-        ("--question", asked, QUESTIONS),
-        ("--pilot", pilot, tuple(PILOTS)),
-        ("--firmware", firmware, FIRMWARES),
-    ):
-        if value not in known:
-            raise InputError(f"{option} {value}: should be one of {', '.join(known)}")
-    place = _place(home) if home is not None else None
-    flown = load_aircraft(aircraft)
-    if propeller is not None:
-        flown = replace(flown, propulsion=replace(flown.propulsion, propeller=propeller))
+    place = options.place_deg
+    flown = _aircraft(aircraft, options)
     folder = output or Path(f"plan-{flown.name}")
     check_writable(folder / "plan.toml")
 
-    from analysis.planning import information
+    made = flight_plan(aircraft, options)
     from analysis.planning.card import card
-    from analysis.planning.expected_aircraft import expected_aircraft
     from analysis.planning.mission import Home, qgroundcontrol_plan, simulator_plan, waypoint_file
-    from analysis.planning.pieces import Pilot, Space
-    from analysis.planning.search import Request, plan_flight
 
-    results = [information.read_results(path) for path in after or []]
-    expected = expected_aircraft(flown, height_m, A=information.polar(results), stall_mps=stall_mps)
-    request = Request(
-        minutes,
-        wind_kt,
-        Space(leg_m or PILOTS[pilot], height_m, inf if side_m is None else side_m),
-        Pilot(pilot == "autopilot", load - 1),
-        asked,
-        information.information(results),
-    )
-    made = plan_flight(expected, request)
     files = {
-        "plan.toml": simulator_plan(made.maneuvers, expected, request),
+        "plan.toml": simulator_plan(made.maneuvers, made.aircraft, made.request),
         "card.html": card(made, flown.title),
     }
     if place is not None:
-        where = Home(*place, radians(heading))
-        files["mission.plan"] = qgroundcontrol_plan(made, where, firmware)
+        where = Home(*place, radians(options.heading_deg))
+        files["mission.plan"] = qgroundcontrol_plan(made, where, options.firmware)
         files["mission.waypoints"] = waypoint_file(made, where)
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():
         (folder / name).write_text(text, "utf-8")
-    _print(made, folder, list(files), stall_given=stall_mps is not None)
+    _print(made, folder, list(files), stall_given=options.stall_mps is not None)
+
+
+def _aircraft(name_or_path: str, options: PlanOptions) -> Aircraft:
+    flown = load_aircraft(name_or_path)
+    if options.propeller is None:
+        return flown
+    return replace(flown, propulsion=replace(flown.propulsion, propeller=options.propeller))
+
+
+def flight_plan(aircraft: str, options: PlanOptions) -> "FlightPlan":
+    """The plan for an aircraft, a shipped one or a file. Raises InputError."""
+    from analysis.planning import information
+    from analysis.planning.expected_aircraft import expected_aircraft
+    from analysis.planning.pieces import Pilot, Space
+    from analysis.planning.search import Request, plan_flight
+
+    results = [information.read_results(path) for path in options.after or []]
+    expected = expected_aircraft(
+        _aircraft(aircraft, options), options.height_m, A=information.polar(results), stall_mps=options.stall_mps
+    )
+    side_m = inf if options.side_m is None else options.side_m
+    request = Request(
+        options.minutes,
+        options.wind_kt,
+        Space(options.leg_m or PILOTS[options.pilot], options.height_m, side_m),
+        Pilot(options.pilot == "autopilot", options.load_factor - 1),
+        options.question,
+        information.information(results),
+    )
+    return plan_flight(expected, request)
 
 
 def _place(text: str) -> tuple[float, float]:

@@ -17,8 +17,9 @@ from analysis.campaign.folders import exclusive
 from analysis.campaign.processes import Outcome, below
 from analysis.campaign.processes import Progress as Step
 from analysis.cli.files_used import files_used
-from analysis.cli.one_log import Options, analyze_log, replacements
-from flight.command_line import FAILURE
+from analysis.cli.one_log import analyze_log
+from analysis.cli.options import Options
+from flight.command_line import ExitCode
 from flight.errors import InputError
 
 PRELOAD = ("analysis.pipeline", "analysis.report.write", "analysis.report.terminal")  # of each analysis
@@ -34,13 +35,11 @@ class FlightAnalysis:
         analyze_log(log, folder, replace(self.options, runs=runs), progress)
 
     def under(self, root: Path) -> "FlightAnalysis":
-        def moved(value: Any) -> Any:
-            return below(root, value) if isinstance(value, Path) else value
-
-        options = {field.name: moved(getattr(self.options, field.name)) for field in fields(Options)}
-        propeller = self.options.propeller
-        options["propeller"] = propeller and str(below(root, Path(propeller)))
-        return FlightAnalysis(Options(**options))
+        given = {field.name: getattr(self.options, field.name) for field in fields(Options)}
+        moved: dict[str, Any] = {name: below(root, value) for name, value in given.items() if isinstance(value, Path)}
+        if self.options.propeller:
+            moved["propeller"] = str(below(root, Path(self.options.propeller)))
+        return FlightAnalysis(replace(self.options, **moved))
 
 
 def settings(options: Options) -> str:
@@ -51,8 +50,8 @@ def settings(options: Options) -> str:
 
 def analyze_logs(
     logs: Sequence[Path], output: Path | None, options: Options, *, jobs: int | None, scheduler: str | None, quiet: bool
-) -> int:
-    """Analyze logs and pool the flights. Returns the exit code: FAILURE when some of the logs cannot be used, or the
+) -> ExitCode:
+    """Analyze logs and pool the flights. Returns `ExitCode.FAILURE` when some of the logs cannot be used, or the
     results of one are not to be trusted.
 
     Raises InputError when none can, or the flights cannot be pooled.
@@ -64,7 +63,7 @@ def analyze_logs(
             f"--runs {options.runs}: belongs to one log; with several, edit runs.toml in the folder of a flight and run"
             " the same command again"
         )
-    replacements(options)  # a wrong file is refused once, not for each log
+    options.replacements()  # a wrong file is refused once, not for each log
     work = Work(FlightAnalysis(options), settings(options), lambda log: files_used(log, options), PRELOAD)
     stderr = Console(stderr=True)
     # Meanwhile this process has nothing else to do: what the report needs is loaded before the last flight has ended.
@@ -78,7 +77,7 @@ def analyze_logs(
         if not campaign.folders:
             raise InputError(f"{output}: none of the {len(logs)} logs can be used")
         not_to_trust = _pool(campaign, output, stderr, quiet)
-    return FAILURE if campaign.failures or not_to_trust else 0
+    return ExitCode.FAILURE if campaign.failures or not_to_trust else ExitCode.DONE
 
 
 def _load_report() -> None:

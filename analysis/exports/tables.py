@@ -13,7 +13,8 @@ import msgspec
 import numpy as np
 import pandas as pd
 
-from analysis.exports.derived import ERROR, derived
+from analysis.exports import KINDS
+from analysis.exports.derived import ERROR, derived, write_derived_log
 from analysis.files import write_file
 from analysis.pipeline import Analysis
 from analysis.report.write import COLUMNS as STATE_COLUMNS
@@ -21,6 +22,7 @@ from analysis.schema import PowerPoint
 from analysis.trajectory.equations import GUST_FILTER_STATES
 from flight.aircraft import Aircraft
 from flight.errors import InputError
+from flight.log_reader import Log
 from flight.propeller import Propeller
 
 # Columns of the air data table whose own names lack a unit, or are of use inside the program only.
@@ -145,3 +147,16 @@ WRITERS: dict[str, Callable[[Mapping[str, pd.DataFrame], Path], None]] = {
     "parquet": write_parquet,
     "mat": write_mat,
 }
+
+
+def export_tables(tables: Mapping[str, pd.DataFrame], log: Log, to: str, path: Path) -> None:
+    """Write tables of a flight. to: one of KINDS     path: a folder for csv and parquet, a file for mat and mcap
+
+    Raises InputError for another kind, or when it cannot be written.
+    """
+    if to not in KINDS:
+        raise InputError(f"{to!r} is not a kind of export; choose one of {', '.join(KINDS)}")
+    if to == "mcap":
+        write_derived_log(tables, log, path)
+    else:
+        WRITERS[to](tables, path)

@@ -13,7 +13,7 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).parents[2]
 ADDED = ("systemd/README.md", "firmware/esc_counter/README.md", "CHANGELOG.md", "LICENSE")
 REFERENCE = {
-    "From Python": "analysis.exports.interface",
+    "From Python": "flightpower.interface",
     "The results": "analysis.schema",
     "Trust": "analysis.results.trust",
     "Reading a log": "flight.log_reader",

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from test_documented_commands import quick_commands
 
-from analysis.exports import interface
+from analysis.cli import export
 from analysis.planning import search
 from flight.propeller_files import load_propeller
 from sim.plan import load_plan
@@ -118,14 +118,14 @@ def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.Mo
     for name in ("log.mcap", "out/demo/log.mcap"):
         shutil.copy(walk.folder / "out" / "demo" / "log.mcap", name)
     shutil.copy(SEAWAY_MINI, "log.ulg")
-    analyses: list[Any] = []
-    pipeline = interface.run_pipeline
+    made: list[Any] = []
+    tables_from = export.tables_from
 
-    def once(*arguments: Any, **options: Any) -> Any:
-        analyses.extend([] if analyses else [pipeline(*arguments, **options)])
-        return analyses[0]
+    def once(*arguments: Any) -> Any:
+        made.extend([] if made else [tables_from(*arguments)])
+        return made[0]
 
-    monkeypatch.setattr(interface, "run_pipeline", once)
+    monkeypatch.setattr(export, "tables_from", once)
     for command, written in OF_A_FLIGHT.items():
         succeeds(command, written)
 

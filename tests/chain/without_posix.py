@@ -32,7 +32,7 @@ OURS = "analysis|daq|flight|flightpower|hw_fakes|sim"
 COMMANDS = {
     "analyze": "analysis.cli.analyze",
     "calibrate": "analysis.cli.calibrate",
-    "flightpower": "flightpower.__main__",
+    "flightpower": "flightpower.command",
     "sim": "sim.__main__",
 }
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-import flightpower.__main__ as umbrella
+import flightpower.command as umbrella
 from daq.config import load_tray
 from flight.aircraft import load_aircraft, parse_aircraft, shipped_aircraft
 from flight.aircraft_keys import EXAMPLES
@@ -25,7 +25,7 @@ def flightpower(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 def test_help_lists_every_command_and_loads_none() -> None:
     code = (
-        "import sys; from typer.testing import CliRunner; from flightpower.__main__ import app\n"
+        "import sys; from typer.testing import CliRunner; from flightpower.command import app\n"
         "print(CliRunner().invoke(app, ['--help']).output)\n"
         "print('LOADED', [m for m in ('numpy', 'casadi', 'pandas', 'analysis', 'sim', 'daq') if m in sys.modules])"
     )

@@ -12,7 +12,7 @@ import analysis.cli.analyze
 import analysis.cli.calibrate
 import analysis.cli.compare
 import daq.__main__
-import flightpower.__main__
+import flightpower.command
 import flightpower.new
 import sim.__main__
 from analysis.cli import plan
@@ -23,7 +23,7 @@ APPLICATIONS = {
     "analyze compare": analysis.cli.compare.app,
     "calibrate": analysis.cli.calibrate.app,
     "daq": daq.__main__.app,
-    "flightpower": flightpower.__main__.app,
+    "flightpower": flightpower.command.app,
     "flightpower new": flightpower.new.app,
     "sim": sim.__main__.app,
 }
@@ -78,6 +78,6 @@ def test_plans_are_by_default_those_that_the_page_on_flying_tells() -> None:
     legs = re.search(r"(\d+) m in line of sight, (\d+) m with an autopilot unless", told)
     load = re.search(r"largest load factor while porpoising, (\d) unless", told)
     assert found and legs and load
-    default = {name: one.default for name, one in signature(plan.plan).parameters.items()}
-    assert default["minutes"] == float(found[1]) and default["load"] == float(load[1])
+    default = {name: one.default for name, one in signature(plan.PlanOptions).parameters.items()}
+    assert default["minutes"] == float(found[1]) and default["load_factor"] == float(load[1])
     assert [plan.PILOTS[pilot] for pilot in ("line-of-sight", "autopilot")] == [float(leg) for leg in legs.groups()]

@@ -17,16 +17,16 @@ import pytest
 import analysis.cli.analyze
 import analysis.cli.calibrate
 import daq.__main__
-import flightpower.__main__
+import flightpower.command
 import sim.__main__
 from flight.aircraft import load_aircraft
-from flight.command_line import BAD_INPUT
+from flight.command_line import ExitCode
 
 MAIN: dict[str, Callable[[], None]] = {
     "analyze": analysis.cli.analyze.main,
     "calibrate": analysis.cli.calibrate.main,
     "daq": daq.__main__.main,
-    "flightpower": flightpower.__main__.main,
+    "flightpower": flightpower.command.main,
     "sim": sim.__main__.main,
 }
 
@@ -299,7 +299,7 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def test_wrong_input_is_one_line_and_changes_nothing(given: Path, line: str) -> None:
     before = contents(given)
     code, out, err = typed(line)
-    assert code == BAD_INPUT, err
+    assert code == ExitCode.BAD_INPUT, err
     assert err.count("\n") == 1 and err.endswith("\n"), err
     assert WRONG[line] in err
     assert out == ""

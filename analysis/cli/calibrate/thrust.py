@@ -8,7 +8,7 @@ import typer
 
 from analysis.cli.calibrate.options import Replace, check_output, write_json
 from flight.aircraft import Aircraft, Uncertainty, load_aircraft
-from flight.command_line import FAILURE, quantity
+from flight.command_line import ExitCode, quantity
 from flight.errors import InputError
 from flight.shipped_propellers import shipped_propellers
 
@@ -110,7 +110,7 @@ def thrust(
         print(f"warning: {line}", file=sys.stderr)
     if unsupported:
         print(f"error: {stand}: nothing written; {unsupported}", file=sys.stderr)
-        raise typer.Exit(FAILURE)
+        raise typer.Exit(ExitCode.FAILURE)
     write_json(output, found)
     print(f"wrote {output}; the same in the aircraft file:\n{to_toml(found)}", end="")
 

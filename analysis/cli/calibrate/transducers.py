@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from analysis.cli.calibrate.options import LogFile, Replace, check_output, write_json
-from flight.command_line import FAILURE, quantity
+from flight.command_line import ExitCode, quantity
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2, to_si
 
@@ -85,7 +85,7 @@ def transducers(
         print(line)
     if unsupported:
         print(f"error: {log}: nothing written; {unsupported}", file=sys.stderr)
-        raise typer.Exit(FAILURE)
+        raise typer.Exit(ExitCode.FAILURE)
     write_json(output, calibration)
     print(f"wrote {output}")
 

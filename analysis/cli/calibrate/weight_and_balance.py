@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from analysis.cli.calibrate.options import AircraftFileLines, Replace, check_output, write_or_print
-from flight.command_line import FAILURE, quantity
+from flight.command_line import ExitCode, quantity
 from flight.errors import InputError
 from flight.units import to_si
 
@@ -81,7 +81,7 @@ def weight_and_balance(
         print(line, file=messages)
     if found.unsupported:
         print(f"error: nothing written; {found.unsupported}", file=sys.stderr)
-        raise typer.Exit(FAILURE)
+        raise typer.Exit(ExitCode.FAILURE)
     write_or_print(computation.to_toml(found), output)
 
 

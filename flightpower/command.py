@@ -1,0 +1,110 @@
+"""`flightpower COMMAND …`: the commands of all sides under one name, and `flightpower new` for files to begin with."""
+
+import importlib
+from importlib import metadata
+from importlib.util import find_spec
+from typing import Annotated, Any, NamedTuple
+
+import typer
+from typer.core import TyperGroup
+
+from flight.command_line import application, run
+from flight.errors import InputError
+
+
+class Side(NamedTuple):
+    """A command of its own: the module with its `app`, and what it needs installed, by the name of the extra."""
+
+    module: str
+    help: str
+    needs: tuple[str, ...]
+    extra: str = ""
+
+
+LAPTOP = ("casadi", "jinja2", "numpy", "pandas", "plotly", "scipy")
+SIDES = {
+    "analyze": Side("analysis.cli.analyze", "From a log to the power-required curve.", LAPTOP, "analysis"),
+    "export": Side("analysis.cli.export", "A flight as tables and files for other programs.", LAPTOP, "analysis"),
+    "plan": Side("analysis.cli.plan", "What to fly next, for the narrowest interval.", LAPTOP, "analysis"),
+    "calibrate": Side("analysis.cli.calibrate", "Probe, tubes, magnetometer, surfaces, airspeed.", LAPTOP, "analysis"),
+    "sim": Side("sim.__main__", "Simulated flights and wind tunnel.", ("casadi", "numpy", "pandas", "pyarrow"), "sim"),
+    "daq": Side("daq.__main__", "Record the sensors on the aircraft's computer.", ()),
+    "new": Side("flightpower.new", "Files to begin with: an aircraft, a tray.", ()),
+}
+
+
+class Sides(TyperGroup):
+    """Loads the command that is called or completed, and no other: help alone needs none of them."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(SIDES)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in SIDES:
+            return None
+        listed = application()
+        listed.command(name=cmd_name, help=SIDES[cmd_name].help)(lambda: None)
+        return typer.main.get_command(listed)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, load(name) if name in SIDES else command, rest
+
+
+def load(name: str) -> Any:
+    """The command of a side. Raises InputError saying what to install when something that it needs is missing."""
+    side = SIDES[name]
+    missing = [module for module in side.needs if find_spec(module) is None]
+    if missing:
+        raise InputError(
+            f'flightpower {name}: {", ".join(missing)} not installed; run: pip install "flightpower[{side.extra}]"'
+        )
+    command = typer.main.get_command(importlib.import_module(side.module).app)
+    command.name = name
+    return command
+
+
+app = application(
+    cls=Sides,
+    add_completion=True,
+    help="""Power required of small electric aircraft, measured in accelerations and decelerations.
+
+    \b
+    A simulated flight:
+      flightpower sim tunnel -o tunnel.csv
+      flightpower calibrate probe tunnel.csv -o probe.json
+      flightpower sim fly --probe probe.json -o out
+      flightpower analyze out/log.mcap
+
+    \b
+    An aircraft of your own:
+      flightpower new aircraft -o my.toml      then fill it in
+      flightpower analyze log.mcap --aircraft my.toml
+
+    Each command has --help.
+    """,
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"flightpower {metadata.version('flightpower')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _group(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Entry point. Wrong input gives one line on stderr and exit code 2."""
+    run(app, "flightpower")
+
+
+if __name__ == "__main__":
+    main()
