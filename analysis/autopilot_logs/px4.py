@@ -21,6 +21,7 @@ from analysis.autopilot_logs.recording import (
     turning_motor,
     without_clock_jumps,
 )
+from analysis.autopilot_logs.settings import READABLE
 from flight.errors import InputError
 
 TOPICS = (
@@ -31,13 +32,11 @@ TOPICS = (
 ROTARY_WING, FIXED_WING, ROVER = 1, 2, 3  # vehicle_status.vehicle_type
 MULTICOPTERS, ROVERS = (2, 3, 4, 13, 14, 15), (10, 11, 12)  # MAV_TYPE
 CELSIUS = 273.15
-HECTOPASCAL_BELOW = 2000.0  # sensor_baro.pressure of old firmware
 AIRSPEED_TOPICS = (  # in order of preference
     ("airspeed_validated", ("indicated_airspeed_m_s",)),
     ("airspeed", ("indicated_airspeed_m_s",)),
 )
 RPM_FIELDS = ("rpm_estimate", "indicated_frequency_rpm")
-MOST_MOTORS = 8
 PRESSURE_FIELDS = ("differential_pressure_pa", "differential_pressure_filtered_pa", "differential_pressure_raw_pa")
 
 
@@ -147,7 +146,7 @@ def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool
                     speed = np.where(one.values("selected_airspeed_index") > 0, speed, np.nan)
                 found.append(channel(one.t_s, recording.pressure_of_indicated_airspeed(speed)))
         best = most_varying(found)
-        if best is not None and len(best.t_s) >= recording.FEWEST_SAMPLES:
+        if best is not None and len(best.t_s) >= READABLE.fewest_samples:
             return {recording.AIRSPEED_PRESSURE: best}, True
     raw = [one.channel(field) for one in topics.get("differential_pressure", []) for field in PRESSURE_FIELDS]
     best = most_varying(raw)
@@ -171,7 +170,7 @@ def _static(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
     for one in topics.get("sensor_baro", []):
         pressure = one.channel("pressure")
         if len(pressure.value):
-            factor = 100.0 if np.median(pressure.value) < HECTOPASCAL_BELOW else 1.0
+            factor = 100.0 if np.median(pressure.value) < READABLE.static_Pa[0] / 10 else 1.0
             return {recording.STATIC: Channel(pressure.t_s, factor * pressure.value)}
     return {}
 
@@ -192,7 +191,7 @@ def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
             if not all(one.has(field) for field in fields):
                 continue
             fixed = one.values("fix_type") >= 3 if one.has("fix_type") else np.ones(len(one.t_s), dtype=bool)
-            if fixed.sum() >= recording.FEWEST_SAMPLES:
+            if fixed.sum() >= READABLE.fewest_samples:
                 return {
                     axis: channel(one.t_s[fixed], one.values(field)[fixed])
                     for axis, field in zip(recording.GPS, fields, strict=True)
@@ -202,7 +201,7 @@ def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
 
 def _motors(topics: dict[str, list[_Topic]]) -> list[Channel]:
     """Speeds of rotation [rev/s]: by the speed controllers, or by RPM sensors."""
-    fields = [f"esc[{i}].esc_rpm" for i in range(MOST_MOTORS)]
+    fields = [f"esc[{i}].esc_rpm" for i in range(8)]
     by_controller = [one.channel(field) for one in topics.get("esc_status", []) for field in fields if one.has(field)]
     by_sensor = [one.channel(field) for one in topics.get("rpm", []) for field in RPM_FIELDS if one.has(field)]
     found = by_controller if any(np.any(one.value != 0) for one in by_controller) else by_sensor

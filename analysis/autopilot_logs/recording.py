@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.autopilot_logs.settings import INSTANCES, READABLE
+
 Array = NDArray[np.float64]
 
 AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot less static pressure, its zero not yet corrected
@@ -19,22 +21,19 @@ VOLTAGE, CURRENT = "battery_V", "battery_A"
 MOTOR = "motor_revps"
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
 SEA_LEVEL_DENSITY_KGPM3 = 1.225  # of indicated airspeed
-CLOCK_JUMP_S = 60.0  # a longer step of the clock within one channel is no dropout
-FEWEST_SAMPLES = 20
 
 
 # By channel: the least and greatest possible value, and the greatest difference from the median of five samples.
 POSSIBLE = {
-    AIRSPEED_PRESSURE: (-2000.0, 20_000.0, 600.0),
-    STATIC: (20_000.0, 120_000.0, 300.0),
-    FORCE_X: (-300.0, 300.0, 100.0),
-    FORCE_Z: (-300.0, 300.0, 100.0),
-    VOLTAGE: (0.0, 1000.0, 50.0),
-    CURRENT: (-1000.0, 2000.0, 300.0),
-    MOTOR: (0.0, 2000.0, 100.0),
-    **dict.fromkeys(GPS, (-300.0, 300.0, 30.0)),
+    AIRSPEED_PRESSURE: READABLE.pitot_Pa,
+    STATIC: READABLE.static_Pa,
+    FORCE_X: READABLE.force_mps2,
+    FORCE_Z: READABLE.force_mps2,
+    VOLTAGE: READABLE.voltage_V,
+    CURRENT: READABLE.current_A,
+    MOTOR: READABLE.motor_revps,
+    **dict.fromkeys(GPS, READABLE.ground_mps),
 }
-POSSIBLE_TEMPERATURE_K = (150.0, 450.0, 50.0)
 
 
 class Channel(NamedTuple):
@@ -83,7 +82,7 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
     """
     main = _without_single_times(main)
     channels = {name: _without_single_times(one) for name, one in channels.items()}
-    channels = {name: _possible(one, *POSSIBLE.get(name, POSSIBLE_TEMPERATURE_K)) for name, one in channels.items()}
+    channels = {name: _possible(one, *POSSIBLE.get(name, READABLE.temperature_K)) for name, one in channels.items()}
     parts = _parts(main.t_s)
     notes = []
     if len(parts) > 1:
@@ -93,7 +92,7 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
         low, high = main.t_s[kept.start], main.t_s[kept.stop - 1]
         channels = {name: _within(one, float(low), float(high)) for name, one in channels.items()}
     ascending = {name: _ascending(one) for name, one in channels.items()}
-    return {name: one for name, one in ascending.items() if len(one.t_s) >= FEWEST_SAMPLES}, notes
+    return {name: one for name, one in ascending.items() if len(one.t_s) >= READABLE.fewest_samples}, notes
 
 
 def _without_single_times(one: Channel) -> Channel:
@@ -109,7 +108,7 @@ def _without_single_times(one: Channel) -> Channel:
 def _possible(one: Channel, least: float, greatest: float, spike: float) -> Channel:
     kept = (one.value >= least) & (one.value <= greatest)
     t_s, value = one.t_s[kept], one.value[kept]
-    if len(value) < FEWEST_SAMPLES:
+    if len(value) < READABLE.fewest_samples:
         return Channel(t_s, value)
     around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(value, 2, mode="reflect"), 5), axis=1)
     kept = np.abs(value - around) <= spike
@@ -117,9 +116,9 @@ def _possible(one: Channel, least: float, greatest: float, spike: float) -> Chan
 
 
 def _parts(t_s: Array) -> list[slice]:
-    """Rows between steps back, and steps forward by more than CLOCK_JUMP_S."""
+    """Rows between steps back, and steps forward by more than READABLE.clock_jump_s."""
     step = np.diff(t_s)
-    edges = np.flatnonzero((step < -1.0) | (step > CLOCK_JUMP_S)) + 1
+    edges = np.flatnonzero((step < -1.0) | (step > READABLE.clock_jump_s)) + 1
     return [slice(int(a), int(b)) for a, b in zip([0, *edges], [*edges, len(t_s)], strict=True)]
 
 
@@ -141,10 +140,6 @@ def _ascending(one: Channel) -> Channel:
     return Channel(one.t_s[later], one.value[later])
 
 
-TURNING_REVPS = 5.0
-SECOND_SHARE = 0.1  # of the used battery's power; a second one with more is mentioned
-
-
 class Battery(NamedTuple):
     name: str
     voltage: Channel
@@ -161,7 +156,7 @@ def measuring_battery(batteries: Sequence[Battery]) -> tuple[Battery | None, lis
     if best > 0:
         notes.append(f"{batteries[best].name} measures the propulsion: {batteries[0].name} carries less power.")
     for i, P in enumerate(power):
-        if i != best and P > SECOND_SHARE * power[best]:
+        if i != best and P > INSTANCES.second_battery * power[best]:
             notes.append(
                 f"{batteries[i].name} carries {100 * P / power[best]:.0f} % of the power of {batteries[best].name} and"
                 " is not counted: where both feed the motor, the electrical power is too small."
@@ -171,7 +166,9 @@ def measuring_battery(batteries: Sequence[Battery]) -> tuple[Battery | None, lis
 
 def turning_motor(motors: Sequence[Channel]) -> tuple[Channel | None, list[str]]:
     """The speed of the one motor that turns, and a note where several do."""
-    turning = [one for one in motors if len(one.value) and float(np.percentile(one.value, 90)) > TURNING_REVPS]
+    turning = [
+        one for one in motors if len(one.value) and float(np.percentile(one.value, 90)) > INSTANCES.turning_revps
+    ]
     if len(turning) > 1:
         return None, [f"{len(turning)} motors turn in this log; motor speed is used of a single one only."]
     return (turning[0], []) if turning else (None, [])

@@ -14,17 +14,18 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from analysis.autopilot_logs import recording
+from analysis.autopilot_logs.settings import READABLE
 from analysis.electrical.flight_table import FlightTable
+from analysis.electrical.settings import GPS
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6  # of the cost and of the parameters, relative
-WHITE_SHARE = 0.05  # of the variance, uncorrelated
 
 
 def correlation(apart_s: Array, time_s: float) -> Array:
     """Correlation matrix of first-order noise at instants `apart_s` (n, n) from each other."""
-    return np.asarray((1 - WHITE_SHARE) * np.exp(-apart_s / time_s) + WHITE_SHARE * np.eye(len(apart_s)))
+    return np.asarray((1 - GPS.white_share) * np.exp(-apart_s / time_s) + GPS.white_share * np.eye(len(apart_s)))
 
 
 def most_probable(
@@ -63,15 +64,6 @@ def most_likely_noise(residual: Array, apart_s: Array, times_s: Sequence[float])
     return best[1], best[2]
 
 
-SCALE_SIGMA = 0.0125  # of an airspeed sensor and its place, before the flight
-TREND_MPS_PER_S = 0.01  # prior of the wind's trend
-WIND_SIGMA_MPS = 10.0
-LATENCY_S = 0.15  # of GPS velocity
-CORRELATION_S = (2.0, 5.0, 10.0, 20.0, 40.0)
-LEAST_STEP_S, MOST_POINTS, FEWEST_POINTS = 1.0, 500, 20
-ITERATIONS = 3
-
-
 class AirspeedErrors(NamedTuple):
     """scale : fraction by which airspeed reads high; zero_Pa : remaining zero of the pitot; covariance (2, 2) of both.
 
@@ -83,7 +75,7 @@ class AirspeedErrors(NamedTuple):
     covariance: Array
     wind_mps: float | None
     wind_from_deg: float | None
-    prior_sigma: float = SCALE_SIGMA  # of the scale
+    prior_sigma: float = GPS.scale_sigma  # of the scale
 
 
 def one_way(north_mps: Array, east_mps: Array, errors: AirspeedErrors) -> float:
@@ -99,21 +91,21 @@ def true_airspeed(pressure_Pa: Array, rho: Array, scale: float, zero_Pa: float) 
     return np.asarray(np.sqrt(2 * np.maximum(pressure_Pa - zero_Pa, 1.0) / rho) / (1 + scale))
 
 
-def airspeed_errors(flight: FlightTable, most_points: int = MOST_POINTS) -> AirspeedErrors:
+def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> AirspeedErrors:
     """The most probable errors of a flight's airspeed, given their priors and GPS."""
-    prior_sigma = np.array([SCALE_SIGMA, flight.zero_sigma_Pa])
+    prior_sigma = np.array([GPS.scale_sigma, flight.zero_sigma_Pa])
     table, step_s = flight.table, float(flight.table.index[1] - flight.table.index[0])
     has_gps = table[list(recording.GPS)].notna().all(axis=1).to_numpy()
     rows = np.flatnonzero(flight.flown & has_gps)
-    rows = rows[:: max(round(LEAST_STEP_S / step_s), len(rows) // most_points, 1)]
-    if len(rows) < FEWEST_POINTS:
+    rows = rows[:: max(round(GPS.spacing_s / step_s), len(rows) // most_points, 1)]
+    if len(rows) < READABLE.fewest_samples:
         return AirspeedErrors(0.0, 0.0, np.diag(prior_sigma**2), None, None)
     t_s = table.index.to_numpy()
     pressure, rho = (table[name].to_numpy()[rows] for name in ("pressure_Pa", "rho"))
-    # A GPS velocity is that of LATENCY_S before.
-    north, east, down = (np.interp(t_s[rows] + LATENCY_S, t_s[has_gps], table[n][has_gps]) for n in recording.GPS)
+    # A GPS velocity is that of GPS.latency_s before.
+    north, east, down = (np.interp(t_s[rows] + GPS.latency_s, t_s[has_gps], table[n][has_gps]) for n in recording.GPS)
     elapsed = t_s[rows] - t_s[rows].mean()
-    priors = np.array([*prior_sigma, WIND_SIGMA_MPS, WIND_SIGMA_MPS, TREND_MPS_PER_S, TREND_MPS_PER_S])
+    priors = np.array([*prior_sigma, GPS.wind_sigma_mps, GPS.wind_sigma_mps, GPS.trend_mps2, GPS.trend_mps2])
     apart_s = np.abs(elapsed[:, None] - elapsed)
 
     def residual(x: Array) -> Array:
@@ -122,11 +114,11 @@ def airspeed_errors(flight: FlightTable, most_points: int = MOST_POINTS) -> Airs
         return np.asarray(np.sqrt(air_n**2 + air_e**2 + down**2) - true_airspeed(pressure, rho, scale, zero_Pa))
 
     x = np.array([0.0, 0.0, float(np.mean(north)), float(np.mean(east)), 0.0, 0.0])
-    sigma, time_s = 1.0, CORRELATION_S[0]
-    for _ in range(ITERATIONS):
+    sigma, time_s = 1.0, GPS.correlation_s[0]
+    for _ in range(3):
         whiten = np.linalg.inv(np.linalg.cholesky(sigma**2 * correlation(apart_s, time_s)))
         x, jacobian = most_probable(residual, whiten, np.zeros(len(priors)), priors, x)
-        sigma, time_s = most_likely_noise(residual(x), apart_s, CORRELATION_S)
+        sigma, time_s = most_likely_noise(residual(x), apart_s, GPS.correlation_s)
     covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian)[:2, :2], dtype=float)
     wind_mps, wind_from_deg = float(np.hypot(x[2], x[3])), float(np.degrees(np.arctan2(-x[3], -x[2])) % 360)
     return AirspeedErrors(float(x[0]), float(x[1]), covariance, wind_mps, wind_from_deg)

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
+from analysis.autopilot_logs.settings import READABLE
 from analysis.drag.method import MethodDescription, MethodEstimate
 from analysis.electrical.drag import DragEstimate, drag_estimate
 from analysis.electrical.energy_balance import FlightConditions, drag_power
 from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.fit import derivatives
 from analysis.electrical.flight_table import flight_table
+from analysis.electrical.settings import BESIDE_A_COMPLETE_LOG
 from analysis.electrical.thrust_balance import aerodynamics
 from analysis.ground.thrust_prior import stand_measurements
 from analysis.polar import Polar
@@ -51,7 +53,7 @@ def recording_of(log: Log) -> FlightRecording:
     channels: dict[str, Channel] = {}
     for name, (topic, field) in CHANNELS.items():
         one = Channel(*samples(log.entries.get(topic, NO_ENTRIES), field, start_ns))
-        if len(one.t_s) >= recording.FEWEST_SAMPLES:
+        if len(one.t_s) >= READABLE.fewest_samples:
             channels[name] = one
     warm = Channel(*samples(log.entries.get("/static", NO_ENTRIES), "temperature_K", start_ns))
     first = float(np.mean(warm.value[:50])) if len(warm.value) else float("nan")
@@ -64,9 +66,6 @@ def recording_of(log: Log) -> FlightRecording:
 
 Array = NDArray[np.float64]
 
-MOST_WINDOWS, MOST_POINTS = 100, 200
-EVERY = 3  # sample of the flight's table
-LIFT_POINTS = 31  # of the quadratic polar through that with a term of fourth order
 
 WHOLE_FLIGHT = MethodDescription(
     name="whole-flight",
@@ -92,10 +91,10 @@ def whole_flight(log: Log, aircraft: Aircraft, propeller: Propeller) -> WholeFli
     electrical: ElectricalEstimate | None = None
     try:
         recording = recording_of(log)
-        flight = flight_table(recording, weight_N, geometry.wing_area_m2).thinned(EVERY)
+        flight = flight_table(recording, weight_N, geometry.wing_area_m2).thinned(BESIDE_A_COMPLETE_LOG.every)
         electrical = estimate(
             flight, weight_N, geometry.wing_area_m2, geometry.span_m, str(log.path),
-            most_windows=MOST_WINDOWS, most_points=MOST_POINTS,
+            most_windows=BESIDE_A_COMPLETE_LOG.most_windows, most_points=BESIDE_A_COMPLETE_LOG.most_points,
         )  # fmt: skip
         drag: DragEstimate | str = drag_estimate(
             flight,
@@ -104,7 +103,7 @@ def whole_flight(log: Log, aircraft: Aircraft, propeller: Propeller) -> WholeFli
             propeller,
             None,
             aircraft.uncertainty,
-            MOST_WINDOWS,
+            BESIDE_A_COMPLETE_LOG.most_windows,
             stand_measurements(aircraft),
         )
     except InputError as error:
@@ -117,7 +116,7 @@ def whole_flight(log: Log, aircraft: Aircraft, propeller: Propeller) -> WholeFli
 def method_estimate(drag: DragEstimate) -> MethodEstimate:
     """The quadratic polar over the lift coefficients of the curve, with its covariance."""
     c = drag.conditions
-    V = np.linspace(drag.V_mps[-1], drag.V_mps[0], LIFT_POINTS)
+    V = np.linspace(drag.V_mps[-1], drag.V_mps[0], 31)
     qS = c.rho * V**2 / 2 * c.wing_area_m2
     CL = c.mass_kg * g / qS
 

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
-from analysis.electrical.energy_balance import MOST_WINDOWS, FlightConditions, drag_power
+from analysis.electrical.energy_balance import FlightConditions, drag_power
 from analysis.electrical.estimate import ElectricalEstimate, drag_prior, lift_prior
 from analysis.electrical.fit import (
-    CURRENT_SIGMA,
     SharedErrors,
     most_probable_fit,
     samples_of,
@@ -18,6 +17,7 @@ from analysis.electrical.fit import (
     with_standard_error,
 )
 from analysis.electrical.flight_table import FlightTable
+from analysis.electrical.settings import FLIGHT, SHARED, THRUST, WINDOWS
 from analysis.electrical.thrust_balance import PARAMETERS, MotorConstants, ThrustBalance, aerodynamics
 from analysis.estimation.model import PriorMeasurement
 from analysis.performance.power_train import revps_for_thrust
@@ -26,11 +26,6 @@ from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 
-# Mean updraft over the size of vertical air motion. In strong turbulence power required is found 1 to 2 % too low.
-UPDRAFT_SHARE = 0.2
-MOTOR_CONSTANTS_SIGMA = 0.04  # of electrical power, where motor speed follows from it and the motor's constants
-LEAST_KNOWN = 0.98  # share of the flight in which motor speed is measured
-MOTOR_EFFICIENCY = (0.45, 1.02)  # shaft power by the table over electrical power
 
 WITHHELD_DRAG = (
     "Drag and shaft power are not known: they take the propeller's table (--propeller) and motor speed (ESC telemetry"
@@ -69,11 +64,11 @@ def drag_estimate(
     propeller: Propeller | None,
     motor: MotorConstants | None,
     uncertainty: Uncertainty = Uncertainty(),
-    most_windows: int = MOST_WINDOWS,
+    most_windows: int = WINDOWS.most,
     stand: Sequence[PriorMeasurement] = (),
 ) -> DragEstimate | str:
     """The estimate, or a sentence that says what it would take. uncertainty: of thrust. stand: of thrust at rest."""
-    measured = bool(flight.table[recording.MOTOR][flight.flown].notna().mean() > LEAST_KNOWN)
+    measured = bool(flight.table[recording.MOTOR][flight.flown].notna().mean() > FLIGHT.measured_share)
     if propeller is None:
         return WITHHELD_DRAG
     if not measured and motor is None:
@@ -93,7 +88,7 @@ def drag_estimate(
     balance = ThrustBalance(samples, c, propeller, None if measured else motor, most_windows)
     powered = balance.motor_W() > 0.2 * np.percentile(balance.motor_W(), 95)
     efficiency = float(np.sum(balance.shaft_W()[powered]) / np.sum(balance.motor_W()[powered]))
-    if not MOTOR_EFFICIENCY[0] < efficiency < MOTOR_EFFICIENCY[1]:
+    if not THRUST.motor_efficiency[0] < efficiency < THRUST.motor_efficiency[1]:
         return (
             f"Drag is not known: by the propeller's table and motor speed the shaft takes {100 * efficiency:.0f} % of"
             " the electrical power, which no motor does; check the table, and the pole pairs that the speed was counted"
@@ -110,8 +105,8 @@ def drag_estimate(
         np.array([*sigma, *thrust_sigma, *lift_sigma]),
         (rows, values),
     )
-    power_sigma = CURRENT_SIGMA if measured else float(np.hypot(CURRENT_SIGMA, MOTOR_CONSTANTS_SIGMA))
-    shared = [*shared_errors(flight, balance, fit, airspeed, power_sigma, UPDRAFT_SHARE)]
+    power_sigma = SHARED.current if measured else float(np.hypot(SHARED.current, SHARED.motor_constants))
+    shared = [*shared_errors(flight, balance, fit, airspeed, power_sigma, SHARED.updraft_share_for_drag)]
     V = electrical.V_mps
 
     def required(parameters: Array, given: FlightConditions) -> Array:

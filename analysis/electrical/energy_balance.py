@@ -26,11 +26,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.electrical.settings import PRIOR, RESIDUALS, WINDOWS
 from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
-
-RISE_EXPONENT = 2.3
 
 
 def advance(V: Array, power_W: Array, rho: Array | float) -> Array:
@@ -41,7 +40,7 @@ def advance(V: Array, power_W: Array, rho: Array | float) -> Array:
 def efficiency(x: Array, maximum: float, x_at_maximum: float, fall: float) -> Array:
     """Thrust times airspeed over the motor's electrical power; zero where the propeller no longer pulls."""
     u = x / x_at_maximum
-    rising = 1 - np.abs(1 - np.minimum(u, 1.0)) ** RISE_EXPONENT
+    rising = 1 - np.abs(1 - np.minimum(u, 1.0)) ** PRIOR.rise_exponent
     falling = 1 - fall * (np.maximum(u, 1.0) - 1) ** 2
     return np.asarray(maximum * np.maximum(np.where(u < 1, rising, falling), 0.0))
 
@@ -50,11 +49,6 @@ def idling(x: Array, x_at_maximum: float, fall: float) -> Array:
     """How far the propeller idles: 0 where it pulls, 1 where it hardly takes power."""
     zero_thrust = 1 + 1 / np.sqrt(fall)
     return np.asarray(np.clip((x / x_at_maximum - zero_thrust) / zero_thrust, 0.0, 1.0))
-
-
-LONGITUDINAL_RATIO = 1.0  # standard deviation of u over that of w
-EFFICIENCY_SHARE, EFFICIENCY_S = 0.05, 10.0  # error of the efficiency's form, and how long it lasts
-LEAST_W = 1.0  # standard deviation of a window's power, uncorrelated
 
 
 @dataclass(frozen=True)
@@ -72,13 +66,15 @@ def by_air(windows: Windows, mass_kg: float, V_mps: float, sigma_w_mps: float, t
     """Covariance (n, n) [W^2] by vertical and longitudinal air motion of this size and correlation time."""
     lags = _lags(windows)
     vertical = (mass_kg * g * sigma_w_mps) ** 2 * _at_lags(lags, windows, windows.weight, time_s)
-    along = (mass_kg * V_mps * LONGITUDINAL_RATIO * sigma_w_mps) ** 2 * _at_lags(lags, windows, windows.slope, time_s)
+    along = (mass_kg * V_mps * sigma_w_mps) ** 2 * _at_lags(lags, windows, windows.slope, time_s)
     return np.asarray(vertical + along)
 
 
 def by_efficiency(windows: Windows, useful_W: Array) -> Array:
     """Covariance (n, n) [W^2] by the form of the efficiency."""
-    return np.asarray(EFFICIENCY_SHARE**2 * np.outer(useful_W, useful_W) * np.exp(-_lags(windows) / EFFICIENCY_S))
+    return np.asarray(
+        RESIDUALS.efficiency_share**2 * np.outer(useful_W, useful_W) * np.exp(-_lags(windows) / RESIDUALS.efficiency_s)
+    )
 
 
 def by_angle(windows: Windows, mass_kg: float, V_mps: Array, sigma_rad: float, time_s: float) -> Array:
@@ -88,7 +84,7 @@ def by_angle(windows: Windows, mass_kg: float, V_mps: Array, sigma_rad: float, t
 
 
 def uncorrelated(windows: Windows) -> Array:
-    return np.asarray(LEAST_W**2 * np.eye(len(windows.centers_s)))
+    return np.asarray(RESIDUALS.white_W**2 * np.eye(len(windows.centers_s)))
 
 
 def of_both(air: Array, of_drag: Array, of_force: Array) -> Array:
@@ -109,10 +105,6 @@ def _at_lags(lags: Array, windows: Windows, weight: Array, time_s: float) -> Arr
     values = np.exp(-np.abs(beyond[:, None] + differences) / time_s) @ overlap
     return np.asarray(np.interp(lags, beyond, values, right=0.0))
 
-
-WINDOW_S, LEAST_STEP_S, MOST_WINDOWS = 8.0, 2.0, 400
-GREATEST_POWER_W, POWER_POINTS = 1e5, 600
-LEAST_POWER_W = 0.5
 
 # The natural logarithms of CD0, K, x_at_maximum, fall and angle over C_L, and the logit of the efficiency, keep them
 # possible. The last two are those of the angle of attack, alpha_0 + C_L (angle over C_L).
@@ -173,12 +165,12 @@ class DragAndEfficiency:
 class EnergyBalance:
     """The balance of one flight. windows: of `air_motion`; V_mps, power_W: (n,) their means"""
 
-    def __init__(self, samples: Samples, conditions: FlightConditions, most_windows: int = MOST_WINDOWS):
+    def __init__(self, samples: Samples, conditions: FlightConditions, most_windows: int = WINDOWS.most):
         self.samples, self.conditions = samples, conditions
         step_s = float(np.median(np.diff(samples.t_s)))
         length_s = sum(rows.stop - rows.start for rows in samples.stretches) * step_s
-        spacing_s = step_s * round(max(LEAST_STEP_S, length_s / most_windows) / step_s)
-        window_s = max(WINDOW_S, 2 * spacing_s)
+        spacing_s = step_s * round(max(WINDOWS.length_s / 4, length_s / most_windows) / step_s)
+        window_s = max(WINDOWS.length_s, 2 * spacing_s)
         count = 2 * round(window_s / step_s / 2) + 1
         u = (np.arange(count) - count // 2) / (count - 1)
         weight = 1 + np.cos(2 * np.pi * u)
@@ -260,7 +252,7 @@ def level_power(V: Array, parameters: Array, c: FlightConditions) -> Array:
     """Electrical power of steady level flight (n,) [W]; NaN where the motor cannot give it."""
     p = DragAndEfficiency.of(parameters)
     drag_W = drag_power(V, 1.0, 0.0, p, c)
-    motor = np.geomspace(LEAST_POWER_W, GREATEST_POWER_W, POWER_POINTS)
+    motor = np.geomspace(0.5, 1e5, 600)
     x = advance(V[:, None], motor, c.rho)
     surplus = motor * efficiency(x, p.efficiency, p.x_at_maximum, p.fall) - drag_W[:, None]
     enough = surplus >= 0

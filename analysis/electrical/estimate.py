@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.electrical.airspeed_gps import MOST_POINTS, AirspeedErrors, airspeed_errors
-from analysis.electrical.energy_balance import MOST_WINDOWS, EnergyBalance, FlightConditions, level_power
+from analysis.electrical.airspeed_gps import AirspeedErrors, airspeed_errors
+from analysis.electrical.energy_balance import EnergyBalance, FlightConditions, level_power
 from analysis.electrical.fit import (
     SharedErrors,
     derivatives,
@@ -21,11 +21,10 @@ from analysis.electrical.fit import (
     with_standard_error,
 )
 from analysis.electrical.flight_table import FlightTable
+from analysis.electrical.settings import CURVE, GPS, PRIOR, WINDOWS
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
-
-LEAST_ASPECT_RATIO, GREATEST_ASPECT_RATIO = 0.5, 60.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ def flown_aircraft(
         in_file = {"weight_N": aircraft.mass.weight_N, "wing_area_m2": geometry.wing_area_m2, "span_m": geometry.span_m}
         flown = FlownAircraft(name=aircraft.title, **(in_file | values))
     aspect_ratio = flown.span_m**2 / flown.wing_area_m2
-    if not LEAST_ASPECT_RATIO < aspect_ratio < GREATEST_ASPECT_RATIO:
+    if not CURVE.aspect_ratio[0] < aspect_ratio < CURVE.aspect_ratio[1]:
         raise InputError(
             f"span {flown.span_m:g} m and wing area {flown.wing_area_m2:g} m^2 make an aspect ratio of"
             f" {aspect_ratio:.2g}, which no aircraft has; check both"
@@ -66,22 +65,6 @@ def flown_aircraft(
 
 
 Array = NDArray[np.float64]
-
-# Prior means and standard deviations, order of PARAMETERS; K is that of OSWALD.
-CD0, CD0_LN_SIGMA = 0.05, 0.6
-OSWALD, K_LN_SIGMA = 0.75, 0.25
-CL_MIN_DRAG, CL_MIN_DRAG_SIGMA = 0.2, 0.2
-K4, K4_SIGMA = 0.01, 0.015
-EFFICIENCY, EFFICIENCY_LOGIT_SIGMA = 0.6, 0.4
-X_LN_SIGMA = 0.3
-FALL, FALL_LN_SIGMA = 0.7, 0.5
-IDLE_DRAG, IDLE_DRAG_SIGMA = 0.1, 0.15
-ALPHA_PER_CT_SIGMA = 0.2
-ALPHA_0_SIGMA, ALPHA_PER_CL_LN_SIGMA = 0.1, 0.3  # the first contains how the accelerometer is mounted
-
-FEWEST_WINDOWS = 15
-FLOWN_SHARE = (5.0, 98.0)  # percentiles of the windows' airspeed
-CURVE_POINTS = 61
 
 
 class ElectricalEstimate(NamedTuple):
@@ -126,8 +109,8 @@ def estimate(
     span_m: float,
     log: str = "log",
     *,
-    most_windows: int = MOST_WINDOWS,
-    most_points: int = MOST_POINTS,
+    most_windows: int = WINDOWS.most,
+    most_points: int = GPS.most_points,
 ) -> ElectricalEstimate:
     """The curve of one flight. most_windows, most_points: of the energy balance and of airspeed against GPS.
 
@@ -138,14 +121,14 @@ def estimate(
     conditions = FlightConditions(weight_N / g, wing_area_m2, rho, flight.idle_power_W)
     samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa)
     balance = EnergyBalance(samples, conditions, most_windows)
-    if len(balance.windows.centers_s) < FEWEST_WINDOWS:
+    if len(balance.windows.centers_s) < WINDOWS.fewest:
         raise InputError(f"{log}: the flight is too short or too torn for an energy balance")
     if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + 5.0:
         raise InputError(f"{log}: the motor took no power in flight; electrical power of level flight is not known")
     mean, sigma = _prior(balance, span_m)
     fit = most_probable_fit(balance, mean, sigma)
-    slowest, fastest = (float(np.percentile(balance.V_mps, share)) for share in FLOWN_SHARE)
-    V = np.linspace(slowest, fastest, CURVE_POINTS)
+    slowest, fastest = (float(np.percentile(balance.V_mps, share)) for share in CURVE.percentiles)
+    V = np.linspace(slowest, fastest, CURVE.points)
     power = level_power(V, fit.parameters, conditions)
     known = np.isfinite(power)
     if known.sum() < 2:
@@ -179,24 +162,28 @@ def estimate(
 
 def _prior(balance: EnergyBalance, span_m: float) -> tuple[Array, Array]:
     mean, sigma = drag_prior(span_m, balance.conditions.wing_area_m2)
-    efficiency = [np.log(EFFICIENCY / (1 - EFFICIENCY)), np.log(balance.powered_x()), np.log(FALL), IDLE_DRAG]
-    efficiency_sigma = [EFFICIENCY_LOGIT_SIGMA, X_LN_SIGMA, FALL_LN_SIGMA, IDLE_DRAG_SIGMA]
+    p = PRIOR
+    logit = np.log(p.efficiency.mean / (1 - p.efficiency.mean))
+    efficiency = [logit, np.log(balance.powered_x()), np.log(p.fall.mean), p.idle_drag.mean]
+    efficiency_sigma = [p.efficiency.sigma, p.x_sigma, p.fall.sigma, p.idle_drag.sigma]
     lift_mean, lift_sigma = lift_prior(span_m, balance.conditions.wing_area_m2)
     return np.array([*mean, *efficiency, *lift_mean]), np.array([*sigma, *efficiency_sigma, *lift_sigma])
 
 
 def drag_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:
     """Of the first four parameters, those of the drag polar."""
-    ln_K = -np.log(np.pi * OSWALD * span_m**2 / wing_area_m2)
-    sigma = [CD0_LN_SIGMA, K_LN_SIGMA, CL_MIN_DRAG_SIGMA, K4_SIGMA]
-    return np.array([np.log(CD0), ln_K, CL_MIN_DRAG, K4]), np.array(sigma)
+    ln_K = -np.log(np.pi * PRIOR.oswald.mean * span_m**2 / wing_area_m2)
+    sigma = [PRIOR.CD0.sigma, PRIOR.oswald.sigma, PRIOR.CL_of_least_drag.sigma, PRIOR.K4.sigma]
+    return np.array([np.log(PRIOR.CD0.mean), ln_K, PRIOR.CL_of_least_drag.mean, PRIOR.K4.mean]), np.array(sigma)
 
 
 def lift_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:
     """Of the last two parameters, by the lift slope of a straight wing (Helmbold)."""
     A = span_m**2 / wing_area_m2
     slope = 2 * np.pi * A / (2 + np.sqrt(4 + A**2))
-    return np.array([0.0, -np.log(slope), 0.0]), np.array([ALPHA_0_SIGMA, ALPHA_PER_CL_LN_SIGMA, ALPHA_PER_CT_SIGMA])
+    return np.array([0.0, -np.log(slope), 0.0]), np.array(
+        [PRIOR.alpha_0_sigma, PRIOR.alpha_per_CL_sigma, PRIOR.alpha_per_CT_sigma]
+    )
 
 
 def _marginal_efficiency(V: Array, parameters: Array, c: FlightConditions) -> Array:

@@ -19,24 +19,15 @@ from analysis.electrical.energy_balance import (
     uncorrelated,
 )
 from analysis.electrical.flight_table import FlightTable
+from analysis.electrical.settings import FLIGHT, RESIDUALS, SHARED
 from analysis.signals.smoothing import without_gaps
 
 Array = NDArray[np.float64]
 SharedErrors = list[tuple[Array, FlightConditions]]
 
-# Standard deviations of errors common to the whole flight.
-CURRENT_SIGMA, MASS_SIGMA, IDLE_POWER_SIGMA_W = 0.0115, 0.005, 1.0  # the first: evenly within 2 %
-LEAST_UPDRAFT_MPS, UPDRAFT_SHARE = 0.01, 0.08  # mean updraft: at least, and over the size of vertical air motion
 
-FIRST_SIGMA_MPS, FIRST_TIME_S = 0.3, 3.0
-TIMES_S = (1.0, 2.0, 4.0, 8.0, 16.0)
 SIGMAS_MPS = tuple(0.02 * 1.25**i for i in range(26))  # 0.02 to 5
-# Length scale of vertical turbulence: the height above ground, up to 300 m (MIL-F-8785C); its logarithm.
-LENGTH_M, LENGTH_LN_SIGMA = 60.0, 0.7
-FIRST_ANGLE_RAD = 0.005
 ANGLES_RAD = tuple(0.0005 * 1.25**i for i in range(22))  # to 0.05: of the angle of attack
-LEAST_MEASURED = 0.98  # share of the flight in which the accelerometer measured
-ITERATIONS = 3
 STEP = 0.2  # of numerical derivatives, in standard deviations
 
 
@@ -59,7 +50,7 @@ def samples_of(flight: FlightTable, scale: float, zero_Pa: float) -> Samples:
     revps = table[recording.MOTOR].to_numpy()
     both = table[["force_x_mps2", "load_factor"]].notna().all(axis=1).to_numpy()
     force_x = without_gaps(table["force_x_mps2"].to_numpy())
-    has_force = float(np.mean(both[flight.flown])) > LEAST_MEASURED
+    has_force = float(np.mean(both[flight.flown])) > FLIGHT.measured_share
     return Samples(
         table.index.to_numpy(), V, height, power, load_factor, flight.airborne, revps, force_x if has_force else None
     )
@@ -76,12 +67,21 @@ def most_probable_fit(
     windows, mass_kg, V = balance.windows, balance.conditions.mass_kg, float(np.mean(balance.V_mps))
     n, with_force = len(balance.V_mps), balance.samples.force_x_mps2 is not None
     white = uncorrelated(windows)
-    airs = [by_air(windows, mass_kg, V, 1.0, time_s) for time_s in TIMES_S]
-    angles = [by_angle(windows, mass_kg, balance.V_mps, 1.0, time_s) for time_s in TIMES_S]
-    unlikely = [(np.log(time_s * V / LENGTH_M) / LENGTH_LN_SIGMA) ** 2 for time_s in TIMES_S]
-    gust_mps, gust_s, angle_rad, angle_s = FIRST_SIGMA_MPS, FIRST_TIME_S, FIRST_ANGLE_RAD, FIRST_TIME_S
+    times_s = RESIDUALS.times_s
+    airs = [by_air(windows, mass_kg, V, 1.0, time_s) for time_s in times_s]
+    angles = [by_angle(windows, mass_kg, balance.V_mps, 1.0, time_s) for time_s in RESIDUALS.times_s]
+    unlikely = [
+        (np.log(time_s * V / RESIDUALS.gust_length_m.mean) / RESIDUALS.gust_length_m.sigma) ** 2
+        for time_s in RESIDUALS.times_s
+    ]
+    gust_mps, gust_s, angle_rad, angle_s = (
+        RESIDUALS.first_gust_mps,
+        RESIDUALS.first_s,
+        RESIDUALS.first_angle_rad,
+        RESIDUALS.first_s,
+    )
     parameters = mean
-    for _ in range(ITERATIONS):
+    for _ in range(3):
         noise = air = by_air(windows, mass_kg, V, gust_mps, gust_s)
         of_drag = by_efficiency(windows, balance.useful_W(parameters)) + white
         noise = air + of_drag
@@ -95,7 +95,9 @@ def most_probable_fit(
         gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
         if with_force:
             both = residual[:n] + residual[n:]
-            angle_rad, angle_s = _size_and_time(both, of_drag + white, angles, ANGLES_RAD, [0.0] * len(TIMES_S))
+            angle_rad, angle_s = _size_and_time(
+                both, of_drag + white, angles, ANGLES_RAD, [0.0] * len(RESIDUALS.times_s)
+            )
     estimate_covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=float)
     gain = -estimate_covariance @ jacobian[: len(residual)].T @ whiten
     return Fit(parameters, estimate_covariance, gain, residual[:n], gust_mps, gust_s)
@@ -108,7 +110,8 @@ def _size_and_time(
     what is probable given the residuals. A short flight leaves them uncertain, and their most likely values are too
     small more often than too large.
 
-    fixed: covariance of the rest. by_time: of the part, by TIMES_S, at size 1. unlikely: their cost, as chi squared.
+    fixed: covariance of the rest. by_time: of the part at size 1, for each of RESIDUALS.times_s. unlikely: their
+    cost, as chi squared.
     """
     found = []
     factor = np.linalg.inv(np.linalg.cholesky(fixed))
@@ -119,7 +122,7 @@ def _size_and_time(
         variance = 1 + np.square(sizes)[:, None] * np.maximum(values, 0.0)
         found.append(np.sum(white / variance + np.log(variance), axis=1) + cost_of_time)
     costs = np.concatenate(found)
-    sigmas, times_s = np.tile(sizes, len(TIMES_S)), np.repeat(TIMES_S, len(sizes))
+    sigmas, times_s = np.tile(sizes, len(RESIDUALS.times_s)), np.repeat(RESIDUALS.times_s, len(sizes))
     weight = np.exp((costs.min() - costs) / 2)
     weight /= weight.sum()
     return float(np.sqrt(weight @ sigmas**2)), float(np.exp(weight @ np.log(times_s)))
@@ -163,8 +166,8 @@ def shared_errors(
     balance: EnergyBalance,
     fit: Fit,
     airspeed: AirspeedErrors,
-    power_sigma: float = CURRENT_SIGMA,
-    updraft_share: float = UPDRAFT_SHARE,
+    power_sigma: float = SHARED.current,
+    updraft_share: float = SHARED.updraft_share,
 ) -> Iterator[tuple[Array, FlightConditions]]:
     """The parameters' change with each independent error of one standard deviation, and the conditions with it."""
     c = balance.conditions
@@ -175,12 +178,12 @@ def shared_errors(
 
     for scale, zero_Pa in np.linalg.cholesky(airspeed.covariance).T:
         yield error(samples_of(flight, airspeed.scale + scale, airspeed.zero_Pa + zero_Pa), c)
-    heavier, warmer = 1 + MASS_SIGMA, 1 - flight.rho_sigma
+    heavier, warmer = 1 + SHARED.mass, 1 - flight.rho_sigma
     thinner = balance.samples._replace(V_mps=balance.samples.V_mps / np.sqrt(warmer))
     yield error(thinner, c._replace(rho=c.rho * warmer))
     yield error(balance.samples, c._replace(mass_kg=c.mass_kg * heavier))
     yield error(balance.samples, c._replace(power_scale=1 + power_sigma))
-    yield error(balance.samples, c._replace(idle_power_W=c.idle_power_W + IDLE_POWER_SIGMA_W))
+    yield error(balance.samples, c._replace(idle_power_W=c.idle_power_W + SHARED.idle_power_W))
     yield error(
-        balance.samples, c._replace(updraft_mps=float(np.hypot(LEAST_UPDRAFT_MPS, updraft_share * fit.gust_mps)))
+        balance.samples, c._replace(updraft_mps=float(np.hypot(SHARED.least_updraft_mps, updraft_share * fit.gust_mps)))
     )

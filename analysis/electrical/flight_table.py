@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
+from analysis.electrical.settings import FLIGHT, TEMPERATURE, ZERO
 from analysis.signals.smoothing import stretches
-from flight.atmosphere import density, height_at
+from flight.atmosphere import SEA_LEVEL_TEMPERATURE_K, density, height_at
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
 
@@ -45,19 +46,6 @@ def smoothed(value: Array, width: int) -> Array:
 
 BoolArray = NDArray[np.bool_]
 
-STEP_S = 0.2
-AIRSPEED_S, HEIGHT_S, LOAD_S = 1.0, 1.0, 1.0  # widths of the smoothing windows
-FLYING_S = 3.0  # window of the pressure by which flight is recognized
-HIGHEST_CL = 3.0  # below the dynamic pressure of this lift coefficient an aircraft stands or rolls
-LEAST_GROUND_SPEED_MPS, STANDING_MPS = 2.0, 1.0
-CLEAR_OF_GROUND_M, TRIM_S = 3.0, 8.0
-SHORTEST_FLIGHT_S, SHORTEST_STRETCH_S = 60.0, 20.0
-LONGEST_GAP_S = 2.5  # bridged by interpolation
-ZERO_BLOCK_S, ZERO_NEAR_S, ZERO_SIGMA_PA, UNKNOWN_ZERO_SIGMA_PA = 10.0, 300.0, 0.7, 3.0
-COLDEST_K, HOTTEST_K = 233.0, 323.0
-WARM_BAROMETER_K = 303.0  # a thermometer above this is probably inside the electronics
-TEMPERATURE_SIGMA_K, UNKNOWN_TEMPERATURE_SIGMA_K, STANDARD_K = 3.0, 8.0, 288.15
-LONGEST_LOG_S = 40_000.0
 
 WHAT_IS_NEEDED = {
     recording.AIRSPEED_PRESSURE: "airspeed: a pitot tube and its sensor",
@@ -68,7 +56,7 @@ WHAT_IS_NEEDED = {
 
 
 class FlightTable(NamedTuple):
-    """One flight on a uniform grid of STEP_S.
+    """One flight on a uniform grid of FLIGHT.step_s.
 
     table : index t_s; pressure_Pa (pitot, zero corrected), rho, height_m, power_W, load_factor, force_x_mps2,
         motor_revps, GPS; NaN in gaps
@@ -96,7 +84,7 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
     """The flight of a recording. Raises InputError, in one line, where it lacks a channel or a flight."""
     t_s = _grid(flight)
     columns = _columns(flight.channels, t_s)
-    least_Pa = weight_N / wing_area_m2 / HIGHEST_CL
+    least_Pa = weight_N / wing_area_m2 / FLIGHT.highest_CL
     standing, moving = _standing_and_moving(columns, least_Pa, flight.zeroed)
     zero_Pa, zero_sigma_Pa, notes = _zero(flight, columns["pressure_Pa"], standing, moving)
     columns["pressure_Pa"] = columns["pressure_Pa"] - zero_Pa
@@ -107,10 +95,10 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
         height_at(columns["static_Pa"], ground_pressure_Pa=reference_Pa, ground_temperature_K=temperature_K)
     )
     airborne = _airborne(columns, standing, moving, least_Pa)
-    if sum(rows.stop - rows.start for rows in airborne) * STEP_S < SHORTEST_FLIGHT_S:
+    if sum(rows.stop - rows.start for rows in airborne) * FLIGHT.step_s < FLIGHT.shortest_flight_s:
         raise InputError(
             f"{flight.path}: no flight in this log: airspeed, height and battery for less than"
-            f" {SHORTEST_FLIGHT_S:.0f} s above the ground"
+            f" {FLIGHT.shortest_flight_s:.0f} s above the ground"
         )
     table = pd.DataFrame(columns, index=pd.Index(t_s - t_s[0], name="t_s"))
     flown = np.zeros(len(t_s), dtype=bool)
@@ -133,44 +121,44 @@ def _grid(flight: FlightRecording) -> Array:
         if name not in flight.channels:
             raise InputError(f"{flight.path}: the log lacks {sentence}")
     main = flight.channels[recording.AIRSPEED_PRESSURE].t_s
-    if main[-1] - main[0] > LONGEST_LOG_S:
+    if main[-1] - main[0] > FLIGHT.longest_log_s:
         raise InputError(f"{flight.path}: its clock spans {main[-1] - main[0]:.0f} s; longer than any flight")
-    return np.asarray(np.arange(main[0], main[-1], STEP_S))
+    return np.asarray(np.arange(main[0], main[-1], FLIGHT.step_s))
 
 
 def _columns(channels: Mapping[str, Channel], t_s: Array) -> dict[str, Array]:
     def column(name: str, window_s: float = 0.0) -> Array:
         one = channels.get(name)
-        return np.full(len(t_s), np.nan) if one is None else resampled(one, t_s, window_s, LONGEST_GAP_S)
+        return np.full(len(t_s), np.nan) if one is None else resampled(one, t_s, window_s, FLIGHT.longest_gap_s)
 
     columns = {
-        "pressure_Pa": column(recording.AIRSPEED_PRESSURE, AIRSPEED_S),
-        "static_Pa": column(recording.STATIC, HEIGHT_S),
+        "pressure_Pa": column(recording.AIRSPEED_PRESSURE, FLIGHT.smoothing_s),
+        "static_Pa": column(recording.STATIC, FLIGHT.smoothing_s),
         "power_W": column(recording.VOLTAGE) * np.maximum(column(recording.CURRENT), 0.0),
-        "load_factor": -column(recording.FORCE_Z, LOAD_S) / g,
-        "force_x_mps2": column(recording.FORCE_X, LOAD_S),
+        "load_factor": -column(recording.FORCE_Z, FLIGHT.smoothing_s) / g,
+        "force_x_mps2": column(recording.FORCE_X, FLIGHT.smoothing_s),
     }
     return columns | {name: column(name) for name in (*recording.GPS, recording.MOTOR)}
 
 
 def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: bool) -> tuple[BoolArray, BoolArray]:
     """Rows in which the aircraft stands, and in which it flies or rolls fast, before the zero is known."""
-    window = round(FLYING_S / STEP_S)
+    window = round(FLIGHT.recognized_over_s / FLIGHT.step_s)
     pressure = pd.Series(columns["pressure_Pa"]).rolling(window, center=True, min_periods=1).mean().to_numpy()
     ground_speed = np.hypot(columns[recording.GPS[0]], columns[recording.GPS[1]])
     has_gps = bool(np.isfinite(ground_speed).any())
     low = float(np.nanpercentile(pressure, 5))
     standing = pressure - low < least_Pa / 2
     if has_gps:
-        standing &= np.nan_to_num(ground_speed, nan=np.inf) < STANDING_MPS
-    on_ground = has_gps and standing.sum() * STEP_S >= ZERO_BLOCK_S
+        standing &= np.nan_to_num(ground_speed, nan=np.inf) < FLIGHT.standing_mps
+    on_ground = has_gps and standing.sum() * FLIGHT.step_s >= ZERO.block_s
     known_zero = 0.0 if zeroed and not on_ground and (low > least_Pa or not standing.any()) else low
     # Airborne all along: the lowest reading is a flown one, and the zero is the autopilot's.
     standing &= pressure - known_zero < least_Pa / 2
     moving = pressure - known_zero > least_Pa
     if has_gps:
         slow = pd.Series(ground_speed).rolling(window, center=True, min_periods=1).mean().to_numpy()
-        moving &= ~(slow < LEAST_GROUND_SPEED_MPS) | (pressure - known_zero > 3 * least_Pa)
+        moving &= ~(slow < FLIGHT.moving_mps) | (pressure - known_zero > 3 * least_Pa)
     return standing, moving
 
 
@@ -181,23 +169,23 @@ def _zero(
     near = np.zeros(len(pressure), dtype=bool)
     if moving.any():
         first, last = np.flatnonzero(moving)[[0, -1]]
-        reach = round(ZERO_NEAR_S / STEP_S)
+        reach = round(ZERO.near_s / FLIGHT.step_s)
         near[max(0, first - reach) : last + reach] = True
-    block = round(ZERO_BLOCK_S / STEP_S)
+    block = round(ZERO.block_s / FLIGHT.step_s)
     rows = np.flatnonzero(standing & near & np.isfinite(pressure))
     means = pressure[rows[: len(rows) // block * block]].reshape(-1, block).mean(axis=1)
     if not len(means) and not flight.zeroed:
         raise InputError(
-            f"{flight.path}: the pressure of the pitot is raw, and the log has no {ZERO_BLOCK_S:.0f} s on the ground"
+            f"{flight.path}: the pressure of the pitot is raw, and the log has no {ZERO.block_s:.0f} s on the ground"
             " that show its zero"
         )
     if not len(means):
         note = (
             "The log has no time on the ground: the pitot's zero is the autopilot's, taken as good to"
-            f" {UNKNOWN_ZERO_SIGMA_PA:.0f} Pa."
+            f" {ZERO.unknown_sigma_Pa:.0f} Pa."
         )
-        return 0.0, UNKNOWN_ZERO_SIGMA_PA, [note]
-    sigma = float(np.hypot(ZERO_SIGMA_PA, np.std(means)))
+        return 0.0, ZERO.unknown_sigma_Pa, [note]
+    sigma = float(np.hypot(ZERO.sigma_Pa, np.std(means)))
     return float(np.median(means)), sigma, []
 
 
@@ -207,18 +195,18 @@ def _air_temperature_K(thermometers: Mapping[str, Channel], moving: BoolArray, t
     found = {}
     for name, one in thermometers.items():
         inside = one.value[(one.t_s >= flown[0]) & (one.t_s <= flown[-1])]
-        values = inside[(inside > COLDEST_K) & (inside < HOTTEST_K)]
+        values = inside[(inside > TEMPERATURE.coldest_K) & (inside < TEMPERATURE.hottest_K)]
         if len(values):
             found[name] = float(np.median(values))
     if not found:
-        note = f"No thermometer in the log: the air is taken as {STANDARD_K - 273.15:.0f} °C."
-        return STANDARD_K, UNKNOWN_TEMPERATURE_SIGMA_K, note
+        note = f"No thermometer in the log: the air is taken as {SEA_LEVEL_TEMPERATURE_K - 273.15:.0f} °C."
+        return SEA_LEVEL_TEMPERATURE_K, TEMPERATURE.unknown_sigma_K, note
     name = min(found, key=lambda one: found[one])
-    warm = found[name] > WARM_BAROMETER_K
+    warm = found[name] > TEMPERATURE.warm_K
     others = [f"{one} shows {value - 273.15:.0f} °C" for one, value in found.items() if value > found[name] + 5]
     also = f" ({'; '.join(others)})" if others else ""
     note = f"Air temperature {found[name] - 273.15:.0f} °C, by the coolest thermometer, {name}{also}."
-    return found[name], UNKNOWN_TEMPERATURE_SIGMA_K if warm else TEMPERATURE_SIGMA_K, note
+    return found[name], TEMPERATURE.unknown_sigma_K if warm else TEMPERATURE.sigma_K, note
 
 
 def _airborne(columns: Mapping[str, Array], standing: BoolArray, moving: BoolArray, least_Pa: float) -> list[slice]:
@@ -227,13 +215,13 @@ def _airborne(columns: Mapping[str, Array], standing: BoolArray, moving: BoolArr
     flying = moving & known & (columns["pressure_Pa"] > least_Pa)
     ground = _ground_height(columns["height_m"], standing)
     if ground is not None:
-        flying &= columns["height_m"] - ground > CLEAR_OF_GROUND_M
-    trim = round(TRIM_S / STEP_S)
+        flying &= columns["height_m"] - ground > FLIGHT.clear_of_ground_m
+    trim = round(FLIGHT.trim_s / FLIGHT.step_s)
     found = []
     for rows in stretches(flying):
         start = rows.start + (trim if _touches_ground(moving, rows.start, -1) else 0)
         stop = rows.stop - (trim if _touches_ground(moving, rows.stop - 1, 1) else 0)
-        if (stop - start) * STEP_S >= SHORTEST_STRETCH_S:
+        if (stop - start) * FLIGHT.step_s >= FLIGHT.shortest_stretch_s:
             found.append(slice(start, stop))
     return found
 
@@ -249,7 +237,7 @@ def _ground_height(height: Array, standing: BoolArray) -> Array | None:
 
 def _touches_ground(moving: BoolArray, row: int, direction: int) -> bool:
     """Whether within a few seconds beyond a row the aircraft was on the ground, or the log ends there in flight."""
-    reach = round(2 * TRIM_S / STEP_S)
+    reach = round(2 * FLIGHT.trim_s / FLIGHT.step_s)
     beyond = moving[row : row + reach] if direction > 0 else moving[max(0, row - reach) : row]
     return bool(len(beyond)) and not bool(beyond.all())
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.electrical.energy_balance import (
-    MOST_WINDOWS,
     DragAndEfficiency,
     EnergyBalance,
     FlightConditions,
     Samples,
     drag_power,
 )
+from analysis.electrical.settings import THRUST, WINDOWS
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.signals.smoothing import stretches
 from flight.aircraft import Propulsion
@@ -35,10 +35,6 @@ PARAMETERS = (
     "ln_alpha_per_CL",
     "alpha_per_CT",
 )
-SLOWEST_REVPS = 5.0  # below it the blades stand, by degrees
-GREATEST_J = 1.5  # of the correction of the table
-REVPS_POINTS, GREATEST_REVPS = 120, 600.0
-LEAST_POWER = 0.1  # of the 95th percentile, from which motor speed follows from power
 
 
 @dataclass(frozen=True)
@@ -74,7 +70,7 @@ class ThrustBalance(EnergyBalance):
         conditions: FlightConditions,
         propeller: Propeller,
         motor: MotorConstants | None = None,
-        most_windows: int = MOST_WINDOWS,
+        most_windows: int = WINDOWS.most,
     ):
         if motor is not None:
             samples = samples._replace(stretches=_powered(samples, conditions))
@@ -85,7 +81,7 @@ class ThrustBalance(EnergyBalance):
     def shaft_W(self) -> Array:
         """Shaft power by the table, mean of each window (n,)."""
         s, c = self.samples, self.conditions
-        revps = np.maximum(self._revps(s, c), SLOWEST_REVPS)
+        revps = np.maximum(self._revps(s, c), THRUST.slowest_revps)
         return self._mean(self._propeller.thrust_and_power(s.V_mps, revps, c.rho)[1])
 
     def motor_W(self) -> Array:
@@ -102,10 +98,10 @@ class ThrustBalance(EnergyBalance):
         """Thrust by the table and advance ratio, (n,) each; they do not depend on the parameters."""
         if self._known is None or self._known[0] is not s or self._known[1] is not c:
             revps = self._revps(s, c)
-            turning, n = np.clip(revps / SLOWEST_REVPS, 0.0, 1.0), np.maximum(revps, SLOWEST_REVPS)
+            turning, n = np.clip(revps / THRUST.slowest_revps, 0.0, 1.0), np.maximum(revps, THRUST.slowest_revps)
             thrust_N, _ = self._propeller.thrust_and_power(s.V_mps, n, c.rho)
             standing_N = self._propeller.standing_thrust(s.V_mps, c.rho)
-            J = np.minimum(s.V_mps / (n * self._propeller.diameter_m), GREATEST_J)
+            J = np.minimum(s.V_mps / (n * self._propeller.diameter_m), THRUST.greatest_J)
             self._known = (s, c, turning * thrust_N + (1 - turning) * standing_N, J)
         return self._known[2], self._known[3]
 
@@ -114,7 +110,7 @@ class ThrustBalance(EnergyBalance):
             assert s.motor_revps is not None
             return s.motor_revps
         power_W = np.maximum(c.power_scale * s.power_W - c.idle_power_W, 0.0)
-        revps = np.geomspace(SLOWEST_REVPS, GREATEST_REVPS, REVPS_POINTS)
+        revps = np.geomspace(THRUST.slowest_revps, 600.0, 120)
         speed_mps = np.linspace(0.0, float(np.nanmax(s.V_mps)) + 1.0, 40)
         found = np.full((len(speed_mps), len(power_W)), np.nan)
         for i, V in enumerate(speed_mps):
@@ -134,7 +130,7 @@ def _powered(samples: Samples, c: FlightConditions) -> list[slice]:
     flown = np.zeros(len(power_W), dtype=bool)
     for rows in samples.stretches:
         flown[rows] = True
-    return stretches(flown & (power_W > LEAST_POWER * np.percentile(power_W[flown], 95)))
+    return stretches(flown & (power_W > THRUST.least_power * np.percentile(power_W[flown], 95)))
 
 
 def aerodynamics(parameters: Array) -> DragAndEfficiency:

@@ -10,9 +10,6 @@ from math import degrees, pi
 from typing import NamedTuple
 
 from analysis.planning.pieces import (
-    HELD_MARGIN,
-    MARGIN,
-    MARGIN_PER_KT,
     Hold,
     Land,
     Maneuver,
@@ -26,6 +23,7 @@ from analysis.planning.pieces import (
     slowest_mps,
 )
 from analysis.planning.search import FlightPlan
+from analysis.planning.settings import MARGINS
 
 
 class Row(NamedTuple):
@@ -92,8 +90,9 @@ def margin(plan: FlightPlan) -> str:
     return (
         f"Stall at {stall:.1f} m/s ({plan.aircraft.stall_basis}). Nothing slower than {slow:.1f} m/s is planned"
         f" ({100 * (slow / stall - 1):.0f} % above the stall; decelerations end there), and no speed below"
-        f" {HELD_MARGIN * slow:.1f} m/s is held ({100 * (HELD_MARGIN * slow / stall - 1):.0f} % above). The margin is"
-        f" {100 * (MARGIN - 1):.0f} % in still air and {MARGIN_PER_KT * 100:.1f} % more for each knot of wind."
+        f" {MARGINS.held * slow:.1f} m/s is held ({100 * (MARGINS.held * slow / stall - 1):.0f} % above). The margin is"
+        f" {100 * (MARGINS.slowest - 1):.0f} % in still air and {MARGINS.slowest_per_kt * 100:.1f} % more for each knot"
+        " of wind."
     )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.planning.settings import TRAINER
 from flight.aircraft import Aircraft
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
@@ -13,9 +14,6 @@ from flight.propeller_files import load_propeller
 
 Array = NDArray[np.float64]
 
-# Where neither an earlier flight nor the user says otherwise: a trainer's wing, its drag and its power.
-LARGEST_CL, CD0, OSWALD, CL_MIND, CL_AT_ZERO_ALPHA = 1.2, 0.045, 0.75, 0.15, 0.3
-FASTEST_OVER_STALL = 2.4  # level, where the aircraft file has no motor
 SPEEDS, THROTTLES = 24, 21
 
 
@@ -52,7 +50,7 @@ class ExpectedAircraft:
 
     def alpha_rad(self, V: Array | float, load_factor: Array | float = 1.0) -> Array:
         """Angle of attack of the body axes."""
-        return np.asarray((self.lift_coefficient(V, load_factor) - CL_AT_ZERO_ALPHA) / self.lift_slope)
+        return np.asarray((self.lift_coefficient(V, load_factor) - TRAINER.CL_at_zero_alpha) / self.lift_slope)
 
     def drag_N(self, V: Array | float, load_factor: Array | float = 1.0) -> Array:
         """Drag [N] at a speed [m/s] and a load factor."""
@@ -93,22 +91,22 @@ def expected_aircraft(
     rho = float(density(pressure_at(height_m), temperature_at(height_m)))
     basis = []
     if A is None:
-        K = 1 / (np.pi * OSWALD * aircraft.aspect_ratio)
-        A = np.array([CD0 + K * CL_MIND**2, -2 * K * CL_MIND, K])
-        basis.append(f"drag of a trainer (C_D0 {CD0}, e {OSWALD})")
+        K = 1 / (np.pi * TRAINER.oswald * aircraft.aspect_ratio)
+        A = np.array([TRAINER.CD0 + K * TRAINER.CL_of_least_drag**2, -2 * K * TRAINER.CL_of_least_drag, K])
+        basis.append(f"drag of a trainer (C_D0 {TRAINER.CD0}, e {TRAINER.oswald})")
     else:
         basis.append("drag of the earlier flights")
     if stall_mps is None:
         S = aircraft.geometry.wing_area_m2
-        stall_mps = float(np.sqrt(2 * aircraft.mass.weight_N / (rho * S * LARGEST_CL)))
-        stall_basis = f"assumed from a largest lift coefficient of {LARGEST_CL}"
+        stall_mps = float(np.sqrt(2 * aircraft.mass.weight_N / (rho * S * TRAINER.largest_CL)))
+        stall_basis = f"assumed from a largest lift coefficient of {TRAINER.largest_CL}"
     else:
         stall_basis = "as given"
     V = np.linspace(0.8 * stall_mps, 4.5 * stall_mps, SPEEDS)
     if aircraft.has(*(f"propulsion.{key}" for key in MOTOR)):
         thrust, motor = _motor_thrust(aircraft, propeller, V, rho), "the motor of the aircraft file"
     else:
-        top = fastest_mps or FASTEST_OVER_STALL * stall_mps
+        top = fastest_mps or TRAINER.fastest_over_stall * stall_mps
         thrust, motor = _assumed_thrust(aircraft, propeller, V, rho, A, top), f"a motor that gives {top:.0f} m/s"
     if fastest_mps is None:
         excess = thrust[-1] - _drag_N(aircraft, rho, A, V)

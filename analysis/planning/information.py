@@ -27,6 +27,7 @@ from analysis.ground.thrust_prior import J_REFERENCE, stand_information
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import Maneuver
 from analysis.planning.expected_aircraft import ExpectedAircraft
+from analysis.planning.settings import NOISE, SEARCH
 from analysis.planning.time_history import TimeHistory
 from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift, power_required, speed_at
 from analysis.schema import FORMAT, Results
@@ -72,9 +73,7 @@ def information(results: Sequence[Results]) -> Array | None:
     return total if results else None
 
 
-SPEEDS = 5
 INSTALLATION = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")  # common to two flights of a day
-MEAN_SHARE = 0.1  # of the mean over speeds, beside the worst speed
 
 
 class Covariances(NamedTuple):
@@ -115,7 +114,7 @@ QUESTION_TITLES = {
 
 def question(name: str, expected: ExpectedAircraft, slowest_mps: float, fastest_mps: float) -> Question:
     """One of TITLES, for the speeds that are planned."""
-    V = np.linspace(slowest_mps, fastest_mps, SPEEDS)
+    V = np.linspace(slowest_mps, fastest_mps, 5)
     center = {"endurance": minimum_power_lift, "range": best_range_lift}.get(name)
     if center is not None:
         best = float(np.clip(speed_at(center(expected.A), condition(expected)), slowest_mps, fastest_mps))
@@ -128,7 +127,7 @@ def question(name: str, expected: ExpectedAircraft, slowest_mps: float, fastest_
         if name == "probe":
             return _probe_cost(found.errors)
         widths = widths_of(found)
-        return float(np.max(widths) + MEAN_SHARE * np.mean(widths))
+        return float(np.max(widths) + SEARCH.mean_share * np.mean(widths))
 
     return Question(name, QUESTION_TITLES[name], V, cost, widths_of)
 
@@ -157,13 +156,6 @@ def _probe_cost(errors: Array) -> float:
     i = [SENSOR_ERRORS.index(name) for name in ("alpha_bias", "alpha_scale", "V_scale")]
     sigma = np.sqrt(np.diag(errors)[i]) * np.array([10 * np.degrees(1), 100, 100])
     return float(NORMAL_95 * np.sqrt(np.mean(sigma**2)))
-
-
-VERTICAL_OVER_W20 = 0.1  # sigma_w over the wind 20 ft above the ground (MIL-F-8785C sec. 3.7.3.4)
-# Residuals of drag over mass, means over 0.2 s, in simulated flights: gusts [m/s, 1 sigma], residuals [m/s^2]. Errors
-# of the states make part of them; the rest has the effect on the polar of white noise of this share (`state_errors`).
-RESIDUALS = ((0.0, 0.15, 0.75), (0.029, 0.040, 0.060))
-REST_SHARE = 0.8
 
 
 class Expected(NamedTuple):
@@ -264,7 +256,7 @@ def expected(
     prior = np.diag([0, 0, 0, stated.thrust_scale_fraction**-2, stated.thrust_slope**-2, 1.0])
     prior[3:5, 3:5] += stand_information(aircraft.aircraft)
 
-    residual_mps2 = float(np.interp(gust_mps, *RESIDUALS))
+    residual_mps2 = float(np.interp(gust_mps, NOISE.gusts_mps, NOISE.residuals_mps2))
 
     def regression(f: pd.DataFrame) -> tuple[Array, Array]:
         """Regressors (n, 6) and drag over mass (n,) inside the runs, over the residuals' size."""
@@ -291,7 +283,7 @@ def expected(
         X, moved_z = regression(forces.forces(states + step, errors))
         gradient[inside, i] = (moved_z - X @ fit - z + S @ fit)[:, None] * S / STATE_STEP
     by_states = D @ trajectory.states_given_errors.covariance_of(gradient) @ D
-    by_rest = D @ (REST_SHARE**2 * S.T @ S + prior) @ D
+    by_rest = D @ (NOISE.rest_share**2 * S.T @ S + prior) @ D
     noise = (by_states + by_rest)[:3, :3]
     shared = np.empty((3, len(SENSOR_ERRORS)))
     for j, sigma in enumerate(np.sqrt(np.diag(trajectory.covariance))):

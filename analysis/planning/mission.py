@@ -15,9 +15,10 @@ from typing import NamedTuple
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.information import QUESTION_TITLES
-from analysis.planning.pieces import HELD_MARGIN, Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn, slowest_mps
+from analysis.planning.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn, slowest_mps
 from analysis.planning.search import KNOT_MPS, FlightPlan, Request
-from analysis.planning.time_history import GROUND_HEIGHT_M, WIND_FROM_RAD, climb_rate_mps
+from analysis.planning.settings import MANEUVERS, MARGINS, PATH
+from analysis.planning.time_history import climb_rate_mps
 
 EARTH_RADIUS_M = 6371000.0
 RELATIVE_ALT, MISSION_FRAME = 3, 2  # MAV_FRAME
@@ -26,7 +27,6 @@ AIRSPEED, KEEP_THROTTLE = 0, -1  # parameters of CHANGE_SPEED
 FIRMWARE = {"px4": 12, "ardupilot": 3}  # MAV_AUTOPILOT
 FIXED_WING = 1  # MAV_TYPE
 TAKE_OFF_PITCH_DEG, ACCEPTED_M = 12.0, 30.0
-FULL_CIRCLE_RAD = 2 * pi
 
 
 class Home(NamedTuple):
@@ -109,7 +109,7 @@ def _items(plan: FlightPlan, home: Home) -> list[_Item]:
     space = plan.request.space
     far, near = _place(home, space.leg_m / 2, 0.0), _place(home, -space.leg_m / 2, 0.0)
     center = _place(home, 0.0, 0.0)
-    held_mps = HELD_MARGIN * slowest_mps(plan.aircraft, plan.request.wind_kt)
+    held_mps = MARGINS.held * slowest_mps(plan.aircraft, plan.request.wind_kt)
     items, ends, speed_mps = [], [far, near], 0.0
 
     def change(wanted: float) -> None:
@@ -133,10 +133,10 @@ def _items(plan: FlightPlan, home: Home) -> list[_Item]:
                 case Run():
                     change(max(maneuver.until_mps, held_mps))
                     leg()
-                case Turn(wanted, angle_rad) if angle_rad >= FULL_CIRCLE_RAD:
+                case Turn(wanted, angle_rad) if angle_rad >= 2 * pi:
                     change(wanted)
                     radius_m = maneuver.width_m / 2
-                    turns = round(angle_rad / FULL_CIRCLE_RAD)
+                    turns = round(angle_rad / 2 * pi)
                     items.append(_Item(LOITER_TURNS, (turns, 0, round(radius_m, 1), 1), center))
                 case Hold() | Turn() | Porpoise() | TakeOff():
                     pass
@@ -165,9 +165,6 @@ def _fence(plan: FlightPlan, home: Home) -> dict[str, object]:
     return {"inclusion": True, "polygon": [list(corner) for corner in corners], "version": 1}
 
 
-FIRST_ELEVATOR_DEG = 8.0
-
-
 def simulator_plan(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request: Request) -> str:
     """The text of the file, in the wind and the turbulence that the plan was made for."""
     kt = request.wind_kt
@@ -176,7 +173,7 @@ def simulator_plan(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, re
         "",
         "[air]",
         f'wind = "{kt * KNOT_MPS:.2f} m/s"',
-        f'wind_from = "{degrees(WIND_FROM_RAD) % 360:.0f} deg"',
+        f'wind_from = "{PATH.wind_from_deg % 360:.0f} deg"',
         f'turbulence = "{kt * KNOT_MPS:.3f} m/s"',
     ]
     for maneuver in maneuvers:
@@ -232,12 +229,12 @@ def _segments(maneuver: Maneuver, aircraft: ExpectedAircraft, height_m: float) -
                     "kind": "porpoise",
                     "duration": f"{maneuver.duration_s:.1f} s",
                     "speed": f"{maneuver.speed_mps:.2f} m/s",
-                    "elevator": f"{FIRST_ELEVATOR_DEG:g} deg",
+                    "elevator": f"{MANEUVERS.first_elevator_deg:g} deg",
                     "load": round(maneuver.load, 3),
                     "first_period": f"{maneuver.first_period_s:g} s",
                     "last_period": f"{maneuver.last_period_s:g} s",
                 }
             ]
         case Land(speed_mps):
-            return [climb(min(GROUND_HEIGHT_M, height_m), speed_mps), {"kind": "land"}]
+            return [climb(min(PATH.approach_height_m, height_m), speed_mps), {"kind": "land"}]
     raise AssertionError(maneuver)

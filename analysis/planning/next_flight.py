@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.estimation.noise import NORMAL_95
+from analysis.planning.settings import SEARCH
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import GUSTY_MPS, MATTERS
@@ -20,9 +21,6 @@ from analysis.trajectory.reconstruction import Trajectory
 
 Array = NDArray[np.float64]
 
-SPEEDS = 9
-WORTH_PERCENT = 1.0  # an interval that is narrower needs no other flight
-HALF = 0.5  # of a standard deviation is left after about three times the information
 FLY = {
     "noise": "fly more accelerations and decelerations, the throttle opened slowly, down to the slowest speed that is"
     " safe",
@@ -54,7 +52,7 @@ def lacking(
     trajectory: Trajectory, estimate: DynamicEstimate, condition: Condition, flown_CL: tuple[float, float]
 ) -> Lacking | None:
     """What made the interval wide; None where power is not known or the covariance is not finite."""
-    V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), SPEEDS)
+    V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), 9)
     power, sigma = power_required(V, estimate.polar, condition)
     if not (np.isfinite(sigma).all() and (power > 0).all()):
         return None
@@ -70,7 +68,7 @@ def lacking(
         variances[name] = max(whole - float(effect @ others @ effect), 0.0)
     cause = max(variances, key=lambda name: variances[name])
     # Correlation with other errors can make the part larger than the whole; half an error halves no interval further.
-    left = float(sigma[i] ** 2) - (1 - HALF**2) * min(variances[cause], float(sigma[i] ** 2))
+    left = float(sigma[i] ** 2) - (1 - 0.5**2) * min(variances[cause], float(sigma[i] ** 2))
     percent = 100 * NORMAL_95 / float(power[i])
     return Lacking(float(V[i]), percent * float(sigma[i]), cause, percent * float(np.sqrt(left)))
 
@@ -80,7 +78,7 @@ def next_flight(
 ) -> list[str]:
     """Sentences for the report; none where the interval needs no other flight."""
     found = lacking(trajectory, estimate, condition, flown_CL)
-    if found is None or found.percent < WORTH_PERCENT:
+    if found is None or found.percent < SEARCH.worth_percent:
         return []
     sentences = [
         f"The next twenty minutes: {FLY[found.cause]}. The interval is widest at {found.speed_mps:.1f} m/s,"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from math import ceil, cos, degrees, inf, pi, tan
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
+from analysis.planning.settings import MANEUVERS, MARGINS
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
@@ -40,7 +41,7 @@ class Turn:
 
     speed_mps: float
     angle_rad: float = pi
-    bank_rad: float = 0.6
+    bank_rad: float = MANEUVERS.bank_rad
 
     @property
     def width_m(self) -> float:
@@ -79,17 +80,6 @@ class Land:
 Maneuver = Stand | TakeOff | Hold | Turn | Run | Porpoise | Land
 
 
-STAND_BEFORE_S, STAND_AFTER_S = 90.0, 30.0
-CRUISE_OVER_STALL = 1.6
-# Slowest speed over the stall: the margin in still air, and what is added for each knot of W20.
-MARGIN, MARGIN_PER_KT = 1.08, 0.002
-HELD_MARGIN = 1.04  # of a speed that is held, over the slowest, at which a deceleration ends
-FASTEST_SHARE = 0.92  # of the fastest level speed
-ACCELERATION_THROTTLE, DECELERATION_THROTTLE, DECELERATION_RAMP_S = 0.87, 0.495, 2.5
-BANK_RAD, STEEP_BANK_RAD, TURN_OVER_STALL = 0.6, 0.8, 1.7
-STALL_MARGIN = 1.2  # lift at the stall over the largest lift of a turn or of porpoising
-
-
 @dataclass(frozen=True)
 class Space:
     """Where the flight may go. leg_m: longest straight flight over the ground. height_m: of the flight.
@@ -120,34 +110,34 @@ class Piece:
 
 def slowest_mps(expected: ExpectedAircraft, wind_kt: float) -> float:
     """The slowest speed that is planned [m/s]."""
-    return (MARGIN + MARGIN_PER_KT * wind_kt) * expected.stall_mps
+    return (MARGINS.slowest + MARGINS.slowest_per_kt * wind_kt) * expected.stall_mps
 
 
 def before(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
     """What every flight begins with."""
-    return Stand(STAND_BEFORE_S), TakeOff(CRUISE_OVER_STALL * expected.stall_mps)
+    return Stand(MANEUVERS.stand_before_s), TakeOff(MARGINS.cruise * expected.stall_mps)
 
 
 def after(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
     """What every flight ends with."""
-    return Land(CRUISE_OVER_STALL * expected.stall_mps), Stand(STAND_AFTER_S)
+    return Land(MARGINS.cruise * expected.stall_mps), Stand(MANEUVERS.stand_after_s)
 
 
 def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:
     """An acceleration and a deceleration, with a turn at the end; on two legs where one is too short for both."""
-    slow, fast = slowest_mps(expected, wind_kt), FASTEST_SHARE * expected.fastest_mps
-    turn = Turn(TURN_OVER_STALL * expected.stall_mps, pi, BANK_RAD)
+    slow, fast = slowest_mps(expected, wind_kt), MARGINS.fastest * expected.fastest_mps
+    turn = Turn(MARGINS.turn * expected.stall_mps, pi, MANEUVERS.bank_rad)
     for ramp_s, settle_s, hold_s in ((13.0, 16.0, 5.0), (8.0, 10.0, 3.0)):
-        up = Run(ACCELERATION_THROTTLE, ramp_s, fast)
-        down = Run(DECELERATION_THROTTLE, DECELERATION_RAMP_S, slow)
-        settle = Hold(settle_s, HELD_MARGIN * slow)
+        up = Run(MANEUVERS.acceleration_throttle, ramp_s, fast)
+        down = Run(MANEUVERS.deceleration_throttle, MANEUVERS.deceleration_ramp_s, slow)
+        settle = Hold(settle_s, MARGINS.held * slow)
         one_leg_m = slow * settle_s + (slow + fast) / 2 * 38 + hold_s * fast
         rest = Hold(4.0, 1.3 * expected.stall_mps)
         if one_leg_m <= space.leg_m:
             legs: tuple[Maneuver, ...] = (settle, up, Hold(hold_s, fast), down, rest, turn)
         else:
-            fast_turn = Turn(fast, pi, BANK_RAD)
-            legs = (Hold(settle_s / 2, HELD_MARGIN * slow), up, fast_turn, Hold(hold_s, fast), down, rest, turn)
+            fast_turn = Turn(fast, pi, MANEUVERS.bank_rad)
+            legs = (Hold(settle_s / 2, MARGINS.held * slow), up, fast_turn, Hold(hold_s, fast), down, rest, turn)
         title = f"accelerate and decelerate, throttle over {ramp_s:.0f} s"
         yield Piece(title, legs, "runs", False)
 
@@ -155,8 +145,8 @@ def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Itera
 def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:
     """A leg at one speed and a turn back at the same speed."""
     slow, stall, fastest = slowest_mps(expected, wind_kt), expected.stall_mps, expected.fastest_mps
-    for V in (HELD_MARGIN * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, FASTEST_SHARE * fastest):
-        turn = Turn(max(V, _turning_mps(expected, BANK_RAD)), pi, BANK_RAD)
+    for V in (MARGINS.held * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, MARGINS.fastest * fastest):
+        turn = Turn(max(V, _turning_mps(expected, MANEUVERS.bank_rad)), pi, MANEUVERS.bank_rad)
         seconds = min(max(space.leg_m / V, 8.0), 60.0)
         yield Piece(f"level at {V:.1f} m/s, there and back", 2 * (Hold(seconds, V), turn), "circuit", True)
 
@@ -164,8 +154,8 @@ def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterat
 def circles(expected: ExpectedAircraft) -> Iterator[Piece]:
     """Two full circles at one speed."""
     fastest = expected.fastest_mps
-    for bank in (BANK_RAD, STEEP_BANK_RAD):
-        for V in (_turning_mps(expected, bank), 0.8 * fastest, FASTEST_SHARE * fastest):
+    for bank in (MANEUVERS.bank_rad, MANEUVERS.steep_bank_rad):
+        for V in (_turning_mps(expected, bank), 0.8 * fastest, MARGINS.fastest * fastest):
             if V >= _turning_mps(expected, bank):
                 title = f"two circles at {V:.1f} m/s, bank {bank * 180 / pi:.0f}°"
                 yield Piece(title, (Turn(V, 4 * pi, bank),), "circles", True)
@@ -173,13 +163,13 @@ def circles(expected: ExpectedAircraft) -> Iterator[Piece]:
 
 def porpoising(expected: ExpectedAircraft, space: Space, pilot: Pilot) -> Iterator[Piece]:
     """Stick fore and aft along a leg, and a turn back."""
-    stall, fast = expected.stall_mps, FASTEST_SHARE * expected.fastest_mps
+    stall, fast = expected.stall_mps, MARGINS.fastest * expected.fastest_mps
     for V in (1.5 * stall, 1.6 * stall, 1.75 * stall, 1.95 * stall, fast):
-        if (V / stall) ** 2 < STALL_MARGIN * (1 + pilot.load) or V > fast:
+        if (V / stall) ** 2 < MARGINS.lift * (1 + pilot.load) or V > fast:
             continue
         for first, last in ((1.8, 1.3), (2.4, 1.8)):
             seconds = min(max(space.leg_m / V - 4.0, 10.0), 75.0)
-            turn = Turn(max(V, _turning_mps(expected, BANK_RAD)), pi, BANK_RAD)
+            turn = Turn(max(V, _turning_mps(expected, MANEUVERS.bank_rad)), pi, MANEUVERS.bank_rad)
             title = f"porpoise for {seconds:.0f} s at {V:.1f} m/s, {first:g} to {last:g} s a cycle"
             pieces = (Hold(4.0, V), Porpoise(seconds, V, pilot.load, first, last), turn)
             yield Piece(title, pieces, "porpoise", False)
@@ -203,11 +193,10 @@ def catalog(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: flo
     ]
     kept = [piece for piece in (_with_room(piece, expected, space.side_m) for piece in found) if piece is not None]
     if not any(piece.kind == "runs" for piece in kept):
-        narrowest_m = Turn(_turning_mps(expected, STEEP_BANK_RAD), pi, STEEP_BANK_RAD).width_m
+        mps, bank_rad = _turning_mps(expected, MANEUVERS.steep_bank_rad), MANEUVERS.steep_bank_rad
         raise InputError(
             f"--side {space.side_m:g}: too narrow for a turn of {expected.aircraft.name}; its narrowest, at"
-            f" {_turning_mps(expected, STEEP_BANK_RAD):.1f} m/s and a bank of {degrees(STEEP_BANK_RAD):.0f}°, needs"
-            f" {ceil(narrowest_m)} m"
+            f" {mps:.1f} m/s and a bank of {degrees(bank_rad):.0f}°, needs {ceil(Turn(mps, pi, bank_rad).width_m)} m"
         )
     return kept
 
@@ -215,11 +204,13 @@ def catalog(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: flo
 def _with_room(piece: Piece, expected: ExpectedAircraft, side_m: float) -> Piece | None:
     """The piece with turns that fit: steeper, and slower where that is not enough. None where none fits; circles are
     left as they are, since their speed and bank are what they are flown for."""
-    narrowest_mps = _turning_mps(expected, STEEP_BANK_RAD)
+    narrowest_mps = _turning_mps(expected, MANEUVERS.steep_bank_rad)
     maneuvers: list[Maneuver] = []
     for maneuver in piece.maneuvers:
         if isinstance(maneuver, Turn) and maneuver.width_m > side_m:
-            steeper = replace(maneuver, speed_mps=max(maneuver.speed_mps, narrowest_mps), bank_rad=STEEP_BANK_RAD)
+            steeper = replace(
+                maneuver, speed_mps=max(maneuver.speed_mps, narrowest_mps), bank_rad=MANEUVERS.steep_bank_rad
+            )
             maneuver = steeper if steeper.width_m <= side_m else replace(steeper, speed_mps=narrowest_mps)
             if maneuver.width_m > side_m or piece.kind == "circles":
                 return None
@@ -239,6 +230,6 @@ def sequence(pieces: Sequence[Piece], expected: ExpectedAircraft) -> list[Maneuv
 
 
 def _turning_mps(expected: ExpectedAircraft, bank_rad: float) -> float:
-    """The slowest speed of a turn: lift at the stall is STALL_MARGIN times what the turn needs."""
+    """The slowest speed of a turn: lift at the stall is MARGINS.lift times what the turn needs."""
     load = 1 / max(1e-3, cos(bank_rad))
-    return float((STALL_MARGIN * load) ** 0.5 * 1.15 * expected.stall_mps)
+    return float((MARGINS.lift * load) ** 0.5 * 1.15 * expected.stall_mps)

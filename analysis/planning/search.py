@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.information import (
-    VERTICAL_OVER_W20,
     Covariances,
     Expected,
     Question,
@@ -25,7 +24,6 @@ from analysis.planning.information import (
     sensor_error_covariance,
 )
 from analysis.planning.pieces import (
-    FASTEST_SHARE,
     Maneuver,
     Piece,
     Pilot,
@@ -35,18 +33,15 @@ from analysis.planning.pieces import (
     sequence,
     slowest_mps,
 )
-from analysis.planning.time_history import STEP_S, TimeHistory, fly
+from analysis.planning.settings import MARGINS, NOISE, PATH, SEARCH
+from analysis.planning.time_history import TimeHistory, fly
 from analysis.trajectory.reconstruction import LEAST_GUST_MPS
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
 KNOT_MPS = 0.514444
-ALPHA_SCALE_SIGMA = 0.01  # of a probe's tunnel calibration
-FEWEST_RUN_PAIRS = 2
 BY_HAND = ("porpoise",)  # kinds of pieces that no autopilot's mission holds
-FULL_THROTTLE_FROM_S = 12 * 60.0  # shorter flights have no time for the acceleration at full throttle
-ATTEMPTS = 4  # to fill the time
 REPEATED = 2  # of a piece in the flight that its information is computed from
 
 
@@ -60,11 +55,11 @@ class Request:
     pilot: Pilot
     question: str = "curve"
     earlier: Array | None = None  # (m, m) information of earlier flights about the sensor errors of the installation
-    alpha_scale_sigma: float = ALPHA_SCALE_SIGMA
+    alpha_scale_sigma: float = NOISE.alpha_scale_sigma
 
     @property
     def gust_mps(self) -> float:
-        return max(LEAST_GUST_MPS, VERTICAL_OVER_W20 * self.wind_kt * KNOT_MPS)
+        return max(LEAST_GUST_MPS, NOISE.vertical_over_W20 * self.wind_kt * KNOT_MPS)
 
 
 class Contribution(NamedTuple):
@@ -104,28 +99,28 @@ class _Increment(NamedTuple):
 
 def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     """The plan. Raises InputError where the time is too short for any."""
-    slow, fast = slowest_mps(aircraft, request.wind_kt), FASTEST_SHARE * aircraft.fastest_mps
+    slow, fast = slowest_mps(aircraft, request.wind_kt), MARGINS.fastest * aircraft.fastest_mps
     asked = question(request.question, aircraft, slow, fast)
     found = catalog(aircraft, request.space, request.pilot, request.wind_kt)
     pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind in BY_HAND)]
     pairs = [piece for piece in pieces if piece.kind == "runs"]
-    last = (full_throttle(aircraft),) if request.minutes * 60 >= FULL_THROTTLE_FROM_S else ()
-    base, base_seconds = _evaluated([*pairs[:1] * FEWEST_RUN_PAIRS, *last], aircraft, request)
+    last = (full_throttle(aircraft),) if request.minutes * 60 >= SEARCH.full_throttle_from_min * 60 else ()
+    base, base_seconds = _evaluated([*pairs[:1] * SEARCH.fewest_run_pairs, *last], aircraft, request)
     left = request.minutes * 60 - base_seconds
     if left < 0:
         raise InputError(
-            f"{request.minutes:g} minutes are too short: standing, take-off, {FEWEST_RUN_PAIRS} pairs of runs and"
-            f" landing take {base_seconds / 60:.1f}"
+            f"{request.minutes:g} minutes are too short: standing, take-off, {SEARCH.fewest_run_pairs} pairs of runs"
+            f" and landing take {base_seconds / 60:.1f}"
         )
     start = _covariances(base, request)
     every = [_increment(piece, pairs[0], last, base, base_seconds, aircraft, request) for piece in found]
     increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
-    for _ in range(ATTEMPTS):  # pieces take more or less time beside others than alone
+    for _ in range(4):  # pieces take more or less time beside others than alone
         counts = _exchanged(increments, left, start, asked)
         flown = [piece for piece, n in zip(pieces, counts, strict=True) for _ in range(n)]
-        chosen = _ordered(flown + pairs[:1] * FEWEST_RUN_PAIRS, last)
+        chosen = _ordered(flown + pairs[:1] * SEARCH.fewest_run_pairs, last)
         history = _history(chosen, aircraft, request)
-        over_s = len(history.table) * STEP_S - request.minutes * 60
+        over_s = len(history.table) * PATH.step_s - request.minutes * 60
         if over_s <= 0:
             break
         left -= over_s + 1.0
@@ -165,7 +160,7 @@ def _history(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Reque
 def _evaluated(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> tuple[Expected, float]:
     history = _history(pieces, aircraft, request)
     found = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
-    return found, float(len(history.table) * STEP_S)
+    return found, float(len(history.table) * PATH.step_s)
 
 
 def _covariances(found: Expected, request: Request) -> Covariances:
@@ -186,7 +181,7 @@ def _increment(
     request: Request,
 ) -> _Increment:
     """What one piece adds to the information of the base: a difference of two flights."""
-    flown = [*[pair] * FEWEST_RUN_PAIRS, *[piece] * REPEATED, *last]
+    flown = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * REPEATED, *last]
     if piece.kind == "runs":
         found, seconds = _evaluated(flown, aircraft, request)
         errors, polar = found.errors, _gain(found.noise, base.noise) / REPEATED
@@ -195,7 +190,7 @@ def _increment(
         errors = sensor_error_covariance(
             history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma
         )
-        seconds, polar = len(history.table) * STEP_S, np.zeros((3, 3))
+        seconds, polar = len(history.table) * PATH.step_s, np.zeros((3, 3))
     return _Increment((seconds - base_seconds) / REPEATED, _gain(errors, base.errors) / REPEATED, polar)
 
 
@@ -288,12 +283,9 @@ def _contributions(
     return tuple(listed)
 
 
-LEAST_LEFT = 0.02  # of the information in any direction, when that of a piece is taken away
-
-
 def _less(covariance: Array, information: Array) -> Array:
     """The covariance without some information."""
     root = np.linalg.cholesky(covariance)
     values, vectors = np.linalg.eigh(root.T @ information @ root)
     vectors = root @ vectors
-    return np.asarray((vectors / np.maximum(1 - values, LEAST_LEFT)) @ vectors.T)
+    return np.asarray((vectors / np.maximum(1 - values, SEARCH.least_left)) @ vectors.T)

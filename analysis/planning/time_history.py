@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
+from analysis.planning.settings import PATH
 from analysis.signals.aircraft_size import SPEED_SCALE, speed_scale
 from analysis.trajectory import dryden
 from analysis.trajectory.priors import BENCH_SIGMA
@@ -21,20 +22,11 @@ from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
 
-STEP_S = 0.04
-TAKE_OFF_S, GROUND_HEIGHT_M = 12.0, 20.0
-CLIMB_MPS, CLIMB_OVER_STALL = 3.0, 0.3
-SPEED_LAG_S = 2.0  # of a pilot who changes speed
-HARDEST_MPS2 = 1.5  # of a change of speed between maneuvers
-ROLL_S, ROLL_OUT_S = 1.0, 5.0
-PORPOISE_BEGINS_S = 1.0
-WIND_FROM_RAD = np.radians(-50.0)
-LARGEST_ALPHA_RAD = 0.3
 SMOOTHED = 5  # samples: an aircraft does not change its path at once
 
 
 class Path(NamedTuple):
-    """Airspeed [m/s], bank and angle of climb [rad] of a maneuver, each (n,), STEP_S apart."""
+    """Airspeed [m/s], bank and angle of climb [rad] of a maneuver, each (n,), PATH.step_s apart."""
 
     V: Array
     bank: Array
@@ -42,7 +34,7 @@ class Path(NamedTuple):
 
 
 class TimeHistory(NamedTuple):
-    """table: as of `air_data`, STEP_S apart. wind: (n, 2) [m/s]. attitude, velocity: (n, 3). rest: rows on the ground.
+    """table: as of `air_data`, PATH.step_s apart. wind: (n, 2) [m/s]. attitude, velocity: (n, 3). rest: on the ground.
     starts_s : (k + 1,) when each maneuver begins, and the end. position_m : (n, 2) north, east"""
 
     table: pd.DataFrame
@@ -67,7 +59,7 @@ def fly(
         throttle = maneuver.throttle if isinstance(maneuver, Run) else throttle_at(expected, V)
         counts.append(counts[-1] + len(path.V))
     V_path, bank, climb = (np.concatenate(parts) for parts in zip(*paths, strict=True))
-    return _history(V_path, bank, climb, expected, height_m, wind_mps, begins, np.array(counts) * STEP_S)
+    return _history(V_path, bank, climb, expected, height_m, wind_mps, begins, np.array(counts) * PATH.step_s)
 
 
 def throttle_at(expected: ExpectedAircraft, V: float) -> float:
@@ -99,7 +91,7 @@ def _path(maneuver: Maneuver, expected: ExpectedAircraft, height_m: float, V: fl
 
 
 def _steps(duration_s: float) -> int:
-    return max(1, round(duration_s / STEP_S))
+    return max(1, round(duration_s / PATH.step_s))
 
 
 def _towards(expected: ExpectedAircraft, V: float, wanted: float, n: int) -> Array:
@@ -107,12 +99,12 @@ def _towards(expected: ExpectedAircraft, V: float, wanted: float, n: int) -> Arr
     grid = np.linspace(0.5 * expected.stall_mps, 1.5 * expected.fastest_mps, 60)
     m = expected.aircraft.mass_kg
     drag = expected.drag_N(grid) / m
-    most = np.clip(np.array([expected.thrust_N(1.0, v) for v in grid]) / m - drag, 0.05, HARDEST_MPS2)
+    most = np.clip(np.array([expected.thrust_N(1.0, v) for v in grid]) / m - drag, 0.05, PATH.hardest_mps2)
     speeds = np.empty(n)
     for i in range(n):
         at = (V - grid[0]) / (grid[1] - grid[0])
         k = min(max(int(at), 0), len(grid) - 1)
-        V += STEP_S * min(max((wanted - V) / SPEED_LAG_S, -drag[k]), most[k])
+        V += PATH.step_s * min(max((wanted - V) / PATH.speed_lag_s, -drag[k]), most[k])
         speeds[i] = V
     return speeds
 
@@ -121,9 +113,9 @@ def _run(expected: ExpectedAircraft, V: float, first: float, run: Run) -> Array:
     speeds, faster = [], run.until_mps > V
     m = expected.aircraft.mass_kg
     for i in range(_steps(run.longest_s)):
-        t = i * STEP_S
+        t = i * PATH.step_s
         throttle = first + (run.throttle - first) * min(t / run.ramp_s, 1.0)
-        V += STEP_S * (expected.thrust_N(throttle, V) - float(expected.drag_N(V))) / m
+        V += PATH.step_s * (expected.thrust_N(throttle, V) - float(expected.drag_N(V))) / m
         speeds.append(V)
         if t > run.ramp_s and (V >= run.until_mps if faster else V <= run.until_mps):
             break
@@ -133,38 +125,40 @@ def _run(expected: ExpectedAircraft, V: float, first: float, run: Run) -> Array:
 def _turn(expected: ExpectedAircraft, V: float, speed_mps: float, angle_rad: float, bank_rad: float) -> Path:
     most = _steps(1.2 * abs(angle_rad) * max(V, speed_mps) / (g * np.tan(bank_rad)) + 20.0)
     speeds = _towards(expected, V, speed_mps, most)
-    rising = np.minimum(np.arange(most) * STEP_S / ROLL_S, 1.0) * bank_rad
-    turned = np.cumsum(g * np.tan(rising) / speeds) * STEP_S
+    rising = np.minimum(np.arange(most) * PATH.step_s / PATH.roll_s, 1.0) * bank_rad
+    turned = np.cumsum(g * np.tan(rising) / speeds) * PATH.step_s
     # Rolling out takes as long, and turns by half of what full bank would.
-    rest = g * np.tan(bank_rad) / speeds * ROLL_S / 2
+    rest = g * np.tan(bank_rad) / speeds * PATH.roll_s / 2
     n = int(np.searchsorted(turned + rest, abs(angle_rad)))
-    out = np.maximum(1 - np.arange(_steps(ROLL_OUT_S)) * STEP_S / ROLL_S, 0.0)
+    out = np.maximum(1 - np.arange(_steps(5 * PATH.roll_s)) * PATH.step_s / PATH.roll_s, 0.0)
     bank = np.concatenate([rising[:n], bank_rad * out]) * np.sign(angle_rad)
     return Path(speeds[: len(bank)], bank, np.zeros(len(bank)))
 
 
 def _porpoise(expected: ExpectedAircraft, V: float, porpoise: Porpoise) -> Path:
     n = _steps(porpoise.duration_s)
-    t = np.arange(n) * STEP_S
+    t = np.arange(n) * PATH.step_s
     speeds = _towards(expected, V, porpoise.speed_mps, n)
     first, last = 2 * np.pi / porpoise.first_period_s, 2 * np.pi / porpoise.last_period_s
     phase = first * t + (last - first) * t**2 / (2 * porpoise.duration_s)
     omega = first + (last - first) * t / porpoise.duration_s
-    fade = np.minimum(np.minimum(t, t[::-1]) / PORPOISE_BEGINS_S, 1.0)
+    fade = np.minimum(np.minimum(t, t[::-1]) / 1.0, 1.0)
     climb = -g * porpoise.load / (porpoise.speed_mps * omega) * np.cos(phase) * fade
     return Path(speeds, np.zeros(n), climb)
 
 
 def climb_rate_mps(expected: ExpectedAircraft) -> float:
     """Rate of climb and descent between the ground and the height of the flight [m/s]."""
-    return min(CLIMB_MPS, CLIMB_OVER_STALL * expected.stall_mps)
+    return min(PATH.climb_mps, PATH.climb_over_stall * expected.stall_mps)
 
 
 def _take_off(expected: ExpectedAircraft, speed_mps: float, height_m: float) -> Path:
-    s = (np.arange(_steps(TAKE_OFF_S)) + 1) * STEP_S / TAKE_OFF_S
+    s = (np.arange(_steps(PATH.take_off_s)) + 1) * PATH.step_s / PATH.take_off_s
     V = speed_mps * (10 * s**3 - 15 * s**4 + 6 * s**5)
-    rise = 30 * s**2 * (1 - s) ** 2 * min(GROUND_HEIGHT_M, height_m) / TAKE_OFF_S
-    up = np.full(_steps(max(height_m - GROUND_HEIGHT_M, 0.0) / climb_rate_mps(expected)), climb_rate_mps(expected))
+    rise = 30 * s**2 * (1 - s) ** 2 * min(PATH.approach_height_m, height_m) / PATH.take_off_s
+    up = np.full(
+        _steps(max(height_m - PATH.approach_height_m, 0.0) / climb_rate_mps(expected)), climb_rate_mps(expected)
+    )
     V = np.concatenate([V, np.full(len(up) + _steps(5.0), speed_mps)])
     rate = np.concatenate([rise, up, np.zeros(_steps(5.0))])
     return Path(V, np.zeros(len(V)), np.arcsin(np.clip(rate / np.maximum(V, 1.0), -0.5, 0.5)))
@@ -189,31 +183,32 @@ def _history(
     starts_s: Array,
 ) -> TimeHistory:
     n = len(V)
-    t = np.arange(n) * STEP_S
+    t = np.arange(n) * PATH.step_s
     smooth = np.ones(SMOOTHED) / SMOOTHED
     climb, bank = (np.convolve(np.pad(x, SMOOTHED // 2, mode="edge"), smooth, mode="valid") for x in (climb, bank))
     flown = np.maximum(V, 0.5 * expected.stall_mps)
-    load = (flown * np.gradient(climb, STEP_S) / g + np.cos(climb)) / np.cos(bank)
-    alpha = np.clip(expected.alpha_rad(flown, load), -0.2, LARGEST_ALPHA_RAD) * np.minimum(V / flown, 1.0)
+    load = (flown * np.gradient(climb, PATH.step_s) / g + np.cos(climb)) / np.cos(bank)
+    alpha = np.clip(expected.alpha_rad(flown, load), -0.2, 0.3) * np.minimum(V / flown, 1.0)
     theta = np.arctan(np.cos(bank) * np.tan(alpha)) + climb
-    heading = np.cumsum(g * np.tan(bank) / flown) * STEP_S
+    heading = np.cumsum(g * np.tan(bank) / flown) * PATH.step_s
     body = motion.velocity_of(V, alpha, 0.0)
     air = np.column_stack(motion.earth_from_body(body, (bank, theta, heading)))
-    height = np.cumsum(-air[:, 2]) * STEP_S + (height_m if begins == "air" else 0.0)
+    height = np.cumsum(-air[:, 2]) * PATH.step_s + (height_m if begins == "air" else 0.0)
     height = np.maximum(height, 0.0)
     profile = dryden.mean_wind_profile(height) / dryden.mean_wind_profile(height_m)
+    wind_from = np.radians(PATH.wind_from_deg)
     # The wind's component on the heading changes in turns; on the ground the aircraft stands.
-    wind = -wind_mps * profile[:, None] * np.array([np.cos(WIND_FROM_RAD), np.sin(WIND_FROM_RAD)])
+    wind = -wind_mps * profile[:, None] * np.array([np.cos(wind_from), np.sin(wind_from)])
     moved = np.clip(V / expected.stall_mps, 0.0, 1.0)[:, None]
     velocity = air + np.column_stack([wind * moved, np.zeros(n)])
-    phi_rate, theta_rate, psi_rate = (np.gradient(x, STEP_S) for x in (bank, theta, heading))
-    acceleration = np.gradient(velocity, STEP_S, axis=0) - np.array([0.0, 0.0, g])
+    phi_rate, theta_rate, psi_rate = (np.gradient(x, PATH.step_s) for x in (bank, theta, heading))
+    acceleration = np.gradient(velocity, PATH.step_s, axis=0) - np.array([0.0, 0.0, g])
     north, east, down = acceleration.T
     force = motion.body_from_earth((north, east, down), (bank, theta, heading))
     flying = V > 0.7 * expected.stall_mps
     known = np.where(flying, 1.0, np.nan)
     drag = expected.drag_N(flown, load)
-    thrust = drag + expected.aircraft.mass_kg * (np.gradient(V, STEP_S) + g * np.sin(climb))
+    thrust = drag + expected.aircraft.mass_kg * (np.gradient(V, PATH.step_s) + g * np.sin(climb))
     revps = np.where(V > 0, expected.revps_of_thrust(np.maximum(flown, 1.0), thrust / np.cos(alpha)), 0.0)
     # Pressure differences of a hemisphere in potential flow: C = dp_alpha/q_c, and its derivative at constant q_c.
     C = 9 / 4 * np.sin(2 * alpha) / (1 - 9 / 4 * np.sin(alpha) ** 2)
@@ -246,5 +241,5 @@ def _history(
     table = pd.DataFrame(columns, index=pd.Index(t, name="t_s"))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], (V == 0).astype(int), [0]])))
     rest = [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
-    position = np.cumsum(velocity[:, :2], axis=0) * STEP_S
+    position = np.cumsum(velocity[:, :2], axis=0) * PATH.step_s
     return TimeHistory(table, np.column_stack([bank, theta, heading]), velocity, wind, rest, starts_s, position)

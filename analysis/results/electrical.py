@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from analysis.electrical.drag import WITHHELD_DRAG, DragEstimate
 from analysis.electrical.estimate import ElectricalEstimate, FlownAircraft
-from analysis.electrical.flight_table import STEP_S, FlightTable
+from analysis.electrical.flight_table import FlightTable
+from analysis.electrical.settings import FLIGHT
 from analysis.electrical.thrust_balance import aerodynamics
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import maximum_lift_to_drag
@@ -154,7 +155,7 @@ def _beside_the_curve(
         airspeed_scale=Interval(value=scale, lo=scale - NORMAL_95 * scale_error, hi=scale + NORMAL_95 * scale_error),
         wind_mps=estimate.airspeed.wind_mps,
         wind_from_deg=estimate.airspeed.wind_from_deg,
-        flown_s=float(flight.flown.sum() * STEP_S),
+        flown_s=float(flight.flown.sum() * FLIGHT.step_s),
         withheld=[drag, WITHHELD_CLIMB] if isinstance(drag, str) else [WITHHELD_CLIMB],
         shaft_power=[] if isinstance(drag, str) else _points(drag.V_mps, drag.shaft_W, NORMAL_95 * drag.shaft_error_W),
         thrust_basis="" if isinstance(drag, str) else _thrust_basis(drag, propeller),

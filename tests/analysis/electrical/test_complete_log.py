@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.electrical import airspeed_gps
 from analysis.electrical.daemon_log import method_estimate, whole_flight
 from analysis.electrical.drag import DragEstimate
 from analysis.electrical.energy_balance import FlightConditions, drag_power
+from analysis.electrical.settings import GPS
 from analysis.electrical.thrust_balance import aerodynamics
 from analysis.polar import Condition, power_required
 from flight.aircraft import Uncertainty
@@ -48,4 +48,4 @@ def test_a_log_without_battery_says_so() -> None:
 
 
 def test_an_airspeed_sensor_is_as_uncertain_as_an_aircraft_file_that_says_nothing() -> None:
-    assert airspeed_gps.SCALE_SIGMA == Uncertainty().airspeed_scale_fraction
+    assert GPS.scale_sigma == Uncertainty().airspeed_scale_fraction

@@ -6,7 +6,6 @@ import pytest
 from analysis.electrical import energy_balance
 from analysis.electrical.airspeed_gps import correlation, most_likely_noise
 from analysis.electrical.energy_balance import (
-    WINDOW_S,
     DragAndEfficiency,
     EnergyBalance,
     FlightConditions,
@@ -16,6 +15,7 @@ from analysis.electrical.energy_balance import (
     level_power,
 )
 from analysis.electrical.flight_table import smoothed
+from analysis.electrical.settings import WINDOWS
 from flight.propeller_files import load_propeller
 from flight.units import GRAVITY_MPS2 as g
 
@@ -60,7 +60,7 @@ def test_the_balance_holds_in_climbs_accelerations_and_turns(samples: Samples) -
 
 def test_windows_are_as_long_as_they_say_and_have_a_middle(samples: Samples) -> None:
     offsets_s = EnergyBalance(samples, CONDITIONS).windows.offsets_s
-    assert offsets_s[[0, -1]] == pytest.approx([-WINDOW_S / 2, WINDOW_S / 2])
+    assert offsets_s[[0, -1]] == pytest.approx([-WINDOWS.length_s / 2, WINDOWS.length_s / 2])
     assert offsets_s[len(offsets_s) // 2] == 0.0 and len(offsets_s) % 2 == 1
 
 

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.planning.next_flight import WORTH_PERCENT, _effects_W, lacking, next_flight
+from analysis.planning.next_flight import _effects_W, lacking, next_flight
+from analysis.planning.settings import SEARCH
 from analysis.polar import Condition, Polar
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import MATTERS
@@ -84,7 +85,7 @@ def test_a_narrow_interval_needs_no_other_flight_and_calm_air_no_calmer_day() ->
         trajectory = flown({"alpha_bias": 1e-4}, gust_mps)
         return next_flight(trajectory, SimpleNamespace(polar=polar, noise=noise), AT, (0.25, 1.1))  # type: ignore[arg-type]
 
-    assert said(0.99 * WORTH_PERCENT, 0.5) == []
-    assert len(said(1.01 * WORTH_PERCENT, 0.5)) == 2
-    assert len(said(1.01 * WORTH_PERCENT, 0.0)) == 1
+    assert said(0.99 * SEARCH.worth_percent, 0.5) == []
+    assert len(said(1.01 * SEARCH.worth_percent, 0.5)) == 2
+    assert len(said(1.01 * SEARCH.worth_percent, 0.0)) == 1
     assert len(said(3.0, 0.5, "noise")) == 1, "more runs, whatever the air"

@@ -26,7 +26,8 @@ from analysis.planning.mission import Home, left_out, qgroundcontrol_plan, simul
 from analysis.planning.next_flight import next_flight
 from analysis.planning.pieces import Hold, Land, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
 from analysis.planning.search import FlightPlan, Request, plan_flight
-from analysis.planning.time_history import STEP_S, TimeHistory, fly
+from analysis.planning.settings import PATH, SEARCH
+from analysis.planning.time_history import TimeHistory, fly
 from analysis.polar import Polar
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import LEAST_GUST_MPS, reconstruct
@@ -77,7 +78,7 @@ def test_porpoising_swings_the_load_factor_and_not_the_speed(nexstar: ExpectedAi
     assert (load.max(), load.min()) == pytest.approx((1.8, 0.2), abs=0.1)
     assert np.ptp(middle["V_mps"]) < 0.1
     assert np.ptp(middle["height_m"]) < 3.0
-    pitch_rate = np.gradient(history.attitude[:, 1], STEP_S)[200:500]
+    pitch_rate = np.gradient(history.attitude[:, 1], PATH.step_s)[200:500]
     assert np.ptp(pitch_rate) > 0.5
     assert np.allclose(history.table["q_radps"].to_numpy()[200:500], pitch_rate, atol=1e-6)
 
@@ -295,7 +296,7 @@ def test_a_run_follows_drag_and_thrust(nexstar: ExpectedAircraft):
     history = fly(flown, nexstar, HEIGHT_M, 0.0, begins="air")
     V = float(history.table["V_mps"].iloc[-1])
     assert nexstar.thrust_N(0.7, V) == pytest.approx(float(nexstar.drag_N(V)), rel=0.02)
-    assert len(history.table) == pytest.approx(64.0 / STEP_S, abs=2)
+    assert len(history.table) == pytest.approx(64.0 / PATH.step_s, abs=2)
 
 
 def test_earlier_flights_are_known_by_what_they_added_to_the_prior():
@@ -515,7 +516,7 @@ def test_information_of_pieces_adds_and_is_taken_away_again():
     assert search._gain(before, after) == pytest.approx(np.zeros((3, 3)), abs=1e-9)
     assert search._less(after, added) == pytest.approx(before)
     assert np.linalg.eigvalsh(search._less(before, 10 * np.linalg.inv(before))) == pytest.approx(
-        np.linalg.eigvalsh(before) / search.LEAST_LEFT
+        np.linalg.eigvalsh(before) / SEARCH.least_left
     )
     assert Request(9.0, 10.0, Space(500.0, 40.0), Pilot(False, 1.0)).gust_mps == pytest.approx(0.1 * 5.14444)
     assert Request(9.0, 0.0, Space(500.0, 40.0), Pilot(False, 1.0)).gust_mps == LEAST_GUST_MPS

@@ -7,9 +7,8 @@ import pytest
 
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
 from analysis.planning.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
+from analysis.planning.settings import PATH
 from analysis.planning.time_history import (
-    STEP_S,
-    TAKE_OFF_S,
     TimeHistory,
     _landing,
     _take_off,
@@ -49,7 +48,7 @@ def history(nexstar: ExpectedAircraft) -> TimeHistory:
 def part(history: TimeHistory, kind: type) -> slice:
     """The rows of the first maneuver of a kind."""
     i = next(i for i, maneuver in enumerate(FLOWN) if isinstance(maneuver, kind))
-    return slice(*(round(float(s) / STEP_S) for s in history.starts_s[i : i + 2]))
+    return slice(*(round(float(s) / PATH.step_s) for s in history.starts_s[i : i + 2]))
 
 
 def test_attitude_rates_and_accelerations_belong_to_one_motion(history: TimeHistory) -> None:
@@ -60,16 +59,18 @@ def test_attitude_rates_and_accelerations_belong_to_one_motion(history: TimeHist
     )
     still = table["V_mps"].isna().to_numpy()  # sensors at rest show noise
     for i, rate in enumerate(rates):
-        expected = np.gradient(history.attitude[:, i], STEP_S)
+        expected = np.gradient(history.attitude[:, i], PATH.step_s)
         assert rate[~still] == pytest.approx(expected[~still], abs=1e-9)
     force = (table[f"a{axis}_mps2"].to_numpy() for axis in "xyz")
     felt = motion.earth_from_body(force, history.attitude.T)
     for i, component in enumerate(felt):
-        expected = np.gradient(history.velocity[:, i], STEP_S) - (g if i == 2 else 0.0)
+        expected = np.gradient(history.velocity[:, i], PATH.step_s) - (g if i == 2 else 0.0)
         assert component[~still] == pytest.approx(expected[~still], abs=1e-9)
-    moved = np.gradient(history.position_m, STEP_S, axis=0)
+    moved = np.gradient(history.position_m, PATH.step_s, axis=0)
     assert np.allclose(moved[5:-5], history.velocity[5:-5, :2], atol=0.5)
-    assert history.position_m[-1] == pytest.approx(np.trapezoid(history.velocity[:, :2], dx=STEP_S, axis=0), abs=0.5)
+    assert history.position_m[-1] == pytest.approx(
+        np.trapezoid(history.velocity[:, :2], dx=PATH.step_s, axis=0), abs=0.5
+    )
     assert np.allclose(history.velocity, table[[f"gps_{axis}_mps" for axis in ("north", "east", "down")]])
 
 
@@ -150,7 +151,9 @@ def test_a_flight_takes_off_climbs_and_lands_at_its_rates(history: TimeHistory, 
     V = np.linalg.norm(history.velocity - np.pad(history.wind, ((0, 0), (0, 1))), axis=1)
     assert V[up.stop - 2] == pytest.approx(16.0, abs=0.01) and np.ptp(V[up.start + 330 : up.stop]) < 0.01
     assert len(history.rest) == 2
-    assert [rows.stop - rows.start for rows in history.rest] == pytest.approx([20 / STEP_S, 10 / STEP_S], abs=3)
+    assert [rows.stop - rows.start for rows in history.rest] == pytest.approx(
+        [20 / PATH.step_s, 10 / PATH.step_s], abs=3
+    )
 
 
 def test_sensors_at_rest_show_their_bench_noise_and_flight_begins_at_seven_tenths_of_the_stall(
@@ -169,7 +172,7 @@ def test_on_the_ground_the_wind_moves_the_aircraft_by_the_share_of_its_speed(
 ) -> None:
     """It stands in any wind, and from the speed of the stall on it moves with the air."""
     rows = part(history, TakeOff)
-    rolling = rows.start + round(5.0 / STEP_S)
+    rolling = rows.start + round(5.0 / PATH.step_s)
     V = float(_take_off(nexstar, 16.0, HEIGHT_M).V[rolling - rows.start])
     assert 0.1 < V / nexstar.stall_mps < 0.9
     sideways = np.array([np.sin(history.attitude[0, 2]), -np.cos(history.attitude[0, 2])])
@@ -185,48 +188,48 @@ def test_a_part_of_a_plan_begins_at_its_height(nexstar: ExpectedAircraft) -> Non
 def test_a_hold_reaches_its_speed_as_a_pilot_does(nexstar: ExpectedAircraft) -> None:
     """A first-order change with 2 s, no harder than 1.5 m/s^2 nor than drag without thrust allows."""
     slower = fly([Hold(5.0, 20.0), Hold(30.0, 13.0)], nexstar, HEIGHT_M, 0.0, begins="air").table["V_mps"].to_numpy()
-    rate = np.diff(slower) / STEP_S
+    rate = np.diff(slower) / PATH.step_s
     drag = nexstar.drag_N(slower[:-1]) / nexstar.aircraft.mass_kg
     assert (rate > -1.05 * drag)[150:].all() and rate[150:].min() < -0.6
     assert slower[-1] == pytest.approx(13.0, abs=0.01)
     faster = fly([Hold(5.0, 14.0), Hold(30.0, 20.0)], nexstar, HEIGHT_M, 0.0, begins="air").table["V_mps"].to_numpy()
-    assert 0.9 < (np.diff(faster)[130:] / STEP_S).max() <= 1.5 + 1e-9
+    assert 0.9 < (np.diff(faster)[130:] / PATH.step_s).max() <= 1.5 + 1e-9
     near = np.abs(20.0 - faster) < 1.0
     remaining = 20.0 - faster[near & (np.arange(len(faster)) > 130)]
-    assert remaining[50] / remaining[0] == pytest.approx(np.exp(-50 * STEP_S / 2.0), rel=0.05)
+    assert remaining[50] / remaining[0] == pytest.approx(np.exp(-50 * PATH.step_s / 2.0), rel=0.05)
 
 
 def test_a_run_ramps_its_throttle_and_ends_at_its_speed(nexstar: ExpectedAircraft) -> None:
     assert nexstar.thrust_N(throttle_at(nexstar, 18.0), 18.0) == pytest.approx(float(nexstar.drag_N(18.0)), rel=0.01)
     V = fly([Hold(8.0, 15.0), Run(1.0, 4.0, 22.0, 60.0)], nexstar, HEIGHT_M, 0.0, begins="air").table["V_mps"]
     V = V.to_numpy()
-    begin = round(8.0 / STEP_S)
+    begin = round(8.0 / PATH.step_s)
     assert V[-1] == pytest.approx(22.0, abs=0.2)
     m, first = nexstar.aircraft.mass_kg, throttle_at(nexstar, 15.0)
     for seconds in (1.0, 2.0, 3.0, 4.5):
-        i = begin + round(seconds / STEP_S)
+        i = begin + round(seconds / PATH.step_s)
         throttle = first + (1.0 - first) * min(seconds / 4.0, 1.0)
-        rate = (V[i + 1] - V[i - 1]) / (2 * STEP_S)
+        rate = (V[i + 1] - V[i - 1]) / (2 * PATH.step_s)
         assert rate == pytest.approx((nexstar.thrust_N(throttle, V[i]) - float(nexstar.drag_N(V[i]))) / m, abs=0.06)
     down = fly([Hold(12.0, 20.0), Run(0.4, 2.5, 15.0, 60.0)], nexstar, HEIGHT_M, 0.0, begins="air").table["V_mps"]
-    assert down.iloc[-1] == pytest.approx(15.0, abs=0.1) and len(down) * STEP_S < 40.0
+    assert down.iloc[-1] == pytest.approx(15.0, abs=0.1) and len(down) * PATH.step_s < 40.0
 
 
 def test_a_turn_rolls_in_a_second_and_ends_wings_level(nexstar: ExpectedAircraft) -> None:
     for angle in (pi, -pi):
         history = fly([Hold(4.0, 18.0), Turn(18.0, angle, 0.6)], nexstar, HEIGHT_M, 0.0, begins="air")
         bank = history.attitude[:, 0] * np.sign(angle)
-        begin = round(4.0 / STEP_S)
+        begin = round(4.0 / PATH.step_s)
         assert bank.max() == pytest.approx(0.6, abs=1e-6) and bank[-1] == pytest.approx(0.0, abs=1e-6)
-        assert bank[begin + round(0.5 / STEP_S)] == pytest.approx(0.3, abs=0.03)
+        assert bank[begin + round(0.5 / PATH.step_s)] == pytest.approx(0.3, abs=0.03)
         assert history.attitude[-1, 2] == pytest.approx(angle, abs=0.03)
-        assert (len(bank) - np.flatnonzero(bank > 1e-6)[-1]) * STEP_S == pytest.approx(4.0, abs=0.2)
+        assert (len(bank) - np.flatnonzero(bank > 1e-6)[-1]) * PATH.step_s == pytest.approx(4.0, abs=0.2)
 
 
 def test_porpoising_goes_from_the_first_period_to_the_last(history: TimeHistory) -> None:
     rows = part(history, Porpoise)
     load = -history.table["az_mps2"].to_numpy()[rows] / g - 1.0
-    up = np.flatnonzero((load[:-1] < 0) & (load[1:] >= 0)) * STEP_S
+    up = np.flatnonzero((load[:-1] < 0) & (load[1:] >= 0)) * PATH.step_s
     periods = np.diff(up)
     assert periods[1] == pytest.approx(1.75, abs=0.08) and periods[-2] == pytest.approx(1.24, abs=0.08)
     assert load[100:-100].max() == pytest.approx(0.5, abs=0.06)
@@ -237,22 +240,22 @@ def test_porpoising_goes_from_the_first_period_to_the_last(history: TimeHistory)
 def test_a_take_off_gains_its_height_and_begins_and_ends_smoothly(nexstar: ExpectedAircraft, height_m: float) -> None:
     """Speed rises from zero by a polynomial of the fifth order, steepest in the middle at 15/8 of its mean rate."""
     path = _take_off(nexstar, 16.0, height_m)
-    V, seconds = path.V, TAKE_OFF_S
-    rising = round(seconds / STEP_S)
+    V, seconds = path.V, PATH.take_off_s
+    rising = round(seconds / PATH.step_s)
     # Slow rolling limits the angle, not the rate, to half a radian: that costs the height of the first seconds.
-    assert 0.9 * height_m < float(np.sum(V * np.sin(path.climb)) * STEP_S) <= height_m + 0.01
+    assert 0.9 * height_m < float(np.sum(V * np.sin(path.climb)) * PATH.step_s) <= height_m + 0.01
     assert V[rising - 1 :] == pytest.approx(16.0) and V[rising // 2 - 1] == pytest.approx(8.0, rel=0.01)
-    assert np.diff(V).max() / STEP_S == pytest.approx(15 / 8 * 16.0 / seconds, rel=0.01)
+    assert np.diff(V).max() / PATH.step_s == pytest.approx(15 / 8 * 16.0 / seconds, rel=0.01)
     assert V[0] < 0.01 and path.climb[-1] == 0.0 and np.degrees(np.abs(path.climb).max()) < 30.01
     end = _landing(nexstar, 20.0, 16.0, height_m)
-    assert float(np.sum(end.V * np.sin(end.climb)) * STEP_S) == pytest.approx(-height_m, rel=0.15)
+    assert float(np.sum(end.V * np.sin(end.climb)) * PATH.step_s) == pytest.approx(-height_m, rel=0.15)
     assert end.V[0] == pytest.approx(20.0, abs=0.2) and end.V[-1] < 0.01 and len(end.V) == len(V)
 
 
 def test_thrust_carries_the_weight_s_component_in_a_climb(nexstar: ExpectedAircraft) -> None:
     """m Vdot = T - D - m g sin(climb), at the angles at which lift carries m g cos(climb)."""
     history = fly([Stand(2.0), TakeOff(16.0), Hold(2.0, 16.0)], nexstar, 90.0, 0.0)
-    rows = slice(-round(17.0 / STEP_S), -round(12.0 / STEP_S))  # climbing at a constant rate
+    rows = slice(-round(17.0 / PATH.step_s), -round(12.0 / PATH.step_s))  # climbing at a constant rate
     climb = np.arcsin(-history.velocity[rows, 2] / 16.0)
     assert climb == pytest.approx(np.arcsin(climb_rate_mps(nexstar) / 16.0), rel=1e-3)
     expected = nexstar.drag_N(np.full(len(climb), 16.0), np.cos(climb)) + nexstar.aircraft.mass_kg * g * np.sin(climb)

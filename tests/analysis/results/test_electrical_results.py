@@ -7,8 +7,7 @@ import pytest
 
 from analysis.electrical.airspeed_gps import AirspeedErrors
 from analysis.electrical.energy_balance import FlightConditions
-from analysis.electrical.fit import IDLE_POWER_SIGMA_W
-from analysis.electrical.flight_table import STEP_S
+from analysis.electrical.settings import FLIGHT, SHARED
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import maximum_lift_to_drag
 from analysis.results.electrical import _beside_the_curve, _best_speed, _points, _polar, _warnings
@@ -20,7 +19,7 @@ from flight.units import GRAVITY_MPS2
 V = np.linspace(10.0, 20.0, 41)
 POWER_W = 50.0 + (V - 14.0) ** 2
 BATTERY_J = 360e3
-FLIGHT = SimpleNamespace(flown=np.ones(3000, dtype=bool))
+FLOWN = SimpleNamespace(flown=np.ones(3000, dtype=bool))
 
 
 def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | None = 3.0, scale: float = 0.02):
@@ -35,7 +34,7 @@ def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | No
 
 
 def beside(drag="withheld", **of):
-    return _beside_the_curve(FLIGHT, estimate(**of), BATTERY_J, drag, "apc-12x8e")
+    return _beside_the_curve(FLOWN, estimate(**of), BATTERY_J, drag, "apc-12x8e")
 
 
 def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed() -> None:
@@ -45,7 +44,7 @@ def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed(
     for interval in (found.endurance_s, found.range_m):
         ends = interval.value / (1 + 1.96 * 0.03), interval.value / (1 - 1.96 * 0.03)
         assert (interval.lo, interval.hi) == pytest.approx(ends, rel=0.015)  # 400 draws
-    assert _beside_the_curve(FLIGHT, estimate(), None, "withheld", "").endurance_s is None
+    assert _beside_the_curve(FLOWN, estimate(), None, "withheld", "").endurance_s is None
 
 
 def test_best_speeds_are_those_of_the_least_power_and_of_the_least_energy_per_meter() -> None:
@@ -85,7 +84,7 @@ def test_what_is_beside_the_curve_has_intervals_of_95_per_cent() -> None:
     assert (first.noise_W, first.systematic_W) == pytest.approx((NORMAL_95 * 2.0, NORMAL_95 * systematic_W))
     scale = found.airspeed_scale
     assert (scale.value, scale.lo, scale.hi) == pytest.approx((0.02, 0.02 - 0.01 * NORMAL_95, 0.02 + 0.01 * NORMAL_95))
-    assert found.residual_W == pytest.approx(np.sqrt(12.5)) and found.flown_s == pytest.approx(3000 * STEP_S)
+    assert found.residual_W == pytest.approx(np.sqrt(12.5)) and found.flown_s == pytest.approx(3000 * FLIGHT.step_s)
 
 
 def test_a_power_s_interval_ends_at_zero_and_what_is_not_known_is_left_out() -> None:
@@ -196,8 +195,8 @@ def test_powers_and_the_factor_of_airspeed_have_intervals_of_95_per_cent() -> No
     found = values(share=0.04)
     half = NORMAL_95 * 0.04 * 50.0
     assert (found.cruise_power.lo, found.cruise_power.hi) == pytest.approx((50 - half, 50 + half))
-    assert found.idle_power.value == 4.0 and found.idle_power.lo == max(4.0 - NORMAL_95 * IDLE_POWER_SIGMA_W, 0.0)
-    assert found.idle_power.hi == pytest.approx(4.0 + NORMAL_95 * IDLE_POWER_SIGMA_W)
+    assert found.idle_power.value == 4.0 and found.idle_power.lo == max(4.0 - NORMAL_95 * SHARED.idle_power_W, 0.0)
+    assert found.idle_power.hi == pytest.approx(4.0 + NORMAL_95 * SHARED.idle_power_W)
     assert found.airspeed_factor.value == pytest.approx(1 / 1.02)
     assert found.airspeed_factor.hi - found.airspeed_factor.value == pytest.approx(NORMAL_95 * 0.01)
     assert values(wind_mps=None).airspeed_factor is None

@@ -1,0 +1,186 @@
+"""Thresholds and priors of the electrical power curve of an ordinary flight."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from flight.settings import Settings, setting
+
+
+class Normal(NamedTuple):
+    """A normal prior."""
+
+    mean: float
+    sigma: float
+
+
+@dataclass(frozen=True)
+class FlightDetection(Settings):
+    """Which part of a log is flight, by airspeed, GPS and height; what an autopilot says of it is not used."""
+
+    step_s: float = setting(0.2, "s", "the fastest change that matters, of the throttle, takes a few steps")
+    smoothing_s: float = setting(1.0, "s", "of pressures and accelerations: slower than short-period motion")
+    recognized_over_s: float = setting(3.0, "s", "a gust on the ground is shorter")
+    highest_CL: float = setting(3.0, "1", "below its dynamic pressure an aircraft stands or rolls; no flap reaches it")
+    standing_mps: float = setting(1.0, "m/s", "ground speed that GPS shows at rest")
+    moving_mps: float = setting(2.0, "m/s", "a slower ground speed is standing with wind on the pitot, or hovering")
+    clear_of_ground_m: float = setting(3.0, "m", "above ground effect of a small wing, and a barometer's error")
+    trim_s: float = setting(8.0, "s", "after take-off and before landing: rotation and flare are no level flight")
+    shortest_flight_s: float = setting(60.0, "s", "a shorter flight holds too few independent windows")
+    shortest_stretch_s: float = setting(20.0, "s", "between gaps: two windows and a half")
+    longest_gap_s: float = setting(2.5, "s", "bridged by interpolation: well below a window")
+    longest_log_s: float = setting(40_000.0, "s", "eleven hours; a longer one has a wrong clock")
+    measured_share: float = setting(0.98, "1", "of the flight, from which a channel counts as measured throughout")
+
+
+FLIGHT = FlightDetection()
+
+
+@dataclass(frozen=True)
+class PitotZero(Settings):
+    """Zero of the pitot's pressure, by the time on the ground."""
+
+    block_s: float = setting(10.0, "s", "longer than gusts on the ground")
+    near_s: float = setting(300.0, "s", "from the flight: a transducer drifts with its temperature")
+    sigma_Pa: float = setting(0.7, "Pa", "drift between ground and flight, of common transducers")
+    unknown_sigma_Pa: float = setting(3.0, "Pa", "what an autopilot's own zero before the flight leaves")
+
+
+ZERO = PitotZero()
+
+
+@dataclass(frozen=True)
+class AirTemperature(Settings):
+    """Which thermometer shows the air."""
+
+    coldest_K: float = setting(233.0, "K", "-40 °C: batteries do not fly below")
+    hottest_K: float = setting(323.0, "K", "50 °C: no air near the ground is hotter")
+    warm_K: float = setting(303.0, "K", "a thermometer above this is probably inside the electronics")
+    sigma_K: float = setting(3.0, "K", "of a sensor outside the electronics")
+    unknown_sigma_K: float = setting(8.0, "K", "without a believable thermometer: 3 % of density")
+
+
+TEMPERATURE = AirTemperature()
+
+
+@dataclass(frozen=True)
+class AirspeedByGps(Settings):
+    """Scale and zero of the airspeed, and the wind."""
+
+    scale_sigma: float = setting(0.0125, "1", "of an airspeed sensor and its place, before the flight")
+    trend_mps2: float = setting(0.01, "m/s²", "of the wind: 6 m/s in ten minutes are rare")
+    wind_sigma_mps: float = setting(10.0, "m/s", "as strong as small aircraft are flown in")
+    latency_s: float = setting(0.15, "s", "of GPS velocity, of common receivers")
+    correlation_s: tuple[float, ...] = setting((2.0, 5.0, 10.0, 20.0, 40.0), "s", "candidates; the likeliest is taken")
+    white_share: float = setting(0.05, "1", "of the residuals' variance, by GPS noise")
+    spacing_s: float = setting(1.0, "s", "of the points: closer ones are not independent")
+    most_points: int = setting(500, "1", "a matrix of this size is inverted several times")
+
+
+GPS = AirspeedByGps()
+
+
+@dataclass(frozen=True)
+class DragAndEfficiencyPrior(Settings):
+    """As wide as the differences between small electric aircraft. Of ln and logit the median is given."""
+
+    CD0: Normal = setting(Normal(0.05, 0.6), "1, ln", "from clean sailplanes to trainers with gear")
+    oswald: Normal = setting(Normal(0.75, 0.25), "1, ln", "of small straight wings with fuselage")
+    CL_of_least_drag: Normal = setting(Normal(0.2, 0.2), "1", "of symmetric to cambered airfoils")
+    K4: Normal = setting(Normal(0.01, 0.015), "1", "drag near the stall")
+    efficiency: Normal = setting(Normal(0.6, 0.4), "1, logit", "battery to thrust: 0.5 to 0.7")
+    x_sigma: float = setting(0.3, "ln", "of the advance of best efficiency about the one mostly flown")
+    fall: Normal = setting(Normal(0.7, 0.5), "1, ln", "of efficiency beyond its maximum, by tables of propellers")
+    idle_drag: Normal = setting(Normal(0.1, 0.15), "C_D0", "of an idling propeller")
+    alpha_0_sigma: float = setting(0.1, "rad", "contains how the accelerometer is mounted")
+    alpha_per_CL_sigma: float = setting(0.3, "ln", "about the slope of a straight wing (Helmbold)")
+    alpha_per_CT_sigma: float = setting(0.2, "rad", "by the propeller's wash over the wing")
+    rise_exponent: float = setting(2.3, "1", "of efficiency over advance: fits APC 10x5E and 12x8E within 0.02")
+
+
+PRIOR = DragAndEfficiencyPrior()
+
+
+@dataclass(frozen=True)
+class BalanceWindows(Settings):
+    """Windows of the energy balance."""
+
+    length_s: float = setting(8.0, "s", "shorter ones hold gusts alone, longer ones average maneuvers away")
+    most: int = setting(400, "1", "a matrix of twice this size is inverted several times")
+    fewest: int = setting(15, "1", "as many as parameters, and a few")
+
+
+WINDOWS = BalanceWindows()
+
+
+@dataclass(frozen=True)
+class Residuals(Settings):
+    """What the residuals of the balance are made of: motion of the air, form of the efficiency, angle of attack."""
+
+    efficiency_share: float = setting(0.05, "1", "error of the efficiency's form, of propellers unlike the fitted ones")
+    efficiency_s: float = setting(10.0, "s", "how long it lasts: a maneuver")
+    white_W: float = setting(1.0, "W", "of a window's power, uncorrelated: resolution of current and height")
+    times_s: tuple[float, ...] = setting((1.0, 2.0, 4.0, 8.0, 16.0), "s", "correlation times that are averaged over")
+    gust_length_m: Normal = setting(Normal(60.0, 0.7), "m, ln", "the height above ground (MIL-F-8785C)")
+    first_s: float = setting(3.0, "s", "with which the search begins")
+    first_gust_mps: float = setting(0.3, "m/s", "with which the search begins")
+    first_angle_rad: float = setting(0.005, "rad", "with which the search begins")
+
+
+RESIDUALS = Residuals()
+
+
+@dataclass(frozen=True)
+class ErrorsOfTheFlight(Settings):
+    """Standard deviations of errors that a whole flight shares."""
+
+    current: float = setting(0.0115, "1", "of a current meter: evenly within 2 %")
+    mass: float = setting(0.005, "1", "of a weighed aircraft")
+    idle_power_W: float = setting(1.0, "W", "of the power drawn with the motor off")
+    least_updraft_mps: float = setting(0.01, "m/s", "mean of a flight, of calm air over warm ground")
+    updraft_share: float = setting(0.08, "1", "of the size of vertical air motion; for electrical power")
+    updraft_share_for_drag: float = setting(
+        0.2, "1", "the same for drag, which in strong turbulence is found 1 to 2 % too low"
+    )
+    motor_constants: float = setting(0.04, "1", "of electrical power, where motor speed follows from it")
+
+
+SHARED = ErrorsOfTheFlight()
+
+
+@dataclass(frozen=True)
+class Curve(Settings):
+    """Where power is told."""
+
+    percentiles: tuple[float, float] = setting((5.0, 98.0), "%", "of the windows' airspeed: flown, not passed through")
+    points: int = setting(61, "1", "smooth in a figure")
+    aspect_ratio: tuple[float, float] = setting((0.5, 60.0), "1", "outside, span and area are swapped or mistyped")
+
+
+CURVE = Curve()
+
+
+@dataclass(frozen=True)
+class ThrustByTable(Settings):
+    """Where thrust by the propeller's table can be used."""
+
+    slowest_revps: float = setting(5.0, "rev/s", "below it the blades stand, by degrees")
+    greatest_J: float = setting(1.5, "1", "of the correction of the table: beyond, no table was measured")
+    least_power: float = setting(0.1, "1", "of the 95th percentile, from which motor speed follows from power")
+    motor_efficiency: tuple[float, float] = setting(
+        (0.45, 1.02), "1", "shaft power by the table over electrical power; beyond it no motor works"
+    )
+
+
+THRUST = ThrustByTable()
+
+
+@dataclass(frozen=True)
+class BesideACompleteLog(Settings):
+    """Coarser steps for the whole flight of a complete log, which this costs little beside the rest."""
+
+    every: int = setting(3, "1", "sample of the flight's table")
+    most_windows: int = setting(100, "1", "a second of computation instead of ten")
+    most_points: int = setting(200, "1", "of airspeed against GPS")
+
+
+BESIDE_A_COMPLETE_LOG = BesideACompleteLog()

@@ -1,0 +1,103 @@
+"""What a plan assumes of aircraft, pilot and air, and its margins."""
+
+from dataclasses import dataclass
+
+from flight.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class Trainer(Settings):
+    """An aircraft of which neither an earlier flight nor the user says more: a trainer's wing, drag and power."""
+
+    largest_CL: float = setting(1.2, "1", "of a plain wing without flaps")
+    CD0: float = setting(0.045, "1", "with fixed gear")
+    oswald: float = setting(0.75, "1", "of a straight wing with fuselage")
+    CL_of_least_drag: float = setting(0.15, "1", "of a cambered airfoil")
+    CL_at_zero_alpha: float = setting(0.3, "1", "of a cambered airfoil, body axis along the fuselage")
+    fastest_over_stall: float = setting(2.4, "1", "level, where the aircraft file has no motor")
+
+
+TRAINER = Trainer()
+
+
+@dataclass(frozen=True)
+class Margins(Settings):
+    """Over the stall, and below full power."""
+
+    slowest: float = setting(1.08, "1", "slowest speed over the stall in still air, at which a deceleration ends")
+    slowest_per_kt: float = setting(0.002, "1/kt", "added for each knot of wind at 20 ft, for its gusts")
+    held: float = setting(1.04, "1", "of a speed that is held, over the slowest")
+    fastest: float = setting(0.92, "1", "of the fastest level speed, which is approached for minutes")
+    lift: float = setting(1.2, "1", "lift at the stall over the largest lift of a turn or of porpoising")
+    cruise: float = setting(1.6, "1", "speed between maneuvers over the stall")
+    turn: float = setting(1.7, "1", "speed of the turn after a run over the stall")
+
+
+MARGINS = Margins()
+
+
+@dataclass(frozen=True)
+class Maneuvers(Settings):
+    """How the pieces are flown."""
+
+    stand_before_s: float = setting(90.0, "s", "zeros and noise of all sensors, before")
+    stand_after_s: float = setting(30.0, "s", "their drift, after")
+    acceleration_throttle: float = setting(0.87, "1", "thrust that a battery half empty still gives")
+    deceleration_throttle: float = setting(0.495, "1", "the propeller still pulls, where its table is best known")
+    deceleration_ramp_s: float = setting(2.5, "s", "no faster than a pilot holds height")
+    bank_rad: float = setting(0.6, "rad", "34°: load factor 1.2")
+    steep_bank_rad: float = setting(0.8, "rad", "46°: load factor 1.4, where there is little room")
+    first_elevator_deg: float = setting(8.0, "deg", "of the simulator's pilot, who then adapts to the load asked")
+
+
+MANEUVERS = Maneuvers()
+
+
+@dataclass(frozen=True)
+class PlannedPath(Settings):
+    """Kinematics of a plan flown as written."""
+
+    step_s: float = setting(0.04, "s", "that of the logger")
+    take_off_s: float = setting(12.0, "s", "from standing to the height of the approach")
+    approach_height_m: float = setting(20.0, "m", "where climb begins and descent ends")
+    climb_mps: float = setting(3.0, "m/s", "comfortable for a trainer")
+    climb_over_stall: float = setting(0.3, "1", "of smaller aircraft, over their stall speed")
+    speed_lag_s: float = setting(2.0, "s", "of a pilot who changes speed")
+    hardest_mps2: float = setting(1.5, "m/s²", "of a change of speed between maneuvers")
+    roll_s: float = setting(1.0, "s", "into and out of a turn")
+    wind_from_deg: float = setting(-50.0, "deg", "oblique to the legs: neither head wind nor cross wind alone")
+
+
+PATH = PlannedPath()
+
+
+@dataclass(frozen=True)
+class ExpectedNoise(Settings):
+    """What a flight leaves uncertain, before it is flown."""
+
+    vertical_over_W20: float = setting(0.1, "1", "sigma_w over the wind at 20 ft (MIL-F-8785C sec. 3.7.3.4)")
+    gusts_mps: tuple[float, ...] = setting((0.0, 0.15, 0.75), "m/s", "1 sigma, of the flights of residuals_mps2")
+    residuals_mps2: tuple[float, ...] = setting(
+        (0.029, 0.040, 0.060), "m/s²", "of drag over mass, means over 0.2 s, in simulated flights in these gusts"
+    )
+    rest_share: float = setting(
+        0.8, "1", "of the residuals; errors of the states make the rest. White noise of it has the same effect"
+    )
+    alpha_scale_sigma: float = setting(0.01, "1", "of a probe's tunnel calibration")
+
+
+NOISE = ExpectedNoise()
+
+
+@dataclass(frozen=True)
+class Search(Settings):
+    """Choice of the pieces."""
+
+    mean_share: float = setting(0.1, "1", "of the mean half width over speeds, beside the worst")
+    fewest_run_pairs: int = setting(2, "1", "one alone shows no repeatability")
+    full_throttle_from_min: float = setting(12.0, "min", "a shorter flight has no time for it")
+    least_left: float = setting(0.02, "1", "of the information in any direction, when a piece is taken away")
+    worth_percent: float = setting(1.0, "%", "a narrower interval needs no other flight")
+
+
+SEARCH = Search()
