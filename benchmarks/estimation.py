@@ -21,7 +21,8 @@ from rich.console import Console
 from rich.table import Table
 from simulation_figures import runs
 
-from analysis.estimation import aircraft_models, filter_error, output_error, uncertainty
+from analysis.drag import aircraft_models
+from analysis.estimation import filter_error, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.noise import NORMAL_95
 from analysis.trajectory.reconstruction import reconstruct
@@ -32,6 +33,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estim
 import disturbed
 import test_starts_of_an_aircraft as timed
 from general_optimizer import general_optimizer, processor_time_s
+from models import pitch_and_height
 
 PLAN = "full-test-flight"
 CONSOLE = Console(width=120)
@@ -70,9 +72,9 @@ def speed() -> None:
 def _import_s() -> float:
     """Processor time of a new Python process that imports the package and NumPy and compiles an aircraft model."""
     program = (
-        "import time; from analysis.estimation import aircraft_models, output_error;"
+        "import time; from analysis.drag import aircraft_models; from analysis.estimation import output_error;"
         "from analysis.estimation.simulation import build_simulator;"
-        "from flight.aircraft import load_aircraft; m = aircraft_models.pitch_and_height(load_aircraft('nexstar'));"
+        "from flight.aircraft import load_aircraft; m = aircraft_models.level_run(load_aircraft('nexstar'));"
         "build_simulator(m, tuple(q.name for q in m.parameters if q.free)); print(time.process_time())"
     )
     ran = [
@@ -180,7 +182,7 @@ def measured(run: pd.DataFrame, factor: float, gyro_radps: float, seed: int) -> 
 
 def t_of_CLq(aircraft: Aircraft, run: pd.DataFrame, factor: float, gyro_radps: float, seeds: int) -> float:
     """Mean over the seeds of CLq divided by its standard error (4.4, 4.5), without a prior of CLq."""
-    model = aircraft_models.pitch_and_height(aircraft).changed(CLq={"start": 0.0, "prior_sigma": np.inf})
+    model = pitch_and_height(aircraft).changed(CLq={"start": 0.0, "prior_sigma": np.inf})
     t = []
     for seed in range(seeds):
         segment = measured(run, factor, gyro_radps, seed)

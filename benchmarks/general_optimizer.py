@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from scipy import optimize
 
-from analysis.estimation import aircraft_models, output_error
+from analysis.drag import aircraft_models
+from analysis.estimation import output_error
 from analysis.estimation.simulation import build_simulator
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))

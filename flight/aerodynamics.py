@@ -125,3 +125,8 @@ def aerodynamics_of(aircraft: Aircraft) -> Aerodynamics:
     if not aircraft.aerodynamics:
         raise InputError(f"{aircraft.name}: the aircraft file has no section [aerodynamics]; the simulator needs it")
     return read_table(Aerodynamics, aircraft.aerodynamics, f"{aircraft.name}: aerodynamics")
+
+
+def lift_slope(aspect_ratio: float) -> float:
+    """Lift slope of a straight wing [1/rad]: Helmbold's equation (McCormick, Aerodynamics, 2nd ed., eq. 3.74)."""
+    return float(2 * np.pi * aspect_ratio / (2 + np.sqrt(aspect_ratio**2 + 4)))

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from analysis.airdata.transducers import AIR_DATA_CHANNELS, with_hysteresis, with_zero_step
 from analysis.drag.dynamic import POLAR, DynamicEstimate
-from analysis.estimation.aircraft_models import lift_slope
 from analysis.polar import Condition, Polar, power_required, speed_at
+from flight.aerodynamics import lift_slope
 from flight.aircraft import Aircraft
 from flight.propeller import FOLD, Propeller
 

@@ -19,10 +19,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.drag import covariance
+from analysis.drag import aircraft_models, covariance
+from analysis.drag.aircraft_models import Priors
 from analysis.drag.assumed_values import alpha_scale_sigma
-from analysis.estimation import aircraft_models, filter_error, output_error
-from analysis.estimation.aircraft_models import Priors
+from analysis.estimation import filter_error, output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import FilterFit, ProcessNoise
 from analysis.estimation.fit import Convergence, Fit

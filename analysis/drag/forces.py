@@ -14,11 +14,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.estimation.aircraft_models import lift_slope
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays, flow
 from analysis.trajectory.reconstruction import Trajectory
-from flight.aerodynamics import stability_axes
+from flight.aerodynamics import lift_slope, stability_axes
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 

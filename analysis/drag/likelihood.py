@@ -21,11 +21,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag import covariance
+from analysis.drag import aircraft_models, covariance
 from analysis.drag.cross_check import priors, segments_of
 from analysis.drag.method import MethodDescription, MethodEstimate
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma
-from analysis.estimation import aircraft_models, output_error, uncertainty
+from analysis.estimation import output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import NamedValues

@@ -13,8 +13,8 @@ import disturbed
 import hard_cases
 import twins
 
+from analysis.drag import aircraft_models
 from analysis.estimation import (
-    aircraft_models,
     equation_error,
     filter_error,
     output_error,
@@ -26,7 +26,7 @@ from analysis.estimation.fit import Fit
 from analysis.estimation.model import Parameter
 from analysis.estimation.term_selection import orthogonal_functions, stepwise
 from analysis.estimation.validation import cross_validate, predict
-from tests.analysis.estimation.test_aircraft_models import (
+from tests.analysis.drag.test_aircraft_models import (
     ALL_MODELS,
     BENCH_NOISE,
     NEXSTAR,
@@ -35,6 +35,7 @@ from tests.analysis.estimation.test_aircraft_models import (
     measured,
     three_two_one_one,
 )
+from tests.analysis.estimation.models import longitudinal, pitch_and_height
 
 Contents = dict[str, Any]
 BAND_HZ = (0.15, 2.5)
@@ -146,10 +147,12 @@ def aircraft() -> Contents:
         "gusts": aircraft_models.gust_noise(17.0, gust_mps=0.4),
         "priors": aircraft_models.Priors(),
         "two states": of_fit(output_error.estimate(aircraft_models.two_state(NEXSTAR), runs, start=start)),
-        "height": of_fit(output_error.estimate(aircraft_models.pitch_and_height(NEXSTAR), runs, start=start)),
-        "elevator": of_fit(output_error.estimate(aircraft_models.longitudinal(NEXSTAR), input_made)),
+        "height": of_fit(output_error.estimate(pitch_and_height(NEXSTAR), runs, start=start)),
+        "elevator": of_fit(output_error.estimate(longitudinal(NEXSTAR), input_made)),
     }
     for name, model in ALL_MODELS.items():
+        if name == "level_run":
+            rng.uniform(size=(7, 9))  # the stored values had one more model, of seven inputs, before this one
         x, u = (rng.uniform(0.05, 0.4, (len(names), 9)) for names in (model.states, model.inputs))
         for values, names in ((x, model.states), (u, model.inputs)):
             for i, one in enumerate(names):

@@ -15,13 +15,12 @@ from analysis.drag.forces import FlightForces
 from analysis.drag.method import estimate_with
 from analysis.drag.method_inputs import MethodInputs, input_table, method_inputs
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
-from analysis.estimation.aircraft_models import lift_slope
 from analysis.polar import Condition, Polar, power_required
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.dryden import GaussMarkov
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
-from flight.aerodynamics import stability_axes
+from flight.aerodynamics import lift_slope, stability_axes
 from flight.aircraft import Aircraft, Uncertainty
 from flight.units import GRAVITY_MPS2 as g
 

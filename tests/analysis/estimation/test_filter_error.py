@@ -24,7 +24,8 @@ from disturbed import (
     nonlinear_record,
 )
 
-from analysis.estimation import aircraft_models, filter_error, output_error, uncertainty
+from analysis.drag import aircraft_models
+from analysis.estimation import filter_error, output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise
 from analysis.estimation.kalman_filter import build_filter

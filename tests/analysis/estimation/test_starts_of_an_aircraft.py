@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.estimation import aircraft_models, output_error
+from analysis.drag import aircraft_models
+from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.simulation import build_simulator
 from flight.aircraft import load_aircraft

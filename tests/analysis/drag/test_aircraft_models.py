@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.estimation import aircraft_models, output_error, uncertainty
-from analysis.estimation.aircraft_models.level_run import level_flight_state
+from analysis.drag import aircraft_models
+from analysis.drag.aircraft_models import level_flight_state
+from analysis.estimation import output_error, uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.simulation import build_simulator
 from flight import motion
-from flight.aerodynamics import aerodynamics_of, body_axes, lift_and_drag
+from flight.aerodynamics import aerodynamics_of, body_axes, lift_and_drag, lift_slope
 from flight.aircraft import load_aircraft
 from flight.atmosphere import GRAVITY_MPS2
+from tests.analysis.estimation.models import longitudinal, pitch_and_height
 
 NEXSTAR = load_aircraft("nexstar")
 AERO = replace(aerodynamics_of(NEXSTAR), stall_angle_rad=1.5)  # attached flow only, like the models
@@ -132,10 +134,9 @@ TRUE_POWER_W = RHO * SPEEDS**3 / 2 * S * np.array(
 
 ALL_MODELS = {
     "two_state": aircraft_models.two_state(NEXSTAR),
-    "pitch_and_height": aircraft_models.pitch_and_height(NEXSTAR),
-    "pitch_and_height with climb rate": aircraft_models.pitch_and_height(NEXSTAR, with_climb_rate=True),
-    "longitudinal": aircraft_models.longitudinal(NEXSTAR),
-    "wind_axis_forces": aircraft_models.wind_axis_forces(NEXSTAR),
+    "pitch_and_height": pitch_and_height(NEXSTAR),
+    "pitch_and_height with climb rate": pitch_and_height(NEXSTAR, with_climb_rate=True),
+    "longitudinal": longitudinal(NEXSTAR),
     "level_run": aircraft_models.level_run(NEXSTAR),
     "level_run in gusts": aircraft_models.level_run(NEXSTAR, gusts=True),
 }
@@ -195,9 +196,8 @@ def test_the_models_do_not_use_the_simulator_s_aerodynamics(runs):
     assert aircraft_models.starting_values(stripped, segments) == aircraft_models.starting_values(NEXSTAR, segments)
     for build in (
         aircraft_models.two_state,
-        aircraft_models.pitch_and_height,
-        aircraft_models.longitudinal,
-        aircraft_models.wind_axis_forces,
+        pitch_and_height,
+        longitudinal,
     ):
         assert [q.start for q in build(stripped).parameters] == [q.start for q in build(NEXSTAR).parameters]
 
@@ -205,7 +205,7 @@ def test_the_models_do_not_use_the_simulator_s_aerodynamics(runs):
 def test_pitch_and_height_estimates_power_in_spite_of_sensor_errors(runs):
     """Systematic errors drawn from their priors, bench noise on all else but the gyro, which the model takes as
     exact: the power lies within four of its own standard errors, and within 10 %, at low, middle and high speed."""
-    model = aircraft_models.pitch_and_height(NEXSTAR)
+    model = pitch_and_height(NEXSTAR)
     spread = {q.name: q.prior_sigma for q in model.parameters if np.isfinite(q.prior_sigma) and q.name != "CLde"}
     deviation = []
     for seed in range(4):
@@ -224,7 +224,7 @@ def test_pitch_and_height_estimates_power_in_spite_of_sensor_errors(runs):
 
 
 def test_with_gyro_noise_power_is_right_within_15_percent(runs):
-    model = aircraft_models.pitch_and_height(NEXSTAR)
+    model = pitch_and_height(NEXSTAR)
     for seed in range(2):
         segments = [measured(k, truth, BENCH_NOISE, 2 * seed + i) for i, (k, truth) in enumerate(runs.items())]
         fit = output_error.estimate(model, segments, start=aircraft_models.starting_values(NEXSTAR, segments))
@@ -243,7 +243,7 @@ def test_two_states_with_true_pitch_angle(runs):
 
 
 def test_a_3211_input_identifies_pitching_moment_and_lift_due_to_pitch_rate(maneuver):
-    model = aircraft_models.longitudinal(NEXSTAR)
+    model = longitudinal(NEXSTAR)
     quiet = {"V": 0.1, "alpha": 0.001, "q": 0.001, "ax": 0.03, "az": 0.03, "h": 0.1}
     fit = output_error.estimate(model, measured("3211", maneuver, quiet))
     assert fit.verdict.ok
@@ -255,36 +255,19 @@ def test_a_3211_input_identifies_pitching_moment_and_lift_due_to_pitch_rate(mane
     assert uncertainty.t_tests(uncertainty.cramer_rao(fit))["Cma"].significant
 
 
-def test_forces_on_a_known_trajectory_reproduce_the_polar(runs):
-    segments = []
-    for name, truth in runs.items():
-        segment = measured(name, truth)
-        z = aircraft_models.wind_axis_outputs(truth["ax"], truth["az"], truth["alpha"])
-        segments.append(
-            Segment(name=name, t_s=segment.t_s, u=segment.u | {"V": truth["V"], "alpha": truth["alpha"]}, z=z)
-        )
-    exact = {"thrust_scale": {"free": False}, "thrust_slope": {"free": False}}
-    model = aircraft_models.wind_axis_forces(NEXSTAR).changed(
-        **exact, CLq={"start": AERO.CLq}, CLde={"prior_sigma": np.inf}
-    )
-    p = output_error.estimate(model, segments).shared()
-    assert (p.A0, p.A1, p.A2) == pytest.approx(TRUE_POLAR, rel=1e-5)
-    assert (p.CL0, p.CLa, p.CLde) == pytest.approx((AERO.CL0, AERO.CLa, AERO.CLde), rel=1e-5)
-
-
 def test_quick_start_are_close_on_clean_data_and_the_defaults_on_nonsense(runs):
     clean = aircraft_models.starting_values(NEXSTAR, [measured(k, t) for k, t in runs.items()])
     assert (clean["A0"], clean["A2"]) == pytest.approx((TRUE_POLAR[0], TRUE_POLAR[2]), rel=0.02)
     assert clean["CLa"] == pytest.approx(AERO.CLa, rel=0.05)
     upside_down = measured("nonsense", runs["acceleration"] | {"az": -runs["acceleration"]["az"]})
     generic = aircraft_models.starting_values(NEXSTAR, upside_down)
-    assert generic["CLa"] == aircraft_models.lift_slope(NEXSTAR.aspect_ratio)
+    assert generic["CLa"] == lift_slope(NEXSTAR.aspect_ratio)
 
 
 def test_lift_slope_of_long_and_of_vanishing_wings():
     """Thin airfoil theory, 2 pi, for a wing without ends; Jones' slender wing, pi AR / 2, for one without span."""
-    assert aircraft_models.lift_slope(1e6) == pytest.approx(2 * np.pi, rel=1e-4)
-    assert aircraft_models.lift_slope(1e-3) == pytest.approx(np.pi / 2 * 1e-3, rel=1e-3)
+    assert lift_slope(1e6) == pytest.approx(2 * np.pi, rel=1e-4)
+    assert lift_slope(1e-3) == pytest.approx(np.pi / 2 * 1e-3, rel=1e-3)
 
 
 def test_state_at_the_start_of_a_climb():
@@ -326,9 +309,9 @@ def test_a_gyro_bias_is_what_the_gyro_shows_of_no_rotation(name):
 
 def test_sensors_show_scale_times_the_truth_plus_bias():
     """(3.43) of every model with states V and alpha; ax and az with their biases."""
-    for name, model in ALL_MODELS.items():
+    for model in ALL_MODELS.values():
         names = [q.name for q in model.parameters]
-        if name == "wind_axis_forces" or name.startswith("level_run"):
+        if "gamma" in model.states:  # level runs, whose angle of attack is no state
             continue
         u = np.array([{"thrust": 6.0, "J": 0.5, "rho": 1.2}.get(i, 0.0) for i in model.inputs])
         x = np.array([{"V": 18.0, "alpha": 0.05}.get(s, 0.02) for s in model.states])
