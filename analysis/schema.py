@@ -490,6 +490,16 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     pitch_rate: PitchRateResult | None = None  # with `--likelihood`
 
 
+class ElectricalFlight(msgspec.Struct, frozen=True, kw_only=True):
+    """What several flights that give electrical power only are compared by: some of the fields of each."""
+
+    log: str  # name of its folder
+    software_version: str
+    aircraft: AircraftResult
+    test: ConditionResult
+    electrical_power: list[PowerPoint]
+
+
 def schema() -> bytes:
     """The JSON Schema of `results.json`; `docs/results.schema.json` is this."""
     return msgspec.json.format(msgspec.json.encode(msgspec.json.schema(Results)), indent=1) + b"\n"

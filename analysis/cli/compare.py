@@ -38,8 +38,6 @@ def compare(
     if output is not None:
         check_writable(output / "report.html")
         _check_no_other_results(output / "results.json")
-    import msgspec
-
     from analysis.campaign.campaign import flight_folders_of, read_results
     from analysis.pooling.comparison import compare as compare_pools
     from analysis.pooling.pool import pool_results
@@ -55,7 +53,7 @@ def compare(
     names = [folder.resolve().name for folder in (a, b)]
     if names[0] == names[1]:
         names = [str(a), str(b)]
-    comparison = msgspec.to_builtins(compare_pools(*pools).results(*names))
+    comparison = compare_pools(*pools).results(*names)
     if output is not None:
         write_comparison(comparison, output)
     print_comparison(comparison, output and output / "report.html", Console())

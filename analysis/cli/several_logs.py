@@ -91,8 +91,6 @@ def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> lis
     Raises InputError when they cannot be pooled.
     """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
-        import msgspec
-
         from analysis.campaign.campaign import read_results
         from analysis.pooling.pool import pool_results
         from analysis.report.write import print_pooled, write_electrical_flights, write_pooled
@@ -101,7 +99,7 @@ def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> lis
         if not found.to_pool and not found.electrical:
             raise InputError(f"{output}: no flight to pool; {found.left_out[0]}; each flight has its folder")
         if found.to_pool:
-            pooled = msgspec.to_builtins(pool_results(found.to_pool).results(found.left_out, campaign.failures))
+            pooled = pool_results(found.to_pool).results(found.left_out, campaign.failures)
             write_pooled(pooled, output)
         else:
             write_electrical_flights(found.electrical, campaign.failures, output)

@@ -1,19 +1,31 @@
 """The page of several flights together, from the content of their pooled results.json (docs/pooling.md)."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 from urllib.parse import quote
 
 import numpy as np
 
+from analysis.pooling.results import (
+    ComparisonResults,
+    Configuration,
+    FlightsToSee,
+    PooledFlight,
+    PooledResults,
+    PowerDifference,
+    Scatter,
+    SharedParameter,
+    Trend,
+)
+from analysis.pooling.settings import POOLING
 from analysis.report.answers import HeadlineAnswer
 from analysis.report.figures import pooled as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
 from analysis.report.wording import meaning
+from analysis.schema import ConditionResult, ElectricalFlight
 from flight.units import GRAVITY_MPS2
 
 CURVE_ROWS = 12
-Content = Mapping[str, Any]
 
 
 class FlightRow(NamedTuple):
@@ -35,56 +47,52 @@ class ElectricalRow(NamedTuple):
     speed: str
 
 
-def render_pooled(pooled: Content) -> str:
-    """The page as one HTML file.
-
-    pooled: content of results.json, with `left_out` and `failures`: sentences about logs that are not in the pool.
-    """
-    flights = pooled["flights"]
-    best = min(flights, key=lambda flight: np.mean(flight["half_width_percent"]))
-    more, middle = pooled["one_more"], len(pooled["one_more"]["speed_mps"]) // 2
+def render_pooled(pooled: PooledResults) -> str:
+    """The page as one HTML file."""
+    flights = pooled.flights
+    best = min(flights, key=lambda flight: np.mean(flight.half_width_percent))
+    more, middle = pooled.one_more, len(pooled.one_more.speed_mps) // 2
     drawn = {"power": figures.power_required(pooled), "half_widths": figures.half_widths(pooled, best)}
     if len(flights) > 1:
         drawn["against_pool"] = figures.against_pool(flights, middle)
     return render_page(
         "pooled.html",
-        title=f"{pooled['aircraft']['title']}: power required, {count(len(flights), 'flight')}",
-        condition=_condition(pooled["test"], pooled["aircraft"]["propeller"], pooled["installation"]),
+        title=f"{pooled.aircraft.title}: power required, {count(len(flights), 'flight')}",
+        condition=_condition(pooled.test, pooled.aircraft.propeller, pooled.installation),
         answers=pooled_answers(pooled),
         figures={name: html_figure(figure, name) for name, figure in drawn.items()},
-        warnings=[*pooled["notes"], *(f"{one['log']} is an outlier: {one['reason']}" for one in pooled["outliers"])],
+        warnings=pooled_warnings(pooled),
         curve=curve_table(pooled, CURVE_ROWS),
         one_more=(
-            f"One flight more: another one like {more['like']}, the flight that contributed most. The best flight alone"
-            f" is {best['log']}."
+            f"One flight more: another one like {more.like}, the flight that contributed most. The best flight alone"
+            f" is {best.log}."
         ),
-        to_see=to_see_table(pooled["flights_to_see"]),
-        agreement=pooled["homogeneity"]["text"] if pooled["homogeneity"] else "",
-        compared_at=f"{more['speed_mps'][middle]:.1f} m/s",
-        scatter=_scatter(pooled["between_flights"]),
-        trends=_trends(pooled["trends"]),
+        to_see=to_see_table(pooled.flights_to_see),
+        agreement=pooled.homogeneity.text if pooled.homogeneity else "",
+        compared_at=f"{more.speed_mps[middle]:.1f} m/s",
+        scatter=_scatter(pooled.between_flights),
+        trends=_trends(pooled.trends),
         flights=[_flight_row(flight) for flight in flights],
-        left_out=[*pooled.get("left_out", []), *pooled.get("failures", [])],
-        parameters=_parameters(pooled["parameters"]),
-        source=f"flightpower {pooled['software_version']}, from the {count(len(flights), 'flight')} listed",
+        left_out=[*pooled.left_out, *pooled.failures],
+        parameters=_parameters(pooled.parameters),
+        source=f"flightpower {pooled.software_version}, from the {count(len(flights), 'flight')} listed",
     )
 
 
-def render_electrical_flights(content: Content) -> str:
+def render_electrical_flights(flights: Sequence[ElectricalFlight], failures: Sequence[str]) -> str:
     """The page of flights that give electrical power only, side by side."""
-    flights = content["flights"]
     rows = []
     for flight in flights:
-        points = flight["electrical_power"]
-        least = min(points, key=lambda point: point["power_W"])
+        points = flight.electrical_power
+        least = min(points, key=lambda point: point.power_W)
         rows.append(
             ElectricalRow(
-                flight["log"],
-                f"{quote(flight['log'])}/report.html",
-                flight["aircraft"]["title"],
-                f"{flight['test']['weight_N'] / GRAVITY_MPS2:.2f} kg",
-                f"{least['power_W']:.0f} ({least['power_lo_W']:.0f} to {least['power_hi_W']:.0f})",
-                f"{least['speed_mps']:.1f}",
+                flight.log,
+                f"{quote(flight.log)}/report.html",
+                flight.aircraft.title,
+                f"{flight.test.weight_N / GRAVITY_MPS2:.2f} kg",
+                f"{least.power_W:.0f} ({least.power_lo_W:.0f} to {least.power_hi_W:.0f})",
+                f"{least.speed_mps:.1f}",
             )
         )
     figure = figures.electrical_power(flights)
@@ -93,103 +101,107 @@ def render_electrical_flights(content: Content) -> str:
         title=f"Electrical power of level flight, {count(len(flights), 'flight')}",
         figures={"power": html_figure(figure, "power")},
         flights=rows,
-        left_out=content["failures"],
-        source=f"flightpower {flights[0]['software_version']}, from the {count(len(flights), 'flight')} listed",
+        left_out=failures,
+        source=f"flightpower {flights[0].software_version}, from the {count(len(flights), 'flight')} listed",
     )
 
 
-def render_comparison(comparison: Content) -> str:
+def render_comparison(comparison: ComparisonResults) -> str:
     """The page of a comparison as one HTML file, from the content of its results.json."""
     figure = figures.difference(comparison)
     return render_page(
         "comparison.html",
-        title=f"{comparison['b']['name']} against {comparison['a']['name']}",
-        condition=_condition(comparison["test"], "", ""),
-        text=comparison["text"],
+        title=f"{comparison.b.name} against {comparison.a.name}",
+        condition=_condition(comparison.test, "", ""),
+        text=comparison.text,
         answers=comparison_answers(comparison),
         figures={"difference": html_figure(figure, "difference")},
-        differences=differences_table(comparison["differences"], CURVE_ROWS),
+        differences=differences_table(comparison.differences, CURVE_ROWS),
         sides=HtmlTable(
             ("", "aircraft", "propeller", "installation", "flights"),
-            [_side(name, comparison[name.lower()]) for name in ("A", "B")],
+            [_side("A", comparison.a), _side("B", comparison.b)],
         ),
-        to_see=to_see_table(comparison["flights_to_see"]),
-        source=f"flightpower {comparison['software_version']}",
+        to_see=to_see_table(comparison.flights_to_see),
+        source=f"flightpower {comparison.software_version}",
     )
 
 
-def pooled_answers(pooled: Content) -> list[HeadlineAnswer]:
+def pooled_warnings(pooled: PooledResults) -> list[str]:
+    """Notes, and the outliers with the likely reason."""
+    return [*pooled.notes, *(f"{one.log} is an outlier: {one.reason}" for one in pooled.outliers)]
+
+
+def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
     """How sure the curve is, whether the flights agree, what one more gives, and how many a comparison takes."""
-    points = pooled["power_required"]
-    shares = [50 * (p["power_hi_W"] - p["power_lo_W"]) / p["power_W"] for p in points]
+    points = pooled.power_required
+    shares = [50 * (p.power_hi_W - p.power_lo_W) / p.power_W for p in points]
     least, most = int(np.argmin(shares)), int(np.argmax(shares))
-    more = pooled["one_more"]
-    worst = int(np.argmax(more["half_width_percent"]))
-    test, outliers = pooled["homogeneity"], [one["log"] for one in pooled["outliers"]]
+    more = pooled.one_more
+    worst = int(np.argmax(more.half_width_percent))
+    test, outliers = pooled.homogeneity, [one.log for one in pooled.outliers]
     answers = [
         HeadlineAnswer(
             "How sure is the curve?",
             f"±{shares[least]:.1f} to ±{shares[most]:.1f} %",
-            f"Best at {points[least]['speed_mps']:.1f} m/s, worst at {points[most]['speed_mps']:.1f} m/s"
-            " (95 % interval).",
+            f"Best at {points[least].speed_mps:.1f} m/s, worst at {points[most].speed_mps:.1f} m/s (95 % interval).",
         )
     ]
     if test:
-        agree = test["p"] >= 0.05 and not outliers
+        agree = test.p >= POOLING.false_alarms and not outliers
         named = f"Outliers: {', '.join(outliers)}. " if outliers else ""
         answers.append(
             HeadlineAnswer(
                 "Do the flights agree?",
                 "yes" if agree else "no",
-                f"{named}Probability of a scatter this large by the known errors alone: {probability(test['p'])}.",
+                f"{named}Probability of a scatter this large by the known errors alone: {probability(test.p)}.",
             )
         )
     answers.append(
         HeadlineAnswer(
             "One flight more",
-            f"from ±{more['half_width_percent'][worst]:.1f} to ±{more['half_width_then_percent'][worst]:.1f} %",
-            f"At {more['speed_mps'][worst]:.1f} m/s, by another flight like {more['like']}.",
+            f"from ±{more.half_width_percent[worst]:.1f} to ±{more.half_width_then_percent[worst]:.1f} %",
+            f"At {more.speed_mps[worst]:.1f} m/s, by another flight like {more.like}.",
         )
     )
-    for one in pooled["flights_to_see"]:
-        if one["difference_percent"] == 2:
+    for one in pooled.flights_to_see:
+        if one.difference_percent == 2:
             answers.append(
                 HeadlineAnswer("To see a change of 2 %", _flights_each(one), "For each of the two configurations.")
             )
     return answers
 
 
-def comparison_answers(comparison: Content) -> list[HeadlineAnswer]:
+def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
     """Whether the two differ, and by how much where it is known best."""
-    rows = comparison["differences"]
-    widths = [row["hi_percent"] - row["lo_percent"] for row in rows]
+    rows = comparison.differences
+    widths = [row.hi_percent - row.lo_percent for row in rows]
     best = rows[int(np.argmin(widths))]
-    independent = best["independent_half_width_percent"]
+    independent = best.independent_half_width_percent
     return [
         HeadlineAnswer(
             "Do they differ?",
-            "yes" if comparison["differs"] else "not seen",
-            f"Probability of a difference this large by errors alone: {probability(comparison['p'])}.",
+            "yes" if comparison.differs else "not seen",
+            f"Probability of a difference this large by errors alone: {probability(comparison.p)}.",
         ),
         HeadlineAnswer(
             "Narrowest interval",
-            f"{best['difference_percent']:+.1f} % ({best['lo_percent']:+.1f} to {best['hi_percent']:+.1f})",
-            f"B minus A at {best['speed_mps']:.1f} m/s. If shared errors did not cancel: ±{independent:.1f} %.",
+            f"{best.difference_percent:+.1f} % ({best.lo_percent:+.1f} to {best.hi_percent:+.1f})",
+            f"B minus A at {best.speed_mps:.1f} m/s. If shared errors did not cancel: ±{independent:.1f} %.",
         ),
     ]
 
 
-def curve_table(pooled: Content, rows: int) -> HtmlTable:
+def curve_table(pooled: PooledResults, rows: int) -> HtmlTable:
     """About `rows` points of the pooled curve."""
-    points = pooled["power_required"]
+    points = pooled.power_required
     return HtmlTable(
         ("speed, m/s", "power, W", "95 % interval, W", "± %"),
         [
             (
-                f"{p['speed_mps']:.1f}",
-                f"{p['power_W']:.1f}",
-                f"{p['power_lo_W']:.1f} to {p['power_hi_W']:.1f}",
-                f"{50 * (p['power_hi_W'] - p['power_lo_W']) / p['power_W']:.1f}",
+                f"{p.speed_mps:.1f}",
+                f"{p.power_W:.1f}",
+                f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
+                f"{50 * (p.power_hi_W - p.power_lo_W) / p.power_W:.1f}",
             )
             for p in points[:: max(1, len(points) // rows)]
         ],
@@ -197,17 +209,17 @@ def curve_table(pooled: Content, rows: int) -> HtmlTable:
     )
 
 
-def differences_table(rows: Sequence[Content], most: int) -> HtmlTable:
+def differences_table(rows: Sequence[PowerDifference], most: int) -> HtmlTable:
     """About `most` rows of a comparison."""
     return HtmlTable(
         ("speed, m/s", "A, W", "B, W", "B minus A, %", "95 % interval, %"),
         [
             (
-                f"{row['speed_mps']:.1f}",
-                f"{row['power_a_W']:.1f}",
-                f"{row['power_b_W']:.1f}",
-                f"{row['difference_percent']:+.1f}",
-                f"{row['lo_percent']:+.1f} to {row['hi_percent']:+.1f}",
+                f"{row.speed_mps:.1f}",
+                f"{row.power_a_W:.1f}",
+                f"{row.power_b_W:.1f}",
+                f"{row.difference_percent:+.1f}",
+                f"{row.lo_percent:+.1f} to {row.hi_percent:+.1f}",
             )
             for row in rows[:: max(1, len(rows) // most)]
         ],
@@ -215,10 +227,10 @@ def differences_table(rows: Sequence[Content], most: int) -> HtmlTable:
     )
 
 
-def to_see_table(rows: Sequence[Content]) -> HtmlTable:
+def to_see_table(rows: Sequence[FlightsToSee]) -> HtmlTable:
     return HtmlTable(
         ("difference of power", "flights of each"),
-        [(f"{row['difference_percent']:g} %", _flights_each(row)) for row in rows],
+        [(f"{row.difference_percent:g} %", _flights_each(row)) for row in rows],
         numbers=True,
     )
 
@@ -233,8 +245,8 @@ def probability(p: float) -> str:
     return "p below 0.0001" if p < 1e-4 else f"p = {p:.2g}"
 
 
-def _condition(test: Content, propeller: str, installation: str) -> str:
-    parts = [f"{test['weight_N'] / GRAVITY_MPS2:.2f} kg", f"air {test['air_density_kgpm3']:.3f} kg/m³"]
+def _condition(test: ConditionResult, propeller: str, installation: str) -> str:
+    parts = [f"{test.weight_N / GRAVITY_MPS2:.2f} kg", f"air {test.air_density_kgpm3:.3f} kg/m³"]
     if propeller:
         parts.append(f"propeller {propeller}")
     if installation:
@@ -242,27 +254,28 @@ def _condition(test: Content, propeller: str, installation: str) -> str:
     return ", ".join(parts)
 
 
-def _flights_each(row: Content) -> str:
-    return count(row["flights_each"], "flight") if row["flights_each"] else "more than 200"
+def _flights_each(row: FlightsToSee) -> str:
+    return count(row.flights_each, "flight") if row.flights_each else f"more than {POOLING.largest_plan}"
 
 
-def _side(letter: str, side: Content) -> tuple[str, ...]:
-    aircraft = side["aircraft"]
+def _side(letter: str, side: Configuration) -> tuple[str, ...]:
+    aircraft = side.aircraft
     return (
-        f"{letter}: {side['name']}",
-        aircraft["title"],
-        aircraft["propeller"],
-        side["installation"] or "none named",
-        ", ".join(side["logs"]),
+        f"{letter}: {side.name}",
+        aircraft.title,
+        aircraft.propeller,
+        side.installation or "none named",
+        ", ".join(side.logs),
     )
 
 
-def _scatter(rows: Sequence[Content]) -> HtmlTable:
+def _scatter(rows: Sequence[Scatter]) -> HtmlTable:
     return HtmlTable(
         ("speed, m/s", "seen, %", "explained, %", "excess, %"),
         [
             tuple(
-                f"{row[name]:.1f}" for name in ("speed_mps", "observed_percent", "expected_percent", "excess_percent")
+                f"{number:.1f}"
+                for number in (row.speed_mps, row.observed_percent, row.expected_percent, row.excess_percent)
             )
             for row in rows
         ],
@@ -270,41 +283,41 @@ def _scatter(rows: Sequence[Content]) -> HtmlTable:
     )
 
 
-def _trends(rows: Sequence[Content]) -> HtmlTable:
+def _trends(rows: Sequence[Trend]) -> HtmlTable:
     return HtmlTable(
         ("power against", "change of power", "standard error", "flights", ""),
         [
             (
-                row["quantity"],
-                f"{row['slope_percent']:+.2g} % per {row['unit']}",
-                f"{row['standard_error_percent']:.2g} %",
-                str(row["flights"]),
-                f"{'a trend' if row['p'] < 0.05 else 'none seen'} ({probability(row['p'])})",
+                row.quantity,
+                f"{row.slope_percent:+.2g} % per {row.unit}",
+                f"{row.standard_error_percent:.2g} %",
+                str(row.flights),
+                f"{'a trend' if row.p < POOLING.false_alarms else 'none seen'} ({probability(row.p)})",
             )
             for row in rows
         ],
     )
 
 
-def _flight_row(flight: Content) -> FlightRow:
-    half = flight["half_width_percent"]
+def _flight_row(flight: PooledFlight) -> FlightRow:
+    half = flight.half_width_percent
     return FlightRow(
-        name=flight["log"],
-        link=f"{quote(flight['log'])}/report.html",
-        weight=f"{flight['test']['weight_N'] / GRAVITY_MPS2:.2f} kg",
-        density=f"{flight['test']['air_density_kgpm3']:.3f} kg/m³",
+        name=flight.log,
+        link=f"{quote(flight.log)}/report.html",
+        weight=f"{flight.test.weight_N / GRAVITY_MPS2:.2f} kg",
+        density=f"{flight.test.air_density_kgpm3:.3f} kg/m³",
         alone=f"{min(half):.1f} to {max(half):.1f}",
-        share=f"{100 * flight['share_of_information']:.0f} %",
-        remark=f"outlier: {flight['reason']}" if flight["outlier"] else "",
+        share=f"{100 * flight.share_of_information:.0f} %",
+        remark=f"outlier: {flight.reason}" if flight.outlier else "",
     )
 
 
-def _parameters(rows: Sequence[Content]) -> HtmlTable:
+def _parameters(rows: Sequence[SharedParameter]) -> HtmlTable:
     shown = []
     for row in rows:
-        in_deg = row["unit"] == "rad"
-        value, error = (float(np.degrees(row[key])) if in_deg else row[key] for key in ("value", "standard_error"))
+        in_deg = row.unit == "rad"
+        value, error = (float(np.degrees(number)) if in_deg else number for number in (row.value, row.standard_error))
         decimals = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0 else 6
-        unit = "deg" if in_deg else row["unit"]
-        shown.append((meaning(row["name"]), f"{value:+.{decimals}f}", f"{error:.{decimals}f}", unit))
+        unit = "deg" if in_deg else row.unit
+        shown.append((meaning(row.name), f"{value:+.{decimals}f}", f"{error:.{decimals}f}", unit))
     return HtmlTable(("quantity", "estimate", "standard error", "unit"), shown, numbers=True)

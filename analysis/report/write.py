@@ -17,6 +17,7 @@ from rich.table import Table
 from analysis.files import write_file, write_keeping_previous
 from analysis.maneuvers.runs_file import to_toml
 from analysis.pipeline import Analysis
+from analysis.pooling.results import ComparisonResults, PooledResults
 from analysis.report import field_table, page
 from analysis.report.answers import HeadlineAnswer
 from analysis.report.html_page import HtmlTable
@@ -26,12 +27,14 @@ from analysis.report.pooled_page import (
     curve_table,
     differences_table,
     pooled_answers,
+    pooled_warnings,
     render_comparison,
     render_electrical_flights,
     render_pooled,
 )
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
+from analysis.schema import ElectricalFlight
 from analysis.trajectory.equations import GUST_FILTER_STATES, STATES
 from analysis.trajectory.reconstruction import Trajectory
 
@@ -87,7 +90,7 @@ FLIGHTS_FORMAT = "flightpower-flights-1"
 ROWS = 8  # of a table on the terminal
 
 
-def write_pooled(pooled: dict[str, Any], folder: Path) -> None:
+def write_pooled(pooled: PooledResults, folder: Path) -> None:
     """Write report.html and results.json. Raises InputError when the folder cannot be written."""
     _write(render_pooled(pooled), pooled, folder)
 
@@ -95,38 +98,37 @@ def write_pooled(pooled: dict[str, Any], folder: Path) -> None:
 def write_electrical_flights(flights: list[dict[str, Any]], failures: list[str], folder: Path) -> None:
     """Write report.html and results.json of flights whose electrical power stands side by side, not pooled.
 
-    Raises InputError when the folder cannot be written.
+    flights: contents of their results.json. Raises InputError when the folder cannot be written.
     """
     content = {"format": FLIGHTS_FORMAT, "flights": flights, "failures": failures}
-    _write(render_electrical_flights(content), content, folder)
+    _write(render_electrical_flights(msgspec.convert(flights, list[ElectricalFlight]), failures), content, folder)
 
 
-def write_comparison(comparison: dict[str, Any], folder: Path) -> None:
+def write_comparison(comparison: ComparisonResults, folder: Path) -> None:
     """Write report.html and results.json. Raises InputError when the folder cannot be written."""
     _write(render_comparison(comparison), comparison, folder)
 
 
-def print_pooled(pooled: dict[str, Any], page: Path, console: Console) -> None:
+def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
     """Print the curve, the answers, warnings, and where the page is."""
-    console.print(_table(f"{pooled['aircraft']['title']}: power required", curve_table(pooled, ROWS)))
+    console.print(_table(f"{pooled.aircraft.title}: power required", curve_table(pooled, ROWS)))
     _print_answers(console, pooled_answers(pooled))
-    outliers = [f"{one['log']} is an outlier: {one['reason']}" for one in pooled["outliers"]]
-    for warning in [*pooled["notes"], *outliers, *pooled["left_out"]]:
+    for warning in [*pooled_warnings(pooled), *pooled.left_out]:
         _print(console, f"[yellow]note:[/yellow] {escape(warning)}")
     _print(console, f"report: {escape(str(page))}")
 
 
-def print_comparison(comparison: dict[str, Any], page: Path | None, console: Console) -> None:
+def print_comparison(comparison: ComparisonResults, page: Path | None, console: Console) -> None:
     """Print the difference, the answers, and where the page is."""
-    title = f"A: {comparison['a']['name']}, B: {comparison['b']['name']}"
-    console.print(_table(title, differences_table(comparison["differences"], ROWS)))
+    title = f"A: {comparison.a.name}, B: {comparison.b.name}"
+    console.print(_table(title, differences_table(comparison.differences, ROWS)))
     _print_answers(console, comparison_answers(comparison))
-    _print(console, escape(comparison["text"]))
+    _print(console, escape(comparison.text))
     if page:
         _print(console, f"report: {escape(str(page))}")
 
 
-def _write(page: str, content: dict[str, Any], folder: Path) -> None:
+def _write(page: str, content: object, folder: Path) -> None:
     write_file(folder / "results.json", msgspec.json.format(msgspec.json.encode(content), indent=1))
     write_file(folder / "report.html", page)
 

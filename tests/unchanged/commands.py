@@ -13,7 +13,6 @@ from typing import Any
 from unittest import mock
 
 import typer
-from msgspec import to_builtins
 
 from analysis.pooling.pool import pool_results
 from analysis.report import write
@@ -136,7 +135,7 @@ def pool() -> Contents:
             (folder / name).mkdir(parents=True)
             (folder / name / "results.json").write_bytes(analysis_of(log, *options)[1]["results.json"])
         found: dict[str, object] = {"compare": run("analyze", "compare", "a", "b", "-o", "compared")}
-        pooled = to_builtins(pool_results(sorted(folder.glob("[ab]/*/results.json"))).results(left_out=["c: torn"]))
+        pooled = pool_results(sorted(folder.glob("[ab]/*/results.json"))).results(left_out=["c: torn"])
         write.write_pooled(pooled, folder / "pooled")
         for name in ("compared", "pooled"):
             found |= {f"{name} {file}": inside for file, inside in of_files(folder / name).items()}

@@ -1,10 +1,11 @@
 """Figures of several flights together, and of the comparison of two configurations."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
+from msgspec import Struct
 
+from analysis.pooling.results import ComparisonResults, PooledFlight, PooledResults
 from analysis.report.figures.style import (
     BLUE,
     GRAY,
@@ -15,29 +16,28 @@ from analysis.report.figures.style import (
     Array,
     Figure,
     add_band,
+    curve_arrays,
     rounded,
     styled,
 )
+from analysis.schema import ElectricalFlight
 
 ROW_PX, MARGIN_PX = 24, 110
-Content = Mapping[str, Any]
 
 
-def column(rows: Sequence[Content], name: str) -> Array:
-    return np.array([row[name] for row in rows], dtype=float)
+def column(rows: Sequence[Struct], name: str) -> Array:
+    return np.array([getattr(row, name) for row in rows], dtype=float)
 
 
-def power_required(pooled: Content) -> Figure:
+def power_required(pooled: PooledResults) -> Figure:
     """The pooled curve with its 95 % interval, over those of the single flights."""
-    V, P, lo, hi = (
-        column(pooled["power_required"], f"{name}") for name in ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
-    )
+    V, P, lo, hi = curve_arrays(pooled.power_required)
     figure = Figure()
-    if len(pooled["flights"]) > 1:
+    if len(pooled.flights) > 1:
         x, y = [], []
-        for flight in pooled["flights"]:
-            speed = column(flight["against_pool"], "speed_mps")
-            power = np.interp(speed, V, P) * (1 + column(flight["against_pool"], "difference_percent") / 100)
+        for flight in pooled.flights:
+            speed = column(flight.against_pool, "speed_mps")
+            power = np.interp(speed, V, P) * (1 + column(flight.against_pool, "difference_percent") / 100)
             x += [*speed, np.nan]
             y += [*power, np.nan]
         figure.add_scatter(
@@ -45,7 +45,7 @@ def power_required(pooled: Content) -> Figure:
             line={"color": GRAY, "width": 2}, opacity=0.7, hoverinfo="skip", connectgaps=False,
         )  # fmt: skip
     add_band(figure, V, lo, hi, BLUE, 0.35)
-    outside = np.array([point["extrapolated"] for point in pooled["power_required"]])
+    outside = np.array([point.extrapolated for point in pooled.power_required])
     for flag, dash in ((~outside, "solid"), (outside, "9px,6px")):
         if flag.any():
             figure.add_scatter(
@@ -58,15 +58,15 @@ def power_required(pooled: Content) -> Figure:
     return styled(figure, 400)
 
 
-def half_widths(pooled: Content, best: Content) -> Figure:
+def half_widths(pooled: PooledResults, best: PooledFlight) -> Figure:
     """Half width of the 95 % interval against speed: the best flight alone, all flights, and one flight more."""
-    more = pooled["one_more"]
-    V = np.array(more["speed_mps"])
+    more = pooled.one_more
+    V = np.array(more.speed_mps)
     figure = Figure()
     for values, name, color, dash in (
-        (best["half_width_percent"], f"best flight alone, {best['log']}", GRAY, "dot"),
-        (more["half_width_percent"], "all flights", BLUE, "solid"),
-        (more["half_width_then_percent"], "one flight more", ORANGE, "dash"),
+        (best.half_width_percent, f"best flight alone, {best.log}", GRAY, "dot"),
+        (more.half_width_percent, "all flights", BLUE, "solid"),
+        (more.half_width_then_percent, "one flight more", ORANGE, "dash"),
     ):
         figure.add_scatter(
             x=rounded(V), y=rounded(np.array(values)), mode="lines", name=name,
@@ -77,17 +77,17 @@ def half_widths(pooled: Content, best: Content) -> Figure:
     return styled(figure, 360)
 
 
-def against_pool(flights: Sequence[Content], at: int) -> Figure:
+def against_pool(flights: Sequence[PooledFlight], at: int) -> Figure:
     """Each flight's power minus the pooled one at one speed, with the limits that its errors allow."""
     figure = Figure()
-    names = [flight["log"] for flight in flights]
+    names = [flight.log for flight in flights]
     for outlier, color, name in ((False, BLUE, "flight"), (True, RED, "outlier")):
-        chosen = [flight for flight in flights if flight["outlier"] == outlier]
+        chosen = [flight for flight in flights if flight.outlier == outlier]
         if not chosen:
             continue
-        points = [flight["against_pool"][at] for flight in chosen]
+        points = [flight.against_pool[at] for flight in chosen]
         figure.add_scatter(
-            x=rounded(column(points, "difference_percent")), y=[flight["log"] for flight in chosen],
+            x=rounded(column(points, "difference_percent")), y=[flight.log for flight in chosen],
             error_x={"array": rounded(column(points, "limit_percent")), "thickness": 2, "width": 4},
             mode="markers", name=name, marker={"color": color, "size": 10, "symbol": "x" if outlier else "circle"},
             hovertemplate="%{y}: %{x:+.1f} %",
@@ -102,13 +102,13 @@ def against_pool(flights: Sequence[Content], at: int) -> Figure:
     return figure
 
 
-def electrical_power(flights: Sequence[Content]) -> Figure:
+def electrical_power(flights: Sequence[ElectricalFlight]) -> Figure:
     """The electrical power of each flight at its own weight and density."""
     figure = Figure()
     for i, flight in enumerate(flights):
-        V, P = (column(flight["electrical_power"], name) for name in ("speed_mps", "power_W"))
+        V, P, _, _ = curve_arrays(flight.electrical_power)
         figure.add_scatter(
-            x=rounded(V), y=rounded(P), mode="lines", name=flight["log"], showlegend=len(flights) <= len(PALETTE),
+            x=rounded(V), y=rounded(P), mode="lines", name=flight.log, showlegend=len(flights) <= len(PALETTE),
             line={"color": PALETTE[i % len(PALETTE)], "width": 3}, hovertemplate="%{y:.0f} W",
         )  # fmt: skip
     figure.update_xaxis(title="true airspeed, m/s")
@@ -116,9 +116,9 @@ def electrical_power(flights: Sequence[Content]) -> Figure:
     return styled(figure, 480, hover="closest")
 
 
-def difference(comparison: Content) -> Figure:
+def difference(comparison: ComparisonResults) -> Figure:
     """Power of B minus that of A against speed, with its 95 % interval."""
-    rows = comparison["differences"]
+    rows = comparison.differences
     V, d, lo, hi = (column(rows, name) for name in ("speed_mps", "difference_percent", "lo_percent", "hi_percent"))
     figure = Figure()
     add_band(figure, V, lo, hi, BLUE, 0.3)

@@ -9,10 +9,11 @@ import pytest
 from msgspec.structs import replace
 
 from analysis.maneuvers.kinds import ACCELERATION, STANDING
+from analysis.pooling.results import Deviation
 from analysis.report import calibration as calibration_page
 from analysis.report.figures import electrical, flight, pooled, power, probe_calibration
 from analysis.report.figures.style import Figure
-from analysis.schema import MeasuredEfficiencyPoint, Results
+from analysis.schema import MeasuredEfficiencyPoint, PowerPoint, Results
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from flight.units import GRAVITY_MPS2
 
@@ -84,26 +85,25 @@ def test_the_orders_tried_begin_with_one_and_the_chosen_is_marked() -> None:
 
 
 def test_a_flight_of_a_pool_lies_off_the_pool_by_its_difference() -> None:
-    def point(speed: float) -> dict[str, float | bool]:
+    def point(speed: float) -> PowerPoint:
         P = 5 * speed
-        return {
-            "speed_mps": speed, "power_W": P, "power_lo_W": 0.9 * P, "power_hi_W": 1.1 * P, "extrapolated": speed > 19
-        }  # fmt: skip
+        return PowerPoint(speed_mps=speed, power_W=P, power_lo_W=0.9 * P, power_hi_W=1.1 * P, extrapolated=speed > 19)
 
-    one = [{"speed_mps": V, "difference_percent": 4.0, "limit_percent": 3.0} for V in (12.0, 16.0)]
-    outlier = [{"speed_mps": V, "difference_percent": -20.0, "limit_percent": 5.0} for V in (12.0, 16.0)]
-    flights = [
-        {"log": "a", "outlier": False, "against_pool": one}, {"log": "b", "outlier": True, "against_pool": outlier}
-    ]  # fmt: skip
-    curve = [point(V) for V in (10.0, 15.0, 20.0)]
-    figure = pooled.power_required({"power_required": curve, "flights": flights})
+    def flight(log: str, difference: float, limit: float) -> SimpleNamespace:
+        deviations = [Deviation(speed_mps=V, difference_percent=difference, limit_percent=limit) for V in (12.0, 16.0)]
+        return SimpleNamespace(log=log, outlier=abs(difference) > limit + 2, against_pool=deviations)
+
+    flights: Any = [flight("a", 4.0, 3.0), flight("b", -20.0, 5.0)]
+    content: Any = SimpleNamespace(power_required=[point(V) for V in (10.0, 15.0, 20.0)], flights=flights)
+    figure = pooled.power_required(content)
     (alone,) = named(figure, "each flight alone")
     expected = [1.04 * 60, 1.04 * 80, np.nan, 0.8 * 60, 0.8 * 80, np.nan]
     assert np.asarray(alone["y"]) == pytest.approx(expected, abs=0.01, nan_ok=True)
     assert figure.layout["yaxis"]["range"][1] > 110.0, "the whole band is seen"
     solid, dashed = named(figure, "power required, all flights")
     assert np.isnan(solid["y"][-1]) and dashed["y"][-1] == 100.0
-    assert not named(pooled.power_required({"power_required": curve, "flights": flights[:1]}), "each flight alone")
+    content.flights = flights[:1]
+    assert not named(pooled.power_required(content), "each flight alone")
     against = pooled.against_pool(flights, 1)
     for name, difference, limit in (("flight", 4.0, 3.0), ("outlier", -20.0, 5.0)):
         (mark,) = named(against, name)

@@ -4,8 +4,10 @@ import math
 import re
 from typing import Any
 
+import msgspec
 import pytest
 
+from analysis.pooling.results import ComparisonResults, PooledResults, PowerDifference
 from analysis.report.pooled_page import (
     curve_table,
     differences_table,
@@ -14,6 +16,7 @@ from analysis.report.pooled_page import (
     render_electrical_flights,
     render_pooled,
 )
+from analysis.schema import ElectricalFlight
 
 V = [12.0, 14.0, 16.0, 18.0, 20.0, 22.0, 24.0]
 CONDITION = {"weight_N": 37.7, "air_density_kgpm3": 1.2}
@@ -32,6 +35,7 @@ def flight(k: int) -> dict[str, Any]:
         "log": f"2026-05-01-{k:02d} <flight>", "installation": "", "test": CONDITION,
         "drag_polar": {"A0": 0.04, "A1": 0.0, "A2": 0.06}, "half_width_percent": [3.0] * 7,
         "half_width_without_percent": [2.1] * 7, "share_of_information": 0.01, "p": 1e-9 if outlier else 0.5,
+        "p_installation": 0.5,
         "against_pool": [
             {"speed_mps": v, "difference_percent": d, "limit_percent": m} for v, d, m in deviations
         ],
@@ -39,16 +43,18 @@ def flight(k: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def pooled(flights: int) -> dict[str, Any]:
+def pooled(flights: int) -> PooledResults:
     several = flights > 1
-    return {
+    content = {
         "software_version": "0", "aircraft": AIRCRAFT, "installation": "tray 1", "test": CONDITION,
         "parameters": [{"name": "V_scale", "value": 0.001, "standard_error": 0.002, "unit": ""}],
         "power_required": [power(12 + k / 5) for k in range(61)],
         "between_flights": [
             {"speed_mps": v, "observed_percent": 2.0, "expected_percent": 1.0, "excess_percent": 1.7} for v in V
         ] if several else [],
-        "homogeneity": {"p": 1e-9, "text": "The flights differ."} if several else None,
+        "homogeneity": {
+            "chi_square": 99.0, "degrees_of_freedom": 3, "p": 1e-9, "text": "The flights differ."
+        } if several else None,
         "flights": [flight(k) for k in range(flights)],
         "outliers": [{"log": flight(7)["log"], "p": 1e-9, "reason": "was the probe touched?"}] if several else [],
         "one_more": {
@@ -61,7 +67,9 @@ def pooled(flights: int) -> dict[str, Any]:
              "flights": flights}
         ] if several else [],
         "notes": ["mind <this>"], "left_out": [], "failures": ["x.mcap: not an MCAP file"],
+        "drag_polar": {"A0": 0.04, "A1": 0.0, "A2": 0.06}, "polar_covariance": [], "installation_homogeneity": None,
     }  # fmt: skip
+    return msgspec.convert(content, PooledResults)
 
 
 def body(page: str) -> str:
@@ -98,8 +106,9 @@ def test_a_comparison_says_what_cancels() -> None:
         "software_version": "0", "a": side, "b": {**side, "name": "new"}, "test": CONDITION, "differences": rows,
         "p": 0.001, "differs": True, "text": "B differs from A.",
         "flights_to_see": [{"difference_percent": 1.0, "flights_each": None}],
+        "same_installation": True, "same_propeller": True, "chi_square": 20.0, "degrees_of_freedom": 3,
     }  # fmt: skip
-    text = body(render_comparison(content))
+    text = body(render_comparison(msgspec.convert(content, ComparisonResults)))
     assert (
         "new against old" in text and "+3.0 % (+1.8 to +4.2)" in text and "±4.0 %" in text and "more than 200" in text
     )
@@ -108,8 +117,8 @@ def test_a_comparison_says_what_cancels() -> None:
 @pytest.mark.parametrize(("p", "said"), [(0.04, "a trend (p = 0.04"), (0.06, "none seen (p = 0.06")])
 def test_a_trend_is_one_at_five_per_cent(p: float, said: str) -> None:
     content = pooled(12)
-    content["trends"][0]["p"] = p
-    assert said in body(render_pooled(content))
+    trends = [msgspec.structs.replace(content.trends[0], p=p)]
+    assert said in body(render_pooled(msgspec.structs.replace(content, trends=trends)))
 
 
 def test_electrical_flights_stand_side_by_side() -> None:
@@ -117,7 +126,8 @@ def test_electrical_flights_stand_side_by_side() -> None:
         "log": "a", "software_version": "0", "aircraft": AIRCRAFT, "test": CONDITION,
         "electrical_power": [power(v) for v in V],
     }  # fmt: skip
-    text = body(render_electrical_flights({"flights": [one, {**one, "log": "b"}], "failures": ["c.ulg: torn"]}))
+    flights = msgspec.convert([one, {**one, "log": "b"}], list[ElectricalFlight])
+    text = body(render_electrical_flights(flights, ["c.ulg: torn"]))
     assert "2 flights" in text and "(46 to 47)" in text and "c.ulg: torn" in text
     assert "3.84 kg" in text, "37.7 N over 9.80665 m/s^2"
 
@@ -127,7 +137,7 @@ def test_tables_thin_the_curve_and_give_half_widths_in_per_cent() -> None:
     assert 12 <= len(table.rows) <= 13 and table.rows[0] == ("12.0", "46.5", "45.6 to 47.4", "2.0")
     rows = [
         {"speed_mps": v, "power_a_W": 50.0, "power_b_W": 49.0, "difference_percent": -2.0, "lo_percent": -3.0,
-         "hi_percent": 1.0} for v in V
+         "hi_percent": 1.0, "independent_half_width_percent": 4.0} for v in V
     ]  # fmt: skip
-    thinned = differences_table(rows, 3)
+    thinned = differences_table(msgspec.convert(rows, list[PowerDifference]), 3)
     assert len(thinned.rows) == 4 and thinned.rows[0] == ("12.0", "50.0", "49.0", "-2.0", "-3.0 to +1.0")
