@@ -6,7 +6,7 @@ What is wrong with the input is one line on stderr.
 import inspect
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from enum import IntEnum
 from io import TextIOWrapper
@@ -89,12 +89,19 @@ def takes_options(record: type[Record]) -> Callable[[Callable[..., Any]], Callab
             options = record(**{name: given.pop(name) for name in names})
             return command(**given, options=options)
 
-        run_command.__name__, run_command.__doc__ = command.__name__, command.__doc__
-        run_command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        run_command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        return run_command
+        return as_command(run_command, command, parameters)
 
     return decorated
+
+
+def as_command(
+    function: Callable[..., Any], command: Callable[..., Any], parameters: Sequence[inspect.Parameter]
+) -> Callable[..., Any]:
+    """`function`, which takes keyword arguments, with the name and help of `command` and these parameters for Typer."""
+    function.__name__, function.__doc__ = command.__name__, command.__doc__
+    function.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    function.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return function
 
 
 def _check_encoding(arguments: list[str]) -> None:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from analysis.autopilot_logs.read import firmware_of
-from analysis.cli.calibrate.options import AircraftFile, Replace, check_output, write_json
+from analysis.cli.calibrate.runner import Calibrated, OptionalFile, calibration
 from analysis.cli.electrical import refuse_daemon_options
+from analysis.cli.options import AircraftOption, ProbeOption
 from analysis.estimation.noise import NORMAL_95
 from flight.errors import InputError
 
@@ -18,28 +19,22 @@ if TYPE_CHECKING:
 TYPICAL_WEIGHT_N, TYPICAL_WING_AREA_M2 = 60.0, 1.0  # only their ratio counts, to recognize flight
 
 
+@calibration(OptionalFile)
 def airspeed(
     log: Annotated[
         Path,
         typer.Argument(metavar="LOG", help="A log recorded by the daemon, or one of PX4 (.ulg) or ArduPilot (.BIN)."),
     ],
-    aircraft: AircraftFile = None,
-    probe: Annotated[
-        Path | None,
-        typer.Option("--probe", metavar="FILE", help="Probe calibration to use instead of the one in the log."),
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write as well.")
-    ] = None,
-    replace: Replace = False,
-) -> None:
+    aircraft: AircraftOption = None,
+    probe: ProbeOption = None,
+) -> Calibrated:
     """Estimate the scale error of the airspeed and the wind, from flight on several headings with GPS.
 
     Fly two legs or more of half a minute at a steady speed, there and back along one line, better along two crossing
     lines; turns help. A steady wind changes the ground speed by opposite amounts on opposite headings; the mean
     difference is the scale error. On one heading only, wind and scale error cannot be told apart, and a note says so.
-    `analyze` estimates the same for each flight. Exit code 2 and no file without GPS, or if the standard error of the
-    scale stays above 0.8 of what it was before the flight.
+    `analyze` estimates the same for each flight. Exit code 2 without GPS; exit code 1 and no file if the standard error
+    of the scale stays above 0.8 of what it was before the flight.
 
     To rehearse it: `sim fly --plan airspeed-box -o out/box`.
 
@@ -61,12 +56,10 @@ def airspeed(
     from flight.aircraft import load_aircraft
     from flight.log_reader import read_log
 
-    check_output(output, replace)
     firmware = firmware_of(log)
     if firmware:
         refuse_daemon_options(log, probe=probe, aircraft=aircraft)
-        _report(autopilot_airspeed(log, firmware), [], log, output)
-        return
+        return _calibrated(autopilot_airspeed(log, firmware), [], log)
     recorded = read_log(log)
     given = Replacements(
         aircraft=load_aircraft(aircraft) if aircraft else None, probe=PROBE_FILE.load(probe) if probe else None
@@ -86,8 +79,7 @@ def airspeed(
         data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, calibrated=data.calibrated, log=str(log),
         stated=stated_sigma(carried.aircraft.uncertainty),
     )  # fmt: skip
-    found = calibrate(data.table, trajectory)
-    _report(found, carried.notes + data.notes, log, output)
+    return _calibrated(calibrate(data.table, trajectory), carried.notes + data.notes, log)
 
 
 def autopilot_airspeed(log: Path, firmware: str) -> "AirspeedCalibration":
@@ -117,15 +109,10 @@ def autopilot_airspeed(log: Path, firmware: str) -> "AirspeedCalibration":
     )
 
 
-def _report(found: "AirspeedCalibration", notes: list[str], log: Path, output: Path | None) -> None:
-    for line in summary(found, notes):
-        print(line)
-    if found.unsupported:
-        raise InputError(f"{log}: {found.unsupported}")
-    if output:
-        content = {name: value for name, value in found._asdict().items() if name != "unsupported"}
-        write_json(output, {"format": "flightpower-airspeed-1", "source": log.name, **content})
-        print(f"wrote {output}")
+def _calibrated(found: "AirspeedCalibration", notes: list[str], log: Path) -> Calibrated:
+    content = {name: value for name, value in found._asdict().items() if name != "unsupported"}
+    content = {"format": "flightpower-airspeed-1", "source": log.name, **content}
+    return Calibrated(summary(found, notes), content, unsupported=found.unsupported)
 
 
 def summary(found: "AirspeedCalibration", notes: list[str]) -> list[str]:

@@ -1,11 +1,8 @@
 """`calibrate magnetometer`"""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from analysis.cli.calibrate.options import LogFile, Replace, check_output, write_json
+from analysis.cli.calibrate.runner import Calibrated, CalibrationFile, LogFile, calibration
 from flight.errors import InputError
 
 if TYPE_CHECKING:
@@ -14,13 +11,8 @@ if TYPE_CHECKING:
 FLAT = 0.25  # spread of the measured directions across their flattest plane; 0.58 is uniform
 
 
-def magnetometer(
-    log: LogFile,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write.")] = Path(
-        "magnetometer.json"
-    ),
-    replace: Replace = False,
-) -> None:
+@calibration(CalibrationFile, "magnetometer.json")
+def magnetometer(log: LogFile) -> Calibrated:
     """Estimate hard and soft iron of the magnetometer from a log in which the aircraft was turned.
 
     Best on the ground, away from cars and reinforced concrete, with everything aboard switched on and the motor off:
@@ -41,16 +33,12 @@ def magnetometer(
     from analysis.signals.channels import field_of
     from flight.log_reader import read_log
 
-    check_output(output, replace)
     recorded = read_log(log)
     components = [field_of(recorded, "/mag", f"field_{axis}_T")[1] for axis in "xyz"]
     if not len(components[0]):
         raise InputError(f"{log}: no magnetometer in this log")
     found = calibrate(np.column_stack(components), str(log))
-    write_json(output, found)
-    for line in summary(found):
-        print(line)
-    print(f"wrote {output}")
+    return Calibrated(summary(found), found)
 
 
 def summary(found: "MagnetometerCalibration") -> list[str]:

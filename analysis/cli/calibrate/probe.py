@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.cli.calibrate.options import Replace, check_output, write_json
-from analysis.files import write_file
+from analysis.cli.calibrate.runner import Calibrated, CalibrationFile, calibration, check_output
 from flight.command_line import quantity
 from flight.errors import InputError
 
@@ -17,13 +16,13 @@ if TYPE_CHECKING:
 LARGEST_ANGLE_SCALE = 20.0  # per cent
 
 
+@calibration(CalibrationFile, "probe.json")
 def probe(
     tunnel: Annotated[
         Path, typer.Argument(metavar="TUNNEL", help="CSV with a header such as `speed [m/s],alpha [deg],…`")
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write.")] = Path(
-        "probe.json"
-    ),
+    output: Path,
+    replace: bool,
     report: Annotated[
         Path | None,
         typer.Option("--report", metavar="FILE", help="Report page to write; default: beside the calibration, .html"),
@@ -37,8 +36,7 @@ def probe(
             help="Standard error of the tunnel's own angles, in per cent.",
         ),
     ] = 0.5,
-    replace: Replace = False,
-) -> None:
+) -> Calibrated:
     """Calibrate a five-port probe from wind-tunnel measurements.
 
     The tunnel file has the columns speed, alpha, beta, dp_alpha (lower minus upper port), dp_beta (right minus left),
@@ -64,19 +62,14 @@ def probe(
     from analysis.airdata.probe_calibration import calibrate, read_tunnel
     from analysis.report import calibration as page
 
-    check_output(output, replace)
     where = report or output.with_suffix(".html")
     if where == output:
         raise InputError(f"{where}: report and calibration cannot be the same file; name another with --report")
     check_output(where, replace)
     measured = read_tunnel(tunnel)
-    calibration = calibrate(measured, tunnel.name, angle_scale_sigma=angle_scale / 100)
-    html = page.render(measured, calibration, angle_scale_sigma=angle_scale / 100)
-    write_json(output, calibration)
-    write_file(where, html)
-    for line in summary(calibration):
-        print(line)
-    print(f"wrote {output} and {where}")
+    found = calibrate(measured, tunnel.name, angle_scale_sigma=angle_scale / 100)
+    html = page.render(measured, found, angle_scale_sigma=angle_scale / 100)
+    return Calibrated(summary(found), found, pages={where: html})
 
 
 def summary(calibration: "ProbeCalibration") -> list[str]:

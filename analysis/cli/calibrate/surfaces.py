@@ -1,13 +1,12 @@
 """`calibrate surfaces`"""
 
 import math
-import sys
 from enum import StrEnum
 from typing import Annotated
 
 import typer
 
-from analysis.cli.calibrate.options import AircraftFileLines, LogFile, Replace, check_output, write_or_print
+from analysis.cli.calibrate.runner import AircraftFileLines, Calibrated, LogFile, calibration
 from flight.errors import InputError
 
 LARGEST_ANGLE_DEG = 90.0
@@ -19,6 +18,7 @@ class SurfaceName(StrEnum):
     rudder = "rudder"
 
 
+@calibration(AircraftFileLines)
 def surfaces(
     log: LogFile,
     surface: Annotated[
@@ -37,9 +37,7 @@ def surfaces(
         int | None,
         typer.Option("--channel", metavar="N", help="Servo output, from 1; default: that of the log's aircraft file."),
     ] = None,
-    output: AircraftFileLines = None,
-    replace: Replace = False,
-) -> None:
+) -> Calibrated:
     """Relate surface angle to servo pulse, from a session with a protractor.
 
     Start the daemon, motor disarmed. Clamp a protractor (a digital level will do) to the surface, zero it at neutral.
@@ -65,7 +63,6 @@ def surfaces(
     from flight.aircraft import ControlSurface
     from flight.log_reader import read_log
 
-    check_output(output, replace)
     angles_deg = [_angle_deg(word) for word in angles.replace(",", " ").split()]
     recorded = read_log(log)
     number = channel
@@ -83,15 +80,13 @@ def surfaces(
     if not found:
         raise InputError(f"{log}: servo output {number} was never held for two seconds; hold each position for three")
     if not angles_deg:
-        print(f"positions of output {number}: {found_in_words(found)}. Now give --angles.")
-        return
+        return Calibrated([f"positions of output {number}: {found_in_words(found)}. Now give --angles."])
     table = surface_table(found, angles_deg)
-    print(
+    said = (
         f"{len(table.pulse_us)} positions; angles of a position read twice differ by {table.hysteresis_deg:.1f} deg"
-        " at most",
-        file=sys.stderr if output is None else sys.stdout,
+        " at most"
     )
-    write_or_print(to_toml(surface.value, number, table), output)
+    return Calibrated([said], to_toml(surface.value, number, table))
 
 
 def _angle_deg(word: str) -> float | None:

@@ -1,14 +1,13 @@
 """`calibrate thrust`"""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.cli.calibrate.options import Replace, check_output, write_json
+from analysis.cli.calibrate.runner import Calibrated, CalibrationFile, calibration
 from flight.aircraft import Aircraft, Uncertainty, load_aircraft
-from flight.command_line import ExitCode, quantity
+from flight.command_line import quantity
 from flight.errors import InputError
 from flight.shipped_propellers import shipped_propellers
 
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from flight.propeller import Propeller
 
 
+@calibration(CalibrationFile, "stand.json")
 def thrust(
     stand: Annotated[
         Path, typer.Argument(metavar="STAND", help="CSV with a header such as `motor_speed_rpm,thrust_N`.")
@@ -62,9 +62,7 @@ def thrust(
             " readings are found from their scatter.",
         ),
     ] = 1.0,  # a load cell checked with a weight 0.5 %, its lever arm 0.7 %, density from a weather station 0.3 %
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="File to write.")] = Path("stand.json"),
-    replace: Replace = False,
-) -> None:
+) -> Calibrated:
     """Measure thrust at rest on a stand, and compare it with the propeller's table.
 
     Mount the motor with its propeller, best with the aircraft's nose behind it, on a load cell, outdoors in calm air
@@ -87,7 +85,6 @@ def thrust(
       motor_speed_rpm,thrust_N,pressure_hPa,temperature_degC
       4000,4.88,1002,18     (then a line a reading)
     """
-    check_output(output, replace)
     if (propeller is None) == (aircraft is None):
         raise InputError("--propeller, --aircraft: give one of the two, which names the table to compare with")
     given = load_aircraft(aircraft) if aircraft else None
@@ -104,15 +101,13 @@ def thrust(
     rho = density(pressure, temperature) if pressure is not None and temperature is not None else None
     readings = read_stand(stand, rho)
     found, unsupported = calibrate(readings, table, scale_error / 100, stand.name)
-    for line in summary(found):
-        print(line)
-    for line in doubts(found, readings, table, given):
-        print(f"warning: {line}", file=sys.stderr)
-    if unsupported:
-        print(f"error: {stand}: nothing written; {unsupported}", file=sys.stderr)
-        raise typer.Exit(ExitCode.FAILURE)
-    write_json(output, found)
-    print(f"wrote {output}; the same in the aircraft file:\n{to_toml(found)}", end="")
+    return Calibrated(
+        summary(found),
+        found,
+        warnings=doubts(found, readings, table, given),
+        unsupported=unsupported,
+        remark=f"; the same in the aircraft file:\n{to_toml(found)}".rstrip("\n"),
+    )
 
 
 def summary(found: "ThrustStand") -> list[str]:

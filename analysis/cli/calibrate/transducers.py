@@ -1,14 +1,12 @@
 """`calibrate transducers`"""
 
 import math
-import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.cli.calibrate.options import LogFile, Replace, check_output, write_json
-from flight.command_line import ExitCode, quantity
+from analysis.cli.calibrate.runner import Calibrated, CalibrationFile, LogFile, calibration
+from flight.command_line import quantity
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2, to_si
 
@@ -20,6 +18,7 @@ LARGEST_PA = 20e3
 EXAMPLE = '--pressures "10 20 30 40 mm" (a water column) or "100 200 300 400 Pa"'
 
 
+@calibration(CalibrationFile, "transducers.json")
 def transducers(
     log: LogFile,
     pressures: Annotated[
@@ -41,11 +40,7 @@ def transducers(
             " by its data sheet. Errors of single readings are found from their scatter.",
         ),
     ] = 0.5,  # density of water between 10 and 35 degC -0.4 to 0.2 %, local gravity up to 0.3 %
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write.")] = Path(
-        "transducers.json"
-    ),
-    replace: Replace = False,
-) -> None:
+) -> Calibrated:
     """Measure slope and offset of the three differential transducers, by the same pressures on all of them.
 
     Join the positive ports of the three transducers (lower, right, center) by T-pieces to one tube: a water column on a
@@ -72,22 +67,14 @@ def transducers(
     from analysis.airdata.transducers import calibrate
     from flight.log_reader import read_log
 
-    check_output(output, replace)
     given = pressures_Pa(pressures) if pressures.strip() else None
     found = plateaus(readings(read_log(log)), str(log))
     if not any(not plateau.open for plateau in found):
         raise InputError(f"{log}: no pressure was held for five seconds; begin with open tubes, hold each for ten")
     if given is None:
-        print(f"plateaus: {in_words(found)}. Now give {EXAMPLE}.")
-        return
-    calibration, unsupported = calibrate(found, given, reference_error / 100, log.name)
-    for line in summary(calibration):
-        print(line)
-    if unsupported:
-        print(f"error: {log}: nothing written; {unsupported}", file=sys.stderr)
-        raise typer.Exit(ExitCode.FAILURE)
-    write_json(output, calibration)
-    print(f"wrote {output}")
+        return Calibrated([f"plateaus: {in_words(found)}. Now give {EXAMPLE}."])
+    calibrated, unsupported = calibrate(found, given, reference_error / 100, log.name)
+    return Calibrated(summary(calibrated), calibrated, unsupported=unsupported)
 
 
 def pressures_Pa(text: str) -> list[float]:

@@ -1,16 +1,9 @@
 """`calibrate tubing`"""
 
-import sys
 from typing import TYPE_CHECKING
 
-from analysis.cli.calibrate.options import (
-    AircraftFile,
-    AircraftFileLines,
-    LogFile,
-    Replace,
-    check_output,
-    write_or_print,
-)
+from analysis.cli.calibrate.runner import AircraftFileLines, Calibrated, LogFile, calibration
+from analysis.cli.options import AircraftOption
 from flight.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,12 +13,8 @@ if TYPE_CHECKING:
 LARGEST_MISFIT = 2.0  # rms of the residuals over the noise, beyond which the model of the line is doubted
 
 
-def tubing(
-    log: LogFile,
-    aircraft: AircraftFile = None,
-    output: AircraftFileLines = None,
-    replace: Replace = False,
-) -> None:
+@calibration(AircraftFileLines)
+def tubing(log: LogFile, aircraft: AircraftOption = None) -> Calibrated:
     """Measure the lag of each pneumatic line from recorded steps of pressure.
 
     Start the daemon, with rate_Hz = 100 in the tray file if possible. Pull a piece of soft tube over one port of the
@@ -40,7 +29,7 @@ def tubing(
     A lag below a third of a tick only gets an upper bound; at 25 Hz such a line needs no correction. The result is the
     inner diameter of the tube that has the measured lag, with the length and cavity of the aircraft file. A line is
     left out if its 95 % interval is wider than 40 % either way: a diameter known to 5 % says as much. Exit code 2: no
-    burst was found, or none of the lags is determined.
+    burst was found; exit code 1: none of the lags is determined.
 
     To rehearse it: `sim fly --plan tubing-bursts -o out/bursts`.
 
@@ -53,26 +42,19 @@ def tubing(
     from flight.aircraft import load_aircraft
     from flight.log_reader import read_log
 
-    check_output(output, replace)
     recorded = read_log(log)
     lags = line_lags(recorded, load_aircraft(aircraft) if aircraft else aircraft_of(recorded))
-    messages = sys.stderr if output is None else sys.stdout
-    for one in lags:
-        for line in summary(one):
-            print(line, file=messages)
     if all(one.measured is None for one in lags):
         raise InputError(
             f"{log}: no burst of pressure on any line; press to half of the transducer's range, hold for two seconds,"
             " burst, and repeat eight times for each line"
         )
-    sections = to_toml(lags)
-    refused = [f"{one.topic}: {one.unsupported}" for one in lags if one.unsupported]
-    if refused and not sections:
-        raise InputError(f"{log}: nothing to write; {'; '.join(refused)}")
-    if not sections:
-        print("Nothing to change in the aircraft file.", file=messages)
-        return
-    write_or_print(sections, output)
+    lines = [line for one in lags for line in summary(one)]
+    if sections := to_toml(lags):
+        return Calibrated(lines, sections)
+    if undetermined := [f"{one.topic}: {one.unsupported}" for one in lags if one.unsupported]:
+        return Calibrated(lines, unsupported="; ".join(undetermined))
+    return Calibrated([*lines, "Nothing to change in the aircraft file."])
 
 
 def summary(line: "LineLag") -> list[str]:

@@ -1,12 +1,11 @@
 """`calibrate weight-and-balance`"""
 
-import sys
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.cli.calibrate.options import AircraftFileLines, Replace, check_output, write_or_print
-from flight.command_line import ExitCode, quantity
+from analysis.cli.calibrate.runner import AircraftFileLines, Calibrated, calibration
+from flight.command_line import quantity
 from flight.errors import InputError
 from flight.units import to_si
 
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
 EXAMPLE = '--scale "0.12 m: 1.25 1.26 kg"'
 
 
+@calibration(AircraftFileLines)
 def weight_and_balance(
     scale: Annotated[
         list[str] | None,
@@ -53,9 +53,7 @@ def weight_and_balance(
             help='Error of a position, 1 sigma, in m or with a unit: "2 mm".',
         ),
     ] = 0.002,
-    output: AircraftFileLines = None,
-    replace: Replace = False,
-) -> None:
+) -> Calibrated:
     """Compute weight and center of gravity with their errors, from scales under the wheels or in a suspension.
 
     Set the aircraft level and ready to fly on one scale a wheel, or hang it from spring scales; indoors. Measure the
@@ -73,16 +71,9 @@ def weight_and_balance(
     """
     from analysis.ground import weight_and_balance as computation
 
-    check_output(output, replace)
     errors = computation.ScaleErrors(reading_error, gain_error / 100, position_error)
     found = computation.weight_and_balance([support(text) for text in scale or []], errors)
-    messages = sys.stderr if output is None else sys.stdout
-    for line in summary(found):
-        print(line, file=messages)
-    if found.unsupported:
-        print(f"error: nothing written; {found.unsupported}", file=sys.stderr)
-        raise typer.Exit(ExitCode.FAILURE)
-    write_or_print(computation.to_toml(found), output)
+    return Calibrated(summary(found), computation.to_toml(found), unsupported=found.unsupported)
 
 
 def support(text: str) -> "Support":

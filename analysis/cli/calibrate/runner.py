@@ -1,0 +1,112 @@
+"""What all calibrations do alike: refuse to replace a file, print what was found, and write it if it is good enough."""
+
+import inspect
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+import msgspec
+import typer
+
+from analysis.cli.options import ReplaceOption
+from analysis.files import write_file
+from flight.command_line import ExitCode, as_command
+from flight.errors import InputError
+from flight.output_file import check_writable
+
+LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log recorded by the daemon.")]
+CalibrationFile = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write.")]
+OptionalFile = Annotated[
+    Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write as well.")
+]
+AircraftFileLines = Annotated[
+    Path | None,
+    typer.Option(
+        "-o", "--output", metavar="FILE", help="File to write with the lines for the aircraft file; default: printed."
+    ),
+]
+
+
+class Calibrated(NamedTuple):
+    """What a calibration found.
+
+    summary, warnings : lines to print     unsupported : why the result is not good enough to be written; empty if it is
+    content : sections of an aircraft file as text, or what becomes a JSON file; None where there is nothing to write
+    pages : further files by path     remark : lines to print after what was written
+    """
+
+    summary: Sequence[str]
+    content: object = None
+    warnings: Sequence[str] = ()
+    unsupported: str = ""
+    pages: Mapping[Path, str] = {}
+    remark: str = ""
+
+
+def calibration(file: Any, default: str | None = None) -> Callable[[Callable[..., Calibrated]], Callable[..., None]]:
+    """A command of a function that calibrates: with --output, annotated as `file`, and --replace.
+
+    The function gets the values of these where it has parameters `output` and `replace`. Exit code 1 where the result
+    is not supported by the measurements.
+    """
+
+    def decorated(calibrate: Callable[..., Calibrated]) -> Callable[..., None]:
+        hints, keyword = get_type_hints(calibrate, include_extras=True), inspect.Parameter.KEYWORD_ONLY
+        signature = inspect.signature(calibrate).parameters
+        parameters = [
+            one.replace(kind=keyword, annotation=hints[one.name])
+            for one in signature.values()
+            if one.name not in ("output", "replace")
+        ]
+        source = parameters[0].name
+        path = None if default is None else Path(default)
+        parameters.append(inspect.Parameter("output", keyword, default=path, annotation=file))
+        parameters.append(inspect.Parameter("replace", keyword, default=False, annotation=ReplaceOption))
+
+        def run_calibration(**given: Any) -> None:
+            check_output(given["output"], given["replace"])
+            found = calibrate(**{name: value for name, value in given.items() if name in signature})
+            lines_to_stdout = file is AircraftFileLines and given["output"] is None and found.content is not None
+            _report(found, given[source], sys.stderr if lines_to_stdout else sys.stdout)
+            _write(found, given["output"])
+
+        return as_command(run_calibration, calibrate, parameters)
+
+    return decorated
+
+
+def _report(found: Calibrated, source: object, messages: Any) -> None:
+    for line in found.summary:
+        print(line, file=messages)
+    for line in found.warnings:
+        print(f"warning: {line}", file=sys.stderr)
+    if found.unsupported:
+        where = f"{source}: " if isinstance(source, Path) else ""
+        print(f"error: {where}nothing written; {found.unsupported}", file=sys.stderr)
+        raise typer.Exit(ExitCode.FAILURE)
+
+
+def _write(found: Calibrated, output: Path | None) -> None:
+    if found.content is None:
+        return
+    if output is None:
+        print(found.content if isinstance(found.content, str) else "", end="")
+        return
+    text = found.content if isinstance(found.content, str) else _json(found.content)
+    for path, content in {output: text, **found.pages}.items():
+        write_file(path, content)
+    print(f"wrote {' and '.join(map(str, (output, *found.pages)))}{found.remark}")
+
+
+def _json(content: object) -> bytes:
+    return msgspec.json.format(msgspec.json.encode(content), indent=1)
+
+
+def check_output(path: Path | None, replace: bool) -> None:
+    """Raises InputError if the file exists and must not be replaced, or cannot be written."""
+    if path is None:
+        return
+    if path.is_file() and not replace:
+        raise InputError(f"{path}: exists already; give --replace, or another name with -o")
+    check_writable(path)
