@@ -4,11 +4,13 @@ import math
 from collections.abc import Mapping, Sequence
 from statistics import fmean
 
+from daq.sensors.ublox import AIRBORNE
 from daq.still_air_zero import COVER, PRESSURE
 from flight.messages import AbsolutePressure, DifferentialPressure, Gps, Imu, Magnetometer, Message
 from flight.units import GRAVITY_MPS2
 
 THREE_DIMENSIONAL = 3  # fix
+OPEN_SKY = "give the antenna a clear view of the sky and wait a minute"
 FORCE_TOLERANCE = 0.1  # of 1 g: zero-g output of the MPU-9250 is within 0.08 g, its scale within 3 % (PS 3.2)
 MAX_TILT_DEG = 45.0  # of a parked aircraft; a wrong axis is 90 or 180 deg off
 # MS5611-01BA03 within 1.5 mbar, MS5805-02BA01 within 2 mbar at room temperature, and some for the sun on the tray.
@@ -16,6 +18,11 @@ MAX_BAROMETER_DIFFERENCE_PA = 500.0
 EARTH_FIELD_T = (20e-6, 70e-6)  # 22 to 67 uT at the surface (World Magnetic Model), and some for the aircraft's own
 # Pressure at sea level is 950 to 1050 hPa but in storms: 550 m of height in the standard atmosphere. GPS: some tens.
 MAX_HEIGHT_DIFFERENCE_M = 650.0
+
+
+# The trajectory needs the velocity to some tenths of a meter per second; a receiver under open sky states 0.1 to 0.3.
+MAX_SPEED_ACCURACY_MPS = 0.5
+MIN_SATELLITES = 6  # four make a solution, more make it one that a wrong pseudorange cannot spoil unseen
 
 
 def is_finite(message: Message) -> bool:
@@ -35,7 +42,7 @@ def rest_problem(messages: Sequence[Message]) -> str:
             differences.append(message.differential_pressure_Pa)
     if forces:
         return _force_problem([fmean(component) for component in zip(*forces, strict=True)])
-    if problem := field_problem(messages):
+    if problem := field_problem(messages) or receiver_problem(messages):
         return problem
     if differences and abs(fmean(differences)) > PRESSURE.offset:
         return f"{fmean(differences):.0f} Pa at rest, limit {PRESSURE.offset:g}: {COVER}; or a tube is blocked"
@@ -53,6 +60,22 @@ def _force_problem(force: Sequence[float]) -> str:
             f"at rest the specific force must be about (0, 0, -1) g, but is ({x:.1f}, {y:.1f}, {z:.1f}) g: "
             "set the aircraft upright; otherwise correct `axes` in the tray file, of the magnetometer too"
         )
+    return ""
+
+
+def receiver_problem(messages: Sequence[Message]) -> str:
+    """Why the latest solution of the satellites is not good enough to take off, with advice; empty if it is."""
+    solutions = [message for message in messages if isinstance(message, Gps) and message.fix_type is not None]
+    if not solutions:
+        return ""
+    last = solutions[-1]
+    if last.dynamic_model not in AIRBORNE:
+        known = "does not say its dynamic model" if last.dynamic_model is None else f"is set to {last.dynamic_model}"
+        return f"the receiver {known}, and smooths velocity unless it is 6 to 8 (airborne): switch it off and on"
+    if last.fix_type != THREE_DIMENSIONAL or (last.satellites or 0) < MIN_SATELLITES:
+        return f"fix of type {last.fix_type} with {last.satellites} satellites, {MIN_SATELLITES} needed: {OPEN_SKY}"
+    if (accuracy_mps := last.speed_accuracy_mps or 0.0) > MAX_SPEED_ACCURACY_MPS:
+        return f"velocity known to {accuracy_mps:.1f} m/s, limit {MAX_SPEED_ACCURACY_MPS:g}: {OPEN_SKY}"
     return ""
 
 

@@ -17,7 +17,7 @@ from daq.daemon import STOP_SERVICE
 from daq.disk_space import free_bytes
 from daq.dry_run import DryRun, dry_run
 from daq.part_identity import identify
-from daq.rest_check import barometer_comparison, height_comparison, is_finite, rest_problem
+from daq.rest_check import OPEN_SKY, barometer_comparison, height_comparison, is_finite, rest_problem
 from daq.sensor_health import GOOD_STATUSES
 from flight.messages import Message, Status
 
@@ -36,6 +36,8 @@ SHOWN_FIELDS: dict[str, tuple[tuple[str, float, str], ...]] = {
     "/gps": (
         ("satellites", 1, "satellites"),
         ("horizontal_accuracy_m", 1, "m accuracy"),
+        ("speed_accuracy_mps", 1, "m/s accuracy"),
+        ("dynamic_model", 1, "dynamic model (6 to 8: airborne)"),
         ("fix_type", 1, "dimensional fix"),
     ),
     "/rpm": (("motor_speed_revps", 60, "rpm"),),
@@ -56,7 +58,7 @@ ADVICE = {
     Status.NO_DATA: "nothing arrives: check TX and RX, baud rate and supply",
 }
 NOT_FINITE = "the part sends no numbers: wait until it has started and found its position"
-NO_FIX = "no fix yet: give the antenna a clear view of the sky and wait a minute"
+NO_FIX = f"no fix yet: {OPEN_SKY}"
 STOP_PROGRAM = f"stop the program that uses it: {STOP_SERVICE}"
 BUS_ERRORS = (Status.NO_REPLY, Status.TIMEOUT, Status.CORRUPT)
 MOTOR_STOPPED = "no frames, which is normal while the motor is stopped; run the motor to check"

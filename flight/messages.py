@@ -121,6 +121,8 @@ class Gps(Message):
     horizontal_accuracy_m: float | None = None
     vertical_accuracy_m: float | None = None
     speed_accuracy_mps: float | None = None
+    # Of the receiver's filter, as read back: 6 to 8 airborne; 0, set at the factory, smooths velocity. Null: not known.
+    dynamic_model: int | None = None
 
 
 class Rpm(Message):

@@ -24,6 +24,9 @@ AUTOPILOT_SINCE_NS, AUTOPILOT_EARLIER_NS = 1_060_000_000, 20_000_000
 BATTERY_PERIOD_NS, BATTERY_ARRIVES_NS, CELLS = 500_000_000, round(90 * 10e9 / 57600), 4
 
 
+AIRBORNE_4G = 8  # CFG-NAV5 dynModel, which the daemon sets
+
+
 def _arrivals(read_times: ReadTimes, arrived_ns: Ints) -> Ints:
     """The tick in which something that arrived at these instants is read."""
     return np.searchsorted(read_times.serial, arrived_ns)
@@ -57,6 +60,7 @@ def gps_messages(sensor_truth: SensorTruth, read_times: ReadTimes, utc_at_start_
                 horizontal_accuracy_m=round(found.horizontal_accuracy_m[i] * 1e3) / 1e3,
                 vertical_accuracy_m=round(found.vertical_accuracy_m[i] * 1e3) / 1e3,
                 speed_accuracy_mps=round(found.speed_accuracy_mps[i] * 1e3) / 1e3,
+                dynamic_model=AIRBORNE_4G,
             )
         else:
             message = Gps(status=Status.NO_DATA, itow_ms=itow_ms, fix_type=0, satellites=2)

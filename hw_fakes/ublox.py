@@ -24,7 +24,11 @@ NAV_PVT, CFG_PRT, CFG_MSG, CFG_RST, CFG_RATE, CFG_CFG, CFG_NAV5, MON_VER = (
     0x24,
     0x04,
 )
-ACCEPTED_UNREAD = {(CFG, i) for i in (CFG_CFG, CFG_NAV5, 0x16, 0x23, 0x3B, 0x3E, 0x86)}  # no effect on what we send
+ACCEPTED_UNREAD = {(CFG, i) for i in (CFG_CFG, 0x16, 0x23, 0x3B, 0x3E, 0x86)}  # no effect on what we send
+PORTABLE, FIRST_AIRBORNE, DYNAMIC_MODELS = 0, 6, (0, 2, 3, 4, 5, 6, 7, 8)  # CFG-NAV5 dynModel (sec. 32.10.19)
+# u-blox does not publish its filters. Taken here: velocity follows with a lag of first order unless the model is
+# airborne. Half a second is a tenth of the shortest run, so that tests of whole flights notice.
+SMOOTHING_S, SMOOTHING_STEP_S = 0.5, 0.05
 PORT_DDC, PORT_UART1 = 0, 1  # CFG-PRT port numbers
 PROTOCOL_UBX, PROTOCOL_NMEA = 0x01, 0x02  # CFG-PRT protocol masks
 SHORTEST_MEASUREMENT_MS = 50
@@ -97,6 +101,7 @@ class FakeUbloxM8:
         """Supply off and on: the settings are those of the saved configuration."""
         self.baud = self._kept_baud
         self._protocols_out = PROTOCOL_UBX | PROTOCOL_NMEA
+        self._dynamic_model = PORTABLE
         self._rates = {(NMEA, i): 1 for i in DEFAULT_NMEA}
         self._received = bytearray()
         self._replies: list[tuple[int, bytes]] = []
@@ -134,6 +139,7 @@ class FakeUbloxM8:
     def _solutions(self, t_s: Array) -> np.ndarray:
         """Rows: valid at, fix, latitude, longitude, height, velocity north east down, accuracies h v speed."""
         g = self._sensor_truth.gps(t_s)
+        velocity = g.velocity_ned_mps if self._dynamic_model >= FIRST_AIRBORNE else self._smoothed_velocity(t_s)
         return np.column_stack(
             [
                 g.valid_at_s,
@@ -141,12 +147,20 @@ class FakeUbloxM8:
                 g.latitude_deg,
                 g.longitude_deg,
                 g.height_msl_m,
-                g.velocity_ned_mps,
+                velocity,
                 g.horizontal_accuracy_m,
                 g.vertical_accuracy_m,
                 g.speed_accuracy_mps,
             ]
         )
+
+    def _smoothed_velocity(self, t_s: Array) -> Array:
+        """The true velocity through a lag of SMOOTHING_S, (n, 3) north east down."""
+        ages_s = np.arange(0, 6 * SMOOTHING_S, SMOOTHING_STEP_S)
+        weights = np.exp(-ages_s / SMOOTHING_S)
+        earlier = self._sensor_truth.gps(np.maximum(t_s[:, None] - ages_s, 0.0).ravel()).velocity_ned_mps
+        smoothed: Array = weights @ earlier.reshape(len(t_s), len(ages_s), 3) / weights.sum()
+        return smoothed
 
     def _time(self, valid_at_s: float) -> tuple[datetime, int, int]:
         """UTC to the nearest second, the nanoseconds to it, and the GPS time of week [ms]."""
@@ -260,6 +274,7 @@ class FakeUbloxM8:
             (CFG, CFG_PRT): self._configure_port,
             (CFG, CFG_MSG): self._configure_message,
             (CFG, CFG_RATE): self._configure_rate,
+            (CFG, CFG_NAV5): self._configure_navigation,
         }
         reply_ns = at_ns + REPLY_NS
         if message_class == MON and message_id == MON_VER:
@@ -311,6 +326,19 @@ class FakeUbloxM8:
             self._replies.append((at_ns + REPLY_NS, ubx(CFG, CFG_MSG, payload + rates)))
         else:
             return False
+        return True
+
+    def _configure_navigation(self, payload: bytes, at_ns: int) -> bool:
+        """UBX-CFG-NAV5 (sec. 32.10.19): 36 bytes set what their mask names, none polls. Only the model acts."""
+        if not payload:
+            settings = struct.pack("<HBB32x", 0xFFFF, self._dynamic_model, 3)
+            self._replies.append((at_ns + REPLY_NS, ubx(CFG, CFG_NAV5, settings)))
+            return True
+        if len(payload) != 36 or payload[2] not in DYNAMIC_MODELS:
+            return False
+        if payload[0] & 0x01:
+            self._dynamic_model = payload[2]
+            self._blocks = SampleBlocks(self._solutions, self._period_ms * 1e-3, length=max(1, 2000 // self._period_ms))
         return True
 
     def _configure_rate(self, payload: bytes, at_ns: int) -> bool:

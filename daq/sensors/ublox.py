@@ -6,6 +6,7 @@ in brackets are sections of the description. The tests compare with pyubx2, whic
 """
 
 import calendar
+import enum
 import struct
 from collections.abc import Callable, Iterator
 from itertools import accumulate
@@ -25,12 +26,29 @@ DEGREE, DEGREE_DIGITS = 1e-7, 7
 LONGEST_PAYLOAD = 1024  # longer than any requested message: not a frame
 NAV_PVT, ACK_ACK, ACK_NAK = b"\x01\x07", b"\x05\x01", b"\x05\x00"
 CFG_PRT, CFG_MSG, CFG_RATE = b"\x06\x00", b"\x06\x01", b"\x06\x08"  # 32.10.25, 32.10.18, 32.10.27
+CFG_NAV5, NAV5_PAYLOAD, ONLY_DYNAMIC_MODEL = b"\x06\x24", 36, 0x0001  # 32.10.19; its mask of what is to be changed
 FACTORY_BAUD = 9600
 SWITCH_S = 0.1  # CFG-PRT lasts 29 ms at 9600 baud, and the receiver takes a moment to change
 MAX_FRAME_NS = 300_000_000  # a frame incomplete for this long is discarded; 100 bytes take 0.1 s at 9600 baud
 ACK_TIMEOUT_NS = 1_000_000_000
 SILENCE_NS = 1_500_000_000  # no solution for this long is `no_data`; a receiver without fix still sends solutions
 WITH_POSITION = (2, 3, 4)  # fixType: 2D, 3D, GNSS with dead reckoning
+
+
+class DynamicModel(enum.IntEnum):
+    """What the receiver's filter takes the vehicle to be (CFG-NAV5 dynModel, 8.1)."""
+
+    PORTABLE = 0  # set at the factory: low accelerations are expected, and velocity is smoothed
+    STATIONARY = 2
+    PEDESTRIAN = 3
+    AUTOMOTIVE = 4
+    SEA = 5
+    AIRBORNE_1G = 6
+    AIRBORNE_2G = 7
+    AIRBORNE_4G = 8
+
+
+AIRBORNE = frozenset({DynamicModel.AIRBORNE_1G, DynamicModel.AIRBORNE_2G, DynamicModel.AIRBORNE_4G})
 
 
 class UBloxDriver:
@@ -60,6 +78,7 @@ class UBloxDriver:
         self._last_ns: int | None = None
         self._corrupt = False
         self.refused: list[str] = []  # commands that the receiver rejected
+        self._dynamic_model: int | None = None  # as the receiver says, after it was set
 
     def start(self) -> Iterator[float]:
         """Set the receiver's baud rate. The rest of the configuration is sent in `read`."""
@@ -80,7 +99,9 @@ class UBloxDriver:
         for frame in frames:
             kind = frame[2:4]
             if kind == NAV_PVT:
-                samples.append(Sample("/gps", now_ns, solution(frame)))
+                samples.append(Sample("/gps", now_ns, solution(frame, self._dynamic_model)))
+            elif kind == CFG_NAV5 and len(frame) == NAV5_PAYLOAD + OVERHEAD:
+                self._dynamic_model = frame[8]
             elif kind in (ACK_ACK, ACK_NAK) and self._to_send and frame[6:8] == self._to_send[0][2:4]:
                 if kind == ACK_NAK:
                     self.refused.append(self._to_send[0][2:4].hex())
@@ -116,7 +137,7 @@ class UBloxDriver:
                 "the receiver sends nothing" if status is Status.NO_DATA else "the receiver sends only damaged data",
             )
         self._last_ns, self._corrupt = now_ns, False
-        self._to_send, self._sent_ns = list(self._commands), None
+        self._to_send, self._sent_ns, self._dynamic_model = list(self._commands), None, None
         return Gps(status=status)
 
     def _configure(self, now_ns: int) -> None:
@@ -127,7 +148,10 @@ class UBloxDriver:
 
 
 def configuration(rate_Hz: float, baud: int | None) -> list[bytes]:
-    """Commands that make the receiver send NAV-PVT and nothing else. baud: None on I2C, which needs no CFG-PRT."""
+    """Commands that make the receiver send NAV-PVT and nothing else, and its filter expect the accelerations of flight.
+
+    The last one asks for the dynamic model, which some receivers acknowledge and do not keep. baud: None on I2C.
+    """
     port_id = 0 if baud is None else 1
     mode = 0x42 << 1 if baud is None else 0x08D0  # DDC address 0x42 (7 bits, shifted), or 8N1
     ubx = 0x0001  # protocols in and out
@@ -136,6 +160,8 @@ def configuration(rate_Hz: float, baud: int | None) -> list[bytes]:
         frame_of(CFG_PRT, struct.pack("<B3xIIHH4x", port_id, mode, baud or 0, ubx, ubx)),
         frame_of(CFG_RATE, struct.pack("<HHH", round(1000 / rate_Hz), 1, 1)),  # each measurement; GPS time
         frame_of(CFG_MSG, NAV_PVT + on_ports),
+        frame_of(CFG_NAV5, struct.pack("<HB33x", ONLY_DYNAMIC_MODEL, DynamicModel.AIRBORNE_4G)),
+        frame_of(CFG_NAV5, b""),
     ]
 
 
@@ -181,8 +207,11 @@ def take_frames(buffer: bytearray) -> tuple[list[bytes], int]:
             del buffer[:1]
 
 
-def solution(frame: bytes) -> Gps:
-    """The message of a NAV-PVT frame. Without a fix it has only time, fix type and number of satellites."""
+def solution(frame: bytes, dynamic_model: int | None = None) -> Gps:
+    """The message of a NAV-PVT frame. Without a fix it has only time, fix type and number of satellites.
+
+    dynamic_model: of the receiver's filter, as read back from it.
+    """
     if len(frame) != PVT_PAYLOAD + OVERHEAD:
         return Gps(status=Status.CORRUPT)
     itow_ms, *date, valid, nano, fix_type, flags, satellites = PVT_TIME.unpack_from(frame)
@@ -210,6 +239,7 @@ def solution(frame: bytes) -> Gps:
         horizontal_accuracy_m=horizontal / 1e3,
         vertical_accuracy_m=vertical / 1e3,
         speed_accuracy_mps=speed / 1e3,
+        dynamic_model=dynamic_model,
     )
 
 

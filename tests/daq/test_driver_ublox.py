@@ -3,14 +3,15 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pyubx2 import GET, SET, UBXMessage, UBXReader
+from pyubx2 import GET, POLL, SET, UBXMessage, UBXReader
 from scripted_parts import ScriptedPort, bring_up, pieces
 
 from daq.sensors import SensorFailure
-from daq.sensors.ublox import ACK_ACK, ACK_NAK, UBloxDriver, configuration, frame_of, solution, take_frames
+from daq.sensors.ublox import ACK_ACK, ACK_NAK, CFG_NAV5, UBloxDriver, configuration, frame_of, solution, take_frames
 from flight.messages import Gps, Status
 
 TICK_NS = 40_000_000
+NOT_IN_A_SOLUTION = ("status", "utc_ns", "dynamic_model")
 
 
 def nav_pvt(**changes) -> bytes:
@@ -53,13 +54,30 @@ def test_without_a_fix_there_is_time_but_no_position(changes):
 
 
 def test_commands_are_what_the_protocol_description_says():
-    port, rate, on_uart = configuration(10, 38400)
+    port, rate, on_uart, navigation, asked = configuration(10, 38400)
     assert rate == bytes.fromhex("b56206080600640001000100 7a12")
     assert configuration(10, None)[2] == bytes.fromhex("b562060108000107010000000000 18e2")
     parsed = UBXReader.parse(port, msgmode=SET)
     assert (parsed.identity, parsed.portID, parsed.baudRate) == ("CFG-PRT", 1, 38400)
     assert (parsed.inUBX, parsed.outUBX, parsed.outNMEA) == (1, 1, 0)
     assert UBXReader.parse(on_uart, msgmode=SET).rateUART1 == 1
+    parsed = UBXReader.parse(navigation, msgmode=SET)
+    assert (parsed.identity, parsed.dyn, parsed.dynModel) == ("CFG-NAV5", 1, 8)
+    assert not any((parsed.minEl, parsed.posFixMode, parsed.posMask, parsed.timeMask, parsed.staticHoldMask))
+    assert asked == UBXMessage("CFG", "CFG-NAV5", POLL).serialize()
+
+
+@pytest.mark.parametrize("kept", [8, 0])
+def test_the_model_that_is_logged_is_what_the_receiver_says_and_not_what_was_set(kept):
+    port = ScriptedPort()
+    sensor = UBloxDriver(port)
+    bring_up(sensor)
+    for command in configuration(10, 38400):
+        port.incoming.append(PVT + frame_of(ACK_ACK, command[2:4]))
+    port.incoming[-1] = frame_of(CFG_NAV5, bytes([1, 0, kept]) + bytes(33)) + port.incoming[-1]
+    samples = [sample for tick in range(len(configuration(10, 38400)) + 1) for sample in sensor.read(tick * TICK_NS)]
+    assert samples[0].message.dynamic_model is None
+    assert samples[-1].message.dynamic_model == kept
 
 
 @given(st.binary(max_size=300), st.lists(st.integers(0, 10_000), max_size=8))
@@ -201,7 +219,7 @@ def test_solutions_are_those_that_pyubx2_reads(payload):
     frame = frame_of(b"\x01\x07", payload)
     message = solution(frame)
     fields = message.__struct_fields__
-    assert [getattr(message, name) for name in fields if name not in ("status", "utc_ns")] == by_pyubx2(frame)
+    assert [getattr(message, name) for name in fields if name not in NOT_IN_A_SOLUTION] == by_pyubx2(frame)
     nano = int.from_bytes(payload[16:20], "little", signed=True)
     assert message.utc_ns == 1463218201 * 10**9 + nano
 
@@ -213,7 +231,7 @@ def test_a_leap_second_is_a_time():
 @given(st.floats(1, 10), st.sampled_from([9600, 38400, 115200]))
 @settings(max_examples=10)
 def test_commands_are_those_of_pyubx2(rate_Hz, baud):
-    _, rate, messages = configuration(rate_Hz, baud)
+    _, rate, messages, *_ = configuration(rate_Hz, baud)
     values = {"measRate": round(1000 / rate_Hz), "navRate": 1, "timeRef": 1}
     assert rate == UBXMessage("CFG", "CFG-RATE", SET, **values).serialize()
     assert messages == UBXMessage("CFG", "CFG-MSG", SET, msgClass=1, msgID=7, rateUART1=1).serialize()

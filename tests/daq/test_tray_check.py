@@ -16,7 +16,7 @@ from daq.computer_check import card_check, card_speed, supply_check
 from daq.config import parse_tray
 from daq.dry_run import DryRun, dry_run
 from daq.part_identity import autopilot_version, identify
-from daq.rest_check import height_comparison
+from daq.rest_check import height_comparison, receiver_problem
 from daq.sensors.autopilot import is_autopilot
 from flight.messages import (
     TYPE_OF_TOPIC,
@@ -41,6 +41,23 @@ class AtRest(SteadySensorTruth):
     rate = (0.0, 0.0, 0.0)
     pressure = {"baro": 98_600.0, "static": 98_500.0}  # noqa: RUF012
     difference = {"alpha": 4.0, "beta": -3.0, "airspeed": 10.0}  # noqa: RUF012
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({}, ""),
+        ({"dynamic_model": 0}, "is set to 0"),
+        ({"dynamic_model": None}, "does not say its dynamic model"),
+        ({"fix_type": 2}, "fix of type 2"),
+        ({"satellites": 4}, "with 4 satellites"),
+        ({"speed_accuracy_mps": 1.2}, "velocity known to 1.2 m/s"),
+    ],
+)
+def test_a_receiver_is_fit_when_its_velocity_is(change, said):
+    good = {"fix_type": 3, "satellites": 12, "speed_accuracy_mps": 0.2, "dynamic_model": 8}
+    found = receiver_problem([Gps(**{**good, **change})])
+    assert said in found and bool(said) == bool(found)
 
 
 def checked(tmp_path, sensor_truth, **options):

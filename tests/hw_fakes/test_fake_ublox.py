@@ -4,9 +4,10 @@ import io
 from datetime import UTC, datetime
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from analytic_sensor_truth import constant, ramp
-from pyubx2 import NMEA_PROTOCOL, SET, UBX_PROTOCOL, UBXMessage, UBXReader
+from pyubx2 import NMEA_PROTOCOL, POLL, SET, UBX_PROTOCOL, UBXMessage, UBXReader
 from pyubx2.exceptions import UBXStreamError
 
 POWER_ON_NS = 5_000_000_000
@@ -133,6 +134,30 @@ def test_the_solution_is_the_truth_at_the_antenna(powered, clock):
             utc - datetime(1980, 1, 6, tzinfo=UTC).timestamp() + 18
         )  # leap seconds since 2017 as they are now
         assert m.iTOW == pytest.approx(since_1980_s % gps_week_s * 1e3, abs=1.0)
+
+
+AIRBORNE = UBXMessage("CFG", "CFG-NAV5", SET, dyn=1, dynModel=8).serialize()
+
+
+@pytest.mark.parametrize(("commands", "lag_s"), [([], 0.5), ([AIRBORNE], 0.0)], ids=["portable", "airborne"])
+def test_velocity_lags_unless_the_receiver_knows_that_it_flies(powered, clock, commands, lag_s):
+    """In a steady acceleration of 2 m/s2 a lag is a constant error of velocity."""
+    port = powered(velocity_mps=lambda t_s: np.outer(t_s, [2.0, 0.0, 0.0])).port("/dev/ttyAMA0", 38400)
+    for command in commands:
+        port.write(command)
+    listen(configured(port, clock), clock, 5.0)
+    for m in parse(listen(port, clock, 1.0)):
+        utc = datetime(m.year, m.month, m.day, m.hour, m.min, m.second, tzinfo=UTC).timestamp() + m.nano * 1e-9
+        t_s = utc - datetime(2016, 5, 14, 9, 30, tzinfo=UTC).timestamp()
+        assert m.velN == pytest.approx(2000 * (t_s - lag_s), abs=100)
+
+
+def test_the_model_is_told_when_asked(gps_of, clock):
+    port = gps_of()
+    for command in (UBXMessage("CFG", "CFG-NAV5", POLL).serialize(), AIRBORNE, b""):
+        port.write(command or UBXMessage("CFG", "CFG-NAV5", POLL).serialize())
+    answers = [m.dynModel for m in parse(listen(port, clock, 0.3)) if m.identity == "CFG-NAV5"]
+    assert answers == [0, 8]
 
 
 GPS, WAITING, STREAM = 0x42, b"\xfd", b"\xff"
