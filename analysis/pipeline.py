@@ -113,7 +113,7 @@ def analyze(
     trajectory = trajectory_with(1.0)
     conflict = prior_conflict(trajectory)
     conflict_warnings = conflict_notes(conflict, trajectory)
-    if conflict.found:
+    if conflict.conflicting:
         progress("reconstructing the trajectory with larger sensor errors")
         trajectory = trajectory_with(conflict.factor)
     trajectory, misfit_warnings = with_misfit(trajectory)

@@ -127,7 +127,7 @@ def analyzed(
 
     trajectory = trajectory_of(data.table, 1.0)
     conflict = prior_conflict(trajectory)
-    if conflict.found:
+    if conflict.conflicting:
         trajectory = trajectory_of(data.table, conflict.factor)
     trajectory, _ = with_misfit(trajectory)
 

@@ -82,7 +82,7 @@ class AircraftSizeSettings(Settings):
         20.0,
         "m",
         "scaled, as climb is: below it wind shear matters, since climb times the wind's gradient, which is inverse to"
-        " height, acts like an acceleration; twenty metres are eleven spans, and ten metres of a light aircraft still"
+        " height, acts like an acceleration; twenty meters are eleven spans, and ten meters of a light aircraft still"
         " six: ground effect is below 0.1 % of induced drag from two spans on (McCormick)",
     )
 

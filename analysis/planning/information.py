@@ -36,7 +36,8 @@ from analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power
 from analysis.trajectory.observability import TITLES
 from analysis.trajectory.priors import stated_sigma
 from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.reconstruction import DRAWS, Trajectory
+from analysis.trajectory.reconstruction import Trajectory
+from analysis.trajectory.settings import SOLVER
 from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 from flight.errors import InputError
 from flight.json_file import JsonFormat, json_object_text
@@ -230,7 +231,7 @@ def linearized_trajectory(
         prior_sigma=problem.error_sigma,
         states_given_errors=step.conditional,
         state_sensitivity=step.conditional.state_sensitivity(problem.equations.linearize(x, errors, actual)),
-        draws=step.conditional.draws(len(STATES), DRAWS),
+        draws=step.conditional.draws(len(STATES), SOLVER.draws),
         predicted_flow=inputs.measurement_inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],
         gust_mps=gust_mps,
         residuals={},

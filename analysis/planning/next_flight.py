@@ -16,8 +16,9 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.planning.settings import SEARCH
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.observability import GUSTY_MPS, MATTERS
+from analysis.trajectory.observability import MATTERS
 from analysis.trajectory.reconstruction import Trajectory
+from analysis.trajectory.settings import GUSTS
 
 Array = NDArray[np.float64]
 
@@ -85,7 +86,7 @@ def next_flight(
         f" ±{found.percent:.1f} %, most of all by {TITLES[found.cause]}; known twice as well it would leave"
         f" ±{found.percent_without:.1f} %."
     ]
-    if trajectory.gust_mps > GUSTY_MPS and found.cause != "noise":
+    if trajectory.gust_mps > GUSTS.dominate_mps and found.cause != "noise":
         sentences.append("A calmer day does the same in less time.")
     return sentences
 

@@ -35,7 +35,7 @@ from analysis.planning.pieces import (
 )
 from analysis.planning.settings import MARGINS, NOISE, PATH, SEARCH
 from analysis.planning.time_history import TimeHistory, fly
-from analysis.trajectory.reconstruction import LEAST_GUST_MPS
+from analysis.trajectory.settings import SOLVER
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ class Request:
 
     @property
     def gust_mps(self) -> float:
-        return max(LEAST_GUST_MPS, NOISE.vertical_over_W20 * self.wind_kt * KNOT_MPS)
+        return max(SOLVER.least_gust_mps, NOISE.vertical_over_W20 * self.wind_kt * KNOT_MPS)
 
 
 class Contribution(NamedTuple):

@@ -26,13 +26,11 @@ from numpy.typing import NDArray
 
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.reconstruction import Trajectory
+from analysis.trajectory.settings import CONSISTENCY
 from flight.motion import earth_from_body, velocity_of
 
 Array = NDArray[np.float64]
 
-CLIMB_S = 3.0  # averaging of height, for climb, and of the angles
-BATCH_S = 20.0  # longer than the correlation time of gusts: means over batches are independent
-LEVEL_RAD = np.radians(10.0)  # largest bank; beyond it an error of sideslip acts like one of angle of attack
 ANGLES, SPEED = "angles_rad", "speed_mps"
 
 
@@ -76,10 +74,10 @@ def consistency(trajectory: Trajectory) -> Consistency:
 def difference_statistics(difference: pd.Series) -> DifferenceStatistics | None:
     """Mean and scatter, NaN left out; None where less than two batches were measured.
 
-    The standard error is that of the means of batches of BATCH_S, so that slow changes count.
+    The standard error is that of the means of batches of CONSISTENCY.batch_s, so that slow changes count.
     """
     known = difference.dropna()
-    batches = known.groupby((known.index.to_numpy() // BATCH_S).astype(int)).mean()
+    batches = known.groupby((known.index.to_numpy() // CONSISTENCY.batch_s).astype(int)).mean()
     if len(batches) < 2:
         return None
     return DifferenceStatistics(float(known.mean()), float(batches.std() / np.sqrt(len(batches))), float(known.std()))
@@ -90,7 +88,7 @@ def _differences(trajectory: Trajectory, channels: _AirDataAndGps) -> pd.DataFra
     blocks, t_s = trajectory.block_means, trajectory.block_means.t_s
     x = _states(trajectory)
     flying = np.where(blocks.flying, 1.0, np.nan)
-    level = np.where(np.abs(x.phi) < LEVEL_RAD, 1.0, np.nan)
+    level = np.where(np.abs(x.phi) < CONSISTENCY.level_rad, 1.0, np.nan)
     V, beta = channels.V, np.nan_to_num(channels.beta)  # no sideslip where it was not measured
     u, v, w = velocity_of(1.0, channels.alpha, beta)
     _, _, down = earth_from_body((u, v, w), (x.phi, x.theta, x.psi))
@@ -129,8 +127,8 @@ def _states(trajectory: Trajectory) -> NamedArrays:
 
 
 def _moving_average(values: Array, t_s: Array) -> Array:
-    """Means over CLIMB_S about each instant; NaN where any of it was not measured."""
-    window = 2 * round(CLIMB_S / (t_s[1] - t_s[0]) / 2) + 1
+    """Means over CONSISTENCY.climb_s about each instant; NaN where any of it was not measured."""
+    window = 2 * round(CONSISTENCY.climb_s / (t_s[1] - t_s[0]) / 2) + 1
     return pd.Series(values).rolling(window, center=True).mean().to_numpy()
 
 
@@ -142,42 +140,39 @@ def _advanced(values: Array, t_s: Array, lag_s: float) -> Array:
     return np.where(known, np.interp(t_s + lag_s, t_s[known], values[known]), np.nan)
 
 
-SIGNIFICANT = 3.0  # standard errors
-LEAST_S = 0.004  # a tenth of a sample interval has no effect on the results
-DETERMINED_SHARE = 0.8  # a standard error below this share of the prior: the flight determined the sensor error
 SHIFTED_CHANNELS = {"air_data_lag": "the probe", "gps_latency": "GPS"}
 
 
 class TimeShift(NamedTuple):
-    """Delay of channels against the inertial sensors, and its standard error [s]."""
+    """Delay of channels against the inertial sensors, and its standard error [s]. error: of SHIFTED_CHANNELS."""
 
-    name: str
+    error: str
     delay_s: float
     standard_error_s: float
     determined: bool  # by this flight, not only by the prior
 
     @property
     def significant(self) -> bool:
-        return abs(self.delay_s) > max(SIGNIFICANT * self.standard_error_s, LEAST_S)
+        return abs(self.delay_s) > max(CONSISTENCY.significant * self.standard_error_s, CONSISTENCY.least_shift_s)
 
     def in_words(self) -> str:
         """ "GPS is 212 ± 3 ms late against the IMU.", or that the flight does not show it."""
+        name = SHIFTED_CHANNELS[self.error]
         if not self.determined:
-            return f"This flight does not show how late {self.name} is against the IMU."
+            return f"This flight does not show how late {name} is against the IMU."
         shift = f"{1e3 * abs(self.delay_s):.0f} ± {1e3 * self.standard_error_s:.0f} ms"
         side = "late" if self.delay_s >= 0 else "early"
-        return f"{self.name[0].upper()}{self.name[1:]} is {shift} {side} against the IMU."
+        return f"{name[0].upper()}{name[1:]} is {shift} {side} against the IMU."
 
 
 def time_shifts(trajectory: Trajectory) -> list[TimeShift]:
     """The time shifts of a reconstructed flight."""
-    return [
-        TimeShift(
-            words, trajectory.value(name), error, error < DETERMINED_SHARE * trajectory.prior_standard_error(name)
-        )
-        for name, words in SHIFTED_CHANNELS.items()
-        for error in [trajectory.standard_error(name)]
-    ]
+    shifts = []
+    for name in SHIFTED_CHANNELS:
+        error = trajectory.standard_error(name)
+        determined = error < CONSISTENCY.determined_share * trajectory.prior_standard_error(name)
+        shifts.append(TimeShift(name, trajectory.value(name), error, determined))
+    return shifts
 
 
 def time_shift_notes(trajectory: Trajectory) -> list[str]:
@@ -186,11 +181,8 @@ def time_shift_notes(trajectory: Trajectory) -> list[str]:
         f"{shift.in_words()} The analysis corrects for it. Check the tube lengths in the aircraft file, or the log"
         " times; `calibrate tubing` measures the lag."
         for shift in time_shifts(trajectory)
-        if shift.name == SHIFTED_CHANNELS["air_data_lag"] and shift.determined and shift.significant
+        if shift.error == "air_data_lag" and shift.determined and shift.significant
     ]
-
-
-ONE_WAY = 0.75  # length of the mean heading vector; above it, nearly all was flown in one direction
 
 
 class AirspeedCalibration(NamedTuple):
@@ -207,7 +199,7 @@ class AirspeedCalibration(NamedTuple):
 
 def why_not_determined(error: float, prior: float) -> str:
     """Why a flight does not determine the scale, and what to fly; empty if it does. Both: standard errors."""
-    if error <= DETERMINED_SHARE * prior:
+    if error <= CONSISTENCY.determined_share * prior:
         return ""
     return (
         f"the flight does not determine the scale (standard error {100 * error:.1f} %, before the flight"
@@ -218,11 +210,11 @@ def why_not_determined(error: float, prior: float) -> str:
 def notes_on(one_way: float, error: float, prior: float) -> list[str]:
     """What limits a scale, in sentences. one_way: length of the mean heading vector; prior: its standard deviation."""
     notes = []
-    if one_way > ONE_WAY:
+    if one_way > CONSISTENCY.one_way:
         notes.append(
             "Nearly all was flown in one direction: scale and wind along it cannot be separated. Fly back, too."
         )
-    if error > DETERMINED_SHARE * prior:
+    if error > CONSISTENCY.determined_share * prior:
         notes.append(
             f"This flight hardly determines the scale: standard error {100 * error:.1f} %,"
             f" before the flight {100 * prior:.1f} %."

@@ -15,10 +15,11 @@ Kristensen 1994, J. Atmos. Oceanic Technol. 11, 661), which differs from place t
 spectrum. A flight of minutes has few slow gusts, but the corner of the spectrum, at V/L, shows the scale length too. So
 Dryden's spectra are fitted to the periodograms of the reconstructed gusts (Whittle's likelihood): one factor of length
 for all three axes, with the user's (`[uncertainty] gust_length`) as a prior, and an intensity for each axis. Where the
-corner denies the assumed length, the flight is reconstructed again with the length found.
+corner contradicts the assumed length, the flight is reconstructed again with the length found.
 """
 
 from collections.abc import Sequence
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -26,12 +27,9 @@ from numpy.typing import NDArray
 
 from analysis.trajectory.dryden import GaussMarkov, SecondOrderGust
 from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.settings import GUSTS
 
 Array = NDArray[np.float64]
-
-FREQUENCIES = 256  # of a step's Nyquist band
-ALIASES = 4  # multiples of the sampling frequency; means over a step and the gusts' own spectrum attenuate the others
-FARTHEST_OCTAVES = 3.0  # between the intensity and the middle of the three
 
 
 class ObservedGust(NamedTuple):
@@ -46,15 +44,16 @@ def vertex(below: float, here: float, above: float) -> float:
     return (below - above) / (2 * (below - 2 * here + above))
 
 
-def intensity_of(found: float, middle_mps: float, observed: Sequence[ObservedGust], step_s: float) -> float:
-    """The intensity of vertical gusts [m/s] for which `found` is the expected vertex.
+def intensity_of(octaves: float, middle_mps: float, observed: Sequence[ObservedGust], step_s: float) -> float:
+    """The intensity of vertical gusts [m/s] for which `octaves` is the expected vertex.
 
-    found : vertex of minus twice the logarithm of the evidence, in octaves from the middle of three intensities
+    octaves : vertex of minus twice the logarithm of the evidence, in octaves from the middle of three intensities
     middle_mps : intensity in the middle; the others are half and twice as large
     """
     from scipy.optimize import brentq  # its import takes longer than all of this
 
-    theta = np.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
+    frequencies, farthest_octaves = 256, 3.0  # in the Nyquist band; of the intensity from the middle of the three
+    theta = np.pi * (np.arange(frequencies) + 0.5) / frequencies
     # Per measurement and frequency, at the three intensities: model's power (k, n), and means' for 1 m/s (n,).
     spectra = []
     for gust, noise_mps in observed:
@@ -62,15 +61,15 @@ def intensity_of(found: float, middle_mps: float, observed: Sequence[ObservedGus
             model = np.multiply.outer(middle_mps**2 * 4.0 ** np.arange(-1, 2), process_spectrum(gust, theta, step_s))
             spectra.append((model + noise_mps**2, block_mean_spectrum(gust, theta, step_s), noise_mps**2))
 
-    def beyond(octaves: float) -> float:
-        variance = (middle_mps * 2**octaves) ** 2
-        return found - vertex(
+    def beyond(true_octaves: float) -> float:
+        variance = (middle_mps * 2**true_octaves) ** 2
+        return octaves - vertex(
             *sum(np.sum(np.log(f) + (variance * means + noise) / f, axis=1) for f, means, noise in spectra)
         )
 
-    if not spectra or beyond(-FARTHEST_OCTAVES) < 0 or beyond(FARTHEST_OCTAVES) > 0:
-        return float(middle_mps * 2**found)
-    return float(middle_mps * 2 ** brentq(beyond, -FARTHEST_OCTAVES, FARTHEST_OCTAVES, xtol=1e-4))
+    if not spectra or beyond(-farthest_octaves) < 0 or beyond(farthest_octaves) > 0:
+        return float(middle_mps * 2**octaves)
+    return float(middle_mps * 2 ** brentq(beyond, -farthest_octaves, farthest_octaves, xtol=1e-4))
 
 
 def process_spectrum(gust: GaussMarkov | SecondOrderGust, theta: Array, step_s: float) -> Array:
@@ -88,28 +87,32 @@ def process_spectrum(gust: GaussMarkov | SecondOrderGust, theta: Array, step_s: 
 
 def block_mean_spectrum(gust: GaussMarkov | SecondOrderGust, theta: Array, step_s: float) -> Array:
     """Two-sided power per step of means over a step of the continuous gust, at theta (n,) [rad/step]."""
-    aliases = theta + 2 * np.pi * np.arange(-ALIASES, ALIASES + 1)[:, None]
+    # Four multiples of the sampling frequency: means over a step and the gusts' own spectrum attenuate the others.
+    aliases = theta + 2 * np.pi * np.arange(-4, 5)[:, None]
     power = gust.power(aliases / step_s) / step_s * np.sinc(aliases / (2 * np.pi)) ** 2
     return np.asarray(power.sum(axis=0))
 
 
 Gust = GaussMarkov | SecondOrderGust
 
-# Bands in which spectra are compared, in radians over a gust's time L/V: of slow gusts, and about the corner of the
-# spectrum, where gusts of another length differ most. Above, noise is larger than gusts.
-SLOW, AROUND_CORNER = (0.0, 2.0), (1.0, 10.0)
-DENIED = 3.0  # standard deviations of the logarithm, from which on the length found is taken instead of the assumed one
-TAPERS = 3  # of the multitaper periodogram, sines (Riedel & Sidorenko 1995, IEEE Trans. Signal Process. 43, 188)
-HALF_BANDWIDTH = (TAPERS + 1) / 2  # in units of one over the duration
-FEWEST_FREQUENCIES = 12  # two minutes of vertical gusts at 40 m: fewer tell less than the user
-LENGTH_FACTOR = 2.0  # the user's scale length is right within this factor, 1 sigma
 LENGTHS = np.geomspace(0.1, 20.0, 80)  # over the standard's, over which the posterior is summed
-LEAST_INFORMATION = 1e-6  # of the data about a sensor error, over the prior's
-GUSTS_DOMINATE_MPS = 0.1  # vertical gusts, 1 sigma, that contribute as much as noise to the errors of flow angles
+
+
+class GustAxis(IntEnum):
+    """Order of the gusts' axes in arrays."""
+
+    LONGITUDINAL, LATERAL, VERTICAL = range(3)
+
+
 # The axis whose slow gusts look like the sensor error. The others are found from fast motion, gravity and GPS.
-LONGITUDINAL, LATERAL, VERTICAL = range(3)
-LIKE_GUSTS = {"alpha_bias": VERTICAL, "alpha_scale": VERTICAL, "dp_alpha_zero": VERTICAL, "beta_bias": LATERAL,
-              "V_scale": LONGITUDINAL, "q_c_zero": LONGITUDINAL}  # fmt: skip
+GUST_AXIS_OF_ERROR = {
+    "alpha_bias": GustAxis.VERTICAL,
+    "alpha_scale": GustAxis.VERTICAL,
+    "dp_alpha_zero": GustAxis.VERTICAL,
+    "beta_bias": GustAxis.LATERAL,
+    "V_scale": GustAxis.LONGITUDINAL,
+    "q_c_zero": GustAxis.LONGITUDINAL,
+}
 
 
 class AxisSpectrum(NamedTuple):
@@ -127,9 +130,9 @@ class ScaleLength(NamedTuple):
     log_sigma: float
 
     @property
-    def denied(self) -> bool:
+    def assumed_length_rejected(self) -> bool:
         """Whether the spectra contradict the assumed length."""
-        return abs(float(np.log(self.ratio))) > DENIED * self.log_sigma
+        return abs(float(np.log(self.ratio))) > GUSTS.rejected_beyond * self.log_sigma
 
 
 def gust_spectra(
@@ -142,7 +145,9 @@ def gust_spectra(
     true one; what it lacks is on average the power of its random errors.
     """
     n = gusts_mps.shape[1]
-    tapers = np.sqrt(2 / (n + 1)) * np.sin(np.pi / (n + 1) * np.outer(np.arange(1, TAPERS + 1), np.arange(1, n + 1)))
+    tapers = np.sqrt(2 / (n + 1)) * np.sin(
+        np.pi / (n + 1) * np.outer(np.arange(1, GUSTS.tapers + 1), np.arange(1, n + 1))
+    )
 
     def power(values: Array, compared: NDArray[np.bool_]) -> Array:
         spectra = np.fft.rfft(values[..., None, :] * tapers)[..., compared]
@@ -151,8 +156,8 @@ def gust_spectra(
     axes = []
     for gust, errors, process in zip(gusts_mps, random_errors_mps, assumed, strict=True):
         compared, omega = _frequencies(n, step_s, process, band)
-        found = power(gust, compared) + np.mean(power(errors, compared), axis=0) if compared.any() else omega
-        axes.append(AxisSpectrum(found, omega, process))
+        of_gust = power(gust, compared) + np.mean(power(errors, compared), axis=0) if compared.any() else omega
+        axes.append(AxisSpectrum(of_gust, omega, process))
     return axes
 
 
@@ -160,7 +165,7 @@ def planned_ratios(n: int, step_s: float, assumed: Sequence[Gust], prior_length:
     """`slow_power_ratios` of a flight of n steps in gusts as assumed, whose periodograms are the spectra."""
     axes = []
     for process in assumed:
-        _, omega = _frequencies(n, step_s, process, SLOW)
+        _, omega = _frequencies(n, step_s, process, GUSTS.slow)
         axes.append(AxisSpectrum(process.power(omega), omega, process))
     return slow_power_ratios(axes, prior_length)
 
@@ -168,7 +173,8 @@ def planned_ratios(n: int, step_s: float, assumed: Sequence[Gust], prior_length:
 def _frequencies(n: int, step_s: float, assumed: Gust, band: tuple[float, float]) -> tuple[NDArray[np.bool_], Array]:
     """Which frequencies of n steps are compared, and these [rad/s]: within the band, and resolved."""
     omega = 2 * np.pi * np.fft.rfftfreq(max(n, 1), step_s)
-    resolved = 2 * np.pi * HALF_BANDWIDTH / max(n * step_s, step_s)
+    half_bandwidth = (GUSTS.tapers + 1) / 2  # in units of one over the duration
+    resolved = 2 * np.pi * half_bandwidth / max(n * step_s, step_s)
     lowest, highest = (limit / float(assumed.time_s) for limit in band)
     compared = np.asarray((omega >= max(resolved, lowest)) & (omega <= highest))
     return compared, np.asarray(omega[compared], dtype=float)
@@ -177,10 +183,10 @@ def _frequencies(n: int, step_s: float, assumed: Gust, band: tuple[float, float]
 def slow_power_ratios(axes: Sequence[AxisSpectrum], prior_length: float) -> Array:
     """Expected power of slow gusts over the assumed one (3,): means of the posterior of sigma^2 T over the assumed.
 
-    axes : `gust_spectra` in the band SLOW. prior_length: scale length over the assumed one, returned for a flight too
-    short to show another. The intensity of an axis with too few frequencies is as assumed.
+    axes : `gust_spectra` in the band of slow gusts. prior_length: scale length over the assumed one, returned for a
+    flight too short to show another. The intensity of an axis with too few frequencies is as assumed.
     """
-    shown = [len(axis.omega) >= FEWEST_FREQUENCIES for axis in axes]
+    shown = [len(axis.omega) >= GUSTS.fewest_frequencies for axis in axes]
     if not any(shown):
         return np.full(len(axes), prior_length)
     posterior = _length_posterior(axes, prior_length)
@@ -192,11 +198,11 @@ def slow_power_ratios(axes: Sequence[AxisSpectrum], prior_length: float) -> Arra
 
 
 def scale_length(axes: Sequence[AxisSpectrum], prior_length: float) -> ScaleLength:
-    """The scale length of gusts over the assumed one, by `gust_spectra` in the band AROUND_CORNER.
+    """The scale length of gusts over the assumed one, by `gust_spectra` in the band GUSTS.around_corner.
 
-    Unknown where no axis has FEWEST_FREQUENCIES: the user's length alone denies nothing.
+    Unknown where no axis has GUSTS.fewest_frequencies: the user's length alone rejects nothing.
     """
-    if all(len(axis.omega) < FEWEST_FREQUENCIES for axis in axes):
+    if all(len(axis.omega) < GUSTS.fewest_frequencies for axis in axes):
         return ScaleLength(1.0, np.inf)
     posterior, log_length = _length_posterior(axes, prior_length), np.log(LENGTHS)
     mean = float(posterior @ log_length)
@@ -209,9 +215,9 @@ def _length_posterior(axes: Sequence[AxisSpectrum], prior_length: float) -> Arra
     For a length, sigma^2 over the assumed one has an inverse gamma distribution with m degrees and the scale A, the sum
     of power over spectrum; it is integrated over (prior flat in its logarithm).
     """
-    log_posterior = -((np.log(LENGTHS / prior_length) / np.log(LENGTH_FACTOR)) ** 2) / 2
+    log_posterior = -((np.log(LENGTHS / prior_length) / np.log(GUSTS.length_factor)) ** 2) / 2
     for axis in axes:
-        if len(axis.omega) >= FEWEST_FREQUENCIES:
+        if len(axis.omega) >= GUSTS.fewest_frequencies:
             spectra, m = _spectra(axis), len(axis.omega)
             A = np.sum(axis.power / spectra, axis=1)
             log_posterior = log_posterior - np.sum(np.log(spectra), axis=1) - m * np.log(A)
@@ -239,14 +245,15 @@ def with_slow_power(estimate: Estimate, prior: Estimate, gust_mps: float, ratios
     errors by the data of what looks like such gusts grow with the root of the ratio. The prior then counts for more:
     the estimate moves towards it. gust_mps : standard deviation of vertical gusts, which share the errors with noise
     """
-    share = gust_mps**2 / (gust_mps**2 + GUSTS_DOMINATE_MPS**2)
+    share = gust_mps**2 / (gust_mps**2 + GUSTS.dominate_mps**2)
     ratio = np.ones(len(SENSOR_ERRORS))
-    for name, axis in LIKE_GUSTS.items():
+    for name, axis in GUST_AXIS_OF_ERROR.items():
         ratio[SENSOR_ERRORS.index(name)] = ratios[axis]
     factor = np.sqrt(1 + (ratio - 1) * share)
-    # The data's own estimate is values + offset. What they do not determine is as little determined afterwards.
+    # The estimate by the data alone is values + offset. What they do not determine (a millionth of the prior's
+    # information keeps it finite) is as little determined afterwards.
     of_prior = np.linalg.inv(prior.covariance)
-    of_data = np.linalg.inv(estimate.covariance) - (1 - LEAST_INFORMATION) * of_prior
+    of_data = np.linalg.inv(estimate.covariance) - (1 - 1e-6) * of_prior
     offset = np.linalg.solve(of_data, of_prior @ (estimate.values - prior.values))
     of_data = of_data / np.outer(factor, factor)
     covariance = np.linalg.inv(of_data + of_prior)

@@ -7,14 +7,12 @@ from numpy.typing import NDArray
 from analysis.signals.smoothing import CubicSpline, without_gaps
 from analysis.trajectory.block_means import BLOCK, BlockMeans
 from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays
+from analysis.trajectory.settings import SENSORS
 from flight import motion
 
 Array = NDArray[np.float64]
 
 CHANNELS = ("p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2")
-GYRO_SCALE, ACCEL_SCALE = 0.005, 0.002  # scale errors, as noise in proportion to the mean
-# Process noise where samples are missing: rates and accelerations of a usual flight.
-MISSING_RADPS, MISSING_MPS2 = 0.5, 5.0
 
 
 class InertialInputs:
@@ -87,11 +85,11 @@ def _process_noise(
     integrated = np.sqrt(dt / blocks.rate_Hz)  # noise of a sum of samples over the step
     rates, forces = np.abs(mean[:, :3]), np.abs(mean[:, 3:])
     gyro, accelerometer = ([noise[name] * integrated for name in names] for names in (CHANNELS[:3], CHANNELS[3:]))
-    angle = np.hypot(gyro, GYRO_SCALE * rates * dt) + 1e-5
-    velocity = np.hypot(accelerometer, ACCEL_SCALE * forces * dt) + 1e-4
+    angle = np.hypot(gyro, SENSORS.gyro_scale * rates * dt) + 1e-5
+    velocity = np.hypot(accelerometer, SENSORS.accelerometer_scale * forces * dt) + 1e-4
     # The noise is that of body axes, here used for earth axes. North and east get the same, so that the weights do not
     # depend on the heading.
     velocity[:, :2] = np.sqrt(np.mean(velocity[:, :2] ** 2, axis=1, keepdims=True))
-    angle[missing] += MISSING_RADPS * dt
-    velocity[missing] += MISSING_MPS2 * dt
+    angle[missing] += SENSORS.missing_radps * dt
+    velocity[missing] += SENSORS.missing_mps2 * dt
     return angle, velocity

@@ -8,21 +8,20 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.magnetometer import Compass
-from analysis.signals.smoothing import CubicSpline, without_gaps
+from analysis.signals.smoothing import FEWEST, CubicSpline, without_gaps
 from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean, moving_average
 from analysis.trajectory.equations import MEASUREMENTS
+from analysis.trajectory.settings import PRIORS, SENSORS
 from flight import motion
 
 Array = NDArray[np.float64]
-
-AVERAGING_S = 10.0  # of the compass, for the initial estimate
 
 
 class LevelField:
     """Block means (n, 3) of the field in body axes [T], NaN without a compass; error_T: its standard deviation."""
 
     def __init__(self, compass: Compass | None, blocks: BlockMeans):
-        self._width = round(AVERAGING_S / (blocks.t_s[1] - blocks.t_s[0]))
+        self._width = round(PRIORS.compass_averaging_s / (blocks.t_s[1] - blocks.t_s[0]))
         if compass is None:
             self.body_T, self.error_T = np.full((blocks.n, 3), np.nan), np.inf
         else:
@@ -45,23 +44,15 @@ class LevelField:
 
 BoolArray = NDArray[np.bool_]
 
-# GPS velocity errors are correlated over a minute; horizontal ones look like wind. Height comes from the barometer.
-GPS_MPS, GPS_DOWN_MPS, REST_MPS = 0.3, 1.0, 0.1
 ALPHA_PORT_SLOPE = 4.5  # d(pressure difference)/d(angle) over qbar: 9/4 sin 2 alpha (ports of a sphere at 45 deg)
-BAROMETER_PAPM = 11.8  # rho g at 100 m
-# Residual iron depends on heading, and motor current on speed: these errors repeat with every leg, and a longer flight
-# does not average them. All blocks together count as this many independent measurements.
-INDEPENDENT_HEADINGS = 4
 GPS_COLUMNS = ("gps_north", "gps_east", "gps_down")
-LONGEST_GPS_GAP_S = 0.5
-FEWEST_GPS_SAMPLES = 4  # of a cubic spline
 
 
 class Measurements:
     """Values and weights of MEASUREMENTS.
 
     weight : (n, ny), 1/sigma, 0 where nothing was measured; GPS as if it had no gaps
-    compass_sigma_factor : factor on the standard deviation of a block of the compass, for INDEPENDENT_HEADINGS
+    compass_sigma_factor : factor on the standard deviation of a block of the compass, for SENSORS.independent_headings
     """
 
     def __init__(
@@ -70,6 +61,7 @@ class Measurements:
         blocks: BlockMeans,
         at_rest: BoolArray,
         noise: dict[str, float],
+        *,
         V_reference: Array,
         field: LevelField,
     ):
@@ -77,7 +69,7 @@ class Measurements:
         self._t_s = blocks.t_s
         self._gps = {name: table[f"{name}_mps"].dropna() for name in GPS_COLUMNS}
         self.has_gps = bool(table["gps_north_mps"].notna().any())
-        self.compass_sigma_factor = float(np.sqrt(max(blocks.flying.sum() / INDEPENDENT_HEADINGS, 1.0)))
+        self.compass_sigma_factor = float(np.sqrt(max(blocks.flying.sum() / SENSORS.independent_headings, 1.0)))
         sigma = _standard_deviations(blocks, noise, V_reference)
         sigma["compass"] = np.full(blocks.n, field.error_T * self.compass_sigma_factor)
         zero, everywhere = np.zeros(blocks.n), np.ones(blocks.n, dtype=bool)
@@ -107,13 +99,13 @@ class Measurements:
         values, weight = self._values.copy(), self.weight.copy()
         for name, series in self._gps.items():
             i = MEASUREMENTS.index(name)
-            if len(series) < FEWEST_GPS_SAMPLES:
+            if len(series) < FEWEST:
                 weight[:, i] = 0.0
                 continue
             t_s = series.index.to_numpy() - latency_s
             values[:, i] = CubicSpline(t_s, series.to_numpy())(self._t_s)
             after = np.clip(np.searchsorted(t_s, self._t_s), 1, len(t_s) - 1)
-            without_gap = t_s[after] - t_s[after - 1] < LONGEST_GPS_GAP_S
+            without_gap = t_s[after] - t_s[after - 1] < SENSORS.longest_gps_gap_s
             weight[:, i] *= without_gap & (self._t_s > t_s[0]) & (self._t_s < t_s[-1])
         return values, weight
 
@@ -124,9 +116,9 @@ def _standard_deviations(blocks: BlockMeans, noise: dict[str, float], V_referenc
     qbar = rho * V_reference**2 / 2
     root = np.sqrt(BLOCK)
     constant = {
-        "height": noise["static_Pa"] / BAROMETER_PAPM / root,
-        "gps_north": GPS_MPS, "gps_east": GPS_MPS, "gps_down": GPS_DOWN_MPS,
-        "v_north": REST_MPS, "v_east": REST_MPS, "v_down": REST_MPS,
+        "height": noise["static_Pa"] / SENSORS.barometer_PaPm / root,
+        "gps_north": SENSORS.gps_mps, "gps_east": SENSORS.gps_mps, "gps_down": SENSORS.gps_down_mps,
+        "v_north": SENSORS.rest_mps, "v_east": SENSORS.rest_mps, "v_down": SENSORS.rest_mps,
     }  # fmt: skip
     return {name: np.full(blocks.n, sigma) for name, sigma in constant.items()} | {
         "V": noise["q_c_Pa"] / (rho * V_reference) / root,

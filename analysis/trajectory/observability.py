@@ -14,28 +14,30 @@ Soc. A 143, 383, for the test).
 
 from collections.abc import Callable
 from dataclasses import replace
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.trajectory.consistency import DETERMINED_SHARE, time_shift_notes
+from analysis.trajectory.consistency import time_shift_notes
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_MEAN, ZEROS
 from analysis.trajectory.reconstruction import Trajectory
+from analysis.trajectory.settings import CONSISTENCY, GUSTS, PRIOR_CHECK, SHOWN
 from analysis.trajectory.smoother import StatesGivenErrors
 from flight.errors import InputError
 
-DEG, PERCENT, MILLI = float(np.degrees(1.0)), 100.0, 1000.0
+DEG = float(np.degrees(1.0))
 # Title, factor and unit for the reader.
 TITLES: dict[str, tuple[str, float, str]] = {
     "alpha_bias": ("offset of angle of attack", DEG, "deg"),
-    "alpha_scale": ("slope of angle of attack", PERCENT, "%"),
-    "V_scale": ("scale of airspeed", PERCENT, "%"),
+    "alpha_scale": ("slope of angle of attack", 100.0, "%"),
+    "V_scale": ("scale of airspeed", 100.0, "%"),
     "beta_bias": ("offset of sideslip", DEG, "deg"),
-    "air_data_lag": ("lag of the probe", MILLI, "ms"),
-    "gps_latency": ("latency of GPS", MILLI, "ms"),
+    "air_data_lag": ("lag of the probe", 1000.0, "ms"),
+    "gps_latency": ("latency of GPS", 1000.0, "ms"),
     "heading_bias": ("offset of the compass, declination included", DEG, "deg"),
     "ax_bias": ("bias of the accelerometer, forward", 1.0, "m/s²"),
     "ay_bias": ("bias of the accelerometer, right", 1.0, "m/s²"),
@@ -47,12 +49,6 @@ TITLES: dict[str, tuple[str, float, str]] = {
     "q_c_zero": ("zero of the airspeed pressure", 1.0, "Pa"),
 }
 MATTERS = ("alpha_bias", "alpha_scale", "V_scale")  # sensor errors with a large effect on the power curve
-# Compass: largest offset in prior standard deviations, and largest rms residual in standard deviations.
-LARGEST_COMPASS_OFFSET, LARGEST_COMPASS_RESIDUAL = 3.0, 2.0
-ONE_HEADING = 0.7  # length of the mean heading vector above which a flight counts as flown on one heading
-ONE_SPEED = 1.25  # ratio of fastest to slowest speed; a quarter faster has a third less lift coefficient
-UNCERTAIN_ALPHA_DEG, TURBULENT_MPS = 0.3, 0.3  # W20 = 6 kt and more
-GUSTY_MPS = 0.1  # vertical, 1 sigma: W20 = 2 kt
 
 
 class FlightExcitation(NamedTuple):
@@ -69,6 +65,18 @@ class FlightExcitation(NamedTuple):
     gust_mps: float
 
 
+class Lacking(StrEnum):
+    """What a flight lacks to determine a sensor error. The value is the advice for the reader."""
+
+    GPS = "no GPS"
+    SIDESLIP = "sideslip was not measured"
+    HEADINGS = "nearly one heading throughout; fly opposite headings, with turns between"
+    SPEEDS = "nearly one speed throughout; fly slow and fast"
+    CALM_AIR = "gusts; fly longer, or on a calmer day"
+    PORPOISING = "gusts; porpoise for a minute (stick to and fro, 1.5 s a cycle), or fly on a calmer day"
+    DURATION = "the flight is too short or has too few changes of speed and attitude"
+
+
 class SensorErrorEstimate(NamedTuple):
     """One sensor error, in `unit`; missing: what the flight lacked to determine it."""
 
@@ -79,7 +87,7 @@ class SensorErrorEstimate(NamedTuple):
     prior_sigma: float
     unit: str
     determined: bool
-    missing: tuple[str, ...]
+    missing: tuple[Lacking, ...]
 
     def in_words(self) -> str:
         """ "This flight does not determine the scale of airspeed: …"."""
@@ -107,33 +115,24 @@ def excitation(trajectory: Trajectory) -> FlightExcitation:
 
 _AIR_DATA = frozenset({"alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag"})
 _CROSSWIND = frozenset({"V_scale", "beta_bias", "ay_bias", "r_bias"})  # a steady wind on one heading acts like these
-# Condition; reason, with advice; sensor errors that are then not determined.
-_REASONS: tuple[tuple[Callable[[FlightExcitation], bool], str, frozenset[str]], ...] = (
-    (lambda f: not f.gps, "no GPS", _CROSSWIND | {"gps_latency", "heading_bias"}),
-    (lambda f: not f.sideslip, "sideslip was not measured", frozenset({"beta_bias"})),
-    (
-        lambda f: f.mean_heading_vector > ONE_HEADING,
-        "nearly one heading throughout; fly opposite headings, with turns between",
-        _CROSSWIND,
-    ),
-    (
-        lambda f: f.speed_ratio < ONE_SPEED,
-        "nearly one speed throughout; fly slow and fast",
+# Whether it is lacking, and the sensor errors that are then not determined.
+_LACKING: dict[Lacking, tuple[Callable[[FlightExcitation], bool], frozenset[str]]] = {
+    Lacking.GPS: (lambda flight: not flight.gps, _CROSSWIND | {"gps_latency", "heading_bias"}),
+    Lacking.SIDESLIP: (lambda flight: not flight.sideslip, frozenset({"beta_bias"})),
+    Lacking.HEADINGS: (lambda flight: flight.mean_heading_vector > SHOWN.one_heading, _CROSSWIND),
+    Lacking.SPEEDS: (
+        lambda flight: flight.speed_ratio < SHOWN.one_speed,
         frozenset({"alpha_scale", "air_data_lag", "V_scale"}),
     ),
-    (lambda f: f.gust_mps > GUSTY_MPS, "gusts; fly longer, or on a calmer day", _AIR_DATA - {"alpha_scale"}),
-    (
-        lambda f: f.gust_mps > GUSTY_MPS,
-        "gusts; porpoise for a minute (stick to and fro, 1.5 s a cycle), or fly on a calmer day",
-        frozenset({"alpha_scale"}),
-    ),
-)
-_TOO_LITTLE = "the flight is too short or has too few changes of speed and attitude"
+    Lacking.CALM_AIR: (lambda flight: flight.gust_mps > GUSTS.dominate_mps, _AIR_DATA - {"alpha_scale"}),
+    Lacking.PORPOISING: (lambda flight: flight.gust_mps > GUSTS.dominate_mps, frozenset({"alpha_scale"})),
+}
 
 
-def missing(name: str, flight: FlightExcitation) -> tuple[str, ...]:
-    """Reasons why the flight does not determine a sensor error, for the reader. name: of SENSOR_ERRORS."""
-    return tuple(reason for holds, reason, errors in _REASONS if name in errors and holds(flight)) or (_TOO_LITTLE,)
+def missing(name: str, flight: FlightExcitation) -> tuple[Lacking, ...]:
+    """What the flight lacks to determine a sensor error. name: of SENSOR_ERRORS."""
+    reasons = tuple(what for what, (holds, errors) in _LACKING.items() if name in errors and holds(flight))
+    return reasons or (Lacking.DURATION,)
 
 
 def sensor_error_estimates(trajectory: Trajectory) -> list[SensorErrorEstimate]:
@@ -147,7 +146,7 @@ def sensor_error_estimates(trajectory: Trajectory) -> list[SensorErrorEstimate]:
         if name in ZEROS or (name == "heading_bias" and "compass" not in trajectory.residuals):
             continue
         sigma, prior = trajectory.standard_error(name), trajectory.prior_standard_error(name)
-        determined = sigma < DETERMINED_SHARE * prior
+        determined = sigma < CONSISTENCY.determined_share * prior
         reasons = () if determined else missing(name, flight)
         value = factor * trajectory.value(name)
         estimates.append(
@@ -179,11 +178,11 @@ def trajectory_notes(
 def gust_notes(trajectory: Trajectory, runs: int, log: str) -> list[str]:
     """The effect of turbulence on the angle of attack.
 
-    Raises InputError for a single run in gusts that leave the angle of attack more uncertain than UNCERTAIN_ALPHA_DEG:
+    Raises InputError for a single run in gusts that leave the angle of attack more uncertain than allowed:
     a degree is 20 % of power near the stall.
     """
     sigma_deg = float(np.degrees(trajectory.standard_error("alpha_bias")))
-    if sigma_deg < UNCERTAIN_ALPHA_DEG or trajectory.gust_mps < TURBULENT_MPS:
+    if sigma_deg < SHOWN.uncertain_alpha_deg or trajectory.gust_mps < SHOWN.turbulent_mps:
         return []
     effect = (
         f"vertical gusts of {trajectory.gust_mps:.1f} m/s leave the angle of attack uncertain by {sigma_deg:.1f} deg"
@@ -204,8 +203,8 @@ def heading_notes(trajectory: Trajectory, *, calibrated: bool) -> list[str]:
     gps, residual = excitation(trajectory).gps, trajectory.residuals.get("compass")
     if residual is not None:
         offset = trajectory.value("heading_bias")
-        largest = LARGEST_COMPASS_OFFSET * trajectory.prior_standard_error("heading_bias")
-        if residual > LARGEST_COMPASS_RESIDUAL or abs(offset) > largest:
+        largest = SHOWN.largest_compass_offset * trajectory.prior_standard_error("heading_bias")
+        if residual > SHOWN.largest_compass_residual or abs(offset) > largest:
             return [
                 f"The magnetometer contradicts {'GPS' if gps else 'the gyros'}: mean heading error"
                 f" {DEG * offset:+.0f} deg, rms residual {residual:.1f} standard deviations."
@@ -225,11 +224,6 @@ def heading_notes(trajectory: Trajectory, *, calibrated: bool) -> list[str]:
 
 Array = NDArray[np.float64]
 
-CONFLICT = 2.5  # prior standard deviations
-FALSE_ALARM_RATE = 0.01  # of the test of all sensor errors together
-LEAST_INFORMATION = 0.1  # of the data in a direction, over the prior's (j): below it the direction is not tested
-FACTORS = np.linspace(1.0, 6.0, 501)
-LARGEST_RMS = 1.5  # of residuals, in standard deviations: 1.0 to 1.1 in calm air on the study's budget, less in gusts
 MISFIT = {
     "V": "airspeed",
     "alpha": "angle of attack",
@@ -243,7 +237,7 @@ MISFIT = {
 class PriorConflict(NamedTuple):
     """factor : (m,) on the prior standard deviations, order of SENSOR_ERRORS; 1 where there is no conflict
 
-    beyond : by sensor error, the estimate less the prior's mean in prior standard deviations, where beyond CONFLICT
+    beyond : by sensor error, the estimate less the prior's mean in prior standard deviations, where that is large
     together : factor by which all of them are larger than their priors; 1 where there is no conflict
     """
 
@@ -252,7 +246,8 @@ class PriorConflict(NamedTuple):
     together: float
 
     @property
-    def found(self) -> bool:
+    def conflicting(self) -> bool:
+        """Whether any sensor error conflicts with its prior."""
         return bool(np.any(self.factor > 1))
 
 
@@ -262,20 +257,23 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
     y = (trajectory.sensor_errors - [PRIOR_MEAN.get(name, 0.0) for name in SENSOR_ERRORS]) / sigma
     posterior, directions = np.linalg.eigh(trajectory.covariance / np.outer(sigma, sigma))
     j = 1 / np.clip(posterior, 1e-12, 1.0) - 1
-    known = j > LEAST_INFORMATION
+    known = j > PRIOR_CHECK.least_information
     variance, x_squared = 1 / j[known], ((directions.T @ y)[known] * (1 + 1 / j[known])) ** 2
-    beyond = {name: float(value) for name, value in zip(SENSOR_ERRORS, y, strict=True) if abs(value) > CONFLICT}
+    beyond = {
+        name: float(value) for name, value in zip(SENSOR_ERRORS, y, strict=True) if abs(value) > PRIOR_CHECK.conflict
+    }
     together = 1.0
-    if beyond or np.sum(x_squared / (1 + variance)) > special.chdtri(max(known.sum(), 1), FALSE_ALARM_RATE):
-        total = FACTORS[:, None] ** 2 + variance
-        together = float(FACTORS[np.argmin(np.sum(np.log(total) + x_squared / total, axis=1))])
-    factor = np.maximum(together, np.where(np.abs(y) > CONFLICT, np.abs(y), 1.0))
+    if beyond or np.sum(x_squared / (1 + variance)) > special.chdtri(max(known.sum(), 1), PRIOR_CHECK.false_alarm_rate):
+        factors = np.linspace(1.0, 6.0, 501)
+        total = factors[:, None] ** 2 + variance
+        together = float(factors[np.argmin(np.sum(np.log(total) + x_squared / total, axis=1))])
+    factor = np.maximum(together, np.where(np.abs(y) > PRIOR_CHECK.conflict, np.abs(y), 1.0))
     return PriorConflict(factor, beyond, together)
 
 
 def conflict_notes(conflict: PriorConflict, trajectory: Trajectory) -> list[str]:
-    """What conflicts, for the reader. trajectory: the one that the conflict was found in."""
-    if not conflict.found:
+    """What conflicts, for the reader. trajectory: the one that has the conflict."""
+    if not conflict.conflicting:
         return []
     named = [
         f"the {title} is {value:+.1f} standard deviations ({factor * trajectory.prior_standard_error(name):.2g} {unit})"
@@ -290,8 +288,8 @@ def conflict_notes(conflict: PriorConflict, trajectory: Trajectory) -> list[str]
 
 
 def misfit(trajectory: Trajectory) -> dict[str, float]:
-    """By measurement, rms of its residuals in standard deviations where it is beyond LARGEST_RMS."""
-    return {name: rms for name, rms in trajectory.residuals.items() if name in MISFIT and rms > LARGEST_RMS}
+    """By measurement, rms of its residuals in standard deviations where it is too large."""
+    return {name: rms for name, rms in trajectory.residuals.items() if name in MISFIT and rms > PRIOR_CHECK.largest_rms}
 
 
 def with_misfit(trajectory: Trajectory) -> tuple[Trajectory, list[str]]:

@@ -16,6 +16,7 @@ from analysis.signals.rest import mean_at_rest
 from analysis.trajectory.block_means import BlockMeans, moving_average
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.measurements import LevelField
+from analysis.trajectory.settings import PRIORS, SENSORS
 from flight.aircraft import Uncertainty
 
 # Standard deviations of one sample where the log has no rest.
@@ -24,7 +25,6 @@ BENCH_SIGMA = {
     "dp_alpha_Pa": 6.0, "dp_beta_Pa": 6.0, "q_c_Pa": 6.0, "static_Pa": 6.0,
 }  # fmt: skip
 ZEROS = {"dp_alpha_zero": "dp_alpha_Pa", "q_c_zero": "q_c_Pa"}  # sensor errors, and their channels
-LEAST_SHARE = 0.1  # of BENCH_SIGMA: a smaller standard deviation at rest is quantization or a stuck channel
 
 
 def noise_at_rest(table: pd.DataFrame, rest: list[slice]) -> dict[str, float]:
@@ -33,7 +33,7 @@ def noise_at_rest(table: pd.DataFrame, rest: list[slice]) -> dict[str, float]:
     for name, bench in BENCH_SIGMA.items():
         variance = np.array([table[name].iloc[rows].var() for rows in rest])
         finite = variance[np.isfinite(variance)]
-        noise[name] = float(max(np.sqrt(finite.mean()), LEAST_SHARE * bench)) if len(finite) else bench
+        noise[name] = float(max(np.sqrt(finite.mean()), SENSORS.least_noise_share * bench)) if len(finite) else bench
     return noise
 
 
@@ -53,7 +53,6 @@ def zeros_at_rest(table: pd.DataFrame, rest: list[slice], noise: dict[str, float
 Array = NDArray[np.float64]
 
 CHANGE_OF_ZERO = "change_of_zero"  # between rest and flight, among what the aircraft file states; no sensor error
-UNMEASURED_ZERO_PA = 1.0  # of a log without rest, by `daq zero` on another day or at another temperature
 
 
 def stated_sigma(uncertainty: Uncertainty) -> Mapping[str, float]:
@@ -68,7 +67,7 @@ def stated_sigma(uncertainty: Uncertainty) -> Mapping[str, float]:
         "V_scale": uncertainty.airspeed_scale_fraction,
         "air_data_lag": uncertainty.air_data_lag_s, "gps_latency": 0.2,
         "heading_bias": np.radians(10.0),  # declination in inhabited regions, and how the tray sits
-        "dp_alpha_zero": UNMEASURED_ZERO_PA, "q_c_zero": UNMEASURED_ZERO_PA,
+        "dp_alpha_zero": PRIORS.unmeasured_zero_Pa, "q_c_zero": PRIORS.unmeasured_zero_Pa,
         CHANGE_OF_ZERO: uncertainty.transducer_zero_Pa,
     })  # fmt: skip
 
@@ -78,9 +77,6 @@ PRIOR_MEAN = {"gps_latency": 0.1}
 # What remains of two priors once the transducers are calibrated: error of the density, position error of the static
 # ports, differences of the probe on the aircraft from the probe in the tunnel. Values assumed, not measured.
 REMAINING_SIGMA = {"V_scale": 0.003, "alpha_scale": 0.005}
-# Without GPS the compass defines north, and without a compass the initial heading does; standard deviation of either.
-NORTH_RAD = 0.01
-INITIAL_BLOCKS = 25  # a log in which the aircraft is at rest within these began at rest
 
 
 def sensor_error_prior(
@@ -105,7 +101,7 @@ def sensor_error_prior(
         sigma[name] = float(np.hypot(sigma[name], stated[CHANGE_OF_ZERO]))
     sigma["alpha_scale"] = float(np.hypot(sigma["alpha_scale"], alpha_scale_sigma))
     if not gps:
-        sigma["heading_bias"] = NORTH_RAD
+        sigma["heading_bias"] = PRIORS.north_rad
     return (
         np.array([PRIOR_MEAN.get(name, 0.0) for name in SENSOR_ERRORS]),
         np.array([sigma[name] for name in SENSOR_ERRORS]),
@@ -114,18 +110,14 @@ def sensor_error_prior(
 
 def initial_state_sigma(sigma_w_mps: float, *, heading_measured: bool, at_rest: bool) -> Array:
     """Standard deviation (nx,) of the initial state, order of STATES. sigma_w_mps: of vertical gusts."""
-    heading = 3.0 if heading_measured else NORTH_RAD
+    heading = 3.0 if heading_measured else PRIORS.north_rad
     velocity = 0.3 if at_rest else 10.0
     return np.array([1.0, 0.5, heading, *[velocity] * 3, 3.0, 8.0, 8.0, *[max(sigma_w_mps, 0.01)] * 5])
 
 
 def begins_at_rest(at_rest: NDArray[np.bool_]) -> bool:
     """Whether the log begins with the aircraft at rest. at_rest: (n,) blocks at rest."""
-    return bool(at_rest.any()) and int(np.argmax(at_rest)) < INITIAL_BLOCKS
-
-
-GROUND_TRACK_MPS = 5.0  # ground speed above which the ground track approximates the heading; times the speed scale
-FEWEST_TRACK_BLOCKS = 10
+    return bool(at_rest.any()) and int(np.argmax(at_rest)) < PRIORS.initial_blocks
 
 
 def initial_states(blocks: BlockMeans, bank: Array, V_reference: Array, field: LevelField | None) -> Array:
@@ -141,7 +133,7 @@ def initial_states(blocks: BlockMeans, bank: Array, V_reference: Array, field: L
     heading = np.cumsum(yaw_rate) * (blocks.t_s[1] - blocks.t_s[0])
     north, east = (moving_average(blocks[f"gps_{axis}_mps"], 3) for axis in ("north", "east"))
     if np.isfinite(north).all():
-        heading = _with_ground_track(heading, north, east, GROUND_TRACK_MPS * blocks.speed_scale)
+        heading = _with_ground_track(heading, north, east, PRIORS.ground_track_mps * blocks.speed_scale)
         x[:, 3], x[:, 4] = north, east
     else:
         if field is not None:
@@ -165,7 +157,7 @@ def initial_sensor_errors(prior_mean: Array, blocks: BlockMeans, x: Array, field
 def _with_ground_track(heading: Array, north: Array, east: Array, least_mps: float) -> Array:
     """The ground track where faster than `least_mps`; otherwise the integrated heading, its mean offset corrected."""
     fast = np.hypot(north, east) > least_mps
-    if fast.sum() > FEWEST_TRACK_BLOCKS:
+    if fast.sum() > PRIORS.fewest_track_blocks:
         track = np.unwrap(np.arctan2(east, north)[fast])
         return np.interp(np.arange(len(heading)), np.flatnonzero(fast), track)
     offset = np.angle(np.sum(np.exp(1j * (np.arctan2(east, north) - heading))[fast]))

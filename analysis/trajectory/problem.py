@@ -30,8 +30,9 @@ from analysis.trajectory.priors import (
     sensor_error_prior,
     zeros_at_rest,
 )
-from analysis.trajectory.process import SLOWEST_MPS, GustConditions, ProcessModel, airspeed_without_gusts
-from analysis.trajectory.regressors import NEWEST, Regressors, extrapolated
+from analysis.trajectory.process import GustConditions, ProcessModel, airspeed_without_gusts
+from analysis.trajectory.regressors import Regressors, extrapolated
+from analysis.trajectory.settings import PREDICTION, PROCESS
 from analysis.trajectory.smoother import TrajectoryPrior
 
 Array = NDArray[np.float64]
@@ -53,6 +54,7 @@ class TrajectoryProblem:
         rest: list[slice],
         alpha_scale_sigma: float,
         compass: Compass | None,
+        *,
         calibrated: Mapping[str, float] = MappingProxyType({}),
         stated: Mapping[str, float] = PRIOR_SIGMA,
     ):
@@ -61,19 +63,20 @@ class TrajectoryProblem:
         noise, at_rest = noise_at_rest(table, rest), _blocks_at_rest(rest, blocks.n)
         V = pd.Series(blocks["V_mps"])
         smooth_V = V.interpolate(limit_direction="both").rolling(5, center=True, min_periods=1).mean()
-        slowest_mps = SLOWEST_MPS * blocks.speed_scale
+        slowest_mps = PROCESS.slowest_mps * blocks.speed_scale
         V_reference = np.maximum(smooth_V.fillna(slowest_mps).to_numpy(), slowest_mps)
-        V_predicted, _ = extrapolated(blocks["V_mps"], blocks.flying, blocks.step_s, newest=NEWEST)
+        V_predicted, _ = extrapolated(blocks["V_mps"], blocks.flying, blocks.step_s, newest=PREDICTION.newest)
         field = LevelField(compass, blocks)
         self._inertial = InertialInputs(table, blocks, noise)
         self.conditions = GustConditions(blocks, V_reference)
-        self.measurements = Measurements(table, blocks, at_rest, noise, V_reference, field)
+        self.measurements = Measurements(table, blocks, at_rest, noise, V_reference=V_reference, field=field)
         V_noise_mps, alpha_noise_rad, beta_noise_rad = (
             _noise(self.measurements.weight[:, MEASUREMENTS.index(name)]) for name in ("V", "alpha", "beta")
         )
         cruise_mps = self.conditions.cruise_mps
-        self._noise_mps = V_noise_mps, beta_noise_rad * cruise_mps, alpha_noise_rad * cruise_mps
-        self.regressors = Regressors(blocks, V_predicted, V_noise_mps, alpha_noise_rad, self.conditions, field)
+        # Of a block mean, as speeds, in the order of the gusts' axes.
+        self._noise_mps = noise_mps = V_noise_mps, beta_noise_rad * cruise_mps, alpha_noise_rad * cruise_mps
+        self.regressors = Regressors(blocks, V_predicted, noise_mps, self.conditions, field)
         self._begins_at_rest = begins_at_rest(at_rest)
 
         gps, has_compass = self.measurements.has_gps, self.measurements.has_compass
@@ -106,11 +109,11 @@ class TrajectoryProblem:
             predicted_inputs=predicted,
         )
 
-    def gust_intensity(self, found: float, middle_mps: float) -> float:
+    def gust_intensity(self, octaves: float, middle_mps: float) -> float:
         """The intensity of vertical gusts [m/s] for the vertex of the evidence, as `intensity_of`."""
         gusts = self.conditions.in_cruise(1.0)
         observed = [ObservedGust(gust, noise_mps) for gust, noise_mps in zip(gusts, self._noise_mps, strict=True)]
-        return intensity_of(found, middle_mps, observed, self.blocks.step_s)
+        return intensity_of(octaves, middle_mps, observed, self.blocks.step_s)
 
     def remaining_errors(self, sensor_errors: Array, sigma_w_mps: float) -> tuple[Array, TrajectoryPrior]:
         """Sensor errors (m,) in the linearized equations, and their prior: GPS has already been shifted by the latency

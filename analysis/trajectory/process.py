@@ -9,12 +9,9 @@ from analysis.trajectory import dryden
 from analysis.trajectory.block_means import BlockMeans, moving_average
 from analysis.trajectory.equations import CONING_SCULLING, PROCESS_INPUTS, STATES, NamedArrays
 from analysis.trajectory.inertial import InertialInputs
+from analysis.trajectory.settings import PROCESS
 
 Array = NDArray[np.float64]
-
-HEIGHT_SIGMA_M = 2e-3  # in a step
-SLOWEST_MPS = 5.0  # least speed in quotients, times the speed scale
-WIND_WALK_MPS = 0.02  # random walk of the wind in a second: place and time of day, without turbulence
 
 
 def airspeed_without_gusts(state: NamedArrays) -> Array:
@@ -26,7 +23,7 @@ class GustConditions:
     """Heights at which gusts are met; on the ground, where gusts have no effect, height and speed are those of cruise.
 
     height_m : (n-1,) of each step                cruise_height_m, cruise_mps : medians in flight
-    length : scale length of the gusts over the standard's, 1 unless the flight's spectra deny it
+    length : scale length of the gusts over the standard's, 1 unless the flight's spectra contradict it
     """
 
     def __init__(self, blocks: BlockMeans, V_reference: Array):
@@ -34,7 +31,7 @@ class GustConditions:
         flown = blocks.flying if blocks.flying.any() else slice(None)
         self.cruise_mps = float(np.median(V_reference[flown]))
         self.cruise_height_m = float(np.nanmedian(blocks["height_m"][flown]))
-        self._flying, self._slowest_mps = blocks.flying[:-1], SLOWEST_MPS * blocks.speed_scale
+        self._flying, self._slowest_mps = blocks.flying[:-1], PROCESS.slowest_mps * blocks.speed_scale
         self.height_m = np.where(self._flying, blocks["height_m"][:-1], self.cruise_height_m)
         self._step_s = blocks.step_s
         self.length = 1.0
@@ -90,7 +87,7 @@ class ProcessModel:
         inputs[:, : inertial.mean.shape[1]] = inertial.mean
         sigma = np.empty((steps, len(STATES)))
         sigma[:, :3], sigma[:, 3:6] = inertial.angle_sigma, inertial.velocity_sigma
-        sigma[:, STATES.index("height")] = HEIGHT_SIGMA_M
+        sigma[:, STATES.index("height")] = PROCESS.height_sigma_m
 
         def set_input(name: str, values: Array | float) -> None:
             inputs[:, PROCESS_INPUTS.index(name)] = values
@@ -101,7 +98,7 @@ class ProcessModel:
         set_input("dt", dt)
         set_input("wind_ratio", profile[1:] / profile[:-1])
         for axis in ("north", "east"):
-            set_sigma(f"wind_{axis}", WIND_WALK_MPS * np.sqrt(dt))
+            set_sigma(f"wind_{axis}", PROCESS.wind_walk_mps * np.sqrt(dt))
         at = conditions.passed(sigma_w_mps, without_gusts_mps)
         decay, increment = dryden.longitudinal(*at).discretize(dt)
         set_input("decay_u", decay)

@@ -21,9 +21,6 @@ from analysis.trajectory.equations import (
     EquationInputs,
 )
 from analysis.trajectory.gusts import (
-    AROUND_CORNER,
-    GUSTS_DOMINATE_MPS,
-    SLOW,
     AxisSpectrum,
     Estimate,
     gust_spectra,
@@ -34,6 +31,7 @@ from analysis.trajectory.gusts import (
 )
 from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
+from analysis.trajectory.settings import GUSTS, SOLVER
 from analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
 from flight.aircraft import Uncertainty
 from flight.errors import InputError
@@ -42,15 +40,6 @@ Array = NDArray[np.float64]
 
 GUST_STATES = [STATES.index(f"gust_{axis}") for axis in "uvw"]
 GUST_GRID_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125 to 3.2, a storm
-LEAST_GUST_MPS = 0.025  # less cannot be told from the noise of the flow angles
-_FIRST_GUST = GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
-MOST_ITERATIONS = 40
-GRID_ITERATIONS = 1  # from the solution at the neighboring gust intensity
-DRAWS = 16  # random errors of the states: standard errors within a sixth
-# Convergence: largest last step of a sensor error, in standard errors. The first solution only has to be good enough to
-# compare gust intensities.
-CONVERGED, CONVERGED_FIRST = 0.02, 5.0
-OSCILLATING, DAMPED = -0.3, 0.5  # correlation of a step with the one before, and the factor on all later steps
 
 
 @dataclass(frozen=True)
@@ -62,7 +51,7 @@ class Trajectory:
     prior_sigma : (m,) prior standard deviations of the sensor errors
     state_sensitivity : (n, nx, m) derivative of the most probable states by the sensor errors
     states_given_errors : the distribution of the states given the sensor errors
-    draws : (DRAWS, n, nx) random errors by it
+    draws : (SOLVER.draws, n, nx) random errors by it
     predicted_flow : (n, ·) columns PREDICTED_FLOW, for `flow`
     gust_mps : standard deviation of vertical gusts [m/s]        gust_length : their scale length over the standard's
     residuals : rms of each measurement's residuals, in units of its standard deviation
@@ -126,7 +115,7 @@ def reconstruct(
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
-        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass, calibrated, stated)
+        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass, calibrated=calibrated, stated=stated)
         problem.error_sigma = problem.error_sigma * np.asarray(prior_factor)
         return _reconstruct(problem, gust_length)
     except np.linalg.LinAlgError:
@@ -147,7 +136,7 @@ class _LinearizationPoint(NamedTuple):
 class _Solution:
     """States and sensor errors for one gust intensity.
 
-    negative_log_evidence : minus twice the log marginal likelihood
+    minus_2_log_evidence : -2 ln of the marginal likelihood
     gust_ratio : rms of the gust increments over their assumed standard deviation
     residuals : (n, ny) of the measurements        linearized_at : where the last step began
     """
@@ -156,7 +145,7 @@ class _Solution:
     sensor_errors: Array
     last_step: GaussNewtonStep
     gust_mps: float
-    negative_log_evidence: float
+    minus_2_log_evidence: float
     gust_ratio: float
     residuals: Array
     converged: bool
@@ -169,7 +158,7 @@ class _Candidate(NamedTuple):
     x: Array
     sensor_errors: Array
     gust_mps: float
-    negative_log_evidence: float
+    minus_2_log_evidence: float
     gust_ratio: float
 
 
@@ -179,14 +168,13 @@ def _candidate(solution: _Solution) -> _Candidate:
 
 
 def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
-    first = _candidate(
-        _solve(problem, problem.initial_states, problem.initial_errors, _FIRST_GUST, MOST_ITERATIONS, CONVERGED_FIRST)
-    )
+    start, middle_mps = (problem.initial_states, problem.initial_errors), GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
+    first = _candidate(_solve(problem, *start, middle_mps, tolerance=SOLVER.converged_first))
     solution = _in_most_probable_gusts(problem, first)
     draws = _draws(solution)
-    if solution.gust_mps > GUSTS_DOMINATE_MPS:
-        length = scale_length(_spectra(problem, solution, draws, AROUND_CORNER), gust_length)
-        if length.denied:
+    if solution.gust_mps > GUSTS.dominate_mps:
+        length = scale_length(_spectra(problem, solution, draws, GUSTS.around_corner), gust_length)
+        if length.assumed_length_rejected:
             problem.conditions.length = length.ratio
             solution = _in_most_probable_gusts(problem, _near_grid(problem, solution))
             draws = _draws(solution)
@@ -196,20 +184,20 @@ def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
 def _in_most_probable_gusts(problem: TrajectoryProblem, first: _Candidate) -> _Solution:
     """The solution for the gust intensity of greatest evidence, found from a first solution on GUST_GRID_MPS."""
     gust, nearest = _most_probable_gust(problem, first)
-    return _solve(problem, nearest.x, nearest.sensor_errors, gust, MOST_ITERATIONS, CONVERGED)
+    return _solve(problem, nearest.x, nearest.sensor_errors, gust)
 
 
 def _near_grid(problem: TrajectoryProblem, solution: _Solution) -> _Candidate:
     """A first solution for the intensity of GUST_GRID_MPS next to that of a solution for other gusts."""
     nearest = min(GUST_GRID_MPS, key=lambda gust: abs(np.log(gust / solution.gust_mps)))
-    return _candidate(_solve(problem, solution.x, solution.sensor_errors, nearest, MOST_ITERATIONS, CONVERGED_FIRST))
+    return _candidate(_solve(problem, solution.x, solution.sensor_errors, nearest, tolerance=SOLVER.converged_first))
 
 
 def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[float, _Candidate]:
     """The gust intensity of greatest evidence [m/s], and the solution nearest to it on the grid.
 
     A search along GUST_GRID_MPS from the first solution until evidence falls, then a parabola through the best three.
-    At least LEAST_GUST_MPS: below it the evidence is of noise, and differs between two analyses of one log.
+    At least SOLVER.least_gust_mps: below it the evidence is of noise, and differs between two analyses of one log.
     """
     start = GUST_GRID_MPS.index(first.gust_mps)
     solutions = {start: first}
@@ -218,30 +206,35 @@ def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[
         while 0 <= i + direction < len(GUST_GRID_MPS):
             last = solutions[i]
             i += direction
-            solutions[i] = _candidate(
-                _solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], GRID_ITERATIONS, CONVERGED)
-            )
-            if solutions[i].negative_log_evidence > last.negative_log_evidence:
+            # One iteration, from the solution at the neighboring intensity.
+            solutions[i] = _candidate(_solve(problem, last.x, last.sensor_errors, GUST_GRID_MPS[i], iterations=1))
+            if solutions[i].minus_2_log_evidence > last.minus_2_log_evidence:
                 break  # the only maximum of evidence has been passed
         if i != start + direction:
             break  # the evidence rose in this direction
-    best = min(solutions, key=lambda i: solutions[i].negative_log_evidence)
+    best = min(solutions, key=lambda i: solutions[i].minus_2_log_evidence)
     if best - 1 not in solutions or best + 1 not in solutions:
-        return max(GUST_GRID_MPS[best], LEAST_GUST_MPS), solutions[best]
-    found = vertex(*(solutions[best + i].negative_log_evidence for i in (-1, 0, 1)))
-    return max(problem.gust_intensity(found, GUST_GRID_MPS[best]), LEAST_GUST_MPS), solutions[best]
+        return max(GUST_GRID_MPS[best], SOLVER.least_gust_mps), solutions[best]
+    octaves = vertex(*(solutions[best + i].minus_2_log_evidence for i in (-1, 0, 1)))
+    return max(problem.gust_intensity(octaves, GUST_GRID_MPS[best]), SOLVER.least_gust_mps), solutions[best]
 
 
 def _solve(
-    problem: TrajectoryProblem, x: Array, sensor_errors: Array, gust: float, iterations: int, tolerance: float
+    problem: TrajectoryProblem,
+    x: Array,
+    sensor_errors: Array,
+    gust_mps: float,
+    *,
+    iterations: int = SOLVER.most_iterations,
+    tolerance: float = SOLVER.converged,
 ) -> _Solution:
     """Gauss-Newton iterations for one gust intensity, until the step is within the tolerance or for so many."""
     converged, last_move, damping = False, np.zeros(len(SENSOR_ERRORS)), 1.0
     linearization: Any
     step: Any
     for _ in range(iterations):
-        inputs = problem.equation_inputs(x, sensor_errors, gust)
-        remaining, prior = problem.remaining_errors(sensor_errors, gust)
+        inputs = problem.equation_inputs(x, sensor_errors, gust_mps)
+        remaining, prior = problem.remaining_errors(sensor_errors, gust_mps)
         point = _LinearizationPoint(x, remaining, inputs)
         linearization = step = None  # frees 30 MB before as many are taken again
         linearization = problem.equations.linearize(*point)
@@ -249,7 +242,7 @@ def _solve(
         step = gauss_newton_step(linearization, prior, initial, remaining)
         move = step.sensor_errors / np.sqrt(np.diag(step.covariance))
         # Without a measured heading steps may oscillate between two points; the middle is better than either.
-        damping = DAMPED if move @ last_move < OSCILLATING * (last_move @ last_move) else damping
+        damping = SOLVER.damped if move @ last_move < SOLVER.oscillating * (last_move @ last_move) else damping
         x, sensor_errors, last_move = x + damping * step.states, sensor_errors + damping * step.sensor_errors, move
         if np.max(np.abs(move)) < tolerance:
             converged = True
@@ -259,7 +252,7 @@ def _solve(
     evidence -= 2 * float(np.sum(np.log(inputs.process_weight)) + np.sum(np.log(weights[weights > 0])))
     gust_ratio = float(np.sqrt(np.mean(linearization.process_residual[:, GUST_STATES] ** 2)))
     return _Solution(
-        x, sensor_errors, step, gust, evidence, gust_ratio, linearization.measurement_residual, converged, point
+        x, sensor_errors, step, gust_mps, evidence, gust_ratio, linearization.measurement_residual, converged, point
     )
 
 
@@ -280,7 +273,7 @@ def _trajectory(problem: TrajectoryProblem, solution: _Solution, draws: Array, g
     sensitivity = _state_sensitivity(problem, solution)
     as_assumed = Estimate(solution.sensor_errors, solution.last_step.covariance)
     prior = Estimate(problem.error_mean, np.diag(problem.error_sigma**2))
-    slow = slow_power_ratios(_spectra(problem, solution, draws, SLOW), gust_length / problem.conditions.length)
+    slow = slow_power_ratios(_spectra(problem, solution, draws, GUSTS.slow), gust_length / problem.conditions.length)
     sensor_errors, covariance = with_slow_power(as_assumed, prior, solution.gust_mps, slow)
     states = solution.x + sensitivity @ (sensor_errors - solution.sensor_errors)
     return Trajectory(
@@ -301,7 +294,7 @@ def _trajectory(problem: TrajectoryProblem, solution: _Solution, draws: Array, g
 
 
 def _draws(solution: _Solution) -> Array:
-    return solution.last_step.conditional.draws(len(STATES), DRAWS)
+    return solution.last_step.conditional.draws(len(STATES), SOLVER.draws)
 
 
 def _spectra(

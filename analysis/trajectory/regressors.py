@@ -9,6 +9,8 @@ Actual values make the residuals exact; predicted ones are in the derivatives, w
 current gust (instrumental variables).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
@@ -17,17 +19,15 @@ from analysis.signals.smoothing import CubicSpline, local_quadratic, stretches, 
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import ALPHA_REGRESSORS, MEASUREMENT_INPUTS, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.measurements import ALPHA_PORT_SLOPE, LevelField
-from analysis.trajectory.process import SLOWEST_MPS, GustConditions, airspeed_without_gusts
+from analysis.trajectory.process import GustConditions, airspeed_without_gusts
+from analysis.trajectory.settings import PREDICTION, PROCESS
 from flight import motion
 from flight.atmosphere import SEA_LEVEL_DENSITY
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-SLOW_S = 3.0  # window of predictions of speed and bank
-RATE_S = 1.0  # window of predictions of their derivatives
-NEWEST = 2  # blocks before: the means of neighboring blocks share part of a gust's increment
-LAGS = range(NEWEST, 8)  # blocks: earlier load factors that predict the angle of attack (stick movements)
+LAGS = range(PREDICTION.newest, 8)  # blocks: earlier load factors that predict the angle of attack (stick movements)
 
 
 def parabola_fit(values: Array, over: Array, flying: BoolArray) -> Array:
@@ -39,7 +39,7 @@ def parabola_fit(values: Array, over: Array, flying: BoolArray) -> Array:
 
 
 def extrapolated(
-    values: Array, flying: BoolArray, step_s: float, window_s: float = SLOW_S, newest: int = 1
+    values: Array, flying: BoolArray, step_s: float, window_s: float = PREDICTION.slow_s, newest: int = 1
 ) -> tuple[Array, Array]:
     """Values (n,) predicted by a straight line through the window before each instant, and its slope; 0 on the ground.
 
@@ -54,8 +54,8 @@ def extrapolated(
         known = without_gaps(values[rows])
         past = np.concatenate([np.full(window + newest - 1, known[0]), known])  # constant before the stretch
         past = past[: window + len(known) - 1]
-        for found, weights in zip(predicted, line, strict=True):
-            found[rows] = np.convolve(past, weights, mode="valid")
+        for each, weights in zip(predicted, line, strict=True):
+            each[rows] = np.convolve(past, weights, mode="valid")
     return predicted[0], predicted[1]
 
 
@@ -99,7 +99,7 @@ def _whitened(values: Array, decay: Array, returned: Array, both: BoolArray) -> 
 def lagged(values: Array, flying: BoolArray) -> Array:
     """`values` of LAGS blocks before, (n, len(LAGS)), newest first; 0 on the ground, and constant before a flight.
 
-    Lag 1 is left out (NEWEST).
+    Lag 1 is left out (PREDICTION.newest).
     """
     past = np.zeros((len(values), len(LAGS)))
     for rows in stretches(flying):
@@ -117,8 +117,8 @@ def has_past(flying: BoolArray) -> BoolArray:
 
 
 def derivative(values: Array, flying: BoolArray, step_s: float) -> Array:
-    """Derivative by a local quadratic over SLOW_S; 0 on the ground and in stretches shorter than that."""
-    window = 2 * round(SLOW_S / step_s / 2) + 1
+    """Derivative by a local quadratic over PREDICTION.slow_s; 0 on the ground and in stretches shorter than that."""
+    window = 2 * round(PREDICTION.slow_s / step_s / 2) + 1
     rate = np.zeros(len(values))
     for rows in stretches(flying):
         if rows.stop - rows.start >= window:
@@ -126,7 +126,12 @@ def derivative(values: Array, flying: BoolArray, step_s: float) -> Array:
     return rate
 
 
-LARGEST_BANK_RAD = 1.2
+class _LiftHistory(NamedTuple):
+    """Lift coefficient (n,), up to a common factor: predicted from past data, its derivative, by the accelerometer."""
+
+    predicted: Array
+    predicted_rate: Array
+    measured: Array
 
 
 class Regressors:
@@ -136,18 +141,16 @@ class Regressors:
         self,
         blocks: BlockMeans,
         measured_V_predicted: Array,
-        V_noise_mps: float,
-        alpha_noise_rad: float,
+        noise_mps: tuple[float, float, float],
         conditions: GustConditions,
         field: LevelField,
     ):
-        """measured_V_predicted: (n,) measured airspeed, predicted from past data; V_noise_mps, alpha_noise_rad: noise
-        of a block."""
-        self._V_noise_mps = V_noise_mps
-        self._alpha_noise_mps = alpha_noise_rad * conditions.cruise_mps
+        """measured_V_predicted: (n,) measured airspeed, predicted from past data. noise_mps: of a block mean of
+        airspeed, sideslip and angle of attack, angles times the cruise speed."""
+        self._V_noise_mps, _, self._alpha_noise_mps = noise_mps
         self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
         self._measured_V_predicted, self._conditions, self._field = measured_V_predicted, conditions, field
-        self._slowest_mps = SLOWEST_MPS * blocks.speed_scale
+        self._slowest_mps = PROCESS.slowest_mps * blocks.speed_scale
         self._by_upwash, self._by_rotation, beta_by_rotation = (
             np.nan_to_num(blocks[name]) if name in blocks else np.zeros(blocks.n)
             for name in ("alpha_by_upwash_rad", "alpha_by_rotation_rad", "beta_by_rotation_rad")
@@ -162,15 +165,17 @@ class Regressors:
         errors, state, blocks = NamedArrays(SENSOR_ERRORS, sensor_errors), NamedArrays(STATES, x.T), self._blocks
         inertial_V = airspeed_without_gusts(state)
         V = np.maximum(self._extrapolated(inertial_V)[0], self._slowest_mps)
-        _, V_rate_predicted = self._extrapolated(inertial_V, RATE_S)
+        _, V_rate_predicted = self._extrapolated(inertial_V, PREDICTION.rate_s)
         V_regressors = np.column_stack([inertial_V, derivative(inertial_V, self._flying, self._step_s)])
         V_instruments = self._airspeed_instruments(inertial_V, V_regressors, sigma_w_mps)
         measured_V = np.maximum(self._measured_V_predicted / (1 + errors.V_scale), self._slowest_mps)
-        cos_bank = np.cos(np.clip(self._extrapolated(state.phi)[0], -LARGEST_BANK_RAD, LARGEST_BANK_RAD))
+        cos_bank = np.cos(
+            np.clip(self._extrapolated(state.phi)[0], -PREDICTION.largest_bank_rad, PREDICTION.largest_bank_rad)
+        )
         lift = 1 / (measured_V**2 * cos_bank)  # lift coefficient up to a factor
         az = np.nan_to_num(blocks["az_mps2"], nan=-9.8)
         regressors, predicted_regressors, alpha_predicted = self._alpha(
-            state, errors, lift, lift * V_rate_predicted / V, -az / measured_V**2, sigma_w_mps, inertial_V
+            state, errors, _LiftHistory(lift, lift * V_rate_predicted / V, -az / measured_V**2), sigma_w_mps, inertial_V
         )
         field_forward, field_right = self._field.leveled(state.phi, state.theta)
         qbar_Pa = np.nan_to_num(blocks["rho"], nan=SEA_LEVEL_DENSITY) * V**2 / 2
@@ -205,8 +210,8 @@ class Regressors:
         A pilot who holds airspeed changes the inertial speed by the gusts of the last 10 s, and these last: past speed
         knows more of the current gust than noisy air data do (docs/estimators.md).
         """
-        V, _ = self._extrapolated(inertial_V, newest=NEWEST)
-        _, V_rate = self._extrapolated(inertial_V, RATE_S, NEWEST)
+        V, _ = self._extrapolated(inertial_V, newest=PREDICTION.newest)
+        _, V_rate = self._extrapolated(inertial_V, PREDICTION.rate_s, PREDICTION.newest)
         constant = np.ones((len(V), 1))
         decay, increment_mps = self._conditions.longitudinal_steps(sigma_w_mps, inertial_V)
         at = decay, self._flying, increment_mps / self._V_noise_mps
@@ -224,27 +229,23 @@ class Regressors:
         """Values (n,) in flight, interpolated linearly elsewhere; 0 where there are none."""
         return np.nan_to_num(without_gaps(np.where(self._flying, values, np.nan)))
 
-    def _extrapolated(self, values: Array, window_s: float = SLOW_S, newest: int = 1) -> tuple[Array, Array]:
+    def _extrapolated(self, values: Array, window_s: float = PREDICTION.slow_s, newest: int = 1) -> tuple[Array, Array]:
         return extrapolated(values, self._flying, self._step_s, window_s, newest)
 
     def _alpha(
         self,
         state: NamedArrays,
         errors: NamedArrays,
-        lift: Array,
-        lift_rate: Array,
-        load: Array,
+        history: _LiftHistory,
         sigma_w_mps: float,
         inertial_V: Array,
     ) -> tuple[dict[str, Array], dict[str, Array], Array]:
         """ALPHA_REGRESSORS, actual and predicted, and the predicted angle of attack at the center of gravity.
 
         The angle's change by its slope [rad] is that of the probe's calibration for a relative change of dp_alpha.
-        lift, lift_rate : predicted lift coefficient and its derivative, up to a factor
-        load : lift coefficient by the accelerometer, up to the same factor
-        The prediction uses the first two and the third some blocks before. So stick movements are predicted, and the
-        current gust is not. Earlier reconstructed angles instead contain errors of the states that last for seconds:
-        an aircraft that flies at 7 m/s in gusts had a slope 4 % low (16 flights).
+        The prediction uses predicted lift and its derivative, and the measured lift some blocks before. So stick
+        movements are predicted, and the current gust is not. Earlier reconstructed angles instead contain errors of
+        the states that last for seconds: an aircraft that flies at 7 m/s in gusts had a slope 4 % low (16 flights).
         """
         flying = self._flying
         at_probe = self._blocks["alpha_rad"] + self._by_upwash + self._by_rotation
@@ -262,7 +263,9 @@ class Regressors:
         by_slope = self._bridged(by_slope)
         by_V_scale = -2 * by_slope + 2 * self._by_upwash + self._by_rotation
         actual = np.column_stack([by_slope, CubicSpline(t_s, bridged)(t_s, 1), by_V_scale, alpha]) * flying[:, None]
-        past = np.column_stack([np.ones(len(inertial)), lift, lift_rate, lagged(load, flying)])
+        past = np.column_stack(
+            [np.ones(len(inertial)), history.predicted, history.predicted_rate, lagged(history.measured, flying)]
+        )
         decay, increment_mps = self._conditions.vertical_steps(sigma_w_mps, inertial_V)
         predicted = projected_on_past(actual, past, decay, flying, increment_mps / self._alpha_noise_mps)
         instruments = predicted * has_past(flying)[:, None]

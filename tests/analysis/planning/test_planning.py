@@ -30,7 +30,8 @@ from analysis.planning.settings import PATH, SEARCH
 from analysis.planning.time_history import TimeHistory, fly
 from analysis.polar import Polar
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.reconstruction import LEAST_GUST_MPS, reconstruct
+from analysis.trajectory.reconstruction import reconstruct
+from analysis.trajectory.settings import SOLVER
 from flight.aircraft import Uncertainty, load_aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
@@ -519,7 +520,7 @@ def test_information_of_pieces_adds_and_is_taken_away_again():
         np.linalg.eigvalsh(before) / SEARCH.least_left
     )
     assert Request(9.0, 10.0, Space(500.0, 40.0), Pilot(False, 1.0)).gust_mps == pytest.approx(0.1 * 5.14444)
-    assert Request(9.0, 0.0, Space(500.0, 40.0), Pilot(False, 1.0)).gust_mps == LEAST_GUST_MPS
+    assert Request(9.0, 0.0, Space(500.0, 40.0), Pilot(False, 1.0)).gust_mps == SOLVER.least_gust_mps
 
 
 def test_a_turn_of_half_a_circle_turns_back_and_more_are_circles() -> None:

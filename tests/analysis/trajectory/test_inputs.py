@@ -196,7 +196,7 @@ def test_weights_are_those_of_pressure_noise(exact) -> None:
     V = np.full(blocks.n, 14.0)
     rest = np.zeros(blocks.n, dtype=bool)
     rest[:10] = True
-    measurements = Measurements(exact.table, blocks, rest, noise, V, LevelField(None, blocks))
+    measurements = Measurements(exact.table, blocks, rest, noise, V_reference=V, field=LevelField(None, blocks))
     weight = dict(zip(MEASUREMENTS, measurements.weight.T, strict=True))
     q, few = RHO * 14.0**2 / 2, np.sqrt(BLOCK)
     dV = np.sqrt(2 * (q + 1.0) / RHO) - np.sqrt(2 * (q - 1.0) / RHO)
@@ -218,7 +218,9 @@ def test_gps_is_shifted_by_its_latency_and_left_out_in_gaps(problem, exact) -> N
     table.loc[30.0:32.0, "gps_north_mps"] = np.nan
     blocks = BlockMeans(table)
     nothing = np.zeros(blocks.n, dtype=bool)
-    measurements = Measurements(table, blocks, nothing, BENCH_SIGMA, blocks["V_mps"], LevelField(None, blocks))
+    measurements = Measurements(
+        table, blocks, nothing, BENCH_SIGMA, V_reference=blocks["V_mps"], field=LevelField(None, blocks)
+    )
     values, weight = measurements.at_gps_latency(late)
     inside = slice(5, -5)
     for i, name in enumerate(("gps_east", "gps_down")):
@@ -332,7 +334,7 @@ def test_all_blocks_of_a_compass_count_as_four_measurements(exact) -> None:
     blocks = BlockMeans(exact.table)
     rest = np.zeros(blocks.n, dtype=bool)
     field = LevelField(Compass(np.full((len(exact.table), 3), 2e-5), 1e-6), blocks)
-    measurements = Measurements(exact.table, blocks, rest, BENCH_SIGMA, blocks["V_mps"], field)
+    measurements = Measurements(exact.table, blocks, rest, BENCH_SIGMA, V_reference=blocks["V_mps"], field=field)
     weight = measurements.weight[:, MEASUREMENTS.index("compass")]
     assert np.sqrt(np.sum(weight**2)) == pytest.approx(np.sqrt(4) / 1e-6)
 
@@ -343,7 +345,9 @@ def test_gps_is_left_out_in_gaps_of_half_a_second(exact) -> None:
     for gap_s, left_out in ((0.4, False), (0.8, True)):
         table = exact.table.copy()
         table.loc[30.0 : 30.0 + gap_s - 0.05, "gps_north_mps"] = np.nan
-        measurements = Measurements(table, blocks, rest, BENCH_SIGMA, blocks["V_mps"], LevelField(None, blocks))
+        measurements = Measurements(
+            table, blocks, rest, BENCH_SIGMA, V_reference=blocks["V_mps"], field=LevelField(None, blocks)
+        )
         weight = measurements.at_gps_latency(0.0)[1][:, MEASUREMENTS.index("gps_north")]
         assert (weight[5:-5] == 0.0).any() == left_out
 

@@ -6,16 +6,8 @@ from test_reconstruction import flown as fly
 
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, STATES, NamedArrays
 from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.regressors import (
-    LAGS,
-    NEWEST,
-    RATE_S,
-    SLOW_S,
-    extrapolated,
-    has_past,
-    lagged,
-    projected_on_past,
-)
+from analysis.trajectory.regressors import LAGS, extrapolated, has_past, lagged, projected_on_past
+from analysis.trajectory.settings import PREDICTION
 
 DECAY = 0.93  # of a gust in 0.2 s: scale length 40 m, at 14 m/s
 N = 6000
@@ -117,7 +109,10 @@ def test_regressors_of_airspeed_do_not_depend_on_measured_airspeed(probe) -> Non
     assert np.ptp(rough.V_mean[flying]) == pytest.approx(0.0, abs=1e-9)
     assert rough.V_mean[flying][0] == pytest.approx(np.mean(actual.V_mean[flying]), rel=0.1)
     step_s = first.blocks.step_s
-    (V, _), (_, V_rate) = (extrapolated(actual.V_mean, flying, step_s, s, NEWEST) for s in (SLOW_S, RATE_S))
+    (V, _), (_, V_rate) = (
+        extrapolated(actual.V_mean, flying, step_s, s, PREDICTION.newest)
+        for s in (PREDICTION.slow_s, PREDICTION.rate_s)
+    )
     past = np.column_stack([flying, V, V_rate])
     for found in (calm, rough):
         combined = np.linalg.lstsq(past, found.V_rate, rcond=None)[0]

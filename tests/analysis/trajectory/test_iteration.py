@@ -11,17 +11,18 @@ from analysis.trajectory import dryden, reconstruction
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.priors import BENCH_SIGMA
 from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.reconstruction import GUST_GRID_MPS, LEAST_GUST_MPS, _most_probable_gust, _solve
+from analysis.trajectory.reconstruction import GUST_GRID_MPS, _most_probable_gust, _solve
+from analysis.trajectory.settings import SOLVER
 from analysis.trajectory.smoother import gauss_newton_step
 
 
 def evidence_with_maximum_at(gust_mps: float):
     """Solutions whose evidence is a parabola over the logarithm of the gust intensity."""
 
-    def solve(_problem, x, sensor_errors, gust, _iterations, _tolerance):
+    def solve(_problem, x, sensor_errors, gust, **_limits):
         evidence = 7.0 + 3.0 * np.log2(gust / gust_mps) ** 2
         return SimpleNamespace(
-            x=x, sensor_errors=sensor_errors, gust_mps=gust, negative_log_evidence=evidence, gust_ratio=gust_mps / gust
+            x=x, sensor_errors=sensor_errors, gust_mps=gust, minus_2_log_evidence=evidence, gust_ratio=gust_mps / gust
         )
 
     return solve
@@ -35,19 +36,19 @@ def test_the_gust_intensity_of_greatest_evidence_is_found(monkeypatch, gust_mps:
     """A parabola through three points of a parabola is exact, whichever side of the first intensity it lies on."""
     solve = evidence_with_maximum_at(gust_mps)
     monkeypatch.setattr(reconstruction, "_solve", solve)
-    found, nearest = _most_probable_gust(VERTEX, solve(None, None, None, 0.2, 1, 1.0))
+    found, nearest = _most_probable_gust(VERTEX, solve(None, None, None, 0.2))
     assert found == pytest.approx(gust_mps)
     assert nearest.gust_mps == min(GUST_GRID_MPS, key=lambda tried: abs(np.log(tried / gust_mps)))
 
 
 @pytest.mark.parametrize(
-    ("gust_mps", "taken"), [(1e-4, LEAST_GUST_MPS), (0.02, LEAST_GUST_MPS), (100.0, GUST_GRID_MPS[-1])]
+    ("gust_mps", "taken"), [(1e-4, SOLVER.least_gust_mps), (0.02, SOLVER.least_gust_mps), (100.0, GUST_GRID_MPS[-1])]
 )
 def test_gusts_are_neither_less_than_noise_nor_beyond_the_grid(monkeypatch, gust_mps: float, taken: float) -> None:
     """In calm air the evidence is of noise: two analyses of one log would find gusts of 0.01 and of 0.03 m/s."""
     solve = evidence_with_maximum_at(gust_mps)
     monkeypatch.setattr(reconstruction, "_solve", solve)
-    found, _ = _most_probable_gust(VERTEX, solve(None, None, None, 0.2, 1, 1.0))
+    found, _ = _most_probable_gust(VERTEX, solve(None, None, None, 0.2))
     assert found == taken
 
 
@@ -67,7 +68,7 @@ def noisy():
 
 @pytest.fixture(scope="module")
 def solution(noisy):
-    return _solve(noisy, noisy.initial_states, noisy.initial_errors, 0.05, 40, reconstruction.CONVERGED)
+    return _solve(noisy, noisy.initial_states, noisy.initial_errors, 0.05, iterations=40, tolerance=SOLVER.converged)
 
 
 def test_a_converged_solution_does_not_move(noisy, solution) -> None:
@@ -102,10 +103,10 @@ def test_the_latency_already_applied_is_not_counted_twice(noisy) -> None:
 def test_evidence_prefers_the_gusts_that_were_flown(noisy) -> None:
     """A flight in calm air: less evidence for strong gusts, and their increments are smaller than assumed."""
     calm, gusty = (
-        _solve(noisy, noisy.initial_states, noisy.initial_errors, gust, 40, reconstruction.CONVERGED)
+        _solve(noisy, noisy.initial_states, noisy.initial_errors, gust, iterations=40, tolerance=SOLVER.converged)
         for gust in (0.05, 1.6)
     )
-    assert calm.negative_log_evidence < gusty.negative_log_evidence
+    assert calm.minus_2_log_evidence < gusty.minus_2_log_evidence
     assert gusty.gust_ratio < 0.5
 
 
@@ -158,7 +159,7 @@ def test_an_oscillating_iteration_is_damped(monkeypatch) -> None:
     )
     monkeypatch.setattr(reconstruction, "gauss_newton_step", overshooting_step)
     monkeypatch.setattr(reconstruction, "cost", lambda *_: 0.0)
-    solution = _solve(problem, np.zeros((n, nx)), np.ones(m), 0.1, 10, 0.02)
+    solution = _solve(problem, np.zeros((n, nx)), np.ones(m), 0.1, iterations=10, tolerance=0.02)
     assert solution.converged and np.abs(solution.sensor_errors).max() < 0.02
 
 

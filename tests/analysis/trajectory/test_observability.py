@@ -12,7 +12,13 @@ from analysis.trajectory import observability
 from analysis.trajectory.block_means import block_mean
 from analysis.trajectory.consistency import ANGLES, SPEED, consistency, difference_statistics
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.observability import FlightExcitation, missing, sensor_error_estimates, sensor_error_notes
+from analysis.trajectory.observability import (
+    FlightExcitation,
+    Lacking,
+    missing,
+    sensor_error_estimates,
+    sensor_error_notes,
+)
 from analysis.trajectory.priors import ZEROS
 from analysis.trajectory.reconstruction import reconstruct
 
@@ -111,7 +117,7 @@ def test_without_gps_the_latency_is_not_determined_and_the_reason_is_given(witho
     trajectory = without_gps
     latency = next(error for error in sensor_error_estimates(trajectory) if error.name == "gps_latency")
     assert not latency.determined
-    assert latency.missing == ("no GPS",)
+    assert latency.missing == (Lacking.GPS,)
     said = trajectory_result(trajectory, consistency(trajectory), sensor_error_estimates(trajectory))
     assert [check.before.unit for check in said.checks] == ["deg"], "nothing to compare airspeed with"
 
@@ -130,10 +136,10 @@ def test_in_gusts_turns_determine_the_airspeed_scale_and_one_heading_does_not(
     errors = sensor_error_estimates(reconstruct(air, still))
     scale = next(error for error in errors if error.name == "V_scale")
     assert scale.determined == turns
-    assert any("one heading" in why for why in scale.missing) == (not turns)
+    assert (Lacking.HEADINGS in scale.missing) == (not turns)
     assert any("scale of airspeed" in note for note in sensor_error_notes(errors)) == (not turns)
     slope = next(error for error in errors if error.name == "alpha_scale")
-    assert any("one speed" in why for why in slope.missing), "held at one speed, with turns or without"
+    assert Lacking.SPEEDS in slope.missing, "held at one speed, with turns or without"
 
 
 def test_in_gusts_porpoising_determines_the_slope_of_angle_of_attack(probe, tmp_path: Path) -> None:
@@ -156,7 +162,7 @@ def test_in_gusts_porpoising_determines_the_slope_of_angle_of_attack(probe, tmp_
         )
         slopes.append(next(error for error in sensor_error_estimates(trajectory) if error.name == "alpha_scale"))
     without, porpoised = slopes
-    assert not without.determined and any("porpoise" in why for why in without.missing)
+    assert not without.determined and Lacking.PORPOISING in without.missing
     assert porpoised.determined
     surest = 1 / np.hypot(1 / 1.6, 1 / 3.0)  # percent: the bound and what was assumed, together
     assert porpoised.standard_error > surest
@@ -166,7 +172,7 @@ def test_every_sensor_error_has_a_reason_when_not_determined() -> None:
     complete = FlightExcitation(gps=True, sideslip=True, mean_heading_vector=0.0, speed_ratio=2.0, gust_mps=0.0)
     empty = FlightExcitation(gps=False, sideslip=False, mean_heading_vector=1.0, speed_ratio=1.0, gust_mps=2.0)
     for name in observability.TITLES:
-        assert missing(name, complete) == (observability._TOO_LITTLE,)
+        assert missing(name, complete) == (Lacking.DURATION,)
         assert missing(name, empty)
     assert len(missing("beta_bias", empty)) == 4
 

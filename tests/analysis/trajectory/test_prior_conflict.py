@@ -27,7 +27,7 @@ def estimated(in_prior_sigmas: np.ndarray, *, known_to: float = 0.3, **residuals
 
 def test_errors_as_large_as_their_priors_are_no_conflict() -> None:
     found = prior_conflict(estimated(np.resize([1.0, -1.0], len(PRIOR))))
-    assert not found.found
+    assert not found.conflicting
     assert conflict_notes(found, estimated(np.zeros(len(PRIOR)))) == []
 
 
@@ -59,11 +59,11 @@ def test_errors_that_the_data_half_determine_tell_their_own_size() -> None:
     at_the_limit = np.sqrt(special.chdtri(count, 0.01) / count * (1 + 1 / j)) / (1 + 1 / j)
     for share, found in ((0.99, False), (1.01, True)):
         y = share * at_the_limit
-        assert prior_conflict(estimated(np.resize([y, -y], count), known_to=0.7)).found is found
+        assert prior_conflict(estimated(np.resize([y, -y], count), known_to=0.7)).conflicting is found
 
 
 def test_what_the_data_do_not_determine_is_no_conflict() -> None:
-    assert not prior_conflict(estimated(np.full(len(PRIOR), 2.0), known_to=0.99)).found
+    assert not prior_conflict(estimated(np.full(len(PRIOR), 2.0), known_to=0.99)).conflicting
 
 
 def test_residuals_larger_than_noise_widen_the_covariance_and_are_named() -> None:

@@ -6,9 +6,9 @@ import pytest
 from analysis.trajectory import dryden
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.gusts import (
-    AROUND_CORNER,
-    LIKE_GUSTS,
-    SLOW,
+    GUST_AXIS_OF_ERROR,
+    LENGTHS,
+    AxisSpectrum,
     Estimate,
     ScaleLength,
     gust_spectra,
@@ -17,6 +17,7 @@ from analysis.trajectory.gusts import (
     slow_power_ratios,
     with_slow_power,
 )
+from analysis.trajectory.settings import GUSTS
 
 STEP_S, HEIGHT_M, V = 0.2, 40.0, 15.0
 AT = 0.1, HEIGHT_M, V
@@ -60,7 +61,7 @@ def _gusts(length: float, seconds: float, seed: int, root_power: float = 1.0) ->
 
 def _ratios(gusts: np.ndarray, errors: np.ndarray | None = None, prior: float = 1.4) -> np.ndarray:
     errors = np.zeros((3, 1, gusts.shape[1])) if errors is None else errors
-    return slow_power_ratios(gust_spectra(gusts, errors, STEP_S, STANDARD, SLOW), prior)
+    return slow_power_ratios(gust_spectra(gusts, errors, STEP_S, STANDARD, GUSTS.slow), prior)
 
 
 def _found(length: float, seconds: float, seed: int, prior: float = 1.4) -> np.ndarray:
@@ -75,6 +76,22 @@ def test_gusts_as_assumed_have_a_ratio_of_one_in_the_mean() -> None:
     assert np.std(found, axis=0).max() < 0.4
     planned = planned_ratios(1200, STEP_S, STANDARD, 1.0)
     assert planned == pytest.approx(np.mean(found, axis=0), abs=0.12)
+
+
+def test_the_ratio_is_the_mean_of_the_posterior_of_intensity_and_length() -> None:
+    """Against the sum over a grid of both: few frequencies, so that one degree of freedom more would be a tenth."""
+    m = GUSTS.fewest_frequencies
+    omega = np.linspace(0.05, 0.7, m)
+    assumed = STANDARD[2]
+    axis = AxisSpectrum(np.random.default_rng(5).exponential(assumed.power(omega)), omega, assumed)
+    log_intensity = np.linspace(np.log(0.05), np.log(50.0), 3000)
+    spectra = np.array([_of_length(assumed, length).power(omega) for length in LENGTHS])
+    A = np.sum(axis.power / spectra, axis=1)
+    log_likelihood = -np.sum(np.log(spectra), axis=1)[:, None] - m * log_intensity - A[:, None] / np.exp(log_intensity)
+    log_prior = -((np.log(LENGTHS) / np.log(GUSTS.length_factor)) ** 2) / 2
+    posterior = np.exp(log_likelihood + log_prior[:, None] - np.max(log_likelihood))
+    mean = np.sum(posterior * np.exp(log_intensity) * LENGTHS[:, None]) / np.sum(posterior)
+    assert slow_power_ratios([axis], 1.0) == pytest.approx(mean, rel=1e-3)
 
 
 def test_longer_gusts_of_the_same_fast_part_have_more_slow_power() -> None:
@@ -114,20 +131,20 @@ def test_a_short_flight_keeps_the_users_length_and_a_long_one_its_own() -> None:
 
 def test_a_length_that_the_user_states_denies_nothing_in_a_flight_too_short_to_show_it() -> None:
     for stated in (0.1, 1.0, 10.0):
-        assert not _scale_length(1.0, 10.0, 0, stated).denied
+        assert not _scale_length(1.0, 10.0, 0, stated).assumed_length_rejected
 
 
 def _scale_length(length: float, seconds: float, seed: int, stated: float = 1.0) -> ScaleLength:
     """The scale length found of such gusts with the standard's fast part."""
     gusts = _gusts(length, seconds, seed, np.sqrt(length))
     errors = np.zeros((3, 1, gusts.shape[1]))
-    return scale_length(gust_spectra(gusts, errors, STEP_S, STANDARD, AROUND_CORNER), stated)
+    return scale_length(gust_spectra(gusts, errors, STEP_S, STANDARD, GUSTS.around_corner), stated)
 
 
 @pytest.mark.parametrize(("length", "denied"), [(1.0, False), (0.4, True), (2.5, False)])
 def test_four_minutes_show_short_gusts_at_the_corner_of_the_spectrum(length: float, denied: bool) -> None:
     """Longer gusts differ below the corner, where four minutes have few periods."""
-    assert [_scale_length(length, 240, seed).denied for seed in range(12)] == [denied] * 12
+    assert [_scale_length(length, 240, seed).assumed_length_rejected for seed in range(12)] == [denied] * 12
 
 
 @pytest.mark.parametrize("length", [1.0, 0.6, 0.4])
@@ -140,8 +157,14 @@ def test_twenty_minutes_show_the_scale_length_within_its_error(length: float) ->
 
 def test_a_length_is_denied_beyond_three_standard_deviations() -> None:
     """1 of 370 flights with gusts as assumed is reconstructed twice."""
-    assert ScaleLength(np.exp(0.31), 0.1).denied and ScaleLength(np.exp(-0.31), 0.1).denied
-    assert not ScaleLength(np.exp(0.29), 0.1).denied and not ScaleLength(np.exp(-0.29), 0.1).denied
+    assert (
+        ScaleLength(np.exp(0.31), 0.1).assumed_length_rejected
+        and ScaleLength(np.exp(-0.31), 0.1).assumed_length_rejected
+    )
+    assert (
+        not ScaleLength(np.exp(0.29), 0.1).assumed_length_rejected
+        and not ScaleLength(np.exp(-0.29), 0.1).assumed_length_rejected
+    )
 
 
 def _estimate(factor: np.ndarray | float = 1.0) -> tuple[Estimate, Estimate, np.ndarray, np.ndarray]:
@@ -160,7 +183,7 @@ def test_the_estimate_is_that_of_data_with_larger_errors_where_gusts_look_like_t
     """As if the data had stated larger errors, by the root of the ratio: the prior counts for more."""
     found, prior, data, information = _estimate()
     ratios, factor = np.array([4.0, 2.0, 3.0]), np.ones(len(SENSOR_ERRORS))
-    for name, axis in LIKE_GUSTS.items():
+    for name, axis in GUST_AXIS_OF_ERROR.items():
         factor[SENSOR_ERRORS.index(name)] = np.sqrt(ratios[axis])
     storm = with_slow_power(found, prior, 1e3, ratios)
     less, of_prior = information / np.outer(factor, factor), np.linalg.inv(prior.covariance)

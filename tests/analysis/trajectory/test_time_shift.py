@@ -48,7 +48,9 @@ def delayed(flight):
 def test_a_delay_of_the_probe_is_found_to_a_twentieth(whole, delayed) -> None:
     """Beside the same flight as it is, so that noise cancels: 5 %, what a calibration of the tubes is asked for. It
     comes out 4 % small, which is more than its standard error: docs/estimators.md, what is known to be missing."""
-    as_it_is, late = ({s.name: s for s in time_shifts(trajectory)}["the probe"] for trajectory in (whole[1], delayed))
+    as_it_is, late = (
+        {s.error: s for s in time_shifts(trajectory)}["air_data_lag"] for trajectory in (whole[1], delayed)
+    )
     assert abs(as_it_is.delay_s) < 4 * as_it_is.standard_error_s
     assert late.delay_s - as_it_is.delay_s == pytest.approx(LATE_S, rel=0.05)
 
@@ -59,9 +61,9 @@ def test_a_late_probe_is_reported_and_a_punctual_one_is_not(flight, whole, delay
     air, as_it_is = whole
     assert time_shift_notes(as_it_is) == []
     assert any("The probe is" in note and "late against the IMU" in note for note in time_shift_notes(delayed))
-    found = {s.name: s for s in time_shifts(delayed)}
-    assert found["the probe"].determined and found["GPS"].determined
-    assert abs(found["GPS"].delay_s - errors.values.gps_latency_s) < 4 * found["GPS"].standard_error_s
+    found = {s.error: s for s in time_shifts(delayed)}
+    assert found["air_data_lag"].determined and found["gps_latency"].determined
+    assert abs(found["gps_latency"].delay_s - errors.values.gps_latency_s) < 4 * found["gps_latency"].standard_error_s
 
     # And what `calibrate airspeed` says of the same flight, whose legs go both ways.
     speed = calibrate(air, as_it_is)
@@ -81,7 +83,7 @@ def test_one_heading_and_a_missing_gps_are_noted(flight) -> None:
     without_gps = table.loc[:300.0].assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan)
     air, trajectory = reconstructed(without_gps, probe)
     assert any("No GPS" in note for note in calibrate(air, trajectory).notes)
-    assert "does not show" in {s.name: s for s in time_shifts(trajectory)}["GPS"].in_words()
+    assert "does not show" in {s.error: s for s in time_shifts(trajectory)}["gps_latency"].in_words()
 
 
 @pytest.mark.slow

@@ -1,0 +1,176 @@
+"""Settings of `analysis.trajectory`: limits, priors and windows, with units and reasons."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class ConsistencySettings(Settings):
+    """Kinematic consistency, time shifts and airspeed scale of a reconstructed flight."""
+
+    climb_s: float = setting(3.0, "s", "averaging of height, for climb, and of the angles")
+    batch_s: float = setting(20.0, "s", "longer than the correlation time of gusts: means over batches are independent")
+    level_rad: float = setting(
+        np.radians(10.0), "rad", "largest bank; beyond it an error of sideslip acts like one of angle of attack"
+    )
+    significant: float = setting(3.0, "1", "standard errors, beyond which a time shift is told")
+    least_shift_s: float = setting(0.004, "s", "a tenth of a sample interval has no effect on the results")
+    determined_share: float = setting(
+        0.8, "1", "a standard error below this share of the prior: the flight determined the sensor error"
+    )
+    one_way: float = setting(
+        0.75, "1", "length of the mean heading vector; above it, nearly all was flown in one direction"
+    )
+
+
+@dataclass(frozen=True)
+class GustSettings(Settings):
+    """Spectra of gusts: their scale length and slow power."""
+
+    slow: tuple[float, float] = setting((0.0, 2.0), "1", "band of slow gusts, in radians over a gust's time L/V")
+    around_corner: tuple[float, float] = setting(
+        (1.0, 10.0),
+        "1",
+        "band about the corner of the spectrum, where gusts of another length differ most; above, noise is larger",
+    )
+    rejected_beyond: float = setting(
+        3.0,
+        "1",
+        "standard deviations of the logarithm, from which on the length found is taken instead of the assumed one",
+    )
+    tapers: int = setting(
+        3, "1", "of the multitaper periodogram, sines (Riedel & Sidorenko 1995, IEEE Trans. Signal Process. 43, 188)"
+    )
+    fewest_frequencies: int = setting(12, "1", "two minutes of vertical gusts at 40 m: fewer tell less than the user")
+    length_factor: float = setting(2.0, "1", "the user's scale length is right within this factor, 1 sigma")
+    dominate_mps: float = setting(
+        0.1,
+        "m/s",
+        "vertical gusts, 1 sigma (W20 = 2 kt), that contribute as much as noise to the errors of flow angles",
+    )
+
+
+@dataclass(frozen=True)
+class SensorSettings(Settings):
+    """Noise of the measurements and of the inertial sensors, beyond the noise at rest."""
+
+    gyro_scale: float = setting(0.005, "1", "scale errors of the gyros, as noise in proportion to the mean")
+    accelerometer_scale: float = setting(0.002, "1", "the same of the accelerometers")
+    missing_radps: float = setting(0.5, "rad/s", "process noise where samples are missing: rates of a usual flight")
+    missing_mps2: float = setting(5.0, "m/s²", "the same of accelerations")
+    gps_mps: float = setting(
+        0.3, "m/s", "GPS velocity errors are correlated over a minute; horizontal ones look like wind"
+    )
+    gps_down_mps: float = setting(1.0, "m/s", "vertical GPS velocity; height comes from the barometer")
+    rest_mps: float = setting(0.1, "m/s", "velocity of the aircraft at rest")
+    barometer_PaPm: float = setting(11.8, "Pa/m", "rho g at 100 m")
+    independent_headings: int = setting(
+        4,
+        "1",
+        "all blocks of the compass count as so many independent ones: residual iron depends on heading, and motor"
+        " current on speed, so that these errors repeat with every leg",
+    )
+    longest_gps_gap_s: float = setting(0.5, "s", "in a longer gap GPS is not used")
+    least_noise_share: float = setting(
+        0.1, "1", "of the noise on the bench: less at rest is quantization or a stuck channel"
+    )
+
+
+@dataclass(frozen=True)
+class PriorSettings(Settings):
+    """Priors of the sensor errors and of the initial state, and the first estimate."""
+
+    compass_averaging_s: float = setting(10.0, "s", "of the compass, for the first estimate")
+    unmeasured_zero_Pa: float = setting(
+        1.0, "Pa", "of a log without rest, by `daq zero` on another day or at another temperature"
+    )
+    north_rad: float = setting(
+        0.01, "rad", "without GPS the compass defines north, and without a compass the initial heading does"
+    )
+    initial_blocks: int = setting(25, "1", "a log in which the aircraft is at rest within these began at rest")
+    ground_track_mps: float = setting(
+        5.0, "m/s", "times the speed scale; ground speed above which the ground track approximates the heading"
+    )
+    fewest_track_blocks: int = setting(10, "1", "of such ground speed, to take the heading from the track")
+
+
+@dataclass(frozen=True)
+class ProcessSettings(Settings):
+    """Process noise."""
+
+    height_sigma_m: float = setting(2e-3, "m", "in a step")
+    slowest_mps: float = setting(5.0, "m/s", "times the speed scale; least speed in quotients")
+    wind_walk_mps: float = setting(
+        0.02, "m/s", "random walk of the wind in a second: place and time of day, without turbulence"
+    )
+
+
+@dataclass(frozen=True)
+class PredictionSettings(Settings):
+    """Windows of the predictions from past data (instrumental variables)."""
+
+    slow_s: float = setting(3.0, "s", "window of predictions of speed and bank")
+    rate_s: float = setting(1.0, "s", "window of predictions of their derivatives")
+    newest: int = setting(2, "1", "blocks before: the means of neighboring blocks share part of a gust's increment")
+    largest_bank_rad: float = setting(1.2, "rad", "a steeper predicted bank is taken as this one")
+
+
+@dataclass(frozen=True)
+class SolverSettings(Settings):
+    """Gauss-Newton iterations and the search for the intensity of gusts."""
+
+    least_gust_mps: float = setting(0.025, "m/s", "less cannot be told from the noise of the flow angles")
+    most_iterations: int = setting(40, "1", "of one intensity of gusts")
+    draws: int = setting(16, "1", "random errors of the states: standard errors within a sixth")
+    converged: float = setting(0.02, "1", "largest last step of a sensor error, in standard errors")
+    converged_first: float = setting(
+        5.0, "1", "the same of the first solution, which only has to be good enough to compare gust intensities"
+    )
+    oscillating: float = setting(
+        -0.3, "1", "correlation of a step with the one before, below which later steps are damped"
+    )
+    damped: float = setting(0.5, "1", "factor on these steps")
+
+
+@dataclass(frozen=True)
+class ObservabilitySettings(Settings):
+    """What a flight lacked to determine a sensor error, and which notes are written."""
+
+    largest_compass_offset: float = setting(3.0, "1", "in prior standard deviations")
+    largest_compass_residual: float = setting(2.0, "1", "rms, in standard deviations")
+    one_heading: float = setting(
+        0.7, "1", "length of the mean heading vector above which a flight counts as flown on one heading"
+    )
+    one_speed: float = setting(
+        1.25, "1", "ratio of fastest to slowest speed; a quarter faster has a third less lift coefficient"
+    )
+    uncertain_alpha_deg: float = setting(0.3, "deg", "a degree is 20 % of power near the stall")
+    turbulent_mps: float = setting(0.3, "m/s", "vertical gusts, 1 sigma: W20 = 6 kt and more")
+
+
+@dataclass(frozen=True)
+class PriorCheckSettings(Settings):
+    """Conflict of the sensor errors with their priors, and residuals that are too large."""
+
+    conflict: float = setting(2.5, "1", "prior standard deviations of one sensor error")
+    false_alarm_rate: float = setting(0.01, "1", "of the test of all sensor errors together")
+    least_information: float = setting(
+        0.1, "1", "of the data in a direction, over the prior's (j): below it the direction is not tested"
+    )
+    largest_rms: float = setting(
+        1.5, "1", "of residuals, in standard deviations: 1.0 to 1.1 in calm air on the study's budget, less in gusts"
+    )
+
+
+CONSISTENCY = ConsistencySettings()
+GUSTS = GustSettings()
+SENSORS = SensorSettings()
+PRIORS = PriorSettings()
+PROCESS = ProcessSettings()
+PREDICTION = PredictionSettings()
+SOLVER = SolverSettings()
+SHOWN = ObservabilitySettings()
+PRIOR_CHECK = PriorCheckSettings()
