@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.probe import ProbeCalibration, flow_at_probe
+from analysis.airdata.settings import AIR
 from analysis.signals.aircraft_size import SPEED_SCALE
 from analysis.signals.channels import COLUMNS
 from flight.aircraft import Aircraft
@@ -20,7 +21,6 @@ from flight.runs import AIRCRAFT_SIZE, LEVEL_RUN, flying_Pa
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
-DERIVATIVE_S = 0.5  # of the mean that is differentiated
 
 
 def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
@@ -36,8 +36,8 @@ def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFram
 
 
 def derivative(signal: Array, step_s: float) -> Array:
-    """Central difference of the mean over DERIVATIVE_S of a uniformly sampled signal, (n,) [1/s times its unit]."""
-    window = max(1, round(DERIVATIVE_S / step_s))
+    """Central difference of the mean over AIR.derivative_s of a uniformly sampled signal, (n,) [1/s times its unit]."""
+    window = max(1, round(AIR.derivative_s / step_s))
     smooth = pd.Series(signal).rolling(window, center=True, min_periods=1).mean().to_numpy()
     return np.asarray(np.gradient(smooth, step_s), dtype=float)
 
@@ -71,13 +71,6 @@ def _complementary(slow: Array, rate: Array, step_s: float) -> Array:
         return out
 
     return (one_way(slow, rate) + one_way(slow[::-1], -rate[::-1])[::-1]) / 2
-
-
-SMOOTHING_S = 0.2  # of q_c in quotients; short against the seconds in which an aircraft's speed changes
-STUCK_PA = 0.02  # a tenth of a count of the finest transducer
-FEWEST_SAMPLES = 250  # to judge whether a transducer is stuck
-COLD_S = 2.0  # after power-on, in which electronics have the temperature of the air
-LARGEST_UNMENTIONED_SHARE = 0.02
 
 
 class AirData(NamedTuple):
@@ -119,7 +112,7 @@ def air_data(
     # 0.07 % of speed. So quotients use the mean of q_c, and speed is linear in the deviation of q_c from its mean. The
     # bias is as the square of noise over dynamic pressure: means of slower aircraft are over more samples.
     step_s = table.index[1] - table.index[0]
-    window = max(1, round(SMOOTHING_S / scale**2 / step_s))
+    window = max(1, round(AIR.smoothing_s / scale**2 / step_s))
     mean_q_c = out["q_c_Pa"].rolling(window, center=True, min_periods=1).mean().to_numpy()
     known_q_c = np.where(out["q_c_Pa"].notna(), mean_q_c, np.nan)
     flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, known_q_c, samples=round(scale**-4))
@@ -147,7 +140,7 @@ def air_data(
     _add_thrust(out, propeller)
     notes += _slow_flight(out["height_m"].to_numpy(), flow.qbar_Pa, least_Pa, scale)
     outside = ~flow.inside[flow.qbar_Pa > least_Pa]
-    if len(outside) and np.mean(outside) > LARGEST_UNMENTIONED_SHARE:
+    if len(outside) and np.mean(outside) > AIR.largest_unmentioned_share:
         notes.append(
             f"{100 * np.mean(outside):.0f} % of the flight lies outside the probe's calibrated range of angles"
             " and is left out."
@@ -159,7 +152,7 @@ def _slow_flight(height_m: Array, qbar_Pa: Array, least_Pa: float, scale: float)
     """A note where much of the time aloft has too little dynamic pressure to count as flight."""
     aloft = height_m > AIRCRAFT_SIZE.least_height_m * scale
     share = float(np.mean(qbar_Pa[aloft] <= least_Pa)) if aloft.any() else 0.0
-    if share <= LARGEST_UNMENTIONED_SHARE:
+    if share <= AIR.largest_unmentioned_share:
         return []
     return [
         f"{100 * share:.0f} % of the time above {AIRCRAFT_SIZE.least_height_m * scale:.0f} m has a dynamic pressure"
@@ -170,7 +163,7 @@ def _slow_flight(height_m: Array, qbar_Pa: Array, least_Pa: float, scale: float)
 def _stuck(pressure: pd.Series, q_c: pd.Series, least_Pa: float) -> bool:
     """Whether a transducer read the same value throughout the flight; a working one shows at least noise."""
     flown = pressure[q_c > least_Pa].dropna() if pressure.name != "q_c_Pa" else pressure.dropna()
-    return len(flown) > FEWEST_SAMPLES and float(flown.max() - flown.min()) < STUCK_PA
+    return len(flown) > AIR.fewest_samples and float(flown.max() - flown.min()) < AIR.stuck_Pa
 
 
 def _ground(table: pd.DataFrame) -> tuple[float, float]:
@@ -181,7 +174,7 @@ def _ground(table: pd.DataFrame) -> tuple[float, float]:
     standard lapse rate gives that at height.
     """
     start = table[["static_Pa", "static_temperature_K"]].dropna()
-    first = start.loc[: start.index[0] + COLD_S]
+    first = start.loc[: start.index[0] + AIR.cold_s]
     return float(first["static_Pa"].mean()), float(first["static_temperature_K"].mean())
 
 

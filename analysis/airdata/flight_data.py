@@ -11,6 +11,7 @@ from analysis.airdata.air import air_data, specific_force_at_cg
 from analysis.airdata.lines import line_responses, without_remainder
 from analysis.airdata.magnetometer import Compass, MagnetometerCalibration
 from analysis.airdata.probe import ProbeCalibration
+from analysis.airdata.settings import AIR
 from analysis.airdata.transducers import TransducerCalibration, air_data_errors
 from analysis.signals.aircraft_size import speed_scale
 from analysis.signals.channels import COLUMNS, synchronize
@@ -20,7 +21,6 @@ from flight.log_reader import Log
 from flight.propeller import Propeller
 from flight.runs import flying_Pa
 
-LARGEST_UNMENTIONED_LOSS = 0.02
 OPTIONAL_TOPICS = ("/battery", "/mag")
 # Topics that are not needed: what a log without them lacks; empty where another note says so.
 LOST_WITHOUT = {
@@ -86,7 +86,7 @@ def flight_data(
 
 
 def silent_topics(table: pd.DataFrame, recorded: Collection[str]) -> list[str]:
-    """A note for each topic none of whose values was measured for more than LARGEST_UNMENTIONED_LOSS of the flight.
+    """A note for each topic none of whose values was measured for more than a share of the flight that is mentioned.
 
     recorded: the topics in the log
     """
@@ -100,5 +100,5 @@ def silent_topics(table: pd.DataFrame, recorded: Collection[str]) -> list[str]:
     return [f"No {topic} in this log: {LOST_WITHOUT[topic]}." for topic in absent if LOST_WITHOUT[topic]] + [
         f"{topic} carried no value for {100 * share:.0f} % of the flight."
         for topic, share in by_topic.items()
-        if share > LARGEST_UNMENTIONED_LOSS and topic not in absent
+        if share > AIR.largest_unmentioned_share and topic not in absent
     ]

@@ -25,6 +25,7 @@ from scipy import special
 from scipy.optimize import brentq
 
 from analysis.airdata.lines import FIELD, TOPIC, air_in
+from analysis.airdata.settings import LAG
 from analysis.airdata.tubing import Gas, low_frequency_lag_s, response
 from analysis.signals.channels import field_of
 from flight.aircraft import Aircraft, PneumaticLine
@@ -34,16 +35,7 @@ from flight.log_reader import Log
 Array = NDArray[np.float64]
 Shape = Callable[[Array], Array]  # remaining share of the step, from 1 to 0, by time since the step [s]
 
-QUIET_S = 0.5  # before and after a step, to determine its levels and the noise
-LONGEST_STEP_S = 0.5  # a change that takes longer is not a burst
-SMALLEST_STEP = 12.0  # times the noise
-SHORTEST_LAG_S, LONGEST_LAG_S = 2e-4, 0.25
-LAGS, FINE, INSTANTS, ZOOMS = 61, 15, 33, 4
-WANTED = 0.05  # half width of a sufficient interval, relative to the lag
-INTERVAL = float(special.chdtri(1, 1 - 0.95))
-FLOOR = 0.02  # least half width: errors of the tube's length, its cavity and the air in it
-RESOLVED = 0.3  # of a tick; a shorter lag is not resolved
-FINEST_S, POINTS, SETTLED = 2.5e-4, 4096, 8  # of a computed step response: shortest step of time, points, end left out
+INTERVAL = float(special.chdtri(1, 1 - 0.95))  # of the likelihood ratio: 95 %
 
 
 @dataclass(frozen=True)
@@ -73,9 +65,9 @@ class Lag:
 
     @property
     def more_steps(self) -> int:
-        """Number of further such steps that narrow the interval to WANTED; its width goes with 1/sqrt(number)."""
+        """Number of further such steps that narrow the interval to LAG.wanted; its width goes with 1/sqrt(number)."""
         half = (self.hi_s - self.lo_s) / (2 * self.lag_s)
-        return max(math.ceil(self.steps * ((half / WANTED) ** 2 - 1)), 0) if self.bounded else 0
+        return max(math.ceil(self.steps * ((half / LAG.wanted) ** 2 - 1)), 0) if self.bounded else 0
 
 
 def find_steps(t_s: Array, value: Array) -> tuple[list[PressureStep], float]:
@@ -86,11 +78,11 @@ def find_steps(t_s: Array, value: Array) -> tuple[list[PressureStep], float]:
     if len(t_s) < 8:
         return [], 0.0
     interval = float(np.median(np.diff(t_s)))
-    quiet, longest = max(4, round(QUIET_S / interval)), max(2, round(LONGEST_STEP_S / interval))
+    quiet, longest = max(4, round(LAG.quiet_s / interval)), max(2, round(LAG.longest_step_s / interval))
     moves = np.diff(value)
     least = np.min(np.abs(moves[moves != 0])) if np.any(moves) else 0.0
     noise = max(float(np.median(np.abs(moves - np.median(moves)))) / 0.6745 / np.sqrt(2), 0.3 * least)
-    jumps = np.flatnonzero(np.abs(moves) > 0.5 * SMALLEST_STEP * noise)
+    jumps = np.flatnonzero(np.abs(moves) > 0.5 * LAG.smallest_step * noise)
     steps: list[PressureStep] = []
     free = 0
     for i in jumps.tolist():
@@ -104,7 +96,7 @@ def find_steps(t_s: Array, value: Array) -> tuple[list[PressureStep], float]:
         after = value[end - quiet : end]
         size = abs(np.median(after) - np.median(before))
         settled = max(np.std(before), np.std(after)) < 3 * noise + 0.01 * size
-        if size > SMALLEST_STEP * noise and settled:
+        if size > LAG.smallest_step * noise and settled:
             near_level = np.abs(value[start:end] - np.median(before)) < 4 * noise
             steps.append(PressureStep(t_s[start:end], value[start:end], int(np.flatnonzero(near_level)[-1])))
             free = end + quiet // 2
@@ -132,10 +124,10 @@ def fit_lag(steps: list[PressureStep], noise: float, shape_of: Callable[[float],
     def misfits_of(lags: Array) -> list[Misfit]:
         return [_misfit(times, values, near_s, lag_s, shape_of(lag_s)) for lag_s in lags.tolist()]
 
-    rough = np.geomspace(SHORTEST_LAG_S, LONGEST_LAG_S, LAGS)
+    rough = np.geomspace(LAG.shortest_s, LAG.longest_s, 61)
     rough_misfits = misfits_of(rough)
     near = int(np.argmin(_deviance(rough_misfits, _variance(rough_misfits, times.size))))
-    lags = np.geomspace(rough[max(near - 1, 0)], rough[min(near + 1, LAGS - 1)], FINE)
+    lags = np.geomspace(rough[max(near - 1, 0)], rough[min(near + 1, len(rough) - 1)], 15)
     misfits = misfits_of(lags)
     variance = _variance(misfits, times.size)
     cost = _deviance(misfits, variance)
@@ -145,8 +137,8 @@ def fit_lag(steps: list[PressureStep], noise: float, shape_of: Callable[[float],
     profile = np.concatenate([_deviance(rough_misfits, variance), cost])[order] - cost[best]
     lo, hi = _interval(all_lags[order], profile)
     lag_s = _minimum(lags, cost, best)
-    lo, hi = min(lo, (1 - FLOOR) * lag_s), max(hi, (1 + FLOOR) * lag_s)
-    resolved_s = RESOLVED * float(np.median(np.diff(steps[0].t_s)))
+    lo, hi = min(lo, (1 - LAG.least_half_width) * lag_s), max(hi, (1 + LAG.least_half_width) * lag_s)
+    resolved_s = LAG.resolved * float(np.median(np.diff(steps[0].t_s)))
     if lag_s < resolved_s:
         lo, hi = 0.0, max(hi, resolved_s)
     misfit = float(np.sqrt(variance) / noise) if noise > 0 else 1.0
@@ -159,14 +151,14 @@ def through(line: PneumaticLine, gas: Gas) -> Callable[[float], Shape]:
     @cache
     def shape_of(lag_s: float) -> Shape:
         tube = replace(line, diameter_m=diameter_of_lag_m(line, lag_s, gas))
-        step_s = max(FINEST_S, lag_s / 100)
-        f: Array = np.asarray(np.fft.rfftfreq(POINTS, step_s), dtype=float)
-        up = np.where(np.arange(POINTS) < POINTS // 2, 1.0, 0.0)  # up and down again, long enough to settle
+        step_s, points, settled = max(2.5e-4, lag_s / 100), 4096, 8  # settled: points left out at the end
+        f: Array = np.asarray(np.fft.rfftfreq(points, step_s), dtype=float)
+        up = np.where(np.arange(points) < points // 2, 1.0, 0.0)  # up and down again, long enough to settle
         # Lanczos sigma factors suppress the ringing of a spectrum that is cut off at its highest frequency.
         spectrum: Any = np.fft.rfft(up) * response([tube], f, gas) * np.sinc(f / f[-1])
-        arrived = np.fft.irfft(spectrum, POINTS)
-        half = POINTS // 2
-        remaining = 1 - (arrived[: half - SETTLED] - arrived[-1]) / (arrived[half - SETTLED] - arrived[-1])
+        arrived = np.fft.irfft(spectrum, points)
+        half = points // 2
+        remaining = 1 - (arrived[: half - settled] - arrived[-1]) / (arrived[half - settled] - arrived[-1])
         t = step_s * np.arange(len(remaining))
         return lambda x: np.interp(x, t, remaining, left=1.0, right=0.0)
 
@@ -184,16 +176,17 @@ def _misfit(times: Array, values: Array, near_s: Array, lag_s: float, shape: Sha
     """Instants are closest together where they fit best. times, values : (steps, n)      near_s : (steps, 3)"""
     # A step that is short against a tick shows in a sample only if it happened just before it.
     just_before = (near_s[:, :, None] - lag_s * np.linspace(0, 4, 9)).reshape(len(near_s), -1)
-    evenly = np.linspace(near_s[:, 0] - lag_s, near_s[:, -1], INSTANTS, axis=1)
+    count = 33  # instants
+    evenly = np.linspace(near_s[:, 0] - lag_s, near_s[:, -1], count, axis=1)
     instants = np.sort(np.hstack([evenly, just_before]), axis=1)
-    reach = 2 * (near_s[:, -1] - near_s[:, 0] + lag_s) / (INSTANTS - 1)
+    reach = 2 * (near_s[:, -1] - near_s[:, 0] + lag_s) / (count - 1)
     tried, squares = [], []
-    for _ in range(ZOOMS):
+    for _ in range(4):
         tried.append(instants)
         squares.append(_residual_squares(values, shape(times[:, None, :] - instants[:, :, None])))
         best = np.take_along_axis(instants, np.argmin(squares[-1], axis=1)[:, None], axis=1)[:, 0]
-        instants = np.linspace(best - reach, best + reach, INSTANTS, axis=1)
-        reach *= 4 / (INSTANTS - 1)
+        instants = np.linspace(best - reach, best + reach, count, axis=1)
+        reach *= 4 / (count - 1)
     all_instants, all_squares = np.hstack(tried), np.hstack(squares)
     order = np.argsort(all_instants, axis=1, kind="stable")
     return Misfit(np.take_along_axis(all_instants, order, axis=1), np.take_along_axis(all_squares, order, axis=1))
@@ -266,11 +259,6 @@ def diameter_of_lag_m(line: PneumaticLine, lag_s: float, gas: Gas) -> float:
     return float(np.exp(brentq(excess, np.log(1e-5), np.log(1.0))))
 
 
-# The inner diameter of a narrow tube is known to some 5 %, and its lag varies with the fourth power: a 95 % interval
-# that is wider than this says less than the aircraft file.
-WIDEST = 0.4  # half width, relative to the lag
-
-
 class LineLag(NamedTuple):
     """What a log shows of one line.
 
@@ -293,10 +281,10 @@ class LineLag(NamedTuple):
         if lag is None:
             return ""
         half_width = (lag.hi_s - lag.lo_s) / 2
-        if lag.hi_s == float("inf") or (lag.bounded and half_width > WIDEST * lag.lag_s):
+        if lag.hi_s == float("inf") or (lag.bounded and half_width > LAG.widest * lag.lag_s):
             return (
-                f"the bursts found ({lag.steps}) do not determine the lag within {100 * WIDEST:.0f} %: record more of"
-                " them in one log, or at 100 Hz"
+                f"the bursts found ({lag.steps}) do not determine the lag within {100 * LAG.widest:.0f} %: record more"
+                " of them in one log, or at 100 Hz"
             )
         return ""
 

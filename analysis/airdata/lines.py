@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.airdata.settings import LAG
 from analysis.airdata.tubing import ComplexArray, Gas, air, low_frequency_lag_s, remainder_of
 from analysis.signals.channels import field_of
 from analysis.signals.smoothing import stretches
@@ -29,13 +30,6 @@ FIELD = {
     "airspeed": "differential_pressure_Pa",
     "static": "pressure_Pa",
 }
-LARGEST_GAIN = 1.5  # the noise of any frequency grows by this at most
-HIGHEST_HZ = 3.0  # of the aircraft's motion: three times its short period
-# A line is corrected if its remainder changes a wave of HIGHEST_HZ by more than this; a lag of about 40 ms does. For
-# 25 ms, on simulated flights, the remainder is 0.01 Pa in calm air and 0.5 Pa of 6 Pa of noise in gusts, and its
-# correction would increase noise by a fifth.
-SMALLEST_REMAINDER = 0.25
-FEWEST_SAMPLES = 16
 
 
 class LineResponse(NamedTuple):
@@ -78,13 +72,13 @@ def without_remainder(table: pd.DataFrame, lines: Sequence[LineResponse]) -> tup
     rate_Hz = 1 / float(table.index[1] - table.index[0])
     out, notes = table, []
     for topic, column, _, remainder in lines:
-        change = float(np.abs(1 - remainder(np.array([HIGHEST_HZ])))[0])
-        if change > SMALLEST_REMAINDER:
-            values = inverted(table[column].to_numpy(dtype=float), rate_Hz, remainder, LARGEST_GAIN)
+        change = float(np.abs(1 - remainder(np.array([LAG.highest_Hz])))[0])
+        if change > LAG.smallest_remainder:
+            values = inverted(table[column].to_numpy(dtype=float), rate_Hz, remainder, LAG.largest_gain)
             out = out.assign(**{column: values})
             notes.append(
-                f"The line of {topic} is long and narrow: it changes a wave of {HIGHEST_HZ:g} Hz by"
-                f" {100 * change:.0f} %. This is corrected; noise grows by a factor of {LARGEST_GAIN:g} at most."
+                f"The line of {topic} is long and narrow: it changes a wave of {LAG.highest_Hz:g} Hz by"
+                f" {100 * change:.0f} %. This is corrected; noise grows by a factor of {LAG.largest_gain:g} at most."
             )
     return out, notes
 
@@ -99,7 +93,7 @@ def inverted(values: Array, rate_Hz: float, response_of: Callable[[Array], Compl
     out = values.copy()
     for rows in stretches(np.isfinite(values)):
         n = rows.stop - rows.start
-        if n < FEWEST_SAMPLES:
+        if n < 16:
             continue
         pad = min(n - 1, round(2 * rate_Hz))
         x = np.pad(values[rows], pad, mode="reflect", reflect_type="odd")

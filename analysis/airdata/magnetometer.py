@@ -15,25 +15,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.air import LARGEST_UNMENTIONED_SHARE
+from analysis.airdata.settings import AIR, MAGNETOMETER
 from flight.errors import InputError
 from flight.json_file import JsonFormat
 
 Array = NDArray[np.float64]
 
 FORMAT = "flightpower-magnetometer-1"
-# Standard deviations of the prior. A turn in flight covers a circle of the sphere only, which many ellipsoids share.
-HARD_IRON_T, SOFT_IRON = 30e-6, 0.05
-FIELD_T, FIELD_SIGMA_T = 48e-6, 10e-6  # anywhere on earth it is 22 to 67 uT (World Magnetic Model)
-EARTH_T = (18e-6, 75e-6)
-FEWEST_SAMPLES = 100
-IRON_CHANGE_T = 1e-6  # in flight: field of the motor current, and of iron that was moved since the calibration
-TILT_RAD = np.radians(0.5)  # of the tray on the aircraft, and of the attitude by which the field is levelled
-SAMPLE_OFF = 0.1  # a sample whose strength differs from the median by this share is left out
-FIELD_OFF = 0.1  # the compass is not used if the median strength differs from the calibration's by this share …
-MOST_OFF = 0.1  # … or if this share of the samples is left out …
-WORST_RAD = np.radians(10.0)  # … or if its heading has a larger error
-CORRELATED = 5  # neighboring samples that share errors of the model and count as one
 
 
 class MagnetometerCalibration(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,7 +48,7 @@ class MagnetometerCalibration(msgspec.Struct, frozen=True, kw_only=True):
 def _check(found: MagnetometerCalibration, where: str) -> None:
     if len(found.soft_iron) != 3:
         raise InputError(f"{where}: not a magnetometer calibration (soft_iron has {len(found.soft_iron)} rows, not 3)")
-    if not EARTH_T[0] < found.field_T < EARTH_T[1]:
+    if not MAGNETOMETER.earth_T[0] < found.field_T < MAGNETOMETER.earth_T[1]:
         raise InputError(f"{where}: a field of {1e6 * found.field_T:.0f} uT is nowhere on earth; calibrate again")
 
 
@@ -88,13 +76,13 @@ def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[
     field[~table["flying"].to_numpy(dtype=bool)] = np.nan
     strength = np.linalg.norm(field, axis=1)
     seen = np.isfinite(strength)
-    if seen.sum() < FEWEST_SAMPLES:
+    if seen.sum() < MAGNETOMETER.fewest_samples:
         return None, [f"{_NOT_USED}: it is calibrated, but has too few samples in flight."]
     F, usual = calibration.field_T, float(np.median(strength[seen]))
-    if abs(usual / F - 1) > FIELD_OFF:
+    if abs(usual / F - 1) > MAGNETOMETER.field_off:
         why = f"the field in flight is {1e6 * usual:.0f} uT, but {1e6 * F:.0f} uT in its calibration"
         return None, [f"{_NOT_USED}: {why}. {_AGAIN}"]
-    off = seen & (np.abs(strength / usual - 1) > SAMPLE_OFF)
+    off = seen & (np.abs(strength / usual - 1) > MAGNETOMETER.sample_off)
     field[off] = np.nan
     share = float(off.sum() / seen.sum())
     level_T = float(np.nanmedian(np.hypot(field[:, 0], field[:, 1])))
@@ -103,22 +91,22 @@ def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[
     varies_T = pd.Series(np.where(off, np.nan, strength)).rolling(second, min_periods=1).mean().std()
     error_T = float(
         np.sqrt(
-            IRON_CHANGE_T**2
+            MAGNETOMETER.iron_change_T**2
             + np.sum(np.square(calibration.hard_iron_error_T))
             + (calibration.soft_iron_error * F) ** 2
-            + (TILT_RAD * F) ** 2
+            + (MAGNETOMETER.tilt_rad * F) ** 2
             + (varies_T * usual / level_T) ** 2
         )
     )
-    if share > MOST_OFF or error_T > WORST_RAD * level_T:
+    if share > MAGNETOMETER.most_off or error_T > MAGNETOMETER.worst_rad * level_T:
         varies_uT = 1e6 * float(np.std(strength[seen]))
         why = f"the field strength varies by {varies_uT:.1f} uT in flight, but should be constant"
         return None, [f"{_NOT_USED}: {why}. {_AGAIN}"]
     notes = []
-    if share > LARGEST_UNMENTIONED_SHARE:
+    if share > AIR.largest_unmentioned_share:
         notes.append(
             f"The magnetometer is left out for {100 * share:.0f} % of the flight, where the field strength is more than"
-            f" {100 * SAMPLE_OFF:.0f} % off."
+            f" {100 * MAGNETOMETER.sample_off:.0f} % off."
         )
     return Compass(field, error_T), notes
 
@@ -131,40 +119,46 @@ def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
     """Hard and soft iron from measurements in many directions, (n, 3) [T].
 
     Raises InputError if there are too few, if their strength is not that of the earth's field, or if the standard error
-    of the calibration exceeds WORST_RAD of heading even where the whole field is level: no compass could use it.
+    of the calibration exceeds the largest error of heading even where the whole field is level: no compass could
+    use it.
     """
     from scipy.optimize import least_squares  # takes 0.2 s to import, which an analysis of a flight does not need
 
     field = field_T[np.isfinite(field_T).all(axis=1)]
-    if len(field) < FEWEST_SAMPLES:
+    if len(field) < MAGNETOMETER.fewest_samples:
         raise InputError(
-            f"{source}: {len(field)} magnetometer samples are too few; {FEWEST_SAMPLES} are needed, in many directions"
+            f"{source}: {len(field)} magnetometer samples are too few; {MAGNETOMETER.fewest_samples} are needed,"
+            " in many directions"
         )
     strength = np.linalg.norm(field, axis=1)
     sigma = 1e-6
     for _ in range(2):  # the second time with the noise found in the first
-        start = np.concatenate([np.zeros(8), [np.median(strength) / HARD_IRON_T]])
+        start = np.concatenate([np.zeros(8), [np.median(strength) / MAGNETOMETER.hard_iron_T]])
         fit = least_squares(_residuals, start, args=(field, sigma), x_scale="jac")
-        residual = _lengths(fit.x, field) - fit.x[8] * HARD_IRON_T
-        sigma = max(float(np.std(residual)) * np.sqrt(CORRELATED), 1e-9)
+        residual = _lengths(fit.x, field) - fit.x[8] * MAGNETOMETER.hard_iron_T
+        sigma = max(float(np.std(residual)) * np.sqrt(MAGNETOMETER.correlated), 1e-9)
     jacobian = np.asarray(fit.jac)
     covariance = np.linalg.inv(jacobian.T @ jacobian)
     error = np.sqrt(np.diag(covariance))
-    F = float(fit.x[8] * HARD_IRON_T)
-    if not EARTH_T[0] < F < EARTH_T[1]:
+    F = float(fit.x[8] * MAGNETOMETER.hard_iron_T)
+    least_T, largest_T = MAGNETOMETER.earth_T
+    if not least_T < F < largest_T:
         raise InputError(
-            f"{source}: the estimated field is {1e6 * F:.0f} uT, which is nowhere on earth ({1e6 * EARTH_T[0]:.0f} to"
-            f" {1e6 * EARTH_T[1]:.0f}): turn the aircraft through more directions, away from iron and motors"
+            f"{source}: the estimated field is {1e6 * F:.0f} uT, which is nowhere on earth ({1e6 * least_T:.0f} to"
+            f" {1e6 * largest_T:.0f}): turn the aircraft through more directions, away from iron and motors"
         )
-    hard_iron_error_T, soft_iron_error = error[:3] * HARD_IRON_T, float(error[3:8].max() * SOFT_IRON)
-    if np.hypot(np.linalg.norm(hard_iron_error_T), soft_iron_error * F) > WORST_RAD * F:
+    hard_iron_error_T, soft_iron_error = (
+        error[:3] * MAGNETOMETER.hard_iron_T,
+        float(error[3:8].max() * MAGNETOMETER.soft_iron),
+    )
+    if np.hypot(np.linalg.norm(hard_iron_error_T), soft_iron_error * F) > MAGNETOMETER.worst_rad * F:
         axis = int(np.argmax(hard_iron_error_T))
         raise InputError(
             f"{source}: hard iron along {'xyz'[axis]} stays uncertain by {1e6 * hard_iron_error_T[axis]:.0f} uT"
             f" (1 sigma, of a field of {1e6 * F:.0f}): turn the aircraft about more axes, nose up and down, on its"
             " sides and its back"
         )
-    A, b = _matrix(fit.x), fit.x[:3] * HARD_IRON_T
+    A, b = _matrix(fit.x), fit.x[:3] * MAGNETOMETER.hard_iron_T
     unit = (field - b) @ A.T / np.linalg.norm((field - b) @ A.T, axis=1)[:, None]
     return MagnetometerCalibration(
         source=source,
@@ -188,17 +182,17 @@ def _residuals(x: Array, field: Array, sigma: float) -> Array:
     """
     A = _matrix(x)
     lengths = _lengths(x, field)
-    outward = (field - x[:3] * HARD_IRON_T) @ A.T @ A / lengths[:, None]
-    lengths = (lengths - x[8] * HARD_IRON_T) / (sigma * np.linalg.norm(outward, axis=1))
-    prior = np.append(x[:8], (x[8] * HARD_IRON_T - FIELD_T) / FIELD_SIGMA_T)
+    outward = (field - x[:3] * MAGNETOMETER.hard_iron_T) @ A.T @ A / lengths[:, None]
+    lengths = (lengths - x[8] * MAGNETOMETER.hard_iron_T) / (sigma * np.linalg.norm(outward, axis=1))
+    prior = np.append(x[:8], (x[8] * MAGNETOMETER.hard_iron_T - MAGNETOMETER.field_T) / MAGNETOMETER.field_sigma_T)
     return np.concatenate([lengths, prior])
 
 
 def _lengths(x: Array, field: Array) -> Array:
-    return np.asarray(np.linalg.norm((field - x[:3] * HARD_IRON_T) @ _matrix(x).T, axis=1))
+    return np.asarray(np.linalg.norm((field - x[:3] * MAGNETOMETER.hard_iron_T) @ _matrix(x).T, axis=1))
 
 
 def _matrix(x: Array) -> Array:
-    xx, yy, xy, xz, yz = x[3:8] * SOFT_IRON
+    xx, yy, xy, xz, yz = x[3:8] * MAGNETOMETER.soft_iron
     matrix: Array = np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, -xx - yy]])
     return matrix

@@ -7,12 +7,10 @@ import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
+from analysis.airdata.settings import MAP
+
 Array = NDArray[np.float64]
 Powers = list[tuple[int, int]]
-ORDERS = range(1, 10)
-FOLDS = 10
-LEAST_IMPROVEMENT = 0.01  # a higher order must reduce the cross-validated error by this share
-MOST_COEFFICIENTS = 0.5  # of the number of points
 LEAST_SUM = 1e-3
 
 
@@ -109,15 +107,15 @@ def _noise(residual: Array, qbar_Pa: Array) -> Array:
 
 def _best_order(x: Array, y: Array, target: Array, weight: Array) -> tuple[PolynomialMap, Array]:
     """The polynomial whose order predicts left-out points best, and the covariance of its coefficients."""
-    fold = np.random.default_rng(0).permutation(len(target)) % FOLDS
+    fold = np.random.default_rng(0).permutation(len(target)) % MAP.folds
     best, best_rms, tried = 0, np.inf, []
-    for order in ORDERS:
+    for order in range(1, 10):
         X = terms(x, y, _powers(order)) * weight[:, None]
-        if X.shape[1] > MOST_COEFFICIENTS * len(target):
+        if X.shape[1] > MAP.most_coefficients * len(target):
             break
         rms = _left_out_rms(X, target * weight, fold)
         tried.append(rms)
-        if rms < (1 - LEAST_IMPROVEMENT) * best_rms:
+        if rms < (1 - MAP.least_improvement) * best_rms:
             best, best_rms = order, rms
     found, covariance = polynomial_of_order(x, y, target, weight, best)
     return structs.replace(found, residual_rms=best_rms, tried_rms=tried), covariance
@@ -131,7 +129,7 @@ def _left_out_rms(X: Array, y: Array, fold: NDArray[np.int64]) -> float:
     Q, _ = np.linalg.qr(X)
     residual = y - Q @ (Q.T @ y)
     total = 0.0
-    for k in range(FOLDS):
+    for k in range(MAP.folds):
         mine = Q[fold == k]
         left_out = np.linalg.solve(np.eye(len(mine)) - mine @ mine.T, residual[fold == k])
         total += float(left_out @ left_out)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.airdata.settings import GROUND
 from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES
 from flight.log_reader import Log
@@ -15,13 +16,6 @@ from flight.messages import DifferentialPressure, Status
 Array = NDArray[np.float64]
 
 CHANNELS = ("alpha", "beta", "airspeed")
-HELD_S = 5.0  # least time for which a pressure is held
-REFERENCE_S = 1.0  # at the beginning of a plateau, whose median the rest is compared with
-SMOOTHING_S = 0.5
-EDGE_S = 0.5  # at both ends of a plateau, in which the tubes settle
-STEADY_PA, STEADY_NOISES = 3.0, 5.0  # largest departure within a plateau: the larger of both, of smoothed readings
-OPEN_SHARE = 0.05  # nearer to the first plateau than this share of the largest pressure: tubes open again
-FEWEST_GOOD = 0.8  # share of good readings of each transducer in a plateau; others were beyond its range
 
 
 class Plateau(NamedTuple):
@@ -65,25 +59,29 @@ def readings(log: Log) -> pd.DataFrame:
 
 
 def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
-    """Pressures held for HELD_S at least, in order of time; the first one has open tubes. table: of `readings`.
+    """Pressures that are held, in order of time; the first one has open tubes. table: of `readings`.
 
     Raises InputError for a plateau beyond the range of a transducer.
     """
     t_s = table.index.to_numpy()
-    if len(t_s) < 2 or t_s[-1] - t_s[0] < HELD_S:
+    if len(t_s) < 2 or t_s[-1] - t_s[0] < GROUND.pressure_held_s:
         return []
     step_s = float(np.median(np.diff(t_s)))
-    window = max(1, round(SMOOTHING_S / step_s))
+    window = max(1, round(GROUND.pressure_smoothing_s / step_s))
     seen = table["airspeed"].dropna().to_numpy()
     noise_Pa = float(1.4826 * np.median(np.abs(np.diff(seen))) / np.sqrt(2))
-    allowed_Pa = max(STEADY_PA, STEADY_NOISES * noise_Pa / np.sqrt(window))
+    allowed_Pa = max(GROUND.steady_Pa, GROUND.steady_noises * noise_Pa / np.sqrt(window))
     smooth = table["airspeed"].rolling(window, center=True, min_periods=1).mean().to_numpy()
-    spans = [(a, b) for a, b in _steady(smooth, allowed_Pa, round(REFERENCE_S / step_s)) if t_s[b] - t_s[a] >= HELD_S]
+    spans = [
+        (a, b)
+        for a, b in _steady(smooth, allowed_Pa, round(GROUND.reference_s / step_s))
+        if t_s[b] - t_s[a] >= GROUND.pressure_held_s
+    ]
     found = []
     for first, last in spans:
-        inside = table.loc[t_s[first] + EDGE_S : t_s[last] - EDGE_S]
+        inside = table.loc[t_s[first] + GROUND.edge_s : t_s[last] - GROUND.edge_s]
         for name in CHANNELS:
-            if inside[name].notna().mean() < FEWEST_GOOD:
+            if inside[name].notna().mean() < GROUND.fewest_good:
                 raise InputError(
                     f"{source}: /probe/{name} has no good readings at {t_s[first]:.0f} s: beyond its range; stay"
                     " within that of all three transducers"
@@ -95,7 +93,7 @@ def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
         return []
     zero = found[0].readings_Pa[-1]
     swing = max(abs(plateau.readings_Pa[-1] - zero) for plateau in found)
-    nearest = max(OPEN_SHARE * swing, allowed_Pa)
+    nearest = max(GROUND.open_share * swing, allowed_Pa)
     return [plateau._replace(open=abs(plateau.readings_Pa[-1] - zero) <= nearest) for plateau in found]
 
 

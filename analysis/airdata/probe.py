@@ -15,14 +15,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.polynomial_map import PolynomialMap
+from analysis.airdata.settings import MAP
 from flight.json_file import JsonFormat
 
 Array = NDArray[np.float64]
 FORMAT = "flightpower-probe-2"
 FIRST_FORMAT = "flightpower-probe-1"  # its angles are polynomials in C_alpha and C_beta, its q_c/qbar is one itself
-DP_ALPHA_STEP = 0.01  # of a central difference; its relative error is a sixth of its square times the third derivative
-C_STEP = 0.02  # of a central difference of the angles
-ANGLE_MARGIN_RAD = np.radians(0.5)  # accepted beyond the last angle of the tunnel, for noise
 
 
 class ProbeCalibration(msgspec.Struct, frozen=True, kw_only=True):
@@ -77,15 +75,17 @@ def flow_at_probe(
     alpha, beta, ratio = probe.maps(C_alpha, C_beta)
     if samples > 1:
         inside &= np.isfinite(dp_alpha_Pa) & np.isfinite(dp_beta_Pa)
-        higher, lower = (probe.maps(C_alpha + step, C_beta) for step in (C_STEP, -C_STEP))
-        alpha = alpha + (higher[0] - lower[0]) / (2 * C_STEP) * (dp_alpha_Pa / q_c - C_alpha)
-        higher, lower = (probe.maps(C_alpha, C_beta + step) for step in (C_STEP, -C_STEP))
-        beta = beta + (higher[1] - lower[1]) / (2 * C_STEP) * (dp_beta_Pa / q_c - C_beta)
+        h = 0.02  # of central differences of the angles
+        higher, lower = (probe.maps(C_alpha + step, C_beta) for step in (h, -h))
+        alpha = alpha + (higher[0] - lower[0]) / (2 * h) * (dp_alpha_Pa / q_c - C_alpha)
+        higher, lower = (probe.maps(C_alpha, C_beta + step) for step in (h, -h))
+        beta = beta + (higher[1] - lower[1]) / (2 * h) * (dp_beta_Pa / q_c - C_beta)
     for angle, limits in ((alpha, probe.alpha_limits_rad), (beta, probe.beta_limits_rad)):
         if limits is not None:
-            inside &= (angle > limits[0] - ANGLE_MARGIN_RAD) & (angle < limits[1] + ANGLE_MARGIN_RAD)
-    less, more = (probe.maps(C_alpha * factor, C_beta) for factor in (1 - DP_ALPHA_STEP, 1 + DP_ALPHA_STEP))
-    dalpha, _, dratio = ((b - a) / (2 * DP_ALPHA_STEP) for a, b in zip(less, more, strict=True))
+            inside &= (angle > limits[0] - MAP.angle_margin_rad) & (angle < limits[1] + MAP.angle_margin_rad)
+    h = 0.01  # relative, of a central difference; its error is a sixth of its square times the third derivative
+    less, more = (probe.maps(C_alpha * factor, C_beta) for factor in (1 - h, 1 + h))
+    dalpha, _, dratio = ((b - a) / (2 * h) for a, b in zip(less, more, strict=True))
     return ProbeFlow(q_c / ratio, alpha, beta, inside, dalpha, -dratio / (2 * ratio))
 
 

@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull
 
 from analysis.airdata.polynomial_map import PolynomialMap, Powers, fit_map, polynomial_of_order, terms
 from analysis.airdata.probe import FORMAT, ProbeCalibration
+from analysis.airdata.settings import TUNNEL
 from flight.atmosphere import density
 from flight.errors import InputError
 from flight.unit_columns import csv_rows, si_column
@@ -97,12 +98,6 @@ def dynamic_pressure(tunnel: TunnelData) -> Array:
     return np.asarray(density(tunnel.static_Pa, tunnel.temperature_K) * tunnel.speed_mps**2 / 2)
 
 
-SLOPE_RANGE_RAD = np.radians(10.0)  # the angles of normal flight, over which the slope of alpha is fitted
-SPEED_STEP = 0.04  # two points whose speeds differ by more than this share belong to different tunnel speeds
-SIGNIFICANCE = 0.99
-FEWEST_POINTS_AT_A_SPEED = 5  # at one speed
-
-
 class SlopeAtSpeed(NamedTuple):
     """A straight line through an angle's residual at one tunnel speed: offset at zero angle, slope and its error."""
 
@@ -126,14 +121,14 @@ class SpeedDependence(NamedTuple):
 
 
 def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) -> SpeedDependence:
-    """The slope of an angle's residual at each speed, within SLOPE_RANGE_RAD. residual_rad, angle_rad : (n,)."""
-    small = np.abs(angle_rad) <= SLOPE_RANGE_RAD
+    """The slope of an angle's residual at each speed, within TUNNEL.slope_range_rad. residual_rad, angle_rad : (n,)."""
+    small = np.abs(angle_rad) <= TUNNEL.slope_range_rad
     groups = _speed_groups(tunnel.speed_mps)
     found = []
     for group in range(groups.max() + 1):
         mine = small & (groups == group)
         x, y = angle_rad[mine], residual_rad[mine]
-        if len(x) < FEWEST_POINTS_AT_A_SPEED or np.ptp(x) == 0:
+        if len(x) < TUNNEL.fewest_points_at_a_speed or np.ptp(x) == 0:
             continue
         x_mean = x - x.mean()
         slope = float(x_mean @ y / (x_mean @ x_mean))
@@ -146,25 +141,19 @@ def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) 
     slopes, errors = np.array([f.slope for f in found]), np.array([f.slope_error for f in found])
     mean = np.average(slopes, weights=1 / errors**2)
     chi_squared = float(np.sum(((slopes - mean) / errors) ** 2))
-    if chi_squared < special.chdtri(len(found) - 1, 1 - SIGNIFICANCE):
+    if chi_squared < special.chdtri(len(found) - 1, 1 - TUNNEL.significance):
         return SpeedDependence(found, chi_squared, 0.0)
     beyond = max(float(np.var(slopes, ddof=1) - np.mean(errors**2)), 0.0)
     return SpeedDependence(found, chi_squared, float(np.sqrt(beyond)))
 
 
 def _speed_groups(speed_mps: Array) -> NDArray[np.int64]:
-    """The number of the tunnel speed to which each point belongs, from 0; a new one begins after a SPEED_STEP."""
+    """The number of the tunnel speed to which each point belongs, from 0; a new one begins after a step of speed."""
     order = np.argsort(speed_mps)
-    steps = np.diff(speed_mps[order]) > SPEED_STEP * speed_mps[order][:-1]
+    steps = np.diff(speed_mps[order]) > TUNNEL.speed_step * speed_mps[order][:-1]
     group = np.empty(len(order), dtype=np.int64)
     group[order] = np.concatenate([[0], np.cumsum(steps)])
     return group
-
-
-FEWEST_POINTS = 30
-HIGHEST_SPEED_MPS = 150.0  # the air is taken as incompressible
-LEAST_PREDICTED = 0.9  # of the angles' variance, at points left out (predictive R^2)
-LARGEST_SLOPE_SIGMA = 0.1  # relative standard error of the slope of alpha, beyond which it is not determined
 
 
 def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float = 0.0) -> ProbeCalibration:
@@ -173,14 +162,16 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
     angle_scale_sigma: relative standard error of the tunnel's own angles (turntable, blockage, walls). The measurements
     do not show it.
     Raises InputError if there are too few points, points without flow or at one angle only, or if they do not support
-    a calibration: the maps predict less than LEAST_PREDICTED of the variance of alpha or beta at points left out, or
-    the standard error of the slope of alpha exceeds LARGEST_SLOPE_SIGMA.
+    a calibration: the maps predict too little of the variance of alpha or beta at points left out, or
+    the standard error of the slope of alpha exceeds TUNNEL.largest_slope_sigma.
     """
-    if np.any(tunnel.speed_mps > HIGHEST_SPEED_MPS):
-        raise InputError(f"{source}: speeds above {HIGHEST_SPEED_MPS:.0f} m/s; is their unit right?")
+    if np.any(tunnel.speed_mps > TUNNEL.highest_speed_mps):
+        raise InputError(f"{source}: speeds above {TUNNEL.highest_speed_mps:.0f} m/s; is their unit right?")
     qbar = dynamic_pressure(tunnel)
-    if len(qbar) < FEWEST_POINTS:
-        raise InputError(f"{source}: {len(qbar)} points are too few to calibrate a probe; {FEWEST_POINTS} are needed")
+    if len(qbar) < TUNNEL.fewest_points:
+        raise InputError(
+            f"{source}: {len(qbar)} points are too few to calibrate a probe; {TUNNEL.fewest_points} are needed"
+        )
     if np.any(tunnel.q_c_Pa <= 0) or np.any(qbar <= 0):
         raise InputError(f"{source}: q_c and speed must be positive at every point")
     if min(np.ptp(tunnel.alpha_rad), np.ptp(tunnel.beta_rad)) == 0:
@@ -193,7 +184,7 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
     beta = fit_map(x, y, tunnel.beta_rad, qbar).map
     for name, fitted, measured in (("alpha", alpha, tunnel.alpha_rad), ("beta", beta, tunnel.beta_rad)):
         spread = float(np.std(measured))
-        if fitted.residual_rms**2 > (1 - LEAST_PREDICTED) * spread**2:
+        if fitted.residual_rms**2 > (1 - TUNNEL.least_predicted) * spread**2:
             raise InputError(
                 f"{source}: the pressures do not determine {name}: points left out are predicted within"
                 f" {np.degrees(fitted.residual_rms):.2f} deg rms, of {np.degrees(spread):.2f} deg that they vary by;"
@@ -210,7 +201,7 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
     with_speed = speed_dependence(tunnel, alpha(x, y) - tunnel.alpha_rad, tunnel.alpha_rad)
 
     sigma = float(np.sqrt(noise**2 + form**2 + with_speed.spread**2 + angle_scale_sigma**2))
-    if sigma > LARGEST_SLOPE_SIGMA and angle_scale_sigma <= LARGEST_SLOPE_SIGMA:
+    if sigma > TUNNEL.largest_slope_sigma and angle_scale_sigma <= TUNNEL.largest_slope_sigma:
         raise InputError(
             f"{source}: the slope of alpha is uncertain by {100 * sigma:.0f} % (1 sigma): measure at more angles and"
             " longer at each"
@@ -233,11 +224,12 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
 def _slope_by_coefficient(alpha: PolynomialMap, x_range: tuple[float, float]) -> Callable[[Powers], Array]:
     """A function of powers: by how much each coefficient changes the slope of alpha, (k,).
 
-    The slope is that of a straight line over SLOPE_RANGE_RAD at dp_beta = 0, relative to the slope of `alpha` itself.
+    The slope is that of a straight line over the angles of normal flight at dp_beta = 0, relative to the slope of
+    `alpha` itself.
     """
     x = np.linspace(*x_range, 401)
     angle = alpha(x, np.zeros_like(x))
-    x, angle = x[np.abs(angle) <= SLOPE_RANGE_RAD], angle[np.abs(angle) <= SLOPE_RANGE_RAD]
+    x, angle = x[np.abs(angle) <= TUNNEL.slope_range_rad], angle[np.abs(angle) <= TUNNEL.slope_range_rad]
     centered = angle - angle.mean()
     return lambda powers: (centered / (centered @ centered)) @ terms(x, np.zeros_like(x), powers)
 

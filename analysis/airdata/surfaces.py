@@ -6,16 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.airdata.settings import GROUND
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-
-HELD_S = 2.0  # least time for which a position is held
-JITTER_US = 4.0  # of the pulse while the stick is not moved
-SAME_US = 12.0  # two held pulses as near as this are one position, read twice
-FEWEST_POSITIONS = 3  # with two, a wrong reading cannot show
-PLAY_STEPS = 2.0  # a step between positions must exceed the difference of two readings of one position by this factor
-MEDIAN_SAMPLES = 25  # at the beginning of a hold, whose median is the reference for JITTER_US
 
 
 class HeldPulse(NamedTuple):
@@ -38,15 +32,15 @@ class SurfaceTable(NamedTuple):
 
 
 def held_pulses(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
-    """Pulses held for HELD_S at least, in order of time. t_s, pulse_us : (n,)."""
+    """Pulses held for GROUND.position_held_s at least, in order of time. t_s, pulse_us : (n,)."""
     found: list[HeldPulse] = []
     start = 0
     for i in range(1, len(t_s) + 1):
-        reference_us = np.median(pulse_us[start : min(i, start + MEDIAN_SAMPLES)])
-        ended = i == len(t_s) or abs(pulse_us[i] - reference_us) > JITTER_US
+        reference_us = np.median(pulse_us[start : min(i, start + GROUND.median_samples)])
+        ended = i == len(t_s) or abs(pulse_us[i] - reference_us) > GROUND.jitter_us
         if not ended:
             continue
-        if t_s[i - 1] - t_s[start] >= HELD_S:
+        if t_s[i - 1] - t_s[start] >= GROUND.position_held_s:
             found.append(
                 HeldPulse(float(t_s[start]), float(t_s[i - 1] - t_s[start]), float(np.median(pulse_us[start:i])))
             )
@@ -57,7 +51,7 @@ def held_pulses(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
 def surface_table(found: Sequence[HeldPulse], angles_deg: Sequence[float | None]) -> SurfaceTable:
     """The table of pulses and angles; an angle is None where it was not read.
 
-    Raises InputError if there are not as many angles as held pulses, if fewer than FEWEST_POSITIONS were read, if they
+    Raises InputError if there are not as many angles as held pulses, if too few positions were read, if they
     do not rise or fall with the pulse, or if a step between two positions is not significant: two readings of one
     position that differ by d have a standard deviation of d/sqrt(2) each, so a step is significant (95 %) from 1.96 d.
     """
@@ -69,13 +63,14 @@ def surface_table(found: Sequence[HeldPulse], angles_deg: Sequence[float | None]
     read = sorted((hold.pulse_us, angle) for hold, angle in zip(found, angles_deg, strict=True) if angle is not None)
     groups: list[list[tuple[float, float]]] = []
     for pulse, angle in read:
-        if groups and pulse - groups[-1][0][0] <= SAME_US:
+        if groups and pulse - groups[-1][0][0] <= GROUND.same_us:
             groups[-1].append((pulse, angle))
         else:
             groups.append([(pulse, angle)])
-    if len(groups) < FEWEST_POSITIONS:
+    if len(groups) < GROUND.fewest_positions:
         raise InputError(
-            f"too few positions with an angle ({len(groups)}); {FEWEST_POSITIONS} at least are needed, better five"
+            f"too few positions with an angle ({len(groups)}); {GROUND.fewest_positions} at least are needed,"
+            " better five"
         )
     pulses = [round(float(np.mean([p for p, _ in group]))) for group in groups]
     angles = [float(np.mean([a for _, a in group])) for group in groups]
@@ -85,7 +80,7 @@ def surface_table(found: Sequence[HeldPulse], angles_deg: Sequence[float | None]
         raise InputError(f"the angle does not rise or fall steadily with the pulse ({pairs}): is the order right?")
     play = max(float(np.ptp([a for _, a in group])) for group in groups)
     least = float(np.min(np.abs(steps)))
-    if least < PLAY_STEPS * play:
+    if least < GROUND.play_steps * play:
         raise InputError(
             f"two readings of one position differ by {play:.1f} deg, neighboring positions only by {least:.1f} deg:"
             " remove the play of the linkage, or hold positions further apart, and measure again"

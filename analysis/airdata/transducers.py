@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from analysis.airdata.pressure_plateaus import CHANNELS, Plateau, in_words
+from analysis.airdata.settings import GROUND
 from analysis.estimation.noise import NORMAL_95
 from flight.errors import InputError
 from flight.json_file import JsonFormat
@@ -25,11 +26,6 @@ Array = NDArray[np.float64]
 Reading = TypeVar("Reading", float, pd.Series)
 
 FORMAT = "flightpower-transducers-1"
-FEWEST_PRESSURES = 4  # beside zero: a straight line through two or three hides a wrong reading
-LARGEST_GAIN_ERROR = 0.2  # a slope further from one is a wrong unit or a wrong order of the pressures
-# Standard errors (1 sigma) beyond which the calibration says hardly more than the priors of a flight without it
-# (analysis.trajectory.priors: 1.25 % of airspeed, 3 % of the slope of angle of attack).
-LARGEST_AIRSPEED_ERROR, LARGEST_SLOPE_ERROR = 0.01, 0.024
 
 
 class TransducerLine(msgspec.Struct, frozen=True, kw_only=True):
@@ -81,11 +77,11 @@ COLUMN_OF = {"alpha": "dp_alpha_Pa", "beta": "dp_beta_Pa", "airspeed": "q_c_Pa"}
 def _check(found: TransducerCalibration, where: str) -> None:
     for name in CHANNELS:
         line = found.line(name)
-        if not abs(line.slope - 1) <= LARGEST_GAIN_ERROR or not 0 < line.slope_error < LARGEST_GAIN_ERROR:
+        if not abs(line.slope - 1) <= GROUND.largest_gain_error or not 0 < line.slope_error < GROUND.largest_gain_error:
             raise InputError(
                 f"{where}: not a transducer calibration ({name}: slope {line.slope:g} ± {line.slope_error:g})"
             )
-    if not 0 < found.airspeed_scale_error < LARGEST_GAIN_ERROR:
+    if not 0 < found.airspeed_scale_error < GROUND.largest_gain_error:
         raise InputError(f"{where}: not a transducer calibration (airspeed_scale_error {found.airspeed_scale_error:g})")
 
 
@@ -120,9 +116,10 @@ def calibrate(
             f" those at zero. Plateaus: {in_words(found)}"
         )
     levels = len(set(pressures_Pa))
-    if levels < FEWEST_PRESSURES:
+    if levels < GROUND.fewest_pressures:
         raise InputError(
-            f"{source}: {levels} pressures beside zero are too few; hold {FEWEST_PRESSURES} at least, up to 400 Pa"
+            f"{source}: {levels} pressures beside zero are too few; hold {GROUND.fewest_pressures} at least,"
+            " up to 400 Pa"
         )
     remaining = iter(pressures_Pa)
     p = np.array([0.0 if plateau.open else next(remaining) for plateau in found])
@@ -141,7 +138,7 @@ def calibrate(
                 f"{source}: /probe/{name} falls as the pressure rises: connect the pressure to the port that it counts"
                 " as positive (lower, right, center), or give negative pressures for all three"
             )
-        if abs(slope - 1) > LARGEST_GAIN_ERROR:
+        if abs(slope - 1) > GROUND.largest_gain_error:
             raise InputError(
                 f"{source}: /probe/{name} reads {slope:.2f} times the pressures given: check their unit and order, and"
                 " the T-piece"
@@ -174,9 +171,9 @@ def calibrate(
 def _why_not_supported(calibration: TransducerCalibration) -> str:
     """Empty if the slopes are known well enough to be of use."""
     errors = [
-        ("airspeed", calibration.airspeed_scale_error, LARGEST_AIRSPEED_ERROR),
+        ("airspeed", calibration.airspeed_scale_error, GROUND.largest_airspeed_error),
         *(
-            (f"the slope of /probe/{name}", line.slope_error / line.slope, LARGEST_SLOPE_ERROR)
+            (f"the slope of /probe/{name}", line.slope_error / line.slope, GROUND.largest_slope_error)
             for name, line in (("alpha", calibration.alpha), ("beta", calibration.beta))
         ),
     ]
@@ -192,7 +189,6 @@ def _why_not_supported(calibration: TransducerCalibration) -> str:
     return ""
 
 
-SMOOTHING_S = 1.0  # noise of the electronics does not move the membrane
 AIR_DATA_CHANNELS = ("q_c_Pa", "dp_alpha_Pa")
 
 
@@ -216,7 +212,8 @@ def with_zero_step(air: pd.DataFrame, channel: str, step_Pa: float) -> pd.DataFr
 
 
 def _smooth(pressure: pd.Series, air: pd.DataFrame) -> pd.Series:
-    window = max(1, round(SMOOTHING_S / float(air.index[1] - air.index[0])))
+    # Over a second: noise of the electronics does not move the membrane.
+    window = max(1, round(1.0 / float(air.index[1] - air.index[0])))
     return pressure.rolling(window, center=True, min_periods=1).mean()
 
 

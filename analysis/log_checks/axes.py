@@ -8,49 +8,29 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.log_checks.settings import AXES
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 
-MEAN_S, GUST_S = 1.0, 0.2  # of the means that are compared
-FEWEST_MEANS = 30
-# Leaves out take-off and landing, where the wheels carry some of the weight.
-SLOWEST_SHARE = 0.15
-# Angular rate needs a centripetal force. None of 42 flights exceeded this in any second; in deg/s 15 % to 78 % do.
-SLACK_MPS2, MOST_EXCEEDED = 5.0, 0.05
-# Correlation of angle of attack and lift coefficient: 0.76 to 0.99 in 42 flights. Of roll rate and change of bank: 0.21
-# (short flights in 15 kt) to 0.91 in 64 flights of three aircraft.
-REVERSED = -0.5
-# Correlation of the changes of side force and of sideslip. -0.94 to 0.05: calm flights hardly sideslip, and their curve
-# does not depend on it.
-REVERSED_SIDESLIP = 0.4
-LEAST_SLOPE = 0.03  # of alpha's pressure over q_c on the relative lift coefficient; 0.22 to 0.58; in hPa 0.01 at most
-# Correlation of lift and beta's pressure over q_c, and how much more than alpha's; -0.11 to 0.52, alpha's 0.74 to 1.00.
-EXCHANGED, EXCHANGED_MORE = 0.6, 0.2
-REVERSED_PITCH = -0.35  # correlation of pitch rate and load; 0.46 to 0.98
-LEAST_GAIN_MPS2 = 0.3  # standard deviation; correlation 0.68 to 1.00
-LEAST_TURN_RADPS = 0.1  # standard deviation; correlation 0.97 to 1.00
-LEAST_LIFT_SPREAD = 0.05  # relative; at a constant lift coefficient nothing correlates with it
-LEAST_CLIMB_MPS = 0.5  # standard deviation of the climb rate
-FASTEST_GROUND, SLOWEST_GROUND = 2.5, 0.05  # times the airspeed, median; wind is slower than 1.5 of it
 GPS_UNITS = {"km/h": 1 / 3.6, "cm/s": 0.01, "mm/s": 0.001}
 
 
 def check_axes(table: pd.DataFrame, log: str) -> None:
     """Raises InputError naming the log if an axis, sign or unit contradicts the motion of the aircraft.
 
-    table: of `air_data`. Nothing is judged by less than FEWEST_MEANS of flight.
+    table: of `air_data`. Nothing is judged by less than AXES.fewest_means of flight.
     """
-    flown = table["flying"] & (table["qbar_Pa"] > table["qbar_Pa"].quantile(SLOWEST_SHARE))
-    means = _means(table, flown, MEAN_S)
-    if means["V_mps"].notna().sum() < FEWEST_MEANS:
+    flown = table["flying"] & (table["qbar_Pa"] > table["qbar_Pa"].quantile(AXES.slowest_share))
+    means = _means(table, flown, AXES.mean_s)
+    if means["V_mps"].notna().sum() < AXES.fewest_means:
         return
     climb_mps = _climb_mps(table)[means.index]
     _check_angular_rate(means, log)
     _check_angle_of_attack(means, log)
     _check_forward_force(means, climb_mps, log)
-    for seconds in (GUST_S, MEAN_S):
+    for seconds in (AXES.gust_s, AXES.mean_s):
         _check_sideslip(_means(table, flown, seconds), log)
     _check_gps(means, climb_mps, log)
     _check_course(means, log)
@@ -61,13 +41,13 @@ def _check_angular_rate(means: pd.DataFrame, log: str) -> None:
     """V times pitch and yaw rate is acceleration, which specific force and gravity supply: at most |f| + g."""
     force = np.sqrt(sum(means[f"a{axis}_mps2"] ** 2 for axis in "xyz"))
     needed = means["V_mps"] * np.hypot(means["q_radps"], means["r_radps"])
-    exceeded = float((needed > force + GRAVITY_MPS2 + SLACK_MPS2)[needed.notna()].mean())
-    if exceeded > MOST_EXCEEDED:
+    exceeded = float((needed > force + GRAVITY_MPS2 + AXES.slack_mps2)[needed.notna()].mean())
+    if exceeded > AXES.most_exceeded:
         raise InputError(
             f"{log}: /imu: angular_rate_y_radps and angular_rate_z_radps are too large for the specific force in"
             f" {100 * exceeded:.0f} % of the flight: they look like degrees per second; multiply by 0.0174533"
         )
-    if _correlation(means["V_mps"] * means["q_radps"], -means["az_mps2"]) < REVERSED_PITCH:
+    if _correlation(means["V_mps"] * means["q_radps"], -means["az_mps2"]) < AXES.reversed_pitch:
         raise InputError(
             f"{log}: /imu: the nose goes down where specific_force_z_mps2 shows a pull-up: angular_rate_y_radps has the"
             " wrong sign; write it positive nose up"
@@ -77,22 +57,22 @@ def _check_angular_rate(means: pd.DataFrame, log: str) -> None:
 def _check_angle_of_attack(means: pd.DataFrame, log: str) -> None:
     """More lift needs more angle of attack."""
     lift = -means["az_mps2"] / means["qbar_Pa"]
-    if not lift.std() > LEAST_LIFT_SPREAD * lift.mean():
+    if not lift.std() > AXES.least_lift_spread * lift.mean():
         return
     ratio = {name: means[f"dp_{name}_Pa"] / means["q_c_Pa"] for name in ("alpha", "beta")}
     alpha, beta = (_correlation(ratio[name], lift) for name in ("alpha", "beta"))
-    if abs(beta) > max(EXCHANGED, abs(alpha) + EXCHANGED_MORE):
+    if abs(beta) > max(AXES.exchanged, abs(alpha) + AXES.exchanged_more):
         raise InputError(
             f"{log}: /probe/alpha and /probe/beta: differential_pressure_Pa of beta follows the lift (correlation"
             f" {beta:+.2f}), that of alpha does not ({alpha:+.2f}): the topics or tubes are exchanged"
         )
     slope = alpha * float(ratio["alpha"].std() / lift.std() * lift.mean())
-    if abs(alpha) > -REVERSED and abs(slope) < LEAST_SLOPE:
+    if abs(alpha) > -AXES.reversed_correlation and abs(slope) < AXES.least_slope:
         raise InputError(
             f"{log}: /probe/alpha: differential_pressure_Pa changes with the lift, but by {slope:+.4f} of that of"
             " /probe/airspeed only: is it in hPa (mbar), kPa or inches of water?"
         )
-    if _correlation(means["alpha_rad"], lift) < REVERSED:
+    if _correlation(means["alpha_rad"], lift) < AXES.reversed_correlation:
         raise InputError(
             f"{log}: /probe/alpha: the angle of attack falls where lift rises: differential_pressure_Pa has the wrong"
             " sign; write lower minus upper port, in the calibration of the probe too"
@@ -103,8 +83,8 @@ def _check_forward_force(means: pd.DataFrame, climb_mps: pd.Series, log: str) ->
     """The specific force along the flight path is the gain of speed and the share of gravity in a climb."""
     V, alpha = means["V_mps"], means["alpha_rad"]
     forward = means["ax_mps2"] * np.cos(alpha) + means["az_mps2"] * np.sin(alpha)
-    gain = (V.shift(-1) - V.shift(1)) / (2 * MEAN_S) + GRAVITY_MPS2 * climb_mps / V
-    if gain.std() > LEAST_GAIN_MPS2 and _correlation(forward, gain) < REVERSED:
+    gain = (V.shift(-1) - V.shift(1)) / (2 * AXES.mean_s) + GRAVITY_MPS2 * climb_mps / V
+    if gain.std() > AXES.least_gain_mps2 and _correlation(forward, gain) < AXES.reversed_correlation:
         raise InputError(
             f"{log}: /imu: specific_force_x_mps2 falls where the aircraft speeds up or climbs; write it positive"
             " forward"
@@ -113,7 +93,7 @@ def _check_forward_force(means: pd.DataFrame, climb_mps: pd.Series, log: str) ->
 
 def _check_sideslip(means: pd.DataFrame, log: str) -> None:
     """Air from the right pushes to the left. Changes are compared: offsets of both sensors drop out."""
-    if _correlation((means["beta_rad"] * means["qbar_Pa"]).diff(), means["ay_mps2"].diff()) > REVERSED_SIDESLIP:
+    if _correlation((means["beta_rad"] * means["qbar_Pa"]).diff(), means["ay_mps2"].diff()) > AXES.reversed_sideslip:
         raise InputError(
             f"{log}: /probe/beta: the side force points to where the air comes from: differential_pressure_Pa (right"
             " minus left port, in the probe's calibration too) or specific_force_y_mps2 of /imu (to the right) has the"
@@ -123,18 +103,21 @@ def _check_sideslip(means: pd.DataFrame, log: str) -> None:
 
 def _check_gps(means: pd.DataFrame, climb_mps: pd.Series, log: str) -> None:
     """Barometer and GPS climb alike, and the ground speed is airspeed and wind."""
-    if means["gps_north_mps"].notna().sum() < FEWEST_MEANS:
+    if means["gps_north_mps"].notna().sum() < AXES.fewest_means:
         return
     ground = float(np.nanmedian(np.hypot(means["gps_north_mps"], means["gps_east_mps"])))
     ratio = ground / float(means["V_mps"].median())
-    if ratio > FASTEST_GROUND or ratio < SLOWEST_GROUND:
+    if ratio > AXES.fastest_ground or ratio < AXES.slowest_ground:
         near = [unit for unit, factor in GPS_UNITS.items() if 0.5 < ratio * factor < 1.5]
         remedy = f"it looks like {near[0]}; multiply by {GPS_UNITS[near[0]]:.4g}" if near else "write m/s"
         raise InputError(
             f"{log}: /gps: velocity_north_mps and velocity_east_mps make {ground:.3g} m/s (median of the flight) at"
             f" {ground / ratio:.1f} m/s of airspeed: {remedy}"
         )
-    if climb_mps.std() > LEAST_CLIMB_MPS and _correlation(climb_mps, means["gps_down_mps"]) > -REVERSED:
+    if (
+        climb_mps.std() > AXES.least_climb_mps
+        and _correlation(climb_mps, means["gps_down_mps"]) > -AXES.reversed_correlation
+    ):
         raise InputError(
             f"{log}: /gps: velocity_down_mps is positive where /static shows a climb: write it positive downwards"
         )
@@ -144,8 +127,8 @@ def _check_course(means: pd.DataFrame, log: str) -> None:
     """In a turn the course turns as the nose does."""
     course = pd.Series(np.arctan2(means["gps_east_mps"], means["gps_north_mps"]), means.index)
     change = course.shift(-1) - course.shift(1)
-    turn = pd.Series(np.arctan2(np.sin(change), np.cos(change)), means.index) / (2 * MEAN_S)
-    if turn.std() > LEAST_TURN_RADPS and _correlation(turn, means["r_radps"]) < REVERSED:
+    turn = pd.Series(np.arctan2(np.sin(change), np.cos(change)), means.index) / (2 * AXES.mean_s)
+    if turn.std() > AXES.least_turn_radps and _correlation(turn, means["r_radps"]) < AXES.reversed_correlation:
         raise InputError(
             f"{log}: /imu and /gps: angular_rate_z_radps turns against the course of velocity_north_mps and"
             " velocity_east_mps: the rate is not positive to the right, or north and east are exchanged"
@@ -155,7 +138,7 @@ def _check_course(means: pd.DataFrame, log: str) -> None:
 def _check_roll(means: pd.DataFrame, log: str) -> None:
     """Into a turn to the right the aircraft rolls to the right: the bank of a turn without sideslip has sin = V r/g."""
     bank = np.arcsin((means["V_mps"] * means["r_radps"] / GRAVITY_MPS2).clip(-1, 1))
-    if _correlation(bank.shift(-1) - bank.shift(1), means["p_radps"]) < REVERSED:
+    if _correlation(bank.shift(-1) - bank.shift(1), means["p_radps"]) < AXES.reversed_correlation:
         raise InputError(
             f"{log}: /imu: the aircraft rolls out of the turns that angular_rate_z_radps shows: angular_rate_x_radps"
             " has the wrong sign; write it positive right wing down"
@@ -163,9 +146,9 @@ def _check_roll(means: pd.DataFrame, log: str) -> None:
 
 
 def _climb_mps(table: pd.DataFrame) -> pd.Series:
-    """Climb rate by the barometer over MEAN_S on both sides."""
+    """Climb rate by the barometer over AXES.mean_s on both sides."""
     step_s = float(table.index[1] - table.index[0])
-    n = max(1, round(MEAN_S / step_s))
+    n = max(1, round(AXES.mean_s / step_s))
     height = table["height_m"].rolling(n, center=True, min_periods=1).mean()
     return (height.shift(-n) - height.shift(n)) / (2 * n * step_s)
 
@@ -186,6 +169,6 @@ def _means(table: pd.DataFrame, rows: pd.Series, seconds: float) -> pd.DataFrame
 def _correlation(x: pd.Series, y: pd.Series) -> float:
     """0 where it is not known."""
     known = x.notna() & y.notna()
-    if known.sum() < FEWEST_MEANS or x[known].std() == 0 or y[known].std() == 0:
+    if known.sum() < AXES.fewest_means or x[known].std() == 0 or y[known].std() == 0:
         return 0.0
     return float(np.corrcoef(x[known], y[known])[0, 1])

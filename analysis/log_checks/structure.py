@@ -10,6 +10,7 @@ from difflib import get_close_matches
 import msgspec
 import numpy as np
 
+from analysis.log_checks.settings import STRUCTURE
 from analysis.log_checks.units import check_units
 from analysis.signals.channels import COLUMNS, NEEDED, TOPICS, is_good, times_ns, values
 from flight.errors import InputError
@@ -25,17 +26,13 @@ def check_log(log: Log, propeller_diameter_m: float) -> None:
     check_units(log, propeller_diameter_m)
 
 
-MOST_UNDECODABLE = 0.5  # of a topic's messages; a damaged log has a few
-SIMILAR = 0.7  # of 1, by difflib
-
-
 def check_decodable(log: Log) -> None:
     """Raises InputError if most messages of a topic cannot be decoded."""
     for topic in TOPICS:
         if topic in log.other_encodings:
             raise InputError(f"{log.path}: {topic}: {other_encoding(log.other_encodings[topic])}")
         entries, undecodable = log.entries.get(topic, NO_ENTRIES), log.undecodable_of.get(topic)
-        if undecodable and undecodable.count > MOST_UNDECODABLE * (len(entries) + undecodable.count):
+        if undecodable and undecodable.count > STRUCTURE.most_undecodable * (len(entries) + undecodable.count):
             raise InputError(
                 f"{log.path}: {topic}: {undecodable.count} of {len(entries) + undecodable.count} messages cannot be"
                 f" decoded: {undecodable.mistake}"
@@ -72,7 +69,7 @@ def _check_fields(log: Log, topic: str) -> None:
     empty = [field for field in used if np.isnan(values(entries, field)[good]).all()]
     known = {field.name for field in msgspec.structs.fields(TYPE_OF_TOPIC[topic])}
     unknown = sorted(log.fields.get(topic, frozenset()) - known)
-    misnamed = [(field, match) for field in empty for match in get_close_matches(field, unknown, 1, SIMILAR)]
+    misnamed = [(field, match) for field in empty for match in get_close_matches(field, unknown, 1, STRUCTURE.similar)]
     if misnamed:
         field, match = misnamed[0]
         raise InputError(f"{log.path}: {topic}: {field} has no value, but there is an unknown field {match}: rename it")
@@ -97,7 +94,7 @@ def _no_topic(log: Log, topic: str) -> InputError:
 
 def _match(log: Log, topic: str) -> str | None:
     """The unknown topic that resembles `topic`, or ends with it."""
-    found = get_close_matches(topic, log.unknown_topics, 1, SIMILAR)
+    found = get_close_matches(topic, log.unknown_topics, 1, STRUCTURE.similar)
     return next((name for name in [*found, *log.unknown_topics] if name in found or name.endswith(topic)), None)
 
 
@@ -107,29 +104,25 @@ def _similar_topic(log: Log, topic: str) -> str:
     return f"; unknown topics of the log: {', '.join(log.unknown_topics)}" if log.unknown_topics else ""
 
 
-# Of /imu, from the daemon's 1 to 200 Hz; faster ones are averaged before they are written.
-SHORTEST_INTERVAL_S, LONGEST_INTERVAL_S = 1 / 210, 1.1
-FEWEST_MESSAGES = 10
-LARGEST_JUMP_S = 3600.0  # longer than any of these aircraft flies: the clock was set, or is another
 UNITS = {"microseconds": 1e3, "milliseconds": 1e6, "seconds": 1e9}
 
 
 def check_clock(log: Log) -> None:
     """Raises InputError if the log times cannot be nanoseconds of one clock."""
     imu_ns = times_ns(log.entries.get("/imu", NO_ENTRIES))
-    if len(imu_ns) < FEWEST_MESSAGES:
+    if len(imu_ns) < STRUCTURE.fewest_messages:
         raise InputError(f"{log.path}: /imu: {len(imu_ns)} messages are too few to analyze")
     interval_s = float(np.median(np.diff(imu_ns))) / 1e9
-    if not SHORTEST_INTERVAL_S <= interval_s <= LONGEST_INTERVAL_S:
+    if not STRUCTURE.shortest_interval_s <= interval_s <= STRUCTURE.longest_interval_s:
         raise InputError(f"{log.path}: /imu: {_wrong_interval(interval_s)}")
     jump_s = float(np.diff(imu_ns).max()) / 1e9
-    if jump_s > LARGEST_JUMP_S:
+    if jump_s > STRUCTURE.largest_jump_s:
         raise InputError(
             f"{log.path}: /imu: log_time jumps by {jump_s:.3g} s; use a clock that is not set while it records"
         )
     for topic in TOPICS:
         taken_ns = times_ns(log.entries.get(topic, NO_ENTRIES))
-        if len(taken_ns) < FEWEST_MESSAGES:
+        if len(taken_ns) < STRUCTURE.fewest_messages:
             continue
         if taken_ns[-1] < imu_ns[0] or taken_ns[0] > imu_ns[-1]:
             apart_s = float(taken_ns[0] - imu_ns[0]) / 1e9
@@ -143,8 +136,8 @@ def _wrong_interval(interval_s: float) -> str:
     if interval_s == 0:
         return "most messages have the log_time of the one before; write each message's own, in nanoseconds"
     for unit, factor in UNITS.items():
-        if SHORTEST_INTERVAL_S <= interval_s * factor <= LONGEST_INTERVAL_S:
+        if STRUCTURE.shortest_interval_s <= interval_s * factor <= STRUCTURE.longest_interval_s:
             return f"log_time is in {unit} ({interval_s * 1e9:.0f} between messages); write nanoseconds"
-    if SHORTEST_INTERVAL_S / 50 < interval_s < SHORTEST_INTERVAL_S:
+    if STRUCTURE.shortest_interval_s / 50 < interval_s < STRUCTURE.shortest_interval_s:
         return f"{1 / interval_s:.0f} messages a second are too many; average them to 25 a second (200 at most)"
     return f"{interval_s:.3g} s between messages (by log_time, in nanoseconds); write 25 a second (1 at least)"

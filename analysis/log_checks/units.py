@@ -8,25 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.log_checks.settings import UNITS
 from analysis.signals.channels import field_of, is_good, times_ns, values
 from flight.errors import InputError
 from flight.log_reader import Log
+from flight.runs import STANDING
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 
 MEDIAN = 50.0
 FORCE = tuple(f"specific_force_{axis}_mps2" for axis in "xyz")
-LOAD_G = (0.3, 3.0)  # of the median of a flight; at rest 1
-ONE_AXIS = 0.8  # of the magnitude, at least, is the median of one axis in any unit, unless gravity was taken out
-UPRIGHT = -0.5  # z over magnitude, median; level flight, turns and rest are all near -1
-SPEED_OF_SOUND_MPS = 340.0
-SLOWEST_TIP_MPS = 20.0  # of a propeller that drives an aircraft; less than its flight speed gives no thrust
-TURNING_REVPS = 1.0
-LEAST_FLIGHT_PA = 10.0  # 4 m/s at sea level
-SWAPPED = 1.3  # times q_c; q_c is largest below some 20 deg of angle of attack, beyond every wing's stall
-LEAST_CURRENT_A = 0.5  # more than the zero of a current sensor
-FEWEST_SAMPLES = 250  # to judge by: 10 s of the default tray
 
 
 class Limits(NamedTuple):
@@ -59,8 +51,6 @@ LIMITS = (
         {"gauss": 1e-4, "uT": 1e-6, "mG": 1e-7, "nT": 1e-9},
     ),
 )  # fmt: skip
-TEMPERATURE_K = (200.0, 400.0)  # of a transducer: -73 to 127 degC
-OTHER_DEGREES = (-60.0, 150.0)
 
 
 def check_units(log: Log, diameter_m: float) -> None:
@@ -92,11 +82,11 @@ def _check(log: Log, limits: Limits) -> None:
 def _check_specific_force(log: Log) -> None:
     """At rest and on the mean of flight the accelerometers read 1 g upwards, in body axes about -z."""
     median, magnitude = _specific_force(log)
-    low, high = LOAD_G[0] * GRAVITY_MPS2, LOAD_G[1] * GRAVITY_MPS2
+    low, high = UNITS.load_g[0] * GRAVITY_MPS2, UNITS.load_g[1] * GRAVITY_MPS2
     if not low <= magnitude <= high:
         factors = {"g": GRAVITY_MPS2, "milli-g": GRAVITY_MPS2 / 1000}
         unit = next((unit for unit, factor in factors.items() if low <= magnitude * factor <= high), None)
-        if np.abs(median).max() < ONE_AXIS * magnitude:
+        if np.abs(median).max() < UNITS.one_axis * magnitude:
             remedy = "gravity was taken out; write what an accelerometer measures"
         else:
             remedy = f"it looks like {unit}; multiply by {factors[unit]:.6g}" if unit else "write m/s^2"
@@ -104,8 +94,8 @@ def _check_specific_force(log: Log) -> None:
             f"{log.path}: /imu: specific_force_{{x,y,z}}_mps2 have a magnitude of {magnitude:.3g} (median in flight),"
             f" but rest and flight have about 9.8: {remedy}"
         )
-    if median[2] > UPRIGHT * magnitude:
-        if median[2] > -UPRIGHT * magnitude:
+    if median[2] > UNITS.upright * magnitude:
+        if median[2] > -UNITS.upright * magnitude:
             cause = "z points up, or gravity was written in place of specific force"
         else:
             axis = int(np.argmax(np.abs(median)))
@@ -119,9 +109,9 @@ def _check_specific_force(log: Log) -> None:
 def _check_temperature(log: Log) -> None:
     _, values = field_of(log, "/static", "temperature_K")
     found = float(np.median(values))
-    if TEMPERATURE_K[0] <= found <= TEMPERATURE_K[1]:
+    if UNITS.temperature_K[0] <= found <= UNITS.temperature_K[1]:
         return
-    other = OTHER_DEGREES[0] <= found <= OTHER_DEGREES[1]
+    other = UNITS.other_degrees[0] <= found <= UNITS.other_degrees[1]
     remedy = "it looks like degrees Celsius (add 273.15) or Fahrenheit" if other else "write kelvin"
     raise InputError(f"{log.path}: /static: temperature_K is {found:.1f} (median), but air has 220 to 330 K: {remedy}")
 
@@ -129,13 +119,13 @@ def _check_temperature(log: Log) -> None:
 def _check_motor_speed(log: Log, diameter_m: float) -> None:
     """The tips of a propeller move slower than sound."""
     _, values = field_of(log, "/rpm", "motor_speed_revps")
-    turning = values[np.abs(values) > TURNING_REVPS]
+    turning = values[np.abs(values) > STANDING.motor_revps]
     if not len(turning):
         return
     found = float(np.median(np.abs(turning)))
     tip_mps = np.pi * diameter_m * found
-    if tip_mps > SPEED_OF_SOUND_MPS:
-        per_minute = SLOWEST_TIP_MPS < tip_mps / 60 < SPEED_OF_SOUND_MPS
+    if tip_mps > UNITS.speed_of_sound_mps:
+        per_minute = UNITS.slowest_tip_mps < tip_mps / 60 < UNITS.speed_of_sound_mps
         remedy = "it looks like rev/min; divide by 60" if per_minute else "is it in rad/s, or electrical revolutions?"
         raise InputError(
             f"{log.path}: /rpm: motor_speed_revps is {found:.0f} (median of the turning motor), at which the tips of a"
@@ -149,7 +139,7 @@ def _check_current(log: Log) -> None:
     if not len(values):
         return
     low, high = np.percentile(values, (5, 95))
-    if low < -LEAST_CURRENT_A and -low > 2 * high:
+    if low < -UNITS.least_current_A and -low > 2 * high:
         raise InputError(
             f"{log.path}: /battery: current_A is negative in flight ({low:.3g} A): write it positive when discharging"
         )
@@ -159,20 +149,20 @@ def _check_differential_pressures(log: Log) -> None:
     """In flight the center port minus static is positive, and larger than both differences of the side ports."""
     q_c = _pressure(log, "airspeed")
     low, high = -_reached(-q_c), _reached(q_c)
-    if low < -LEAST_FLIGHT_PA and -low > 2 * high:
+    if low < -UNITS.least_flight_Pa and -low > 2 * high:
         raise InputError(
             f"{log.path}: /probe/airspeed: differential_pressure_Pa is negative in flight ({low:.0f} Pa): write center"
             " port minus static, or exchange the two tubes"
         )
     sides = {name: _reached(np.abs(side)) for name in ("alpha", "beta") if len(side := _pressure(log, name))}
     largest = max(sides, key=lambda name: sides[name])
-    if sides[largest] > max(SWAPPED * high, LEAST_FLIGHT_PA):
+    if sides[largest] > max(UNITS.swapped * high, UNITS.least_flight_Pa):
         raise InputError(
             f"{log.path}: /probe/{largest}: differential_pressure_Pa reaches {sides[largest]:.3g} Pa, but that of"
             f" /probe/airspeed only {high:.3g} Pa, which is larger in flight: the topics or tubes are exchanged, a"
             " tube is blocked, or one of the pressures is not in Pa"
         )
-    if high < LEAST_FLIGHT_PA:
+    if high < UNITS.least_flight_Pa:
         raise InputError(
             f"{log.path}: no flight in it: differential_pressure_Pa of /probe/airspeed reaches only {high:.2g} Pa, but"
             " 7 m/s make 30 Pa; is it in hPa (mbar), kPa or inches of water?"
@@ -184,8 +174,8 @@ def _pressure(log: Log, name: str) -> Array:
 
 
 def _reached(values: Array) -> float:
-    """The value that is exceeded for FEWEST_SAMPLES, however long the log is."""
-    return float(np.sort(values)[-min(FEWEST_SAMPLES, len(values))])
+    """The value that is exceeded for UNITS.fewest_samples, however long the log is."""
+    return float(np.sort(values)[-min(UNITS.fewest_samples, len(values))])
 
 
 def _specific_force(log: Log) -> tuple[Array, float]:
@@ -193,7 +183,7 @@ def _specific_force(log: Log) -> tuple[Array, float]:
     force = _times_and_values(log, "/imu", FORCE)
     pressure = _times_and_values(log, "/probe/airspeed", ("differential_pressure_Pa",))
     flown = np.interp(force[:, 0], pressure[:, 0], pressure[:, 1]) > _reached(pressure[:, 1]) / 4
-    values = force[flown if flown.sum() >= FEWEST_SAMPLES else slice(None), 1:]
+    values = force[flown if flown.sum() >= UNITS.fewest_samples else slice(None), 1:]
     return np.median(values, axis=0), float(np.median(np.linalg.norm(values, axis=1)))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.signals.settings import CHANNELS
 from analysis.signals.smoothing import on_grid
 from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES, NO_INTEGER, STATUS_CODE, Entries
@@ -19,11 +20,7 @@ from flight.log_reader import Log
 from flight.messages import Status
 
 Array = NDArray[np.float64]
-LONG_GAP_S, MENTIONED_GAPS = 2.0, 3  # gaps this long are noted, so many of them per topic
-MENTIONED_SHARE = 0.002  # of clipped samples
 CLIPPED = "at the end of its range"
-MOST_MISSED = 3.0  # times its nominal period, the median interval of /imu
-COUNTER_S = 0.01  # least time between two periods that the pulse counter sends
 
 
 def times_ns(entries: Entries) -> NDArray[np.int64]:
@@ -74,7 +71,7 @@ def _delay_s(entries: Entries, field: str) -> Array:
     """
     timed_s = np.nan_to_num(values(entries, "period_us")) * 1e-6
     timed = timed_s > 0
-    frame_interval_s = timed_s * np.ceil(COUNTER_S / np.where(timed, timed_s, 1.0))
+    frame_interval_s = timed_s * np.ceil(CHANNELS.counter_s / np.where(timed, timed_s, 1.0))
     delay_s = values(entries, "group_delay_s")
     if field.startswith("specific_force_"):
         own_s = values(entries, "specific_force_group_delay_s")
@@ -88,14 +85,14 @@ def losses(topic: str, entries: Entries, start_ns: int) -> list[str]:
         return []
     notes = []
     clipped = entries.status.count(STATUS_CODE[Status.SATURATED]) / len(entries)
-    if clipped > MENTIONED_SHARE:
+    if clipped > CHANNELS.mentioned_share:
         notes.append(f"{topic} was {CLIPPED} for {100 * clipped:.1f} % of the log and is left out there.")
     good_s = (times_ns(entries)[is_good(entries)] - start_ns) / 1e9
     if topic == "/rpm" or len(good_s) < 2:
         return notes  # a standing motor sends no messages; `synchronize` reports a topic without values
     gaps = np.diff(good_s)
-    long = np.flatnonzero(gaps > max(LONG_GAP_S, 5 * float(np.median(gaps))))
-    for i in long[np.argsort(gaps[long])[::-1][:MENTIONED_GAPS]].tolist():
+    long = np.flatnonzero(gaps > max(CHANNELS.long_gap_s, 5 * float(np.median(gaps))))
+    for i in long[np.argsort(gaps[long])[::-1][: CHANNELS.mentioned_gaps]].tolist():
         notes.append(f"{topic} has a gap of {gaps[i]:.1f} s from {good_s[i]:.0f} s on, which is not interpolated.")
     return notes
 
@@ -116,7 +113,7 @@ def tick_period_s(log: Log) -> float:
             period_s = 1 / float(nominal)
         except (ValueError, ZeroDivisionError):
             period_s = math.nan
-        if not 1 / MOST_MISSED <= interval_s / period_s <= MOST_MISSED:
+        if not 1 / CHANNELS.most_missed <= interval_s / period_s <= CHANNELS.most_missed:
             raise InputError(
                 f"{log.path}: metadata flightpower: tick_rate_Hz is {nominal!r}, but /imu has {1 / interval_s:.4g}"
                 " messages a second: write that number, or leave it out"

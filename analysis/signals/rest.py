@@ -15,26 +15,16 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.signals.channels import COLUMNS
+from analysis.signals.settings import REST
 from analysis.signals.smoothing import stretches
 from flight.json_file import JsonFormat
 from flight.runs import AIRCRAFT_SIZE, STANDING
 
 Array = NDArray[np.float64]
 
-WINDOW_S = 1.0
-SHORTEST_S = 4.0
-# Largest difference of the mean specific force over WINDOW_S from the median of the whole rest. A take-off or landing
-# whose acceleration grows gently has no spread, but it changes this mean.
-FORCE_CHANGE_MPS2 = 0.1
-ROLLING_MPS = 1.0  # mean speed by GPS over WINDOW_S; the noise of one solution is 0.1 m/s
-NOISE_SCATTER = 1.5  # of a standard deviation over 25 samples: 3.5 of its own
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 GPS_HORIZONTAL = ("gps_north_mps", "gps_east_mps")
 CHANNELS = ("p_radps", "q_radps", "r_radps", "dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa")
-BLOCK_S = 1.0  # longer than the correlation of the noise: means over blocks are independent
-FEWEST_BLOCKS = 8
-FLYING_S = 2.0  # q_c above its zero by the dynamic pressure of flight for this time is flight, not wind
-SIGNIFICANT = 4.0  # a drift of more standard errors is corrected
 # Largest difference between the zero of a log and one of another day, by the parts' drift with temperature. MPU-9250
 # PS 3.1: 30 deg/s over the range, here 10 K; MS4515DO and SSC: 1 % and 2 % of the span over their ranges.
 LARGEST_DIFFERENCE = {"Pa": 3.0, "rad/s": 0.01}
@@ -59,13 +49,13 @@ class Zeros(NamedTuple):
 
 
 def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = AIRCRAFT_SIZE.flying_Pa) -> list[slice]:
-    """Stretches (slices of rows) in which the aircraft stood with its motor off, each SHORTEST_S at least.
+    """Stretches (slices of rows) in which the aircraft stood with its motor off, each REST.shortest_s at least.
 
     flying_Pa: dynamic pressure of flight. A stretch whose mean exceeds the least by more is a glide.
     """
-    window = max(3, round(WINDOW_S * rate_Hz))
+    window = max(3, round(REST.window_s * rate_Hz))
     spread = table.rolling(window, center=True, min_periods=window // 2).std()
-    airspeed_spread_Pa = max(STANDING.airspeed_spread_Pa, NOISE_SCATTER * _white_noise(table["q_c_Pa"], window))
+    airspeed_spread_Pa = max(STANDING.airspeed_spread_Pa, REST.noise_scatter * _white_noise(table["q_c_Pa"], window))
     at_rest = (table["n_revps"].fillna(0) < STANDING.motor_revps) & (spread["q_c_Pa"] < airspeed_spread_Pa)
     for name in ("p_radps", "q_radps", "r_radps"):
         at_rest &= spread[name] < STANDING.rate_spread_radps
@@ -73,11 +63,11 @@ def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = AIRCRA
         at_rest &= spread[name] < STANDING.force_spread_mps2
     gps = table.reindex(columns=list(GPS_HORIZONTAL))  # a log may lack GPS
     speed = gps.pow(2).sum(axis=1, min_count=2).pow(0.5)
-    at_rest &= ~(speed.rolling(window, center=True, min_periods=1).mean() > ROLLING_MPS)
+    at_rest &= ~(speed.rolling(window, center=True, min_periods=1).mean() > REST.rolling_mps)
     margin = window // 2  # rows whose window reaches beyond the rest
     found = [slice(s.start + margin, s.stop - margin) for s in stretches(at_rest.to_numpy())]
-    standing = [_without_motion(table, s, window) for s in found if s.stop - s.start >= SHORTEST_S * rate_Hz]
-    long = [s for s in standing if s.stop - s.start >= SHORTEST_S * rate_Hz]
+    standing = [_without_motion(table, s, window) for s in found if s.stop - s.start >= REST.shortest_s * rate_Hz]
+    long = [s for s in standing if s.stop - s.start >= REST.shortest_s * rate_Hz]
     q_c_Pa = [table["q_c_Pa"].iloc[s].mean() for s in long]
     least_Pa = min((q for q in q_c_Pa if np.isfinite(q)), default=0.0)
     return [s for s, q in zip(long, q_c_Pa, strict=True) if not q - least_Pa > flying_Pa]
@@ -92,7 +82,7 @@ def _white_noise(column: pd.Series, window: int) -> float:
 def _without_motion(table: pd.DataFrame, rest: slice, window: int) -> slice:
     """The rest without the gentle beginning of a take-off at its end, or the end of a landing at its start."""
     mean = table[list(FORCES)].iloc[rest].rolling(window, center=True, min_periods=1).mean()
-    standing = np.flatnonzero(~((mean - mean.median()).abs() > FORCE_CHANGE_MPS2).any(axis=1))
+    standing = np.flatnonzero(~((mean - mean.median()).abs() > REST.force_change_mps2).any(axis=1))
     if not len(standing):
         return slice(rest.start, rest.start)
     first, last = int(standing[0]), int(standing[-1]) + 1
@@ -122,7 +112,7 @@ def zeros(
         (first, first_error), (last, last_error) = (mean_at_rest(table[name], some, step_s) for some in (before, after))
         drift[name] = last - first if before and after else 0.0
         drift_error[name] = float(np.hypot(first_error, last_error)) if before and after else float("nan")
-        if abs(drift[name]) > SIGNIFICANT * drift_error[name]:
+        if abs(drift[name]) > REST.significant * drift_error[name]:
             drifting[name] = np.array([_middle(table, before), _middle(table, after)]), np.array([first, last])
             notes.append(
                 f"The zero of {_channel_name(name)} moved by {_with_unit(name, drift[name], drift_error[name])} between"
@@ -163,7 +153,7 @@ def _around_flight(table: pd.DataFrame, rests: list[slice], flying_Pa: float) ->
     """The rests before the first flight in the log, and those after the last."""
     step_s = float(table.index[1] - table.index[0])
     rest = table["q_c_Pa"].iloc[np.r_[tuple(rests)]].mean()
-    window = max(1, round(FLYING_S / step_s))
+    window = max(1, round(REST.flying_s / step_s))
     flown = np.flatnonzero(table["q_c_Pa"].rolling(window, min_periods=1, center=True).mean() - rest > flying_Pa)
     if not len(flown):
         return rests, []
@@ -172,14 +162,14 @@ def _around_flight(table: pd.DataFrame, rests: list[slice], flying_Pa: float) ->
 
 def mean_at_rest(column: pd.Series, rows: list[slice], step_s: float) -> tuple[float, float]:
     """Mean and its standard error, from the scatter of means over blocks; NaN if there are no samples."""
-    block = max(1, round(BLOCK_S / step_s))
+    block = max(1, round(REST.block_s / step_s))
     parts = [column.iloc[s].dropna().to_numpy() for s in rows]
     samples = np.concatenate([*parts, np.empty(0)])
     if len(samples) < 2:
         return float("nan"), float("nan")
     whole = [part[: len(part) // block * block].reshape(-1, block).mean(axis=1) for part in parts]
     means = np.concatenate(whole)
-    if len(means) < FEWEST_BLOCKS:
+    if len(means) < REST.fewest_blocks:
         return float(samples.mean()), float(samples.std(ddof=1) / np.sqrt(len(samples)))
     return float(samples.mean()), float(means.std(ddof=1) / np.sqrt(len(means)))
 

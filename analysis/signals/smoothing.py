@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from scipy import linalg
 from scipy.linalg import lapack
 
+from analysis.signals.settings import CHANNELS
+
 Array = NDArray[np.float64]
 
 
@@ -76,8 +78,7 @@ def _correlated(values: Array, weights: Array) -> Array:
     return result
 
 
-FEWEST = 4  # points
-GAP = 3.5  # median intervals, beyond which samples are not connected
+FEWEST = 4  # points of a cubic spline
 
 
 class CubicSpline:
@@ -125,7 +126,7 @@ def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
     interval = max(float(np.median(np.diff(taken_s))), t_s[1] - t_s[0])
     after = np.clip(np.searchsorted(taken_s, t_s), 1, len(taken_s) - 1)
     before = after - 1
-    bridged = taken_s[after] - taken_s[before] <= GAP * interval
+    bridged = taken_s[after] - taken_s[before] <= CHANNELS.gap * interval
     distance = np.minimum(np.abs(t_s - taken_s[before]), np.abs(taken_s[after] - t_s))
     within = (t_s >= taken_s[0]) & (t_s <= taken_s[-1])
     known = (bridged & within) | (distance <= 0.01 * interval)

@@ -1,9 +1,12 @@
 """Magnetometer and surfaces: what was put in is found again, within what the result says of itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis.airdata import magnetometer, surfaces
+from analysis.airdata.settings import MAGNETOMETER
 from flight.errors import InputError
 from flight.motion import body_from_earth
 
@@ -159,7 +162,7 @@ def test_the_axis_that_stays_unknown_is_named_with_its_error_and_the_field(monke
     """Two turns leave the vertical axis open, by more than a limit that is a hundredth of the usual one."""
     field = measured(0, by_hand=False)[0]
     known = magnetometer.calibrate(field, "log")
-    monkeypatch.setattr(magnetometer, "WORST_RAD", magnetometer.WORST_RAD / 100)
+    monkeypatch.setattr(magnetometer, "MAGNETOMETER", replace(MAGNETOMETER, worst_rad=MAGNETOMETER.worst_rad / 100))
     with pytest.raises(InputError) as refused:
         magnetometer.calibrate(field, "log")
     said = f"hard iron along z stays uncertain by {1e6 * known.hard_iron_error_T[2]:.0f} uT (1 sigma, of a field of "

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from analysis.airdata.line_calibration import (
-    LONGEST_STEP_S,
-    QUIET_S,
     Lag,
     LineLag,
     _crossing,
@@ -19,6 +17,7 @@ from analysis.airdata.line_calibration import (
     through,
     to_toml,
 )
+from analysis.airdata.settings import LAG
 from analysis.airdata.tubing import air
 from analysis.cli.calibrate.tubing import summary
 from flight.aircraft import PneumaticLine
@@ -39,7 +38,7 @@ def test_a_step_starts_in_quiet_and_its_last_quiet_sample_is_the_one_before_it()
     assert step.t_s[step.last_quiet] == pytest.approx(5.0)
     assert step.value[0] == pytest.approx(200.0, abs=5) and step.value[-1] == pytest.approx(0.0, abs=5)
     # quiet, the step up to the longest that counts, and quiet again
-    assert (step.t_s[0], step.t_s[-1]) == pytest.approx((5.01 - QUIET_S, 4.99 + LONGEST_STEP_S + QUIET_S))
+    assert (step.t_s[0], step.t_s[-1]) == pytest.approx((5.01 - LAG.quiet_s, 4.99 + LAG.longest_step_s + LAG.quiet_s))
 
 
 def test_a_step_as_high_as_the_noise_is_none() -> None:

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.signals.rest import BLOCK_S, CHANNELS, ZERO_FILE, _around_flight, mean_at_rest, rest_segments, zeros
+from analysis.signals.rest import CHANNELS, ZERO_FILE, _around_flight, mean_at_rest, rest_segments, zeros
+from analysis.signals.settings import REST
 from analysis.signals.smoothing import stretches
 from daq import still_air_zero as daq_zero
 from daq.still_air_zero import ZeroReading
@@ -110,7 +111,7 @@ def test_zeros_lie_within_four_of_their_own_standard_errors() -> None:
         expected = np.sqrt(rest.seconds * RATE_HZ)
         for name in CHANNELS:
             assert abs(rest.value[name] - BIAS[name]) < 4 * rest.standard_error[name]
-            blocks = rest.seconds / BLOCK_S - 2
+            blocks = rest.seconds / REST.block_s - 2
             assert rest.standard_error[name] == pytest.approx(NOISE[name] / expected, rel=4 / np.sqrt(2 * blocks))
             assert abs(rest.drift[name]) < 5 * rest.drift_error[name]
         assert rest.drifting == {} and rest.notes == []

@@ -1,0 +1,152 @@
+"""Settings of `analysis.airdata`: limits, priors and windows, with units and reasons."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class AirSettings(Settings):
+    """Air data from the probe's pressures, and the channels of a flight."""
+
+    derivative_s: float = setting(0.5, "s", "of the mean that is differentiated")
+    smoothing_s: float = setting(
+        0.2, "s", "of q_c in quotients; short against the seconds in which an aircraft's speed changes"
+    )
+    stuck_Pa: float = setting(0.02, "Pa", "a tenth of a count of the finest transducer")
+    fewest_samples: int = setting(250, "1", "to judge whether a transducer is stuck")
+    cold_s: float = setting(2.0, "s", "after power-on, in which electronics have the temperature of the air")
+    largest_unmentioned_share: float = setting(0.02, "1", "of the flight that is left out or lost without a note")
+
+
+@dataclass(frozen=True)
+class LineLagSettings(Settings):
+    """Lags of pneumatic lines by steps of pressure, and their correction in flight."""
+
+    quiet_s: float = setting(0.5, "s", "before and after a step, to determine its levels and the noise")
+    longest_step_s: float = setting(0.5, "s", "a change that takes longer is not a burst")
+    smallest_step: float = setting(12.0, "1", "times the noise")
+    shortest_s: float = setting(2e-4, "s", "shortest lag that is tried")
+    longest_s: float = setting(0.25, "s", "longest lag that is tried")
+    wanted: float = setting(0.05, "1", "half width of a sufficient interval, relative to the lag")
+    least_half_width: float = setting(0.02, "1", "errors of the tube's length, its cavity and the air in it")
+    resolved: float = setting(0.3, "1", "of a tick; a shorter lag is not resolved")
+    widest: float = setting(0.4, "1", "half width, relative to the lag")
+    largest_gain: float = setting(1.5, "1", "the noise of any frequency grows by this at most")
+    highest_Hz: float = setting(3.0, "Hz", "of the aircraft's motion: three times its short period")
+    smallest_remainder: float = setting(
+        0.25,
+        "1",
+        "a line is corrected if its remainder changes a wave of highest_Hz by more than this; a lag of about 40 ms"
+        " does. For 25 ms, on simulated flights, the remainder is 0.01 Pa in calm air and 0.5 Pa of 6 Pa of noise"
+        " in gusts, and its correction would increase noise by a fifth",
+    )
+
+
+@dataclass(frozen=True)
+class MagnetometerSettings(Settings):
+    """Calibration of the magnetometer, and the compass in flight."""
+
+    hard_iron_T: float = setting(
+        30e-6,
+        "T",
+        "standard deviation of the prior: a turn in flight covers a circle of the sphere only, which many"
+        " ellipsoids share",
+    )
+    soft_iron: float = setting(0.05, "1", "standard deviation of the prior")
+    field_T: float = setting(
+        48e-6, "T", "mean of the prior; anywhere on earth it is 22 to 67 uT (World Magnetic Model)"
+    )
+    field_sigma_T: float = setting(10e-6, "T", "and its standard deviation")
+    earth_T: tuple[float, float] = setting((18e-6, 75e-6), "T", "limits of a plausible strength")
+    fewest_samples: int = setting(100, "1", "of a calibration")
+    iron_change_T: float = setting(
+        1e-6, "T", "in flight: field of the motor current, and of iron that was moved since the calibration"
+    )
+    tilt_rad: float = setting(
+        np.radians(0.5), "rad", "of the tray on the aircraft, and of the attitude by which the field is leveled"
+    )
+    sample_off: float = setting(0.1, "1", "a sample whose strength differs from the median by this share is left out")
+    field_off: float = setting(
+        0.1, "1", "the compass is not used if the median strength differs from the calibration's by this share …"
+    )
+    most_off: float = setting(0.1, "1", "… or if this share of the samples is left out …")
+    worst_rad: float = setting(np.radians(10.0), "rad", "… or if its heading has a larger error")
+    correlated: int = setting(5, "1", "neighboring samples that share errors of the model and count as one")
+
+
+@dataclass(frozen=True)
+class MapSettings(Settings):
+    """Polynomial maps of a probe."""
+
+    folds: int = setting(10, "1", "of the cross-validation")
+    least_improvement: float = setting(0.01, "1", "a higher order must reduce the cross-validated error by this share")
+    most_coefficients: float = setting(0.5, "1", "of the number of points")
+    angle_margin_rad: float = setting(np.radians(0.5), "rad", "accepted beyond the last angle of the tunnel, for noise")
+
+
+@dataclass(frozen=True)
+class TunnelSettings(Settings):
+    """Calibration of the probe by a wind tunnel."""
+
+    slope_range_rad: float = setting(
+        np.radians(10.0), "rad", "the angles of normal flight, over which the slope of alpha is fitted"
+    )
+    speed_step: float = setting(
+        0.04, "1", "two points whose speeds differ by more than this share belong to different tunnel speeds"
+    )
+    significance: float = setting(0.99, "1", "of a dependence of the slope on speed")
+    fewest_points_at_a_speed: int = setting(5, "1", "for a slope at this speed")
+    fewest_points: int = setting(30, "1", "of a calibration")
+    highest_speed_mps: float = setting(150.0, "m/s", "the air is taken as incompressible")
+    least_predicted: float = setting(0.9, "1", "of the angles' variance, at points left out (predictive R^2)")
+    largest_slope_sigma: float = setting(
+        0.1, "1", "relative standard error of the slope of alpha, beyond which it is not determined"
+    )
+
+
+@dataclass(frozen=True)
+class GroundCalibrationSettings(Settings):
+    """Calibrations on the ground: held pressures of the transducers, held positions of the surfaces."""
+
+    pressure_held_s: float = setting(5.0, "s", "least time for which a pressure is held")
+    reference_s: float = setting(1.0, "s", "at the beginning of a plateau, whose median the rest is compared with")
+    pressure_smoothing_s: float = setting(0.5, "s", "of the readings that are compared")
+    edge_s: float = setting(0.5, "s", "at both ends of a plateau, in which the tubes settle")
+    steady_Pa: float = setting(3.0, "Pa", "largest departure of smoothed readings within a plateau …")
+    steady_noises: float = setting(5.0, "1", "… or this times the noise, if larger")
+    open_share: float = setting(
+        0.05, "1", "nearer to the first plateau than this share of the largest pressure: tubes open again"
+    )
+    fewest_good: float = setting(
+        0.8, "1", "share of good readings of each transducer in a plateau; others were beyond its range"
+    )
+    position_held_s: float = setting(2.0, "s", "least time for which a position is held")
+    jitter_us: float = setting(4.0, "us", "of the pulse while the stick is not moved")
+    same_us: float = setting(12.0, "us", "two held pulses as near as this are one position, read twice")
+    fewest_positions: int = setting(3, "1", "with two, a wrong reading cannot show")
+    play_steps: float = setting(
+        2.0, "1", "a step between positions must exceed the difference of two readings of one position by this factor"
+    )
+    median_samples: int = setting(25, "1", "at the beginning of a hold, whose median is the reference for jitter")
+    fewest_pressures: int = setting(4, "1", "beside zero: a straight line through two or three hides a wrong reading")
+    largest_gain_error: float = setting(
+        0.2, "1", "a slope further from one is a wrong unit or a wrong order of the pressures"
+    )
+    largest_airspeed_error: float = setting(
+        0.01,
+        "1",
+        "1 sigma, beyond which the calibration says hardly more than the prior of a flight without it (1.25 % of"
+        " airspeed)",
+    )
+    largest_slope_error: float = setting(0.024, "1", "the same of the slope of angle of attack (3 %)")
+
+
+AIR = AirSettings()
+LAG = LineLagSettings()
+MAGNETOMETER = MagnetometerSettings()
+MAP = MapSettings()
+TUNNEL = TunnelSettings()
+GROUND = GroundCalibrationSettings()

@@ -1,0 +1,91 @@
+"""Settings of `analysis.log_checks`: limits, priors and windows, with units and reasons."""
+
+from dataclasses import dataclass
+
+from flight.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class AxesSettings(Settings):
+    """Axes and signs by motion; figures are those of the worst of simulated flights of all plans and aircraft."""
+
+    mean_s: float = setting(1.0, "s", "of the means that are compared")
+    gust_s: float = setting(0.2, "s", "of means in which gusts are compared")
+    fewest_means: int = setting(30, "1", "nothing is judged by less of flight")
+    slowest_share: float = setting(
+        0.15, "1", "leaves out take-off and landing, where the wheels carry some of the weight"
+    )
+    slack_mps2: float = setting(
+        5.0, "m/s²", "angular rate needs a centripetal force; none of 42 flights exceeded this in any second …"
+    )
+    most_exceeded: float = setting(0.05, "1", "… and in deg/s 15 % to 78 % do")
+    reversed_correlation: float = setting(
+        -0.5,
+        "1",
+        "correlation of angle of attack and lift coefficient: 0.76 to 0.99 in 42 flights; of roll rate and change"
+        " of bank: 0.21 (short flights in 15 kt) to 0.91 in 64 flights of three aircraft",
+    )
+    reversed_sideslip: float = setting(
+        0.4,
+        "1",
+        "correlation of the changes of side force and of sideslip: -0.94 to 0.05; calm flights hardly sideslip,"
+        " and their curve does not depend on it",
+    )
+    least_slope: float = setting(
+        0.03, "1", "of alpha's pressure over q_c on the relative lift coefficient; 0.22 to 0.58; in hPa 0.01 at most"
+    )
+    exchanged: float = setting(0.6, "1", "correlation of lift and beta's pressure over q_c: -0.11 to 0.52 …")
+    exchanged_more: float = setting(0.2, "1", "… and how much more than alpha's, which is 0.74 to 1.00")
+    reversed_pitch: float = setting(-0.35, "1", "correlation of pitch rate and load; 0.46 to 0.98")
+    least_gain_mps2: float = setting(0.3, "m/s²", "standard deviation; correlation 0.68 to 1.00")
+    least_turn_radps: float = setting(0.1, "rad/s", "standard deviation; correlation 0.97 to 1.00")
+    least_lift_spread: float = setting(0.05, "1", "relative; at a constant lift coefficient nothing correlates with it")
+    least_climb_mps: float = setting(0.5, "m/s", "standard deviation of the climb rate")
+    fastest_ground: float = setting(2.5, "1", "times the airspeed, median; wind is slower than 1.5 of it")
+    slowest_ground: float = setting(0.05, "1", "times the airspeed, median")
+
+
+@dataclass(frozen=True)
+class StructureSettings(Settings):
+    """Topics, fields and times of a log."""
+
+    most_undecodable: float = setting(0.5, "1", "of a topic's messages; a damaged log has a few")
+    similar: float = setting(0.7, "1", "of 1, by difflib")
+    shortest_interval_s: float = setting(
+        1 / 210, "s", "of /imu, from the daemon's 200 Hz; faster ones are averaged before they are written"
+    )
+    longest_interval_s: float = setting(1.1, "s", "of /imu, from the daemon's 1 Hz")
+    fewest_messages: int = setting(10, "1", "of a topic, to judge its times")
+    largest_jump_s: float = setting(
+        3600.0, "s", "longer than any of these aircraft flies: the clock was set, or is another"
+    )
+
+
+@dataclass(frozen=True)
+class UnitSettings(Settings):
+    """Units by physical limits, beside the table LIMITS."""
+
+    load_g: tuple[float, float] = setting((0.3, 3.0), "g", "of the median of a flight; at rest 1")
+    one_axis: float = setting(
+        0.8, "1", "of the magnitude, at least, is the median of one axis in any unit, unless gravity was taken out"
+    )
+    upright: float = setting(-0.5, "1", "z over magnitude, median; level flight, turns and rest are all near -1")
+    speed_of_sound_mps: float = setting(340.0, "m/s", "the tips of a propeller move slower")
+    slowest_tip_mps: float = setting(
+        20.0, "m/s", "of a propeller that drives an aircraft; less than its flight speed gives no thrust"
+    )
+    least_flight_Pa: float = setting(10.0, "Pa", "4 m/s at sea level")
+    swapped: float = setting(
+        1.3, "1", "times q_c; q_c is largest below some 20 deg of angle of attack, beyond every wing's stall"
+    )
+    least_current_A: float = setting(0.5, "A", "more than the zero of a current sensor")
+    fewest_samples: int = setting(250, "1", "to judge by: 10 s of the default tray")
+    temperature_K: tuple[float, float] = setting((200.0, 400.0), "K", "of a transducer: -73 to 127 degC")
+    other_degrees: tuple[float, float] = setting(
+        (-60.0, 150.0), "1", "of a transducer in degrees Celsius or Fahrenheit"
+    )
+
+
+AXES = AxesSettings()
+STRUCTURE = StructureSettings()
+UNITS = UnitSettings()

@@ -1,0 +1,44 @@
+"""Settings of `analysis.signals`: limits, priors and windows, with units and reasons."""
+
+from dataclasses import dataclass
+
+from flight.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class ChannelSettings(Settings):
+    """Synchronized channels of a log."""
+
+    long_gap_s: float = setting(2.0, "s", "gaps this long are noted …")
+    mentioned_gaps: int = setting(3, "1", "… so many of them per topic")
+    mentioned_share: float = setting(0.002, "1", "of clipped samples")
+    most_missed: float = setting(3.0, "1", "times its nominal period, the median interval of /imu")
+    counter_s: float = setting(0.01, "s", "least time between two periods that the pulse counter sends")
+    gap: float = setting(3.5, "1", "median intervals, beyond which samples are not connected")
+
+
+@dataclass(frozen=True)
+class RestSettings(Settings):
+    """Rest on the ground and the zeros there; spreads of the sensors at rest are in `flight.runs.STANDING`."""
+
+    window_s: float = setting(1.0, "s", "of standard deviations and means")
+    shortest_s: float = setting(4.0, "s", "four windows")
+    force_change_mps2: float = setting(
+        0.1,
+        "m/s²",
+        "largest difference of the mean specific force over a window from the median of the whole rest: ten"
+        " standard deviations at bench noise; a take-off or landing whose acceleration grows gently has no spread,"
+        " but it changes this mean",
+    )
+    rolling_mps: float = setting(1.0, "m/s", "mean speed by GPS over a window; the noise of one solution is 0.1 m/s")
+    noise_scatter: float = setting(1.5, "1", "of a standard deviation over 25 samples: 3.5 of its own")
+    block_s: float = setting(1.0, "s", "longer than the correlation of the noise: means over blocks are independent")
+    fewest_blocks: int = setting(8, "1", "for a standard error by the scatter of their means")
+    flying_s: float = setting(
+        2.0, "s", "q_c above its zero by the dynamic pressure of flight for this time is flight, not wind"
+    )
+    significant: float = setting(4.0, "1", "a drift of more standard errors is corrected")
+
+
+CHANNELS = ChannelSettings()
+REST = RestSettings()
