@@ -17,12 +17,12 @@ import pandas as pd
 import typer
 
 from analysis.maneuvers.find_level import find_runs
-from daq.probe_calibration import ProbeMaps
 from daq.run_monitor import RunMonitor, Verdict
 from daq.sensors import Sample
 from daq.tick_means import FIELDS, Means, TickMeans
 from flight.aircraft import Aircraft, load_aircraft
 from flight.messages import TYPE_OF_TOPIC
+from flight.probe_maps import ProbeMaps
 from sim.sensors import load_budget
 
 

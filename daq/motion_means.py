@@ -4,10 +4,10 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from daq.probe_calibration import ProbeMaps
 from daq.thrust import ThrustTable
 from daq.tick_means import MEAN_OVER_NS, Means
 from flight.aircraft import Aircraft
+from flight.probe_maps import ProbeMaps
 from flight.runs import LEVEL_RUN, STANDING, flying_Pa, speed_scale
 from flight.units import GAS_CONSTANT_AIR, GRAVITY_MPS2, LAPSE_RATE
 

@@ -11,10 +11,10 @@ from typing import NamedTuple
 from daq.energy_balance import EnergyBalance
 from daq.legs import Leg, Legs, Row
 from daq.motion_means import Motion, MotionFromMeans
-from daq.probe_calibration import ProbeMaps
 from daq.thrust import load_thrust
 from daq.tick_means import MEAN_OVER_NS, Means
 from flight.aircraft import Aircraft
+from flight.probe_maps import ProbeMaps
 from flight.runs import LEVEL_RUN, Rejection, RunMeasures, RunRejected
 
 STEP_S = MEAN_OVER_NS / 1e9

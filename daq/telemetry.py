@@ -20,7 +20,6 @@ import msgspec
 
 from daq.config import AutopilotConfig, TelemetryConfig, Tray
 from daq.linux_bus import LinuxSerial
-from daq.probe_calibration import ProbeMaps, load_probe_maps
 from daq.run_monitor import RunMonitor
 from daq.sampling_loop import Cycle
 from daq.still_air_zero import DIFFERENCE, Zero, parse_zero
@@ -28,6 +27,7 @@ from daq.telemetry_port import UdpSender, open_port
 from daq.tick_means import FIELDS, Means, TickMeans
 from flight.aircraft import Aircraft, load_aircraft
 from flight.messages import OK, Event
+from flight.probe_maps import ProbeMaps, load_probe_maps
 
 RESTART_AFTER_S = 5.0
 HEARTBEAT_PERIOD_S = 1.0

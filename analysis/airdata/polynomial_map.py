@@ -8,33 +8,29 @@ from msgspec import structs
 from numpy.typing import NDArray
 
 from analysis.airdata.settings import MAP
+from flight.probe_maps import LEAST_SUM, PolynomialMap
 
 Array = NDArray[np.float64]
 Powers = list[tuple[int, int]]
-LEAST_SUM = 1e-3
 
 
-class PolynomialMap(msgspec.Struct, frozen=True, kw_only=True):
-    """A polynomial in two variables to a power: (sum of coefficient * x^i * y^j)^exponent. Part of `probe.json`."""
+class FittedMap(PolynomialMap, frozen=True, kw_only=True):
+    """A polynomial map with what is known of its fit, evaluated for arrays."""
 
-    powers: Powers
-    coefficients: list[float]
     residual_rms: float  # cross-validated, points weighted by their noise; of q_c/qbar as a fraction of it
     order: int
-    tried_rms: list[float] = []  # cross-validated, of orders 1, 2, …
-    exponent: float = 1.0
+    tried_rms: list[float] = msgspec.field(default_factory=list)  # cross-validated, of orders 1, 2, …
 
     def __call__(self, x: Array, y: Array) -> Array:
         """Values at x and y, both (n,)."""
         sums: Array = terms(x, y, self.powers) @ np.array(self.coefficients)
-        # Far outside the measured region the sum may be negative. The limit keeps its power real.
         return sums if self.exponent == 1 else np.maximum(sums, LEAST_SUM) ** self.exponent
 
 
 class MapFit(NamedTuple):
     """A fitted map, the covariance of its coefficients (k, k), and the weight of each point (n,)."""
 
-    map: PolynomialMap
+    map: FittedMap
     covariance: Array
     weight: Array
 
@@ -61,7 +57,7 @@ def fit_map(x: Array, y: Array, target: Array, qbar_Pa: Array, exponent: float =
     return MapFit(structs.replace(best, exponent=exponent), covariance, weight)
 
 
-def polynomial_of_order(x: Array, y: Array, target: Array, weight: Array, order: int) -> tuple[PolynomialMap, Array]:
+def polynomial_of_order(x: Array, y: Array, target: Array, weight: Array, order: int) -> tuple[FittedMap, Array]:
     """The polynomial of an order, and the covariance of its coefficients (k, k).
 
     The covariance is robust against unequal noise of the points (heteroscedasticity-consistent, HC1).
@@ -73,7 +69,7 @@ def polynomial_of_order(x: Array, y: Array, target: Array, weight: Array, order:
     spread = np.linalg.pinv(X) * residual
     covariance = spread @ spread.T * (len(target) / (len(target) - len(powers)))
     rms = float(np.sqrt(np.mean(residual**2)))
-    return PolynomialMap(powers=powers, coefficients=coefficients.tolist(), residual_rms=rms, order=order), covariance
+    return FittedMap(powers=powers, coefficients=coefficients.tolist(), residual_rms=rms, order=order), covariance
 
 
 def _powers(order: int) -> Powers:
@@ -105,7 +101,7 @@ def _noise(residual: Array, qbar_Pa: Array) -> Array:
     return np.sqrt(variance)
 
 
-def _best_order(x: Array, y: Array, target: Array, weight: Array) -> tuple[PolynomialMap, Array]:
+def _best_order(x: Array, y: Array, target: Array, weight: Array) -> tuple[FittedMap, Array]:
     """The polynomial whose order predicts left-out points best, and the covariance of its coefficients."""
     fold = np.random.default_rng(0).permutation(len(target)) % MAP.folds
     best, best_rms, tried = 0, np.inf, []

@@ -14,13 +14,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.polynomial_map import PolynomialMap
+from analysis.airdata.polynomial_map import FittedMap
 from analysis.airdata.settings import MAP
 from flight.json_file import JsonFormat
+from flight.probe_maps import FIRST_FORMAT, FORMATS
 
 Array = NDArray[np.float64]
-FORMAT = "flightpower-probe-2"
-FIRST_FORMAT = "flightpower-probe-1"  # its angles are polynomials in C_alpha and C_beta, its q_c/qbar is one itself
 
 
 class ProbeCalibration(msgspec.Struct, frozen=True, kw_only=True):
@@ -29,9 +28,9 @@ class ProbeCalibration(msgspec.Struct, frozen=True, kw_only=True):
     format: str
     source: str
     points: int
-    alpha_rad: PolynomialMap  # over (dp_alpha, dp_beta)/qbar
-    beta_rad: PolynomialMap
-    q_ratio: PolynomialMap  # q_c/qbar, over (C_alpha, C_beta)
+    alpha_rad: FittedMap  # over (dp_alpha, dp_beta)/qbar
+    beta_rad: FittedMap
+    q_ratio: FittedMap  # q_c/qbar, over (C_alpha, C_beta)
     alpha_scale_sigma: float  # relative standard error of alpha's slope over +-10 deg, the tunnel's own angles included
     hull: list[tuple[float, float]]  # corners of the calibrated region in (C_alpha, C_beta)
     # The hull is convex, the measured region is not. So the angles themselves are limited, too.
@@ -46,7 +45,7 @@ class ProbeCalibration(msgspec.Struct, frozen=True, kw_only=True):
         return self.alpha_rad(x, y), self.beta_rad(x, y), ratio
 
 
-PROBE_FILE = JsonFormat(ProbeCalibration, (FORMAT, FIRST_FORMAT), "a probe calibration")
+PROBE_FILE = JsonFormat(ProbeCalibration, FORMATS, "a probe calibration")
 
 
 class ProbeFlow(NamedTuple):

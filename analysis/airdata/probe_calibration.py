@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.spatial import ConvexHull
 
-from analysis.airdata.polynomial_map import PolynomialMap, Powers, fit_map, polynomial_of_order, terms
-from analysis.airdata.probe import FORMAT, ProbeCalibration
+from analysis.airdata.polynomial_map import FittedMap, Powers, fit_map, polynomial_of_order, terms
+from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.settings import TUNNEL
 from flight.atmosphere import density
 from flight.errors import InputError
+from flight.probe_maps import FORMAT
 from flight.unit_columns import csv_rows, si_column
 
 Array = NDArray[np.float64]
@@ -221,7 +222,7 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
     )
 
 
-def _slope_by_coefficient(alpha: PolynomialMap, x_range: tuple[float, float]) -> Callable[[Powers], Array]:
+def _slope_by_coefficient(alpha: FittedMap, x_range: tuple[float, float]) -> Callable[[Powers], Array]:
     """A function of powers: by how much each coefficient changes the slope of alpha, (k,).
 
     The slope is that of a straight line over the angles of normal flight at dp_beta = 0, relative to the slope of
@@ -234,7 +235,7 @@ def _slope_by_coefficient(alpha: PolynomialMap, x_range: tuple[float, float]) ->
     return lambda powers: (centered / (centered @ centered)) @ terms(x, np.zeros_like(x), powers)
 
 
-def _equal_orders(best: PolynomialMap, points: int) -> list[int]:
+def _equal_orders(best: FittedMap, points: int) -> list[int]:
     """Other orders that predict as well as the best within the standard error of an rms of so many points."""
     limit = best.residual_rms * (1 + 1 / np.sqrt(2 * points))
     good = [k for k, rms in enumerate(best.tried_rms, start=1) if rms < limit]

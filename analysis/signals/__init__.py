@@ -1,1 +1,1 @@
-"""From a log to synchronized channels; rest and the zeros of the sensors."""
+"""From a log to synchronized channels, their smoothing, rest on the ground, and the zeros of the sensors there."""

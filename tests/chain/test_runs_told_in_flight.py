@@ -8,12 +8,12 @@ import pytest
 
 from analysis.maneuvers.kinds import LEVEL_RUNS
 from analysis.schema import Results
-from daq.probe_calibration import ProbeMaps
 from daq.run_monitor import RunMonitor
 from daq.sensors import Sample
 from daq.tick_means import FIELDS, TickMeans
 from flight.aircraft import load_aircraft
 from flight.log_reader import read_log
+from flight.probe_maps import ProbeMaps
 
 pytestmark = pytest.mark.xdist_group("chain")
 

@@ -5,11 +5,11 @@ import math
 import pytest
 
 from daq.motion_means import Motion, MotionFromMeans
-from daq.probe_calibration import PolynomialMap, ProbeMaps
 from daq.thrust import load_thrust
 from daq.tick_means import Means
 from flight.aircraft import load_aircraft
 from flight.atmosphere import density, pressure_at, temperature_at
+from flight.probe_maps import PolynomialMap, ProbeMaps
 from flight.units import GRAVITY_MPS2
 
 NEXSTAR = load_aircraft("nexstar")

@@ -21,7 +21,6 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from daq import telemetry as telemetry_module
 from daq.config import TelemetryConfig, parse_tray
-from daq.probe_calibration import PolynomialMap, ProbeMaps
 from daq.sampling_loop import Cycle, GridTick
 from daq.sensors import Sample
 from daq.still_air_zero import Zero, ZeroReading
@@ -38,6 +37,7 @@ from flight.messages import (
     Rpm,
     Status,
 )
+from flight.probe_maps import PolynomialMap, ProbeMaps
 
 ROOT = Path(__file__).resolve().parents[2]
 TICK_NS = 40_000_000

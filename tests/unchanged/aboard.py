@@ -11,7 +11,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from daq import rest_check
 from daq.config import TelemetryConfig
-from daq.probe_calibration import ProbeMaps
 from daq.run_monitor import RunMonitor
 from daq.sensors import Sample
 from daq.still_air_zero import zero_from_samples
@@ -21,6 +20,7 @@ from daq.tick_means import TickMeans
 from flight.aircraft import Aircraft, load_aircraft
 from flight.log_reader import Log, read_log
 from flight.messages import Event
+from flight.probe_maps import ProbeMaps
 from tests.unchanged import commands
 
 TICK_NS = 40_000_000

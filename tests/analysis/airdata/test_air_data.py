@@ -50,6 +50,18 @@ def test_a_sound_flight_says_nothing(flown, probe) -> None:
     assert air.notes == []
 
 
+def test_speed_follows_a_single_sample_of_dynamic_pressure_by_its_root(flown, probe) -> None:
+    """Two per cent of q_c are two of dynamic pressure and one of speed, at that sample and at no other."""
+    _, table = flown
+    before = result(table, probe).table
+    row = table.index.get_indexer([CRUISE_S[0]], method="nearest")[0]
+    gust = table.copy()
+    gust.iloc[row, gust.columns.get_loc("q_c_Pa")] += 0.02 * before["q_c_Pa"].iloc[row]
+    ratio = (result(gust, probe).table / before.select_dtypes("float"))[["V_mps", "qbar_Pa"]].iloc[row - 1 : row + 2]
+    assert ratio["V_mps"].tolist() == pytest.approx([1.0, 1.01, 1.0], abs=5e-4)
+    assert ratio["qbar_Pa"].tolist() == pytest.approx([1.0, 1.02, 1.0], abs=1e-3)
+
+
 @pytest.mark.parametrize("how", ["silent", "stuck"])
 def test_a_dead_sideslip_transducer_costs_the_sideslip_only(flown, probe, how: str) -> None:
     """Speed and angle of attack stay as good as they were: at a degree or two of sideslip the maps hardly care."""

@@ -8,13 +8,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.airdata.polynomial_map import PolynomialMap, polynomial_of_order
+from analysis.airdata.polynomial_map import FittedMap, polynomial_of_order
 from analysis.airdata.probe import PROBE_FILE, ProbeCalibration, _inside, flow_at_probe
 from analysis.airdata.probe_calibration import TunnelData, calibrate, dynamic_pressure, read_tunnel, speed_dependence
 from analysis.cli.calibrate.probe import summary as probe_summary
-from daq.probe_calibration import load_probe_maps
 from flight.atmosphere import density
 from flight.errors import InputError
+from flight.probe_maps import load_probe_maps
 
 STATIC_PA, TEMPERATURE_K = 100_800.0, 291.0
 NOISE_PA = 0.5  # of a good bench transducer; ports differ by several hundred pascals at 20 m/s
@@ -307,8 +307,8 @@ def test_angles_from_means_follow_single_samples_to_first_order_and_have_no_bias
 
 
 def test_the_summary_of_a_probe_gives_its_errors_in_degrees_and_per_cent() -> None:
-    def fitted(rms: float, order: int) -> PolynomialMap:
-        return PolynomialMap(powers=[(0, 0)], coefficients=[1.0], residual_rms=rms, order=order)
+    def fitted(rms: float, order: int) -> FittedMap:
+        return FittedMap(powers=[(0, 0)], coefficients=[1.0], residual_rms=rms, order=order)
 
     probe = ProbeCalibration(
         format="flightpower-probe-2", source="tunnel.csv", points=363, alpha_rad=fitted(np.radians(0.05), 4),

@@ -7,11 +7,12 @@ import pandas as pd
 import pytest
 
 from analysis.airdata.air import _ground, _stuck, air_data, bank_angle, specific_force_at_cg
-from analysis.airdata.polynomial_map import PolynomialMap
-from analysis.airdata.probe import FIRST_FORMAT, ProbeCalibration
+from analysis.airdata.polynomial_map import FittedMap
+from analysis.airdata.probe import ProbeCalibration
 from analysis.signals.aircraft_size import speed_scale
 from analysis.signals.channels import COLUMNS
 from flight.aircraft import Aircraft, ProbeInstallation
+from flight.probe_maps import FIRST_FORMAT
 from flight.propeller import Propeller
 
 V_MPS, ALPHA_RAD, BETA_RAD = 15.0, 0.05, 0.03
@@ -20,8 +21,8 @@ QBAR_PA = DENSITY_KGPM3 * V_MPS**2 / 2
 G_MPS2 = 9.80665
 
 
-def plane(*powers: tuple[int, int], slope: float) -> PolynomialMap:
-    return PolynomialMap(powers=list(powers), coefficients=[slope], residual_rms=0.0, order=1)
+def plane(*powers: tuple[int, int], slope: float) -> FittedMap:
+    return FittedMap(powers=list(powers), coefficients=[slope], residual_rms=0.0, order=1)
 
 
 # alpha = 0.5 C_alpha, beta = 0.4 C_beta, q_c = qbar.

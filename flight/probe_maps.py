@@ -1,4 +1,7 @@
-"""The probe calibration evaluated for single readings, for telemetry. The analysis has the same maps for arrays."""
+"""The polynomial maps of a probe calibration (`probe.json`), evaluated for single readings in plain Python.
+
+The analysis fits them, and evaluates them for arrays (`analysis.airdata`).
+"""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -7,9 +10,10 @@ import msgspec
 
 from flight.text_file import read_text
 
-FIRST_FORMAT = "flightpower-probe-1"
-FORMATS = (FIRST_FORMAT, "flightpower-probe-2")
-MIN_SUM = 1e-3
+FORMAT = "flightpower-probe-2"
+FIRST_FORMAT = "flightpower-probe-1"  # its angles are polynomials in C_alpha and C_beta, its q_c/qbar is one itself
+FORMATS = (FORMAT, FIRST_FORMAT)
+LEAST_SUM = 1e-3  # far outside the measured region the sum may be negative; the limit keeps its power real
 
 
 class FlowAngles(NamedTuple):
@@ -21,16 +25,17 @@ class FlowAngles(NamedTuple):
 
 
 class PolynomialMap(msgspec.Struct, frozen=True):
-    """(sum of coefficient * x^i * y^j)^exponent."""
+    """A polynomial in two variables to a power: (sum of coefficient * x^i * y^j)^exponent. Part of `probe.json`."""
 
     powers: list[tuple[int, int]]
     coefficients: list[float]
     exponent: float = 1.0
 
     def at(self, x: float, y: float) -> float:
+        """The value at one point."""
         terms = zip(self.powers, self.coefficients, strict=True)
         total = sum(coefficient * x**i * y**j for (i, j), coefficient in terms)
-        return total if self.exponent == 1 else float(max(total, MIN_SUM) ** self.exponent)
+        return total if self.exponent == 1 else float(max(total, LEAST_SUM) ** self.exponent)
 
 
 class ProbeMaps(msgspec.Struct, frozen=True):
