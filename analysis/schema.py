@@ -5,10 +5,29 @@ once. This module therefore imports nothing of the analysis. One file, though lo
 units. Intervals are of 95 %.
 """
 
+from enum import StrEnum
+
 import msgspec
 
 FORMAT = "flightpower-results-2"
 POOLING_FORMAT = "flightpower-pooling-3"
+
+
+class SpeedReason(StrEnum):
+    """Why a speed, or the lower end of its interval, is not given."""
+
+    NONE = ""
+    NO_OPTIMUM = "The curve has no such point."
+    BELOW_SLOWEST = "It lies below the slowest speed flown."
+    INTERVAL_BELOW_SLOWEST = "The interval reaches below the slowest speed flown."
+
+
+class Clock(StrEnum):
+    """The clock that date and time of a log are from."""
+
+    NONE = ""
+    SATELLITES = "satellites"
+    COMPUTER = "computer"  # of the aircraft; it may be wrong
 
 
 class AutopilotParameter(msgspec.Struct, frozen=True, kw_only=True):
@@ -65,7 +84,7 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True):
     log_bytes: int
     recorded_by: str  # version of the software that wrote the log; empty where the log does not say
     start_utc: str | None  # ISO 8601
-    clock: str  # that start_utc is from: satellites, computer; empty without one
+    clock: Clock  # that start_utc is from
     duration_s: float | None  # of the log
     latitude_deg: float | None  # of the first satellite fix
     longitude_deg: float | None
@@ -115,9 +134,6 @@ class Track(msgspec.Struct, frozen=True, kw_only=True):
     t_s: list[float]
     north_m: list[float]
     east_m: list[float]
-
-
-BELOW_SLOWEST = "It lies below the slowest speed flown."  # reason of a `SpeedInterval`
 
 
 class PowerPoint(msgspec.Struct, frozen=True, kw_only=True):
@@ -175,7 +191,7 @@ class SpeedInterval(msgspec.Struct, frozen=True, kw_only=True):
     lo_mps: float | None  # null too where the interval has no lower end
     hi_mps: float | None
     inside_flown_range: bool
-    reason: str = ""  # why one of these is null
+    reason: SpeedReason = SpeedReason.NONE  # why one of these is null
 
 
 class SlowestFlown(msgspec.Struct, frozen=True, kw_only=True):

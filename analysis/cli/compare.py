@@ -41,7 +41,8 @@ def compare(
     from analysis.campaign.campaign import flight_folders_of, read_results
     from analysis.pooling.comparison import compare as compare_pools
     from analysis.pooling.pool import pool_results
-    from analysis.report.write import print_comparison, write_comparison
+    from analysis.report.terminal import print_comparison
+    from analysis.report.write import write_comparison
 
     pools, not_to_trust = [], []
     for folder in (a, b):

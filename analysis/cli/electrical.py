@@ -134,7 +134,8 @@ class OrdinaryFlight:
         from analysis.electrical.flight_table import flight_table
         from analysis.electrical.thrust_balance import motor_constants
         from analysis.ground.thrust_prior import stand_measurements
-        from analysis.report.electrical_page import print_electrical_summary, write_electrical_report
+        from analysis.report.electrical_page import write_electrical_report
+        from analysis.report.terminal import print_electrical_summary
         from analysis.results.electrical import electrical_results
         from analysis.results.provenance import provenance_of_file
 

@@ -93,7 +93,8 @@ def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> lis
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
         from analysis.campaign.campaign import read_results
         from analysis.pooling.pool import pool_results
-        from analysis.report.write import print_pooled, write_electrical_flights, write_pooled
+        from analysis.report.terminal import print_pooled
+        from analysis.report.write import write_electrical_flights, write_pooled
 
         page, found = output / "report.html", read_results(campaign.folders)
         if not found.to_pool and not found.electrical:

@@ -1,18 +1,35 @@
 """The answers that the page and the terminal begin with: best speeds, endurance, range, full throttle."""
 
+import math
 from typing import NamedTuple
 
-from analysis.schema import BELOW_SLOWEST, AvailableResult, Interval, PerformanceResult, Results, SpeedInterval
+from analysis.schema import (
+    AvailableResult,
+    Interval,
+    PerformanceResult,
+    Results,
+    SlowestFlown,
+    SpeedInterval,
+    SpeedReason,
+)
 
 BEYOND_TABLE = "Outside the propeller table: an extrapolation."
 
 
 class HeadlineAnswer(NamedTuple):
-    """A question, the answer, and a note on it. Plain text; an answer that is a speed begins "13.5 m/s"."""
+    """A question, the answer, and a note on it, in plain text.
+
+    speed_mps : of an answer that is a speed     remark : what follows the speed, or the answer that is none
+    """
 
     question: str
-    answer: str
+    remark: str
     note: str
+    speed_mps: float | None = None
+
+    @property
+    def answer(self) -> str:
+        return self.remark if self.speed_mps is None else f"{self.speed_mps:.1f} m/s{self.remark}"
 
 
 def headline_answers(results: Results) -> list[HeadlineAnswer]:
@@ -32,32 +49,42 @@ def headline_answers(results: Results) -> list[HeadlineAnswer]:
 def _optimum(results: Results, question: str, optimum: SpeedInterval, note: str) -> HeadlineAnswer:
     """The card of a speed of the curve; where that lies below the slowest flown, the card of the slowest flown."""
     slowest = results.slowest_flown
-    if optimum.reason == BELOW_SLOWEST and slowest:
-        return HeadlineAnswer(question, f"{slowest.speed_mps:.1f} m/s, the slowest flown", not_slower(results))
-    return HeadlineAnswer(question, optimum_speed_text(optimum), note)
+    if optimum.reason is SpeedReason.BELOW_SLOWEST and slowest:
+        return HeadlineAnswer(question, ", the slowest flown", not_slower(results), slowest.speed_mps)
+    return HeadlineAnswer(question, optimum_remark(optimum), note, _known_speed(optimum))
 
 
 def not_slower(results: Results) -> str:
     """What the slowest speed flown means, in sentences; empty where it is not known."""
     slowest = results.slowest_flown
     if slowest is None:
-        return "Not slower than this unless you fly slower first. Mind the stall."
-    CL, largest = slowest.lift_coefficient, slowest.largest_lift_coefficient
-    more = round(100 * (largest / CL - 1))
-    reached = f"; the largest one of the flight is {largest:.2f}, {more} % more" if more else ", the flight's largest"
-    return (
-        f"The slowest speed flown is {slowest.speed_mps:.1f} m/s, at a lift coefficient of {CL:.2f}{reached}."
-        " Not slower than this unless you fly slower first. Mind the stall."
-    )
+        return "Do not fly slower than this: no slower flight was measured."
+    margin = stall_margin_percent(slowest)
+    stall = f"at least {margin:.0f} % above the stall" if margin else "the flight shows no margin to the stall"
+    return f"Do not fly slower than {slowest.speed_mps:.1f} m/s: no slower flight was measured; {stall}."
+
+
+def stall_margin_percent(slowest: SlowestFlown) -> int:
+    """Least margin of speed to the stall, of whole percents: by the largest lift coefficient that the wing carried."""
+    return round(100 * (math.sqrt(slowest.largest_lift_coefficient / slowest.lift_coefficient) - 1))
 
 
 def optimum_speed_text(optimum: SpeedInterval) -> str:
     """ "13.2 m/s (12.9 to 13.5)", "(up to 13.5)" where the interval has no lower end, or why there is none."""
+    return HeadlineAnswer("", optimum_remark(optimum), "", _known_speed(optimum)).answer
+
+
+def _known_speed(optimum: SpeedInterval) -> float | None:
+    return None if optimum.hi_mps is None else optimum.speed_mps
+
+
+def optimum_remark(optimum: SpeedInterval) -> str:
+    """What follows the speed, or why there is none."""
     lo, hi = optimum.lo_mps, optimum.hi_mps
     if optimum.speed_mps is None or hi is None:
-        reason = optimum.reason or "The curve has no such point."
+        reason = optimum.reason or SpeedReason.NO_OPTIMUM
         return f"not found: {reason[0].lower()}{reason[1:-1]}"
-    text = f"{optimum.speed_mps:.1f} m/s ({f'{lo:.1f}' if lo else 'up'} to {hi:.1f})"
+    text = f" ({f'{lo:.1f}' if lo else 'up'} to {hi:.1f})"
     return text if optimum.inside_flown_range else text + ", outside the speeds flown: an extrapolation"
 
 
@@ -73,8 +100,9 @@ def _endurance(results: Results, use: PerformanceResult) -> HeadlineAnswer:
         note += f" {BEYOND_TABLE}"
     if flown.endurance_at_slowest:
         note += f" Power still decreases there. {not_slower(results)}"
-    speed = _best_speed(flown.endurance_speed_mps, flown.endurance_at_slowest, flown.endurance_at_fastest)
-    return HeadlineAnswer("Longest endurance", speed, note)
+    speed = flown.endurance_speed_mps
+    remark = _best_speed_remark(speed, flown.endurance_at_slowest, flown.endurance_at_fastest)
+    return HeadlineAnswer("Longest endurance", remark, note, speed.value)
 
 
 def _range(results: Results, use: PerformanceResult) -> HeadlineAnswer:
@@ -82,8 +110,9 @@ def _range(results: Results, use: PerformanceResult) -> HeadlineAnswer:
     note = f"{interval_text(flown.range_m.times(1e-3), 'km', 1)} {_battery(use)}, in still air."
     if flown.range_at_slowest:
         note += f" {not_slower(results)}"
-    speed = _best_speed(flown.range_speed_mps, flown.range_at_slowest, flown.range_at_fastest)
-    return HeadlineAnswer("Longest range", speed, note)
+    speed = flown.range_speed_mps
+    remark = _best_speed_remark(speed, flown.range_at_slowest, flown.range_at_fastest)
+    return HeadlineAnswer("Longest range", remark, note, speed.value)
 
 
 def _full_throttle(results: Results, available: AvailableResult) -> HeadlineAnswer:
@@ -96,7 +125,8 @@ def _full_throttle(results: Results, available: AvailableResult) -> HeadlineAnsw
     if top and available.maximum_speed_extrapolated:
         faster = top.value > results.power_required[-1].speed_mps
         note += " Faster than was flown: an extrapolation." if faster else f" {BEYOND_TABLE}"
-    return HeadlineAnswer("Full throttle, level", interval_text(top, "m/s", 1) if top else "not found", note)
+    remark = f" ({top.lo:.1f} to {top.hi:.1f})" if top else "not found"
+    return HeadlineAnswer("Full throttle, level", remark, note, top.value if top else None)
 
 
 def _battery(use: PerformanceResult) -> str:
@@ -104,8 +134,8 @@ def _battery(use: PerformanceResult) -> str:
     return text if use.power_train.measured else text + " (motor assumed, not measured)"
 
 
-def _best_speed(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
-    """ "13.5 m/s (13.2 to 13.9)"; at an end of the speeds flown the best speed may lie outside them."""
+def _best_speed_remark(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
+    """ " (13.2 to 13.9)"; at an end of the speeds flown the best speed may lie outside them."""
     if at_slowest or at_fastest:
-        return f"{speed.value:.1f} m/s, the {'slowest' if at_slowest else 'fastest'} flown"
-    return interval_text(speed, "m/s", 1)
+        return f", the {'slowest' if at_slowest else 'fastest'} flown"
+    return f" ({speed.lo:.1f} to {speed.hi:.1f})"

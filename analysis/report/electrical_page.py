@@ -1,27 +1,24 @@
-"""The report of electrical power: HTML page, files, and the summary on the terminal."""
+"""The report of electrical power: its page and its files."""
 
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from analysis.electrical.airspeed_gps import true_airspeed
 from analysis.electrical.estimate import ElectricalEstimate
 from analysis.electrical.flight_table import FlightTable
 from analysis.files import write_file
-from analysis.report.answers import HeadlineAnswer, interval_text, optimum_speed_text
+from analysis.report.answers import HeadlineAnswer, interval_text, optimum_remark
 from analysis.report.figures import electrical as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
 from analysis.report.sections.flight import electrical_facts
 from analysis.report.sections.performance import autopilot_section
+from analysis.report.settings import REPORT
+from analysis.report.wording import every
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
 from analysis.schema import ElectricalResult, Results, SpeedInterval
 from flight.units import GRAVITY_MPS2
-
-CURVE_ROWS = 12
 
 
 def write_electrical_report(results: Results, flight: FlightTable, estimate: ElectricalEstimate, folder: Path) -> str:
@@ -35,24 +32,6 @@ def write_electrical_report(results: Results, flight: FlightTable, estimate: Ele
     for name, content in files.items():
         write_file(folder / name, content)
     return before
-
-
-def print_electrical_summary(results: Results, page: Path, console: Console, replaced: str = "") -> None:
-    """Print the curve, the best speeds, notes, and where the page is. replaced: a note on the report before."""
-    curve = _curve_table(results)
-    table = Table(title=f"{escape(results.aircraft.title)}: electrical power of level flight", title_justify="left")
-    for heading in curve.header:
-        table.add_column(heading, justify="right")
-    for row in curve.rows:
-        table.add_row(*row)
-    console.print(table)
-    for question, answer, note in electrical_answers(results):
-        console.print(f"[bold]{question}: {escape(answer)}[/bold]. {escape(note)}", highlight=False)
-    for warning in [*results.warnings, *(results.electrical.withheld if results.electrical else [])]:
-        console.print(f"[yellow]note:[/yellow] {escape(warning)}", highlight=False)
-    if replaced:
-        console.print(f"[yellow]note:[/yellow] {escape(replaced)}", highlight=False)
-    console.print(f"report: {escape(str(page))}")
 
 
 def electrical_answers(results: Results) -> list[HeadlineAnswer]:
@@ -69,19 +48,21 @@ def electrical_answers(results: Results) -> list[HeadlineAnswer]:
 
     endurance = f", {interval_text(found.endurance_s.times(1 / 60), 'min', 0)}" if found.endurance_s else ""
     distance = f", {interval_text(found.range_m.times(1e-3), 'km', 1)}" if found.range_m else ""
-    least, best = found.least_power_speed, found.best_range_speed
     return [
-        HeadlineAnswer("Longest endurance", _speed_text(least, results), note(least.speed_mps, endurance)),
-        HeadlineAnswer("Longest range", _speed_text(best, results), note(best.speed_mps, distance)),
+        HeadlineAnswer(question, _speed_remark(speed, results), note(speed.speed_mps, on_battery), speed.speed_mps)
+        for question, speed, on_battery in (
+            ("Longest endurance", found.least_power_speed, endurance),
+            ("Longest range", found.best_range_speed, distance),
+        )
     ]
 
 
-def _speed_text(best: SpeedInterval, results: Results) -> str:
+def _speed_remark(best: SpeedInterval, results: Results) -> str:
     """At an end of the speeds flown the best speed may lie outside them."""
     if best.inside_flown_range or best.speed_mps is None:
-        return optimum_speed_text(best)
+        return optimum_remark(best)
     slowest = best.speed_mps <= results.electrical_power[0].speed_mps
-    return f"{best.speed_mps:.1f} m/s, the {'slowest' if slowest else 'fastest'} flown"
+    return f", the {'slowest' if slowest else 'fastest'} flown"
 
 
 def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, before: str) -> str:
@@ -103,7 +84,7 @@ def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, b
         ),
         cards=electrical_answers(results),
         warnings=results.warnings,
-        curve=_curve_table(results),
+        curve=curve_table(results),
         shared_part=_shared_part(found),
         withheld=found.withheld,
         autopilot=autopilot_section(results),
@@ -122,13 +103,12 @@ def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, b
     )
 
 
-def _curve_table(results: Results) -> HtmlTable:
-    points = results.electrical_power
+def curve_table(results: Results) -> HtmlTable:
     return HtmlTable(
         ("speed, m/s", "power, W", "95 % interval, W"),
         [
             (f"{p.speed_mps:.1f}", f"{p.power_W:.0f}", f"{p.power_lo_W:.0f} to {p.power_hi_W:.0f}")
-            for p in points[:: max(1, len(points) // CURVE_ROWS)]
+            for p in every(results.electrical_power, REPORT.page_rows)
         ],
         numbers=True,
     )
@@ -148,7 +128,7 @@ def _drag_table(results: Results) -> HtmlTable | None:
                 f"{p.power_W / p.speed_mps:.2f}",
                 f"{shaft[p.speed_mps].power_W:.0f}" if p.speed_mps in shaft else "",
             )
-            for p in required[:: max(1, len(required) // CURVE_ROWS)]
+            for p in every(required, REPORT.page_rows)
         ],
         numbers=True,
     )  # fmt: skip

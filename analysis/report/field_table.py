@@ -9,7 +9,7 @@ from flight.units import GRAVITY_MPS2
 
 SPEEDS = ("speed, m/s", "power required, W", "from the battery, W", "endurance, min", "range, km", "climb, m/s")
 LOADINGS = ("", "mass, kg", "endurance, min", "at m/s", "range, km", "at m/s", "top speed, m/s", "climb, m/s")
-SLOWER = "Not slower than the slowest flown unless you fly slower first."
+SLOWER = "Do not fly slower than the slowest flown: no slower flight was measured."
 MARK = " *"  # of an extrapolated row
 
 

@@ -21,11 +21,10 @@ from analysis.pooling.settings import POOLING
 from analysis.report.answers import HeadlineAnswer
 from analysis.report.figures import pooled as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
-from analysis.report.wording import meaning
+from analysis.report.settings import REPORT
+from analysis.report.wording import every, meaning
 from analysis.schema import ConditionResult, ElectricalFlight
 from flight.units import GRAVITY_MPS2
-
-CURVE_ROWS = 12
 
 
 class FlightRow(NamedTuple):
@@ -62,7 +61,7 @@ def render_pooled(pooled: PooledResults) -> str:
         answers=pooled_answers(pooled),
         figures={name: html_figure(figure, name) for name, figure in drawn.items()},
         warnings=pooled_warnings(pooled),
-        curve=curve_table(pooled, CURVE_ROWS),
+        curve=curve_table(pooled, REPORT.page_rows),
         one_more=(
             f"One flight more: another one like {more.like}, the flight that contributed most. The best flight alone"
             f" is {best.log}."
@@ -116,7 +115,7 @@ def render_comparison(comparison: ComparisonResults) -> str:
         text=comparison.text,
         answers=comparison_answers(comparison),
         figures={"difference": html_figure(figure, "difference")},
-        differences=differences_table(comparison.differences, CURVE_ROWS),
+        differences=differences_table(comparison.differences, REPORT.page_rows),
         sides=HtmlTable(
             ("", "aircraft", "propeller", "installation", "flights"),
             [_side("A", comparison.a), _side("B", comparison.b)],
@@ -141,7 +140,7 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
     test, outliers = pooled.homogeneity, [one.log for one in pooled.outliers]
     answers = [
         HeadlineAnswer(
-            "How sure is the curve?",
+            "Certainty of the curve",
             f"±{shares[least]:.1f} to ±{shares[most]:.1f} %",
             f"Best at {points[least].speed_mps:.1f} m/s, worst at {points[most].speed_mps:.1f} m/s (95 % interval).",
         )
@@ -151,7 +150,7 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
         named = f"Outliers: {', '.join(outliers)}. " if outliers else ""
         answers.append(
             HeadlineAnswer(
-                "Do the flights agree?",
+                "Agreement of the flights",
                 "yes" if agree else "no",
                 f"{named}Probability of a scatter this large by the known errors alone: {probability(test.p)}.",
             )
@@ -179,7 +178,7 @@ def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
     independent = best.independent_half_width_percent
     return [
         HeadlineAnswer(
-            "Do they differ?",
+            "Difference",
             "yes" if comparison.differs else "not seen",
             f"Probability of a difference this large by errors alone: {probability(comparison.p)}.",
         ),
@@ -193,7 +192,6 @@ def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
 
 def curve_table(pooled: PooledResults, rows: int) -> HtmlTable:
     """About `rows` points of the pooled curve."""
-    points = pooled.power_required
     return HtmlTable(
         ("speed, m/s", "power, W", "95 % interval, W", "± %"),
         [
@@ -203,7 +201,7 @@ def curve_table(pooled: PooledResults, rows: int) -> HtmlTable:
                 f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
                 f"{50 * (p.power_hi_W - p.power_lo_W) / p.power_W:.1f}",
             )
-            for p in points[:: max(1, len(points) // rows)]
+            for p in every(pooled.power_required, rows)
         ],
         numbers=True,
     )
@@ -221,7 +219,7 @@ def differences_table(rows: Sequence[PowerDifference], most: int) -> HtmlTable:
                 f"{row.difference_percent:+.1f}",
                 f"{row.lo_percent:+.1f} to {row.hi_percent:+.1f}",
             )
-            for row in rows[:: max(1, len(rows) // most)]
+            for row in every(rows, most)
         ],
         numbers=True,
     )

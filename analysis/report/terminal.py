@@ -1,32 +1,89 @@
-"""The summary of an analysis on the terminal."""
+"""The summaries on the terminal: of a flight, of electrical power, of several flights, and of a comparison."""
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from analysis.report.answers import headline_answers
+from analysis.pooling.results import ComparisonResults, PooledResults
+from analysis.report.answers import HeadlineAnswer, headline_answers
+from analysis.report.electrical_page import curve_table as electrical_table
+from analysis.report.electrical_page import electrical_answers
+from analysis.report.html_page import HtmlTable
+from analysis.report.pooled_page import (
+    comparison_answers,
+    curve_table,
+    differences_table,
+    pooled_answers,
+    pooled_warnings,
+)
+from analysis.report.settings import REPORT
+from analysis.report.wording import every
 from analysis.schema import Results
-
-CURVE_ROWS = 8
 
 
 def print_summary(results: Results, page: Path, console: Console) -> None:
     """Print the curve, the headline answers, warnings, and where the page is."""
-    console.print(_curve_table(results))
-    for question, answer, note in headline_answers(results):
-        console.print(f"[bold]{question}: {escape(answer)}[/bold]. {escape(note)}", highlight=False)
-    for warning in [*results.warnings, *(disagreement.text for disagreement in results.disagreements)]:
-        console.print(f"[yellow]note:[/yellow] {escape(warning)}", highlight=False)
-    console.print(f"report: {escape(str(page))}")
+    curve = HtmlTable(
+        ("speed, m/s", "power, W", "95 % interval, W"),
+        [
+            (f"{point.speed_mps:.1f}", f"{point.power_W:.1f}", f"{point.power_lo_W:.1f} to {point.power_hi_W:.1f}")
+            for point in every(results.power_required, REPORT.terminal_rows)
+        ],
+    )
+    _print_table(console, f"{results.aircraft.title}: power required", curve)
+    _print_answers(console, headline_answers(results))
+    _print_notes(console, [*results.warnings, *(disagreement.text for disagreement in results.disagreements)])
+    _print_page(console, page)
 
 
-def _curve_table(results: Results) -> Table:
-    table = Table(title=f"{escape(results.aircraft.title)}: power required", title_justify="left")
-    for heading in ("speed, m/s", "power, W", "95 % interval, W"):
+def print_electrical_summary(results: Results, page: Path, console: Console, replaced: str = "") -> None:
+    """Print the curve, the best speeds, notes, and where the page is. replaced: a note on the report before."""
+    _print_table(console, f"{results.aircraft.title}: electrical power of level flight", electrical_table(results))
+    _print_answers(console, electrical_answers(results))
+    withheld = results.electrical.withheld if results.electrical else []
+    _print_notes(console, [*results.warnings, *withheld, *([replaced] if replaced else [])])
+    _print_page(console, page)
+
+
+def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
+    """Print the curve, the answers, warnings, and where the page is."""
+    _print_table(console, f"{pooled.aircraft.title}: power required", curve_table(pooled, REPORT.terminal_rows))
+    _print_answers(console, pooled_answers(pooled))
+    _print_notes(console, [*pooled_warnings(pooled), *pooled.left_out])
+    _print_page(console, page)
+
+
+def print_comparison(comparison: ComparisonResults, page: Path | None, console: Console) -> None:
+    """Print the difference, the answers, and where the page is."""
+    title = f"A: {comparison.a.name}, B: {comparison.b.name}"
+    _print_table(console, title, differences_table(comparison.differences, REPORT.terminal_rows))
+    _print_answers(console, comparison_answers(comparison))
+    console.print(escape(comparison.text), highlight=False)
+    if page:
+        _print_page(console, page)
+
+
+def _print_table(console: Console, title: str, content: HtmlTable) -> None:
+    table = Table(title=escape(title), title_justify="left")
+    for heading in content.header:
         table.add_column(heading, justify="right")
-    for point in results.power_required[:: len(results.power_required) // CURVE_ROWS or 1]:
-        interval = f"{point.power_lo_W:.1f} to {point.power_hi_W:.1f}"
-        table.add_row(f"{point.speed_mps:.1f}", f"{point.power_W:.1f}", interval)
-    return table
+    for row in content.rows:
+        table.add_row(*row)
+    console.print(table)
+
+
+def _print_answers(console: Console, answers: Sequence[HeadlineAnswer]) -> None:
+    for one in answers:
+        console.print(f"[bold]{one.question}: {escape(one.answer)}[/bold]. {escape(one.note)}", highlight=False)
+
+
+def _print_notes(console: Console, notes: Iterable[str]) -> None:
+    for note in notes:
+        console.print(f"[yellow]note:[/yellow] {escape(note)}", highlight=False)
+
+
+def _print_page(console: Console, page: Path) -> None:
+    console.print(f"report: {escape(str(page))}", highlight=False)

@@ -1,10 +1,17 @@
-"""The methods that the report shows, in order.
+"""The methods that the report shows, in order, and what parameters mean, in words."""
 
-What each parameter of the tables means, in words.
-"""
+from collections.abc import Sequence
+from typing import TypeVar
 
 from analysis.maneuvers.kinds import LEVEL_RUNS
 from analysis.schema import MethodResult, Results
+
+T = TypeVar("T")
+
+
+def every(points: Sequence[T], rows: int) -> Sequence[T]:
+    """About so many points of a curve, for a table."""
+    return points[:: max(1, len(points) // rows)]
 
 
 def listed_methods(results: Results) -> list[MethodResult]:

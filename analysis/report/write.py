@@ -1,37 +1,18 @@
-"""The reconstructed trajectory as CSV.
-
-Writing of the report: HTML page, results as JSON and CSV, trajectory, table for the field.
-
-Writing and printing of the results of several flights together, and of a comparison.
-"""
+"""The files of a report: page, JSON, CSV, trajectory, table for the field; of one flight or of several."""
 
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pandas as pd
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from analysis.files import write_file, write_keeping_previous
 from analysis.maneuvers.runs_file import to_toml
 from analysis.pipeline import Analysis
 from analysis.pooling.results import ComparisonResults, PooledResults
 from analysis.report import field_table, page
-from analysis.report.answers import HeadlineAnswer
-from analysis.report.html_page import HtmlTable
 from analysis.report.page import figures_by_name, run_fits
-from analysis.report.pooled_page import (
-    comparison_answers,
-    curve_table,
-    differences_table,
-    pooled_answers,
-    pooled_warnings,
-    render_comparison,
-    render_electrical_flights,
-    render_pooled,
-)
+from analysis.report.pooled_page import render_comparison, render_electrical_flights, render_pooled
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
 from analysis.schema import ElectricalFlight
@@ -87,7 +68,6 @@ def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, given: Pa
 
 
 FLIGHTS_FORMAT = "flightpower-flights-1"
-ROWS = 8  # of a table on the terminal
 
 
 def write_pooled(pooled: PooledResults, folder: Path) -> None:
@@ -109,44 +89,6 @@ def write_comparison(comparison: ComparisonResults, folder: Path) -> None:
     _write(render_comparison(comparison), comparison, folder)
 
 
-def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
-    """Print the curve, the answers, warnings, and where the page is."""
-    console.print(_table(f"{pooled.aircraft.title}: power required", curve_table(pooled, ROWS)))
-    _print_answers(console, pooled_answers(pooled))
-    for warning in [*pooled_warnings(pooled), *pooled.left_out]:
-        _print(console, f"[yellow]note:[/yellow] {escape(warning)}")
-    _print(console, f"report: {escape(str(page))}")
-
-
-def print_comparison(comparison: ComparisonResults, page: Path | None, console: Console) -> None:
-    """Print the difference, the answers, and where the page is."""
-    title = f"A: {comparison.a.name}, B: {comparison.b.name}"
-    console.print(_table(title, differences_table(comparison.differences, ROWS)))
-    _print_answers(console, comparison_answers(comparison))
-    _print(console, escape(comparison.text))
-    if page:
-        _print(console, f"report: {escape(str(page))}")
-
-
 def _write(page: str, content: object, folder: Path) -> None:
     write_file(folder / "results.json", msgspec.json.format(msgspec.json.encode(content), indent=1))
     write_file(folder / "report.html", page)
-
-
-def _table(title: str, content: HtmlTable) -> Table:
-    table = Table(title=escape(title), title_justify="left")
-    for heading in content.header:
-        table.add_column(heading, justify="right")
-    for row in content.rows:
-        table.add_row(*row)
-    return table
-
-
-def _print_answers(console: Console, answers: list[HeadlineAnswer]) -> None:
-    for question, answer, note in answers:
-        heading = question if question.endswith("?") else f"{question}:"
-        _print(console, f"[bold]{escape(heading)} {escape(answer)}[/bold]. {escape(note)}")
-
-
-def _print(console: Console, text: str) -> None:
-    console.print(text, highlight=False)

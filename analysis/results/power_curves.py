@@ -20,13 +20,13 @@ from analysis.polar import (
     speed_at,
 )
 from analysis.schema import (
-    BELOW_SLOWEST,
     DragPolar,
     Interval,
     IntervalPart,
     PowerPoint,
     SlowestFlown,
     SpeedInterval,
+    SpeedReason,
 )
 from flight.aircraft import Aircraft
 
@@ -74,7 +74,7 @@ def optimum(
     CL = lift_of(polar.A)
     if not np.isfinite(CL):
         return SpeedInterval(
-            speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False, reason="The curve has no such point."
+            speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False, reason=SpeedReason.NO_OPTIMUM
         )
     slowest = float(speed_at(flown_CL[1], condition))
     speed, lo, hi = optimum_speed(lift_of, polar, condition)
@@ -84,14 +84,14 @@ def optimum(
             lo_mps=None,
             hi_mps=hi if hi >= slowest else None,
             inside_flown_range=False,
-            reason=BELOW_SLOWEST,
+            reason=SpeedReason.BELOW_SLOWEST,
         )
     return SpeedInterval(
         speed_mps=speed,
         lo_mps=lo if lo >= slowest else None,
         hi_mps=hi,
         inside_flown_range=bool(flown_CL[0] <= CL <= flown_CL[1]),
-        reason="" if lo >= slowest else "The interval reaches below the slowest speed flown.",
+        reason=SpeedReason.NONE if lo >= slowest else SpeedReason.INTERVAL_BELOW_SLOWEST,
     )
 
 

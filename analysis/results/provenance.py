@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from analysis.log_contents import LogContents, Replacements
-from analysis.schema import Provenance, SensorHealth, SourceFile
+from analysis.schema import Clock, Provenance, SensorHealth, SourceFile
 from flight.log_entries import STATUS_CODE
 from flight.log_reader import Log
 from flight.messages import Event, Gps, Status, Tick
@@ -71,7 +71,7 @@ def provenance_of_file(log: Path, weight_source: str, aircraft: Path | None, com
         files.append(SourceFile(role=ROLES["aircraft.toml"], name="", origin=origin, sha256=sha256))
     return Provenance(
         command_line=command_line, log_sha256=_sha256_of_file(log), log_bytes=log.stat().st_size, recorded_by="",
-        start_utc=None, clock="", duration_s=None, latitude_deg=None, longitude_deg=None, height_msl_m=None,
+        start_utc=None, clock=Clock.NONE, duration_s=None, latitude_deg=None, longitude_deg=None, height_msl_m=None,
         weight_source=weight_source, files=files, ticks=None, ticks_missed=None, sensors=[], events=[],
     )  # fmt: skip
 
@@ -81,13 +81,13 @@ def _span_ns(log: Log) -> tuple[int, int]:
     return min(start for start, _ in ends), max(end for _, end in ends)
 
 
-def _start(log: Log, start_ns: int) -> tuple[str | None, str]:
+def _start(log: Log, start_ns: int) -> tuple[str | None, Clock]:
     """Date and time of the log's start, and the clock that they are from."""
     offset_ns = satellites_minus_log_time_ns(log)
     if offset_ns is not None:
-        return _iso(start_ns + offset_ns), "satellites"
+        return _iso(start_ns + offset_ns), Clock.SATELLITES
     stated = log.metadata.get("flightpower", {}).get("start_unix_ns", "")
-    return (_iso(int(stated)), "computer") if stated.isdigit() and int(stated) else (None, "")
+    return (_iso(int(stated)), Clock.COMPUTER) if stated.isdigit() and int(stated) else (None, Clock.NONE)
 
 
 def _iso(unix_ns: int) -> str | None:

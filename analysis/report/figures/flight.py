@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimation.fit import Convergence
+from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import Maneuver
 from analysis.report.figures.style import (
     BLUE,
@@ -123,10 +124,6 @@ def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str,
     return [both, differences]
 
 
-NORMAL_95 = 1.96
-ARROW_SHARE = 0.15  # length of the wind's arrow over the size of the track
-
-
 def autocorrelation(residuals: Sequence[RunResidual]) -> Figure:
     """Autocorrelation of the residuals of drag, a line for each run, with the bounds of white noise."""
     figure = Figure()
@@ -201,7 +198,7 @@ def ground_track(track: Track, runs: Sequence[Maneuver], air: AirFound | None) -
     figure.add_scatter(x=[east[0]], y=[north[0]], mode="markers", name="start", hoverinfo="skip",
                        marker={"symbol": "star", "size": 14, "color": INK})  # fmt: skip
     if air is not None:
-        length = ARROW_SHARE * max(float(np.ptp(north)), float(np.ptp(east)), 1.0)
+        length = 0.15 * max(float(np.ptp(north)), float(np.ptp(east)), 1.0)
         toward = np.radians(air.wind_from_deg + 180)
         tail = (float(east.min()), float(north.max()))
         figure.add_scatter(
@@ -217,9 +214,6 @@ def ground_track(track: Track, runs: Sequence[Maneuver], air: AirFound | None) -
 
 
 LINES = ((BLUE, "circle"), (ORANGE, "square"))
-MOST_TICKS = 7  # of iterations
-DEEPEST = 0.5  # opacity of the color of a correlation of 1: text is read on it
-ROW_PX, MARGIN_PX = 54, 80
 
 
 def convergence(histories: Mapping[str, Convergence]) -> Figure:
@@ -238,7 +232,7 @@ def convergence(histories: Mapping[str, Convergence]) -> Figure:
     figure.update_yaxis(title="cost above the last")
     figure.update_yaxis(title="step, std. errors", panel=2)
     figure.update_yaxes(type="log", exponentformat="e", nticks=5)
-    figure.update_xaxis(title="iteration", dtick=-(-longest // MOST_TICKS), range=[-0.4, longest + 0.4])
+    figure.update_xaxis(title="iteration", dtick=-(-longest // 7), range=[-0.4, longest + 0.4])
     return figure
 
 
@@ -253,7 +247,7 @@ def correlation(correlation: Correlation) -> Figure:
     n, matrix = len(names), np.array(correlation.matrix)
     rows, columns = (index.ravel() for index in np.indices(matrix.shape))
     colors = [
-        GRID if row == column else translucent(BLUE if value > 0 else RED, round(DEEPEST * abs(value), 3))
+        GRID if row == column else translucent(BLUE if value > 0 else RED, round(abs(value) / 2, 3))
         for row, column, value in zip(rows, columns, matrix.ravel(), strict=True)
     ]
     written = [f"{value:+.2f}".replace("-", "−") if abs(value) < 1 else "1" for value in matrix.ravel()]
@@ -263,7 +257,7 @@ def correlation(correlation: Correlation) -> Figure:
         marker={"color": colors, "line": {"color": PAPER, "width": 3}}, textposition="inside", textangle=0,
         insidetextanchor="middle", text=written, insidetextfont={"color": INK},
     )  # fmt: skip
-    figure = styled(figure, MARGIN_PX + ROW_PX * n, hover="closest")
+    figure = styled(figure, 80 + 54 * n, hover="closest")
     axis: dict[str, Any] = {"showgrid": False, "ticks": "", "showline": False, "tickmode": "array", "fixedrange": True}
     figure.update_xaxis(tickvals=np.arange(n), ticktext=names, tickangle=0, range=[-0.5, n - 0.5], **axis)
     figure.update_yaxis(tickvals=np.arange(n) + 0.5, ticktext=names[::-1], range=[0, n], **axis)

@@ -9,11 +9,11 @@ import numpy as np
 
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.probe_calibration import SpeedDependence, TunnelData
+from analysis.estimation.noise import NORMAL_95
 from analysis.report.figures.style import BLUE, INK, PALETTE, RED, SYMBOLS, Array, Figure, rounded, styled
+from analysis.report.settings import REPORT
 
 DEG = float(np.degrees(1.0))
-NEAR_ZERO_RAD = np.radians(1.0)  # of the other angle, for a section through the calibration
-COLOR_RANGE_PERCENTILE = 99.0  # of the residuals, at the ends of the color scale
 QUANTITIES = ("alpha, deg", "beta, deg", "q<sub>c</sub>/q, %")
 
 
@@ -24,7 +24,7 @@ def residual_maps(tunnel: TunnelData, residuals: tuple[Array, Array, Array]) -> 
     aside = np.interp(tunnel.speed_mps, speeds, np.linspace(-0.9, 0.9, len(speeds))) if len(speeds) > 1 else 0.0
     for name, residual in zip(QUANTITIES, residuals, strict=True):
         figure = Figure()
-        end = float(np.percentile(np.abs(residual), COLOR_RANGE_PERCENTILE))
+        end = float(np.percentile(np.abs(residual), REPORT.color_percentile))
         figure.add_scatter(
             x=rounded(DEG * tunnel.alpha_rad + aside), y=rounded(DEG * tunnel.beta_rad), mode="markers",
             showlegend=False, name=name, customdata=rounded(residual), hovertemplate="%{customdata}<extra></extra>",
@@ -47,7 +47,7 @@ def sections(tunnel: TunnelData, calibration: ProbeCalibration) -> list[Figure]:
         (tunnel.beta_rad, tunnel.alpha_rad, tunnel.dp_beta_Pa, "beta"),
     ):
         figure = Figure()
-        near = np.abs(other) <= NEAR_ZERO_RAD
+        near = np.abs(other) <= REPORT.section_rad
         C = dp / tunnel.q_c_Pa
         for k, speed in enumerate(np.unique(speeds)):
             at_speed = near & (speeds == speed)
@@ -75,7 +75,7 @@ def by_speed(dependence: SpeedDependence) -> list[Figure]:
     V = np.array([at.speed_mps for at in dependence.speeds])
     offset = np.array([DEG * at.offset_rad for at in dependence.speeds])
     slope = np.array([100 * at.slope for at in dependence.speeds])
-    half_width = np.array([196 * at.slope_error for at in dependence.speeds])
+    half_width = np.array([100 * NORMAL_95 * at.slope_error for at in dependence.speeds])
     bars = {"array": rounded(half_width), "thickness": 2, "color": BLUE} if len(V) else None
     figures = []
     for values, name, title, error in (

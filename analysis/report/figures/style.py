@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.report.settings import REPORT
 from analysis.schema import PowerPoint
 
 Json = dict[str, Any]
@@ -97,8 +98,6 @@ ON_DARK = {
     "#5a3fc0": "#b39dff", "#d4007f": "#ff6ec7", "#d95f02": "#ff9a4d", "#1b9e77": "#b8f2c0",
     "#7d3c00": "#e0a070", "#2f5d8c": "#9cc4f0",
 }  # fmt: skip
-POINTS_DRAWN = 1200  # of a time history; more do not show on a screen
-SIGNIFICANT_DIGITS = 5  # enough to draw with, and to zoom a little
 
 
 def styled(figure: Figure, height_px: int, *, hover: str = "x unified") -> Figure:
@@ -121,7 +120,7 @@ def styled(figure: Figure, height_px: int, *, hover: str = "x unified") -> Figur
     return figure
 
 
-def thinned(x: Array, y: Array, points: int = POINTS_DRAWN) -> tuple[Array, Array]:
+def thinned(x: Array, y: Array, points: int = REPORT.points_drawn) -> tuple[Array, Array]:
     """At most so many points of a time history: the least and the greatest value of each stretch, in order of time.
 
     A stretch without a value keeps its first point, so that a gap stays one.
@@ -140,11 +139,11 @@ def thinned(x: Array, y: Array, points: int = POINTS_DRAWN) -> tuple[Array, Arra
 
 
 def rounded(values: Array) -> Array:
-    """Values to SIGNIFICANT_DIGITS of their range; NaN stays."""
+    """Values to some significant digits of their range; NaN stays."""
     finite = values[np.isfinite(values)]
     span = float(np.ptp(finite)) if len(finite) else 0.0
     largest = float(np.max(np.abs(finite), initial=0.0))
-    decimals = SIGNIFICANT_DIGITS - 1 - int(np.floor(np.log10(span or largest or 1.0)))
+    decimals = REPORT.significant_digits - 1 - int(np.floor(np.log10(span or largest or 1.0)))
     return np.asarray(np.round(values.astype(float), max(decimals, 0)))
 
 

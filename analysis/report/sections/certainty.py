@@ -5,22 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analysis.estimation.noise import NORMAL_95
+from analysis.report.answers import stall_margin_percent
 from analysis.report.html_page import HtmlTable
 from analysis.report.sections.flight import CHANNELS, decimals
 from analysis.report.sections.summary import FILTER_ERROR, reference_point
+from analysis.report.settings import REPORT
 from analysis.schema import IntervalPart, Results
 
-MOST_RUNS = 200  # more are no advice
-MORE_RUNS = "more runs like these"
 NOT_FLOWN = "no run of the required kind was flown: "  # begins a note of a method
-WHITE = 1.96  # standard errors: autocorrelation of white residuals stays within in 95 % of the lags
-RESIDUAL_TOO_LARGE = 1.5  # rms in standard deviations of the channel's noise
-CHANCE = 0.10  # share of lags beyond WHITE that may be chance in a run of a few seconds
 
 
 class CertaintySection(NamedTuple):
     checks: HtmlTable
-    halving: str
     next_flight: list[str]
     stall: str
 
@@ -28,7 +25,6 @@ class CertaintySection(NamedTuple):
 def certainty_section(results: Results) -> CertaintySection:
     return CertaintySection(
         checks=HtmlTable(("question", "answer"), _checks(results)),
-        halving=halving(results),
         next_flight=next_flight(results),
         stall=stall_margin(results),
     )
@@ -53,7 +49,9 @@ def _checks(results: Results) -> list[tuple[str, str]]:
         rows.append(("Do the fits leave only noise?", white))
     if results.path is not None:
         largest = max(results.path.residuals.values(), default=0.0)
-        large = [CHANNELS.get(name, name) for name, rms in results.path.residuals.items() if rms > RESIDUAL_TOO_LARGE]
+        large = [
+            CHANNELS.get(name, name) for name, rms in results.path.residuals.items() if rms > REPORT.large_residual
+        ]
         answer = f"Not all; residuals of {', '.join(large)} are up to" if large else "Yes: no residual is above"
         rows.append(("Do the sensors agree with one path?", f"{answer} {largest:.1f} times the channel's noise (rms)."))
     if results.provenance is not None:
@@ -88,14 +86,18 @@ def _scatter_of_runs(results: Results) -> str:
 def _whiteness(results: Results) -> str:
     beyond = total = 0
     for run in results.run_residuals:
-        bound = WHITE / math.sqrt(max(run.points, 1))
+        bound = NORMAL_95 / math.sqrt(max(run.points, 1))
         lags = run.autocorrelation[1:]
         total += len(lags)
         beyond += sum(abs(value) > bound for value in lags)
     if not total:
         return ""
     share = beyond / total
-    verdict = "Yes" if share <= CHANCE else "Not only: the residuals are colored, which the standard errors allow for"
+    verdict = (
+        "Yes"
+        if share <= REPORT.colored_share
+        else "Not only: the residuals are colored, which the standard errors allow for"
+    )
     return (
         f"{verdict}. {100 * share:.0f} % of the autocorrelations lie beyond the 95 % bound of white noise (5 % by"
         " chance)."
@@ -121,29 +123,37 @@ def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
-def halving(results: Results) -> str:
-    """What it would take to halve the interval at the reference speed; empty where its parts are not known.
+class Halving(NamedTuple):
+    """What halves the interval, in sentences, and whether more runs of the same kind do."""
+
+    text: str
+    by_more_runs: bool
+
+
+def halving(results: Results) -> Halving | None:
+    """What it would take to halve the interval at the reference speed; None where its parts are not known.
 
     Noise averages over runs, n times as many runs divide its square by n; the part that all runs share remains.
     """
     if not results.interval_parts:
-        return ""
+        return None
     at = reference_point(results).point.speed_mps
     part = min(results.interval_parts, key=lambda part: abs(part.speed_mps - at))
     whole = math.hypot(part.noise_W, part.systematic_W)
     start = f"To halve ±{_watts(whole)} at {part.speed_mps:.1f} m/s"
     runs = len(results.runs)
     more = more_runs_to_halve(part, runs)
-    if more is not None and more <= MOST_RUNS:
-        return (
-            f"{start}, fly {more} {MORE_RUNS} {runs}: noise of ±{_watts(part.noise_W)} averages, and"
-            f" ±{_watts(part.systematic_W)}, which all runs share, remains."
+    if more is not None and more <= REPORT.most_runs:
+        return Halving(
+            f"{start}, fly {more} more runs like these {runs}: noise of ±{_watts(part.noise_W)} averages, and"
+            f" ±{_watts(part.systematic_W)}, which is common to all runs, remains.",
+            by_more_runs=True,
         )
-    share = 100 * part.systematic_W**2 / whole**2
     four = math.hypot(part.noise_W / 2, part.systematic_W)
-    return (
-        f"{start}, more runs of this kind are not enough: ±{_watts(part.systematic_W)}, {share:.0f} % of its square, is"
-        f" shared by all runs. Four times the runs would give ±{_watts(four)}. {_largest_shared(results)}"
+    return Halving(
+        f"{start}, more runs of this kind are not enough: ±{_watts(part.systematic_W)} is common to all runs and does"
+        f" not shrink with more of them. Four times the runs would give ±{_watts(four)}. {_largest_shared(results)}",
+        by_more_runs=False,
     )
 
 
@@ -166,16 +176,16 @@ def _largest_shared(results: Results) -> str:
     share = thrust_share(results)
     rest = "airspeed, angle of attack, alignment, weight"
     if share is None:
-        return f"The shared part consists of errors of the propeller table and of the sensors ({rest})."
+        return f"What is common to all runs are errors of the propeller table and of the sensors ({rest})."
     if share > 0.5:
         return (
-            f"{100 * share:.0f} % of the interval's square goes with the thrust of the propeller table: a table"
+            f"{100 * share:.0f} % of the variance comes from the thrust of the propeller table: a table"
             " measured with this propeller and motor, or decelerations with the propeller"
             " stopped or folded, reduce it most."
         )
     return (
-        f"{100 * share:.0f} % of the interval's square goes with the thrust of the propeller table; the rest of the"
-        f" shared part is that of the sensors ({rest}): the command calibrate airspeed, a finer"
+        f"{100 * share:.0f} % of the variance comes from the thrust of the propeller table; the rest of what is common"
+        f" to all runs comes from the sensors ({rest}): the command calibrate airspeed, a finer"
         " probe calibration, and flights on other days with the instruments installed anew reduce it."
     )
 
@@ -211,10 +221,9 @@ def stall_margin(results: Results) -> str:
     )
     if largest <= CL * 1.005:
         return f"{not_flown} No greater lift was reached in the flight, so it shows no margin: the stall may be near."
-    margin = 100 * (math.sqrt(largest / CL) - 1)
     return (
         f"{not_flown} For a moment the wing carried a lift coefficient of {largest:.2f}: the slowest speed flown has a"
-        f" margin of {margin:.0f} % of speed to the stall at least."
+        f" margin of {stall_margin_percent(slowest)} % of speed to the stall at least."
     )
 
 
@@ -225,9 +234,9 @@ def next_flight(results: Results) -> list[str]:
     told only where they are silent, and what a sensor error lacked only where they do not name that error.
     """
     advice = list(results.next_flight)
-    text = halving(results)
-    if text and not (advice and MORE_RUNS in text):
-        advice.append(text)
+    to_halve = halving(results)
+    if to_halve and not (advice and to_halve.by_more_runs):
+        advice.append(to_halve.text)
     if results.minimum_power_speed.speed_mps is None and results.slowest_flown is not None:
         advice.append(
             f"Slower than {results.slowest_flown.speed_mps:.1f} m/s, if the stall allows: power still decreases there,"

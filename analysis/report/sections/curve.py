@@ -3,6 +3,7 @@
 Comparison of the methods: the table of all of them, and the pairs that disagree.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -11,11 +12,10 @@ from msgspec import UNSET
 from analysis.report.answers import optimum_speed_text
 from analysis.report.html_page import HtmlTable
 from analysis.report.sections.summary import FEET_PER_SECOND
-from analysis.report.wording import listed_methods, meaning, short_name
+from analysis.report.settings import REPORT
+from analysis.report.wording import every, listed_methods, meaning, short_name
 from analysis.schema import PitchRateResult, PowerPoint, Results
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
-
-CURVE_ROWS = 12
 
 
 class CurveSection(NamedTuple):
@@ -77,7 +77,7 @@ def _best_range_on_battery(results: Results) -> str:
     if results.use is None or least_drag is None:
         return ""
     best = results.use.loadings[0].range_speed_mps.value
-    if abs(best - least_drag) < 0.2:
+    if abs(best - least_drag) < REPORT.range_differs_mps:
         return ""
     return f"; longest range on the battery at {best:.1f} m/s, where propeller and motor are more efficient"
 
@@ -99,7 +99,7 @@ def _curve_table(results: Results) -> HtmlTable:
                 f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
                 f"{p.power_W / FOOT_POUND_PER_SECOND_W:.1f}",
             )
-            for p in results.power_required[:: max(1, len(results.power_required) // CURVE_ROWS)]
+            for p in every(results.power_required, REPORT.page_rows)
         ],
         numbers=True,
     )
@@ -109,8 +109,11 @@ def _shared_part(results: Results) -> str:
     if not results.interval_parts:
         return ""
     middle = results.interval_parts[len(results.interval_parts) // 2]
-    share = middle.systematic_W**2 / (middle.systematic_W**2 + middle.noise_W**2)
-    return f"At {middle.speed_mps:.0f} m/s, {100 * share:.0f} % of its square is the part that all runs share"
+    whole = math.hypot(middle.systematic_W, middle.noise_W)
+    return (
+        f"Of ±{whole:.1f} W at {middle.speed_mps:.0f} m/s, ±{middle.systematic_W:.1f} W is common to all runs and does"
+        " not shrink with more of them"
+    )
 
 
 class MethodsSection(NamedTuple):

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from analysis.report.html_page import HtmlTable
-from analysis.schema import AirFound, Provenance, Results, SensorError
+from analysis.schema import AirFound, Clock, Provenance, Results, SensorError
 from flight.units import GRAVITY_MPS2
 
 
@@ -160,7 +160,7 @@ def _date(results: Results) -> str:
     found = results.provenance
     if found is None or found.start_utc is None:
         return "date not known"
-    clock = "" if found.clock == "satellites" else " (the computer's clock, which may be wrong)"
+    clock = "" if found.clock is Clock.SATELLITES else " (the computer's clock, which may be wrong)"
     return f"{found.start_utc.replace('T', ' ').removesuffix('Z')} UTC{clock}"
 
 

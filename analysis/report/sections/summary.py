@@ -52,12 +52,11 @@ def summary_section(results: Results) -> SummarySection:
 
 
 def _card(answer: HeadlineAnswer) -> AnswerCard:
-    number, unit, rest = answer.answer.partition(" m/s")
-    if not unit:
-        return AnswerCard(answer.question, "", answer.answer, "", answer.note)
-    speed = float(number)
-    other_units = f"{speed * KM_PER_HOUR:.0f} km/h · {speed * FEET_PER_SECOND:.0f} ft/s"
-    return AnswerCard(answer.question, number, rest, other_units, answer.note)
+    if answer.speed_mps is None:
+        return AnswerCard(answer.question, "", answer.remark, "", answer.note)
+    shown = f"{answer.speed_mps:.1f}"
+    other_units = f"{float(shown) * KM_PER_HOUR:.0f} km/h · {float(shown) * FEET_PER_SECOND:.0f} ft/s"
+    return AnswerCard(answer.question, shown, answer.remark, other_units, answer.note)
 
 
 FILTER_ERROR = "filter error"  # as `cross_check_by` says it; its intervals are too narrow for a comparison

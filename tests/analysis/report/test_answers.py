@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from analysis.report.answers import headline_answers
+from analysis.report.answers import headline_answers, not_slower
 from analysis.report.field_table import loading_rows, speed_rows, to_csv, to_markdown
 from analysis.report.sections.curve import curve_section
 from analysis.report.sections.flight import decimals, sensors_section
@@ -33,7 +33,7 @@ def use(with_battery: Results) -> PerformanceResult:
 def test_with_a_battery_the_answers_are_those_on_the_battery(with_battery: Results) -> None:
     """3000 s are 50 min and 40 000 m are 40 km; an interval is lower end to upper end."""
     battery = "with 74 Wh, 80 % used (motor assumed, not measured)"
-    assert [tuple(answer) for answer in headline_answers(with_battery)] == [
+    assert [(one.question, one.answer, one.note) for one in headline_answers(with_battery)] == [
         ("Longest endurance", "14.0 m/s (12.6 to 16.8)", f"50 min (45 to 60) {battery}."),
         ("Longest range", "16.0 m/s (14.4 to 19.2)", f"40.0 km (36.0 to 48.0) {battery}, in still air."),
         (
@@ -60,11 +60,13 @@ def test_an_answer_that_is_not_sure_says_so(with_battery: Results, use: Performa
     endurance, far, throttle = headline_answers(results)
     assert endurance.answer == "14.0 m/s, the slowest flown" and far.answer == "16.0 m/s, the fastest flown"
     assert "Outside the propeller table: an extrapolation." in endurance.note
-    assert "Not slower than this unless you fly slower first." in endurance.note and "10.2" not in endurance.note
+    assert (endurance.speed_mps, far.speed_mps) == (14.0, 16.0)
+    assert not_slower(results) in endurance.note and "10.2" not in endurance.note
     assert "assumed" not in endurance.note
     assert throttle.note.endswith("Outside the propeller table: an extrapolation.")
     unknown = replace(results, use=replace(use, available=replace(use.available, reason="No full throttle.")))
-    assert headline_answers(unknown)[-1] == ("Full throttle", "not known", "No full throttle.")
+    last = headline_answers(unknown)[-1]
+    assert (last.speed_mps, last.answer, last.note) == (None, "not known", "No full throttle.")
 
 
 def test_ceilings_are_density_altitudes_with_their_intervals(use: PerformanceResult) -> None:

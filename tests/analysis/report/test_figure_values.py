@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from msgspec.structs import replace
 
+from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import ACCELERATION, STANDING
 from analysis.pooling.results import Deviation
 from analysis.report import calibration as calibration_page
@@ -67,7 +68,8 @@ def test_the_dependence_on_speed_is_in_per_cent_and_degrees() -> None:
     slope, offset = probe_calibration.by_speed(SimpleNamespace(speeds=at))  # type: ignore[arg-type]
     (points,) = slope.data
     assert np.asarray(points["y"]) == pytest.approx([2.0, 2.0])
-    assert np.asarray(points["error_y"]["array"]) == pytest.approx([0.98, 0.98])  # 95 %: 1.96 standard errors
+    drawn_to = 1e-5
+    assert np.asarray(points["error_y"]["array"]) == pytest.approx([0.5 * NORMAL_95] * 2, abs=drawn_to)
     (points,) = offset.data
     assert np.asarray(points["y"]) == pytest.approx(np.degrees([0.01, 0.02]), abs=1e-4) and "error_y" not in points
 
