@@ -17,7 +17,7 @@ from daq.config import parse_tray
 from daq.driver_factory import driver_factory
 from flight.aircraft import load_aircraft
 from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray
+from hw_fakes.tray import FakeTray, TrayVariant
 from sim.fly import fly
 from sim.plan import load_plan
 from sim.sensors import FlightSensorTruth, draw, load_budget
@@ -67,7 +67,7 @@ def measure(seconds: float) -> tuple[dict[str, list[float]], list[float]]:
         fly(aircraft, load_plan("accel-decel"), seed=0, deviations=errors.deviations), errors
     )
     clock, spent_ns = SimulatedClock(), [0]
-    fake = FakeTray(sensor_truth, clock, 0, pole_pairs=aircraft.propulsion.pole_pairs)
+    fake = FakeTray(sensor_truth, clock, 0, variant=TrayVariant(pole_pairs=aircraft.propulsion.pole_pairs))
     tray = parse_tray(EXAMPLE.read_text("utf-8"), str(EXAMPLE), Path(tempfile.gettempdir()))
     buses = TimedBuses(fake, spent_ns)
     drivers = {table.name: driver_factory(table, tray, buses, aircraft)() for table in tray.sensors}

@@ -99,13 +99,13 @@ def record_a_log(path: Path) -> None:
 def frames(name: str) -> bytes:
     """What a fake part sends in a second."""
     from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import AUTOPILOT_PORT, ESC_PORT, GPS_PORT, FakeTray
+    from hw_fakes.tray import AUTOPILOT_PORT, ESC_PORT, GPS_PORT, FakeTray, TrayVariant
 
     sys.path.append(str(ROOT / "tests" / "hw_fakes"))
     from analytic_sensor_truth import AnalyticSensorTruth
 
     clock = SimulatedClock()
-    tray = FakeTray(AnalyticSensorTruth(), clock, rpm_with_crc=name == "counter-framed")
+    tray = FakeTray(AnalyticSensorTruth(), clock, variant=TrayVariant(rpm_with_crc=name == "counter-framed"))
     device = {"autopilot": AUTOPILOT_PORT, "ublox": GPS_PORT, "ublox-ddc": GPS_PORT}.get(name, ESC_PORT)
     port = tray.port(device, 38400 if device == GPS_PORT else 115200 if device == ESC_PORT else 57600)
     clock.advance_ns(10**9)

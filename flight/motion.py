@@ -109,14 +109,14 @@ def body_from_earth(vector: Vector, attitude: Vector) -> tuple[Number, Number, N
 
 
 def wind_axis_derivative(
-    flow: Vector, phi: Number, theta: Number, rates: Vector, *, coefficients: Vector, T: Number, m: Number, qS: Number
+    flow: Vector, attitude: Vector, rates: Vector, *, coefficients: Vector, T: Number, m: Number, qS: Number
 ) -> tuple[Number, Number, Number]:
     """(Vdot, alphadot, betadot) [m/s^2, rad/s, rad/s] of the flow (V, alpha, beta) (3.21-3.23).
 
     coefficients: (CL, CD, CY) as in `aerodynamics.Coefficients`; T: thrust along body x [N]; m: mass [kg]; qS: dynamic
     pressure times reference area, so a force [N].
     """
-    (V, alpha, beta), (p, q, r), (CL, CD, CY) = flow, rates, coefficients
+    (V, alpha, beta), (phi, theta, _), (p, q, r), (CL, CD, CY) = flow, attitude, rates, coefficients
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
     ct, st, cf, sf = np.cos(theta), np.sin(theta), np.cos(phi), np.sin(phi)
     CD_W = CD * cb - CY * sb

@@ -161,7 +161,9 @@ def _read_table(kind: Any, table: object, where: str, examples: Mapping[str, str
         required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
         if key in table:
             try:
-                values[field.name] = _read_value(hints[field.name], table[key], unit, at, examples, problems)
+                values[field.name] = _read_value(
+                    hints[field.name], table[key], unit, at, examples=examples, problems=problems
+                )
             except InputError as error:
                 example = examples.get(at.partition(": ")[2])
                 like = f"; write it as {key} = {example}" if example and "such as" not in str(error) else ""
@@ -185,28 +187,27 @@ def split_unit(name: str) -> tuple[str, str | None]:
 
 
 def _read_value(
-    hint: Any, value: object, unit: str | None, where: str, examples: Mapping[str, str], problems: list[str]
+    hint: Any, value: object, unit: str | None, where: str, *, examples: Mapping[str, str], problems: list[str]
 ) -> Any:
+    noted: dict[str, Any] = {"examples": examples, "problems": problems}
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (types.UnionType, typing.Union):
         (hint,) = (a for a in arguments if a is not type(None))
-        return _read_value(hint, value, unit, where, examples, problems)
+        return _read_value(hint, value, unit, where, **noted)
     if dataclasses.is_dataclass(hint):
         return _read_table(hint, value, where, examples, problems)
     if origin is dict:
         if not isinstance(value, dict):
             raise InputError(f"{where}: should be a table, is {value!r}")
         at = {key: f"{where}.{key}" for key in value}
-        return {
-            key: _read_value(arguments[1], entry, unit, at[key], examples, problems) for key, entry in value.items()
-        }
+        return {key: _read_value(arguments[1], entry, unit, at[key], **noted) for key, entry in value.items()}
     if origin is tuple:
         fixed = Ellipsis not in arguments
         if not isinstance(value, list) or (fixed and len(value) != len(arguments)):
             raise InputError(
                 f"{where}: should be a list" + (f" of {len(arguments)}" if fixed else "") + f", is {value!r}"
             )
-        return tuple(_read_value(arguments[0], entry, unit, where, examples, problems) for entry in value)
+        return tuple(_read_value(arguments[0], entry, unit, where, **noted) for entry in value)
     if hint is float:
         if unit == "N" and where.endswith("weight"):
             return weight_to_N(value, where)

@@ -163,6 +163,7 @@ class FaultyBus:
         faults: dict[int | None, list[Fault]],
         parts: dict[int, list[PartFault]],
         now_ns: Callable[[], int],
+        *,
         seed: int,
         spend_ns: Callable[[int], None] | None = None,
     ):

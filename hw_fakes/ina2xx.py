@@ -89,6 +89,7 @@ class FakePowerMonitor:
         now_ns: Callable[[], int],
         seed: int,
         shunt_ohm: float = 0.0005,
+        *,
         powered_ns: int = 0,
     ):
         self._variant, self._sensor_truth, self._now_ns = variant, sensor_truth, now_ns

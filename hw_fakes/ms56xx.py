@@ -157,6 +157,7 @@ class FakeMS56xx:
         which: str,
         sensor_truth: SensorTruth,
         now_ns: Callable[[], int],
+        *,
         seed: int,
         powered_ns: int = 0,
     ):

@@ -4,7 +4,7 @@ import errno
 import os
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Protocol, TypeVar
 
@@ -51,15 +51,30 @@ class TrayClock(Protocol):
     def now_ns(self) -> int: ...
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrayVariant:
+    """What differs between two trays.
+
+    powered_for_s: how long the parts have had power; a Pi takes some 20 s to boot, so the parts have started before the
+    daemon reads them. pole_pairs: of the motor. utc_at_start: true UTC now, as GPS time gives it. geoid_m: height of
+    the geoid above the ellipsoid. rpm_with_crc: the pulse counter sends the frames with CRC. gps_on_i2c: the receiver
+    is on the I2C bus, not on its serial line.
+    """
+
+    powered_for_s: float = 20.0
+    pole_pairs: int = 7
+    utc_at_start: datetime = UTC_AT_START
+    geoid_m: float = 0.0
+    rpm_with_crc: bool = False
+    gps_on_i2c: bool = False
+
+
 class FakeTray:
     """The sensors of the default tray; satisfies `daq.bus.Buses`.
 
-    sensor_truth: physical inputs of the sensors; its time 0 is now. clock: gives the time. powered_for_s: how long the
-    parts have had power; a Pi takes some 20 s to boot, so the parts have started before the daemon reads them.
-    seed: draws what differs between two parts of a kind (coefficients, trim, clock errors). pole_pairs: of the motor.
-    utc_at_start: true UTC now, as GPS time gives it. geoid_m: height of the geoid above the ellipsoid.
-    rpm_with_crc: the pulse counter sends the frames with CRC. gps_on_i2c: the receiver is on the I2C bus, not on its
-    serial line. faults: what fails, and when; raises InputError for a fault that the device cannot have.
+    sensor_truth: physical inputs of the sensors; its time 0 is now. clock: gives the time. seed: draws what differs
+    between two parts of a kind (coefficients, trim, clock errors). faults: what fails, and when; raises InputError for
+    a fault that the device cannot have.
     """
 
     def __init__(
@@ -68,12 +83,7 @@ class FakeTray:
         clock: TrayClock,
         seed: int = 0,
         *,
-        powered_for_s: float = 20.0,
-        pole_pairs: int = 7,
-        utc_at_start: datetime = UTC_AT_START,
-        geoid_m: float = 0.0,
-        rpm_with_crc: bool = False,
-        gps_on_i2c: bool = False,
+        variant: TrayVariant = TrayVariant(),
         faults: Sequence[Fault] = (),
     ):
         start_ns = clock.now_ns()
@@ -81,7 +91,7 @@ class FakeTray:
         def now_ns() -> int:
             return clock.now_ns() - start_ns
 
-        powered_ns = -round(powered_for_s * 1e9)
+        powered_ns = -round(variant.powered_for_s * 1e9)
 
         def seed_of(name: str) -> int:
             return zlib.crc32(f"{seed} {name}".encode())
@@ -89,14 +99,19 @@ class FakeTray:
         self._now_ns: Callable[[], int] = now_ns
         self.imu = FakeMPU9250(sensor_truth, now_ns, seed_of("imu"), powered_ns)
         self.magnetometer = FakeAK8963(sensor_truth, now_ns, seed_of("magnetometer"), powered_ns)
-        self.baro = ms56xx.FakeMS56xx(ms56xx.MS5611, "baro", sensor_truth, now_ns, seed_of("baro"), powered_ns)
-        self.static = ms56xx.FakeMS56xx(ms56xx.MS5805, "static", sensor_truth, now_ns, seed_of("static"), powered_ns)
+
+        def barometer(kind: ms56xx.MS56xxType, name: str) -> ms56xx.FakeMS56xx:
+            return ms56xx.FakeMS56xx(kind, name, sensor_truth, now_ns, seed=seed_of(name), powered_ns=powered_ns)
+
+        self.baro, self.static = barometer(ms56xx.MS5611, "baro"), barometer(ms56xx.MS5805, "static")
         self.alpha = bridge.FakeBridge(bridge.MS4515DO_DS5A002DP, "alpha", sensor_truth, now_ns, powered_ns)
         self.beta = bridge.FakeBridge(bridge.MS4515DO_DS5A002DP, "beta", sensor_truth, now_ns, powered_ns)
         self.airspeed = bridge.FakeBridge(bridge.SSCDRRN005ND2A5, "airspeed", sensor_truth, now_ns, powered_ns)
-        gps_port = PORT_DDC if gps_on_i2c else PORT_UART1
-        self.gps = FakeUbloxM8(sensor_truth, utc_at_start, geoid_m, powered_ns=powered_ns, port_id=gps_port)
-        self.esc_counter = FakeEscCounter(sensor_truth, pole_pairs, rpm_with_crc)
+        gps_port = PORT_DDC if variant.gps_on_i2c else PORT_UART1
+        self.gps = FakeUbloxM8(
+            sensor_truth, variant.utc_at_start, variant.geoid_m, powered_ns=powered_ns, port_id=gps_port
+        )
+        self.esc_counter = FakeEscCounter(sensor_truth, variant.pole_pairs, variant.rpm_with_crc)
         self.autopilot = FakeAutopilot(sensor_truth)
 
         devices: dict[int, I2CDevice] = {
@@ -111,7 +126,7 @@ class FakeTray:
         devices[POWER_MONITOR_ADDRESS] = self.power_monitor
         devices[ANALOG_ADDRESS] = FakeADS1115(analog_V, now_ns, seed_of("analog"))
         addresses, ports = dict(ADDRESSES), dict(PORTS)
-        if gps_on_i2c:
+        if variant.gps_on_i2c:
             del ports["gps"]
             addresses["gps"] = ublox_ddc.ADDRESS
             devices[ublox_ddc.ADDRESS] = FakeUbloxDdc(self.gps, now_ns)
@@ -135,7 +150,7 @@ class FakeTray:
                 by_address.setdefault(addresses.get(fault.device), []).append(fault)
             by_address[None] = [fault for fault in by_address.get(None, []) if fault.device == BUS]
             parts = {addresses[name]: these for name, these in self._parts_faults.items() if name in addresses}
-            bus = FaultyBus(bus, by_address, parts, now_ns, seed_of("bus"), spend_ns)
+            bus = FaultyBus(bus, by_address, parts, now_ns, seed=seed_of("bus"), spend_ns=spend_ns)
         self.buses: dict[str, I2CBus] = {I2C_BUS: bus}
         self.serial_devices: dict[str, SerialDevice] = {device: getattr(self, name) for name, device in ports.items()}
 

@@ -86,6 +86,7 @@ class FakeUbloxM8:
         utc_at_start: datetime,
         geoid_m: float = 0.0,
         baud: int = 38400,
+        *,
         powered_ns: int = 0,
         port_id: int = PORT_UART1,
     ):

@@ -117,7 +117,7 @@ def fly(
     drawn = draw(flown_in.errors, seed)
     with progress_bar("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
-    write_flight(output, flight, drawn, flown_in, aircraft, calibration)
+    write_flight(output, flight, drawn, flown_in, aircraft=aircraft, calibration=calibration)
     sensor_truth = FlightSensorTruth(flight, drawn)
     if recorder is not None:
         written = write_autopilot_log(output, recorder, flight, sensor_truth, drawn, traps)
@@ -127,15 +127,16 @@ def fly(
         if no_hardware:
             _write_without_hardware(output, sensor_truth, seed, craft, report)
         else:
-            _record(output, sensor_truth, seed, craft, schedule, real_time, report)
+            _record(output, sensor_truth, craft, seed=seed, faults=schedule, real_time=real_time, report=report)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
 
 
 def _record(
     output: Path,
     sensor_truth: "SensorTruth",
-    seed: int,
     craft: CompleteAircraft,
+    *,
+    seed: int,
     faults: "tuple[Fault, ...]",
     real_time: bool,
     report: Report,
@@ -144,11 +145,13 @@ def _record(
     from daq.config import load_tray
     from daq.daemon import record
     from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import UTC_AT_START, FakeTray
+    from hw_fakes.tray import UTC_AT_START, FakeTray, TrayVariant
 
     clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=_believed_unix_ns(UTC_AT_START))
     start_ns = clock.now_ns()
-    tray = FakeTray(sensor_truth, clock, seed, pole_pairs=craft.propulsion.pole_pairs, faults=faults)
+    tray = FakeTray(
+        sensor_truth, clock, seed, variant=TrayVariant(pole_pairs=craft.propulsion.pole_pairs), faults=faults
+    )
     record(
         load_tray(output / TRAY),
         buses=tray,
@@ -172,10 +175,10 @@ def _write_without_hardware(
     from flight.log_writer import LogWriter
     from hw_fakes.clock import SimulatedClock
     from hw_fakes.direct_log import write_direct_log
-    from hw_fakes.tray import UTC_AT_START, FakeTray
+    from hw_fakes.tray import UTC_AT_START, FakeTray, TrayVariant
 
     tray = load_tray(output / TRAY)
-    parts = FakeTray(sensor_truth, SimulatedClock(), seed, pole_pairs=craft.propulsion.pole_pairs)
+    parts = FakeTray(sensor_truth, SimulatedClock(), seed, variant=TrayVariant(pole_pairs=craft.propulsion.pole_pairs))
     start_unix_ns = _believed_unix_ns(UTC_AT_START)
     try:
         with (output / LOG).open("xb") as stream:

@@ -50,7 +50,7 @@ def check_probe(output: Path, calibration: str, probe: Path | None) -> None:
 
 
 def write_flight(
-    output: Path, flight: "Flight", drawn: "DrawnErrors", world: "World", aircraft: str, calibration: str
+    output: Path, flight: "Flight", drawn: "DrawnErrors", world: "World", *, aircraft: str, calibration: str
 ) -> None:
     """Write all but the log. Raises InputError when something cannot be written.
 

@@ -142,7 +142,7 @@ def wind_axis_derivative(c: Constants, flow: Flow, theta: Any, u: NamedValues, p
     """Vdot [m/s^2] and alphadot [rad/s] in still air at the pitch angle theta [rad]."""
     CL, CD = lift_and_drag(c, flow, u, p)
     Vdot, alphadot, _ = motion.wind_axis_derivative(
-        (flow.V, flow.alpha, u.beta), u.phi, theta, (u.p, flow.q, u.r),
+        (flow.V, flow.alpha, u.beta), (u.phi, theta, 0.0), (u.p, flow.q, u.r),
         coefficients=(CL, CD, 0.0), T=corrected_thrust(c, u, p), m=c.m, qS=u.rho * flow.V**2 / 2 * c.S,
     )  # fmt: skip
     return Vdot, alphadot
@@ -182,7 +182,7 @@ def force_models(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
     def dynamics(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, ...]:
         CL, CD = stability_axes(*force_coefficients(x.alpha, u.elevator, p), x.alpha)
         Vdot, alphadot, _ = motion.wind_axis_derivative(
-            (x.V, x.alpha, u.beta), u.phi, x.theta, (u.p, u.q, u.r),
+            (x.V, x.alpha, u.beta), (u.phi, x.theta, 0.0), (u.p, u.q, u.r),
             coefficients=(CL, CD, 0.0), T=corrected_thrust(c, u, p), m=c.m, qS=u.rho * x.V**2 / 2 * c.S,
         )  # fmt: skip
         return Vdot, alphadot, motion.attitude_derivative(u.phi, x.theta, u.p, u.q, u.r)[1]

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 from analytic_sensor_truth import AnalyticSensorTruth, constant
 
-from hw_fakes.tray import FakeTray
+from hw_fakes.tray import FakeTray, TrayVariant
 
 SEED = 1003
 
@@ -20,4 +20,4 @@ def parts_at_rest() -> FakeTray:
     truth = AnalyticSensorTruth(
         velocity_mps=constant([0.0, 0.0, 0.0]), motor_revps=constant(0.0), attitude_rad=constant([0.0, 0.0, 0.0])
     )
-    return FakeTray(truth, RealClock(), SEED, utc_at_start=datetime.now(UTC))
+    return FakeTray(truth, RealClock(), SEED, variant=TrayVariant(utc_at_start=datetime.now(UTC)))

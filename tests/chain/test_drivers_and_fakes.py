@@ -23,7 +23,7 @@ from daq.sensors.ublox_ddc import DdcPort
 from flight.aircraft import load_aircraft
 from flight.messages import Status
 from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray
+from hw_fakes.tray import FakeTray, TrayVariant
 from sim.fly import fly
 from sim.plan import load_plan
 from sim.sensors import FlightSensorTruth, draw, load_budget
@@ -45,7 +45,7 @@ def staircase(levels, step_s=2.0):
 def run(make, sensor_truth, seconds, seed=3, **options):
     """Samples of the driver that `make(tray)` gives, read at 25 Hz, as (time [s], sample)."""
     clock = SimulatedClock(start_ns=START_NS)
-    tray = FakeTray(sensor_truth, clock, seed, **options)
+    tray = FakeTray(sensor_truth, clock, seed, variant=TrayVariant(**options))
     driver = make(tray)
     for wait_s in driver.start():
         clock.advance_ns(round(wait_s * 1e9))

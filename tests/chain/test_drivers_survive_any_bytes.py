@@ -22,7 +22,7 @@ from daq.sensors.ublox_ddc import DdcPort
 from flight.aircraft import load_aircraft
 from flight.messages import Status
 from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import AUTOPILOT_PORT, ESC_PORT, GPS_PORT, I2C_BUS, FakeTray
+from hw_fakes.tray import AUTOPILOT_PORT, ESC_PORT, GPS_PORT, I2C_BUS, FakeTray, TrayVariant
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
 from analytic_sensor_truth import AnalyticSensorTruth
@@ -128,8 +128,8 @@ class Place:
 @given(noise=st.binary(min_size=1, max_size=700), ticks=st.integers(1, 12))
 def test_any_bytes_and_then_sound_ones(name, noise, ticks):
     clock = SimulatedClock(start_ns=5_000_000_000)
-    options = {"rpm_with_crc": name == "framed counter", "gps_on_i2c": name == "ublox on i2c"}
-    wire = Wire(FakeTray(AnalyticSensorTruth(), clock, 1, **options))
+    options = TrayVariant(rpm_with_crc=name == "framed counter", gps_on_i2c=name == "ublox on i2c")
+    wire = Wire(FakeTray(AnalyticSensorTruth(), clock, 1, variant=options))
     place = Place(MAKERS[name], wire, clock)
     assert place.measures_within(2 * RECOVERY_TICKS)
     wire.noise = noise
@@ -145,8 +145,8 @@ def test_any_bytes_and_then_sound_ones(name, noise, ticks):
 @example(noise=b"\xb5\x62")  # half a frame of a receiver, which a whole one follows
 def test_any_bytes_while_it_is_brought_up(name, noise):
     clock = SimulatedClock(start_ns=5_000_000_000)
-    options = {"rpm_with_crc": name == "framed counter", "gps_on_i2c": name == "ublox on i2c"}
-    wire = Wire(FakeTray(AnalyticSensorTruth(), clock, 1, **options))
+    options = TrayVariant(rpm_with_crc=name == "framed counter", gps_on_i2c=name == "ublox on i2c")
+    wire = Wire(FakeTray(AnalyticSensorTruth(), clock, 1, variant=options))
     wire.noise = noise
     place = Place(MAKERS[name], wire, clock)
     assert all(status in Status for _ in range(5) for status in place.tick())
@@ -169,7 +169,7 @@ TRANSFERS = st.lists(
 @given(TRANSFERS)
 def test_a_fake_part_answers_any_transfer_or_does_not_acknowledge(transfers):
     clock = SimulatedClock(start_ns=5_000_000_000)
-    bus = FakeTray(AnalyticSensorTruth(), clock, 1, gps_on_i2c=True).i2c(I2C_BUS)
+    bus = FakeTray(AnalyticSensorTruth(), clock, 1, variant=TrayVariant(gps_on_i2c=True)).i2c(I2C_BUS)
     for address, data, count, wait_ns in transfers:
         clock.advance_ns(wait_ns)
         try:

@@ -11,7 +11,7 @@ from flight.log_reader import read_log
 from flight.messages import Status
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.faults import DEVICES_OF_KIND, I2C_PARTS, Fault
-from hw_fakes.tray import FakeTray
+from hw_fakes.tray import FakeTray, TrayVariant
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
 from analytic_sensor_truth import AnalyticSensorTruth
@@ -68,7 +68,7 @@ RATES = {"bit_flips": 0.05, "checksum_errors": 0.3}  # one message in a thousand
 
 def flown(tmp_path, *faults, **options):
     clock = SimulatedClock(start_ns=3_000_000_000)
-    fake = FakeTray(AnalyticSensorTruth(), clock, 2, faults=faults, **options)
+    fake = FakeTray(AnalyticSensorTruth(), clock, 2, faults=faults, variant=TrayVariant(**options))
     text = EXAMPLE.read_text()
     if options.get("rpm_with_crc"):
         text = text.replace("framed = false", "framed = true")

@@ -32,7 +32,7 @@ from flight.messages import (
 )
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.faults import Fault
-from hw_fakes.tray import FakeTray
+from hw_fakes.tray import FakeTray, TrayVariant
 
 
 class AtRest(SteadySensorTruth):
@@ -181,7 +181,7 @@ def test_every_part_says_who_it_is_and_where(tmp_path):
 def asked(driver: str, port, extra="", **options):
     """The identity of one part on a line, by itself."""
     clock = SimulatedClock()
-    fake = FakeTray(SteadySensorTruth(), clock, **options)
+    fake = FakeTray(SteadySensorTruth(), clock, variant=TrayVariant(**options))
     clock.advance_ns(2 * 10**9)
     table = parse_tray(f'[[sensors]]\ndriver="{driver}"\n{port}\n{extra}', "tray.toml", Path()).sensors[0]
     return identify(table, fake, clock)

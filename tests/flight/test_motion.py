@@ -96,7 +96,9 @@ def test_wind_axis_form_is_the_body_axis_form(seed):
     ahead = flow_of(*(np.array([u, v, w]) + h * rate))
     behind = flow_of(*(np.array([u, v, w]) - h * rate))
     expected = (np.array(ahead) - np.array(behind)) / (2 * h)
-    found = wind_axis_derivative((V, alpha, beta), phi, theta, (p, q, r), coefficients=(CL, CD, CY), T=T, m=m, qS=qS)
+    found = wind_axis_derivative(
+        (V, alpha, beta), (phi, theta, 0.0), (p, q, r), coefficients=(CL, CD, CY), T=T, m=m, qS=qS
+    )
     assert np.allclose(found, expected, rtol=1e-7, atol=1e-7)
 
 

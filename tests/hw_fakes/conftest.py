@@ -2,7 +2,7 @@ import pytest
 from analytic_sensor_truth import AnalyticSensorTruth
 
 from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray
+from hw_fakes.tray import FakeTray, TrayVariant
 
 
 @pytest.fixture
@@ -18,7 +18,9 @@ def powered(clock):
         options = {
             k: functions.pop(k) for k in ("rpm_with_crc", "pole_pairs", "geoid_m", "gps_on_i2c") if k in functions
         }
-        tray = FakeTray(AnalyticSensorTruth(**functions), clock, seed, powered_for_s=0.0, **options)
+        tray = FakeTray(
+            AnalyticSensorTruth(**functions), clock, seed, variant=TrayVariant(powered_for_s=0.0, **options)
+        )
         clock.advance_ns(round(after_s * 1e9))
         return tray
 

@@ -46,7 +46,7 @@ def fly(V, thrust, elevator, duration_s, stop_at=None):
         V, alpha, theta, q, _ = x
         CL, CD, qS = forces(x, t)
         Vdot, alphadot, _ = motion.wind_axis_derivative(
-            (V, alpha, 0), 0, theta, (0, q, 0), coefficients=(CL, CD, 0), T=thrust(V, t), m=m, qS=qS
+            (V, alpha, 0), (0, theta, 0), (0, q, 0), coefficients=(CL, CD, 0), T=thrust(V, t), m=m, qS=qS
         )
         Cm = AERO.Cm0 + AERO.Cma * alpha + AERO.Cmq * q * chord / (2 * V) + AERO.Cmde * elevator(x, t)
         return [Vdot, alphadot, q, qS * chord * Cm / NEXSTAR.mass.Iy_kgm2, V * np.sin(theta - alpha)]
