@@ -1,7 +1,7 @@
 """Flies a plan: the time loop of pilot and aircraft, and the table of true values."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -78,6 +78,8 @@ class _FlightSimulation:
         highest = max([plan.height_m, *(s.height_m for s in plan.segments if s.kind == "climb")])
         self.trimmer = Trimmer(plant, highest)
         self.stepper = Stepper(plant, dt, plan.integrator)
+        self.runs_flown = 0
+        self.other_stepper: Stepper | None = None  # with the landing gear out, or in
         self.pilot = Pilot(plant, self.trimmer, plan.pilot, dt)
         self.white = _white_noise(seed, dt) if plan.air.turbulence_mps > 0 else None
         self.wander_phases = drawn_phases(seed)
@@ -183,7 +185,8 @@ class _FlightSimulation:
         )
 
     def _segment(self, segment: Any, index: int, where: str) -> None:
-        stepper, pilot, context, white = self.stepper, self.pilot, self.context, self.white
+        plant, stepper = self._configured(segment)
+        pilot, context, white = self.pilot, self.context, self.white
         states, commands, noises = _GrowingTable(len(AircraftState._fields)), _GrowingTable(4), _GrowingTable(4)
         seen = self.seen
         targets_of = segment.fly(seen, context)
@@ -214,10 +217,24 @@ class _FlightSimulation:
             except StopIteration:
                 targets = None
         drawn = noises.array() if white else None
-        self._add(airborne_rows(self.plant, states.array(), commands.array(), drawn), index, segment.kind)
+        self._add(airborne_rows(plant, states.array(), commands.array(), drawn), index, segment.kind)
         self.energy_J = float(stepper.x[AircraftState._fields.index("energy")])
         self.t += step * self.dt
         self.seen = seen
+        self.stepper = stepper
+
+    def _configured(self, segment: Any) -> tuple[Plant, Stepper]:
+        """The aircraft as it flies this segment, and its steps: with the gear out in every second pair of runs."""
+        out = False
+        if segment.kind == "run":
+            out = self.plant.deviations.gear_CD != 0 and self.runs_flown // 2 % 2 == 1
+            self.runs_flown += 1
+        if out == self.stepper.plant.gear_out:
+            return self.stepper.plant, self.stepper
+        kept = self.other_stepper or Stepper(replace(self.plant, gear_out=out), self.dt, self.plan.integrator)
+        self.other_stepper = self.stepper
+        kept.start(AircraftState(*self.stepper.x.tolist()), Commands(*self.stepper.commands.tolist()))
+        return kept.plant, kept
 
     def _stand(self, segment: Any, index: int) -> None:
         n = round(segment.duration_s / self.dt)

@@ -87,7 +87,7 @@ class Stepper:
         self._in_cell, self._in_table = (
             self._bound(compile_step(plant, dt, integrator, cell=c)) for c in (True, False)
         )
-        self._plant = plant
+        self.plant = plant
         self._cells = TableCells(plant.propeller)
         self._diameter_m = plant.propeller.diameter_m
         self._index: CellIndex = (0, 0)
@@ -95,7 +95,7 @@ class Stepper:
     def start(self, x: AircraftState, commands: Commands) -> Observation:
         """Set the state; the observation there."""
         self.x[:], self.commands[:] = x, commands
-        now, _ = self._plant.instant(x, commands)
+        now, _ = self.plant.instant(x, commands)
         seen = Observation(*(float(value) for value in observation_of(x, now)))
         self._index = self._cell_index(seen.V, x.motor)
         return seen

@@ -11,7 +11,7 @@ import numpy as np
 
 from flight.aerodynamics import Aerodynamics, aerodynamics_of, body_axes, coefficients
 from flight.aircraft import ControlSurface
-from flight.complete_aircraft import CompleteAircraft
+from flight.complete_aircraft import CompleteAircraft, CompletePropulsion
 from flight.motion import (
     Inertia,
     attitude_derivative,
@@ -88,6 +88,9 @@ class Deviations:
     thrust_bow: float = 0.0  # of cT over the table, and
     windmilling: float = 0.0  # share of the blade-element branch beyond it: `sim.true_propeller`
     drag: DragShape = PARABOLA
+    gear_CD: float = 0.0  # of the landing gear, where it is out
+    thrust_loss: float = 0.0  # share of thrust, and
+    battery_sag: float = 0.0  # of the battery's voltage, lost when the battery is empty
 
 
 NO_DEVIATIONS = Deviations()
@@ -126,6 +129,7 @@ class Plant:
     propeller: PropellerModel
     air: Air
     deviations: Deviations = NO_DEVIATIONS
+    gear_out: bool = False
 
     @property
     def mass_kg(self) -> float:
@@ -165,13 +169,13 @@ class Plant:
         CD = C.CD + self.added_CD(C.CL, V)
         CX, CZ = body_axes(C.CL, CD, alpha)
         train = power_train(
-            self.aircraft.propulsion,
+            self._propulsion(x.energy),
             self.propeller,
             V=V,
             n=x.motor,
             throttle=commands.throttle,
             rho=rho,
-            thrust_factor=ThrustFactor(1 + self.deviations.thrust_scale, self.deviations.thrust_slope_J),
+            thrust_factor=self._thrust_factor(x.energy),
         )
         qS = rho * V**2 / 2 * S
         force = ((CX * qS + train.thrust_N) / m, C.CY * qS / m, CZ * qS / m)
@@ -209,7 +213,25 @@ class Plant:
         """Drag coefficient beyond that of the aircraft file, elementwise."""
         wing_loading_Pa = self.aircraft.mass.weight_N / self.aircraft.geometry.wing_area_m2
         reference_mps = float(np.sqrt(2 * wing_loading_Pa / (STANDARD_DENSITY_KGPM3 * REFERENCE_CL)))
-        return self.deviations.drag.added_CD(self.aero, CL, V, reference_mps)
+        gear_CD = self.deviations.gear_CD if self.gear_out else 0.0
+        return self.deviations.drag.added_CD(self.aero, CL, V, reference_mps) + gear_CD
+
+    def _battery_used(self, energy_J: Number) -> Number:
+        return energy_J / (3600 * self.aircraft.propulsion.battery_energy_Wh)
+
+    def _propulsion(self, energy_J: Number) -> CompletePropulsion:
+        """The power train with the battery's voltage after this energy."""
+        propulsion, sag = self.aircraft.propulsion, self.deviations.battery_sag
+        if not sag:
+            return propulsion
+        voltage = propulsion.battery_voltage_V * (1 - sag * self._battery_used(energy_J))
+        return replace(propulsion, battery_voltage_V=voltage)
+
+    def _thrust_factor(self, energy_J: Number) -> ThrustFactor:
+        scale, loss = 1 + self.deviations.thrust_scale, self.deviations.thrust_loss
+        if loss:
+            scale = scale * (1 - loss * self._battery_used(energy_J))
+        return ThrustFactor(scale, self.deviations.thrust_slope_J)
 
     def _gusts(self, x: AircraftState, wind_body: Number, white: Number) -> tuple[GustStates, Gust]:
         if self.air.turbulence_mps == 0:

@@ -16,6 +16,7 @@ from flight.propeller import Propeller
 from flight.propeller_files import load_propeller
 from flight.units import read_table, split_unit
 from sim.air import Air
+from sim.defects import NO_DEFECTS
 from sim.pilot_wander import PilotWander
 from sim.plan import Plan
 from sim.sensors.budget import AS_GIVEN, ErrorBudget, Systematic, load_budget, shipped_budgets
@@ -87,7 +88,7 @@ def _in_a_file(value: float, unit: str | None) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _File:
-    """errors : the budget that [noise] and [systematic] change     times : factor on its systematic errors"""
+    """errors : the budget that [noise], [systematic] and [defects] change     times : factor on systematic errors"""
 
     title: str
     errors: str = "study"
@@ -104,6 +105,11 @@ def worlds() -> list[str]:
     return shipped_budgets() + sorted(
         f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")
     )
+
+
+def worlds_with_defects() -> list[str]:
+    """Names of the worlds with a defect that the analysis is not told."""
+    return [name for name in worlds() if load_world(name).errors.defects != NO_DEFECTS]
 
 
 def world_of(name: str | None, errors: str | None) -> World:
@@ -134,13 +140,14 @@ def parse_world(text: str, name: str) -> World:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{where}: not valid TOML ({error})") from None
-    changed = {section: table.pop(section, {}) for section in ("noise", "systematic")}
+    changed = {section: table.pop(section, {}) for section in ("noise", "systematic", "defects")}
     file = read_table(_File, table, where)
     budget, changes = _times(load_budget(file.errors), file.times), read_table(ErrorBudget, changed, where)
     errors = replace(
         budget,
         noise=replace(budget.noise, **_given(changes.noise, changed["noise"])),
         systematic=replace(budget.systematic, **_given(changes.systematic, changed["systematic"])),
+        defects=replace(budget.defects, **_given(changes.defects, changed["defects"])),
     )
     air = _given(file.air, table.get("air", {}))
     return World(name, file.title, errors, air, file.pilot, file.propeller_table, file.uncertainty)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from flight.errors import InputError
 from flight.text_file import read_text
 from flight.units import read_table
+from sim.defects import NO_DEFECTS, Defects
 from sim.drag_shape import DragShape
 from sim.plant import Deviations
 from sim.sensors.noise import rng_of
@@ -97,6 +98,7 @@ class ErrorBudget:
     evenly: bool = False  # systematic errors are uniform within plus and minus their size, not normal
     noise: Noise = Noise()
     systematic: Systematic = Systematic()
+    defects: Defects = NO_DEFECTS
 
 
 @dataclass(frozen=True)
@@ -106,11 +108,13 @@ class DrawnErrors:
     seed: int
     noise: Noise
     values: Systematic
+    defects: Defects
     accel_bias: Array
     accel_scale: Array
     gyro_bias: Array
     gyro_scale: Array
     imu_rotation: Array  # (3, 3), sensor axes from body axes
+    box_rotation: Array  # (3, 3), likewise, of the whole box, by a defect
     hard_iron: Array
     soft_iron: Array  # (3, 3)
     zero: dict[str, float]
@@ -131,9 +135,12 @@ class DrawnErrors:
             thrust_scale=v.thrust_scale,
             thrust_slope_J=v.thrust_slope_J,
             weight_scale=v.weight_scale,
-            updraft_mps=v.updraft_mps,
+            updraft_mps=v.updraft_mps + self.defects.updraft_mps,
             thrust_bow=v.thrust_bow,
             windmilling=v.windmilling,
+            gear_CD=self.defects.gear_CD,
+            thrust_loss=self.defects.thrust_loss,
+            battery_sag=self.defects.battery_sag,
             drag=DragShape(quartic=abs(v.CD_quartic), bucket=v.CD_bucket, reynolds_exponent=v.reynolds_exponent),
         )
 
@@ -169,11 +176,13 @@ def draw(budget: ErrorBudget, seed: int) -> DrawnErrors:
         seed=seed,
         noise=budget.noise,
         values=Systematic(**values),
+        defects=budget.defects,
         accel_bias=s.accel_bias_mps2 * of_size_one("accel bias", 3),
         accel_scale=s.accel_scale * of_size_one("accel scale", 3),
         gyro_bias=s.gyro_bias_radps * of_size_one("gyro bias", 3),
         gyro_scale=s.gyro_scale * of_size_one("gyro scale", 3),
-        imu_rotation=_small_rotation(s.imu_misalignment_rad * of_size_one("imu misalignment", 3)),
+        imu_rotation=_rotation(s.imu_misalignment_rad * of_size_one("imu misalignment", 3)),
+        box_rotation=_rotation(np.array(budget.defects.imu_turn_rad)),
         hard_iron=s.hard_iron_T * of_size_one("hard iron", 3),
         soft_iron=np.eye(3) + s.soft_iron * (skew + skew.T) / 2,
         zero=dict(zip(DIFFERENTIAL, zeros.tolist(), strict=True)),
@@ -185,8 +194,8 @@ def draw(budget: ErrorBudget, seed: int) -> DrawnErrors:
     )
 
 
-def _small_rotation(vector: Array) -> Array:
-    """Rotation matrix of a rotation vector (Rodrigues)."""
+def _rotation(vector: Array) -> Array:
+    """Axes turned by a rotation vector, from those that are not (Rodrigues)."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_rotvec(vector).as_matrix().T)

@@ -59,8 +59,9 @@ class FlightSensorTruth:
         force = np.column_stack(specific_force_at((ax, ay, az), (p, q, r), (pdot, qdot, rdot), position))
         force += self._vibration(turns, speed)[:, None]
         rates = np.column_stack([p, q, r])
-        force = force @ e.imu_rotation.T * (1 + e.accel_scale) + e.accel_bias
-        rates = rates @ e.imu_rotation.T * (1 + e.gyro_scale) + e.gyro_bias
+        rotation = (e.imu_rotation @ e.box_rotation).T
+        force = force @ rotation * (1 + e.accel_scale) + e.accel_bias + e.defects.vibration_offset_mps2(speed)
+        rates = rates @ rotation * (1 + e.gyro_scale) + e.gyro_bias
         sigma = np.sqrt(GYRO_AND_ACCEL_RATE)
         for i, axis in enumerate("xyz"):
             force[:, i] += sigma * e.noise.accel_mps2 * white(e.seed, f"accel {axis}", t_s)
@@ -75,7 +76,7 @@ class FlightSensorTruth:
         phi, theta, psi = self._attitude_spline(t).T
         earth = (FIELD_T * np.cos(DIP_RAD), 0.0, FIELD_T * np.sin(DIP_RAD))
         body = np.column_stack(body_from_earth(earth, (phi, theta, psi)))
-        field = body @ e.soft_iron.T + e.hard_iron
+        field = body @ e.box_rotation.T @ e.soft_iron.T + e.hard_iron
         for i, axis in enumerate("xyz"):
             field[:, i] += e.noise.magnetic_T * white(e.seed, f"mag {axis}", t_s)
         return field
@@ -128,7 +129,7 @@ class FlightSensorTruth:
 
     def motor_speed_revps(self, t_s: Array) -> Array:
         e = self._errors
-        n = self._linear("motor_speed_revps", t_s) * (1 + e.values.motor_speed_scale)
+        n = e.defects.counted_revps(self._linear("motor_speed_revps", t_s)) * (1 + e.values.motor_speed_scale)
         noise = e.noise.motor_speed_revps * white(e.seed, "motor speed", t_s)
         return np.where(n > 1.0, np.maximum(n + noise, 0.0), 0.0)  # a stopped motor gives no pulses
 
@@ -255,13 +256,15 @@ class FlightSensorTruth:
         """Pressures at the transducers on a 200 Hz grid, lines and systematic errors included."""
         grid = np.arange(0.0, self.duration_s + PNEUMATIC_DT_S / 2, PNEUMATIC_DT_S)
         names = ["p_radps", "q_radps", "r_radps", "upwash_rad", "static_pressure_Pa", "temperature_K", "density_kgpm3"]
+        names += ["specific_force_z_mps2"]
         velocity = velocity_of(*(self._truth[name].to_numpy() for name in ("V_mps", "alpha_rad", "beta_rad")))
         columns = [self._truth[name].to_numpy() for name in names]
         spline = CubicSpline(self._t, np.column_stack([*velocity, *columns]))
-        u, v, w, p, q, r, upwash, static, temperature, density = spline(np.minimum(grid, self.duration_s)).T
+        u, v, w, p, q, r, upwash, static, temperature, density, force_z = spline(np.minimum(grid, self.duration_s)).T
         e = self._errors.values
         position = self._aircraft.probe.position_m
         V, alpha, beta = flow_at_probe((u, v, w), (p, q, r), position, upwash)
+        alpha = alpha - self._errors.defects.boom_bending_rad * force_z / GRAVITY_MPS2
         q_bar = density * V**2 / 2
         ports = port_pressures(q_bar, alpha + e.alpha_offset_rad, beta + e.beta_offset_rad)
         pressure, kelvin = float(static.mean()), float(temperature.mean())
@@ -273,7 +276,8 @@ class FlightSensorTruth:
             return first_order_lag(x, PNEUMATIC_DT_S, tau_s) + bursts
 
         static_line = through("static", static + ports.static + e.static_position * q_bar)
-        center_line = through("airspeed", static + ports.center)
+        leak = self._errors.defects.airspeed_leak
+        center_line = through("airspeed", static + (1 - leak) * ports.center)
         at = {
             "alpha": through("alpha", ports.lower_minus_upper) * (1 + e.alpha_scale),
             "beta": through("beta", ports.right_minus_left) * (1 + e.beta_scale),

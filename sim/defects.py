@@ -1,0 +1,69 @@
+"""Ordinary defects of an installation, of which the analysis is not told; each is exactly as its value says.
+
+Most are errors of a sensor; landing gear, fading propeller, sagging battery and steady updraft change the flight.
+World files give them in the section [defects] (docs/worlds.md).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Speed at which the offset by vibration is given; the force of an imbalance is proportional to the square of the speed.
+VIBRATION_REVPS = 100.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Defects:
+    """Without defect where the value is the default.
+
+    poles, poles_entered : magnets of the motor, and what its user entered: motor speed is wrong by their ratio
+    pulses_lost, pulses_lost_above_revps : share of the motor's pulses that are not counted, above this speed
+    vibration_offset_x_mps2 … : offset of the accelerometer by vibration at 100 rev/s; it grows with the speed squared
+    imu_roll_rad, imu_pitch_rad, imu_yaw_rad : how the IMU's box, which contains accelerometer, gyroscope and
+    magnetometer, is turned against the aircraft
+    boom_bending_rad : the probe's boom bends down by this angle under each g of load factor, so that the probe reads a
+    larger angle of attack
+    airspeed_leak : share of the center port's pressure, against that in the fuselage, lost at a leaking joint
+    gear_CD : drag of the landing gear, which is out in every second pair of runs and in no other part of the flight
+    thrust_loss : share of thrust that the propeller loses until the battery is empty, in proportion to the energy used
+    battery_sag : share of its voltage that the battery loses until it is empty, likewise
+    updraft_mps : vertical motion of the air over the whole flight
+    """
+
+    poles: int = 14
+    poles_entered: int = 14
+    pulses_lost: float = 0.0
+    pulses_lost_above_revps: float = 0.0
+    vibration_offset_x_mps2: float = 0.0
+    vibration_offset_y_mps2: float = 0.0
+    vibration_offset_z_mps2: float = 0.0
+    imu_roll_rad: float = 0.0
+    imu_pitch_rad: float = 0.0
+    imu_yaw_rad: float = 0.0
+    boom_bending_rad: float = 0.0
+    airspeed_leak: float = 0.0
+    gear_CD: float = 0.0
+    thrust_loss: float = 0.0
+    battery_sag: float = 0.0
+    updraft_mps: float = 0.0
+
+    def counted_revps(self, motor_revps: Array) -> Array:
+        """The motor speed that the counter gives, elementwise."""
+        kept = np.where(motor_revps > self.pulses_lost_above_revps, 1 - self.pulses_lost, 1.0)
+        return motor_revps * kept * (self.poles / self.poles_entered)
+
+    def vibration_offset_mps2(self, motor_revps: Array) -> Array:
+        """What the accelerometer adds at motor speeds (n,), in its own axes (n, 3)."""
+        at_100 = (self.vibration_offset_x_mps2, self.vibration_offset_y_mps2, self.vibration_offset_z_mps2)
+        return np.outer((motor_revps / VIBRATION_REVPS) ** 2, at_100)
+
+    @property
+    def imu_turn_rad(self) -> tuple[float, float, float]:
+        """Rotation vector of the IMU against the body axes; for some degrees it is roll, pitch and yaw."""
+        return (self.imu_roll_rad, self.imu_pitch_rad, self.imu_yaw_rad)
+
+
+NO_DEFECTS = Defects()
