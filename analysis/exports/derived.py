@@ -1,8 +1,7 @@
 """Quantities derived along the trajectory, with standard errors: airspeed, flow angle, attitude, thrust, C_L, C_D.
 
-The derived quantities and the position as a second MCAP file, for Foxglove and PlotJuggler beside the log.
-
-Times are those of the log, so that both files can be opened together.
+As a table, and with the position as a second MCAP file for Foxglove and PlotJuggler. Its times are those of the log, so
+that both files can be opened together.
 """
 
 from collections.abc import Mapping
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from analysis.drag import covariance
 from analysis.drag.forces import FlightForces
+from analysis.exports.settings import EXPORTS
 from analysis.files import write_file
 from analysis.ground.thrust_prior import J_REFERENCE, thrust_prior
 from analysis.signals.channels import is_good, times_ns, values
@@ -30,9 +30,6 @@ from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 QUANTITIES = ("alpha_rad", "V_mps", "theta_rad", "thrust_N", "C_L", "C_D")
-SLOWEST_MPS = 3.0  # below, an airspeed is noise
-# Slower than level flight with this lift coefficient the wheels carry weight, and C_L and C_D are without meaning.
-LARGEST_LIFT = 3.0
 ERROR = "_standard_error"
 
 
@@ -63,8 +60,8 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
     heavier, _ = quantities(covariance.heavier(flight_forces), states, errors)
     variance += (heavier - nominal) ** 2
     variance[:, QUANTITIES.index("thrust_N") :] += _by_thrust_table(nominal, f, aircraft)
-    known = np.repeat(nominal[:, 1:2] > SLOWEST_MPS, len(QUANTITIES), axis=1)
-    carried = f["qS_over_m_mps2"].to_numpy() * LARGEST_LIFT > GRAVITY_MPS2
+    known = np.repeat(nominal[:, 1:2] > EXPORTS.slowest_mps, len(QUANTITIES), axis=1)
+    carried = f["qS_over_m_mps2"].to_numpy() * EXPORTS.largest_lift_coefficient > GRAVITY_MPS2
     known[:, QUANTITIES.index("C_L") :] &= carried[:, None]
     columns = dict(zip(QUANTITIES, np.where(known, nominal, np.nan).T, strict=True))
     spread = np.where(known, np.sqrt(variance), np.nan)
@@ -91,8 +88,6 @@ LOCATION = "/derived/location"
 STATES, RUNS = "/derived/states", "/derived/run"
 TOPICS = {name: f"/derived/{name.split('_')[0] if name[0] != 'C' else name}" for name in QUANTITIES}
 FIX = ("latitude_deg", "longitude_deg", "height_m", "horizontal_accuracy_m", "vertical_accuracy_m")
-LEAST_FIX = 2  # two-dimensional
-DIAGONAL_KNOWN = 2
 LAYOUTS = ("foxglove-layout.json", "plotjuggler-layout.xml")
 
 # github.com/foxglove/foxglove-sdk, schemas/jsonschema/LocationFix.json
@@ -156,7 +151,8 @@ def _write_location(writer: Writer, log: Log) -> None:
         return
     channel = _channel(writer, LOCATION, str(LOCATION_FIX["title"]), LOCATION_FIX)
     fields = np.stack([values(gps, name) for name in FIX], axis=1)
-    usable = is_good(gps) & np.isfinite(fields[:, :3]).all(axis=1) & (values(gps, "fix_type") >= LEAST_FIX)
+    two_dimensional = 2
+    usable = is_good(gps) & np.isfinite(fields[:, :3]).all(axis=1) & (values(gps, "fix_type") >= two_dimensional)
     for time_ns, (latitude, longitude, height, across, up) in zip(
         times_ns(gps)[usable].tolist(), fields[usable].tolist(), strict=True
     ):
@@ -170,7 +166,7 @@ def _write_location(writer: Writer, log: Log) -> None:
             "longitude": longitude,
             "altitude": height,
             "position_covariance": np.diag(diagonal).ravel().tolist(),
-            "position_covariance_type": DIAGONAL_KNOWN if known else 0,
+            "position_covariance_type": 2 if known else 0,
         }
         _add(writer, channel, time_ns, fix)
 

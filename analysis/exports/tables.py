@@ -1,7 +1,4 @@
-"""An analyzed flight as five tables; units are in the names of the columns.
-
-Tables as CSV, Parquet and MATLAB files.
-"""
+"""An analyzed flight as five tables, and these as CSV, Parquet and MATLAB files. Columns are named with their units."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -87,7 +84,6 @@ def _curves(analysis: Analysis) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-LONGEST_NAME = 63  # of a variable or field in MATLAB
 INDEX = "t_s"
 
 
@@ -127,8 +123,8 @@ def write_mat(tables: Mapping[str, pd.DataFrame], path: Path) -> None:
 
 
 def matlab_name(column: Any) -> str:
-    """The name of a column as MATLAB permits it: letters, digits and underscores."""
-    return re.sub(r"\W", "_", str(column))[:LONGEST_NAME]
+    """The name of a column as MATLAB permits it: letters, digits and underscores, 63 at most."""
+    return re.sub(r"\W", "_", str(column))[:63]
 
 
 def _column(values: pd.Series) -> np.ndarray:

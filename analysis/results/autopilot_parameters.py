@@ -10,11 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analysis.results.settings import RESULTS
 from analysis.schema import AutopilotParameter, Interval, Results
 from flight.atmosphere import SEA_LEVEL_DENSITY
-
-WIDEST = 0.4  # half width of an interval over its value beyond which a value is withheld
-MASS_SHARE = 0.01  # half width of the interval of a weighed mass
 
 
 @dataclass(frozen=True)
@@ -135,7 +133,9 @@ def _parameter(entry: _Entry, interval: Interval, logged: Mapping[str, float]) -
 def _known(interval: Interval) -> bool:
     ends = np.array([interval.lo, interval.value, interval.hi])
     return bool(
-        np.isfinite(ends).all() and interval.value > 0 and interval.hi - interval.lo < 2 * WIDEST * interval.value
+        np.isfinite(ends).all()
+        and interval.value > 0
+        and interval.hi - interval.lo < 2 * RESULTS.widest_share * interval.value
     )
 
 
@@ -150,7 +150,7 @@ def _ratio(values: FlightValues) -> Interval | None:
 
 def wing_loading_of(weight_N: float, wing_area_m2: float) -> Interval:
     value = 2 * weight_N / (SEA_LEVEL_DENSITY * wing_area_m2)
-    return Interval(value=value, lo=value * (1 - MASS_SHARE), hi=value * (1 + MASS_SHARE))
+    return Interval(value=value, lo=value * (1 - RESULTS.weighed_share), hi=value * (1 + RESULTS.weighed_share))
 
 
 def around(value: float, half: float, least: float = -np.inf) -> Interval:

@@ -8,14 +8,13 @@ from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.ground.thrust_prior import J_REFERENCE, THRUST
 from analysis.performance.request import density_altitude_m
 from analysis.polar import Condition
+from analysis.results.settings import RESULTS
 from analysis.schema import AirFound, Correlation, ParameterResult, RunResidual, Track
 from analysis.trajectory.reconstruction import Trajectory
 
 Array = NDArray[np.float64]
 
 DRAG = "drag / mass, m/s²"  # of `RunFit`
-LONGEST_LAG_S = 4.0
-TRACK_POINTS = 600
 
 
 def air_found(trajectory: Trajectory, flown: pd.DataFrame, condition: Condition) -> AirFound:
@@ -46,7 +45,7 @@ def run_residuals(estimate: DynamicEstimate) -> list[RunResidual]:
         residual = fit.measured[DRAG] - fit.modeled[DRAG]
         residual = residual[np.isfinite(residual)]
         step_s = float(fit.t_s[1] - fit.t_s[0])
-        correlation = autocorrelation(residual, round(LONGEST_LAG_S / step_s))
+        correlation = autocorrelation(residual, round(RESULTS.longest_lag_s / step_s))
         found.append(
             RunResidual(
                 run=fit.run,
@@ -89,10 +88,10 @@ def static_thrust(estimate: DynamicEstimate) -> ParameterResult:
 
 
 def track(trajectory: Trajectory) -> Track:
-    """North and east of the start by the integral of the reconstructed velocity, thinned to TRACK_POINTS."""
+    """North and east of the start by the integral of the reconstructed velocity, thinned."""
     t_s = trajectory.states.index.to_numpy()
     place = [_integral(trajectory.states[name].to_numpy(), t_s) for name in ("v_north", "v_east")]
-    every = slice(None, None, -(-len(t_s) // TRACK_POINTS))
+    every = slice(None, None, -(-len(t_s) // RESULTS.track_points))
     north, east = (np.round(values[every], 1).tolist() for values in place)
     return Track(t_s=np.round(t_s[every], 1).tolist(), north_m=north, east_m=east)
 

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.transducers import TransducerCalibration
 from analysis.drag.dynamic import DynamicEstimate
+from analysis.results.settings import RESULTS
 from analysis.schema import PoolingStatistics, PriorMeasurementStatistics
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
-
-CLOCK_SET_UNIX_S = 1.5e9  # 2017: an earlier time is that of a clock without battery
 
 
 def pooling_statistics(
@@ -65,7 +64,7 @@ def pooling_statistics(
 def start_unix_s(log: Log) -> float | None:
     """Time of the first message; None where the clock had not been set."""
     start_s = min(entries[0].time_ns for entries in log.entries.values() if entries) / 1e9
-    return start_s if start_s > CLOCK_SET_UNIX_S else None
+    return start_s if start_s > RESULTS.clock_set_unix_s else None
 
 
 def mean_battery_V(flown: pd.DataFrame) -> float | None:

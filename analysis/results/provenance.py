@@ -23,7 +23,6 @@ ROLES = {
     "thrust_stand.json": "thrust on a stand",
     "zero.json": "still-air zero",
 }
-READ_BYTES = 2**20
 
 
 def provenance(
@@ -163,11 +162,8 @@ def _given(name_or_path: str) -> tuple[str, str]:
 
 def _sha256_of_file(path: Path) -> str:
     """Empty for a folder, or a file that cannot be read."""
-    digest = hashlib.sha256()
     try:
         with path.open("rb") as stream:
-            while part := stream.read(READ_BYTES):
-                digest.update(part)
+            return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError:
         return ""
-    return digest.hexdigest()
